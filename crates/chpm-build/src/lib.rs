@@ -1,0 +1,1 @@
+//! The out-of-core pipeline: ingest, decompose, hierarchy, simplify, layout, emit.

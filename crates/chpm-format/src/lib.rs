@@ -1,0 +1,1 @@
+//! The CHPM file: reader, writer, verify, dump; no I/O.

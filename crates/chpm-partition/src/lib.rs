@@ -1,0 +1,1 @@
+//! Graph partitioning: METIS behind a lock, and a pure-Rust partitioner as oracle and fallback.

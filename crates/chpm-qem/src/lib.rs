@@ -1,0 +1,1 @@
+//! Quadric half-edge-collapse simplification of one cluster, in core.
