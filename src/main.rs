@@ -1,1 +1,53 @@
-fn main() {}
+//! `chpm`: turns a triangle mesh of any size into one memory-mapped clustered hierarchy of progressive meshes, and looks
+//! into the result.
+//!
+//! Exit codes: 0 for success, 1 if a verification found a fault, 2 for errors, 130 and 143 after SIGINT and SIGTERM.
+#![forbid(unsafe_code)]
+
+mod against;
+mod args;
+mod cmd;
+mod progress;
+mod report;
+mod stop;
+
+use args::Cli;
+use clap::Parser;
+use cmd::Verdict;
+use std::io;
+use std::process::ExitCode;
+use stop::Stop;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let stop = match Stop::listen() {
+        Ok(stop) => stop,
+        Err(error) => return failed(&error, 2),
+    };
+    match cmd::run(cli.command, &stop) {
+        Ok(Verdict::Good) => ExitCode::SUCCESS,
+        Ok(Verdict::Faulty) => ExitCode::from(1),
+        // Whoever closed the pipe has read enough.
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => failed(&error, stop.exit_code().unwrap_or(2)),
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let is_broken = |e: &io::Error| e.kind() == io::ErrorKind::BrokenPipe;
+    error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
+}
+
+/// Prints the error and its causes, one a line, without those that the line above tells already.
+fn failed(error: &anyhow::Error, code: u8) -> ExitCode {
+    let mut told = String::new();
+    for cause in error.chain() {
+        let text = cause.to_string();
+        if !told.ends_with(&text) {
+            let lead = if told.is_empty() { "error" } else { "  because" };
+            progress::line(&format!("{lead}: {text}"));
+            told = text;
+        }
+    }
+    ExitCode::from(code)
+}

@@ -1,1 +1,26 @@
 //! The out-of-core pipeline: ingest, decompose, hierarchy, simplify, layout, emit.
+//!
+//! [`build`] is the whole of it on one page; each stage is a module of the same name. Big arrays live in
+//! `chpm_extmem` buffers, which spill to the work directory when the memory budget refuses them, and every stage gives the
+//! same answer for any number of threads.
+#![forbid(unsafe_code)]
+
+pub mod config;
+pub mod context;
+mod decompose;
+mod emit;
+mod error;
+mod hierarchy;
+mod ingest;
+mod layout;
+mod pipeline;
+pub mod progress;
+pub mod report;
+mod simplify;
+
+pub use config::{BuildConfig, Resources, Settings};
+pub use error::BuildError;
+pub use layout::metric;
+pub use pipeline::build;
+pub use progress::{Cancel, Progress, Silent, Stage};
+pub use report::BuildReport;

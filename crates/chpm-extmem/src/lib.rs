@@ -1,1 +1,27 @@
-//! External memory: budget, work directory, buffers in memory or on disk, the only memory map.
+//! External memory: a budget that is asked before memory is taken, a work directory that cleans up after itself,
+//! arrays and blobs that live in memory when the budget grants it and on disk when it does not, files that
+//! appear complete or not at all, and the project's only memory map.
+//!
+//! The crate knows bytes and plain records, not meshes. Whether an array was granted memory never shows in its
+//! content, so a result does not depend on the budget.
+#![deny(unsafe_code)]
+
+mod budget;
+mod buffer;
+mod error;
+#[allow(unsafe_code)]
+mod map;
+pub mod process;
+mod publish;
+mod spool;
+mod store;
+mod workdir;
+
+pub use budget::{MemoryBudget, Reservation};
+pub use buffer::{Buffer, BufferWriter};
+pub use error::ExtmemError;
+pub use map::{Access, MappedBuffer, MappedFile};
+pub use publish::AtomicFile;
+pub use spool::Spool;
+pub use store::Store;
+pub use workdir::WorkDir;

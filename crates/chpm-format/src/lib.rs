@@ -1,1 +1,56 @@
 //! The CHPM file: reader, writer, verify, dump; no I/O.
+//!
+//! `FORMAT.md` beside this crate is the normative description; this crate is one implementation of it. The reader is
+//! generic over bytes that are already in memory (a map, a vector), the writer over anything that takes bytes
+//! forward. Nothing of a file is trusted before it was checked, and damage is answered by a [`FormatError`] that names it.
+#![forbid(unsafe_code)]
+
+#[cfg(target_endian = "big")]
+compile_error!("chpm reads its little-endian records in place and supports little-endian hosts only");
+
+pub mod dump;
+pub mod error;
+pub mod error_code;
+pub mod header;
+pub mod metadata;
+pub mod page;
+pub mod parts;
+pub mod reader;
+pub mod records;
+pub mod section;
+mod structure;
+pub mod tables;
+pub mod verify;
+pub mod writer;
+
+pub use dump::dump;
+pub use error::{FormatError, Place};
+pub use header::{BoundaryMode, ErrorKind, Header};
+pub use metadata::{Metadata, Source};
+pub use page::{Page, PageHeader};
+pub use parts::PageParts;
+pub use reader::Chpm;
+pub use records::{ClusterRecord, GroupRecord, LevelRecord};
+pub use section::{SectionEntry, SectionKind};
+pub use tables::{HeaderFields, Tables};
+pub use verify::{Fault, Invariant, Report, verify};
+pub use writer::ChpmWriter;
+
+/// Alignment of cluster pages in the file, bytes.
+pub const PAGE_ALIGN: u64 = 4096;
+/// Alignment of the tables in the file, bytes.
+pub const TABLE_ALIGN: u64 = 64;
+/// Alignment that [`Chpm::open`] needs of the bytes in memory.
+pub const MEMORY_ALIGN: usize = 8;
+/// Most vertices of a cluster: local indices are 16 bits, and `n` itself must fit too.
+pub const MAX_CLUSTER_VERTICES: u32 = 65_535;
+
+/// The checksum of the format: XXH3, 64 bits, seed 0.
+pub fn checksum(bytes: &[u8]) -> u64 {
+    xxhash_rust::xxh3::xxh3_64(bytes)
+}
+
+/// `value` rounded up to a multiple of the power of two `align`; `None` where that overflows.
+fn align_up(value: u64, align: u64) -> Option<u64> {
+    Some(value.checked_add(align - 1)? & !(align - 1))
+}

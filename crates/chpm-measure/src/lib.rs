@@ -1,1 +1,17 @@
 //! Deviation, cracks and layout misses; shares no code with the simplifier that it judges.
+//!
+//! Everything here measures from outside: it takes plain meshes, triangle sequences and byte ranges and knows
+//! nothing of clusters or quadrics. Meshes are valid in one sense only, that every corner names a vertex; functions
+//! panic where one does not. Any other oddity (non-manifold, open, degenerate, empty) is measured, not refused.
+#![forbid(unsafe_code)]
+
+pub mod bvh;
+pub mod cache;
+pub mod crack;
+pub mod hausdorff;
+pub mod naive;
+pub mod sample;
+
+pub use bvh::Bvh;
+pub use crack::{Crack, EdgeCensus, Topology, boundary_vertices, cracks, edge_census, topology, weld};
+pub use hausdorff::{Deviation, Side, deviation};

@@ -9,12 +9,15 @@ compile_error!("chpm reads its little-endian records in place and supports littl
 
 pub mod geom;
 pub mod ids;
+pub mod ply;
 pub mod pm;
+pub mod synth;
 pub mod trimesh;
 pub mod units;
 
 pub use geom::{Aabb, Sphere};
 pub use ids::{ClusterId, GroupId, Level};
+pub use ply::{PlyError, PlyReader, PlyWriter};
 pub use pm::ProgressiveMesh;
 pub use trimesh::{Attributes, TriMesh};
 pub use units::{Bytes, ObjectError};

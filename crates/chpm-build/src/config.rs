@@ -1,0 +1,96 @@
+//! What a build is told: settings decide the bytes of the output, resources only how it gets there.
+
+use chpm_mesh::Bytes;
+use chpm_partition::Partitioner;
+use std::path::PathBuf;
+
+/// Everything a build is told.
+#[derive(Clone, Debug, Default)]
+pub struct BuildConfig {
+    /// What decides the output.
+    pub settings: Settings,
+    /// What it may use.
+    pub resources: Resources,
+    /// Whether an existing output may be replaced.
+    pub overwrite: bool,
+}
+
+/// What decides the output, byte for byte; stored in the file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Triangles of a leaf cluster that the decomposition aims for ([Q] 4.1: about 2K vertices, so 4K triangles).
+    pub cluster_triangles: u32,
+    /// Vertices above which a grid cell is subdivided. Smaller cells follow boundaries more closely and cost time.
+    pub cell_vertices: u32,
+    /// Neighbours of a cell in the cell graph ([Q] 4.1: k = 6).
+    pub cell_neighbors: u32,
+    /// Who partitions the cell graph and the cluster graph.
+    pub partitioner: Partitioner,
+    /// Seed of the partitioner.
+    pub seed: u64,
+    /// Share of a cluster's triangles that its base mesh keeps ([Q] 4.3: half).
+    pub keep: f64,
+    /// Whether vertex normals of the source are carried along.
+    pub normals: bool,
+    /// Whether vertex colours of the source are carried along.
+    pub colors: bool,
+    /// Whether invalid vertices and faces are dropped and counted rather than refused.
+    pub drop_invalid: bool,
+    /// Whether clusters, vertices and triangles are put into cache-oblivious order.
+    pub layout: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            cluster_triangles: 4096,
+            cell_vertices: 48,
+            cell_neighbors: 6,
+            partitioner: Partitioner::Metis,
+            seed: 17,
+            keep: 0.5,
+            normals: true,
+            colors: true,
+            drop_invalid: false,
+            layout: true,
+        }
+    }
+}
+
+impl Settings {
+    /// Names and values as they are stored in the file and printed by `chpm info`.
+    pub fn describe(&self) -> Vec<(String, String)> {
+        let entry = |name: &str, value: &dyn ToString| (name.to_owned(), value.to_string());
+        vec![
+            entry("cluster-triangles", &self.cluster_triangles),
+            entry("cell-vertices", &self.cell_vertices),
+            entry("cell-neighbors", &self.cell_neighbors),
+            entry("partitioner", &self.partitioner),
+            entry("seed", &self.seed),
+            entry("keep", &self.keep),
+            entry("boundary", &"lock"),
+            entry("error", &"quadric"),
+            entry("normals", &self.normals),
+            entry("colors", &self.colors),
+            entry("drop-invalid", &self.drop_invalid),
+            entry("layout", &if self.layout { "cache-oblivious" } else { "simplification" }),
+        ]
+    }
+}
+
+/// What a build may use; none of it shows in the output.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Resources {
+    /// Worker threads; 0 takes one per processor.
+    pub threads: usize,
+    /// Memory for the arrays of a build. What does not fit is kept in files of the work directory.
+    pub memory: Bytes,
+    /// Where the work directory is made; the output's directory if not given.
+    pub work_dir: Option<PathBuf>,
+}
+
+impl Default for Resources {
+    fn default() -> Self {
+        Resources { threads: 0, memory: Bytes::mib(1024), work_dir: None }
+    }
+}

@@ -1,0 +1,60 @@
+//! What every stage is handed: storage, threads, progress and the request to stop.
+
+use crate::error::BuildError;
+use crate::progress::{Cancel, Progress, Stage};
+use crate::report::StageReport;
+use chpm_extmem::{Store, process};
+use std::sync::Mutex;
+use std::time::Instant;
+
+/// The surroundings of one build.
+pub struct Context<'a> {
+    /// Memory budget and work directory.
+    pub store: Store,
+    /// The build's own threads.
+    pub pool: rayon::ThreadPool,
+    /// Where progress goes.
+    pub progress: &'a dyn Progress,
+    /// The request to stop.
+    pub cancel: Cancel,
+    stages: Mutex<Vec<StageReport>>,
+}
+
+impl<'a> Context<'a> {
+    /// Surroundings with `pool`'s threads.
+    pub fn new(store: Store, pool: rayon::ThreadPool, progress: &'a dyn Progress, cancel: Cancel) -> Self {
+        Context { store, pool, progress, cancel, stages: Mutex::new(Vec::new()) }
+    }
+
+    /// Runs one stage: progress around it, a row of the stage table after it.
+    pub fn stage<T: Send>(
+        &self,
+        stage: Stage,
+        total: u64,
+        run: impl FnOnce() -> Result<T, BuildError> + Send,
+    ) -> Result<T, BuildError> {
+        self.check()?;
+        self.progress.begin(stage, total);
+        let start = Instant::now();
+        let result = self.pool.install(run);
+        self.progress.end(stage);
+        let row = StageReport {
+            stage,
+            seconds: start.elapsed().as_secs_f64(),
+            peak_resident: process::peak_resident(),
+            budget_used: self.store.budget.used(),
+        };
+        self.stages.lock().unwrap_or_else(|e| e.into_inner()).push(row);
+        result
+    }
+
+    /// The rows of the stages that have run.
+    pub fn stage_reports(&self) -> Vec<StageReport> {
+        self.stages.lock().unwrap_or_else(|e| e.into_inner()).clone()
+    }
+
+    /// Ends the build if it was asked to stop.
+    pub fn check(&self) -> Result<(), BuildError> {
+        if self.cancel.is_cancelled() { Err(BuildError::Cancelled) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,177 @@
+//! Cells: a uniform grid whose dense cells are subdivided, until none holds many vertices ([Y] 4.2.1, second vertex pass).
+//!
+//! Only counts are kept, so the memory follows the number of cells and not of vertices. Counting is a sum, hence
+//! the same for any number of threads.
+
+use chpm_mesh::Aabb;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Times that a cell may be halved along each axis below the uniform grid. What is still dense then lies in one point.
+const MAX_DEPTH: u32 = 20;
+/// log2 of the most cells of the uniform grid along its longest axis.
+const MAX_UNIFORM_LOG: u32 = 7;
+
+/// A slot of the grid: what lies in a cell before and after it is numbered.
+const LINK: u32 = 1 << 31;
+
+/// The grid. Every vertex has a cell; cells that hold vertices are numbered from 0 in the order of slots.
+pub(crate) struct Grid {
+    origin: [f64; 3],
+    /// Cells per object unit in the uniform grid.
+    scale: f64,
+    dims: [u32; 3],
+    /// Uniform cells, then blocks of eight. A slot is a link to a block, or a cell's number.
+    slots: Vec<u32>,
+    /// Centre and vertex count of each numbered cell.
+    pub(crate) cells: Vec<Cell>,
+}
+
+/// A cell that holds vertices.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cell {
+    /// Centre, object units.
+    pub(crate) center: [f32; 3],
+    /// Vertices in it.
+    pub(crate) count: u32,
+}
+
+impl Grid {
+    /// Subdivides until no cell holds more than `limit` of the `positions`, all of which lie in `bounds`.
+    pub(crate) fn build(positions: &[[f32; 3]], bounds: &Aabb, limit: u32) -> Self {
+        let extent: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.max[a]) - f64::from(bounds.min[a]));
+        let longest = extent.into_iter().fold(0.0, f64::max);
+        // A surface meets about four n * n of n * n * n cells: start where those would hold twice the limit.
+        let wanted = (positions.len() as f64 / (8.0 * f64::from(limit))).sqrt().max(1.0);
+        let n = 1u32 << (wanted.log2().ceil() as u32).min(MAX_UNIFORM_LOG);
+        let scale = if longest > 0.0 { f64::from(n) / longest } else { 0.0 };
+        let dims = extent.map(|e| ((e * scale).ceil() as u32).clamp(1, n));
+        let uniform = dims.iter().product::<u32>() as usize;
+        let mut grid = Grid {
+            origin: std::array::from_fn(|a| f64::from(bounds.min[a])),
+            scale,
+            dims,
+            slots: vec![0; uniform],
+            cells: Vec::new(),
+        };
+        grid.count(positions, 0);
+        let mut fresh = 0;
+        for _ in 0..MAX_DEPTH {
+            let first_block = grid.slots.len();
+            for slot in fresh..first_block {
+                if grid.slots[slot] > limit {
+                    grid.slots[slot] = LINK | grid.slots.len() as u32;
+                    grid.slots.resize(grid.slots.len() + 8, 0);
+                }
+            }
+            if grid.slots.len() == first_block {
+                break;
+            }
+            grid.count(positions, first_block);
+            fresh = first_block;
+        }
+        grid.number_cells();
+        grid
+    }
+
+    /// Counts vertices into the slots from `first` on, all of which are zero.
+    fn count(&mut self, positions: &[[f32; 3]], first: usize) {
+        let counters: Vec<AtomicU32> = (first..self.slots.len()).map(|_| AtomicU32::new(0)).collect();
+        positions.par_chunks(1 << 14).for_each(|chunk| {
+            for p in chunk {
+                let (slot, _) = self.find(*p);
+                if slot >= first {
+                    counters[slot - first].fetch_add(1, Ordering::Relaxed);
+                }
+            }
+        });
+        for (slot, counter) in self.slots[first..].iter_mut().zip(counters) {
+            *slot = counter.into_inner();
+        }
+    }
+
+    /// The slot that a point lies in, and how often its cell was halved.
+    fn find(&self, p: [f32; 3]) -> (usize, u32) {
+        let at: [f64; 3] = std::array::from_fn(|a| (f64::from(p[a]) - self.origin[a]) * self.scale);
+        let cell: [u32; 3] = std::array::from_fn(|a| (at[a] as u32).min(self.dims[a] - 1));
+        let mut slot = ((cell[2] * self.dims[1] + cell[1]) * self.dims[0] + cell[0]) as usize;
+        let mut within: [f64; 3] = std::array::from_fn(|a| at[a] - f64::from(cell[a]));
+        let mut depth = 0;
+        while self.slots[slot] & LINK != 0 {
+            let mut child = 0;
+            for (axis, w) in within.iter_mut().enumerate() {
+                let upper = *w >= 0.5;
+                child |= usize::from(upper) << axis;
+                *w = 2.0 * *w - f64::from(u8::from(upper));
+            }
+            slot = (self.slots[slot] & !LINK) as usize + child;
+            depth += 1;
+        }
+        (slot, depth)
+    }
+
+    /// The number of the cell of one of the counted positions.
+    pub(crate) fn cell_of(&self, p: [f32; 3]) -> u32 {
+        self.slots[self.find(p).0]
+    }
+
+    fn number_cells(&mut self) {
+        let side = if self.scale > 0.0 { 1.0 / self.scale } else { 0.0 };
+        for z in 0..self.dims[2] {
+            for y in 0..self.dims[1] {
+                for x in 0..self.dims[0] {
+                    let slot = ((z * self.dims[1] + y) * self.dims[0] + x) as usize;
+                    let corner = [x, y, z].map(f64::from);
+                    let corner = std::array::from_fn(|a| self.origin[a] + corner[a] * side);
+                    self.number(slot, corner, side);
+                }
+            }
+        }
+    }
+
+    fn number(&mut self, slot: usize, corner: [f64; 3], side: f64) {
+        let value = self.slots[slot];
+        if value & LINK != 0 {
+            let half = 0.5 * side;
+            for child in 0..8 {
+                let corner = std::array::from_fn(|a| corner[a] + if child >> a & 1 == 1 { half } else { 0.0 });
+                self.number((value & !LINK) as usize + child, corner, half);
+            }
+        } else if value > 0 {
+            self.slots[slot] = self.cells.len() as u32;
+            self.cells.push(Cell { center: corner.map(|x| (x + 0.5 * side) as f32), count: value });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_vertex_is_counted_once_and_found_again() {
+        let positions: Vec<[f32; 3]> = (0..5000u32)
+            .map(|i| {
+                let h = i.wrapping_mul(2654435761);
+                [(h & 1023) as f32, (h >> 10 & 1023) as f32 * 0.1, ((h >> 20) as f32).powi(3) * 1e-6]
+            })
+            .collect();
+        let grid = Grid::build(&positions, &Aabb::of_points(&positions), 16);
+        let mut counts = vec![0; grid.cells.len()];
+        for p in &positions {
+            counts[grid.cell_of(*p) as usize] += 1;
+        }
+        assert!(grid.cells.iter().zip(&counts).all(|(cell, count)| cell.count == *count && *count <= 16));
+        assert_eq!(counts.iter().sum::<u32>(), 5000);
+    }
+
+    #[test]
+    fn coincident_vertices_end_in_one_full_cell() {
+        let positions = [[1.0, 2.0, 3.0]; 100];
+        let grid = Grid::build(&positions, &Aabb::of_points(&positions), 16);
+        assert_eq!(grid.cells.len(), 1);
+        assert_eq!(grid.cells[0].count, 100);
+        let two = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
+        assert_eq!(Grid::build(&two, &Aabb::of_points(&two), 2).cells.len(), 2);
+    }
+}

@@ -1,0 +1,56 @@
+//! The cluster graph ([Q] 4.2): nodes weighted by vertices, edges by shared vertices first and by nearness second.
+
+use crate::decompose::{Decomposition, LeafData, nearest_pairs};
+use crate::error::BuildError;
+use chpm_mesh::Aabb;
+use chpm_partition::CsrGraph;
+use rayon::prelude::*;
+
+/// Weight of one shared vertex; the nearest pair of clusters that shares none weighs as much as one.
+const SHARED: u32 = 16;
+/// Nearest clusters that each cluster is tied to, so that separate components find their neighbours.
+const NEIGHBORS: u32 = 6;
+
+pub(crate) fn build(decomposition: &Decomposition) -> Result<CsrGraph, BuildError> {
+    let mut edges = shared_edges(decomposition);
+    let centers = centers(decomposition)?;
+    let pairs = nearest_pairs(&centers, NEIGHBORS);
+    let positive = pairs.iter().map(|p| p.2).filter(|d| *d > 0.0);
+    let nearest = positive.fold(f32::INFINITY, f32::min);
+    edges.extend(pairs.iter().map(|&(a, b, distance)| {
+        let nearness = if distance > 0.0 { nearest / distance } else { 1.0 };
+        (a, b, ((SHARED as f32 * nearness) as u32).max(1))
+    }));
+    Ok(CsrGraph::from_edges(decomposition.leaves.iter().map(|l| l.vertex_count).collect(), &edges)?)
+}
+
+/// One edge per pair of leaves and vertex that they share; the graph adds them up.
+fn shared_edges(decomposition: &Decomposition) -> Vec<(u32, u32, u32)> {
+    let mut pairs = Vec::new();
+    for id in 0..decomposition.shared.len() as u32 {
+        let users = decomposition.shared.users(id);
+        // The apex of a huge fan is shared by everyone: tie such users in a chain, not each to each.
+        if users.len() > 16 {
+            pairs.extend(users.windows(2).map(|w| (w[0], w[1])));
+            continue;
+        }
+        for (i, a) in users.iter().enumerate() {
+            pairs.extend(users[i + 1..].iter().map(|b| (*a, *b)));
+        }
+    }
+    pairs.sort_unstable();
+    pairs.chunk_by(|x, y| x == y).map(|same| (same[0].0, same[0].1, SHARED * same.len() as u32)).collect()
+}
+
+fn centers(decomposition: &Decomposition) -> Result<Vec<[f32; 3]>, BuildError> {
+    let positions = &decomposition.vertices.positions;
+    decomposition
+        .leaves
+        .par_iter()
+        .map_init(LeafData::default, |data, leaf| {
+            data.read(leaf, &decomposition.spool)?;
+            let bounds = Aabb::of_points(data.vertices.iter().map(|v| &positions[*v as usize]));
+            Ok(bounds.center().coords.map(|x| x as f32).into())
+        })
+        .collect()
+}

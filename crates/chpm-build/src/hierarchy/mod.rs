@@ -1,0 +1,30 @@
+//! Hierarchy: a balanced binary tree over the leaves, by recursive bisection of the cluster graph ([Q] 4.2).
+//!
+//! Establishes I2: the height is at most `ceil(log2(leaves))`.
+
+mod cluster_graph;
+mod tree;
+
+pub(crate) use tree::{Node, Tree};
+
+use crate::config::Settings;
+use crate::context::Context;
+use crate::decompose::Decomposition;
+use crate::error::BuildError;
+
+/// Builds the tree, and finds for each shared vertex the level at which the clusters that use it have merged.
+pub(crate) fn run(
+    decomposition: &Decomposition,
+    settings: &Settings,
+    context: &Context<'_>,
+) -> Result<(Tree, Vec<u8>), BuildError> {
+    let graph = cluster_graph::build(decomposition)?;
+    let tree = Tree::build(&graph, settings, context)?;
+    let release = (0..decomposition.shared.len() as u32)
+        .map(|id| {
+            let users = decomposition.shared.users(id);
+            tree.merge_level(users)
+        })
+        .collect();
+    Ok((tree, release))
+}

@@ -1,0 +1,137 @@
+//! The cluster tree: leaves first, then inner nodes level by level.
+
+use crate::config::Settings;
+use crate::context::Context;
+use crate::error::BuildError;
+use chpm_partition::{CsrGraph, rebalance_bisection};
+
+/// A node of the tree.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct Node {
+    pub(crate) level: u32,
+    pub(crate) parent: Option<u32>,
+    /// Two children, or none for a leaf.
+    pub(crate) children: Option<[u32; 2]>,
+}
+
+/// A binary tree over the leaf clusters; the last node is the root.
+#[derive(Debug)]
+pub(crate) struct Tree {
+    /// Leaves in their order, then inner nodes by level.
+    pub(crate) nodes: Vec<Node>,
+}
+
+impl Tree {
+    /// Bisects the graph until single leaves are left. No part may hold more leaves than the height that is left for it
+    /// allows, so the tree is as low as a tree can be.
+    pub(crate) fn build(graph: &CsrGraph, settings: &Settings, context: &Context<'_>) -> Result<Self, BuildError> {
+        let leaf_count = graph.node_count();
+        let mut nodes = vec![Node { level: 0, parent: None, children: None }; leaf_count];
+        let members: Vec<u32> = (0..leaf_count as u32).collect();
+        split(graph, &members, &mut nodes, settings, context)?;
+        let mut tree = Tree { nodes };
+        tree.sort_by_level(leaf_count);
+        Ok(tree)
+    }
+
+    /// Brings the inner nodes, which came in post-order, into order of level, and links parents.
+    fn sort_by_level(&mut self, leaf_count: usize) {
+        let mut order: Vec<u32> = (0..self.nodes.len() as u32).collect();
+        order[leaf_count..].sort_by_key(|n| self.nodes[*n as usize].level);
+        let mut old_to_new = vec![0; order.len()];
+        for (new, old) in order.iter().enumerate() {
+            old_to_new[*old as usize] = new as u32;
+        }
+        self.nodes = order.iter().map(|old| self.nodes[*old as usize]).collect();
+        for new in 0..self.nodes.len() {
+            if let Some(children) = &mut self.nodes[new].children {
+                *children = children.map(|c| old_to_new[c as usize]);
+                for child in *children {
+                    self.nodes[child as usize].parent = Some(new as u32);
+                }
+            }
+        }
+    }
+
+    /// Number of levels.
+    pub(crate) fn level_count(&self) -> u32 {
+        self.nodes.last().map_or(0, |root| root.level + 1)
+    }
+
+    /// The nodes of a level.
+    pub(crate) fn level(&self, level: u32) -> std::ops::Range<usize> {
+        self.nodes.partition_point(|n| n.level < level)..self.nodes.partition_point(|n| n.level <= level)
+    }
+
+    /// The level of the lowest node above all of the given leaves.
+    pub(crate) fn merge_level(&self, leaves: &[u32]) -> u8 {
+        let mut meet = leaves[0];
+        for &leaf in &leaves[1..] {
+            let mut other = leaf;
+            // Node numbers rise towards the root, so the lower number is never above the other.
+            while meet != other {
+                let lower = meet.min(other);
+                let Some(parent) = self.nodes[lower as usize].parent else { break };
+                if meet < other { meet = parent } else { other = parent }
+            }
+        }
+        self.nodes[meet as usize].level as u8
+    }
+}
+
+/// Appends the subtree over `members` and answers its root.
+fn split(
+    graph: &CsrGraph,
+    members: &[u32],
+    nodes: &mut Vec<Node>,
+    settings: &Settings,
+    context: &Context<'_>,
+) -> Result<u32, BuildError> {
+    if let [leaf] = members {
+        return Ok(*leaf);
+    }
+    context.check()?;
+    let side = bisect(graph, members.len(), settings)?;
+    let mut children = [0; 2];
+    for (part, child) in children.iter_mut().enumerate() {
+        let chosen: Vec<u32> = (0..members.len() as u32).filter(|i| side[*i as usize] as usize == part).collect();
+        let below: Vec<u32> = chosen.iter().map(|i| members[*i as usize]).collect();
+        *child = split(&graph.subgraph(&chosen), &below, nodes, settings, context)?;
+        context.progress.advance(u64::from(below.len() == 1));
+    }
+    let level = 1 + children.map(|c| nodes[c as usize].level).into_iter().max().unwrap_or(0);
+    nodes.push(Node { level, parent: None, children: Some(children) });
+    Ok(nodes.len() as u32 - 1)
+}
+
+/// Sides of the `count` nodes of `graph`, both fitting a tree of the least height.
+fn bisect(graph: &CsrGraph, count: usize, settings: &Settings) -> Result<Vec<u8>, BuildError> {
+    if count == 2 {
+        return Ok(vec![0, 1]);
+    }
+    let most = count.next_power_of_two() / 2;
+    let parts = settings.partitioner.bisect(graph, [0.5, 0.5], settings.seed)?.parts;
+    let mut side: Vec<u8> = parts.into_iter().map(|p| p as u8).collect();
+    rebalance_bisection(graph, &mut side, [most, most])?;
+    Ok(side)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn merge_levels_are_those_of_common_ancestors() {
+        let leaf = |parent| Node { level: 0, parent: Some(parent), children: None };
+        let inner = |level, parent, children| Node { level, parent, children: Some(children) };
+        let nodes =
+            vec![leaf(4), leaf(4), leaf(5), leaf(5), inner(1, Some(6), [0, 1]), inner(1, Some(6), [2, 3]), inner(2, None, [4, 5])];
+        let tree = Tree { nodes };
+        assert_eq!(tree.merge_level(&[0, 1]), 1);
+        assert_eq!(tree.merge_level(&[2, 3]), 1);
+        assert_eq!(tree.merge_level(&[1, 2]), 2);
+        assert_eq!(tree.merge_level(&[0, 1, 3]), 2);
+        assert_eq!((tree.level(0), tree.level(1), tree.level(2)), (0..4, 4..6, 6..7));
+        assert_eq!(tree.level_count(), 3);
+    }
+}

@@ -1,0 +1,208 @@
+//! Ingest: a PLY becomes arrays of positions, attributes and triangles in which every number is finite and every index is
+//! in range, with bounds and counts. One pass over the file; memory is the arrays and one batch.
+
+use crate::config::Settings;
+use crate::context::Context;
+use crate::error::BuildError;
+use chpm_extmem::{Buffer, BufferWriter};
+use chpm_format::Source as Provenance;
+use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, PlyReader, Tally};
+use chpm_mesh::{Aabb, Attributes};
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+use xxhash_rust::xxh3::Xxh3;
+
+/// The validated source.
+pub(crate) struct Source {
+    /// Positions relative to `origin`.
+    pub(crate) positions: Buffer<[f32; 3]>,
+    pub(crate) normals: Option<Buffer<[f32; 3]>>,
+    pub(crate) colors: Option<Buffer<[u8; 4]>>,
+    pub(crate) triangles: Buffer<[u32; 3]>,
+    /// Zero for f32 sources, which keep their bits.
+    pub(crate) origin: [f64; 3],
+    pub(crate) bounds: Aabb,
+    pub(crate) tally: Tally,
+    pub(crate) warnings: Vec<String>,
+    pub(crate) provenance: Provenance,
+}
+
+impl Source {
+    pub(crate) fn attributes(&self) -> Attributes {
+        Attributes { normals: self.normals.is_some(), colors: self.colors.is_some() }
+    }
+}
+
+/// Reads the whole of `path`.
+pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Result<Source, BuildError> {
+    let ply = |source| BuildError::Ply { path: path.to_owned(), source };
+    let file = File::open(path).map_err(|source| BuildError::Source { path: path.to_owned(), source })?;
+    let options = Options {
+        invalid: if settings.drop_invalid { Invalid::Drop } else { Invalid::Refuse },
+        normals: settings.normals,
+        colors: settings.colors,
+    };
+    let mut hashing = Hashing { inner: file, hash: Xxh3::new(), len: 0 };
+    let mut reader = PlyReader::new(&mut hashing, options).map_err(ply)?;
+    let format = reader.vertex_format();
+    let (vertices, faces) = (reader.header().vertex_count as usize, reader.header().face_count as usize);
+
+    let store = &context.store;
+    // A header may promise more than the file holds: no array starts larger than the source could fill.
+    let source_len = std::fs::metadata(path).map_or(0, |m| m.len()) as usize;
+    let (vertices, faces) = (vertices.min(source_len), faces.min(source_len));
+    let mut singles = BufferWriter::new(store, "positions", if format.double { 0 } else { vertices })?;
+    let mut doubles = BufferWriter::new(store, "positions", if format.double { vertices } else { 0 })?;
+    let mut normals = BufferWriter::new(store, "normals", if format.attributes.normals { vertices } else { 0 })?;
+    let mut colors = BufferWriter::new(store, "colors", if format.attributes.colors { vertices } else { 0 })?;
+    let mut triangles = BufferWriter::new(store, "triangles", faces)?;
+    let mut bounds = Bounds::default();
+    let mut batch = Batch::default();
+    loop {
+        context.check()?;
+        let before = reader.bytes_read();
+        match reader.next_batch(&mut batch).map_err(ply)? {
+            BatchKind::Vertices => {
+                bounds.add(&batch);
+                singles.extend_from_slice(&batch.positions)?;
+                doubles.extend_from_slice(&batch.positions_f64)?;
+                normals.extend_from_slice(&batch.normals)?;
+                colors.extend_from_slice(&batch.colors)?;
+            }
+            BatchKind::Triangles => triangles.extend_from_slice(&batch.triangles)?,
+            BatchKind::End => break,
+        }
+        context.progress.advance(reader.bytes_read() - before);
+    }
+
+    if triangles.is_empty() {
+        return Err(BuildError::Empty { path: path.to_owned(), faces: reader.header().face_count });
+    }
+    let mut warnings: Vec<String> = reader.warnings().iter().map(ToString::to_string).collect();
+    let header = reader.header();
+    let provenance = Provenance {
+        name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        byte_len: 0,
+        hash: 0,
+        encoding: header.format.to_string(),
+        vertex_count: header.vertex_count,
+        face_count: header.face_count,
+        comments: header.comments.clone(),
+    };
+    let tally = reader.tally();
+    drop(reader);
+    // What lies behind the body belongs to the file, too.
+    io::copy(&mut hashing, &mut io::sink()).map_err(|source| BuildError::Source { path: path.to_owned(), source })?;
+    let provenance = Provenance { byte_len: hashing.len, hash: hashing.hash.digest(), ..provenance };
+
+    let origin = if format.double { bounds.origin() } else { [0.0; 3] };
+    let positions = if format.double {
+        let doubles = doubles.finish()?;
+        let (positions, rounding) = to_origin(context, &doubles, origin)?;
+        if rounding > 0.0 {
+            warnings.push(format!(
+                "double coordinates were rounded to 24 bits about the origin {origin:?}: by at most {rounding:.3e}"
+            ));
+        }
+        positions
+    } else {
+        singles.finish()?
+    };
+    Ok(Source {
+        bounds: Aabb::of_points(positions.iter()),
+        positions,
+        normals: format.attributes.normals.then(|| normals.finish()).transpose()?,
+        colors: format.attributes.colors.then(|| colors.finish()).transpose()?,
+        triangles: triangles.finish()?,
+        origin,
+        tally,
+        warnings,
+        provenance,
+    })
+}
+
+/// Bytes of work that ingest will report.
+pub(crate) fn work(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |m| m.len())
+}
+
+/// Bounds of double coordinates, and whether all of them are f32 values anyway.
+#[derive(Default)]
+struct Bounds {
+    range: Option<[(f64, f64); 3]>,
+    rounds: bool,
+}
+
+impl Bounds {
+    fn add(&mut self, batch: &Batch) {
+        for p in &batch.positions_f64 {
+            let range = self.range.get_or_insert(p.map(|x| (x, x)));
+            for (range, x) in range.iter_mut().zip(p) {
+                *range = (range.0.min(*x), range.1.max(*x));
+                self.rounds |= f64::from(*x as f32) != *x;
+            }
+        }
+    }
+
+    /// The middle, or zero where nothing would be gained. The result is an f32 value, so that a reader may use it as one.
+    fn origin(&self) -> [f64; 3] {
+        match self.range {
+            Some(range) if self.rounds => range.map(|(low, high)| f64::from((0.5 * low + 0.5 * high) as f32)),
+            _ => [0.0; 3],
+        }
+    }
+}
+
+/// Positions relative to the origin, and the largest rounding of a coordinate.
+fn to_origin(
+    context: &Context<'_>,
+    doubles: &[[f64; 3]],
+    origin: [f64; 3],
+) -> Result<(Buffer<[f32; 3]>, f64), BuildError> {
+    let mut out = BufferWriter::new(&context.store, "positions", doubles.len())?;
+    let mut rounding = 0.0f64;
+    let mut local = Vec::new();
+    for chunk in doubles.chunks(4096) {
+        local.clear();
+        local.extend(chunk.iter().map(|p| {
+            std::array::from_fn::<f32, 3, _>(|axis| {
+                let exact = p[axis] - origin[axis];
+                let stored = exact as f32;
+                rounding = rounding.max((f64::from(stored) - exact).abs());
+                stored
+            })
+        }));
+        out.extend_from_slice(&local)?;
+    }
+    Ok((out.finish()?, rounding))
+}
+
+/// Hashes what passes through.
+struct Hashing {
+    inner: File,
+    hash: Xxh3,
+    len: u64,
+}
+
+impl Read for Hashing {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let n = self.inner.read(buffer)?;
+        self.hash.update(&buffer[..n]);
+        self.len += n as u64;
+        Ok(n)
+    }
+}
+
+/// Counts that ingest found, as the repair report wants them.
+pub(crate) fn repairs(tally: &Tally) -> crate::report::Repairs {
+    crate::report::Repairs {
+        degenerate_faces: tally.degenerate_faces,
+        polygons_triangulated: tally.polygons_triangulated,
+        dropped_faces: tally.dropped_faces,
+        dropped_vertices: tally.dropped_vertices,
+        missing_faces: tally.missing_faces,
+        ..Default::default()
+    }
+}
+

@@ -1,0 +1,114 @@
+//! Order of vertices and triangles in a page ([Y] 6.3 and 6.4.1).
+//!
+//! One cache-oblivious order of the finest mesh's vertices decides both: the base mesh's vertices take it as it is, and the
+//! triangles are induced from it, each coming with its first vertex. The vertices that collapse stay where the collapse order
+//! puts them.
+
+use super::multilevel::{Graph, Multilevel};
+use chpm_format::{FormatError, Page, PageParts};
+
+/// Scratch of the reordering.
+#[derive(Debug, Default)]
+pub(super) struct LocalOrder {
+    graph: Graph,
+    seen: Vec<u32>,
+    multilevel: Multilevel,
+    position: Vec<u16>,
+    old_to_new: Vec<u16>,
+    new_to_old: Vec<u16>,
+    starts: Vec<u32>,
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+    colors: Vec<[u8; 4]>,
+    triangles: Vec<[u16; 3]>,
+    targets: Vec<u16>,
+    errors: Vec<f32>,
+    shared: Vec<(u16, u32)>,
+}
+
+impl LocalOrder {
+    /// Appends the page in its new order to `out`; it is as long as before.
+    pub(super) fn reorder(&mut self, page: &Page<'_>, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        self.order_vertices(page);
+        self.number_base(page);
+        self.induce_triangles(page);
+
+        gather(&mut self.positions, page.positions, &self.new_to_old);
+        gather(&mut self.normals, page.normals, &self.new_to_old);
+        gather(&mut self.colors, page.colors, &self.new_to_old);
+        let new = |v: u16| self.old_to_new[usize::from(v)];
+        self.targets.clear();
+        self.targets.extend(page.targets.iter().map(|t| new(*t)));
+        self.shared.clear();
+        self.shared.extend(page.shared().map(|(v, id)| (new(v), id)));
+        self.shared.sort_unstable();
+        self.errors.clear();
+        self.errors.extend((page.base_vertex_count..page.vertex_count()).map(|n| page.error_at(n)));
+        PageParts {
+            positions: &self.positions,
+            normals: &self.normals,
+            colors: &self.colors,
+            triangles: &self.triangles,
+            targets: &self.targets,
+            errors: &self.errors,
+            shared: &self.shared,
+            min_error: page.min_error,
+            scale_error: page.error_scale,
+        }
+        .encode(out)?;
+        Ok(())
+    }
+
+    /// Position of every vertex of the finest mesh in its cache-oblivious order.
+    fn order_vertices(&mut self, page: &Page<'_>) {
+        let pairs = page.triangles.iter().flat_map(|t| {
+            let [a, b, c] = t.map(u32::from);
+            [(a, b), (b, c), (c, a)]
+        });
+        self.graph.fill(page.vertex_count(), pairs, &mut self.seen);
+        self.position.clear();
+        self.position.resize(page.vertex_count(), 0);
+        for (at, vertex) in self.multilevel.order(&mut self.graph).iter().enumerate() {
+            self.position[*vertex as usize] = at as u16;
+        }
+    }
+
+    fn number_base(&mut self, page: &Page<'_>) {
+        self.new_to_old.clear();
+        self.new_to_old.extend(0..page.vertex_count() as u16);
+        let position = &self.position;
+        self.new_to_old[..page.base_vertex_count].sort_unstable_by_key(|v| position[usize::from(*v)]);
+        self.old_to_new.clear();
+        self.old_to_new.resize(page.vertex_count(), 0);
+        for (new, old) in self.new_to_old.iter().enumerate() {
+            self.old_to_new[usize::from(*old)] = new as u16;
+        }
+    }
+
+    /// Triangles by the position of their first vertex: a counting sort.
+    fn induce_triangles(&mut self, page: &Page<'_>) {
+        let key = |t: &[u16; 3]| t.map(|v| self.position[usize::from(v)]).into_iter().min().map_or(0, usize::from);
+        self.starts.clear();
+        self.starts.resize(page.vertex_count() + 1, 0);
+        for triangle in page.triangles {
+            self.starts[key(triangle) + 1] += 1;
+        }
+        for i in 1..self.starts.len() {
+            self.starts[i] += self.starts[i - 1];
+        }
+        self.triangles.clear();
+        self.triangles.resize(page.triangles.len(), [0; 3]);
+        for triangle in page.triangles {
+            let slot = &mut self.starts[key(triangle)];
+            self.triangles[*slot as usize] = triangle.map(|v| self.old_to_new[usize::from(v)]);
+            *slot += 1;
+        }
+    }
+}
+
+fn gather<T: Copy>(out: &mut Vec<T>, from: &[T], order: &[u16]) {
+    out.clear();
+    if !from.is_empty() {
+        out.extend(order.iter().map(|v| from[usize::from(*v)]));
+    }
+}

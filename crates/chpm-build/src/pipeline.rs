@@ -1,0 +1,80 @@
+//! The build on one page.
+
+use crate::config::BuildConfig;
+use crate::context::Context;
+use crate::error::BuildError;
+use crate::progress::{Cancel, Progress, Stage};
+use crate::report::BuildReport;
+use crate::{decompose, emit, hierarchy, ingest, layout, simplify};
+use chpm_extmem::{AtomicFile, Store, process};
+use std::path::Path;
+
+/// Builds `output` from the PLY `source`.
+///
+/// The output appears complete or not at all. The same source and settings give the same bytes, whatever the resources.
+///
+/// # Errors
+/// See [`BuildError`]; nothing is left behind then.
+pub fn build(
+    source: &Path,
+    output: &Path,
+    config: &BuildConfig,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<BuildReport, BuildError> {
+    let settings = &config.settings;
+    let out = AtomicFile::create(output, config.overwrite)?;
+    let context = &context(output, config, progress, cancel)?;
+
+    let source = context.stage(Stage::Ingest, ingest::work(source), || ingest::run(source, settings, context))?;
+    let mut repairs = ingest::repairs(&source.tally);
+    let facts = emit::Facts::of(&source);
+
+    let triangles = source.triangles.len() as u64;
+    let leaves = context.stage(Stage::Decompose, triangles, || decompose::run(source, settings, context, &mut repairs))?;
+
+    let leaf_count = leaves.leaves.len() as u64;
+    let (tree, release) = context.stage(Stage::Hierarchy, leaf_count, || hierarchy::run(&leaves, settings, context))?;
+
+    let nodes = tree.nodes.len() as u64;
+    let clusters = context.stage(Stage::Simplify, nodes, || simplify::run(&leaves, &tree, &release, settings, context))?;
+    let facts = facts.with_leaves(&leaves);
+    drop(leaves);
+
+    let order = context.stage(Stage::Layout, nodes, || layout::run(&clusters, &tree, settings, context))?;
+
+    let written = context.stage(Stage::Emit, order.len() as u64, || {
+        emit::run(out, &order, &tree, &clusters, &facts, &repairs, settings, context)
+    })?;
+    Ok(BuildReport {
+        source_vertices: facts.provenance.vertex_count,
+        triangles,
+        source_len: facts.provenance.byte_len,
+        output_len: written.len,
+        clusters: written.clusters,
+        roots: written.roots,
+        stages: context.stage_reports(),
+        levels: clusters.levels,
+        repairs,
+        warnings: facts.warnings,
+        budget_peak: context.store.budget.peak(),
+        peak_resident: process::peak_resident(),
+    })
+}
+
+fn context<'a>(
+    output: &Path,
+    config: &BuildConfig,
+    progress: &'a dyn Progress,
+    cancel: &Cancel,
+) -> Result<Context<'a>, BuildError> {
+    let resources = &config.resources;
+    let beside = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let work_dir = resources.work_dir.as_deref().unwrap_or(beside);
+    let store = Store::create(work_dir, resources.memory.0)?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(resources.threads)
+        .build()
+        .map_err(|e| BuildError::Threads { threads: resources.threads, reason: e.to_string() })?;
+    Ok(Context::new(store, pool, progress, cancel.clone()))
+}

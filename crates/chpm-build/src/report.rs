@@ -1,0 +1,139 @@
+//! What a build did: stages, levels, repairs, sizes.
+
+use crate::progress::Stage;
+use chpm_qem::Refusals;
+use serde::Serialize;
+
+/// One row of the stage table.
+#[derive(Clone, Debug)]
+pub struct StageReport {
+    /// The stage.
+    pub stage: Stage,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// Peak resident memory of the process up to the stage's end, bytes, where the system tells.
+    pub peak_resident: Option<u64>,
+    /// Bytes of the memory budget that were in use at the stage's end.
+    pub budget_used: u64,
+}
+
+/// One level of the hierarchy.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LevelReport {
+    /// Height above the leaves.
+    pub level: u32,
+    /// Clusters of the level.
+    pub clusters: u32,
+    /// Vertices of the finest meshes, shared ones counted in each cluster.
+    pub vertices: u64,
+    /// Vertices of the base meshes.
+    pub base_vertices: u64,
+    /// Triangles of the finest meshes.
+    pub triangles: u64,
+    /// Triangles of the base meshes.
+    pub base_triangles: u64,
+    /// Vertices that are locked since another cluster shares them.
+    pub shared_vertices: u64,
+    /// Clusters that ended above their target.
+    pub stalled: u32,
+    /// Least error of a finest mesh.
+    pub min_error: f32,
+    /// Largest error of a base mesh.
+    pub max_error: f32,
+    /// Collapses refused, by reason.
+    pub refusals: Refusals,
+}
+
+/// What was found in the source and built anyway, or left out.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize)]
+pub struct Repairs {
+    /// Triangles left out since two corners are one vertex, and faces of fewer than three corners.
+    pub degenerate_faces: u64,
+    /// Triangles kept although they have no area.
+    pub zero_area_faces: u64,
+    /// Triangles kept although another has the same three vertices.
+    pub duplicate_faces: u64,
+    /// Faces of more than three corners, split into triangles.
+    pub polygons_triangulated: u64,
+    /// Faces left out for an invalid index or vertex (`--drop-invalid`).
+    pub dropped_faces: u64,
+    /// Vertices left out for a coordinate that is no number (`--drop-invalid`).
+    pub dropped_vertices: u64,
+    /// Faces that the header announces and the body lacks (`--drop-invalid`).
+    pub missing_faces: u64,
+    /// Vertices that no triangle uses; left out.
+    pub unreferenced_vertices: u64,
+    /// Edges with one face: open boundary.
+    pub boundary_edges: u64,
+    /// Edges with more than two faces.
+    pub non_manifold_edges: u64,
+    /// Edges whose two faces run through them in the same direction.
+    pub mixed_winding_edges: u64,
+    /// Vertices whose faces form more than one fan.
+    pub non_manifold_vertices: u64,
+    /// Boundary curves that hang together.
+    pub boundary_loops: u64,
+    /// Connected components.
+    pub components: u64,
+}
+
+impl Repairs {
+    /// Names and counts as they are stored in the file.
+    pub fn describe(&self) -> Vec<(String, u64)> {
+        [
+            ("degenerate-faces", self.degenerate_faces),
+            ("zero-area-faces", self.zero_area_faces),
+            ("duplicate-faces", self.duplicate_faces),
+            ("polygons-triangulated", self.polygons_triangulated),
+            ("dropped-faces", self.dropped_faces),
+            ("dropped-vertices", self.dropped_vertices),
+            ("missing-faces", self.missing_faces),
+            ("unreferenced-vertices", self.unreferenced_vertices),
+            ("boundary-edges", self.boundary_edges),
+            ("non-manifold-edges", self.non_manifold_edges),
+            ("mixed-winding-edges", self.mixed_winding_edges),
+            ("non-manifold-vertices", self.non_manifold_vertices),
+            ("boundary-loops", self.boundary_loops),
+            ("components", self.components),
+        ]
+        .into_iter()
+        .map(|(name, count)| (name.to_owned(), count))
+        .collect()
+    }
+}
+
+/// What a build did.
+#[derive(Clone, Debug)]
+pub struct BuildReport {
+    /// Vertices that the source declares.
+    pub source_vertices: u64,
+    /// Triangles of the leaves.
+    pub triangles: u64,
+    /// Bytes of the source.
+    pub source_len: u64,
+    /// Bytes of the output.
+    pub output_len: u64,
+    /// Clusters of all levels.
+    pub clusters: u32,
+    /// Clusters without a parent: one, unless a merge would not fit 16-bit indices.
+    pub roots: u32,
+    /// The stage table.
+    pub stages: Vec<StageReport>,
+    /// The levels, leaves first.
+    pub levels: Vec<LevelReport>,
+    /// What was found and repaired.
+    pub repairs: Repairs,
+    /// What was left out of the source, in words.
+    pub warnings: Vec<String>,
+    /// Largest amount of the memory budget that was in use, bytes.
+    pub budget_peak: u64,
+    /// Peak resident memory of the process, bytes, where the system tells.
+    pub peak_resident: Option<u64>,
+}
+
+impl BuildReport {
+    /// Wall-clock seconds of all stages.
+    pub fn seconds(&self) -> f64 {
+        self.stages.iter().map(|s| s.seconds).sum()
+    }
+}

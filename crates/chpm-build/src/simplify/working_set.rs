@@ -1,0 +1,86 @@
+//! The mesh of one cluster while it is worked on.
+
+use super::merge::Merger;
+use crate::decompose::{Decomposition, LeafData};
+use chpm_format::{FormatError, Page};
+use chpm_qem::Record;
+
+/// One cluster's mesh in flat arrays that are reused from cluster to cluster.
+#[derive(Debug, Default)]
+pub(super) struct WorkingSet {
+    pub(super) positions: Vec<[f32; 3]>,
+    pub(super) normals: Vec<[f32; 3]>,
+    pub(super) colors: Vec<[u8; 4]>,
+    pub(super) triangles: Vec<[u16; 3]>,
+    /// Local index and shared id of the vertices that other clusters use too, by local index.
+    pub(super) shared: Vec<(u16, u32)>,
+    merger: Merger,
+}
+
+impl WorkingSet {
+    fn clear(&mut self) {
+        self.positions.clear();
+        self.normals.clear();
+        self.colors.clear();
+        self.triangles.clear();
+        self.shared.clear();
+    }
+
+    /// The mesh of a leaf.
+    pub(super) fn fill_from_leaf(&mut self, leaf: &LeafData, decomposition: &Decomposition) {
+        self.clear();
+        let source = &decomposition.vertices;
+        self.positions.extend(leaf.vertices.iter().map(|v| source.positions[*v as usize]));
+        if let Some(normals) = &source.normals {
+            self.normals.extend(leaf.vertices.iter().map(|v| normals[*v as usize]));
+        }
+        if let Some(colors) = &source.colors {
+            self.colors.extend(leaf.vertices.iter().map(|v| colors[*v as usize]));
+        }
+        self.triangles.extend_from_slice(&leaf.triangles);
+        decomposition.shared.mark(&leaf.vertices, &mut self.shared);
+    }
+
+    /// The union of two children's base meshes, joined at the vertices that both share.
+    pub(super) fn fill_from_children(&mut self, children: &[Vec<u8>; 2]) -> Result<(), FormatError> {
+        self.clear();
+        let pages = [Page::view(&children[0])?, Page::view(&children[1])?];
+        let mut merger = std::mem::take(&mut self.merger);
+        merger.join(&pages);
+        for (page, local) in pages.iter().zip(&merger.local) {
+            // The parent's numbers rise with the children's, so those beyond what is there are new.
+            let known = self.positions.len();
+            merger.fresh.clear();
+            merger.fresh.extend((0..page.base_vertex_count).filter(|v| usize::from(local[*v]) >= known));
+            self.positions.extend(merger.fresh.iter().map(|v| page.positions[*v]));
+            if !page.normals.is_empty() {
+                self.normals.extend(merger.fresh.iter().map(|v| page.normals[*v]));
+            }
+            if !page.colors.is_empty() {
+                self.colors.extend(merger.fresh.iter().map(|v| page.colors[*v]));
+            }
+            let resolved = page.triangles.iter().map(|t| t.map(|v| local[usize::from(v)]));
+            self.triangles.extend(resolved.filter(|[a, b, c]| a != b && b != c && c != a));
+        }
+        self.shared.extend_from_slice(&merger.shared);
+        self.merger = merger;
+        Ok(())
+    }
+
+    /// The same mesh with vertices numbered as the record has it.
+    pub(super) fn fill_renumbered(&mut self, from: &WorkingSet, record: &Record) {
+        self.clear();
+        let order = &record.new_to_old;
+        self.positions.extend(order.iter().map(|v| from.positions[usize::from(*v)]));
+        if !from.normals.is_empty() {
+            self.normals.extend(order.iter().map(|v| from.normals[usize::from(*v)]));
+        }
+        if !from.colors.is_empty() {
+            self.colors.extend(order.iter().map(|v| from.colors[usize::from(*v)]));
+        }
+        let new = |v: u16| record.old_to_new[usize::from(v)];
+        self.triangles.extend(from.triangles.iter().map(|t| t.map(new)));
+        self.shared.extend(from.shared.iter().map(|(v, id)| (new(*v), *id)));
+        self.shared.sort_unstable();
+    }
+}

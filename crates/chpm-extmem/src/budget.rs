@@ -1,0 +1,185 @@
+//! The memory budget: whoever keeps a large array asks first and gives back by dropping.
+
+use crate::ExtmemError;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// A limit in bytes on what is reserved at any one time, shared by all threads.
+///
+/// It counts what it is told of; it measures nothing. See [`crate::process`] for what the process really uses.
+#[derive(Debug)]
+pub struct MemoryBudget {
+    limit: u64,
+    used: AtomicU64,
+    peak: AtomicU64,
+}
+
+impl MemoryBudget {
+    /// A budget of `limit_bytes`, nothing of it in use.
+    pub fn new(limit_bytes: u64) -> Arc<Self> {
+        Arc::new(MemoryBudget { limit: limit_bytes, used: AtomicU64::new(0), peak: AtomicU64::new(0) })
+    }
+
+    /// Reserves `bytes` until the reservation is dropped.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Budget`] when less than `bytes` is left.
+    pub fn reserve(self: &Arc<Self>, what: &'static str, bytes: u64) -> Result<Reservation, ExtmemError> {
+        self.take(what, bytes)?;
+        Ok(Reservation { budget: Arc::clone(self), what, bytes })
+    }
+
+    /// Like [`Self::reserve`], for callers that have another place to go.
+    pub fn try_reserve(self: &Arc<Self>, what: &'static str, bytes: u64) -> Option<Reservation> {
+        self.reserve(what, bytes).ok()
+    }
+
+    /// Bytes reserved now.
+    pub fn used(&self) -> u64 {
+        self.used.load(Relaxed)
+    }
+
+    /// The most bytes that were reserved at once.
+    pub fn peak(&self) -> u64 {
+        self.peak.load(Relaxed)
+    }
+
+    /// The limit in bytes.
+    pub fn limit(&self) -> u64 {
+        self.limit
+    }
+
+    /// Bytes that may still be reserved.
+    pub fn available(&self) -> u64 {
+        self.limit - self.used()
+    }
+
+    fn take(&self, what: &'static str, bytes: u64) -> Result<(), ExtmemError> {
+        // The counters order no other memory, so relaxed operations suffice; `used` never exceeds `limit`.
+        let fits = |used: u64| used.checked_add(bytes).filter(|&sum| sum <= self.limit);
+        match self.used.fetch_update(Relaxed, Relaxed, fits) {
+            Ok(before) => {
+                self.peak.fetch_max(before + bytes, Relaxed);
+                Ok(())
+            }
+            Err(used) => Err(ExtmemError::Budget { what, asked: bytes, used, limit: self.limit }),
+        }
+    }
+}
+
+/// A share of a [`MemoryBudget`], given back when dropped.
+#[derive(Debug)]
+pub struct Reservation {
+    budget: Arc<MemoryBudget>,
+    what: &'static str,
+    bytes: u64,
+}
+
+impl Reservation {
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Grows or shrinks the share to `bytes`; the share is unchanged if that fails.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Budget`] when the budget cannot grant the difference.
+    pub fn resize(&mut self, bytes: u64) -> Result<(), ExtmemError> {
+        match bytes.checked_sub(self.bytes) {
+            Some(more) => self.budget.take(self.what, more)?,
+            None => {
+                self.budget.used.fetch_sub(self.bytes - bytes, Relaxed);
+            }
+        }
+        self.bytes = bytes;
+        Ok(())
+    }
+}
+
+impl Drop for Reservation {
+    fn drop(&mut self) {
+        self.budget.used.fetch_sub(self.bytes, Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_share_is_granted_up_to_the_limit_and_given_back() {
+        let budget = MemoryBudget::new(100);
+        let first = budget.reserve("first", 60).unwrap();
+        assert!(budget.try_reserve("second", 41).is_none());
+        let second = budget.reserve("second", 40).unwrap();
+        assert_eq!((budget.used(), budget.available(), budget.peak()), (100, 0, 100));
+        drop(first);
+        assert_eq!((budget.used(), budget.peak(), budget.limit()), (40, 100, 100));
+        drop(second);
+        assert_eq!(budget.used(), 0);
+    }
+
+    #[test]
+    fn a_refusal_says_what_how_much_and_the_remedy() {
+        let budget = MemoryBudget::new(4 << 20);
+        let _held = budget.reserve("vertices", 3 << 20).unwrap();
+        let text = budget.reserve("faces", 2 << 20).unwrap_err().to_string();
+        assert_eq!(
+            text,
+            "no memory for faces: 2.0 MiB asked, 3.0 MiB of 4.0 MiB in use; raise --memory to at least 5.0 MiB"
+        );
+        assert!(budget.reserve("everything", u64::MAX).is_err(), "the sum overflows");
+    }
+
+    #[test]
+    fn resizing_fails_whole_or_succeeds_whole() {
+        let budget = MemoryBudget::new(100);
+        let mut share = budget.reserve("array", 10).unwrap();
+        share.resize(100).unwrap();
+        assert!(share.resize(101).is_err());
+        assert_eq!((share.bytes(), budget.used()), (100, 100));
+        share.resize(5).unwrap();
+        assert_eq!((share.bytes(), budget.used()), (5, 5));
+    }
+
+    #[test]
+    fn threads_never_exceed_the_limit_together() {
+        let budget = MemoryBudget::new(1000);
+        std::thread::scope(|scope| {
+            for bytes in [300, 400, 700, 250] {
+                let budget = &budget;
+                scope.spawn(move || {
+                    for _ in 0..2000 {
+                        let share = budget.try_reserve("thread", bytes);
+                        assert!(budget.used() <= 1000);
+                        drop(share);
+                    }
+                });
+            }
+        });
+        assert_eq!(budget.used(), 0);
+        assert!(budget.peak() <= 1000 && budget.peak() >= 700);
+    }
+
+    proptest! {
+        /// Against a plain sum over the shares that are alive.
+        #[test]
+        fn used_is_the_sum_of_what_is_held(asks in prop::collection::vec((0u64..60, any::<bool>()), 0..60)) {
+            let budget = MemoryBudget::new(200);
+            let mut held: Vec<Reservation> = Vec::new();
+            for (bytes, release) in asks {
+                if release && !held.is_empty() {
+                    held.remove(bytes as usize % held.len());
+                }
+                let sum: u64 = held.iter().map(Reservation::bytes).sum();
+                match budget.try_reserve("share", bytes) {
+                    Some(share) => held.push(share),
+                    None => prop_assert!(sum + bytes > 200),
+                }
+                prop_assert_eq!(budget.used(), held.iter().map(Reservation::bytes).sum::<u64>());
+            }
+        }
+    }
+}

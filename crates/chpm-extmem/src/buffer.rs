@@ -1,0 +1,277 @@
+//! Arrays that live in memory when the budget grants it, and in a mapped file when it does not.
+
+use crate::error::byte_len;
+use crate::{ExtmemError, MappedBuffer, Reservation, Store};
+use bytemuck::Pod;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::ops::{Deref, DerefMut};
+
+/// Bytes gathered before a write to disk, beside the budget.
+const WRITE_BUFFER: usize = 1 << 18;
+
+/// An array of records, wherever it lives.
+#[derive(Debug)]
+pub struct Buffer<T: Pod>(Place<T>);
+
+#[derive(Debug)]
+enum Place<T: Pod> {
+    Memory { data: Vec<T>, _share: Reservation },
+    Disk(MappedBuffer<T>),
+}
+
+impl<T: Pod> Buffer<T> {
+    /// `len` zeroed elements; `what` names the array in errors.
+    ///
+    /// # Errors
+    /// [`ExtmemError::DiskFull`] or [`ExtmemError::Io`] when the budget refuses and the disk does too,
+    /// [`ExtmemError::TooLarge`] for a length that cannot be addressed.
+    pub fn zeroed(store: &Store, what: &'static str, len: usize) -> Result<Self, ExtmemError> {
+        let bytes = byte_len::<T>(what, len)? as u64;
+        let in_memory = store
+            .budget
+            .try_reserve(what, bytes)
+            .and_then(|share| Some((bytemuck::try_zeroed_vec(len).ok()?, share)));
+        Ok(Buffer(match in_memory {
+            Some((data, _share)) => Place::Memory { data, _share },
+            None => Place::Disk(MappedBuffer::zeroed(&store.workdir, what, len)?),
+        }))
+    }
+
+    /// Whether the array lives in a file.
+    pub fn is_on_disk(&self) -> bool {
+        matches!(self.0, Place::Disk(_))
+    }
+
+    /// Drops the pages of an array on disk from resident memory; they are read again when touched.
+    pub fn release_pages(&self) {
+        if let Place::Disk(map) = &self.0 {
+            map.release_pages();
+        }
+    }
+}
+
+impl<T: Pod> Deref for Buffer<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        match &self.0 {
+            Place::Memory { data, .. } => data,
+            Place::Disk(map) => map,
+        }
+    }
+}
+
+impl<T: Pod> DerefMut for Buffer<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        match &mut self.0 {
+            Place::Memory { data, .. } => data,
+            Place::Disk(map) => map,
+        }
+    }
+}
+
+/// Builds a [`Buffer`] front to back, moving it to disk when the budget does not let it grow.
+#[derive(Debug)]
+pub struct BufferWriter<T: Pod> {
+    store: Store,
+    what: &'static str,
+    len: usize,
+    place: Growing<T>,
+}
+
+#[derive(Debug)]
+enum Growing<T> {
+    Memory { data: Vec<T>, share: Reservation },
+    Disk(BufWriter<File>),
+}
+
+impl<T: Pod> BufferWriter<T> {
+    /// An empty array that expects `expected_len` elements; more or fewer may come.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] when the budget refuses and no file can be made.
+    pub fn new(store: &Store, what: &'static str, expected_len: usize) -> Result<Self, ExtmemError> {
+        let bytes = byte_len::<T>(what, expected_len)? as u64;
+        let mut data = Vec::new();
+        let place = match store.budget.try_reserve(what, bytes) {
+            Some(share) if data.try_reserve_exact(expected_len).is_ok() => Growing::Memory { data, share },
+            _ => Growing::Disk(spill_file(store)?),
+        };
+        Ok(BufferWriter { store: store.clone(), what, len: 0, place })
+    }
+
+    /// Elements written so far.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether nothing was written yet.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Appends `items`.
+    ///
+    /// # Errors
+    /// [`ExtmemError::DiskFull`] or [`ExtmemError::Io`] naming the work directory; the writer is then useless.
+    pub fn extend_from_slice(&mut self, items: &[T]) -> Result<(), ExtmemError> {
+        let len = self.len.saturating_add(items.len());
+        if let Growing::Memory { data, share } = &mut self.place
+            && !(len <= data.capacity() || grow::<T>(data, share, self.what, len)?)
+        {
+            let mut file = spill_file(&self.store)?;
+            write(&self.store, &mut file, data)?;
+            self.place = Growing::Disk(file);
+        }
+        match &mut self.place {
+            Growing::Memory { data, .. } => data.extend_from_slice(items),
+            Growing::Disk(file) => write(&self.store, file, items)?,
+        }
+        self.len = len;
+        Ok(())
+    }
+
+    /// The finished array; memory that was reserved beyond its length is given back.
+    ///
+    /// # Errors
+    /// [`ExtmemError::DiskFull`] or [`ExtmemError::Io`] naming the work directory.
+    pub fn finish(self) -> Result<Buffer<T>, ExtmemError> {
+        let bytes = byte_len::<T>(self.what, self.len)?;
+        Ok(Buffer(match self.place {
+            Growing::Memory { mut data, mut share } => {
+                data.shrink_to_fit();
+                share.resize(bytes as u64)?;
+                Place::Memory { data, _share: share }
+            }
+            Growing::Disk(file) => {
+                let file =
+                    file.into_inner().map_err(|error| spill_error(&self.store, 0, error.into_error()))?;
+                Place::Disk(MappedBuffer::adopt(file, &self.store.workdir, bytes)?)
+            }
+        }))
+    }
+}
+
+/// Makes room for `len` elements, half as many again where the budget allows; false if it does not allow `len`.
+fn grow<T: Pod>(
+    data: &mut Vec<T>,
+    share: &mut Reservation,
+    what: &'static str,
+    len: usize,
+) -> Result<bool, ExtmemError> {
+    for capacity in [len.saturating_add(len / 2), len] {
+        if let Ok(bytes) = byte_len::<T>(what, capacity)
+            && share.resize(bytes as u64).is_ok()
+        {
+            return Ok(data.try_reserve_exact(capacity - data.len()).is_ok());
+        }
+    }
+    byte_len::<T>(what, len).map(|_| false)
+}
+
+fn spill_file(store: &Store) -> Result<BufWriter<File>, ExtmemError> {
+    Ok(BufWriter::with_capacity(WRITE_BUFFER, store.workdir.unnamed_file()?))
+}
+
+fn write<T: Pod>(store: &Store, file: &mut BufWriter<File>, items: &[T]) -> Result<(), ExtmemError> {
+    file.write_all(bytemuck::cast_slice(items))
+        .map_err(|source| spill_error(store, size_of_val(items) as u64, source))
+}
+
+fn spill_error(store: &Store, needed: u64, source: std::io::Error) -> ExtmemError {
+    ExtmemError::io("write a file in", store.workdir.path(), needed, source)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn store(limit: u64) -> (tempfile::TempDir, Store) {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::create(dir.path(), limit).unwrap();
+        (dir, store)
+    }
+
+    #[test]
+    fn memory_is_used_while_it_lasts_and_given_back() {
+        let (_dir, store) = store(1000);
+        let first = Buffer::<u32>::zeroed(&store, "first", 200).unwrap();
+        let second = Buffer::<u32>::zeroed(&store, "second", 51).unwrap();
+        assert!(!first.is_on_disk() && second.is_on_disk());
+        assert_eq!(store.budget.used(), 800);
+        assert!(first.iter().chain(second.iter()).all(|&x| x == 0));
+        drop(first);
+        assert_eq!(store.budget.used(), 0);
+        assert!(!Buffer::<u32>::zeroed(&store, "third", 250).unwrap().is_on_disk());
+    }
+
+    #[test]
+    fn a_buffer_on_disk_takes_writes() {
+        let (_dir, store) = store(0);
+        let mut buffer = Buffer::<[u16; 3]>::zeroed(&store, "triples", 3000).unwrap();
+        buffer[2999] = [1, 2, 3];
+        buffer.sort_unstable();
+        buffer.release_pages();
+        assert!(buffer.is_on_disk());
+        assert_eq!((buffer[0], buffer[2999]), ([0; 3], [1, 2, 3]));
+    }
+
+    #[test]
+    fn a_writer_gives_back_what_it_did_not_need() {
+        let (_dir, store) = store(1000);
+        let mut writer = BufferWriter::<u8>::new(&store, "bytes", 900).unwrap();
+        assert!(writer.is_empty());
+        writer.extend_from_slice(b"abc").unwrap();
+        assert_eq!((writer.len(), store.budget.used()), (3, 900));
+        let buffer = writer.finish().unwrap();
+        assert_eq!((&*buffer, store.budget.used()), (&b"abc"[..], 3));
+    }
+
+    #[test]
+    fn a_writer_moves_to_disk_when_it_may_not_grow() {
+        let (_dir, store) = store(100);
+        let mut writer = BufferWriter::<u32>::new(&store, "numbers", 10).unwrap();
+        writer.extend_from_slice(&[7; 25]).unwrap();
+        assert_eq!(store.budget.used(), 100, "the exact need, as half as much again is not to be had");
+        writer.extend_from_slice(&[8]).unwrap();
+        assert_eq!(store.budget.used(), 0);
+        let buffer = writer.finish().unwrap();
+        assert!(buffer.is_on_disk());
+        assert_eq!((buffer.len(), buffer[24], buffer[25]), (26, 7, 8));
+    }
+
+    #[test]
+    fn an_empty_writer_gives_an_empty_buffer_in_both_places() {
+        let (_dir, store) = store(10);
+        for expected in [0, 1000] {
+            let buffer = BufferWriter::<u64>::new(&store, "nothing", expected).unwrap().finish().unwrap();
+            assert!(buffer.is_empty());
+        }
+    }
+
+    proptest! {
+        /// The content is that of a plain vector, whatever the budget.
+        #[test]
+        fn a_writer_is_a_vector_under_any_budget(
+            pieces in prop::collection::vec(prop::collection::vec(any::<u32>(), 0..40), 0..12),
+            limit in 0u64..1200,
+            expected in 0usize..200,
+        ) {
+            let (_dir, store) = store(limit);
+            let mut writer = BufferWriter::new(&store, "pieces", expected).unwrap();
+            for piece in &pieces {
+                writer.extend_from_slice(piece).unwrap();
+                prop_assert!(store.budget.used() <= limit);
+            }
+            let plain = pieces.concat();
+            let mut buffer = writer.finish().unwrap();
+            prop_assert_eq!(&*buffer, &plain[..]);
+            buffer.reverse();
+            prop_assert!(buffer.iter().eq(plain.iter().rev()));
+            drop(buffer);
+            prop_assert_eq!(store.budget.used(), 0);
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! What the process really uses, as the operating system tells it. Known on Linux, `None` elsewhere.
+
+use std::fs;
+
+/// The most bytes of physical memory that the process ever held, pages of mapped files included.
+pub fn peak_resident() -> Option<u64> {
+    field(&fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
+}
+
+/// Bytes of physical memory that the process holds now, pages of mapped files included.
+pub fn resident() -> Option<u64> {
+    field(&fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
+}
+
+/// Bytes that new work may take without swapping; at most the process's control-group limit where there is one.
+pub fn available_memory() -> Option<u64> {
+    let free = field(&fs::read_to_string("/proc/meminfo").ok()?, "MemAvailable:")?;
+    Some(group_limit().map_or(free, |limit| free.min(limit)))
+}
+
+/// The version-2 control group's `memory.max`; "max" means none.
+fn group_limit() -> Option<u64> {
+    let groups = fs::read_to_string("/proc/self/cgroup").ok()?;
+    let group = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
+    fs::read_to_string(format!("/sys/fs/cgroup/{group}/memory.max")).ok()?.trim().parse().ok()
+}
+
+/// The value of a line `Name:   123 kB`, in bytes.
+fn field(text: &str, name: &str) -> Option<u64> {
+    let value = text.lines().find_map(|line| line.strip_prefix(name))?;
+    value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_are_read_in_kibibytes() {
+        let text = "Name:\tx\nVmHWM:\t    1200 kB\nVmRSS:\tmany kB\nThreads:\t3\n";
+        assert_eq!(field(text, "VmHWM:"), Some(1200 << 10));
+        assert_eq!(field(text, "VmRSS:"), None);
+        assert_eq!(field(text, "VmSwap:"), None);
+        assert_eq!(field(text, "Threads:"), None, "not a size");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn touched_memory_shows() {
+        let before = resident().unwrap();
+        let touched = vec![1u8; 32 << 20];
+        let during = resident().unwrap();
+        assert!(during >= before + (16 << 20), "{before} then {during}");
+        assert!(peak_resident().unwrap() >= during);
+        assert!(available_memory().unwrap() > 0);
+        assert_eq!(touched[touched.len() / 2], 1);
+    }
+}

@@ -1,0 +1,24 @@
+//! What every spilling container needs at hand: a budget to ask and a directory to turn to.
+
+use crate::{ExtmemError, MemoryBudget, WorkDir};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A memory budget and the work directory used where it refuses. Cheap to clone; all clones share both.
+#[derive(Clone, Debug)]
+pub struct Store {
+    /// Asked before memory is taken.
+    pub budget: Arc<MemoryBudget>,
+    /// Where the rest goes.
+    pub workdir: Arc<WorkDir>,
+}
+
+impl Store {
+    /// A store with a new budget of `limit_bytes` and a fresh work directory in `parent`.
+    ///
+    /// # Errors
+    /// As [`WorkDir::create`].
+    pub fn create(parent: &Path, limit_bytes: u64) -> Result<Self, ExtmemError> {
+        Ok(Store { budget: MemoryBudget::new(limit_bytes), workdir: Arc::new(WorkDir::create(parent)?) })
+    }
+}

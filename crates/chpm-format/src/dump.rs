@@ -1,0 +1,128 @@
+//! The canonical text of a file: equal files give equal texts, and the other way round but for padding.
+
+use crate::error::FormatError;
+use crate::page::Page;
+use crate::reader::Chpm;
+use crate::records::{ClusterRecord, GroupRecord, LevelRecord, REFUSALS};
+use chpm_mesh::{ClusterId, GroupId};
+use std::io::Write;
+
+/// Writes the header, the tables and the metadata as text, one record a line, and with `pages` the content of every
+/// page. Numbers are written so that they read back to equal bits.
+///
+/// # Errors
+/// [`FormatError::Write`]; what is wrong with metadata or pages is part of the text.
+pub fn dump<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write, pages: bool) -> Result<(), FormatError> {
+    header(file, out)?;
+    for level in file.levels() {
+        dump_level(level, out)?;
+    }
+    for (id, group) in (0..).map(GroupId).zip(file.groups()) {
+        dump_group(id, group, file.coarse(id), file.fine(id), out)?;
+    }
+    for (id, record) in (0..).map(ClusterId).zip(file.clusters()) {
+        dump_cluster(id, record, out)?;
+        match pages.then(|| file.page(id)) {
+            None => {}
+            Some(Ok(page)) => dump_page(&page, out)?,
+            Some(Err(error)) => writeln!(out, "  unreadable {error}")?,
+        }
+    }
+    Ok(())
+}
+
+fn header<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write) -> Result<(), FormatError> {
+    let h = file.header();
+    let has = h.attributes();
+    writeln!(out, "chpm {}.{} file_len {}", h.version_major, h.version_minor, h.file_len)?;
+    writeln!(out, "attributes normals {} colors {}", has.normals, has.colors)?;
+    writeln!(out, "source vertices {} triangles {}", h.source_vertex_count, h.source_triangle_count)?;
+    let (c, g, l, r, leaves) = (h.cluster_count, h.group_count, h.level_count, h.root_count, h.leaf_count);
+    writeln!(out, "counts clusters {c} groups {g} levels {l} roots {r} leaves {leaves}")?;
+    writeln!(out, "shared_vertices {}", h.shared_vertex_count)?;
+    if let (Some(boundary), Some(error)) = (h.boundary_mode(), h.error_kind()) {
+        writeln!(out, "boundary {boundary}, error {error}")?;
+    }
+    writeln!(
+        out,
+        "origin {:?} min {:?} max {:?} max_error {:?}",
+        h.origin, h.aabb_min, h.aabb_max, h.max_error
+    )?;
+    for (kind, range) in file.sections() {
+        writeln!(out, "section {kind} {range:?}")?;
+    }
+    match file.metadata() {
+        Ok(metadata) => writeln!(out, "{metadata:#?}")?,
+        Err(error) => writeln!(out, "unreadable {error}")?,
+    }
+    Ok(())
+}
+
+fn dump_level(level: &LevelRecord, out: &mut impl Write) -> Result<(), FormatError> {
+    let l = level;
+    write!(out, "level {} clusters {} stalled {}", l.level, l.cluster_count, l.stalled_cluster_count)?;
+    write!(out, " vertices {} base {}", l.vertex_count, l.base_vertex_count)?;
+    write!(out, " triangles {} base {}", l.triangle_count, l.base_triangle_count)?;
+    write!(out, " shared {} errors {:?} {:?} refused", l.shared_vertex_count, l.min_error, l.max_error)?;
+    for (reason, count) in REFUSALS.iter().zip(l.refusals) {
+        write!(out, " {reason} {count}")?;
+    }
+    writeln!(out)?;
+    Ok(())
+}
+
+fn dump_group(
+    id: GroupId,
+    group: &GroupRecord,
+    coarse: &[u32],
+    fine: &[u32],
+    out: &mut impl Write,
+) -> Result<(), FormatError> {
+    write!(out, "{id} level {} coarse {coarse:?} fine {fine:?}", group.level)?;
+    write!(out, " errors {:?} {:?}", group.min_error, group.max_error)?;
+    writeln!(out, " center {:?} radius {:?}", group.center, group.radius)?;
+    Ok(())
+}
+
+fn dump_cluster(id: ClusterId, record: &ClusterRecord, out: &mut impl Write) -> Result<(), FormatError> {
+    let c = record;
+    write!(out, "{id} level {} {} parent {}", c.level, c.group(), c.parent_group())?;
+    write!(out, " page {} len {} checksum {:016x}", c.page_offset, c.page_len, c.page_checksum)?;
+    write!(out, " vertices {} base {}", c.vertex_count, c.base_vertex_count)?;
+    write!(out, " triangles {} base {}", c.triangle_count, c.base_triangle_count)?;
+    write!(out, " shared {} errors {:?} {:?}", c.shared_count, c.min_error, c.max_error)?;
+    write!(out, " min {:?} max {:?}", c.aabb_min, c.aabb_max)?;
+    writeln!(out, " center {:?} radius {:?}", c.center, c.radius)?;
+    Ok(())
+}
+
+fn dump_page(page: &Page<'_>, out: &mut impl Write) -> Result<(), FormatError> {
+    writeln!(out, "  page min_error {:?} error_scale {:?}", page.min_error, page.error_scale)?;
+    let mut shared = page.shared().peekable();
+    for (vertex, position) in page.positions.iter().enumerate() {
+        write!(out, "  vertex {vertex} {position:?}")?;
+        if let Some(normal) = page.normals.get(vertex) {
+            write!(out, " normal {normal:?}")?;
+        }
+        if let Some(color) = page.colors.get(vertex) {
+            write!(out, " color {color:?}")?;
+        }
+        if let Some((_, id)) = shared.next_if(|(local, _)| usize::from(*local) == vertex) {
+            write!(out, " shared {id}")?;
+        }
+        if let Some(j) = vertex.checked_sub(page.base_vertex_count) {
+            write!(
+                out,
+                " to {} code {} error {:?}",
+                page.targets[j],
+                page.error_codes[j],
+                page.error_at(vertex)
+            )?;
+        }
+        writeln!(out)?;
+    }
+    for corners in page.triangles {
+        writeln!(out, "  triangle {corners:?}")?;
+    }
+    Ok(())
+}

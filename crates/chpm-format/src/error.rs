@@ -1,0 +1,187 @@
+//! What can be wrong with a file, or with what is to become one.
+
+use crate::SectionKind;
+use chpm_mesh::{ClusterId, GroupId};
+use std::fmt::{self, Display};
+
+/// The part of a file that a message is about.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
+pub enum Place {
+    /// The bytes as a whole.
+    File,
+    /// The 256 bytes at the start.
+    Header,
+    /// The list of sections, or one entry of it.
+    SectionTable,
+    /// One section.
+    Section(SectionKind),
+    /// A record of the cluster table.
+    Cluster(ClusterId),
+    /// A record of the group table.
+    Group(GroupId),
+    /// A record of the level table.
+    Level(u32),
+    /// A cluster's page; [`ClusterId::NONE`] for a page that was parsed by itself.
+    Page(ClusterId),
+}
+
+impl Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::File => f.write_str("file"),
+            Place::Header => f.write_str("header"),
+            Place::SectionTable => f.write_str("section table"),
+            Place::Section(kind) => write!(f, "section {kind}"),
+            Place::Cluster(id) => write!(f, "{id}"),
+            Place::Group(id) => write!(f, "{id}"),
+            Place::Level(level) => write!(f, "level {level}"),
+            Place::Page(id) if id.is_some() => write!(f, "page of {id}"),
+            Place::Page(_) => f.write_str("page"),
+        }
+    }
+}
+
+/// Why bytes are not a legal CHPM file, or why a file could not be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FormatError {
+    /// The magic number is not there.
+    #[error("not a CHPM file: it starts with {got:02x?}; {}", magic_remedy(got))]
+    Magic {
+        /// The first bytes of the file.
+        got: [u8; 8],
+    },
+    /// Written by a format that this reader does not know.
+    #[error(
+        "{place}: format version {got} is not supported (expected {expected}); use a newer chpm, or build the file again"
+    )]
+    Version {
+        /// Header or page.
+        place: Place,
+        /// What this reader reads.
+        expected: &'static str,
+        /// What the file says.
+        got: String,
+    },
+    /// The file needs a feature that this reader does not know.
+    #[error("{place}: unknown required feature {got:#x}; use a newer chpm")]
+    Feature {
+        /// Header (a flag) or section table (a section kind).
+        place: Place,
+        /// The flag bits or the section kind.
+        got: u32,
+    },
+    /// There are fewer bytes than there must be.
+    #[error(
+        "{place}: {expected} bytes expected, {got} present; the file is cut short or was never finished, copy or build it again"
+    )]
+    Truncated {
+        /// What does not fit.
+        place: Place,
+        /// Bytes needed.
+        expected: u64,
+        /// Bytes there.
+        got: u64,
+    },
+    /// The bytes in memory do not start where records can be read in place.
+    #[error(
+        "{place}: bytes in memory must be aligned to {expected}; map the file, or read it into an aligned buffer"
+    )]
+    Alignment {
+        /// File or page.
+        place: Place,
+        /// The alignment, bytes.
+        expected: usize,
+    },
+    /// Bytes changed after they were written.
+    #[error(
+        "{place}: checksum {expected:016x} expected, {got:016x} found; the file is damaged, copy or build it again"
+    )]
+    Checksum {
+        /// What is damaged.
+        place: Place,
+        /// What the file says.
+        expected: u64,
+        /// What the bytes give.
+        got: u64,
+    },
+    /// A value that the format does not allow, or two values that contradict each other.
+    #[error("{place}: {field}: expected {expected}, got {got}")]
+    Value {
+        /// Where.
+        place: Place,
+        /// The field or rule.
+        field: &'static str,
+        /// What the format allows here.
+        expected: String,
+        /// What is there.
+        got: String,
+    },
+    /// The metadata section does not decode.
+    #[error("metadata: {0}; the geometry may still be read")]
+    Metadata(String),
+    /// The output refused bytes.
+    #[error("writing: {0}")]
+    Write(#[from] std::io::Error),
+}
+
+fn magic_remedy(got: &[u8; 8]) -> &'static str {
+    let damaged = &got[1..4] == b"CHP";
+    if damaged {
+        "a transfer in text mode damaged it, copy it in binary mode"
+    } else {
+        "give a file that chpm built"
+    }
+}
+
+impl FormatError {
+    /// The same error, with the page it was found in.
+    pub(crate) fn in_page(mut self, id: ClusterId) -> Self {
+        match &mut self {
+            FormatError::Version { place, .. }
+            | FormatError::Truncated { place, .. }
+            | FormatError::Alignment { place, .. }
+            | FormatError::Checksum { place, .. }
+            | FormatError::Feature { place, .. }
+            | FormatError::Value { place, .. } => {
+                if *place == Place::Page(ClusterId::NONE) {
+                    *place = Place::Page(id);
+                }
+            }
+            FormatError::Magic { .. } | FormatError::Metadata(_) | FormatError::Write(_) => {}
+        }
+        self
+    }
+}
+
+/// `Ok` if `ok`; the texts are made only where it is not.
+pub(crate) fn require(
+    ok: bool,
+    place: Place,
+    field: &'static str,
+    expected: impl Display,
+    got: impl Display,
+) -> Result<(), FormatError> {
+    if ok { Ok(()) } else { Err(invalid(place, field, expected, got)) }
+}
+
+/// A value that is not allowed.
+pub(crate) fn invalid(
+    place: Place,
+    field: &'static str,
+    expected: impl Display,
+    got: impl Display,
+) -> FormatError {
+    FormatError::Value { place, field, expected: expected.to_string(), got: got.to_string() }
+}
+
+/// `Ok` if the two are equal.
+pub(crate) fn require_eq<T: PartialEq + Display>(
+    place: Place,
+    field: &'static str,
+    expected: T,
+    got: T,
+) -> Result<(), FormatError> {
+    require(expected == got, place, field, &expected, &got)
+}

@@ -1,0 +1,210 @@
+//! The 256 bytes at the start of a file.
+
+use crate::error::{FormatError, Place, require, require_eq};
+use crate::{PAGE_ALIGN, checksum};
+use bytemuck::{Pod, Zeroable};
+use chpm_mesh::{Aabb, Attributes};
+use std::{fmt, mem};
+
+/// The first eight bytes; like PNG's they show a transfer that changed line ends or lost the eighth bit.
+pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
+/// Major version that this crate reads and writes.
+pub const VERSION_MAJOR: u16 = 1;
+/// Minor version that this crate writes.
+pub const VERSION_MINOR: u16 = 0;
+/// Length of the header, bytes.
+pub const HEADER_LEN: usize = 256;
+
+/// The header as it lies in the file; see FORMAT.md, "Header".
+#[derive(Clone, Copy, Pod, Zeroable, Debug)]
+#[repr(C)]
+pub struct Header {
+    /// [`MAGIC`].
+    pub magic: [u8; 8],
+    /// Readers refuse another major version.
+    pub version_major: u16,
+    /// Readers accept any minor version.
+    pub version_minor: u16,
+    /// [`HEADER_LEN`].
+    pub header_len: u32,
+    /// Features that a reader must know; none are defined.
+    pub required_flags: u32,
+    /// Features that a reader may ignore; none are defined.
+    pub optional_flags: u32,
+    /// Length of the whole file, bytes.
+    pub file_len: u64,
+    /// Entries of the section table.
+    pub section_count: u32,
+    /// Where the section table starts; [`HEADER_LEN`].
+    pub section_table_offset: u32,
+    /// [`PAGE_ALIGN`].
+    pub page_align: u32,
+    /// Bit 0: normals; bit 1: colours.
+    pub attributes: u32,
+    /// Vertices that leaf triangles use, each counted once.
+    pub source_vertex_count: u64,
+    /// Triangles of all leaf clusters.
+    pub source_triangle_count: u64,
+    /// Records of the cluster table.
+    pub cluster_count: u32,
+    /// Records of the group table.
+    pub group_count: u32,
+    /// Records of the level table.
+    pub level_count: u32,
+    /// Clusters without a parent group.
+    pub root_count: u32,
+    /// Clusters of level 0.
+    pub leaf_count: u32,
+    /// A [`BoundaryMode`].
+    pub boundary_mode: u32,
+    /// An [`ErrorKind`].
+    pub error_kind: u32,
+    /// Number of shared vertex ids; the ids are all smaller.
+    pub shared_vertex_count: u32,
+    /// Stored positions are relative to this point.
+    pub origin: [f64; 3],
+    /// Smallest corner of the union of the clusters' boxes.
+    pub aabb_min: [f32; 3],
+    /// Largest corner of it.
+    pub aabb_max: [f32; 3],
+    /// Largest error of a base mesh.
+    pub max_error: f32,
+    /// Zero.
+    pub reserved: [u8; 92],
+    /// Checksum of the section table.
+    pub section_table_checksum: u64,
+    /// Checksum of all bytes before it.
+    pub header_checksum: u64,
+}
+
+const _: () = assert!(mem::size_of::<Header>() == HEADER_LEN);
+const _: () = assert!(mem::offset_of!(Header, origin) == 96 && mem::offset_of!(Header, max_error) == 144);
+const _: () = assert!(mem::offset_of!(Header, section_table_checksum) == 240);
+
+/// How boundaries between clusters were treated (chpm.md's modes; the reader need not care).
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[repr(u32)]
+pub enum BoundaryMode {
+    /// Shared vertices never collapse.
+    Lock = 0,
+    /// Shared vertices of a dependency group collapse in all its members alike.
+    #[default]
+    Dependencies = 1,
+    /// Clusters are partitioned again after every merge.
+    VPartition = 2,
+}
+
+/// What the stored errors mean.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[repr(u32)]
+pub enum ErrorKind {
+    /// A quadric estimate of the deviation: no bound.
+    Quadric = 0,
+    /// At least the symmetric Hausdorff distance to the original surface.
+    #[default]
+    Certified = 1,
+}
+
+impl fmt::Display for BoundaryMode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            BoundaryMode::Lock => "lock",
+            BoundaryMode::Dependencies => "dependencies",
+            BoundaryMode::VPartition => "vpartition",
+        })
+    }
+}
+
+impl fmt::Display for ErrorKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            ErrorKind::Quadric => "quadric estimate",
+            ErrorKind::Certified => "certified bound",
+        })
+    }
+}
+
+/// The attribute bits of a header or page.
+pub(crate) fn attribute_bits(attributes: Attributes) -> u32 {
+    u32::from(attributes.normals) | u32::from(attributes.colors) << 1
+}
+
+/// What the attribute bits mean; `None` for a bit that means nothing.
+pub(crate) fn attributes_of(bits: u32) -> Option<Attributes> {
+    (bits < 4).then_some(Attributes { normals: bits & 1 != 0, colors: bits & 2 != 0 })
+}
+
+impl Header {
+    /// What the vertices carry.
+    pub fn attributes(&self) -> Attributes {
+        attributes_of(self.attributes & 3).unwrap_or_default()
+    }
+
+    /// How boundaries were treated; `None` for a code that [`crate::Chpm::open`] would have refused.
+    pub fn boundary_mode(&self) -> Option<BoundaryMode> {
+        [BoundaryMode::Lock, BoundaryMode::Dependencies, BoundaryMode::VPartition]
+            .get(self.boundary_mode as usize)
+            .copied()
+    }
+
+    /// What the errors mean; `None` for a code that [`crate::Chpm::open`] would have refused.
+    pub fn error_kind(&self) -> Option<ErrorKind> {
+        [ErrorKind::Quadric, ErrorKind::Certified].get(self.error_kind as usize).copied()
+    }
+
+    /// The box around everything, relative to the origin.
+    pub fn aabb(&self) -> Aabb {
+        Aabb { min: self.aabb_min, max: self.aabb_max }
+    }
+
+    /// The checksum that the header must carry.
+    pub(crate) fn own_checksum(&self) -> u64 {
+        checksum(&bytemuck::bytes_of(self)[..mem::offset_of!(Header, header_checksum)])
+    }
+
+    /// Reads the header and checks what can be checked without the rest of the file.
+    pub(crate) fn read(bytes: &[u8]) -> Result<Header, FormatError> {
+        let got = bytes.len() as u64;
+        let mut magic = [0; 8];
+        let known = got.min(8) as usize;
+        magic[..known].copy_from_slice(&bytes[..known]);
+        if magic != MAGIC {
+            return Err(FormatError::Magic { got: magic });
+        }
+        let head = bytes.get(..HEADER_LEN).ok_or(FormatError::Truncated {
+            place: Place::Header,
+            expected: HEADER_LEN as u64,
+            got,
+        })?;
+        let header: Header = bytemuck::pod_read_unaligned(head);
+        header.check(got)?;
+        Ok(header)
+    }
+
+    fn check(&self, got: u64) -> Result<(), FormatError> {
+        let place = Place::Header;
+        if self.version_major != VERSION_MAJOR {
+            let version = format!("{}.{}", self.version_major, self.version_minor);
+            return Err(FormatError::Version { place, expected: "1.x", got: version });
+        }
+        let (expected, found) = (self.own_checksum(), self.header_checksum);
+        if expected != found {
+            return Err(FormatError::Checksum { place, expected: found, got: expected });
+        }
+        if self.required_flags != 0 {
+            return Err(FormatError::Feature { place, got: self.required_flags });
+        }
+        require_eq(place, "header_len", HEADER_LEN as u32, self.header_len)?;
+        require_eq(place, "section_table_offset", HEADER_LEN as u32, self.section_table_offset)?;
+        require_eq(place, "page_align", PAGE_ALIGN as u32, self.page_align)?;
+        if self.file_len > got {
+            return Err(FormatError::Truncated { place: Place::File, expected: self.file_len, got });
+        }
+        require_eq(place, "file_len", got, self.file_len)?;
+        require(self.attributes < 4, place, "attributes", "bits 0 and 1 only", self.attributes)?;
+        require(self.boundary_mode().is_some(), place, "boundary_mode", "0, 1 or 2", self.boundary_mode)?;
+        require(self.error_kind().is_some(), place, "error_kind", "0 or 1", self.error_kind)?;
+        let finite = self.origin.iter().all(|x| x.is_finite());
+        require(finite, place, "origin", "finite numbers", format_args!("{:?}", self.origin))
+    }
+}

@@ -1,0 +1,82 @@
+//! The metadata section: where a file comes from. The only place that knows how it is encoded.
+
+use crate::error::FormatError;
+use serde::{Deserialize, Serialize};
+
+/// Version of the encoding, in front of the metadata.
+pub const METADATA_VERSION: u16 = 1;
+/// Most bytes of the metadata, and most that decoding may allocate.
+pub const METADATA_LIMIT: usize = 16 << 20;
+
+/// Provenance of a file. Nothing in it is needed to draw the model.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Metadata {
+    /// The program that wrote the file, and its version.
+    pub generator: String,
+    /// The mesh that went in.
+    pub source: Source,
+    /// Settings of the build, name and value, in a fixed order.
+    pub settings: Vec<(String, String)>,
+    /// What was repaired, and how often.
+    pub repairs: Vec<(String, u64)>,
+    /// What the builder warned about.
+    pub warnings: Vec<String>,
+}
+
+/// The file that was built from.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct Source {
+    /// File name without its folder.
+    pub name: String,
+    /// Its length, bytes.
+    pub byte_len: u64,
+    /// Its XXH3, 64 bits.
+    pub hash: u64,
+    /// Its encoding, "binary_little_endian" for example.
+    pub encoding: String,
+    /// Vertices that it declares.
+    pub vertex_count: u64,
+    /// Faces that it declares.
+    pub face_count: u64,
+    /// Its comments.
+    pub comments: Vec<String>,
+}
+
+fn config() -> impl bincode::config::Config {
+    bincode::config::standard().with_limit::<METADATA_LIMIT>()
+}
+
+impl Metadata {
+    /// The bytes of the section.
+    pub(crate) fn encode(&self) -> Result<Vec<u8>, FormatError> {
+        let body = bincode::serde::encode_to_vec(self, config()).map_err(wrong)?;
+        // A reader that is bound by the limit must be able to take what a writer makes.
+        Metadata::decode_body(&body)?;
+        let mut bytes = METADATA_VERSION.to_le_bytes().to_vec();
+        bytes.extend(body);
+        Ok(bytes)
+    }
+
+    /// Reads the bytes of the section, all of them.
+    pub(crate) fn decode(bytes: &[u8]) -> Result<Metadata, FormatError> {
+        let (version, body) =
+            bytes.split_first_chunk().ok_or_else(|| wrong("shorter than its version number"))?;
+        let version = u16::from_le_bytes(*version);
+        if version != METADATA_VERSION {
+            return Err(wrong(format_args!("version {METADATA_VERSION} expected, got {version}")));
+        }
+        Metadata::decode_body(body)
+    }
+
+    fn decode_body(body: &[u8]) -> Result<Metadata, FormatError> {
+        let (metadata, read) = bincode::serde::decode_from_slice(body, config()).map_err(wrong)?;
+        if read != body.len() {
+            return Err(wrong(format_args!("{} bytes too many", body.len() - read)));
+        }
+        Ok(metadata)
+    }
+}
+
+fn wrong(reason: impl std::fmt::Display) -> FormatError {
+    FormatError::Metadata(reason.to_string())
+}

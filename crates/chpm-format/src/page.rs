@@ -1,0 +1,253 @@
+//! A cluster's page, read in place.
+
+use crate::MAX_CLUSTER_VERTICES;
+use crate::error::{FormatError, Place, require, require_eq};
+use crate::error_code::{self, MAX_CODE};
+use crate::header::attributes_of;
+use bytemuck::{Pod, Zeroable};
+use chpm_mesh::{Attributes, ClusterId, ProgressiveMesh};
+use std::mem;
+
+/// First four bytes of a page, "CPGE".
+pub const PAGE_MAGIC: u32 = u32::from_le_bytes(*b"CPGE");
+/// Version of the page layout.
+pub const PAGE_VERSION: u16 = 1;
+/// Length of the page header, bytes.
+pub const PAGE_HEADER_LEN: usize = 64;
+
+/// The page header as it lies in the file; see FORMAT.md, "Cluster page".
+#[derive(Clone, Copy, PartialEq, Pod, Zeroable, Debug)]
+#[repr(C)]
+pub struct PageHeader {
+    /// [`PAGE_MAGIC`].
+    pub magic: u32,
+    /// [`PAGE_VERSION`].
+    pub version: u16,
+    /// As in the file's header.
+    pub attributes: u16,
+    /// Vertices of the finest mesh, V.
+    pub vertex_count: u32,
+    /// Vertices of the base mesh, B.
+    pub base_vertex_count: u32,
+    /// Triangles of the finest mesh, T.
+    pub triangle_count: u32,
+    /// Triangles of the base mesh.
+    pub base_triangle_count: u32,
+    /// Shared vertices, S.
+    pub shared_count: u32,
+    /// Error of the finest mesh.
+    pub min_error: f32,
+    /// What error codes are relative to: a power of two, or 0.
+    pub error_scale: f32,
+    /// Zero.
+    pub reserved: [u8; 28],
+}
+
+const _: () = assert!(mem::size_of::<PageHeader>() == PAGE_HEADER_LEN);
+
+impl PageHeader {
+    /// Bytes of the page, without padding; the counts must be legal (B <= V, S <= V).
+    pub(crate) fn payload_len(&self) -> u64 {
+        let (v, t) = (u64::from(self.vertex_count), u64::from(self.triangle_count));
+        let collapses = v - u64::from(self.base_vertex_count);
+        let attributes = attributes_of(u32::from(self.attributes)).unwrap_or_default();
+        PAGE_HEADER_LEN as u64
+            + v * attributes.vertex_len() as u64
+            + 4 * u64::from(self.shared_count)
+            + 6 * t
+            + (2 + 2) * collapses
+            + v.div_ceil(8)
+    }
+
+    fn check(&self) -> Result<Attributes, FormatError> {
+        let place = Place::Page(ClusterId::NONE);
+        require(self.magic == PAGE_MAGIC, place, "magic", "\"CPGE\"", format_args!("{:08x}", self.magic))?;
+        if self.version != PAGE_VERSION {
+            return Err(FormatError::Version { place, expected: "page 1", got: self.version.to_string() });
+        }
+        let (v, b, s) = (self.vertex_count, self.base_vertex_count, self.shared_count);
+        require(v <= MAX_CLUSTER_VERTICES, place, "vertex_count", "at most 65535", v)?;
+        require(1 <= b && b <= v, place, "base_vertex_count", format_args!("1 to {v}"), b)?;
+        require(s <= v, place, "shared_count", format_args!("at most {v}"), s)?;
+        let (t, base) = (self.triangle_count, self.base_triangle_count);
+        require(base <= t, place, "base_triangle_count", format_args!("at most {t}"), base)?;
+        let scale = self.error_scale;
+        require(error_code::is_scale(scale), place, "error_scale", "0 or a power of two", scale)?;
+        let min = self.min_error;
+        require((0.0..=scale).contains(&min), place, "min_error", format_args!("0 to {scale}"), min)?;
+        let bits = u32::from(self.attributes);
+        attributes_of(bits)
+            .ok_or_else(|| crate::error::invalid(place, "attributes", "bits 0 and 1 only", bits))
+    }
+}
+
+/// A page: the finest mesh of a cluster and its collapse order (V vertices, B of them in the base mesh).
+#[derive(Clone, Copy, Debug)]
+pub struct Page<'a> {
+    /// Vertex positions relative to the file's origin, V.
+    pub positions: &'a [[f32; 3]],
+    /// Normals, V or none.
+    pub normals: &'a [[f32; 3]],
+    /// Colours (RGBA), V or none.
+    pub colors: &'a [[u8; 4]],
+    /// Ids of the shared vertices, in increasing local index.
+    pub shared_ids: &'a [u32],
+    /// Corners of the finest mesh.
+    pub triangles: &'a [[u16; 3]],
+    /// Where vertex `B + j` collapses to.
+    pub targets: &'a [u16],
+    /// Code of the error of the mesh of `B + j` vertices.
+    pub error_codes: &'a [u16],
+    /// Bit `i % 8` of byte `i / 8`: vertex `i` is shared.
+    pub shared_bits: &'a [u8],
+    /// B.
+    pub base_vertex_count: usize,
+    /// Triangles of the base mesh.
+    pub base_triangle_count: usize,
+    /// Error of the finest mesh, object units.
+    pub min_error: f32,
+    /// What the codes are relative to.
+    pub error_scale: f32,
+}
+
+impl<'a> Page<'a> {
+    /// Views a page without looking at its indices: for pages that were parsed before, or written by this process.
+    /// Using a page with wrong indices may panic; it cannot do worse.
+    ///
+    /// # Errors
+    /// A header that contradicts itself, a length that differs from what the header tells, bytes not aligned to 4.
+    pub fn view(bytes: &'a [u8]) -> Result<Self, FormatError> {
+        let place = Place::Page(ClusterId::NONE);
+        let got = bytes.len() as u64;
+        let (head, mut rest) = bytes.split_at_checked(PAGE_HEADER_LEN).ok_or(FormatError::Truncated {
+            place,
+            expected: PAGE_HEADER_LEN as u64,
+            got,
+        })?;
+        let unaligned = FormatError::Alignment { place, expected: mem::align_of::<PageHeader>() };
+        let Ok(header) = bytemuck::try_from_bytes::<PageHeader>(head) else { return Err(unaligned) };
+        let attributes = header.check()?;
+        let expected = header.payload_len();
+        require_eq(place, "length", expected, got)?;
+
+        let v = header.vertex_count as usize;
+        let collapses = v - header.base_vertex_count as usize;
+        Ok(Page {
+            positions: take(&mut rest, v),
+            normals: take(&mut rest, if attributes.normals { v } else { 0 }),
+            colors: take(&mut rest, if attributes.colors { v } else { 0 }),
+            shared_ids: take(&mut rest, header.shared_count as usize),
+            triangles: take(&mut rest, header.triangle_count as usize),
+            targets: take(&mut rest, collapses),
+            error_codes: take(&mut rest, collapses),
+            shared_bits: rest,
+            base_vertex_count: header.base_vertex_count as usize,
+            base_triangle_count: header.base_triangle_count as usize,
+            min_error: header.min_error,
+            error_scale: header.error_scale,
+        })
+    }
+
+    /// Views a page and checks its structure: every index and target in range, triangles with three different
+    /// corners, codes legal and monotone, shared bits as many as shared ids.
+    ///
+    /// # Errors
+    /// As [`Page::view`], and where one of these does not hold.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, FormatError> {
+        let page = Page::view(bytes)?;
+        page.check()?;
+        Ok(page)
+    }
+
+    fn check(&self) -> Result<(), FormatError> {
+        let place = Place::Page(ClusterId::NONE);
+        let (v, b) = (self.vertex_count(), self.base_vertex_count);
+        let largest = self.triangles.as_flattened().iter().copied().max().unwrap_or(0);
+        let in_range = usize::from(largest) < v || self.triangles.is_empty();
+        require(in_range, place, "corner of a triangle", format_args!("less than {v}"), largest)?;
+        let same = self.triangles.iter().filter(|[a, b, c]| (a == b) | (b == c) | (c == a)).count();
+        require_eq(place, "triangles with equal corners", 0, same)?;
+        let later = self.targets.iter().enumerate().find(|(j, t)| usize::from(**t) >= b + j);
+        if let Some((j, target)) = later {
+            require(false, place, "target of a collapse", format_args!("less than {}", b + j), target)?;
+        }
+        let largest = self.error_codes.first().copied().unwrap_or(0);
+        require(largest <= MAX_CODE, place, "error code", format_args!("at most {MAX_CODE}"), largest)?;
+        let monotone = self.error_codes.is_sorted_by(|a, b| a >= b);
+        require(monotone, place, "error codes", "never to increase", "an increase")?;
+        if let Some(last) = self.error_codes.last() {
+            let least = error_code::decode(*last, self.error_scale);
+            let min = self.min_error;
+            require(least >= min, place, "least coded error", format_args!("at least {min}"), least)?;
+        }
+        let ones: usize = self.shared_bits.iter().map(|byte| byte.count_ones() as usize).sum();
+        require_eq(place, "shared bits that are set", self.shared_ids.len(), ones)?;
+        let slack =
+            if v.is_multiple_of(8) { 0 } else { self.shared_bits.last().map_or(0, |byte| byte >> (v % 8)) };
+        require_eq(place, "shared bits behind the last vertex", 0, slack)
+    }
+
+    /// V, the vertices of the finest mesh.
+    pub fn vertex_count(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// What the vertices carry.
+    pub fn attributes(&self) -> Attributes {
+        Attributes { normals: !self.normals.is_empty(), colors: !self.colors.is_empty() }
+    }
+
+    /// The mesh and its collapse order, to play.
+    pub fn progressive_mesh(&self) -> ProgressiveMesh<'a> {
+        ProgressiveMesh {
+            vertex_count: self.vertex_count(),
+            base_vertex_count: self.base_vertex_count,
+            triangles: self.triangles,
+            targets: self.targets,
+        }
+    }
+
+    /// Error of the mesh of `n` vertices, object units; `n` in `B..=V`.
+    pub fn error_at(&self, n: usize) -> f32 {
+        if n >= self.vertex_count() {
+            return self.min_error;
+        }
+        error_code::decode(self.error_codes[n - self.base_vertex_count], self.error_scale)
+    }
+
+    /// Error of the base mesh.
+    pub fn max_error(&self) -> f32 {
+        self.error_at(self.base_vertex_count)
+    }
+
+    /// The fewest vertices `n` whose mesh has an error of at most `error`; V if there is none.
+    pub fn vertices_for(&self, error: f32) -> usize {
+        let above = |code: &u16| {
+            let coded = error_code::decode(*code, self.error_scale);
+            // A bound that is no number is met by nothing.
+            error.is_nan() || coded > error
+        };
+        self.base_vertex_count + self.error_codes.partition_point(above)
+    }
+
+    /// Whether another cluster has vertex `local` too.
+    pub fn is_shared(&self, local: u16) -> bool {
+        let byte = self.shared_bits.get(usize::from(local) / 8).copied().unwrap_or(0);
+        byte >> (local % 8) & 1 == 1
+    }
+
+    /// The shared vertices: local index, ascending, and id.
+    pub fn shared(&self) -> impl Iterator<Item = (u16, u32)> + use<'a> {
+        let set = |(i, byte): (usize, u8)| {
+            (0..8).filter(move |bit| byte >> bit & 1 == 1).map(move |bit| (8 * i + bit) as u16)
+        };
+        self.shared_bits.iter().copied().enumerate().flat_map(set).zip(self.shared_ids.iter().copied())
+    }
+}
+
+/// Splits `count` items off; the caller has checked the length, and that the arrays come by falling alignment.
+fn take<'a, T: Pod>(bytes: &mut &'a [u8], count: usize) -> &'a [T] {
+    let (head, tail) = bytes.split_at(count * mem::size_of::<T>());
+    *bytes = tail;
+    bytemuck::cast_slice(head)
+}

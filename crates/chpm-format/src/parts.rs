@@ -1,0 +1,163 @@
+//! What a page is made of, and how it is encoded.
+
+use crate::MAX_CLUSTER_VERTICES;
+use crate::error::{FormatError, Place, require, require_eq};
+use crate::error_code::{self, MAX_ERROR};
+use crate::header::attribute_bits;
+use crate::page::{PAGE_HEADER_LEN, PAGE_MAGIC, PAGE_VERSION, PageHeader};
+use chpm_mesh::{Attributes, ClusterId, ProgressiveMesh};
+
+/// The parts of a page, as a builder has them: V vertices, of which the first B are the base mesh.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PageParts<'a> {
+    /// Vertex positions relative to the file's origin, V.
+    pub positions: &'a [[f32; 3]],
+    /// Normals, V or none.
+    pub normals: &'a [[f32; 3]],
+    /// Colours (RGBA), V or none.
+    pub colors: &'a [[u8; 4]],
+    /// Corners of the finest mesh; never two equal ones.
+    pub triangles: &'a [[u16; 3]],
+    /// Where vertex `B + j` collapses to, V - B; less than `B + j`.
+    pub targets: &'a [u16],
+    /// Error of the mesh of `B + j` vertices, V - B; never increasing, never below `min_error`.
+    pub errors: &'a [f32],
+    /// Shared vertices, local index and id, by increasing index.
+    pub shared: &'a [(u16, u32)],
+    /// Error of the finest mesh.
+    pub min_error: f32,
+    /// Some error that the scale must cover besides this page's own; 0 for none. The members of a group need one
+    /// scale, or errors below 2^-31 of it are decoded differently: give all of them the group's largest error.
+    pub scale_error: f32,
+}
+
+impl PageParts<'_> {
+    /// Appends the page's payload, without padding, and answers the decoded error of the base mesh, which is what the
+    /// cluster's record must say. Triangles of the base mesh are counted here.
+    ///
+    /// # Errors
+    /// [`FormatError::Value`] for parts that no page can be made of; `out` is then as before.
+    pub fn encode(&self, out: &mut Vec<u8>) -> Result<f32, FormatError> {
+        self.check()?;
+        let largest = self.errors.first().copied().unwrap_or(self.min_error).max(self.scale_error);
+        let error_scale = error_code::scale_for(largest);
+        let attributes = Attributes { normals: !self.normals.is_empty(), colors: !self.colors.is_empty() };
+        let header = PageHeader {
+            magic: PAGE_MAGIC,
+            version: PAGE_VERSION,
+            attributes: attribute_bits(attributes) as u16,
+            vertex_count: self.positions.len() as u32,
+            base_vertex_count: (self.positions.len() - self.targets.len()) as u32,
+            triangle_count: self.triangles.len() as u32,
+            base_triangle_count: self.base_triangle_count() as u32,
+            shared_count: self.shared.len() as u32,
+            min_error: self.min_error,
+            error_scale,
+            reserved: [0; 28],
+        };
+        let start = out.len();
+        out.reserve(header.payload_len() as usize);
+        out.extend_from_slice(bytemuck::bytes_of(&header));
+        debug_assert_eq!(out.len() - start, PAGE_HEADER_LEN);
+        out.extend_from_slice(bytemuck::cast_slice(self.positions));
+        out.extend_from_slice(bytemuck::cast_slice(self.normals));
+        out.extend_from_slice(bytemuck::cast_slice(self.colors));
+        out.extend(self.shared.iter().flat_map(|(_, id)| id.to_le_bytes()));
+        out.extend_from_slice(bytemuck::cast_slice(self.triangles));
+        out.extend_from_slice(bytemuck::cast_slice(self.targets));
+        let code = |error: &f32| error_code::encode(*error, error_scale);
+        out.extend(self.errors.iter().flat_map(|error| code(error).to_le_bytes()));
+        let bits = out.len();
+        out.resize(bits + self.positions.len().div_ceil(8), 0);
+        for (local, _) in self.shared {
+            out[bits + usize::from(local / 8)] |= 1 << (local % 8);
+        }
+        debug_assert_eq!((out.len() - start) as u64, header.payload_len());
+        Ok(self.errors.first().map_or(self.min_error, |error| error_code::decode(code(error), error_scale)))
+    }
+
+    fn base_triangle_count(&self) -> usize {
+        let mesh = ProgressiveMesh {
+            vertex_count: self.positions.len(),
+            base_vertex_count: self.positions.len() - self.targets.len(),
+            triangles: self.triangles,
+            targets: self.targets,
+        };
+        base_corners(&mesh, &mut Vec::new()).count()
+    }
+
+    fn check(&self) -> Result<(), FormatError> {
+        let place = Place::Page(ClusterId::NONE);
+        let v = self.positions.len();
+        require(v <= MAX_CLUSTER_VERTICES as usize, place, "vertices", "at most 65535", v)?;
+        for (field, len) in [("normals", self.normals.len()), ("colors", self.colors.len())] {
+            require(len == 0 || len == v, place, field, format_args!("none or {v}"), len)?;
+        }
+        let t = self.triangles.len();
+        require(t <= u32::MAX as usize / 8, place, "triangles", "at most 2^29", t)?;
+        require(self.targets.len() < v, place, "collapses", "fewer than vertices", self.targets.len())?;
+        require_eq(place, "errors", self.targets.len(), self.errors.len())?;
+        let base = v - self.targets.len();
+        let bad_target =
+            self.targets.iter().enumerate().find(|(j, target)| usize::from(**target) >= base + j);
+        if let Some((j, target)) = bad_target {
+            require(false, place, "target of a collapse", format_args!("less than {}", base + j), target)?;
+        }
+        let legal = |[a, b, c]: &[u16; 3]| a != b && b != c && c != a && usize::from(*a.max(b).max(c)) < v;
+        let bad = self.triangles.iter().find(|t| !legal(t));
+        require(
+            bad.is_none(),
+            place,
+            "triangle",
+            format_args!("three different vertices of {v}"),
+            Debugged(bad),
+        )?;
+        let errors = [self.min_error, self.scale_error, self.errors.first().copied().unwrap_or(0.0)];
+        let storable = errors.iter().all(|e| (0.0..=MAX_ERROR).contains(e));
+        require(storable, place, "errors", "numbers from 0 to 2^127", Debugged(errors))?;
+        let monotone = self.errors.is_sorted_by(|a, b| a >= b);
+        require(monotone, place, "errors", "never to increase with the vertex count", "an increase")?;
+        let least = self.errors.last().copied().unwrap_or(self.min_error);
+        require(
+            least >= self.min_error,
+            place,
+            "least error",
+            format_args!("at least {}", self.min_error),
+            least,
+        )?;
+        let ascending = self.shared.is_sorted_by(|a, b| a.0 < b.0);
+        let last = self.shared.last().map_or(0, |(local, _)| usize::from(*local));
+        require(
+            ascending && last < v,
+            place,
+            "shared vertices",
+            "ascending local indices",
+            Debugged(self.shared.last()),
+        )
+    }
+}
+
+/// Displays a value as its debug text.
+struct Debugged<T>(T);
+
+impl<T: std::fmt::Debug> std::fmt::Display for Debugged<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// The corners of the base mesh's triangles. One pass over the collapses, where playing them one by one would
+/// follow every chain again.
+pub(crate) fn base_corners<'a>(
+    mesh: &ProgressiveMesh<'a>,
+    survivors: &'a mut Vec<u16>,
+) -> impl Iterator<Item = [u16; 3]> + use<'a> {
+    survivors.clear();
+    survivors.extend(0..mesh.base_vertex_count as u16);
+    for target in mesh.targets {
+        survivors.push(survivors[usize::from(*target)]);
+    }
+    let survivors = &*survivors;
+    let resolved = |corners: &[u16; 3]| corners.map(|v| survivors[usize::from(v)]);
+    mesh.triangles.iter().map(resolved).filter(|[a, b, c]| a != b && b != c && c != a)
+}

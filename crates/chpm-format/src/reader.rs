@@ -1,0 +1,195 @@
+//! Opening a file that is in memory, and reading it in place.
+
+use crate::error::{FormatError, Place, require, require_eq};
+use crate::header::{Header, attribute_bits};
+use crate::metadata::Metadata;
+use crate::page::Page;
+use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
+use crate::section::{SectionKind, Sections, check_sum};
+use crate::structure::{Structure, member_range, place_pages};
+use crate::{MEMORY_ALIGN, section};
+use bytemuck::Pod;
+use chpm_mesh::{ClusterId, GroupId};
+use std::ops::Range;
+
+/// A CHPM file over bytes in memory: a map, a vector. `D` must give the same bytes every time.
+#[derive(Clone, Debug)]
+pub struct Chpm<D> {
+    data: D,
+    header: Header,
+    sections: Sections,
+}
+
+impl<D: AsRef<[u8]>> Chpm<D> {
+    /// Opens a file: checks the header, the section table, all tables with their checksums, every id and every range,
+    /// so that following them cannot fail. Reads no page. Time and scratch memory are O(clusters).
+    ///
+    /// # Errors
+    /// The [`FormatError`] that names the damage; [`FormatError::Alignment`] if the bytes do not start at a multiple of 8.
+    pub fn open(data: D) -> Result<Self, FormatError> {
+        let bytes = data.as_ref();
+        let header = Header::read(bytes)?;
+        if !bytes.as_ptr().addr().is_multiple_of(MEMORY_ALIGN) {
+            return Err(FormatError::Alignment { place: Place::File, expected: MEMORY_ALIGN });
+        }
+        let sections = Sections::read(&header, bytes)?;
+        let file = Chpm { data, header, sections };
+        file.structure().check()?;
+        file.check_pages()?;
+        Ok(file)
+    }
+
+    /// Pages must lie in table order, each at the first aligned place after the one before, and fill their section.
+    fn check_pages(&self) -> Result<(), FormatError> {
+        let place = Place::Section(SectionKind::Pages);
+        let Range { start, end } = self.sections.range(SectionKind::Pages);
+        require_eq(
+            place,
+            "count",
+            u64::from(self.header.cluster_count),
+            self.sections.count(SectionKind::Pages),
+        )?;
+        let lens = self.clusters().iter().map(|c| c.page_len);
+        let pages_end = place_pages(start as u64, lens, |index, offset| {
+            let id = ClusterId(index as u32);
+            require_eq(Place::Cluster(id), "page_offset", offset, self.clusters()[index].page_offset)
+        })?;
+        require_eq(place, "end of the last page", pages_end, end as u64)
+    }
+
+    pub(crate) fn structure(&self) -> Structure<'_> {
+        Structure {
+            header: &self.header,
+            clusters: self.clusters(),
+            groups: self.groups(),
+            members: self.members(),
+            levels: self.levels(),
+        }
+    }
+
+    fn table<T: Pod>(&self, kind: SectionKind) -> &[T] {
+        bytemuck::cast_slice(&self.data.as_ref()[self.sections.range(kind)])
+    }
+
+    /// The bytes of the file.
+    pub fn bytes(&self) -> &[u8] {
+        self.data.as_ref()
+    }
+
+    /// Gives the data back.
+    pub fn into_inner(self) -> D {
+        self.data
+    }
+
+    /// The header.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// The cluster table; a [`ClusterId`] is an index into it.
+    pub fn clusters(&self) -> &[ClusterRecord] {
+        self.table(SectionKind::Clusters)
+    }
+
+    /// The group table; a [`GroupId`] is an index into it.
+    pub fn groups(&self) -> &[GroupRecord] {
+        self.table(SectionKind::Groups)
+    }
+
+    /// The cluster ids that groups name by ranges.
+    pub fn members(&self) -> &[u32] {
+        self.table(SectionKind::Members)
+    }
+
+    /// The level table, leaves first.
+    pub fn levels(&self) -> &[LevelRecord] {
+        self.table(SectionKind::Levels)
+    }
+
+    /// The known sections: kind and byte range in the file.
+    pub fn sections(&self) -> impl Iterator<Item = (SectionKind, Range<usize>)> + '_ {
+        section::SectionKind::ALL.into_iter().map(|kind| (kind, self.sections.range(kind)))
+    }
+
+    /// Decodes the metadata.
+    ///
+    /// # Errors
+    /// [`FormatError::Metadata`] where it does not decode.
+    pub fn metadata(&self) -> Result<Metadata, FormatError> {
+        Metadata::decode(&self.data.as_ref()[self.sections.range(SectionKind::Metadata)])
+    }
+
+    /// Ids of a group's coarse clusters, ascending.
+    ///
+    /// # Panics
+    /// For a group that the file does not have, as indexing does; ids that come from the file are in range.
+    pub fn coarse(&self, group: GroupId) -> &[u32] {
+        let record = &self.groups()[group.index()];
+        &self.members()[member_range(record.coarse_first, record.coarse_count)]
+    }
+
+    /// Ids of a group's fine clusters, ascending; none for a group of leaves.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn fine(&self, group: GroupId) -> &[u32] {
+        let record = &self.groups()[group.index()];
+        &self.members()[member_range(record.fine_first, record.fine_count)]
+    }
+
+    /// The clusters that no split brings, ascending: the coarsest cut.
+    pub fn roots(&self) -> impl Iterator<Item = ClusterId> + '_ {
+        let roots = self.clusters().iter().enumerate().filter(|(_, cluster)| cluster.is_root());
+        roots.map(|(index, _)| ClusterId(index as u32))
+    }
+
+    /// The bytes of a cluster's page, without padding.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn page_bytes(&self, id: ClusterId) -> &[u8] {
+        let record = &self.clusters()[id.index()];
+        let start = record.page_offset as usize;
+        &self.data.as_ref()[start..start + record.page_len as usize]
+    }
+
+    /// A cluster's page, its structure checked and its header compared with the record; see [`Page::parse`].
+    ///
+    /// # Errors
+    /// What [`Page::parse`] refuses, or a page that contradicts its record.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn page(&self, id: ClusterId) -> Result<Page<'_>, FormatError> {
+        let page = Page::parse(self.page_bytes(id)).map_err(|error| error.in_page(id))?;
+        let (record, place) = (&self.clusters()[id.index()], Place::Page(id));
+        for (field, expected, got) in [
+            ("attributes", self.header.attributes, attribute_bits(page.attributes())),
+            ("vertex_count", record.vertex_count, page.vertex_count() as u32),
+            ("base_vertex_count", record.base_vertex_count, page.base_vertex_count as u32),
+            ("triangle_count", record.triangle_count, page.triangles.len() as u32),
+            ("base_triangle_count", record.base_triangle_count, page.base_triangle_count as u32),
+            ("shared_count", record.shared_count, page.shared_ids.len() as u32),
+        ] {
+            require_eq(place, field, expected, got)?;
+        }
+        require_eq(place, "min_error", record.min_error, page.min_error)?;
+        require_eq(place, "max_error", record.max_error, page.max_error())?;
+        let (ids, largest) = (self.header.shared_vertex_count, page.shared_ids.iter().max());
+        let in_range = largest.is_none_or(|id| *id < ids);
+        require(in_range, place, "shared id", format_args!("less than {ids}"), largest.unwrap_or(&0))?;
+        Ok(page)
+    }
+
+    /// As [`Chpm::page`], and the checksum first.
+    ///
+    /// # Errors
+    /// As [`Chpm::page`], and [`FormatError::Checksum`].
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn page_checked(&self, id: ClusterId) -> Result<Page<'_>, FormatError> {
+        check_sum(Place::Page(id), self.clusters()[id.index()].page_checksum, self.page_bytes(id))?;
+        self.page(id)
+    }
+}

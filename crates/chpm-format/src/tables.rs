@@ -1,0 +1,221 @@
+//! Everything of a file but its pages, as a builder hands it to the writer.
+
+use crate::error::{FormatError, Place, require, require_eq};
+use crate::header::{BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};
+use crate::metadata::Metadata;
+use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
+use crate::section::{SectionEntry, SectionKind};
+use crate::structure::{Structure, member_range, place_pages};
+use crate::{PAGE_ALIGN, TABLE_ALIGN, align_up, checksum};
+use bytemuck::Zeroable;
+use chpm_mesh::{Aabb, Attributes};
+use std::mem;
+
+/// What the header says that the tables do not.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct HeaderFields {
+    /// What the vertices carry.
+    pub attributes: Attributes,
+    /// Vertices that leaf triangles use, each counted once.
+    pub source_vertex_count: u64,
+    /// How boundaries were treated.
+    pub boundary_mode: BoundaryMode,
+    /// What the errors mean.
+    pub error_kind: ErrorKind,
+    /// Number of shared vertex ids.
+    pub shared_vertex_count: u32,
+    /// Stored positions are relative to this point.
+    pub origin: [f64; 3],
+}
+
+/// The tables of a file to be. [`crate::ChpmWriter::begin`] completes and checks them.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Tables {
+    /// What the other tables do not tell.
+    pub header: HeaderFields,
+    /// Clusters, in the order of their pages; `page_offset` is filled in.
+    pub clusters: Vec<ClusterRecord>,
+    /// Dependency groups.
+    pub groups: Vec<GroupRecord>,
+    /// Cluster ids that the groups name by ranges; every range is put in ascending order.
+    pub members: Vec<u32>,
+    /// Levels from the leaves up; all statistics that follow from the clusters are filled in.
+    pub levels: Vec<LevelRecord>,
+    /// Provenance.
+    pub metadata: Metadata,
+}
+
+impl Tables {
+    /// Length of the file to be, bytes.
+    ///
+    /// # Errors
+    /// Metadata above the limit, or a file of 2^64 bytes.
+    pub fn file_len(&self) -> Result<u64, FormatError> {
+        let mut end = self.pages_offset(self.metadata.encode()?.len() as u64);
+        end = place_pages(end, self.clusters.iter().map(|c| c.page_len), |_, _| Ok(()))?;
+        Ok(end)
+    }
+
+    fn section_len(&self, kind: SectionKind, metadata_len: u64) -> u64 {
+        let count = match kind {
+            SectionKind::Clusters => self.clusters.len(),
+            SectionKind::Groups => self.groups.len(),
+            SectionKind::Members => self.members.len(),
+            SectionKind::Levels => self.levels.len(),
+            SectionKind::Metadata => return metadata_len,
+            SectionKind::Pages => 0,
+        };
+        count as u64 * u64::from(kind.record_len())
+    }
+
+    fn pages_offset(&self, metadata_len: u64) -> u64 {
+        let table_end = HEADER_LEN + SectionKind::ALL.len() * mem::size_of::<SectionEntry>();
+        let tables_end = SectionKind::ALL
+            .into_iter()
+            .fold(table_end as u64, |end, kind| aligned(end, kind) + self.section_len(kind, metadata_len));
+        aligned(tables_end, SectionKind::Pages)
+    }
+
+    /// Fills in what follows from other fields: order of members, statistics of levels, places of pages.
+    fn complete(&mut self, pages_offset: u64) -> Result<(), FormatError> {
+        for group in &self.groups {
+            for (first, count) in
+                [(group.coarse_first, group.coarse_count), (group.fine_first, group.fine_count)]
+            {
+                // A range outside is refused by the check that follows.
+                if let Some(ids) = self.members.get_mut(member_range(first, count)) {
+                    ids.sort_unstable();
+                }
+            }
+        }
+        self.levels = statistics(&self.clusters, &self.levels);
+        let lens: Vec<u32> = self.clusters.iter().map(|c| c.page_len).collect();
+        place_pages(pages_offset, lens, |index, offset| {
+            self.clusters[index].page_offset = offset;
+            Ok(())
+        })?;
+        Ok(())
+    }
+
+    fn header(&self) -> Result<Header, FormatError> {
+        let place = Place::File;
+        let count = |field, len: usize| {
+            u32::try_from(len).map_err(|_| crate::error::invalid(place, field, "less than 2^32", len))
+        };
+        let bounds = bounds(&self.clusters);
+        Ok(Header {
+            magic: MAGIC,
+            version_major: VERSION_MAJOR,
+            version_minor: VERSION_MINOR,
+            header_len: HEADER_LEN as u32,
+            section_count: SectionKind::ALL.len() as u32,
+            section_table_offset: HEADER_LEN as u32,
+            page_align: PAGE_ALIGN as u32,
+            attributes: crate::header::attribute_bits(self.header.attributes),
+            source_vertex_count: self.header.source_vertex_count,
+            source_triangle_count: leaf_triangles(&self.clusters),
+            cluster_count: count("clusters", self.clusters.len())?,
+            group_count: count("groups", self.groups.len())?,
+            level_count: count("levels", self.levels.len())?,
+            root_count: self.clusters.iter().filter(|c| c.is_root()).count() as u32,
+            leaf_count: self.clusters.iter().filter(|c| c.is_leaf()).count() as u32,
+            boundary_mode: self.header.boundary_mode as u32,
+            error_kind: self.header.error_kind as u32,
+            shared_vertex_count: self.header.shared_vertex_count,
+            origin: self.header.origin,
+            aabb_min: bounds.min,
+            aabb_max: bounds.max,
+            max_error: max_error(&self.clusters),
+            ..Header::zeroed()
+        })
+    }
+
+    /// Completes and checks the tables; answers all bytes of the file before its first page, and the file's length.
+    pub(crate) fn head(&mut self) -> Result<(Vec<u8>, u64), FormatError> {
+        let metadata = self.metadata.encode()?;
+        let pages_offset = self.pages_offset(metadata.len() as u64);
+        self.complete(pages_offset)?;
+        let mut header = self.header()?;
+        let structure = Structure {
+            header: &header,
+            clusters: &self.clusters,
+            groups: &self.groups,
+            members: &self.members,
+            levels: &self.levels,
+        };
+        structure.check()?;
+        let origin = self.header.origin.iter().all(|x| x.is_finite());
+        require(origin, Place::Header, "origin", "finite numbers", format_args!("{:?}", self.header.origin))?;
+        header.file_len = self.file_len()?;
+
+        let mut head = vec![0; HEADER_LEN + SectionKind::ALL.len() * mem::size_of::<SectionEntry>()];
+        let mut entries = [SectionEntry::zeroed(); 6];
+        for (kind, entry) in SectionKind::ALL.into_iter().zip(&mut entries) {
+            let offset = aligned(head.len() as u64, kind);
+            head.resize(offset as usize, 0);
+            match kind {
+                SectionKind::Clusters => head.extend_from_slice(bytemuck::cast_slice(&self.clusters)),
+                SectionKind::Groups => head.extend_from_slice(bytemuck::cast_slice(&self.groups)),
+                SectionKind::Members => head.extend_from_slice(bytemuck::cast_slice(&self.members)),
+                SectionKind::Levels => head.extend_from_slice(bytemuck::cast_slice(&self.levels)),
+                SectionKind::Metadata => head.extend_from_slice(&metadata),
+                SectionKind::Pages => {}
+            }
+            let len = head.len() as u64 - offset;
+            *entry = SectionEntry {
+                kind: kind as u32,
+                record_len: kind.record_len(),
+                offset,
+                len,
+                count: len.checked_div(u64::from(kind.record_len())).unwrap_or(1),
+                checksum: checksum(&head[offset as usize..]),
+            };
+        }
+        let pages = &mut entries[SectionKind::ALL.len() - 1];
+        (pages.len, pages.count, pages.checksum) =
+            (header.file_len - pages_offset, self.clusters.len() as u64, 0);
+        require_eq(Place::File, "offset of the pages", pages_offset, pages.offset)?;
+        let table = bytemuck::cast_slice(&entries);
+        head[HEADER_LEN..HEADER_LEN + table.len()].copy_from_slice(table);
+        header.section_table_checksum = checksum(table);
+        header.header_checksum = header.own_checksum();
+        head[..HEADER_LEN].copy_from_slice(bytemuck::bytes_of(&header));
+        Ok((head, header.file_len))
+    }
+}
+
+fn aligned(end: u64, kind: SectionKind) -> u64 {
+    let align = if kind == SectionKind::Pages { PAGE_ALIGN } else { TABLE_ALIGN };
+    align_up(end, align).unwrap_or(u64::MAX)
+}
+
+/// The level table that belongs to `clusters`, with what a builder supplies taken from `given`.
+pub(crate) fn statistics(clusters: &[ClusterRecord], given: &[LevelRecord]) -> Vec<LevelRecord> {
+    let mut levels: Vec<_> = given.iter().map(LevelRecord::without_statistics).collect();
+    for cluster in clusters {
+        // A level outside is refused by the check of the structure.
+        if let Some(level) = levels.get_mut(cluster.level as usize) {
+            level.add(cluster);
+        }
+    }
+    levels
+}
+
+/// The union of the clusters' boxes.
+pub(crate) fn bounds(clusters: &[ClusterRecord]) -> Aabb {
+    let mut bounds = Aabb::EMPTY;
+    for cluster in clusters {
+        bounds.merge(&cluster.aabb());
+    }
+    bounds
+}
+
+/// Largest error of a base mesh.
+pub(crate) fn max_error(clusters: &[ClusterRecord]) -> f32 {
+    clusters.iter().map(|c| c.max_error).fold(0.0, f32::max)
+}
+
+/// Triangles of all leaf clusters.
+pub(crate) fn leaf_triangles(clusters: &[ClusterRecord]) -> u64 {
+    clusters.iter().filter(|c| c.is_leaf()).map(|c| u64::from(c.triangle_count)).sum()
+}

@@ -1,0 +1,126 @@
+//! Checks everything about a file that the file alone can show.
+//!
+//! [`crate::Chpm::open`] makes a file safe to read; this makes it right: page checksums, statistics, and the invariants of
+//! FORMAT.md. Pages are looked at group by group, each twice (as a coarse and as a fine cluster), so memory is that of the
+//! largest group and of a table of the shared vertices.
+
+mod cluster;
+mod group;
+mod shared;
+mod tables;
+
+use crate::error::Place;
+use crate::reader::Chpm;
+use chpm_mesh::GroupId;
+use group::GroupCheck;
+use shared::SharedIds;
+use std::fmt;
+
+/// Faults that a report holds in full; further ones are counted.
+pub const MAX_FAULTS: usize = 100;
+
+/// The invariants of FORMAT.md that a file alone can show, in whole or in part.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[non_exhaustive]
+pub enum Invariant {
+    /// I1: leaves hold the source, and shared vertices are known to all that have them.
+    Coverage,
+    /// I2: the hierarchy is balanced.
+    Balance,
+    /// I3: progressive meshes end in the base mesh they announce.
+    ProgressiveMesh,
+    /// I4: finest meshes of the coarse clusters are the base meshes of the fine ones.
+    Union,
+    /// I6: errors are monotone, boxes and spheres enclose.
+    Nesting,
+    /// I7: what neighbours share collapses in all of them alike.
+    Boundary,
+    /// I8: no vertex moves.
+    Vertices,
+    /// I10: bytes are what was written; nothing is where zeros belong.
+    Bytes,
+}
+
+impl fmt::Display for Invariant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Invariant::Coverage => "I1 coverage",
+            Invariant::Balance => "I2 balance",
+            Invariant::ProgressiveMesh => "I3 progressive mesh",
+            Invariant::Union => "I4 union of children",
+            Invariant::Nesting => "I6 nesting",
+            Invariant::Boundary => "I7 boundary",
+            Invariant::Vertices => "I8 vertices",
+            Invariant::Bytes => "I10 bytes",
+        })
+    }
+}
+
+/// One thing that is wrong.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Fault {
+    /// What is broken.
+    pub invariant: Invariant,
+    /// Where.
+    pub place: Place,
+    /// What was expected, and what is there.
+    pub message: String,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}: {}", self.invariant, self.place, self.message)
+    }
+}
+
+/// What [`verify`] found.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Report {
+    /// Pages whose checksum and structure are right.
+    pub good_pages: u64,
+    /// Finest triangles of those pages.
+    pub triangles: u64,
+    /// The first [`MAX_FAULTS`] faults.
+    pub faults: Vec<Fault>,
+    /// Number of all faults.
+    pub fault_count: u64,
+}
+
+impl Report {
+    /// Whether nothing is wrong.
+    pub fn is_ok(&self) -> bool {
+        self.fault_count == 0
+    }
+
+    /// Notes a fault unless `ok`; the text is made only where it is kept.
+    fn expect(&mut self, ok: bool, invariant: Invariant, place: Place, message: impl fmt::Display) {
+        if ok {
+            return;
+        }
+        self.fault_count += 1;
+        if self.faults.len() < MAX_FAULTS {
+            self.faults.push(Fault { invariant, place, message: message.to_string() });
+        }
+    }
+}
+
+/// Verifies a file. `progress` is told clusters done and clusters in all, after every group.
+pub fn verify<D: AsRef<[u8]>>(file: &Chpm<D>, mut progress: impl FnMut(u64, u64)) -> Report {
+    let mut report = Report::default();
+    tables::check(file, &mut report);
+    let mut shared = SharedIds::new(file.header().shared_vertex_count);
+    let mut check = GroupCheck::default();
+    let total = file.clusters().len() as u64;
+    let mut done = 0;
+    for (id, group) in (0..).map(GroupId).zip(file.groups()) {
+        check.run(file, id, &mut shared, &mut report);
+        done += u64::from(group.coarse_count);
+        progress(done, total);
+    }
+    // A page that could not be read leaves its shared vertices unseen, which would blame the wrong thing.
+    if report.good_pages == total {
+        shared.finish(file.header(), &mut report);
+        tables::check_source_vertices(file, shared.leaf_ids(), &mut report);
+    }
+    report
+}

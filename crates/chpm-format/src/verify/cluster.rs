@@ -1,0 +1,91 @@
+//! What one page shows, next to its record.
+
+use super::shared::SharedIds;
+use super::tables::page_padding_is_zero;
+use super::{Invariant, Report};
+use crate::error::Place;
+use crate::header::BoundaryMode;
+use crate::page::{PAGE_HEADER_LEN, Page};
+use crate::parts::base_corners;
+use crate::reader::Chpm;
+use chpm_mesh::geom::distance;
+use chpm_mesh::{Aabb, ClusterId};
+use std::mem;
+
+/// Relative slack of a radius, for the rounding of whoever computed it.
+const RADIUS_SLACK: f64 = 1e-6;
+
+/// Checks a cluster by itself and takes its shared vertices in.
+pub(super) fn check<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    id: ClusterId,
+    page: &Page<'_>,
+    scratch: &mut Scratch,
+    shared: &mut SharedIds,
+    report: &mut Report,
+) {
+    let place = Place::Page(id);
+    check_zeros(file, id, report);
+    check_bounds(file, id, page, report);
+
+    let base = base_corners(&page.progressive_mesh(), &mut scratch.survivors).count();
+    let message =
+        format_args!("{} triangles in the base mesh expected, got {base}", page.base_triangle_count);
+    report.expect(base == page.base_triangle_count, Invariant::ProgressiveMesh, place, message);
+
+    let record = &file.clusters()[id.index()];
+    if record.is_leaf() {
+        scratch.used.clear();
+        scratch.used.resize(page.vertex_count(), false);
+        page.triangles.as_flattened().iter().for_each(|v| scratch.used[usize::from(*v)] = true);
+        let unused = scratch.used.iter().filter(|used| !**used).count();
+        let message =
+            format_args!("triangles over every vertex of a leaf expected, {unused} vertices have none");
+        report.expect(unused == 0, Invariant::Coverage, place, message);
+    }
+    let locked = file.header().boundary_mode() == Some(BoundaryMode::Lock);
+    for (local, shared_id) in page.shared() {
+        let position = page.positions[usize::from(local)].map(f32::to_bits);
+        shared.list(shared_id, position, id, (record.level, record.group()), report);
+        let collapses = usize::from(local) >= page.base_vertex_count;
+        if collapses {
+            shared.collapse(shared_id, record.group());
+        }
+        let message = format_args!("shared vertex {shared_id} collapses, though boundaries are locked");
+        report.expect(!(locked && collapses), Invariant::Boundary, place, message);
+    }
+}
+
+/// Buffers that are used again for every page.
+#[derive(Default)]
+pub(super) struct Scratch {
+    pub(super) survivors: Vec<u16>,
+    used: Vec<bool>,
+}
+
+fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, report: &mut Report) {
+    let place = Place::Page(id);
+    let reserved = mem::offset_of!(crate::PageHeader, reserved)..PAGE_HEADER_LEN;
+    let zero = file.header().version_minor != 0 || file.page_bytes(id)[reserved].iter().all(|b| *b == 0);
+    report.expect(zero, Invariant::Bytes, place, "zero expected in reserved fields");
+    report.expect(page_padding_is_zero(file, id), Invariant::Bytes, place, "zeros expected behind the page");
+}
+
+/// Numbers are finite; the boxes and spheres hold the vertices (I6).
+fn check_bounds<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, page: &Page<'_>, report: &mut Report) {
+    let place = Place::Page(id);
+    let mut numbers = page.positions.as_flattened().iter().chain(page.normals.as_flattened());
+    report.expect(numbers.all(|x| x.is_finite()), Invariant::Bytes, place, "finite numbers expected");
+
+    let record = &file.clusters()[id.index()];
+    let bounds = Aabb::of_points(page.positions);
+    let message = format_args!("vertices within {:?} expected, got {bounds:?}", record.aabb());
+    report.expect(record.aabb().contains(&bounds), Invariant::Nesting, place, message);
+    let group = &file.groups()[record.group as usize];
+    for (sphere, of) in [(record.sphere(), "the cluster"), (group.sphere(), "its group")] {
+        let reach = page.positions.iter().map(|p| distance(sphere.center, *p)).fold(0.0, f64::max);
+        let allowed = f64::from(sphere.radius) * (1.0 + RADIUS_SLACK);
+        let message = format_args!("vertices within {sphere:?} of {of} expected, one is {reach} away");
+        report.expect(reach <= allowed, Invariant::Nesting, place, message);
+    }
+}

@@ -1,0 +1,102 @@
+//! Shared vertices: one entry per id, over the whole file.
+
+use super::{Invariant, Report};
+use crate::error::Place;
+use crate::header::{BoundaryMode, Header};
+use chpm_mesh::{ClusterId, GroupId};
+
+/// What is known about a shared vertex so far.
+#[derive(Clone, Copy)]
+struct SharedVertex {
+    /// Bits of its position.
+    position: [u32; 3],
+    /// The cluster that listed it last; [`ClusterId::NONE`] before the first.
+    last: ClusterId,
+    /// The highest level that lists it, and one group that does so there.
+    top: (u32, GroupId),
+    /// The group in which it collapses.
+    gone_in: GroupId,
+    /// Whether two groups of the level `top` list it.
+    mixed: bool,
+    /// Leaf clusters that list it, up to 2.
+    leaves: u8,
+}
+
+pub(super) struct SharedIds(Vec<SharedVertex>);
+
+impl SharedIds {
+    /// `count` was checked against the lists of the file, so that it cannot ask for more memory than they take.
+    pub(super) fn new(count: u32) -> Self {
+        let unseen = SharedVertex {
+            position: [0; 3],
+            last: ClusterId::NONE,
+            top: (0, GroupId::NONE),
+            gone_in: GroupId::NONE,
+            mixed: false,
+            leaves: 0,
+        };
+        SharedIds(vec![unseen; count as usize])
+    }
+
+    /// Takes in that a cluster of `group` and `level` lists `id` at `position`.
+    pub(super) fn list(
+        &mut self,
+        id: u32,
+        position: [u32; 3],
+        cluster: ClusterId,
+        (level, group): (u32, GroupId),
+        report: &mut Report,
+    ) {
+        let entry = &mut self.0[id as usize];
+        let place = Place::Page(cluster);
+        if !entry.last.is_some() {
+            (entry.position, entry.top) = (position, (level, group));
+        }
+        let once = entry.last != cluster;
+        report.expect(once, Invariant::Coverage, place, format_args!("shared vertex {id} is listed twice"));
+        let same = entry.position == position;
+        let (here, there) = (position.map(f32::from_bits), entry.position.map(f32::from_bits));
+        let message =
+            format_args!("shared vertex {id} at {there:?} expected (as in {}), got {here:?}", entry.last);
+        report.expect(same, Invariant::Coverage, place, message);
+        entry.last = cluster;
+        if level > entry.top.0 {
+            (entry.top, entry.mixed) = ((level, group), false);
+        } else if level == entry.top.0 {
+            entry.mixed |= group != entry.top.1;
+        }
+        if level == 0 && once {
+            entry.leaves = (entry.leaves + 1).min(2);
+        }
+    }
+
+    /// Takes in that `id` collapses in the clusters of `group`.
+    pub(super) fn collapse(&mut self, id: u32, group: GroupId) {
+        let entry = &mut self.0[id as usize];
+        if entry.gone_in.is_some() && entry.gone_in != group {
+            entry.mixed = true;
+        }
+        entry.gone_in = group;
+    }
+
+    /// Ids that a leaf lists.
+    pub(super) fn leaf_ids(&self) -> u64 {
+        self.0.iter().filter(|entry| entry.leaves > 0).count() as u64
+    }
+
+    /// What only all lists together show.
+    pub(super) fn finish(&self, header: &Header, report: &mut Report) {
+        // Partitioned again, a cluster may get neighbours where no two leaves met.
+        let by_leaves = header.boundary_mode() != Some(BoundaryMode::VPartition);
+        for (id, entry) in self.0.iter().enumerate() {
+            let listed = if by_leaves { entry.leaves == 2 } else { entry.last.is_some() };
+            let message =
+                format_args!("shared vertex {id} in two leaf clusters expected, got {}", entry.leaves);
+            report.expect(listed, Invariant::Coverage, Place::File, message);
+            let alone = !entry.gone_in.is_some() || (entry.gone_in == entry.top.1 && !entry.mixed);
+            let gone = entry.gone_in;
+            let message = format_args!("shared vertex {id} collapses here, but clusters outside have it too");
+            report.expect(alone, Invariant::Boundary, Place::Group(gone), message);
+        }
+    }
+}

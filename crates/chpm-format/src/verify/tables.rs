@@ -1,0 +1,145 @@
+//! What the tables alone show: statistics, balance, errors and spheres over the groups.
+
+use super::{Invariant, Report};
+use crate::error::Place;
+use crate::reader::Chpm;
+use crate::tables::{bounds, leaf_triangles, max_error, statistics};
+use crate::{PAGE_ALIGN, align_up};
+use chpm_mesh::{ClusterId, GroupId};
+use std::fmt::Debug;
+
+pub(super) fn check<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
+    check_header(file, report);
+    check_levels(file, report);
+    check_zeros(file, report);
+    for id in (0..file.groups().len() as u32).map(GroupId) {
+        check_group(file, id, report);
+    }
+    if let Err(error) = file.metadata() {
+        report.expect(false, Invariant::Bytes, Place::File, error);
+    }
+}
+
+fn check_header<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
+    let (header, clusters) = (file.header(), file.clusters());
+    let bounds = bounds(clusters);
+    equal(
+        report,
+        Invariant::Coverage,
+        Place::Header,
+        "source_triangle_count",
+        leaf_triangles(clusters),
+        header.source_triangle_count,
+    );
+    equal(report, Invariant::Nesting, Place::Header, "max_error", max_error(clusters), header.max_error);
+    equal(report, Invariant::Nesting, Place::Header, "aabb_min", bounds.min, header.aabb_min);
+    equal(report, Invariant::Nesting, Place::Header, "aabb_max", bounds.max, header.aabb_max);
+    let height = file.levels().len() as u32 - 1;
+    let allowed = header.leaf_count.max(1).next_power_of_two().ilog2() + 1;
+    let message = format_args!("height at most {allowed} over {} leaves, got {height}", header.leaf_count);
+    report.expect(height <= allowed, Invariant::Balance, Place::Header, message);
+}
+
+fn check_levels<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
+    for (computed, stored) in statistics(file.clusters(), file.levels()).iter().zip(file.levels()) {
+        let place = Place::Level(stored.level);
+        equal(report, Invariant::Bytes, place, "statistics", *computed, *stored);
+        report.expect(stored.cluster_count > 0, Invariant::Balance, place, "a cluster expected, got none");
+        let stalled = stored.stalled_cluster_count <= stored.cluster_count;
+        report.expect(stalled, Invariant::Bytes, place, "more clusters stalled than there are");
+    }
+}
+
+/// Reserved fields are zero in version 1.0; a later minor version may use them.
+fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
+    let header = file.header();
+    if header.version_minor != 0 {
+        return;
+    }
+    let mut zero = |ok, place| report.expect(ok, Invariant::Bytes, place, "zero expected in reserved fields");
+    zero(header.reserved == [0; 92] && header.optional_flags == 0, Place::Header);
+    for (id, c) in (0..).map(ClusterId).zip(file.clusters()) {
+        let deviations = c.normal_deviation.to_bits() | c.color_deviation.to_bits();
+        zero(c.flags == 0 && deviations == 0 && c.reserved == [0; 16], Place::Cluster(id));
+    }
+    for (id, g) in (0..).map(GroupId).zip(file.groups()) {
+        zero(g.flags == 0 && g.reserved == [0; 16], Place::Group(id));
+    }
+}
+
+/// A group bounds its members, and everything that its split brings (I2, I6).
+fn check_group<D: AsRef<[u8]>>(file: &Chpm<D>, id: GroupId, report: &mut Report) {
+    let (group, place) = (&file.groups()[id.index()], Place::Group(id));
+    let coarse = || file.coarse(id).iter().map(|c| &file.clusters()[*c as usize]);
+    let min_error = coarse().map(|c| c.min_error).fold(0.0, f32::max);
+    let max_error = coarse().map(|c| c.max_error).fold(0.0, f32::max);
+    equal(
+        report,
+        Invariant::Nesting,
+        place,
+        "min_error, the largest of the members,",
+        min_error,
+        group.min_error,
+    );
+    equal(
+        report,
+        Invariant::Nesting,
+        place,
+        "max_error, the largest of the members,",
+        max_error,
+        group.max_error,
+    );
+
+    let mut below = None;
+    for fine in file.fine(id) {
+        let cluster = &file.clusters()[*fine as usize];
+        let fine_group = &file.groups()[cluster.group as usize];
+        below = below.max(Some(cluster.level));
+        let error = cluster.max_error.max(fine_group.max_error);
+        let saturated = group.min_error >= error;
+        let message =
+            format_args!("min_error at least {error} (cluster {fine} below), got {}", group.min_error);
+        report.expect(saturated, Invariant::Nesting, place, message);
+        let nested = group.sphere().contains(&fine_group.sphere());
+        let message =
+            format_args!("sphere around that of group {} expected, got {:?}", cluster.group, group.sphere());
+        report.expect(nested, Invariant::Nesting, place, message);
+    }
+    let level = below.map_or(0, |level| level + 1);
+    equal(
+        report,
+        Invariant::Balance,
+        place,
+        "level, one above the highest fine cluster,",
+        level,
+        group.level,
+    );
+}
+
+/// Vertices of the leaves, where a shared one counts once (I1).
+pub(super) fn check_source_vertices<D: AsRef<[u8]>>(file: &Chpm<D>, leaf_ids: u64, report: &mut Report) {
+    let leaves = file.clusters().iter().filter(|c| c.is_leaf());
+    let own: u64 = leaves.map(|c| u64::from(c.vertex_count - c.shared_count)).sum();
+    let stored = file.header().source_vertex_count;
+    equal(report, Invariant::Coverage, Place::Header, "source_vertex_count", own + leaf_ids, stored);
+}
+
+/// Whether the padding behind a page is zero.
+pub(super) fn page_padding_is_zero<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId) -> bool {
+    let record = &file.clusters()[id.index()];
+    let end = record.page_offset + u64::from(record.page_len);
+    let padded = align_up(end, PAGE_ALIGN).unwrap_or(end);
+    file.bytes().get(end as usize..padded as usize).is_some_and(|padding| padding.iter().all(|b| *b == 0))
+}
+
+fn equal<T: PartialEq + Debug>(
+    report: &mut Report,
+    invariant: Invariant,
+    place: Place,
+    field: &str,
+    expected: T,
+    got: T,
+) {
+    let message = format_args!("{field} {expected:?} expected, got {got:?}");
+    report.expect(expected == got, invariant, place, message);
+}

@@ -1,0 +1,14 @@
+//! Files from one end to the other: written, read, verified, damaged.
+
+/// What hostile bytes meet: every flip, every cut, every lie with right checksums.
+mod hostile;
+/// Random damage under right checksums never panics.
+mod mutate;
+/// What is written is what is read.
+mod round_trip;
+/// Small files to test with.
+mod sample;
+/// The text of a file, and the specimen of FORMAT.md.
+mod text;
+/// Every invariant that `verify` knows is missed when it is broken.
+mod verify;

@@ -1,0 +1,199 @@
+use crate::sample::{Cluster, Sample, sheet, two_level, with, write};
+use chpm_format::verify::MAX_FAULTS;
+use chpm_format::{BoundaryMode, Chpm, HeaderFields, Invariant, LevelRecord, Place, Tables, verify};
+use chpm_mesh::{Attributes, ClusterId};
+
+/// The invariants that a file breaks, each once.
+fn broken(bytes: Vec<u8>) -> Vec<Invariant> {
+    let report = verify(&Chpm::open(bytes).unwrap(), |_, _| ());
+    let mut invariants: Vec<_> = report.faults.iter().map(|f| f.invariant).collect();
+    invariants.sort_unstable();
+    invariants.dedup();
+    invariants
+}
+
+fn changed(change: impl FnOnce(&mut Sample)) -> Vec<Invariant> {
+    let mut sample = two_level();
+    change(&mut sample);
+    broken(sample.bytes())
+}
+
+fn retold(change: impl FnOnce(&mut Tables)) -> Vec<Invariant> {
+    let (mut tables, pages) = two_level().tables();
+    change(&mut tables);
+    broken(write(&mut tables, &pages))
+}
+
+#[test]
+fn a_good_file_breaks_none() {
+    assert_eq!(changed(|_| ()), []);
+    assert_eq!(retold(|_| ()), []);
+}
+
+#[test]
+fn coverage() {
+    assert_eq!(retold(|t| t.header.source_vertex_count -= 1), [Invariant::Coverage]);
+    let bytes = two_level().bytes();
+    assert_eq!(broken(with(&bytes, 56, &[99])), [Invariant::Coverage], "source_triangle_count");
+    // An id that nobody lists; a leaf vertex that nothing uses; an id listed twice; a shared vertex in two places.
+    assert_eq!(retold(|t| t.header.shared_vertex_count += 1), [Invariant::Coverage]);
+    let unused = changed(|s| {
+        s.clusters[1].positions.insert(0, [4.0, 2.0, 0.5]);
+        s.clusters[1].triangles.iter_mut().flatten().for_each(|v| *v += 1);
+        s.clusters[1].targets.iter_mut().for_each(|v| *v += 1);
+        s.clusters[1].shared.iter_mut().for_each(|(local, _)| *local += 1);
+        s.header.source_vertex_count += 1;
+    });
+    assert_eq!(unused, [Invariant::Coverage]);
+    assert_eq!(changed(|s| s.clusters[1].shared[1].1 = 0), [Invariant::Coverage]);
+}
+
+#[test]
+fn balance() {
+    // The parent claims to be two above its children.
+    let skipped = retold(|t| {
+        t.clusters[0].level = 2;
+        t.groups[2].level = 2;
+        t.levels.push(LevelRecord { level: 2, ..LevelRecord::default() });
+    });
+    assert_eq!(skipped, [Invariant::Balance]);
+}
+
+#[test]
+fn progressive_meshes() {
+    // In page and record alike, so that only playing it shows: leaf 2 at 12288.
+    let mut bytes = two_level().bytes();
+    let count = bytes[12288 + 20];
+    for offset in [12288 + 20, 512 + 2 * 128 + 28] {
+        bytes[offset] = count - 1;
+    }
+    let level = 1152 + 32;
+    bytes = with(&bytes, level, &[bytes[level] - 1]);
+    assert_eq!(broken(bytes), [Invariant::ProgressiveMesh]);
+}
+
+#[test]
+fn unions() {
+    assert_eq!(changed(|s| s.clusters[0].triangles[3].rotate_left(1)), [], "a rotation is the same triangle");
+    assert_eq!(changed(|s| s.clusters[0].triangles.reverse()), [], "order does not matter");
+    assert_eq!(changed(|s| s.clusters[0].triangles[3].reverse()), [Invariant::Union], "another orientation");
+    let twice = |s: &mut Sample| s.clusters[0].triangles[3] = s.clusters[0].triangles[4];
+    assert!(changed(twice).contains(&Invariant::Union), "a multiset");
+    let dropped = |s: &mut Sample| s.clusters[0].triangles.truncate(4);
+    assert!(changed(dropped).contains(&Invariant::Union));
+}
+
+#[test]
+fn nesting() {
+    assert_eq!(retold(|t| t.groups[2].min_error *= 0.5), [Invariant::Nesting]);
+    assert_eq!(retold(|t| t.groups[2].max_error *= 2.0), [Invariant::Nesting]);
+    assert_eq!(retold(|t| t.groups[2].radius *= 0.5), [Invariant::Nesting]);
+    assert_eq!(
+        retold(|t| t.groups[0].radius *= 4.0),
+        [Invariant::Nesting],
+        "the parent's no longer holds it"
+    );
+    assert_eq!(retold(|t| t.clusters[1].radius *= 0.5), [Invariant::Nesting]);
+    assert_eq!(retold(|t| t.clusters[1].aabb_max[2] *= 0.5), [Invariant::Nesting]);
+    let lower = |s: &mut Sample| {
+        s.clusters[0].min_error = 0.0;
+        s.clusters[0].errors.fill(0.001);
+    };
+    assert_eq!(changed(lower), [Invariant::Nesting], "a parent better than its children");
+    let bytes = two_level().bytes();
+    assert_eq!(broken(with(&bytes, 144, &[1])), [Invariant::Nesting], "the header's max_error");
+    assert_eq!(broken(with(&bytes, 120, &[1])), [Invariant::Nesting], "the header's box");
+}
+
+#[test]
+fn vertices() {
+    let moved = changed(|s| s.clusters[0].positions[0][1] = 0.25);
+    assert!(moved.contains(&Invariant::Vertices) && moved.contains(&Invariant::Union), "{moved:?}");
+    let minus_zero = changed(|s| s.clusters[0].positions[0][0] = -0.0);
+    assert!(minus_zero.contains(&Invariant::Vertices), "bits, not values");
+    let mut sample = sheet(4, 2, 2, Attributes { normals: true, colors: true });
+    assert_eq!(broken(sample.bytes()), []);
+    sample.clusters[0].colors[2][3] ^= 1;
+    assert_eq!(broken(sample.bytes()), [Invariant::Vertices]);
+}
+
+#[test]
+fn bytes() {
+    let good = two_level().bytes();
+    let sealed = |offset| broken(with(&good, offset, &[1]));
+    assert_eq!(sealed(150), [Invariant::Bytes], "reserved in the header");
+    assert_eq!(sealed(512 + 44), [Invariant::Bytes], "cluster flags");
+    assert_eq!(sealed(896 + 60), [Invariant::Bytes], "reserved in a group");
+    assert_eq!(sealed(4096 + 60), [Invariant::Bytes], "reserved in a page");
+    assert_eq!(sealed(8191), [Invariant::Bytes], "padding of a page");
+    assert_eq!(sealed(1152 + 8), [Invariant::Bytes], "statistics of a level");
+    let not_finite = changed(|s| s.clusters[1].positions[0][0] = f32::NAN);
+    assert!(not_finite.contains(&Invariant::Bytes));
+    let mut damaged = good;
+    damaged[8192 + 100] ^= 1;
+    let report = verify(&Chpm::open(damaged).unwrap(), |_, _| ());
+    assert_eq!((report.good_pages, report.fault_count), (2, 1));
+    assert_eq!(report.faults[0].place, Place::Page(ClusterId(1)));
+}
+
+/// Two leaves of one group, whose shared vertex 1 collapses to shared vertex 0 in both; the parent is above.
+fn dependent() -> Sample {
+    let leaf = |x: f32| Cluster {
+        positions: vec![[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [x, 1.0, 0.0], [0.0, 1.0, 0.0]],
+        triangles: if x < 0.0 { vec![[2, 0, 3], [2, 3, 1]] } else { vec![[2, 3, 0], [2, 1, 3]] },
+        targets: vec![0],
+        errors: vec![0.5],
+        shared: vec![(0, 0), (1, 2), (3, 1)],
+        parent: Some(1),
+        ..Cluster::default()
+    };
+    let parent = Cluster {
+        positions: vec![[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [-1.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
+        triangles: vec![[2, 0, 1], [3, 1, 0]],
+        min_error: 0.5,
+        level: 1,
+        group: 1,
+        ..Cluster::default()
+    };
+    Sample {
+        header: HeaderFields {
+            boundary_mode: BoundaryMode::Dependencies,
+            source_vertex_count: 5,
+            shared_vertex_count: 3,
+            ..HeaderFields::default()
+        },
+        clusters: vec![parent, leaf(-1.0), leaf(1.0)],
+        groups: vec![(vec![1, 2], vec![]), (vec![0], vec![1, 2])],
+    }
+}
+
+#[test]
+fn boundaries() {
+    let broken_by = |change: &dyn Fn(&mut Sample)| {
+        let mut sample = dependent();
+        change(&mut sample);
+        broken(sample.bytes())
+    };
+    assert_eq!(broken_by(&|_| ()), []);
+    assert_eq!(broken_by(&|s| s.header.boundary_mode = BoundaryMode::Lock), [Invariant::Boundary]);
+    assert_eq!(broken_by(&|s| s.clusters[1].errors[0] = 0.25), [Invariant::Boundary], "at another error");
+    assert!(broken_by(&|s| s.clusters[1].targets[0] = 1).contains(&Invariant::Boundary), "to another place");
+    let apart = |s: &mut Sample| {
+        s.groups = vec![(vec![1], vec![]), (vec![2], vec![]), (vec![0], vec![1, 2])];
+        (s.clusters[0].group, s.clusters[2].group) = (2, 1);
+        (s.clusters[1].parent, s.clusters[2].parent) = (Some(2), Some(2));
+    };
+    assert_eq!(broken_by(&apart), [Invariant::Boundary], "its neighbour is in another group");
+}
+
+#[test]
+fn faults_are_counted_when_they_are_too_many_to_keep() {
+    let mut sample = sheet(64, 40, 16, Attributes::NONE);
+    for cluster in &mut sample.clusters {
+        for (_, id) in &mut cluster.shared {
+            *id = 0;
+        }
+    }
+    let report = verify(&Chpm::open(sample.bytes()).unwrap(), |_, _| ());
+    assert!(report.faults.len() == MAX_FAULTS && report.fault_count > 1000);
+}

@@ -1,0 +1,169 @@
+//! Dense deterministic samples of a mesh: its vertices, its edges, its triangles.
+
+use chpm_mesh::{TriMesh, geom};
+use nalgebra::Point3;
+
+/// How many samples go on edges and triangles; vertices are always all sampled.
+///
+/// Every triangle gets `per_triangle`. Where a mesh is coarse those are far apart, so a mesh may be given a `budget` as
+/// well, shared by area: a triangle then gets the larger of the two. Edges go by the square root of both, by length.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Density {
+    /// Least samples inside each triangle.
+    pub per_triangle: usize,
+    /// Samples inside all triangles together, by area.
+    pub budget: usize,
+    /// Moves the samples about.
+    pub seed: u64,
+}
+
+/// A mesh with the number of samples on each of its parts.
+pub struct Sampler<'a> {
+    mesh: &'a TriMesh,
+    density: Density,
+    vertices: Vec<u32>,
+    edges: Vec<[u32; 2]>,
+    total_area: f64,
+    total_length: f64,
+}
+
+impl<'a> Sampler<'a> {
+    /// Lists the vertices and edges that triangles use.
+    ///
+    /// # Panics
+    /// If a triangle names a vertex that is not there.
+    pub fn new(mesh: &'a TriMesh, density: Density) -> Self {
+        let mut vertices: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let sides = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]].map(|[u, v]| [u.min(v), u.max(v)]);
+        let mut edges: Vec<[u32; 2]> = mesh.triangles.iter().flat_map(sides).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let mut sampler = Sampler { mesh, density, vertices, edges, total_area: 0.0, total_length: 0.0 };
+        sampler.total_area = (0..mesh.triangles.len()).map(|t| sampler.area(t)).sum();
+        sampler.total_length = (0..sampler.edges.len()).map(|e| sampler.length(e)).sum();
+        sampler
+    }
+
+    /// Vertices to sample.
+    pub fn vertex_count(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// Edges to sample.
+    pub fn edge_count(&self) -> usize {
+        self.edges.len()
+    }
+
+    /// Triangles to sample.
+    pub fn triangle_count(&self) -> usize {
+        self.mesh.triangles.len()
+    }
+
+    /// Area of a triangle.
+    pub fn area(&self, triangle: usize) -> f64 {
+        let [a, b, c] = self.mesh.corners(self.mesh.triangles[triangle]);
+        0.5 * geom::area_vector(a, b, c).norm()
+    }
+
+    fn length(&self, edge: usize) -> f64 {
+        let [a, b] = self.edges[edge].map(|v| self.mesh.positions[v as usize]);
+        geom::distance(a, b)
+    }
+
+    /// The one sample of a vertex.
+    pub fn vertex(&self, index: usize) -> Point3<f64> {
+        geom::to_f64(self.mesh.positions[self.vertices[index] as usize])
+    }
+
+    /// Samples strictly inside an edge, at equal steps.
+    pub fn on_edge(&self, edge: usize) -> impl Iterator<Item = Point3<f64>> {
+        let root = |n: usize| (n as f64).sqrt().ceil();
+        let share =
+            root(self.density.budget) * root(self.edges.len()) * self.length(edge) / self.total_length;
+        let count = (share as usize).max(root(self.density.per_triangle) as usize);
+        let [a, b] = self.edges[edge].map(|v| geom::to_f64(self.mesh.positions[v as usize]));
+        (0..count).map(move |i| a + (b - a) * ((i as f64 + 0.5) / count as f64))
+    }
+
+    /// Samples inside a triangle: one in each of equal strips of area, spread along the strips by the golden ratio.
+    pub fn in_triangle(&self, triangle: usize) -> impl Iterator<Item = Point3<f64>> {
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        let share = self.density.budget as f64 * self.area(triangle) / self.total_area;
+        let count = (share as usize).max(self.density.per_triangle);
+        let [a, b, c] = self.mesh.corners(self.mesh.triangles[triangle]).map(geom::to_f64);
+        let shift = scramble(self.density.seed, triangle as u64);
+        (0..count).map(move |i| {
+            let reach = ((i as f64 + 0.5) / count as f64).sqrt();
+            let across = (shift + i as f64 * GOLDEN).fract();
+            a + ((b - a) * (1.0 - across) + (c - a) * across) * reach
+        })
+    }
+}
+
+/// A number in [0, 1) that has nothing to do with its neighbours'.
+fn scramble(seed: u64, index: u64) -> f64 {
+    let mut x = seed.rotate_left(32) ^ index.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    for _ in 0..2 {
+        x = (x ^ (x >> 31)).wrapping_mul(0x7fb5_d329_728e_a185);
+    }
+    ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::squared_distance;
+    use chpm_mesh::synth::hand;
+
+    #[test]
+    fn every_part_is_sampled_once() {
+        let cube = hand::cube();
+        let sampler = Sampler::new(&cube, Density { per_triangle: 9, budget: 0, seed: 0 });
+        let counts = (sampler.vertex_count(), sampler.edge_count(), sampler.triangle_count());
+        assert_eq!(counts, (8, 18, 12));
+        assert_eq!(sampler.on_edge(0).count(), 3);
+        assert_eq!(sampler.in_triangle(0).count(), 9);
+        assert_eq!(sampler.area(3), 0.5);
+    }
+
+    #[test]
+    fn samples_lie_on_their_triangle_and_fill_it() {
+        let mesh = hand::strip(1);
+        let sampler = Sampler::new(&mesh, Density { per_triangle: 1000, budget: 0, seed: 7 });
+        let corners = mesh.corners(mesh.triangles[0]);
+        let mut mean = Point3::origin().coords;
+        for p in sampler.in_triangle(0) {
+            assert!(squared_distance(p, corners) < 1e-24);
+            mean += p.coords / 1000.0;
+        }
+        let middle: nalgebra::Vector3<f64> =
+            corners.map(|c| geom::to_f64(c).coords).iter().sum::<nalgebra::Vector3<f64>>() / 3.0;
+        assert!((mean - middle).norm() < 1e-3, "{mean}");
+    }
+
+    #[test]
+    fn a_budget_goes_by_area_and_length() {
+        let mut mesh = hand::soup(2);
+        mesh.positions[3..].iter_mut().for_each(|p| *p = p.map(|x| 3.0 * x));
+        let sampler = Sampler::new(&mesh, Density { per_triangle: 2, budget: 100, seed: 0 });
+        assert_eq!([0, 1].map(|t| sampler.in_triangle(t).count()), [10, 90]);
+        // Six edges, 25 samples: 2 + 2 * sqrt(2) of length against three times that.
+        let long = sampler.edges.iter().position(|e| *e == [4, 5]).unwrap();
+        assert_eq!(
+            sampler.on_edge(long).count(),
+            (30.0 * 3.0 * 2f64.sqrt() / (4.0 * (2.0 + 2f64.sqrt()))) as usize
+        );
+    }
+
+    #[test]
+    fn nothing_has_no_samples() {
+        let empty = TriMesh::default();
+        let sampler = Sampler::new(&empty, Density { per_triangle: 4, budget: 100, seed: 0 });
+        assert_eq!((sampler.vertex_count(), sampler.edge_count(), sampler.triangle_count()), (0, 0, 0));
+        let flat = TriMesh::new(vec![[1.0; 3]; 3], vec![[0, 1, 2]]);
+        let sampler = Sampler::new(&flat, Density { per_triangle: 4, budget: 100, seed: 0 });
+        assert_eq!(sampler.in_triangle(0).count(), 4);
+    }
+}

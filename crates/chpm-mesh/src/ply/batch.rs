@@ -1,0 +1,102 @@
+//! What the reader is asked for, and what it hands over.
+
+/// What to do about data that is invalid.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Invalid {
+    /// Stop with an error that says where.
+    #[default]
+    Refuse,
+    /// Go on without it, and count it in the [`Tally`].
+    ///
+    /// A vertex with a coordinate that is not finite is delivered as the zero point and listed in
+    /// [`Batch::invalid_vertices`], so that indices stay as they are. Faces, and triangles of strips, that use such a vertex or
+    /// an index out of range are not delivered. A file that ends early ends the stream early. Needs the vertices
+    /// before the faces. Text that is no number, and absurd lists, are refused all the same: nothing after them can be trusted.
+    Drop,
+}
+
+/// How to read.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Options {
+    /// What to do about invalid data. Default: refuse.
+    pub invalid: Invalid,
+    /// Whether to deliver vertex normals if there are any. Default: yes.
+    pub normals: bool,
+    /// Whether to deliver vertex colours if there are any. Default: yes.
+    pub colors: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { invalid: Invalid::Refuse, normals: true, colors: true }
+    }
+}
+
+/// What a [`Batch`] holds.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum BatchKind {
+    /// At least one vertex.
+    Vertices,
+    /// At least one triangle.
+    Triangles,
+    /// Nothing: the stream is over.
+    End,
+}
+
+/// Some vertices or some triangles; refilled by every call, so that its memory is used again.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Batch {
+    /// Index of the first vertex, or the number of triangles delivered before.
+    pub first: u64,
+    /// Positions if the file's coordinates fit single precision, else empty.
+    pub positions: Vec<[f32; 3]>,
+    /// Positions if the file's coordinates need double precision, else empty.
+    pub positions_f64: Vec<[f64; 3]>,
+    /// As many normals as positions, or empty. As given: not necessarily of unit length; zero where not finite.
+    pub normals: Vec<[f32; 3]>,
+    /// As many colours (RGBA) as positions, or empty.
+    pub colors: Vec<[u8; 4]>,
+    /// Indices, in this file, of vertices of this batch that are not finite; always empty with [`Invalid::Refuse`].
+    pub invalid_vertices: Vec<u64>,
+    /// Triangles: three different vertices each, all in range.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Batch {
+    /// Vertices or triangles after which a batch is handed over; only a polygon can take it beyond.
+    pub(super) const FULL: usize = 1 << 14;
+
+    pub(super) fn clear(&mut self) {
+        self.positions.clear();
+        self.positions_f64.clear();
+        self.normals.clear();
+        self.colors.clear();
+        self.invalid_vertices.clear();
+        self.triangles.clear();
+    }
+
+    pub(super) fn vertex_count(&self) -> usize {
+        self.positions.len().max(self.positions_f64.len())
+    }
+}
+
+/// What was not delivered as it is in the file.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Tally {
+    /// Vertices with a coordinate that is not finite (delivered as zero and listed).
+    pub dropped_vertices: u64,
+    /// Faces, and triangles of strips, with an invalid corner.
+    pub dropped_faces: u64,
+    /// Vertices that the header declares and the file has not.
+    pub missing_vertices: u64,
+    /// Faces and strip lists that the header declares and the file has not, or not whole.
+    pub missing_faces: u64,
+    /// Faces of fewer than three corners, and triangles (of faces, fans or strips) with two equal corners. Never delivered.
+    pub degenerate_faces: u64,
+    /// Faces of more than three corners that were cut into a fan.
+    pub polygons_triangulated: u64,
+    /// Triangle strips of at least three corners.
+    pub strips: u64,
+    /// Normals that were not finite and are delivered as zero.
+    pub zeroed_normals: u64,
+}

@@ -1,0 +1,42 @@
+//! PLY as it is found in the world: a streaming reader that is total on hostile bytes, and a writer.
+//!
+//! [`PlyReader`] parses the header at once and then hands over the body in [`Batch`]es. It reads the file once,
+//! front to back, in blocks of 1 MiB, and nothing that it allocates is sized by a number from the file. What it reads:
+//!
+//! - ASCII, binary little endian and binary big endian; header lines that end in LF, CRLF or CR;
+//! - elements in any order, properties in any order and of any scalar type; other elements and properties are skipped, with
+//!   a [`Warning`];
+//! - `vertex`: `x y z`, and if asked for `nx ny nz`, and `red green blue [alpha]` or `diffuse_red ...`;
+//! - `face`: a list `vertex_indices` or `vertex_index`. A polygon becomes the fan about its first corner, which
+//!   is the right surface for convex polygons only;
+//! - `tristrips`: the same lists, as strips of alternating winding that -1 restarts.
+//!
+//! Coordinates of type `float` or of an integer type of at most 16 bits are delivered as `f32` and are exact; `double`,
+//! `int` and `uint` coordinates are delivered as `f64` and are exact too.
+
+mod ascii;
+mod batch;
+mod binary;
+mod error;
+mod faces;
+mod header;
+mod read;
+mod schema;
+mod source;
+mod vertices;
+mod warning;
+mod write;
+
+pub use batch::{Batch, BatchKind, Invalid, Options, Tally};
+pub use error::{Place, PlyError};
+pub use header::{Element, Encoding, Header, Property, PropertyType, ScalarType};
+pub use read::{PlyReader, read_mesh};
+pub use schema::VertexFormat;
+pub use warning::Warning;
+pub use write::{PlyWriter, write_mesh};
+
+/// Vertices that a file may have at most: an index is a `u32`, and one value of it is kept free.
+pub const MAX_VERTICES: u64 = u32::MAX as u64;
+
+/// Corners that one polygon may have at most; it is read whole, so that a bad corner can drop all of it.
+pub const MAX_CORNERS: u64 = 1 << 20;

@@ -1,0 +1,7 @@
+//! PLY files: the flavours of the world read exactly, errors say where, and no bytes make the reader panic.
+
+mod errors;
+mod flavours;
+mod forge;
+mod hostile;
+mod roundtrip;

@@ -1,0 +1,369 @@
+//! The driver: half-edge collapses in the order of their quadric error until half the triangles are gone.
+//!
+//! One heap entry per vertex, re-evaluated when it comes up: costs only go stale towards the cheap side often enough that a
+//! stale entry is simply pushed back with its true cost.
+
+use crate::adjacency::Adjacency;
+use crate::fan::{Fan, FanKind, MAX_VALENCE};
+use crate::quadric::Quadric;
+use crate::refusal::{Refusal, Refusals};
+use chpm_mesh::geom::{area_vector, round_up, to_f64};
+use nalgebra::Vector3;
+use std::collections::BinaryHeap;
+
+/// Weight of the squared edge length, relative to the area, in the order of collapses. It decides between collapses that cost
+/// the same, as in planes and along lines, in favour of the shorter edge; it is no part of an error.
+const LENGTH_TERM: f64 = 1e-5;
+
+/// A collapse is a flip if the cosine between a face's normals before and after is not above this.
+const MIN_COSINE: f64 = 0.25;
+
+/// One cluster's mesh: positions, triangles over local indices, and which vertices must stay.
+#[derive(Clone, Copy, Debug)]
+pub struct Patch<'a> {
+    /// Vertex positions, at most 65,535.
+    pub positions: &'a [[f32; 3]],
+    /// Triangles with three different corners.
+    pub triangles: &'a [[u16; 3]],
+    /// Per vertex, whether another cluster shares it, so that it may not collapse.
+    pub locked: &'a [bool],
+}
+
+/// One half-edge collapse.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Collapse {
+    /// The vertex that goes.
+    pub from: u16,
+    /// The neighbour that it goes to.
+    pub to: u16,
+    /// Error of the mesh after this collapse, object units: the largest `sqrt(quadric / area)` so far.
+    pub error: f32,
+}
+
+/// What a decimation did.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome<'a> {
+    /// The collapses in the order in which they were carried out.
+    pub collapses: &'a [Collapse],
+    /// Triangles that are left.
+    pub triangle_count: usize,
+    /// Whether it ended above the target because nothing more could collapse.
+    pub stalled: bool,
+    /// Collapses refused, by reason.
+    pub refusals: Refusals,
+}
+
+/// What a vertex may do. Collapses that pass the link test keep it as it is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum VertexKind {
+    Interior,
+    Boundary,
+    /// Locked, of too high a valence, or of no single fan: stays.
+    Fixed,
+}
+
+/// The kernel's scratch: give each thread its own and use it for cluster after cluster.
+#[derive(Debug, Default)]
+pub struct Decimator {
+    adjacency: Adjacency,
+    fan: Fan,
+    quadrics: Vec<Quadric>,
+    kinds: Vec<VertexKind>,
+    waiting: Vec<bool>,
+    heap: BinaryHeap<Entry>,
+    candidates: Vec<(f32, u16)>,
+    collapses: Vec<Collapse>,
+}
+
+/// A vertex in the queue: cheapest first, then the smallest index.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+struct Entry(u64);
+
+impl Entry {
+    fn new(cost: f32, vertex: u16) -> Self {
+        Entry(!(u64::from(cost.to_bits()) << 32 | u64::from(vertex)))
+    }
+
+    fn vertex(self) -> u16 {
+        !self.0 as u16
+    }
+
+    fn cost(self) -> f32 {
+        f32::from_bits((!self.0 >> 32) as u32)
+    }
+}
+
+impl Decimator {
+    /// Collapses until at most `target` triangles are left or nothing more can go. `min_error` is the error that the patch
+    /// comes with; the errors of the collapses start from it.
+    pub fn decimate(&mut self, patch: &Patch<'_>, target: usize, min_error: f32) -> Outcome<'_> {
+        let mut refusals = Refusals::default();
+        self.adjacency.build(patch.positions.len(), patch.triangles);
+        self.fan.reset(patch.positions.len());
+        self.accumulate_quadrics(patch);
+        self.classify_vertices(patch, &mut refusals);
+        self.fill_queue(patch);
+        let (triangle_count, stalled) = self.run(patch, target, min_error, &mut refusals);
+        Outcome { collapses: &self.collapses, triangle_count, stalled, refusals }
+    }
+
+    fn accumulate_quadrics(&mut self, patch: &Patch<'_>) {
+        self.quadrics.clear();
+        self.quadrics.resize(patch.positions.len(), Quadric::default());
+        for corners in patch.triangles {
+            let [a, b, c] = corners.map(|v| patch.positions[usize::from(v)]);
+            let normal = area_vector(a, b, c);
+            for v in corners {
+                self.quadrics[usize::from(*v)].add_face(normal);
+            }
+        }
+    }
+
+    /// Sorts out who may collapse, and gives boundary edges their planes.
+    fn classify_vertices(&mut self, patch: &Patch<'_>, refusals: &mut Refusals) {
+        self.kinds.clear();
+        for vertex in 0..patch.positions.len() {
+            let vertex = vertex as u16;
+            if self.adjacency.count(vertex) > MAX_VALENCE {
+                if !patch.locked[usize::from(vertex)] {
+                    refusals.add(Refusal::Valence);
+                }
+                self.kinds.push(VertexKind::Fixed);
+                continue;
+            }
+            self.fan.gather(&mut self.adjacency, vertex);
+            let fan = self.fan.classify();
+            if let FanKind::Open(first, last) = fan {
+                self.add_boundary_planes(patch, vertex, first, last);
+            }
+            self.kinds.push(match fan {
+                _ if patch.locked[usize::from(vertex)] => VertexKind::Fixed,
+                FanKind::Closed => VertexKind::Interior,
+                FanKind::Open(..) => VertexKind::Boundary,
+                FanKind::Broken => {
+                    refusals.add(Refusal::NonManifold);
+                    VertexKind::Fixed
+                }
+            });
+        }
+    }
+
+    fn add_boundary_planes(&mut self, patch: &Patch<'_>, vertex: u16, first: u16, last: u16) {
+        let position = |v: u16| patch.positions[usize::from(v)];
+        for &(a, b) in &self.fan.wings {
+            let normal = area_vector(position(vertex), position(a), position(b));
+            for end in [(a == first).then_some(a), (b == last).then_some(b)].into_iter().flatten() {
+                let edge = to_f64(position(end)) - to_f64(position(vertex));
+                self.quadrics[usize::from(vertex)].add_boundary(edge, normal);
+            }
+        }
+    }
+
+    fn fill_queue(&mut self, patch: &Patch<'_>) {
+        self.waiting.clear();
+        self.waiting.resize(patch.positions.len(), false);
+        let mut entries = std::mem::take(&mut self.heap).into_vec();
+        entries.clear();
+        for vertex in 0..patch.positions.len() {
+            if self.kinds[vertex] != VertexKind::Fixed {
+                let cost = self.evaluate(patch, vertex as u16);
+                entries.push(Entry::new(cost, vertex as u16));
+            }
+        }
+        self.heap = BinaryHeap::from(entries);
+    }
+
+    /// Gathers the fan of `u` and its half-edges with their costs; answers the least cost. For a boundary vertex the inner
+    /// edges are among them, so that the answer is a lower bound; the legality test sorts them out.
+    fn evaluate(&mut self, patch: &Patch<'_>, u: u16) -> f32 {
+        self.fan.gather(&mut self.adjacency, u);
+        self.candidates.clear();
+        let quadric = &self.quadrics[usize::from(u)];
+        let origin = to_f64(patch.positions[usize::from(u)]);
+        let mut least = f32::INFINITY;
+        let mut add = |v: u16| {
+            let d = to_f64(patch.positions[usize::from(v)]) - origin;
+            let cost = (quadric.at(d) + LENGTH_TERM * quadric.area * d.norm_squared()) as f32;
+            least = least.min(cost);
+            self.candidates.push((cost, v));
+        };
+        for &(a, _) in &self.fan.wings {
+            add(a);
+        }
+        if self.kinds[usize::from(u)] == VertexKind::Boundary {
+            // The fan is open: its last vertex follows in a wing but leads none.
+            let last = self.fan.wings.iter().find(|(_, b)| self.fan.wings.iter().all(|(a, _)| a != b));
+            if let Some(&(_, last)) = last {
+                add(last);
+            }
+        }
+        least
+    }
+
+    fn run(
+        &mut self,
+        patch: &Patch<'_>,
+        target: usize,
+        min_error: f32,
+        refusals: &mut Refusals,
+    ) -> (usize, bool) {
+        self.collapses.clear();
+        let mut alive = patch.triangles.len();
+        let mut error = min_error;
+        while alive > target {
+            let Some(entry) = self.heap.pop() else { return (alive, true) };
+            let u = entry.vertex();
+            let least = self.evaluate(patch, u);
+            let next = self.heap.peek().map_or(f32::INFINITY, |e| e.cost());
+            if least > next {
+                self.heap.push(Entry::new(least, u));
+                continue;
+            }
+            let Some((cost, v)) = self.cheapest_legal(patch, u, refusals) else {
+                self.waiting[usize::from(u)] = true;
+                continue;
+            };
+            if cost > next {
+                self.heap.push(Entry::new(cost, u));
+                continue;
+            }
+            let (quadric, offset) = (self.quadrics[usize::from(u)], self.offset(patch, u, v));
+            if quadric.area > 0.0 {
+                error = error.max(min_error + round_up((quadric.at(offset) / quadric.area).sqrt()));
+            }
+            self.quadrics[usize::from(v)].add_moved(&quadric, offset);
+            alive -= self.adjacency.collapse(u, v);
+            self.collapses.push(Collapse { from: u, to: v, error });
+            self.wake_ring(cost);
+        }
+        (alive, false)
+    }
+
+    fn offset(&self, patch: &Patch<'_>, u: u16, v: u16) -> Vector3<f64> {
+        to_f64(patch.positions[usize::from(v)]) - to_f64(patch.positions[usize::from(u)])
+    }
+
+    /// Puts ring vertices that had no legal collapse back into the queue: the ring has changed.
+    fn wake_ring(&mut self, cost: f32) {
+        for i in 0..self.fan.wings.len() {
+            let (a, b) = self.fan.wings[i];
+            for w in [a, b] {
+                if std::mem::take(&mut self.waiting[usize::from(w)]) {
+                    self.heap.push(Entry::new(cost, w));
+                }
+            }
+        }
+    }
+
+    /// The cheapest of the evaluated half-edges that may collapse.
+    fn cheapest_legal(&mut self, patch: &Patch<'_>, u: u16, refusals: &mut Refusals) -> Option<(f32, u16)> {
+        let fan = self.fan.classify();
+        while let Some(best) = (0..self.candidates.len()).min_by(|&i, &j| {
+            self.candidates[i]
+                .0
+                .total_cmp(&self.candidates[j].0)
+                .then(self.candidates[i].1.cmp(&self.candidates[j].1))
+        }) {
+            let (cost, v) = self.candidates.swap_remove(best);
+            match self.check(patch, fan, u, v) {
+                Ok(()) => return Some((cost, v)),
+                Err(refusal) => refusals.add(refusal),
+            }
+        }
+        None
+    }
+
+    /// Whether u -> v may be carried out. The tests go from cheap to dear.
+    fn check(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> Result<(), Refusal> {
+        match fan {
+            FanKind::Broken => return Err(Refusal::NonManifold),
+            FanKind::Open(first, last) if v != first && v != last => return Err(Refusal::Boundary),
+            _ => {}
+        }
+        let degree = self.fan.wings.len();
+        if self.adjacency.count(v) > 4 * MAX_VALENCE {
+            return Err(Refusal::Valence);
+        }
+        let (mut before, mut after) = (None, None);
+        for &(a, b) in &self.fan.wings {
+            if b == v {
+                before = Some(a);
+            }
+            if a == v {
+                after = Some(b);
+            }
+        }
+        if patch.locked[usize::from(v)] && self.joins_locked(patch, v, before, after) {
+            return Err(Refusal::LockedEdge);
+        }
+        let remaining = self.check_link(v, u, before, after)?;
+        if remaining + degree > MAX_VALENCE + 4 {
+            return Err(Refusal::Valence);
+        }
+        let dying = usize::from(before.is_some()) + usize::from(after.is_some());
+        if remaining + degree == dying {
+            return Err(Refusal::Component);
+        }
+        self.check_flips(patch, u, v)
+    }
+
+    /// Whether a new edge at the locked vertex `v` would end at another locked vertex: another cluster may own such an edge.
+    fn joins_locked(&self, patch: &Patch<'_>, v: u16, before: Option<u16>, after: Option<u16>) -> bool {
+        let apex = |w: u16| w == v || Some(w) == before || Some(w) == after;
+        self.fan
+            .wings
+            .iter()
+            .any(|&(a, b)| [a, b].into_iter().any(|w| !apex(w) && patch.locked[usize::from(w)]))
+    }
+
+    /// The link condition: besides the apexes of the edge, u and v have no neighbour in common, and no face of v lies opposite to
+    /// the edge. Answers how many faces v has apart from those of u.
+    fn check_link(
+        &mut self,
+        v: u16,
+        u: u16,
+        before: Option<u16>,
+        after: Option<u16>,
+    ) -> Result<usize, Refusal> {
+        let (ids, faces) = self.adjacency.living(v);
+        let mut remaining = 0;
+        for &id in ids {
+            let (x, y) = faces[id as usize].others(v);
+            if x == u || y == u {
+                continue;
+            }
+            remaining += 1;
+            let apex = |w: u16| Some(w) == before || Some(w) == after;
+            let common = |w: u16| self.fan.has(w) && !apex(w);
+            if common(x) || common(y) || (apex(x) && apex(y)) {
+                return Err(Refusal::Link);
+            }
+        }
+        Ok(remaining)
+    }
+
+    /// No face may turn by more than the limit or lose its area. A face that has none already cannot get worse.
+    fn check_flips(&self, patch: &Patch<'_>, u: u16, v: u16) -> Result<(), Refusal> {
+        let position = |w: u16| patch.positions[usize::from(w)];
+        let (from, to) = (position(u), position(v));
+        for &(a, b) in &self.fan.wings {
+            if a == v || b == v {
+                continue;
+            }
+            let old = area_vector(from, position(a), position(b));
+            let new = area_vector(to, position(a), position(b));
+            let (old_squared, new_squared) = (old.norm_squared(), new.norm_squared());
+            if old_squared == 0.0 {
+                continue;
+            }
+            if new_squared == 0.0 {
+                return Err(Refusal::Degenerate);
+            }
+            let dot = old.dot(&new);
+            if dot <= 0.0 || dot * dot <= MIN_COSINE * MIN_COSINE * old_squared * new_squared {
+                return Err(Refusal::Flip);
+            }
+        }
+        Ok(())
+    }
+}

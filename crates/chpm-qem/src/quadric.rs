@@ -1,0 +1,134 @@
+//! Area-weighted quadrics in f64, each about its own vertex.
+//!
+//! Every plane of a vertex passes through it, so about that vertex a fresh quadric has no linear and no constant term and
+//! nothing cancels, however far the model lies from the origin. Merging moves a quadric by one edge.
+
+use nalgebra::Vector3;
+
+/// Sum of weighted squared distances to planes, as a function of the offset from the quadric's own point.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Quadric {
+    xx: f64,
+    xy: f64,
+    xz: f64,
+    yy: f64,
+    yz: f64,
+    zz: f64,
+    bx: f64,
+    by: f64,
+    bz: f64,
+    constant: f64,
+    /// Total area that the planes stand for; `sqrt(value / area)` is a length.
+    pub area: f64,
+}
+
+impl Quadric {
+    /// Adds a plane through the quadric's own point, given by `normal` (its length is ignored by dividing `weight` by
+    /// the squared length beforehand).
+    fn add_plane(&mut self, normal: Vector3<f64>, weight: f64) {
+        let scaled = normal * weight;
+        self.xx += scaled.x * normal.x;
+        self.xy += scaled.x * normal.y;
+        self.xz += scaled.x * normal.z;
+        self.yy += scaled.y * normal.y;
+        self.yz += scaled.y * normal.z;
+        self.zz += scaled.z * normal.z;
+    }
+
+    /// Adds a face at this corner. `area_vector` is the cross product of two edges; a face without area adds nothing.
+    pub fn add_face(&mut self, area_vector: Vector3<f64>) {
+        let doubled_area = area_vector.norm();
+        if doubled_area > 0.0 {
+            self.add_plane(area_vector, 0.5 / doubled_area);
+            self.area += 0.5 * doubled_area;
+        }
+    }
+
+    /// Adds the plane that stands on a boundary edge, perpendicular to its face, with the edge's squared length as weight,
+    /// so that the boundary curve keeps its shape. It holds the outline, not the surface, and adds no area.
+    pub fn add_boundary(&mut self, edge: Vector3<f64>, area_vector: Vector3<f64>) {
+        let normal = edge.cross(&area_vector);
+        let squared = normal.norm_squared();
+        if squared > 0.0 {
+            self.add_plane(normal, edge.norm_squared() / squared);
+        }
+    }
+
+    /// Value at an offset from the quadric's own point; never negative.
+    #[inline]
+    pub fn at(&self, d: Vector3<f64>) -> f64 {
+        let ax = self.xx * d.x + self.xy * d.y + self.xz * d.z;
+        let ay = self.xy * d.x + self.yy * d.y + self.yz * d.z;
+        let az = self.xz * d.x + self.yz * d.y + self.zz * d.z;
+        let value = (ax + 2.0 * self.bx) * d.x
+            + (ay + 2.0 * self.by) * d.y
+            + (az + 2.0 * self.bz) * d.z
+            + self.constant;
+        value.max(0.0)
+    }
+
+    /// Adds `other`, whose own point lies at `-offset` from this one's (so `offset` leads from the other's point to this).
+    pub fn add_moved(&mut self, other: &Quadric, offset: Vector3<f64>) {
+        let d = offset;
+        let constant = other.at(d);
+        self.bx += other.bx + other.xx * d.x + other.xy * d.y + other.xz * d.z;
+        self.by += other.by + other.xy * d.x + other.yy * d.y + other.yz * d.z;
+        self.bz += other.bz + other.xz * d.x + other.yz * d.y + other.zz * d.z;
+        self.constant += constant;
+        self.xx += other.xx;
+        self.xy += other.xy;
+        self.xz += other.xz;
+        self.yy += other.yy;
+        self.yz += other.yz;
+        self.zz += other.zz;
+        self.area += other.area;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flat() -> Quadric {
+        let mut q = Quadric::default();
+        q.add_face(Vector3::new(0.0, 0.0, 4.0)); // area 2 in the plane z = 0
+        q
+    }
+
+    #[test]
+    fn a_plane_measures_squared_distance_times_area() {
+        let q = flat();
+        assert_eq!(q.at(Vector3::new(5.0, -3.0, 0.0)), 0.0);
+        assert_eq!(q.at(Vector3::new(0.0, 0.0, 3.0)), 18.0);
+        assert_eq!(q.area, 2.0);
+    }
+
+    #[test]
+    fn moving_a_quadric_keeps_its_values() {
+        let mut source = flat();
+        source.add_face(Vector3::new(1.0, 2.0, -0.5));
+        let offset = Vector3::new(0.5, -1.0, 2.0);
+        let mut moved = Quadric::default();
+        moved.add_moved(&source, offset);
+        for d in [Vector3::zeros(), Vector3::new(1.0, 2.0, 3.0), Vector3::new(-4.0, 0.0, 0.25)] {
+            let (a, b) = (moved.at(d), source.at(d + offset));
+            assert!((a - b).abs() <= 1e-12 * b.max(1.0), "{a} against {b}");
+        }
+    }
+
+    #[test]
+    fn degenerate_faces_and_edges_add_nothing() {
+        let mut q = Quadric::default();
+        q.add_face(Vector3::zeros());
+        q.add_boundary(Vector3::zeros(), Vector3::new(0.0, 0.0, 1.0));
+        assert_eq!(q.at(Vector3::new(1.0, 1.0, 1.0)), 0.0);
+    }
+
+    #[test]
+    fn a_boundary_plane_holds_the_outline() {
+        let mut q = Quadric::default();
+        q.add_boundary(Vector3::new(2.0, 0.0, 0.0), Vector3::new(0.0, 0.0, 1.0));
+        assert_eq!(q.at(Vector3::new(7.0, 0.0, 1.0)), 0.0); // along the edge and up: still on the plane
+        assert_eq!(q.at(Vector3::new(0.0, 3.0, 0.0)), 36.0); // away from the outline: 4 * 9
+    }
+}

@@ -1,0 +1,206 @@
+//! The command line as it is typed, and how it becomes a build's configuration.
+
+use crate::cmd::{build, demo, dump, extract, info, synth, verify};
+use anyhow::{Context, Result};
+use chpm_build::{BuildConfig, Resources, Settings};
+use chpm_mesh::Bytes;
+use clap::{Args, Parser, Subcommand, value_parser};
+use std::path::PathBuf;
+
+/// Turns a triangle mesh (PLY) into one memory-mapped clustered hierarchy of progressive meshes (CHPM).
+#[derive(Parser, Debug)]
+#[command(name = "chpm", version, after_help = AFTER_HELP)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+const AFTER_HELP: &str = "Exit codes: 0 success; 1 a verification found a fault; 2 error; 130, 143 stopped by a signal.
+Start with: chpm demo";
+
+/// What to do.
+#[derive(Subcommand, Debug)]
+pub(crate) enum Command {
+    /// Build a .chpm file from a PLY mesh
+    Build(build::Args),
+    /// Show what a .chpm file holds: counts, levels, sizes, settings, provenance
+    Info(info::Args),
+    /// Check every byte and invariant of a .chpm file, and the source's triangles with --against
+    Verify(verify::Args),
+    /// Write a .chpm file as text
+    Dump(dump::Args),
+    /// Take one crack-free mesh out of a .chpm file
+    Extract(extract::Args),
+    /// Generate a mesh of any size
+    Synth(synth::Args),
+    /// Generate a model, build it, verify it and say what to try next
+    Demo(demo::Args),
+}
+
+/// What decides the bytes of the output.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Settings (they decide the bytes of the output)")]
+pub(crate) struct SettingsArgs {
+    /// Triangles of a leaf cluster to aim for
+    #[arg(long, value_name = "N", default_value_t = Settings::default().cluster_triangles,
+          value_parser = value_parser!(u32).range(16..=16384))]
+    cluster_triangles: u32,
+    /// Who partitions the mesh
+    #[arg(long, value_name = "NAME", default_value = "metis", value_parser = ["metis", "greedy"])]
+    partitioner: String,
+    /// Seed of the partitioner
+    #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
+    seed: u64,
+    /// Leave vertex normals out
+    #[arg(long)]
+    no_normals: bool,
+    /// Leave vertex colours out
+    #[arg(long)]
+    no_colors: bool,
+    /// Drop and count invalid vertices and faces instead of refusing the file
+    #[arg(long)]
+    drop_invalid: bool,
+    /// Keep the simplification's order instead of a cache-oblivious layout
+    #[arg(long)]
+    no_layout: bool,
+}
+
+/// What may be used; none of it shows in the output.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "Resources (none of them shows in the output)")]
+pub(crate) struct ResourceArgs {
+    /// Worker threads; one per processor if not given
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1024))]
+    threads: Option<u32>,
+    #[command(flatten)]
+    storage: StorageArgs,
+}
+
+/// Memory and disk for arrays.
+#[derive(Args, Debug)]
+pub(crate) struct StorageArgs {
+    /// Memory for arrays, as in 512M or 4G; what does not fit goes to the work directory
+    #[arg(long, value_name = "SIZE", default_value_t = MemorySize(Resources::default().memory))]
+    memory: MemorySize,
+    /// Where the work directory is made; beside the output if not given
+    #[arg(long, value_name = "DIR")]
+    pub(crate) work_dir: Option<PathBuf>,
+}
+
+impl StorageArgs {
+    /// The memory budget.
+    pub(crate) fn memory(&self) -> Bytes {
+        self.memory.0
+    }
+}
+
+/// A size that prints as it is typed: `1G`, not `1.0 GiB`.
+#[derive(Clone, Copy, Debug)]
+struct MemorySize(Bytes);
+
+impl std::fmt::Display for MemorySize {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0.0 {
+            n if n > 0 && n.is_multiple_of(1 << 30) => write!(f, "{}G", n >> 30),
+            n if n > 0 && n.is_multiple_of(1 << 20) => write!(f, "{}M", n >> 20),
+            n => write!(f, "{n}"),
+        }
+    }
+}
+
+impl std::str::FromStr for MemorySize {
+    type Err = <Bytes as std::str::FromStr>::Err;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        text.parse().map(MemorySize)
+    }
+}
+
+/// The configuration that was asked for.
+pub(crate) fn build_config(
+    settings: &SettingsArgs,
+    resources: &ResourceArgs,
+    overwrite: bool,
+) -> Result<BuildConfig> {
+    let partitioner = settings.partitioner.parse().context("--partitioner")?;
+    Ok(BuildConfig {
+        settings: Settings {
+            cluster_triangles: settings.cluster_triangles,
+            partitioner,
+            seed: settings.seed,
+            normals: !settings.no_normals,
+            colors: !settings.no_colors,
+            drop_invalid: settings.drop_invalid,
+            layout: !settings.no_layout,
+            ..Settings::default()
+        },
+        resources: Resources {
+            // Zero is the library's word for one per processor.
+            threads: resources.threads.unwrap_or(0) as usize,
+            memory: resources.storage.memory(),
+            work_dir: resources.storage.work_dir.clone(),
+        },
+        overwrite,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[derive(Parser)]
+    struct Build {
+        #[command(flatten)]
+        settings: SettingsArgs,
+        #[command(flatten)]
+        resources: ResourceArgs,
+    }
+
+    fn config(arguments: &[&str]) -> BuildConfig {
+        let build = Build::try_parse_from([&["build"], arguments].concat()).unwrap();
+        build_config(&build.settings, &build.resources, false).unwrap()
+    }
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn nothing_typed_is_the_library_default() {
+        let (typed, default) = (config(&[]), BuildConfig::default());
+        assert_eq!((typed.settings, typed.resources), (default.settings, default.resources));
+    }
+
+    #[test]
+    fn every_flag_arrives() {
+        let typed = config(&[
+            "--cluster-triangles=512",
+            "--partitioner=greedy",
+            "--seed=3",
+            "--no-normals",
+            "--no-colors",
+            "--drop-invalid",
+            "--no-layout",
+            "--threads=5",
+            "--memory=64M",
+            "--work-dir=scratch",
+        ]);
+        let s = typed.settings;
+        assert_eq!((s.cluster_triangles, s.partitioner.to_string(), s.seed), (512, "greedy".to_owned(), 3));
+        assert_eq!((s.normals, s.colors, s.drop_invalid, s.layout), (false, false, true, false));
+        let expected =
+            Resources { threads: 5, memory: Bytes::mib(64), work_dir: Some(PathBuf::from("scratch")) };
+        assert_eq!(typed.resources, expected);
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused() {
+        for bad in
+            [["--threads=0"], ["--cluster-triangles=15"], ["--memory=1.5G"], ["--partitioner=scotch"]]
+        {
+            assert!(Build::try_parse_from(["build"].iter().chain(&bad)).is_err(), "{bad:?}");
+        }
+    }
+}

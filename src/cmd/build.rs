@@ -1,0 +1,107 @@
+//! `chpm build`: from a PLY to a file, and the tables at the end.
+
+use super::{Verdict, stdout};
+use crate::args::{ResourceArgs, SettingsArgs, build_config};
+use crate::progress::Meter;
+use crate::report::{self, LevelRow, count, per_triangle};
+use crate::stop::Stop;
+use anyhow::{Result, ensure};
+use chpm_build::{BuildConfig, BuildReport};
+use chpm_mesh::Bytes;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// What `chpm build` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The mesh: a PLY file, ASCII or binary
+    source: PathBuf,
+    /// The file to build; the source's name with .chpm, beside it, if not given
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Replace the output if it exists
+    #[arg(short, long)]
+    force: bool,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+    /// The report as JSON on stdout
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    settings: SettingsArgs,
+    #[command(flatten)]
+    resources: ResourceArgs,
+}
+
+/// Builds, and reports on stdout.
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    let config = build_config(&args.settings, &args.resources, args.force)?;
+    let output = args.output.clone().unwrap_or_else(|| args.source.with_extension("chpm"));
+    let report = build(&args.source, &output, &config, &Meter::new(args.quiet), stop)?;
+    let mut out = stdout();
+    if args.json {
+        let mut value = report::build_json(&report);
+        value["output"] = output.display().to_string().into();
+        value["source"]["path"] = args.source.display().to_string().into();
+        writeln!(out, "{value:#}")?;
+    } else {
+        print(&report, &output, &mut out)?;
+        print_next(&args.source, &output, &report, &mut out)?;
+    }
+    out.flush()?;
+    Ok(Verdict::Good)
+}
+
+/// Builds, unless the output would replace the source.
+pub(super) fn build(
+    source: &Path,
+    output: &Path,
+    config: &BuildConfig,
+    meter: &Meter,
+    stop: &Stop,
+) -> Result<BuildReport> {
+    let same = source.canonicalize().ok().filter(|path| output.canonicalize().is_ok_and(|out| out == *path));
+    ensure!(
+        same.is_none(),
+        "the output '{}' is the source itself; name another with -o",
+        output.display()
+    );
+    Ok(chpm_build::build(source, output, config, meter, &stop.heed())?)
+}
+
+/// The tables, the size, warnings and repairs.
+pub(super) fn print(report: &BuildReport, output: &Path, out: &mut impl Write) -> io::Result<()> {
+    let levels: Vec<LevelRow> = report.levels.iter().map(LevelRow::from).collect();
+    writeln!(out, "{}\n\n{}", report::stages_table(report), report::levels_table(&levels))?;
+    if let Some(refusals) = report::refusals_table(&levels) {
+        writeln!(out, "\n{refusals}")?;
+    }
+    writeln!(
+        out,
+        "\n{}: {}, {:.1} bytes for each of {} triangles; {} clusters in {} levels, {} at the top",
+        output.display(),
+        Bytes(report.output_len),
+        per_triangle(report.output_len, report.triangles),
+        count(report.triangles),
+        count(report.clusters.into()),
+        levels.len(),
+        count(report.roots.into()),
+    )?;
+    for warning in &report.warnings {
+        writeln!(out, "warning: {warning}")?;
+    }
+    let repairs = report::repair_lines(&report.repairs.describe());
+    if !repairs.is_empty() {
+        writeln!(out, "found in the source:\n{}", repairs.join("\n"))?;
+    }
+    Ok(())
+}
+
+fn print_next(source: &Path, output: &Path, report: &BuildReport, out: &mut impl Write) -> io::Result<()> {
+    let (source, output) = (source.display(), output.display());
+    let triangles = (report.triangles / 10).max(1);
+    writeln!(out, "next:")?;
+    writeln!(out, "  chpm verify '{output}' --against '{source}'")?;
+    writeln!(out, "  chpm extract '{output}' --triangles {triangles} -o small.ply")
+}

@@ -1,0 +1,25 @@
+//! `chpm dump`: a file as text, for eyes and for `diff`.
+
+use super::{Verdict, open, stdout};
+use anyhow::Result;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// What `chpm dump` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The .chpm file
+    file: PathBuf,
+    /// The clusters' vertices, triangles and collapses as well
+    #[arg(long)]
+    pages: bool,
+}
+
+/// Writes the text to stdout.
+pub(crate) fn run(args: &Args) -> Result<Verdict> {
+    let file = open(&args.file)?;
+    let mut out = stdout();
+    chpm_format::dump(&file, &mut out, args.pages)?;
+    out.flush()?;
+    Ok(Verdict::Good)
+}

@@ -1,0 +1,205 @@
+//! `chpm info`: what a file says about itself, without reading a page.
+
+use super::{Verdict, open, stdout};
+use crate::report::{self, LevelRow, count, per_triangle};
+use anyhow::Result;
+use chpm_format::{Chpm, Metadata, SectionKind};
+use chpm_mesh::Bytes;
+use serde_json::{Value, json};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// What `chpm info` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The .chpm file
+    file: PathBuf,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Where the bytes of a file are.
+struct Sizes {
+    file: u64,
+    tables: u64,
+    pages: u64,
+    padding: u64,
+}
+
+/// Prints the tables, or the JSON.
+pub(crate) fn run(args: &Args) -> Result<Verdict> {
+    let file = open(&args.file)?;
+    let metadata = file.metadata()?;
+    let levels: Vec<LevelRow> = file.levels().iter().map(LevelRow::from).collect();
+    let sizes = Sizes::of(&file);
+    let mut out = stdout();
+    if args.json {
+        writeln!(out, "{:#}", as_json(&args.file, &file, &metadata, &levels, &sizes))?;
+    } else {
+        print_model(&args.file, &file, &metadata, &mut out)?;
+        print_tables(&levels, &mut out)?;
+        print_sizes(&file, &sizes, &mut out)?;
+        print_provenance(&metadata, &mut out)?;
+    }
+    out.flush()?;
+    Ok(Verdict::Good)
+}
+
+impl Sizes {
+    fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
+        let pages: u64 = file.clusters().iter().map(|cluster| u64::from(cluster.page_len)).sum();
+        let section = file.sections().find(|(kind, _)| *kind == SectionKind::Pages);
+        let padded = section.map_or(pages, |(_, range)| range.len() as u64);
+        let whole = file.header().file_len;
+        Sizes { file: whole, tables: whole - padded, pages, padding: padded - pages }
+    }
+}
+
+fn print_model<D: AsRef<[u8]>>(
+    path: &Path,
+    file: &Chpm<D>,
+    metadata: &Metadata,
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let h = file.header();
+    let attributes = match (h.attributes().normals, h.attributes().colors) {
+        (false, false) => "positions only",
+        (true, false) => "with normals",
+        (false, true) => "with colours",
+        (true, true) => "with normals and colours",
+    };
+    writeln!(
+        out,
+        "{}: CHPM {}.{}, by {}",
+        path.display(),
+        h.version_major,
+        h.version_minor,
+        metadata.generator
+    )?;
+    let (vertices, triangles) = (count(h.source_vertex_count), count(h.source_triangle_count));
+    writeln!(out, "model      {triangles} triangles, {vertices} vertices, {attributes}")?;
+    writeln!(out, "box        {:?} to {:?}, origin {:?}", h.aabb_min, h.aabb_max, h.origin)?;
+    writeln!(
+        out,
+        "hierarchy  {} clusters ({} leaves, {} at the top) in {} levels, {} groups, {} shared vertices",
+        count(h.cluster_count.into()),
+        count(h.leaf_count.into()),
+        count(h.root_count.into()),
+        h.level_count,
+        count(h.group_count.into()),
+        count(h.shared_vertex_count.into()),
+    )?;
+    writeln!(out, "error      up to {:.3e} ({}); boundary {}", h.max_error, error_kind(file), boundary(file))
+}
+
+fn print_tables(levels: &[LevelRow], out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "\n{}", report::levels_table(levels))?;
+    if let Some(refusals) = report::refusals_table(levels) {
+        writeln!(out, "\n{refusals}")?;
+    }
+    Ok(())
+}
+
+fn print_sizes<D: AsRef<[u8]>>(file: &Chpm<D>, sizes: &Sizes, out: &mut impl Write) -> io::Result<()> {
+    let Sizes { file: whole, tables, pages, padding } = *sizes;
+    writeln!(
+        out,
+        "\nsize       {} ({} bytes): pages {}, padding {} ({:.1} %), tables {}; {:.1} bytes a source triangle",
+        Bytes(whole),
+        count(whole),
+        Bytes(pages),
+        Bytes(padding),
+        100.0 * padding as f64 / whole as f64,
+        Bytes(tables),
+        per_triangle(whole, file.header().source_triangle_count),
+    )
+}
+
+fn print_provenance(metadata: &Metadata, out: &mut impl Write) -> io::Result<()> {
+    let source = &metadata.source;
+    writeln!(
+        out,
+        "source     {}: {}, {}, {} vertices, {} faces, xxh3 {:016x}",
+        source.name,
+        Bytes(source.byte_len),
+        source.encoding,
+        count(source.vertex_count),
+        count(source.face_count),
+        source.hash,
+    )?;
+    for comment in &source.comments {
+        writeln!(out, "           {comment}")?;
+    }
+    let settings: Vec<String> = metadata.settings.iter().map(|(name, value)| format!("{name} {value}")).collect();
+    writeln!(out, "settings   {}", settings.join(", "))?;
+    for warning in &metadata.warnings {
+        writeln!(out, "warning: {warning}")?;
+    }
+    let repairs = report::repair_lines(&metadata.repairs);
+    if !repairs.is_empty() {
+        writeln!(out, "found in the source:\n{}", repairs.join("\n"))?;
+    }
+    Ok(())
+}
+
+fn as_json<D: AsRef<[u8]>>(
+    path: &Path,
+    file: &Chpm<D>,
+    metadata: &Metadata,
+    levels: &[LevelRow],
+    sizes: &Sizes,
+) -> Value {
+    let h = file.header();
+    json!({
+        "file": path.display().to_string(),
+        "version": format!("{}.{}", h.version_major, h.version_minor),
+        "generator": metadata.generator,
+        "triangles": h.source_triangle_count,
+        "vertices": h.source_vertex_count,
+        "normals": h.attributes().normals,
+        "colors": h.attributes().colors,
+        "origin": h.origin,
+        "box": { "min": h.aabb_min, "max": h.aabb_max },
+        "max_error": h.max_error,
+        "error_kind": error_kind(file),
+        "boundary": boundary(file),
+        "counts": {
+            "clusters": h.cluster_count,
+            "leaves": h.leaf_count,
+            "roots": h.root_count,
+            "groups": h.group_count,
+            "levels": h.level_count,
+            "shared_vertices": h.shared_vertex_count,
+        },
+        "levels": levels,
+        "bytes": {
+            "file": sizes.file,
+            "tables": sizes.tables,
+            "pages": sizes.pages,
+            "padding": sizes.padding,
+            "per_triangle": per_triangle(sizes.file, h.source_triangle_count),
+        },
+        "source": {
+            "name": metadata.source.name,
+            "bytes": metadata.source.byte_len,
+            // As text: a 64-bit number is more than a JSON number holds for many readers.
+            "xxh3": format!("{:016x}", metadata.source.hash),
+            "encoding": metadata.source.encoding,
+            "vertices": metadata.source.vertex_count,
+            "faces": metadata.source.face_count,
+            "comments": metadata.source.comments,
+        },
+        "settings": report::object(metadata.settings.clone()),
+        "repairs": report::object(metadata.repairs.clone()),
+        "warnings": metadata.warnings,
+    })
+}
+
+fn error_kind<D: AsRef<[u8]>>(file: &Chpm<D>) -> String {
+    file.header().error_kind().map_or_else(|| "unknown".to_owned(), |kind| kind.to_string())
+}
+
+fn boundary<D: AsRef<[u8]>>(file: &Chpm<D>) -> String {
+    file.header().boundary_mode().map_or_else(|| "unknown".to_owned(), |mode| mode.to_string())
+}

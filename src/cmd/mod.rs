@@ -1,0 +1,49 @@
+//! The verbs, and what they have in common.
+
+pub(crate) mod build;
+pub(crate) mod demo;
+pub(crate) mod dump;
+pub(crate) mod extract;
+pub(crate) mod info;
+pub(crate) mod synth;
+pub(crate) mod verify;
+
+use crate::args::Command;
+use crate::stop::Stop;
+use anyhow::{Context, Result};
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use std::io::{self, BufWriter, StdoutLock};
+use std::path::Path;
+
+/// How a command ended that met no error.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Verdict {
+    /// Everything is as it should be.
+    Good,
+    /// A verification found a fault.
+    Faulty,
+}
+
+/// Does what was asked for.
+pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
+    match command {
+        Command::Build(args) => build::run(&args, stop),
+        Command::Info(args) => info::run(&args),
+        Command::Verify(args) => verify::run(&args, stop),
+        Command::Dump(args) => dump::run(&args),
+        Command::Extract(args) => extract::run(&args, stop),
+        Command::Synth(args) => synth::run(&args, stop),
+        Command::Demo(args) => demo::run(&args, stop),
+    }
+}
+
+/// Maps and opens a file.
+fn open(path: &Path) -> Result<Chpm<MappedFile>> {
+    Chpm::open(MappedFile::open(path)?).with_context(|| format!("cannot open '{}'", path.display()))
+}
+
+/// Where results go. To be flushed at the end: what is dropped cannot tell that writing failed.
+fn stdout() -> BufWriter<StdoutLock<'static>> {
+    BufWriter::new(io::stdout().lock())
+}

@@ -1,0 +1,270 @@
+//! Results as tables for people and as JSON for programs. Both show the same numbers.
+
+use chpm_build::BuildReport;
+use chpm_build::report::LevelReport;
+use chpm_format::records::{LevelRecord, REFUSALS};
+use chpm_mesh::Bytes;
+use comfy_table::{Cell, CellAlignment, Table, presets};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+/// One level of the hierarchy, from a build or from a file.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(crate) struct LevelRow {
+    level: u32,
+    clusters: u32,
+    vertices: u64,
+    base_vertices: u64,
+    triangles: u64,
+    base_triangles: u64,
+    shared_vertices: u64,
+    min_error: f32,
+    max_error: f32,
+    stalled_clusters: u32,
+    #[serde(serialize_with = "by_reason")]
+    refusals: [u64; REFUSALS.len()],
+}
+
+fn by_reason<S: serde::Serializer>(counts: &[u64; REFUSALS.len()], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(REFUSALS.iter().zip(counts))
+}
+
+impl From<&LevelReport> for LevelRow {
+    fn from(level: &LevelReport) -> Self {
+        LevelRow {
+            level: level.level,
+            clusters: level.clusters,
+            vertices: level.vertices,
+            base_vertices: level.base_vertices,
+            triangles: level.triangles,
+            base_triangles: level.base_triangles,
+            shared_vertices: level.shared_vertices,
+            min_error: level.min_error,
+            max_error: level.max_error,
+            stalled_clusters: level.stalled,
+            refusals: level.refusals.0,
+        }
+    }
+}
+
+impl From<&LevelRecord> for LevelRow {
+    fn from(level: &LevelRecord) -> Self {
+        LevelRow {
+            level: level.level,
+            clusters: level.cluster_count,
+            vertices: level.vertex_count,
+            base_vertices: level.base_vertex_count,
+            triangles: level.triangle_count,
+            base_triangles: level.base_triangle_count,
+            shared_vertices: level.shared_vertex_count,
+            min_error: level.min_error,
+            max_error: level.max_error,
+            stalled_clusters: level.stalled_cluster_count,
+            refusals: level.refusals,
+        }
+    }
+}
+
+/// The stages of a build: time, throughput in triangles of the source, memory.
+pub(crate) fn stages_table(report: &BuildReport) -> Table {
+    let memory = |bytes: Option<u64>| bytes.map_or("?".to_owned(), |n| Bytes(n).to_string());
+    let rate = |seconds: f64| match report.triangles as f64 / seconds {
+        rate if rate.is_finite() => count(rate as u64),
+        _ => "-".to_owned(),
+    };
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for row in &report.stages {
+        rows.push(vec![
+            row.stage.to_string(),
+            format!("{:.2}", row.seconds),
+            rate(row.seconds),
+            memory(row.peak_resident),
+            Bytes(row.budget_used).to_string(),
+        ]);
+    }
+    rows.push(vec![
+        "all".to_owned(),
+        format!("{:.2}", report.seconds()),
+        rate(report.seconds()),
+        memory(report.peak_resident),
+        Bytes(report.budget_peak).to_string(),
+    ]);
+    table(&["stage", "seconds", "triangles/s", "peak memory", "arrays"], rows)
+}
+
+/// The levels, leaves first. "Ratio" is to the triangles of the level below; "locked" is the share of vertices that
+/// other clusters have too and that therefore cannot collapse.
+pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
+    let mut below = None;
+    let rows = levels.iter().map(|level| {
+        let ratio = below.map_or("-".to_owned(), |below| share(level.triangles, below));
+        below = Some(level.triangles);
+        vec![
+            level.level.to_string(),
+            count(level.clusters.into()),
+            count(level.triangles),
+            ratio,
+            share(level.base_triangles, level.triangles),
+            share(level.shared_vertices, level.vertices),
+            format!("{:.2e}", level.min_error),
+            format!("{:.2e}", level.max_error),
+            count(level.stalled_clusters.into()),
+        ]
+    });
+    let names =
+        ["level", "clusters", "triangles", "ratio", "kept", "locked", "min error", "max error", "stalled"];
+    table(&names, rows)
+}
+
+/// Refused collapses by level and reason; reasons that never occurred are left out, and the table if none did.
+pub(crate) fn refusals_table(levels: &[LevelRow]) -> Option<Table> {
+    let occurred =
+        |reason: &usize| levels.iter().any(|level| level.refusals.get(*reason).is_some_and(|n| *n > 0));
+    let reasons: Vec<usize> = (0..REFUSALS.len()).filter(occurred).collect();
+    if reasons.is_empty() {
+        return None;
+    }
+    let names: Vec<String> = reasons.iter().map(|r| REFUSALS[*r].replace('_', "-")).collect();
+    let mut header = vec!["refused at"];
+    header.extend(names.iter().map(String::as_str));
+    let rows = levels.iter().map(|level| {
+        let mut row = vec![format!("level {}", level.level)];
+        row.extend(reasons.iter().map(|r| count(level.refusals[*r])));
+        row
+    });
+    Some(table(&header, rows))
+}
+
+/// A build's report for programs.
+pub(crate) fn build_json(report: &BuildReport) -> Value {
+    let stages: Vec<Value> = report
+        .stages
+        .iter()
+        .map(|row| {
+            json!({
+                "stage": row.stage.to_string(),
+                "seconds": row.seconds,
+                "peak_resident_bytes": row.peak_resident,
+                "budget_used_bytes": row.budget_used,
+            })
+        })
+        .collect();
+    json!({
+        "source": { "vertices": report.source_vertices, "bytes": report.source_len },
+        "triangles": report.triangles,
+        "clusters": report.clusters,
+        "roots": report.roots,
+        "bytes": report.output_len,
+        "bytes_per_triangle": per_triangle(report.output_len, report.triangles),
+        "seconds": report.seconds(),
+        "stages": stages,
+        "levels": report.levels.iter().map(LevelRow::from).collect::<Vec<_>>(),
+        "repairs": object(report.repairs.describe()),
+        "warnings": report.warnings,
+        "budget_peak_bytes": report.budget_peak,
+        "peak_resident_bytes": report.peak_resident,
+    })
+}
+
+/// Names and values as a JSON object, in their order.
+pub(crate) fn object<V: Into<Value>>(entries: impl IntoIterator<Item = (String, V)>) -> Value {
+    Value::Object(entries.into_iter().map(|(name, value)| (name, value.into())).collect::<Map<_, _>>())
+}
+
+/// Lines of the repair report: only what occurred.
+pub(crate) fn repair_lines(repairs: &[(String, u64)]) -> Vec<String> {
+    let width = repairs.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
+    let occurred = repairs.iter().filter(|(_, n)| *n > 0);
+    occurred.map(|(name, n)| format!("  {:<width$}  {}", name.replace('-', " "), count(*n))).collect()
+}
+
+/// Bytes of the file for each triangle of the source.
+pub(crate) fn per_triangle(bytes: u64, triangles: u64) -> f64 {
+    bytes as f64 / triangles.max(1) as f64
+}
+
+/// A table whose columns but the first are aligned to the right. No terminal is asked, so pipes get the same text.
+pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Table {
+    let cells = |texts: Vec<String>| {
+        let aligned = texts.into_iter().enumerate().map(|(column, text)| {
+            Cell::new(text).set_alignment(if column == 0 { CellAlignment::Left } else { CellAlignment::Right })
+        });
+        aligned.collect::<Vec<_>>()
+    };
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_header(cells(header.iter().map(ToString::to_string).collect()));
+    table.add_rows(rows.into_iter().map(cells));
+    table
+}
+
+/// A count with its thousands set apart: `3,664,152`.
+pub(crate) fn count(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::with_capacity(digits.len() + digits.len() / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+fn share(part: u64, whole: u64) -> String {
+    if whole == 0 { "-".to_owned() } else { format!("{:.1} %", 100.0 * part as f64 / whole as f64) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn level(level: u32, triangles: u64, refusals: [u64; 8]) -> LevelRow {
+        let record = LevelRecord {
+            level,
+            cluster_count: 2,
+            vertex_count: 100,
+            triangle_count: triangles,
+            base_triangle_count: triangles / 2,
+            shared_vertex_count: 25,
+            refusals,
+            ..LevelRecord::default()
+        };
+        LevelRow::from(&record)
+    }
+
+    #[test]
+    fn thousands_are_set_apart() {
+        for (n, text) in [(0, "0"), (999, "999"), (1000, "1,000"), (3664152, "3,664,152")] {
+            assert_eq!(count(n), text);
+        }
+    }
+
+    #[test]
+    fn levels_show_ratio_and_locked_share() {
+        let text = levels_table(&[level(0, 4000, [0; 8]), level(1, 2200, [0; 8])]).to_string();
+        let last: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
+        assert_eq!(last[..5], ["1", "2", "2,200", "55.0", "%"]);
+        assert_eq!(last[5..9], ["50.0", "%", "25.0", "%"]);
+    }
+
+    #[test]
+    fn only_reasons_that_occurred_are_columns() {
+        assert!(refusals_table(&[level(0, 1, [0; 8])]).is_none());
+        let text = refusals_table(&[level(0, 1, [0, 3, 0, 0, 0, 0, 0, 7])]).unwrap().to_string();
+        let words: Vec<&str> = text.split_whitespace().collect();
+        assert_eq!(words, ["refused", "at", "link", "degenerate", "level", "0", "3", "7"]);
+    }
+
+    #[test]
+    fn repairs_that_did_not_occur_are_silent() {
+        let repairs = [("boundary-edges".to_owned(), 1200), ("dropped-faces".to_owned(), 0)];
+        assert_eq!(repair_lines(&repairs), ["  boundary edges  1,200"]);
+    }
+
+    #[test]
+    fn refusals_have_names_in_json() {
+        let value = serde_json::to_value(level(0, 1, [5, 0, 0, 0, 0, 0, 0, 0])).unwrap();
+        assert_eq!(value["refusals"]["locked"], 5);
+    }
+}
