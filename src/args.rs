@@ -15,7 +15,8 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 }
 
-const AFTER_HELP: &str = "Exit codes: 0 success; 1 a verification found a fault; 2 error; 130, 143 stopped by a signal.
+const AFTER_HELP: &str =
+    "Exit codes: 0 success; 1 a verification found a fault; 2 error; 130, 143 stopped by a signal.
 Start with: chpm demo";
 
 /// What to do.
@@ -82,7 +83,7 @@ pub(crate) struct StorageArgs {
     /// Memory for arrays, as in 512M or 4G; what does not fit goes to the work directory
     #[arg(long, value_name = "SIZE", default_value_t = MemorySize(Resources::default().memory))]
     memory: MemorySize,
-    /// Where the work directory is made; beside the output if not given
+    /// Where the work directory is made; beside the output (build) or in the temporary folder (verify) if not given
     #[arg(long, value_name = "DIR")]
     pub(crate) work_dir: Option<PathBuf>,
 }
@@ -197,8 +198,7 @@ mod tests {
 
     #[test]
     fn values_out_of_range_are_refused() {
-        for bad in
-            [["--threads=0"], ["--cluster-triangles=15"], ["--memory=1.5G"], ["--partitioner=scotch"]]
+        for bad in [["--threads=0"], ["--cluster-triangles=15"], ["--memory=1.5G"], ["--partitioner=scotch"]]
         {
             assert!(Build::try_parse_from(["build"].iter().chain(&bad)).is_err(), "{bad:?}");
         }

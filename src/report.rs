@@ -187,7 +187,11 @@ pub(crate) fn per_triangle(bytes: u64, triangles: u64) -> f64 {
 pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Table {
     let cells = |texts: Vec<String>| {
         let aligned = texts.into_iter().enumerate().map(|(column, text)| {
-            Cell::new(text).set_alignment(if column == 0 { CellAlignment::Left } else { CellAlignment::Right })
+            Cell::new(text).set_alignment(if column == 0 {
+                CellAlignment::Left
+            } else {
+                CellAlignment::Right
+            })
         });
         aligned.collect::<Vec<_>>()
     };

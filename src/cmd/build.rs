@@ -62,11 +62,7 @@ pub(super) fn build(
     stop: &Stop,
 ) -> Result<BuildReport> {
     let same = source.canonicalize().ok().filter(|path| output.canonicalize().is_ok_and(|out| out == *path));
-    ensure!(
-        same.is_none(),
-        "the output '{}' is the source itself; name another with -o",
-        output.display()
-    );
+    ensure!(same.is_none(), "the output '{}' is the source itself; name another with -o", output.display());
     Ok(chpm_build::build(source, output, config, meter, &stop.heed())?)
 }
 

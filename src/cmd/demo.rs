@@ -67,7 +67,10 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
     let sound = checked.is_ok() && compared.is_equal();
     if sound {
         let triangles = count(compared.leaf_triangles);
-        writeln!(out, "verified: every invariant holds, and the leaves are the source's {triangles} triangles")?;
+        writeln!(
+            out,
+            "verified: every invariant holds, and the leaves are the source's {triangles} triangles"
+        )?;
     } else {
         writeln!(out, "the verification found faults; please report this")?;
     }

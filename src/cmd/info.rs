@@ -131,7 +131,8 @@ fn print_provenance(metadata: &Metadata, out: &mut impl Write) -> io::Result<()>
     for comment in &source.comments {
         writeln!(out, "           {comment}")?;
     }
-    let settings: Vec<String> = metadata.settings.iter().map(|(name, value)| format!("{name} {value}")).collect();
+    let settings: Vec<String> =
+        metadata.settings.iter().map(|(name, value)| format!("{name} {value}")).collect();
     writeln!(out, "settings   {}", settings.join(", "))?;
     for warning in &metadata.warnings {
         writeln!(out, "warning: {warning}")?;

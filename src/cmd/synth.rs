@@ -7,9 +7,9 @@ use crate::stop::{self, Stop};
 use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_extmem::AtomicFile;
+use chpm_mesh::Attributes;
 use chpm_mesh::ply::{Encoding, PlyWriter};
 use chpm_mesh::synth::{Shape, Synth};
-use chpm_mesh::Attributes;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

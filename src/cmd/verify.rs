@@ -101,7 +101,8 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
         writeln!(out, "{path}: and {} more", count(findings.fault_count - findings.faults.len() as u64))?;
     }
     if findings.fault_count > 0 {
-        return writeln!(out, "{path}: {} faults", count(findings.fault_count));
+        let noun = if findings.fault_count == 1 { "fault" } else { "faults" };
+        return writeln!(out, "{path}: {} {noun}", count(findings.fault_count));
     }
     if let Some(report) = &findings.checked {
         let (pages, triangles) = (count(report.good_pages), count(report.triangles));

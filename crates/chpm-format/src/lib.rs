@@ -3,6 +3,36 @@
 //! `FORMAT.md` beside this crate is the normative description; this crate is one implementation of it. The reader is
 //! generic over bytes that are already in memory (a map, a vector), the writer over anything that takes bytes
 //! forward. Nothing of a file is trusted before it was checked, and damage is answered by a [`FormatError`] that names it.
+//!
+//! ```
+//! use chpm_format::{Chpm, ChpmWriter, ClusterRecord, GroupRecord, LevelRecord, PageParts, Tables, verify};
+//! use chpm_mesh::{ClusterId, GroupId, Level};
+//!
+//! let parts = PageParts {
+//!     positions: &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
+//!     triangles: &[[0, 1, 2], [1, 3, 2]],
+//!     targets: &[1], // The last vertex collapses to vertex 1, which costs an error of 0.5.
+//!     errors: &[0.5],
+//!     ..PageParts::default()
+//! };
+//! let mut page = Vec::new();
+//! parts.encode(&mut page)?;
+//! let cluster = ClusterRecord::of_page(&page, Level(0), GroupId(0), GroupId::NONE)?;
+//! let (center, radius) = (cluster.center, cluster.radius);
+//! let group = GroupRecord { coarse_count: 1, max_error: 0.5, center, radius, ..Default::default() };
+//!
+//! let mut tables = Tables { clusters: vec![cluster], groups: vec![group], ..Tables::default() };
+//! tables.members = vec![0];
+//! tables.levels = vec![LevelRecord::default()];
+//! tables.header.source_vertex_count = 4;
+//! let mut writer = ChpmWriter::begin(Vec::new(), &mut tables)?;
+//! writer.page(&page)?;
+//!
+//! let file = Chpm::open(writer.finish()?)?;
+//! assert!(verify(&file, |_, _| ()).is_ok());
+//! assert_eq!(file.page(ClusterId(0))?.vertices_for(0.5), 3);
+//! # Ok::<(), chpm_format::FormatError>(())
+//! ```
 #![forbid(unsafe_code)]
 
 #[cfg(target_endian = "big")]

@@ -1,7 +1,7 @@
 //! A cluster's page, read in place.
 
 use crate::MAX_CLUSTER_VERTICES;
-use crate::error::{FormatError, Place, require, require_eq};
+use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::error_code::{self, MAX_CODE};
 use crate::header::attributes_of;
 use bytemuck::{Pod, Zeroable};
@@ -76,8 +76,7 @@ impl PageHeader {
         let min = self.min_error;
         require((0.0..=scale).contains(&min), place, "min_error", format_args!("0 to {scale}"), min)?;
         let bits = u32::from(self.attributes);
-        attributes_of(bits)
-            .ok_or_else(|| crate::error::invalid(place, "attributes", "bits 0 and 1 only", bits))
+        attributes_of(bits).ok_or_else(|| invalid(place, "attributes", "bits 0 and 1 only", bits))
     }
 }
 
@@ -169,7 +168,7 @@ impl<'a> Page<'a> {
         require_eq(place, "triangles with equal corners", 0, same)?;
         let later = self.targets.iter().enumerate().find(|(j, t)| usize::from(**t) >= b + j);
         if let Some((j, target)) = later {
-            require(false, place, "target of a collapse", format_args!("less than {}", b + j), target)?;
+            return Err(invalid(place, "target of a collapse", format_args!("less than {}", b + j), target));
         }
         let largest = self.error_codes.first().copied().unwrap_or(0);
         require(largest <= MAX_CODE, place, "error code", format_args!("at most {MAX_CODE}"), largest)?;

@@ -1,7 +1,7 @@
 //! What a page is made of, and how it is encoded.
 
 use crate::MAX_CLUSTER_VERTICES;
-use crate::error::{FormatError, Place, require, require_eq};
+use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::error_code::{self, MAX_ERROR};
 use crate::header::attribute_bits;
 use crate::page::{PAGE_HEADER_LEN, PAGE_MAGIC, PAGE_VERSION, PageHeader};
@@ -101,7 +101,12 @@ impl PageParts<'_> {
         let bad_target =
             self.targets.iter().enumerate().find(|(j, target)| usize::from(**target) >= base + j);
         if let Some((j, target)) = bad_target {
-            require(false, place, "target of a collapse", format_args!("less than {}", base + j), target)?;
+            return Err(invalid(
+                place,
+                "target of a collapse",
+                format_args!("less than {}", base + j),
+                target,
+            ));
         }
         let legal = |[a, b, c]: &[u16; 3]| a != b && b != c && c != a && usize::from(*a.max(b).max(c)) < v;
         let bad = self.triangles.iter().find(|t| !legal(t));

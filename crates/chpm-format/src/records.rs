@@ -8,7 +8,7 @@ use chpm_mesh::{Aabb, ClusterId, GroupId, Level, Sphere};
 use std::mem;
 
 /// A cluster: where its page is and what a selection needs to know without reading it. Table order is file order.
-#[derive(Clone, Copy, PartialEq, Pod, Zeroable, Debug)]
+#[derive(Clone, Copy, PartialEq, Pod, Zeroable, Debug, Default)]
 #[repr(C)]
 pub struct ClusterRecord {
     /// First byte of the page in the file; a multiple of 4096. The writer fills it in.
@@ -132,7 +132,7 @@ impl ClusterRecord {
 }
 
 /// A dependency group: its coarse clusters are replaced by its fine ones, all together.
-#[derive(Clone, Copy, PartialEq, Pod, Zeroable, Debug)]
+#[derive(Clone, Copy, PartialEq, Pod, Zeroable, Debug, Default)]
 #[repr(C)]
 pub struct GroupRecord {
     /// First of the coarse clusters in MEMBERS.

@@ -171,7 +171,7 @@ impl SectionEntry {
         let expected = align_up(previous_end as u64, align).unwrap_or(u64::MAX);
         require_eq(place, "offset of a section", expected, self.offset)?;
         let got = bytes.len() as u64;
-        let end = self.offset.checked_add(self.len).unwrap_or(u64::MAX);
+        let end = self.offset.saturating_add(self.len);
         if end > got {
             return Err(FormatError::Truncated { place, expected: end, got });
         }

@@ -1,7 +1,7 @@
 //! The rules that the tables alone must keep. The reader checks them before it trusts a file, the writer before it
 //! writes one.
 
-use crate::error::{FormatError, Place, require, require_eq};
+use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::header::Header;
 use crate::page::PageHeader;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
@@ -196,7 +196,7 @@ pub(crate) fn place_pages(
     for (index, len) in page_lens.into_iter().enumerate() {
         place(index, offset)?;
         let end = offset.checked_add(u64::from(len)).and_then(|end| align_up(end, PAGE_ALIGN));
-        offset = end.ok_or_else(|| crate::error::invalid(Place::File, "length", "less than 2^64", "more"))?;
+        offset = end.ok_or_else(|| invalid(Place::File, "length", "less than 2^64", "more"))?;
     }
     Ok(offset)
 }

@@ -1,6 +1,6 @@
 //! Everything of a file but its pages, as a builder hands it to the writer.
 
-use crate::error::{FormatError, Place, require, require_eq};
+use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::header::{BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};
 use crate::metadata::Metadata;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
@@ -99,9 +99,8 @@ impl Tables {
 
     fn header(&self) -> Result<Header, FormatError> {
         let place = Place::File;
-        let count = |field, len: usize| {
-            u32::try_from(len).map_err(|_| crate::error::invalid(place, field, "less than 2^32", len))
-        };
+        let count =
+            |field, len: usize| u32::try_from(len).map_err(|_| invalid(place, field, "less than 2^32", len));
         let bounds = bounds(&self.clusters);
         Ok(Header {
             magic: MAGIC,

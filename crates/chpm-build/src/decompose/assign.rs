@@ -24,12 +24,13 @@ pub(crate) struct Assigned {
 pub(crate) fn run(
     source: Source,
     grid: &Grid,
+    cells: Buffer<u32>,
     cell_parts: &[u32],
     context: &Context<'_>,
 ) -> Result<Assigned, BuildError> {
     let store = &context.store;
     let part_count = cell_parts.iter().max().map_or(0, |p| *p as usize + 1);
-    let mapping = map_vertices(&source, grid, cell_parts, part_count, store)?;
+    let mapping = map_vertices(cells, grid, cell_parts, part_count, store)?;
     context.check()?;
     let Mapping { new_index, parts, starts } = mapping;
 
@@ -52,21 +53,27 @@ struct Mapping {
     starts: Vec<u32>,
 }
 
+/// The cell of every vertex.
+pub(crate) fn find_cells(positions: &[[f32; 3]], grid: &Grid, store: &Store) -> Result<Buffer<u32>, BuildError> {
+    let mut cells = Buffer::zeroed(store, "vertex cells", positions.len())?;
+    const CHUNK: usize = 1 << 14;
+    cells.par_chunks_mut(CHUNK).zip(positions.par_chunks(CHUNK)).for_each(|(cells, positions)| {
+        for (cell, p) in cells.iter_mut().zip(positions) {
+            *cell = grid.cell_of(*p);
+        }
+    });
+    Ok(cells)
+}
+
 fn map_vertices(
-    source: &Source,
+    cells: Buffer<u32>,
     grid: &Grid,
     cell_parts: &[u32],
     part_count: usize,
     store: &Store,
 ) -> Result<Mapping, BuildError> {
-    let positions = &source.positions;
-    let mut parts = Buffer::zeroed(store, "vertex clusters", positions.len())?;
-    const CHUNK: usize = 1 << 14;
-    parts.par_chunks_mut(CHUNK).zip(positions.par_chunks(CHUNK)).for_each(|(parts, positions)| {
-        for (part, p) in parts.iter_mut().zip(positions) {
-            *part = cell_parts[grid.cell_of(*p) as usize];
-        }
-    });
+    let mut parts = cells;
+    parts.par_iter_mut().for_each(|v| *v = cell_parts[*v as usize]);
     let mut starts = vec![0u32; part_count + 1];
     for (cell, part) in grid.cells.iter().zip(cell_parts) {
         starts[*part as usize + 1] += cell.count;
@@ -75,7 +82,7 @@ fn map_vertices(
         starts[part + 1] += starts[part];
     }
     let mut cursors = starts.clone();
-    let mut new_index = Buffer::zeroed(store, "vertex mapping", positions.len())?;
+    let mut new_index = Buffer::zeroed(store, "vertex mapping", parts.len())?;
     for (new, part) in new_index.iter_mut().zip(parts.iter()) {
         *new = cursors[*part as usize];
         cursors[*part as usize] += 1;

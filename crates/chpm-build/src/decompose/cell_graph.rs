@@ -26,10 +26,32 @@ pub(crate) fn nearest_pairs(points: &[[f32; 3]], k: u32) -> Vec<(u32, u32, f32)>
     pairs
 }
 
-/// The graph that is cut into clusters. Cells hold similar numbers of vertices whatever their size, so that every border
-/// between two of them costs about the same number of shared vertices: the edges weigh the same.
-pub(crate) fn build(cells: &[Cell], neighbors: u32) -> Result<CsrGraph, PartitionError> {
+/// The graph that is cut into clusters: cells that triangles join, by how many of them do, and each cell's nearest ones, so
+/// that separate components find their neighbours.
+///
+/// [Q] has the nearest cells only. The triangles' edges say what a cut costs, in shared vertices; a sample of them says it too.
+pub(crate) fn build(
+    cells: &[Cell],
+    cell_of: &[u32],
+    triangles: &[[u32; 3]],
+    neighbors: u32,
+) -> Result<CsrGraph, PartitionError> {
     let centers: Vec<[f32; 3]> = cells.iter().map(|c| c.center).collect();
-    let edges: Vec<(u32, u32, u32)> = nearest_pairs(&centers, neighbors).into_iter().map(|(a, b, _)| (a, b, 1)).collect();
+    let mut edges: Vec<(u32, u32, u32)> = nearest_pairs(&centers, neighbors).into_iter().map(|(a, b, _)| (a, b, 1)).collect();
+    let mut joined: Vec<(u32, u32)> = triangles
+        .par_iter()
+        .step_by(SAMPLE)
+        .flat_map_iter(|t| {
+            let [a, b, c] = t.map(|v| cell_of[v as usize]);
+            [(a, b), (b, c), (c, a)].into_iter().filter(|(a, b)| a != b).map(|(a, b)| (a.min(b), a.max(b)))
+        })
+        .collect();
+    joined.par_sort_unstable();
+    edges.extend(joined.chunk_by(|x, y| x == y).map(|same| (same[0].0, same[0].1, JOINED * same.len() as u32)));
     CsrGraph::from_edges(cells.iter().map(|c| c.count).collect(), &edges)
 }
+
+/// One in so many triangles is looked at.
+const SAMPLE: usize = 4;
+/// Weight of a sampled triangle's edge between two cells; mere nearness weighs one.
+const JOINED: u32 = 4;

@@ -48,13 +48,14 @@ pub(crate) fn run(
     context: &Context<'_>,
     repairs: &mut Repairs,
 ) -> Result<Decomposition, BuildError> {
-    let wanted = source.triangles.len().div_ceil(settings.cluster_triangles.max(1) as usize) as u32;
+    let wanted = leaf_count(source.triangles.len(), settings);
     let grid = Grid::build(&source.positions, &source.bounds, settings.cell_vertices);
     context.check()?;
-    let cell_parts = partition_cells(&grid, wanted, settings)?;
+    let cells = assign::find_cells(&source.positions, &grid, &context.store)?;
+    let cell_parts = partition_cells(&grid, &cells, &source.triangles, wanted, settings)?;
     context.check()?;
 
-    let Assigned { vertices, starts, triangles, triangle_starts } = assign::run(source, &grid, &cell_parts, context)?;
+    let Assigned { vertices, starts, triangles, triangle_starts } = assign::run(source, &grid, cells, &cell_parts, context)?;
     context.check()?;
 
     let spool = Spool::new(&context.store, "leaves");
@@ -67,11 +68,38 @@ pub(crate) fn run(
     Ok(Decomposition { vertices, spool, leaves, shared })
 }
 
-fn partition_cells(grid: &Grid, wanted: u32, settings: &Settings) -> Result<Vec<u32>, BuildError> {
-    let parts = wanted.min(grid.cells.len() as u32);
+/// Clusters of the leaf level: the power of two for which a leaf comes closest to the wanted size, so that the hierarchy is a
+/// complete tree and all clusters of a level have a similar history.
+fn leaf_count(triangles: usize, settings: &Settings) -> u32 {
+    let exact = triangles as f64 / f64::from(settings.cluster_triangles.max(1));
+    1 << exact.max(1.0).log2().round().min(31.0) as u32
+}
+
+/// Parts of one call beyond which the partition is made in two rounds: the time of a k-way partition grows with k.
+const MAX_ROUND_PARTS: u32 = 64;
+
+/// The cluster of each cell.
+fn partition_cells(grid: &Grid, cells: &[u32], triangles: &[[u32; 3]], parts: u32, settings: &Settings) -> Result<Vec<u32>, BuildError> {
+    let parts = parts.min(grid.cells.len() as u32);
     if parts <= 1 {
         return Ok(vec![0; grid.cells.len()]);
     }
-    let graph = cell_graph::build(&grid.cells, settings.cell_neighbors)?;
-    Ok(settings.partitioner.kway(&graph, parts, settings.seed)?.parts)
+    let graph = cell_graph::build(&grid.cells, cells, triangles, settings.cell_neighbors)?;
+    if parts <= MAX_ROUND_PARTS {
+        return Ok(settings.partitioner.kway(&graph, parts, settings.seed)?.parts);
+    }
+    let regions = 1 << (parts.ilog2() / 2);
+    let regional = settings.partitioner.kway(&graph, regions, settings.seed)?.parts;
+    let mut cells_of = vec![Vec::new(); regions as usize];
+    for (cell, region) in regional.iter().enumerate() {
+        cells_of[*region as usize].push(cell as u32);
+    }
+    let mut assignment = vec![0; grid.cells.len()];
+    for (region, cells) in (0..regions).zip(&cells_of) {
+        let within = settings.partitioner.kway(&graph.subgraph(cells), parts / regions, settings.seed)?.parts;
+        for (cell, part) in cells.iter().zip(within) {
+            assignment[*cell as usize] = region * (parts / regions) + part;
+        }
+    }
+    Ok(assignment)
 }

@@ -13,6 +13,9 @@ pub(super) struct LocalOrder {
     graph: Graph,
     seen: Vec<u32>,
     multilevel: Multilevel,
+    survivor: Vec<u16>,
+    base_triangles: Vec<[u16; 3]>,
+    rank: Vec<u16>,
     position: Vec<u16>,
     old_to_new: Vec<u16>,
     new_to_old: Vec<u16>,
@@ -59,17 +62,42 @@ impl LocalOrder {
         Ok(())
     }
 
-    /// Position of every vertex of the finest mesh in its cache-oblivious order.
+    /// Position of every vertex of the finest mesh in its cache-oblivious order. The progressive mesh itself is the first
+    /// coarsening ([Y] 6.3.1 names edge collapse as one): the base mesh is ordered, and each vertex that collapsed comes with
+    /// the one that it ended in.
     fn order_vertices(&mut self, page: &Page<'_>) {
-        let pairs = page.triangles.iter().flat_map(|t| {
+        let base = page.base_vertex_count;
+        self.survivor.clear();
+        self.survivor.extend(0..base as u16);
+        for target in page.targets {
+            self.survivor.push(self.survivor[usize::from(*target)]);
+        }
+        self.base_triangles.clear();
+        let resolved = page.triangles.iter().map(|t| t.map(|v| self.survivor[usize::from(v)]));
+        self.base_triangles.extend(resolved.filter(|[a, b, c]| a != b && b != c && c != a));
+        let pairs = self.base_triangles.iter().flat_map(|t| {
             let [a, b, c] = t.map(u32::from);
             [(a, b), (b, c), (c, a)]
         });
-        self.graph.fill(page.vertex_count(), pairs, &mut self.seen);
-        self.position.clear();
-        self.position.resize(page.vertex_count(), 0);
+        self.graph.fill(base, pairs, &mut self.seen);
+        self.starts.clear();
+        self.starts.resize(base + 1, 0);
+        self.rank.clear();
+        self.rank.resize(base, 0);
         for (at, vertex) in self.multilevel.order(&mut self.graph).iter().enumerate() {
-            self.position[*vertex as usize] = at as u16;
+            self.rank[*vertex as usize] = at as u16;
+        }
+        for survivor in &self.survivor {
+            self.starts[usize::from(self.rank[usize::from(*survivor)]) + 1] += 1;
+        }
+        for i in 1..self.starts.len() {
+            self.starts[i] += self.starts[i - 1];
+        }
+        self.position.clear();
+        for survivor in &self.survivor {
+            let start = &mut self.starts[usize::from(self.rank[usize::from(*survivor)])];
+            self.position.push(*start as u16);
+            *start += 1;
         }
     }
 

@@ -19,9 +19,50 @@ pub fn expected_change(changes: &mut [(u32, i32)]) -> i64 {
     sum
 }
 
+/// The same sum where every span changes by one, as it does when two neighbours in a layout swap: `steps` holds, for each edge
+/// that changes, the shorter of its two spans and +1 if the edge becomes longer, -1 if it becomes shorter. Reorders `steps`.
+pub fn expected_change_of_steps(steps: &mut [(u32, i32)]) -> i64 {
+    steps.sort_unstable_by_key(|s| s.0);
+    let (mut rank, mut sum) = (0, 0);
+    let mut count = |delta: i32| {
+        rank += i64::from(delta != 0);
+        sum += rank * i64::from(delta);
+    };
+    // Edges that grow leave `span` for the next one: the gain of one span is the loss of the span before.
+    let (mut at, mut carried) = (u32::MAX, 0);
+    for same in steps.chunk_by(|a, b| a.0 == b.0) {
+        let (span, grown) = (same[0].0, same.iter().map(|s| s.1).sum::<i32>());
+        if span != at {
+            count(carried);
+            carried = 0;
+        }
+        count(carried - grown);
+        (at, carried) = (span + 1, grown);
+    }
+    count(carried);
+    sum
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn steps_are_changes() {
+        let mut state = 1u32;
+        for _ in 0..1000 {
+            let steps: Vec<(u32, i32)> = (0..8)
+                .map(|_| {
+                    state = state.wrapping_mul(1664525).wrapping_add(1013904223);
+                    (1 + (state >> 16) % 7, if state >> 31 == 0 { 1 } else { -1 })
+                })
+                .collect();
+            let longer = |&(span, sign): &(u32, i32)| if sign > 0 { (span, span + 1) } else { (span + 1, span) };
+            let mut changes: Vec<_> =
+                steps.iter().map(longer).flat_map(|(from, to)| [(from, -1), (to, 1)]).collect();
+            assert_eq!(expected_change_of_steps(&mut steps.clone()), expected_change(&mut changes), "{steps:?}");
+        }
+    }
 
     #[test]
     fn shorter_spans_are_an_improvement() {

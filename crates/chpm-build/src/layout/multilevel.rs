@@ -4,7 +4,7 @@
 //! A coarse node stands for at most two nodes, so that a local permutation is the choice which of the two comes first. [Y] allows
 //! up to five; pairs cost a fraction and leave the later stage of this project something to gain.
 
-use super::metric::expected_change;
+use super::metric::{expected_change, expected_change_of_steps};
 
 const NONE: u32 = u32::MAX;
 /// Nodes of the coarsest graph, all of whose orders are tried.
@@ -146,24 +146,25 @@ impl Multilevel {
                 self.expanded.push(member);
             }
         }
-        let mut at = 0;
+        let mut at = 0u32;
         for node in &self.order {
             let [a, b] = members[*node as usize];
             if b == NONE {
                 at += 1;
                 continue;
             }
+            // Only spans of edges to third nodes change, each by one: towards the left for b, towards the right for a.
             self.changes.clear();
-            for (node, other, from) in [(a, b, at as u32), (b, a, at as u32 + 1)] {
-                let to = 2 * at as u32 + 1 - from;
+            for (node, other, longer_left) in [(a, b, 1), (b, a, -1)] {
                 for neighbor in graph.neighbors(node).iter().filter(|n| **n != other) {
                     let q = self.position[*neighbor as usize];
-                    self.changes.push((q.abs_diff(from), -1));
-                    self.changes.push((q.abs_diff(to), 1));
+                    let left = q < at;
+                    let near = if left { at - q } else { q - at - 1 };
+                    self.changes.push((near, if left { longer_left } else { -longer_left }));
                 }
             }
-            if expected_change(&mut self.changes) < 0 {
-                self.expanded.swap(at, at + 1);
+            if expected_change_of_steps(&mut self.changes) < 0 {
+                self.expanded.swap(at as usize, at as usize + 1);
                 self.position.swap(a as usize, b as usize);
             }
             at += 2;
@@ -308,7 +309,7 @@ mod tests {
 
     #[test]
     fn graphs_without_edges_are_ordered_too() {
-        assert_eq!(ordered(0, &[]), []);
+        assert!(ordered(0, &[]).is_empty());
         assert_eq!(ordered(8, &[]).len(), 8);
     }
 }

@@ -60,9 +60,11 @@ impl GroupCheck {
         // A fine page that is damaged is reported where it is coarse.
         let fine: Result<Vec<_>, _> =
             file.fine(id).iter().map(|fine| file.page_checked(ClusterId(*fine))).collect();
-        if let Ok(fine) = fine
-            && !fine.is_empty()
-        {
+        let Ok(fine) = fine else { return };
+        let vertices: usize = coarse.iter().chain(&fine).map(Page::vertex_count).sum();
+        let countable = u32::try_from(vertices).is_ok();
+        report.expect(countable, Invariant::Bytes, Place::Group(id), "fewer than 2^32 vertices expected");
+        if countable && !fine.is_empty() {
             self.rank_vertices(id, &coarse, &fine, report);
             self.check_union(id, &coarse, &fine, report);
         }

@@ -3,7 +3,8 @@
 //! [`PlyReader`] parses the header at once and then hands over the body in [`Batch`]es. It reads the file once,
 //! front to back, in blocks of 1 MiB, and nothing that it allocates is sized by a number from the file. What it reads:
 //!
-//! - ASCII, binary little endian and binary big endian; header lines that end in LF, CRLF or CR;
+//! - ASCII, binary little endian and binary big endian; header lines that end in LF, CRLF or CR; in ASCII every element
+//!   begins on a new line, so that a header with wrong counts is found out;
 //! - elements in any order, properties in any order and of any scalar type; other elements and properties are skipped, with
 //!   a [`Warning`];
 //! - `vertex`: `x y z`, and if asked for `nx ny nz`, and `red green blue [alpha]` or `diffuse_red ...`;

@@ -21,7 +21,7 @@ pub struct VertexFormat {
 #[derive(Debug)]
 pub(super) enum Role {
     Skip,
-    Vertices(VertexPlan),
+    Vertices(Box<VertexPlan>),
     Faces(ListPlan),
     Strips(ListPlan),
 }
@@ -84,7 +84,7 @@ impl Schema {
                 "vertex" => {
                     let plan = vertex_plan(element, options, &mut warnings)?;
                     format = Some(plan.format());
-                    Role::Vertices(plan)
+                    Role::Vertices(Box::new(plan))
                 }
                 "face" | "tristrips" => {
                     if format.is_none() && options.invalid == Invalid::Drop && element.count > 0 {

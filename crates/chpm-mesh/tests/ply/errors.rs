@@ -1,9 +1,9 @@
 //! Errors name the element, its index, and the offset of the very value; or it is dropped and counted.
 
-use crate::forge::SPECIMENS;
+use crate::forge::{ENCODINGS, Random, SPECIMENS};
 use chpm_mesh::ply::{
     Batch, BatchKind, Encoding, Invalid, Options, Place, PlyError, PlyReader, PlyWriter, Tally, Warning,
-    read_mesh,
+    read_mesh, write_mesh,
 };
 use chpm_mesh::{Attributes, TriMesh};
 
@@ -106,7 +106,16 @@ fn binary_errors_point_at_the_bytes() {
             assert_eq!(*place(&error), expected);
             assert!(matches!(error, PlyError::NotFinite { property, .. } if property == axis));
         }
-        // The second corner of the third face.
+        // Every corner of the third face, one beyond the last vertex.
+        for corner in 0..3 {
+            let mut bytes = bytes.clone();
+            let offset = body + 12 * size + 2 * 13 + 1 + 4 * corner;
+            bytes[offset..offset + 4].fill(0);
+            bytes[if double { offset + 3 } else { offset }] = 4;
+            let error = read_mesh(&bytes[..], Options::default()).unwrap_err();
+            assert_eq!((place(&error).index, place(&error).offset), (2, offset as u64));
+            assert!(matches!(error, PlyError::IndexOutOfRange { index: 4, .. }));
+        }
         let mut bytes = bytes.clone();
         let offset = body + 12 * size + 2 * 13 + 5;
         bytes[offset..offset + 4].fill(0xff);
@@ -183,6 +192,35 @@ fn dropping_keeps_indices_and_counts() {
     let (mesh, tally, _) = drop(TEXT.replace("3 0 1 3", "5 0 1 2 3 7").as_bytes());
     assert_eq!(mesh.triangles, [[0, 2, 1], [1, 2, 3], [2, 0, 3]], "a polygon is dropped whole");
     assert_eq!(tally, Tally { dropped_faces: 1, ..Tally::default() });
+}
+
+#[test]
+fn dropping_is_a_filter() {
+    let random = &mut Random(11);
+    let count = 500;
+    let mut positions: Vec<[f32; 3]> = (0..count).map(|i| [i as f32, 0.5, -1.0]).collect();
+    let triangles: Vec<[u32; 3]> = (2..count as u32).map(|i| [i, i - 1, i - 2]).collect();
+    let mut bad: Vec<usize> = (0..25).map(|_| random.below(count)).collect();
+    bad.sort_unstable();
+    bad.dedup();
+    for &vertex in &bad {
+        positions[vertex][random.below(3)] = [f32::NAN, f32::INFINITY][random.below(2)];
+    }
+    let mesh = TriMesh::new(positions, triangles);
+    let good = |triangle: &&[u32; 3]| !triangle.iter().any(|v| bad.contains(&(*v as usize)));
+    let expected: Vec<[u32; 3]> = mesh.triangles.iter().filter(good).copied().collect();
+    for encoding in ENCODINGS {
+        let mut bytes = Vec::new();
+        write_mesh(&mut bytes, &mesh, encoding).unwrap();
+        let (dropped, tally, _) = drop(&bytes);
+        assert_eq!(dropped.triangles, expected);
+        for (vertex, position) in dropped.positions.iter().enumerate() {
+            assert_eq!(*position, if bad.contains(&vertex) { [0.0; 3] } else { mesh.positions[vertex] });
+        }
+        let dropped_faces = (mesh.triangles.len() - expected.len()) as u64;
+        let dropped_vertices = bad.len() as u64;
+        assert_eq!(tally, Tally { dropped_vertices, dropped_faces, ..Tally::default() });
+    }
 }
 
 #[test]

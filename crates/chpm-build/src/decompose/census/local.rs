@@ -163,7 +163,8 @@ impl Surveyor {
             self.look_at(self.open[index], &mut leaf);
         }
         if self.border.count > 0 {
-            leaf.found.boundary_loops = hand_over(&mut self.border, shared, &mut self.first, &mut leaf.bordering);
+            leaf.found.boundary_loops =
+                hand_over(&mut self.border, shared, &mut self.first, &mut leaf.bordering);
         }
         if !self.doubtful.is_empty() {
             leaf.found.duplicate_faces = self.count_copies(triangles);
@@ -260,7 +261,8 @@ impl Surveyor {
 
     /// Counts or hands over the fans of an open vertex, and its edges to other open vertices.
     fn look_at(&mut self, vertex: u16, leaf: &mut LeafCensus) {
-        let wings = &self.wings[self.starts[usize::from(vertex)] as usize..self.starts[usize::from(vertex) + 1] as usize];
+        let wings = &self.wings
+            [self.starts[usize::from(vertex)] as usize..self.starts[usize::from(vertex) + 1] as usize];
         self.link.gather(vertex, wings, &mut self.next);
         let id = self.ids[usize::from(vertex)];
         for &(neighbor, faces) in &self.link.neighbors {

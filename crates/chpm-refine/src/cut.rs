@@ -1,0 +1,222 @@
+//! A cut of the cluster hierarchy with a PM position for every cluster, and the uniform ways to choose one.
+
+use crate::error::RefineError;
+use crate::lod::Lod;
+use crate::splits::{Splits, top_down};
+use chpm_format::{Chpm, ClusterRecord, Page};
+use chpm_mesh::{ClusterId, GroupId, Level};
+
+/// One cluster of a cut.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub struct Member {
+    /// The cluster that is drawn.
+    pub cluster: ClusterId,
+    /// Its PM position: the number of vertices, from the base mesh's to the finest mesh's.
+    pub vertices: u32,
+}
+
+impl Member {
+    /// Answers the record of a cluster that is in the file, at a position that it has.
+    fn record<'a, D: AsRef<[u8]>>(&self, file: &'a Chpm<D>) -> Result<&'a ClusterRecord, RefineError> {
+        let &Member { cluster, vertices: got } = self;
+        let count = file.clusters().len();
+        let record = file.clusters().get(cluster.index()).ok_or(RefineError::Cluster { cluster, count })?;
+        let (min, max) = (record.base_vertex_count, record.vertex_count);
+        if (min..=max).contains(&got) {
+            Ok(record)
+        } else {
+            Err(RefineError::Position { cluster, got, min, max })
+        }
+    }
+
+    /// Answers the page of a cluster that is in the file, at a position that it has.
+    pub(crate) fn page<'a, D: AsRef<[u8]>>(&self, file: &'a Chpm<D>) -> Result<Page<'a>, RefineError> {
+        self.record(file)?;
+        Ok(file.page(self.cluster)?)
+    }
+}
+
+/// Which clusters are drawn, and at which positions: what a view, or a uniform rule, selects from the hierarchy
+/// (Quick-VDR 3.2, the active cluster list).
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Cut {
+    members: Vec<Member>,
+}
+
+impl Cut {
+    /// A cut of these members; [`Cut::check`] tells whether it is legal.
+    pub fn new(mut members: Vec<Member>) -> Self {
+        members.sort_unstable();
+        Cut { members }
+    }
+
+    /// The members, by ascending cluster id.
+    pub fn members(&self) -> &[Member] {
+        &self.members
+    }
+
+    /// The finest meshes of all clusters up to `level` that no cluster up to `level` replaces. Level 0 is the source mesh, a
+    /// level at or above the top the roots.
+    pub fn at_level<D: AsRef<[u8]>>(file: &Chpm<D>, level: Level) -> Self {
+        let splits = Splits::wanted(file, &top_down(file), |_, group| group.level > level.0);
+        let finest =
+            |(cluster, record): (_, &ClusterRecord)| Member { cluster, vertices: record.vertex_count };
+        Cut { members: splits.active(file).map(finest).collect() }
+    }
+
+    /// The coarsest mesh whose every part has a stored error of at most `bound`, in object units: a group is split
+    /// if its `min_error` is larger, and its clusters have the fewest vertices that keep to the bound. Where even the leaves
+    /// have a larger error, it is their finest meshes.
+    ///
+    /// # Errors
+    /// [`RefineError::Bound`] unless `bound` is at least 0; [`RefineError::Format`] for a damaged page.
+    pub fn at_error<D: AsRef<[u8]>>(file: &Chpm<D>, bound: f32) -> Result<Self, RefineError> {
+        // Not the negation: a bound that is no number must be refused too.
+        if !(bound >= 0.0) {
+            return Err(RefineError::Bound { got: bound });
+        }
+        Uniform::new(file).cut(bound)
+    }
+
+    /// The mesh of the least uniform error that has at most `limit` triangles. It is the roots' base meshes where even those
+    /// have more, which [`Cut::triangle_count`] tells.
+    ///
+    /// # Errors
+    /// [`RefineError::Format`] for a damaged page.
+    pub fn at_triangles<D: AsRef<[u8]>>(file: &Chpm<D>, limit: u64) -> Result<Self, RefineError> {
+        let mut uniform = Uniform::new(file);
+        // Errors that are not negative order as their bits do. The count of triangles falls with the error and changes only
+        // at stored errors, so the least f32 that fits is one of those, or 0.
+        let (mut low, mut high) = (0, uniform.largest_error().to_bits());
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if uniform.fits(f32::from_bits(middle), limit)? {
+                high = middle;
+            } else {
+                low = middle + 1;
+            }
+        }
+        uniform.cut(f32::from_bits(high))
+    }
+
+    /// Triangles of the cut.
+    ///
+    /// # Errors
+    /// [`RefineError::Cluster`] or [`RefineError::Position`] for a member that the file lacks;
+    /// [`RefineError::Format`] for a damaged page.
+    pub fn triangle_count<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<u64, RefineError> {
+        let mut lod = Lod::default();
+        self.members.iter().map(|member| count_triangles(file, *member, &mut lod)).sum()
+    }
+
+    /// The largest stored error of a member, object units; 0 for the empty cut.
+    ///
+    /// # Errors
+    /// As [`Cut::triangle_count`].
+    pub fn error<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<f32, RefineError> {
+        self.members.iter().try_fold(0.0, |largest: f32, member| {
+            Ok(largest.max(member.page(file)?.error_at(member.vertices as usize)))
+        })
+    }
+
+    /// Checks that the members are in the file, at positions that they have, and that together they are a cut: every leaf
+    /// is covered exactly once, by itself or by what replaces it, and no dependency group is split in part.
+    /// Reads no page.
+    ///
+    /// # Errors
+    /// [`RefineError::Cluster`], [`RefineError::Position`] or [`RefineError::Illegal`], for the first cluster that is wrong.
+    pub fn check<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<(), RefineError> {
+        for member in &self.members {
+            member.record(file)?;
+        }
+        let splits = Splits::that_bring(file, self.members.iter().map(|member| member.cluster));
+        let mut members = self.members.iter().peekable();
+        for (cluster, record) in (0..).map(ClusterId).zip(file.clusters()) {
+            let expected = usize::from(splits.is_active(record));
+            let mut got = 0;
+            while members.next_if(|member| member.cluster == cluster).is_some() {
+                got += 1;
+            }
+            if got != expected {
+                return Err(RefineError::Illegal { cluster, expected, got });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Cuts at one error bound for the whole file.
+struct Uniform<'a, D> {
+    file: &'a Chpm<D>,
+    order: Vec<GroupId>,
+    lod: Lod,
+}
+
+impl<'a, D: AsRef<[u8]>> Uniform<'a, D> {
+    fn new(file: &'a Chpm<D>) -> Self {
+        Uniform { file, order: top_down(file), lod: Lod::default() }
+    }
+
+    /// A bound at which the cut is the roots' base meshes.
+    fn largest_error(&self) -> f32 {
+        let base = self.file.clusters().iter().map(|cluster| cluster.max_error);
+        let finest = self.file.groups().iter().map(|group| group.min_error);
+        // The sign of a zero would spoil the order of the bits.
+        base.chain(finest).fold(0.0, f32::max).abs()
+    }
+
+    fn splits(&self, bound: f32) -> Splits {
+        Splits::wanted(self.file, &self.order, |_, group| group.min_error > bound)
+    }
+
+    fn cut(&self, bound: f32) -> Result<Cut, RefineError> {
+        let splits = self.splits(bound);
+        let members = splits.active(self.file).map(|(cluster, _)| position(self.file, cluster, bound));
+        Ok(Cut { members: members.collect::<Result<_, _>>()? })
+    }
+
+    /// Whether the cut at `bound` has at most `limit` triangles.
+    fn fits(&mut self, bound: f32, limit: u64) -> Result<bool, RefineError> {
+        let splits = self.splits(bound);
+        let total = |count: fn(&ClusterRecord) -> u32| -> u64 {
+            splits.active(self.file).map(|(_, cluster)| u64::from(count(cluster))).sum()
+        };
+        // The tables alone decide wherever the bound selects far more or far fewer triangles.
+        if total(|cluster| cluster.triangle_count) <= limit {
+            return Ok(true);
+        }
+        let mut least = total(|cluster| cluster.base_triangle_count);
+        for (cluster, record) in splits.active(self.file) {
+            if least > limit {
+                return Ok(false);
+            }
+            let member = position(self.file, cluster, bound)?;
+            let count = count_triangles(self.file, member, &mut self.lod)?;
+            least += count.saturating_sub(u64::from(record.base_triangle_count));
+        }
+        Ok(least <= limit)
+    }
+}
+
+/// The cluster with the fewest vertices whose error is at most `bound`.
+pub(crate) fn position<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    cluster: ClusterId,
+    bound: f32,
+) -> Result<Member, RefineError> {
+    let vertices = file.page(cluster)?.vertices_for(bound) as u32;
+    Ok(Member { cluster, vertices })
+}
+
+fn count_triangles<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    member: Member,
+    lod: &mut Lod,
+) -> Result<u64, RefineError> {
+    let record = member.record(file)?;
+    if member.vertices == record.vertex_count {
+        return Ok(u64::from(record.triangle_count));
+    }
+    let page = file.page(member.cluster)?;
+    Ok(lod.triangles(&page.progressive_mesh(), member.vertices as usize).count() as u64)
+}

@@ -1,0 +1,59 @@
+//! What can be wrong with a selection.
+
+use chpm_format::FormatError;
+use chpm_mesh::ClusterId;
+
+/// Why a mesh could not be selected or extracted.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RefineError {
+    /// A page that the selection needs is damaged.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// An error bound that nothing can be compared with.
+    #[error("error bound: a number that is at least 0 expected, got {got}")]
+    Bound {
+        /// The bound that was given, object units.
+        got: f32,
+    },
+    /// The cut names a cluster that the file lacks.
+    #[error(
+        "cut: {cluster} expected to be one of {count} clusters; make the cut for the file that it is used with"
+    )]
+    Cluster {
+        /// The cluster that the cut names.
+        cluster: ClusterId,
+        /// Clusters of the file.
+        count: usize,
+    },
+    /// The cut puts a cluster at a position that its progressive mesh lacks.
+    #[error("cut: {cluster}: a position of {min} to {max} vertices expected, got {got}")]
+    Position {
+        /// Where.
+        cluster: ClusterId,
+        /// The position that the cut names.
+        got: u32,
+        /// Vertices of the cluster's base mesh.
+        min: u32,
+        /// Vertices of its finest mesh.
+        max: u32,
+    },
+    /// The cut covers a part of the surface twice or not at all, or splits a part of a dependency group.
+    #[error(
+        "cut: {cluster} expected {expected} times, got {got}: a cut covers every leaf once and splits groups whole"
+    )]
+    Illegal {
+        /// The first cluster that is wrong.
+        cluster: ClusterId,
+        /// How often it must be there: 0 or 1.
+        expected: usize,
+        /// How often it is there.
+        got: usize,
+    },
+    /// The mesh has more vertices than 32-bit indices tell apart.
+    #[error("mesh: at most {limit} vertices expected, the cut has more; choose a coarser one")]
+    TooManyVertices {
+        /// Most vertices of a mesh.
+        limit: u32,
+    },
+}

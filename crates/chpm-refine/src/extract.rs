@@ -1,0 +1,214 @@
+//! One mesh out of a cut: clusters are welded where they share vertices.
+
+use crate::cut::Cut;
+use crate::error::RefineError;
+use crate::lod::Lod;
+use chpm_format::{Chpm, Page};
+use chpm_mesh::{Attributes, TriMesh};
+use std::num::NonZeroU32;
+
+/// Extracts the mesh of a legal cut into memory. Positions are relative to the header's origin; vertices that no triangle
+/// uses are left out; clusters come in the order of the file.
+///
+/// # Errors
+/// As [`Extraction::new`].
+pub fn extract<D: AsRef<[u8]>>(file: &Chpm<D>, cut: &Cut) -> Result<TriMesh, RefineError> {
+    let extraction = Extraction::new(file, cut)?;
+    let mut mesh = TriMesh::default();
+    mesh.positions.reserve_exact(extraction.vertex_count() as usize);
+    mesh.triangles.reserve_exact(extraction.triangle_count() as usize);
+    extraction.vertices(|batch| {
+        mesh.positions.extend_from_slice(batch.positions);
+        mesh.normals.extend_from_slice(batch.normals);
+        mesh.colors.extend_from_slice(batch.colors);
+        Ok::<_, RefineError>(())
+    })?;
+    extraction.triangles(|batch| {
+        mesh.triangles.extend_from_slice(batch);
+        Ok::<_, RefineError>(())
+    })?;
+    Ok(mesh)
+}
+
+/// Vertices of one cluster that no cluster before it had.
+#[derive(Clone, Copy, Debug)]
+pub struct VertexBatch<'a> {
+    /// Positions relative to the header's origin.
+    pub positions: &'a [[f32; 3]],
+    /// Normals, one per position or none.
+    pub normals: &'a [[f32; 3]],
+    /// Colours (RGBA), one per position or none.
+    pub colors: &'a [[u8; 4]],
+}
+
+impl<'a> VertexBatch<'a> {
+    /// The positions of the source: moved back by the `origin` that [`Extraction::origin`] tells.
+    pub fn absolute(&self, origin: [f64; 3]) -> impl Iterator<Item = [f64; 3]> + use<'a> {
+        self.positions.iter().map(move |p| std::array::from_fn(|axis| origin[axis] + f64::from(p[axis])))
+    }
+}
+
+/// The mesh of a cut, handed out cluster by cluster, so that a large one can be written without being held: memory is
+/// that of one cluster and four bytes for each shared vertex. Every pass reads the cut's pages again.
+#[derive(Clone, Copy, Debug)]
+pub struct Extraction<'a, D> {
+    file: &'a Chpm<D>,
+    cut: &'a Cut,
+    vertex_count: u32,
+    triangle_count: u64,
+}
+
+impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
+    /// Checks the cut and counts its mesh.
+    ///
+    /// # Errors
+    /// What [`Cut::check`] refuses; [`RefineError::Format`] for a damaged page; [`RefineError::TooManyVertices`].
+    pub fn new(file: &'a Chpm<D>, cut: &'a Cut) -> Result<Self, RefineError> {
+        cut.check(file)?;
+        let mut extraction = Extraction { file, cut, vertex_count: 0, triangle_count: 0 };
+        let (mut vertices, mut triangles) = (0, 0);
+        extraction.walk(|_, weld| {
+            vertices += weld.fresh.len() as u32;
+            triangles += weld.triangles.len() as u64;
+            Ok::<_, RefineError>(())
+        })?;
+        (extraction.vertex_count, extraction.triangle_count) = (vertices, triangles);
+        Ok(extraction)
+    }
+
+    /// Vertices of the mesh.
+    pub fn vertex_count(&self) -> u32 {
+        self.vertex_count
+    }
+
+    /// Triangles of the mesh.
+    pub fn triangle_count(&self) -> u64 {
+        self.triangle_count
+    }
+
+    /// What the vertices carry.
+    pub fn attributes(&self) -> Attributes {
+        self.file.header().attributes()
+    }
+
+    /// The point that positions are relative to, unless it is zero: then they need more than single precision.
+    pub fn origin(&self) -> Option<[f64; 3]> {
+        Some(self.file.header().origin).filter(|origin| *origin != [0.0; 3])
+    }
+
+    /// Hands all vertices to `sink`, in the order of their indices.
+    ///
+    /// # Errors
+    /// What `sink` answers; [`RefineError::Format`] for a damaged page.
+    pub fn vertices<E: From<RefineError>>(
+        &self,
+        mut sink: impl FnMut(VertexBatch<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let (mut positions, mut normals, mut colors) = (Vec::new(), Vec::new(), Vec::new());
+        self.walk(|page, weld| {
+            gather(page.positions, &weld.fresh, &mut positions);
+            gather(page.normals, &weld.fresh, &mut normals);
+            gather(page.colors, &weld.fresh, &mut colors);
+            sink(VertexBatch { positions: &positions, normals: &normals, colors: &colors })
+        })
+    }
+
+    /// Hands all triangles to `sink`; corners are indices into the vertices.
+    ///
+    /// # Errors
+    /// As [`Extraction::vertices`].
+    pub fn triangles<E: From<RefineError>>(
+        &self,
+        mut sink: impl FnMut(&[[u32; 3]]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut triangles = Vec::new();
+        self.walk(|_, weld| {
+            triangles.clear();
+            let welded = |corners: &[u16; 3]| corners.map(|v| weld.index[usize::from(v)]);
+            triangles.extend(weld.triangles.iter().map(welded));
+            sink(&triangles)
+        })
+    }
+
+    /// Every pass takes the same walk, so that all number the vertices alike.
+    fn walk<E: From<RefineError>>(
+        &self,
+        mut visit: impl FnMut(&Page<'_>, &Weld) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut weld = Weld::new(self.file.header().shared_vertex_count);
+        for member in self.cut.members() {
+            let page = member.page(self.file)?;
+            weld.enter(&page, member.vertices as usize)?;
+            visit(&page, &weld)?;
+        }
+        Ok(())
+    }
+}
+
+/// Replaces `out` by what `of` has at the vertices; nothing if `of` has nothing.
+fn gather<T: Copy>(of: &[T], vertices: &[u16], out: &mut Vec<T>) {
+    out.clear();
+    out.extend(vertices.iter().filter_map(|v| of.get(usize::from(*v)).copied()));
+}
+
+/// Index of a vertex that no triangle uses; larger than that of any vertex.
+const UNUSED: u32 = u32::MAX;
+
+/// Numbers the vertices of one cluster after the other.
+struct Weld {
+    /// By shared id: one more than the index that the vertex got. Zeroed memory that is not written takes no space.
+    shared: Vec<Option<NonZeroU32>>,
+    /// Vertices so far.
+    count: u32,
+    lod: Lod,
+    /// Triangles of the current cluster at its position, in local indices.
+    triangles: Vec<[u16; 3]>,
+    /// By local index: the index in the mesh.
+    index: Vec<u32>,
+    /// Local indices of the vertices that no cluster before had, ascending.
+    fresh: Vec<u16>,
+}
+
+impl Weld {
+    fn new(shared_vertex_count: u32) -> Self {
+        Weld {
+            shared: vec![None; shared_vertex_count as usize],
+            count: 0,
+            lod: Lod::default(),
+            triangles: Vec::new(),
+            index: Vec::new(),
+            fresh: Vec::new(),
+        }
+    }
+
+    /// Goes on to the mesh of `n` vertices of a page.
+    fn enter(&mut self, page: &Page<'_>, n: usize) -> Result<(), RefineError> {
+        self.triangles.clear();
+        self.triangles.extend(self.lod.triangles(&page.progressive_mesh(), n));
+        self.index.clear();
+        self.index.resize(n, UNUSED);
+        for v in self.triangles.as_flattened() {
+            self.index[usize::from(*v)] = 0;
+        }
+        self.fresh.clear();
+        let mut shared = page.shared().peekable();
+        for (local, index) in self.index.iter_mut().enumerate() {
+            let id = shared.next_if(|(vertex, _)| usize::from(*vertex) == local);
+            if *index == UNUSED {
+                continue;
+            }
+            let known = id.and_then(|(_, id)| self.shared[id as usize]);
+            let next = self.count.checked_add(1).and_then(NonZeroU32::new);
+            let number = known.or(next).ok_or(RefineError::TooManyVertices { limit: UNUSED })?;
+            *index = number.get() - 1;
+            if known.is_none() {
+                self.count = number.get();
+                self.fresh.push(local as u16);
+                if let Some((_, id)) = id {
+                    self.shared[id as usize] = Some(number);
+                }
+            }
+        }
+        Ok(())
+    }
+}

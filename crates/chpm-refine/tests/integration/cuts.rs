@@ -1,0 +1,189 @@
+use crate::strips::{ALL, DEPENDENT, File, PAIRS, ROOTS, TWINS, UNEVEN};
+use chpm_format::Chpm;
+use chpm_mesh::{ClusterId, Level};
+use chpm_refine::{Cut, Member, RefineError, random_cut};
+use std::collections::BTreeSet;
+
+fn ids(cut: &Cut) -> Vec<u32> {
+    cut.members().iter().map(|member| member.cluster.0).collect()
+}
+
+/// These clusters at their finest meshes.
+fn finest(file: &File, ids: &[u32]) -> Cut {
+    let member = |id: &u32| Member {
+        cluster: ClusterId(*id),
+        vertices: file.clusters().get(*id as usize).map_or(1, |cluster| cluster.vertex_count),
+    };
+    Cut::new(ids.iter().map(member).collect())
+}
+
+/// Every error that the file stores, ascending.
+fn stored_errors(file: &File) -> Vec<f32> {
+    let mut bits = BTreeSet::from([0]);
+    bits.extend(file.groups().iter().flat_map(|group| [group.min_error, group.max_error]).map(f32::to_bits));
+    for id in (0..file.clusters().len() as u32).map(ClusterId) {
+        let page = file.page(id).unwrap();
+        bits.extend((page.base_vertex_count..=page.vertex_count()).map(|n| page.error_at(n).to_bits()));
+    }
+    bits.into_iter().map(f32::from_bits).collect()
+}
+
+/// The rule, cluster by cluster and vertex by vertex.
+fn naive_at_error(file: &File, bound: f32) -> Cut {
+    let mut members = Vec::new();
+    for (cluster, record) in (0..).map(ClusterId).zip(file.clusters()) {
+        let split = |group: chpm_mesh::GroupId| file.groups()[group.index()].min_error > bound;
+        if (record.is_root() || split(record.parent_group())) && !split(record.group()) {
+            let page = file.page(cluster).unwrap();
+            let mut positions = page.base_vertex_count..=page.vertex_count();
+            let n = positions.find(|n| page.error_at(*n) <= bound).unwrap();
+            members.push(Member { cluster, vertices: n as u32 });
+        }
+    }
+    Cut::new(members)
+}
+
+#[test]
+fn levels_replace_what_is_below_them() {
+    let file = UNEVEN.build();
+    for (level, expected) in [(0, vec![0, 1, 2]), (1, vec![2, 3]), (2, vec![4]), (9, vec![4])] {
+        let cut = Cut::at_level(&file, Level(level));
+        assert_eq!(cut, finest(&file, &expected));
+        cut.check(&file).unwrap();
+        let triangles: u32 = expected.iter().map(|id| file.clusters()[*id as usize].triangle_count).sum();
+        assert_eq!(cut.triangle_count(&file).unwrap(), u64::from(triangles));
+        let errors = expected.iter().map(|id| file.clusters()[*id as usize].min_error);
+        assert_eq!(cut.error(&file).unwrap(), errors.fold(0.0, f32::max));
+    }
+    let file = ROOTS.build();
+    assert_eq!(Cut::at_level(&file, Level(u32::MAX)), finest(&file, &[0, 1]));
+}
+
+#[test]
+fn error_bounds_select_as_the_naive_rule_does() {
+    for plan in ALL {
+        let file = plan.build();
+        let stored = stored_errors(&file);
+        for bound in stored.iter().flat_map(|e| [*e, e.next_up(), e.next_down().max(0.0)]) {
+            let cut = Cut::at_error(&file, bound).unwrap();
+            assert_eq!(cut, naive_at_error(&file, bound), "{plan:?} at {bound}");
+            cut.check(&file).unwrap();
+            assert!(cut.error(&file).unwrap() <= bound);
+        }
+        let base = file
+            .roots()
+            .map(|cluster| Member { cluster, vertices: file.clusters()[cluster.index()].base_vertex_count });
+        let coarsest = Cut::at_error(&file, f32::INFINITY).unwrap();
+        assert_eq!(coarsest, Cut::new(base.collect()));
+        assert_eq!(coarsest.error(&file).unwrap(), file.header().max_error);
+    }
+}
+
+#[test]
+fn a_number_of_triangles_selects_the_least_error_that_keeps_to_it() {
+    for plan in ALL {
+        let file = plan.build();
+        let cuts = stored_errors(&file).into_iter().map(|e| naive_at_error(&file, e));
+        let cuts: Vec<_> = cuts.map(|cut| (cut.triangle_count(&file).unwrap(), cut)).collect();
+        assert!(cuts.is_sorted_by(|a, b| a.0 >= b.0), "coarser is never more");
+        let coarsest = &cuts[cuts.len() - 1];
+        for limit in 0..=file.header().source_triangle_count + 1 {
+            let (count, expected) = cuts.iter().find(|(count, _)| *count <= limit).unwrap_or(coarsest);
+            let cut = Cut::at_triangles(&file, limit).unwrap();
+            assert_eq!(&cut, expected, "{plan:?} with {limit} triangles");
+            assert!(*count <= limit || limit < coarsest.0);
+        }
+        assert_eq!(Cut::at_triangles(&file, u64::MAX).unwrap(), Cut::at_error(&file, 0.0).unwrap());
+    }
+}
+
+#[test]
+fn bounds_that_are_none_are_refused() {
+    let file = PAIRS.build();
+    for bound in [f32::NAN, -1.0, f32::NEG_INFINITY] {
+        assert!(matches!(Cut::at_error(&file, bound), Err(RefineError::Bound { .. })), "{bound}");
+    }
+}
+
+#[test]
+fn random_cuts_are_legal_and_differ() {
+    for plan in ALL {
+        let file = plan.build();
+        let cuts: Vec<_> = (0..200).map(|seed| random_cut(&file, seed).unwrap()).collect();
+        for (seed, cut) in (0..).zip(&cuts) {
+            cut.check(&file).unwrap();
+            assert_eq!(cut, &random_cut(&file, seed).unwrap());
+        }
+        let mut drawn: Vec<_> = cuts.iter().map(ids).collect();
+        drawn.sort();
+        drawn.dedup();
+        // All legal sets of clusters: a binary tree of 4 leaves has 5, and so on.
+        let expected = match plan.merges_and_groups() {
+            (0, _) => 1,
+            (2, _) => 3,
+            (_, true) => 3,
+            _ => 5,
+        };
+        assert_eq!(drawn.len(), expected, "{plan:?}: {drawn:?}");
+    }
+}
+
+#[test]
+fn what_is_no_cut_is_refused() {
+    let file = PAIRS.build();
+    for legal in [&[0, 1, 2, 3][..], &[4, 5], &[0, 1, 5], &[6]] {
+        finest(&file, legal).check(&file).unwrap();
+    }
+    for (members, wrong, counts) in [
+        (&[][..], 6, (1, 0)),
+        (&[6, 6], 6, (1, 2)),
+        (&[4], 5, (1, 0)),
+        (&[0, 2, 3], 1, (1, 0)),
+        (&[4, 5, 6], 6, (0, 1)),
+        (&[0, 4, 5], 1, (1, 0)),
+        (&[0, 1, 4, 5], 4, (0, 1)),
+    ] {
+        match finest(&file, members).check(&file) {
+            Err(RefineError::Illegal { cluster, expected, got }) => {
+                assert_eq!((cluster.0, (expected, got)), (wrong, counts), "{members:?}");
+            }
+            other => panic!("{members:?}: {other:?}"),
+        }
+    }
+    let unknown = finest(&file, &[4, 7]).check(&file);
+    assert!(matches!(unknown, Err(RefineError::Cluster { cluster: ClusterId(7), count: 7 })));
+    let record = &file.clusters()[6];
+    for vertices in [0, record.base_vertex_count - 1, record.vertex_count + 1, u32::MAX] {
+        let cut = Cut::new(vec![Member { cluster: ClusterId(6), vertices }]);
+        for result in [cut.check(&file), cut.triangle_count(&file).map(drop), cut.error(&file).map(drop)] {
+            let position = matches!(result, Err(RefineError::Position { got, .. }) if got == vertices);
+            assert!(position, "{vertices}: {result:?}");
+        }
+    }
+}
+
+#[test]
+fn a_group_is_split_whole() {
+    let file = TWINS.build();
+    finest(&file, &[0, 1, 2, 3]).check(&file).unwrap();
+    let half = finest(&file, &[0, 1, 5]).check(&file);
+    assert!(matches!(half, Err(RefineError::Illegal { cluster: ClusterId(2), .. })), "{half:?}");
+    // The members of a group of leaves never split, so their parents may do so one by one.
+    finest(&DEPENDENT.build(), &[0, 1, 5]).check(&DEPENDENT.build()).unwrap();
+}
+
+#[test]
+fn a_damaged_page_is_named() {
+    let file = PAIRS.build();
+    let page = file.clusters()[6].page_offset as usize;
+    let mut bytes = file.into_inner();
+    bytes[page] ^= 1;
+    let file = Chpm::open(bytes).unwrap();
+    for result in [Cut::at_error(&file, 1e9), Cut::at_triangles(&file, 1)] {
+        let error = result.unwrap_err();
+        assert!(
+            matches!(error, RefineError::Format(_)) && error.to_string().contains("cluster 6"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,210 @@
+use crate::strips::{self, ALL, DEPENDENT, File, PAIRS, Plan, TWINS};
+use chpm_format::{
+    Chpm, ChpmWriter, ClusterRecord, GroupRecord, HeaderFields, LevelRecord, PageParts, Tables,
+};
+use chpm_mesh::{GroupId, Level, TriMesh};
+use chpm_refine::{Cut, Extraction, Member, RefineError, extract, random_cut};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The grid's number of every vertex of the mesh, which must have that vertex's look.
+fn known(mesh: &TriMesh, plan: &Plan) -> Vec<u32> {
+    let all = (0..plan.strips).flat_map(strips::strip).flatten();
+    let numbers: BTreeMap<_, _> = all.map(|v| (strips::position(v).map(f32::to_bits), v)).collect();
+    let number = |(i, p): (usize, &[f32; 3])| {
+        let v = numbers[&p.map(f32::to_bits)];
+        assert_eq!((mesh.normals[i], mesh.colors[i]), (strips::normal(v), strips::color(v)));
+        v
+    };
+    mesh.positions.iter().enumerate().map(number).collect()
+}
+
+/// Triangles over the grid's numbers, each from its least corner, sorted.
+fn canonical(triangles: impl IntoIterator<Item = [u32; 3]>) -> Vec<[u32; 3]> {
+    let rotated = |[a, b, c]: [u32; 3]| [a, b, c].min([b, c, a]).min([c, a, b]);
+    let mut triangles: Vec<_> = triangles.into_iter().map(rotated).collect();
+    triangles.sort_unstable();
+    triangles
+}
+
+/// The cut's triangles, played cluster by cluster.
+fn played(file: &File, cut: &Cut, plan: &Plan) -> Vec<[u32; 3]> {
+    let mut all = Vec::new();
+    for member in cut.members() {
+        let page = file.page(member.cluster).unwrap();
+        let mut triangles = Vec::new();
+        page.progressive_mesh().triangles_at(member.vertices as usize, &mut triangles);
+        let (normals, colors) = (page.normals.to_vec(), page.colors.to_vec());
+        let vertices = TriMesh { positions: page.positions.to_vec(), normals, colors, triangles: Vec::new() };
+        let numbers = known(&vertices, plan);
+        all.extend(triangles.iter().map(|t| t.map(|v| numbers[usize::from(v)])));
+    }
+    canonical(all)
+}
+
+/// Extracts and checks everything that must hold for any cut.
+fn extracted(file: &File, cut: &Cut, plan: &Plan) -> TriMesh {
+    let mesh = extract(file, cut).unwrap();
+    let numbers = known(&mesh, plan);
+    assert_eq!(numbers.iter().collect::<BTreeSet<_>>().len(), numbers.len(), "a vertex is there twice");
+    let used: BTreeSet<u32> = mesh.triangles.iter().flatten().copied().collect();
+    assert!(used.into_iter().eq(0..numbers.len() as u32), "a vertex has no triangle");
+
+    let triangles: Vec<_> = mesh.triangles.iter().map(|t| t.map(|v| numbers[v as usize])).collect();
+    assert_eq!(canonical(triangles.iter().copied()), played(file, cut, plan));
+    assert_eq!(cut.triangle_count(file).unwrap(), mesh.triangles.len() as u64);
+    // No cracks: every edge has its partner, but for the outline of the grid; no edge is there twice.
+    let edges: BTreeSet<_> = triangles.iter().flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]).collect();
+    assert_eq!(edges.len(), 3 * triangles.len());
+    assert_eq!(strips::boundary(&triangles), strips::outline(plan), "a crack in {cut:?}");
+    mesh
+}
+
+#[test]
+fn level_0_is_the_source() {
+    for plan in ALL {
+        let file = plan.build();
+        let mesh = extracted(&file, &Cut::at_level(&file, Level(0)), &plan);
+        let numbers = known(&mesh, &plan);
+        let source = canonical((0..plan.strips).flat_map(strips::strip));
+        assert_eq!(canonical(mesh.triangles.iter().map(|t| t.map(|v| numbers[v as usize]))), source);
+        assert_eq!(mesh.positions.len() as u64, file.header().source_vertex_count);
+    }
+}
+
+#[test]
+fn levels_and_error_bounds_have_no_cracks() {
+    for plan in ALL {
+        let file = plan.build();
+        for level in 0..4 {
+            extracted(&file, &Cut::at_level(&file, Level(level)), &plan);
+        }
+        for step in 0..60 {
+            let bound = file.header().max_error * step as f32 / 59.0;
+            extracted(&file, &Cut::at_error(&file, bound).unwrap(), &plan);
+        }
+    }
+}
+
+#[test]
+fn random_cuts_have_no_cracks() {
+    for plan in ALL {
+        let file = plan.build();
+        for seed in 0..150 {
+            extracted(&file, &random_cut(&file, seed).unwrap(), &plan);
+        }
+    }
+}
+
+/// The oracle above can fail: positions that contradict each other on a simplified border leave a crack.
+#[test]
+#[should_panic(expected = "a crack in")]
+fn a_border_that_moved_on_one_side_is_seen() {
+    let file = DEPENDENT.build();
+    let mut members = Cut::at_level(&file, Level(0)).members().to_vec();
+    members[1].vertices = file.clusters()[1].base_vertex_count;
+    extracted(&file, &Cut::new(members), &DEPENDENT);
+}
+
+#[test]
+fn the_order_is_that_of_the_file() {
+    let file = PAIRS.build();
+    let mesh = extract(&file, &Cut::at_level(&file, Level(0))).unwrap();
+    let page = file.page(chpm_mesh::ClusterId(0)).unwrap();
+    assert_eq!(&mesh.positions[..page.vertex_count()], page.positions);
+    let first: Vec<_> = page.triangles.iter().map(|t| t.map(u32::from)).collect();
+    assert_eq!(&mesh.triangles[..first.len()], first);
+}
+
+#[test]
+fn batches_are_announced_and_an_error_of_the_sink_ends_them() {
+    let file = TWINS.build();
+    let cut = Cut::at_level(&file, Level(1));
+    let extraction = Extraction::new(&file, &cut).unwrap();
+    assert_eq!((extraction.attributes().normals, extraction.attributes().colors), (true, true));
+    let (mut vertices, mut triangles, mut calls) = (0, 0, 0);
+    let count = |batch: chpm_refine::VertexBatch<'_>| {
+        vertices += batch.positions.len();
+        Ok::<_, RefineError>(())
+    };
+    extraction.vertices(count).unwrap();
+    let result = extraction.triangles(|batch| {
+        (triangles, calls) = (triangles + batch.len(), calls + 1);
+        if calls == 2 { Err(RefineError::Bound { got: -1.0 }) } else { Ok(()) }
+    });
+    assert!(matches!(result, Err(RefineError::Bound { .. })));
+    assert_eq!((vertices as u32, calls), (extraction.vertex_count(), 2));
+    assert_eq!(triangles as u64, extraction.triangle_count());
+}
+
+#[test]
+fn the_origin_is_told_if_it_matters() {
+    let file = PAIRS.build();
+    let cut = Cut::at_level(&file, Level(3));
+    assert_eq!(Extraction::new(&file, &cut).unwrap().origin(), None);
+
+    let far = [1e7 + 0.1, 0.0, -3.0];
+    let file = Chpm::open(PAIRS.bytes(far)).unwrap();
+    let extraction = Extraction::new(&file, &cut).unwrap();
+    assert_eq!(extraction.origin(), Some(far));
+    let check = |batch: chpm_refine::VertexBatch<'_>| {
+        for (absolute, p) in batch.absolute(far).zip(batch.positions) {
+            assert_eq!(absolute, [far[0] + f64::from(p[0]), f64::from(p[1]), f64::from(p[2]) - 3.0]);
+        }
+        assert_eq!(batch.absolute(far).count(), batch.positions.len());
+        Ok::<_, RefineError>(())
+    };
+    extraction.vertices(check).unwrap();
+}
+
+/// Two triangles apart, of which the second collapses and leaves two vertices behind.
+#[test]
+fn vertices_without_triangles_are_left_out() {
+    let positions: Vec<[f32; 3]> = (0..6).map(|i| [i as f32, (i * i) as f32, 0.0]).collect();
+    let parts = PageParts {
+        positions: &positions,
+        triangles: &[[3, 4, 5], [2, 0, 1]],
+        targets: &[4],
+        errors: &[1.0],
+        ..PageParts::default()
+    };
+    let mut page = Vec::new();
+    parts.encode(&mut page).unwrap();
+    let record = ClusterRecord::of_page(&page, Level(0), GroupId(0), GroupId::NONE).unwrap();
+    let group = GroupRecord {
+        coarse_first: 0,
+        coarse_count: 1,
+        fine_first: 1,
+        fine_count: 0,
+        level: 0,
+        flags: 0,
+        min_error: 0.0,
+        max_error: record.max_error,
+        center: record.center,
+        radius: record.radius,
+        reserved: [0; 16],
+    };
+    let mut tables = Tables {
+        header: HeaderFields { source_vertex_count: 6, ..HeaderFields::default() },
+        clusters: vec![record],
+        groups: vec![group],
+        members: vec![0],
+        levels: vec![LevelRecord::default()],
+        ..Tables::default()
+    };
+    let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).unwrap();
+    writer.page(&page).unwrap();
+    let file = Chpm::open(writer.finish().unwrap()).unwrap();
+
+    let base = Cut::new(vec![Member { cluster: chpm_mesh::ClusterId(0), vertices: 5 }]);
+    let expected = TriMesh::new(positions[..3].to_vec(), vec![[2, 0, 1]]);
+    assert_eq!(extract(&file, &base).unwrap(), expected);
+    assert_eq!(base.error(&file).unwrap(), 1.0);
+    let finest = extract(&file, &Cut::at_error(&file, 0.5).unwrap()).unwrap();
+    assert_eq!((finest.positions, finest.triangles), (positions, vec![[3, 4, 5], [2, 0, 1]]));
+}
+
+#[test]
+fn an_illegal_cut_is_not_extracted() {
+    let file = PAIRS.build();
+    assert!(matches!(extract(&file, &Cut::default()), Err(RefineError::Illegal { .. })));
+}
