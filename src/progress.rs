@@ -76,7 +76,7 @@ impl Meter {
         if let Some(bar) = stage.bar {
             bar.finish();
         } else if self.face == Face::Lines {
-            line(&format!("{} done in {:.2} s", stage.label, stage.started.elapsed().as_secs_f64()));
+            line(&format!("{} took {:.2} s", stage.label, stage.started.elapsed().as_secs_f64()));
         }
     }
 

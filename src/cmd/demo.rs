@@ -72,6 +72,10 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
             "verified: every invariant holds, and the leaves are the source's {triangles} triangles"
         )?;
     } else {
+        let faults = checked.faults.iter().map(ToString::to_string);
+        for fault in faults.chain(compared.faults.iter().map(ToString::to_string)) {
+            writeln!(out, "{fault}")?;
+        }
         writeln!(out, "the verification found faults; please report this")?;
     }
     writeln!(out, "next:")?;

@@ -70,16 +70,16 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             "the coarsest mesh of the file has {least} triangles; ask for at least as many"
         );
     }
-    let comment = format!("chpm extract, error {:e}", cut.error(&file)?);
+    let error = cut.error(&file)?;
+    let comment = format!("chpm extract, error {error:e}");
     write(&mesh, ply, args, &comment, &cancel)?;
     let mut out = stdout();
     writeln!(
         out,
-        "{}: {} triangles, {} vertices, error {:.3e}, from {} clusters",
+        "{}: {} triangles, {} vertices, error {error:.3e}, from {} clusters",
         args.output.display(),
         count(mesh.triangle_count()),
         count(mesh.vertex_count().into()),
-        cut.error(&file)?,
         count(cut.members().len() as u64),
     )?;
     out.flush()?;

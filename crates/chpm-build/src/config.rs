@@ -18,17 +18,17 @@ pub struct BuildConfig {
 /// What decides the output, byte for byte; stored in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Triangles of a leaf cluster that the decomposition aims for ([Q] 4.1: about 2K vertices, so 4K triangles).
+    /// Triangles of a leaf cluster that the decomposition aims for (Quick-VDR 4.1: about 2K vertices, so 4K triangles).
     pub cluster_triangles: u32,
     /// Vertices above which a grid cell is subdivided. Smaller cells follow boundaries more closely and cost time.
     pub cell_vertices: u32,
-    /// Neighbours of a cell in the cell graph ([Q] 4.1: k = 6).
+    /// Neighbours of a cell in the cell graph (Quick-VDR 4.1: k = 6).
     pub cell_neighbors: u32,
     /// Who partitions the cell graph and the cluster graph.
     pub partitioner: Partitioner,
     /// Seed of the partitioner.
     pub seed: u64,
-    /// Share of a cluster's triangles that its base mesh keeps ([Q] 4.3: half).
+    /// Share of a cluster's triangles that its base mesh keeps (Quick-VDR 4.3: half).
     pub keep: f64,
     /// Whether vertex normals of the source are carried along.
     pub normals: bool,

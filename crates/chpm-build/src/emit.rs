@@ -1,17 +1,15 @@
-//! Emit: the file, in one forward pass, published by rename.
+//! Emit: the file, published by rename when it is whole. Establishes I10 to I12.
 
 use crate::config::Settings;
-use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
 use crate::ingest::Source;
-use crate::layout::Placed;
 use crate::report::{LevelReport, Repairs};
 use crate::simplify::Hierarchy;
 use chpm_extmem::AtomicFile;
 use chpm_format::{
-    BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata,
+    BoundaryMode, ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata,
     Source as Provenance, Tables,
 };
 use chpm_mesh::{Attributes, GroupId, Sphere};
@@ -51,105 +49,131 @@ pub(crate) struct Written {
     pub(crate) roots: u32,
 }
 
-/// Writes the clusters in their order and publishes the file.
-#[expect(clippy::too_many_arguments, reason = "the end of the pipeline: everything meets here once")]
-pub(crate) fn run(
+/// The file while it is written. The lengths of the pages are known from the start and decide where each goes, so that
+/// pages are written as they come, from many threads; the tables follow, and then the file gets its name.
+pub(crate) struct Output<'a> {
     out: AtomicFile,
-    order: &[Placed],
-    tree: &Tree,
-    clusters: &Hierarchy,
-    facts: &Facts,
-    repairs: &Repairs,
-    settings: &Settings,
-    context: &Context<'_>,
-) -> Result<Written, BuildError> {
-    let (records, groups, members) = link(order, tree);
-    let roots = records.iter().filter(|c| c.is_root()).count() as u32;
-    let mut tables = Tables {
-        header: HeaderFields {
-            attributes: facts.attributes,
-            source_vertex_count: facts.used_vertices,
-            boundary_mode: BoundaryMode::Lock,
-            error_kind: ErrorKind::Quadric,
-            shared_vertex_count: facts.shared_vertices,
-            origin: facts.origin,
-        },
-        clusters: records,
-        groups,
-        members,
-        levels: clusters.levels.iter().map(level_record).collect(),
-        metadata: Metadata {
-            generator: concat!("chpm ", env!("CARGO_PKG_VERSION")).to_owned(),
-            source: facts.provenance.clone(),
-            settings: settings.describe(),
-            repairs: repairs.describe(),
-            warnings: facts.warnings.clone(),
-        },
-    };
-    let mut writer = ChpmWriter::begin(out, &mut tables)?;
-    let mut page = Vec::new();
-    for cluster in order {
-        context.check()?;
-        let Some(place) = clusters.refs[cluster.node as usize] else { unreachable!("only built nodes are placed") };
-        clusters.pages.read(place.offset, place.len as usize, &mut page)?;
-        writer.page(&page)?;
-        context.progress.advance(1);
-    }
-    let len = tables.file_len()?;
-    writer.finish()?.publish()?;
-    Ok(Written { len, clusters: order.len() as u32, roots })
+    tables: Tables,
+    order: &'a [u32],
+    tree: &'a Tree,
+    len: u64,
 }
 
-/// Links clusters by groups. With locked boundaries every cluster is a group of its own, of the same number; boxes and
-/// spheres are nested from the leaves up.
-fn link(order: &[Placed], tree: &Tree) -> (Vec<ClusterRecord>, Vec<GroupRecord>, Vec<u32>) {
-    let mut place = vec![u32::MAX; tree.nodes.len()];
-    for (index, cluster) in order.iter().enumerate() {
-        place[cluster.node as usize] = index as u32;
+impl<'a> Output<'a> {
+    /// Places the pages of the nodes in `order`.
+    pub(crate) fn begin(
+        out: AtomicFile,
+        order: &'a [u32],
+        tree: &'a Tree,
+        clusters: &Hierarchy,
+        facts: &Facts,
+        metadata: Metadata,
+    ) -> Result<Self, BuildError> {
+        let (groups, members) = link_groups(order, tree);
+        let placed =
+            |node: &u32| ClusterRecord { page_len: clusters.page(*node).len, ..ClusterRecord::default() };
+        let mut tables = Tables {
+            header: HeaderFields {
+                attributes: facts.attributes,
+                source_vertex_count: facts.used_vertices,
+                boundary_mode: BoundaryMode::Lock,
+                error_kind: ErrorKind::Quadric,
+                shared_vertex_count: facts.shared_vertices,
+                origin: facts.origin,
+            },
+            clusters: order.iter().map(placed).collect(),
+            groups,
+            members,
+            levels: clusters.levels.iter().map(level_record).collect(),
+            metadata,
+        };
+        let len = tables.assign_offsets()?;
+        out.set_len(len)?;
+        Ok(Output { out, tables, order, tree, len })
     }
-    let placed = |node: Option<u32>| node.map(|n| place[n as usize]).filter(|p| *p != u32::MAX);
-    let mut records: Vec<ClusterRecord> = order.iter().map(|c| c.record).collect();
+
+    /// Writes the page of the cluster at `place` in the order.
+    pub(crate) fn write_page(&self, place: usize, payload: &[u8]) -> Result<(), BuildError> {
+        Ok(self.out.write_all_at(payload, self.tables.clusters[place].page_offset)?)
+    }
+
+    /// Writes the tables and publishes the file.
+    pub(crate) fn finish(mut self, records: Vec<ClusterRecord>) -> Result<Written, BuildError> {
+        self.tables.clusters = records;
+        nest(&mut self.tables, self.order, self.tree);
+        let roots = self.tables.clusters.iter().filter(|c| c.is_root()).count() as u32;
+        let head = self.tables.encode()?;
+        self.out.write_all_at(&head, 0)?;
+        self.out.publish()?;
+        Ok(Written { len: self.len, clusters: self.order.len() as u32, roots })
+    }
+}
+
+/// The provenance section.
+pub(crate) fn metadata(facts: &Facts, repairs: &Repairs, settings: &Settings) -> Metadata {
+    Metadata {
+        generator: concat!("chpm ", env!("CARGO_PKG_VERSION")).to_owned(),
+        source: facts.provenance.clone(),
+        settings: settings.describe(),
+        repairs: repairs.describe(),
+        warnings: facts.warnings.clone(),
+    }
+}
+
+/// Place in the file by node of the tree.
+fn places(order: &[u32], tree: &Tree) -> Vec<Option<u32>> {
+    let mut places = vec![None; tree.nodes.len()];
+    for (place, node) in order.iter().enumerate() {
+        places[*node as usize] = Some(place as u32);
+    }
+    places
+}
+
+/// Links clusters by groups: with locked boundaries every cluster is a group of its own, of the same number.
+fn link_groups(order: &[u32], tree: &Tree) -> (Vec<GroupRecord>, Vec<u32>) {
+    let places = places(order, tree);
+    let mut members = Vec::new();
+    let groups = (order.iter().enumerate())
+        .map(|(place, node)| {
+            let coarse_first = members.len() as u32;
+            members.push(place as u32);
+            let fine_first = members.len() as u32;
+            let children = tree.nodes[*node as usize].children.into_iter().flatten();
+            members.extend(children.filter_map(|c| places[c as usize]));
+            let fine_count = members.len() as u32 - fine_first;
+            GroupRecord { coarse_first, coarse_count: 1, fine_first, fine_count, ..GroupRecord::default() }
+        })
+        .collect();
+    (groups, members)
+}
+
+/// Completes records and groups from the leaves up: boxes and spheres hold all that lies below.
+fn nest(tables: &mut Tables, order: &[u32], tree: &Tree) {
+    let places = places(order, tree);
     let mut bottom_up: Vec<u32> = (0..order.len() as u32).collect();
-    bottom_up.sort_unstable_by_key(|c| order[*c as usize].node);
-    for cluster in bottom_up {
-        let node = &tree.nodes[order[cluster as usize].node as usize];
-        let mut record = records[cluster as usize];
-        record.group = cluster;
-        record.parent_group = placed(node.parent).unwrap_or(GroupId::NONE.0);
-        if let Some(children) = node.children {
-            let children = children.map(|c| records[place[c as usize] as usize]);
+    bottom_up.sort_unstable_by_key(|place| order[*place as usize]);
+    for place in bottom_up {
+        let node = &tree.nodes[order[place as usize] as usize];
+        let mut record = tables.clusters[place as usize];
+        record.group = place;
+        record.parent_group = node.parent.and_then(|p| places[p as usize]).unwrap_or(GroupId::NONE.0);
+        let below: Vec<ClusterRecord> = (node.children.into_iter().flatten())
+            .filter_map(|c| places[c as usize])
+            .map(|child| tables.clusters[child as usize])
+            .collect();
+        if !below.is_empty() {
             let mut bounds = record.aabb();
-            children.iter().for_each(|c| bounds.merge(&c.aabb()));
-            let sphere = Sphere::around(&bounds, children.iter().map(|c| c.sphere()));
+            below.iter().for_each(|c| bounds.merge(&c.aabb()));
+            let sphere = Sphere::around(&bounds, below.iter().map(ClusterRecord::sphere));
             (record.aabb_min, record.aabb_max) = (bounds.min, bounds.max);
             (record.center, record.radius) = (sphere.center, sphere.radius);
         }
-        records[cluster as usize] = record;
+        tables.clusters[place as usize] = record;
+        let group = &mut tables.groups[place as usize];
+        group.level = record.level;
+        (group.min_error, group.max_error) = (record.min_error, record.max_error);
+        (group.center, group.radius) = (record.center, record.radius);
     }
-    let mut members = Vec::new();
-    let groups = (records.iter().enumerate())
-        .map(|(cluster, record)| {
-            let coarse_first = members.len() as u32;
-            members.push(cluster as u32);
-            let children = tree.nodes[order[cluster].node as usize].children;
-            let fine_first = members.len() as u32;
-            members.extend(children.into_iter().flatten().map(|c| place[c as usize]));
-            GroupRecord {
-                coarse_first,
-                coarse_count: 1,
-                fine_first,
-                fine_count: members.len() as u32 - fine_first,
-                level: record.level,
-                flags: 0,
-                min_error: record.min_error,
-                max_error: record.max_error,
-                center: record.center,
-                radius: record.radius,
-                reserved: [0; 16],
-            }
-        })
-        .collect();
-    (records, groups, members)
 }
 
 fn level_record(level: &LevelReport) -> LevelRecord {

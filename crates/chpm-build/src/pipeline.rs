@@ -26,26 +26,33 @@ pub fn build(
     let out = AtomicFile::create(output, config.overwrite)?;
     let context = &context(output, config, progress, cancel)?;
 
-    let source = context.stage(Stage::Ingest, ingest::work(source), || ingest::run(source, settings, context))?;
+    let source =
+        context.stage(Stage::Ingest, ingest::work(source), || ingest::run(source, settings, context))?;
     let mut repairs = ingest::repairs(&source.tally);
     let facts = emit::Facts::of(&source);
 
     let triangles = source.triangles.len() as u64;
-    let leaves = context.stage(Stage::Decompose, triangles, || decompose::run(source, settings, context, &mut repairs))?;
+    let leaves = context
+        .stage(Stage::Decompose, triangles, || decompose::run(source, settings, context, &mut repairs))?;
 
     let leaf_count = leaves.leaves.len() as u64;
-    let (tree, release) = context.stage(Stage::Hierarchy, leaf_count, || hierarchy::run(&leaves, settings, context))?;
+    let (tree, release) =
+        context.stage(Stage::Hierarchy, leaf_count, || hierarchy::run(&leaves, settings, context))?;
 
     let nodes = tree.nodes.len() as u64;
-    let clusters = context.stage(Stage::Simplify, nodes, || simplify::run(&leaves, &tree, &release, settings, context))?;
+    let clusters = context
+        .stage(Stage::Simplify, nodes, || simplify::run(&leaves, &tree, &release, settings, context))?;
     let facts = facts.with_leaves(&leaves);
     drop(leaves);
 
-    let order = context.stage(Stage::Layout, nodes, || layout::run(&clusters, &tree, settings, context))?;
+    let order = layout::order(&clusters, &tree, settings);
+    let metadata = emit::metadata(&facts, &repairs, settings);
+    let file = emit::Output::begin(out, &order, &tree, &clusters, &facts, metadata)?;
+    let write = |place, page: &[u8]| file.write_page(place, page);
+    let records = context
+        .stage(Stage::Layout, nodes, || layout::run(&order, &clusters, &tree, settings, context, write))?;
 
-    let written = context.stage(Stage::Emit, order.len() as u64, || {
-        emit::run(out, &order, &tree, &clusters, &facts, &repairs, settings, context)
-    })?;
+    let written = context.stage(Stage::Emit, 1, || file.finish(records))?;
     Ok(BuildReport {
         source_vertices: facts.provenance.vertex_count,
         triangles,

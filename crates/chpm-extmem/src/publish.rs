@@ -4,6 +4,7 @@ use crate::ExtmemError;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 const WRITE_BUFFER: usize = 1 << 20;
@@ -54,6 +55,24 @@ impl AtomicFile {
     /// Gives an error of `write` or `seek` its place, for callers that write through [`Write`].
     pub fn error(&self, source: io::Error) -> ExtmemError {
         ExtmemError::io("write", &self.partial, 0, source)
+    }
+
+    /// Sets the length of the file; what is never written reads as zeros.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
+    pub fn set_len(&self, len: u64) -> Result<(), ExtmemError> {
+        let file = self.file.get_ref();
+        file.set_len(len).map_err(|source| ExtmemError::io("extend", &self.partial, len, source))
+    }
+
+    /// Writes at a place, from any thread. Not to be mixed with writing through [`Write`].
+    ///
+    /// # Errors
+    /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
+    pub fn write_all_at(&self, bytes: &[u8], offset: u64) -> Result<(), ExtmemError> {
+        let written = self.file.get_ref().write_all_at(bytes, offset);
+        written.map_err(|source| ExtmemError::io("write", &self.partial, bytes.len() as u64, source))
     }
 
     /// Flushes, syncs to disk, renames to the target and syncs the directory.

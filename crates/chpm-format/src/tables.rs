@@ -56,6 +56,28 @@ impl Tables {
         Ok(end)
     }
 
+    /// Places the pages by their lengths alone, for a builder that writes them in any order before the rest of their
+    /// records is known. Answers the file's length.
+    ///
+    /// # Errors
+    /// As [`Tables::file_len`].
+    pub fn assign_offsets(&mut self) -> Result<u64, FormatError> {
+        let start = self.pages_offset(self.metadata.encode()?.len() as u64);
+        let lens: Vec<u32> = self.clusters.iter().map(|c| c.page_len).collect();
+        place_pages(start, lens, |index, offset| {
+            self.clusters[index].page_offset = offset;
+            Ok(())
+        })
+    }
+
+    /// Completes and checks the tables; answers all bytes of the file before its first page.
+    ///
+    /// # Errors
+    /// [`FormatError::Value`] for tables that no file may have.
+    pub fn encode(&mut self) -> Result<Vec<u8>, FormatError> {
+        Ok(self.head()?.0)
+    }
+
     fn section_len(&self, kind: SectionKind, metadata_len: u64) -> u64 {
         let count = match kind {
             SectionKind::Clusters => self.clusters.len(),

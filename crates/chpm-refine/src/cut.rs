@@ -37,7 +37,7 @@ impl Member {
 }
 
 /// Which clusters are drawn, and at which positions: what a view, or a uniform rule, selects from the hierarchy
-/// (Quick-VDR 3.2, the active cluster list).
+/// (Quick-VDR 5.1, the active cluster list).
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Cut {
     members: Vec<Member>,
@@ -71,8 +71,7 @@ impl Cut {
     /// # Errors
     /// [`RefineError::Bound`] unless `bound` is at least 0; [`RefineError::Format`] for a damaged page.
     pub fn at_error<D: AsRef<[u8]>>(file: &Chpm<D>, bound: f32) -> Result<Self, RefineError> {
-        // Not the negation: a bound that is no number must be refused too.
-        if !(bound >= 0.0) {
+        if bound.is_nan() || bound < 0.0 {
             return Err(RefineError::Bound { got: bound });
         }
         Uniform::new(file).cut(bound)

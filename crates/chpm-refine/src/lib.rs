@@ -1,6 +1,6 @@
 //! Selection of a mesh from a CHPM: cuts, PM positions, extraction; no I/O.
 //!
-//! A [`Cut`] says which clusters are drawn and how far each one's progressive mesh is refined; [`extract`] makes one
+//! A [`Cut`] says which clusters are drawn and how far each one's progressive mesh is refined; [`extract()`] makes one
 //! crack-free mesh of it; a [`PmCursor`] follows one cluster as its position moves from frame to frame.
 #![forbid(unsafe_code)]
 

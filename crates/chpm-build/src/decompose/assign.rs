@@ -1,4 +1,4 @@
-//! Vertices and faces to clusters: two counting sorts, sequential over the source ([Q] 4.1, third vertex pass and face pass).
+//! Vertices and faces to clusters: two counting sorts, sequential over the source (Quick-VDR 4.1, third vertex pass and face pass).
 
 use super::Vertices;
 use super::grid::Grid;
@@ -54,7 +54,11 @@ struct Mapping {
 }
 
 /// The cell of every vertex.
-pub(crate) fn find_cells(positions: &[[f32; 3]], grid: &Grid, store: &Store) -> Result<Buffer<u32>, BuildError> {
+pub(crate) fn find_cells(
+    positions: &[[f32; 3]],
+    grid: &Grid,
+    store: &Store,
+) -> Result<Buffer<u32>, BuildError> {
     let mut cells = Buffer::zeroed(store, "vertex cells", positions.len())?;
     const CHUNK: usize = 1 << 14;
     cells.par_chunks_mut(CHUNK).zip(positions.par_chunks(CHUNK)).for_each(|(cells, positions)| {

@@ -1,4 +1,4 @@
-//! The graph of cells: nodes weighted by vertex count, edges to the k nearest cells ([Q] 4.1, second vertex pass).
+//! The graph of cells: nodes weighted by vertex count, edges to the k nearest cells (Quick-VDR 4.1, second vertex pass).
 
 use super::grid::Cell;
 use chpm_partition::{CsrGraph, PartitionError};
@@ -16,7 +16,7 @@ pub(crate) fn nearest_pairs(points: &[[f32; 3]], k: u32) -> Vec<(u32, u32, f32)>
         .flat_map_iter(|(from, point)| {
             let found = tree.query(point).nearest_n::<SquaredEuclidean<f32>>(wanted).execute();
             found.into_iter().filter_map(move |neighbor| {
-                let (a, b) = (from as u32, neighbor.item as u32);
+                let (a, b) = (from as u32, neighbor.item);
                 (a != b).then(|| (a.min(b), a.max(b), neighbor.distance.sqrt()))
             })
         })
@@ -29,7 +29,7 @@ pub(crate) fn nearest_pairs(points: &[[f32; 3]], k: u32) -> Vec<(u32, u32, f32)>
 /// The graph that is cut into clusters: cells that triangles join, by how many of them do, and each cell's nearest ones, so
 /// that separate components find their neighbours.
 ///
-/// [Q] has the nearest cells only. The triangles' edges say what a cut costs, in shared vertices; a sample of them says it too.
+/// Quick-VDR has the nearest cells only. The triangles' edges say what a cut costs, in shared vertices; a sample of them says it too.
 pub(crate) fn build(
     cells: &[Cell],
     cell_of: &[u32],
@@ -37,7 +37,8 @@ pub(crate) fn build(
     neighbors: u32,
 ) -> Result<CsrGraph, PartitionError> {
     let centers: Vec<[f32; 3]> = cells.iter().map(|c| c.center).collect();
-    let mut edges: Vec<(u32, u32, u32)> = nearest_pairs(&centers, neighbors).into_iter().map(|(a, b, _)| (a, b, 1)).collect();
+    let mut edges: Vec<(u32, u32, u32)> =
+        nearest_pairs(&centers, neighbors).into_iter().map(|(a, b, _)| (a, b, 1)).collect();
     let mut joined: Vec<(u32, u32)> = triangles
         .par_iter()
         .step_by(SAMPLE)
@@ -47,7 +48,9 @@ pub(crate) fn build(
         })
         .collect();
     joined.par_sort_unstable();
-    edges.extend(joined.chunk_by(|x, y| x == y).map(|same| (same[0].0, same[0].1, JOINED * same.len() as u32)));
+    edges.extend(
+        joined.chunk_by(|x, y| x == y).map(|same| (same[0].0, same[0].1, JOINED * same.len() as u32)),
+    );
     CsrGraph::from_edges(cells.iter().map(|c| c.count).collect(), &edges)
 }
 

@@ -1,4 +1,4 @@
-//! Cells: a uniform grid whose dense cells are subdivided, until none holds many vertices ([Y] 4.2.1, second vertex pass).
+//! Cells: a uniform grid whose dense cells are subdivided, until none holds many vertices (Yoon 4.2.1, second vertex pass).
 //!
 //! Only counts are kept, so the memory follows the number of cells and not of vertices. Counting is a sum, hence
 //! the same for any number of threads.
@@ -134,7 +134,8 @@ impl Grid {
         if value & LINK != 0 {
             let half = 0.5 * side;
             for child in 0..8 {
-                let corner = std::array::from_fn(|a| corner[a] + if child >> a & 1 == 1 { half } else { 0.0 });
+                let corner =
+                    std::array::from_fn(|a| corner[a] + if child >> a & 1 == 1 { half } else { 0.0 });
                 self.number((value & !LINK) as usize + child, corner, half);
             }
         } else if value > 0 {

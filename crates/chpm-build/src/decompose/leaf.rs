@@ -37,7 +37,8 @@ impl LeafData {
         self.vertices.extend(vertices.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b)));
         self.triangles.clear();
         let corner = |b: &[u8]| u16::from_le_bytes([b[0], b[1]]);
-        self.triangles.extend(triangles.chunks_exact(6).map(|t| [corner(t), corner(&t[2..]), corner(&t[4..])]));
+        self.triangles
+            .extend(triangles.chunks_exact(6).map(|t| [corner(t), corner(&t[2..]), corner(&t[4..])]));
         Ok(())
     }
 }
@@ -71,7 +72,9 @@ pub(crate) fn gather(
             jobs.push((triangles, owned, true));
         } else {
             let pieces = triangles.len().div_ceil(MAX_LEAF_TRIANGLES);
-            jobs.extend(triangles.chunks(triangles.len().div_ceil(pieces)).map(|c| (c, owned.clone(), false)));
+            jobs.extend(
+                triangles.chunks(triangles.len().div_ceil(pieces)).map(|c| (c, owned.clone(), false)),
+            );
         }
     }
     jobs.into_par_iter()

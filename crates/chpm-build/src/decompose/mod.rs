@@ -1,4 +1,4 @@
-//! Decompose: the source becomes leaf clusters of about equal size ([Q] 4.1, [Y] 4.2.1).
+//! Decompose: the source becomes leaf clusters of about equal size (Quick-VDR 4.1, Yoon 4.2.1).
 //!
 //! Passes: vertices to grid cells; cells to clusters by k-way partition of the cell graph; vertices reordered by cluster, with
 //! an old-to-new mapping; faces to the clusters of their vertices; then each cluster gathers its vertices, and vertices that
@@ -55,7 +55,8 @@ pub(crate) fn run(
     let cell_parts = partition_cells(&grid, &cells, &source.triangles, wanted, settings)?;
     context.check()?;
 
-    let Assigned { vertices, starts, triangles, triangle_starts } = assign::run(source, &grid, cells, &cell_parts, context)?;
+    let Assigned { vertices, starts, triangles, triangle_starts } =
+        assign::run(source, &grid, cells, &cell_parts, context)?;
     context.check()?;
 
     let spool = Spool::new(&context.store, "leaves");
@@ -79,7 +80,13 @@ fn leaf_count(triangles: usize, settings: &Settings) -> u32 {
 const MAX_ROUND_PARTS: u32 = 64;
 
 /// The cluster of each cell.
-fn partition_cells(grid: &Grid, cells: &[u32], triangles: &[[u32; 3]], parts: u32, settings: &Settings) -> Result<Vec<u32>, BuildError> {
+fn partition_cells(
+    grid: &Grid,
+    cells: &[u32],
+    triangles: &[[u32; 3]],
+    parts: u32,
+    settings: &Settings,
+) -> Result<Vec<u32>, BuildError> {
     let parts = parts.min(grid.cells.len() as u32);
     if parts <= 1 {
         return Ok(vec![0; grid.cells.len()]);

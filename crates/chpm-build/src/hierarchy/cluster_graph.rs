@@ -1,4 +1,4 @@
-//! The cluster graph ([Q] 4.2): nodes weighted by vertices, edges by shared vertices first and by nearness second.
+//! The cluster graph (Quick-VDR 4.2): nodes weighted by vertices, edges by shared vertices first and by nearness second.
 
 use crate::decompose::{Decomposition, LeafData, nearest_pairs};
 use crate::error::BuildError;

@@ -1,4 +1,4 @@
-//! Hierarchy: a balanced binary tree over the leaves, by recursive bisection of the cluster graph ([Q] 4.2).
+//! Hierarchy: a balanced binary tree over the leaves, by recursive bisection of the cluster graph (Quick-VDR 4.2).
 //!
 //! Establishes I2: the height is at most `ceil(log2(leaves))`.
 

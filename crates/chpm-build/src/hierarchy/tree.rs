@@ -24,7 +24,11 @@ pub(crate) struct Tree {
 impl Tree {
     /// Bisects the graph until single leaves are left. No part may hold more leaves than the height that is left for it
     /// allows, so the tree is as low as a tree can be.
-    pub(crate) fn build(graph: &CsrGraph, settings: &Settings, context: &Context<'_>) -> Result<Self, BuildError> {
+    pub(crate) fn build(
+        graph: &CsrGraph,
+        settings: &Settings,
+        context: &Context<'_>,
+    ) -> Result<Self, BuildError> {
         let leaf_count = graph.node_count();
         let mut nodes = vec![Node { level: 0, parent: None, children: None }; leaf_count];
         let members: Vec<u32> = (0..leaf_count as u32).collect();
@@ -94,7 +98,8 @@ fn split(
     let side = bisect(graph, members.len(), settings)?;
     let mut children = [0; 2];
     for (part, child) in children.iter_mut().enumerate() {
-        let chosen: Vec<u32> = (0..members.len() as u32).filter(|i| side[*i as usize] as usize == part).collect();
+        let chosen: Vec<u32> =
+            (0..members.len() as u32).filter(|i| side[*i as usize] as usize == part).collect();
         let below: Vec<u32> = chosen.iter().map(|i| members[*i as usize]).collect();
         *child = split(&graph.subgraph(&chosen), &below, nodes, settings, context)?;
         context.progress.advance(u64::from(below.len() == 1));
@@ -124,8 +129,15 @@ mod tests {
     fn merge_levels_are_those_of_common_ancestors() {
         let leaf = |parent| Node { level: 0, parent: Some(parent), children: None };
         let inner = |level, parent, children| Node { level, parent, children: Some(children) };
-        let nodes =
-            vec![leaf(4), leaf(4), leaf(5), leaf(5), inner(1, Some(6), [0, 1]), inner(1, Some(6), [2, 3]), inner(2, None, [4, 5])];
+        let nodes = vec![
+            leaf(4),
+            leaf(4),
+            leaf(5),
+            leaf(5),
+            inner(1, Some(6), [0, 1]),
+            inner(1, Some(6), [2, 3]),
+            inner(2, None, [4, 5]),
+        ];
         let tree = Tree { nodes };
         assert_eq!(tree.merge_level(&[0, 1]), 1);
         assert_eq!(tree.merge_level(&[2, 3]), 1);

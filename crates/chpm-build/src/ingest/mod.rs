@@ -54,7 +54,8 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     let (vertices, faces) = (vertices.min(source_len), faces.min(source_len));
     let mut singles = BufferWriter::new(store, "positions", if format.double { 0 } else { vertices })?;
     let mut doubles = BufferWriter::new(store, "positions", if format.double { vertices } else { 0 })?;
-    let mut normals = BufferWriter::new(store, "normals", if format.attributes.normals { vertices } else { 0 })?;
+    let mut normals =
+        BufferWriter::new(store, "normals", if format.attributes.normals { vertices } else { 0 })?;
     let mut colors = BufferWriter::new(store, "colors", if format.attributes.colors { vertices } else { 0 })?;
     let mut triangles = BufferWriter::new(store, "triangles", faces)?;
     let mut bounds = Bounds::default();
@@ -93,7 +94,8 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     let tally = reader.tally();
     drop(reader);
     // What lies behind the body belongs to the file, too.
-    io::copy(&mut hashing, &mut io::sink()).map_err(|source| BuildError::Source { path: path.to_owned(), source })?;
+    io::copy(&mut hashing, &mut io::sink())
+        .map_err(|source| BuildError::Source { path: path.to_owned(), source })?;
     let provenance = Provenance { byte_len: hashing.len, hash: hashing.hash.digest(), ..provenance };
 
     let origin = if format.double { bounds.origin() } else { [0.0; 3] };
@@ -205,4 +207,3 @@ pub(crate) fn repairs(tally: &Tally) -> crate::report::Repairs {
         ..Default::default()
     }
 }
-

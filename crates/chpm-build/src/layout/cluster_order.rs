@@ -1,8 +1,8 @@
-//! Order of the clusters in the file ([Y] 7.2).
+//! Order of the clusters in the file (Yoon 7.2).
 //!
 //! A tree of n nodes is cut into a root cluster of `ceil(sqrt(n + 1))` nodes, those most likely to be visited, and the subtrees
 //! below it; the root cluster comes first, then the subtrees in cache-oblivious order of their neighbourhood, and each piece is
-//! laid out in the same way. Here a "cluster" of [Y] is a set of nodes, each of which is a cluster of the model.
+//! laid out in the same way. Here a "cluster" of Yoon is a set of nodes, each of which is a cluster of the model.
 
 use super::multilevel::{Graph, Multilevel};
 use crate::decompose::nearest_pairs;
@@ -25,18 +25,15 @@ pub(super) fn order(tree: &Tree, bounds: impl Fn(u32) -> Option<Aabb>) -> Vec<u3
         out: Vec::with_capacity(count),
         multilevel: Multilevel::default(),
     };
-    let mut built = vec![false; count];
-    for node in 0..count {
-        if let Some(aabb) = bounds(node as u32) {
-            built[node] = true;
-            layout.centers[node] = aabb.center().coords.map(|x| x as f32).into();
-        }
+    let bounds: Vec<Option<Aabb>> = (0..count as u32).map(bounds).collect();
+    for (node, aabb) in bounds.iter().enumerate() {
+        let center = aabb.map_or([0.0; 3], |b| b.center().coords.map(|x| x as f32).into());
+        layout.centers[node] = center;
         layout.leaves[node] =
             tree.nodes[node].children.map_or(1, |c| c.map(|c| layout.leaves[c as usize]).into_iter().sum());
     }
-    let is_root = |node: &u32| {
-        built[*node as usize] && tree.nodes[*node as usize].parent.is_none_or(|p| !built[p as usize])
-    };
+    let built = |node: u32| bounds[node as usize].is_some();
+    let is_root = |node: &u32| built(*node) && tree.nodes[*node as usize].parent.is_none_or(|p| !built(p));
     let roots: Vec<u32> = (0..count as u32).rev().filter(is_root).collect();
     for root in layout.neighbors_first(roots) {
         layout.place(root, 0);
@@ -47,7 +44,7 @@ pub(super) fn order(tree: &Tree, bounds: impl Fn(u32) -> Option<Aabb>) -> Vec<u3
 struct Layout<'a> {
     tree: &'a Tree,
     centers: Vec<[f32; 3]>,
-    /// Leaves below a node: how likely it is visited, up to a factor ([Y] 7.2.2).
+    /// Leaves below a node: how likely it is visited, up to a factor (Yoon 7.2.2).
     leaves: Vec<u32>,
     /// The piece that a node belongs to. A piece is a connected part of the tree that is laid out in one go.
     piece: Vec<u32>,

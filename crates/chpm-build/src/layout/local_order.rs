@@ -1,4 +1,4 @@
-//! Order of vertices and triangles in a page ([Y] 6.3 and 6.4.1).
+//! Order of vertices and triangles in a page (Yoon 6.3 and 6.4.1).
 //!
 //! One cache-oblivious order of the finest mesh's vertices decides both: the base mesh's vertices take it as it is, and the
 //! triangles are induced from it, each coming with its first vertex. The vertices that collapse stay where the collapse order
@@ -63,7 +63,7 @@ impl LocalOrder {
     }
 
     /// Position of every vertex of the finest mesh in its cache-oblivious order. The progressive mesh itself is the first
-    /// coarsening ([Y] 6.3.1 names edge collapse as one): the base mesh is ordered, and each vertex that collapsed comes with
+    /// coarsening (Yoon 6.3.1 names edge collapse as one): the base mesh is ordered, and each vertex that collapsed comes with
     /// the one that it ended in.
     fn order_vertices(&mut self, page: &Page<'_>) {
         let base = page.base_vertex_count;
@@ -115,7 +115,8 @@ impl LocalOrder {
 
     /// Triangles by the position of their first vertex: a counting sort.
     fn induce_triangles(&mut self, page: &Page<'_>) {
-        let key = |t: &[u16; 3]| t.map(|v| self.position[usize::from(v)]).into_iter().min().map_or(0, usize::from);
+        let key =
+            |t: &[u16; 3]| t.map(|v| self.position[usize::from(v)]).into_iter().min().map_or(0, usize::from);
         self.starts.clear();
         self.starts.resize(page.vertex_count() + 1, 0);
         for triangle in page.triangles {

@@ -1,4 +1,4 @@
-//! The cache-oblivious metric ([Y] 6.2.6, equation 6.5).
+//! The cache-oblivious metric (Yoon 6.2.6, equation 6.5).
 //!
 //! A local permutation changes the spans of some edges of a layout: the number of edges of span l changes by
 //! delta |E_l|. With the changed spans in ascending order, l(1) < l(2) < ..., the permutation is expected to save cache misses, for
@@ -57,10 +57,15 @@ mod tests {
                     (1 + (state >> 16) % 7, if state >> 31 == 0 { 1 } else { -1 })
                 })
                 .collect();
-            let longer = |&(span, sign): &(u32, i32)| if sign > 0 { (span, span + 1) } else { (span + 1, span) };
+            let longer =
+                |&(span, sign): &(u32, i32)| if sign > 0 { (span, span + 1) } else { (span + 1, span) };
             let mut changes: Vec<_> =
                 steps.iter().map(longer).flat_map(|(from, to)| [(from, -1), (to, 1)]).collect();
-            assert_eq!(expected_change_of_steps(&mut steps.clone()), expected_change(&mut changes), "{steps:?}");
+            assert_eq!(
+                expected_change_of_steps(&mut steps.clone()),
+                expected_change(&mut changes),
+                "{steps:?}"
+            );
         }
     }
 

@@ -1,7 +1,7 @@
-//! Multilevel minimisation of the cache-oblivious metric ([Y] 6.3): coarsen by matching, order the coarsest graph, expand back
+//! Multilevel minimisation of the cache-oblivious metric (Yoon 6.3): coarsen by matching, order the coarsest graph, expand back
 //! and permute locally, accepting what the metric calls an improvement.
 //!
-//! A coarse node stands for at most two nodes, so that a local permutation is the choice which of the two comes first. [Y] allows
+//! A coarse node stands for at most two nodes, so that a local permutation is the choice which of the two comes first. Yoon allows
 //! up to five; pairs cost a fraction and leave the later stage of this project something to gain.
 
 use super::metric::{expected_change, expected_change_of_steps};
@@ -33,7 +33,12 @@ impl Graph {
     }
 
     /// Refills from pairs (a, b), which may repeat and come in any direction.
-    pub(super) fn fill(&mut self, node_count: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone, scratch: &mut Vec<u32>) {
+    pub(super) fn fill(
+        &mut self,
+        node_count: usize,
+        pairs: impl Iterator<Item = (u32, u32)> + Clone,
+        scratch: &mut Vec<u32>,
+    ) {
         self.offsets.clear();
         self.offsets.resize(node_count + 1, 0);
         for (a, b) in pairs.clone() {
@@ -185,7 +190,9 @@ fn match_heaviest(graph: &Graph, coarse_of: &mut Vec<u32>, members: &mut Vec<[u3
         let mut best = (0, NONE);
         for i in graph.row(node) {
             let (neighbor, weight) = (graph.neighbors[i], graph.weights[i]);
-            if coarse_of[neighbor as usize] == NONE && (weight > best.0 || (weight == best.0 && neighbor < best.1)) {
+            if coarse_of[neighbor as usize] == NONE
+                && (weight > best.0 || (weight == best.0 && neighbor < best.1))
+            {
                 best = (weight, neighbor);
             }
         }

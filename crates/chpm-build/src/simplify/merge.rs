@@ -31,7 +31,8 @@ impl Merger {
         self.known.sort_unstable();
 
         let mut next = count as u16;
-        let mut shared = second.shared().filter(|(v, _)| usize::from(*v) < second.base_vertex_count).peekable();
+        let mut shared =
+            second.shared().filter(|(v, _)| usize::from(*v) < second.base_vertex_count).peekable();
         self.local[1].clear();
         for vertex in 0..second.base_vertex_count as u16 {
             let id = shared.next_if(|(v, _)| *v == vertex).map(|(_, id)| id);

@@ -1,4 +1,4 @@
-//! Simplify: bottom-up, level by level; every cluster is halved ([Q] 4.3).
+//! Simplify: bottom-up, level by level; every cluster is halved (Quick-VDR 4.3).
 //!
 //! A leaf starts from its part of the source, a parent from the union of its children's base meshes (I4). Clusters of a
 //! level are independent tasks over the threads: a vertex that a cluster shares with another is locked until the clusters
@@ -15,6 +15,7 @@ use crate::hierarchy::{Node, Tree};
 use crate::report::LevelReport;
 use chpm_extmem::Spool;
 use chpm_format::{MAX_CLUSTER_VERTICES, PageParts};
+use chpm_mesh::Aabb;
 use chpm_qem::{Decimator, Patch, Record, Refusals};
 use rayon::prelude::*;
 use working_set::WorkingSet;
@@ -26,6 +27,8 @@ pub(crate) struct PageRef {
     pub(crate) len: u32,
     /// Decoded error of the base mesh.
     pub(crate) max_error: f32,
+    /// Box around the finest mesh.
+    pub(crate) bounds: Aabb,
     /// Vertices of the base mesh: what a merge starts from.
     base_vertex_count: u32,
 }
@@ -36,6 +39,13 @@ pub(crate) struct Hierarchy {
     /// By node of the tree; none above a merge that would not fit 16-bit indices.
     pub(crate) refs: Vec<Option<PageRef>>,
     pub(crate) levels: Vec<LevelReport>,
+}
+
+impl Hierarchy {
+    /// The page of a node that was built.
+    pub(crate) fn page(&self, node: u32) -> PageRef {
+        self.refs[node as usize].unwrap_or_else(|| panic!("node {node} was not built"))
+    }
 }
 
 /// What one thread works with.
@@ -171,6 +181,7 @@ impl Scratch {
             offset: pages.append(&self.page)?,
             len: self.page.len() as u32,
             max_error,
+            bounds: Aabb::of_points(&set.positions),
             base_vertex_count,
         };
         Ok((page, self.report(level, base_triangles, stalled, refusals, min_error, max_error)))

@@ -103,9 +103,8 @@ pub(super) struct Surveyor {
     wings: Vec<(u16, u16)>,
     /// By neighbour: the vertex that was looked at when this was written, and a value.
     next: Box<[(u16, u16); TABLE]>,
-    /// Vertices that are not known to have one closed fan, ascending; and the same by vertex.
+    /// Vertices that are not known to have one closed fan, ascending.
     open: Vec<u16>,
-    is_open: Vec<bool>,
     link: Link,
     border: Sets,
     surface: Sets,
@@ -125,7 +124,6 @@ impl Default for Surveyor {
             wings: Vec::new(),
             next: Box::new([(u16::MAX, 0); TABLE]),
             open: Vec::new(),
-            is_open: Vec::new(),
             link: Link::default(),
             border: Sets::default(),
             surface: Sets::default(),
@@ -230,17 +228,13 @@ impl Surveyor {
         let vertex_count = self.ids.len();
         self.next[..vertex_count].fill((u16::MAX, 0));
         self.open.clear();
-        self.is_open.clear();
         for vertex in 0..vertex_count {
             let wings = &self.wings[self.starts[vertex] as usize..self.starts[vertex + 1] as usize];
             let vertex = vertex as u16;
             for &(a, b) in wings {
                 self.next[usize::from(a)] = (vertex, b);
             }
-            let Some(&(first, _)) = wings.first() else {
-                self.is_open.push(false);
-                continue;
-            };
+            let Some(&(first, _)) = wings.first() else { continue };
             // A walk of as many steps as there are wings that comes home with the last step and not before has met as
             // many different neighbours, each with a wing of its own.
             let (mut at, mut homes, mut lost) = (first, 0, false);
@@ -251,15 +245,14 @@ impl Surveyor {
                 homes += u32::from(at == first);
             }
             let closed = !lost && at == first && homes == 1 && wings.len() >= 3;
-            let is_open = !closed || self.ids[usize::from(vertex)] != LOOSE;
-            self.is_open.push(is_open);
-            if is_open {
+            if !closed || self.ids[usize::from(vertex)] != LOOSE {
                 self.open.push(vertex);
             }
         }
     }
 
-    /// Counts or hands over the fans of an open vertex, and its edges to other open vertices.
+    /// Counts or hands over the fans of an open vertex, and its edges to later ones. (Edges to vertices that are not open
+    /// have nothing to count.)
     fn look_at(&mut self, vertex: u16, leaf: &mut LeafCensus) {
         let wings = &self.wings
             [self.starts[usize::from(vertex)] as usize..self.starts[usize::from(vertex) + 1] as usize];
@@ -267,7 +260,7 @@ impl Surveyor {
         let id = self.ids[usize::from(vertex)];
         for &(neighbor, faces) in &self.link.neighbors {
             let neighbor_id = self.ids[usize::from(neighbor)];
-            if neighbor < vertex || !self.is_open[usize::from(neighbor)] {
+            if neighbor < vertex {
                 continue;
             }
             if id == LOOSE || neighbor_id == LOOSE {
@@ -289,8 +282,8 @@ impl Surveyor {
         if id == LOOSE {
             leaf.found.non_manifold_vertices += u64::from(knotted || self.link.fans.count != 1);
         } else if knotted {
-            // Two fans that nothing joins stand for a vertex whose fate is sealed.
-            leaf.fans.extend([Fan::closed(id); 2]);
+            // Other leaves have faces about it too, and nothing joins those to a closed fan: it is no manifold vertex.
+            leaf.fans.push(Fan::closed(id));
         } else {
             self.link.hand_over(id, &self.ids, &mut leaf.fans);
         }

@@ -29,8 +29,13 @@ fn census(mesh: &TriMesh, leaves: &[usize], step: u32) -> Repairs {
     let mut surveyor = Surveyor::default();
     for leaf in 0..leaf_count {
         let own = || mesh.triangles.iter().zip(leaves).filter(|(_, l)| **l == leaf).map(|(t, _)| *t);
-        let vertices: Vec<u32> = own().flatten().collect::<BTreeSet<u32>>().into_iter().collect();
-        let local = |v: u32| vertices.partition_point(|w| *w < v) as u16;
+        let vertices: BTreeSet<u32> = own().flatten().collect();
+        let mut vertices: Vec<u32> = vertices.into_iter().collect();
+        // Local numbers are in no order of global ones.
+        let third = vertices.len() / 3;
+        vertices.rotate_left(third * (leaf % 3));
+        let locals: BTreeMap<u32, u16> = vertices.iter().copied().zip(0..).collect();
+        let local = |v: u32| locals[&v];
         let triangles: Vec<[u16; 3]> = own().map(|t| t.map(local)).collect();
         let shared: Vec<(u16, u32)> =
             (0..).zip(&vertices).filter_map(|(local, v)| Some((local, *ids.get(v)?))).collect();

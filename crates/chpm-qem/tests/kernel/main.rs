@@ -1,0 +1,7 @@
+//! The kernel from outside: exact answers on small meshes, what must hold on any mesh, and its quality beside an oracle.
+
+mod hand;
+mod play;
+mod properties;
+mod quality;
+mod seam;

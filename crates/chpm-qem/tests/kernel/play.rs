@@ -1,0 +1,82 @@
+//! Decimates a plain mesh, and carries collapses out again without any of the kernel's structures.
+
+use chpm_mesh::TriMesh;
+use chpm_qem::{Collapse, Decimator, Patch, Record, Refusal, Refusals};
+
+/// What a decimation did, with its mesh.
+#[derive(Clone, Debug)]
+pub(crate) struct Run {
+    pub(crate) collapses: Vec<Collapse>,
+    pub(crate) triangle_count: usize,
+    pub(crate) stalled: bool,
+    pub(crate) refusals: Refusals,
+    pub(crate) record: Record,
+    pub(crate) mesh: TriMesh,
+}
+
+impl Run {
+    pub(crate) fn refused(&self, refusal: Refusal) -> u64 {
+        self.refusals.of(refusal)
+    }
+
+    pub(crate) fn max_error(&self) -> f32 {
+        self.collapses.last().map_or(0.0, |c| c.error)
+    }
+}
+
+/// The triangles of a mesh in the kernel's indices.
+pub(crate) fn local(mesh: &TriMesh) -> Vec<[u16; 3]> {
+    mesh.triangles.iter().map(|t| t.map(|v| u16::try_from(v).expect("a small mesh"))).collect()
+}
+
+/// Decimates with a kernel that may have been used before.
+pub(crate) fn run_with(
+    decimator: &mut Decimator,
+    mesh: &TriMesh,
+    locked: &[bool],
+    target: usize,
+    min_error: f32,
+) -> Run {
+    let triangles = local(mesh);
+    let patch = Patch { positions: &mesh.positions, triangles: &triangles, locked };
+    let outcome = decimator.decimate(&patch, target, min_error);
+    let mut record = Record::default();
+    record.renumber(&patch, &outcome);
+    Run {
+        collapses: outcome.collapses.to_vec(),
+        triangle_count: outcome.triangle_count,
+        stalled: outcome.stalled,
+        refusals: outcome.refusals,
+        record,
+        mesh: played(mesh, outcome.collapses),
+    }
+}
+
+pub(crate) fn run(mesh: &TriMesh, locked: &[bool], target: usize) -> Run {
+    run_with(&mut Decimator::default(), mesh, locked, target, 0.0)
+}
+
+/// Nothing locked.
+pub(crate) fn free(mesh: &TriMesh, target: usize) -> Run {
+    run(mesh, &vec![false; mesh.positions.len()], target)
+}
+
+/// The mesh after the collapses, over the same vertices: every corner goes where its vertex went.
+pub(crate) fn played(mesh: &TriMesh, collapses: &[Collapse]) -> TriMesh {
+    let mut went: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    for collapse in collapses.iter().rev() {
+        // Later collapses come first, so the target already says where it ends.
+        went[usize::from(collapse.from)] = went[usize::from(collapse.to)];
+    }
+    let moved = mesh.triangles.iter().map(|t| t.map(|v| went[v as usize]));
+    let alive = moved.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    TriMesh::new(mesh.positions.clone(), alive)
+}
+
+/// Corners of every triangle, sorted, in order.
+pub(crate) fn corner_sets(mesh: &TriMesh) -> Vec<[u32; 3]> {
+    let mut sets = mesh.triangles.clone();
+    sets.iter_mut().for_each(|t| t.sort_unstable());
+    sets.sort_unstable();
+    sets
+}

@@ -1,0 +1,71 @@
+//! Two patches that are simplified apart, with the vertices that they share locked, must still fit together.
+
+use crate::play::run;
+use chpm_measure::{cracks, edge_census, topology};
+use chpm_mesh::TriMesh;
+use chpm_mesh::synth::{Shape, Synth};
+
+/// Simplifies the triangles of each part apart and puts the results side by side, over the mesh's vertices.
+fn in_parts(mesh: &TriMesh, part_of: impl Fn(&[u32; 3]) -> usize, parts: usize, keep: f64) -> TriMesh {
+    let mut users = vec![0u64; mesh.positions.len()];
+    for t in &mesh.triangles {
+        t.iter().for_each(|v| users[*v as usize] |= 1 << part_of(t));
+    }
+    let mut union = TriMesh::new(mesh.positions.clone(), Vec::new());
+    for part in 0..parts {
+        let own: Vec<[u32; 3]> = mesh.triangles.iter().copied().filter(|t| part_of(t) == part).collect();
+        let mut used: Vec<u32> = own.concat();
+        used.sort_unstable();
+        used.dedup();
+        let number = |v: u32| used.partition_point(|u| *u < v) as u32;
+        let patch = TriMesh::new(
+            used.iter().map(|v| mesh.positions[*v as usize]).collect(),
+            own.iter().map(|t| t.map(number)).collect(),
+        );
+        let locked: Vec<bool> = used.iter().map(|v| users[*v as usize].count_ones() > 1).collect();
+        let run = run(&patch, &locked, (own.len() as f64 * keep) as usize);
+        union.triangles.extend(run.mesh.triangles.iter().map(|t| t.map(|v| used[v as usize])));
+    }
+    union
+}
+
+/// Which of eight boxes about the middle a triangle's first corner is in.
+fn octant(mesh: &TriMesh) -> impl Fn(&[u32; 3]) -> usize {
+    let middle = chpm_mesh::Aabb::of_points(&mesh.positions).center();
+    move |t| {
+        let p = mesh.positions[t[0] as usize];
+        (0..3).map(|a| usize::from(f64::from(p[a]) > middle[a]) << a).sum()
+    }
+}
+
+#[test]
+fn halves_of_a_sphere_close_up() {
+    let mesh = Synth::new(Shape::Sphere, 4000, 0).to_mesh();
+    for keep in [0.5, 0.1, 0.0] {
+        let union = in_parts(&mesh, |t| usize::from(mesh.positions[t[0] as usize][2] > 0.0), 2, keep);
+        assert!(union.triangles.len() < mesh.triangles.len() / 2 + 2);
+        let census = edge_census(&union);
+        assert_eq!((census.boundary, census.non_manifold, census.inconsistent), (0, 0, 0), "{keep}");
+        assert_eq!((topology(&union).euler, topology(&union).components), (2, 1), "{keep}");
+        assert_eq!(cracks(&union, &mesh), []);
+    }
+}
+
+#[test]
+fn octants_of_every_shape_fit_together() {
+    for shape in Shape::ALL {
+        let mesh = Synth::new(shape, 4000, 9).to_mesh();
+        let (before, part) = (topology(&mesh), octant(&mesh));
+        for keep in [0.5, 0.0] {
+            let union = in_parts(&mesh, &part, 8, keep);
+            let (after, census) = (topology(&union), edge_census(&union));
+            assert_eq!(cracks(&union, &mesh), [], "{shape}");
+            assert_eq!((census.non_manifold, census.inconsistent), (0, 0), "{shape}");
+            assert_eq!(
+                (after.components, after.boundary_loops, after.euler),
+                (before.components, before.boundary_loops, before.euler),
+                "{shape} at {keep}"
+            );
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! The command as a process, on generated meshes and, where they are at hand, on real ones.
+
+mod integration {
+    /// A fresh folder and the command in it.
+    pub(crate) mod harness;
+
+    /// Every verb, its exit codes, and that errors leave nothing behind.
+    mod cli;
+    /// The same bytes for any number of threads and any memory.
+    mod determinism;
+    /// Damaged .chpm files: each verb answers, none panics.
+    mod hostile_chpm;
+    /// Invalid PLY files are refused with their place, or dropped and counted.
+    mod hostile_ply;
+    /// What goes in comes out: all of it at level 0, a crack-free part of it elsewhere.
+    mod roundtrip;
+    /// Real meshes, where there are any.
+    mod scans;
+    /// A build that is told to stop leaves nothing.
+    mod signals;
+    /// The house rules: which crate may use which, where unsafe code may be, how long a file gets.
+    mod tidy;
+}

@@ -1,0 +1,100 @@
+//! A fresh folder and the command in it.
+
+use assert_cmd::Command;
+use assert_cmd::assert::Assert;
+use chpm_mesh::TriMesh;
+use chpm_mesh::ply::{Encoding, Options, read_mesh, write_mesh};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process;
+use tempfile::TempDir;
+
+/// The command's executable.
+pub(crate) const CHPM: &str = env!("CARGO_BIN_EXE_chpm");
+
+/// A folder that is removed at the end, and the command run in it.
+pub(crate) struct Folder(TempDir);
+
+/// Corner positions by their bits, the smallest corner first; ordered.
+pub(crate) type Triangles = Vec<[[u32; 3]; 3]>;
+
+impl Folder {
+    pub(crate) fn new() -> Self {
+        Folder(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Runs `chpm` with words separated by blanks.
+    pub(crate) fn chpm(&self, words: &str) -> Assert {
+        Command::new(CHPM).current_dir(self.0.path()).args(words.split_whitespace()).assert()
+    }
+
+    /// Runs `chpm`, which must succeed, and answers what it wrote to stdout.
+    pub(crate) fn stdout(&self, words: &str) -> String {
+        text(&self.chpm(words).success().get_output().stdout)
+    }
+
+    /// Runs `chpm`, which must end with `code`, and answers what it wrote to stderr.
+    pub(crate) fn stderr(&self, words: &str, code: i32) -> String {
+        text(&self.chpm(words).code(code).get_output().stderr)
+    }
+
+    /// The command to be spawned, for tests that talk to it while it runs.
+    pub(crate) fn command(&self, words: &str) -> process::Command {
+        let mut command = process::Command::new(CHPM);
+        command.current_dir(self.0.path()).args(words.split_whitespace());
+        command
+    }
+
+    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        fs::write(self.path(name), bytes).expect("a file written");
+    }
+
+    pub(crate) fn write_mesh(&self, name: &str, mesh: &TriMesh) {
+        let file = File::create(self.path(name)).expect("a file created");
+        write_mesh(file, mesh, Encoding::BinaryLittleEndian).expect("a mesh written");
+    }
+
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).expect("a file read")
+    }
+
+    pub(crate) fn read_mesh(&self, name: &str) -> TriMesh {
+        let file = File::open(self.path(name)).expect("a file opened");
+        read_mesh(file, Options::default()).expect("a mesh read").0
+    }
+
+    /// Names of everything in the folder, hidden or not.
+    pub(crate) fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.0.path()).expect("a folder read");
+        let name = |entry: std::io::Result<fs::DirEntry>| {
+            entry.expect("an entry read").file_name().to_string_lossy().into_owned()
+        };
+        let mut names: Vec<String> = entries.map(name).collect();
+        names.sort();
+        names
+    }
+}
+
+/// The root of the repository.
+pub(crate) fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+pub(crate) fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A mesh as a multiset of triangles, whatever its numbering.
+pub(crate) fn triangles(mesh: &TriMesh) -> Triangles {
+    let canonical = |corners: &[u32; 3]| {
+        let [a, b, c] = mesh.corners(*corners).map(|corner| corner.map(f32::to_bits));
+        [a, b, c].min([b, c, a]).min([c, a, b])
+    };
+    let mut triangles: Triangles = mesh.triangles.iter().map(canonical).collect();
+    triangles.sort_unstable();
+    triangles
+}

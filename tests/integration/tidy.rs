@@ -1,0 +1,94 @@
+//! The house rules: which crate may use which, where unsafe code may be, how long a file gets.
+
+use super::harness::root;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Crates of this workspace that each may depend on; tests may use more.
+const EDGES: [(&str, &[&str]); 8] = [
+    ("chpm-mesh", &[]),
+    ("chpm-extmem", &[]),
+    ("chpm-partition", &[]),
+    ("chpm-qem", &["chpm-mesh"]),
+    ("chpm-format", &["chpm-mesh"]),
+    ("chpm-measure", &["chpm-mesh"]),
+    ("chpm-refine", &["chpm-mesh", "chpm-format"]),
+    ("chpm-build", &["chpm-mesh", "chpm-extmem", "chpm-partition", "chpm-qem", "chpm-format"]),
+];
+
+/// What only the command may use.
+const COMMAND_ONLY: [&str; 5] = ["anyhow", "clap", "comfy-table", "indicatif", "serde_json"];
+
+const LONGEST: usize = 600;
+
+/// Names in `[dependencies]` of a manifest.
+fn dependencies(manifest: &Path) -> Vec<String> {
+    let text = fs::read_to_string(manifest).expect("a manifest");
+    let lines = text.lines().skip_while(|line| *line != "[dependencies]").skip(1);
+    let lines = lines.take_while(|line| !line.starts_with('[')).filter(|line| !line.trim().is_empty());
+    lines.map(|line| line.split(['.', ' ', '=']).next().unwrap_or_default().to_owned()).collect()
+}
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for path in entries.flatten().map(|entry| entry.path()) {
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+fn all_sources() -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for folder in ["src", "tests", "benches", "crates"] {
+        sources(&root().join(folder), &mut found);
+    }
+    assert!(found.len() > 50, "the sources are here");
+    found
+}
+
+#[test]
+fn crates_use_only_what_lies_below_them() {
+    let mut seen = 0;
+    for entry in fs::read_dir(root().join("crates")).expect("crates").flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let (_, allowed) =
+            EDGES.iter().find(|(from, _)| *from == name).unwrap_or_else(|| panic!("{name} is new"));
+        for used in dependencies(&entry.path().join("Cargo.toml")) {
+            let is_ours = used.starts_with("chpm-");
+            assert!(!is_ours || allowed.contains(&used.as_str()), "{name} must not use {used}");
+            assert!(!COMMAND_ONLY.contains(&used.as_str()), "{name} must not use {used}");
+        }
+        seen += 1;
+    }
+    assert_eq!(seen, EDGES.len());
+}
+
+#[test]
+fn unsafe_code_has_one_address() {
+    let home = root().join("crates/chpm-extmem/src/map.rs");
+    for path in all_sources() {
+        let text = fs::read_to_string(&path).expect("a source");
+        let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+        // In two parts, or this line would be found.
+        let word = concat!("un", "safe ");
+        let found = code.filter(|line| line.contains(word)).count();
+        assert!(path == home || found == 0, "{}", path.display());
+    }
+    for (name, _) in EDGES {
+        let text =
+            fs::read_to_string(root().join("crates").join(name).join("src/lib.rs")).expect("a root module");
+        let lint = if name == "chpm-extmem" { "#![deny(" } else { "#![forbid(" };
+        assert!(text.contains(&format!("{lint}{}_code)]", concat!("un", "safe"))), "{name}");
+    }
+}
+
+#[test]
+fn files_stay_short() {
+    for path in all_sources() {
+        let lines = fs::read_to_string(&path).expect("a source").lines().count();
+        assert!(lines <= LONGEST, "{}: {lines} lines", path.display());
+    }
+}
