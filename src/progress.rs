@@ -70,11 +70,11 @@ impl Meter {
         }
     }
 
-    /// What has begun has ended.
+    /// What has begun has ended, well or not. Its bar goes: the table at the end tells the same, and an error more.
     pub(crate) fn finish(&self) {
         let Some(stage) = self.running().take() else { return };
         if let Some(bar) = stage.bar {
-            bar.finish();
+            bar.finish_and_clear();
         } else if self.face == Face::Lines {
             line(&format!("{} took {:.2} s", stage.label, stage.started.elapsed().as_secs_f64()));
         }

@@ -7,6 +7,7 @@ use crate::adjacency::Adjacency;
 use crate::fan::{Fan, FanKind, MAX_VALENCE};
 use crate::quadric::Quadric;
 use crate::refusal::{Refusal, Refusals};
+use chpm_mesh::Aabb;
 use chpm_mesh::geom::{area_vector, round_up, to_f64};
 use nalgebra::Vector3;
 use std::collections::BinaryHeap;
@@ -73,6 +74,8 @@ pub struct Decimator {
     heap: BinaryHeap<Entry>,
     candidates: Vec<(f32, u16)>,
     collapses: Vec<Collapse>,
+    /// What costs are multiplied by so that they fit an f32 for a model of any size.
+    cost_scale: f64,
 }
 
 /// A vertex in the queue: cheapest first, then the smallest index.
@@ -98,6 +101,7 @@ impl Decimator {
     /// comes with; the errors of the collapses start from it.
     pub fn decimate(&mut self, patch: &Patch<'_>, target: usize, min_error: f32) -> Outcome<'_> {
         let mut refusals = Refusals::default();
+        self.cost_scale = cost_scale(patch.positions);
         self.adjacency.build(patch.positions.len(), patch.triangles);
         self.fan.reset(patch.positions.len());
         self.accumulate_quadrics(patch);
@@ -183,7 +187,8 @@ impl Decimator {
         let mut least = f32::INFINITY;
         let mut add = |v: u16| {
             let d = to_f64(patch.positions[usize::from(v)]) - origin;
-            let cost = (quadric.at(d) + LENGTH_TERM * quadric.area * d.norm_squared()) as f32;
+            let cost = quadric.at(d) + LENGTH_TERM * quadric.area * d.norm_squared();
+            let cost = (cost * self.cost_scale) as f32;
             least = least.min(cost);
             self.candidates.push((cost, v));
         };
@@ -296,12 +301,12 @@ impl Decimator {
         if patch.locked[usize::from(v)] && self.joins_locked(patch, v, before, after) {
             return Err(Refusal::LockedEdge);
         }
-        let remaining = self.check_link(v, u, before, after)?;
+        let (remaining, keeps_apex) = self.check_link(v, u, before, after)?;
         if remaining + degree > MAX_VALENCE + 4 {
             return Err(Refusal::Valence);
         }
         let dying = usize::from(before.is_some()) + usize::from(after.is_some());
-        if remaining + degree == dying {
+        if degree == dying && !keeps_apex {
             return Err(Refusal::Component);
         }
         self.check_flips(patch, u, v)
@@ -317,16 +322,16 @@ impl Decimator {
     }
 
     /// The link condition: besides the apexes of the edge, u and v have no neighbour in common, and no face of v lies opposite to
-    /// the edge. Answers how many faces v has apart from those of u.
+    /// the edge. Answers how many faces v has apart from those of u, and whether one of them is at an apex.
     fn check_link(
         &mut self,
         v: u16,
         u: u16,
         before: Option<u16>,
         after: Option<u16>,
-    ) -> Result<usize, Refusal> {
+    ) -> Result<(usize, bool), Refusal> {
         let (ids, faces) = self.adjacency.living(v);
-        let mut remaining = 0;
+        let (mut remaining, mut keeps_apex) = (0, false);
         for &id in ids {
             let (x, y) = faces[id as usize].others(v);
             if x == u || y == u {
@@ -338,8 +343,9 @@ impl Decimator {
             if common(x) || common(y) || (apex(x) && apex(y)) {
                 return Err(Refusal::Link);
             }
+            keeps_apex |= apex(x) || apex(y);
         }
-        Ok(remaining)
+        Ok((remaining, keeps_apex))
     }
 
     /// No face may turn by more than the limit or lose its area. A face that has none already cannot get worse.
@@ -366,4 +372,10 @@ impl Decimator {
         }
         Ok(())
     }
+}
+
+/// A power of two, so that scaling loses nothing: costs grow with the fourth power of a length.
+fn cost_scale(positions: &[[f32; 3]]) -> f64 {
+    let size = Aabb::of_points(positions).diagonal().clamp(f64::exp2(-150.0), f64::exp2(130.0));
+    f64::exp2(-4.0 * size.log2().floor())
 }

@@ -18,7 +18,7 @@ pub enum Refusal {
     Valence,
     /// u lies on the mesh boundary and the edge does not.
     Boundary,
-    /// The last triangle of a component would vanish.
+    /// The last triangle of a component, or of one that hangs on by single vertices, would vanish.
     Component,
     /// A triangle would lose its area.
     Degenerate,

@@ -22,7 +22,9 @@ use crate::ingest::Source;
 use crate::report::Repairs;
 use assign::Assigned;
 use chpm_extmem::{Buffer, Spool};
+use chpm_partition::CsrGraph;
 use grid::Grid;
+use std::ops::Range;
 
 /// The leaf clusters.
 pub(crate) struct Decomposition {
@@ -76,8 +78,8 @@ fn leaf_count(triangles: usize, settings: &Settings) -> u32 {
     1 << exact.max(1.0).log2().round().min(31.0) as u32
 }
 
-/// Parts of one call beyond which the partition is made in two rounds: the time of a k-way partition grows with k.
-const MAX_ROUND_PARTS: u32 = 64;
+/// Most parts of one call to the partitioner: its time grows with their number, so that more are made in rounds.
+const ROUND_PARTS: u32 = 16;
 
 /// The cluster of each cell.
 fn partition_cells(
@@ -87,26 +89,41 @@ fn partition_cells(
     parts: u32,
     settings: &Settings,
 ) -> Result<Vec<u32>, BuildError> {
-    let parts = parts.min(grid.cells.len() as u32);
-    if parts <= 1 {
-        return Ok(vec![0; grid.cells.len()]);
-    }
-    let graph = cell_graph::build(&grid.cells, cells, triangles, settings.cell_neighbors)?;
-    if parts <= MAX_ROUND_PARTS {
-        return Ok(settings.partitioner.kway(&graph, parts, settings.seed)?.parts);
-    }
-    let regions = 1 << (parts.ilog2() / 2);
-    let regional = settings.partitioner.kway(&graph, regions, settings.seed)?.parts;
-    let mut cells_of = vec![Vec::new(); regions as usize];
-    for (cell, region) in regional.iter().enumerate() {
-        cells_of[*region as usize].push(cell as u32);
-    }
     let mut assignment = vec![0; grid.cells.len()];
-    for (region, cells) in (0..regions).zip(&cells_of) {
-        let within = settings.partitioner.kway(&graph.subgraph(cells), parts / regions, settings.seed)?.parts;
-        for (cell, part) in cells.iter().zip(within) {
-            assignment[*cell as usize] = region * (parts / regions) + part;
-        }
+    let parts = parts.min(grid.cells.len() as u32);
+    if parts > 1 {
+        let graph = cell_graph::build(&grid.cells, cells, triangles, settings.cell_neighbors)?;
+        let all: Vec<u32> = (0..grid.cells.len() as u32).collect();
+        partition_region(&graph, &all, 0..parts, settings, &mut assignment)?;
     }
     Ok(assignment)
+}
+
+/// Assigns the parts in `range` to a region's cells: `graph` is the region's, `cells` its nodes' numbers.
+fn partition_region(
+    graph: &CsrGraph,
+    cells: &[u32],
+    range: Range<u32>,
+    settings: &Settings,
+    assignment: &mut [u32],
+) -> Result<(), BuildError> {
+    let count = range.end - range.start;
+    let regions = if count > ROUND_PARTS && count.is_multiple_of(ROUND_PARTS) { ROUND_PARTS } else { count };
+    let partition = settings.partitioner.kway(graph, regions, settings.seed)?.parts;
+    if regions == count {
+        for (cell, part) in cells.iter().zip(partition) {
+            assignment[*cell as usize] = range.start + part;
+        }
+        return Ok(());
+    }
+    let mut members = vec![Vec::new(); regions as usize];
+    for (node, region) in partition.iter().enumerate() {
+        members[*region as usize].push(node as u32);
+    }
+    let step = count / regions;
+    for (first, nodes) in (range.start..).step_by(step as usize).zip(&members) {
+        let cells: Vec<u32> = nodes.iter().map(|n| cells[*n as usize]).collect();
+        partition_region(&graph.subgraph(nodes), &cells, first..first + step, settings, assignment)?;
+    }
+    Ok(())
 }

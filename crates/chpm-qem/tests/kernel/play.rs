@@ -4,7 +4,7 @@ use chpm_mesh::TriMesh;
 use chpm_qem::{Collapse, Decimator, Patch, Record, Refusal, Refusals};
 
 /// What a decimation did, with its mesh.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Run {
     pub(crate) collapses: Vec<Collapse>,
     pub(crate) triangle_count: usize,

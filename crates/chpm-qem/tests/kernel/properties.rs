@@ -4,55 +4,86 @@ use crate::play::{Run, corner_sets, local, run, run_with};
 use chpm_measure::{edge_census, topology};
 use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{ProgressiveMesh, TriMesh};
-use chpm_qem::Decimator;
+use chpm_qem::{Collapse, Decimator};
 use proptest::prelude::*;
 
-/// A few pieces side by side, all of them consistently oriented manifolds.
-fn pieces() -> impl Strategy<Value = TriMesh> {
+/// A consistently oriented manifold; its description is what a failing test prints.
+#[derive(Clone, Debug)]
+enum Piece {
+    Icosphere(u32),
+    Grid(u32, u32),
+    Synth(Shape, u64, u64),
+    Tetrahedron,
+}
+
+impl Piece {
+    fn mesh(&self) -> TriMesh {
+        match *self {
+            Piece::Icosphere(level) => hand::icosphere(level),
+            Piece::Grid(nx, ny) => hand::grid(nx, ny),
+            Piece::Synth(shape, triangles, seed) => Synth::new(shape, triangles, seed).to_mesh(),
+            Piece::Tetrahedron => hand::tetrahedron(),
+        }
+    }
+}
+
+/// Pieces side by side with their vertices in another order, a share of them locked, and the share of triangles to keep.
+#[derive(Clone, Debug)]
+struct Case {
+    pieces: Vec<Piece>,
+    seed: u64,
+    locks: f64,
+    keep: f64,
+}
+
+fn cases() -> impl Strategy<Value = Case> {
     let piece = prop_oneof![
-        (0u32..3).prop_map(hand::icosphere),
-        (1u32..12, 1u32..12).prop_map(|(x, y)| hand::grid(x, y)),
-        (50u64..800, any::<u64>()).prop_map(|(n, s)| Synth::new(Shape::Terrain, n, s).to_mesh()),
-        (200u64..800, any::<u64>()).prop_map(|(n, s)| Synth::new(Shape::Isosurface, n, s).to_mesh()),
-        (200u64..600, any::<u64>()).prop_map(|(n, s)| Synth::new(Shape::Plates, n, s).to_mesh()),
-        Just(hand::cube()),
-        Just(hand::tetrahedron()),
+        (0u32..3).prop_map(Piece::Icosphere),
+        (1u32..12, 1u32..12).prop_map(|(x, y)| Piece::Grid(x, y)),
+        (50u64..800, any::<u64>()).prop_map(|(n, s)| Piece::Synth(Shape::Terrain, n, s)),
+        (200u64..800, any::<u64>()).prop_map(|(n, s)| Piece::Synth(Shape::Isosurface, n, s)),
+        (200u64..600, any::<u64>()).prop_map(|(n, s)| Piece::Synth(Shape::Plates, n, s)),
+        Just(Piece::Tetrahedron),
     ];
-    prop::collection::vec(piece, 1..4).prop_map(|pieces| {
+    let locks = prop_oneof![Just(0.0), Just(0.05), Just(0.5)];
+    (prop::collection::vec(piece, 1..4), any::<u64>(), locks, 0.0f64..1.0)
+        .prop_map(|(pieces, seed, locks, keep)| Case { pieces, seed, locks, keep })
+}
+
+impl Case {
+    fn mesh(&self) -> TriMesh {
         let mut all = TriMesh::default();
-        for piece in pieces {
-            let first = all.positions.len() as u32;
+        for piece in &self.pieces {
+            let (first, piece) = (all.positions.len() as u32, piece.mesh());
             all.positions.extend(piece.positions);
             all.triangles.extend(piece.triangles.iter().map(|t| t.map(|v| v + first)));
         }
+        let mut order: Vec<u32> = (0..all.positions.len() as u32).collect();
+        order.sort_unstable_by_key(|v| (scramble(self.seed ^ u64::from(*v)), *v));
+        let mut new = vec![0; order.len()];
+        order.iter().enumerate().for_each(|(i, v)| new[*v as usize] = i as u32);
+        all.positions = order.iter().map(|v| all.positions[*v as usize]).collect();
+        all.triangles.iter_mut().for_each(|t| *t = t.map(|v| new[v as usize]));
         all
-    })
-}
+    }
 
-/// Pieces with their vertices in another order, some vertices locked, and a share to keep.
-fn cases() -> impl Strategy<Value = (TriMesh, Vec<bool>, f64)> {
-    (pieces(), any::<u64>(), prop_oneof![Just(0.0), Just(0.05), Just(0.5)], 0.0f64..1.0).prop_map(
-        |(mut mesh, seed, locks, keep)| {
-            let keys: Vec<u64> = (0..mesh.positions.len() as u64).map(|v| scramble(seed ^ v)).collect();
-            let mut order: Vec<u32> = (0..mesh.positions.len() as u32).collect();
-            order.sort_unstable_by_key(|v| keys[*v as usize]);
-            let mut new = vec![0; order.len()];
-            order.iter().enumerate().for_each(|(i, v)| new[*v as usize] = i as u32);
-            mesh.positions = order.iter().map(|v| mesh.positions[*v as usize]).collect();
-            mesh.triangles.iter_mut().for_each(|t| *t = t.map(|v| new[v as usize]));
-            let locked = keys.iter().map(|k| (scramble(*k) as f64 / u64::MAX as f64) < locks).collect();
-            (mesh, locked, keep)
-        },
-    )
+    fn locked(&self, mesh: &TriMesh) -> Vec<bool> {
+        let unit = |v: u64| scramble(self.seed ^ v << 20) as f64 / u64::MAX as f64;
+        (0..mesh.positions.len() as u64).map(|v| unit(v) < self.locks).collect()
+    }
+
+    fn target(&self, mesh: &TriMesh) -> usize {
+        (mesh.triangles.len() as f64 * self.keep) as usize
+    }
+
+    fn run(&self, mesh: &TriMesh) -> Run {
+        run(mesh, &self.locked(mesh), self.target(mesh))
+    }
 }
 
 fn scramble(x: u64) -> u64 {
     let x = (x ^ 0x51ed_270b).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     (x ^ (x >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) ^ (x >> 32)
-}
-
-fn target(mesh: &TriMesh, keep: f64) -> usize {
-    (mesh.triangles.len() as f64 * keep) as usize
 }
 
 /// Carries the collapses out one by one on plain triangles, looking at every step.
@@ -127,67 +158,59 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn a_decimation_is_what_it_says((mesh, locked, keep) in cases()) {
-        let run = run(&mesh, &locked, target(&mesh, keep));
-        prop_assert_eq!(run.stalled, run.triangle_count > target(&mesh, keep));
-        prop_assert!(run.stalled || run.triangle_count + 1 >= target(&mesh, keep));
-        check_by_replay(&mesh, &locked, &run)?;
+    fn a_decimation_is_what_it_says(case in cases()) {
+        let mesh = case.mesh();
+        let (run, target) = (case.run(&mesh), case.target(&mesh));
+        prop_assert_eq!(run.stalled, run.triangle_count > target);
+        prop_assert!(run.stalled || run.triangle_count + 1 >= target);
+        check_by_replay(&mesh, &case.locked(&mesh), &run)?;
     }
 
     #[test]
-    fn every_level_of_detail_is_a_manifold_of_the_same_topology((mesh, locked, keep) in cases()) {
-        check_levels_of_detail(&mesh, &run(&mesh, &locked, target(&mesh, keep)))?;
+    fn every_level_of_detail_is_a_manifold_of_the_same_topology(case in cases()) {
+        let mesh = case.mesh();
+        check_levels_of_detail(&mesh, &case.run(&mesh))?;
     }
 
     #[test]
-    fn a_used_kernel_answers_as_a_fresh_one((mesh, locked, keep) in cases(), (other, locks, _) in cases()) {
+    fn a_used_kernel_answers_as_a_fresh_one(case in cases(), other in cases()) {
+        let (mesh, before) = (case.mesh(), other.mesh());
+        let fresh = case.run(&mesh);
         let mut decimator = Decimator::default();
-        let fresh = run(&mesh, &locked, target(&mesh, keep));
-        run_with(&mut decimator, &other, &locks, 0, 0.0);
+        run_with(&mut decimator, &before, &other.locked(&before), 0, 0.0);
         for _ in 0..2 {
-            let used = run_with(&mut decimator, &mesh, &locked, target(&mesh, keep), 0.0);
+            let used = run_with(&mut decimator, &mesh, &case.locked(&mesh), case.target(&mesh), 0.0);
             prop_assert_eq!(&used.collapses, &fresh.collapses);
             prop_assert_eq!(used.refusals, fresh.refusals);
         }
     }
 
     #[test]
-    fn a_longer_run_begins_as_a_shorter_one((mesh, locked, keep) in cases()) {
-        let long = run(&mesh, &locked, 0);
-        let short = run(&mesh, &locked, target(&mesh, keep));
+    fn a_longer_run_begins_as_a_shorter_one(case in cases()) {
+        let mesh = case.mesh();
+        let (long, short) = (run(&mesh, &case.locked(&mesh), 0), case.run(&mesh));
         prop_assert_eq!(&long.collapses[..short.collapses.len()], &short.collapses[..]);
     }
 
     /// Coordinates on a lattice of 2^-12, so that moving them is exact.
     #[test]
-    fn moving_the_mesh_changes_nothing(
-        (mut mesh, locked, keep) in cases(),
-        offset in prop::array::uniform3(-1000i16..1000),
-    ) {
-        for x in mesh.positions.as_flattened_mut() {
-            *x = (*x * 4096.0).round() / 4096.0;
-        }
-        let here = run(&mesh, &locked, target(&mesh, keep));
+    fn moving_the_mesh_changes_nothing(case in cases(), offset in prop::array::uniform3(-1000i16..1000)) {
+        let mut mesh = case.mesh();
+        mesh.positions.as_flattened_mut().iter_mut().for_each(|x| *x = (*x * 4096.0).round() / 4096.0);
+        let here = case.run(&mesh);
         for p in &mut mesh.positions {
             *p = std::array::from_fn(|a| p[a] + f32::from(offset[a]));
         }
-        let there = run(&mesh, &locked, target(&mesh, keep));
-        prop_assert_eq!(here.collapses, there.collapses);
+        prop_assert_eq!(here.collapses, case.run(&mesh).collapses);
     }
 
     #[test]
-    fn scaling_by_a_power_of_two_scales_the_errors(
-        (mut mesh, locked, keep) in cases(),
-        exponent in -40i32..40,
-    ) {
-        let here = run(&mesh, &locked, target(&mesh, keep));
-        let scale = (f64::from(exponent)).exp2() as f32;
-        for x in mesh.positions.as_flattened_mut() {
-            *x *= scale;
-        }
-        let there = run(&mesh, &locked, target(&mesh, keep));
-        let scaled: Vec<_> =
-            here.collapses.iter().map(|c| chpm_qem::Collapse { error: c.error * scale, ..*c }).collect();
-        prop_assert_eq!(scaled, there.collapses);
+    fn scaling_by_a_power_of_two_scales_the_errors(case in cases(), exponent in -60i32..60) {
+        let mut mesh = case.mesh();
+        let here = case.run(&mesh);
+        let scale = f64::from(exponent).exp2() as f32;
+        mesh.positions.as_flattened_mut().iter_mut().for_each(|x| *x *= scale);
+        let scaled: Vec<_> = here.collapses.iter().map(|c| Collapse { error: c.error * scale, ..*c }).collect();
+        prop_assert_eq!(scaled, case.run(&mesh).collapses);
     }
 }
