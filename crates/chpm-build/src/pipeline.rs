@@ -52,7 +52,8 @@ pub fn build(
     let records = context
         .stage(Stage::Layout, nodes, || layout::run(&order, &clusters, &tree, settings, context, write))?;
 
-    let written = context.stage(Stage::Emit, 1, || file.finish(records))?;
+    let written =
+        context.stage(Stage::Emit, 1, || file.finish(records).inspect(|_| context.progress.advance(1)))?;
     Ok(BuildReport {
         source_vertices: facts.provenance.vertex_count,
         triangles,

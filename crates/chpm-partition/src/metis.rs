@@ -14,7 +14,7 @@
 //! repairs that.
 
 use crate::{BALANCE, CsrGraph, PartitionError, normalised};
-use metis::option::{Contig, PType, Seed, UFactor};
+use metis::option::{PType, Seed, UFactor};
 use std::sync::{Mutex, PoisonError};
 
 static ONE_CALL_AT_A_TIME: Mutex<()> = Mutex::new(());
@@ -85,8 +85,7 @@ impl Task<'_> {
         let guard = ONE_CALL_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let result = match self.method {
             PType::Rb => task.part_recursive(&mut assignment),
-            // METIS refuses the wish for connected parts if the graph is not.
-            PType::Kway => task.set_option(Contig(graph.is_connected())).part_kway(&mut assignment),
+            PType::Kway => task.part_kway(&mut assignment),
         };
         drop(guard);
         result.map_err(|error| failed(error.to_string()))?;

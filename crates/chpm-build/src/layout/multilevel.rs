@@ -205,36 +205,44 @@ fn match_heaviest(graph: &Graph, coarse_of: &mut Vec<u32>, members: &mut Vec<[u3
     }
 }
 
-/// The graph of the coarse nodes.
+/// The graph of the coarse nodes. Whether an edge is new in its row is a coin toss, so the loop does the same either way: it
+/// writes to the edge's slot or to the next free one.
 fn contract(fine: &Step, coarse_of: &[u32], slot: &mut Vec<u32>, out: &mut Graph) {
     let Step { graph, members } = fine;
-    out.offsets.clear();
+    let edge_count = graph.neighbors.len();
     out.neighbors.clear();
+    out.neighbors.resize(edge_count + 1, 0);
     out.weights.clear();
+    out.weights.resize(edge_count + 1, 0);
+    out.offsets.clear();
     out.offsets.push(0);
+    // One more than the index of a neighbour's edge in the row in which it was seen last.
     slot.clear();
-    slot.resize(members.len(), NONE);
+    slot.resize(members.len(), 0);
+    let mut end = 0u32;
     for (coarse, pair) in members.iter().enumerate() {
-        let start = out.neighbors.len();
+        let start = end;
         for member in pair.iter().filter(|m| **m != NONE) {
             for i in graph.row(*member) {
                 let to = coarse_of[graph.neighbors[i] as usize];
-                if to as usize == coarse {
-                    continue;
+                let seen = slot[to as usize];
+                let fresh = seen <= start;
+                let edge = if fresh { end } else { seen - 1 };
+                out.neighbors[edge as usize] = to;
+                out.weights[edge as usize] += graph.weights[i];
+                // The pair's own edge is overwritten by the next one.
+                let own = to as usize == coarse;
+                slot[to as usize] = if own { 0 } else { edge + 1 };
+                if own {
+                    out.weights[edge as usize] = 0;
                 }
-                // A slot from an earlier row lies before this one's start.
-                let seen = slot[to as usize] as usize;
-                if slot[to as usize] != NONE && seen >= start {
-                    out.weights[seen] += graph.weights[i];
-                } else {
-                    slot[to as usize] = out.neighbors.len() as u32;
-                    out.neighbors.push(to);
-                    out.weights.push(graph.weights[i]);
-                }
+                end += u32::from(fresh & !own);
             }
         }
-        out.offsets.push(out.neighbors.len() as u32);
+        out.offsets.push(end);
     }
+    out.neighbors.truncate(end as usize);
+    out.weights.truncate(end as usize);
 }
 
 /// Tries all orders of a handful of nodes and keeps the one that the metric prefers to those before it.

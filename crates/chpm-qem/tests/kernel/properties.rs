@@ -93,8 +93,7 @@ fn check_by_replay(mesh: &TriMesh, locked: &[bool], run: &Run) -> Result<(), Tes
     let mut error = 0.0;
     let (vertex_count, record) = (mesh.positions.len(), &run.record);
     let (new, base) = (&record.old_to_new, record.base_vertex_count());
-    let renumbered: Vec<[u16; 3]> =
-        local(mesh).iter().map(|t| t.map(|v| new[usize::from(v)])).collect();
+    let renumbered: Vec<[u16; 3]> = local(mesh).iter().map(|t| t.map(|v| new[usize::from(v)])).collect();
     let pm = ProgressiveMesh {
         vertex_count,
         base_vertex_count: base,

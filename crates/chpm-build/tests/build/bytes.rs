@@ -1,0 +1,85 @@
+//! The same source and settings give the same bytes, whatever the resources; a layout changes order only.
+
+use crate::site::{ChpmFile, Site, config, triangle_bits, with_attributes};
+use chpm_build::BuildConfig;
+use chpm_format::checksum;
+use chpm_mesh::synth::{Shape, Synth};
+use chpm_mesh::{Bytes, Level};
+use chpm_partition::Partitioner;
+use chpm_refine::{Cut, extract, random_cut};
+
+fn with_resources(config: &BuildConfig, threads: usize, memory: u64) -> BuildConfig {
+    let mut config = config.clone();
+    (config.resources.threads, config.resources.memory) = (threads, Bytes(memory));
+    config
+}
+
+#[test]
+fn threads_and_memory_do_not_show() {
+    for shape in [Shape::Isosurface, Shape::Terrain] {
+        let site = Site::of(&with_attributes(Synth::new(shape, 20_000, 4).to_mesh()));
+        for partitioner in [Partitioner::Metis, Partitioner::Greedy] {
+            let mut config = config(512);
+            config.settings.partitioner = partitioner;
+            let (_, first) = site.bytes(&with_resources(&config, 1, 1 << 30));
+            for (threads, memory) in [(1, 1 << 16), (2, 1 << 30), (2, 1 << 18), (4, 1 << 16), (4, 1 << 22)] {
+                let (report, again) = site.bytes(&with_resources(&config, threads, memory));
+                assert_eq!(
+                    (checksum(&again), again.len()),
+                    (checksum(&first), first.len()),
+                    "{shape} by {partitioner} with {threads} threads and {memory} bytes"
+                );
+                assert!(report.budget_peak <= memory, "{} of {memory} bytes", report.budget_peak);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_seed_shows_and_a_work_directory_does_not() {
+    let site = Site::of(&Synth::new(Shape::Torus, 8_000, 0).to_mesh());
+    let (_, first) = site.bytes(&config(256));
+    let elsewhere = tempfile::tempdir().unwrap();
+    let mut other = config(256);
+    other.resources.work_dir = Some(elsewhere.path().to_owned());
+    assert!(site.bytes(&other).1 == first);
+    assert_eq!(std::fs::read_dir(elsewhere.path()).unwrap().count(), 0, "the work directory was left behind");
+    other.settings.seed += 1;
+    assert!(site.bytes(&other).1 != first);
+}
+
+/// What a cluster is, whatever its number and the order inside.
+fn clusters(file: &ChpmFile) -> Vec<[u32; 8]> {
+    let facts = file.clusters().iter().map(|c| {
+        let (min, max) = (c.min_error.to_bits(), c.max_error.to_bits());
+        let counts = [c.vertex_count, c.base_vertex_count, c.triangle_count, c.base_triangle_count];
+        [c.level, min, max, counts[0], counts[1], counts[2], counts[3], c.shared_count]
+    });
+    let mut facts: Vec<_> = facts.collect();
+    facts.sort_unstable();
+    facts
+}
+
+#[test]
+fn a_layout_changes_order_only() {
+    for shape in [Shape::Isosurface, Shape::Plates] {
+        let site = Site::of(&with_attributes(Synth::new(shape, 20_000, 6).to_mesh()));
+        let mut config = config(512);
+        let (_, laid_out) = site.build(&config);
+        config.settings.layout = false;
+        let (_, plain) = site.build(&config);
+        assert!(laid_out.bytes() != plain.bytes());
+        assert_eq!(clusters(&laid_out), clusters(&plain), "{shape}");
+        let mesh = |file: &ChpmFile, cut: Cut| triangle_bits(&extract(file, &cut).unwrap());
+        for level in 0..plain.levels().len() as u32 {
+            let [a, b] = [&laid_out, &plain].map(|f| mesh(f, Cut::at_level(f, Level(level))));
+            assert!(a == b, "{shape} at level {level}");
+        }
+        let largest = plain.clusters().iter().map(|c| c.max_error).fold(0.0, f32::max);
+        for part in [0.0, 1e-3, 0.03, 0.2, 1.0] {
+            let [a, b] = [&laid_out, &plain].map(|f| mesh(f, Cut::at_error(f, part * largest).unwrap()));
+            assert!(a == b, "{shape} at {part} of the largest error");
+        }
+        assert!(random_cut(&laid_out, 3).unwrap().check(&laid_out).is_ok());
+    }
+}
