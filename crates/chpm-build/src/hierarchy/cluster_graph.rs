@@ -14,7 +14,7 @@ const NEIGHBORS: u32 = 6;
 pub(crate) fn build(decomposition: &Decomposition) -> Result<CsrGraph, BuildError> {
     let mut edges = shared_edges(decomposition);
     let centers = centers(decomposition)?;
-    let pairs = nearest_pairs(&centers, NEIGHBORS);
+    let pairs = nearest_pairs(&centers, NEIGHBORS, |_| true);
     let positive = pairs.iter().map(|p| p.2).filter(|d| *d > 0.0);
     let nearest = positive.fold(f32::INFINITY, f32::min);
     edges.extend(pairs.iter().map(|&(a, b, distance)| {

@@ -95,7 +95,7 @@ impl Layout<'_> {
             return nodes;
         }
         let centers: Vec<[f32; 3]> = nodes.iter().map(|n| self.centers[*n as usize]).collect();
-        let pairs = nearest_pairs(&centers, NEIGHBORS);
+        let pairs = nearest_pairs(&centers, NEIGHBORS, |_| true);
         let mut graph = Graph::default();
         graph.fill(nodes.len(), pairs.iter().map(|p| (p.0, p.1)), &mut Vec::new());
         self.multilevel.order(&mut graph).iter().map(|i| nodes[*i as usize]).collect()

@@ -1,18 +1,19 @@
 //! Small meshes with exact answers.
 
-use crate::play::{corner_sets, free, run};
+use crate::play::{corner_sets, free, played, run};
 use chpm_measure::{boundary_vertices, deviation, edge_census, topology};
 use chpm_mesh::synth::hand;
 use chpm_mesh::{TriMesh, geom};
 use chpm_qem::Refusal;
 use proptest::prelude::*;
 
+fn doubled_area(mesh: &TriMesh, triangle: &[u32; 3]) -> f64 {
+    let [a, b, c] = mesh.corners(*triangle);
+    geom::area_vector(a, b, c).norm()
+}
+
 fn area(mesh: &TriMesh) -> f64 {
-    let doubled = |t: &[u32; 3]| {
-        let [a, b, c] = mesh.corners(*t);
-        geom::area_vector(a, b, c).norm()
-    };
-    0.5 * mesh.triangles.iter().map(doubled).sum::<f64>()
+    0.5 * mesh.triangles.iter().map(|t| doubled_area(mesh, t)).sum::<f64>()
 }
 
 /// Whatever can collapse does, and components, loops and Euler characteristic stay.
@@ -44,6 +45,18 @@ fn a_plane_halves_without_touching_its_outline() {
 }
 
 #[test]
+fn no_triangle_loses_its_area() {
+    for mesh in [hand::grid(9, 9), hand::strip(40), subdivided_cube(5)] {
+        let run = free(&mesh, 0);
+        for n in 0..=run.collapses.len() {
+            let lod = played(&mesh, &run.collapses[..n]);
+            let least = lod.triangles.iter().map(|t| doubled_area(&lod, t)).fold(f64::INFINITY, f64::min);
+            assert!(least > 0.0, "after {n} collapses");
+        }
+    }
+}
+
+#[test]
 fn a_target_is_met_exactly_or_undercut_by_one() {
     let mesh = hand::grid(12, 12);
     for target in [287, 286, 200, 101, 7, 2] {
@@ -68,10 +81,11 @@ fn a_cube_goes_back_to_its_corners() {
 
 /// A cube of edge `n`, `n` by `n` quads a side.
 fn subdivided_cube(n: u32) -> TriMesh {
+    type Place = fn(f32, f32, f32) -> [f32; 3];
     let mut mesh = TriMesh::default();
     let side = hand::grid(n, n);
     let far = n as f32;
-    let map: [fn(f32, f32, f32) -> [f32; 3]; 6] = [
+    let map: [Place; 6] = [
         |x, y, _| [y, x, 0.0],
         |x, y, n| [x, y, n],
         |x, y, _| [x, 0.0, y],

@@ -191,6 +191,15 @@ proptest! {
         prop_assert_eq!(&long.collapses[..short.collapses.len()], &short.collapses[..]);
     }
 
+    /// Whatever was refused gets another chance where the mesh about it changes, so nothing legal is left behind.
+    #[test]
+    fn a_stalled_mesh_stays_stalled(case in cases()) {
+        let mesh = case.mesh();
+        let locked = case.locked(&mesh);
+        let least = run(&mesh, &locked, 0);
+        prop_assert_eq!(run(&least.mesh, &locked, 0).collapses, []);
+    }
+
     /// Coordinates on a lattice of 2^-12, so that moving them is exact.
     #[test]
     fn moving_the_mesh_changes_nothing(case in cases(), offset in prop::array::uniform3(-1000i16..1000)) {
