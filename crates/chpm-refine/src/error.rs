@@ -16,6 +16,26 @@ pub enum RefineError {
         /// The bound that was given, object units.
         got: f32,
     },
+    /// A view that nothing can be seen in.
+    #[error("view: {what}: {expected} expected, got {got}")]
+    View {
+        /// What is wrong.
+        what: &'static str,
+        /// What would be right.
+        expected: &'static str,
+        /// What is there.
+        got: String,
+    },
+    /// A camera path that cannot be read.
+    #[error("camera path, line {line}: {expected} expected, got '{got}'")]
+    Path {
+        /// Line of the text, from 1.
+        line: usize,
+        /// What would be right.
+        expected: &'static str,
+        /// What is there.
+        got: String,
+    },
     /// The cut names a cluster that the file lacks.
     #[error(
         "cut: {cluster} expected to be one of {count} clusters; make the cut for the file that it is used with"

@@ -57,7 +57,7 @@ fn random_bound(group: &GroupRecord, random: &mut SplitMix) -> f32 {
 }
 
 /// Steele, Lea, Flood: Fast splittable pseudorandom number generators (2014), the SplitMix64 step.
-struct SplitMix(u64);
+pub(crate) struct SplitMix(pub(crate) u64);
 
 impl SplitMix {
     fn next(&mut self) -> u64 {
@@ -69,7 +69,7 @@ impl SplitMix {
     }
 
     /// Uniform in `0..1`.
-    fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
 }

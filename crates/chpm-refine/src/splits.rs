@@ -30,8 +30,7 @@ impl Splits {
         let mut splits = Splits { split: vec![false; file.groups().len()] };
         for id in order {
             let group = &file.groups()[id.index()];
-            let brought = |cluster: &u32| splits.brings(&file.clusters()[*cluster as usize]);
-            let split = wants(*id, group) && !group.is_leaf() && file.coarse(*id).iter().all(brought);
+            let split = wants(*id, group) && !group.is_leaf() && splits.is_whole(file, *id);
             splits.split[id.index()] = split;
         }
         splits
@@ -57,6 +56,11 @@ impl Splits {
     /// Whether the cluster is a root or one that a split brought.
     fn brings(&self, cluster: &ClusterRecord) -> bool {
         cluster.is_root() || self.split[cluster.parent_group().index()]
+    }
+
+    /// Whether all coarse clusters of the group were brought, so that it can be split.
+    pub(crate) fn is_whole<D: AsRef<[u8]>>(&self, file: &Chpm<D>, group: GroupId) -> bool {
+        file.coarse(group).iter().all(|cluster| self.brings(&file.clusters()[*cluster as usize]))
     }
 
     /// Whether the cluster is in the cut.

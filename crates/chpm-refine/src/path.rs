@@ -1,0 +1,120 @@
+//! Camera paths: a text file of one camera a line, and ways to make them.
+
+use crate::error::RefineError;
+use crate::random::SplitMix;
+use crate::view::Camera;
+use chpm_mesh::Aabb;
+use nalgebra::{Point3, Rotation3, Vector3};
+use std::f64::consts::TAU;
+use std::fmt;
+use std::str::FromStr;
+
+/// First line of a path file that is no comment.
+const VERSION: &str = "chpm-path 1";
+/// Frames from one camera of a random path to the next.
+const LEG: usize = 30;
+
+/// One camera for each frame. As text: a line `chpm-path 1`, then ten numbers a line (position, target, up, field of view in degrees)
+/// in the source's coordinates; what follows a `#` is a comment. Numbers are written so that reading gives the same bits.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct CameraPath {
+    /// The cameras. Near planes are not written.
+    pub cameras: Vec<Camera>,
+}
+
+impl CameraPath {
+    /// Once around the y axis through the middle of a box, from its [`Camera::framing`] view on.
+    pub fn orbit(bounds: &Aabb, frames: usize) -> Self {
+        let start = Camera::framing(bounds);
+        let center = Point3::from(start.target);
+        let arm = Point3::from(start.position) - center;
+        let around = |frame: usize| {
+            let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), TAU * frame as f64 / frames as f64);
+            Camera { position: (center + turn * arm).into(), ..start }
+        };
+        CameraPath { cameras: (0..frames).map(around).collect() }
+    }
+
+    /// From the [`Camera::framing`] view of a box straight towards a point, to 1/500 of the distance; every frame is nearer by the
+    /// same factor. The camera first looks at the middle of the box and turns to the point on the way.
+    pub fn dive(bounds: &Aabb, point: [f64; 3], frames: usize) -> Self {
+        let start = Camera::framing(bounds);
+        let (point, center) = (Point3::from(point), Point3::from(start.target));
+        let away = Point3::from(start.position) - point;
+        let approach = |frame: usize| {
+            let t = frame as f64 / (frames.max(2) - 1) as f64;
+            let target = center + (point - center) * smooth((3.0 * t).min(1.0));
+            Camera { position: (point + away * 500_f64.powf(-t)).into(), target: target.into(), ..start }
+        };
+        CameraPath { cameras: (0..frames).map(approach).collect() }
+    }
+
+    /// Smoothly between random cameras in and around a box; what follows from `seed` alone.
+    pub fn random(bounds: &Aabb, seed: u64, frames: usize) -> Self {
+        let start = Camera::framing(bounds);
+        let (center, reach) = (Point3::from(start.target), 0.5 * bounds.diagonal().max(1e-30));
+        let mut random = SplitMix(seed);
+        let mut point = |least: f64, most: f64| {
+            let direction = Vector3::from(std::array::from_fn(|_| 2.0 * random.unit() - 1.0));
+            let direction = direction.try_normalize(0.0).unwrap_or_else(Vector3::z);
+            // Even over the orders of magnitude: as often near as far.
+            center + direction * (reach * least * (most / least).powf(random.unit()))
+        };
+        let keys: Vec<_> =
+            (0..frames.div_ceil(LEG) + 1).map(|_| (point(0.3, 6.0), point(0.02, 0.25))).collect();
+        let between = |frame: usize| {
+            let ((from, from_target), (to, to_target)) = (keys[frame / LEG], keys[frame / LEG + 1]);
+            let t = smooth((frame % LEG) as f64 / LEG as f64);
+            let (position, target) = (from + (to - from) * t, from_target + (to_target - from_target) * t);
+            Camera { position: position.into(), target: target.into(), ..start }
+        };
+        CameraPath { cameras: (0..frames).map(between).collect() }
+    }
+}
+
+/// From 0 to 1 with no speed at the ends.
+fn smooth(t: f64) -> f64 {
+    t * t * (3.0 - 2.0 * t)
+}
+
+impl fmt::Display for CameraPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{VERSION}\n# position, target, up, vertical field of view in degrees")?;
+        for camera in &self.cameras {
+            for x in [camera.position, camera.target, camera.up].as_flattened() {
+                write!(f, "{x} ")?;
+            }
+            writeln!(f, "{}", camera.fov)?;
+        }
+        Ok(())
+    }
+}
+
+impl FromStr for CameraPath {
+    type Err = RefineError;
+
+    fn from_str(text: &str) -> Result<Self, RefineError> {
+        let wrong = |line, expected, got: &str| RefineError::Path { line, expected, got: got.to_owned() };
+        let bare = |line: &'_ str| line.find('#').map_or(line.len(), |at| at);
+        let lines = (1..).zip(text.lines()).map(|(n, line)| (n, line[..bare(line)].trim()));
+        let mut lines = lines.filter(|(_, line)| !line.is_empty());
+        let first = lines.next().unwrap_or((1, ""));
+        if !first.1.split_whitespace().eq(VERSION.split_whitespace()) {
+            return Err(wrong(first.0, VERSION, first.1));
+        }
+        let camera = |(n, line): (usize, &str)| {
+            let numbers: Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
+            match numbers.as_deref() {
+                Ok(&[px, py, pz, tx, ty, tz, ux, uy, uz, fov]) => Ok(Camera {
+                    position: [px, py, pz],
+                    target: [tx, ty, tz],
+                    up: [ux, uy, uz],
+                    fov,
+                    near: 0.0,
+                }),
+                _ => Err(wrong(n, "ten numbers", line)),
+            }
+        };
+        Ok(CameraPath { cameras: lines.map(camera).collect::<Result<_, _>>()? })
+    }
+}

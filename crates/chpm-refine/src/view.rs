@@ -1,0 +1,215 @@
+//! What a camera sees, and how much error it allows where.
+//!
+//! Quick-VDR 2: the error-bound of a cluster is the largest deviation, in object units, that covers at most the allowed pixels at
+//! the cluster's nearest point to the viewer. A pixel is the angle of one in the middle of the image; perspective stretches what is
+//! near the corners. So the bound depends on where the camera stands and not on where it looks, and turning it changes no mesh.
+
+use crate::error::RefineError;
+use chpm_mesh::Aabb;
+use nalgebra::{Point3, Vector3};
+
+/// Where a picture is taken from. Coordinates are the source's, or relative to the origin of a file: see [`Camera::relative_to`].
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Camera {
+    /// The viewer.
+    pub position: [f64; 3],
+    /// What is in the middle of the image; any other point than the position.
+    pub target: [f64; 3],
+    /// Roughly upward in the image. Along the line of sight, or zero, any direction across it serves.
+    pub up: [f64; 3],
+    /// Angle between the lower and the upper edge of the image, degrees.
+    pub fov: f64,
+    /// Nothing nearer than this is drawn, object units; 0 draws everything.
+    pub near: f64,
+}
+
+impl Camera {
+    /// The vertical field of view of a camera that is told none, degrees.
+    pub const DEFAULT_FOV: f64 = 45.0;
+
+    /// A camera with [`Camera::DEFAULT_FOV`], +y upward and no near plane.
+    pub fn looking(position: [f64; 3], target: [f64; 3]) -> Self {
+        Camera { position, target, up: [0.0, 1.0, 0.0], fov: Self::DEFAULT_FOV, near: 0.0 }
+    }
+
+    /// The fixed view of a whole model: against the z axis at the middle of its box, from where the sphere around the
+    /// box just fits between the upper and the lower edge.
+    pub fn framing(bounds: &Aabb) -> Self {
+        let target = bounds.center();
+        // A model that is a single point is looked at from a distance of one unit.
+        let radius = Some(0.5 * bounds.diagonal()).filter(|radius| *radius > 0.0).unwrap_or(1.0);
+        let away = radius / (0.5 * Self::DEFAULT_FOV.to_radians()).sin();
+        Camera::looking([target.x, target.y, target.z + away], [target.x, target.y, target.z])
+    }
+
+    /// The same camera in the coordinates of a file with this origin.
+    pub fn relative_to(&self, origin: [f64; 3]) -> Self {
+        let less = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] - origin[axis]);
+        Camera { position: less(self.position), target: less(self.target), ..*self }
+    }
+
+    fn check(&self) -> Result<(), RefineError> {
+        let numbers = [self.position, self.target, self.up];
+        let finite = numbers.as_flattened().iter().all(|x| x.is_finite());
+        require(finite, "camera", "finite numbers", format_args!("{numbers:?}"))?;
+        let sight = Point3::from(self.target) - Point3::from(self.position);
+        let apart = sight.norm() > 0.0 && sight.norm().is_finite();
+        require(apart, "camera", "a target away from the position", format_args!("{:?}", self.target))?;
+        require(0.0 < self.fov && self.fov < 180.0, "field of view", "0 < degrees < 180", self.fov)?;
+        require(self.near >= 0.0 && self.near.is_finite(), "near plane", "at least 0", self.near)
+    }
+
+    /// To the right, upward and forward in the image, each of length 1.
+    fn axes(&self) -> [Vector3<f64>; 3] {
+        let forward = (Point3::from(self.target) - Point3::from(self.position)).normalize();
+        let across = |up: Vector3<f64>| {
+            let right = forward.cross(&up);
+            // Relative to both lengths: the sine of the angle between them.
+            (right.norm() > 1e-9 * up.norm()).then(|| right.normalize())
+        };
+        let most_across = forward.iamin();
+        let right = across(Vector3::from(self.up))
+            .or_else(|| across(Vector3::ith(most_across, 1.0)))
+            .unwrap_or_else(Vector3::x);
+        [right, right.cross(&forward), forward]
+    }
+}
+
+/// A sphere that a view is asked about. Asked for a sphere inside it, a view never answers with less error or with
+/// "visible" where it answered "not visible", in spite of rounding, as long as the one inside has the smaller slack:
+/// by 1e-14 at least.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Region {
+    /// Centre, object units, relative to the file's origin.
+    pub center: [f64; 3],
+    /// Radius.
+    pub radius: f64,
+    /// By how much the answer is made safe, relative to the far side's distance; 1e-14 covers the rounding.
+    pub slack: f64,
+}
+
+impl Region {
+    /// Slack from one nested region to the next larger one: some 40 times the rounding of a distance.
+    pub const SLACK: f64 = 1e-14;
+}
+
+/// A camera, the image it makes, and the error allowed in it.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct View {
+    eye: Point3<f64>,
+    near: f64,
+    /// Object units that a pixel covers at distance 1.
+    pixel: f64,
+    /// Pixels of error.
+    pixels: f64,
+    culling: bool,
+    /// Inner normals and offsets of the sides and of the near plane, for points relative to the eye.
+    planes: [(Vector3<f64>, f64); 5],
+}
+
+impl View {
+    /// A view in file coordinates: `viewport` is width and height in pixels, `pixels` the allowed error (PoE). Nothing is
+    /// culled unless [`View::with_culling`] says so.
+    ///
+    /// # Errors
+    /// [`RefineError::View`] for a camera or an image that none can be.
+    pub fn new(camera: &Camera, viewport: [u32; 2], pixels: f64) -> Result<Self, RefineError> {
+        camera.check()?;
+        let [width, height] = viewport;
+        require(width > 0 && height > 0, "viewport", "at least 1x1", format_args!("{width}x{height}"))?;
+        require(pixels >= 0.0 && pixels.is_finite(), "pixels of error", "at least 0", pixels)?;
+        let [right, up, forward] = camera.axes();
+        let rise = (0.5 * camera.fov.to_radians()).tan();
+        let run = rise * f64::from(width) / f64::from(height);
+        let side = |across: Vector3<f64>, slope: f64| ((forward * slope + across).normalize(), 0.0);
+        Ok(View {
+            eye: Point3::from(camera.position),
+            near: camera.near,
+            pixel: 2.0 * rise / f64::from(height),
+            pixels,
+            culling: false,
+            planes: [
+                side(right, run),
+                side(-right, run),
+                side(up, rise),
+                side(-up, rise),
+                (forward, -camera.near),
+            ],
+        })
+    }
+
+    /// The same view, in which what is outside the image needs no accuracy (or does).
+    pub fn with_culling(self, culling: bool) -> Self {
+        View { culling, ..self }
+    }
+
+    /// The allowed pixels of error.
+    pub fn pixels(&self) -> f64 {
+        self.pixels
+    }
+
+    /// The error that the view allows in a sphere, object units: at most what covers the allowed pixels at its nearest
+    /// point, which is taken no nearer than the near plane. Inside the sphere that is 0 if the near plane is. Infinite for what
+    /// is culled.
+    pub fn bound(&self, region: &Region) -> f32 {
+        if self.culls(region) {
+            return f32::INFINITY;
+        }
+        round_down(self.pixels * self.pixel * self.reach(region))
+    }
+
+    /// The pixels that an error covers at the nearest point of a sphere; 0 for what is culled.
+    pub fn pixels_of(&self, error: f32, region: &Region) -> f64 {
+        // The first also keeps 0 / 0 away.
+        if error <= 0.0 || self.culls(region) {
+            0.0
+        } else {
+            f64::from(error) / (self.pixel * self.reach(region))
+        }
+    }
+
+    /// Distance to the sphere, never too large; that of the near plane if it is nearer.
+    fn reach(&self, region: &Region) -> f64 {
+        let center = (Point3::from(region.center) - self.eye).norm();
+        (center - region.radius - region.slack * (center + region.radius)).max(self.near)
+    }
+
+    fn culls(&self, region: &Region) -> bool {
+        self.culling && self.misses(region)
+    }
+
+    /// Whether a sphere is wholly on the outer side of one plane of the frustum. What is not may be outside nevertheless.
+    pub fn misses(&self, region: &Region) -> bool {
+        let center = Point3::from(region.center) - self.eye;
+        let margin = region.radius + region.slack * (center.norm() + region.radius);
+        self.planes.iter().any(|(normal, offset)| normal.dot(&center) + offset + margin < 0.0)
+    }
+
+    /// Whether a box is wholly on the outer side of one plane of the frustum; an empty one is.
+    pub fn misses_box(&self, bounds: &Aabb) -> bool {
+        let corner = |farthest: Vector3<f64>| {
+            let pick = |a: usize| f64::from(if farthest[a] > 0.0 { bounds.max[a] } else { bounds.min[a] });
+            Point3::new(pick(0), pick(1), pick(2)) - self.eye
+        };
+        let outside = |(normal, offset): &(Vector3<f64>, f64)| {
+            let corner = corner(*normal);
+            normal.dot(&corner) + offset + Region::SLACK * corner.norm() < 0.0
+        };
+        bounds.is_empty() || self.planes.iter().any(outside)
+    }
+}
+
+/// The largest f32 that is not above a non-negative `value`.
+fn round_down(value: f64) -> f32 {
+    let nearest = value as f32;
+    if f64::from(nearest) > value { nearest.next_down() } else { nearest }
+}
+
+fn require(
+    ok: bool,
+    what: &'static str,
+    expected: &'static str,
+    got: impl ToString,
+) -> Result<(), RefineError> {
+    if ok { Ok(()) } else { Err(RefineError::View { what, expected, got: got.to_string() }) }
+}
