@@ -1,6 +1,6 @@
 //! The command line as it is typed, and how it becomes a build's configuration.
 
-use crate::cmd::{build, demo, dump, extract, info, synth, verify};
+use crate::cmd::{build, demo, dump, extract, info, path, synth, verify, walk};
 use anyhow::{Context, Result};
 use chpm_build::{BuildConfig, Resources, Settings};
 use chpm_mesh::Bytes;
@@ -32,6 +32,10 @@ pub(crate) enum Command {
     Dump(dump::Args),
     /// Take one crack-free mesh out of a .chpm file
     Extract(extract::Args),
+    /// Make a camera path for a .chpm file
+    Path(path::Args),
+    /// Select along a camera path, frame by frame, and count what changes
+    Walk(walk::Args),
     /// Generate a mesh of any size
     Synth(synth::Args),
     /// Generate a model, build it, verify it and say what to try next

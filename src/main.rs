@@ -10,6 +10,7 @@ mod cmd;
 mod progress;
 mod report;
 mod stop;
+mod view;
 
 use args::Cli;
 use clap::Parser;

@@ -4,13 +4,14 @@ use super::{Verdict, open, stdout};
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::{self, Stop};
+use crate::view::{self, ImageArgs};
 use anyhow::{Result, ensure};
 use chpm_build::Cancel;
 use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::Chpm;
 use chpm_mesh::Level;
 use chpm_mesh::ply::{Encoding, PlyWriter};
-use chpm_refine::{Cut, Extraction};
+use chpm_refine::{Camera, Cut, Extraction, Hierarchy, select};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -21,6 +22,14 @@ pub(crate) struct Args {
     file: PathBuf,
     #[command(flatten)]
     wanted: Wanted,
+    /// Where the picture is taken from, in the model's coordinates: position, target, and the vertical field of view in degrees (45 if
+    /// not given); +y is upward. If not given, the whole model is looked at along the z axis, from its positive end: at the middle of
+    /// the box, from where the sphere around the box fits the field of view
+    #[arg(long, value_name = "PX,PY,PZ,TX,TY,TZ[,FOV]", value_parser = view::camera, allow_hyphen_values = true,
+          conflicts_with_all = ["error", "level", "triangles"])]
+    camera: Option<Camera>,
+    #[command(flatten)]
+    image: ImageArgs,
     /// The PLY to write
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -48,6 +57,9 @@ struct Wanted {
     /// All clusters of level L at their finest; 0 is the source
     #[arg(long, value_name = "L")]
     level: Option<u32>,
+    /// The coarsest mesh whose error covers at most P pixels, wherever it is seen by the camera
+    #[arg(long, value_name = "P", value_parser = view::pixels)]
+    poe: Option<f64>,
 }
 
 fn error_bound(text: &str) -> Result<f32, String> {
@@ -61,7 +73,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     // Created before the selection, which may take a while: a place that cannot be written is told at once.
     let ply = AtomicFile::create(&args.output, args.force)?;
-    let cut = select(&file, &args.wanted)?;
+    let cut = cut(&file, args)?;
     let mesh = Extraction::new(&file, &cut)?;
     if let Some(limit) = args.wanted.triangles {
         let least = mesh.triangle_count();
@@ -86,11 +98,16 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
-fn select(file: &Chpm<MappedFile>, wanted: &Wanted) -> Result<Cut> {
-    Ok(match (wanted.triangles, wanted.error, wanted.level) {
-        (Some(limit), ..) => Cut::at_triangles(file, limit)?,
-        (_, Some(bound), _) => Cut::at_error(file, bound)?,
-        (_, _, level) => Cut::at_level(file, Level(level.unwrap_or(0))),
+fn cut(file: &Chpm<MappedFile>, args: &Args) -> Result<Cut> {
+    let wanted = &args.wanted;
+    Ok(match (wanted.poe, wanted.triangles, wanted.error, wanted.level) {
+        (Some(pixels), ..) => {
+            let camera = args.camera.unwrap_or_else(|| view::framing(file));
+            select(file, &Hierarchy::new(file), &args.image.view(file, &camera, pixels)?)?
+        }
+        (_, Some(limit), ..) => Cut::at_triangles(file, limit)?,
+        (_, _, Some(bound), _) => Cut::at_error(file, bound)?,
+        (.., level) => Cut::at_level(file, Level(level.unwrap_or(0))),
     })
 }
 

@@ -5,8 +5,10 @@ pub(crate) mod demo;
 pub(crate) mod dump;
 pub(crate) mod extract;
 pub(crate) mod info;
+pub(crate) mod path;
 pub(crate) mod synth;
 pub(crate) mod verify;
+pub(crate) mod walk;
 
 use crate::args::Command;
 use crate::stop::Stop;
@@ -33,6 +35,8 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
         Command::Verify(args) => verify::run(&args, stop),
         Command::Dump(args) => dump::run(&args),
         Command::Extract(args) => extract::run(&args, stop),
+        Command::Path(args) => path::run(&args, stop),
+        Command::Walk(args) => walk::run(&args, stop),
         Command::Synth(args) => synth::run(&args, stop),
         Command::Demo(args) => demo::run(&args, stop),
     }

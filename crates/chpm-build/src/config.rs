@@ -1,5 +1,6 @@
 //! What a build is told: settings decide the bytes of the output, resources only how it gets there.
 
+use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 use chpm_partition::Partitioner;
 use std::path::PathBuf;
@@ -30,6 +31,9 @@ pub struct Settings {
     pub seed: u64,
     /// Share of a cluster's triangles that its base mesh keeps (Quick-VDR 4.3: half).
     pub keep: f64,
+    /// Whether shared vertices stay until their clusters merge, or clusters form dependency groups that simplify the seams
+    /// between them.
+    pub boundary: BoundaryMode,
     /// Whether vertex normals of the source are carried along.
     pub normals: bool,
     /// Whether vertex colours of the source are carried along.
@@ -49,6 +53,7 @@ impl Default for Settings {
             partitioner: Partitioner::Metis,
             seed: 17,
             keep: 0.5,
+            boundary: BoundaryMode::Lock,
             normals: true,
             colors: true,
             drop_invalid: false,
@@ -68,7 +73,7 @@ impl Settings {
             entry("partitioner", &self.partitioner),
             entry("seed", &self.seed),
             entry("keep", &self.keep),
-            entry("boundary", &"lock"),
+            entry("boundary", &self.boundary),
             entry("error", &"quadric"),
             entry("normals", &self.normals),
             entry("colors", &self.colors),

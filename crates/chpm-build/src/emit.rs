@@ -9,10 +9,9 @@ use crate::report::{LevelReport, Repairs};
 use crate::simplify::Hierarchy;
 use chpm_extmem::AtomicFile;
 use chpm_format::{
-    BoundaryMode, ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata,
-    Source as Provenance, Tables,
+    ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata, Source as Provenance, Tables,
 };
-use chpm_mesh::{Attributes, GroupId, Sphere};
+use chpm_mesh::{Aabb, Attributes, GroupId, Sphere};
 
 /// What the file says about its source, kept while the source's arrays are gone.
 pub(crate) struct Facts {
@@ -67,16 +66,17 @@ impl<'a> Output<'a> {
         tree: &'a Tree,
         clusters: &Hierarchy,
         facts: &Facts,
-        metadata: Metadata,
+        repairs: &Repairs,
+        settings: &Settings,
     ) -> Result<Self, BuildError> {
-        let (groups, members) = link_groups(order, tree);
+        let (groups, members) = link_groups(order, tree, clusters);
         let placed =
             |node: &u32| ClusterRecord { page_len: clusters.page(*node).len, ..ClusterRecord::default() };
         let mut tables = Tables {
             header: HeaderFields {
                 attributes: facts.attributes,
                 source_vertex_count: facts.used_vertices,
-                boundary_mode: BoundaryMode::Lock,
+                boundary_mode: settings.boundary,
                 error_kind: ErrorKind::Quadric,
                 shared_vertex_count: facts.shared_vertices,
                 origin: facts.origin,
@@ -85,7 +85,7 @@ impl<'a> Output<'a> {
             groups,
             members,
             levels: clusters.levels.iter().map(level_record).collect(),
-            metadata,
+            metadata: metadata(facts, repairs, settings),
         };
         let len = tables.assign_offsets()?;
         out.set_len(len)?;
@@ -110,7 +110,7 @@ impl<'a> Output<'a> {
 }
 
 /// The provenance section.
-pub(crate) fn metadata(facts: &Facts, repairs: &Repairs, settings: &Settings) -> Metadata {
+fn metadata(facts: &Facts, repairs: &Repairs, settings: &Settings) -> Metadata {
     Metadata {
         generator: concat!("chpm ", env!("CARGO_PKG_VERSION")).to_owned(),
         source: facts.provenance.clone(),
@@ -129,51 +129,75 @@ fn places(order: &[u32], tree: &Tree) -> Vec<Option<u32>> {
     places
 }
 
-/// Links clusters by groups: with locked boundaries every cluster is a group of its own, of the same number.
-fn link_groups(order: &[u32], tree: &Tree) -> (Vec<GroupRecord>, Vec<u32>) {
+/// The dependency groups with the places of their coarse and fine clusters: the fine ones are the members' children.
+fn link_groups(order: &[u32], tree: &Tree, clusters: &Hierarchy) -> (Vec<GroupRecord>, Vec<u32>) {
     let places = places(order, tree);
     let mut members = Vec::new();
-    let groups = (order.iter().enumerate())
-        .map(|(place, node)| {
+    let groups = (clusters.groups.iter())
+        .map(|group| {
             let coarse_first = members.len() as u32;
-            members.push(place as u32);
+            members.extend(group.iter().filter_map(|n| places[*n as usize]));
             let fine_first = members.len() as u32;
-            let children = tree.nodes[*node as usize].children.into_iter().flatten();
+            let children = group.iter().flat_map(|n| tree.nodes[*n as usize].children).flatten();
             members.extend(children.filter_map(|c| places[c as usize]));
-            let fine_count = members.len() as u32 - fine_first;
-            GroupRecord { coarse_first, coarse_count: 1, fine_first, fine_count, ..GroupRecord::default() }
+            GroupRecord {
+                coarse_first,
+                coarse_count: fine_first - coarse_first,
+                fine_first,
+                fine_count: members.len() as u32 - fine_first,
+                ..GroupRecord::default()
+            }
         })
         .collect();
     (groups, members)
 }
 
-/// Completes records and groups from the leaves up: boxes and spheres hold all that lies below.
+/// Completes records and groups from the leaves up: boxes and spheres hold all that lies below, errors never fall.
 fn nest(tables: &mut Tables, order: &[u32], tree: &Tree) {
     let places = places(order, tree);
-    let mut bottom_up: Vec<u32> = (0..order.len() as u32).collect();
-    bottom_up.sort_unstable_by_key(|place| order[*place as usize]);
-    for place in bottom_up {
-        let node = &tree.nodes[order[place as usize] as usize];
-        let mut record = tables.clusters[place as usize];
-        record.group = place;
-        record.parent_group = node.parent.and_then(|p| places[p as usize]).unwrap_or(GroupId::NONE.0);
-        let below: Vec<ClusterRecord> = (node.children.into_iter().flatten())
-            .filter_map(|c| places[c as usize])
-            .map(|child| tables.clusters[child as usize])
-            .collect();
-        if !below.is_empty() {
-            let mut bounds = record.aabb();
-            below.iter().for_each(|c| bounds.merge(&c.aabb()));
-            let sphere = Sphere::around(&bounds, below.iter().map(ClusterRecord::sphere));
-            (record.aabb_min, record.aabb_max) = (bounds.min, bounds.max);
-            (record.center, record.radius) = (sphere.center, sphere.radius);
+    let Tables { clusters, groups, members, .. } = tables;
+    for index in 0..groups.len() {
+        let mut group = groups[index];
+        let range = |first: u32, count: u32| first as usize..(first + count) as usize;
+        let mut bounds = Aabb::EMPTY;
+        let mut spheres = Vec::new();
+        for fine in &members[range(group.fine_first, group.fine_count)] {
+            let record = &mut clusters[*fine as usize];
+            record.parent_group = index as u32;
+            let below = &groups[record.group as usize];
+            bounds.merge(&record.aabb());
+            spheres.push(below.sphere());
         }
-        tables.clusters[place as usize] = record;
-        let group = &mut tables.groups[place as usize];
-        group.level = record.level;
-        (group.min_error, group.max_error) = (record.min_error, record.max_error);
-        (group.center, group.radius) = (record.center, record.radius);
+        for coarse in &members[range(group.coarse_first, group.coarse_count)] {
+            let node = &tree.nodes[order[*coarse as usize] as usize];
+            let children = node.children.into_iter().flatten().filter_map(|c| places[c as usize]);
+            let mut record = clusters[*coarse as usize];
+            enclose(&mut record, children.map(|c| clusters[c as usize]));
+            record.group = index as u32;
+            record.parent_group = GroupId::NONE.0;
+            clusters[*coarse as usize] = record;
+            bounds.merge(&record.aabb());
+            spheres.push(record.sphere());
+            group.level = record.level;
+            group.min_error = group.min_error.max(record.min_error);
+            group.max_error = group.max_error.max(record.max_error);
+        }
+        let sphere = Sphere::around(&bounds, spheres);
+        (group.center, group.radius) = (sphere.center, sphere.radius);
+        groups[index] = group;
     }
+}
+
+/// Lets a cluster's box and sphere hold its children's.
+fn enclose(record: &mut ClusterRecord, children: impl Iterator<Item = ClusterRecord> + Clone) {
+    if children.clone().next().is_none() {
+        return;
+    }
+    let mut bounds = record.aabb();
+    children.clone().for_each(|c| bounds.merge(&c.aabb()));
+    let sphere = Sphere::around(&bounds, children.map(|c| c.sphere()));
+    (record.aabb_min, record.aabb_max) = (bounds.min, bounds.max);
+    (record.center, record.radius) = (sphere.center, sphere.radius);
 }
 
 fn level_record(level: &LevelReport) -> LevelRecord {

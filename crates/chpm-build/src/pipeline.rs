@@ -46,8 +46,7 @@ pub fn build(
     drop(leaves);
 
     let order = layout::order(&clusters, &tree, settings);
-    let metadata = emit::metadata(&facts, &repairs, settings);
-    let file = emit::Output::begin(out, &order, &tree, &clusters, &facts, metadata)?;
+    let file = emit::Output::begin(out, &order, &tree, &clusters, &facts, &repairs, settings)?;
     let write = |place, page: &[u8]| file.write_page(place, page);
     let records = context
         .stage(Stage::Layout, nodes, || layout::run(&order, &clusters, &tree, settings, context, write))?;

@@ -65,6 +65,24 @@ enum VertexKind {
     Fixed,
 }
 
+/// When a run has done enough.
+#[derive(Clone, Copy, Debug)]
+enum Goal {
+    /// At most so many triangles are left.
+    Triangles(usize),
+    /// So many collapses were carried out.
+    Collapses(usize),
+}
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug)]
+struct Progress {
+    /// Triangles that are left.
+    alive: usize,
+    /// The largest error so far.
+    error: f32,
+}
+
 /// The kernel's scratch: give each thread its own and use it for cluster after cluster.
 #[derive(Debug, Default)]
 pub struct Decimator {
@@ -76,6 +94,8 @@ pub struct Decimator {
     heap: BinaryHeap<Entry>,
     candidates: Vec<(f32, u16)>,
     collapses: Vec<Collapse>,
+    /// Members that have a vertex, a bit each, while seams are decimated; else empty.
+    sides: Vec<u8>,
     /// What costs are multiplied by so that they fit an f32 for a model of any size.
     cost_scale: f64,
 }
@@ -102,15 +122,61 @@ impl Decimator {
     /// Collapses until at most `target` triangles are left or nothing more can go. `min_error` is the error that the patch
     /// comes with; the errors of the collapses start from it.
     pub fn decimate(&mut self, patch: &Patch<'_>, target: usize, min_error: f32) -> Outcome<'_> {
+        self.decimate_after(patch, &[], target, min_error)
+    }
+
+    /// The same after `seam` collapses that were decided elsewhere, on the mesh of a whole group: they are carried out
+    /// without a test and come first in the order. The vertices that they take away have to be locked.
+    pub fn decimate_after(
+        &mut self,
+        patch: &Patch<'_>,
+        seam: &[Collapse],
+        target: usize,
+        min_error: f32,
+    ) -> Outcome<'_> {
+        self.sides.clear();
+        let mut refusals = self.prepare(patch);
+        let mut progress = Progress { alive: patch.triangles.len(), error: min_error };
+        for collapse in seam {
+            let offset = self.offset(patch, collapse.from, collapse.to);
+            let quadric = self.quadrics[usize::from(collapse.from)];
+            self.quadrics[usize::from(collapse.to)].add_moved(&quadric, offset);
+            progress.alive -= self.adjacency.collapse(collapse.from, collapse.to);
+            progress.error = collapse.error;
+            self.collapses.push(*collapse);
+        }
+        self.fill_queue(patch);
+        let stalled = self.run(patch, Goal::Triangles(target), min_error, &mut progress, &mut refusals);
+        Outcome { collapses: &self.collapses, triangle_count: progress.alive, stalled, refusals }
+    }
+
+    /// Collapses at most `count` vertices of the seams of a group of clusters, whose union the patch is. `sides` has a bit for
+    /// each member that has a vertex. A seam vertex has several and goes only to a vertex that all of its members have, so that
+    /// each of them can carry out the same collapse.
+    pub fn decimate_seams(&mut self, patch: &Patch<'_>, sides: &[u8], count: usize, min_error: f32) -> Outcome<'_> {
+        self.sides.clear();
+        self.sides.extend_from_slice(sides);
+        let mut refusals = self.prepare(patch);
+        for (kind, sides) in self.kinds.iter_mut().zip(sides) {
+            if sides.count_ones() < 2 {
+                *kind = VertexKind::Fixed;
+            }
+        }
+        self.fill_queue(patch);
+        let mut progress = Progress { alive: patch.triangles.len(), error: min_error };
+        let stalled = self.run(patch, Goal::Collapses(count), min_error, &mut progress, &mut refusals);
+        Outcome { collapses: &self.collapses, triangle_count: progress.alive, stalled, refusals }
+    }
+
+    fn prepare(&mut self, patch: &Patch<'_>) -> Refusals {
         let mut refusals = Refusals::default();
+        self.collapses.clear();
         self.cost_scale = cost_scale(patch.positions);
         self.adjacency.build(patch.positions.len(), patch.triangles);
         self.fan.reset(patch.positions.len());
         self.accumulate_quadrics(patch);
         self.classify_vertices(patch, &mut refusals);
-        self.fill_queue(patch);
-        let (triangle_count, stalled) = self.run(patch, target, min_error, &mut refusals);
-        Outcome { collapses: &self.collapses, triangle_count, stalled, refusals }
+        refusals
     }
 
     fn accumulate_quadrics(&mut self, patch: &Patch<'_>) {
@@ -187,7 +253,12 @@ impl Decimator {
         let quadric = &self.quadrics[usize::from(u)];
         let origin = to_f64(patch.positions[usize::from(u)]);
         let mut least = f32::INFINITY;
+        let sides = &self.sides;
+        let covers = |v: u16| sides.is_empty() || sides[usize::from(u)] & !sides[usize::from(v)] == 0;
         let mut add = |v: u16| {
+            if !covers(v) {
+                return;
+            }
             let d = to_f64(patch.positions[usize::from(v)]) - origin;
             let cost = quadric.at(d) + LENGTH_TERM * quadric.area * d.norm_squared();
             let cost = (cost * self.cost_scale) as f32;
@@ -207,18 +278,21 @@ impl Decimator {
         least
     }
 
+    /// Answers whether it stalled.
     fn run(
         &mut self,
         patch: &Patch<'_>,
-        target: usize,
+        goal: Goal,
         min_error: f32,
+        progress: &mut Progress,
         refusals: &mut Refusals,
-    ) -> (usize, bool) {
-        self.collapses.clear();
-        let mut alive = patch.triangles.len();
-        let mut error = min_error;
-        while alive > target {
-            let Some(entry) = self.heap.pop() else { return (alive, true) };
+    ) -> bool {
+        let reached = |progress: &Progress, collapses: usize| match goal {
+            Goal::Triangles(target) => progress.alive <= target,
+            Goal::Collapses(count) => collapses >= count,
+        };
+        while !reached(progress, self.collapses.len()) {
+            let Some(entry) = self.heap.pop() else { return true };
             let u = entry.vertex();
             let least = self.evaluate(patch, u);
             let next = self.heap.peek().map_or(f32::INFINITY, |e| e.cost());
@@ -236,14 +310,15 @@ impl Decimator {
             }
             let (quadric, offset) = (self.quadrics[usize::from(u)], self.offset(patch, u, v));
             if quadric.area > 0.0 {
-                error = error.max(min_error + round_up((quadric.at(offset) / quadric.area).sqrt()));
+                let own = round_up((quadric.at(offset) / quadric.area).sqrt());
+                progress.error = progress.error.max(min_error + own);
             }
             self.quadrics[usize::from(v)].add_moved(&quadric, offset);
-            alive -= self.adjacency.collapse(u, v);
-            self.collapses.push(Collapse { from: u, to: v, error });
+            progress.alive -= self.adjacency.collapse(u, v);
+            self.collapses.push(Collapse { from: u, to: v, error: progress.error });
             self.wake_ring(cost);
         }
-        (alive, false)
+        false
     }
 
     fn offset(&self, patch: &Patch<'_>, u: u16, v: u16) -> Vector3<f64> {
@@ -314,8 +389,12 @@ impl Decimator {
         self.check_flips(patch, u, v)
     }
 
-    /// Whether a new edge at the locked vertex `v` would end at another locked vertex: another cluster may own such an edge.
+    /// Whether a new edge at the locked vertex `v` would end at another locked vertex, or the last of three faces would have
+    /// locked corners only: another cluster may own such an edge or face.
     fn joins_locked(&self, patch: &Patch<'_>, v: u16, before: Option<u16>, after: Option<u16>) -> bool {
+        if self.fan.wings.len() == 3 && self.fan.wings.iter().all(|(a, _)| patch.locked[usize::from(*a)]) {
+            return true;
+        }
         let apex = |w: u16| w == v || Some(w) == before || Some(w) == after;
         self.fan
             .wings

@@ -44,7 +44,7 @@ impl ActiveList {
         view: &View,
         allowed: impl Fn(GroupId) -> bool,
     ) -> Result<Changes, RefineError> {
-        // The first update counts the roots as entered, which the front forgets when it begins.
+        // No change brings them.
         let roots: Vec<_> = if self.members.is_empty() { file.roots().collect() } else { Vec::new() };
         let mut changes = self.front.update(file, hierarchy, view, allowed);
         let moved = self.position(file, &roots, changes.splits + changes.collapses > 0);

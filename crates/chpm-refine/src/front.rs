@@ -28,7 +28,7 @@ pub struct Front {
     open: Vec<GroupId>,
     /// Groups that are split, every one after those above it.
     split: Vec<GroupId>,
-    /// Clusters that a change brought; some of them may have been replaced since.
+    /// Clusters that the last update brought; some of them may have been replaced since.
     entered: Vec<Entered>,
 }
 
@@ -62,8 +62,7 @@ impl Front {
         };
         let states: Vec<_> = ids().map(state).collect();
         let open = ids().filter(|id| states[id.index()].missing == 0).collect();
-        let entered = file.roots().map(|cluster| Entered { cluster, finest: false }).collect();
-        Front { states, open, split: Vec::new(), entered }
+        Front { states, open, split: Vec::new(), entered: Vec::new() }
     }
 
     /// Goes on to a view. `allowed` may keep groups from being split, and then must keep all below from it too (nothing else can
@@ -169,18 +168,9 @@ impl Front {
         if state.missing == 0 { state.bound } else { f32::INFINITY }
     }
 
-    /// Whether all clusters of a group are in the cut.
-    pub(crate) fn is_open(&self, group: GroupId) -> bool {
-        self.states[group.index()].is_open()
-    }
-
     /// The clusters that the last changes brought.
     pub(crate) fn entered(&self) -> &[Entered] {
         &self.entered
-    }
-
-    pub(crate) fn forget_entered(&mut self) {
-        self.entered.clear();
     }
 }
 

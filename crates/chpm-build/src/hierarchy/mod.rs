@@ -5,7 +5,9 @@
 mod cluster_graph;
 mod tree;
 
-pub(crate) use tree::{Node, Tree};
+#[cfg(test)]
+pub(crate) use tree::Node;
+pub(crate) use tree::Tree;
 
 use crate::config::Settings;
 use crate::context::Context;

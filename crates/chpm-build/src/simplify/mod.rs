@@ -1,32 +1,36 @@
 //! Simplify: bottom-up, level by level; every cluster is halved (Quick-VDR 4.3).
 //!
-//! A leaf starts from its part of the source, a parent from the union of its children's base meshes (I4). Clusters of a
-//! level are independent tasks over the threads: a vertex that a cluster shares with another is locked until the clusters
-//! that use it have merged. Establishes I3, I4, I6 and I8.
+//! A leaf starts from its part of the source, a parent from the union of its children's base meshes (I4). A vertex that a
+//! cluster shares with another is locked until the clusters that use it have merged, unless clusters form dependency groups:
+//! then the members simplify their seams first, all alike, and each its interior after that. The groups of a level (of one
+//! cluster each where boundaries are locked) are independent tasks over the threads. Establishes I3, I4, I6 and I8.
 
+mod dependency;
+mod group;
 mod merge;
+mod seam;
 mod working_set;
 
 use crate::config::Settings;
 use crate::context::Context;
-use crate::decompose::{Decomposition, LeafData};
+use crate::decompose::Decomposition;
 use crate::error::BuildError;
-use crate::hierarchy::{Node, Tree};
+use crate::hierarchy::Tree;
 use crate::report::LevelReport;
 use chpm_extmem::Spool;
-use chpm_format::{MAX_CLUSTER_VERTICES, PageParts};
+use chpm_format::{BoundaryMode, MAX_CLUSTER_VERTICES};
 use chpm_mesh::Aabb;
-use chpm_qem::{Decimator, Patch, Record, Refusals};
+use dependency::Seams;
+use group::{GroupTask, Scratch};
 use rayon::prelude::*;
-use working_set::WorkingSet;
 
 /// A cluster's page in a spool.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PageRef {
     pub(crate) offset: u64,
     pub(crate) len: u32,
-    /// Decoded error of the base mesh.
-    pub(crate) max_error: f32,
+    /// Largest decoded error of a base mesh of its group: what errors above start from.
+    pub(crate) group_error: f32,
     /// Box around the finest mesh.
     pub(crate) bounds: Aabb,
     /// Vertices of the base mesh: what a merge starts from.
@@ -39,6 +43,8 @@ pub(crate) struct Hierarchy {
     /// By node of the tree; none above a merge that would not fit 16-bit indices.
     pub(crate) refs: Vec<Option<PageRef>>,
     pub(crate) levels: Vec<LevelReport>,
+    /// Dependency groups of built nodes, from the leaves up; the members of one are of one level.
+    pub(crate) groups: Vec<Vec<u32>>,
 }
 
 impl Hierarchy {
@@ -46,19 +52,6 @@ impl Hierarchy {
     pub(crate) fn page(&self, node: u32) -> PageRef {
         self.refs[node as usize].unwrap_or_else(|| panic!("node {node} was not built"))
     }
-}
-
-/// What one thread works with.
-#[derive(Default)]
-struct Scratch {
-    set: WorkingSet,
-    leaf: LeafData,
-    children: [Vec<u8>; 2],
-    locked: Vec<bool>,
-    decimator: Decimator,
-    record: Record,
-    renumbered: WorkingSet,
-    page: Vec<u8>,
 }
 
 /// Builds every cluster's progressive mesh; `release` is the level from which a shared vertex is free.
@@ -71,33 +64,58 @@ pub(crate) fn run(
 ) -> Result<Hierarchy, BuildError> {
     let pages = Spool::new(&context.store, "pages");
     let mut refs: Vec<Option<PageRef>> = vec![None; tree.nodes.len()];
+    let mut seams = Seams::new(&decomposition.shared, release, decomposition.leaves.len());
     let mut levels = Vec::new();
+    let mut all_groups = Vec::new();
     for level in 0..tree.level_count() {
-        let nodes = tree.level(level);
-        let built: Vec<Option<(PageRef, LevelReport)>> = nodes
-            .clone()
-            .into_par_iter()
+        seams.rise(tree, level);
+        let built = |node: u32| is_buildable(node, tree, &refs);
+        let groups = match settings.boundary {
+            BoundaryMode::Dependencies => seams.groups(tree, level, built),
+            _ => tree.level(level).map(|node| vec![node as u32]).collect(),
+        };
+        let groups: Vec<Vec<u32>> = groups.into_iter().filter(|g| g.iter().all(|n| built(*n))).collect();
+        let task = GroupTask {
+            level,
+            tree,
+            decomposition,
+            refs: &refs,
+            pages: &pages,
+            release,
+            seams: &seams,
+            settings,
+        };
+        let results = groups
+            .par_iter()
             .with_max_len(1)
-            .map_init(Scratch::default, |scratch, node| {
+            .map_init(Scratch::default, |scratch, group| {
                 context.check()?;
-                let load = scratch.load(node, &tree.nodes[node], decomposition, &refs, &pages)?;
-                let Some(min_error) = load else { return Ok(None) };
-                let built = scratch.simplify(level, release, min_error, settings, &pages)?;
-                context.progress.advance(1);
-                Ok(Some(built))
+                let done = scratch.run(&task, group)?;
+                context.progress.advance(group.len() as u64);
+                Ok(done)
             })
-            .collect::<Result<_, BuildError>>()?;
+            .collect::<Result<Vec<_>, BuildError>>()?;
         let mut report = LevelReport { level, min_error: f32::INFINITY, ..LevelReport::default() };
-        for (node, built) in nodes.zip(built) {
-            let Some((page, cluster)) = built else { continue };
-            refs[node] = Some(page);
-            add(&mut report, &cluster);
+        for (group, done) in groups.iter().zip(results) {
+            for (node, (page, cluster)) in group.iter().zip(done.members) {
+                refs[*node as usize] = Some(page);
+                add(&mut report, &cluster);
+            }
+            done.removed.into_iter().for_each(|id| seams.remove(id));
         }
         if report.clusters > 0 {
             levels.push(report);
         }
+        all_groups.extend(groups);
     }
-    Ok(Hierarchy { pages, refs, levels })
+    Ok(Hierarchy { pages, refs, levels, groups: all_groups })
+}
+
+/// Whether a node's children are built and fit 16-bit indices together.
+fn is_buildable(node: u32, tree: &Tree, refs: &[Option<PageRef>]) -> bool {
+    let Some(children) = tree.nodes[node as usize].children else { return true };
+    let [Some(a), Some(b)] = children.map(|c| refs[c as usize]) else { return false };
+    a.base_vertex_count + b.base_vertex_count <= MAX_CLUSTER_VERTICES
 }
 
 fn add(level: &mut LevelReport, cluster: &LevelReport) {
@@ -111,103 +129,4 @@ fn add(level: &mut LevelReport, cluster: &LevelReport) {
     level.min_error = level.min_error.min(cluster.min_error);
     level.max_error = level.max_error.max(cluster.max_error);
     level.refusals += cluster.refusals;
-}
-
-impl Scratch {
-    /// Fills the working set of a node; answers the error that it comes with, or none if it cannot be built.
-    fn load(
-        &mut self,
-        node: usize,
-        tree_node: &Node,
-        decomposition: &Decomposition,
-        refs: &[Option<PageRef>],
-        pages: &Spool,
-    ) -> Result<Option<f32>, BuildError> {
-        let Some(children) = tree_node.children else {
-            self.leaf.read(&decomposition.leaves[node], &decomposition.spool)?;
-            self.set.fill_from_leaf(&self.leaf, decomposition);
-            return Ok(Some(0.0));
-        };
-        let [Some(a), Some(b)] = children.map(|c| refs[c as usize]) else { return Ok(None) };
-        if a.base_vertex_count + b.base_vertex_count > MAX_CLUSTER_VERTICES {
-            return Ok(None);
-        }
-        for (bytes, child) in self.children.iter_mut().zip([a, b]) {
-            pages.read(child.offset, child.len as usize, bytes)?;
-        }
-        self.set.fill_from_children(&self.children)?;
-        Ok(Some(a.max_error.max(b.max_error)))
-    }
-
-    /// Simplifies the working set and spools its page.
-    fn simplify(
-        &mut self,
-        level: u32,
-        release: &[u8],
-        min_error: f32,
-        settings: &Settings,
-        pages: &Spool,
-    ) -> Result<(PageRef, LevelReport), BuildError> {
-        let set = &mut self.set;
-        set.shared.retain(|(_, id)| u32::from(release[*id as usize]) > level);
-        self.locked.clear();
-        self.locked.resize(set.positions.len(), false);
-        for (vertex, _) in &set.shared {
-            self.locked[usize::from(*vertex)] = true;
-        }
-        let patch = Patch { positions: &set.positions, triangles: &set.triangles, locked: &self.locked };
-        let target = (set.triangles.len() as f64 * settings.keep) as usize;
-        let outcome = self.decimator.decimate(&patch, target, min_error);
-        self.record.renumber(&patch, &outcome);
-        let (base_triangles, stalled, refusals) = (outcome.triangle_count, outcome.stalled, outcome.refusals);
-        self.renumbered.fill_renumbered(set, &self.record);
-
-        self.page.clear();
-        let set = &self.renumbered;
-        let max_error = PageParts {
-            positions: &set.positions,
-            normals: &set.normals,
-            colors: &set.colors,
-            triangles: &set.triangles,
-            targets: &self.record.targets,
-            errors: &self.record.errors,
-            shared: &set.shared,
-            min_error,
-            scale_error: 0.0,
-        }
-        .encode(&mut self.page)?;
-        let base_vertex_count = self.record.base_vertex_count() as u32;
-        let page = PageRef {
-            offset: pages.append(&self.page)?,
-            len: self.page.len() as u32,
-            max_error,
-            bounds: Aabb::of_points(&set.positions),
-            base_vertex_count,
-        };
-        Ok((page, self.report(level, base_triangles, stalled, refusals, min_error, max_error)))
-    }
-
-    fn report(
-        &self,
-        level: u32,
-        base_triangles: usize,
-        stalled: bool,
-        refusals: Refusals,
-        min_error: f32,
-        max_error: f32,
-    ) -> LevelReport {
-        LevelReport {
-            level,
-            clusters: 1,
-            vertices: self.set.positions.len() as u64,
-            base_vertices: self.record.base_vertex_count() as u64,
-            triangles: self.set.triangles.len() as u64,
-            base_triangles: base_triangles as u64,
-            shared_vertices: self.set.shared.len() as u64,
-            stalled: u32::from(stalled),
-            min_error,
-            max_error,
-            refusals,
-        }
-    }
 }

@@ -1,0 +1,184 @@
+//! One dependency group: its members are loaded, their seams simplified together, and each member halved.
+
+use super::PageRef;
+use super::dependency::Seams;
+use super::seam::Seam;
+use super::working_set::WorkingSet;
+use crate::config::Settings;
+use crate::decompose::{Decomposition, LeafData};
+use crate::error::BuildError;
+use crate::hierarchy::Tree;
+use crate::report::LevelReport;
+use chpm_extmem::Spool;
+use chpm_format::PageParts;
+use chpm_mesh::Aabb;
+use chpm_qem::{Collapse, Decimator, Patch, Record};
+
+/// What the groups of a level have in common.
+pub(super) struct GroupTask<'a> {
+    pub(super) level: u32,
+    pub(super) tree: &'a Tree,
+    pub(super) decomposition: &'a Decomposition,
+    pub(super) refs: &'a [Option<PageRef>],
+    pub(super) pages: &'a Spool,
+    pub(super) release: &'a [u8],
+    pub(super) seams: &'a Seams<'a>,
+    pub(super) settings: &'a Settings,
+}
+
+/// What was made of a group.
+pub(super) struct GroupDone {
+    pub(super) members: Vec<(PageRef, LevelReport)>,
+    /// Shared vertices that collapsed.
+    pub(super) removed: Vec<u32>,
+}
+
+/// What one thread works with.
+#[derive(Default)]
+pub(super) struct Scratch {
+    members: Vec<Member>,
+    leaf: LeafData,
+    children: [Vec<u8>; 2],
+    seam: Seam,
+    seam_collapses: Vec<Collapse>,
+    decimator: Decimator,
+    page: Vec<u8>,
+}
+
+/// One member and what was made of it.
+#[derive(Default)]
+struct Member {
+    set: WorkingSet,
+    min_error: f32,
+    locked: Vec<bool>,
+    record: Record,
+    renumbered: WorkingSet,
+    report: LevelReport,
+}
+
+impl Scratch {
+    /// Simplifies a group and spools its pages.
+    pub(super) fn run(&mut self, task: &GroupTask<'_>, group: &[u32]) -> Result<GroupDone, BuildError> {
+        if self.members.len() < group.len() {
+            self.members.resize_with(group.len(), Member::default);
+        }
+        for (side, node) in group.iter().enumerate() {
+            self.load(task, side, *node)?;
+        }
+        // Errors of a group start from one value, so that a seam's error is the same in every member.
+        let min_error = self.members[..group.len()].iter().map(|m| m.min_error).fold(0.0, f32::max);
+        let mut removed = Vec::new();
+        let mut has_seam = false;
+        if group.len() > 1 {
+            let sets: Vec<&WorkingSet> = self.members[..group.len()].iter().map(|m| &m.set).collect();
+            let inside = |id| task.seams.is_inside(id, group);
+            has_seam = self.seam.simplify(&mut self.decimator, &sets, inside, task.settings.keep, min_error);
+            if has_seam {
+                removed.extend(self.seam.removed());
+            }
+        }
+        for side in 0..group.len() {
+            self.seam_collapses.clear();
+            if has_seam {
+                self.seam.collapses_of(side, &mut self.seam_collapses);
+            }
+            self.members[side].halve(&mut self.decimator, &self.seam_collapses, task, min_error);
+        }
+        let largest = self.members[..group.len()].iter().map(Member::max_error).fold(0.0, f32::max);
+        let mut members = Vec::with_capacity(group.len());
+        for member in &mut self.members[..group.len()] {
+            members.push(member.spool(task, largest, &mut self.page)?);
+        }
+        let group_error = members.iter().map(|m| m.1.max_error).fold(0.0, f32::max);
+        members.iter_mut().for_each(|m| m.0.group_error = group_error);
+        Ok(GroupDone { members, removed })
+    }
+
+    /// Fills the working set of a node, and the error that it comes with.
+    fn load(&mut self, task: &GroupTask<'_>, side: usize, node: u32) -> Result<(), BuildError> {
+        let member = &mut self.members[side];
+        if let Some(children) = task.tree.nodes[node as usize].children {
+            member.min_error = 0.0;
+            for (bytes, child) in self.children.iter_mut().zip(children) {
+                let Some(page) = task.refs[child as usize] else {
+                    unreachable!("only buildable nodes are loaded")
+                };
+                task.pages.read(page.offset, page.len as usize, bytes)?;
+                member.min_error = member.min_error.max(page.group_error);
+            }
+            member.set.fill_from_children(&self.children)?;
+        } else {
+            self.leaf.read(&task.decomposition.leaves[node as usize], &task.decomposition.spool)?;
+            member.set.fill_from_leaf(&self.leaf, task.decomposition);
+            member.min_error = 0.0;
+        }
+        member.set.shared.retain(|(_, id)| u32::from(task.release[*id as usize]) > task.level);
+        Ok(())
+    }
+}
+
+impl Member {
+    /// Halves the member: the seam's collapses first, then its own, which leave shared vertices alone. `min_error` is the
+    /// group's.
+    fn halve(&mut self, decimator: &mut Decimator, seam: &[Collapse], task: &GroupTask<'_>, min_error: f32) {
+        let set = &self.set;
+        self.locked.clear();
+        self.locked.resize(set.positions.len(), false);
+        for (vertex, _) in &set.shared {
+            self.locked[usize::from(*vertex)] = true;
+        }
+        let patch = Patch { positions: &set.positions, triangles: &set.triangles, locked: &self.locked };
+        let target = (set.triangles.len() as f64 * task.settings.keep) as usize;
+        let outcome = decimator.decimate_after(&patch, seam, target, min_error);
+        self.record.renumber(&patch, &outcome);
+        self.report = LevelReport {
+            level: task.level,
+            clusters: 1,
+            vertices: set.positions.len() as u64,
+            base_vertices: self.record.base_vertex_count() as u64,
+            triangles: set.triangles.len() as u64,
+            base_triangles: outcome.triangle_count as u64,
+            shared_vertices: set.shared.len() as u64,
+            stalled: u32::from(outcome.stalled),
+            min_error: self.min_error,
+            max_error: 0.0,
+            refusals: outcome.refusals,
+        };
+        self.renumbered.fill_renumbered(&self.set, &self.record);
+    }
+
+    fn max_error(&self) -> f32 {
+        self.record.errors.first().copied().unwrap_or(self.min_error)
+    }
+
+    /// Spools the member's page. `largest` is the group's largest error, by which all of its pages scale theirs.
+    fn spool(
+        &mut self,
+        task: &GroupTask<'_>,
+        largest: f32,
+        page: &mut Vec<u8>,
+    ) -> Result<(PageRef, LevelReport), BuildError> {
+        page.clear();
+        let set = &self.renumbered;
+        self.report.max_error = PageParts {
+            positions: &set.positions,
+            normals: &set.normals,
+            colors: &set.colors,
+            triangles: &set.triangles,
+            targets: &self.record.targets,
+            errors: &self.record.errors,
+            shared: &set.shared,
+            min_error: self.min_error,
+            scale_error: largest,
+        }
+        .encode(page)?;
+        let spooled = PageRef {
+            offset: task.pages.append(page)?,
+            len: page.len() as u32,
+            group_error: self.report.max_error,
+            bounds: Aabb::of_points(&set.positions),
+            base_vertex_count: self.record.base_vertex_count() as u32,
+        };
+        Ok((spooled, self.report))
+    }
+}

@@ -1,0 +1,111 @@
+//! The seams of a group: the members' union, in which the vertices that only members share may collapse.
+//!
+//! A seam collapse is decided once, on the triangles of all members, and becomes one of the first collapses of each member that
+//! has the vertex: so both sides of a seam always look the same, and the base meshes still fit together.
+
+use super::working_set::WorkingSet;
+use chpm_qem::{Collapse, Decimator, Patch};
+
+/// Scratch of the union.
+#[derive(Debug, Default)]
+pub(super) struct Seam {
+    positions: Vec<[f32; 3]>,
+    triangles: Vec<[u16; 3]>,
+    locked: Vec<bool>,
+    sides: Vec<u8>,
+    /// Per member: the union's vertex of each local one, and the reverse.
+    to_union: Vec<Vec<u16>>,
+    to_local: Vec<Vec<u16>>,
+    /// Shared id and vertex of the union, ascending.
+    known: Vec<(u32, u16)>,
+    /// Shared ids by vertex of the union.
+    id_of: Vec<Option<u32>>,
+    collapses: Vec<Collapse>,
+}
+
+impl Seam {
+    /// Simplifies the seams of the members, keeping the given share of their vertices. `inside` tells whether only members have a
+    /// shared vertex. Answers false if the union is too large to be worked on.
+    pub(super) fn simplify(
+        &mut self,
+        decimator: &mut Decimator,
+        members: &[&WorkingSet],
+        inside: impl Fn(u32) -> bool,
+        keep: f64,
+        min_error: f32,
+    ) -> bool {
+        self.collapses.clear();
+        if members.iter().map(|m| m.positions.len()).sum::<usize>() > usize::from(u16::MAX) {
+            return false;
+        }
+        self.unite(members, inside);
+        let free =
+            self.sides.iter().zip(&self.locked).filter(|(s, locked)| s.count_ones() > 1 && !**locked).count();
+        let count = free - (free as f64 * keep) as usize;
+        let patch = Patch { positions: &self.positions, triangles: &self.triangles, locked: &self.locked };
+        let outcome = decimator.decimate_seams(&patch, &self.sides, count, min_error);
+        self.collapses.extend_from_slice(outcome.collapses);
+        true
+    }
+
+    fn unite(&mut self, members: &[&WorkingSet], inside: impl Fn(u32) -> bool) {
+        self.positions.clear();
+        self.triangles.clear();
+        self.locked.clear();
+        self.sides.clear();
+        self.known.clear();
+        self.id_of.clear();
+        self.to_union.resize_with(members.len(), Vec::new);
+        self.to_local.resize_with(members.len(), Vec::new);
+        for (side, member) in members.iter().enumerate() {
+            let to_union = &mut self.to_union[side];
+            to_union.clear();
+            let mut shared = member.shared.iter().peekable();
+            let before = self.known.len();
+            for (vertex, position) in member.positions.iter().enumerate() {
+                let id = shared.next_if(|(v, _)| usize::from(*v) == vertex).map(|(_, id)| *id);
+                let found = id.and_then(|id| self.known[..before].binary_search_by_key(&id, |k| k.0).ok());
+                let union = match found {
+                    Some(known) => self.known[known].1,
+                    None => {
+                        let fresh = self.positions.len() as u16;
+                        self.positions.push(*position);
+                        self.sides.push(0);
+                        self.id_of.push(id);
+                        self.locked.push(id.is_some_and(|id| !inside(id)));
+                        self.known.extend(id.map(|id| (id, fresh)));
+                        fresh
+                    }
+                };
+                self.sides[usize::from(union)] |= 1 << side;
+                to_union.push(union);
+            }
+            self.known.sort_unstable();
+            self.triangles.extend(member.triangles.iter().map(|t| t.map(|v| to_union[usize::from(v)])));
+        }
+        for (to_local, to_union) in self.to_local.iter_mut().zip(&self.to_union) {
+            to_local.clear();
+            to_local.resize(self.positions.len(), u16::MAX);
+            for (local, union) in to_union.iter().enumerate() {
+                to_local[usize::from(*union)] = local as u16;
+            }
+        }
+    }
+
+    /// The seam's collapses as the given member carries them out.
+    pub(super) fn collapses_of(&self, side: usize, out: &mut Vec<Collapse>) {
+        out.clear();
+        let local = &self.to_local[side];
+        let own = self.collapses.iter().filter(|c| self.sides[usize::from(c.from)] >> side & 1 == 1);
+        out.extend(own.map(|c| Collapse {
+            from: local[usize::from(c.from)],
+            to: local[usize::from(c.to)],
+            error: c.error,
+        }));
+    }
+
+    /// Ids of the shared vertices that collapsed.
+    pub(super) fn removed(&self) -> impl Iterator<Item = u32> + '_ {
+        self.collapses.iter().filter_map(|c| self.id_of[usize::from(c.from)])
+    }
+}

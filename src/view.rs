@@ -1,0 +1,105 @@
+//! Cameras and images on the command line.
+
+use anyhow::Result;
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_refine::{Camera, View};
+use std::fmt;
+use std::str::FromStr;
+
+/// The image and what is allowed in it, but for the pixels of error.
+#[derive(clap::Args, Clone, Copy, Debug)]
+pub(crate) struct ImageArgs {
+    /// Width and height of the image, in pixels
+    #[arg(long, value_name = "WxH", default_value_t = Viewport([512, 512]))]
+    viewport: Viewport,
+    /// Leave what is outside the image as coarse as it gets
+    #[arg(long)]
+    cull: bool,
+}
+
+impl ImageArgs {
+    /// What a camera in the source's coordinates sees of a file.
+    pub(crate) fn view(&self, file: &Chpm<MappedFile>, camera: &Camera, pixels: f64) -> Result<View> {
+        let camera = camera.relative_to(file.header().origin);
+        Ok(View::new(&camera, self.viewport.0, pixels)?.with_culling(self.cull))
+    }
+}
+
+/// The camera that looks at a whole model, in the source's coordinates.
+pub(crate) fn framing(file: &Chpm<MappedFile>) -> Camera {
+    from_file(file, &Camera::framing(&file.header().aabb()))
+}
+
+/// A camera in file coordinates, in the source's.
+pub(crate) fn from_file(file: &Chpm<MappedFile>, camera: &Camera) -> Camera {
+    camera.relative_to(file.header().origin.map(|x| -x))
+}
+
+/// `512x512`.
+#[derive(Clone, Copy, Debug)]
+struct Viewport([u32; 2]);
+
+impl fmt::Display for Viewport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.0[0], self.0[1])
+    }
+}
+
+impl FromStr for Viewport {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let size = |text: &str| text.parse().ok().filter(|n| *n > 0);
+        let sizes = text.split_once('x').and_then(|(w, h)| Some(Viewport([size(w)?, size(h)?])));
+        sizes.ok_or_else(|| format!("'{text}' is no viewport: write width and height in pixels, as in 1920x1080"))
+    }
+}
+
+/// `px,py,pz,tx,ty,tz` or with the field of view behind.
+pub(crate) fn camera(text: &str) -> Result<Camera, String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|n| n.trim().parse().ok().filter(|n: &f64| n.is_finite())).collect();
+    let (numbers, fov) = match numbers.as_deref() {
+        Some([six @ .., fov]) if six.len() == 6 => (six.to_vec(), *fov),
+        Some(six) if six.len() == 6 => (six.to_vec(), Camera::DEFAULT_FOV),
+        _ => return Err(format!("'{text}' is no camera: write px,py,pz,tx,ty,tz or px,py,pz,tx,ty,tz,fov")),
+    };
+    let point = |from: usize| std::array::from_fn(|axis| numbers[from + axis]);
+    Ok(Camera { fov, ..Camera::looking(point(0), point(3)) })
+}
+
+/// Pixels of error: a finite number that is not negative.
+pub(crate) fn pixels(text: &str) -> Result<f64, String> {
+    let pixels = text.parse().ok().filter(|p: &f64| *p >= 0.0 && p.is_finite());
+    pixels.ok_or_else(|| format!("'{text}' is not a number of pixels"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_are_six_or_seven_numbers() {
+        let six = camera("-1,2.5,3e1, 0,0,0").unwrap();
+        assert_eq!((six.position, six.target, six.fov), ([-1.0, 2.5, 30.0], [0.0; 3], 45.0));
+        assert_eq!(camera("1,2,3,4,5,6,7").unwrap(), Camera { fov: 7.0, ..camera("1,2,3,4,5,6").unwrap() });
+        for bad in ["", "1,2,3", "1,2,3,4,5,x", "1,2,3,4,5,6,7,8", "1,2,3,4,5,inf"] {
+            assert!(camera(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn viewports_are_two_sizes() {
+        assert_eq!("640x480".parse::<Viewport>().unwrap().to_string(), "640x480");
+        for bad in ["", "640", "0x480", "640x", "640x-1", "1x2x3"] {
+            assert!(bad.parse::<Viewport>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn pixels_are_not_negative() {
+        assert_eq!(pixels("0.5"), Ok(0.5));
+        assert!(["-1", "nan", "inf", "many"].iter().all(|bad| pixels(bad).is_err()));
+    }
+}
