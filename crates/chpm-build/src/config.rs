@@ -3,6 +3,7 @@
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 use chpm_partition::Partitioner;
+pub use chpm_qem::Topology;
 use std::path::PathBuf;
 
 /// Everything a build is told.
@@ -34,6 +35,8 @@ pub struct Settings {
     /// Whether shared vertices stay until their clusters merge, or clusters form dependency groups that simplify the seams
     /// between them.
     pub boundary: BoundaryMode,
+    /// Whether the simplifier may change the topology where nothing else helps.
+    pub topology: Topology,
     /// Whether vertex normals of the source are carried along.
     pub normals: bool,
     /// Whether vertex colours of the source are carried along.
@@ -54,6 +57,7 @@ impl Default for Settings {
             seed: 17,
             keep: 0.5,
             boundary: BoundaryMode::Lock,
+            topology: Topology::Keep,
             normals: true,
             colors: true,
             drop_invalid: false,
@@ -74,6 +78,7 @@ impl Settings {
             entry("seed", &self.seed),
             entry("keep", &self.keep),
             entry("boundary", &self.boundary),
+            entry("topology", &if self.topology == Topology::Keep { "keep" } else { "change" }),
             entry("error", &"quadric"),
             entry("normals", &self.normals),
             entry("colors", &self.colors),

@@ -36,6 +36,8 @@ pub struct LevelReport {
     pub shared_vertices: u64,
     /// Clusters that ended above their target.
     pub stalled: u32,
+    /// Collapses that changed the topology or turned a face over.
+    pub forced: u64,
     /// Least error of a finest mesh.
     pub min_error: f32,
     /// Largest error of a base mesh.

@@ -32,6 +32,17 @@ pub struct Patch<'a> {
     pub locked: &'a [bool],
 }
 
+/// Whether a simplification may change the topology.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Topology {
+    /// Every collapse satisfies the link condition: components, handles and holes stay.
+    #[default]
+    Keep,
+    /// Where no collapse of a vertex is legal it may be forced, at the price of its whole displacement: small components vanish,
+    /// tiny handles close, vertices that are not manifold do not stay for ever.
+    Change,
+}
+
 /// One half-edge collapse.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Collapse {
@@ -52,6 +63,8 @@ pub struct Outcome<'a> {
     pub triangle_count: usize,
     /// Whether it ended above the target because nothing more could collapse.
     pub stalled: bool,
+    /// Collapses that changed the topology or turned a face over.
+    pub forced: usize,
     /// Collapses refused, by reason.
     pub refusals: Refusals,
 }
@@ -61,8 +74,12 @@ pub struct Outcome<'a> {
 enum VertexKind {
     Interior,
     Boundary,
-    /// Locked, of too high a valence, or of no single fan: stays.
+    /// Of no single fan: goes only by force.
+    Broken,
+    /// Locked or of too high a valence: stays.
     Fixed,
+    /// Has collapsed.
+    Gone,
 }
 
 /// When a run has done enough.
@@ -81,23 +98,31 @@ struct Progress {
     alive: usize,
     /// The largest error so far.
     error: f32,
+    /// Collapses that were forced.
+    forced: usize,
 }
 
 /// The kernel's scratch: give each thread its own and use it for cluster after cluster.
 #[derive(Debug, Default)]
 pub struct Decimator {
-    adjacency: Adjacency,
-    fan: Fan,
-    quadrics: Vec<Quadric>,
+    /// Whether collapses may be forced.
+    pub topology: Topology,
+    pub(crate) adjacency: Adjacency,
+    pub(crate) fan: Fan,
+    pub(crate) quadrics: Vec<Quadric>,
     kinds: Vec<VertexKind>,
+    /// Vertices that nothing legal could be done with when they came up.
     waiting: Vec<bool>,
+    /// Vertices that are in the queue at the price of a forced collapse.
+    offered: Vec<bool>,
     heap: BinaryHeap<Entry>,
     candidates: Vec<(f32, u16)>,
+    pub(crate) ring: Vec<(u16, u32)>,
     collapses: Vec<Collapse>,
     /// Members that have a vertex, a bit each, while seams are decimated; else empty.
-    sides: Vec<u8>,
+    pub(crate) sides: Vec<u8>,
     /// What costs are multiplied by so that they fit an f32 for a model of any size.
-    cost_scale: f64,
+    pub(crate) cost_scale: f64,
 }
 
 /// A vertex in the queue: cheapest first, then the smallest index.
@@ -107,6 +132,15 @@ struct Entry(u64);
 impl Entry {
     fn new(cost: f32, vertex: u16) -> Self {
         Entry(!(u64::from(cost.to_bits()) << 32 | u64::from(vertex)))
+    }
+
+    /// At the price of a forced collapse; behind a legal one of the same cost.
+    fn offer(cost: f32, vertex: u16) -> Self {
+        Entry(!(u64::from(cost.to_bits()) << 32 | 1 << 16 | u64::from(vertex)))
+    }
+
+    fn is_offer(self) -> bool {
+        !self.0 >> 16 & 1 == 1
     }
 
     fn vertex(self) -> u16 {
@@ -136,7 +170,7 @@ impl Decimator {
     ) -> Outcome<'_> {
         self.sides.clear();
         let mut refusals = self.prepare(patch);
-        let mut progress = Progress { alive: patch.triangles.len(), error: min_error };
+        let mut progress = Progress { alive: patch.triangles.len(), error: min_error, forced: 0 };
         for collapse in seam {
             let offset = self.offset(patch, collapse.from, collapse.to);
             let quadric = self.quadrics[usize::from(collapse.from)];
@@ -147,13 +181,25 @@ impl Decimator {
         }
         self.fill_queue(patch);
         let stalled = self.run(patch, Goal::Triangles(target), min_error, &mut progress, &mut refusals);
-        Outcome { collapses: &self.collapses, triangle_count: progress.alive, stalled, refusals }
+        Outcome {
+            collapses: &self.collapses,
+            triangle_count: progress.alive,
+            stalled,
+            forced: progress.forced,
+            refusals,
+        }
     }
 
     /// Collapses at most `count` vertices of the seams of a group of clusters, whose union the patch is. `sides` has a bit for
     /// each member that has a vertex. A seam vertex has several and goes only to a vertex that all of its members have, so that
     /// each of them can carry out the same collapse.
-    pub fn decimate_seams(&mut self, patch: &Patch<'_>, sides: &[u8], count: usize, min_error: f32) -> Outcome<'_> {
+    pub fn decimate_seams(
+        &mut self,
+        patch: &Patch<'_>,
+        sides: &[u8],
+        count: usize,
+        min_error: f32,
+    ) -> Outcome<'_> {
         self.sides.clear();
         self.sides.extend_from_slice(sides);
         let mut refusals = self.prepare(patch);
@@ -163,9 +209,15 @@ impl Decimator {
             }
         }
         self.fill_queue(patch);
-        let mut progress = Progress { alive: patch.triangles.len(), error: min_error };
+        let mut progress = Progress { alive: patch.triangles.len(), error: min_error, forced: 0 };
         let stalled = self.run(patch, Goal::Collapses(count), min_error, &mut progress, &mut refusals);
-        Outcome { collapses: &self.collapses, triangle_count: progress.alive, stalled, refusals }
+        Outcome {
+            collapses: &self.collapses,
+            triangle_count: progress.alive,
+            stalled,
+            forced: progress.forced,
+            refusals,
+        }
     }
 
     fn prepare(&mut self, patch: &Patch<'_>) -> Refusals {
@@ -214,7 +266,7 @@ impl Decimator {
                 FanKind::Open(..) => VertexKind::Boundary,
                 FanKind::Broken => {
                     refusals.add(Refusal::NonManifold);
-                    VertexKind::Fixed
+                    if self.topology == Topology::Change { VertexKind::Broken } else { VertexKind::Fixed }
                 }
             });
         }
@@ -234,6 +286,8 @@ impl Decimator {
     fn fill_queue(&mut self, patch: &Patch<'_>) {
         self.waiting.clear();
         self.waiting.resize(patch.positions.len(), false);
+        self.offered.clear();
+        self.offered.resize(patch.positions.len(), false);
         let mut entries = std::mem::take(&mut self.heap).into_vec();
         entries.clear();
         for vertex in 0..patch.positions.len() {
@@ -294,34 +348,62 @@ impl Decimator {
         while !reached(progress, self.collapses.len()) {
             let Some(entry) = self.heap.pop() else { return true };
             let u = entry.vertex();
+            if entry.is_offer() {
+                self.offered[usize::from(u)] = false;
+            }
+            if self.kinds[usize::from(u)] == VertexKind::Gone {
+                continue;
+            }
             let least = self.evaluate(patch, u);
             let next = self.heap.peek().map_or(f32::INFINITY, |e| e.cost());
             if least > next {
                 self.heap.push(Entry::new(least, u));
                 continue;
             }
-            let Some((cost, v)) = self.cheapest_legal(patch, u, refusals) else {
-                self.waiting[usize::from(u)] = true;
-                continue;
-            };
-            if cost > next {
-                self.heap.push(Entry::new(cost, u));
+            if let Some((cost, v)) = self.cheapest_legal(patch, u, refusals) {
+                if cost > next {
+                    self.heap.push(Entry::new(cost, u));
+                    continue;
+                }
+                let (quadric, offset) = (&self.quadrics[usize::from(u)], self.offset(patch, u, v));
+                let own = if quadric.area > 0.0 { (quadric.at(offset) / quadric.area).sqrt() } else { 0.0 };
+                self.carry_out(patch, u, v, min_error + round_up(own), cost, progress);
                 continue;
             }
-            let (quadric, offset) = (self.quadrics[usize::from(u)], self.offset(patch, u, v));
-            if quadric.area > 0.0 {
-                let own = round_up((quadric.at(offset) / quadric.area).sqrt());
-                progress.error = progress.error.max(min_error + own);
+            self.waiting[usize::from(u)] = true;
+            if let Some((cost, v)) = self.cheapest_forced(patch, u) {
+                if cost <= next {
+                    // The whole displacement bounds what the collapse does, whatever it does to the faces.
+                    let own = round_up(self.offset(patch, u, v).norm());
+                    progress.forced += 1;
+                    self.carry_out(patch, u, v, min_error + own, cost, progress);
+                } else if !std::mem::replace(&mut self.offered[usize::from(u)], true) {
+                    self.heap.push(Entry::offer(cost, u));
+                }
             }
-            self.quadrics[usize::from(v)].add_moved(&quadric, offset);
-            progress.alive -= self.adjacency.collapse(u, v);
-            self.collapses.push(Collapse { from: u, to: v, error: progress.error });
-            self.wake_ring(cost);
         }
         false
     }
 
-    fn offset(&self, patch: &Patch<'_>, u: u16, v: u16) -> Vector3<f64> {
+    fn carry_out(
+        &mut self,
+        patch: &Patch<'_>,
+        u: u16,
+        v: u16,
+        error: f32,
+        cost: f32,
+        progress: &mut Progress,
+    ) {
+        let (quadric, offset) = (self.quadrics[usize::from(u)], self.offset(patch, u, v));
+        progress.error = progress.error.max(error);
+        self.quadrics[usize::from(v)].add_moved(&quadric, offset);
+        progress.alive -= self.adjacency.collapse(u, v);
+        self.kinds[usize::from(u)] = VertexKind::Gone;
+        self.collapses.push(Collapse { from: u, to: v, error: progress.error });
+        self.wake_ring(cost);
+    }
+
+    pub(crate) fn offset(&self, patch: &Patch<'_>, u: u16, v: u16) -> Vector3<f64> {
         to_f64(patch.positions[usize::from(v)]) - to_f64(patch.positions[usize::from(u)])
     }
 
@@ -330,7 +412,8 @@ impl Decimator {
         for i in 0..self.fan.wings.len() {
             let (a, b) = self.fan.wings[i];
             for w in [a, b] {
-                if std::mem::take(&mut self.waiting[usize::from(w)]) {
+                let waited = std::mem::take(&mut self.waiting[usize::from(w)]);
+                if waited && self.kinds[usize::from(w)] != VertexKind::Gone {
                     self.heap.push(Entry::new(cost, w));
                 }
             }

@@ -7,11 +7,12 @@
 mod adjacency;
 mod decimate;
 mod fan;
+mod forced;
 mod quadric;
 mod record;
 mod refusal;
 
-pub use decimate::{Collapse, Decimator, Outcome, Patch};
+pub use decimate::{Collapse, Decimator, Outcome, Patch, Topology};
 pub use quadric::Quadric;
 pub use record::Record;
 pub use refusal::{Refusal, Refusals};

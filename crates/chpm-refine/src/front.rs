@@ -1,6 +1,7 @@
 //! The incremental selection's groups: splits and collapses from the last frame's state on, in flat arrays.
 
 use crate::hierarchy::Hierarchy;
+use crate::splits::parents;
 use crate::view::View;
 use chpm_format::{Chpm, ClusterRecord};
 use chpm_mesh::{ClusterId, GroupId};
@@ -150,6 +151,11 @@ impl Front {
         self.states[group.index()].split
     }
 
+    /// The groups that are in the cut as a whole, and some that were before the last splits.
+    pub(crate) fn open_groups(&self) -> &[GroupId] {
+        &self.open
+    }
+
     /// The groups that are split; every one comes after those above it.
     pub fn split_groups(&self) -> &[GroupId] {
         &self.split
@@ -178,10 +184,4 @@ impl State {
     fn is_open(&self) -> bool {
         !self.split && self.missing == 0
     }
-}
-
-/// The groups that bring the coarse clusters of a group, once for each cluster.
-fn parents<D: AsRef<[u8]>>(file: &Chpm<D>, group: GroupId) -> impl Iterator<Item = GroupId> {
-    let coarse = file.coarse(group).iter().map(|cluster| &file.clusters()[*cluster as usize]);
-    coarse.filter(|cluster| !cluster.is_root()).map(ClusterRecord::parent_group)
 }

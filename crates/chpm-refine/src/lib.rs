@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod active;
+pub mod budget;
 pub mod cursor;
 pub mod cut;
 pub mod error;
@@ -14,11 +15,13 @@ pub mod hierarchy;
 mod lod;
 pub mod path;
 pub mod random;
+pub mod residency;
 pub mod select;
 mod splits;
 pub mod view;
 
 pub use active::ActiveList;
+pub use budget::Budgeted;
 pub use cursor::PmCursor;
 pub use cut::{Cut, Member};
 pub use error::RefineError;
@@ -27,5 +30,6 @@ pub use front::{Changes, Front};
 pub use hierarchy::Hierarchy;
 pub use path::CameraPath;
 pub use random::random_cut;
+pub use residency::{Residency, Traffic, Wanted};
 pub use select::{is_visible, select, select_by};
 pub use view::{Camera, Region, View};

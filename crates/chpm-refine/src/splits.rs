@@ -19,6 +19,12 @@ pub(crate) fn top_down<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<GroupId> {
     order
 }
 
+/// The groups that bring the coarse clusters of a group, once for each cluster.
+pub(crate) fn parents<D: AsRef<[u8]>>(file: &Chpm<D>, group: GroupId) -> impl Iterator<Item = GroupId> {
+    let coarse = file.coarse(group).iter().map(|cluster| &file.clusters()[*cluster as usize]);
+    coarse.filter(|cluster| !cluster.is_root()).map(ClusterRecord::parent_group)
+}
+
 impl Splits {
     /// Asks for every group of `order` ([`top_down`]) whether it wants to be split, and splits those that can be. In a
     /// file with saturated errors whoever wants by error can; in a damaged one the cut is still legal.

@@ -59,6 +59,7 @@ struct Member {
 impl Scratch {
     /// Simplifies a group and spools its pages.
     pub(super) fn run(&mut self, task: &GroupTask<'_>, group: &[u32]) -> Result<GroupDone, BuildError> {
+        self.decimator.topology = task.settings.topology;
         if self.members.len() < group.len() {
             self.members.resize_with(group.len(), Member::default);
         }
@@ -140,6 +141,7 @@ impl Member {
             base_triangles: outcome.triangle_count as u64,
             shared_vertices: set.shared.len() as u64,
             stalled: u32::from(outcome.stalled),
+            forced: outcome.forced as u64,
             min_error: self.min_error,
             max_error: 0.0,
             refusals: outcome.refusals,

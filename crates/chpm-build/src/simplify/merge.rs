@@ -2,53 +2,85 @@
 
 use chpm_format::Page;
 
+/// "The parent does not have this vertex."
+const NONE: u16 = u16::MAX;
+
 /// Scratch of a merge.
 #[derive(Debug, Default)]
 pub(super) struct Merger {
-    /// Per child and vertex of its finest mesh: the parent's vertex that it is, or has collapsed to, in the child's base mesh.
-    pub(super) local: [Vec<u16>; 2],
-    /// The parent's shared vertices so far: local index and shared id, by local index.
+    /// The parent's triangles.
+    pub(super) triangles: Vec<[u16; 3]>,
+    /// Per child, the base vertices that the parent takes over, in the order of the parent's numbers.
+    pub(super) fresh: [Vec<u16>; 2],
+    /// The parent's shared vertices: local index and shared id, by local index.
     pub(super) shared: Vec<(u16, u32)>,
-    /// Vertices of a child that the parent does not have yet.
-    pub(super) fresh: Vec<usize>,
+    /// Vertex of the base mesh that each of a child's vertices ends in.
+    survivor: Vec<u16>,
+    used: Vec<bool>,
+    /// The parent's vertex for each of a child's base vertices.
+    local: Vec<u16>,
     known: Vec<(u32, u16)>,
 }
 
 impl Merger {
     /// Numbers the parent's vertices: the first child's base vertices in their order, then those of the second that the first
-    /// does not have. A vertex that both have is known by its shared id.
+    /// does not have. A vertex that both have is known by its shared id; one that no base triangle uses has vanished.
     pub(super) fn join(&mut self, pages: &[Page<'_>; 2]) {
-        let [first, second] = pages;
+        self.triangles.clear();
         self.shared.clear();
         self.known.clear();
-        let count = first.base_vertex_count;
-        self.local[0].clear();
-        self.local[0].extend(0..count as u16);
-        for (vertex, id) in first.shared().filter(|(v, _)| usize::from(*v) < count) {
-            self.shared.push((vertex, id));
-            self.known.push((id, vertex));
+        let mut next = 0;
+        for (side, page) in pages.iter().enumerate() {
+            let first_triangle = self.triangles.len();
+            self.play(page);
+            self.number(side, page, &mut next);
+            for triangle in &mut self.triangles[first_triangle..] {
+                *triangle = triangle.map(|v| self.local[usize::from(v)]);
+            }
         }
-        self.known.sort_unstable();
+    }
 
-        let mut next = count as u16;
-        let mut shared =
-            second.shared().filter(|(v, _)| usize::from(*v) < second.base_vertex_count).peekable();
-        self.local[1].clear();
-        for vertex in 0..second.base_vertex_count as u16 {
+    /// Appends the base mesh's triangles, over the child's own vertices, and notes which of them it uses.
+    fn play(&mut self, page: &Page<'_>) {
+        let base = page.base_vertex_count;
+        self.survivor.clear();
+        self.survivor.extend(0..base as u16);
+        for target in page.targets {
+            self.survivor.push(self.survivor[usize::from(*target)]);
+        }
+        self.used.clear();
+        self.used.resize(base, false);
+        for corners in page.triangles {
+            let [a, b, c] = corners.map(|v| self.survivor[usize::from(v)]);
+            if a != b && b != c && c != a {
+                self.triangles.push([a, b, c]);
+                [a, b, c].into_iter().for_each(|v| self.used[usize::from(v)] = true);
+            }
+        }
+    }
+
+    fn number(&mut self, side: usize, page: &Page<'_>, next: &mut u16) {
+        let before = self.known.len();
+        self.fresh[side].clear();
+        self.local.clear();
+        let mut shared = page.shared().peekable();
+        for vertex in 0..page.base_vertex_count as u16 {
             let id = shared.next_if(|(v, _)| *v == vertex).map(|(_, id)| id);
-            let known = id.and_then(|id| self.known.binary_search_by_key(&id, |k| k.0).ok());
-            if let Some(known) = known {
-                self.local[1].push(self.known[known].1);
+            if !self.used[usize::from(vertex)] {
+                self.local.push(NONE);
                 continue;
             }
-            self.shared.extend(id.map(|id| (next, id)));
-            self.local[1].push(next);
-            next += 1;
-        }
-        for (page, local) in pages.iter().zip(&mut self.local) {
-            for target in page.targets {
-                local.push(local[usize::from(*target)]);
+            let found = id.and_then(|id| self.known[..before].binary_search_by_key(&id, |k| k.0).ok());
+            if let Some(known) = found {
+                self.local.push(self.known[known].1);
+                continue;
             }
+            self.shared.extend(id.map(|id| (*next, id)));
+            self.known.extend(id.map(|id| (id, *next)));
+            self.fresh[side].push(vertex);
+            self.local.push(*next);
+            *next += 1;
         }
+        self.known.sort_unstable();
     }
 }

@@ -126,6 +126,7 @@ fn add(level: &mut LevelReport, cluster: &LevelReport) {
     level.base_triangles += cluster.base_triangles;
     level.shared_vertices += cluster.shared_vertices;
     level.stalled += cluster.stalled;
+    level.forced += cluster.forced;
     level.min_error = level.min_error.min(cluster.min_error);
     level.max_error = level.max_error.max(cluster.max_error);
     level.refusals += cluster.refusals;

@@ -45,25 +45,19 @@ impl WorkingSet {
     pub(super) fn fill_from_children(&mut self, children: &[Vec<u8>; 2]) -> Result<(), FormatError> {
         self.clear();
         let pages = [Page::view(&children[0])?, Page::view(&children[1])?];
-        let mut merger = std::mem::take(&mut self.merger);
+        let merger = &mut self.merger;
         merger.join(&pages);
-        for (page, local) in pages.iter().zip(&merger.local) {
-            // The parent's numbers rise with the children's, so those beyond what is there are new.
-            let known = self.positions.len();
-            merger.fresh.clear();
-            merger.fresh.extend((0..page.base_vertex_count).filter(|v| usize::from(local[*v]) >= known));
-            self.positions.extend(merger.fresh.iter().map(|v| page.positions[*v]));
+        for (page, fresh) in pages.iter().zip(&merger.fresh) {
+            self.positions.extend(fresh.iter().map(|v| page.positions[usize::from(*v)]));
             if !page.normals.is_empty() {
-                self.normals.extend(merger.fresh.iter().map(|v| page.normals[*v]));
+                self.normals.extend(fresh.iter().map(|v| page.normals[usize::from(*v)]));
             }
             if !page.colors.is_empty() {
-                self.colors.extend(merger.fresh.iter().map(|v| page.colors[*v]));
+                self.colors.extend(fresh.iter().map(|v| page.colors[usize::from(*v)]));
             }
-            let resolved = page.triangles.iter().map(|t| t.map(|v| local[usize::from(v)]));
-            self.triangles.extend(resolved.filter(|[a, b, c]| a != b && b != c && c != a));
         }
+        self.triangles.extend_from_slice(&merger.triangles);
         self.shared.extend_from_slice(&merger.shared);
-        self.merger = merger;
         Ok(())
     }
 

@@ -42,7 +42,7 @@ fn played(file: &File, cut: &Cut, plan: &Plan) -> Vec<[u32; 3]> {
 }
 
 /// Extracts and checks everything that must hold for any cut.
-fn extracted(file: &File, cut: &Cut, plan: &Plan) -> TriMesh {
+pub(crate) fn extracted(file: &File, cut: &Cut, plan: &Plan) -> TriMesh {
     let mesh = extract(file, cut).unwrap();
     let numbers = known(&mesh, plan);
     assert_eq!(numbers.iter().collect::<BTreeSet<_>>().len(), numbers.len(), "a vertex is there twice");

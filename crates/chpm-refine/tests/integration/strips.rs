@@ -40,7 +40,16 @@ pub(crate) const DEPENDENT: Plan = Plan {
     groups: &[&[1, 2]],
     mode: BoundaryMode::Dependencies,
 };
+/// Both, on several levels: clusters below a group that splits together depend on clusters beside it.
+pub(crate) const WOVEN: Plan = Plan {
+    strips: 8,
+    merges: &[&[0, 1], &[2, 3], &[4, 5], &[6, 7], &[8, 9], &[10, 11], &[12, 13]],
+    groups: &[&[1, 2], &[5, 6], &[9, 10]],
+    mode: BoundaryMode::Dependencies,
+};
 pub(crate) const ALL: [Plan; 5] = [PAIRS, UNEVEN, ROOTS, TWINS, DEPENDENT];
+/// And the one with more cuts than can be counted by hand.
+pub(crate) const MORE: [Plan; 6] = [PAIRS, UNEVEN, ROOTS, TWINS, DEPENDENT, WOVEN];
 
 /// Triangles over the grid's own vertex numbers.
 pub(crate) type Triangles = Vec<[u32; 3]>;
@@ -215,8 +224,22 @@ impl Plan {
         Chpm::open(self.bytes([0.0; 3])).unwrap()
     }
 
+    /// A file whose errors grow towards the leaves and whose spheres do not nest.
+    pub(crate) fn build_upside_down(&self) -> File {
+        let tamper = |groups: &mut [GroupRecord]| {
+            for group in groups {
+                (group.min_error, group.radius) = (group.max_error / (1.0 + group.level as f32).powi(4), 0.5);
+            }
+        };
+        Chpm::open(self.written([0.0; 3], tamper)).unwrap()
+    }
+
     /// The bytes of the file.
     pub(crate) fn bytes(&self, origin: [f64; 3]) -> Vec<u8> {
+        self.written(origin, |_| ())
+    }
+
+    fn written(&self, origin: [f64; 3], tamper: impl Fn(&mut [GroupRecord])) -> Vec<u8> {
         let coarse = self.coarse();
         let group_of = |cluster: &u32| coarse.iter().position(|group| group.contains(cluster)).unwrap();
         let fine =
@@ -238,7 +261,7 @@ impl Plan {
                 let level = 1 + children().map(|c| c.level).max().unwrap();
                 Cluster::new(children().flat_map(|c| c.base.clone()).collect(), level, min_error)
             };
-            if self.mode == BoundaryMode::Dependencies && coarse[group_of(&id)].len() == 2 {
+            if self.mode == BoundaryMode::Dependencies && id < self.strips && coarse[group_of(&id)].len() == 2 {
                 // The border between the two, every second vertex along it: first in both, at equal errors.
                 let middle = coarse[group_of(&id)][1] * WIDTH;
                 (1..LENGTH)
@@ -281,6 +304,7 @@ impl Plan {
             members.extend(group);
             members.extend(fine);
         }
+        tamper(&mut groups);
         let levels = records.iter().map(|c| c.level).max().unwrap() + 1;
         let mut tables = Tables {
             header: HeaderFields {
@@ -306,7 +330,7 @@ impl Plan {
 /// The files are what a builder may write.
 #[test]
 fn the_files_are_right() {
-    for plan in ALL {
+    for plan in MORE {
         let report = chpm_format::verify(&plan.build(), |_, _| ());
         assert!(report.is_ok(), "{plan:?}: {:#?}", report.faults);
     }

@@ -1,0 +1,215 @@
+//! Which pages are in memory: what a view wants is asked for, what is no longer used makes room, and what is on its way is replaced by
+//! what is above it.
+//!
+//! The unit is what the split of one group brings; the roots always stay. With a unit, all units above it are kept, so that the view can
+//! get coarser at any moment: whatever is missing, the cut of the groups that are ready is a legal one. A pure state machine: who
+//! calls it does the reading, in any order and as late as may be.
+
+use crate::hierarchy::Hierarchy;
+use crate::splits::parents;
+use chpm_format::Chpm;
+use chpm_mesh::{Bytes, ClusterId, GroupId};
+use std::cmp::Reverse;
+
+/// A group that a view wants to be split.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Wanted {
+    /// The group; all groups above it are wanted too, and listed before it.
+    pub group: GroupId,
+    /// What matters more comes first where not everything fits; groups above matter at least as much. Pixels of error, for example.
+    pub priority: f64,
+}
+
+/// What is to be done after an update.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Traffic {
+    /// Pages to read, most urgent first; [`Residency::arrive`] is to be told of each.
+    pub requests: Vec<ClusterId>,
+    /// Pages to let go: nothing that is ready after the update needs them.
+    pub evictions: Vec<ClusterId>,
+}
+
+/// Pages in memory and on their way, within a number of bytes.
+#[derive(Clone, Debug)]
+pub struct Residency {
+    budget: u64,
+    /// Bytes that are there or on their way.
+    reserved: u64,
+    /// Number of the update; the first is 1.
+    now: u64,
+    /// By group: its fine clusters.
+    units: Vec<Unit>,
+    /// Groups whose units are there or on their way.
+    kept: Vec<GroupId>,
+    /// By cluster: asked for and not there yet.
+    pending: Vec<bool>,
+    /// Roots that are not there yet.
+    missing_roots: u32,
+    root_bytes: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Unit {
+    bytes: u64,
+    /// The last update that it was wanted in and had its place.
+    used: u64,
+    /// Clusters on their way.
+    missing: u32,
+    /// Units directly below that are there or on their way, once for each cluster between.
+    below: u32,
+    kept: bool,
+}
+
+impl Residency {
+    /// Nothing is there. The pages of the roots count, and stay even if they are more than `budget`; nothing else exceeds it.
+    pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>, budget: Bytes) -> Self {
+        let unit = |id| {
+            let bytes = file.fine(id).iter().map(|fine| page_len(file, ClusterId(*fine))).sum();
+            Unit { bytes, used: 0, missing: 0, below: 0, kept: false }
+        };
+        Residency {
+            budget: budget.0,
+            reserved: 0,
+            now: 0,
+            units: (0..file.groups().len() as u32).map(GroupId).map(unit).collect(),
+            kept: Vec::new(),
+            pending: vec![false; file.clusters().len()],
+            missing_roots: file.header().root_count,
+            root_bytes: file.roots().map(|root| page_len(file, root)).sum(),
+        }
+    }
+
+    /// Goes on to what the next view wants. Where that is more than the budget, the last ones in priority do not get ready (even if they
+    /// are there), nor what is below them.
+    pub fn update<D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        hierarchy: &Hierarchy,
+        mut wanted: Vec<Wanted>,
+    ) -> Traffic {
+        let mut traffic = Traffic::default();
+        self.now += 1;
+        if self.now == 1 {
+            for root in file.roots() {
+                self.request(file, root, &mut traffic);
+            }
+        }
+        let bytes = |wanted: &Wanted| self.units[wanted.group.index()].bytes;
+        let rank = |wanted: &Wanted| hierarchy.rank(wanted.group);
+        let by_priority = |a: &Wanted, b: &Wanted| {
+            b.priority.total_cmp(&a.priority).then_with(|| rank(a).cmp(&rank(b)))
+        };
+        let mut room = self.budget.saturating_sub(self.root_bytes);
+        if wanted.iter().map(bytes).sum::<u64>() > room {
+            wanted.sort_by(by_priority);
+        }
+        wanted.retain(|wanted| {
+            let bytes = self.units[wanted.group.index()].bytes;
+            let used = |above: GroupId| self.units[above.index()].used == self.now;
+            let fits = bytes <= room && parents(file, wanted.group).all(used);
+            if fits {
+                room -= bytes;
+                self.units[wanted.group.index()].used = self.now;
+            }
+            fits && !self.units[wanted.group.index()].kept
+        });
+        wanted.sort_by(by_priority);
+        self.make_room(file, hierarchy, &wanted, &mut traffic);
+        for Wanted { group, .. } in wanted {
+            let Unit { bytes, .. } = self.units[group.index()];
+            let above = parents(file, group).all(|above| self.units[above.index()].kept);
+            // What nobody wants any more and is still on its way can be in the way.
+            if above && self.reserved.saturating_add(bytes) <= self.budget {
+                self.fetch(file, group, &mut traffic);
+            }
+        }
+        traffic
+    }
+
+    /// Evicts until all of `wanted` fits, or nothing more can go: longest unused first, and from below.
+    fn make_room<D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        hierarchy: &Hierarchy,
+        wanted: &[Wanted],
+        traffic: &mut Traffic,
+    ) {
+        let needed: u64 = wanted.iter().map(|wanted| self.units[wanted.group.index()].bytes).sum();
+        if self.reserved.saturating_add(needed) <= self.budget {
+            return;
+        }
+        let mut victims = self.kept.clone();
+        victims.retain(|group| self.units[group.index()].used < self.now);
+        // A unit was used whenever one below it was: those below come first.
+        victims.sort_by_key(|group| (self.units[group.index()].used, Reverse(hierarchy.rank(*group))));
+        for group in victims {
+            let Unit { bytes, missing, below, .. } = self.units[group.index()];
+            if self.reserved.saturating_add(needed) <= self.budget {
+                break;
+            }
+            if missing > 0 || below > 0 {
+                continue;
+            }
+            self.reserved -= bytes;
+            self.units[group.index()].kept = false;
+            parents(file, group).for_each(|above| self.units[above.index()].below -= 1);
+            traffic.evictions.extend(file.fine(group).iter().copied().map(ClusterId));
+        }
+        let units = &self.units;
+        self.kept.retain(|group| units[group.index()].kept);
+    }
+
+    fn fetch<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, group: GroupId, traffic: &mut Traffic) {
+        let unit = &mut self.units[group.index()];
+        (unit.kept, unit.missing) = (true, file.fine(group).len() as u32);
+        self.kept.push(group);
+        parents(file, group).for_each(|above| self.units[above.index()].below += 1);
+        for fine in file.fine(group) {
+            self.request(file, ClusterId(*fine), traffic);
+        }
+    }
+
+    fn request<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, cluster: ClusterId, traffic: &mut Traffic) {
+        self.reserved += page_len(file, cluster);
+        self.pending[cluster.index()] = true;
+        traffic.requests.push(cluster);
+    }
+
+    /// Notes that a page has come; answers whether it was on its way.
+    pub fn arrive<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, cluster: ClusterId) -> bool {
+        let expected = self.pending.get_mut(cluster.index()).is_some_and(std::mem::take);
+        if expected {
+            let record = &file.clusters()[cluster.index()];
+            let missing = match record.is_root() {
+                true => &mut self.missing_roots,
+                false => &mut self.units[record.parent_group().index()].missing,
+            };
+            *missing -= 1;
+        }
+        expected
+    }
+
+    /// Whether the roots are there; nothing can be drawn before.
+    pub fn has_roots(&self) -> bool {
+        self.missing_roots == 0
+    }
+
+    /// Whether a group may be split: the last view wants it, it has its place within the budget, and all that it brings is there.
+    /// This is what [`crate::ActiveList::update`] is to be allowed.
+    ///
+    /// # Panics
+    /// For a group that the file does not have.
+    pub fn is_ready(&self, group: GroupId) -> bool {
+        let unit = &self.units[group.index()];
+        unit.kept && unit.missing == 0 && unit.used == self.now
+    }
+
+    /// Bytes of pages that are there or on their way.
+    pub fn reserved(&self) -> Bytes {
+        Bytes(self.reserved)
+    }
+}
+
+fn page_len<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: ClusterId) -> u64 {
+    u64::from(file.clusters()[cluster.index()].page_len)
+}

@@ -1,0 +1,175 @@
+use crate::extraction::extracted;
+use crate::select::{any_plan, any_view};
+use crate::strips::{File, PAIRS};
+use chpm_mesh::{Bytes, ClusterId};
+use chpm_refine::{
+    ActiveList, Camera, Front, Hierarchy, Residency, Traffic, View, Wanted, select, select_by,
+};
+use proptest::prelude::*;
+use std::collections::BTreeSet;
+
+/// A viewer: what it has in memory, and what it has asked for.
+struct Viewer {
+    file: File,
+    hierarchy: Hierarchy,
+    wanted: Front,
+    residency: Residency,
+    list: ActiveList,
+    resident: BTreeSet<u32>,
+    requested: Vec<u32>,
+}
+
+fn bytes(file: &File, clusters: impl IntoIterator<Item = u32>) -> u64 {
+    clusters.into_iter().map(|id| u64::from(file.clusters()[id as usize].page_len)).sum()
+}
+
+impl Viewer {
+    fn new(file: File, budget: u64) -> Self {
+        Viewer {
+            hierarchy: Hierarchy::new(&file),
+            wanted: Front::new(&file),
+            residency: Residency::new(&file, Bytes(budget)),
+            list: ActiveList::new(&file),
+            resident: BTreeSet::new(),
+            requested: Vec::new(),
+            file,
+        }
+    }
+
+    fn look(&mut self, view: &View) -> Traffic {
+        self.wanted.update(&self.file, &self.hierarchy, view, |_| true);
+        let wanted = self.wanted.split_groups().iter().map(|group| Wanted {
+            group: *group,
+            priority: self.hierarchy.split_error(*group).map_or(0.0, |error| {
+                view.pixels_of(error, self.hierarchy.region(*group))
+            }),
+        });
+        let traffic = self.residency.update(&self.file, &self.hierarchy, wanted.collect());
+        for ClusterId(id) in &traffic.evictions {
+            assert!(self.resident.remove(id), "evicted, but not there");
+        }
+        for ClusterId(id) in &traffic.requests {
+            assert!(!self.resident.contains(id) && !self.requested.contains(id), "asked for twice");
+            self.requested.push(*id);
+        }
+        traffic
+    }
+
+    fn arrive(&mut self, place: usize) {
+        let id = self.requested.swap_remove(place % self.requested.len());
+        assert!(self.residency.arrive(&self.file, ClusterId(id)));
+        assert!(!self.residency.arrive(&self.file, ClusterId(id)), "only once");
+        self.resident.insert(id);
+    }
+
+    fn draw(&mut self, view: &View) {
+        let ready = |group| self.residency.is_ready(group);
+        self.list.update(&self.file, &self.hierarchy, view, ready).unwrap();
+    }
+}
+
+#[test]
+fn what_is_missing_is_replaced_by_what_is_above() {
+    let mut viewer = Viewer::new(PAIRS.build(), u64::MAX);
+    let view = View::new(&Camera::looking([8.0, 4.0, 0.1], [8.0, 4.0, 0.0]), [64, 64], 0.0).unwrap();
+    let ids = |clusters: &[ClusterId]| clusters.iter().map(|id| id.0).collect::<Vec<_>>();
+    let traffic = viewer.look(&view);
+    assert_eq!(ids(&traffic.requests)[..3], [6, 4, 5], "from the top");
+    assert!(!viewer.residency.has_roots() && traffic.evictions.is_empty());
+    let drawn = |viewer: &Viewer| viewer.list.cut().members().iter().map(|m| m.cluster.0).collect::<Vec<_>>();
+    for (arrives, drawn_then) in [
+        (6, &[6][..]),
+        (0, &[6]),
+        (1, &[6]),
+        (4, &[6]),
+        (5, &[0, 1, 5]),
+        (3, &[0, 1, 5]),
+        (2, &[0, 1, 2, 3]),
+    ] {
+        let place = viewer.requested.iter().position(|id| *id == arrives).unwrap();
+        viewer.arrive(place);
+        assert!(viewer.residency.has_roots());
+        viewer.draw(&view);
+        assert_eq!(drawn(&viewer), drawn_then, "{arrives} came");
+    }
+    assert_eq!(viewer.look(&view), Traffic::default());
+}
+
+#[test]
+fn the_longest_unused_goes_first() {
+    let file = PAIRS.build();
+    let hierarchy = Hierarchy::new(&file);
+    let page = |id| bytes(&file, [id]);
+    // Room for the top, the middle and one pair of leaves.
+    let budget = bytes(&file, 4..7) + (page(0) + page(1)).max(page(2) + page(3));
+    let mut residency = Residency::new(&file, Bytes(budget));
+    let [top, left, right] = [6, 4, 5].map(|id: usize| file.clusters()[id].group());
+    let mut look = |groups: &[chpm_mesh::GroupId]| {
+        let wanted = groups.iter().map(|group| Wanted { group: *group, priority: 1.0 }).collect();
+        let traffic = residency.update(&file, &hierarchy, wanted);
+        for id in &traffic.requests {
+            residency.arrive(&file, *id);
+        }
+        let ids = |clusters: Vec<ClusterId>| clusters.into_iter().map(|id| id.0).collect::<Vec<_>>();
+        (ids(traffic.requests), ids(traffic.evictions))
+    };
+    assert_eq!(look(&[top, left]), (vec![6, 4, 5, 0, 1], vec![]));
+    assert_eq!(look(&[top]), (vec![], vec![]), "what is not used stays while there is room");
+    assert_eq!(look(&[top, right]), (vec![2, 3], vec![0, 1]));
+    // Both do not fit: the first by rank gets its place, the other is not drawn though it is there.
+    let (requests, evictions) = look(&[top, left, right]);
+    assert_eq!((requests.len(), evictions.len()), if hierarchy.rank(left) < hierarchy.rank(right) { (2, 2) } else { (0, 0) });
+}
+
+proptest! {
+    #[test]
+    fn whatever_comes_when_the_cut_is_legal_and_in_memory(
+        plan in any_plan(), share in 0.0..1.3, seed_views in prop::collection::vec(any_view(), 1..12),
+        arrivals in prop::collection::vec(prop::collection::vec(any::<usize>(), 0..5), 12),
+    ) {
+        let file = plan.build();
+        let all = bytes(&file, 0..file.clusters().len() as u32);
+        let roots = bytes(&file, file.roots().map(|root| root.0));
+        let budget = (all as f64 * share) as u64;
+        let mut viewer = Viewer::new(file, budget);
+        for (view, arrivals) in seed_views.iter().zip(&arrivals) {
+            viewer.look(view);
+            let reserved = viewer.residency.reserved().0;
+            let known = viewer.resident.iter().chain(&viewer.requested).copied();
+            prop_assert_eq!(reserved, bytes(&viewer.file, known));
+            prop_assert!(reserved <= budget.max(roots));
+            for place in arrivals {
+                if !viewer.requested.is_empty() {
+                    viewer.arrive(*place);
+                }
+            }
+            if viewer.residency.has_roots() {
+                viewer.draw(view);
+                let cut = viewer.list.cut();
+                prop_assert!(cut.members().iter().all(|member| viewer.resident.contains(&member.cluster.0)));
+                extracted(&viewer.file, &cut, &plan);
+                // All ancestors of what is drawn are there too, so that any coarser view can be drawn at once.
+                let coarsest = select_by(&viewer.file, &viewer.hierarchy, |_| f32::INFINITY).unwrap();
+                prop_assert!(coarsest.members().iter().all(|m| viewer.resident.contains(&m.cluster.0)));
+                for group in viewer.list.front().split_groups() {
+                    prop_assert!(viewer.file.coarse(*group).iter().all(|id| viewer.resident.contains(id)));
+                }
+            }
+        }
+        // In the end everything comes, and if there is room for it, it is drawn.
+        let view = seed_views[seed_views.len() - 1];
+        for _ in 0..2 {
+            viewer.look(&view);
+            while !viewer.requested.is_empty() {
+                viewer.arrive(0);
+            }
+        }
+        viewer.look(&view);
+        viewer.draw(&view);
+        let wanted = select(&viewer.file, &viewer.hierarchy, &view).unwrap();
+        let fits = viewer.wanted.split_groups().iter().map(|g| bytes(&viewer.file, viewer.file.fine(*g).to_vec()));
+        if roots + fits.sum::<u64>() <= budget {
+            prop_assert_eq!(viewer.list.cut(), wanted);
+        }
+    }
+}

@@ -1,0 +1,178 @@
+use chpm_mesh::Aabb;
+use chpm_refine::{Camera, RefineError, Region, View};
+use proptest::prelude::*;
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+}
+
+fn sphere(center: [f64; 3], radius: f64) -> Region {
+    Region { center, radius, slack: Region::SLACK }
+}
+
+/// Camera at the zero point that looks along -z, 90 degrees, 100 x 200 pixels.
+fn simple(near: f64, pixels: f64) -> View {
+    let camera = Camera { fov: 90.0, near, ..Camera::looking([0.0; 3], [0.0, 0.0, -1.0]) };
+    View::new(&camera, [200, 100], pixels).unwrap()
+}
+
+#[test]
+fn a_pixel_covers_what_it_does_at_the_nearest_point() {
+    let view = simple(0.0, 3.0);
+    // 100 pixels cover twice the distance.
+    let bound = view.bound(&sphere([0.0, 0.0, -10.0], 2.0));
+    assert!(bound <= 3.0 * 0.02 * 8.0 && bound > 0.4799999, "{bound}");
+    // Behind or beside is as near as before.
+    assert_eq!(bound, view.bound(&sphere([0.0, 10.0, 0.0], 2.0)));
+    assert_eq!(view.bound(&sphere([0.0, 0.0, -1.0], 1.5)), 0.0);
+    let pixels = view.pixels_of(0.48, &sphere([0.0, 0.0, -10.0], 2.0));
+    assert!((pixels - 3.0).abs() < 1e-6, "{pixels}");
+    assert_eq!(view.pixels_of(1.0, &sphere([0.0; 3], 1.0)), f64::INFINITY);
+    assert_eq!(view.pixels_of(0.0, &sphere([0.0; 3], 1.0)), 0.0);
+}
+
+#[test]
+fn nothing_is_nearer_than_the_near_plane() {
+    let view = simple(4.0, 1.0);
+    let inside = view.bound(&sphere([0.0; 3], 1.0));
+    assert!((0.0799999..=0.08).contains(&inside), "{inside}");
+    assert_eq!(inside, view.bound(&sphere([0.0, 0.0, -5.0], 2.0)));
+}
+
+#[test]
+fn culling_knows_five_planes() {
+    let view = simple(1.0, 1.0).with_culling(true);
+    // Half as high as wide: the sides are at 2 : 1 across and 1 : 1 upward.
+    for (center, missed) in [
+        ([0.0, 0.0, -10.0], false),
+        ([0.0, 0.0, 10.0], true),
+        ([19.0, 0.0, -10.0], false),
+        ([23.0, 0.0, -10.0], true),
+        ([-23.0, 0.0, -10.0], true),
+        ([0.0, 9.0, -10.0], false),
+        ([0.0, 12.0, -10.0], true),
+        ([0.0, -12.0, -10.0], true),
+        ([0.0, 0.0, 0.5], true),
+        ([0.0, 0.0, -0.5], false),
+    ] {
+        let region = sphere(center, 1.0);
+        assert_eq!(view.misses(&region), missed, "{center:?}");
+        assert_eq!(view.bound(&region) == f32::INFINITY, missed, "{center:?}");
+        assert_eq!(view.pixels_of(1.0, &region) == 0.0, missed, "{center:?}");
+        let corners = [-1.0, 1.0].map(|side| center.map(|x| (x + 0.5 * side) as f32));
+        assert_eq!(view.misses_box(&Aabb::of_points(&corners)), missed, "{center:?}");
+    }
+    assert!(view.misses_box(&Aabb::EMPTY));
+}
+
+#[test]
+fn framing_shows_the_whole_box() {
+    let bounds = Aabb::of_points(&[[1.0, 2.0, 3.0], [4.0, 9.0, 5.0]]);
+    for bounds in [bounds, Aabb::of_points(&[[1.0; 3]])] {
+        let camera = Camera::framing(&bounds);
+        let view = View::new(&camera, [100, 100], 1.0).unwrap().with_culling(true);
+        assert!(!view.misses_box(&bounds));
+        assert_eq!(camera.relative_to([1.0, 1.0, 1.0]).position[2], camera.position[2] - 1.0);
+    }
+}
+
+#[test]
+fn what_is_no_view_is_refused() {
+    let good = Camera::looking([0.0; 3], [1.0, 0.0, 0.0]);
+    for camera in [
+        Camera { position: [f64::NAN, 0.0, 0.0], ..good },
+        Camera { target: [0.0; 3], ..good },
+        Camera { target: [1e308; 3], ..good },
+        Camera { fov: 0.0, ..good },
+        Camera { fov: 180.0, ..good },
+        Camera { near: -1.0, ..good },
+        Camera { up: [f64::INFINITY, 0.0, 0.0], ..good },
+    ] {
+        let view = View::new(&camera, [10, 10], 1.0);
+        assert!(matches!(view, Err(RefineError::View { .. })), "{camera:?}");
+    }
+    for (viewport, pixels) in [([0, 1], 1.0), ([1, 0], 1.0), ([1, 1], -1.0), ([1, 1], f64::NAN)] {
+        assert!(View::new(&good, viewport, pixels).is_err(), "{viewport:?} {pixels}");
+    }
+    for up in [[0.0; 3], [2.0, 0.0, 0.0], [-1e-300, 0.0, 0.0]] {
+        let view = View::new(&Camera { up, ..good }, [10, 10], 1.0).unwrap();
+        assert!(!view.misses(&sphere([2.0, 0.0, 0.0], 0.1)) && view.misses(&sphere([-2.0, 0.0, 0.0], 0.1)));
+    }
+}
+
+fn point(size: f64) -> impl Strategy<Value = [f64; 3]> {
+    prop::array::uniform3(-size..size)
+}
+
+fn any_view() -> impl Strategy<Value = (Camera, View)> {
+    let camera = (point(1e3), point(1.0), 1.0..170.0, prop::sample::select(vec![0.0, 0.5, 30.0]));
+    let camera = camera.prop_map(|(position, target, fov, near)| Camera {
+        fov,
+        near,
+        ..Camera::looking(position, target)
+    });
+    (camera, 0.0..50.0).prop_map(|(camera, pixels)| {
+        (camera, View::new(&camera, [640, 480], pixels).unwrap().with_culling(true))
+    })
+}
+
+/// A point in a sphere, as far out as `share` says.
+fn inside(center: [f64; 3], radius: f64, toward: [f64; 3], share: f64) -> [f64; 3] {
+    let length = distance(toward, [0.0; 3]).max(1e-9);
+    std::array::from_fn(|axis| center[axis] + toward[axis] / length * radius * share)
+}
+
+proptest! {
+    #[test]
+    fn bounds_are_never_too_large(
+        (camera, view) in any_view(), center in point(1e3), radius in 0.0..500.0,
+        toward in point(1.0), share in 0.0..=1.0,
+    ) {
+        let view = view.with_culling(false);
+        let bound = view.bound(&sphere(center, radius));
+        let away = distance(camera.position, inside(center, radius, toward, share)).max(camera.near);
+        let pixels = f64::from(bound) * 480.0 / (2.0 * (0.5 * camera.fov.to_radians()).tan() * away);
+        prop_assert!(bound == 0.0 || pixels <= view.pixels() * (1.0 + 1e-12), "{pixels} {}", view.pixels());
+        let again = view.pixels_of(bound, &sphere(center, radius));
+        prop_assert!(bound == 0.0 || again <= view.pixels() * (1.0 + 1e-12));
+    }
+
+    #[test]
+    fn what_is_in_the_image_is_not_culled(
+        (camera, view) in any_view(), center in point(1e3), radius in 0.0..500.0,
+        toward in point(1.0), share in 0.0..=1.0,
+    ) {
+        // Whatever culls the sphere or a box culls all the points in it, and points are projected here.
+        let p = inside(center, radius, toward, share);
+        let forward: [f64; 3] = std::array::from_fn(|a| camera.target[a] - camera.position[a]);
+        let away: [f64; 3] = std::array::from_fn(|a| p[a] - camera.position[a]);
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let depth = dot(away, forward) / distance(forward, [0.0; 3]);
+        let across = (distance(away, [0.0; 3]).powi(2) - depth * depth).max(0.0).sqrt();
+        // The circle in the image is inside the image.
+        let seen = depth > camera.near && across < 0.999 * depth * (0.5 * camera.fov.to_radians()).tan();
+        if seen {
+            prop_assert!(!view.misses(&sphere(center, radius)));
+            let corners = [p, center].map(|p| p.map(|x| x as f32));
+            prop_assert!(!view.misses_box(&Aabb::of_points(&corners)) || depth - camera.near < 1e-3);
+        }
+    }
+
+    #[test]
+    fn nested_spheres_never_disagree(
+        (_, view) in any_view(), center in point(1e3), radius in 0.0..500.0, toward in point(1.0), share in 0.0..=1.0,
+    ) {
+        // The inner one touches the outer one from inside.
+        let inner = radius * (1.0 - share);
+        let small = sphere(inside(center, radius, toward, share), inner);
+        let away = distance(small.center, center);
+        let large = Region {
+            center,
+            radius: (away + inner) * (1.0 + 4.0 * f64::EPSILON),
+            slack: 2.0 * Region::SLACK,
+        };
+        prop_assert!(view.bound(&small) >= view.bound(&large));
+        prop_assert!(view.misses(&small) || !view.misses(&large));
+        prop_assert!(view.pixels_of(0.1, &small) <= view.pixels_of(0.1, &large));
+    }
+}
