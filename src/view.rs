@@ -52,7 +52,9 @@ impl FromStr for Viewport {
     fn from_str(text: &str) -> Result<Self, String> {
         let size = |text: &str| text.parse().ok().filter(|n| *n > 0);
         let sizes = text.split_once('x').and_then(|(w, h)| Some(Viewport([size(w)?, size(h)?])));
-        sizes.ok_or_else(|| format!("'{text}' is no viewport: write width and height in pixels, as in 1920x1080"))
+        sizes.ok_or_else(|| {
+            format!("'{text}' is no viewport: write width and height in pixels, as in 1920x1080")
+        })
     }
 }
 

@@ -20,4 +20,8 @@ mod integration {
     mod signals;
     /// The house rules: which crate may use which, where unsafe code may be, how long a file gets.
     mod tidy;
+    /// What a camera needs: extracted without cracks, and less where it is far away.
+    mod view;
+    /// Camera paths and walks along them.
+    mod walk;
 }

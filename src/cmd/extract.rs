@@ -11,7 +11,7 @@ use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::Chpm;
 use chpm_mesh::Level;
 use chpm_mesh::ply::{Encoding, PlyWriter};
-use chpm_refine::{Camera, Cut, Extraction, Hierarchy, select};
+use chpm_refine::{Budgeted, Camera, Cut, Extraction, Hierarchy, select};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -26,7 +26,7 @@ pub(crate) struct Args {
     /// not given); +y is upward. If not given, the whole model is looked at along the z axis, from its positive end: at the middle of
     /// the box, from where the sphere around the box fits the field of view
     #[arg(long, value_name = "PX,PY,PZ,TX,TY,TZ[,FOV]", value_parser = view::camera, allow_hyphen_values = true,
-          conflicts_with_all = ["error", "level", "triangles"])]
+          conflicts_with_all = ["error", "level"])]
     camera: Option<Camera>,
     #[command(flatten)]
     image: ImageArgs,
@@ -48,7 +48,7 @@ pub(crate) struct Args {
 #[derive(clap::Args, Debug)]
 #[group(required = true, multiple = false)]
 struct Wanted {
-    /// The finest mesh of one error everywhere that has at most N triangles
+    /// The finest mesh of at most N triangles: of one error everywhere, or of one error in the image of the camera
     #[arg(long, value_name = "N")]
     triangles: Option<u64>,
     /// The coarsest mesh whose error is at most E, in the model's units
@@ -100,14 +100,23 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 fn cut(file: &Chpm<MappedFile>, args: &Args) -> Result<Cut> {
     let wanted = &args.wanted;
-    Ok(match (wanted.poe, wanted.triangles, wanted.error, wanted.level) {
-        (Some(pixels), ..) => {
-            let camera = args.camera.unwrap_or_else(|| view::framing(file));
-            select(file, &Hierarchy::new(file), &args.image.view(file, &camera, pixels)?)?
-        }
-        (_, Some(limit), ..) => Cut::at_triangles(file, limit)?,
-        (_, _, Some(bound), _) => Cut::at_error(file, bound)?,
-        (.., level) => Cut::at_level(file, Level(level.unwrap_or(0))),
+    let view = |pixels| {
+        let camera = args.camera.unwrap_or_else(|| view::framing(file));
+        args.image.view(file, &camera, pixels)
+    };
+    if let Some(pixels) = wanted.poe {
+        return Ok(select(file, &Hierarchy::new(file), &view(pixels)?)?);
+    }
+    if let (Some(limit), Some(_)) = (wanted.triangles, args.camera) {
+        let hierarchy = Hierarchy::new(file);
+        let mut budgeted = Budgeted::new(file, &hierarchy, &view(0.0)?)?;
+        budgeted.run(limit)?;
+        return Ok(budgeted.cut());
+    }
+    Ok(match (wanted.triangles, wanted.error, wanted.level) {
+        (Some(limit), ..) => Cut::at_triangles(file, limit)?,
+        (_, Some(bound), _) => Cut::at_error(file, bound)?,
+        (_, _, level) => Cut::at_level(file, Level(level.unwrap_or(0))),
     })
 }
 

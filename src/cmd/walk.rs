@@ -9,8 +9,11 @@ use anyhow::{Context, Result, ensure};
 use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, ClusterId};
-use chpm_refine::{ActiveList, CameraPath, Hierarchy, PmCursor, View, is_visible};
+use chpm_refine::{
+    ActiveList, CameraPath, Changes, Front, Hierarchy, PmCursor, Residency, View, Wanted, is_visible,
+};
 use serde_json::{Map, Value, json};
+use std::collections::VecDeque;
 use std::fs;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -28,6 +31,13 @@ pub(crate) struct Args {
     poe: f64,
     #[command(flatten)]
     image: ImageArgs,
+    /// Memory for pages, as in 64M; what the camera does not need makes room, and what does not fit is replaced by coarser clusters.
+    /// Without a limit if not given
+    #[arg(long, value_name = "SIZE")]
+    memory: Option<Bytes>,
+    /// Frames from the request of a page until it is there; 0 waits for every page
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    latency: u32,
     /// Write one line of numbers for every frame
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -50,24 +60,30 @@ struct Frame {
     visible: u64,
     splits: u64,
     collapses: u64,
-    checks: u64,
     pm_steps: u64,
     refine_ms: f64,
     pm_ms: f64,
     requested_bytes: u64,
+    resident_bytes: u64,
+    /// Groups that the view wants split and that are not.
+    withheld: u64,
 }
 
-const COLUMNS: [(&str, fn(&Frame) -> f64); 10] = [
+/// A column's name and its value.
+type Column = (&'static str, fn(&Frame) -> f64);
+
+const COLUMNS: [Column; 11] = [
     ("triangles", |f| f.triangles as f64),
     ("clusters", |f| f.clusters as f64),
     ("visible", |f| f.visible as f64),
     ("splits", |f| f.splits as f64),
     ("collapses", |f| f.collapses as f64),
-    ("checks", |f| f.checks as f64),
     ("pm_steps", |f| f.pm_steps as f64),
     ("refine_ms", |f| f.refine_ms),
     ("pm_ms", |f| f.pm_ms),
     ("requested_bytes", |f| f.requested_bytes as f64),
+    ("resident_bytes", |f| f.resident_bytes as f64),
+    ("withheld", |f| f.withheld as f64),
 ];
 
 /// Walks and reports.
@@ -78,7 +94,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let path = read_path(args)?;
     let meter = Meter::new(args.quiet);
     meter.start("walk", path.cameras.len() as u64);
-    let mut walk = Walk::new(&file);
+    let mut walk = Walk::new(&file, args);
     let mut frames = Vec::with_capacity(path.cameras.len());
     for (index, camera) in path.cameras.iter().enumerate() {
         stop::check(&cancel)?;
@@ -109,59 +125,89 @@ fn read_path(args: &Args) -> Result<CameraPath> {
     Ok(path)
 }
 
-/// A viewer without pictures: the active clusters, each with a mesh that follows its position.
+/// A viewer without pictures: the active clusters, each with a mesh that follows its position, and the pages that it would have in memory.
 struct Walk<'a> {
     file: &'a Chpm<MappedFile>,
     hierarchy: Hierarchy,
+    /// What the view wants, in memory or not.
+    wanted: Front,
+    residency: Residency,
+    /// Pages on their way, by the frames that they were asked for in.
+    requests: VecDeque<Vec<ClusterId>>,
+    latency: usize,
     list: ActiveList,
     /// By cluster, those of the cut.
-    cursors: Vec<Option<Box<PmCursor>>>,
+    cursors: Vec<Option<PmCursor>>,
     /// Memory of those that left.
-    free: Vec<Box<PmCursor>>,
-    /// By cluster: its page was asked for.
-    requested: Vec<bool>,
+    free: Vec<PmCursor>,
 }
 
 impl<'a> Walk<'a> {
-    fn new(file: &'a Chpm<MappedFile>) -> Self {
-        let count = file.clusters().len();
+    fn new(file: &'a Chpm<MappedFile>, args: &Args) -> Self {
         Walk {
             file,
             hierarchy: Hierarchy::new(file),
+            wanted: Front::new(file),
+            residency: Residency::new(file, args.memory.unwrap_or(Bytes(u64::MAX))),
+            requests: VecDeque::new(),
+            latency: args.latency as usize,
             list: ActiveList::new(file),
-            cursors: (0..count).map(|_| None).collect(),
+            cursors: file.clusters().iter().map(|_| None).collect(),
             free: Vec::new(),
-            requested: vec![false; count],
         }
     }
 
     fn frame(&mut self, view: &View) -> Result<Frame> {
+        let clusters = self.file.clusters();
         let start = Instant::now();
-        let changes = self.list.update(self.file, &self.hierarchy, view, |_| true)?;
+        let requests = self.request(view);
+        let requested_bytes = requests.iter().map(|id| u64::from(clusters[id.index()].page_len)).sum();
+        self.deliver(requests);
+        let changes = if self.residency.has_roots() {
+            let ready = |group| self.residency.is_ready(group);
+            self.list.update(self.file, &self.hierarchy, view, ready)?
+        } else {
+            Changes::default()
+        };
         let refined = start.elapsed();
         let start = Instant::now();
         let triangles = self.play()?;
         let played = start.elapsed();
-        let clusters = self.file.clusters();
-        let records = || self.list.members().map(|member| (member.cluster, &clusters[member.cluster.index()]));
-        let mut requested_bytes = 0;
-        for (cluster, record) in records() {
-            if !std::mem::replace(&mut self.requested[cluster.index()], true) {
-                requested_bytes += u64::from(record.page_len);
-            }
-        }
+        let records = self.list.members().map(|member| &clusters[member.cluster.index()]);
+        let splits = |front: &Front| front.split_groups().len() as u64;
         Ok(Frame {
             triangles,
             clusters: self.list.len() as u64,
-            visible: records().filter(|(_, record)| is_visible(record, view)).count() as u64,
+            visible: records.filter(|record| is_visible(record, view)).count() as u64,
             splits: changes.splits,
             collapses: changes.collapses,
-            checks: changes.checks,
             pm_steps: changes.pm_steps,
             refine_ms: milliseconds(refined),
             pm_ms: milliseconds(played),
             requested_bytes,
+            resident_bytes: self.residency.reserved().0,
+            withheld: splits(&self.wanted) - splits(self.list.front()),
         })
+    }
+
+    /// What is to be read for a view.
+    fn request(&mut self, view: &View) -> Vec<ClusterId> {
+        self.wanted.update(self.file, &self.hierarchy, view, |_| true);
+        let wanted = self.wanted.split_groups().iter().map(|group| {
+            let error = self.hierarchy.split_error(*group).unwrap_or(0.0);
+            Wanted { group: *group, priority: view.pixels_of(error, self.hierarchy.region(*group)) }
+        });
+        self.residency.update(self.file, &self.hierarchy, wanted.collect()).requests
+    }
+
+    /// Lets the pages arrive whose time has come.
+    fn deliver(&mut self, requests: Vec<ClusterId>) {
+        self.requests.push_back(requests);
+        if self.requests.len() > self.latency {
+            for page in self.requests.pop_front().into_iter().flatten() {
+                self.residency.arrive(self.file, page);
+            }
+        }
     }
 
     /// Moves every mesh to its position; answers the triangles of all.

@@ -35,6 +35,15 @@ pub struct Settings {
     /// Whether shared vertices stay until their clusters merge, or clusters form dependency groups that simplify the seams
     /// between them.
     pub boundary: BoundaryMode,
+    /// Least number of vertices that dependent clusters share (Quick-VDR 4.4: 5).
+    pub dependency_shared: u32,
+    /// Clusters that merge within so many levels do not depend on each other (Quick-VDR 4.4: 2).
+    pub dependency_levels: u32,
+    /// Most members of a dependency group. A group splits and collapses as a whole: small ones follow a view more closely,
+    /// large ones leave fewer vertices locked.
+    pub dependency_members: u32,
+    /// Most that the finest errors of dependent clusters may differ by, as a factor ("similar error-range").
+    pub dependency_error_ratio: f32,
     /// Whether the simplifier may change the topology where nothing else helps.
     pub topology: Topology,
     /// Whether vertex normals of the source are carried along.
@@ -56,8 +65,12 @@ impl Default for Settings {
             partitioner: Partitioner::Metis,
             seed: 17,
             keep: 0.5,
-            boundary: BoundaryMode::Lock,
-            topology: Topology::Keep,
+            boundary: BoundaryMode::Dependencies,
+            dependency_shared: 5,
+            dependency_levels: 2,
+            dependency_members: 4,
+            dependency_error_ratio: 4.0,
+            topology: Topology::Change,
             normals: true,
             colors: true,
             drop_invalid: false,
@@ -78,6 +91,10 @@ impl Settings {
             entry("seed", &self.seed),
             entry("keep", &self.keep),
             entry("boundary", &self.boundary),
+            entry("dependency-shared", &self.dependency_shared),
+            entry("dependency-levels", &self.dependency_levels),
+            entry("dependency-members", &self.dependency_members),
+            entry("dependency-error-ratio", &self.dependency_error_ratio),
             entry("topology", &if self.topology == Topology::Keep { "keep" } else { "change" }),
             entry("error", &"quadric"),
             entry("normals", &self.normals),

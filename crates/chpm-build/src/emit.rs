@@ -1,4 +1,4 @@
-//! Emit: the file, published by rename when it is whole. Establishes I10 to I12.
+//! Emit: the file, published by rename when it is whole. Establishes I10 and I11.
 
 use crate::config::Settings;
 use crate::decompose::Decomposition;
@@ -204,6 +204,7 @@ fn level_record(level: &LevelReport) -> LevelRecord {
     LevelRecord {
         level: level.level,
         stalled_cluster_count: level.stalled,
+        forced_collapse_count: level.forced.min(u64::from(u32::MAX)) as u32,
         refusals: level.refusals.0,
         ..LevelRecord::default()
     }

@@ -61,6 +61,7 @@ fn header<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write) -> Result<(), Fo
 fn dump_level(level: &LevelRecord, out: &mut impl Write) -> Result<(), FormatError> {
     let l = level;
     write!(out, "level {} clusters {} stalled {}", l.level, l.cluster_count, l.stalled_cluster_count)?;
+    write!(out, " forced {}", l.forced_collapse_count)?;
     write!(out, " vertices {} base {}", l.vertex_count, l.base_vertex_count)?;
     write!(out, " triangles {} base {}", l.triangle_count, l.base_triangle_count)?;
     write!(out, " shared {} errors {:?} {:?} refused", l.shared_vertex_count, l.min_error, l.max_error)?;

@@ -173,7 +173,7 @@ impl GroupRecord {
     }
 }
 
-/// Statistics of one level; the writer fills in all but `stalled_cluster_count` and `refusals`.
+/// Statistics of one level; the writer fills in all but `stalled_cluster_count`, `forced_collapse_count` and `refusals`.
 #[derive(Clone, Copy, PartialEq, Pod, Zeroable, Debug, Default)]
 #[repr(C)]
 pub struct LevelRecord {
@@ -197,8 +197,8 @@ pub struct LevelRecord {
     pub max_error: f32,
     /// Clusters that could not be simplified as far as asked.
     pub stalled_cluster_count: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Collapses that changed the topology or turned a face over.
+    pub forced_collapse_count: u32,
     /// Collapses refused, by [`REFUSALS`].
     pub refusals: [u64; 8],
 }
@@ -228,6 +228,7 @@ impl LevelRecord {
         LevelRecord {
             level: self.level,
             stalled_cluster_count: self.stalled_cluster_count,
+            forced_collapse_count: self.forced_collapse_count,
             refusals: self.refusals,
             ..LevelRecord::default()
         }

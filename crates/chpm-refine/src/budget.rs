@@ -10,8 +10,8 @@ use chpm_mesh::{ClusterId, GroupId};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// A refinement that can be stopped after any step: it starts with the coarsest cut, and every step takes away the error that covers the most
-/// pixels, in all clusters of one dependency group at once. So what is left is the least largest error that this many
+/// A refinement that can be stopped after any step: it starts with the coarsest cut, and every step takes away the error
+/// that covers the most pixels, in all clusters of one dependency group at once. So what is left is the least largest error that this many
 /// triangles can have in steps of whole groups, and every cut on the way is legal and without cracks.
 #[derive(Debug)]
 pub struct Budgeted<'a, D> {
@@ -119,7 +119,10 @@ impl<'a, D: AsRef<[u8]>> Budgeted<'a, D> {
     }
 
     /// The clusters of a group and their pages.
-    fn coarse(&self, group: GroupId) -> impl Iterator<Item = (ClusterId, Result<Page<'a>, RefineError>)> + use<'a, D> {
+    fn coarse(
+        &self,
+        group: GroupId,
+    ) -> impl Iterator<Item = (ClusterId, Result<Page<'a>, RefineError>)> + use<'a, D> {
         let file = self.file;
         let page = |id| Ok(Page::view(file.page_bytes(id))?);
         file.coarse(group).iter().copied().map(ClusterId).map(move |id| (id, page(id)))
@@ -164,7 +167,8 @@ impl<'a, D: AsRef<[u8]>> Budgeted<'a, D> {
     fn split(&mut self, group: GroupId) -> Result<(), RefineError> {
         // What may fail comes first.
         let fine = self.file.fine(group).iter().copied().map(ClusterId);
-        let fine = fine.map(|id| Ok((id, Counted::of(self.file, id)?))).collect::<Result<Vec<_>, RefineError>>()?;
+        let fine =
+            fine.map(|id| Ok((id, Counted::of(self.file, id)?))).collect::<Result<Vec<_>, RefineError>>()?;
         fine.into_iter().for_each(|(id, counted)| self.enter(id, counted));
         for coarse in self.file.coarse(group) {
             if let Some(counted) = self.members[*coarse as usize].take() {
@@ -173,8 +177,8 @@ impl<'a, D: AsRef<[u8]>> Budgeted<'a, D> {
         }
         let known = self.front.open_groups().len();
         self.front.split(self.file, group);
-        for opened in self.front.open_groups()[known..].to_vec() {
-            self.plan(opened)?;
+        for place in known..self.front.open_groups().len() {
+            self.plan(self.front.open_groups()[place])?;
         }
         Ok(())
     }

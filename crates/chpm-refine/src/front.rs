@@ -13,11 +13,16 @@ pub struct Changes {
     pub splits: u64,
     /// Groups that were collapsed.
     pub collapses: u64,
-    /// Questions whether the groups around allow a split or a collapse: one a change, and one for every change that they
-    /// did not allow. (A vertex hierarchy asks several for every vertex.)
-    pub checks: u64,
     /// Vertex splits and half-edge collapses along the progressive meshes.
     pub pm_steps: u64,
+}
+
+impl Changes {
+    /// Dependency checks that a frame took (Quick-VDR 5.2): one for each split and collapse of a group, which stands for all of
+    /// its clusters. None is ever answered with another split that must come first.
+    pub fn checks(&self) -> u64 {
+        self.splits + self.collapses
+    }
 }
 
 /// Which groups are split, from frame to frame. A frame costs one bound for every group that could be split or collapsed next,
@@ -84,7 +89,6 @@ impl Front {
             let bound = hierarchy.bound(group, view);
             self.states[group.index()].bound = bound;
             if hierarchy.wants(group, bound) && allowed(group) {
-                changes.checks += 1;
                 changes.splits += 1;
                 self.split(file, group);
             }
@@ -97,7 +101,6 @@ impl Front {
             }
             let bound = hierarchy.bound(group, view);
             if !(hierarchy.wants(group, bound) && allowed(group)) {
-                changes.checks += 1;
                 changes.collapses += 1;
                 self.collapse(file, group, bound);
             }

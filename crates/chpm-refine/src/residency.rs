@@ -96,9 +96,8 @@ impl Residency {
         }
         let bytes = |wanted: &Wanted| self.units[wanted.group.index()].bytes;
         let rank = |wanted: &Wanted| hierarchy.rank(wanted.group);
-        let by_priority = |a: &Wanted, b: &Wanted| {
-            b.priority.total_cmp(&a.priority).then_with(|| rank(a).cmp(&rank(b)))
-        };
+        let by_priority =
+            |a: &Wanted, b: &Wanted| b.priority.total_cmp(&a.priority).then_with(|| rank(a).cmp(&rank(b)));
         let mut room = self.budget.saturating_sub(self.root_bytes);
         if wanted.iter().map(bytes).sum::<u64>() > room {
             wanted.sort_by(by_priority);

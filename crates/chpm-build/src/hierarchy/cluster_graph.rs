@@ -6,7 +6,7 @@ use chpm_mesh::Aabb;
 use chpm_partition::CsrGraph;
 use rayon::prelude::*;
 
-/// Weight of one shared vertex; the nearest pair of clusters that shares none weighs as much as one.
+/// Weight of one shared vertex. Nearness adds at most as much, and that for the closest pair of all.
 const SHARED: u32 = 16;
 /// Nearest clusters that each cluster is tied to, so that separate components find their neighbours.
 const NEIGHBORS: u32 = 6;

@@ -1,19 +1,18 @@
 //! Cluster dependencies: which clusters of a level form a group that simplifies its seams together (Quick-VDR 4.4,
 //! Yoon 4.2.4).
 //!
-//! A pair of clusters is a candidate if it shares enough vertices and does not merge soon: seams that merge soon need no help.
-//! A cluster joins a group only if it is a candidate with every member, so that there are no chains. Pairs with more shared
-//! vertices come first; the published priority, the seam's error against the interior's, is still to come.
+//! A pair of clusters is a candidate if it shares enough vertices, has a similar error-range and does not merge soon: seams that
+//! merge soon need no help. Pairs with more shared vertices come first; the published priority, the seam's error against
+//! the interior's, is still to come. The papers forbid chains of dependencies, since a split travels along them; a group
+//! here splits by one rule of its own, so a chain costs no more than its length, and that is limited.
 
+use crate::config::Settings;
 use crate::decompose::SharedVertices;
 use crate::hierarchy::Tree;
+use std::cmp::Reverse;
 
-/// Least number of vertices that dependent clusters share (Quick-VDR 4.4: 5).
-const MIN_SHARED: u32 = 5;
-/// Levels within which a pair merges anyway (Quick-VDR 4.4: 2).
-const MERGE_SOON: u32 = 2;
-/// Most members of a group: groups split and collapse as a whole, so small ones follow a view more closely.
-const MAX_MEMBERS: usize = 4;
+/// Members that a seam can tell apart: a bit of a byte each.
+const MAX_MEMBERS: usize = 8;
 
 /// Who has the shared vertices while the levels are worked off.
 pub(super) struct Seams<'a> {
@@ -51,22 +50,24 @@ impl<'a> Seams<'a> {
         self.shared.users(id).iter().all(|leaf| members.contains(&self.cluster_over[*leaf as usize]))
     }
 
-    /// Groups of the nodes of a level, each node in one; most are alone where boundaries stay locked.
-    pub(super) fn groups(&self, tree: &Tree, level: u32, built: impl Fn(u32) -> bool) -> Vec<Vec<u32>> {
+    /// Groups of the nodes of a level that `finest_error` answers for, each node in one.
+    pub(super) fn groups(
+        &self,
+        tree: &Tree,
+        level: u32,
+        settings: &Settings,
+        finest_error: impl Fn(u32) -> Option<f32>,
+    ) -> Vec<Vec<u32>> {
         let nodes = tree.level(level);
         let first = nodes.start as u32;
         let mut group_of: Vec<u32> = (0..nodes.len() as u32).collect();
         let mut groups: Vec<Vec<u32>> = nodes.map(|n| vec![n as u32]).collect();
-        let pairs = self.candidates(tree, level, built);
-        let is_pair =
-            |a: u32, b: u32| pairs.binary_search_by_key(&(a.min(b), a.max(b)), |p| (p.0, p.1)).is_ok();
-        let mut by_priority = pairs.clone();
-        by_priority.sort_unstable_by_key(|&(a, b, shared)| (std::cmp::Reverse(shared), a, b));
-        for (a, b, _) in by_priority {
+        let mut pairs = self.candidates(tree, level, settings, finest_error);
+        pairs.sort_unstable_by_key(|&(a, b, shared)| (Reverse(shared), a, b));
+        for (a, b, _) in pairs {
             let [into, from] = [a, b].map(|node| group_of[(node - first) as usize] as usize);
-            let fits = groups[into].len() + groups[from].len() <= MAX_MEMBERS;
-            let all_share = || groups[into].iter().all(|x| groups[from].iter().all(|y| is_pair(*x, *y)));
-            if into != from && fits && all_share() {
+            let members = groups[into].len() + groups[from].len();
+            if into != from && members <= (settings.dependency_members as usize).min(MAX_MEMBERS) {
                 let moved = std::mem::take(&mut groups[from]);
                 moved.iter().for_each(|node| group_of[(node - first) as usize] = into as u32);
                 groups[into].extend(moved);
@@ -78,8 +79,15 @@ impl<'a> Seams<'a> {
     }
 
     /// Pairs (a, b, shared vertices) of nodes of the level that may depend on each other, a < b, ascending.
-    fn candidates(&self, tree: &Tree, level: u32, built: impl Fn(u32) -> bool) -> Vec<(u32, u32, u32)> {
-        let at_level = |node: &u32| tree.nodes[*node as usize].level == level && built(*node);
+    fn candidates(
+        &self,
+        tree: &Tree,
+        level: u32,
+        settings: &Settings,
+        finest_error: impl Fn(u32) -> Option<f32>,
+    ) -> Vec<(u32, u32, u32)> {
+        let at_level =
+            |node: &u32| tree.nodes[*node as usize].level == level && finest_error(*node).is_some();
         let mut pairs = Vec::new();
         let mut having = Vec::new();
         for id in 0..self.shared.len() as u32 {
@@ -87,9 +95,8 @@ impl<'a> Seams<'a> {
                 continue;
             }
             having.clear();
-            having.extend(
-                self.shared.users(id).iter().map(|leaf| self.cluster_over[*leaf as usize]).filter(at_level),
-            );
+            let users = self.shared.users(id).iter();
+            having.extend(users.map(|leaf| self.cluster_over[*leaf as usize]).filter(at_level));
             having.sort_unstable();
             having.dedup();
             for (i, a) in having.iter().enumerate() {
@@ -97,11 +104,15 @@ impl<'a> Seams<'a> {
             }
         }
         pairs.sort_unstable();
-        pairs
-            .chunk_by(|x, y| x == y)
-            .map(|same| (same[0].0, same[0].1, same.len() as u32))
+        let alike = |a: u32, b: u32| {
+            let (a, b) = (finest_error(a).unwrap_or(0.0), finest_error(b).unwrap_or(0.0));
+            a.max(b) <= settings.dependency_error_ratio * a.min(b)
+        };
+        let counted = pairs.chunk_by(|x, y| x == y).map(|same| (same[0].0, same[0].1, same.len() as u32));
+        counted
             .filter(|&(a, b, shared)| {
-                shared >= MIN_SHARED && u32::from(tree.merge_level(&[a, b])) > level + MERGE_SOON
+                let far = u32::from(tree.merge_level(&[a, b])) > level + settings.dependency_levels;
+                shared >= settings.dependency_shared && far && alike(a, b)
             })
             .collect()
     }

@@ -14,6 +14,9 @@ use chpm_format::PageParts;
 use chpm_mesh::Aabb;
 use chpm_qem::{Collapse, Decimator, Patch, Record};
 
+/// Triangles that the root goes down to, since no level above it will: a model in the distance.
+const ROOT_TRIANGLES: usize = 100;
+
 /// What the groups of a level have in common.
 pub(super) struct GroupTask<'a> {
     pub(super) level: u32,
@@ -50,6 +53,7 @@ pub(super) struct Scratch {
 struct Member {
     set: WorkingSet,
     min_error: f32,
+    is_root: bool,
     locked: Vec<bool>,
     record: Record,
     renumbered: WorkingSet,
@@ -98,6 +102,7 @@ impl Scratch {
     /// Fills the working set of a node, and the error that it comes with.
     fn load(&mut self, task: &GroupTask<'_>, side: usize, node: u32) -> Result<(), BuildError> {
         let member = &mut self.members[side];
+        member.is_root = task.tree.nodes[node as usize].parent.is_none();
         if let Some(children) = task.tree.nodes[node as usize].children {
             member.min_error = 0.0;
             for (bytes, child) in self.children.iter_mut().zip(children) {
@@ -130,7 +135,8 @@ impl Member {
         }
         let patch = Patch { positions: &set.positions, triangles: &set.triangles, locked: &self.locked };
         let target = (set.triangles.len() as f64 * task.settings.keep) as usize;
-        let outcome = decimator.decimate_after(&patch, seam, target, min_error);
+        let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
+        let outcome = decimator.decimate_after(&patch, seam, goal, min_error);
         self.record.renumber(&patch, &outcome);
         self.report = LevelReport {
             level: task.level,
@@ -140,7 +146,7 @@ impl Member {
             triangles: set.triangles.len() as u64,
             base_triangles: outcome.triangle_count as u64,
             shared_vertices: set.shared.len() as u64,
-            stalled: u32::from(outcome.stalled),
+            stalled: u32::from(outcome.triangle_count > target),
             forced: outcome.forced as u64,
             min_error: self.min_error,
             max_error: 0.0,

@@ -69,12 +69,12 @@ pub(crate) fn run(
     let mut all_groups = Vec::new();
     for level in 0..tree.level_count() {
         seams.rise(tree, level);
-        let built = |node: u32| is_buildable(node, tree, &refs);
-        let groups = match settings.boundary {
-            BoundaryMode::Dependencies => seams.groups(tree, level, built),
+        let finest_error = |node: u32| finest_error(node, tree, &refs);
+        let mut groups: Vec<Vec<u32>> = match settings.boundary {
+            BoundaryMode::Dependencies => seams.groups(tree, level, settings, finest_error),
             _ => tree.level(level).map(|node| vec![node as u32]).collect(),
         };
-        let groups: Vec<Vec<u32>> = groups.into_iter().filter(|g| g.iter().all(|n| built(*n))).collect();
+        groups.retain(|g| g.iter().all(|n| finest_error(*n).is_some()));
         let task = GroupTask {
             level,
             tree,
@@ -111,11 +111,12 @@ pub(crate) fn run(
     Ok(Hierarchy { pages, refs, levels, groups: all_groups })
 }
 
-/// Whether a node's children are built and fit 16-bit indices together.
-fn is_buildable(node: u32, tree: &Tree, refs: &[Option<PageRef>]) -> bool {
-    let Some(children) = tree.nodes[node as usize].children else { return true };
-    let [Some(a), Some(b)] = children.map(|c| refs[c as usize]) else { return false };
-    a.base_vertex_count + b.base_vertex_count <= MAX_CLUSTER_VERTICES
+/// The error that a node's finest mesh comes with; none if its children are not built or do not fit 16-bit indices together.
+fn finest_error(node: u32, tree: &Tree, refs: &[Option<PageRef>]) -> Option<f32> {
+    let Some(children) = tree.nodes[node as usize].children else { return Some(0.0) };
+    let [Some(a), Some(b)] = children.map(|c| refs[c as usize]) else { return None };
+    let fits = a.base_vertex_count + b.base_vertex_count <= MAX_CLUSTER_VERTICES;
+    fits.then_some(a.group_error.max(b.group_error))
 }
 
 fn add(level: &mut LevelReport, cluster: &LevelReport) {

@@ -11,7 +11,8 @@ fn worst(file: &File, hierarchy: &Hierarchy, view: &View, cut: &Cut) -> f64 {
         let record = &file.clusters()[member.cluster.index()];
         let group = record.group();
         let page = file.page(member.cluster).unwrap();
-        let own = if member.vertices < record.vertex_count { page.error_at(member.vertices as usize) } else { 0.0 };
+        let own =
+            if member.vertices < record.vertex_count { page.error_at(member.vertices as usize) } else { 0.0 };
         let error = own.max(hierarchy.split_error(group).unwrap_or(0.0));
         let partial = !file.coarse(group).iter().all(|id| cut.members().iter().any(|m| m.cluster.0 == *id));
         if partial || error <= hierarchy.bound(group, view) {

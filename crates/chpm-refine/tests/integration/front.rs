@@ -57,7 +57,6 @@ proptest! {
             let counted = Changes {
                 splits: now.difference(&splits).count() as u64,
                 collapses: splits.difference(&now).count() as u64,
-                checks: now.symmetric_difference(&splits).count() as u64,
                 pm_steps: steps(&file, &before, &splits, &cut),
             };
             prop_assert_eq!(changes, counted);

@@ -40,9 +40,10 @@ impl Viewer {
         self.wanted.update(&self.file, &self.hierarchy, view, |_| true);
         let wanted = self.wanted.split_groups().iter().map(|group| Wanted {
             group: *group,
-            priority: self.hierarchy.split_error(*group).map_or(0.0, |error| {
-                view.pixels_of(error, self.hierarchy.region(*group))
-            }),
+            priority: self
+                .hierarchy
+                .split_error(*group)
+                .map_or(0.0, |error| view.pixels_of(error, self.hierarchy.region(*group))),
         });
         let traffic = self.residency.update(&self.file, &self.hierarchy, wanted.collect());
         for ClusterId(id) in &traffic.evictions {
@@ -77,15 +78,9 @@ fn what_is_missing_is_replaced_by_what_is_above() {
     assert_eq!(ids(&traffic.requests)[..3], [6, 4, 5], "from the top");
     assert!(!viewer.residency.has_roots() && traffic.evictions.is_empty());
     let drawn = |viewer: &Viewer| viewer.list.cut().members().iter().map(|m| m.cluster.0).collect::<Vec<_>>();
-    for (arrives, drawn_then) in [
-        (6, &[6][..]),
-        (0, &[6]),
-        (1, &[6]),
-        (4, &[6]),
-        (5, &[0, 1, 5]),
-        (3, &[0, 1, 5]),
-        (2, &[0, 1, 2, 3]),
-    ] {
+    for (arrives, drawn_then) in
+        [(6, &[6][..]), (0, &[6]), (1, &[6]), (4, &[6]), (5, &[0, 1, 5]), (3, &[0, 1, 5]), (2, &[0, 1, 2, 3])]
+    {
         let place = viewer.requested.iter().position(|id| *id == arrives).unwrap();
         viewer.arrive(place);
         assert!(viewer.residency.has_roots());
@@ -118,7 +113,10 @@ fn the_longest_unused_goes_first() {
     assert_eq!(look(&[top, right]), (vec![2, 3], vec![0, 1]));
     // Both do not fit: the first by rank gets its place, the other is not drawn though it is there.
     let (requests, evictions) = look(&[top, left, right]);
-    assert_eq!((requests.len(), evictions.len()), if hierarchy.rank(left) < hierarchy.rank(right) { (2, 2) } else { (0, 0) });
+    assert_eq!(
+        (requests.len(), evictions.len()),
+        if hierarchy.rank(left) < hierarchy.rank(right) { (2, 2) } else { (0, 0) }
+    );
 }
 
 proptest! {

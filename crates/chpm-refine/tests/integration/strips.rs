@@ -261,7 +261,8 @@ impl Plan {
                 let level = 1 + children().map(|c| c.level).max().unwrap();
                 Cluster::new(children().flat_map(|c| c.base.clone()).collect(), level, min_error)
             };
-            if self.mode == BoundaryMode::Dependencies && id < self.strips && coarse[group_of(&id)].len() == 2 {
+            if self.mode == BoundaryMode::Dependencies && id < self.strips && coarse[group_of(&id)].len() == 2
+            {
                 // The border between the two, every second vertex along it: first in both, at equal errors.
                 let middle = coarse[group_of(&id)][1] * WIDTH;
                 (1..LENGTH)

@@ -1,0 +1,119 @@
+//! Camera paths and walks along them.
+
+use super::harness::Folder;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+fn built() -> Folder {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 30000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 512");
+    folder
+}
+
+/// The columns of a CSV file by name.
+fn columns(folder: &Folder, name: &str) -> BTreeMap<String, Vec<f64>> {
+    let text = String::from_utf8(folder.read(name)).expect("text");
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let names = lines.next().expect("a line of names");
+    let mut columns: BTreeMap<String, Vec<f64>> =
+        names.iter().map(|name| (name.clone(), Vec::new())).collect();
+    for line in lines {
+        assert_eq!(line.len(), names.len());
+        for (name, value) in names.iter().zip(line) {
+            columns.get_mut(name).expect("a column").push(value.parse().expect("a number"));
+        }
+    }
+    columns
+}
+
+#[test]
+fn every_way_is_a_path_that_can_be_walked() {
+    let folder = built();
+    for way in ["orbit", "dive", "random"] {
+        folder.stdout(&format!("path {way} in.chpm --frames 20 --seed 3 -o {way}.path"));
+        folder.stdout(&format!("path {way} in.chpm --frames 20 --seed 3 -o again.path -f"));
+        assert_eq!(folder.read(&format!("{way}.path")), folder.read("again.path"));
+        let out = folder.stdout(&format!("walk in.chpm {way}.path --csv {way}.csv -q"));
+        assert!(out.contains("20 frames") && out.contains("pm steps"), "{out}");
+        let columns = columns(&folder, &format!("{way}.csv"));
+        assert_eq!(columns["frame"], (0..20).map(f64::from).collect::<Vec<_>>());
+        assert!(columns["withheld"].iter().all(|n| *n == 0.0), "everything is there");
+        assert!(columns["splits"][0] > 0.0 && columns["pm_steps"][0] > 0.0);
+        assert_eq!(columns["clusters"][0], 1.0 + columns["splits"][0], "a binary tree");
+    }
+    let dive = columns(&folder, "dive.csv");
+    assert!(dive["triangles"][19] > dive["triangles"][0]);
+    let error = folder.stderr("path orbit in.chpm -o orbit.path", 2);
+    assert!(error.contains("--force"), "{error}");
+}
+
+#[test]
+fn a_frame_has_the_triangles_that_extract_gives() {
+    let folder = built();
+    let cameras = ["0.5 0.5 2 0.5 0.5 0.5", "0.2 0.9 1.2 0.5 0.4 0.5", "9 0 0 0.5 0.5 0.5"];
+    let lines: String = cameras.iter().map(|camera| format!("{camera} 0 1 0 45\n")).collect();
+    folder.write("cam.path", format!("chpm-path 1\n{lines}"));
+    folder.stdout("walk in.chpm cam.path --poe 2 --viewport 300x200 --csv out.csv -q");
+    let walked = columns(&folder, "out.csv");
+    for (frame, camera) in cameras.iter().enumerate() {
+        let camera = camera.replace(' ', ",");
+        folder.stdout(&format!("extract in.chpm --poe 2 --viewport 300x200 --camera {camera} -o x.ply -qf"));
+        assert_eq!(
+            walked["triangles"][frame] as usize,
+            folder.read_mesh("x.ply").triangles.len(),
+            "{camera}"
+        );
+    }
+}
+
+#[test]
+fn memory_is_a_limit_and_latency_a_delay() {
+    let folder = built();
+    folder.stdout("path random in.chpm --frames 60 -o cam.path");
+    let text = String::from_utf8(folder.read("cam.path")).expect("text");
+    let last = text.lines().last().expect("a camera");
+    folder.write("cam.path", format!("{text}{last}\n{last}\n"));
+    folder.stdout("walk in.chpm cam.path --poe 0.5 --csv all.csv -q");
+    folder.stdout("walk in.chpm cam.path --poe 0.5 --csv few.csv -q --memory 500K");
+    folder.stdout("walk in.chpm cam.path --poe 0.5 --csv late.csv -q --latency 2");
+    let [all, few, late] = ["all.csv", "few.csv", "late.csv"].map(|name| columns(&folder, name));
+    let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+    assert!(most(&all["resident_bytes"]) > 600.0 * 1024.0, "the limit matters");
+    assert!(most(&few["resident_bytes"]) <= 500.0 * 1024.0);
+    assert!(most(&few["withheld"]) > 0.0 && most(&few["triangles"]) < most(&all["triangles"]));
+    assert_eq!(late["triangles"][..2], [0.0, 0.0], "the roots are on their way");
+    assert!(late["triangles"].iter().zip(&all["triangles"]).all(|(late, all)| late <= all));
+    assert_eq!(late["triangles"][61], all["triangles"][61], "nothing new for two frames");
+}
+
+#[test]
+fn summaries_are_json_and_agree() {
+    let folder = built();
+    folder.stdout("path orbit in.chpm --frames 9 -o cam.path");
+    let out = folder.stdout("walk in.chpm cam.path --csv out.csv -q --json");
+    let summary: Value = serde_json::from_str(&out).expect("valid JSON");
+    let mut triangles = columns(&folder, "out.csv")["triangles"].clone();
+    triangles.sort_by(f64::total_cmp);
+    assert_eq!(summary["frames"], 9);
+    assert_eq!(summary["summary"]["triangles"]["median"], triangles[4]);
+    assert_eq!(summary["summary"]["triangles"]["most"], triangles[8]);
+}
+
+#[test]
+fn paths_that_are_none_are_refused_with_their_line() {
+    let folder = built();
+    for (text, told) in [
+        ("", "line 1"),
+        ("chpm-path 1\n", "no camera"),
+        ("chpm-path 1\n1 2 3\n", "line 2"),
+        ("chpm-path 1\n1 2 3 1 2 3 0 1 0 45\n", "frame 0"),
+        ("chpm-path 1\n1 2 3 1 2 4 0 1 0 180\n", "field of view"),
+    ] {
+        folder.write("bad.path", text);
+        let error = folder.stderr("walk in.chpm bad.path -q --csv out.csv", 2);
+        assert!(error.contains(told) && error.contains("bad.path"), "{text}: {error}");
+    }
+    assert!(folder.stderr("walk in.chpm no.path", 2).contains("no.path"));
+    assert_eq!(folder.names(), ["bad.path", "in.chpm", "in.ply"]);
+}
