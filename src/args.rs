@@ -2,9 +2,11 @@
 
 use crate::cmd::{build, demo, dump, extract, info, path, synth, verify, walk};
 use anyhow::{Context, Result};
+use chpm_build::config::Topology;
 use chpm_build::{BuildConfig, Resources, Settings};
+use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
-use clap::{Args, Parser, Subcommand, value_parser};
+use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use std::path::PathBuf;
 
 /// Turns a triangle mesh (PLY) into one memory-mapped clustered hierarchy of progressive meshes (CHPM).
@@ -53,6 +55,12 @@ pub(crate) struct SettingsArgs {
     /// Who partitions the mesh
     #[arg(long, value_name = "NAME", default_value = "metis", value_parser = ["metis", "greedy"])]
     partitioner: String,
+    /// What becomes of the vertices that clusters share
+    #[arg(long, value_name = "MODE", value_enum, default_value_t = BoundaryArg::Dependencies)]
+    boundary: BoundaryArg,
+    /// What becomes of holes, handles and small pieces
+    #[arg(long, value_name = "MODE", value_enum, default_value_t = TopologyArg::Change)]
+    topology: TopologyArg,
     /// Seed of the partitioner
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
@@ -68,6 +76,44 @@ pub(crate) struct SettingsArgs {
     /// Keep the simplification's order instead of a cache-oblivious layout
     #[arg(long)]
     no_layout: bool,
+}
+
+/// [`BoundaryMode`], as far as it can be built.
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum BoundaryArg {
+    /// They stay until their clusters merge. Builds fastest, but seams keep their detail: coarse meshes have more triangles
+    Lock,
+    /// Neighbours that merge late form groups and simplify the seams between them together. Coarse meshes are smaller; a
+    /// group is refined as a whole
+    Dependencies,
+}
+
+impl BoundaryArg {
+    fn mode(self) -> BoundaryMode {
+        match self {
+            BoundaryArg::Lock => BoundaryMode::Lock,
+            BoundaryArg::Dependencies => BoundaryMode::Dependencies,
+        }
+    }
+}
+
+/// [`Topology`].
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum TopologyArg {
+    /// They stay, so that no part vanishes and nothing grows together; what cannot be simplified so stalls and stays large
+    Keep,
+    /// Where nothing else is left, holes close and pieces vanish, at the price of their displacement. Surfaces may touch
+    /// themselves; the open boundary of the source stays one
+    Change,
+}
+
+impl TopologyArg {
+    fn topology(self) -> Topology {
+        match self {
+            TopologyArg::Keep => Topology::Keep,
+            TopologyArg::Change => Topology::Change,
+        }
+    }
 }
 
 /// What may be used; none of it shows in the output.
@@ -132,6 +178,8 @@ pub(crate) fn build_config(
         settings: Settings {
             cluster_triangles: settings.cluster_triangles,
             partitioner,
+            boundary: settings.boundary.mode(),
+            topology: settings.topology.topology(),
             seed: settings.seed,
             normals: !settings.no_normals,
             colors: !settings.no_colors,
@@ -183,6 +231,8 @@ mod tests {
         let typed = config(&[
             "--cluster-triangles=512",
             "--partitioner=greedy",
+            "--boundary=lock",
+            "--topology=keep",
             "--seed=3",
             "--no-normals",
             "--no-colors",
@@ -194,6 +244,7 @@ mod tests {
         ]);
         let s = typed.settings;
         assert_eq!((s.cluster_triangles, s.partitioner.to_string(), s.seed), (512, "greedy".to_owned(), 3));
+        assert_eq!((s.boundary, s.topology), (BoundaryMode::Lock, Topology::Keep));
         assert_eq!((s.normals, s.colors, s.drop_invalid, s.layout), (false, false, true, false));
         let expected =
             Resources { threads: 5, memory: Bytes::mib(64), work_dir: Some(PathBuf::from("scratch")) };
@@ -202,8 +253,14 @@ mod tests {
 
     #[test]
     fn values_out_of_range_are_refused() {
-        for bad in [["--threads=0"], ["--cluster-triangles=15"], ["--memory=1.5G"], ["--partitioner=scotch"]]
-        {
+        for bad in [
+            ["--threads=0"],
+            ["--cluster-triangles=15"],
+            ["--memory=1.5G"],
+            ["--partitioner=scotch"],
+            ["--boundary=v-partition"],
+            ["--topology=free"],
+        ] {
             assert!(Build::try_parse_from(["build"].iter().chain(&bad)).is_err(), "{bad:?}");
         }
     }

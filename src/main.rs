@@ -7,6 +7,7 @@
 mod against;
 mod args;
 mod cmd;
+mod cuts;
 mod progress;
 mod report;
 mod stop;

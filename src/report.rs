@@ -21,6 +21,7 @@ pub(crate) struct LevelRow {
     min_error: f32,
     max_error: f32,
     stalled_clusters: u32,
+    forced_collapses: u64,
     #[serde(serialize_with = "by_reason")]
     refusals: [u64; REFUSALS.len()],
 }
@@ -42,6 +43,7 @@ impl From<&LevelReport> for LevelRow {
             min_error: level.min_error,
             max_error: level.max_error,
             stalled_clusters: level.stalled,
+            forced_collapses: level.forced,
             refusals: level.refusals.0,
         }
     }
@@ -60,6 +62,7 @@ impl From<&LevelRecord> for LevelRow {
             min_error: level.min_error,
             max_error: level.max_error,
             stalled_clusters: level.stalled_cluster_count,
+            forced_collapses: level.forced_collapse_count.into(),
             refusals: level.refusals,
         }
     }
@@ -92,8 +95,9 @@ pub(crate) fn stages_table(report: &BuildReport) -> Table {
     table(&["stage", "seconds", "triangles/s", "peak memory", "arrays"], rows)
 }
 
-/// The levels, leaves first. "Ratio" is to the triangles of the level below; "locked" is the share of vertices that
-/// other clusters have too and that therefore cannot collapse.
+/// The levels, leaves first. "Ratio" is to the triangles of the level below; "shared" is the share of vertices that
+/// other clusters have too, which collapse only within dependency groups; "forced" counts collapses that changed the topology
+/// or turned a face over.
 pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
     let mut below = None;
     let rows = levels.iter().map(|level| {
@@ -109,10 +113,21 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
             format!("{:.2e}", level.min_error),
             format!("{:.2e}", level.max_error),
             count(level.stalled_clusters.into()),
+            count(level.forced_collapses),
         ]
     });
-    let names =
-        ["level", "clusters", "triangles", "ratio", "kept", "locked", "min error", "max error", "stalled"];
+    let names = [
+        "level",
+        "clusters",
+        "triangles",
+        "ratio",
+        "kept",
+        "shared",
+        "min error",
+        "max error",
+        "stalled",
+        "forced",
+    ];
     table(&names, rows)
 }
 
@@ -231,6 +246,7 @@ mod tests {
             triangle_count: triangles,
             base_triangle_count: triangles / 2,
             shared_vertex_count: 25,
+            forced_collapse_count: 1234,
             refusals,
             ..LevelRecord::default()
         };
@@ -245,11 +261,12 @@ mod tests {
     }
 
     #[test]
-    fn levels_show_ratio_and_locked_share() {
+    fn levels_show_ratio_shared_share_and_forced_collapses() {
         let text = levels_table(&[level(0, 4000, [0; 8]), level(1, 2200, [0; 8])]).to_string();
         let last: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
         assert_eq!(last[..5], ["1", "2", "2,200", "55.0", "%"]);
         assert_eq!(last[5..9], ["50.0", "%", "25.0", "%"]);
+        assert_eq!(last.last(), Some(&"1,234"));
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! `chpm build`: from a PLY to a file, and the tables at the end.
 
-use super::{Verdict, stdout};
+use super::{Verdict, open, stdout};
 use crate::args::{ResourceArgs, SettingsArgs, build_config};
 use crate::progress::Meter;
 use crate::report::{self, LevelRow, count, per_triangle};
 use crate::stop::Stop;
 use anyhow::{Result, ensure};
 use chpm_build::{BuildConfig, BuildReport};
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, ClusterId};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -47,7 +47,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         writeln!(out, "{value:#}")?;
     } else {
         print(&report, &output, &mut out)?;
-        print_next(&args.source, &output, &report, &mut out)?;
+        print_next(&args.source, &output, &mut out)?;
     }
     out.flush()?;
     Ok(Verdict::Good)
@@ -94,10 +94,20 @@ pub(super) fn print(report: &BuildReport, output: &Path, out: &mut impl Write) -
     Ok(())
 }
 
-fn print_next(source: &Path, output: &Path, report: &BuildReport, out: &mut impl Write) -> io::Result<()> {
+fn print_next(source: &Path, output: &Path, out: &mut impl Write) -> Result<()> {
+    let triangles = small(output)?;
     let (source, output) = (source.display(), output.display());
-    let triangles = (report.triangles / 10).max(1);
     writeln!(out, "next:")?;
     writeln!(out, "  chpm verify '{output}' --against '{source}'")?;
-    writeln!(out, "  chpm extract '{output}' --triangles {triangles} -o small.ply")
+    writeln!(out, "  chpm extract '{output}' --triangles {triangles} -o small.ply")?;
+    Ok(())
+}
+
+/// Triangles to suggest for a first look: a tenth of the source, unless the coarsest mesh is near that.
+pub(super) fn small(output: &Path) -> Result<u64> {
+    let file = open(output)?;
+    let base = |root: ClusterId| u64::from(file.clusters()[root.index()].base_triangle_count);
+    let coarsest: u64 = file.roots().map(base).sum();
+    let source = file.header().source_triangle_count;
+    Ok((source / 10).max(2 * coarsest).clamp(1, source.max(1)))
 }

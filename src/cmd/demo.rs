@@ -1,6 +1,6 @@
 //! `chpm demo`: the whole way once, with a generated model.
 
-use super::{Verdict, build, open, stdout, synth};
+use super::{Verdict, build, open, stdout, synth, verify};
 use crate::against;
 use crate::progress::Meter;
 use crate::report::count;
@@ -72,7 +72,7 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
             "verified: every invariant holds, and the leaves are the source's {triangles} triangles"
         )?;
     } else {
-        let faults = checked.faults.iter().map(ToString::to_string);
+        let faults = checked.faults.iter().map(verify::told);
         for fault in faults.chain(compared.faults.iter().map(ToString::to_string)) {
             writeln!(out, "{fault}")?;
         }
@@ -83,9 +83,11 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
         writeln!(out, "  chpm demo --keep demo          the same, and the files stay")?;
         writeln!(out, "  chpm build scan.ply            your own mesh")?;
     } else {
+        let triangles = build::small(&output)?;
         let output = output.display();
         writeln!(out, "  chpm info '{output}'")?;
-        writeln!(out, "  chpm extract '{output}' --triangles 5000 -o small.ply")?;
+        writeln!(out, "  chpm verify '{output}' --cuts 100")?;
+        writeln!(out, "  chpm extract '{output}' --triangles {triangles} -o small.ply")?;
         writeln!(out, "  chpm dump '{output}' | less")?;
     }
     out.flush()?;

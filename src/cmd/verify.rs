@@ -1,13 +1,15 @@
-//! `chpm verify`: every byte and invariant of a file, and with `--against` its leaves and the source.
+//! `chpm verify`: every byte and invariant of a file, with `--against` its leaves and the source, with `--cuts` random cuts.
 
 use super::{Verdict, stdout};
 use crate::against::{self, Comparison};
 use crate::args::StorageArgs;
+use crate::cuts::{self, Cuts};
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::Stop;
 use anyhow::Result;
 use chpm_extmem::{Access, MappedFile, Store};
+use chpm_format::verify::Fault;
 use chpm_format::{Chpm, Report};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -21,6 +23,13 @@ pub(crate) struct Args {
     /// The PLY that it was built from: its triangles must be those of the leaves
     #[arg(long, value_name = "PLY")]
     against: Option<PathBuf>,
+    /// Draw N random legal cuts, extract each and look for cracks, I7. Meshes are held in memory and looked at one after the
+    /// other: above some millions of triangles a cut takes seconds, so draw few
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    cuts: Option<u32>,
+    /// Seed of the first cut; the others follow
+    #[arg(long, value_name = "S", requires = "cuts", default_value_t = 0)]
+    seed: u64,
     /// The result as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -38,6 +47,7 @@ struct Findings {
     fault_count: u64,
     checked: Option<Report>,
     compared: Option<Comparison>,
+    cuts: Option<Cuts>,
 }
 
 /// Verifies, and prints faults one a line.
@@ -61,7 +71,7 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
         // A file that does not even open is what a verification is there to find, not a failure to verify.
         Err(error) => {
             let faults = vec![format!("I10 bytes: {error}")];
-            return Ok(Findings { faults, fault_count: 1, checked: None, compared: None });
+            return Ok(Findings { faults, fault_count: 1, checked: None, compared: None, cuts: None });
         }
     };
     let meter = Meter::new(args.quiet);
@@ -72,7 +82,7 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
         before = done;
     });
     meter.finish();
-    let mut faults: Vec<String> = checked.faults.iter().map(ToString::to_string).collect();
+    let mut faults: Vec<String> = checked.faults.iter().map(told).collect();
     let mut fault_count = checked.fault_count;
     // Pages that cannot be read have been told; what their triangles were cannot be.
     let readable = checked.good_pages == file.clusters().len() as u64;
@@ -89,7 +99,22 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
         }
         _ => None,
     };
-    Ok(Findings { faults, fault_count, checked: Some(checked), compared })
+    let cuts = match args.cuts {
+        Some(count) if readable => {
+            let cuts = cuts::check(&file, count, args.seed, &meter, &stop.heed())?;
+            faults.extend_from_slice(&cuts.faults);
+            fault_count += cuts.fault_count;
+            Some(cuts)
+        }
+        _ => None,
+    };
+    Ok(Findings { faults, fault_count, checked: Some(checked), compared, cuts })
+}
+
+/// A fault as it is printed. Where its message names the place already, it is not named twice.
+pub(super) fn told(fault: &Fault) -> String {
+    let names_place = fault.message.starts_with(&fault.place.to_string());
+    if names_place { format!("{}: {}", fault.invariant, fault.message) } else { fault.to_string() }
 }
 
 fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Result<()> {
@@ -112,6 +137,10 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
         let triangles = count(compared.leaf_triangles);
         writeln!(out, "{path}: the leaves are the {triangles} triangles of {}", source.display())?;
     }
+    if let Some(cuts) = &findings.cuts {
+        let (n, triangles) = (count(cuts.count.into()), count(cuts.triangles));
+        writeln!(out, "{path}: no crack in {n} random cuts of {triangles} triangles together")?;
+    }
     Ok(())
 }
 
@@ -129,6 +158,12 @@ fn as_json(args: &Args, findings: &Findings) -> Value {
             "equal": compared.is_equal(),
             "leaf_triangles": compared.leaf_triangles,
             "source_triangles": compared.source_triangles,
+        })),
+        "cuts": findings.cuts.as_ref().map(|cuts| json!({
+            "count": cuts.count,
+            "seed": cuts.seed,
+            "triangles": cuts.triangles,
+            "fault_count": cuts.fault_count,
         })),
     })
 }

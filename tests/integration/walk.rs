@@ -40,7 +40,7 @@ fn every_way_is_a_path_that_can_be_walked() {
         assert_eq!(columns["frame"], (0..20).map(f64::from).collect::<Vec<_>>());
         assert!(columns["withheld"].iter().all(|n| *n == 0.0), "everything is there");
         assert!(columns["splits"][0] > 0.0 && columns["pm_steps"][0] > 0.0);
-        assert_eq!(columns["clusters"][0], 1.0 + columns["splits"][0], "a binary tree");
+        assert!(columns["clusters"][0] > columns["splits"][0], "a split brings more than it takes");
     }
     let dive = columns(&folder, "dive.csv");
     assert!(dive["triangles"][19] > dive["triangles"][0]);

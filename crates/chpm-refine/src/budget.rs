@@ -38,7 +38,7 @@ struct Counted {
 #[derive(Clone, Copy, Debug)]
 struct Step {
     pixels: f64,
-    /// Groups above come first where errors are equal.
+    /// Decides between equals.
     rank: Reverse<u32>,
     group: GroupId,
     error: f32,

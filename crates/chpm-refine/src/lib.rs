@@ -2,6 +2,15 @@
 //!
 //! A [`Cut`] says which clusters are drawn and how far each one's progressive mesh is refined; [`extract()`] makes one
 //! crack-free mesh of it; a [`PmCursor`] follows one cluster as its position moves from frame to frame.
+//!
+//! What a picture needs, a [`View`] (camera, image, pixels of error) asks of the file's [`Hierarchy`]: [`select()`] gives the cut from
+//! nothing, an [`ActiveList`] the same cut from the last frame's, [`Budgeted`] the best cut within so many triangles. [`Residency`]
+//! tells which pages to read and to drop when they do not all fit into memory; a [`CameraPath`] is a view for every frame.
+//!
+//! Why a cut has no cracks: the split groups are closed upward (no group is split before all its clusters are there), all clusters of a group
+//! are positioned by one bound, and where a group is there in part, its clusters are at their base meshes, which
+//! is what the coarser clusters beside them look like. So nothing else has to be forced, whatever the bounds are; errors that
+//! grow and spheres that nest towards the root see to it that nothing that a view asks for is refused.
 #![forbid(unsafe_code)]
 
 pub mod active;

@@ -147,6 +147,33 @@ pub(crate) fn check_against(file: &ChpmFile, source: &TriMesh) {
     }
 }
 
+/// Edges of an odd number of faces, each from its smaller to its larger vertex, ascending. Faces of two corners in one
+/// vertex do not count: a build leaves them out.
+fn odd_edges(mesh: &TriMesh) -> Vec<[u32; 2]> {
+    let proper = |[a, b, c]: &&[u32; 3]| a != b && b != c && c != a;
+    let sides = |[a, b, c]: &[u32; 3]| [[*a, *b], [*b, *c], [*c, *a]].map(|[u, v]| [u.min(v), u.max(v)]);
+    let mut edges: Vec<[u32; 2]> = mesh.triangles.iter().filter(proper).flat_map(sides).collect();
+    edges.sort_unstable();
+    edges.chunk_by(|a, b| a == b).filter(|same| same.len() % 2 == 1).map(|same| same[0]).collect()
+}
+
+/// Positions of the ends of such edges, as bits, ascending.
+pub(crate) fn odd_vertices(mesh: &TriMesh) -> Vec<[u32; 3]> {
+    let mut places: Vec<[u32; 3]> =
+        odd_edges(mesh).concat().iter().map(|v| mesh.positions[*v as usize].map(f32::to_bits)).collect();
+    places.sort_unstable();
+    places.dedup();
+    places
+}
+
+/// I7 by parity: edges of an odd number of faces, as positions, that do not run between two of the source's `odd_vertices`.
+/// Edges of four faces, which a change of topology makes, let nothing through.
+pub(crate) fn leaks(lod: &TriMesh, border: &[[u32; 3]]) -> Vec<[[f32; 3]; 2]> {
+    let edges = odd_edges(lod).into_iter().map(|edge| edge.map(|v| lod.positions[v as usize]));
+    let is_border = |p: &[f32; 3]| border.binary_search(&p.map(f32::to_bits)).is_ok();
+    edges.filter(|edge| !edge.iter().all(is_border)).collect()
+}
+
 /// I2: no higher than a balanced tree of that many leaves, with one level more to spare.
 pub(crate) fn check_height(file: &ChpmFile) {
     let leaves = file.clusters().iter().filter(|c| c.level == 0).count();

@@ -2,7 +2,7 @@ use crate::extraction::extracted;
 use crate::select::{any_plan, any_view};
 use crate::strips::{File, MORE};
 use chpm_format::Chpm;
-use chpm_mesh::GroupId;
+use chpm_mesh::{ClusterId, GroupId};
 use chpm_refine::{ActiveList, Camera, Changes, Cut, Front, Hierarchy, View, select, select_by};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
@@ -107,4 +107,30 @@ fn after_a_damaged_page_the_list_starts_anew() {
     assert!(list.is_empty());
     list.update(&file, &hierarchy, &view(1e6), |_| true).unwrap();
     assert_eq!(list.cut(), select_by(&file, &hierarchy, |_| f32::INFINITY).unwrap());
+}
+
+/// With everything nearer than the near plane one bound holds everywhere, and it can be any stored error exactly.
+#[test]
+fn bounds_that_are_stored_errors_are_kept_to_exactly() {
+    const NEAR: f64 = 1e3;
+    let camera = Camera { near: NEAR, ..Camera::looking([8.0, 4.0, 1.0], [8.0, 4.0, 0.0]) };
+    let pixel = 2.0 * (0.5 * camera.fov.to_radians()).tan() / 64.0;
+    for file in MORE.iter().map(|plan| plan.build()) {
+        let hierarchy = Hierarchy::new(&file);
+        let pages = || (0..file.clusters().len() as u32).map(|id| file.page(ClusterId(id)).unwrap());
+        let errors = pages().flat_map(|page| {
+            (page.base_vertex_count..=page.vertex_count()).map(move |n| page.error_at(n).to_bits())
+        });
+        let errors: Vec<u32> = errors.collect::<BTreeSet<_>>().into_iter().collect();
+        let mut list = ActiveList::new(&file);
+        for error in errors.iter().chain(errors.iter().rev()).map(|bits| f32::from_bits(*bits)) {
+            for error in [error, error.next_up()] {
+                // A little more than the error, which rounding down to single precision takes away again.
+                let view =
+                    View::new(&camera, [64, 64], f64::from(error) * (1.0 + 1e-10) / (pixel * NEAR)).unwrap();
+                list.update(&file, &hierarchy, &view, |_| true).unwrap();
+                assert_eq!(list.cut(), Cut::at_error(&file, error).unwrap(), "{error}");
+            }
+        }
+    }
 }

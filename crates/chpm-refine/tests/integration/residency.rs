@@ -1,7 +1,7 @@
 use crate::extraction::extracted;
 use crate::select::{any_plan, any_view};
-use crate::strips::{File, PAIRS};
-use chpm_mesh::{Bytes, ClusterId};
+use crate::strips::{File, PAIRS, WOVEN};
+use chpm_mesh::{Bytes, ClusterId, GroupId};
 use chpm_refine::{
     ActiveList, Camera, Front, Hierarchy, Residency, Traffic, View, Wanted, select, select_by,
 };
@@ -99,7 +99,7 @@ fn the_longest_unused_goes_first() {
     let budget = bytes(&file, 4..7) + (page(0) + page(1)).max(page(2) + page(3));
     let mut residency = Residency::new(&file, Bytes(budget));
     let [top, left, right] = [6, 4, 5].map(|id: usize| file.clusters()[id].group());
-    let mut look = |groups: &[chpm_mesh::GroupId]| {
+    let mut look = |groups: &[GroupId]| {
         let wanted = groups.iter().map(|group| Wanted { group: *group, priority: 1.0 }).collect();
         let traffic = residency.update(&file, &hierarchy, wanted);
         for id in &traffic.requests {
@@ -110,6 +110,7 @@ fn the_longest_unused_goes_first() {
     };
     assert_eq!(look(&[top, left]), (vec![6, 4, 5, 0, 1], vec![]));
     assert_eq!(look(&[top]), (vec![], vec![]), "what is not used stays while there is room");
+    assert!(look(&[top, left]).0.is_empty(), "and need not be read again");
     assert_eq!(look(&[top, right]), (vec![2, 3], vec![0, 1]));
     // Both do not fit: the first by rank gets its place, the other is not drawn though it is there.
     let (requests, evictions) = look(&[top, left, right]);
@@ -117,6 +118,57 @@ fn the_longest_unused_goes_first() {
         (requests.len(), evictions.len()),
         if hierarchy.rank(left) < hierarchy.rank(right) { (2, 2) } else { (0, 0) }
     );
+}
+
+#[test]
+fn what_is_still_on_its_way_is_waited_for() {
+    let file = WOVEN.build();
+    let hierarchy = Hierarchy::new(&file);
+    let [top, left, right, first, last] = [14, 12, 13, 8, 11].map(|id: usize| file.clusters()[id].group());
+    let pair = |ids: [u32; 2]| bytes(&file, ids);
+    let budget = bytes(&file, 8..15) + pair([0, 1]).max(pair([6, 7]));
+    let ids = |clusters: &[ClusterId]| clusters.iter().map(|id| id.0).collect::<Vec<_>>();
+    for then in [vec![top, right, left, last], vec![top, right, last]] {
+        let mut residency = Residency::new(&file, Bytes(budget));
+        let look = |residency: &mut Residency, groups: &[GroupId]| {
+            let wanted = groups.iter().map(|group| Wanted { group: *group, priority: 1.0 }).collect();
+            residency.update(&file, &hierarchy, wanted)
+        };
+        let traffic = look(&mut residency, &[top, left, right, first]);
+        let all_but_one = traffic.requests.iter().filter(|id| id.0 != 0);
+        all_but_one.for_each(|id| assert!(residency.arrive(&file, *id)));
+        assert!(residency.is_ready(left) && !residency.is_ready(first));
+        // What could make room is on its way, what is above it must stay, and all else is wanted.
+        assert_eq!(look(&mut residency, &then), Traffic::default());
+        assert_eq!(residency.is_ready(left), then.contains(&left), "only what is wanted is ready");
+        assert!(residency.arrive(&file, ClusterId(0)));
+        let traffic = look(&mut residency, &then);
+        assert_eq!((ids(&traffic.evictions), ids(&traffic.requests)), (vec![0, 1], vec![6, 7]));
+    }
+}
+
+#[test]
+fn nothing_is_kept_for_the_sake_of_what_has_no_place() {
+    let file = WOVEN.build();
+    let hierarchy = Hierarchy::new(&file);
+    let [top, left, right, first] = [14, 12, 13, 8].map(|id: usize| file.clusters()[id].group());
+    let of = |group| bytes(&file, file.fine(group).to_vec());
+    let budget = bytes(&file, [14]) + of(top) + of(left).max(of(right)) + of(first);
+    assert!(
+        of(left) > of(first) && of(right) >= of(left),
+        "the left side has no place, what is below it has"
+    );
+    let mut residency = Residency::new(&file, Bytes(budget));
+    let mut look = |groups: &[(GroupId, f64)]| {
+        let wanted = groups.iter().map(|(group, priority)| Wanted { group: *group, priority: *priority });
+        let traffic = residency.update(&file, &hierarchy, wanted.collect());
+        traffic.requests.iter().for_each(|id| assert!(residency.arrive(&file, *id)));
+        let mut evicted: Vec<_> = traffic.evictions.iter().map(|id| id.0).collect();
+        evicted.sort_unstable();
+        (traffic.requests.len(), evicted)
+    };
+    assert_eq!(look(&[(top, 9.0), (left, 2.0), (first, 1.0)]), (1 + 3 * 2, vec![]));
+    assert_eq!(look(&[(top, 9.0), (left, 2.0), (first, 1.0), (right, 3.0)]), (2, vec![0, 1, 8, 9]));
 }
 
 proptest! {
@@ -150,6 +202,7 @@ proptest! {
                 let coarsest = select_by(&viewer.file, &viewer.hierarchy, |_| f32::INFINITY).unwrap();
                 prop_assert!(coarsest.members().iter().all(|m| viewer.resident.contains(&m.cluster.0)));
                 for group in viewer.list.front().split_groups() {
+                    prop_assert!(viewer.residency.is_ready(*group));
                     prop_assert!(viewer.file.coarse(*group).iter().all(|id| viewer.resident.contains(id)));
                 }
             }

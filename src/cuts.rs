@@ -1,0 +1,232 @@
+//! Whether random legal cuts hold together (I7), by a checker that knows meshes only: no clusters, no quadrics.
+//!
+//! A cut is extracted, welded only where clusters say that they share a vertex, and looked at from outside: an edge of one
+//! face, or of any other odd number, may be only where the source has one. Edges of four faces may be anywhere, since the
+//! topology may have changed; they let nothing through.
+
+use crate::progress::Meter;
+use crate::stop;
+use anyhow::Result;
+use chpm_build::Cancel;
+use chpm_format::Chpm;
+use chpm_measure::{Crack, cracks};
+use chpm_mesh::{Level, TriMesh};
+use chpm_refine::{Cut, RefineError, extract, random_cut};
+
+/// Cuts whose faults are told; further ones are counted.
+const TOLD: usize = 20;
+
+/// What was found.
+#[derive(Debug)]
+pub(crate) struct Cuts {
+    /// Cuts that were drawn.
+    pub(crate) count: u32,
+    /// Seed of the first one.
+    pub(crate) seed: u64,
+    /// Triangles of all of them.
+    pub(crate) triangles: u64,
+    /// The first faults, of one cut each.
+    pub(crate) faults: Vec<String>,
+    /// Places that are wrong, over all cuts.
+    pub(crate) fault_count: u64,
+}
+
+/// Draws `count` cuts from `seed` on and checks each against the finest mesh of the file.
+pub(crate) fn check<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    count: u32,
+    seed: u64,
+    meter: &Meter,
+    cancel: &Cancel,
+) -> Result<Cuts> {
+    meter.start("cuts", count.into());
+    let border = Border::of(&extract(file, &Cut::at_level(file, Level(0)))?);
+    let origin = file.header().origin;
+    let mut found = Cuts { count, seed, triangles: 0, faults: Vec::new(), fault_count: 0 };
+    for seed in (0..count).map(|i| seed.wrapping_add(i.into())) {
+        stop::check(cancel)?;
+        match random_cut(file, seed).and_then(|cut| extract(file, &cut)) {
+            Ok(mesh) => {
+                found.triangles += mesh.triangles.len() as u64;
+                let leaks = border.leaks(&mesh);
+                if let Some(first) = leaks.first() {
+                    let first = first.tell(&mesh, origin);
+                    let rest = leaks.len() - 1;
+                    let more = if rest > 0 { format!("; {rest} more in this cut") } else { String::new() };
+                    found.note(seed, leaks.len(), &format!("{first}{more}"));
+                }
+            }
+            // What the file itself makes impossible is told by the other checks, with a place.
+            Err(error @ RefineError::Format(_)) => return Err(error.into()),
+            Err(error) => found.note(seed, 1, &error.to_string()),
+        }
+        meter.add(1);
+    }
+    meter.finish();
+    Ok(found)
+}
+
+impl Cuts {
+    fn note(&mut self, seed: u64, places: usize, message: &str) {
+        self.fault_count += places as u64;
+        if self.faults.len() < TOLD {
+            self.faults.push(format!("I7 boundary: cut of seed {seed}: {message}"));
+        }
+    }
+}
+
+/// Bits of a position: a level of detail keeps vertices of the source and moves none.
+type Place = [u32; 3];
+
+/// Where a level of detail may have edges of an odd number of faces.
+struct Border {
+    /// A sliver along each such edge of the source: a mesh with the same boundary, and nothing else to look at.
+    outline: TriMesh,
+    /// Its vertices, ascending.
+    vertices: Vec<Place>,
+    /// Vertices that lie inside edges of the source already, ascending.
+    junctions: Vec<Place>,
+}
+
+impl Border {
+    fn of(source: &TriMesh) -> Self {
+        let mut outline = TriMesh::default();
+        for ([a, b], _) in odd_edges(source) {
+            let first = outline.positions.len() as u32;
+            outline.positions.extend([a, b, a].map(|v| source.positions[v as usize]));
+            outline.triangles.push([first, first + 1, first + 2]);
+        }
+        let bits = |v: &[f32; 3]| v.map(f32::to_bits);
+        let inside = |crack| match crack {
+            Crack::TJunction { vertex, .. } => Some(bits(&source.positions[vertex as usize])),
+            Crack::Opened { .. } => None,
+        };
+        let mut vertices: Vec<Place> = outline.positions.iter().map(bits).collect();
+        let mut junctions: Vec<Place> = cracks(source, &outline).into_iter().filter_map(inside).collect();
+        vertices.sort_unstable();
+        junctions.sort_unstable();
+        Border { outline, vertices, junctions }
+    }
+
+    /// Places of a level of detail where it lets the background through and the source does not.
+    fn leaks(&self, lod: &TriMesh) -> Vec<Leak> {
+        let is_among = |v: u32, places: &[Place]| {
+            places.binary_search(&lod.positions[v as usize].map(f32::to_bits)).is_ok()
+        };
+        let mut leaks: Vec<Leak> = odd_edges(lod)
+            .filter(|(edge, _)| !edge.iter().all(|v| is_among(*v, &self.vertices)))
+            .map(|(edge, faces)| Leak::Edge { edge, faces })
+            .collect();
+        for crack in cracks(lod, &self.outline) {
+            match crack {
+                Crack::TJunction { vertex, edge } if !is_among(vertex, &self.junctions) => {
+                    leaks.push(Leak::TJunction { vertex, edge });
+                }
+                // An edge of one face is an odd edge; here the two checkers agree or the count of leaks tells.
+                Crack::Opened { edge: [a, b] } => {
+                    let known = Leak::Edge { edge: [a.min(b), a.max(b)], faces: 1 };
+                    if !leaks.contains(&known) {
+                        leaks.push(known);
+                    }
+                }
+                Crack::TJunction { .. } => {}
+            }
+        }
+        leaks
+    }
+}
+
+/// A place that is wrong; vertices are the level of detail's.
+#[derive(PartialEq, Debug)]
+enum Leak {
+    Edge { edge: [u32; 2], faces: usize },
+    TJunction { vertex: u32, edge: [u32; 2] },
+}
+
+impl Leak {
+    fn tell(&self, lod: &TriMesh, origin: [f64; 3]) -> String {
+        let at = |v: u32| -> [f64; 3] {
+            let p = lod.positions[v as usize];
+            std::array::from_fn(|axis| origin[axis] + f64::from(p[axis]))
+        };
+        match *self {
+            Leak::Edge { edge: [a, b], faces } => {
+                let noun = if faces == 1 { "face" } else { "faces" };
+                let (a, b) = (at(a), at(b));
+                format!("the edge from {a:?} to {b:?} has {faces} {noun}, and the source is closed there")
+            }
+            Leak::TJunction { vertex, edge: [a, b] } => {
+                format!("the vertex at {:?} lies inside the edge from {:?} to {:?}", at(vertex), at(a), at(b))
+            }
+        }
+    }
+}
+
+/// Edges of an odd number of faces, with that number, by ascending vertices.
+fn odd_edges(mesh: &TriMesh) -> impl Iterator<Item = ([u32; 2], usize)> {
+    let sides = |[a, b, c]: &[u32; 3]| [[*a, *b], [*b, *c], [*c, *a]].map(|[u, v]| [u.min(v), u.max(v)]);
+    let mut edges: Vec<[u32; 2]> = mesh.triangles.iter().flat_map(sides).collect();
+    edges.sort_unstable();
+    let counted: Vec<_> = edges.chunk_by(|a, b| a == b).map(|same| (same[0], same.len())).collect();
+    counted.into_iter().filter(|(_, faces)| faces % 2 == 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_mesh::synth::{Shape, Synth, hand};
+
+    #[test]
+    fn a_mesh_leaks_nowhere_against_itself() {
+        for mesh in [
+            hand::cube(),
+            hand::grid(4, 3),
+            hand::edge_fan(5),
+            hand::moebius(9),
+            hand::soup(4),
+            Synth::new(Shape::Plates, 3000, 2).to_mesh(),
+        ] {
+            assert_eq!(Border::of(&mesh).leaks(&mesh), []);
+        }
+    }
+
+    #[test]
+    fn a_missing_triangle_leaks_at_its_three_sides() {
+        let source = hand::icosphere(2);
+        let mut lod = source.clone();
+        let [a, b, c] = lod.triangles.remove(77);
+        let leaks = Border::of(&source).leaks(&lod);
+        let mut sides = [[a, b], [b, c], [c, a]].map(|[u, v]| [u.min(v), u.max(v)]);
+        sides.sort_unstable();
+        assert_eq!(leaks, sides.map(|edge| Leak::Edge { edge, faces: 1 }));
+        let [[u, v], ..] = sides;
+        let [p, q] = [u, v].map(|v| source.positions[v as usize].map(f64::from));
+        let told = leaks[0].tell(&lod, [0.0; 3]);
+        assert_eq!(told, format!("the edge from {p:?} to {q:?} has 1 face, and the source is closed there"));
+    }
+
+    #[test]
+    fn a_third_face_leaks_and_a_fourth_mends_it() {
+        let source = hand::cube();
+        let mut lod = source.clone();
+        let [a, b, c] = lod.triangles[3];
+        lod.triangles.push([a, b, c]);
+        assert_eq!(Border::of(&source).leaks(&lod).len(), 3);
+        lod.triangles.push([a, b, c]);
+        assert_eq!(Border::of(&source).leaks(&lod), []);
+    }
+
+    #[test]
+    fn a_vertex_inside_an_open_edge_leaks_unless_the_source_has_it() {
+        let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0]];
+        let whole = [[0, 3, 1], [1, 3, 2], [0, 1, 4], [1, 2, 4]].to_vec();
+        let apart = TriMesh::new(positions.clone(), vec![[0, 3, 1], [1, 3, 2], [0, 2, 4]]);
+        // All of its edges are open in the outline, so that only the vertex is left to be found.
+        let soup = whole.iter().flat_map(|t| t.map(|v| positions[v as usize])).collect();
+        let source = TriMesh::new(soup, (0..4).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect());
+        let leaks = Border::of(&source).leaks(&apart);
+        assert_eq!(leaks, [Leak::TJunction { vertex: 1, edge: [0, 2] }]);
+        assert!(leaks[0].tell(&apart, [10.0, 0.0, 0.0]).contains("[11.0, 0.0, 0.0] lies inside"));
+        assert_eq!(Border::of(&apart).leaks(&apart), []);
+    }
+}
