@@ -6,6 +6,8 @@ mod integration {
 
     /// Every verb, its exit codes, and that errors leave nothing behind.
     mod cli;
+    /// Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
+    mod cuts;
     /// The same bytes for any number of threads and any memory.
     mod determinism;
     /// Damaged .chpm files: each verb answers, none panics.

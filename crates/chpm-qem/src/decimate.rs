@@ -123,6 +123,8 @@ pub struct Decimator {
     pub(crate) sides: Vec<u8>,
     /// What costs are multiplied by so that they fit an f32 for a model of any size.
     pub(crate) cost_scale: f64,
+    /// Area of the patch that falls to a vertex.
+    pub(crate) mean_area: f64,
 }
 
 /// A vertex in the queue: cheapest first, then the smallest index.
@@ -227,6 +229,8 @@ impl Decimator {
         self.adjacency.build(patch.positions.len(), patch.triangles);
         self.fan.reset(patch.positions.len());
         self.accumulate_quadrics(patch);
+        let area: f64 = self.quadrics.iter().map(|q| q.area).sum();
+        self.mean_area = area / patch.positions.len().max(1) as f64;
         self.classify_vertices(patch, &mut refusals);
         refusals
     }

@@ -8,14 +8,15 @@ use crate::decimate::{Decimator, Patch, Topology};
 use crate::fan::MAX_VALENCE;
 
 impl Decimator {
-    /// The cheapest forced collapse of the vertex whose fan was gathered last: its target, and as cost the area times the squared
-    /// displacement, which bounds the quadric's measure of it.
+    /// The cheapest forced collapse of the vertex whose fan was gathered last: its target, and as cost the squared displacement times
+    /// the area, the vertex's own or the mean if that is larger: a speck of dust must not go far before its time, since the
+    /// error of all later collapses starts from there.
     pub(crate) fn cheapest_forced(&mut self, patch: &Patch<'_>, u: u16) -> Option<(f32, u16)> {
         if self.topology == Topology::Keep {
             return None;
         }
         self.gather_ring();
-        let area = self.quadrics[usize::from(u)].area;
+        let area = self.quadrics[usize::from(u)].area.max(self.mean_area);
         let on_boundary = self.ring.iter().any(|(_, faces)| faces % 2 == 1);
         let mut best: Option<(f32, u16)> = None;
         for i in 0..self.ring.len() {

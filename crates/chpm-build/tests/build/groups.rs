@@ -132,7 +132,6 @@ fn groups_occur_and_leave_fewer_shared_vertices_and_a_smaller_top() {
             assert!(lock.groups().iter().all(|group| group.coarse_count == 1), "{shape}");
             assert!(file.groups().iter().any(|group| group.coarse_count > 2), "{shape}");
             let shares = [&grouped, &locked].map(shared_share);
-            println!("{shape} {topology:?} {shares:?} {:?}", [&grouped, &locked].map(top));
             assert!(shares[0] < shares[1], "{shape}, {topology:?}: {shares:?}");
             let tops = [&grouped, &locked].map(top);
             assert!(tops[0] < tops[1], "{shape}, {topology:?}: {tops:?}");

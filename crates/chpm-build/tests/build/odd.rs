@@ -1,7 +1,9 @@
 //! Sources that are anything but well-behaved.
 
 use crate::site::{Site, check_against, check_height, config, levels_of_detail, triangle_bits};
+use chpm_build::config::Topology;
 use chpm_build::{BuildError, Cancel, Silent};
+use chpm_format::BoundaryMode;
 use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{Level, TriMesh};
 use chpm_refine::{Cut, extract};
@@ -55,10 +57,19 @@ fn oddities_are_counted() {
 #[test]
 fn a_soup_that_does_not_fit_one_cluster_has_several_roots() {
     let mesh = hand::soup(60_000);
-    let report = builds("soup", &mesh, 4096);
-    // Three vertices each and nothing to collapse: a root holds at most 21,845 triangles.
+    let mut config = config(4096);
+    (config.settings.boundary, config.settings.topology) = (BoundaryMode::Lock, Topology::Keep);
+    let (report, _) = Site::of(&mesh).build(&config);
+    // Three vertices each and nothing that may collapse: a root holds at most 21,845 triangles.
     assert!(report.roots >= 3, "{} roots", report.roots);
     assert!(report.levels.iter().all(|level| level.base_triangles == level.triangles));
+}
+
+#[test]
+fn a_soup_may_vanish_piece_by_piece() {
+    let report = builds("soup", &hand::soup(60_000), 4096);
+    assert_eq!(report.roots, 1);
+    assert!(report.levels.iter().all(|level| 2 * level.base_triangles <= level.triangles));
 }
 
 #[test]

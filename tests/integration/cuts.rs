@@ -1,0 +1,240 @@
+//! Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
+
+use super::harness::{Folder, text};
+use chpm_format::{BoundaryMode, Chpm, ChpmWriter, HeaderFields, PageParts, Tables, checksum};
+use chpm_mesh::ClusterId;
+use chpm_mesh::synth::hand;
+use serde_json::Value;
+
+const MODES: [&str; 4] = [
+    "--boundary lock --topology keep",
+    "--boundary lock --topology change",
+    "--boundary dependencies --topology keep",
+    "--boundary dependencies --topology change",
+];
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).expect("valid JSON")
+}
+
+fn model(shape: &str) -> Folder {
+    let folder = Folder::new();
+    folder.stdout(&format!("synth {shape} --triangles 8000 -o in.ply -q"));
+    folder
+}
+
+#[test]
+fn no_mode_cracks_and_each_is_stored() {
+    for shape in ["isosurface", "terrain", "plates"] {
+        let folder = model(shape);
+        for mode in MODES {
+            folder.stdout(&format!("build in.ply -qf --cluster-triangles 128 {mode}"));
+            let out = folder.stdout("verify in.chpm --against in.ply --cuts 60 -q");
+            assert!(out.contains("no crack in 60 random cuts"), "{shape} {mode}: {out}");
+            let info = folder.stdout("info in.chpm");
+            let words: Vec<&str> = mode.split_whitespace().collect();
+            for setting in [format!("boundary {}", words[1]), format!("topology {}", words[3])] {
+                assert!(info.contains(&setting), "{setting}: {info}");
+            }
+        }
+    }
+}
+
+#[test]
+fn dependencies_and_a_change_of_topology_are_the_default() {
+    let folder = model("isosurface");
+    folder.stdout("build in.ply -q --cluster-triangles 128");
+    folder.stdout(&format!("build in.ply -q --cluster-triangles 128 {} -o same.chpm", MODES[3]));
+    assert!(folder.read("in.chpm") == folder.read("same.chpm"));
+}
+
+#[test]
+fn levels_tell_what_was_forced() {
+    let folder = model("isosurface");
+    for (topology, is_forced) in [("keep", false), ("change", true)] {
+        let build = format!("build in.ply -qf --json --cluster-triangles 128 --topology {topology}");
+        let (built, info) = (json(&folder.stdout(&build)), json(&folder.stdout("info in.chpm --json")));
+        assert_eq!(built["levels"], info["levels"]);
+        let levels = info["levels"].as_array().expect("levels");
+        let forced: u64 =
+            levels.iter().map(|level| level["forced_collapses"].as_u64().expect("a count")).sum();
+        assert_eq!(forced > 0, is_forced, "{topology}: {forced}");
+        assert!(folder.stdout("info in.chpm").contains("forced"));
+    }
+}
+
+#[test]
+fn meshes_that_are_cracked_or_tangled_themselves_are_no_fault() {
+    for (name, mesh) in [
+        ("grid", hand::grid(30, 30)),
+        ("bow tie", hand::bow_tie()),
+        ("moebius", hand::moebius(300)),
+        ("klein bottle", hand::klein_bottle(25)),
+        ("soup", hand::soup(300)),
+        ("edge fan", hand::edge_fan(301)),
+        ("mixed winding", hand::mixed_winding()),
+        ("duplicates", hand::duplicate_faces()),
+    ] {
+        let folder = Folder::new();
+        folder.write_mesh("in.ply", &mesh);
+        for mode in MODES {
+            folder.stdout(&format!("build in.ply -qf --cluster-triangles 32 {mode}"));
+            let output = folder.chpm("verify in.chpm --cuts 40 -q");
+            let output = output.get_output();
+            assert_eq!(output.status.code(), Some(0), "{name} {mode}: {}", text(&output.stdout));
+        }
+    }
+}
+
+#[test]
+fn cuts_follow_from_their_seed() {
+    let folder = model("torus");
+    folder.stdout("build in.ply -q --cluster-triangles 128");
+    let triangles = |words: &str| {
+        let out = json(&folder.stdout(&format!("verify in.chpm -q --json {words}")));
+        assert_eq!((&out["sound"], &out["cuts"]["fault_count"]), (&true.into(), &0.into()));
+        out["cuts"]["triangles"].as_u64().expect("a count")
+    };
+    let all = triangles("--cuts 6");
+    assert_eq!(all, triangles("--cuts 6 --seed 0"));
+    assert_eq!(all, triangles("--cuts 2") + triangles("--cuts 3 --seed 2") + triangles("--cuts 1 --seed 5"));
+    assert_ne!(all, triangles("--cuts 6 --seed 100"));
+    assert!(json(&folder.stdout("verify in.chpm -q --json"))["cuts"].is_null());
+    assert!(folder.stderr("verify in.chpm --cuts 3", 0).contains("cuts ..."));
+}
+
+/// The file with the clusters at `changed` refined later than their groups are: every error is that of the base mesh.
+fn with_wrong_errors(bytes: Vec<u8>, changed: &[usize]) -> Vec<u8> {
+    let file = Chpm::open(bytes).expect("a file");
+    let header = file.header();
+    let mut tables = Tables {
+        header: HeaderFields {
+            attributes: header.attributes(),
+            source_vertex_count: header.source_vertex_count,
+            boundary_mode: BoundaryMode::Dependencies,
+            error_kind: header.error_kind().expect("a kind of error"),
+            shared_vertex_count: header.shared_vertex_count,
+            origin: header.origin,
+        },
+        clusters: file.clusters().to_vec(),
+        groups: file.groups().to_vec(),
+        members: file.members().to_vec(),
+        levels: file.levels().to_vec(),
+        metadata: file.metadata().expect("metadata"),
+    };
+    let mut payloads = Vec::new();
+    for index in 0..file.clusters().len() {
+        let id = ClusterId(index as u32);
+        let mut payload = file.page_bytes(id).to_vec();
+        if changed.contains(&index) {
+            let page = file.page(id).expect("a page");
+            let shared: Vec<(u16, u32)> = page.shared().collect();
+            let parts = PageParts {
+                positions: page.positions,
+                normals: page.normals,
+                colors: page.colors,
+                triangles: page.triangles,
+                targets: page.targets,
+                errors: &vec![page.max_error(); page.targets.len()],
+                shared: &shared,
+                min_error: page.min_error,
+                scale_error: page.error_scale,
+            };
+            payload.clear();
+            parts.encode(&mut payload).expect("a payload");
+            tables.clusters[index].page_checksum = checksum(&payload);
+        }
+        payloads.push(payload);
+    }
+    let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).expect("a head");
+    payloads.iter().for_each(|payload| writer.page(payload).expect("a page written"));
+    writer.finish().expect("a file")
+}
+
+#[test]
+fn seams_that_differ_are_found_and_named() {
+    let folder = model("torus");
+    folder.stdout("build in.ply -q --cluster-triangles 128");
+    let bytes = folder.read("in.chpm");
+    let file = Chpm::open(bytes.clone()).expect("a file");
+    let grouped = file.groups().iter().filter(|group| group.coarse_count > 1);
+    let firsts: Vec<usize> =
+        grouped.map(|group| file.members()[group.coarse_first as usize] as usize).collect();
+    assert!(!firsts.is_empty());
+    folder.write("same.chpm", with_wrong_errors(bytes.clone(), &[]));
+    folder.stdout("verify same.chpm --cuts 40 -q");
+    folder.write("bad.chpm", with_wrong_errors(bytes, &firsts));
+    let output = folder.chpm("verify bad.chpm --cuts 40 -q").code(1);
+    let out = text(&output.get_output().stdout);
+    let told: Vec<&str> = out.lines().filter(|line| line.contains("I7 boundary: cut of seed ")).collect();
+    assert!(!told.is_empty(), "{out}");
+    assert!(told[0].contains("the edge from [") && told[0].contains("source is closed there"), "{out}");
+    let out = json(&text(&folder.chpm("verify bad.chpm --cuts 40 -q --json").code(1).get_output().stdout));
+    assert_eq!(out["sound"], false);
+    assert!(out["cuts"]["fault_count"].as_u64() >= Some(told.len() as u64));
+    // The seed that was named alone shows the same.
+    let seed = told[0].split("seed ").nth(1).and_then(|rest| rest.split(':').next()).expect("a seed");
+    let again = folder.chpm(&format!("verify bad.chpm --cuts 1 --seed {seed} -q")).code(1);
+    assert!(text(&again.get_output().stdout).contains(told[0]));
+}
+
+#[test]
+fn a_damaged_page_is_named_once_and_no_cut_is_drawn() {
+    let folder = model("torus");
+    folder.stdout("build in.ply -q --cluster-triangles 512");
+    let mut bytes = folder.read("in.chpm");
+    let page = bytes.windows(4).position(|window| window == b"CPGE").expect("a page");
+    bytes[page + 100] ^= 1;
+    folder.write("bad.chpm", &bytes);
+    let out = text(&folder.chpm("verify bad.chpm --cuts 5 -q").code(1).get_output().stdout);
+    let line = out.lines().find(|line| line.contains("checksum")).expect("the fault");
+    assert_eq!(line.matches("page of cluster 0").count(), 1, "{line}");
+    assert!(!out.contains("random cuts"), "{out}");
+}
+
+#[test]
+fn suggestions_work_as_they_are_printed() {
+    for mode in [MODES[0], MODES[3]] {
+        let folder = model("isosurface");
+        let out = folder.stdout(&format!("build in.ply -q --cluster-triangles 64 {mode}"));
+        try_suggestions(&folder, &out, 2);
+    }
+    let folder = Folder::new();
+    let out = folder.stdout("demo --triangles 1000 --keep here -q");
+    try_suggestions(&folder, &out, 3);
+}
+
+fn try_suggestions(folder: &Folder, out: &str, least: usize) {
+    let next = out.lines().skip_while(|line| *line != "next:").skip(1);
+    let commands: Vec<String> = next
+        .filter_map(|line| line.trim().strip_prefix("chpm "))
+        .filter(|line| !line.contains('|'))
+        .map(|line| line.replace('\'', ""))
+        .collect();
+    assert!(commands.len() >= least, "{out}");
+    for command in commands {
+        folder.stdout(&command);
+    }
+}
+
+#[test]
+fn wrong_modes_and_numbers_are_refused() {
+    let folder = Folder::new();
+    for words in [
+        "build x.ply --boundary v-partition",
+        "build x.ply --boundary",
+        "build x.ply --topology maybe",
+        "verify x.chpm --cuts 0",
+        "verify x.chpm --cuts few",
+        "verify x.chpm --cuts=-1",
+        "verify x.chpm --seed 3",
+        "verify x.chpm --cuts 3 --seed x",
+    ] {
+        let error = folder.stderr(words, 2);
+        assert!(error.contains("--"), "{words}: {error}");
+    }
+    let help = folder.stdout("build --help");
+    for word in ["--boundary", "lock", "dependencies", "--topology", "keep", "change"] {
+        assert!(help.contains(word), "{word}: {help}");
+    }
+}
