@@ -11,10 +11,13 @@ use chpm_build::Cancel;
 use chpm_format::Chpm;
 use chpm_measure::{Crack, cracks};
 use chpm_mesh::{Level, TriMesh};
-use chpm_refine::{Cut, RefineError, extract, random_cut};
+use chpm_refine::{CameraPath, Cut, Hierarchy, RefineError, View, extract, random_cut, select};
 
 /// Cuts whose faults are told; further ones are counted.
 const TOLD: usize = 20;
+/// Pixels of error in a camera's image of 512 x 512: 16 for the first camera, half as much for every next one, and again from 16.
+const PIXELS: f64 = 16.0;
+const HALVINGS: u64 = 12;
 
 /// What was found.
 #[derive(Debug)]
@@ -31,7 +34,8 @@ pub(crate) struct Cuts {
     pub(crate) fault_count: u64,
 }
 
-/// Draws `count` cuts from `seed` on and checks each against the finest mesh of the file.
+/// Draws `count` cuts from `seed` on and checks each against the finest mesh of the file. Even seeds are random legal
+/// cuts, odd ones what random cameras select.
 pub(crate) fn check<D: AsRef<[u8]>>(
     file: &Chpm<D>,
     count: u32,
@@ -41,11 +45,12 @@ pub(crate) fn check<D: AsRef<[u8]>>(
 ) -> Result<Cuts> {
     meter.start("cuts", count.into());
     let border = Border::of(&extract(file, &Cut::at_level(file, Level(0)))?);
+    let hierarchy = Hierarchy::new(file);
     let origin = file.header().origin;
     let mut found = Cuts { count, seed, triangles: 0, faults: Vec::new(), fault_count: 0 };
     for seed in (0..count).map(|i| seed.wrapping_add(i.into())) {
         stop::check(cancel)?;
-        match random_cut(file, seed).and_then(|cut| extract(file, &cut)) {
+        match draw(file, &hierarchy, seed).and_then(|cut| extract(file, &cut)) {
             Ok(mesh) => {
                 found.triangles += mesh.triangles.len() as u64;
                 let leaks = border.leaks(&mesh);
@@ -64,6 +69,17 @@ pub(crate) fn check<D: AsRef<[u8]>>(
     }
     meter.finish();
     Ok(found)
+}
+
+fn draw<D: AsRef<[u8]>>(file: &Chpm<D>, hierarchy: &Hierarchy, seed: u64) -> Result<Cut, RefineError> {
+    let path = CameraPath::random(&file.header().aabb(), seed, 1);
+    match path.cameras.first() {
+        Some(camera) if seed % 2 == 1 => {
+            let pixels = PIXELS * 0.5_f64.powi((seed / 2 % HALVINGS) as i32);
+            select(file, hierarchy, &View::new(camera, [512, 512], pixels)?)
+        }
+        _ => random_cut(file, seed),
+    }
 }
 
 impl Cuts {
@@ -122,7 +138,7 @@ impl Border {
                 Crack::TJunction { vertex, edge } if !is_among(vertex, &self.junctions) => {
                     leaks.push(Leak::TJunction { vertex, edge });
                 }
-                // An edge of one face is an odd edge; here the two checkers agree or the count of leaks tells.
+                // An edge of one face is an odd edge, so this adds one only where the two checkers disagree.
                 Crack::Opened { edge: [a, b] } => {
                     let known = Leak::Edge { edge: [a.min(b), a.max(b)], faces: 1 };
                     if !leaks.contains(&known) {

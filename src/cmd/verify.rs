@@ -23,8 +23,9 @@ pub(crate) struct Args {
     /// The PLY that it was built from: its triangles must be those of the leaves
     #[arg(long, value_name = "PLY")]
     against: Option<PathBuf>,
-    /// Draw N random legal cuts, extract each and look for cracks, I7. Meshes are held in memory and looked at one after the
-    /// other: above some millions of triangles a cut takes seconds, so draw few
+    /// Draw N cuts, extract each and look for cracks, I7. Half of them are random legal cuts, half what random cameras
+    /// select. Meshes are held in memory and looked at one after the other: above some millions of triangles a cut takes
+    /// seconds, so draw few
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     cuts: Option<u32>,
     /// Seed of the first cut; the others follow

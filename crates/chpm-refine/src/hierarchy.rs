@@ -1,4 +1,4 @@
-//! The dependency groups as a selection asks for them: errors that never grow from a group to those below, spheres that nest.
+//! The dependency groups as a selection asks for them: errors that never grow from a group to those below, spheres and boxes that nest.
 
 use crate::splits::top_down;
 use crate::view::{Region, View};
@@ -7,7 +7,7 @@ use chpm_mesh::{GroupId, geom};
 
 /// What decides whether a group is split, for all groups of a file. Whatever the file, a group that a view wants split has only
 /// groups above that it wants split too: so there are no forced splits. A file that keeps I6 loses nothing by it; in
-/// another one errors are raised and spheres widened as far as needed.
+/// another one errors are raised, spheres and boxes widened as far as needed.
 #[derive(Clone, Debug)]
 pub struct Hierarchy {
     nodes: Vec<Node>,
@@ -31,6 +31,10 @@ impl Hierarchy {
         for (rank, id) in (0..order.len() as u32).zip(&order).rev() {
             let mut node = nodes[id.index()];
             node.rank = rank;
+            for coarse in file.coarse(*id) {
+                let record = &file.clusters()[*coarse as usize];
+                node.region.widen(record.aabb_min.map(f64::from), record.aabb_max.map(f64::from));
+            }
             let center = file.groups()[id.index()].center;
             for fine in file.fine(*id) {
                 let below = file.clusters()[*fine as usize].group();
@@ -39,6 +43,8 @@ impl Hierarchy {
                 // The factor pays for the rounding of the sum.
                 let radius = (away + inner.region.radius) * (1.0 + 4.0 * f64::EPSILON);
                 node.region.radius = node.region.radius.max(radius);
+                let (low, high) = (inner.region.low, inner.region.high);
+                node.region.widen(low, high);
                 node.split_error = node.split_error.max(inner.split_error);
             }
             nodes[id.index()] = node;
@@ -59,7 +65,7 @@ impl Hierarchy {
         self.nodes[group.index()].rank
     }
 
-    /// The sphere around a group and everything below.
+    /// The sphere and the box around a group and everything below.
     pub fn region(&self, group: GroupId) -> &Region {
         &self.nodes[group.index()].region
     }
@@ -87,6 +93,8 @@ impl Node {
                 center: group.center.map(f64::from),
                 radius: f64::from(group.radius),
                 slack: Region::SLACK * (f64::from(group.level) + 1.0),
+                low: [f64::INFINITY; 3],
+                high: [f64::NEG_INFINITY; 3],
             },
             split_error: if group.is_leaf() { -1.0 } else { group.min_error },
             rank: 0,

@@ -75,9 +75,9 @@ impl Camera {
     }
 }
 
-/// A sphere that a view is asked about. Asked for a sphere inside it, a view never answers with less error or with
-/// "visible" where it answered "not visible", in spite of rounding, as long as the one inside has the smaller slack:
-/// by 1e-14 at least.
+/// A sphere and a box that a view is asked about: what lies in both. Asked for a sphere and a box inside them, a view never answers
+/// with less error or with "visible" where it answered "not visible", in spite of rounding, as long as the sphere inside has
+/// the smaller slack: by 1e-14 at least. Boxes need none: their distance is made of monotone steps.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Region {
     /// Centre, object units, relative to the file's origin.
@@ -86,11 +86,28 @@ pub struct Region {
     pub radius: f64,
     /// By how much the answer is made safe, relative to the far side's distance; 1e-14 covers the rounding.
     pub slack: f64,
+    /// Smallest corner of the box.
+    pub low: [f64; 3],
+    /// Largest corner of the box.
+    pub high: [f64; 3],
 }
 
 impl Region {
+    /// A sphere alone, with the least slack.
+    pub fn sphere(center: [f64; 3], radius: f64) -> Self {
+        Region { center, radius, slack: Region::SLACK, low: [f64::NEG_INFINITY; 3], high: [f64::INFINITY; 3] }
+    }
+
     /// Slack from one nested region to the next larger one: some 40 times the rounding of a distance.
     pub const SLACK: f64 = 1e-14;
+
+    /// Lets the box hold another one.
+    pub(crate) fn widen(&mut self, low: [f64; 3], high: [f64; 3]) {
+        for axis in 0..3 {
+            self.low[axis] = self.low[axis].min(low[axis]);
+            self.high[axis] = self.high[axis].max(high[axis]);
+        }
+    }
 }
 
 /// A camera, the image it makes, and the error allowed in it.
@@ -148,8 +165,8 @@ impl View {
         self.pixels
     }
 
-    /// The error that the view allows in a sphere, object units: at most what covers the allowed pixels at its nearest
-    /// point, which is taken no nearer than the near plane. Inside the sphere that is 0 if the near plane is. Infinite for what
+    /// The error that the view allows in a region, object units: at most what covers the allowed pixels at its nearest
+    /// point, which is taken no nearer than the near plane. Inside the region that is 0 if the near plane is. Infinite for what
     /// is culled.
     pub fn bound(&self, region: &Region) -> f32 {
         if self.culls(region) {
@@ -168,10 +185,13 @@ impl View {
         }
     }
 
-    /// Distance to the sphere, never too large; that of the near plane if it is nearer.
+    /// Distance to the sphere or to the box, whichever is larger, never too large; that of the near plane if it is nearer.
     fn reach(&self, region: &Region) -> f64 {
         let center = (Point3::from(region.center) - self.eye).norm();
-        (center - region.radius - region.slack * (center + region.radius)).max(self.near)
+        let sphere = center - region.radius - region.slack * (center + region.radius);
+        let outside = |a: usize| (region.low[a] - self.eye[a]).max(self.eye[a] - region.high[a]).max(0.0);
+        let to_box = Vector3::new(outside(0), outside(1), outside(2)).norm() * (1.0 - Region::SLACK);
+        sphere.max(to_box).max(self.near)
     }
 
     fn culls(&self, region: &Region) -> bool {

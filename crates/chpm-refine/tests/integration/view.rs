@@ -7,7 +7,7 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 fn sphere(center: [f64; 3], radius: f64) -> Region {
-    Region { center, radius, slack: Region::SLACK }
+    Region::sphere(center, radius)
 }
 
 /// Camera at the zero point that looks along -z, 90 degrees, 100 x 200 pixels.
@@ -190,14 +190,44 @@ proptest! {
         let inner = radius * (1.0 - share);
         let small = sphere(inside(center, radius, toward, share), inner);
         let away = distance(small.center, center);
-        let large = Region {
-            center,
-            radius: (away + inner) * (1.0 + 4.0 * f64::EPSILON),
-            slack: 2.0 * Region::SLACK,
-        };
+        let radius = (away + inner) * (1.0 + 4.0 * f64::EPSILON);
+        let large = Region { slack: 2.0 * Region::SLACK, ..sphere(center, radius) };
         prop_assert!(view.bound(&small) >= view.bound(&large));
         prop_assert!(view.misses(&small) || !view.misses(&large));
         let view = view.with_culling(false);
         prop_assert!(view.pixels_of(0.1, &small) <= view.pixels_of(0.1, &large));
+    }
+}
+
+#[test]
+fn a_box_tells_how_near_something_is_where_the_sphere_does_not() {
+    let view = simple(0.0, 3.0);
+    // The eye is in the sphere, and ten units from the box.
+    let slab =
+        Region { low: [-50.0, -50.0, -20.0], high: [50.0, 50.0, -10.0], ..sphere([0.0, 0.0, -15.0], 75.0) };
+    let bound = view.bound(&slab);
+    assert!(bound <= 3.0 * 0.02 * 10.0 && bound > 0.5999, "{bound}");
+}
+
+proptest! {
+    #[test]
+    fn a_box_inside_another_is_never_nearer(
+        low in prop::array::uniform3(-10.0..10.0f64),
+        size in prop::array::uniform3(0.0..10.0f64),
+        grow in prop::array::uniform6(0.0..3.0f64),
+        eye in prop::array::uniform3(-30.0..30.0f64),
+    ) {
+        let camera = Camera::looking(eye, [eye[0], eye[1], eye[2] - 1.0]);
+        let view = View::new(&camera, [200, 100], 1.0).unwrap();
+        // Spheres around everything, so that the boxes decide.
+        let all = sphere([0.0; 3], 100.0);
+        let high = std::array::from_fn(|a| low[a] + size[a]);
+        let small = Region { low, high, ..all };
+        let large = Region {
+            low: std::array::from_fn(|a| low[a] - grow[a]),
+            high: std::array::from_fn(|a| high[a] + grow[a + 3]),
+            ..all
+        };
+        prop_assert!(view.bound(&small) >= view.bound(&large));
     }
 }
