@@ -28,7 +28,7 @@ pub(crate) enum Command {
     Build(build::Args),
     /// Show what a .chpm file holds: counts, levels, sizes, settings, provenance
     Info(info::Args),
-    /// Check every byte and invariant of a .chpm file, and the source's triangles with --against
+    /// Check every byte and invariant of a .chpm file; the source's triangles with --against, cracks with --cuts
     Verify(verify::Args),
     /// Write a .chpm file as text
     Dump(dump::Args),
@@ -81,7 +81,7 @@ pub(crate) struct SettingsArgs {
 /// [`BoundaryMode`], as far as it can be built.
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum BoundaryArg {
-    /// They stay until their clusters merge. Builds fastest, but seams keep their detail: coarse meshes have more triangles
+    /// They stay until their clusters merge. Seams keep their detail, so coarse meshes have more triangles
     Lock,
     /// Neighbours that merge late form groups and simplify the seams between them together. Coarse meshes are smaller; a
     /// group is refined as a whole

@@ -24,8 +24,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PLY")]
     against: Option<PathBuf>,
     /// Draw N cuts, extract each and look for cracks, I7. Half of them are random legal cuts, half what random cameras
-    /// select. Meshes are held in memory and looked at one after the other: above some millions of triangles a cut takes
-    /// seconds, so draw few
+    /// select. Meshes are held in memory and looked at one after the other, at about half a second for a million
+    /// triangles: draw few from a model of many millions
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     cuts: Option<u32>,
     /// Seed of the first cut; the others follow

@@ -38,6 +38,10 @@ impl Merger {
                 *triangle = triangle.map(|v| self.local[usize::from(v)]);
             }
         }
+        // Where all has vanished, one vertex stays for the page to have: no triangle uses it.
+        if next == 0 {
+            self.fresh[0].push(0);
+        }
     }
 
     /// Appends the base mesh's triangles, over the child's own vertices, and notes which of them it uses.

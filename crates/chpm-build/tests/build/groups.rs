@@ -103,9 +103,9 @@ fn no_cut_of_any_model_in_any_mode_cracks() {
 
 #[test]
 fn threads_and_memory_do_not_show_in_any_mode() {
-    let models = models();
-    for (name, mesh) in models.iter().filter(|(name, _)| ["terrain", "isosurface", "bow ties"].contains(name)) {
-        let site = Site::of(mesh);
+    let chosen = ["terrain", "isosurface", "bow ties"];
+    for (name, mesh) in models().into_iter().filter(|(name, _)| chosen.contains(name)) {
+        let site = Site::of(&mesh);
         for mode in MODES {
             let mut config = with_mode(64, mode);
             let mut sums = Vec::new();
@@ -170,6 +170,17 @@ fn topology_changes_only_if_it_may_and_then_helps() {
     assert_eq!(forced(&keep), 0);
     assert!(forced(&change) > 0);
     assert!(base(&change) < base(&keep), "{} {}", base(&change), base(&keep));
+}
+
+#[test]
+fn clusters_of_which_nothing_is_left_merge() {
+    // Halving a single triangle leaves none, and then there is none in the parent either.
+    for mesh in [hand::soup(2), hand::soup(9), hand::edge_fan(6), hand::bow_tie()] {
+        for mode in MODES {
+            let (_, file) = Site::of(&mesh).build(&with_mode(1, mode));
+            assert_eq!(first_leak(&file, &mesh, 40), None, "{mode:?}");
+        }
+    }
 }
 
 /// What happens to a model before it is built; numbers are taken modulo what there is.
