@@ -47,7 +47,10 @@ impl Faces {
     /// Which corner of a face a vertex is.
     pub(crate) fn corner(&self, face: u32, vertex: u32) -> usize {
         let corners = self.corners[face as usize];
-        corners.iter().position(|v| *v == vertex).unwrap_or_else(|| panic!("{vertex} is no corner of {corners:?}"))
+        corners
+            .iter()
+            .position(|v| *v == vertex)
+            .unwrap_or_else(|| panic!("{vertex} is no corner of {corners:?}"))
     }
 
     /// The next face about a vertex, against the clock seen from outside.

@@ -106,7 +106,8 @@ impl Hierarchy {
         }
         splits.reverse();
 
-        let renumbered = |f: &u32| rest.corners[*f as usize].map(|v| if v == NONE { v } else { vertices[v as usize] });
+        let renumbered =
+            |f: &u32| rest.corners[*f as usize].map(|v| if v == NONE { v } else { vertices[v as usize] });
         let corners = order.iter().map(renumbered).collect();
         let is_base = |f: u32| f != NONE && rest.is_active(f);
         let beside = |f: &u32| match is_base(*f) {
@@ -121,7 +122,12 @@ impl Hierarchy {
             splits,
             makers,
             positions: sources.iter().map(|v| mesh.positions[*v as usize]).collect(),
-            base: Mesh { faces: Faces { corners, across }, next, front: (0..base_count).collect(), stack: Vec::new() },
+            base: Mesh {
+                faces: Faces { corners, across },
+                next,
+                front: (0..base_count).collect(),
+                stack: Vec::new(),
+            },
             sources,
         })
     }
@@ -187,7 +193,8 @@ impl Hierarchy {
 
 /// Triangles with their least corner first, sorted.
 pub(crate) fn canonical(triangles: impl Iterator<Item = [u32; 3]>) -> Vec<[u32; 3]> {
-    let turned = |[a, b, c]: [u32; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or_default();
+    let turned =
+        |[a, b, c]: [u32; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or_default();
     let mut triangles: Vec<_> = triangles.map(turned).collect();
     triangles.sort_unstable();
     triangles
@@ -230,7 +237,13 @@ impl Mesh {
         let one_apex = ahead(one_kept, sides[0], 0).or(ahead(one_brought, sides[1], 1));
         let other_apex = ahead(other_kept, sides[2], 1).or(ahead(other_brought, sides[3], 0));
 
-        self.hand_over(kept, brings, if one == NONE { NONE } else { one_brought }, other_brought, other == NONE);
+        self.hand_over(
+            kept,
+            brings,
+            if one == NONE { NONE } else { one_brought },
+            other_brought,
+            other == NONE,
+        );
         for ((face, edge), new) in split.outer.into_iter().zip(sides).zip([one, one, other, other]) {
             if let Some(edge) = edge {
                 self.faces.join(face, edge, new);

@@ -120,7 +120,8 @@ impl<'a> State<'a> {
         let mut costs = std::mem::take(&mut self.costs);
         costs.clear();
         // Adding zero turns -0, whose bits are the largest, into 0.
-        costs.extend(self.fan.ring.iter().enumerate().map(|(at, v)| ((self.cost(u, *v) + 0.0).to_bits(), at)));
+        costs
+            .extend(self.fan.ring.iter().enumerate().map(|(at, v)| ((self.cost(u, *v) + 0.0).to_bits(), at)));
         costs.sort_unstable();
         if let Some((cost, at)) = costs.iter().find(|(_, at)| self.allows(u, *at)) {
             self.heap.push(Reverse((*cost, u, self.fan.ring[*at], self.stamps[u as usize])));
@@ -137,9 +138,9 @@ impl<'a> State<'a> {
         }
         let v = fan.ring[at];
         let goes = fan.beside(at);
-        // An open fan of one face would leave a bare edge if the face has no other neighbour.
-        let is_lonely = |face: u32| self.faces.across[face as usize].iter().filter(|f| **f == NONE).count() >= 2;
-        if goes.into_iter().any(|face| face != NONE && is_lonely(face)) {
+        // A face with two open edges stays: without it a bare edge could be left.
+        let is_tip = |face: u32| self.faces.across[face as usize].iter().filter(|f| **f == NONE).count() >= 2;
+        if goes.into_iter().any(|face| face != NONE && is_tip(face)) {
             return false;
         }
         self.other.collect(&self.faces, v, self.one[v as usize]);
