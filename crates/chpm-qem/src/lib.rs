@@ -8,6 +8,7 @@ mod adjacency;
 mod decimate;
 mod fan;
 mod forced;
+mod legality;
 mod quadric;
 mod record;
 mod refusal;
