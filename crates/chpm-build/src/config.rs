@@ -96,7 +96,7 @@ impl Settings {
             entry("dependency-members", &self.dependency_members),
             entry("dependency-error-ratio", &self.dependency_error_ratio),
             entry("topology", &if self.topology == Topology::Keep { "keep" } else { "change" }),
-            entry("error", &"quadric"),
+            entry("error", &"certified"),
             entry("normals", &self.normals),
             entry("colors", &self.colors),
             entry("drop-invalid", &self.drop_invalid),

@@ -77,7 +77,7 @@ impl<'a> Output<'a> {
                 attributes: facts.attributes,
                 source_vertex_count: facts.used_vertices,
                 boundary_mode: settings.boundary,
-                error_kind: ErrorKind::Quadric,
+                error_kind: ErrorKind::Certified,
                 shared_vertex_count: facts.shared_vertices,
                 origin: facts.origin,
             },

@@ -1,70 +1,31 @@
-//! The driver: half-edge collapses in the order of their quadric error until half the triangles are gone.
+//! The driver: half-edge collapses in order until half the triangles are gone.
 //!
 //! One heap entry per vertex, re-evaluated when it comes up: costs only go stale towards the cheap side often enough that a
-//! stale entry is simply pushed back with its true cost.
+//! stale entry is simply pushed back with its true cost. A vertex's quadric says how soon it comes up; whether it then goes is up to
+//! the bound on the displacement that its collapse would leave, for if that is too large the vertex is put back by it.
 
 use crate::adjacency::Adjacency;
+use crate::bound::Proposal;
+use crate::displacement::Displacement;
 use crate::fan::{Fan, FanKind, MAX_VALENCE};
+use crate::overlay::Overlay;
+use crate::patch::{Collapse, Outcome, Patch, Topology};
 use crate::quadric::Quadric;
+use crate::queue::{Entry, Queue};
 use crate::refusal::{Refusal, Refusals};
 use chpm_mesh::Aabb;
 use chpm_mesh::geom::{area_vector, round_up, to_f64};
 use nalgebra::Vector3;
-use std::collections::BinaryHeap;
 
-/// Weight of the squared edge length, relative to the area, in the order of collapses. It decides between collapses that cost
-/// the same, as in planes and along lines, in favour of the shorter edge; it is no part of an error. It stands for a distance of
+/// Weight of the squared edge length in the order of collapses, for a vertex of mean area. It decides between collapses that cost
+/// the same, as in planes and along lines, in favour of the shorter edge and the smaller area; it is no part of an error. It stands for a distance of
 /// a millionth of the edge, about what single precision rounds a plane by: with 1e-5 here, halves of mechanical parts had ten to
 /// a hundred times the deviation.
 const LENGTH_TERM: f64 = 1e-12;
 
-/// One cluster's mesh: positions, triangles over local indices, and which vertices must stay.
-#[derive(Clone, Copy, Debug)]
-pub struct Patch<'a> {
-    /// Vertex positions, at most 65,535.
-    pub positions: &'a [[f32; 3]],
-    /// Triangles with three different corners.
-    pub triangles: &'a [[u16; 3]],
-    /// Per vertex, whether another cluster shares it, so that it may not collapse.
-    pub locked: &'a [bool],
-}
-
-/// Whether a simplification may change the topology.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum Topology {
-    /// Every collapse satisfies the link condition: components, handles and holes stay.
-    #[default]
-    Keep,
-    /// Where no collapse of a vertex is legal it may be forced, at the price of its whole displacement: small components vanish,
-    /// tiny handles close, vertices that are not manifold do not stay for ever.
-    Change,
-}
-
-/// One half-edge collapse.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Collapse {
-    /// The vertex that goes.
-    pub from: u16,
-    /// The neighbour that it goes to.
-    pub to: u16,
-    /// Error of the mesh after this collapse, object units: the largest `sqrt(quadric / area)` so far.
-    pub error: f32,
-}
-
-/// What a decimation did.
-#[derive(Clone, Copy, Debug)]
-pub struct Outcome<'a> {
-    /// The collapses in the order in which they were carried out.
-    pub collapses: &'a [Collapse],
-    /// Triangles that are left.
-    pub triangle_count: usize,
-    /// Whether it ended above the target because nothing more could collapse.
-    pub stalled: bool,
-    /// Collapses that changed the topology or turned a face over.
-    pub forced: usize,
-    /// Collapses refused, by reason.
-    pub refusals: Refusals,
-}
+/// Weight of the squared bound in the order of collapses. The bound holds what all collapses so far have done; the quadric only
+/// the last ones, but it averages.
+const BOUND_TERM: f64 = 0.3;
 
 /// What a vertex may do. Collapses that pass the link test keep it as it is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -112,7 +73,12 @@ pub struct Decimator {
     waiting: Vec<bool>,
     /// Vertices that are in the queue at the price of a forced collapse.
     offered: Vec<bool>,
-    heap: BinaryHeap<Entry>,
+    queue: Queue,
+    /// Per face, how far it is from the source surface.
+    pub(crate) displacements: Vec<Displacement>,
+    pub(crate) overlay: Overlay,
+    /// What the collapse that was looked at last would do.
+    pub(crate) proposal: Proposal,
     candidates: Vec<(f32, u16)>,
     /// Vertices about the one that may be forced, each with its number of faces.
     pub(crate) ring: Vec<(u16, u32)>,
@@ -121,35 +87,8 @@ pub struct Decimator {
     pub(crate) sides: Vec<u8>,
     /// What costs are multiplied by so that they fit an f32 for a model of any size.
     pub(crate) cost_scale: f64,
-    /// Area of the patch that falls to a vertex.
-    pub(crate) mean_area: f64,
-}
-
-/// A vertex in the queue: cheapest first, then the smallest index.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-struct Entry(u64);
-
-impl Entry {
-    fn new(cost: f32, vertex: u16) -> Self {
-        Entry(!(u64::from(cost.to_bits()) << 32 | u64::from(vertex)))
-    }
-
-    /// At the price of a forced collapse; behind a legal one of the same cost.
-    fn offer(cost: f32, vertex: u16) -> Self {
-        Entry(!(u64::from(cost.to_bits()) << 32 | 1 << 16 | u64::from(vertex)))
-    }
-
-    fn is_offer(self) -> bool {
-        !self.0 >> 16 & 1 == 1
-    }
-
-    fn vertex(self) -> u16 {
-        !self.0 as u16
-    }
-
-    fn cost(self) -> f32 {
-        f32::from_bits((!self.0 >> 32) as u32)
-    }
+    /// One over the area of the patch that falls to a vertex.
+    per_mean_area: f64,
 }
 
 impl Decimator {
@@ -180,7 +119,7 @@ impl Decimator {
             self.collapses.push(*collapse);
         }
         self.fill_queue(patch);
-        let stalled = self.run(patch, Goal::Triangles(target), min_error, &mut progress, &mut refusals);
+        let stalled = self.run(patch, Goal::Triangles(target), &mut progress, &mut refusals);
         self.outcome(progress, stalled, refusals)
     }
 
@@ -204,7 +143,7 @@ impl Decimator {
         }
         self.fill_queue(patch);
         let mut progress = Progress { alive: patch.triangles.len(), error: min_error, forced: 0 };
-        let stalled = self.run(patch, Goal::Collapses(count), min_error, &mut progress, &mut refusals);
+        let stalled = self.run(patch, Goal::Collapses(count), &mut progress, &mut refusals);
         self.outcome(progress, stalled, refusals)
     }
 
@@ -218,6 +157,16 @@ impl Decimator {
         }
     }
 
+    /// Per face of the patch, how far it is from the source surface after the last decimation; of no meaning for faces that are gone.
+    pub fn displacements(&self) -> &[Displacement] {
+        &self.displacements
+    }
+
+    /// Whether a face of the patch is left after the last decimation.
+    pub fn is_left(&self, face: usize) -> bool {
+        !self.adjacency.faces[face].is_dead()
+    }
+
     fn prepare(&mut self, patch: &Patch<'_>) -> Refusals {
         let mut refusals = Refusals::default();
         self.collapses.clear();
@@ -226,7 +175,10 @@ impl Decimator {
         self.fan.reset(patch.positions.len());
         self.accumulate_quadrics(patch);
         let area: f64 = self.quadrics.iter().map(|q| q.area).sum();
-        self.mean_area = area / patch.positions.len().max(1) as f64;
+        self.per_mean_area = if area > 0.0 { patch.positions.len() as f64 / area } else { 0.0 };
+        self.displacements.clear();
+        self.displacements.extend_from_slice(patch.displacements);
+        self.displacements.resize(patch.triangles.len(), Displacement::default());
         self.classify_vertices(patch, &mut refusals);
         refusals
     }
@@ -288,15 +240,16 @@ impl Decimator {
         self.waiting.resize(patch.positions.len(), false);
         self.offered.clear();
         self.offered.resize(patch.positions.len(), false);
-        let mut entries = std::mem::take(&mut self.heap).into_vec();
-        entries.clear();
-        for vertex in 0..patch.positions.len() {
-            if self.kinds[vertex] != VertexKind::Fixed {
-                let cost = self.evaluate(patch, vertex as u16);
-                entries.push(Entry::new(cost, vertex as u16));
+        let mut queue = std::mem::take(&mut self.queue);
+        queue.refill(|entries| {
+            for vertex in 0..patch.positions.len() {
+                if self.kinds[vertex] != VertexKind::Fixed {
+                    let cost = self.evaluate(patch, vertex as u16);
+                    entries.push(Entry::new(cost, vertex as u16));
+                }
             }
-        }
-        self.heap = BinaryHeap::from(entries);
+        });
+        self.queue = queue;
     }
 
     /// Gathers the fan of `u` and its half-edges with their costs; answers the least cost. For a boundary vertex the inner
@@ -305,6 +258,7 @@ impl Decimator {
         self.fan.gather(&mut self.adjacency, u);
         self.candidates.clear();
         let quadric = &self.quadrics[usize::from(u)];
+        let length_term = LENGTH_TERM * quadric.area * self.per_mean_area;
         let origin = to_f64(patch.positions[usize::from(u)]);
         let mut least = f32::INFINITY;
         let sides = &self.sides;
@@ -314,7 +268,7 @@ impl Decimator {
                 return;
             }
             let d = to_f64(patch.positions[usize::from(v)]) - origin;
-            let cost = quadric.at(d) + LENGTH_TERM * quadric.area * d.norm_squared();
+            let cost = quadric.mean_at(d) + length_term * d.norm_squared();
             let cost = (cost * self.cost_scale) as f32;
             least = least.min(cost);
             self.candidates.push((cost, v));
@@ -337,7 +291,6 @@ impl Decimator {
         &mut self,
         patch: &Patch<'_>,
         goal: Goal,
-        min_error: f32,
         progress: &mut Progress,
         refusals: &mut Refusals,
     ) -> bool {
@@ -346,7 +299,7 @@ impl Decimator {
             Goal::Collapses(count) => collapses >= count,
         };
         while !reached(progress, self.collapses.len()) {
-            let Some(entry) = self.heap.pop() else { return true };
+            let Some(entry) = self.queue.pop() else { return true };
             let u = entry.vertex();
             if entry.is_offer() {
                 self.offered[usize::from(u)] = false;
@@ -355,47 +308,56 @@ impl Decimator {
                 continue;
             }
             let least = self.evaluate(patch, u);
-            let next = self.heap.peek().map_or(f32::INFINITY, |e| e.cost());
+            let next = self.queue.next_cost();
             if least > next {
-                self.heap.push(Entry::new(least, u));
+                self.queue.push(Entry::new(least, u));
                 continue;
             }
-            if let Some((cost, v)) = self.cheapest_legal(patch, u, refusals) {
+            let fan = self.fan.classify();
+            if let Some((cost, v)) = self.cheapest_legal(patch, fan, u, refusals) {
+                let bound = self.propose(patch, fan, u, v);
+                let cost = cost.max(self.bound_cost(bound));
                 if cost > next {
-                    self.heap.push(Entry::new(cost, u));
-                    continue;
+                    self.queue.push(Entry::new(cost, u));
+                } else {
+                    self.carry_out(patch, u, v, bound, cost, progress);
                 }
-                let (quadric, offset) = (&self.quadrics[usize::from(u)], self.offset(patch, u, v));
-                let own = if quadric.area > 0.0 { (quadric.at(offset) / quadric.area).sqrt() } else { 0.0 };
-                self.carry_out(patch, u, v, min_error + round_up(own), cost, progress);
                 continue;
             }
             self.waiting[usize::from(u)] = true;
-            if let Some((cost, v)) = self.cheapest_forced(patch, u) {
+            if let Some(v) = self.nearest_forced(patch, u) {
+                let bound = self.propose(patch, fan, u, v);
+                let cost = self.bound_cost(bound);
                 if cost <= next {
-                    // The whole displacement bounds what the collapse does, whatever it does to the faces.
-                    let own = round_up(self.offset(patch, u, v).norm());
                     progress.forced += 1;
-                    self.carry_out(patch, u, v, min_error + own, cost, progress);
+                    self.carry_out(patch, u, v, bound, cost, progress);
                 } else if !std::mem::replace(&mut self.offered[usize::from(u)], true) {
-                    self.heap.push(Entry::offer(cost, u));
+                    self.queue.push(Entry::offer(cost, u));
                 }
             }
         }
         false
     }
 
+    fn bound_cost(&self, bound: f64) -> f32 {
+        (BOUND_TERM * bound * bound * self.cost_scale) as f32
+    }
+
+    /// Carries out what was proposed last.
     fn carry_out(
         &mut self,
         patch: &Patch<'_>,
         u: u16,
         v: u16,
-        error: f32,
+        bound: f64,
         cost: f32,
         progress: &mut Progress,
     ) {
         let (quadric, offset) = (self.quadrics[usize::from(u)], self.offset(patch, u, v));
-        progress.error = progress.error.max(error);
+        progress.error = progress.error.max(round_up(bound));
+        for (face, displacement) in &self.proposal.faces {
+            self.displacements[*face as usize] = *displacement;
+        }
         self.quadrics[usize::from(v)].add_moved(&quadric, offset);
         progress.alive -= self.adjacency.collapse(u, v);
         self.kinds[usize::from(u)] = VertexKind::Gone;
@@ -414,15 +376,20 @@ impl Decimator {
             for w in [a, b] {
                 let waited = std::mem::take(&mut self.waiting[usize::from(w)]);
                 if waited && self.kinds[usize::from(w)] != VertexKind::Gone {
-                    self.heap.push(Entry::new(cost, w));
+                    self.queue.push(Entry::new(cost, w));
                 }
             }
         }
     }
 
     /// The cheapest of the evaluated half-edges that may collapse.
-    fn cheapest_legal(&mut self, patch: &Patch<'_>, u: u16, refusals: &mut Refusals) -> Option<(f32, u16)> {
-        let fan = self.fan.classify();
+    fn cheapest_legal(
+        &mut self,
+        patch: &Patch<'_>,
+        fan: FanKind,
+        u: u16,
+        refusals: &mut Refusals,
+    ) -> Option<(f32, u16)> {
         while let Some(best) = (0..self.candidates.len()).min_by(|&i, &j| {
             self.candidates[i]
                 .0
@@ -439,8 +406,8 @@ impl Decimator {
     }
 }
 
-/// A power of two, so that scaling loses nothing: costs grow with the fourth power of a length.
+/// A power of two, so that scaling loses nothing: costs grow with the square of a length.
 fn cost_scale(positions: &[[f32; 3]]) -> f64 {
     let size = Aabb::of_points(positions).diagonal().clamp(f64::exp2(-150.0), f64::exp2(130.0));
-    f64::exp2(-4.0 * size.log2().floor())
+    f64::exp2(-2.0 * size.log2().floor())
 }

@@ -21,7 +21,9 @@ pub(crate) enum FanKind {
 pub(crate) struct Fan {
     /// Per face of the vertex: the two corners that follow it.
     pub(crate) wings: Vec<(u16, u16)>,
-    /// Per vertex: the tick in which it was seen first in a wing, and the vertex that follows it there.
+    /// The wings' faces.
+    pub(crate) faces: Vec<u32>,
+    /// Per vertex: the tick in which it was seen first in a wing, and that wing.
     leaving: Vec<(u32, u16)>,
     /// Per vertex: the tick in which it was seen second in a wing.
     arriving: Vec<u32>,
@@ -43,7 +45,9 @@ impl Fan {
     #[inline]
     pub(crate) fn gather(&mut self, adjacency: &mut Adjacency, vertex: u16) {
         self.wings.clear();
+        self.faces.clear();
         let (slice, faces) = adjacency.living(vertex);
+        self.faces.extend_from_slice(slice);
         self.wings.extend(slice.iter().map(|&id| faces[id as usize].others(vertex)));
     }
 
@@ -52,9 +56,9 @@ impl Fan {
         self.tick += 1;
         let tick = self.tick;
         let mut manifold = !self.wings.is_empty();
-        for &(a, b) in &self.wings {
+        for (wing, &(a, b)) in self.wings.iter().enumerate() {
             manifold &= self.leaving[usize::from(a)].0 != tick && self.arriving[usize::from(b)] != tick;
-            self.leaving[usize::from(a)] = (tick, b);
+            self.leaving[usize::from(a)] = (tick, wing as u16);
             self.arriving[usize::from(b)] = tick;
         }
         if !manifold {
@@ -71,7 +75,7 @@ impl Fan {
         let first = open.unwrap_or(self.wings[0].0);
         let mut vertex = first;
         for step in 1..=count {
-            vertex = self.leaving[usize::from(vertex)].1;
+            vertex = self.wings[usize::from(self.leaving[usize::from(vertex)].1)].1;
             let ended = self.leaving[usize::from(vertex)].0 != tick || vertex == first;
             if ended != (step == count) {
                 return FanKind::Broken;
@@ -81,6 +85,13 @@ impl Fan {
             Some(start) => FanKind::Open(start, vertex),
             None => FanKind::Closed,
         }
+    }
+
+    /// The face that `vertex` leads in the fan that was classified last, and the vertex that follows.
+    #[inline]
+    pub(crate) fn after(&self, vertex: u16) -> Option<(u32, u16)> {
+        let (tick, wing) = self.leaving[usize::from(vertex)];
+        (tick == self.tick).then(|| (self.faces[usize::from(wing)], self.wings[usize::from(wing)].1))
     }
 
     /// Whether `vertex` is in the ring that was classified last.

@@ -4,33 +4,31 @@
 //! the topology changes, no boundary appears. What remains to be guarded is the mesh boundary itself, where the number is odd,
 //! and what other clusters know.
 
-use crate::decimate::{Decimator, Patch, Topology};
+use crate::decimate::Decimator;
 use crate::fan::MAX_VALENCE;
+use crate::patch::{Patch, Topology};
 
 impl Decimator {
-    /// The cheapest forced collapse of the vertex whose fan was gathered last: its target, and as cost the squared displacement times
-    /// the area, the vertex's own or the mean if that is larger: a speck of dust must not go far before its time, since the
-    /// error of all later collapses starts from there.
-    pub(crate) fn cheapest_forced(&mut self, patch: &Patch<'_>, u: u16) -> Option<(f32, u16)> {
+    /// Where the vertex whose fan was gathered last may be forced to, the nearest.
+    pub(crate) fn nearest_forced(&mut self, patch: &Patch<'_>, u: u16) -> Option<u16> {
         if self.topology == Topology::Keep {
             return None;
         }
         self.gather_ring();
-        let area = self.quadrics[usize::from(u)].area.max(self.mean_area);
         let on_boundary = self.ring.iter().any(|(_, faces)| faces % 2 == 1);
-        let mut best: Option<(f32, u16)> = None;
+        let mut best: Option<(f64, u16)> = None;
         for i in 0..self.ring.len() {
             let (v, faces) = self.ring[i];
             // A boundary vertex stays on the boundary.
             if on_boundary && faces % 2 == 0 || !self.may_force(patch, u, v) {
                 continue;
             }
-            let cost = (area * self.offset(patch, u, v).norm_squared() * self.cost_scale) as f32;
-            if best.is_none_or(|(least, w)| cost < least || (cost == least && v < w)) {
-                best = Some((cost, v));
+            let distance = self.offset(patch, u, v).norm_squared();
+            if best.is_none_or(|nearest| (distance, v) < nearest) {
+                best = Some((distance, v));
             }
         }
-        best
+        best.map(|(_, v)| v)
     }
 
     /// The ring's vertices, each with its number of faces.

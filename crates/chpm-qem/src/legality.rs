@@ -1,7 +1,8 @@
 //! The list of tests that a collapse has to pass; what fails has a reason that is counted.
 
-use crate::decimate::{Decimator, Patch};
+use crate::decimate::Decimator;
 use crate::fan::{FanKind, MAX_VALENCE};
+use crate::patch::Patch;
 use crate::refusal::Refusal;
 use chpm_mesh::geom::area_vector;
 
@@ -101,7 +102,8 @@ impl Decimator {
                 return Err(Refusal::Degenerate);
             }
             let dot = old.dot(&new);
-            if dot <= 0.0 || dot * dot <= MIN_COSINE * MIN_COSINE * old_squared * new_squared {
+            // Two roots: the product of the squares could underflow.
+            if dot <= MIN_COSINE * old_squared.sqrt() * new_squared.sqrt() {
                 return Err(Refusal::Flip);
             }
         }

@@ -5,15 +5,22 @@
 #![forbid(unsafe_code)]
 
 mod adjacency;
+mod bound;
 mod decimate;
+mod displacement;
 mod fan;
 mod forced;
 mod legality;
+mod overlay;
+mod patch;
 mod quadric;
+mod queue;
 mod record;
 mod refusal;
 
-pub use decimate::{Collapse, Decimator, Outcome, Patch, Topology};
+pub use decimate::Decimator;
+pub use displacement::Displacement;
+pub use patch::{Collapse, Outcome, Patch, Topology};
 pub use quadric::Quadric;
 pub use record::Record;
 pub use refusal::{Refusal, Refusals};

@@ -1,6 +1,6 @@
 //! A collapse order as the file wants it: vertices renumbered so that every prefix of collapses leaves a prefix of vertices.
 
-use crate::decimate::{Outcome, Patch};
+use crate::patch::{Outcome, Patch};
 
 /// The renumbering and the collapse order of one decimated patch; see `chpm_mesh::pm` for what the numbers mean.
 #[derive(Debug, Default)]

@@ -3,7 +3,7 @@
 use super::PageRef;
 use super::dependency::Seams;
 use super::seam::Seam;
-use super::working_set::WorkingSet;
+use super::working_set::{Child, WorkingSet};
 use crate::config::Settings;
 use crate::decompose::{Decomposition, LeafData};
 use crate::error::BuildError;
@@ -12,7 +12,7 @@ use crate::report::LevelReport;
 use chpm_extmem::Spool;
 use chpm_format::PageParts;
 use chpm_mesh::Aabb;
-use chpm_qem::{Collapse, Decimator, Patch, Record};
+use chpm_qem::{Collapse, Decimator, Displacement, Patch, Record};
 
 /// Triangles that the root goes down to, since no level above it will: a model in the distance.
 const ROOT_TRIANGLES: usize = 100;
@@ -24,6 +24,8 @@ pub(super) struct GroupTask<'a> {
     pub(super) decomposition: &'a Decomposition,
     pub(super) refs: &'a [Option<PageRef>],
     pub(super) pages: &'a Spool,
+    /// Displacements of base meshes, a spool for each level up to this one.
+    pub(super) displacements: &'a [Spool],
     pub(super) release: &'a [u8],
     pub(super) seams: &'a Seams<'a>,
     pub(super) settings: &'a Settings,
@@ -41,7 +43,7 @@ pub(super) struct GroupDone {
 pub(super) struct Scratch {
     members: Vec<Member>,
     leaf: LeafData,
-    children: [Vec<u8>; 2],
+    children: [Child; 2],
     seam: Seam,
     seam_collapses: Vec<Collapse>,
     decimator: Decimator,
@@ -57,6 +59,8 @@ struct Member {
     locked: Vec<bool>,
     record: Record,
     renumbered: WorkingSet,
+    /// Of the base mesh.
+    displacements: Vec<Displacement>,
     report: LevelReport,
 }
 
@@ -86,6 +90,7 @@ impl Scratch {
             self.seam_collapses.clear();
             if has_seam {
                 self.seam.collapses_of(side, &mut self.seam_collapses);
+                self.seam.displacements_of(side, &mut self.members[side].set.displacements);
             }
             self.members[side].halve(&mut self.decimator, &self.seam_collapses, task, min_error);
         }
@@ -105,11 +110,14 @@ impl Scratch {
         member.is_root = task.tree.nodes[node as usize].parent.is_none();
         if let Some(children) = task.tree.nodes[node as usize].children {
             member.min_error = 0.0;
-            for (bytes, child) in self.children.iter_mut().zip(children) {
+            for (read, child) in self.children.iter_mut().zip(children) {
                 let Some(page) = task.refs[child as usize] else {
                     unreachable!("only buildable nodes are loaded")
                 };
-                task.pages.read(page.offset, page.len as usize, bytes)?;
+                task.pages.read(page.offset, page.len as usize, &mut read.page)?;
+                let displacements = &task.displacements[task.tree.nodes[child as usize].level as usize];
+                let len = page.base_triangle_count as usize * size_of::<Displacement>();
+                displacements.read(page.displacements, len, &mut read.displacements)?;
                 member.min_error = member.min_error.max(page.group_error);
             }
             member.set.fill_from_children(&self.children)?;
@@ -133,7 +141,12 @@ impl Member {
         for (vertex, _) in &set.shared {
             self.locked[usize::from(*vertex)] = true;
         }
-        let patch = Patch { positions: &set.positions, triangles: &set.triangles, locked: &self.locked };
+        let patch = Patch {
+            positions: &set.positions,
+            triangles: &set.triangles,
+            displacements: &set.displacements,
+            locked: &self.locked,
+        };
         let target = (set.triangles.len() as f64 * task.settings.keep) as usize;
         let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
         let outcome = decimator.decimate_after(&patch, seam, goal, min_error);
@@ -153,6 +166,9 @@ impl Member {
             refusals: outcome.refusals,
         };
         self.renumbered.fill_renumbered(&self.set, &self.record);
+        self.displacements.clear();
+        let all = decimator.displacements().iter().enumerate();
+        self.displacements.extend(all.filter(|(face, _)| decimator.is_left(*face)).map(|(_, d)| *d));
     }
 
     fn max_error(&self) -> f32 {
@@ -186,6 +202,9 @@ impl Member {
             group_error: self.report.max_error,
             bounds: Aabb::of_points(&set.positions),
             base_vertex_count: self.record.base_vertex_count() as u32,
+            base_triangle_count: self.displacements.len() as u32,
+            displacements: task.displacements[task.level as usize]
+                .append(bytemuck::cast_slice(&self.displacements))?,
         };
         Ok((spooled, self.report))
     }

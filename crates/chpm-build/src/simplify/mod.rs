@@ -35,6 +35,9 @@ pub(crate) struct PageRef {
     pub(crate) bounds: Aabb,
     /// Vertices of the base mesh: what a merge starts from.
     base_vertex_count: u32,
+    base_triangle_count: u32,
+    /// Where the displacements of the base mesh's triangles are in the spool of the level.
+    displacements: u64,
 }
 
 /// Pages of all clusters that were built.
@@ -67,8 +70,10 @@ pub(crate) fn run(
     let mut seams = Seams::new(&decomposition.shared, release, decomposition.leaves.len());
     let mut levels = Vec::new();
     let mut all_groups = Vec::new();
+    let mut displacements = Vec::new();
     for level in 0..tree.level_count() {
         seams.rise(tree, level);
+        displacements.push(Spool::new(&context.store, "displacements"));
         let finest_error = |node: u32| finest_error(node, tree, &refs);
         let mut groups: Vec<Vec<u32>> = match settings.boundary {
             BoundaryMode::Dependencies => seams.groups(tree, level, settings, finest_error),
@@ -81,6 +86,7 @@ pub(crate) fn run(
             decomposition,
             refs: &refs,
             pages: &pages,
+            displacements: &displacements,
             release,
             seams: &seams,
             settings,
@@ -106,6 +112,11 @@ pub(crate) fn run(
         if report.clusters > 0 {
             levels.push(report);
         }
+        for (below, spool) in displacements.iter_mut().enumerate().filter(|(_, s)| !s.is_empty()) {
+            if last_reader(tree, below as u32) <= level {
+                *spool = Spool::new(&context.store, "displacements");
+            }
+        }
         all_groups.extend(groups);
     }
     Ok(Hierarchy { pages, refs, levels, groups: all_groups })
@@ -117,6 +128,12 @@ fn finest_error(node: u32, tree: &Tree, refs: &[Option<PageRef>]) -> Option<f32>
     let [Some(a), Some(b)] = children.map(|c| refs[c as usize]) else { return None };
     let fits = a.base_vertex_count + b.base_vertex_count <= MAX_CLUSTER_VERTICES;
     fits.then_some(a.group_error.max(b.group_error))
+}
+
+/// The highest level that reads what the given one leaves.
+fn last_reader(tree: &Tree, level: u32) -> u32 {
+    let parents = tree.nodes[tree.level(level)].iter().filter_map(|n| n.parent);
+    parents.map(|parent| tree.nodes[parent as usize].level).max().unwrap_or(level)
 }
 
 fn add(level: &mut LevelReport, cluster: &LevelReport) {

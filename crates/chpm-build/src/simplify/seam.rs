@@ -4,7 +4,7 @@
 //! has the vertex: so both sides of a seam always look the same, and the base meshes still fit together.
 
 use super::working_set::WorkingSet;
-use chpm_qem::{Collapse, Decimator, Patch};
+use chpm_qem::{Collapse, Decimator, Displacement, Patch};
 
 /// Scratch of the union.
 #[derive(Debug, Default)]
@@ -21,6 +21,9 @@ pub(super) struct Seam {
     /// Shared ids by vertex of the union.
     id_of: Vec<Option<u32>>,
     collapses: Vec<Collapse>,
+    displacements: Vec<Displacement>,
+    /// Per member, its first triangle in the union.
+    first_triangle: Vec<usize>,
 }
 
 impl Seam {
@@ -42,15 +45,24 @@ impl Seam {
         let free =
             self.sides.iter().zip(&self.locked).filter(|(s, locked)| s.count_ones() > 1 && !**locked).count();
         let count = free - (free as f64 * keep) as usize;
-        let patch = Patch { positions: &self.positions, triangles: &self.triangles, locked: &self.locked };
+        let patch = Patch {
+            positions: &self.positions,
+            triangles: &self.triangles,
+            displacements: &self.displacements,
+            locked: &self.locked,
+        };
         let outcome = decimator.decimate_seams(&patch, &self.sides, count, min_error);
         self.collapses.extend_from_slice(outcome.collapses);
+        self.displacements.clear();
+        self.displacements.extend_from_slice(decimator.displacements());
         true
     }
 
     fn unite(&mut self, members: &[&WorkingSet], inside: impl Fn(u32) -> bool) {
         self.positions.clear();
         self.triangles.clear();
+        self.displacements.clear();
+        self.first_triangle.clear();
         self.locked.clear();
         self.sides.clear();
         self.known.clear();
@@ -81,6 +93,8 @@ impl Seam {
                 to_union.push(union);
             }
             self.known.sort_unstable();
+            self.first_triangle.push(self.triangles.len());
+            self.displacements.extend_from_slice(&member.displacements);
             self.triangles.extend(member.triangles.iter().map(|t| t.map(|v| to_union[usize::from(v)])));
         }
         for (to_local, to_union) in self.to_local.iter_mut().zip(&self.to_union) {
@@ -102,6 +116,13 @@ impl Seam {
             to: local[usize::from(c.to)],
             error: c.error,
         }));
+    }
+
+    /// How far the given member's triangles, those that are left, are from the source after the seam's collapses.
+    pub(super) fn displacements_of(&self, side: usize, out: &mut Vec<Displacement>) {
+        let end = self.first_triangle.get(side + 1).copied().unwrap_or(self.triangles.len());
+        out.clear();
+        out.extend_from_slice(&self.displacements[self.first_triangle[side]..end]);
     }
 
     /// Ids of the shared vertices that collapsed.

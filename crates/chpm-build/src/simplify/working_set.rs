@@ -3,7 +3,15 @@
 use super::merge::Merger;
 use crate::decompose::{Decomposition, LeafData};
 use chpm_format::{FormatError, Page};
-use chpm_qem::Record;
+use chpm_qem::{Displacement, Record};
+
+/// What a parent reads of a child.
+#[derive(Debug, Default)]
+pub(super) struct Child {
+    pub(super) page: Vec<u8>,
+    /// Of the base mesh's triangles, in the page's order.
+    pub(super) displacements: Vec<u8>,
+}
 
 /// One cluster's mesh in flat arrays that are reused from cluster to cluster.
 #[derive(Debug, Default)]
@@ -12,6 +20,8 @@ pub(super) struct WorkingSet {
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) colors: Vec<[u8; 4]>,
     pub(super) triangles: Vec<[u16; 3]>,
+    /// Per triangle, how far it is from the source; empty for a leaf, which is the source.
+    pub(super) displacements: Vec<Displacement>,
     /// Local index and shared id of the vertices that other clusters use too, by local index.
     pub(super) shared: Vec<(u16, u32)>,
     merger: Merger,
@@ -23,6 +33,7 @@ impl WorkingSet {
         self.normals.clear();
         self.colors.clear();
         self.triangles.clear();
+        self.displacements.clear();
         self.shared.clear();
     }
 
@@ -42,9 +53,9 @@ impl WorkingSet {
     }
 
     /// The union of two children's base meshes, joined at the vertices that both share.
-    pub(super) fn fill_from_children(&mut self, children: &[Vec<u8>; 2]) -> Result<(), FormatError> {
+    pub(super) fn fill_from_children(&mut self, children: &[Child; 2]) -> Result<(), FormatError> {
         self.clear();
-        let pages = [Page::view(&children[0])?, Page::view(&children[1])?];
+        let pages = [Page::view(&children[0].page)?, Page::view(&children[1].page)?];
         let merger = &mut self.merger;
         merger.join(&pages);
         for (page, fresh) in pages.iter().zip(&merger.fresh) {
@@ -57,6 +68,10 @@ impl WorkingSet {
             }
         }
         self.triangles.extend_from_slice(&merger.triangles);
+        for child in children {
+            let each = child.displacements.chunks_exact(size_of::<Displacement>());
+            self.displacements.extend(each.map(bytemuck::pod_read_unaligned::<Displacement>));
+        }
         self.shared.extend_from_slice(&merger.shared);
         Ok(())
     }

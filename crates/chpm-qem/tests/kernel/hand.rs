@@ -40,7 +40,8 @@ fn a_plane_ends_as_two_triangles_without_error() {
 fn a_plane_halves_without_touching_its_outline() {
     let mesh = hand::grid(16, 16);
     let run = free(&mesh, 256);
-    assert_eq!((run.triangle_count, run.stalled, run.max_error()), (256, false, 0.0));
+    assert!(matches!(run.triangle_count, 255 | 256));
+    assert_eq!((run.stalled, run.max_error()), (false, 0.0));
     assert_eq!(area(&run.mesh), 256.0);
 }
 
@@ -69,10 +70,11 @@ fn a_target_is_met_exactly_or_undercut_by_one() {
 
 #[test]
 fn a_cube_goes_back_to_its_corners() {
-    // Edges of a subdivided cube are straight and faces flat, so all but a few collapses are free.
+    // Edges of a subdivided cube are straight and faces flat, so all but a few collapses are free but for rounding.
     let mesh = subdivided_cube(6);
     let run = free(&mesh, 16);
-    assert_eq!((run.triangle_count, run.max_error()), (16, 0.0));
+    assert_eq!(run.triangle_count, 16);
+    assert!(run.max_error() < 1e-10, "{}", run.max_error());
     assert_eq!(area(&run.mesh), 6.0 * 36.0);
     let kept = run.record.new_to_old[..run.record.base_vertex_count()].iter();
     let corner = |v: &&u16| mesh.positions[usize::from(**v)].iter().all(|x| *x == 0.0 || *x == 6.0);
@@ -327,8 +329,7 @@ fn a_spike_goes_last_and_costs_no_more_than_its_height() {
     assert_eq!((flat.stalled, flat.max_error()), (false, 0.0));
     let none = free(&mesh, 2);
     let spike = none.collapses.iter().find(|c| c.from == 60).expect("two triangles have no room for it");
-    // The quadric of the spike alone says how far the planes of its six faces are from where it goes.
-    assert!(spike.error > 0.05 && spike.error < 0.25, "{spike:?}");
+    assert!(spike.error >= 0.125 && spike.error < 0.25, "{spike:?}");
 }
 
 proptest! {

@@ -1,7 +1,7 @@
 //! Decimates a plain mesh, and carries collapses out again without any of the kernel's structures.
 
 use chpm_mesh::TriMesh;
-use chpm_qem::{Collapse, Decimator, Patch, Record, Refusal, Refusals};
+use chpm_qem::{Collapse, Decimator, Patch, Record, Refusal, Refusals, Topology};
 
 /// What a decimation did, with its mesh.
 #[derive(Debug)]
@@ -20,7 +20,12 @@ impl Run {
     }
 
     pub(crate) fn max_error(&self) -> f32 {
-        self.collapses.last().map_or(0.0, |c| c.error)
+        self.error_after(self.collapses.len())
+    }
+
+    /// The error after so many collapses.
+    pub(crate) fn error_after(&self, steps: usize) -> f32 {
+        self.collapses[..steps].last().map_or(0.0, |c| c.error)
     }
 }
 
@@ -38,7 +43,7 @@ pub(crate) fn run_with(
     min_error: f32,
 ) -> Run {
     let triangles = local(mesh);
-    let patch = Patch { positions: &mesh.positions, triangles: &triangles, locked };
+    let patch = Patch { positions: &mesh.positions, triangles: &triangles, displacements: &[], locked };
     let outcome = decimator.decimate(&patch, target, min_error);
     let mut record = Record::default();
     record.renumber(&patch, &outcome);
@@ -56,18 +61,31 @@ pub(crate) fn run(mesh: &TriMesh, locked: &[bool], target: usize) -> Run {
     run_with(&mut Decimator::default(), mesh, locked, target, 0.0)
 }
 
+/// Nothing locked, with or without changes of the topology.
+pub(crate) fn run_in(topology: Topology, mesh: &TriMesh, target: usize) -> Run {
+    let mut decimator = Decimator::default();
+    decimator.topology = topology;
+    run_with(&mut decimator, mesh, &vec![false; mesh.positions.len()], target, 0.0)
+}
+
 /// Nothing locked.
 pub(crate) fn free(mesh: &TriMesh, target: usize) -> Run {
     run(mesh, &vec![false; mesh.positions.len()], target)
 }
 
-/// The mesh after the collapses, over the same vertices: every corner goes where its vertex went.
-pub(crate) fn played(mesh: &TriMesh, collapses: &[Collapse]) -> TriMesh {
-    let mut went: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+/// Where every vertex is after the collapses.
+pub(crate) fn went(vertex_count: usize, collapses: &[Collapse]) -> Vec<u32> {
+    let mut went: Vec<u32> = (0..vertex_count as u32).collect();
     for collapse in collapses.iter().rev() {
         // Later collapses come first, so the target already says where it ends.
         went[usize::from(collapse.from)] = went[usize::from(collapse.to)];
     }
+    went
+}
+
+/// The mesh after the collapses, over the same vertices: every corner goes where its vertex went.
+pub(crate) fn played(mesh: &TriMesh, collapses: &[Collapse]) -> TriMesh {
+    let went = went(mesh.positions.len(), collapses);
     let moved = mesh.triangles.iter().map(|t| t.map(|v| went[v as usize]));
     let alive = moved.filter(|[a, b, c]| a != b && b != c && c != a).collect();
     TriMesh::new(mesh.positions.clone(), alive)

@@ -1,0 +1,139 @@
+//! The displacements that a collapse would leave behind: what its error rests on.
+
+use crate::decimate::Decimator;
+use crate::displacement::Displacement;
+use crate::fan::FanKind;
+use crate::overlay::{NO_FACE, Sweep};
+use crate::patch::Patch;
+use chpm_mesh::geom::to_f64;
+use nalgebra::Point3;
+
+/// What a collapse would do to the faces about it.
+#[derive(Debug, Default)]
+pub(crate) struct Proposal {
+    /// Faces that would be displaced, and how far they would then be.
+    pub(crate) faces: Vec<(u32, Displacement)>,
+    /// How far points would be that no face is left for.
+    vanished: f64,
+}
+
+impl Proposal {
+    /// The longest displacement.
+    pub(crate) fn norm(&self) -> f64 {
+        self.faces.iter().map(|(_, d)| d.norm()).fold(self.vanished, f64::max)
+    }
+
+    /// Hands points over to a face; `before` is what the face has now.
+    fn hand_over(&mut self, face: u32, before: &Displacement, points: &Displacement) {
+        match self.faces.iter_mut().find(|(id, _)| *id == face) {
+            Some((_, displacement)) => displacement.merge(points),
+            None => {
+                let mut all = *before;
+                all.merge(points);
+                self.faces.push((face, all));
+            }
+        }
+    }
+}
+
+impl Decimator {
+    /// Fills the proposal for u -> v, whose fan was classified last; answers the bound on the displacements.
+    pub(crate) fn propose(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> f64 {
+        self.proposal.faces.clear();
+        self.proposal.vanished = 0.0;
+        let flattened = self.lay_over(patch, fan, u, v)
+            && self.overlay.bound(&self.displacements, &mut self.proposal.faces);
+        if !flattened {
+            self.sweep(patch, fan, u, v);
+        }
+        self.proposal.norm()
+    }
+
+    /// Fills the overlay with the loop about u, from v on. False if the fan has no such loop.
+    fn lay_over(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> bool {
+        let position = |w: u16| to_f64(patch.positions[usize::from(w)]);
+        let first = match fan {
+            FanKind::Broken => return false,
+            FanKind::Closed => v,
+            FanKind::Open(first, last) if v == first || v == last => first,
+            FanKind::Open(..) => return false,
+        };
+        self.overlay.begin(position(u));
+        if fan != FanKind::Closed && v != first {
+            self.overlay.push(position(v), NO_FACE);
+        }
+        let mut vertex = first;
+        for _ in 0..self.fan.wings.len() {
+            let Some((face, next)) = self.fan.after(vertex) else { return false };
+            self.overlay.push(position(vertex), face);
+            vertex = next;
+        }
+        if fan != FanKind::Closed && v == first {
+            self.overlay.push(position(vertex), NO_FACE);
+        }
+        true
+    }
+
+    /// The map that takes every face of u along, linearly, is valid for any fan; nothing goes farther than u.
+    fn sweep(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) {
+        let position = |w: u16| to_f64(patch.positions[usize::from(w)]);
+        let go = |from: Point3<f64>, to: Point3<f64>| Sweep::to_segment(from, to, to);
+        let step = match fan {
+            // A lone face is folded onto its opposite edge.
+            FanKind::Open(first, last) if self.fan.wings.len() == 1 => {
+                Sweep::to_segment(position(u), position(first), position(last))
+            }
+            _ => go(position(u), position(v)),
+        };
+        let moved = |d: &Displacement| d.moved(step.lo, step.hi);
+        for (&(a, b), &face) in self.fan.wings.iter().zip(&self.fan.faces) {
+            if a != v && b != v {
+                self.proposal.faces.push((face, moved(&self.displacements[face as usize])));
+            }
+        }
+        // A face that loses its area becomes an edge from v. Its points go on with a face at that edge; if there is none, they go to one
+        // of its ends and on with any face there; if there is none either, they stay where they are for good.
+        for i in 0..self.fan.wings.len() {
+            let (a, b) = self.fan.wings[i];
+            if a != v && b != v {
+                continue;
+            }
+            let w = if a == v { b } else { a };
+            let points = moved(&self.displacements[self.fan.faces[i] as usize]);
+            let (to_v, to_w) = (go(position(w), position(v)), go(position(v), position(w)));
+            if let Some(face) = self.face_at(u, v, |others| others.0 == w || others.1 == w) {
+                self.proposal.hand_over(face, &self.displacements[face as usize], &points);
+            } else if let Some(face) = self.face_at(u, v, |_| true) {
+                let points = points.moved(to_v.lo, to_v.hi);
+                self.proposal.hand_over(face, &self.displacements[face as usize], &points);
+            } else if let Some(face) = self.face_of(u, w) {
+                let points = points.moved(to_w.lo, to_w.hi);
+                self.proposal.hand_over(face, &self.displacements[face as usize], &points);
+            } else {
+                let points = points.moved(to_v.lo, to_v.hi);
+                self.proposal.vanished = self.proposal.vanished.max(points.norm());
+            }
+        }
+    }
+
+    /// A face that v has after the collapse of u, chosen by its other two corners.
+    fn face_at(&mut self, u: u16, v: u16, accept: impl Fn((u16, u16)) -> bool) -> Option<u32> {
+        let wings = self.fan.wings.iter().zip(&self.fan.faces);
+        let mut surviving = wings.filter(|((a, b), _)| *a != v && *b != v);
+        if let Some((_, face)) = surviving.find(|(wing, _)| accept(**wing)) {
+            return Some(*face);
+        }
+        let (ids, faces) = self.adjacency.living(v);
+        let other = ids.iter().find(|&&id| {
+            let others = faces[id as usize].others(v);
+            others.0 != u && others.1 != u && accept(others)
+        });
+        other.copied()
+    }
+
+    /// A face of `w` that u has no part in.
+    fn face_of(&mut self, u: u16, w: u16) -> Option<u32> {
+        let (ids, faces) = self.adjacency.living(w);
+        ids.iter().find(|&&id| !faces[id as usize].corners.contains(&u)).copied()
+    }
+}

@@ -1,0 +1,54 @@
+//! What goes into a decimation and what comes out.
+
+use crate::displacement::Displacement;
+use crate::refusal::Refusals;
+
+/// One cluster's mesh: positions, triangles over local indices, and which vertices must stay.
+#[derive(Clone, Copy, Debug)]
+pub struct Patch<'a> {
+    /// Vertex positions, at most 65,535.
+    pub positions: &'a [[f32; 3]],
+    /// Triangles with three different corners.
+    pub triangles: &'a [[u16; 3]],
+    /// Per triangle, how far it is from the source surface; empty if the patch is the source.
+    pub displacements: &'a [Displacement],
+    /// Per vertex, whether another cluster shares it, so that it may not collapse.
+    pub locked: &'a [bool],
+}
+
+/// Whether a simplification may change the topology.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Topology {
+    /// Every collapse satisfies the link condition: components, handles and holes stay.
+    #[default]
+    Keep,
+    /// Where no collapse of a vertex is legal it may be forced: small components vanish, tiny handles close, vertices that are
+    /// not manifold do not stay for ever.
+    Change,
+}
+
+/// One half-edge collapse.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Collapse {
+    /// The vertex that goes.
+    pub from: u16,
+    /// The neighbour that it goes to.
+    pub to: u16,
+    /// Error of the mesh after this collapse, object units: an upper bound of its distance from the source surface, both ways.
+    pub error: f32,
+}
+
+/// What a decimation did.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome<'a> {
+    /// The collapses in the order in which they were carried out.
+    pub collapses: &'a [Collapse],
+    /// Triangles that are left.
+    pub triangle_count: usize,
+    /// Whether it ended above the target because nothing more could collapse.
+    pub stalled: bool,
+    /// Collapses that changed the topology or turned a face over.
+    pub forced: usize,
+    /// Collapses refused, by reason.
+    pub refusals: Refusals,
+}
