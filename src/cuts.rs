@@ -1,8 +1,13 @@
 //! Whether random legal cuts hold together (I7), by a checker that knows meshes only: no clusters, no quadrics.
 //!
-//! A cut is extracted, welded only where clusters say that they share a vertex, and looked at from outside: an edge of one
+//! A cut is welded only where clusters say that they share a vertex, and looked at from outside: an edge of one
 //! face, or of any other odd number, may be only where the source has one. Edges of four faces may be anywhere, since the
 //! topology may have changed; they let nothing through.
+//!
+//! Every cut is looked at cluster by cluster, each triangle of it, and its odd edges as they are together (`seams`). One of many, and any
+//! in which that finds something, is extracted and looked at as one mesh too: that is what is told.
+
+mod seams;
 
 use crate::progress::Meter;
 use crate::stop;
@@ -12,9 +17,13 @@ use chpm_format::Chpm;
 use chpm_measure::{Crack, cracks};
 use chpm_mesh::{Level, TriMesh};
 use chpm_refine::{CameraPath, Cut, Hierarchy, RefineError, View, extract, random_cut, select};
+use rayon::prelude::*;
+use seams::Seams;
 
 /// Cuts whose faults are told; further ones are counted.
 const TOLD: usize = 20;
+/// One of so many cuts is looked at as one mesh whatever its seams are.
+const WHOLE: u64 = 64;
 /// Pixels of error in a camera's image of 512 x 512: 16 for the first camera, half as much for every next one, and again from 16.
 const PIXELS: f64 = 16.0;
 const HALVINGS: u64 = 12;
@@ -34,9 +43,9 @@ pub(crate) struct Cuts {
     pub(crate) fault_count: u64,
 }
 
-/// Draws `count` cuts from `seed` on and checks each against the finest mesh of the file. Even seeds are random legal
-/// cuts, odd ones what random cameras select.
-pub(crate) fn check<D: AsRef<[u8]>>(
+/// Draws `count` cuts from `seed` on and checks each against the finest mesh of the file, several at a time. Even seeds are random
+/// legal cuts, odd ones what random cameras select. The pages of the file must be sound.
+pub(crate) fn check<D: AsRef<[u8]> + Sync>(
     file: &Chpm<D>,
     count: u32,
     seed: u64,
@@ -45,33 +54,76 @@ pub(crate) fn check<D: AsRef<[u8]>>(
 ) -> Result<Cuts> {
     meter.start("cuts", count.into());
     let border = Border::of(&extract(file, &Cut::at_level(file, Level(0)))?);
-    let hierarchy = Hierarchy::new(file);
-    let origin = file.header().origin;
-    let mut found = Cuts { count, seed, triangles: 0, faults: Vec::new(), fault_count: 0 };
-    for seed in (0..count).map(|i| seed.wrapping_add(i.into())) {
-        stop::check(cancel)?;
-        match draw(file, &hierarchy, seed).and_then(|cut| extract(file, &cut)) {
-            Ok(mesh) => {
-                found.triangles += mesh.triangles.len() as u64;
-                let leaks = border.leaks(&mesh);
-                if let Some(first) = leaks.first() {
-                    let first = first.tell(&mesh, origin);
-                    let rest = leaks.len() - 1;
-                    let more = if rest > 0 { format!("; {rest} more in this cut") } else { String::new() };
-                    found.note(seed, leaks.len(), &format!("{first}{more}"));
-                }
-            }
-            // What the file itself makes impossible is told by the other checks, with a place.
-            Err(error @ RefineError::Format(_)) => return Err(error.into()),
-            Err(error) => found.note(seed, 1, &error.to_string()),
-        }
-        meter.add(1);
-    }
+    let checker = Checker { file, hierarchy: Hierarchy::new(file), border };
+    let looked_at: Vec<Looked> = (0..u64::from(count))
+        .into_par_iter()
+        .map_init(Seams::default, |seams, i| {
+            stop::check(cancel)?;
+            let looked = checker.look(seams, seed.wrapping_add(i), i % WHOLE == 0);
+            meter.add(1);
+            looked
+        })
+        .collect::<Result<_>>()?;
     meter.finish();
+    let mut found = Cuts { count, seed, triangles: 0, faults: Vec::new(), fault_count: 0 };
+    for (i, looked) in (0..).zip(looked_at) {
+        found.triangles += looked.triangles;
+        if let Some((places, message)) = looked.fault {
+            found.note(seed.wrapping_add(i), places, &message);
+        }
+    }
     Ok(found)
 }
 
-fn draw<D: AsRef<[u8]>>(file: &Chpm<D>, hierarchy: &Hierarchy, seed: u64) -> Result<Cut, RefineError> {
+struct Checker<'a, D> {
+    file: &'a Chpm<D>,
+    hierarchy: Hierarchy,
+    border: Border,
+}
+
+/// What a cut showed.
+#[derive(Default)]
+struct Looked {
+    triangles: u64,
+    /// Number of wrong places, and the first one.
+    fault: Option<(usize, String)>,
+}
+
+impl<D: AsRef<[u8]>> Checker<'_, D> {
+    fn look(&self, seams: &mut Seams, seed: u64, whole: bool) -> Result<Looked> {
+        match self.try_look(seams, seed, whole) {
+            Ok(looked) => Ok(looked),
+            // What the file itself makes impossible is told by the other checks, with a place.
+            Err(error @ RefineError::Format(_)) => Err(error.into()),
+            Err(error) => Ok(Looked { triangles: 0, fault: Some((1, error.to_string())) }),
+        }
+    }
+
+    fn try_look(&self, seams: &mut Seams, seed: u64, whole: bool) -> Result<Looked, RefineError> {
+        let cut = draw(self.file, &self.hierarchy, seed)?;
+        cut.check(self.file)?;
+        seams.enter(self.file, &cut)?;
+        let mut looked = Looked { triangles: seams.triangles(), fault: None };
+        if whole || !self.border.holds(seams) {
+            let mesh = extract(self.file, &cut)?;
+            let leaks = self.border.leaks(&mesh);
+            looked.fault = leaks.first().map(|first| {
+                let first = first.tell(&mesh, self.file.header().origin);
+                let rest = leaks.len() - 1;
+                let more = if rest > 0 { format!("; {rest} more in this cut") } else { String::new() };
+                (leaks.len(), format!("{first}{more}"))
+            });
+        }
+        Ok(looked)
+    }
+}
+
+/// The cut of a seed.
+pub(crate) fn draw<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    hierarchy: &Hierarchy,
+    seed: u64,
+) -> Result<Cut, RefineError> {
     let path = CameraPath::random(&file.header().aabb(), seed, 1);
     match path.cameras.first() {
         Some(camera) if seed % 2 == 1 => {
@@ -91,8 +143,12 @@ impl Cuts {
     }
 }
 
-/// Bits of a position: a level of detail keeps vertices of the source and moves none.
+/// Bits of a position, -0.0 and 0.0 being one: a level of detail keeps vertices of the source and moves none.
 type Place = [u32; 3];
+
+fn place(position: &[f32; 3]) -> Place {
+    position.map(|x| (x + 0.0).to_bits())
+}
 
 /// Where a level of detail may have edges of an odd number of faces.
 struct Border {
@@ -100,7 +156,8 @@ struct Border {
     outline: TriMesh,
     /// Its vertices, ascending.
     vertices: Vec<Place>,
-    /// Vertices that lie inside edges of the source already, ascending.
+    /// Where the source's border meets itself, ascending: vertices inside its edges, and places at which other than two edges end.
+    /// The source holds together by chance there, so a level of detail need not.
     junctions: Vec<Place>,
 }
 
@@ -112,23 +169,45 @@ impl Border {
             outline.positions.extend([a, b, a].map(|v| source.positions[v as usize]));
             outline.triangles.push([first, first + 1, first + 2]);
         }
-        let bits = |v: &[f32; 3]| v.map(f32::to_bits);
         let inside = |crack| match crack {
-            Crack::TJunction { vertex, .. } => Some(bits(&source.positions[vertex as usize])),
+            Crack::TJunction { vertex, .. } => Some(place(&source.positions[vertex as usize])),
             Crack::Opened { .. } => None,
         };
-        let mut vertices: Vec<Place> = outline.positions.iter().map(bits).collect();
         let mut junctions: Vec<Place> = cracks(source, &outline).into_iter().filter_map(inside).collect();
+        // The first two corners of a sliver are the ends of its edge.
+        let ends = outline.positions.chunks(3).flat_map(|sliver| [place(&sliver[0]), place(&sliver[1])]);
+        let mut vertices: Vec<Place> = ends.collect();
         vertices.sort_unstable();
+        let met = vertices.chunk_by(|a, b| a == b).filter(|ends| ends.len() != 2);
+        junctions.extend(met.map(|ends| ends[0]));
         junctions.sort_unstable();
+        vertices.dedup();
         Border { outline, vertices, junctions }
+    }
+
+    /// Whether the odd edges of a cut are where the source has some, and no end of one lies inside another. Where it does, `leaks`
+    /// finds nothing either: that asks the second of edges of one face alone.
+    fn holds(&self, seams: &Seams) -> bool {
+        let is_among = |position: &[f32; 3], places: &[Place]| places.binary_search(&place(position)).is_ok();
+        let mut slivers = TriMesh::default();
+        for [a, b] in seams.odd_edges() {
+            if ![a, b].iter().all(|end| is_among(end, &self.vertices)) {
+                return false;
+            }
+            let first = slivers.positions.len() as u32;
+            slivers.positions.extend([a, b, a]);
+            slivers.triangles.push([first, first + 1, first + 2]);
+        }
+        cracks(&slivers, &self.outline).into_iter().all(|crack| match crack {
+            Crack::TJunction { vertex, .. } => is_among(&slivers.positions[vertex as usize], &self.junctions),
+            Crack::Opened { .. } => false,
+        })
     }
 
     /// Places of a level of detail where it lets the background through and the source does not.
     fn leaks(&self, lod: &TriMesh) -> Vec<Leak> {
-        let is_among = |v: u32, places: &[Place]| {
-            places.binary_search(&lod.positions[v as usize].map(f32::to_bits)).is_ok()
-        };
+        let is_among =
+            |v: u32, places: &[Place]| places.binary_search(&place(&lod.positions[v as usize])).is_ok();
         let mut leaks: Vec<Leak> = odd_edges(lod)
             .filter(|(edge, _)| !edge.iter().all(|v| is_among(*v, &self.vertices)))
             .map(|(edge, faces)| Leak::Edge { edge, faces })
@@ -235,14 +314,26 @@ mod tests {
     #[test]
     fn a_vertex_inside_an_open_edge_leaks_unless_the_source_has_it() {
         let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0]];
-        let whole = [[0, 3, 1], [1, 3, 2], [0, 1, 4], [1, 2, 4]].to_vec();
         let apart = TriMesh::new(positions.clone(), vec![[0, 3, 1], [1, 3, 2], [0, 2, 4]]);
-        // All of its edges are open in the outline, so that only the vertex is left to be found.
-        let soup = whole.iter().flat_map(|t| t.map(|v| positions[v as usize])).collect();
-        let source = TriMesh::new(soup, (0..4).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect());
+        // All ends of the edges that are open above are on its border, so that only the vertex is left to be found.
+        let source = TriMesh::new(positions, vec![[0, 3, 1], [1, 3, 2], [0, 1, 4]]);
         let leaks = Border::of(&source).leaks(&apart);
         assert_eq!(leaks, [Leak::TJunction { vertex: 1, edge: [0, 2] }]);
         assert!(leaks[0].tell(&apart, [10.0, 0.0, 0.0]).contains("[11.0, 0.0, 0.0] lies inside"));
         assert_eq!(Border::of(&apart).leaks(&apart), []);
+    }
+    #[test]
+    fn a_border_that_meets_itself_is_open_there_anyway() {
+        let corners = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0]];
+        let lod = TriMesh::new(corners.to_vec(), vec![[0, 3, 1], [1, 3, 2], [0, 2, 4]]);
+        // Two sheets that share no vertex: one has 0.0 where the other has -0.0.
+        let mut positions = corners.to_vec();
+        positions.extend([[-0.0; 3], [1.0, -0.0, 0.0], [2.0, -0.0, -0.0]]);
+        let sheets = TriMesh::new(positions, vec![[0, 3, 1], [1, 3, 2], [5, 6, 4], [6, 7, 4]]);
+        assert_eq!(Border::of(&sheets).leaks(&lod), []);
+        // One sheet, with a vertex where four edges of the border end.
+        let tied = TriMesh::new(corners.to_vec(), vec![[0, 3, 1], [1, 2, 4]]);
+        let lod = TriMesh::new(corners.to_vec(), vec![[0, 3, 2], [1, 2, 4]]);
+        assert_eq!(Border::of(&tied).leaks(&lod), []);
     }
 }

@@ -3,7 +3,7 @@
 use crate::{median, milliseconds};
 use chpm_build::{BuildConfig, Cancel, Silent, build};
 use chpm_extmem::MappedFile;
-use chpm_format::Chpm;
+use chpm_format::{Chpm, Page};
 use chpm_mesh::ply::{self, Encoding};
 use chpm_mesh::{ClusterId, GroupId, TriMesh};
 use chpm_refine::{ActiveList, Camera, Front, Hierarchy, PmCursor, View};
@@ -44,36 +44,68 @@ pub(crate) struct Times {
     pub(crate) decisions: f64,
     /// The groups, the cut's clusters, and their positions; pages are checked as they enter.
     pub(crate) select: f64,
-    /// Making the cursors of the cut's clusters.
+    /// The meshes of the cut's clusters.
+    pub(crate) cut: Meshes,
+    /// Those of all clusters, as a refinement through all levels passes them.
+    pub(crate) all: Meshes,
+}
+
+/// Milliseconds for the meshes of some clusters.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Meshes {
+    /// Making cursors in new memory.
     pub(crate) load: f64,
-    /// Vertex splits from base meshes to positions.
+    /// From there to the positions, from scratch: what a frame does that brings the clusters.
+    pub(crate) place: f64,
+    /// The same two in the memory of cursors that are no longer used.
+    pub(crate) reload: f64,
+    pub(crate) replace: f64,
+    /// From the finest meshes to halfway to the base meshes, from scratch.
+    pub(crate) half: f64,
+    /// Preparing the steps.
+    pub(crate) prepare: f64,
+    /// Vertex splits, step by step, from base meshes to positions.
     pub(crate) play: f64,
-    /// The last two for all clusters, as a refinement through all levels passes them.
-    pub(crate) load_all: f64,
-    pub(crate) play_all: f64,
+}
+
+impl Meshes {
+    /// To the positions, in new memory and without a step.
+    pub(crate) fn first(&self) -> f64 {
+        self.load + self.place
+    }
+
+    /// To the positions, in used memory and without a step.
+    pub(crate) fn again(&self) -> f64 {
+        self.reload + self.replace
+    }
+
+    /// To the positions with every step carried out.
+    pub(crate) fn stepped(&self) -> f64 {
+        self.load + self.prepare + self.play
+    }
 }
 
 impl Times {
     pub(crate) fn medians(times: &[Times]) -> Self {
         let of = |field: fn(&Times) -> f64| median(times.iter().map(field).collect());
+        let meshes = |pick: fn(&Times) -> Meshes| {
+            let of = |field: fn(&Meshes) -> f64| median(times.iter().map(|t| field(&pick(t))).collect());
+            Meshes {
+                load: of(|m| m.load),
+                place: of(|m| m.place),
+                reload: of(|m| m.reload),
+                replace: of(|m| m.replace),
+                half: of(|m| m.half),
+                prepare: of(|m| m.prepare),
+                play: of(|m| m.play),
+            }
+        };
         Times {
             decisions: of(|t| t.decisions),
             select: of(|t| t.select),
-            load: of(|t| t.load),
-            play: of(|t| t.play),
-            load_all: of(|t| t.load_all),
-            play_all: of(|t| t.play_all),
+            cut: meshes(|t| t.cut),
+            all: meshes(|t| t.all),
         }
-    }
-
-    /// Everything that the cut takes.
-    pub(crate) fn total(&self) -> f64 {
-        self.select + self.load + self.play
-    }
-
-    /// Everything, if no level is left out on the way.
-    pub(crate) fn every_level(&self) -> f64 {
-        self.select + self.load_all + self.play_all
     }
 }
 
@@ -119,31 +151,56 @@ impl Clusters {
         counts.reached = list.cut().triangle_count(file)?;
 
         let members: Vec<_> = list.members().map(|m| (m.cluster, m.vertices as usize)).collect();
-        (counts.pm_splits, times.load, times.play) = self.play(&members)?;
+        (counts.pm_splits, times.cut) = self.play(&members)?;
         let all: Vec<_> =
             (0..).map(ClusterId).zip(clusters).map(|(id, c)| (id, c.vertex_count as usize)).collect();
-        (counts.pm_splits_every_level, times.load_all, times.play_all) = self.play(&all)?;
+        (counts.pm_splits_every_level, times.all) = self.play(&all)?;
         Ok((counts, times))
     }
 
-    /// Loads cursors, and splits vertices from the base meshes to these positions: number of splits, and times of both.
-    fn play(&self, members: &[(ClusterId, usize)]) -> anyhow::Result<(u64, f64, f64)> {
+    /// Brings cursors to these positions in every way: number of vertex splits from the base meshes, and times. Pages were
+    /// checked when the selection met them.
+    fn play(&self, members: &[(ClusterId, usize)]) -> anyhow::Result<(u64, Meshes)> {
+        let mut times = Meshes::default();
+        let page = |id: ClusterId| Page::view(self.file.page_bytes(id));
         let start = Instant::now();
-        let cursor =
-            |(id, _): &(ClusterId, usize)| Ok(PmCursor::new(&self.file.page(*id)?.progressive_mesh()));
+        let cursor = |(id, _): &(ClusterId, usize)| Ok(PmCursor::new(&page(*id)?.progressive_mesh()));
         let mut cursors = members.iter().map(cursor).collect::<anyhow::Result<Vec<_>>>()?;
-        let load = milliseconds(start);
+        times.load = milliseconds(start);
+        times.place = played(&mut cursors, members);
+
+        let start = Instant::now();
+        for (cursor, (id, _)) in cursors.iter_mut().zip(members) {
+            cursor.load(&page(*id)?.progressive_mesh());
+        }
+        times.reload = milliseconds(start);
+        times.replace = played(&mut cursors, members);
+
+        let middle = |cursor: &PmCursor| (cursor.base_vertex_count() + cursor.vertex_count()) / 2;
+        let middles: Vec<_> =
+            cursors.iter().zip(members).map(|(cursor, (id, _))| (*id, middle(cursor))).collect();
+        times.half = played(&mut cursors, &middles);
+
+        let start = Instant::now();
+        cursors.iter_mut().for_each(PmCursor::prepare_steps);
+        times.prepare = milliseconds(start);
         let mut splits = 0;
         for (cursor, (_, n)) in cursors.iter_mut().zip(members) {
             cursor.move_to(0);
             splits += (n - cursor.position()) as u64;
         }
-        let start = Instant::now();
-        for (cursor, (_, n)) in cursors.iter_mut().zip(members) {
-            cursor.move_to(*n);
-        }
-        let play = milliseconds(start);
-        black_box(&cursors);
-        Ok((splits, load, play))
+        times.play = played(&mut cursors, members);
+        Ok((splits, times))
     }
+}
+
+/// Moves cursors to their positions; milliseconds.
+fn played(cursors: &mut [PmCursor], members: &[(ClusterId, usize)]) -> f64 {
+    let start = Instant::now();
+    for (cursor, (_, n)) in cursors.iter_mut().zip(members) {
+        cursor.move_to(*n);
+    }
+    let time = milliseconds(start);
+    black_box(cursors);
+    time
 }

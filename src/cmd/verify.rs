@@ -23,9 +23,9 @@ pub(crate) struct Args {
     /// The PLY that it was built from: its triangles must be those of the leaves
     #[arg(long, value_name = "PLY")]
     against: Option<PathBuf>,
-    /// Draw N cuts, extract each and look for cracks, I7. Half of them are random legal cuts, half what random cameras
-    /// select. Meshes are held in memory and looked at one after the other, at about half a second for a million
-    /// triangles: draw few from a model of many millions
+    /// Draw N cuts and look for cracks, I7. Half of them are random legal cuts of every depth, half what random cameras
+    /// select. All triangles of every cut are looked at, cluster by cluster and on all processors; one cut of 64, and any in which
+    /// something is found, is extracted and looked at as one mesh too
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     cuts: Option<u32>,
     /// Seed of the first cut; the others follow

@@ -7,8 +7,8 @@ use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::{AtomicFile, MappedFile};
-use chpm_format::Chpm;
-use chpm_mesh::{Bytes, ClusterId};
+use chpm_format::{Chpm, Page};
+use chpm_mesh::{Bytes, ClusterId, GroupId};
 use chpm_refine::{
     ActiveList, CameraPath, Changes, Front, Hierarchy, PmCursor, Residency, View, Wanted, is_visible,
 };
@@ -38,6 +38,11 @@ pub(crate) struct Args {
     /// Frames from the request of a page until it is there; 0 waits for every page
     #[arg(long, value_name = "N", default_value_t = 0)]
     latency: u32,
+    /// Read ahead, at most this much a frame, as in 1M: what the camera will need if it goes on as it moves, and the children of what it
+    /// needs then. What a split brings is read as a whole or not at all, so less than that, some 0.5M with the default
+    /// cluster size, reads little. Nothing if not given
+    #[arg(long, value_name = "SIZE")]
+    prefetch: Option<Bytes>,
     /// Write one line of numbers for every frame
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -52,6 +57,9 @@ pub(crate) struct Args {
     quiet: bool,
 }
 
+/// How many frames beyond the latency are read ahead: time to spread the reading over.
+const LOOK_AHEAD: u32 = 5;
+
 /// What one frame took; times in milliseconds.
 #[derive(Clone, Copy, Debug, Default)]
 struct Frame {
@@ -63,7 +71,12 @@ struct Frame {
     pm_steps: u64,
     refine_ms: f64,
     pm_ms: f64,
+    /// Checks of the pages that came.
+    check_ms: f64,
+    /// Finding what to read ahead.
+    prefetch_ms: f64,
     requested_bytes: u64,
+    prefetched_bytes: u64,
     resident_bytes: u64,
     /// Groups that the view wants split and that are not.
     withheld: u64,
@@ -72,7 +85,7 @@ struct Frame {
 /// A column's name and its value.
 type Column = (&'static str, fn(&Frame) -> f64);
 
-const COLUMNS: [Column; 11] = [
+const COLUMNS: [Column; 14] = [
     ("triangles", |f| f.triangles as f64),
     ("clusters", |f| f.clusters as f64),
     ("visible", |f| f.visible as f64),
@@ -81,7 +94,10 @@ const COLUMNS: [Column; 11] = [
     ("pm_steps", |f| f.pm_steps as f64),
     ("refine_ms", |f| f.refine_ms),
     ("pm_ms", |f| f.pm_ms),
+    ("check_ms", |f| f.check_ms),
+    ("prefetch_ms", |f| f.prefetch_ms),
     ("requested_bytes", |f| f.requested_bytes as f64),
+    ("prefetched_bytes", |f| f.prefetched_bytes as f64),
     ("resident_bytes", |f| f.resident_bytes as f64),
     ("withheld", |f| f.withheld as f64),
 ];
@@ -100,7 +116,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         stop::check(&cancel)?;
         let view = args.image.view(&file, camera, args.poe);
         let view = view.with_context(|| format!("frame {index} of '{}'", args.path.display()))?;
-        frames.push(walk.frame(&view)?);
+        // A camera that stands still in the end, or cannot go on, is foreseen where it is.
+        let before = index.checked_sub(1).and_then(|before| path.cameras.get(before)).unwrap_or(camera);
+        let ahead = camera.onward(before, f64::from(args.latency + LOOK_AHEAD));
+        let ahead = args.image.view(&file, &ahead, args.poe).unwrap_or(view);
+        frames.push(walk.frame(&view, &ahead)?);
         meter.add(1);
     }
     meter.finish();
@@ -131,6 +151,9 @@ struct Walk<'a> {
     hierarchy: Hierarchy,
     /// What the view wants, in memory or not.
     wanted: Front,
+    /// What the view will want.
+    foreseen: Front,
+    prefetch: Option<Bytes>,
     residency: Residency,
     /// Pages on their way, by the frames that they were asked for in.
     requests: VecDeque<Vec<ClusterId>>,
@@ -148,31 +171,40 @@ impl<'a> Walk<'a> {
             file,
             hierarchy: Hierarchy::new(file),
             wanted: Front::new(file),
+            foreseen: Front::new(file),
+            prefetch: args.prefetch,
             residency: Residency::new(file, args.memory.unwrap_or(Bytes(u64::MAX))),
             requests: VecDeque::new(),
             latency: args.latency as usize,
-            list: ActiveList::new(file),
+            list: ActiveList::of_checked_pages(file),
             cursors: file.clusters().iter().map(|_| None).collect(),
             free: Vec::new(),
         }
     }
 
-    fn frame(&mut self, view: &View) -> Result<Frame> {
+    fn frame(&mut self, view: &View, ahead: &View) -> Result<Frame> {
         let clusters = self.file.clusters();
-        let start = Instant::now();
-        let requests = self.request(view);
-        let requested_bytes = requests.iter().map(|id| u64::from(clusters[id.index()].page_len)).sum();
-        self.deliver(requests);
+        let bytes =
+            |pages: &[ClusterId]| pages.iter().map(|id| u64::from(clusters[id.index()].page_len)).sum();
+        let mut watch = Watch(Instant::now());
+        let mut requests = self.request(view);
+        let requested_bytes = bytes(&requests);
+        let asked = watch.lap();
+        let early = self.read_ahead(ahead);
+        let prefetched_bytes = bytes(&early);
+        requests.extend(early);
+        let foreseen = watch.lap();
+        self.deliver(requests)?;
+        let checked = watch.lap();
         let changes = if self.residency.has_roots() {
             let ready = |group| self.residency.is_ready(group);
             self.list.update(self.file, &self.hierarchy, view, ready)?
         } else {
             Changes::default()
         };
-        let refined = start.elapsed();
-        let start = Instant::now();
+        let refined = asked + watch.lap();
         let triangles = self.play()?;
-        let played = start.elapsed();
+        let played = watch.lap();
         let records = self.list.members().map(|member| &clusters[member.cluster.index()]);
         let splits = |front: &Front| front.split_groups().len() as u64;
         Ok(Frame {
@@ -184,7 +216,10 @@ impl<'a> Walk<'a> {
             pm_steps: changes.pm_steps,
             refine_ms: milliseconds(refined),
             pm_ms: milliseconds(played),
+            check_ms: milliseconds(checked),
+            prefetch_ms: milliseconds(foreseen),
             requested_bytes,
+            prefetched_bytes,
             resident_bytes: self.residency.reserved().0,
             withheld: splits(&self.wanted) - splits(self.list.front()),
         })
@@ -193,21 +228,36 @@ impl<'a> Walk<'a> {
     /// What is to be read for a view.
     fn request(&mut self, view: &View) -> Vec<ClusterId> {
         self.wanted.update(self.file, &self.hierarchy, view, |_| true);
-        let wanted = self.wanted.split_groups().iter().map(|group| {
-            let error = self.hierarchy.split_error(*group).unwrap_or(0.0);
-            Wanted { group: *group, priority: view.pixels_of(error, self.hierarchy.region(*group)) }
-        });
-        self.residency.update(self.file, &self.hierarchy, wanted.collect()).requests
+        let wanted = self.wanted.split_groups().iter().map(|group| self.asked(*group, view)).collect();
+        self.residency.update(self.file, &self.hierarchy, wanted).requests
     }
 
-    /// Lets the pages arrive whose time has come.
-    fn deliver(&mut self, requests: Vec<ClusterId>) {
+    /// What is to be read for a view to come: all that it splits, and what it would split next.
+    fn read_ahead(&mut self, ahead: &View) -> Vec<ClusterId> {
+        let Some(limit) = self.prefetch else { return Vec::new() };
+        self.foreseen.update(self.file, &self.hierarchy, ahead, |_| true);
+        let next = self.foreseen.open_groups().iter().filter(|group| !self.file.fine(**group).is_empty());
+        let groups = self.foreseen.split_groups().iter().chain(next);
+        let wanted = groups.map(|group| self.asked(*group, ahead)).collect();
+        self.residency.prefetch(self.file, &self.hierarchy, wanted, limit).requests
+    }
+
+    /// A group in the order of what is seen.
+    fn asked(&self, group: GroupId, view: &View) -> Wanted {
+        let error = self.hierarchy.split_error(group).unwrap_or(0.0);
+        Wanted { group, priority: view.pixels_of(error, self.hierarchy.region(group)) }
+    }
+
+    /// Lets the pages arrive whose time has come, and checks them: whoever uses one later need not.
+    fn deliver(&mut self, requests: Vec<ClusterId>) -> Result<()> {
         self.requests.push_back(requests);
         if self.requests.len() > self.latency {
             for page in self.requests.pop_front().into_iter().flatten() {
+                self.file.page(page)?;
                 self.residency.arrive(self.file, page);
             }
         }
+        Ok(())
     }
 
     /// Moves every mesh to its position; answers the triangles of all.
@@ -222,7 +272,8 @@ impl<'a> Walk<'a> {
                 Some(cursor) => cursor,
                 None => {
                     let mut cursor = self.free.pop().unwrap_or_default();
-                    cursor.load(&self.file.page(member.cluster)?.progressive_mesh());
+                    let page = Page::view(self.file.page_bytes(member.cluster))?;
+                    cursor.load(&page.progressive_mesh());
                     slot.insert(cursor)
                 }
             };
@@ -230,6 +281,16 @@ impl<'a> Walk<'a> {
             triangles += cursor.triangles().len() as u64;
         }
         Ok(triangles)
+    }
+}
+
+/// Times between laps.
+struct Watch(Instant);
+
+impl Watch {
+    fn lap(&mut self) -> Duration {
+        let now = Instant::now();
+        now.duration_since(std::mem::replace(&mut self.0, now))
     }
 }
 
@@ -261,8 +322,9 @@ fn write_csv(frames: &[Frame], file: AtomicFile) -> Result<()> {
 }
 
 fn print(frames: &[Frame], out: &mut impl Write) -> Result<()> {
-    let requested = frames.iter().map(|frame| frame.requested_bytes).sum();
-    writeln!(out, "{} frames, {} requested", count(frames.len() as u64), Bytes(requested))?;
+    let sum = |of: fn(&Frame) -> u64| Bytes(frames.iter().map(of).sum());
+    let (requested, ahead) = (sum(|frame| frame.requested_bytes), sum(|frame| frame.prefetched_bytes));
+    writeln!(out, "{} frames, {requested} requested, {ahead} read ahead", count(frames.len() as u64))?;
     let number = |x: f64| if x.fract() == 0.0 { count(x as u64) } else { format!("{x:.3}") };
     let rows = COLUMNS.iter().map(|(name, value)| {
         let values = [0.5, 0.95, 1.0].map(|q| number(quantile(frames, q, *value)));

@@ -5,7 +5,7 @@ use chpm_mesh::synth::hand;
 use serde_json::Value;
 use std::process::Stdio;
 
-const VERBS: [&str; 7] = ["build", "info", "verify", "dump", "extract", "synth", "demo"];
+const VERBS: [&str; 9] = ["build", "info", "verify", "dump", "extract", "path", "walk", "synth", "demo"];
 
 fn json(text: &str) -> Value {
     serde_json::from_str(text).expect("valid JSON")

@@ -2,8 +2,8 @@
 
 use super::harness::{Folder, text};
 use chpm_format::{BoundaryMode, Chpm, ChpmWriter, HeaderFields, PageParts, Tables, checksum};
-use chpm_mesh::ClusterId;
 use chpm_mesh::synth::hand;
+use chpm_mesh::{ClusterId, TriMesh};
 use serde_json::Value;
 
 const MODES: [&str; 4] = [
@@ -25,12 +25,13 @@ fn model(shape: &str) -> Folder {
 
 #[test]
 fn no_mode_cracks_and_each_is_stored() {
-    for shape in ["isosurface", "terrain", "plates"] {
+    // Closed and of high genus, open, mechanical, plain.
+    for shape in ["isosurface", "terrain", "plates", "torus", "sphere"] {
         let folder = model(shape);
         for mode in MODES {
             folder.stdout(&format!("build in.ply -qf --cluster-triangles 128 {mode}"));
-            let out = folder.stdout("verify in.chpm --against in.ply --cuts 60 -q");
-            assert!(out.contains("no crack in 60 random cuts"), "{shape} {mode}: {out}");
+            let out = folder.stdout("verify in.chpm --against in.ply --cuts 300 -q");
+            assert!(out.contains("no crack in 300 random cuts"), "{shape} {mode}: {out}");
             let info = folder.stdout("info in.chpm");
             let words: Vec<&str> = mode.split_whitespace().collect();
             for setting in [format!("boundary {}", words[1]), format!("topology {}", words[3])] {
@@ -63,10 +64,32 @@ fn levels_tell_what_was_forced() {
     }
 }
 
+/// A sheet with a hole in every fifth quad or so.
+fn holes(side: u32) -> TriMesh {
+    let mut mesh = hand::grid(side, side);
+    let quads = mesh.triangles.chunks(2).enumerate().filter(|(quad, _)| quad % 5 != 2);
+    mesh.triangles = quads.flat_map(|(_, quad)| quad.to_vec()).collect();
+    mesh
+}
+
+/// Closed balls beside one another, each of another fineness.
+fn components(count: u32) -> TriMesh {
+    let mut all = TriMesh::default();
+    for i in 0..count {
+        let ball = hand::icosphere(i % 4);
+        let first = all.positions.len() as u32;
+        all.positions.extend(ball.positions.iter().map(|p| [p[0] + 3.0 * i as f32, p[1], p[2]]));
+        all.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+    all
+}
+
 #[test]
 fn meshes_that_are_cracked_or_tangled_themselves_are_no_fault() {
     for (name, mesh) in [
         ("grid", hand::grid(30, 30)),
+        ("holes", holes(30)),
+        ("components", components(12)),
         ("bow tie", hand::bow_tie()),
         ("moebius", hand::moebius(300)),
         ("klein bottle", hand::klein_bottle(25)),
@@ -79,7 +102,7 @@ fn meshes_that_are_cracked_or_tangled_themselves_are_no_fault() {
         folder.write_mesh("in.ply", &mesh);
         for mode in MODES {
             folder.stdout(&format!("build in.ply -qf --cluster-triangles 32 {mode}"));
-            let output = folder.chpm("verify in.chpm --cuts 40 -q");
+            let output = folder.chpm("verify in.chpm --cuts 200 -q");
             let output = output.get_output();
             assert_eq!(output.status.code(), Some(0), "{name} {mode}: {}", text(&output.stdout));
         }

@@ -2,18 +2,22 @@
 
 use super::harness::{Folder, text};
 
-const VERBS: [&str; 5] = [
+const VERBS: [&str; 8] = [
     "verify bad.chpm -q",
     "info bad.chpm",
     "dump bad.chpm --pages",
     "extract bad.chpm --triangles 2000 -o out.ply -qf",
     "extract bad.chpm --level 0 -o out.ply -qf",
+    "path dive bad.chpm --frames 5 -o out.path -f",
+    "walk bad.chpm good.path --poe 0.1 -q",
+    "walk bad.chpm good.path --poe 0.1 --latency 1 --prefetch 1M --memory 200K -q",
 ];
 
 fn built() -> (Folder, Vec<u8>) {
     let folder = Folder::new();
     folder.stdout("synth torus --triangles 4000 -o in.ply -q");
     folder.stdout("build in.ply -q --cluster-triangles 512");
+    folder.stdout("path dive in.chpm --frames 5 -o good.path");
     let bytes = folder.read("in.chpm");
     (folder, bytes)
 }

@@ -1,8 +1,11 @@
 //! Camera paths and walks along them.
 
 use super::harness::Folder;
+use chpm_format::Chpm;
+use chpm_mesh::{ClusterId, GroupId};
+use chpm_refine::{ActiveList, CameraPath, Cut, Hierarchy, Member, View, extract};
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 fn built() -> Folder {
     let folder = Folder::new();
@@ -85,6 +88,89 @@ fn memory_is_a_limit_and_latency_a_delay() {
     assert_eq!(late["triangles"][..2], [0.0, 0.0], "the roots are on their way");
     assert!(late["triangles"].iter().zip(&all["triangles"]).all(|(late, all)| late <= all));
     assert_eq!(late["triangles"][61], all["triangles"][61], "nothing new for two frames");
+}
+
+#[test]
+fn what_is_read_ahead_is_there_when_it_is_wanted() {
+    let folder = built();
+    // Ever nearer to one place, which a camera that goes on can foresee.
+    folder.stdout("path dive in.chpm --frames 90 -o cam.path");
+    let walk = |words: &str| {
+        folder.stdout(&format!("walk in.chpm cam.path --poe 8 --latency 4 --csv out.csv -qf {words}"));
+        columns(&folder, "out.csv")
+    };
+    let sum = |values: &[f64]| values.iter().sum::<f64>();
+    let (late, ahead) = (walk(""), walk("--prefetch 100K"));
+    assert_eq!(sum(&late["prefetched_bytes"]), 0.0);
+    assert!(sum(&ahead["prefetched_bytes"]) > 0.0);
+    assert!(ahead["prefetched_bytes"].iter().all(|bytes| *bytes <= 100.0 * 1024.0));
+    // All must wait for the first pages; who reads ahead waits less from then on.
+    let waits = |frames: &BTreeMap<String, Vec<f64>>| sum(&frames["withheld"][4..]);
+    assert!(waits(&ahead) < 0.5 * waits(&late), "{} {}", waits(&ahead), waits(&late));
+    assert_eq!(late["triangles"][89], ahead["triangles"][89], "in the end it is the same mesh");
+    let tight = walk("--prefetch 100K --memory 500K");
+    assert!(tight["resident_bytes"].iter().all(|bytes| *bytes <= 500.0 * 1024.0));
+    folder.chpm("walk in.chpm cam.path --prefetch much").code(2);
+}
+
+/// The triangles of a cut, each by the bits of its corners from the least one on.
+fn triangles(file: &Chpm<Vec<u8>>, cut: &Cut) -> Vec<[[u32; 3]; 3]> {
+    let mesh = extract(file, cut).expect("a mesh");
+    let corner = |v: u32| mesh.positions[v as usize].map(f32::to_bits);
+    let rotated = |[a, b, c]: [[u32; 3]; 3]| [a, b, c].min([b, c, a]).min([c, a, b]);
+    let mut all: Vec<_> = mesh.triangles.iter().map(|t| rotated(t.map(corner))).collect();
+    all.sort_unstable();
+    all
+}
+
+/// The cut with some clusters in the place of others.
+fn replaced(cut: &Cut, gone: &[u32], come: impl Iterator<Item = Member>) -> Cut {
+    let stay = cut.members().iter().copied().filter(|member| !gone.contains(&member.cluster.0));
+    Cut::new(stay.chain(come).collect())
+}
+
+/// A camera goes near and away again. Whenever a group splits, all its clusters at their finest meshes look like what replaces them, in
+/// the midst of the mesh of that frame; whenever one collapses, likewise.
+#[test]
+fn no_split_pops() {
+    let folder = Folder::new();
+    for shape in ["isosurface", "terrain"] {
+        folder.stdout(&format!("synth {shape} --triangles 12000 -o in.ply -qf"));
+        folder.stdout("build in.ply -qf --cluster-triangles 128");
+        folder.stdout("path dive in.chpm --frames 24 -o cam.path -f");
+        let file = Chpm::open(folder.read("in.chpm")).expect("a file");
+        let text = String::from_utf8(folder.read("cam.path")).expect("text");
+        let path: CameraPath = text.parse().expect("a path");
+        let hierarchy = Hierarchy::new(&file);
+        let record = |id: &u32| &file.clusters()[*id as usize];
+        let mut list = ActiveList::new(&file);
+        let mut cut = Cut::at_error(&file, f32::INFINITY).expect("the roots");
+        let (mut split, mut events, mut joint) = (BTreeSet::new(), 0, 0);
+        for camera in path.cameras.iter().chain(path.cameras.iter().rev()) {
+            let camera = camera.relative_to(file.header().origin);
+            let view = View::new(&camera, [512, 512], 1.0).expect("a view");
+            list.update(&file, &hierarchy, &view, |_| true).expect("sound pages");
+            let now: BTreeSet<GroupId> = list.front().split_groups().iter().copied().collect();
+            let order = hierarchy.top_down();
+            let collapses = order.iter().rev().filter(|id| split.contains(*id) && !now.contains(*id));
+            let splits = order.iter().filter(|id| !split.contains(*id) && now.contains(*id));
+            for group in collapses.chain(splits) {
+                let (coarse, fine) = (file.coarse(*group), file.fine(*group));
+                let gone = [coarse, fine].concat();
+                let finest = coarse.iter().map(|id| (*id, record(id).vertex_count));
+                let base = fine.iter().map(|id| (*id, record(id).base_vertex_count));
+                let member = |(id, vertices)| Member { cluster: ClusterId(id), vertices };
+                let before = replaced(&cut, &gone, finest.map(member));
+                let after = replaced(&cut, &gone, base.map(member));
+                assert!(triangles(&file, &before) == triangles(&file, &after), "{shape}: {group} pops");
+                cut = if split.contains(group) { before } else { after };
+                events += 1;
+                joint += u32::from(coarse.len() > 1);
+            }
+            (cut, split) = (list.cut(), now);
+        }
+        assert!(events > 60 && joint > 20, "{shape}: {events} splits and collapses, {joint} of groups");
+    }
 }
 
 #[test]

@@ -15,6 +15,8 @@ pub struct ActiveList {
     front: Front,
     members: Vec<Active>,
     left: Vec<ClusterId>,
+    /// Pages were checked before.
+    trusting: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +32,13 @@ struct Active {
 impl ActiveList {
     /// The coarsest clusters of a file, before any view: the list is empty until the first update.
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
-        ActiveList { front: Front::new(file), members: Vec::new(), left: Vec::new() }
+        ActiveList { front: Front::new(file), members: Vec::new(), left: Vec::new(), trusting: false }
+    }
+
+    /// The same for a caller who checks every page ([`Chpm::page`]) before the list may need it, when it is read for example: nothing is
+    /// checked when a cluster enters. A page that was not checked may then cause a panic if it is damaged.
+    pub fn of_checked_pages<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
+        ActiveList { trusting: true, ..ActiveList::new(file) }
     }
 
     /// Goes on to a view; `allowed` as [`Front::update`] has it. The first update takes the roots from their base meshes.
@@ -49,7 +57,7 @@ impl ActiveList {
         let mut changes = self.front.update(file, hierarchy, view, allowed);
         let moved = self.position(file, &roots, changes.splits + changes.collapses > 0);
         if moved.is_err() {
-            *self = ActiveList::new(file);
+            *self = ActiveList { trusting: self.trusting, ..ActiveList::new(file) };
         }
         changes.pm_steps = moved?;
         Ok(changes)
@@ -89,7 +97,9 @@ impl ActiveList {
             let record = &clusters[cluster.index()];
             if front.is_active(record) {
                 let group = record.group();
-                let active = Active::new(cluster, group, &file.page(cluster)?, front.bound(group));
+                let page =
+                    if self.trusting { Page::view(file.page_bytes(cluster))? } else { file.page(cluster)? };
+                let active = Active::new(cluster, group, &page, front.bound(group));
                 let before = if finest { record.vertex_count } else { record.base_vertex_count };
                 steps += u64::from(before.abs_diff(active.member.vertices));
                 self.members.push(active);

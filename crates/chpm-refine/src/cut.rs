@@ -222,5 +222,5 @@ fn count_triangles<D: AsRef<[u8]>>(
         return Ok(u64::from(record.triangle_count));
     }
     let page = file.page(member.cluster)?;
-    Ok(lod.triangles(&page.progressive_mesh(), member.vertices as usize).count() as u64)
+    Ok(lod.count(&page.progressive_mesh(), member.vertices as usize) as u64)
 }

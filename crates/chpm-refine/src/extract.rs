@@ -183,8 +183,7 @@ impl Weld {
 
     /// Goes on to the mesh of `n` vertices of a page.
     fn enter(&mut self, page: &Page<'_>, n: usize) -> Result<(), RefineError> {
-        self.triangles.clear();
-        self.triangles.extend(self.lod.triangles(&page.progressive_mesh(), n));
+        self.lod.collect(&page.progressive_mesh(), n, &mut self.triangles);
         self.index.clear();
         self.index.resize(n, UNUSED);
         for v in self.triangles.as_flattened() {

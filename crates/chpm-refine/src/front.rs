@@ -154,8 +154,8 @@ impl Front {
         self.states[group.index()].split
     }
 
-    /// The groups that are in the cut as a whole, and some that were before the last splits.
-    pub(crate) fn open_groups(&self) -> &[GroupId] {
+    /// The groups that are in the cut as a whole: what may be split next.
+    pub fn open_groups(&self) -> &[GroupId] {
         &self.open
     }
 

@@ -27,6 +27,7 @@ pub mod random;
 pub mod residency;
 pub mod select;
 mod splits;
+mod steps;
 pub mod view;
 
 pub use active::ActiveList;

@@ -52,7 +52,9 @@ impl CameraPath {
     /// Smoothly between random cameras in and around a box; what follows from `seed` alone.
     pub fn random(bounds: &Aabb, seed: u64, frames: usize) -> Self {
         let start = Camera::framing(bounds);
-        let (center, reach) = (Point3::from(start.target), 0.5 * bounds.diagonal().max(1e-30));
+        let center = Point3::from(start.target);
+        // A single point is looked at from about one unit, as by the framing view.
+        let reach = Some(0.5 * bounds.diagonal()).filter(|reach| *reach > 0.0).unwrap_or(1.0);
         let mut random = SplitMix(seed);
         let mut point = |least: f64, most: f64| {
             let direction = Vector3::from(std::array::from_fn(|_| 2.0 * random.unit() - 1.0));

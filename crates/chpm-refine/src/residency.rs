@@ -2,7 +2,8 @@
 //! what is above it.
 //!
 //! The unit is what the split of one group brings; the roots always stay. With a unit, all units above it are kept, so that the view can
-//! get coarser at any moment: whatever is missing, the cut of the groups that are ready is a legal one. A pure state machine: who
+//! get coarser at any moment: whatever is missing, the cut of the groups that are ready is a legal one. So what is above the active
+//! clusters is there already, and only what is below them, or will be, needs to be read ahead. A pure state machine: who
 //! calls it does the reading, in any order and as late as may be.
 
 use crate::hierarchy::Hierarchy;
@@ -53,6 +54,8 @@ struct Unit {
     bytes: u64,
     /// The last update that it was wanted in and had its place.
     used: u64,
+    /// The last update after which it was read ahead, or would have been.
+    foreseen: u64,
     /// Clusters on their way.
     missing: u32,
     /// Units directly below that are there or on their way, once for each cluster between.
@@ -65,7 +68,7 @@ impl Residency {
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>, budget: Bytes) -> Self {
         let unit = |id| {
             let bytes = file.fine(id).iter().map(|fine| page_len(file, ClusterId(*fine))).sum();
-            Unit { bytes, used: 0, missing: 0, below: 0, kept: false }
+            Unit { bytes, used: 0, foreseen: 0, missing: 0, below: 0, kept: false }
         };
         Residency {
             budget: budget.0,
@@ -95,9 +98,7 @@ impl Residency {
             }
         }
         let bytes = |wanted: &Wanted| self.units[wanted.group.index()].bytes;
-        let rank = |wanted: &Wanted| hierarchy.rank(wanted.group);
-        let by_priority =
-            |a: &Wanted, b: &Wanted| b.priority.total_cmp(&a.priority).then_with(|| rank(a).cmp(&rank(b)));
+        let by_priority = |a: &Wanted, b: &Wanted| by_priority(hierarchy, a, b);
         let mut room = self.budget.saturating_sub(self.root_bytes);
         if wanted.iter().map(bytes).sum::<u64>() > room {
             wanted.sort_by(by_priority);
@@ -113,16 +114,59 @@ impl Residency {
             fits && !self.units[wanted.group.index()].kept
         });
         wanted.sort_by(by_priority);
-        self.make_room(file, hierarchy, &wanted, &mut traffic);
+        self.fetch_all(file, hierarchy, &wanted, &mut traffic);
+        traffic
+    }
+
+    /// Reads ahead, after an update: what a view may want soon, whole units of up to `limit` bytes together. All groups above one must be
+    /// listed too, or be there; it may list what is there already. What is read ahead has no claim to a place: only what
+    /// no view wants and nobody foresees makes room for it, and the next update may let it go again. It is not
+    /// ready before a view wants it.
+    pub fn prefetch<D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        hierarchy: &Hierarchy,
+        mut ahead: Vec<Wanted>,
+        limit: Bytes,
+    ) -> Traffic {
+        let mut traffic = Traffic::default();
+        ahead.sort_by(|a, b| by_priority(hierarchy, a, b));
+        let mut room = limit.0;
+        ahead.retain(|ahead| {
+            let above = parents(file, ahead.group).all(|above| {
+                self.units[above.index()].kept || self.units[above.index()].foreseen == self.now
+            });
+            let unit = &mut self.units[ahead.group.index()];
+            let is_chosen = !unit.kept && above && unit.bytes <= room;
+            if is_chosen {
+                room -= unit.bytes;
+            }
+            if is_chosen || unit.kept {
+                unit.foreseen = self.now;
+            }
+            is_chosen
+        });
+        self.fetch_all(file, hierarchy, &ahead, &mut traffic);
+        traffic
+    }
+
+    /// Makes room for units and asks for those that fit, in their order.
+    fn fetch_all<D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        hierarchy: &Hierarchy,
+        wanted: &[Wanted],
+        traffic: &mut Traffic,
+    ) {
+        self.make_room(file, hierarchy, wanted, traffic);
         for Wanted { group, .. } in wanted {
             let Unit { bytes, .. } = self.units[group.index()];
-            let above = parents(file, group).all(|above| self.units[above.index()].kept);
+            let above = parents(file, *group).all(|above| self.units[above.index()].kept);
             // What nobody wants any more and is still on its way can be in the way.
             if above && self.reserved.saturating_add(bytes) <= self.budget {
-                self.fetch(file, group, &mut traffic);
+                self.fetch(file, *group, traffic);
             }
         }
-        traffic
     }
 
     /// Evicts until all of `wanted` fits, or nothing more can go: longest unused first, and from below.
@@ -138,9 +182,10 @@ impl Residency {
             return;
         }
         let mut victims = self.kept.clone();
-        victims.retain(|group| self.units[group.index()].used < self.now);
-        // A unit was used whenever one below it was: those below come first.
-        victims.sort_by_key(|group| (self.units[group.index()].used, Reverse(hierarchy.rank(*group))));
+        let last = |group: &GroupId| self.units[group.index()].last();
+        victims.retain(|group| last(group) < self.now);
+        // A unit was used or foreseen whenever one below it was: those below come first.
+        victims.sort_by_key(|group| (last(group), Reverse(hierarchy.rank(*group))));
         for group in victims {
             let Unit { bytes, missing, below, .. } = self.units[group.index()];
             if self.reserved.saturating_add(needed) <= self.budget {
@@ -207,6 +252,19 @@ impl Residency {
     pub fn reserved(&self) -> Bytes {
         Bytes(self.reserved)
     }
+}
+
+impl Unit {
+    /// The last update that had a use for it.
+    fn last(&self) -> u64 {
+        self.used.max(self.foreseen)
+    }
+}
+
+/// What matters more comes first, groups above before those below.
+fn by_priority(hierarchy: &Hierarchy, a: &Wanted, b: &Wanted) -> std::cmp::Ordering {
+    let rank = |wanted: &Wanted| hierarchy.rank(wanted.group);
+    b.priority.total_cmp(&a.priority).then_with(|| rank(a).cmp(&rank(b)))
 }
 
 fn page_len<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: ClusterId) -> u64 {

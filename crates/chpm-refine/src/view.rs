@@ -48,6 +48,15 @@ impl Camera {
         Camera { position: less(self.position), target: less(self.target), ..*self }
     }
 
+    /// Where this camera will be after so many frames if it goes on as it came from `before`, the frame before.
+    pub fn onward(&self, before: &Camera, frames: f64) -> Self {
+        let ahead = |now: [f64; 3], before: [f64; 3]| {
+            std::array::from_fn(|axis| now[axis] + frames * (now[axis] - before[axis]))
+        };
+        let position = ahead(self.position, before.position);
+        Camera { position, target: ahead(self.target, before.target), ..*self }
+    }
+
     fn check(&self) -> Result<(), RefineError> {
         let numbers = [self.position, self.target, self.up];
         let finite = numbers.as_flattened().iter().all(|x| x.is_finite());

@@ -4,18 +4,24 @@ use chpm_refine::PmCursor;
 use proptest::prelude::*;
 
 /// Compares the cursor with playing from scratch, in both orders.
-fn agrees(cursor: &PmCursor, mesh: &ProgressiveMesh<'_>) {
+fn agrees(cursor: &PmCursor, mesh: &ProgressiveMesh<'_>, is_prepared: bool) {
     let n = cursor.position();
     let mut expected = Vec::new();
     mesh.triangles_at(n, &mut expected);
     assert_eq!(cursor.triangles_in_file_order().collect::<Vec<_>>(), expected, "at {n} vertices");
-    let mut straight = PmCursor::new(mesh);
-    straight.move_to(n);
-    assert_eq!(cursor.triangles(), straight.triangles(), "at {n} vertices, by another path");
-    let mut by_birth: Vec<_> = mesh.triangles.iter().filter(|t| mesh.birth(**t) <= n).collect();
-    by_birth.sort_by_key(|t| mesh.birth(**t));
-    let by_birth: Vec<_> = by_birth.iter().map(|t| t.map(|v| mesh.resolve(v, n))).collect();
-    assert_eq!(cursor.triangles(), by_birth, "at {n} vertices, by birth");
+    if is_prepared {
+        let mut by_birth: Vec<_> = mesh.triangles.iter().filter(|t| mesh.birth(**t) <= n).collect();
+        by_birth.sort_by_key(|t| mesh.birth(**t));
+        expected = by_birth.iter().map(|t| t.map(|v| mesh.resolve(v, n))).collect();
+    }
+    assert_eq!(cursor.triangles(), expected, "at {n} vertices, prepared: {is_prepared}");
+}
+
+/// A cursor whose steps are prepared.
+fn prepared(mesh: &ProgressiveMesh<'_>) -> PmCursor {
+    let mut cursor = PmCursor::new(mesh);
+    cursor.prepare_steps();
+    cursor
 }
 
 #[test]
@@ -26,17 +32,18 @@ fn a_fan_collapses_and_comes_back() {
         triangles: &[[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
         targets: &[0, 0],
     };
-    let mut cursor = PmCursor::new(&fan);
-    assert_eq!((cursor.position(), cursor.base_vertex_count(), cursor.vertex_count()), (5, 3, 5));
-    cursor.move_to(4);
-    assert_eq!(cursor.triangles(), [[1, 2, 0], [2, 3, 0]]);
-    cursor.move_to(3);
-    assert_eq!(cursor.triangles(), [[1, 2, 0]]);
-    cursor.move_to(0);
-    assert_eq!((cursor.position(), cursor.triangles().len()), (3, 1));
-    cursor.move_to(9);
-    assert_eq!(cursor.position(), 5);
-    assert_eq!(cursor.triangles_in_file_order().collect::<Vec<_>>(), fan.triangles);
+    for mut cursor in [PmCursor::new(&fan), prepared(&fan)] {
+        assert_eq!((cursor.position(), cursor.base_vertex_count(), cursor.vertex_count()), (5, 3, 5));
+        cursor.move_to(4);
+        assert_eq!(cursor.triangles(), [[1, 2, 0], [2, 3, 0]]);
+        cursor.move_to(3);
+        assert_eq!(cursor.triangles(), [[1, 2, 0]]);
+        cursor.move_to(0);
+        assert_eq!((cursor.position(), cursor.triangles().len()), (3, 1));
+        cursor.move_to(9);
+        assert_eq!(cursor.position(), 5);
+        assert_eq!(cursor.triangles_in_file_order().collect::<Vec<_>>(), fan.triangles);
+    }
 }
 
 #[test]
@@ -55,7 +62,11 @@ fn one_cursor_serves_every_cluster() {
             cursor.load(&mesh);
             for n in (mesh.base_vertex_count..=mesh.vertex_count).rev() {
                 cursor.move_to(n);
-                agrees(&cursor, &mesh);
+                let (mut scratch, mut stepped) = (PmCursor::new(&mesh), cursor.clone());
+                scratch.move_to(n);
+                agrees(&scratch, &mesh, false);
+                stepped.prepare_steps();
+                agrees(&stepped, &mesh, true);
             }
             let record = &file.clusters()[id.index()];
             assert_eq!(cursor.triangles().len(), record.base_triangle_count as usize);
@@ -84,12 +95,24 @@ proptest! {
         let vertex_count = base_vertex_count + targets.len();
         let (triangles, targets) = (&triangles[..], &targets[..]);
         let mesh = ProgressiveMesh { vertex_count, base_vertex_count, triangles, targets };
-        let mut cursor = PmCursor::new(&mesh);
-        agrees(&cursor, &mesh);
+        let (mut cursor, mut stepped) = (PmCursor::new(&mesh), prepared(&mesh));
+        agrees(&cursor, &mesh, false);
+        agrees(&stepped, &mesh, true);
+        // The first move is played from scratch, the last of many is a step; what is between shows in the order alone.
+        let mut moves = 0_u32;
         for n in walk {
-            cursor.move_to(n);
-            prop_assert_eq!(cursor.position(), n.clamp(base_vertex_count, vertex_count));
-            agrees(&cursor, &mesh);
+            moves += u32::from(n.clamp(base_vertex_count, vertex_count) != cursor.position());
+            for cursor in [&mut cursor, &mut stepped] {
+                cursor.move_to(n);
+                prop_assert_eq!(cursor.position(), n.clamp(base_vertex_count, vertex_count));
+            }
+            agrees(&cursor, &mesh, moves > PmCursor::REPLAYS);
+            agrees(&stepped, &mesh, true);
         }
+        // Another load starts anew, in used memory.
+        cursor.load(&mesh);
+        agrees(&cursor, &mesh, false);
+        cursor.move_to(base_vertex_count);
+        agrees(&cursor, &mesh, false);
     }
 }

@@ -1,4 +1,4 @@
-use crate::strips::{ALL, DEPENDENT, File, PAIRS, ROOTS, TWINS, UNEVEN};
+use crate::strips::{ALL, DEPENDENT, File, PAIRS, ROOTS, TWINS, UNEVEN, WOVEN};
 use chpm_format::Chpm;
 use chpm_mesh::{ClusterId, Level};
 use chpm_refine::{Cut, Member, RefineError, random_cut};
@@ -126,6 +126,34 @@ fn random_cuts_are_legal_and_differ() {
         };
         assert_eq!(drawn.len(), expected, "{plan:?}: {drawn:?}");
     }
+}
+
+#[test]
+fn random_cuts_reach_all_depths() {
+    // Every level is in a tenth of the cuts at least, and a sixth of them have several.
+    let file = WOVEN.build();
+    let levels = |seed| -> BTreeSet<u32> {
+        let cut = random_cut(&file, seed).unwrap();
+        cut.members().iter().map(|member| file.clusters()[member.cluster.index()].level).collect()
+    };
+    let cuts: Vec<_> = (0..600).map(levels).collect();
+    for level in 0..4 {
+        let count = cuts.iter().filter(|levels| levels.contains(&level)).count();
+        assert!(count >= 60, "level {level} is in {count} of 600 cuts");
+    }
+    let mixed = cuts.iter().filter(|levels| levels.len() > 1).count();
+    assert!(mixed >= 100, "{mixed} of 600 cuts are mixed");
+    // Positions within a cluster are at both ends and between.
+    let positions = |seed| -> Vec<u32> {
+        let cut = random_cut(&file, seed).unwrap();
+        let leaves = cut.members().iter().filter(|member| member.cluster.0 < 8);
+        leaves.map(|m| m.vertices - file.clusters()[m.cluster.index()].base_vertex_count).collect()
+    };
+    let reached: BTreeSet<u32> = (0..600).flat_map(positions).collect();
+    let record = &file.clusters()[0];
+    let most = record.vertex_count - record.base_vertex_count;
+    assert!(reached.contains(&0) && reached.contains(&most), "{reached:?}");
+    assert!(reached.len() as u32 > most / 2, "{reached:?}");
 }
 
 #[test]

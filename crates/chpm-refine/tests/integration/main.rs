@@ -12,6 +12,8 @@ mod extraction;
 mod front;
 /// Camera paths as text, and made.
 mod path;
+/// A split changes no triangle at the moment it happens.
+mod pops;
 /// Pages that come late, in any order, or not at all.
 mod residency;
 /// The stateless selection: the rule, legal for any camera, without cracks.

@@ -46,6 +46,26 @@ impl Viewer {
                 .map_or(0.0, |error| view.pixels_of(error, self.hierarchy.region(*group))),
         });
         let traffic = self.residency.update(&self.file, &self.hierarchy, wanted.collect());
+        self.note(&traffic);
+        traffic
+    }
+
+    /// Reads ahead for another view.
+    fn foresee(&mut self, view: &View, limit: u64) {
+        let mut front = Front::new(&self.file);
+        front.update(&self.file, &self.hierarchy, view, |_| true);
+        let groups = front.split_groups().iter().chain(front.open_groups());
+        let ahead = groups.map(|group| Wanted {
+            group: *group,
+            priority: view
+                .pixels_of(self.hierarchy.split_error(*group).unwrap_or(0.0), self.hierarchy.region(*group)),
+        });
+        let traffic = self.residency.prefetch(&self.file, &self.hierarchy, ahead.collect(), Bytes(limit));
+        assert!(bytes(&self.file, traffic.requests.iter().map(|id| id.0)) <= limit);
+        self.note(&traffic);
+    }
+
+    fn note(&mut self, traffic: &Traffic) {
         for ClusterId(id) in &traffic.evictions {
             assert!(self.resident.remove(id), "evicted, but not there");
         }
@@ -53,7 +73,6 @@ impl Viewer {
             assert!(!self.resident.contains(id) && !self.requested.contains(id), "asked for twice");
             self.requested.push(*id);
         }
-        traffic
     }
 
     fn arrive(&mut self, place: usize) {
@@ -171,19 +190,76 @@ fn nothing_is_kept_for_the_sake_of_what_has_no_place() {
     assert_eq!(look(&[(top, 9.0), (left, 2.0), (first, 1.0), (right, 3.0)]), (2, vec![0, 1, 8, 9]));
 }
 
+#[test]
+fn what_is_read_ahead_has_no_claim_and_is_not_ready_before_it_is_wanted() {
+    let file = PAIRS.build();
+    let hierarchy = Hierarchy::new(&file);
+    let page = |id| bytes(&file, [id]);
+    let ids = |clusters: Vec<ClusterId>| clusters.into_iter().map(|id| id.0).collect::<Vec<_>>();
+    let [top, left, right] = [6, 4, 5].map(|id: usize| file.clusters()[id].group());
+    let of = |groups: &[(GroupId, f64)]| -> Vec<Wanted> {
+        groups.iter().map(|(group, priority)| Wanted { group: *group, priority: *priority }).collect()
+    };
+    // Room for the top, the middle and one pair of leaves.
+    let budget = bytes(&file, 4..7) + (page(0) + page(1)).max(page(2) + page(3));
+    let mut residency = Residency::new(&file, Bytes(budget));
+    let arrive = |residency: &mut Residency, traffic: &Traffic| {
+        traffic.requests.iter().for_each(|id| assert!(residency.arrive(&file, *id)));
+    };
+    let traffic = residency.update(&file, &hierarchy, of(&[]));
+    arrive(&mut residency, &traffic);
+    // Nothing is read below what is not there, or beyond the limit.
+    assert_eq!(
+        residency.prefetch(&file, &hierarchy, of(&[(left, 9.0)]), Bytes(u64::MAX)),
+        Traffic::default()
+    );
+    let least = page(4) + page(5);
+    let all = [(top, 9.0), (left, 3.0), (right, 2.0)];
+    assert_eq!(residency.prefetch(&file, &hierarchy, of(&all), Bytes(least - 1)), Traffic::default());
+    // The more urgent of the two that do not both fit, after what is above it.
+    let traffic = residency.prefetch(&file, &hierarchy, of(&all), Bytes(u64::MAX));
+    assert_eq!(ids(traffic.requests.clone()), [4, 5, 0, 1]);
+    arrive(&mut residency, &traffic);
+    assert!(![top, left, right].iter().any(|group| residency.is_ready(*group)), "nobody wants them yet");
+    // What is wanted is ready at once; what is foreseen stays for now, though something else is foreseen too.
+    assert_eq!(residency.update(&file, &hierarchy, of(&[(top, 9.0)])), Traffic::default());
+    assert!(residency.is_ready(top) && !residency.is_ready(left));
+    let other = residency.prefetch(&file, &hierarchy, of(&all), Bytes(u64::MAX));
+    assert_eq!(other, Traffic::default());
+    // What a view wants takes its place.
+    let traffic = residency.update(&file, &hierarchy, of(&[(top, 9.0), (right, 1.0)]));
+    assert_eq!((ids(traffic.requests.clone()), ids(traffic.evictions)), (vec![2, 3], vec![0, 1]));
+    residency.arrive(&file, ClusterId(2));
+    residency.arrive(&file, ClusterId(3));
+    assert!(residency.is_ready(right));
+    // And what is foreseen takes the place of what no view wants, but never of what one does.
+    let ahead = residency.prefetch(&file, &hierarchy, of(&[(top, 9.0), (left, 8.0)]), Bytes(u64::MAX));
+    assert_eq!(ahead, Traffic::default());
+    residency.update(&file, &hierarchy, of(&[(top, 9.0)]));
+    let ahead = residency.prefetch(&file, &hierarchy, of(&[(top, 9.0), (left, 8.0)]), Bytes(u64::MAX));
+    assert_eq!((ids(ahead.requests), ids(ahead.evictions)), (vec![0, 1], vec![2, 3]));
+}
+
 proptest! {
     #[test]
     fn whatever_comes_when_the_cut_is_legal_and_in_memory(
         plan in any_plan(), share in 0.0..1.3, seed_views in prop::collection::vec(any_view(), 1..12),
         arrivals in prop::collection::vec(prop::collection::vec(any::<usize>(), 0..5), 12),
+        ahead in prop::collection::vec((any_view(), 0.0..1.0), 0..12),
     ) {
         let file = plan.build();
         let all = bytes(&file, 0..file.clusters().len() as u32);
         let roots = bytes(&file, file.roots().map(|root| root.0));
         let budget = (all as f64 * share) as u64;
         let mut viewer = Viewer::new(file, budget);
-        for (view, arrivals) in seed_views.iter().zip(&arrivals) {
+        for (frame, (view, arrivals)) in seed_views.iter().zip(&arrivals).enumerate() {
             viewer.look(view);
+            let ready: Vec<GroupId> = viewer.wanted.split_groups().iter().copied()
+                .filter(|group| viewer.residency.is_ready(*group)).collect();
+            if let Some((view, share)) = ahead.get(frame) {
+                viewer.foresee(view, (all as f64 * share) as u64);
+            }
+            prop_assert!(ready.iter().all(|group| viewer.residency.is_ready(*group)), "nothing wanted goes");
             let reserved = viewer.residency.reserved().0;
             let known = viewer.resident.iter().chain(&viewer.requested).copied();
             prop_assert_eq!(reserved, bytes(&viewer.file, known));

@@ -77,6 +77,15 @@ fn framing_shows_the_whole_box() {
 }
 
 #[test]
+fn a_camera_goes_on_as_it_came() {
+    let before = Camera::looking([1.0, 2.0, 3.0], [0.0, 0.0, 1.0]);
+    let now = Camera { fov: 30.0, ..Camera::looking([2.0, 2.0, 2.5], [0.0, 1.0, 1.0]) };
+    let expected = Camera { fov: 30.0, ..Camera::looking([6.0, 2.0, 0.5], [0.0, 5.0, 1.0]) };
+    assert_eq!(now.onward(&before, 4.0), expected);
+    assert_eq!(now.onward(&now, 4.0), now);
+}
+
+#[test]
 fn what_is_no_view_is_refused() {
     let good = Camera::looking([0.0; 3], [1.0, 0.0, 0.0]);
     for camera in [
