@@ -1,24 +1,15 @@
 //! Nearest distance from a point to a set of triangles, exact up to rounding.
 
+use crate::box_tree::BoxTree;
 use chpm_mesh::{Aabb, geom};
 use nalgebra::Point3;
 
 /// A hierarchy of boxes over triangles, with its own copy of their corners.
 #[derive(Clone, Debug)]
 pub struct Bvh {
-    nodes: Vec<Node>,
+    tree: BoxTree,
     /// Corners, in the order of the leaves.
     corners: Vec<[[f32; 3]; 3]>,
-    /// Where each triangle of the input went.
-    ids: Vec<u32>,
-}
-
-/// A leaf has triangles `first..first + count`; an inner node has none, its children are the next node and `first`.
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    bounds: Aabb,
-    first: u32,
-    count: u32,
 }
 
 /// The nearest triangle that a search has found.
@@ -27,54 +18,25 @@ pub struct Nearest {
     /// Distance; infinite where the set is empty or the point is not a number.
     pub distance: f64,
     /// Place of the triangle in the leaves: a hint for a nearby search.
-    place: usize,
+    pub(crate) place: usize,
 }
 
-const LEAF: usize = 4;
-
 impl Bvh {
-    /// Builds over `triangles`; medians along the longest axis, ties by index.
+    /// Builds over `triangles`.
     ///
     /// # Panics
     /// If a triangle names a vertex that is not there.
     pub fn new(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
-        let all: Vec<[[f32; 3]; 3]> = triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect();
-        let middles: Vec<[f64; 3]> = all.iter().map(|t| Aabb::of_points(t).center().coords.into()).collect();
-        let mut ids: Vec<u32> = (0..triangles.len() as u32).collect();
-        let mut bvh = Bvh { nodes: Vec::new(), corners: Vec::with_capacity(all.len()), ids: Vec::new() };
-        if !ids.is_empty() {
-            bvh.build(&all, &middles, &mut ids, 0);
-        }
-        bvh.corners.extend(ids.iter().map(|&i| all[i as usize]));
-        bvh.ids = ids;
-        bvh
+        let corners = |t: [u32; 3]| t.map(|v| positions[v as usize]);
+        let boxes: Vec<Aabb> = triangles.iter().map(|t| Aabb::of_points(&corners(*t))).collect();
+        let tree = BoxTree::new(&boxes);
+        let corners = tree.order().iter().map(|&i| corners(triangles[i as usize])).collect();
+        Bvh { tree, corners }
     }
 
-    fn build(&mut self, all: &[[[f32; 3]; 3]], middles: &[[f64; 3]], ids: &mut [u32], first: usize) {
-        let bounds = Aabb::of_points(ids.iter().flat_map(|&i| &all[i as usize]));
-        let node = self.nodes.len();
-        self.nodes.push(Node { bounds, first: first as u32, count: ids.len() as u32 });
-        if ids.len() <= LEAF {
-            return;
-        }
-        let mut extent = [(f64::INFINITY, f64::NEG_INFINITY); 3];
-        for middle in ids.iter().map(|&i| middles[i as usize]) {
-            for (range, c) in extent.iter_mut().zip(middle) {
-                *range = (range.0.min(c), range.1.max(c));
-            }
-        }
-        let width = |a: &usize| extent[*a].1 - extent[*a].0;
-        let axis = (0..3).max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(0);
-        let half = ids.len() / 2;
-        ids.select_nth_unstable_by(half, |&a, &b| {
-            let [x, y] = [a, b].map(|i| middles[i as usize][axis]);
-            x.total_cmp(&y).then(a.cmp(&b))
-        });
-        let (low, high) = ids.split_at_mut(half);
-        self.build(all, middles, low, first);
-        let right = self.nodes.len() as u32;
-        self.build(all, middles, high, first + half);
-        self.nodes[node] = Node { bounds, first: right, count: 0 };
+    /// Bytes of memory.
+    pub fn len_bytes(&self) -> usize {
+        self.tree.len_bytes() + size_of_val(&self.corners[..])
     }
 
     /// Distance from `point` to the nearest triangle; infinite where there is none.
@@ -84,87 +46,50 @@ impl Bvh {
 
     /// The nearest triangle. A `hint` from a nearby point changes the time only.
     pub fn nearest(&self, point: Point3<f64>, hint: Option<Nearest>) -> Nearest {
-        let mut best = Nearest { distance: f64::INFINITY, place: 0 };
-        let mut best_squared = f64::INFINITY;
-        let mut visit = |place: usize, best_squared: &mut f64| {
+        let mut best = f64::INFINITY;
+        let place = self.improve(point, hint.map(|h| h.place), &mut best).unwrap_or(0);
+        Nearest { distance: best.sqrt(), place }
+    }
+
+    /// Lowers `best`, a squared distance, to that of the nearest triangle, and answers its place; none if no triangle is nearer.
+    pub(crate) fn improve(&self, point: Point3<f64>, hint: Option<usize>, best: &mut f64) -> Option<usize> {
+        let mut found = None;
+        let mut visit = |place: usize, best: &mut f64| {
             let d = squared_distance(point, self.corners[place]);
-            if d < *best_squared {
-                *best_squared = d;
-                best.place = place;
+            if d < *best {
+                *best = d;
+                found = Some(place);
             }
         };
-        if let Some(hint) = hint.filter(|h| h.place < self.corners.len()) {
-            visit(hint.place, &mut best_squared);
+        if let Some(hint) = hint.filter(|h| *h < self.corners.len()) {
+            visit(hint, best);
         }
-        // Medians halve, so the depth is at most 32; a node leaves one entry behind.
-        let mut stack = [(0.0, 0); 64];
-        let mut len = usize::from(!self.nodes.is_empty());
-        while len > 0 {
-            len -= 1;
-            let (bound, index) = stack[len];
-            if bound >= best_squared {
-                continue;
-            }
-            let node = self.nodes[index];
-            if node.count > 0 {
-                for place in node.first..node.first + node.count {
-                    visit(place as usize, &mut best_squared);
-                }
-                continue;
-            }
-            let children = [index + 1, node.first as usize];
-            let [near, far] = children.map(|c| (box_squared_distance(point, &self.nodes[c].bounds), c));
-            let (near, far) = if far.0 < near.0 { (far, near) } else { (near, far) };
-            stack[len] = far;
-            stack[len + 1] = near;
-            len += 2;
-        }
-        best.distance = best_squared.sqrt();
-        best
+        self.tree.search(point, best, visit);
+        found
     }
 
-    /// Calls `visit` with the index of every triangle whose box comes within `radius` of `point`.
+    /// Calls `visit` with the index of every triangle whose box may come within `radius` of `point`.
     pub fn for_each_near(&self, point: Point3<f64>, radius: f64, visit: &mut dyn FnMut(u32)) {
-        let mut stack = vec![0];
-        while let Some(node) = stack.pop().and_then(|index: usize| Some((index, self.nodes.get(index)?))) {
-            let (index, node) = node;
-            if box_squared_distance(point, &node.bounds) > radius * radius {
-                continue;
-            }
-            if node.count > 0 {
-                let leaf = node.first as usize..(node.first + node.count) as usize;
-                self.ids[leaf].iter().for_each(|&id| visit(id));
-            } else {
-                stack.extend([node.first as usize, index + 1]);
-            }
-        }
+        self.tree.for_each_near(point, radius, &mut |place| visit(self.tree.order()[place]));
     }
-}
-
-fn box_squared_distance(point: Point3<f64>, bounds: &Aabb) -> f64 {
-    let excess = |a: usize| {
-        let (low, high) = (f64::from(bounds.min[a]), f64::from(bounds.max[a]));
-        (low - point[a]).max(point[a] - high).max(0.0)
-    };
-    let [x, y, z] = [0, 1, 2].map(excess);
-    x * x + y * y + z * z
 }
 
 /// Squared distance from a point to a triangle, which may have no area.
 ///
 /// The nearest point is in the plane where the foot of the perpendicular is inside all three edges, and on an edge
-/// otherwise; edges alone are right for a triangle without area.
+/// otherwise; edges alone are right for a triangle without area. The plane is taken from the two shortest edges, which for
+/// needles is as good as for any triangle; for a flat cap it is off by its aspect ratio times the rounding of f64.
 pub fn squared_distance(point: Point3<f64>, corners: [[f32; 3]; 3]) -> f64 {
     let corners = corners.map(geom::to_f64);
-    let [a, b, c] = corners;
-    let normal = (b - a).cross(&(c - a));
-    let inside = |i: usize| {
-        let (p, q) = (corners[i], corners[(i + 1) % 3]);
-        (q - p).cross(&(point - p)).dot(&normal) >= 0.0
-    };
+    let edges = [0, 1, 2].map(|i| corners[(i + 1) % 3] - corners[i]);
+    let [ab, bc, ca] = edges.map(|e| e.norm_squared());
+    // The corner between the two shortest edges.
+    let apex = if ab >= bc && ab >= ca { 2 } else { usize::from(ca >= bc) };
+    let normal = edges[(apex + 2) % 3].cross(&edges[apex]);
+    let inside = |i: usize| edges[i].cross(&(point - corners[i])).dot(&normal) >= 0.0;
     let area_squared = normal.norm_squared();
     if area_squared > 0.0 && (0..3).all(inside) {
-        let height = normal.dot(&(point - a));
+        let height = normal.dot(&(point - corners[apex]));
         return height * height / area_squared;
     }
     (0..3)
@@ -203,6 +128,12 @@ mod tests {
         let needle = [[0.0; 3], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
         assert_eq!(squared_distance([1.5, 2.0, 0.0].into(), needle), 4.0);
         assert_eq!(squared_distance([0.0, 3.0, 4.0].into(), [[0.0; 3]; 3]), 25.0);
+        // A needle with its short side anywhere, and a point above it.
+        let (a, b, c) = ([0.0, 1e-6, 0.0], [0.0, -1e-6, 0.0], [1.0, 0.0, 0.0]);
+        for needle in [[a, b, c], [b, c, a], [c, a, b], [a, c, b]] {
+            let d = squared_distance([0.3, 0.0, 2.0].into(), needle);
+            assert!((d - 4.0).abs() < 1e-14, "{d}");
+        }
     }
 
     #[test]

@@ -3,23 +3,11 @@
 use crate::{
     bvh::{Bvh, Nearest},
     sample::{Density, Sampler},
+    tally::{Side, Tally},
 };
 use chpm_mesh::TriMesh;
-use nalgebra::Point3;
 use rayon::prelude::*;
-
-/// Distances of one surface's samples to the other surface, in object units.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Side {
-    /// The largest, over vertices, edges and triangles: never above the true one-sided Hausdorff distance.
-    pub max: f64,
-    /// The mean over the surface, by area.
-    pub mean: f64,
-    /// The root of the mean square over the surface, by area.
-    pub rms: f64,
-    /// Samples taken.
-    pub samples: u64,
-}
+use std::ops::Range;
 
 /// The deviation of two meshes.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
@@ -36,9 +24,19 @@ impl Deviation {
         self.forward.max.max(self.backward.max)
     }
 
+    /// The larger mean.
+    pub fn mean(&self) -> f64 {
+        self.forward.mean.max(self.backward.mean)
+    }
+
     /// The larger root mean square.
     pub fn rms(&self) -> f64 {
         self.forward.rms.max(self.backward.rms)
+    }
+
+    /// Where the larger maximum was found, on the surface that was sampled; none if nothing was.
+    pub fn at(&self) -> Option<[f64; 3]> {
+        if self.backward.max > self.forward.max { self.backward.at } else { self.forward.at }
     }
 }
 
@@ -52,88 +50,58 @@ impl Deviation {
 /// # Panics
 /// If a triangle names a vertex that is not there.
 pub fn deviation(a: &TriMesh, b: &TriMesh, samples_per_triangle: usize) -> Deviation {
+    deviation_told(a, b, samples_per_triangle, &|_, _| {})
+}
+
+/// As [`deviation`], and tells `progress` from any thread how many more parts (vertices, edges, triangles) are measured,
+/// and of how many.
+///
+/// # Panics
+/// As [`deviation`].
+pub fn deviation_told(
+    a: &TriMesh,
+    b: &TriMesh,
+    samples_per_triangle: usize,
+    progress: &(dyn Fn(u64, u64) + Sync),
+) -> Deviation {
     let budget = samples_per_triangle.saturating_mul(a.triangles.len().max(b.triangles.len()));
     let density = Density { per_triangle: samples_per_triangle, budget, seed: 0 };
-    let bvh = |mesh: &TriMesh| Bvh::new(&mesh.positions, &mesh.triangles);
-    Deviation {
-        forward: one_sided(&Sampler::new(a, density), &bvh(b)),
-        backward: one_sided(&Sampler::new(b, density), &bvh(a)),
-    }
+    let (from_a, from_b) = (Sampler::new(a, density), Sampler::new(b, density));
+    let all = (from_a.part_count() + from_b.part_count()) as u64;
+    let side = |samples: &Sampler<'_>, to: &TriMesh| {
+        let bvh = Bvh::new(&to.positions, &to.triangles);
+        one_sided(samples, &bvh, &|done| progress(done, all))
+    };
+    Deviation { forward: side(&from_a, b), backward: side(&from_b, a) }
 }
 
 /// Parts that one task measures in turn, each search hinting the next one; fixed, so that no result depends on threads.
-const CHUNK: usize = 256;
+const CHUNK: usize = 64;
 
-/// Distances from samples to the triangles of `to`.
-pub fn one_sided(samples: &Sampler<'_>, to: &Bvh) -> Side {
-    let vertices = in_chunks(samples.vertex_count(), |index, search| {
-        search.distance(to, samples.vertex(index));
-    });
-    let edges = in_chunks(samples.edge_count(), |index, search| {
-        samples.on_edge(index).for_each(|p| {
-            search.distance(to, p);
+/// Ranges of a sampler's parts, one for each task.
+pub fn chunks(samples: &Sampler<'_>) -> impl IndexedParallelIterator<Item = Range<usize>> {
+    let count = samples.part_count();
+    (0..count.div_ceil(CHUNK)).into_par_iter().map(move |i| i * CHUNK..count.min((i + 1) * CHUNK))
+}
+
+/// Distances from samples to the triangles of `to`; `progress` hears how many more parts are done.
+pub fn one_sided(samples: &Sampler<'_>, to: &Bvh, progress: &(dyn Fn(u64) + Sync)) -> Side {
+    let chunk = |parts: Range<usize>| {
+        let (mut tally, mut hint) = (Tally::default(), None::<Nearest>);
+        let done = parts.len() as u64;
+        samples.samples_of(parts, |point, area| {
+            let nearest = to.nearest(point, hint);
+            hint = Some(nearest);
+            tally.add(point, nearest.distance, area);
         });
-    });
-    let triangles = in_chunks(samples.triangle_count(), |index, search| {
-        let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
-        for p in samples.in_triangle(index) {
-            let d = search.distance(to, p);
-            (sum, squares, count) = (sum + d, squares + d * d, count + 1.0);
-        }
-        let area = samples.area(index);
-        if count > 0.0 && area > 0.0 {
-            search.area += area;
-            search.sum += area * sum / count;
-            search.squares += area * squares / count;
-        }
-    });
-    let per_area = |sum: f64| if triangles.area > 0.0 { sum / triangles.area } else { 0.0 };
-    Side {
-        max: vertices.max.max(edges.max).max(triangles.max),
-        mean: per_area(triangles.sum),
-        rms: per_area(triangles.squares).sqrt(),
-        samples: vertices.samples + edges.samples + triangles.samples,
-    }
-}
-
-/// The running state of one chunk, and the sum of many.
-#[derive(Clone, Copy, Default)]
-struct Search {
-    hint: Option<Nearest>,
-    max: f64,
-    samples: u64,
-    area: f64,
-    sum: f64,
-    squares: f64,
-}
-
-impl Search {
-    fn distance(&mut self, to: &Bvh, point: Point3<f64>) -> f64 {
-        let nearest = to.nearest(point, self.hint);
-        self.hint = Some(nearest);
-        self.max = self.max.max(nearest.distance);
-        self.samples += 1;
-        nearest.distance
-    }
-}
-
-fn in_chunks(count: usize, measure: impl Fn(usize, &mut Search) + Sync) -> Search {
-    let chunk = |start: usize| {
-        let mut search = Search::default();
-        let start = start * CHUNK;
-        (start..count.min(start + CHUNK)).for_each(|index| measure(index, &mut search));
-        search
+        progress(done);
+        tally
     };
-    let parts: Vec<Search> = (0..count.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
+    let tallies: Vec<Tally> = chunks(samples).map(chunk).collect();
     // Sums of floats depend on their order, so this one is sequential.
-    parts.iter().fold(Search::default(), |all, part| Search {
-        hint: None,
-        max: all.max.max(part.max),
-        samples: all.samples + part.samples,
-        area: all.area + part.area,
-        sum: all.sum + part.sum,
-        squares: all.squares + part.squares,
-    })
+    let mut all = Tally::default();
+    tallies.iter().for_each(|tally| all.merge(tally));
+    all.side()
 }
 
 #[cfg(test)]
@@ -155,7 +123,8 @@ mod tests {
             assert_eq!((side.max, side.mean), (0.25, 0.25));
             assert!((side.rms - 0.25).abs() < 1e-15);
         }
-        assert_eq!(result.forward, result.backward);
+        let lifted = Side { at: Some([0.0, 0.0, 0.25]), ..result.forward };
+        assert_eq!((result.forward.at, result.backward), (Some([0.0; 3]), lifted));
         // 16 vertices, 33 edges with 3 or 4 samples, 18 triangles with 5.
         assert!(result.forward.samples >= 16 + 33 * 3 + 18 * 5, "{result:?}");
     }
@@ -167,6 +136,7 @@ mod tests {
         assert_eq!(result.forward.max, 0.0);
         // The second triangle ends at x = 3, the first at x = 1.
         assert_eq!(result.backward.max, 2.0);
+        assert_eq!(result.at(), Some([3.0, 0.0, 0.0]));
         assert_eq!(result.max(), 2.0);
         assert_eq!(result.rms(), result.backward.rms);
     }

@@ -5,13 +5,18 @@
 //! panic where one does not. Any other oddity (non-manifold, open, degenerate, empty) is measured, not refused.
 #![forbid(unsafe_code)]
 
+pub mod box_tree;
 pub mod bvh;
 pub mod cache;
 pub mod crack;
 pub mod hausdorff;
 pub mod naive;
 pub mod sample;
+pub mod tally;
+pub mod tiles;
 
 pub use bvh::Bvh;
 pub use crack::{Crack, EdgeCensus, Topology, boundary_vertices, cracks, edge_census, topology, weld};
-pub use hausdorff::{Deviation, Side, deviation};
+pub use hausdorff::{Deviation, deviation, deviation_told};
+pub use tally::{Side, Tally};
+pub use tiles::{Hit, Tiles};

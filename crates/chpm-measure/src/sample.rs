@@ -2,6 +2,7 @@
 
 use chpm_mesh::{TriMesh, geom};
 use nalgebra::Point3;
+use std::ops::Range;
 
 /// How many samples go on edges and triangles; vertices are always all sampled.
 ///
@@ -46,6 +47,28 @@ impl<'a> Sampler<'a> {
         sampler
     }
 
+    /// Vertices, edges and triangles together: what [`Sampler::samples_of`] counts.
+    pub fn part_count(&self) -> usize {
+        self.vertices.len() + self.edges.len() + self.mesh.triangles.len()
+    }
+
+    /// Hands the samples of parts to `visit`, each with the area that it stands for, which is 0 on vertices and edges. Parts
+    /// are the vertices, then the edges, then the triangles.
+    pub fn samples_of(&self, parts: Range<usize>, mut visit: impl FnMut(Point3<f64>, f64)) {
+        let (edges, triangles) = (self.vertices.len(), self.vertices.len() + self.edges.len());
+        for part in parts {
+            if part < edges {
+                visit(self.vertex(part), 0.0);
+            } else if part < triangles {
+                self.on_edge(part - edges).for_each(|p| visit(p, 0.0));
+            } else {
+                let samples = self.in_triangle(part - triangles);
+                let share = self.area(part - triangles) / samples.len().max(1) as f64;
+                samples.for_each(|p| visit(p, share));
+            }
+        }
+    }
+
     /// Vertices to sample.
     pub fn vertex_count(&self) -> usize {
         self.vertices.len()
@@ -88,7 +111,7 @@ impl<'a> Sampler<'a> {
     }
 
     /// Samples inside a triangle: one in each of equal strips of area, spread along the strips by the golden ratio.
-    pub fn in_triangle(&self, triangle: usize) -> impl Iterator<Item = Point3<f64>> {
+    pub fn in_triangle(&self, triangle: usize) -> impl ExactSizeIterator<Item = Point3<f64>> {
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let share = self.density.budget as f64 * self.area(triangle) / self.total_area;
         let count = (share as usize).max(self.density.per_triangle);
@@ -126,6 +149,13 @@ mod tests {
         assert_eq!(sampler.on_edge(0).count(), 3);
         assert_eq!(sampler.in_triangle(0).count(), 9);
         assert_eq!(sampler.area(3), 0.5);
+        let (mut count, mut area) = (0, 0.0);
+        sampler.samples_of(0..sampler.part_count(), |_, share| {
+            count += 1;
+            area += share;
+        });
+        assert_eq!(count, 8 + 18 * 3 + 12 * 9);
+        assert!((area - 6.0).abs() < 1e-12, "{area}");
     }
 
     #[test]

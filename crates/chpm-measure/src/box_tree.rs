@@ -1,0 +1,154 @@
+//! A binary tree of boxes, searched from near to far.
+
+use chpm_mesh::Aabb;
+use nalgebra::Point3;
+
+/// A hierarchy of boxes over items that have one each; the items themselves are elsewhere.
+#[derive(Clone, Debug, Default)]
+pub struct BoxTree {
+    nodes: Vec<Node>,
+    /// Items in the order of the leaves.
+    order: Vec<u32>,
+}
+
+/// A leaf has places `first..first + count`; an inner node has none, its children are the next node and `first`.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    bounds: Aabb,
+    first: u32,
+    count: u32,
+}
+
+const LEAF: usize = 4;
+
+impl BoxTree {
+    /// Builds over items `0..boxes.len()`; medians along the longest axis of the boxes' middles, ties by index.
+    pub fn new(boxes: &[Aabb]) -> Self {
+        let middles: Vec<[f64; 3]> = boxes.iter().map(|b| b.center().coords.into()).collect();
+        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
+        let mut tree = BoxTree::default();
+        if !order.is_empty() {
+            tree.build(boxes, &middles, &mut order, 0);
+        }
+        tree.order = order;
+        tree
+    }
+
+    fn build(&mut self, boxes: &[Aabb], middles: &[[f64; 3]], items: &mut [u32], first: usize) {
+        let mut bounds = Aabb::EMPTY;
+        items.iter().for_each(|&i| bounds.merge(&boxes[i as usize]));
+        let node = self.nodes.len();
+        self.nodes.push(Node { bounds, first: first as u32, count: items.len() as u32 });
+        if items.len() <= LEAF {
+            return;
+        }
+        let mut extent = [(f64::INFINITY, f64::NEG_INFINITY); 3];
+        for middle in items.iter().map(|&i| middles[i as usize]) {
+            for (range, c) in extent.iter_mut().zip(middle) {
+                *range = (range.0.min(c), range.1.max(c));
+            }
+        }
+        let width = |a: &usize| extent[*a].1 - extent[*a].0;
+        let axis = (0..3).max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(0);
+        let half = items.len() / 2;
+        items.select_nth_unstable_by(half, |&a, &b| {
+            let [x, y] = [a, b].map(|i| middles[i as usize][axis]);
+            x.total_cmp(&y).then(a.cmp(&b))
+        });
+        let (low, high) = items.split_at_mut(half);
+        self.build(boxes, middles, low, first);
+        let right = self.nodes.len() as u32;
+        self.build(boxes, middles, high, first + half);
+        self.nodes[node] = Node { bounds, first: right, count: 0 };
+    }
+
+    /// Items in the order of the leaves: a place is an index into it.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// Bytes of memory.
+    pub fn len_bytes(&self) -> usize {
+        size_of_val(&self.nodes[..]) + size_of_val(&self.order[..])
+    }
+
+    /// Calls `visit` with the place of every item whose box may be nearer than the square root of `best`, near boxes first; `visit`
+    /// lowers `best` as it finds something.
+    pub fn search(&self, point: Point3<f64>, best: &mut f64, mut visit: impl FnMut(usize, &mut f64)) {
+        // Medians halve, so the depth is at most 32; a node leaves one entry behind.
+        let mut stack = [(0.0, 0); 64];
+        let mut len = usize::from(!self.nodes.is_empty());
+        while len > 0 {
+            len -= 1;
+            let (bound, index) = stack[len];
+            if bound >= *best {
+                continue;
+            }
+            let node = self.nodes[index];
+            if node.count > 0 {
+                (node.first..node.first + node.count).for_each(|place| visit(place as usize, best));
+                continue;
+            }
+            let children = [index + 1, node.first as usize];
+            let [near, far] = children.map(|c| (squared_distance_to_box(point, &self.nodes[c].bounds), c));
+            let (near, far) = if far.0 < near.0 { (far, near) } else { (near, far) };
+            stack[len] = far;
+            stack[len + 1] = near;
+            len += 2;
+        }
+    }
+
+    /// Calls `visit` with the place of every item whose box may come within `radius` of `point`.
+    pub fn for_each_near(&self, point: Point3<f64>, radius: f64, visit: &mut dyn FnMut(usize)) {
+        // One step up, so that a box at exactly the radius is not missed.
+        let mut bound = (radius * radius).next_up();
+        self.search(point, &mut bound, |place, _| visit(place));
+    }
+}
+
+/// Squared distance from a point to a box; 0 inside.
+pub fn squared_distance_to_box(point: Point3<f64>, bounds: &Aabb) -> f64 {
+    let excess = |a: usize| {
+        let (low, high) = (f64::from(bounds.min[a]), f64::from(bounds.max[a]));
+        (low - point[a]).max(point[a] - high).max(0.0)
+    };
+    let [x, y, z] = [0, 1, 2].map(excess);
+    x * x + y * y + z * z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_is_as_far_as_its_nearest_corner_side_or_inside() {
+        let unit = Aabb { min: [0.0; 3], max: [1.0; 3] };
+        for (point, expected) in
+            [([0.5; 3], 0.0), ([2.0, 0.5, 0.5], 1.0), ([2.0, 3.0, -1.0], 6.0), ([1.0; 3], 0.0)]
+        {
+            assert_eq!(squared_distance_to_box(point.into(), &unit), expected, "{point:?}");
+        }
+    }
+
+    #[test]
+    fn near_items_are_visited_and_far_ones_are_not() {
+        let boxes: Vec<Aabb> =
+            (0..100).map(|i| Aabb { min: [i as f32, 0.0, 0.0], max: [i as f32 + 0.5, 1.0, 1.0] }).collect();
+        let tree = BoxTree::new(&boxes);
+        let mut near = Vec::new();
+        tree.for_each_near([40.75, 0.5, 0.5].into(), 0.25, &mut |place| near.push(tree.order()[place]));
+        assert!(near.contains(&40) && near.contains(&41), "{near:?}");
+        // Whole leaves are handed over, and those beside them are not.
+        assert!(near.len() <= 2 * LEAF, "{near:?}");
+        let mut visits = 0;
+        let mut best = f64::INFINITY;
+        tree.search([7.2, 0.5, 0.5].into(), &mut best, |place, best| {
+            visits += 1;
+            let bounds = &boxes[tree.order()[place] as usize];
+            *best = best.min(squared_distance_to_box([7.2, 0.5, 0.5].into(), bounds));
+        });
+        assert_eq!(best, 0.0);
+        assert!(visits <= LEAF, "{visits}");
+        BoxTree::new(&[]).search([0.0; 3].into(), &mut best, |_, _| panic!("there is nothing"));
+    }
+}

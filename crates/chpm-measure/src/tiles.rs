@@ -1,0 +1,181 @@
+//! A surface in tiles that are loaded when a search comes to them, so that it need not fit into memory.
+
+use crate::box_tree::{BoxTree, squared_distance_to_box};
+use crate::bvh::Bvh;
+use chpm_mesh::{Aabb, TriMesh};
+use nalgebra::Point3;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+/// A surface of tiles. Searches may come from any thread; which tiles are in memory shows in the time only.
+pub struct Tiles<'a> {
+    boxes: Vec<Aabb>,
+    tree: BoxTree,
+    slots: Vec<Slot>,
+    load: Box<dyn Fn(usize) -> TriMesh + Sync + 'a>,
+    /// Bytes of hierarchies to keep.
+    budget: u64,
+    held: AtomicU64,
+    clock: AtomicU64,
+}
+
+#[derive(Default)]
+struct Slot {
+    bvh: Mutex<Option<Arc<Bvh>>>,
+    /// When it was loaded or last asked for under pressure.
+    used: AtomicU64,
+}
+
+/// The nearest triangle of a surface of tiles.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Hit {
+    /// The tile that it is in.
+    pub tile: usize,
+    /// Its distance.
+    pub distance: f64,
+    place: usize,
+}
+
+impl<'a> Tiles<'a> {
+    /// A surface of a tile in each of `boxes`. `load` gives a tile's mesh, the same one every time, inside its box; about
+    /// `budget` bytes of loaded tiles are kept, besides those that searches are at.
+    pub fn new(boxes: Vec<Aabb>, budget: u64, load: impl Fn(usize) -> TriMesh + Sync + 'a) -> Self {
+        let tree = BoxTree::new(&boxes);
+        let slots = boxes.iter().map(|_| Slot::default()).collect();
+        let (held, clock) = (AtomicU64::new(0), AtomicU64::new(0));
+        Tiles { boxes, tree, slots, load: Box::new(load), budget, held, clock }
+    }
+
+    /// Tiles, loaded or not.
+    pub fn count(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// A tile's mesh, loaded anew.
+    pub fn mesh(&self, tile: usize) -> TriMesh {
+        (self.load)(tile)
+    }
+
+    fn bvh(&self, tile: usize) -> Arc<Bvh> {
+        let slot = &self.slots[tile];
+        let now = self.clock.fetch_add(1, Ordering::Relaxed);
+        slot.used.store(now, Ordering::Relaxed);
+        let mut held = lock(&slot.bvh);
+        if let Some(bvh) = &*held {
+            return Arc::clone(bvh);
+        }
+        let mesh = (self.load)(tile);
+        let bvh = Arc::new(Bvh::new(&mesh.positions, &mesh.triangles));
+        *held = Some(Arc::clone(&bvh));
+        // Counted before another thread can drop it, or the sum would fall below zero.
+        let bytes = bvh.len_bytes() as u64;
+        let all = self.held.fetch_add(bytes, Ordering::Relaxed) + bytes;
+        drop(held);
+        if all > self.budget {
+            self.drop_oldest(tile);
+        }
+        bvh
+    }
+
+    /// Goes a quarter below the budget, so that this is not done for every tile that comes.
+    fn drop_oldest(&self, but: usize) {
+        let mut tiles: Vec<(u64, usize)> =
+            self.slots.iter().enumerate().map(|(i, slot)| (slot.used.load(Ordering::Relaxed), i)).collect();
+        tiles.sort_unstable();
+        for (_, tile) in tiles {
+            if self.held.load(Ordering::Relaxed) <= self.budget / 4 * 3 {
+                return;
+            }
+            if tile != but
+                && let Some(bvh) = lock(&self.slots[tile].bvh).take()
+            {
+                self.held.fetch_sub(bvh.len_bytes() as u64, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// The nearest triangle of all tiles; none where there is none. A `hint` from a nearby point saves time; among triangles
+    /// at the same distance it may decide.
+    pub fn nearest(&self, point: Point3<f64>, hint: Option<Hit>) -> Option<Hit> {
+        let mut best = f64::INFINITY;
+        let mut hit = None;
+        let mut look = |tile: usize, place: Option<usize>, best: &mut f64| {
+            if let Some(place) = self.bvh(tile).improve(point, place, best) {
+                hit = Some((tile, place));
+            }
+        };
+        let hinted = hint.map(|hint| {
+            look(hint.tile, Some(hint.place), &mut best);
+            hint.tile
+        });
+        self.tree.search(point, &mut best, |place, best| {
+            let tile = self.tree.order()[place] as usize;
+            if hinted != Some(tile) && squared_distance_to_box(point, &self.boxes[tile]) < *best {
+                look(tile, None, best);
+            }
+        });
+        hit.map(|(tile, place)| Hit { tile, distance: best.sqrt(), place })
+    }
+
+    /// Distance from `point` to one tile; infinite where it is empty.
+    pub fn distance(&self, tile: usize, point: Point3<f64>) -> f64 {
+        self.bvh(tile).distance(point)
+    }
+
+    /// Calls `visit` with every tile whose box comes within `radius` of `point`.
+    pub fn for_each_near(&self, point: Point3<f64>, radius: f64, visit: &mut dyn FnMut(usize)) {
+        self.tree.for_each_near(point, radius, &mut |place| {
+            let tile = self.tree.order()[place] as usize;
+            if squared_distance_to_box(point, &self.boxes[tile]) <= radius * radius {
+                visit(tile);
+            }
+        });
+    }
+}
+
+fn lock(bvh: &Mutex<Option<Arc<Bvh>>>) -> MutexGuard<'_, Option<Arc<Bvh>>> {
+    bvh.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_mesh::synth::{Shape, Synth};
+    use std::sync::atomic::AtomicUsize;
+
+    #[test]
+    fn tiles_answer_as_the_whole_does_whatever_the_budget() {
+        let mesh = Synth::new(Shape::Isosurface, 4000, 5).to_mesh();
+        let parts: Vec<TriMesh> =
+            mesh.triangles.chunks(97).map(|t| TriMesh::new(mesh.positions.clone(), t.to_vec())).collect();
+        let bounds = |part: &TriMesh| {
+            Aabb::of_points(part.triangles.as_flattened().iter().map(|v| &part.positions[*v as usize]))
+        };
+        let whole = Bvh::new(&mesh.positions, &mesh.triangles);
+        for budget in [0, 40_000, u64::MAX] {
+            let loads = AtomicUsize::new(0);
+            let tiles = Tiles::new(parts.iter().map(bounds).collect(), budget, |tile| {
+                loads.fetch_add(1, Ordering::Relaxed);
+                parts[tile].clone()
+            });
+            assert_eq!(tiles.count(), parts.len());
+            let mut hint = None;
+            for point in mesh.positions.iter().step_by(7) {
+                let point = Point3::from(point.map(|x| 1.05 * f64::from(x) + 0.01));
+                hint = tiles.nearest(point, hint);
+                let hit = hint.unwrap();
+                assert!((hit.distance - whole.distance(point)).abs() < 1e-14);
+                assert!((tiles.distance(hit.tile, point) - hit.distance).abs() < 1e-14);
+                let mut is_near = false;
+                tiles.for_each_near(point, hit.distance + 1e-12, &mut |tile| is_near |= tile == hit.tile);
+                assert!(is_near);
+            }
+            let loads = loads.load(Ordering::Relaxed);
+            assert!(budget < u64::MAX || loads <= parts.len(), "{loads}");
+            assert!(budget > 0 || loads > parts.len(), "{loads}");
+        }
+        let none = Tiles::new(vec![Aabb::EMPTY], 0, |_| TriMesh::default());
+        assert_eq!(none.nearest(Point3::origin(), None), None);
+        assert_eq!(none.distance(0, Point3::origin()), f64::INFINITY);
+    }
+}

@@ -1,0 +1,82 @@
+//! What one contender does in its process.
+
+use super::{Contender, DIVISORS, clod, in_core};
+use anyhow::{Context, Result};
+use chpm_build::config::Topology;
+use chpm_build::{BuildConfig, Cancel, Silent, build};
+use chpm_extmem::MappedFile;
+use chpm_format::{BoundaryMode, Chpm};
+use chpm_mesh::TriMesh;
+use chpm_mesh::ply::{self, Encoding, Options};
+use chpm_refine::{Cut, extract};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// From the source to the contender's output: what is timed. A simplifier goes down to the coarsest mesh in one run.
+pub(crate) fn run(contender: Contender, source: &Path, output: &Path, cancel: &Cancel) -> Result<()> {
+    if contender.is_chpm() {
+        build(source, output, &config(contender), &Silent, cancel)?;
+        return Ok(());
+    }
+    let mesh = read(source)?;
+    if contender == Contender::MeshoptClod {
+        return clod::write(&mesh, output);
+    }
+    let coarsest = mesh.triangles.len() as u64 / DIVISORS[DIVISORS.len() - 1];
+    for lod in simplified(contender, &mesh, &[coarsest])? {
+        write(&lod, output)?;
+    }
+    Ok(())
+}
+
+/// Meshes of at most so many triangles, which fall; `output` is what [`run`] has left. Written beside it; not timed.
+pub(crate) fn meshes(contender: Contender, source: &Path, output: &Path, limits: &[u64]) -> Result<()> {
+    let lods = if contender.is_chpm() {
+        let file = Chpm::open(MappedFile::open(output)?)?;
+        let lod = |limit: &u64| Ok(extract(&file, &Cut::at_triangles(&file, *limit)?)?);
+        limits.iter().map(lod).collect::<Result<Vec<TriMesh>>>()?
+    } else {
+        simplified(contender, &read(source)?, limits)?
+    };
+    limits.iter().zip(&lods).try_for_each(|(limit, lod)| write(lod, &mesh_path(output, *limit)))
+}
+
+/// Where [`meshes`] writes one.
+pub(crate) fn mesh_path(output: &Path, limit: u64) -> PathBuf {
+    output.with_extension(format!("{limit}.ply"))
+}
+
+fn simplified(contender: Contender, mesh: &TriMesh, limits: &[u64]) -> Result<Vec<TriMesh>> {
+    match contender {
+        Contender::MeshoptClod => clod::meshes(mesh, limits),
+        Contender::MeshoptSimplify => in_core::by_meshopt(mesh, limits),
+        Contender::Kernel => in_core::by_kernel(mesh, limits),
+        _ => Ok(in_core::by_plain(mesh, limits)),
+    }
+}
+
+fn config(contender: Contender) -> BuildConfig {
+    let mut config = BuildConfig { overwrite: true, ..BuildConfig::default() };
+    match contender {
+        Contender::ChpmOneThread => config.resources.threads = 1,
+        Contender::ChpmLock => config.settings.boundary = BoundaryMode::Lock,
+        Contender::ChpmKeep => config.settings.topology = Topology::Keep,
+        Contender::ChpmNoLayout => config.settings.layout = false,
+        _ => {}
+    }
+    config
+}
+
+/// Positions and triangles of a PLY.
+pub(crate) fn read(path: &Path) -> Result<TriMesh> {
+    let told = || format!("cannot read '{}'", path.display());
+    let options = Options { normals: false, colors: false, ..Options::default() };
+    Ok(ply::read_mesh(File::open(path).with_context(told)?, options).with_context(told)?.0)
+}
+
+fn write(mesh: &TriMesh, path: &Path) -> Result<()> {
+    let mut out = BufWriter::new(File::create(path)?);
+    ply::write_mesh(&mut out, mesh, Encoding::BinaryLittleEndian)?;
+    Ok(out.flush()?)
+}

@@ -1,0 +1,333 @@
+//! `chpm bench`: speed against error, this project and others on one source, each in a process of its own.
+
+use super::{Verdict, stdout};
+use crate::bench::{
+    Contender, DIVISORS, Figure, Point, REFERENCE_DIVISORS, contend, equal_deviation, median, svg,
+};
+use crate::progress::Meter;
+use crate::report::{count, table};
+use crate::stop::{self, Stop};
+use anyhow::{Context, Result, bail, ensure};
+use chpm_build::Cancel;
+use chpm_extmem::process::peak_resident;
+use chpm_measure::deviation;
+use chpm_mesh::{Aabb, Bytes, TriMesh};
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+/// What `chpm bench` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The mesh (PLY); it is read into memory to be measured against
+    source: PathBuf,
+    /// Timed runs of each contender, in turn; medians are told
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    runs: u32,
+    /// Who competes; all who can if not given
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_enum)]
+    only: Vec<Contender>,
+    /// Samples on each triangle of the source, and of each mesh
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    samples: u32,
+    /// Write the figures as CSV, a row for each contender and fraction
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Write a plot of speed against error
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// What the process of a contender is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct ContendArgs {
+    #[arg(value_enum)]
+    contender: Contender,
+    source: PathBuf,
+    output: PathBuf,
+    /// Write meshes of at most so many triangles, from what a run has left, instead of running
+    #[arg(long, value_delimiter = ',')]
+    meshes: Vec<u64>,
+}
+
+/// Does a contender's work and prints the most memory that the process had, bytes.
+pub(crate) fn contend(args: &ContendArgs, stop: &Stop) -> Result<Verdict> {
+    if args.meshes.is_empty() {
+        contend::run(args.contender, &args.source, &args.output, &stop.heed())?;
+    } else {
+        contend::meshes(args.contender, &args.source, &args.output, &args.meshes)?;
+    }
+    let mut out = stdout();
+    writeln!(out, "{}", peak_resident().unwrap_or_default())?;
+    out.flush()?;
+    Ok(Verdict::Good)
+}
+
+/// Runs all and prints the figures.
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    let mesh = contend::read(&args.source)?;
+    let triangles = mesh.triangles.len() as u64;
+    let coarsest = DIVISORS[DIVISORS.len() - 1];
+    ensure!(triangles >= coarsest, "'{}' has fewer than {coarsest} triangles", args.source.display());
+    let cancel = stop.heed();
+    let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let wanted = |c: &Contender| args.only.is_empty() || args.only.contains(c);
+    let (mut contenders, mut declined) = (Vec::new(), Vec::new());
+    for contender in Contender::ALL.into_iter().filter(wanted) {
+        match contender.declines(mesh.positions.len(), mesh.triangles.len()) {
+            None => contenders.push(contender),
+            Some(why) => declined.push((contender, why)),
+        }
+    }
+    ensure!(!contenders.is_empty(), "none of those who were asked for competes on this mesh");
+    let bench = Bench { args, mesh, folder: folder.path(), cancel };
+    let times = bench.time(&contenders)?;
+    let reference = [Contender::Kernel, Contender::Plain, Contender::MeshoptSimplify]
+        .into_iter()
+        .find(|c| contenders.contains(c));
+    let figures = bench.measure(&contenders, &times, reference)?;
+    let result = Outcome { declined, reference, figures, diagonal: bench.diagonal(), triangles };
+    if let Some(path) = &args.csv {
+        fs::write(path, result.csv(args)).with_context(|| format!("cannot write '{}'", path.display()))?;
+    }
+    if let Some(path) = &args.svg {
+        let name = args.source.file_stem().unwrap_or_default().to_string_lossy();
+        let title = format!("Speed against error: {name}, {} triangles", count(triangles));
+        let plot = svg(&result.figures, result.diagonal, &title, &machine());
+        fs::write(path, plot).with_context(|| format!("cannot write '{}'", path.display()))?;
+    }
+    let mut out = stdout();
+    result.print(args, &mut out)?;
+    out.flush()?;
+    Ok(Verdict::Good)
+}
+
+struct Bench<'a> {
+    args: &'a Args,
+    mesh: TriMesh,
+    folder: &'a Path,
+    cancel: Cancel,
+}
+
+/// Seconds and peak bytes of every run of a contender.
+type Times = Vec<(f64, u64)>;
+
+impl Bench<'_> {
+    fn output(&self, contender: Contender) -> PathBuf {
+        self.folder.join(format!("{}.out", contender.name()))
+    }
+
+    /// All contenders in turn, so that what else the machine does falls on all. The source has just been read, so that it is in
+    /// the page cache.
+    fn time(&self, contenders: &[Contender]) -> Result<Vec<Times>> {
+        let meter = Meter::new(self.args.quiet);
+        meter.start("run", u64::from(self.args.runs) * contenders.len() as u64);
+        let mut times = vec![Vec::new(); contenders.len()];
+        for _ in 0..self.args.runs {
+            for (contender, times) in contenders.iter().zip(&mut times) {
+                stop::check(&self.cancel)?;
+                let start = Instant::now();
+                let peak = self.child(*contender, &[])?;
+                times.push((start.elapsed().as_secs_f64(), peak));
+                meter.add(1);
+            }
+        }
+        meter.finish();
+        Ok(times)
+    }
+
+    /// Runs a contender in a process of this same program; answers its peak resident bytes.
+    fn child(&self, contender: Contender, meshes: &[u64]) -> Result<u64> {
+        let program = std::env::current_exe().context("cannot find this program")?;
+        let mut command = Command::new(program);
+        command.args(["contend", contender.name()]).arg(&self.args.source).arg(self.output(contender));
+        if !meshes.is_empty() {
+            let list: Vec<String> = meshes.iter().map(u64::to_string).collect();
+            command.arg("--meshes").arg(list.join(","));
+        }
+        let output = command.output().context("cannot start a contender")?;
+        if !output.status.success() {
+            bail!("{} failed: {}", contender.name(), String::from_utf8_lossy(&output.stderr).trim());
+        }
+        let text = String::from_utf8_lossy(&output.stdout);
+        text.trim().parse().with_context(|| format!("{} answered '{text}'", contender.name()))
+    }
+
+    fn measure(
+        &self,
+        contenders: &[Contender],
+        times: &[Times],
+        reference: Option<Contender>,
+    ) -> Result<Vec<Figure>> {
+        let meter = Meter::new(self.args.quiet);
+        let divisors = |contender: Contender| {
+            let more: &[u64] = if Some(contender) == reference { &REFERENCE_DIVISORS } else { &[] };
+            let mut divisors = [&DIVISORS, more].concat();
+            divisors.sort_unstable();
+            divisors
+        };
+        meter.start("measure", contenders.iter().map(|c| divisors(*c).len() as u64).sum());
+        let mut figures = Vec::new();
+        for (contender, times) in contenders.iter().zip(times) {
+            let (seconds, peaks): (Vec<f64>, Vec<u64>) = times.iter().copied().unzip();
+            let output = self.output(*contender);
+            let len = fs::metadata(&output)?.len();
+            let limits: Vec<u64> =
+                divisors(*contender).iter().map(|d| (self.mesh.triangles.len() as u64 / d).max(1)).collect();
+            self.child(*contender, &limits)?;
+            let mut points = Vec::new();
+            for (divisor, limit) in divisors(*contender).into_iter().zip(&limits) {
+                stop::check(&self.cancel)?;
+                let path = contend::mesh_path(&output, *limit);
+                let lod = contend::read(&path)?;
+                fs::remove_file(&path)?;
+                let found = deviation(&self.mesh, &lod, self.args.samples as usize);
+                let triangles = lod.triangles.len() as u64;
+                points.push(Point { divisor, triangles, rms: found.rms(), max: found.max() });
+                meter.add(1);
+            }
+            fs::remove_file(&output)?;
+            let seconds = median(&seconds).unwrap_or(0.0);
+            figures.push(Figure {
+                contender: *contender,
+                seconds,
+                rate: self.mesh.triangles.len() as f64 / seconds,
+                peak: median(&peaks).unwrap_or(0),
+                output: len,
+                points,
+            });
+        }
+        meter.finish();
+        Ok(figures)
+    }
+
+    fn diagonal(&self) -> f64 {
+        Aabb::of_points(&self.mesh.positions).diagonal()
+    }
+}
+
+struct Outcome {
+    declined: Vec<(Contender, &'static str)>,
+    /// Whom the others are compared with at equal deviation.
+    reference: Option<Contender>,
+    figures: Vec<Figure>,
+    diagonal: f64,
+    triangles: u64,
+}
+
+impl Outcome {
+    fn print(&self, args: &Args, out: &mut impl Write) -> Result<()> {
+        writeln!(
+            out,
+            "{}: {} triangles, diagonal {:.6e}",
+            args.source.display(),
+            count(self.triangles),
+            self.diagonal
+        )?;
+        writeln!(out, "{}; median of {} runs, {} samples a triangle\n", machine(), args.runs, args.samples)?;
+        let header = ["", "seconds", "triangles/s", "peak memory", "output"];
+        let rows = self.figures.iter().map(|f| {
+            vec![
+                f.contender.name().to_owned(),
+                format!("{:.3}", f.seconds),
+                count(f.rate as u64),
+                Bytes(f.peak).to_string(),
+                Bytes(f.output).to_string(),
+            ]
+        });
+        writeln!(out, "{}\n", table(&header, rows))?;
+        for (name, value) in [("rms", (|p: &Point| p.rms) as fn(&Point) -> f64), ("max", |p| p.max)] {
+            let mut header = vec![format!("{name}, % of diagonal")];
+            for divisor in DIVISORS {
+                header.extend([format!("1/{divisor}"), "triangles".to_owned()]);
+            }
+            let header: Vec<&str> = header.iter().map(String::as_str).collect();
+            let rows = self.figures.iter().map(|f| {
+                let mut row = vec![f.contender.name().to_owned()];
+                for p in f.points.iter().filter(|p| DIVISORS.contains(&p.divisor)) {
+                    row.extend([format!("{:.4}", 100.0 * value(p) / self.diagonal), count(p.triangles)]);
+                }
+                row
+            });
+            writeln!(out, "{}\n", table(&header, rows))?;
+        }
+        self.print_ratios(out)?;
+        writeln!(out, "settings:")?;
+        for figure in &self.figures {
+            writeln!(out, "  {:<17} {}", figure.contender.name(), figure.contender.settings())?;
+        }
+        for (contender, why) in &self.declined {
+            writeln!(out, "  {:<17} does not compete: {why}", contender.name())?;
+        }
+        Ok(())
+    }
+
+    /// Triangles by those of the reference at the same measured rms.
+    fn ratio(&self, point: &Point) -> Option<f64> {
+        let reference = self.figures.iter().find(|f| Some(f.contender) == self.reference)?;
+        equal_deviation(&reference.points, point.rms).map(|n| point.triangles as f64 / n)
+    }
+
+    fn print_ratios(&self, out: &mut impl Write) -> Result<()> {
+        let Some(reference) = self.reference else { return Ok(()) };
+        let title = format!("triangles by {}'s at equal rms", reference.name());
+        let mut header = vec![title];
+        header.extend(DIVISORS.map(|d| format!("1/{d}")));
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+        let others = self.figures.iter().filter(|f| f.contender != reference);
+        let rows = others.map(|f| {
+            let mut row = vec![f.contender.name().to_owned()];
+            for p in f.points.iter().filter(|p| DIVISORS.contains(&p.divisor)) {
+                row.push(self.ratio(p).map_or("-".to_owned(), |r| format!("{r:.3}")));
+            }
+            row
+        });
+        Ok(writeln!(out, "{}\n", table(&header, rows))?)
+    }
+
+    fn csv(&self, args: &Args) -> String {
+        let mut text = String::from(
+            "model,source_triangles,contender,wall_s,tri_per_s,peak_rss_mb,output_bytes,divisor,triangles,rms,max,\
+             rms_percent,max_percent,triangles_by_reference\n",
+        );
+        let model = args.source.file_stem().unwrap_or_default().to_string_lossy().replace(',', "_");
+        for f in &self.figures {
+            for p in &f.points {
+                let ratio = self.ratio(p).map_or(String::new(), |r| format!("{r:.4}"));
+                let percent = |value: f64| 100.0 * value / self.diagonal;
+                // Writing to a string does not fail.
+                let _ = writeln!(
+                    text,
+                    "{model},{},{},{:.4},{:.0},{:.1},{},{},{},{:.6e},{:.6e},{:.6},{:.6},{ratio}",
+                    self.triangles,
+                    f.contender.name(),
+                    f.seconds,
+                    f.rate,
+                    f.peak as f64 / f64::from(1 << 20),
+                    f.output,
+                    p.divisor,
+                    p.triangles,
+                    p.rms,
+                    p.max,
+                    percent(p.rms),
+                    percent(p.max),
+                );
+            }
+        }
+        text
+    }
+}
+
+/// Processors that this process may use, and their model where the system tells it.
+fn machine() -> String {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ").map(|m| m.1));
+    format!("{cores} processors, {}", model.unwrap_or("of an unknown model"))
+}

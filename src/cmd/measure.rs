@@ -1,0 +1,403 @@
+//! `chpm measure`: how far two meshes are from each other, or a file's levels and cuts from its source.
+
+use super::{Verdict, open, stdout};
+use crate::against;
+use crate::args::StorageArgs;
+use crate::cuts;
+use crate::deviation::{self, Judge, LevelDeviation, Spread};
+use crate::progress::Meter;
+use crate::report::{count, table};
+use crate::stop::{self, Stop};
+use anyhow::{Context, Result, bail, ensure};
+use chpm_extmem::Store;
+use chpm_measure::{Deviation, Side, deviation_told};
+use chpm_mesh::ply::{Batch, BatchKind, Options, PlyReader};
+use chpm_mesh::{Aabb, TriMesh};
+use chpm_refine::Hierarchy;
+use serde_json::{Value, json};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What `chpm measure` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// A mesh (PLY); with --against, a .chpm file
+    first: PathBuf,
+    /// The mesh to measure it against, and that against it; both are read into memory
+    #[arg(required_unless_present = "against", conflicts_with = "against")]
+    second: Option<PathBuf>,
+    /// The PLY that the .chpm file was built from. Its triangles must be those of the leaves, which are then read cluster by
+    /// cluster, so that the source need not fit into memory
+    #[arg(long, value_name = "PLY")]
+    against: Option<PathBuf>,
+    /// Measure all clusters of every level, the default with --against: at the base meshes, and between them and the
+    /// finest, which are the base meshes of the level below
+    #[arg(long, requires = "against", conflicts_with = "second")]
+    levels: bool,
+    /// Positions of each level's progressive meshes
+    #[arg(long, value_name = "N", default_value_t = 2, conflicts_with = "second",
+          value_parser = clap::value_parser!(u32).range(1..=1000))]
+    positions: u32,
+    /// Measure N cuts: half of them random legal cuts, half what random cameras select
+    #[arg(long, value_name = "N", requires = "against", conflicts_with = "second",
+          value_parser = clap::value_parser!(u32).range(1..))]
+    cuts: Option<u32>,
+    /// Seed of the first cut; the others follow
+    #[arg(long, value_name = "S", requires = "cuts", default_value_t = 0)]
+    seed: u64,
+    /// Samples on each triangle of the finer mesh at least, and as many as that by area; vertices and edges have their own
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    samples: u32,
+    /// Worker threads; one per processor if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    threads: Option<u32>,
+    /// The result as JSON on stdout
+    #[arg(long)]
+    json: bool,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+    #[command(flatten)]
+    storage: StorageArgs,
+}
+
+/// Measures; a stored error that does not hold is a fault.
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads.unwrap_or(0) as usize)
+        .build()
+        .context("cannot start the worker threads")?;
+    pool.install(|| match (&args.second, &args.against) {
+        (Some(second), _) => meshes(args, second),
+        (_, Some(source)) => model(args, source, stop),
+        _ => bail!("a second mesh or --against is needed"),
+    })
+}
+
+fn meshes(args: &Args, second: &Path) -> Result<Verdict> {
+    let meter = Meter::new(args.quiet);
+    let (a, b) = (Points::read(&args.first, &meter)?, Points::read(second, &meter)?);
+    for (mesh, path) in [(&a, &args.first), (&b, &second.to_path_buf())] {
+        ensure!(!mesh.triangles.is_empty(), "'{}' has no triangles to measure", path.display());
+    }
+    let origin = common_origin(&a, &b);
+    let (a, b) = (a.relative(origin), b.relative(origin));
+    let mut bounds = Aabb::of_points(&a.positions);
+    bounds.merge(&Aabb::of_points(&b.positions));
+    let diagonal = bounds.diagonal();
+    // The number of parts is known with the first that is done.
+    let started = std::sync::Once::new();
+    let found = deviation_told(&a, &b, args.samples as usize, &|done, all| {
+        started.call_once(|| meter.start("measure", all));
+        meter.add(done);
+    });
+    meter.finish();
+    let mut out = stdout();
+    if args.json {
+        writeln!(out, "{:#}", meshes_json(args, second, [&a, &b], &found, origin, diagonal))?;
+    } else {
+        print_meshes(args, second, [&a, &b], &found, origin, diagonal, &mut out)?;
+    }
+    out.flush()?;
+    Ok(Verdict::Good)
+}
+
+/// A mesh as it is in its file.
+struct Points {
+    positions: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Points {
+    fn read(path: &Path, meter: &Meter) -> Result<Self> {
+        let told = || format!("'{}'", path.display());
+        let file = File::open(path).with_context(|| format!("cannot read {}", told()))?;
+        let length = file.metadata().map_or(0, |m| m.len());
+        let options = Options { normals: false, colors: false, ..Options::default() };
+        let mut reader = PlyReader::new(file, options).with_context(told)?;
+        let (mut batch, mut before) = (Batch::default(), 0);
+        let mut points = Points { positions: Vec::new(), triangles: Vec::new() };
+        meter.start("read", length);
+        while reader.next_batch(&mut batch).with_context(told)? != BatchKind::End {
+            points.positions.extend(batch.positions.iter().map(|p| p.map(f64::from)));
+            points.positions.append(&mut batch.positions_f64);
+            points.triangles.append(&mut batch.triangles);
+            meter.add(reader.bytes_read() - before);
+            before = reader.bytes_read();
+        }
+        meter.finish();
+        Ok(points)
+    }
+
+    fn relative(&self, origin: [f64; 3]) -> TriMesh {
+        let local = |p: &[f64; 3]| std::array::from_fn(|axis| (p[axis] - origin[axis]) as f32);
+        TriMesh::new(self.positions.iter().map(local).collect(), self.triangles.clone())
+    }
+
+    fn is_single(&self) -> bool {
+        self.positions.iter().flatten().all(|x| f64::from(*x as f32) == *x)
+    }
+}
+
+/// Zero where singles hold all coordinates, else the first vertex: what is far from zero would lose its detail.
+fn common_origin(a: &Points, b: &Points) -> [f64; 3] {
+    let first = a.positions.first().copied().unwrap_or_default();
+    if a.is_single() && b.is_single() { [0.0; 3] } else { first }
+}
+
+fn absolute(at: Option<[f64; 3]>, origin: [f64; 3]) -> Option<[f64; 3]> {
+    at.map(|at| std::array::from_fn(|axis| at[axis] + origin[axis]))
+}
+
+fn percent(part: f64, whole: f64) -> String {
+    if whole > 0.0 { format!("{:.4} %", 100.0 * part / whole) } else { "-".to_owned() }
+}
+
+fn print_meshes(
+    args: &Args,
+    second: &Path,
+    meshes: [&TriMesh; 2],
+    found: &Deviation,
+    origin: [f64; 3],
+    diagonal: f64,
+    out: &mut impl Write,
+) -> Result<()> {
+    let [a, b] = [args.first.as_path(), second].map(|path| path.display().to_string());
+    for (path, mesh) in [&a, &b].into_iter().zip(meshes) {
+        writeln!(out, "{path}: {} triangles", count(mesh.triangles.len() as u64))?;
+    }
+    writeln!(out, "diagonal of both: {diagonal:.6e}\n")?;
+    let row = |name: &str, [max, mean, rms]: [f64; 3], samples: u64| {
+        let mut cells = vec![name.to_owned()];
+        for value in [max, mean, rms] {
+            cells.extend([format!("{value:.4e}"), percent(value, diagonal)]);
+        }
+        cells.push(count(samples));
+        cells
+    };
+    let side = |name: &str, side: &Side| row(name, [side.max, side.mean, side.rms], side.samples);
+    let both = [found.max(), found.mean(), found.rms()];
+    let header = ["from", "max", "of diagonal", "mean", "of diagonal", "rms", "of diagonal", "samples"];
+    let rows = [
+        side("the first to the second", &found.forward),
+        side("the second to the first", &found.backward),
+        row("the larger of both", both, found.forward.samples + found.backward.samples),
+    ];
+    writeln!(out, "{}", table(&header, rows))?;
+    if let Some([x, y, z]) = absolute(found.at(), origin) {
+        let on = if found.backward.max > found.forward.max { &b } else { &a };
+        writeln!(out, "\nthe maximum is at {x} {y} {z}, on {on}")?;
+    }
+    Ok(())
+}
+
+fn meshes_json(
+    args: &Args,
+    second: &Path,
+    [a, b]: [&TriMesh; 2],
+    found: &Deviation,
+    origin: [f64; 3],
+    diagonal: f64,
+) -> Value {
+    json!({
+        "first": { "path": args.first.display().to_string(), "triangles": a.triangles.len() },
+        "second": { "path": second.display().to_string(), "triangles": b.triangles.len() },
+        "diagonal": diagonal,
+        "samples_per_triangle": args.samples,
+        "forward": side_json(&found.forward, origin),
+        "backward": side_json(&found.backward, origin),
+        "max": found.max(),
+        "mean": found.mean(),
+        "rms": found.rms(),
+        "at": absolute(found.at(), origin),
+    })
+}
+
+fn side_json(side: &Side, origin: [f64; 3]) -> Value {
+    json!({
+        "max": side.max,
+        "at": absolute(side.at, origin),
+        "mean": side.mean,
+        "rms": side.rms,
+        "samples": side.samples,
+    })
+}
+
+/// One measured cut of a model.
+struct Row {
+    name: String,
+    json: Value,
+    found: LevelDeviation,
+}
+
+fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
+    let file = open(&args.first)?;
+    let meter = Meter::new(args.quiet);
+    let cancel = stop.heed();
+    let memory = args.storage.memory();
+    let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
+    {
+        let store = Store::create(&scratch, memory.0)?;
+        let compared = against::compare(&file, source, &store, &meter, &cancel)?;
+        ensure!(
+            compared.is_equal(),
+            "the leaves of '{}' are not the triangles of '{}': {} differ; `chpm verify --against` names them",
+            args.first.display(),
+            source.display(),
+            count(compared.fault_count)
+        );
+    }
+    let judge = Judge::new(&file, args.samples as usize, memory.0, &meter, &cancel)?;
+    let mut rows = Vec::new();
+    if args.levels || args.cuts.is_none() {
+        deviation::levels(&judge, args.positions, &meter, &cancel, |level, part, found| {
+            let name = format!("level {level}, {:.0} % collapsed", 100.0 * part);
+            rows.push(Row { name, json: json!({ "level": level, "collapsed": part }), found });
+        })?;
+    }
+    let levels = rows.len();
+    let hierarchy = Hierarchy::new(&file);
+    for seed in (0..args.cuts.unwrap_or(0)).map(|i| args.seed.wrapping_add(i.into())) {
+        stop::check(&cancel)?;
+        let cut = cuts::draw(&file, &hierarchy, seed)?;
+        let (members, left) = judge.cut(&cut, &format!("cut {seed}"), &meter, &cancel)?;
+        let found = LevelDeviation::of(&members, left, judge.slack());
+        rows.push(Row { name: format!("cut of seed {seed}"), json: json!({ "seed": seed }), found });
+    }
+    let origin = file.header().origin;
+    let diagonal = file.header().aabb().diagonal();
+    let violations: u64 = rows.iter().map(|row| row.found.violations.samples).sum();
+    let mut out = stdout();
+    if args.json {
+        let all: Vec<Value> = rows.iter().map(|row| row_json(row, origin)).collect();
+        let value = json!({
+            "file": args.first.display().to_string(),
+            "source": source.display().to_string(),
+            "diagonal": diagonal,
+            "samples_per_triangle": args.samples,
+            "slack": judge.slack(),
+            "levels": all[..levels],
+            "cuts": all[levels..],
+            "violations": violations,
+        });
+        writeln!(out, "{value:#}")?;
+    } else {
+        print_rows(args, &rows, origin, diagonal, violations, &mut out)?;
+    }
+    out.flush()?;
+    Ok(if violations == 0 { Verdict::Good } else { Verdict::Faulty })
+}
+
+fn row_json(row: &Row, origin: [f64; 3]) -> Value {
+    let found = &row.found;
+    let mut value = row.json.clone();
+    let spread = |s: Spread| json!({ "clusters": s.count, "min": s.min, "median": s.median, "p95": s.p95, "max": s.max });
+    let fields = json!({
+        "clusters": found.clusters,
+        "triangles": found.triangles,
+        "stored_error": found.stored,
+        "max": found.max(),
+        "mean": found.mean(),
+        "rms": found.rms(),
+        "of_source": side_json(&found.of_source, origin),
+        "of_mesh": side_json(&found.of_mesh, origin),
+        "stored_by_measured": found.ratio.map(spread),
+        "vanished": {
+            "leftovers": found.leftovers,
+            "samples": found.vanished.samples,
+            "max": found.vanished.max,
+        },
+        "violations": {
+            "clusters": found.violating,
+            "samples": found.violations.samples,
+            "worst": found.violations.worst.map(|(distance, _)| distance),
+            "at": absolute(found.violations.worst.map(|(_, at)| at), origin),
+        },
+    });
+    if let (Value::Object(all), Value::Object(fields)) = (&mut value, fields) {
+        all.extend(fields);
+    }
+    value
+}
+
+fn print_rows(
+    args: &Args,
+    rows: &[Row],
+    origin: [f64; 3],
+    diagonal: f64,
+    violations: u64,
+    out: &mut impl Write,
+) -> Result<()> {
+    let cells = |row: &Row| {
+        let found = &row.found;
+        let mut cells = vec![
+            row.name.clone(),
+            count(found.clusters),
+            count(found.triangles),
+            format!("{:.3e}", found.stored),
+            format!("{:.3e}", found.max()),
+            percent(found.max(), diagonal),
+            format!("{:.3e}", found.mean()),
+            format!("{:.3e}", found.rms()),
+        ];
+        match found.ratio {
+            Some(s) => cells.extend([s.min, s.median, s.p95, s.max].map(|r| format!("{r:.2}"))),
+            None => cells.extend(["-"; 4].map(str::to_owned)),
+        }
+        cells.extend([
+            count(found.violating),
+            count(found.violations.samples),
+            count(found.vanished.samples),
+        ]);
+        cells
+    };
+    let header = [
+        "",
+        "clusters",
+        "triangles",
+        "stored",
+        "max",
+        "of diagonal",
+        "mean",
+        "rms",
+        "least",
+        "median",
+        "p95",
+        "most",
+        "violating",
+        "samples",
+        "vanished",
+    ];
+    writeln!(out, "{}\n", table(&header, rows.iter().map(cells)))?;
+    writeln!(
+        out,
+        "least to most: stored error by measured distance, over clusters; diagonal {diagonal:.6e}"
+    )?;
+    let vanished = rows.iter().map(|row| row.found.vanished).max_by(|a, b| a.max.total_cmp(&b.max));
+    if let Some(vanished) = vanished.filter(|v| v.samples > 0) {
+        writeln!(
+            out,
+            "vanished: samples of components that were contracted to a point or a line within the stored error; \
+             the farthest from what is drawn: {:.3e}",
+            vanished.max
+        )?;
+    }
+    let path = args.first.display();
+    for row in rows {
+        if let Some((distance, at)) = row.found.violations.worst {
+            let [x, y, z] = absolute(Some(at), origin).unwrap_or(at);
+            let (clusters, samples) = (count(row.found.violating), count(row.found.violations.samples));
+            writeln!(
+                out,
+                "{path}: I5 error: {}: {samples} samples of {clusters} clusters are beyond the stored error; the worst, \
+                 at {x} {y} {z}, by a distance of {distance:.3e}",
+                row.name
+            )?;
+        }
+    }
+    if violations == 0 {
+        writeln!(out, "{path}: every stored error holds, in all samples")?;
+    }
+    Ok(())
+}

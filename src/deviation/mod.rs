@@ -1,0 +1,349 @@
+//! How far the meshes of a `.chpm` file really are from its source, beside what the file says, I5.
+//!
+//! The leaves hold the source's triangles, so a cut is measured against them, both as surfaces of tiles of which only some are in memory.
+//! A sample of a cluster's mesh must be within the cluster's stored error of the source. A sample of the source must be
+//! within the stored error of *some* cluster of the cut: seams move, so that what was below one cluster may end up on its
+//! neighbour. Distances are to whole surfaces, which can only make them smaller; a cluster alone would be farther
+//! from its part of the source wherever a seam has moved sideways. What has vanished counts as what it was contracted to
+//! ([`leftover`]), and is told apart.
+
+mod leftover;
+mod levels;
+
+pub(crate) use levels::{LevelDeviation, Spread, levels};
+
+use crate::progress::Meter;
+use crate::stop;
+use anyhow::Result;
+use chpm_build::Cancel;
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_measure::hausdorff::chunks;
+use chpm_measure::sample::{Density, Sampler};
+use chpm_measure::{Hit, Tally, Tiles};
+use chpm_mesh::{Aabb, ClusterId, TriMesh};
+use chpm_refine::{Cut, Member};
+use leftover::{Leftover, Leftovers};
+use nalgebra::Point3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Positions are singles: distances below a 256th of what these round the largest coordinate by are taken for rounding of the measure.
+const SLACK: f64 = 1.0 / (1u64 << 32) as f64;
+
+/// A file and its source, ready to be measured.
+pub(crate) struct Judge<'a> {
+    file: &'a Chpm<MappedFile>,
+    source: Tiles<'a>,
+    leaves: Vec<ClusterId>,
+    /// By cluster: what its base mesh has left.
+    base: Vec<Vec<Leftover>>,
+    samples: usize,
+    /// Bytes of tiles of either surface to keep in memory.
+    budget: u64,
+    slack: f64,
+}
+
+/// What was found about one cluster of a cut.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MemberDeviation {
+    pub(crate) member: Member,
+    pub(crate) triangles: u64,
+    /// The error that the file states for the position.
+    pub(crate) stored: f32,
+    /// From the source to the cut, where this cluster is what answers for the sample.
+    pub(crate) of_source: Tally,
+    /// From the cluster's mesh to the source.
+    pub(crate) of_mesh: Tally,
+    pub(crate) vanished: Vanished,
+    pub(crate) violations: Violations,
+}
+
+/// Samples of the source that no cluster of the cut answers for but a leftover does.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct Vanished {
+    pub(crate) samples: u64,
+    /// The farthest of them from anything that is drawn.
+    pub(crate) max: f64,
+}
+
+/// Samples that are farther away than the stored error.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct Violations {
+    pub(crate) samples: u64,
+    /// The worst: measured distance and where.
+    pub(crate) worst: Option<(f64, [f64; 3])>,
+}
+
+impl MemberDeviation {
+    /// The largest distance, either way.
+    pub(crate) fn measured(&self) -> f64 {
+        self.of_source.max().max(self.of_mesh.max())
+    }
+
+    fn merge(&mut self, part: &Part) {
+        self.of_source.merge(&part.of_source);
+        self.of_mesh.merge(&part.of_mesh);
+        self.vanished.merge(&part.vanished);
+        self.violations.merge(&part.violations);
+    }
+}
+
+impl Vanished {
+    pub(crate) fn merge(&mut self, other: &Vanished) {
+        self.samples += other.samples;
+        self.max = self.max.max(other.max);
+    }
+}
+
+impl Violations {
+    fn add(&mut self, distance: f64, point: Point3<f64>) {
+        self.merge(&Violations { samples: 1, worst: Some((distance, point.coords.into())) });
+    }
+
+    pub(crate) fn merge(&mut self, other: &Violations) {
+        self.samples += other.samples;
+        if other.worst.is_some_and(|(d, _)| self.worst.is_none_or(|(worst, _)| d > worst)) {
+            self.worst = other.worst;
+        }
+    }
+}
+
+/// What one task found about one cluster.
+#[derive(Clone, Copy, Default)]
+struct Part {
+    of_source: Tally,
+    of_mesh: Tally,
+    vanished: Vanished,
+    violations: Violations,
+}
+
+impl<'a> Judge<'a> {
+    /// Reads every page once. `samples` go on each triangle of the source; tiles may take `budget` bytes.
+    pub(crate) fn new(
+        file: &'a Chpm<MappedFile>,
+        samples: usize,
+        budget: u64,
+        meter: &Meter,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        let count = file.clusters().len();
+        meter.start("pages", count as u64);
+        let left = |id: u32| -> Result<Vec<Leftover>> {
+            stop::check(cancel)?;
+            let page = file.page_checked(ClusterId(id))?;
+            meter.add(1);
+            Ok(Leftover::of_page(&page, page.base_vertex_count))
+        };
+        let base = (0..count as u32).into_par_iter().map(left).collect::<Result<Vec<_>>>()?;
+        meter.finish();
+        let is_leaf = |id: &ClusterId| file.clusters()[id.index()].is_leaf();
+        let leaves: Vec<ClusterId> = (0..count as u32).map(ClusterId).filter(is_leaf).collect();
+        let boxes = leaves.iter().map(|id| file.clusters()[id.index()].aabb()).collect();
+        let ids = leaves.clone();
+        let budget = budget / 2;
+        let source = Tiles::new(boxes, budget, move |tile| finest(file, ids[tile]));
+        let bounds = file.header().aabb();
+        let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |most: f32, x| most.max(x.abs()));
+        let slack = SLACK * f64::from(largest);
+        Ok(Judge { file, source, leaves, base, samples, budget, slack })
+    }
+
+    /// Measures a cut, both ways. Answers its members in their order, and the leftovers that were in question.
+    pub(crate) fn cut(
+        &self,
+        cut: &Cut,
+        label: &str,
+        meter: &Meter,
+        cancel: &Cancel,
+    ) -> Result<(Vec<MemberDeviation>, usize)> {
+        let (file, members) = (self.file, cut.members());
+        let leftovers = Leftovers::of_cut(file, members, &self.base)?;
+        let mut found = Vec::with_capacity(members.len());
+        for member in members {
+            let stored = file.page(member.cluster)?.error_at(member.vertices as usize);
+            found.push(MemberDeviation {
+                member: *member,
+                triangles: 0,
+                stored,
+                of_source: Tally::default(),
+                of_mesh: Tally::default(),
+                vanished: Vanished::default(),
+                violations: Violations::default(),
+            });
+        }
+        let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
+        let drawn = Tiles::new(boxes, self.budget, |tile| mesh_of(file, members[tile]));
+        meter.start(label, (self.leaves.len() + members.len()) as u64);
+        let largest = found.iter().map(|m| f64::from(m.stored)).fold(0.0, f64::max) + self.slack;
+        let view = View { judge: self, drawn: &drawn, found: &found, leftovers: &leftovers, largest };
+
+        let of_source = |leaf: usize| -> Result<Vec<(usize, Part)>> {
+            stop::check(cancel)?;
+            let mesh = self.source.mesh(leaf);
+            let budget = self.samples * mesh.triangles.len();
+            let sampler = Sampler::new(&mesh, Density { per_triangle: self.samples, budget, seed: 0 });
+            let parts: Vec<_> = chunks(&sampler).map(|range| view.of_source(&sampler, range)).collect();
+            meter.add(1);
+            Ok(parts.into_iter().flatten().collect())
+        };
+        let from_leaves: Vec<_> =
+            (0..self.leaves.len()).into_par_iter().map(of_source).collect::<Result<Vec<_>>>()?;
+
+        // A coarse mesh gets its share of the source's samples: its triangles were twice as many with every level below.
+        let triangles = |id: ClusterId| f64::from(file.clusters()[id.index()].triangle_count);
+        let source: f64 = self.leaves.iter().map(|id| triangles(*id)).sum();
+        let weight =
+            |m: &Member| triangles(m.cluster) * f64::from(file.clusters()[m.cluster.index()].level).exp2();
+        let density = source / members.iter().map(weight).sum::<f64>().max(1.0);
+        let of_mesh = |index: usize| -> Result<(u64, Part)> {
+            stop::check(cancel)?;
+            let mesh = drawn.mesh(index);
+            let budget = (self.samples as f64 * density * weight(&members[index])) as usize;
+            let sampler = Sampler::new(&mesh, Density { per_triangle: self.samples, budget, seed: 0 });
+            let parts: Vec<Part> =
+                chunks(&sampler).map(|range| view.of_mesh(index, &sampler, range)).collect();
+            let mut all = Part::default();
+            parts.iter().for_each(|part| all.merge(part));
+            meter.add(1);
+            Ok((mesh.triangles.len() as u64, all))
+        };
+        let from_members: Vec<_> =
+            (0..members.len()).into_par_iter().map(of_mesh).collect::<Result<Vec<_>>>()?;
+        meter.finish();
+
+        // Sums of floats depend on their order: leaves by id, then members by id.
+        for (index, part) in from_leaves.iter().flatten() {
+            found[*index].merge(part);
+        }
+        for (member, (triangles, part)) in found.iter_mut().zip(&from_members) {
+            member.triangles = *triangles;
+            member.merge(part);
+        }
+        Ok((found, leftovers.count()))
+    }
+
+    /// The file.
+    pub(crate) fn file(&self) -> &'a Chpm<MappedFile> {
+        self.file
+    }
+
+    /// Distances up to this count as none.
+    pub(crate) fn slack(&self) -> f64 {
+        self.slack
+    }
+}
+
+impl Part {
+    fn merge(&mut self, other: &Part) {
+        self.of_source.merge(&other.of_source);
+        self.of_mesh.merge(&other.of_mesh);
+        self.vanished.merge(&other.vanished);
+        self.violations.merge(&other.violations);
+    }
+}
+
+/// A cut and all that its samples are held against.
+struct View<'a> {
+    judge: &'a Judge<'a>,
+    drawn: &'a Tiles<'a>,
+    found: &'a [MemberDeviation],
+    leftovers: &'a Leftovers,
+    /// The largest distance that any member may answer for.
+    largest: f64,
+}
+
+impl View<'_> {
+    /// Samples of the source: credited to who answers for them.
+    fn of_source(&self, sampler: &Sampler<'_>, range: Range<usize>) -> Vec<(usize, Part)> {
+        let mut parts: Vec<(usize, Part)> = Vec::new();
+        let mut hint = None::<Hit>;
+        sampler.samples_of(range, |point, area| {
+            let hit = self.drawn.nearest(point, hint);
+            hint = hit.or(hint);
+            let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
+            let nearest = hit.map_or(0, |hit| hit.tile);
+            let (index, answer) = match self.answer(nearest, distance, point) {
+                Answer::Member(index, distance) => (index, Ok(distance)),
+                Answer::Leftover(left) => (nearest, Err(Some(left))),
+                Answer::None => (nearest, Err(None)),
+            };
+            let at = parts.iter().position(|(i, _)| *i == index).unwrap_or_else(|| {
+                parts.push((index, Part::default()));
+                parts.len() - 1
+            });
+            let part = &mut parts[at].1;
+            match answer {
+                Ok(distance) => part.of_source.add(point, distance, area),
+                Err(Some(left)) => {
+                    part.vanished.merge(&Vanished { samples: 1, max: distance });
+                    part.of_source.add(point, left, area);
+                }
+                Err(None) => {
+                    part.violations.add(distance, point);
+                    part.of_source.add(point, distance, area);
+                }
+            }
+        });
+        parts
+    }
+
+    fn bound(&self, index: usize) -> f64 {
+        f64::from(self.found[index].stored) + self.judge.slack
+    }
+
+    /// The nearest member if it keeps its word, else the nearest of those that do.
+    fn answer(&self, nearest: usize, distance: f64, point: Point3<f64>) -> Answer {
+        if distance <= self.bound(nearest) {
+            return Answer::Member(nearest, distance);
+        }
+        let mut best = None::<(f64, usize)>;
+        if distance <= self.largest {
+            self.drawn.for_each_near(point, self.largest, &mut |index| {
+                let d = self.drawn.distance(index, point);
+                if d <= self.bound(index) && best.is_none_or(|best| (d, index) < best) {
+                    best = Some((d, index));
+                }
+            });
+        }
+        match best {
+            Some((d, index)) => Answer::Member(index, d),
+            None => self.leftovers.reach(point, self.judge.slack).map_or(Answer::None, Answer::Leftover),
+        }
+    }
+
+    fn of_mesh(&self, index: usize, sampler: &Sampler<'_>, range: Range<usize>) -> Part {
+        let mut part = Part::default();
+        let mut hint = None::<Hit>;
+        sampler.samples_of(range, |point, area| {
+            hint = self.judge.source.nearest(point, hint);
+            let distance = hint.map_or(f64::INFINITY, |hit| hit.distance);
+            part.of_mesh.add(point, distance, area);
+            if distance > self.bound(index) {
+                part.violations.add(distance, point);
+            }
+        });
+        part
+    }
+}
+
+/// What a sample of the source is within the stored error of.
+enum Answer {
+    Member(usize, f64),
+    Leftover(f64),
+    None,
+}
+
+fn finest(file: &Chpm<MappedFile>, cluster: ClusterId) -> TriMesh {
+    let vertices = file.clusters()[cluster.index()].vertex_count;
+    mesh_of(file, Member { cluster, vertices })
+}
+
+/// A cluster's mesh at a position.
+fn mesh_of(file: &Chpm<MappedFile>, member: Member) -> TriMesh {
+    let Ok(page) = file.page(member.cluster) else { unreachable!("all pages were read before") };
+    let mut triangles = Vec::with_capacity(page.triangles.len());
+    page.progressive_mesh().triangles_at(member.vertices as usize, &mut triangles);
+    let triangles = triangles.iter().map(|t| t.map(u32::from)).collect();
+    TriMesh::new(page.positions[..member.vertices as usize].to_vec(), triangles)
+}
