@@ -1,4 +1,4 @@
-//! `chpm synth`: a generated mesh as a PLY, streamed, whatever its size.
+//! `chpm synth`: a generated mesh as a PLY. Shapes are streamed, whatever their size; hard meshes are made in memory first.
 
 use super::{Verdict, stdout};
 use crate::progress::Meter;
@@ -9,26 +9,35 @@ use chpm_build::Cancel;
 use chpm_extmem::AtomicFile;
 use chpm_mesh::Attributes;
 use chpm_mesh::ply::{Encoding, PlyWriter};
-use chpm_mesh::synth::{Shape, Synth};
+use chpm_mesh::synth::hard::{CASES, Case};
+use chpm_mesh::synth::{ParseShapeError, Shape, Synth};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Triangles of a shape unless told otherwise.
+const TRIANGLES: u64 = 100_000;
+/// Vertices or triangles of a hard mesh that are written between two looks at the signals.
+const BATCH: usize = 8192;
 
 /// What `chpm synth` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// What to generate: terrain, isosurface, sphere, torus, plates
-    #[arg(value_name = "NAME")]
-    shape: Shape,
-    /// Triangles to aim for; within 5 % from 3000 on
-    #[arg(long, value_name = "N", default_value_t = 100_000,
-          value_parser = clap::value_parser!(u64).range(1..=Synth::MAX_TRIANGLES))]
-    triangles: u64,
+    /// What to generate: terrain, isosurface, sphere, torus, plates, or one of the hard meshes of --list as hard:NAME
+    #[arg(value_name = "NAME", required_unless_present = "list")]
+    model: Option<Model>,
+    /// List the meshes that are hard to simplify, with their size and what they are
+    #[arg(long, exclusive = true)]
+    list: bool,
+    /// Triangles to aim for: 100000 if not given, or what --list says. Shapes are within 5 % from 3000 on
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=Synth::MAX_TRIANGLES))]
+    triangles: Option<u64>,
     /// Another seed gives another terrain, isosurface or set of plates
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
     /// The PLY to write
-    #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
+    #[arg(short, long, value_name = "FILE", required_unless_present = "list")]
+    output: Option<PathBuf>,
     /// Write text instead of binary little endian
     #[arg(long)]
     ascii: bool,
@@ -40,16 +49,57 @@ pub(crate) struct Args {
     quiet: bool,
 }
 
+/// A generated mesh by name.
+#[derive(Clone, Copy, Debug)]
+enum Model {
+    Shape(Shape),
+    Hard(&'static Case),
+}
+
+impl FromStr for Model {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Some(name) = text.strip_prefix("hard:") else {
+            return text.parse().map(Model::Shape).map_err(|error: ParseShapeError| error.to_string());
+        };
+        let unknown = || format!("'{name}' is no hard mesh: `chpm synth --list` names them");
+        Case::find(name).map(Model::Hard).ok_or_else(unknown)
+    }
+}
+
 /// Generates and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    // The command line has both unless it asks for the list.
+    let (Some(model), Some(output)) = (args.model, &args.output) else { return list() };
     let cancel = stop.heed();
     let encoding = if args.ascii { Encoding::Ascii } else { Encoding::BinaryLittleEndian };
     // Created before the mesh is planned, which may take a while: a place that cannot be written is told at once.
-    let file = AtomicFile::create(&args.output, args.force)?;
-    let synth = Synth::new(args.shape, args.triangles, args.seed);
-    let comment = format!("chpm synth {} --triangles {} --seed {}", args.shape, args.triangles, args.seed);
-    write(&synth, file, encoding, &comment, &Meter::new(args.quiet), &cancel)?;
-    report(&args.output, &synth)?;
+    let file = AtomicFile::create(output, args.force)?;
+    let meter = Meter::new(args.quiet);
+    match model {
+        Model::Shape(shape) => {
+            let triangles = args.triangles.unwrap_or(TRIANGLES);
+            let synth = Synth::new(shape, triangles, args.seed);
+            let comment = format!("chpm synth {shape} --triangles {triangles} --seed {}", args.seed);
+            write(&synth, file, encoding, &comment, &meter, &cancel)?;
+            report(output, synth.vertex_count(), synth.triangle_count())?;
+        }
+        Model::Hard(case) => {
+            let triangles = args.triangles.unwrap_or(case.full.into()).min(Case::MAX_TRIANGLES.into());
+            let (vertices, triangles) = write_case(case, triangles as u32, file, encoding, &meter, &cancel)?;
+            report(output, vertices, triangles)?;
+        }
+    }
+    Ok(Verdict::Good)
+}
+
+fn list() -> Result<Verdict> {
+    let mut out = stdout();
+    for case in &CASES {
+        writeln!(out, "hard:{:<12}{:>10}  {}", case.name, count(case.full.into()), case.is)?;
+    }
+    out.flush()?;
     Ok(Verdict::Good)
 }
 
@@ -80,10 +130,44 @@ pub(super) fn write(
     Ok(())
 }
 
-fn report(path: &Path, synth: &Synth) -> Result<()> {
-    let (vertices, triangles) = (count(synth.vertex_count()), count(synth.triangle_count()));
+/// Writes a hard mesh and answers how many vertices and triangles it has; in doubles where it lies away from the origin.
+fn write_case(
+    case: &Case,
+    triangles: u32,
+    file: AtomicFile,
+    encoding: Encoding,
+    meter: &Meter,
+    cancel: &Cancel,
+) -> Result<(u64, u64)> {
+    let mesh = case.mesh(triangles);
+    let counts @ (vertices, faces) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
+    let comment = format!("chpm synth hard:{} --triangles {triangles}", case.name);
+    let is_double = case.offset != [0.0; 3];
+    meter.start("synth", vertices + faces);
+    let mut ply = PlyWriter::new(file, encoding, vertices, faces, Attributes::NONE, is_double, &[&comment])?;
+    for batch in mesh.positions.chunks(BATCH) {
+        stop::check(cancel)?;
+        meter.add(batch.len() as u64);
+        if is_double {
+            let moved = |p: &[f32; 3]| std::array::from_fn(|axis| f64::from(p[axis]) + case.offset[axis]);
+            ply.vertices_f64(&batch.iter().map(moved).collect::<Vec<_>>(), &[], &[])?;
+        } else {
+            ply.vertices(batch, &[], &[])?;
+        }
+    }
+    for batch in mesh.triangles.chunks(BATCH) {
+        stop::check(cancel)?;
+        meter.add(batch.len() as u64);
+        ply.triangles(batch)?;
+    }
+    ply.finish()?.publish()?;
+    meter.finish();
+    Ok(counts)
+}
+
+fn report(path: &Path, vertices: u64, triangles: u64) -> Result<()> {
     let mut out = stdout();
-    writeln!(out, "{}: {triangles} triangles, {vertices} vertices", path.display())?;
+    writeln!(out, "{}: {} triangles, {} vertices", path.display(), count(triangles), count(vertices))?;
     out.flush()?;
     Ok(())
 }

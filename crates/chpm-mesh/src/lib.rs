@@ -9,6 +9,7 @@ compile_error!("chpm reads its little-endian records in place and supports littl
 
 pub mod geom;
 pub mod ids;
+pub mod import;
 pub mod ply;
 pub mod pm;
 pub mod synth;

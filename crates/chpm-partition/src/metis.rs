@@ -56,6 +56,13 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
+    /// Whether one node alone outweighs a few parts. METIS then bisects sides that have no node left, and says so on the standard
+    /// output, where it must not.
+    fn outweighs_parts(&self) -> bool {
+        let heaviest = self.graph.node_weights().iter().copied().max().unwrap_or(0);
+        u64::from(heaviest) * u64::from(self.parts) > 3 * self.graph.total_weight()
+    }
+
     fn run(self) -> Result<Vec<u32>, PartitionError> {
         let graph = self.graph;
         if graph.node_count() <= self.parts as usize {
@@ -73,6 +80,9 @@ impl Task<'_> {
         let mut assignment = vec![0i32; graph.node_count()];
 
         let failed = |reason: String| PartitionError::Metis { reason };
+        if self.outweighs_parts() {
+            return Err(failed("a node weighs as much as several parts".to_owned()));
+        }
         let mut task = metis::Graph::new(1, parts, &offsets, &neighbors)
             .map_err(|error| failed(error.to_string()))?
             .set_vwgt(&node_weights)

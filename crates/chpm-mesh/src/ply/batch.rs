@@ -64,9 +64,9 @@ pub struct Batch {
 
 impl Batch {
     /// Vertices or triangles after which a batch is handed over; only a polygon can take it beyond.
-    pub(super) const FULL: usize = 1 << 14;
+    pub(crate) const FULL: usize = 1 << 14;
 
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.positions.clear();
         self.positions_f64.clear();
         self.normals.clear();
@@ -99,4 +99,23 @@ pub struct Tally {
     pub strips: u64,
     /// Normals that were not finite and are delivered as zero.
     pub zeroed_normals: u64,
+}
+
+impl Tally {
+    /// Adds the counts of another file.
+    pub fn add(&mut self, other: &Tally) {
+        let sums = [
+            (&mut self.dropped_vertices, other.dropped_vertices),
+            (&mut self.dropped_faces, other.dropped_faces),
+            (&mut self.missing_vertices, other.missing_vertices),
+            (&mut self.missing_faces, other.missing_faces),
+            (&mut self.degenerate_faces, other.degenerate_faces),
+            (&mut self.polygons_triangulated, other.polygons_triangulated),
+            (&mut self.strips, other.strips),
+            (&mut self.zeroed_normals, other.zeroed_normals),
+        ];
+        for (sum, count) in sums {
+            *sum = sum.saturating_add(count);
+        }
+    }
 }

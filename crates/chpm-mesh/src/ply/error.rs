@@ -245,7 +245,7 @@ impl From<io::Error> for Fault {
 }
 
 /// Hostile bytes as a short text that is safe to print.
-pub(super) fn excerpt(bytes: &[u8]) -> String {
+pub(crate) fn excerpt(bytes: &[u8]) -> String {
     const SHOWN: usize = 60;
     let shown = bytes[..bytes.len().min(SHOWN)].escape_ascii();
     if bytes.len() > SHOWN { format!("{shown}...") } else { shown.to_string() }

@@ -170,7 +170,7 @@ impl<R: Read> Body<R> {
     }
 
     /// The next corner, or none if it is no valid vertex and such are dropped.
-    fn corner(&mut self, ty: ScalarType) -> Result<Option<u32>, Fault> {
+    pub(super) fn corner(&mut self, ty: ScalarType) -> Result<Option<u32>, Fault> {
         let index = self.source.index(ty)?;
         self.check(index)
     }

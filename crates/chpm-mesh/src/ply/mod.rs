@@ -10,7 +10,9 @@
 //! - `vertex`: `x y z`, and if asked for `nx ny nz`, and `red green blue [alpha]` or `diffuse_red ...`;
 //! - `face`: a list `vertex_indices` or `vertex_index`. A polygon becomes the fan about its first corner, which
 //!   is the right surface for convex polygons only;
-//! - `tristrips`: the same lists, as strips of alternating winding that -1 restarts.
+//! - `tristrips`: the same lists, as strips of alternating winding that -1 restarts;
+//! - `range_grid`, where an `obj_info num_cols` line gives the length of its rows: lists of one vertex or none. Neighbours become
+//!   triangles, also where the scanner's view jumps in depth: who wants a surface has to leave those out.
 //!
 //! Coordinates of type `float` or of an integer type of at most 16 bits are delivered as `f32` and are exact; `double`,
 //! `int` and `uint` coordinates are delivered as `f64` and are exact too.
@@ -20,6 +22,7 @@ mod batch;
 mod binary;
 mod error;
 mod faces;
+mod grid;
 mod header;
 mod read;
 mod schema;
@@ -29,10 +32,12 @@ mod warning;
 mod write;
 
 pub use batch::{Batch, BatchKind, Invalid, Options, Tally};
+pub(crate) use error::excerpt;
 pub use error::{Place, PlyError};
 pub use header::{Element, Encoding, Header, Property, PropertyType, ScalarType};
 pub use read::{PlyReader, read_mesh};
 pub use schema::VertexFormat;
+pub(crate) use vertices::VertexSet;
 pub use warning::Warning;
 pub use write::{PlyWriter, write_mesh};
 

@@ -5,6 +5,7 @@ use super::{
     batch::{Batch, BatchKind, Invalid, Options, Tally},
     error::{Fault, Place, PlyError},
     faces::Strip,
+    grid::Grid,
     header::{Element, Encoding, Header, PropertyType},
     schema::{Role, Schema, VertexFormat},
     source::Source,
@@ -41,6 +42,7 @@ pub(super) struct Body<R> {
     /// How many of the current element were read whole.
     pub(super) index: u64,
     pub(super) strip: Strip,
+    pub(super) grid: Grid,
     /// Vertices that are not finite.
     pub(super) invalid: VertexSet,
     pub(super) tally: Tally,
@@ -61,6 +63,7 @@ impl<R: Read> PlyReader<R> {
             vertex_count: header.vertex_count,
             index: 0,
             strip: Strip::default(),
+            grid: Grid::default(),
             invalid: VertexSet::default(),
             tally: Tally::default(),
         };
@@ -75,6 +78,11 @@ impl<R: Read> PlyReader<R> {
     /// What the delivered vertices are made of.
     pub fn vertex_format(&self) -> VertexFormat {
         self.schema.format
+    }
+
+    /// Whether triangles are made of a range grid.
+    pub fn has_grid(&self) -> bool {
+        self.schema.roles.iter().any(|role| matches!(role, Role::Grid(..)))
     }
 
     /// What is left out or changed; complete when the stream has ended.
@@ -122,6 +130,7 @@ impl<R: Read> PlyReader<R> {
                 Role::Vertices(plan) => self.body.vertices(element, plan, self.schema.format, batch),
                 Role::Faces(plan) => self.body.faces(element, plan, batch),
                 Role::Strips(plan) => self.body.strips(element, plan, batch),
+                Role::Grid(plan, columns) => self.body.grid(element, plan, *columns, batch),
             };
             match result {
                 Ok(()) if self.body.index >= element.count => {
@@ -168,7 +177,7 @@ impl<R: Read> PlyReader<R> {
         for (element, role) in self.header.elements.iter().zip(&self.schema.roles).skip(self.element) {
             let missing = element.count - read;
             match role {
-                Role::Skip => {}
+                Role::Skip | Role::Grid(..) => {}
                 Role::Vertices(_) => self.body.tally.missing_vertices += missing,
                 Role::Faces(_) | Role::Strips(_) => {
                     self.body.tally.missing_faces = self.body.tally.missing_faces.saturating_add(missing);

@@ -24,6 +24,8 @@ pub(super) enum Role {
     Vertices(Box<VertexPlan>),
     Faces(ListPlan),
     Strips(ListPlan),
+    /// With the samples of a row.
+    Grid(ListPlan, u64),
 }
 
 /// Where a number of a vertex is.
@@ -93,22 +95,31 @@ impl Schema {
                     let plan = list_plan(element, &mut warnings)?;
                     if element.name == "face" { Role::Faces(plan) } else { Role::Strips(plan) }
                 }
-                _ => {
-                    if element.count > 0 {
-                        let (element, count) = (element.name.clone(), element.count);
-                        warnings.push(Warning::ElementSkipped { element, count });
+                // Files that have faces, too, have made a mesh of their grid.
+                "range_grid" if element.count > 0 && header.face_count == 0 && format.is_some() => {
+                    match super::grid::columns(header, element.count) {
+                        Some(columns) => Role::Grid(list_plan(element, &mut warnings)?, columns),
+                        None => skip(element, &mut warnings),
                     }
-                    Role::Skip
                 }
+                _ => skip(element, &mut warnings),
             };
             roles.push(role);
         }
         let format = format.ok_or(PlyError::NoVertexElement)?;
-        if header.vertex_count > 0 && header.face_count == 0 && header.strip_count == 0 {
+        let has_grid = roles.iter().any(|role| matches!(role, Role::Grid(..)));
+        if header.vertex_count > 0 && header.face_count == 0 && header.strip_count == 0 && !has_grid {
             return Err(PlyError::PointCloud { vertices: header.vertex_count });
         }
         Ok(Schema { roles, format, warnings })
     }
+}
+
+fn skip(element: &Element, warnings: &mut Vec<Warning>) -> Role {
+    if element.count > 0 {
+        warnings.push(Warning::ElementSkipped { element: element.name.clone(), count: element.count });
+    }
+    Role::Skip
 }
 
 impl VertexPlan {

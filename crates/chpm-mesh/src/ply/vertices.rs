@@ -184,20 +184,20 @@ fn zero_if_not_finite(normal: &mut [f32; 3]) -> bool {
 
 /// A set of vertices that takes memory up to its largest member only: what a header promises costs nothing.
 #[derive(Debug, Default)]
-pub(super) struct VertexSet {
+pub(crate) struct VertexSet {
     words: Vec<u64>,
 }
 
 impl VertexSet {
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.words.is_empty()
     }
 
-    pub(super) fn contains(&self, vertex: u64) -> bool {
+    pub(crate) fn contains(&self, vertex: u64) -> bool {
         self.words.get((vertex / 64) as usize).is_some_and(|word| word >> (vertex % 64) & 1 == 1)
     }
 
-    fn insert(&mut self, vertex: u64) {
+    pub(crate) fn insert(&mut self, vertex: u64) {
         let word = (vertex / 64) as usize;
         if word >= self.words.len() {
             self.words.resize(word + 1, 0);

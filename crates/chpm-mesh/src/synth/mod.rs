@@ -6,6 +6,7 @@
 
 mod grid;
 pub mod hand;
+pub mod hard;
 mod isosurface;
 mod noise;
 mod plates;

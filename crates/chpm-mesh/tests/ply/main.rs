@@ -3,5 +3,6 @@
 mod errors;
 mod flavours;
 mod forge;
+mod grid;
 mod hostile;
 mod roundtrip;

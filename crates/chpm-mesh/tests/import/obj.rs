@@ -1,0 +1,162 @@
+//! Wavefront OBJ: what is read, what is left out, what is refused.
+
+use chpm_mesh::import::{ImportError, ObjReader};
+use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Tally};
+
+/// Everything of an OBJ.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Obj {
+    pub(crate) positions: Vec<[f64; 3]>,
+    pub(crate) colors: Vec<[u8; 4]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) tally: Tally,
+    pub(crate) warnings: Vec<String>,
+}
+
+pub(crate) fn read(text: &[u8], options: Options) -> Result<Obj, ImportError> {
+    let mut reader = ObjReader::new(text, options)?;
+    let (mut positions, mut colors, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    let mut batch = Batch::default();
+    loop {
+        match reader.next_batch(&mut batch)? {
+            BatchKind::Vertices => {
+                assert_eq!(batch.first, positions.len() as u64);
+                positions.append(&mut batch.positions_f64);
+                colors.append(&mut batch.colors);
+            }
+            BatchKind::Triangles => {
+                assert_eq!(batch.first, triangles.len() as u64);
+                triangles.append(&mut batch.triangles);
+            }
+            BatchKind::End => break,
+        }
+    }
+    assert_eq!(reader.vertex_format().attributes.colors, !colors.is_empty());
+    assert_eq!(reader.vertices(), positions.len() as u64);
+    Ok(Obj { positions, colors, triangles, tally: reader.tally(), warnings: reader.warnings() })
+}
+
+fn ok(text: &str) -> Obj {
+    read(text.as_bytes(), Options::default()).unwrap()
+}
+
+fn error(text: &str) -> String {
+    read(text.as_bytes(), Options::default()).unwrap_err().to_string()
+}
+
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+#[test]
+fn polygons_become_fans_whatever_their_corners_look_like() {
+    for face in [
+        "f 1 2 3 4",
+        "f 1/1 2/2 3/3 4/4",
+        "f 1//9 2//9 3//9 4//9",
+        "f 1/1/1 2/2/1 3/3/1 4/4/1",
+        "f -4 -3 -2 -1",
+    ] {
+        let obj = ok(&format!("{SQUARE}{face}\n"));
+        assert_eq!(obj.triangles, [[0, 1, 2], [0, 2, 3]], "{face}");
+        assert_eq!(obj.tally.polygons_triangulated, 1);
+        assert_eq!(obj.positions[2], [1.0, 1.0, 0.0]);
+    }
+}
+
+#[test]
+fn negative_indices_count_from_where_they_stand() {
+    let obj = ok("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nf -4 -3 -1\n");
+    assert_eq!(obj.triangles, [[0, 1, 2], [0, 1, 3]]);
+}
+
+#[test]
+fn faces_may_come_first_and_lines_may_go_on() {
+    let obj = ok("f 1 2 \\\n 3\\\r\n\nv 0 0 0\nv 1 0 0\nv 0 \\\n1 0");
+    assert_eq!((obj.triangles, obj.positions[2]), (vec![[0, 1, 2]], [0.0, 1.0, 0.0]));
+}
+
+#[test]
+fn colours_are_fractions_or_bytes() {
+    let obj = ok("v 0 0 0 1 0.5 0\nv 1 0 0 255 128 0\nv 0 1 0\nf 1 2 3\n");
+    assert_eq!(obj.colors, [[255, 128, 0, 255], [255, 128, 0, 255], [255; 4]]);
+    let plain = ok("v 0 0 0\nv 1 0 0 1 1 1\nv 0 1 0 1\nf 1 2 3\n");
+    assert!(plain.colors.is_empty());
+    assert_eq!(plain.warnings, ["dropped colours of 1 vertices, since the first one has none"]);
+    let options = Options { colors: false, ..Options::default() };
+    assert!(
+        read(b"v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nf 1 2 3\n", options).unwrap().colors.is_empty()
+    );
+}
+
+#[test]
+fn what_is_left_out_is_told() {
+    let obj = ok(&format!(
+        "# x\nmtllib a.mtl\no thing\n{SQUARE}vt 0 0\nvn 0 0 1\ng a\nusemtl b\ns off\nl 1 2\nf 1 2 3\ncurv 0 1\ncurv 2\n"
+    ));
+    let expected = [
+        "dropped 1 texture coordinates",
+        "dropped 1 normals of corners",
+        "dropped 2 references to materials",
+        "skipped 1 lines and points",
+        "skipped 2 statements that are no mesh: curv",
+    ];
+    assert_eq!(obj.warnings, expected);
+}
+
+#[test]
+fn degenerate_faces_are_counted() {
+    let obj = ok(&format!("{SQUARE}f 1 1 2\nf 1 2\nf 1 2 2 3\n"));
+    assert_eq!((obj.triangles, obj.tally.degenerate_faces), (vec![[0, 1, 3 - 1]], 3));
+}
+
+#[test]
+fn errors_name_place_and_reason() {
+    for (text, words) in [
+        ("v 0 0\n", "vertex 0, byte 0, line 1: expected three coordinates, got 'the end of the line'"),
+        ("v 0 0 0\nv 1 x 0\n", "vertex 1, byte 8, line 2: expected three coordinates, got 'x'"),
+        ("v 0 0 0\nv 1 nan 0\n", "vertex 1, byte 8, line 2: a coordinate is NaN"),
+        ("v 1e999 0 0\n", "a coordinate is inf"),
+        ("v 0 0 0\nf 1 1 0\n", "face 0, byte 8, line 2: vertex index 0 is out of range"),
+        ("v 0 0 0\nf 1 1 -2\n", "vertex index -2 is out of range; there are 1 vertices"),
+        (
+            "v 0 0 0\nf 1 1 3\nv 0 0 0\n",
+            "face 0, byte 8, line 2: vertex index 3 is out of range; there are 2 vertices",
+        ),
+        ("v 0 0 0\nf 1 a 1\n", "expected the number of a vertex, got 'a'"),
+        ("v 0 0 0\nf 1 99999999999999999999 1\n", "expected the number of a vertex"),
+        ("v 0 0 0\nf 1 5000000000 1\n", "vertex index 5000000000 is out of range"),
+    ] {
+        let error = error(text);
+        assert!(error.contains(words), "{text}: {error}");
+    }
+}
+
+#[test]
+fn invalid_data_is_dropped_and_counted_on_request() {
+    let options = Options { invalid: Invalid::Drop, ..Options::default() };
+    let text = format!("{SQUARE}v nan 0 0\nf 1 2 3\nf 1 2 5\nf 1 2 9\nf 0 1 2\nf 1 3 4\n");
+    let obj = read(text.as_bytes(), options).unwrap();
+    assert_eq!(obj.triangles, [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!((obj.tally.dropped_vertices, obj.tally.dropped_faces), (1, 3));
+    assert_eq!(obj.positions[4], [0.0; 3]);
+}
+
+#[test]
+fn many_batches_keep_everything() {
+    let side = 200u32;
+    let mut text = String::new();
+    for i in 0..side * side {
+        text += &format!("v {} {} 0\n", i % side, i / side);
+        if i % side > 0 && i >= side {
+            text += "f -1 -2 -1\n";
+            text += &format!("f {} {} {}\n", i - side, i - side + 1, i + 1);
+        }
+    }
+    let obj = ok(&text);
+    assert_eq!(obj.positions.len() as u32, side * side);
+    assert_eq!(obj.triangles.len() as u32, (side - 1) * (side - 1));
+    assert_eq!(obj.tally.degenerate_faces as u32, (side - 1) * (side - 1));
+    for triangle in &obj.triangles {
+        let [a, b, c] = triangle.map(|v| obj.positions[v as usize]);
+        assert!(b[0] - a[0] == 1.0 && c[1] - b[1] == 1.0, "{triangle:?}");
+    }
+}
