@@ -8,14 +8,14 @@
 
 use crate::progress::Meter;
 use crate::stop;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use chpm_build::Cancel;
+use chpm_build::input::Input;
 use chpm_extmem::{Buffer, BufferWriter, Store};
 use chpm_format::Chpm;
 use chpm_mesh::ClusterId;
-use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, PlyReader};
+use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options};
 use std::fmt;
-use std::fs::File;
 use std::path::Path;
 use xxhash_rust::xxh3::xxh3_128;
 
@@ -72,7 +72,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// Compares the leaves of `file` with the PLY at `source`, read with the settings that the file was built with.
+/// Compares the leaves of `file` with the mesh at `source`, read with the settings that the file was built with.
 pub(crate) fn compare<D: AsRef<[u8]>>(
     file: &Chpm<D>,
     source: &Path,
@@ -172,14 +172,12 @@ fn each_source_triangle<D: AsRef<[u8]>>(
     cancel: &Cancel,
     look: &mut dyn FnMut(Place, Corners),
 ) -> Result<()> {
-    let told = || format!("'{}'", path.display());
     let settings = file.metadata()?.settings;
     let dropped = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
     let invalid = if dropped { Invalid::Drop } else { Invalid::Refuse };
-    let ply = File::open(path).with_context(|| format!("cannot read {}", told()))?;
     let options = Options { invalid, normals: false, colors: false };
-    let mut reader = PlyReader::new(ply, options).with_context(told)?;
-    let vertex_count = reader.header().vertex_count;
+    let mut input = Input::open(path, options, store)?;
+    let vertex_count = input.declared().map(|(vertices, _)| vertices);
     let origin = file.header().origin;
 
     let mut coming = BufferWriter::new(store, "source positions", 0)?;
@@ -197,12 +195,12 @@ fn each_source_triangle<D: AsRef<[u8]>>(
     let mut batch = Batch::default();
     loop {
         stop::check(cancel)?;
-        match reader.next_batch(&mut batch).with_context(told)? {
+        match input.next_batch(&mut batch)? {
             BatchKind::Vertices => {
                 let local = batch.positions_f64.iter().map(|p| relative(*p, origin));
                 let local = local.chain(batch.positions.iter().map(|p| relative(p.map(f64::from), origin)));
                 coming.extend_from_slice(&local.collect::<Vec<_>>())?;
-                if coming.len() as u64 == vertex_count {
+                if Some(coming.len() as u64) == vertex_count {
                     let all = std::mem::replace(&mut coming, BufferWriter::new(store, "nothing", 0)?);
                     positions = Some(all.finish()?);
                 }
@@ -214,9 +212,12 @@ fn each_source_triangle<D: AsRef<[u8]>>(
             BatchKind::End => break,
         }
     }
-    if let Some(positions) = &positions {
-        hand_over(positions, &early.finish()?);
-    }
+    // Only now is it known that there are no more vertices, where no header told.
+    let positions = match positions {
+        Some(positions) => positions,
+        None => coming.finish()?,
+    };
+    hand_over(&positions, &early.finish()?);
     Ok(())
 }
 

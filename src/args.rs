@@ -1,6 +1,6 @@
 //! The command line as it is typed, and how it becomes a build's configuration.
 
-use crate::cmd::{build, demo, dump, extract, info, path, synth, verify, walk};
+use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, synth, verify, walk};
 use anyhow::{Context, Result};
 use chpm_build::config::Topology;
 use chpm_build::{BuildConfig, Resources, Settings};
@@ -26,10 +26,19 @@ Start with: chpm demo";
 pub(crate) enum Command {
     /// Build a .chpm file from a PLY mesh
     Build(build::Args),
+    /// Build many meshes into one folder: what is missing, changed or failed before
+    Batch(batch::Args),
     /// Show what a .chpm file holds: counts, levels, sizes, settings, provenance
     Info(info::Args),
     /// Check every byte and invariant of a .chpm file; the source's triangles with --against, cracks with --cuts
     Verify(verify::Args),
+    /// Measure how far two meshes are from each other, or the levels and cuts of a .chpm file from its source
+    Measure(measure::Args),
+    /// Speed against error: builds and simplifies a mesh in several ways, and measures time, memory and deviation
+    Bench(bench::Args),
+    /// What `bench` runs in processes of their own
+    #[command(hide = true)]
+    Contend(bench::ContendArgs),
     /// Write a .chpm file as text
     Dump(dump::Args),
     /// Take one crack-free mesh out of a .chpm file

@@ -6,8 +6,11 @@
 
 mod against;
 mod args;
+mod batch;
+mod bench;
 mod cmd;
 mod cuts;
+mod deviation;
 mod progress;
 mod report;
 mod stop;

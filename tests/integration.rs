@@ -4,16 +4,26 @@ mod integration {
     /// A fresh folder and the command in it.
     pub(crate) mod harness;
 
+    /// Many models at once: what is built, what is not built again, what a failure leaves of the others.
+    mod batch;
+    /// Speed against error: figures, CSV and plot.
+    mod bench;
     /// Every verb, its exit codes, and that errors leave nothing behind.
     mod cli;
     /// Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
     mod cuts;
     /// The same bytes for any number of threads and any memory.
     mod determinism;
+    /// Every mesh that is hard to simplify, and what its file must be; flat plates and absent attributes.
+    mod hard_cases;
     /// Damaged .chpm files: each verb answers, none panics.
     mod hostile_chpm;
     /// Invalid PLY files are refused with their place, or dropped and counted.
     mod hostile_ply;
+    /// The same mesh in every format that is read.
+    mod inputs;
+    /// Known distances, and stored errors that hold or do not.
+    mod measure;
     /// What goes in comes out: all of it at level 0, a crack-free part of it elsewhere.
     mod roundtrip;
     /// Real meshes, where there are any.
@@ -26,4 +36,6 @@ mod integration {
     mod view;
     /// Camera paths and walks along them.
     mod walk;
+    /// The workflow that spreads a batch over machines.
+    mod workflow;
 }

@@ -1,10 +1,13 @@
 //! The verbs, and what they have in common.
 
+pub(crate) mod batch;
+pub(crate) mod bench;
 pub(crate) mod build;
 pub(crate) mod demo;
 pub(crate) mod dump;
 pub(crate) mod extract;
 pub(crate) mod info;
+pub(crate) mod measure;
 pub(crate) mod path;
 pub(crate) mod synth;
 pub(crate) mod verify;
@@ -31,8 +34,12 @@ pub(crate) enum Verdict {
 pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
     match command {
         Command::Build(args) => build::run(&args, stop),
+        Command::Batch(args) => batch::run(&args, stop),
         Command::Info(args) => info::run(&args),
         Command::Verify(args) => verify::run(&args, stop),
+        Command::Measure(args) => measure::run(&args, stop),
+        Command::Bench(args) => bench::run(&args, stop),
+        Command::Contend(args) => bench::contend(&args, stop),
         Command::Dump(args) => dump::run(&args),
         Command::Extract(args) => extract::run(&args, stop),
         Command::Path(args) => path::run(&args, stop),
@@ -43,7 +50,7 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
 }
 
 /// Maps and opens a file.
-fn open(path: &Path) -> Result<Chpm<MappedFile>> {
+pub(crate) fn open(path: &Path) -> Result<Chpm<MappedFile>> {
     Chpm::open(MappedFile::open(path)?).with_context(|| format!("cannot open '{}'", path.display()))
 }
 

@@ -23,6 +23,14 @@ pub enum BuildError {
         /// What is wrong, and where.
         source: chpm_mesh::ply::PlyError,
     },
+    /// The source is no valid STL, OBJ or list of range scans.
+    #[error("{path}: {source}")]
+    Import {
+        /// The source file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        source: Box<chpm_mesh::import::ImportError>,
+    },
     /// The source has no triangle that could be built.
     #[error("{path} has no triangle to build from ({faces} faces declared): nothing was written")]
     Empty {

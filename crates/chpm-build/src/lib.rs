@@ -20,6 +20,7 @@ mod simplify;
 
 pub use config::{BuildConfig, Resources, Settings};
 pub use error::BuildError;
+pub use ingest::input;
 pub use layout::metric;
 pub use pipeline::build;
 pub use progress::{Cancel, Progress, Silent, Stage};

@@ -6,10 +6,10 @@ use crate::error::BuildError;
 use crate::progress::{Cancel, Progress, Stage};
 use crate::report::BuildReport;
 use crate::{decompose, emit, hierarchy, ingest, layout, simplify};
-use chpm_extmem::{AtomicFile, Store, process};
+use chpm_extmem::{AtomicFile, Lock, Store, process};
 use std::path::Path;
 
-/// Builds `output` from the PLY `source`.
+/// Builds `output` from `source`, a mesh file of any format that [`Input`](crate::input::Input) reads.
 ///
 /// The output appears complete or not at all. The same source and settings give the same bytes, whatever the resources.
 ///
@@ -23,6 +23,7 @@ pub fn build(
     cancel: &Cancel,
 ) -> Result<BuildReport, BuildError> {
     let settings = &config.settings;
+    let _lock = Lock::acquire(output)?;
     let out = AtomicFile::create(output, config.overwrite)?;
     let context = &context(output, config, progress, cancel)?;
 

@@ -41,6 +41,17 @@ pub enum ExtmemError {
         path: PathBuf,
     },
 
+    /// Another build makes the same file.
+    #[error("'{}' is being built by {owner}; wait for it, or choose another name ('{}')", path.display(), lock.display())]
+    Locked {
+        /// The file to be made.
+        path: PathBuf,
+        /// What the holder of the lock says of itself.
+        owner: String,
+        /// The lock file.
+        lock: PathBuf,
+    },
+
     /// The path does not name a regular file where one is needed.
     #[error("'{}' does not name a file; give the path of a file, not of a directory or device", path.display())]
     NotAFile {

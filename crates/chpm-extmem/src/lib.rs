@@ -9,6 +9,7 @@
 mod budget;
 mod buffer;
 mod error;
+mod lock;
 #[allow(unsafe_code)]
 mod map;
 pub mod process;
@@ -20,6 +21,7 @@ mod workdir;
 pub use budget::{MemoryBudget, Reservation};
 pub use buffer::{Buffer, BufferWriter};
 pub use error::ExtmemError;
+pub use lock::Lock;
 pub use map::{Access, MappedBuffer, MappedFile};
 pub use publish::AtomicFile;
 pub use spool::Spool;

@@ -1,6 +1,7 @@
 //! The graph of cells: nodes weighted by vertex count, edges to the k nearest cells (Quick-VDR 4.1, second vertex pass).
 
 use super::grid::Cell;
+use chpm_mesh::Aabb;
 use chpm_partition::{CsrGraph, PartitionError};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -49,12 +50,14 @@ fn joined(cell_of: &[u32], triangles: &[[u32; 3]]) -> Vec<(u32, u32, u32)> {
     pairs.chunk_by(|x, y| x == y).map(pair).collect()
 }
 
-/// Pairs (a, b, distance) with a < b of points of which one is `wanted` and the other among its `k` nearest.
+/// Pairs (a, b, distance) with a < b of points of which one is `wanted` and the other among its `k` nearest. Distances are in
+/// units of their own, of which the points' box has about one.
 pub(crate) fn nearest_pairs(
     points: &[[f32; 3]],
     k: u32,
     wanted: impl Fn(u32) -> bool + Sync,
 ) -> Vec<(u32, u32, f32)> {
+    let points = &unit_sized(points);
     let Ok(tree) = ImmutableKdTree::new_from_slice(points) else { return Vec::new() };
     let count = NonZero::new(k as usize + 1).unwrap_or(NonZero::<usize>::MIN);
     let mut pairs: Vec<(u32, u32, f32)> = points
@@ -72,4 +75,32 @@ pub(crate) fn nearest_pairs(
     pairs.par_sort_unstable_by_key(|&(a, b, _)| (a, b));
     pairs.dedup_by_key(|&mut (a, b, _)| (a, b));
     pairs
+}
+
+/// The points times a power of two, so that squares of distances neither vanish nor overflow and nothing else changes.
+fn unit_sized(points: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let bounds = Aabb::of_points(points);
+    let longest = (0..3).map(|a| f64::from(bounds.max[a]) - f64::from(bounds.min[a])).fold(0.0, f64::max);
+    let scale = if longest > 0.0 { (-longest.log2().floor()).exp2() } else { 1.0 };
+    points.iter().map(|p| p.map(|x| (f64::from(x) * scale) as f32)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbors_do_not_depend_on_the_scale() {
+        let points: Vec<[f32; 3]> = (0..200u32)
+            .map(|i| [7, 11, 13].map(|step| (i * i * step % 1009) as f32 + 0.125 * i as f32))
+            .collect();
+        let expected = nearest_pairs(&points, 4, |_| true);
+        for exponent in [-140, -60, 60, 117] {
+            // Exact: the smallest of these numbers is an eighth.
+            let by = 2.0_f64.powi(exponent);
+            let scaled: Vec<[f32; 3]> =
+                points.iter().map(|p| p.map(|x| (f64::from(x) * by) as f32)).collect();
+            assert_eq!(nearest_pairs(&scaled, 4, |_| true), expected, "2^{exponent}");
+        }
+    }
 }

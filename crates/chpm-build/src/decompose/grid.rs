@@ -43,18 +43,25 @@ impl Grid {
         let longest = extent.into_iter().fold(0.0, f64::max);
         // A surface meets about four n * n of n * n * n cells: start where those would hold twice the limit.
         let wanted = (positions.len() as f64 / (8.0 * f64::from(limit))).sqrt().max(1.0);
-        let n = 1u32 << (wanted.log2().ceil() as u32).min(MAX_UNIFORM_LOG);
-        let scale = if longest > 0.0 { f64::from(n) / longest } else { 0.0 };
-        let dims = extent.map(|e| ((e * scale).ceil() as u32).clamp(1, n));
-        let uniform = dims.iter().product::<u32>() as usize;
-        let mut grid = Grid {
-            origin: std::array::from_fn(|a| f64::from(bounds.min[a])),
-            scale,
-            dims,
-            slots: vec![0; uniform],
-            cells: Vec::new(),
+        let mut n = 1u32 << (wanted.log2().ceil() as u32).min(MAX_UNIFORM_LOG);
+        let mut grid = loop {
+            let scale = if longest > 0.0 { f64::from(n) / longest } else { 0.0 };
+            let dims = extent.map(|e| ((e * scale).ceil() as u32).clamp(1, n));
+            let mut grid = Grid {
+                origin: std::array::from_fn(|a| f64::from(bounds.min[a])),
+                scale,
+                dims,
+                slots: vec![0; dims.iter().product::<u32>() as usize],
+                cells: Vec::new(),
+            };
+            grid.count(positions, 0);
+            // A cloud fills the cells of a volume: begin where they hold a sixteenth of the limit or more.
+            let filled = grid.slots.iter().filter(|count| **count > 0).count();
+            if n == 1 || filled * limit as usize <= 16 * positions.len() {
+                break grid;
+            }
+            n /= 2;
         };
-        grid.count(positions, 0);
         let mut fresh = 0;
         for _ in 0..MAX_DEPTH {
             let first_block = grid.slots.len();
@@ -164,6 +171,16 @@ mod tests {
         }
         assert!(grid.cells.iter().zip(&counts).all(|(cell, count)| cell.count == *count && *count <= 16));
         assert_eq!(counts.iter().sum::<u32>(), 5000);
+    }
+
+    #[test]
+    fn a_cloud_gets_no_cell_for_every_vertex() {
+        let at = |i: u32, k: u32| (i.wrapping_mul(2654435761).wrapping_add(k) >> (10 * k)) % 1009;
+        let positions: Vec<[f32; 3]> =
+            (0..60_000u32).map(|i| [at(i, 0), at(i, 1), at(i / 7, 2)].map(|x| x as f32)).collect();
+        let grid = Grid::build(&positions, &Aabb::of_points(&positions), 48);
+        assert!(grid.cells.len() < 60_000 / 3, "{} cells", grid.cells.len());
+        assert!(grid.cells.iter().all(|cell| cell.count <= 48));
     }
 
     #[test]

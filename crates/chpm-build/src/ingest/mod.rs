@@ -1,17 +1,22 @@
-//! Ingest: a PLY becomes arrays of positions, attributes and triangles in which every number is finite and every index is
+//! Ingest: a source becomes arrays of positions, attributes and triangles in which every number is finite and every index is
 //! in range, with bounds and counts. One pass over the file; memory is the arrays and one batch.
+
+pub mod input;
+mod scans;
+mod sorter;
+mod steps;
+mod stream;
+mod weld;
 
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
 use chpm_extmem::{Buffer, BufferWriter};
 use chpm_format::Source as Provenance;
-use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, PlyReader, Tally};
+use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Tally};
 use chpm_mesh::{Aabb, Attributes};
-use std::fs::File;
-use std::io::{self, Read};
-use std::path::Path;
-use xxhash_rust::xxh3::Xxh3;
+use input::Input;
+use std::path::{Path, PathBuf};
 
 /// The validated source.
 pub(crate) struct Source {
@@ -36,17 +41,15 @@ impl Source {
 
 /// Reads the whole of `path`.
 pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Result<Source, BuildError> {
-    let ply = |source| BuildError::Ply { path: path.to_owned(), source };
-    let file = File::open(path).map_err(|source| BuildError::Source { path: path.to_owned(), source })?;
     let options = Options {
         invalid: if settings.drop_invalid { Invalid::Drop } else { Invalid::Refuse },
         normals: settings.normals,
         colors: settings.colors,
     };
-    let mut hashing = Hashing { inner: file, hash: Xxh3::new(), len: 0 };
-    let mut reader = PlyReader::new(&mut hashing, options).map_err(ply)?;
-    let format = reader.vertex_format();
-    let (vertices, faces) = (reader.header().vertex_count as usize, reader.header().face_count as usize);
+    let mut input = Input::open(path, options, &context.store)?;
+    let format = input.vertex_format();
+    let (vertices, faces) =
+        input.declared().map_or((0, 0), |(vertices, faces)| (vertices as usize, faces as usize));
 
     let store = &context.store;
     // A header may promise more than the file holds: no array starts larger than the source could fill.
@@ -62,8 +65,8 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     let mut batch = Batch::default();
     loop {
         context.check()?;
-        let before = reader.bytes_read();
-        match reader.next_batch(&mut batch).map_err(ply)? {
+        let before = input.bytes_read();
+        match input.next_batch(&mut batch)? {
             BatchKind::Vertices => {
                 bounds.add(&batch);
                 singles.extend_from_slice(&batch.positions)?;
@@ -74,29 +77,13 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
             BatchKind::Triangles => triangles.extend_from_slice(&batch.triangles)?,
             BatchKind::End => break,
         }
-        context.progress.advance(reader.bytes_read() - before);
+        context.progress.advance(input.bytes_read() - before);
     }
 
+    let input::Read { provenance, tally, mut warnings } = input.finish()?;
     if triangles.is_empty() {
-        return Err(BuildError::Empty { path: path.to_owned(), faces: reader.header().face_count });
+        return Err(BuildError::Empty { path: path.to_owned(), faces: provenance.face_count });
     }
-    let mut warnings: Vec<String> = reader.warnings().iter().map(ToString::to_string).collect();
-    let header = reader.header();
-    let provenance = Provenance {
-        name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
-        byte_len: 0,
-        hash: 0,
-        encoding: header.format.to_string(),
-        vertex_count: header.vertex_count,
-        face_count: header.face_count,
-        comments: header.comments.clone(),
-    };
-    let tally = reader.tally();
-    drop(reader);
-    // What lies behind the body belongs to the file, too.
-    io::copy(&mut hashing, &mut io::sink())
-        .map_err(|source| BuildError::Source { path: path.to_owned(), source })?;
-    let provenance = Provenance { byte_len: hashing.len, hash: hashing.hash.digest(), ..provenance };
 
     let origin = if format.double { bounds.origin() } else { [0.0; 3] };
     let positions = if format.double {
@@ -126,7 +113,8 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
 
 /// Bytes of work that ingest will report.
 pub(crate) fn work(path: &Path) -> u64 {
-    std::fs::metadata(path).map_or(0, |m| m.len())
+    let len = |path: &PathBuf| std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    input::files(path).map_or(0, |files| files.iter().map(len).sum())
 }
 
 /// Bounds of double coordinates, and whether all of them are f32 values anyway.
@@ -178,22 +166,6 @@ fn to_origin(
         out.extend_from_slice(&local)?;
     }
     Ok((out.finish()?, rounding))
-}
-
-/// Hashes what passes through.
-struct Hashing {
-    inner: File,
-    hash: Xxh3,
-    len: u64,
-}
-
-impl Read for Hashing {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let n = self.inner.read(buffer)?;
-        self.hash.update(&buffer[..n]);
-        self.len += n as u64;
-        Ok(n)
-    }
 }
 
 /// Counts that ingest found, as the repair report wants them.

@@ -1,0 +1,156 @@
+//! A model made of range scans: each is read in its turn and moved into the model's frame on the way.
+
+use super::input::Input;
+use crate::error::BuildError;
+use chpm_extmem::Store;
+use chpm_mesh::Attributes;
+use chpm_mesh::import::{Pose, RangeScans};
+use chpm_mesh::ply::{Batch, BatchKind, MAX_VERTICES, Options, PlyError, Tally, VertexFormat};
+use std::path::{Path, PathBuf};
+
+/// Scans one after the other.
+pub(super) struct ScanSet {
+    scans: Vec<(PathBuf, Pose)>,
+    options: Options,
+    store: Store,
+    format: VertexFormat,
+    /// The scan that is being read, and which one it is.
+    current: Option<Input>,
+    at: usize,
+    /// Vertices and triangles of the scans before.
+    base: u64,
+    vertices: u64,
+    triangles: u64,
+    read: ScansRead,
+}
+
+/// What is known of all scans at the end.
+#[derive(Default)]
+pub(super) struct ScansRead {
+    pub(super) len: u64,
+    pub(super) hashes: Vec<u64>,
+    pub(super) vertices: u64,
+    pub(super) faces: u64,
+    pub(super) tally: Tally,
+    pub(super) warnings: Vec<String>,
+}
+
+impl ScanSet {
+    /// Looks into every scan of the list, which lie relative to it: attributes are kept only if all of them have them.
+    pub(super) fn open(
+        path: &Path,
+        list: RangeScans,
+        options: Options,
+        store: &Store,
+    ) -> Result<Self, BuildError> {
+        let mut attributes = Attributes { normals: true, colors: true };
+        let mut scans = Vec::new();
+        let mut some = Attributes { normals: false, colors: false };
+        for scan in list.scans {
+            let file = path.with_file_name(&scan.file);
+            let has = Input::open_as(&file, options, store, false)?.vertex_format().attributes;
+            attributes = Attributes {
+                normals: attributes.normals && has.normals,
+                colors: attributes.colors && has.colors,
+            };
+            some = Attributes { normals: some.normals || has.normals, colors: some.colors || has.colors };
+            scans.push((file, scan.pose));
+        }
+        let mut read = ScansRead::default();
+        if some.normals && !attributes.normals {
+            read.warnings.push("dropped normals, which not all of the scans have".to_owned());
+        }
+        if some.colors && !attributes.colors {
+            read.warnings.push("dropped colours, which not all of the scans have".to_owned());
+        }
+        let options = Options { normals: attributes.normals, colors: attributes.colors, ..options };
+        let format = VertexFormat { double: true, attributes };
+        let store = store.clone();
+        Ok(ScanSet {
+            scans,
+            options,
+            store,
+            format,
+            current: None,
+            at: 0,
+            base: 0,
+            vertices: 0,
+            triangles: 0,
+            read,
+        })
+    }
+
+    pub(super) fn vertex_format(&self) -> VertexFormat {
+        self.format
+    }
+
+    pub(super) fn bytes_read(&self) -> u64 {
+        self.read.len + self.current.as_ref().map_or(0, Input::bytes_read)
+    }
+
+    pub(super) fn next_batch(&mut self, batch: &mut Batch) -> Result<BatchKind, BuildError> {
+        let Some((path, pose)) = self.scans.get(self.at) else {
+            *batch = Batch::default();
+            return Ok(BatchKind::End);
+        };
+        let input = match &mut self.current {
+            Some(input) => input,
+            none => none.insert(Input::open_as(path, self.options, &self.store, false)?),
+        };
+        match input.next_batch(batch)? {
+            BatchKind::Vertices => {
+                batch.positions_f64.extend(batch.positions.drain(..).map(|p| p.map(f64::from)));
+                batch.positions_f64.iter_mut().for_each(|p| *p = pose.point(*p));
+                batch
+                    .normals
+                    .iter_mut()
+                    .for_each(|n| *n = pose.direction(n.map(f64::from)).map(|x| x as f32));
+                batch.invalid_vertices.iter_mut().for_each(|vertex| *vertex += self.base);
+                batch.first = self.vertices;
+                self.vertices += batch.positions_f64.len() as u64;
+                if self.vertices > MAX_VERTICES {
+                    let source = PlyError::TooManyVertices { count: self.vertices, limit: MAX_VERTICES };
+                    return Err(BuildError::Ply { path: path.clone(), source });
+                }
+                Ok(BatchKind::Vertices)
+            }
+            BatchKind::Triangles => {
+                // A face may come before the vertices that it names: that all of them come is checked at the scan's end.
+                let beyond = |v: u32| u64::from(v) + self.base >= MAX_VERTICES;
+                if let Some(v) = batch.triangles.as_flattened().iter().copied().find(|v| beyond(*v)) {
+                    let count = u64::from(v) + self.base;
+                    let source = PlyError::TooManyVertices { count, limit: MAX_VERTICES };
+                    return Err(BuildError::Ply { path: path.clone(), source });
+                }
+                let base = self.base as u32;
+                batch.triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(|v| v + base));
+                batch.first = self.triangles;
+                self.triangles += batch.triangles.len() as u64;
+                Ok(BatchKind::Triangles)
+            }
+            BatchKind::End => {
+                if let Some(input) = self.current.take() {
+                    let scan = input.finish()?;
+                    let all = &mut self.read;
+                    all.len += scan.provenance.byte_len;
+                    all.hashes.push(scan.provenance.hash);
+                    all.vertices += scan.provenance.vertex_count;
+                    all.faces += scan.provenance.face_count;
+                    all.tally.add(&scan.tally);
+                    let name = &scan.provenance.name;
+                    all.warnings.extend(scan.warnings.iter().map(|warning| format!("{name}: {warning}")));
+                }
+                self.base = self.vertices;
+                self.at += 1;
+                // Nothing came of this call, and more may come.
+                *batch = Batch::default();
+                Ok(BatchKind::Vertices)
+            }
+        }
+    }
+
+    /// What was read, after the last batch.
+    pub(super) fn finish(self) -> ScansRead {
+        self.read
+    }
+}

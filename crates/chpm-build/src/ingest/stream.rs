@@ -1,0 +1,139 @@
+//! The bytes of a source: hashed as they are in the file, then decompressed if they are compressed.
+
+use std::cell::RefCell;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufReader, Cursor, Read};
+use std::path::Path;
+use std::rc::Rc;
+use xxhash_rust::xxh3::Xxh3;
+
+/// Bytes of a compressed file that are read at once.
+const BLOCK: usize = 1 << 18;
+/// Largest window of a zstd frame, as a power of two: 128 MiB, which all levels stay within.
+const ZSTD_WINDOW: u32 = 27;
+
+/// Decompressed bytes.
+pub(super) type Stream = Box<dyn Read>;
+
+/// How a file is compressed.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Packing {
+    None,
+    Gzip,
+    Zstd,
+}
+
+impl Packing {
+    fn detect(head: &[u8]) -> Packing {
+        match head {
+            [0x1f, 0x8b, 8, ..] => Packing::Gzip,
+            [0x28, 0xb5, 0x2f, 0xfd, ..] => Packing::Zstd,
+            // A skippable frame may come first.
+            [0x50..=0x5f, 0x2a, 0x4d, 0x18, ..] => Packing::Zstd,
+            _ => Packing::None,
+        }
+    }
+}
+
+impl fmt::Display for Packing {
+    /// What is added to the name of an encoding.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Packing::None => "",
+            Packing::Gzip => ", gzip",
+            Packing::Zstd => ", zstd",
+        })
+    }
+}
+
+/// A file that hashes what is read from it. Clones read on where the others stopped.
+#[derive(Clone)]
+pub(super) struct Tap(Rc<RefCell<Inner>>);
+
+struct Inner {
+    file: File,
+    hash: Xxh3,
+    len: u64,
+}
+
+impl Tap {
+    pub(super) fn open(path: &Path) -> io::Result<Tap> {
+        let file = File::open(path)?;
+        Ok(Tap(Rc::new(RefCell::new(Inner { file, hash: Xxh3::new(), len: 0 }))))
+    }
+
+    /// Bytes read up to now.
+    pub(super) fn len(&self) -> u64 {
+        self.0.borrow().len
+    }
+
+    /// Reads what is left, and answers the length and the hash of the whole.
+    pub(super) fn finish(mut self) -> io::Result<(u64, u64)> {
+        io::copy(&mut self, &mut io::sink())?;
+        let inner = self.0.borrow();
+        Ok((inner.len, inner.hash.digest()))
+    }
+
+    /// The length of the file, if it is one that has a length.
+    fn file_len(&self) -> Option<u64> {
+        self.0
+            .borrow()
+            .file
+            .metadata()
+            .ok()
+            .filter(|metadata| metadata.is_file())
+            .map(|metadata| metadata.len())
+    }
+}
+
+impl Read for Tap {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let inner = &mut *self.0.borrow_mut();
+        let count = inner.file.read(buffer)?;
+        inner.hash.update(&buffer[..count]);
+        inner.len += count as u64;
+        Ok(count)
+    }
+}
+
+/// A stream and what is known of it before anything is read.
+pub(super) struct Opened {
+    pub(super) stream: Stream,
+    pub(super) packing: Packing,
+    /// The first bytes of the stream, which still come.
+    pub(super) head: Vec<u8>,
+    /// Its length, unless it is compressed.
+    pub(super) len: Option<u64>,
+}
+
+/// Decompresses what `tap` reads, if its first bytes say so, and looks at the `head` first bytes of the result.
+pub(super) fn open(tap: &Tap, head: usize) -> io::Result<Opened> {
+    let mut tap = tap.clone();
+    let len = tap.file_len();
+    let magic = begin(&mut tap, 4)?;
+    let packing = Packing::detect(&magic);
+    let bytes = Cursor::new(magic).chain(tap);
+    let mut stream: Stream = match packing {
+        Packing::None => Box::new(bytes),
+        Packing::Gzip => {
+            Box::new(flate2::bufread::MultiGzDecoder::new(BufReader::with_capacity(BLOCK, bytes)))
+        }
+        Packing::Zstd => {
+            let mut decoder =
+                zstd::stream::read::Decoder::with_buffer(BufReader::with_capacity(BLOCK, bytes))?;
+            decoder.window_log_max(ZSTD_WINDOW)?;
+            Box::new(decoder)
+        }
+    };
+    let head = begin(&mut stream, head)?;
+    let stream = Box::new(Cursor::new(head.clone()).chain(stream));
+    Ok(Opened { stream, packing, head, len: len.filter(|_| packing == Packing::None) })
+}
+
+/// The first `len` bytes, or fewer at the end.
+fn begin(reader: &mut impl Read, len: usize) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(len);
+    reader.take(len as u64).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}

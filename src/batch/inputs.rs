@@ -1,0 +1,217 @@
+//! What was typed becomes models: files, folders, patterns, lists.
+
+use super::manifest;
+use anyhow::{Context, Result, bail, ensure};
+use glob::MatchOptions;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io::BufRead;
+use std::path::{Component, Path, PathBuf};
+
+/// Extensions that meshes in folders have.
+const MESHES: [&str; 4] = ["ply", "stl", "obj", "conf"];
+const PACKED: [&str; 2] = ["gz", "zst"];
+
+/// A model to build.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Model {
+    /// The output's path below the output folder, without its extension; the same wherever the batch runs.
+    pub(crate) name: String,
+    pub(crate) source: PathBuf,
+    /// Arguments for this model alone.
+    pub(crate) settings: Vec<String>,
+}
+
+/// The models that `inputs` name, ordered by name. `-` reads a list from `stdin`.
+pub(crate) fn collect(inputs: &[PathBuf], stdin: impl BufRead) -> Result<Vec<Model>> {
+    let mut found = Vec::new();
+    let mut stdin = Some(stdin);
+    for input in inputs {
+        if input.as_os_str() == "-" {
+            let Some(stdin) = stdin.take() else { bail!("'-' was given twice; there is one standard input") };
+            for line in stdin.lines() {
+                let line = line.context("cannot read the list on standard input")?;
+                if !line.trim().is_empty() {
+                    take(Path::new(line.trim_end_matches('\r')), &mut found)?;
+                }
+            }
+        } else {
+            take(input, &mut found)?;
+        }
+    }
+    ensure!(!found.is_empty(), "no models: the inputs name no mesh");
+    unique(found)
+}
+
+/// What one input names.
+fn take(input: &Path, found: &mut Vec<Model>) -> Result<()> {
+    let before = found.len();
+    if input.is_dir() {
+        walk(input, input, found)?;
+        ensure!(found.len() > before, "no mesh in the folder '{}' ({})", input.display(), MESHES.join(", "));
+    } else if input.exists() && manifest::is_manifest(input) {
+        for listed in manifest::read(input)? {
+            let name = listed.name.map_or_else(|| stem(&listed.source), Ok)?;
+            found.push(Model { name: checked(name)?, source: listed.source, settings: listed.settings });
+        }
+    } else if input.exists() {
+        found.push(Model { name: stem(input)?, source: input.to_owned(), settings: Vec::new() });
+    } else {
+        let text = input.to_str().unwrap_or_default();
+        ensure!(text.contains(['*', '?', '[']), "'{}' does not exist", input.display());
+        let options = MatchOptions { require_literal_leading_dot: true, ..MatchOptions::new() };
+        let matches =
+            glob::glob_with(text, options).with_context(|| format!("'{text}' is no valid pattern"))?;
+        for path in matches {
+            let path = path.context("cannot look into a folder")?;
+            if path.is_dir() || is_mesh(&path) {
+                take(&path, found)?;
+            }
+        }
+        ensure!(found.len() > before, "nothing matches '{text}'");
+    }
+    Ok(())
+}
+
+/// The meshes of a folder and those below it; scans that a list there is made of are no models of their own.
+fn walk(root: &Path, folder: &Path, found: &mut Vec<Model>) -> Result<()> {
+    let unread = || format!("cannot look into '{}'", folder.display());
+    let mut entries: Vec<PathBuf> = Vec::new();
+    for entry in fs::read_dir(folder).with_context(unread)? {
+        let entry = entry.with_context(unread)?;
+        // A link to a folder may lead back here.
+        let is_link = entry.file_type().with_context(unread)?.is_symlink();
+        let path = entry.path();
+        let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
+        if is_hidden || is_link && path.is_dir() {
+            continue;
+        }
+        entries.push(path);
+    }
+    entries.sort();
+    let mut parts = BTreeSet::new();
+    for list in entries.iter().filter(|path| extension(path).as_deref() == Some("conf")) {
+        // What is wrong with a list is told when it is built.
+        parts.extend(chpm_build::input::files(list).unwrap_or_default().into_iter().skip(1));
+    }
+    for path in entries {
+        if path.is_dir() {
+            walk(root, &path, found)?;
+        } else if is_mesh(&path) && !parts.contains(&path) {
+            let relative = path.strip_prefix(root).unwrap_or(&path);
+            let name = relative.with_file_name(stem(relative)?);
+            let name =
+                name.to_str().with_context(|| format!("'{}' is not UTF-8", path.display()))?.to_owned();
+            found.push(Model { name, source: path, settings: Vec::new() });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses two models with one output; the same model given twice is one.
+fn unique(found: Vec<Model>) -> Result<Vec<Model>> {
+    let mut models: BTreeMap<String, Model> = BTreeMap::new();
+    for model in found {
+        match models.get(&model.name) {
+            Some(other) if *other == model => {}
+            Some(other) => bail!(
+                "'{}' and '{}' would both be built as '{}.chpm'; give one of them another name in a list, or build them \
+                 into different folders",
+                other.source.display(),
+                model.source.display(),
+                model.name,
+            ),
+            None => {
+                models.insert(model.name.clone(), model);
+            }
+        }
+    }
+    Ok(models.into_values().collect())
+}
+
+/// The file's name without the extensions of a mesh; others belong to it.
+fn stem(path: &Path) -> Result<String> {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let name = name.with_context(|| format!("'{}' has no name in UTF-8", path.display()))?;
+    let cut = |name: &str, extensions: &[&str]| {
+        let (stem, extension) = name.rsplit_once('.')?;
+        let known = extensions.iter().any(|known| extension.eq_ignore_ascii_case(known));
+        (known && !stem.is_empty()).then(|| stem.to_owned())
+    };
+    let name = cut(name, &PACKED).unwrap_or_else(|| name.to_owned());
+    Ok(cut(&name, &MESHES).unwrap_or(name))
+}
+
+/// The extension in front of one that names a compression.
+fn extension(path: &Path) -> Option<String> {
+    let lower =
+        |path: &Path| path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    let last = lower(path)?;
+    if PACKED.contains(&last.as_str()) { lower(Path::new(path.file_stem()?)) } else { Some(last) }
+}
+
+fn is_mesh(path: &Path) -> bool {
+    extension(path).is_some_and(|extension| MESHES.contains(&extension.as_str())) && path.is_file()
+}
+
+/// A name from a list must stay below the output folder.
+fn checked(name: String) -> Result<String> {
+    let inside = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));
+    ensure!(inside && !name.is_empty(), "the name '{name}' leads out of the output folder");
+    Ok(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_lose_the_extensions_of_meshes_only() {
+        for (path, name) in [
+            ("a/lucy.ply", "lucy"),
+            ("lucy.PLY.gz", "lucy"),
+            ("lucy.v2.stl.zst", "lucy.v2"),
+            ("bun.conf", "bun"),
+            ("lucy", "lucy"),
+            ("lucy.v2", "lucy.v2"),
+            (".ply", ".ply"),
+        ] {
+            assert_eq!(stem(Path::new(path)).unwrap(), name);
+        }
+    }
+
+    #[test]
+    fn names_stay_below_the_output_folder() {
+        for bad in ["../x", "/x", "a/../../x", ""] {
+            assert!(checked(bad.to_owned()).is_err(), "{bad}");
+        }
+        assert_eq!(checked("a/b".to_owned()).unwrap(), "a/b");
+    }
+
+    #[test]
+    fn folders_patterns_and_lists_name_the_same_models() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("sub")).unwrap();
+        for name in ["b.ply", "a.ply.gz", "note.txt", ".hidden.ply", "sub/c.STL", "one.ply"] {
+            fs::write(at(name), "").unwrap();
+        }
+        fs::write(at("set.conf"), "bmesh one.ply 0 0 0 0 0 0 1\n").unwrap();
+        let names = |inputs: &[PathBuf], stdin: &str| -> Vec<String> {
+            collect(inputs, stdin.as_bytes()).unwrap().into_iter().map(|model| model.name).collect()
+        };
+        let root = folder.path().to_owned();
+        assert_eq!(names(std::slice::from_ref(&root), ""), ["a", "b", "set", "sub/c"]);
+        assert_eq!(names(&[at("*.ply")], ""), ["b", "one"]);
+        assert_eq!(
+            names(&["-".into()], &format!("{0}/b.ply\r\n\n{0}/a.ply.gz\n", root.display())),
+            ["a", "b"]
+        );
+        assert_eq!(names(&[at("b.ply"), at("b.ply")], ""), ["b"]);
+        let error = |inputs: &[PathBuf]| format!("{:#}", collect(inputs, &b""[..]).unwrap_err());
+        fs::write(at("sub/b.ply"), "").unwrap();
+        assert!(error(&[at("b.ply"), at("sub/b.ply")]).contains("would both be built as 'b.chpm'"));
+        assert!(error(&[at("none.ply")]).contains("does not exist"));
+        assert!(error(&[at("*.obj")]).contains("nothing matches"));
+    }
+}

@@ -1,0 +1,128 @@
+//! Lists of models in TOML or JSON, with settings for all and for each.
+
+use anyhow::{Context, Result};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The file. Settings have the names of the command line's options.
+#[derive(Deserialize, Debug)]
+#[serde(deny_unknown_fields)]
+struct Manifest {
+    #[serde(default)]
+    settings: Settings,
+    #[serde(alias = "models")]
+    model: Vec<Entry>,
+}
+
+#[derive(Deserialize, Debug)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    source: PathBuf,
+    name: Option<String>,
+    #[serde(default)]
+    settings: Settings,
+}
+
+type Settings = BTreeMap<String, Value>;
+
+#[derive(Deserialize, Clone, Debug)]
+#[serde(untagged)]
+enum Value {
+    Switch(bool),
+    Whole(i64),
+    Number(f64),
+    Text(String),
+}
+
+/// A model of the list; its source is relative to where the list's is, its settings are arguments of the command line.
+#[derive(Debug, PartialEq)]
+pub(super) struct Listed {
+    pub(super) source: PathBuf,
+    pub(super) name: Option<String>,
+    pub(super) settings: Vec<String>,
+}
+
+/// Whether the name of a file says that it is a list.
+pub(super) fn is_manifest(path: &Path) -> bool {
+    is_json(path) || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
+}
+
+fn is_json(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+/// Reads the list.
+pub(super) fn read(path: &Path) -> Result<Vec<Listed>> {
+    let text = fs::read_to_string(path).with_context(|| format!("cannot read '{}'", path.display()))?;
+    let told = || format!("'{}' is no valid list of models", path.display());
+    let manifest: Manifest = if is_json(path) {
+        serde_json::from_str(&text).with_context(told)?
+    } else {
+        toml::from_str(&text).with_context(told)?
+    };
+    let listed = |entry: Entry| {
+        let mut settings = manifest.settings.clone();
+        settings.extend(entry.settings);
+        Listed { source: path.with_file_name(entry.source), name: entry.name, settings: arguments(&settings) }
+    };
+    Ok(manifest.model.into_iter().map(listed).collect())
+}
+
+/// `name = value` as it is typed; a switch that is off is not typed.
+fn arguments(settings: &Settings) -> Vec<String> {
+    let argument = |(name, value): (&String, &Value)| match value {
+        Value::Switch(true) => Some(format!("--{name}")),
+        Value::Switch(false) => None,
+        Value::Whole(n) => Some(format!("--{name}={n}")),
+        Value::Number(x) => Some(format!("--{name}={x}")),
+        Value::Text(text) => Some(format!("--{name}={text}")),
+    };
+    settings.iter().filter_map(argument).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn listed(name: &str, text: &str) -> Result<Vec<Listed>> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join(name);
+        fs::write(&path, text)?;
+        let mut all = read(&path)?;
+        for model in &mut all {
+            model.source = model.source.strip_prefix(folder.path())?.to_owned();
+        }
+        Ok(all)
+    }
+
+    #[test]
+    fn toml_and_json_tell_the_same() {
+        let toml = "[settings]\nseed = 3\nno-layout = true\n[[model]]\nsource = 'a/x.ply'\n[[model]]\nsource = 'y.ply'\nname = 'z'\n\
+                    settings = { seed = 4, no-layout = false, boundary = 'lock' }\n";
+        let json = r#"{"settings": {"seed": 3, "no-layout": true}, "models": [{"source": "a/x.ply"},
+                       {"source": "y.ply", "name": "z", "settings": {"seed": 4, "no-layout": false, "boundary": "lock"}}]}"#;
+        let expected = [
+            (Path::new("a/x.ply"), None, vec!["--no-layout", "--seed=3"]),
+            (Path::new("y.ply"), Some("z"), vec!["--boundary=lock", "--seed=4"]),
+        ];
+        for (name, text) in [("m.toml", toml), ("m.json", json)] {
+            let all = listed(name, text).unwrap();
+            assert_eq!(all.len(), 2);
+            for (model, (source, name, settings)) in all.iter().zip(&expected) {
+                assert_eq!((&*model.source, model.name.as_deref()), (*source, *name));
+                assert_eq!(model.settings, *settings);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_unknown_is_refused() {
+        for text in ["[[model]]\nsourse = 'x.ply'\n", "[setings]\n[[model]]\nsource = 'x'\n", "model = 3", ""]
+        {
+            let error = format!("{:#}", listed("m.toml", text).unwrap_err());
+            assert!(error.contains("m.toml"), "{text}: {error}");
+        }
+    }
+}

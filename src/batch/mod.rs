@@ -1,0 +1,16 @@
+//! Many models in one run: which, whether they need building, side by side, and what became of them.
+
+/// One progress display for all models.
+mod display;
+/// What was typed becomes models with names.
+pub(crate) mod inputs;
+/// Lists of models with settings of their own.
+mod manifest;
+/// Models side by side.
+pub(crate) mod run;
+/// Which models belong to which machine.
+pub(crate) mod shard;
+/// Whether an output is what a build would make.
+pub(crate) mod stamp;
+/// What became of every model, for people and programs.
+pub(crate) mod summary;

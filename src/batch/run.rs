@@ -1,0 +1,185 @@
+//! Models side by side: what is to be built is built, and a model that fails stops no other.
+
+use super::display::Display;
+use super::inputs::Model;
+use super::stamp::{self, Need};
+use super::summary::{Row, Status, Summary};
+use crate::cmd;
+use anyhow::{Context, Result};
+use chpm_build::{BuildConfig, BuildError, BuildReport, Cancel, Progress, input};
+use chpm_mesh::Bytes;
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+/// A model, how it is built, and what there is to do.
+pub(crate) struct Task {
+    config: BuildConfig,
+    need: Need,
+    row: Row,
+}
+
+/// Looks at every model's output; `earlier` is the summary of the last run here. With `anew` everything is built.
+pub(crate) fn plan(
+    models: Vec<(Model, BuildConfig)>,
+    folder: &Path,
+    earlier: &[Row],
+    anew: bool,
+) -> Vec<Task> {
+    let earlier: BTreeMap<&str, &Row> = earlier.iter().map(|row| (row.name.as_str(), row)).collect();
+    let task = |(model, config): (Model, BuildConfig)| {
+        let output = folder.join(format!("{}.chpm", model.name));
+        let need = match anew {
+            true => Need::Build("asked for"),
+            false => stamp::need(
+                &model.source,
+                &output,
+                &config.settings,
+                earlier.get(model.name.as_str()).copied(),
+            ),
+        };
+        let (status, reason) = match need {
+            Need::Nothing => (Status::Current, ""),
+            Need::Build(reason) => (Status::Planned, reason),
+        };
+        let files = input::files(&model.source).unwrap_or_default();
+        let len = |file| fs::metadata(file).map_or(0, |metadata| metadata.len());
+        let row = Row {
+            name: model.name,
+            status,
+            reason: reason.to_owned(),
+            seconds: 0.0,
+            triangles: 0,
+            source_bytes: files.iter().map(len).sum(),
+            output_bytes: 0,
+            error: None,
+            warnings: Vec::new(),
+            source: model.source,
+            output,
+            hash: String::new(),
+            stamp: stamp::stamp(&files),
+        };
+        let mut task = Task { config, need, row };
+        if need == Need::Nothing {
+            // What was just read can be read again; if not, the numbers stay zero.
+            let _ = task.row.describe_output();
+        }
+        task
+    };
+    models.into_iter().map(task).collect()
+}
+
+/// What would be done.
+pub(crate) fn planned(tasks: Vec<Task>) -> Vec<Row> {
+    tasks.into_iter().map(|task| task.row).collect()
+}
+
+/// Builds `jobs` models at a time, the largest first, each with its share of threads and memory.
+pub(crate) fn run(mut tasks: Vec<Task>, jobs: usize, quiet: bool, cancel: &Cancel) -> Vec<Row> {
+    let mut order: Vec<usize> = (0..tasks.len()).filter(|i| tasks[*i].need != Need::Nothing).collect();
+    order.sort_by_key(|i| std::cmp::Reverse(tasks[*i].row.source_bytes));
+    let jobs = jobs.min(order.len()).max(1);
+    for task in &mut tasks {
+        share(&mut task.config, jobs);
+    }
+    let display = Display::new(quiet, order.len());
+    let next = AtomicUsize::new(0);
+    let built: Mutex<Vec<(usize, Row)>> = Mutex::default();
+    std::thread::scope(|scope| {
+        for _ in 0..jobs {
+            scope.spawn(|| {
+                while let Some(index) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let task = &tasks[*index];
+                    let meter = display.begin(&task.row.name);
+                    let row = make(task, &meter, cancel);
+                    display.end(meter, &row);
+                    built.lock().unwrap_or_else(PoisonError::into_inner).push((*index, row));
+                }
+            });
+        }
+    });
+    drop(display);
+    let mut rows: Vec<Row> = tasks.into_iter().map(|task| task.row).collect();
+    for (index, row) in built.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        rows[index] = row;
+    }
+    rows
+}
+
+/// One of `jobs` equal parts of what the batch may use.
+fn share(config: &mut BuildConfig, jobs: usize) {
+    let resources = &mut config.resources;
+    let threads = match resources.threads {
+        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        threads => threads,
+    };
+    resources.threads = (threads / jobs).max(1);
+    resources.memory = Bytes(resources.memory.0 / jobs as u64);
+}
+
+/// Builds one model and says what became of it.
+fn make(task: &Task, meter: &dyn Progress, cancel: &Cancel) -> Row {
+    let mut row = task.row.clone();
+    if cancel.is_cancelled() {
+        row.status = Status::Stopped;
+        return row;
+    }
+    let start = Instant::now();
+    let built = catch_unwind(AssertUnwindSafe(|| build(&row, &task.config, meter, cancel)));
+    row.seconds = start.elapsed().as_secs_f64();
+    let failed = |error: String| (Status::Failed, Some(error));
+    (row.status, row.error) = match built {
+        Ok(Ok(report)) => {
+            row.warnings = report.warnings;
+            match row.describe_output() {
+                Ok(()) => (Status::Built, None),
+                Err(error) => failed(format!("{error:#}")),
+            }
+        }
+        Ok(Err(error)) if matches!(error.downcast_ref(), Some(BuildError::Cancelled)) => {
+            (Status::Stopped, None)
+        }
+        Ok(Err(error)) => failed(format!("{error:#}")),
+        Err(panic) => failed(format!("a fault of this program: {}", told(&*panic))),
+    };
+    row
+}
+
+fn build(row: &Row, config: &BuildConfig, meter: &dyn Progress, cancel: &Cancel) -> Result<BuildReport> {
+    if let Some(folder) = row.output.parent() {
+        fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make the folder '{}'", folder.display()))?;
+    }
+    // What is replaced is an older result of the same name: the plan has looked at it.
+    let config = BuildConfig { overwrite: true, ..config.clone() };
+    Ok(chpm_build::build(&row.source, &row.output, &config, meter, cancel)?)
+}
+
+/// What a panic says.
+fn told(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
+}
+
+impl Row {
+    /// Fills in what the output says of itself.
+    fn describe_output(&mut self) -> Result<()> {
+        let file = cmd::open(&self.output)?;
+        let metadata = file.metadata()?;
+        self.triangles = file.header().source_triangle_count;
+        self.output_bytes = fs::metadata(&self.output)?.len();
+        self.hash = stamp::told(metadata.source.hash);
+        self.warnings = metadata.warnings;
+        Ok(())
+    }
+}
+
+/// The summary of the last run in `folder`, if there was one that can still be read.
+pub(crate) fn earlier(summary: &Path) -> Vec<Row> {
+    Summary::read(summary).map(|summary| summary.models).unwrap_or_default()
+}

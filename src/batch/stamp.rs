@@ -1,0 +1,76 @@
+//! Whether an output is what a build would make: the file itself says from what, and with which settings, it was built.
+
+use super::summary::Row;
+use crate::cmd;
+use anyhow::Result;
+use chpm_build::Settings;
+use chpm_build::input;
+use std::fmt::Write;
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// The program and version that the files of this one name.
+const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
+
+/// What there is to do for a model.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Need {
+    /// Nothing: the output is what a build would make.
+    Nothing,
+    /// A build, for this reason.
+    Build(&'static str),
+}
+
+/// Looks at the `output` of a model. Where the source's files have the sizes and times that the `earlier` run noted, they are taken for
+/// unchanged; else they are read and their hash decides.
+pub(crate) fn need(source: &Path, output: &Path, settings: &Settings, earlier: Option<&Row>) -> Need {
+    if output.symlink_metadata().is_err() {
+        return Need::Build("new");
+    }
+    let Ok((generator, built_with, len, hash)) = built(output) else {
+        return Need::Build("output unreadable");
+    };
+    if generator != GENERATOR {
+        return Need::Build("other version");
+    }
+    if built_with != settings.describe() {
+        return Need::Build("other settings");
+    }
+    // A source that cannot be read is a build's error to tell.
+    let Ok(files) = input::files(source) else { return Need::Build("source unreadable") };
+    let stamp = stamp(&files);
+    if earlier.is_some_and(|row| row.hash == told(hash) && !stamp.is_empty() && row.stamp == stamp) {
+        return Need::Nothing;
+    }
+    match input::fingerprint(&files) {
+        Ok(found) if found == (len, hash) => Need::Nothing,
+        Ok(_) => Need::Build("source changed"),
+        Err(_) => Need::Build("source unreadable"),
+    }
+}
+
+/// Generator, settings, length and hash of the source, as a file has them.
+type Built = (String, Vec<(String, String)>, u64, u64);
+
+fn built(output: &Path) -> Result<Built> {
+    let metadata = cmd::open(output)?.metadata()?;
+    Ok((metadata.generator, metadata.settings, metadata.source.byte_len, metadata.source.hash))
+}
+
+/// Sizes and times of a source's files; empty if one cannot be looked at.
+pub(crate) fn stamp(files: &[PathBuf]) -> String {
+    let mut text = String::new();
+    for file in files {
+        let Ok(metadata) = fs::metadata(file) else { return String::new() };
+        let separator = if text.is_empty() { "" } else { " " };
+        let _ =
+            write!(text, "{separator}{}@{}.{:09}", metadata.len(), metadata.mtime(), metadata.mtime_nsec());
+    }
+    text
+}
+
+/// A hash as it is written.
+pub(crate) fn told(hash: u64) -> String {
+    format!("{hash:016x}")
+}

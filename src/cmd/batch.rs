@@ -1,0 +1,140 @@
+//! `chpm batch`: many models into one folder, again and again, on one machine or on many.
+
+use super::{Verdict, stdout};
+use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
+use crate::batch::inputs::{self, Model};
+use crate::batch::run;
+use crate::batch::shard::Shard;
+use crate::batch::summary::{self, Status, Summary};
+use crate::stop::Stop;
+use anyhow::{Context, Result, bail, ensure};
+use chpm_build::BuildConfig;
+use chpm_extmem::Lock;
+use clap::Parser;
+use std::ffi::OsString;
+use std::fs;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// What `chpm batch` is told.
+#[derive(clap::Args, Debug)]
+#[command(args_override_self = true)]
+pub(crate) struct Args {
+    /// Meshes: files, folders with all below them, patterns in quotes, lists of models in TOML or JSON, or - for a list of
+    /// these on standard input. With --merge: summary.json files
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// The folder of the results; made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Models to build side by side; they share --memory and --threads evenly
+    #[arg(short, long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: u16,
+    /// Only part I of N; who is in it depends on a model's name alone
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+    /// Merge the summaries of all parts into one
+    #[arg(long, conflicts_with_all = ["shard", "dry_run", "force"])]
+    merge: bool,
+    /// Say what would be built, and why
+    #[arg(long)]
+    dry_run: bool,
+    /// Build everything, also what is up to date
+    #[arg(short, long)]
+    force: bool,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+    /// The summary as JSON on stdout
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    settings: SettingsArgs,
+    #[command(flatten)]
+    resources: ResourceArgs,
+}
+
+/// Builds what is missing, changed or failed before; faulty if a model fails.
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    if args.merge {
+        return merge(args);
+    }
+    let config = build_config(&args.settings, &args.resources, true)?;
+    let models = inputs::collect(&args.inputs, io::stdin().lock())?;
+    let mine = models.into_iter().filter(|model| args.shard.is_none_or(|shard| shard.has(&model.name)));
+    let models = mine.map(|model| own_config(&model, &config).map(|config| (model, config)));
+    let models = models.collect::<Result<Vec<(Model, BuildConfig)>>>()?;
+
+    let path = Summary::path(&args.output, args.shard);
+    let earlier = run::earlier(&path);
+    if args.dry_run {
+        let tasks = run::plan(models, &args.output, &earlier, args.force);
+        return print(args, &Summary::new(args.shard, run::planned(tasks)));
+    }
+    fs::create_dir_all(&args.output)
+        .with_context(|| format!("cannot make the folder '{}'", args.output.display()))?;
+    // From here on there is something to clean up.
+    let cancel = stop.heed();
+    let _lock = Lock::acquire(&path)?;
+    let tasks = run::plan(models, &args.output, &earlier, args.force);
+    let summary = Summary::new(args.shard, run::run(tasks, args.jobs.into(), args.quiet, &cancel));
+    summary.write(&args.output)?;
+    let verdict = print(args, &summary)?;
+    let stopped = summary.count(Status::Stopped);
+    ensure!(stopped == 0, "stopped on request; {stopped} models are left: run the same command again");
+    Ok(verdict)
+}
+
+fn merge(args: &Args) -> Result<Verdict> {
+    let read = |path: &PathBuf| Ok((path.clone(), Summary::read(path)?));
+    let summary = summary::merge(args.inputs.iter().map(read).collect::<Result<_>>()?)?;
+    fs::create_dir_all(&args.output)
+        .with_context(|| format!("cannot make the folder '{}'", args.output.display()))?;
+    summary.write(&args.output)?;
+    print(args, &summary)
+}
+
+fn print(args: &Args, summary: &Summary) -> Result<Verdict> {
+    let mut out = stdout();
+    if args.json {
+        writeln!(out, "{}", serde_json::to_string_pretty(summary)?)?;
+    } else {
+        writeln!(out, "{}\n\n{}", summary.table(), summary.line())?;
+    }
+    out.flush()?;
+    Ok(if summary.count(Status::Failed) == 0 { Verdict::Good } else { Verdict::Faulty })
+}
+
+/// The command line's configuration with the model's own settings in place of what they name.
+fn own_config(model: &Model, config: &BuildConfig) -> Result<BuildConfig> {
+    if model.settings.is_empty() {
+        return Ok(config.clone());
+    }
+    /// Nothing but what decides the bytes of an output.
+    #[derive(Parser)]
+    #[command(no_binary_name = true)]
+    struct Own {
+        #[command(flatten)]
+        _settings: SettingsArgs,
+    }
+    let told = || format!("settings of model '{}'", model.name);
+    Own::try_parse_from(&model.settings).map_err(flat).with_context(told)?;
+    // Read once more with these at its end, where they win.
+    let mut words: Vec<OsString> = std::env::args_os().collect();
+    let end = words.iter().position(|word| word == "--").unwrap_or(words.len());
+    words.splice(end..end, model.settings.iter().map(OsString::from));
+    match Cli::try_parse_from(words).map_err(flat).with_context(told)?.command {
+        Command::Batch(args) => {
+            ensure!(!args.merge, "settings cannot merge");
+            build_config(&args.settings, &args.resources, true)
+        }
+        _ => bail!("{}: not understood", told()),
+    }
+}
+
+/// The first line of what clap says; the rest is about the command line that nobody typed.
+fn flat(error: clap::Error) -> anyhow::Error {
+    let text = error.to_string();
+    let line = text.lines().next().unwrap_or_default();
+    anyhow::anyhow!("{}", line.strip_prefix("error: ").unwrap_or(line))
+}

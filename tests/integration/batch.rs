@@ -1,0 +1,204 @@
+//! Many models at once.
+
+use super::harness::{Folder, text};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+
+/// Four models in `in`, one of them deeper, and one that is none.
+fn scans() -> Folder {
+    let folder = Folder::new();
+    fs::create_dir_all(folder.path("in/deep")).expect("a folder");
+    for (name, shape, triangles) in
+        [("a", "sphere", 3000), ("b", "torus", 5000), ("deep/c", "terrain", 4000), ("d", "plates", 2000)]
+    {
+        folder.stdout(&format!("synth {shape} --triangles {triangles} -o in/{name}.ply -q"));
+    }
+    folder.write("in/bad.ply", "no mesh");
+    folder
+}
+
+fn summary(folder: &Folder, name: &str) -> Value {
+    serde_json::from_slice(&folder.read(name)).expect("a summary")
+}
+
+/// Names with what became of them.
+fn fates(summary: &Value) -> Vec<(String, String)> {
+    let word = |row: &Value, key: &str| row[key].as_str().expect("text").to_owned();
+    let rows = summary["models"].as_array().expect("models");
+    rows.iter().map(|row| (word(row, "name"), word(row, "status"))).collect()
+}
+
+fn expected(fates: [(&str, &str); 5]) -> Vec<(String, String)> {
+    fates.map(|(name, fate)| (name.to_owned(), fate.to_owned())).to_vec()
+}
+
+const BATCH: &str = "-o out -q --cluster-triangles 512";
+
+#[test]
+fn a_failure_stops_no_other_and_only_what_is_left_is_built_again() {
+    let folder = scans();
+    let printed = text(&folder.chpm(&format!("batch in {BATCH} --jobs 2")).code(1).get_output().stdout);
+    assert!(printed.contains("5 models: 4 built, 1 failed"), "{printed}");
+    let first = summary(&folder, "out/summary.json");
+    let all = [("a", "built"), ("b", "built"), ("bad", "failed"), ("d", "built"), ("deep/c", "built")];
+    assert_eq!(fates(&first), expected(all));
+    let bad = &first["models"][2];
+    assert!(bad["error"].as_str().expect("an error").contains("bad.ply"), "{bad}");
+    // The same bytes as one by one.
+    folder.stdout("build in/deep/c.ply -o c.chpm -q --cluster-triangles 512");
+    assert_eq!(folder.read("c.chpm"), folder.read("out/deep/c.chpm"));
+    assert!(!folder.path("out/bad.chpm").exists());
+    let csv = text(&folder.read("out/summary.csv"));
+    assert_eq!(csv.lines().count(), 6, "{csv}");
+    assert!(csv.lines().nth(1).expect("a row").starts_with("a,built,new,"), "{csv}");
+
+    // Nothing but the failure is left to do.
+    folder.chpm(&format!("batch in {BATCH}")).code(1);
+    let current =
+        [("a", "current"), ("b", "current"), ("bad", "failed"), ("d", "current"), ("deep/c", "current")];
+    let again = summary(&folder, "out/summary.json");
+    assert_eq!(fates(&again), expected(current));
+    assert_eq!(again["models"][0]["triangles"], first["models"][0]["triangles"]);
+
+    // What is repaired, changed, missing or touched is found.
+    folder.stdout("synth sphere --triangles 1000 -o in/bad.ply -q -f");
+    folder.stdout("synth sphere --triangles 3000 --seed 5 -o in/a.ply -q -f");
+    folder.stdout("synth terrain --triangles 4000 --seed 99 -o in/deep/c.ply -q -f");
+    fs::remove_file(folder.path("out/d.chpm")).expect("removed");
+    let bytes = folder.read("in/b.ply");
+    fs::remove_file(folder.path("in/b.ply")).expect("removed");
+    folder.write("in/b.ply", bytes);
+    folder.write("out/summary.json", "lost");
+    let plan = folder.stdout(&format!("batch in {BATCH} --dry-run --json"));
+    let plan: Value = serde_json::from_str(&plan).expect("a plan");
+    let reason = |i: usize| plan["models"][i]["reason"].as_str().expect("a reason").to_owned();
+    assert_eq!([reason(1), reason(2), reason(3), reason(4)], ["", "new", "new", "source changed"]);
+    assert_eq!(folder.read("out/summary.json"), b"lost", "a dry run writes nothing");
+    folder.stdout(&format!("batch in {BATCH}"));
+    let settled = fates(&summary(&folder, "out/summary.json"));
+    assert_eq!(
+        settled[1..3],
+        [("b".to_owned(), "current".to_owned()), ("bad".to_owned(), "built".to_owned())]
+    );
+
+    // Other settings are another model.
+    let other = folder.stdout("batch in -o out -q --cluster-triangles 256 --dry-run");
+    assert!(other.contains("5 planned") && other.contains("other settings"), "{other}");
+}
+
+#[test]
+fn collisions_are_found_before_any_work() {
+    let folder = scans();
+    fs::copy(folder.path("in/a.ply"), folder.path("a.ply")).expect("a copy");
+    let error = folder.stderr(&format!("batch in a.ply {BATCH}"), 2);
+    assert!(error.contains("would both be built as 'a.chpm'"), "{error}");
+    let error = folder.stderr(&format!("batch none {BATCH}"), 2);
+    assert!(error.contains("'none' does not exist"), "{error}");
+    assert!(!folder.path("out").exists());
+}
+
+#[test]
+fn lists_give_models_names_and_settings_of_their_own() {
+    let folder = scans();
+    folder.write(
+        "list.toml",
+        "[settings]\nseed = 4\n[[model]]\nsource = 'in/a.ply'\nname = 'sets/first'\nsettings = { boundary = 'lock', \
+         cluster-triangles = 256, no-layout = true }\n[[model]]\nsource = 'in/b.ply'\n",
+    );
+    folder.stdout(&format!("batch list.toml {BATCH}"));
+    folder.stdout("build in/a.ply -o a.chpm -q --seed 4 --boundary lock --cluster-triangles 256 --no-layout");
+    folder.stdout("build in/b.ply -o b.chpm -q --seed 4 --cluster-triangles 512");
+    assert_eq!(folder.read("a.chpm"), folder.read("out/sets/first.chpm"));
+    assert_eq!(folder.read("b.chpm"), folder.read("out/b.chpm"));
+    let row =
+        |settings: &str| format!(r#"{{"models": [{{"source": "in/a.ply", "settings": {{{settings}}}}}]}}"#);
+    for (settings, word) in
+        [(r#""jobs": 2"#, "jobs"), (r#""seed": "x""#, "seed"), (r#""topology": "free""#, "topology")]
+    {
+        folder.write("bad.json", row(settings));
+        let error = folder.stderr(&format!("batch bad.json {BATCH}"), 2);
+        assert!(error.contains("model 'a'") && error.contains(word), "{error}");
+    }
+}
+
+#[test]
+fn a_list_comes_on_standard_input() {
+    let folder = scans();
+    let mut child = folder
+        .command(&format!("batch - {BATCH} --dry-run"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("a process");
+    std::io::Write::write_all(&mut child.stdin.take().expect("a pipe"), b"in/a.ply\nin/deep\n")
+        .expect("written");
+    let output = child.wait_with_output().expect("an end");
+    let out = text(&output.stdout);
+    assert!(output.status.success() && out.contains("2 models: 2 planned"), "{out}");
+}
+
+#[test]
+fn shards_make_up_the_whole() {
+    let folder = scans();
+    fs::remove_file(folder.path("in/bad.ply")).expect("removed");
+    for shard in 1..=3 {
+        folder.stdout(&format!("batch in {BATCH} --shard {shard}/3"));
+    }
+    let error = folder.stderr("batch --merge out/summary-1-of-3.json out/summary-3-of-3.json -o out", 2);
+    assert!(error.contains("missing: 2"), "{error}");
+    let merge =
+        "batch --merge out/summary-1-of-3.json out/summary-2-of-3.json out/summary-3-of-3.json -o out";
+    let printed = folder.stdout(merge);
+    assert!(printed.contains("4 models: 4 built"), "{printed}");
+    folder.stdout("batch in -o whole -q --cluster-triangles 512");
+    for name in ["a", "b", "d", "deep/c"] {
+        assert_eq!(
+            folder.read(&format!("out/{name}.chpm")),
+            folder.read(&format!("whole/{name}.chpm")),
+            "{name}"
+        );
+    }
+    // What shards have built needs no building by one machine.
+    folder.stdout(&format!("batch in {BATCH}"));
+    assert_eq!(summary(&folder, "out/summary.json")["models"][0]["status"], "current");
+}
+
+#[test]
+fn a_stopped_batch_keeps_what_is_whole_and_goes_on_later() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("in")).expect("a folder");
+    folder.stdout("synth isosurface --triangles 300000 -o in/large.ply -q");
+    folder.stdout("synth sphere --triangles 1000 -o in/tiny.ply -q");
+    folder.stdout("synth isosurface --triangles 290000 --seed 3 -o in/second.ply -q");
+    let mut child = folder
+        .command("batch in -o out --threads 1")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("a process");
+    let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+    let first = lines.next().expect("a line").expect("text");
+    assert!(first.starts_with("[1/3] large: "), "{first}");
+    let id = i32::try_from(child.id()).expect("a process id");
+    kill(Pid::from_raw(id), Signal::SIGINT).expect("a signal sent");
+    lines.for_each(drop);
+    let code = child.wait().expect("an end").code();
+    let summary = summary(&folder, "out/summary.json");
+    let fates = fates(&summary);
+    assert_eq!(fates[0], ("large".to_owned(), "built".to_owned()));
+    // It may have been faster than the signal.
+    if code == Some(130) {
+        assert!(fates.iter().any(|(_, fate)| fate == "stopped"), "{fates:?}");
+    } else {
+        assert_eq!(code, Some(0));
+    }
+    let left = fs::read_dir(folder.path("out")).expect("a folder").count();
+    let built = fates.iter().filter(|(_, fate)| fate == "built").count();
+    assert_eq!(left, built + 2, "summaries and whole outputs only");
+    let out = folder.stdout("batch in -o out -q");
+    assert!(out.contains(&format!("{} built, {built} current", 3 - built)) || built == 3, "{out}");
+}

@@ -1,0 +1,279 @@
+//! One mesh in every format that is read: the same triangles come out.
+
+use super::harness::{Folder, triangles};
+use chpm_mesh::TriMesh;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use std::io::Write;
+use std::process::Stdio;
+
+/// A sphere of a few clusters as `ball.ply`, and itself.
+fn ball() -> (Folder, TriMesh) {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 6000 -o ball.ply -q");
+    let mesh = folder.read_mesh("ball.ply");
+    (folder, mesh)
+}
+
+const BUILD: &str = "-q -f --cluster-triangles 512";
+
+/// Builds `name`, verifies it against itself, and answers its triangles.
+fn through(folder: &Folder, name: &str) -> TriMesh {
+    folder.stdout(&format!("build {name} -o out.chpm {BUILD}"));
+    folder.stdout(&format!("verify out.chpm --against {name} -q"));
+    folder.stdout("extract out.chpm --level 0 -o out.ply -q -f");
+    folder.read_mesh("out.ply")
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(bytes).expect("compressed");
+    encoder.finish().expect("compressed")
+}
+
+fn zstd(bytes: &[u8]) -> Vec<u8> {
+    zstd::stream::encode_all(bytes, 1).expect("compressed")
+}
+
+fn stl(mesh: &TriMesh) -> Vec<u8> {
+    let mut bytes = b"solid but binary".to_vec();
+    bytes.resize(80, b' ');
+    bytes.extend((mesh.triangles.len() as u32).to_le_bytes());
+    for corners in &mesh.triangles {
+        bytes.extend([0; 12]);
+        bytes.extend(mesh.corners(*corners).as_flattened().iter().flat_map(|x| x.to_le_bytes()));
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+fn stl_text(mesh: &TriMesh) -> String {
+    let mut text = "solid ball\n".to_owned();
+    for corners in &mesh.triangles {
+        text += "facet normal 0 0 0\nouter loop\n";
+        mesh.corners(*corners).iter().for_each(|[x, y, z]| text += &format!("vertex {x} {y} {z}\n"));
+        text += "endloop\nendfacet\n";
+    }
+    text + "endsolid\n"
+}
+
+fn obj(mesh: &TriMesh) -> String {
+    let exact = |x: f32| f64::from(x);
+    let vertices =
+        mesh.positions.iter().map(|[x, y, z]| format!("v {:?} {:?} {:?}\n", exact(*x), exact(*y), exact(*z)));
+    let faces = mesh.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    vertices.chain(faces).collect()
+}
+
+#[test]
+fn compressed_files_give_the_bytes_of_plain_ones_but_for_the_provenance() {
+    let (folder, mesh) = ball();
+    let plain = folder.read("ball.ply");
+    // Several members, or frames, are one stream.
+    let half = plain.len() / 2;
+    for (name, bytes) in [
+        ("one.gz", gzip(&plain)),
+        ("two.gz", [gzip(&plain[..half]), gzip(&plain[half..])].concat()),
+        ("one.ply.zst", zstd(&plain)),
+        ("two.dat", [zstd(&plain[..half]), zstd(&plain[half..])].concat()),
+    ] {
+        folder.write(name, bytes);
+        assert_eq!(triangles(&through(&folder, name)), triangles(&mesh), "{name}");
+    }
+}
+
+#[test]
+fn damaged_compression_is_an_error_that_leaves_nothing() {
+    let (folder, _) = ball();
+    let plain = folder.read("ball.ply");
+    for (name, whole) in [("bad.ply.gz", gzip(&plain)), ("bad.ply.zst", zstd(&plain))] {
+        let mut flipped = whole.clone();
+        let middle = whole.len() / 2;
+        flipped[middle] ^= 0x55;
+        for bytes in [&whole[..whole.len() - 9], &whole[..middle], &whole[..6], &flipped[..]] {
+            folder.write(name, bytes);
+            let error = folder.stderr(&format!("build {name} -q"), 2);
+            assert!(error.contains(name), "{error}");
+        }
+    }
+    assert_eq!(folder.names(), ["bad.ply.gz", "bad.ply.zst", "ball.ply"]);
+}
+
+#[test]
+fn a_bomb_of_zeros_is_refused_before_it_goes_off() {
+    let folder = Folder::new();
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n\
+                  property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let mut encoder = GzEncoder::new(header.as_bytes().to_vec(), Compression::best());
+    encoder.write_all(header.as_bytes()).expect("compressed");
+    encoder.write_all(&vec![0; 64 << 20]).expect("compressed");
+    let bytes = encoder.finish().expect("compressed");
+    // The header in front is no part of the compressed stream.
+    folder.write("bomb.ply.gz", &bytes[header.len()..]);
+    let error = folder.stderr("build bomb.ply.gz -q --memory 128M", 2);
+    assert!(error.contains("the file ends here"), "{error}");
+    assert_eq!(folder.names(), ["bomb.ply.gz"]);
+}
+
+#[test]
+fn stl_is_welded_to_the_mesh_that_it_was_made_of() {
+    let (folder, mesh) = ball();
+    folder.write("ball.stl", stl(&mesh));
+    folder.write("text.stl", stl_text(&mesh));
+    // Neither needs its extension to be known.
+    folder.write("binary", stl(&mesh));
+    for name in ["ball.stl", "text.stl", "binary"] {
+        let out = through(&folder, name);
+        assert_eq!(triangles(&out), triangles(&mesh), "{name}");
+        assert_eq!(out.positions.len(), mesh.positions.len(), "{name}");
+    }
+    let report = folder.stdout("info out.chpm");
+    assert!(!report.contains("boundary edges"), "{report}");
+}
+
+#[test]
+fn welding_does_not_show_the_budget() {
+    let (folder, mesh) = ball();
+    let large: TriMesh = {
+        folder.stdout("synth isosurface --triangles 60000 -o iso.ply -q");
+        folder.read_mesh("iso.ply")
+    };
+    assert!(large.triangles.len() > mesh.triangles.len());
+    folder.write("iso.stl", stl(&large));
+    folder.stdout("build iso.stl -o a.chpm -q --memory 1G --threads 1");
+    folder.stdout("build iso.stl -o b.chpm -q --memory 128M --threads 2");
+    assert_eq!(folder.read("a.chpm"), folder.read("b.chpm"));
+}
+
+#[test]
+fn zeros_of_both_signs_are_one_place() {
+    let folder = Folder::new();
+    let facet = |z: [&str; 2]| {
+        format!(
+            "facet\nvertex 0 0 {}\nvertex 1 0 {}\nvertex 0 1 0\nendfacet\nfacet\nvertex 1 0 {}\nvertex 1 1 0\nvertex 0 1 0\nendfacet\n",
+            z[0], z[1], z[0]
+        )
+    };
+    folder.write("a.stl", format!("solid\n{}endsolid\n", facet(["0", "-0.0"])));
+    folder.stdout("build a.stl -q");
+    let out = folder.stdout("info a.chpm");
+    assert!(out.contains("boundary edges"), "{out}");
+    folder.stdout("extract a.chpm --level 0 -o out.ply -q");
+    assert_eq!(folder.read_mesh("out.ply").positions.len(), 4);
+}
+
+#[test]
+fn obj_keeps_its_triangles() {
+    let (folder, mesh) = ball();
+    folder.write("ball.obj", obj(&mesh));
+    folder.write("ball.obj.gz", gzip(obj(&mesh).as_bytes()));
+    for name in ["ball.obj", "ball.obj.gz"] {
+        assert_eq!(triangles(&through(&folder, name)), triangles(&mesh), "{name}");
+    }
+    folder.write("bad.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n");
+    let error = folder.stderr("build bad.obj -q", 2);
+    assert!(error.contains("bad.obj") && error.contains("line 4") && error.contains("index 4"), "{error}");
+}
+
+#[test]
+fn range_scans_are_moved_into_one_frame() {
+    let (folder, mesh) = ball();
+    let (count, half) = (mesh.triangles.len(), mesh.triangles.len() / 2);
+    let part = |range: std::ops::Range<usize>, place: fn([f32; 3]) -> [f32; 3]| {
+        let positions = mesh.positions.iter().map(|p| place(*p)).collect();
+        TriMesh { positions, triangles: mesh.triangles[range].to_vec(), ..TriMesh::default() }
+    };
+    // The second scan saw the model a half turn about z and one unit of x away: its pose brings it back, exactly.
+    folder.write_mesh("one.ply", &part(0..half, |p| p));
+    folder.write_mesh("two.ply", &part(half..count, |[x, y, z]| [-x, -y, z]));
+    folder.write(
+        "ball.conf",
+        "camera 0 0 0 0 0 0 1\nbmesh one.ply 0 0 0 0 0 0 1\nbmesh two.ply 0 0 0 0 0 1 0\n",
+    );
+    let out = through(&folder, "ball.conf");
+    assert_eq!(triangles(&out), triangles(&mesh));
+    let info = folder.stdout("info out.chpm");
+    assert!(info.contains("range scans"), "{info}");
+
+    folder.write("lost.conf", "bmesh one.ply 0 0 0 0 0 0 1\nbmesh three.ply 0 0 0 0 0 0 1\n");
+    let error = folder.stderr("build lost.conf -q", 2);
+    assert!(error.contains("three.ply"), "{error}");
+    folder.write("self.conf", "bmesh self.conf 0 0 0 0 0 0 1\n");
+    assert!(folder.stderr("build self.conf -q", 2).contains("self.conf"));
+}
+
+/// A scan of `side` by `side` samples, some of them missing, half of them a step nearer than the others.
+fn range_grid(side: usize) -> String {
+    let seen = |i: usize| i % 17 != 3;
+    let vertices: Vec<usize> = (0..side * side).filter(|i| seen(*i)).collect();
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nobj_info num_cols {side}\nobj_info num_rows {side}\nelement vertex {}\nproperty float x\n\
+         property float y\nproperty float z\nelement range_grid {}\nproperty list uchar int vertex_indices\nend_header\n",
+        vertices.len(),
+        side * side
+    );
+    for i in &vertices {
+        let (x, y) = (i % side, i / side);
+        text += &format!("{x} {y} {}\n", if x < side / 2 { 0 } else { 50 });
+    }
+    let mut next = 0;
+    for i in 0..side * side {
+        text += &if seen(i) { format!("1 {next}\n") } else { "0\n".to_owned() };
+        next += usize::from(seen(i));
+    }
+    text
+}
+
+#[test]
+fn range_grids_are_surfaces_without_curtains() {
+    let folder = Folder::new();
+    folder.write("one.ply", range_grid(40));
+    folder.write("two.ply.gz", gzip(range_grid(30).as_bytes()));
+    folder.write("set.conf", "bmesh one.ply 0 0 0 0 0 0 1\nbmesh two.ply.gz 100 0 0 0 0 1 0\n");
+    let one = through(&folder, "one.ply");
+    assert!(one.triangles.len() > 2000, "{}", one.triangles.len());
+    for corners in &one.triangles {
+        let [a, b, c] = one.corners(*corners);
+        assert!(a[2] == b[2] && b[2] == c[2], "a curtain: {a:?} {b:?} {c:?}");
+        // Turned to where the scanner was.
+        assert!((b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0]));
+    }
+    let both = through(&folder, "set.conf");
+    assert!(both.triangles.len() > one.triangles.len());
+    let info = folder.stdout("info out.chpm");
+    assert!(info.contains("one.ply: left out") && info.contains("two.ply.gz: left out"), "{info}");
+}
+
+#[test]
+fn two_builds_of_one_output_do_not_meet() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 200000 -o in.ply -q");
+    let mut first = folder
+        .command("build in.ply -o out.chpm")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("a process");
+    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(first.stderr.take().expect("a pipe")));
+    // The lock is taken before the first stage begins.
+    lines.next().expect("a line").expect("text");
+    let second = folder.chpm("build in.ply -o out.chpm -q --force");
+    let second = second.get_output();
+    let id = first.id();
+    lines.for_each(drop);
+    assert!(first.wait().expect("an end").success());
+    // The first may have been done by then.
+    if !second.status.success() {
+        let error = super::harness::text(&second.stderr);
+        assert!(
+            error.contains("is being built by") && error.contains(&format!("process {id} on ")),
+            "{error}"
+        );
+    }
+    folder.stdout("verify out.chpm --against in.ply -q");
+    assert_eq!(folder.names(), ["in.ply", "out.chpm"]);
+    // What a dead process left does not matter.
+    folder.write(".out.chpm.lock", "process 1 on nowhere");
+    folder.stdout("build in.ply -o out.chpm -q --force");
+    assert_eq!(folder.names(), ["in.ply", "out.chpm"]);
+}
