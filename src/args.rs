@@ -1,9 +1,9 @@
 //! The command line as it is typed, and how it becomes a build's configuration.
 
 use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, synth, verify, walk};
-use anyhow::{Context, Result};
-use chpm_build::config::Topology;
-use chpm_build::{BuildConfig, Resources, Settings};
+use anyhow::{Context, Result, ensure};
+use chpm_build::config::{Length, Topology};
+use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
@@ -70,6 +70,17 @@ pub(crate) struct SettingsArgs {
     /// What becomes of holes, handles and small pieces
     #[arg(long, value_name = "MODE", value_enum, default_value_t = TopologyArg::Change)]
     topology: TopologyArg,
+    /// Leave out detail below this error, in object units or, as in 0.01%, of the model's diagonal: the leaves are then coarser
+    /// than the source
+    #[arg(long, value_name = "E")]
+    finest_error: Option<Length>,
+    /// Leave out what costs nothing: the same as --finest-error 0
+    #[arg(long, conflicts_with = "finest_error")]
+    prune_exact: bool,
+    /// Simplify no further than this error, in object units or, as in 1%, of the model's diagonal: the file may then have
+    /// several roots
+    #[arg(long, value_name = "E")]
+    target_error: Option<Length>,
     /// Seed of the partitioner
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
@@ -132,14 +143,17 @@ pub(crate) struct ResourceArgs {
     /// Worker threads; one per processor if not given
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
+    /// Take less memory than a build can promise to stay below: for tests of what does not fit
+    #[arg(long, hide = true)]
+    any_memory: bool,
     #[command(flatten)]
     storage: StorageArgs,
 }
 
-/// Memory and disk for arrays.
+/// Memory, and disk for what does not fit.
 #[derive(Args, Debug)]
 pub(crate) struct StorageArgs {
-    /// Memory for arrays, as in 512M or 4G; what does not fit goes to the work directory
+    /// Memory, as in 512M or 4G: build stays below it, from 128M on, others keep arrays in it; the rest goes to the work directory
     #[arg(long, value_name = "SIZE", default_value_t = MemorySize(Resources::default().memory))]
     memory: MemorySize,
     /// Where the work directory is made; beside the output (build) or in the temporary folder (verify) if not given
@@ -183,12 +197,19 @@ pub(crate) fn build_config(
     overwrite: bool,
 ) -> Result<BuildConfig> {
     let partitioner = settings.partitioner.parse().context("--partitioner")?;
+    let (memory, least) = (resources.storage.memory, MemorySize(Bytes(MIN_MEMORY)));
+    ensure!(
+        memory.0 >= least.0 || resources.any_memory,
+        "--memory {memory} is less than a build can stay below: give it {least} or more"
+    );
     Ok(BuildConfig {
         settings: Settings {
             cluster_triangles: settings.cluster_triangles,
             partitioner,
             boundary: settings.boundary.mode(),
             topology: settings.topology.topology(),
+            finest_error: settings.finest_error.or(settings.prune_exact.then_some(Length::Units(0.0))),
+            target_error: settings.target_error,
             seed: settings.seed,
             normals: !settings.no_normals,
             colors: !settings.no_colors,
@@ -242,21 +263,25 @@ mod tests {
             "--partitioner=greedy",
             "--boundary=lock",
             "--topology=keep",
+            "--finest-error=0.01%",
+            "--target-error=2.5",
             "--seed=3",
             "--no-normals",
             "--no-colors",
             "--drop-invalid",
             "--no-layout",
             "--threads=5",
-            "--memory=64M",
+            "--memory=640M",
             "--work-dir=scratch",
         ]);
         let s = typed.settings;
         assert_eq!((s.cluster_triangles, s.partitioner.to_string(), s.seed), (512, "greedy".to_owned(), 3));
         assert_eq!((s.boundary, s.topology), (BoundaryMode::Lock, Topology::Keep));
+        assert_eq!((s.finest_error, s.target_error), (Some(Length::OfDiagonal(0.01)), Some(Length::Units(2.5))));
+        assert_eq!(config(&["--prune-exact"]).settings.finest_error, Some(Length::Units(0.0)));
         assert_eq!((s.normals, s.colors, s.drop_invalid, s.layout), (false, false, true, false));
         let expected =
-            Resources { threads: 5, memory: Bytes::mib(64), work_dir: Some(PathBuf::from("scratch")) };
+            Resources { threads: 5, memory: Bytes::mib(640), work_dir: Some(PathBuf::from("scratch")) };
         assert_eq!(typed.resources, expected);
     }
 
@@ -269,6 +294,8 @@ mod tests {
             ["--partitioner=scotch"],
             ["--boundary=v-partition"],
             ["--topology=free"],
+            ["--finest-error=-1"],
+            ["--target-error=nan%"],
         ] {
             assert!(Build::try_parse_from(["build"].iter().chain(&bad)).is_err(), "{bad:?}");
         }

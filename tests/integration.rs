@@ -28,6 +28,8 @@ mod integration {
     mod roundtrip;
     /// Real meshes, where there are any.
     mod scans;
+    /// Only what a scene needs: finest and coarsest errors, and what costs nothing.
+    mod scene;
     /// A build that is told to stop leaves nothing.
     mod signals;
     /// The house rules: which crate may use which, where unsafe code may be, how long a file gets.

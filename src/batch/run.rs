@@ -138,13 +138,13 @@ fn make(task: &Task, meter: &dyn Progress, cancel: &Cancel) -> Row {
             row.warnings = report.warnings;
             match row.describe_output() {
                 Ok(()) => (Status::Built, None),
-                Err(error) => failed(format!("{error:#}")),
+                Err(error) => failed(causes(&error)),
             }
         }
         Ok(Err(error)) if matches!(error.downcast_ref(), Some(BuildError::Cancelled)) => {
             (Status::Stopped, None)
         }
-        Ok(Err(error)) => failed(format!("{error:#}")),
+        Ok(Err(error)) => failed(causes(&error)),
         Err(panic) => failed(format!("a fault of this program: {}", told(&*panic))),
     };
     row
@@ -158,6 +158,20 @@ fn build(row: &Row, config: &BuildConfig, meter: &dyn Progress, cancel: &Cancel)
     // What is replaced is an older result of the same name: the plan has looked at it.
     let config = BuildConfig { overwrite: true, ..config.clone() };
     Ok(chpm_build::build(&row.source, &row.output, &config, meter, cancel)?)
+}
+
+/// An error and its causes, without those that are told already.
+fn causes(error: &anyhow::Error) -> String {
+    let mut told = String::new();
+    for cause in error.chain().map(ToString::to_string).filter(|text| !text.is_empty()) {
+        if told.is_empty() {
+            told = cause;
+        } else if !told.ends_with(&cause) {
+            told += ": ";
+            told += &cause;
+        }
+    }
+    told
 }
 
 /// What a panic says.

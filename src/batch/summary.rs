@@ -122,6 +122,11 @@ impl Summary {
         format!("{n} {noun}: {parts}; {} triangles in {}", count(triangles), Bytes(bytes))
     }
 
+    /// What is wrong with models that failed, one a line.
+    pub(crate) fn errors(&self) -> impl Iterator<Item = String> {
+        self.models.iter().filter_map(|row| row.error.as_ref().map(|error| format!("{}: {error}", row.name)))
+    }
+
     /// A row for each model.
     pub(crate) fn table(&self) -> Table {
         let known = |n: u64, text: String| if n == 0 { "-".to_owned() } else { text };
@@ -130,8 +135,9 @@ impl Summary {
             let bytes = known(row.output_bytes, Bytes(row.output_bytes).to_string());
             let warned = row.warnings.len();
             let note = match &row.error {
-                Some(error) => error.clone(),
-                None if warned > 0 => format!("{} ({warned} warnings)", row.reason),
+                Some(_) => "see below".to_owned(),
+                None if warned == 1 => format!("{} (1 warning)", row.reason),
+                None if warned > 1 => format!("{} ({warned} warnings)", row.reason),
                 None => row.reason.clone(),
             };
             vec![

@@ -99,7 +99,11 @@ fn print(args: &Args, summary: &Summary) -> Result<Verdict> {
     if args.json {
         writeln!(out, "{}", serde_json::to_string_pretty(summary)?)?;
     } else {
-        writeln!(out, "{}\n\n{}", summary.table(), summary.line())?;
+        writeln!(out, "{}\n", summary.table())?;
+        for error in summary.errors() {
+            writeln!(out, "error: {error}")?;
+        }
+        writeln!(out, "{}", summary.line())?;
     }
     out.flush()?;
     Ok(if summary.count(Status::Failed) == 0 { Verdict::Good } else { Verdict::Faulty })

@@ -233,6 +233,12 @@ struct Row {
 
 fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.first)?;
+    ensure!(
+        !file.is_trimmed(),
+        "'{}' was built without detail below an error, so its leaves are not '{}' to be measured against; measure what `chpm extract` takes out of it against the source",
+        args.first.display(),
+        source.display()
+    );
     let meter = Meter::new(args.quiet);
     let cancel = stop.heed();
     let memory = args.storage.memory();

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
-    /// The PLY that it was built from: its triangles must be those of the leaves
+    /// The PLY that it was built from: its triangles must be those of the leaves, unless detail was left out of them
     #[arg(long, value_name = "PLY")]
     against: Option<PathBuf>,
     /// Draw N cuts and look for cracks, I7. Half of them are random legal cuts of every depth, half what random cameras
@@ -47,6 +47,8 @@ struct Findings {
     faults: Vec<String>,
     fault_count: u64,
     checked: Option<Report>,
+    /// Whether detail of the source was left out, so that the leaves are not it.
+    trimmed: bool,
     compared: Option<Comparison>,
     cuts: Option<Cuts>,
 }
@@ -72,7 +74,7 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
         // A file that does not even open is what a verification is there to find, not a failure to verify.
         Err(error) => {
             let faults = vec![format!("I10 bytes: {error}")];
-            return Ok(Findings { faults, fault_count: 1, checked: None, compared: None, cuts: None });
+            return Ok(Findings { faults, fault_count: 1, checked: None, trimmed: false, compared: None, cuts: None });
         }
     };
     let meter = Meter::new(args.quiet);
@@ -87,8 +89,9 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
     let mut fault_count = checked.fault_count;
     // Pages that cannot be read have been told; what their triangles were cannot be.
     let readable = checked.good_pages == file.clusters().len() as u64;
+    let trimmed = file.is_trimmed();
     let compared = match &args.against {
-        Some(source) if readable => {
+        Some(source) if readable && !trimmed => {
             // From here on there is a work directory to remove.
             let cancel = stop.heed();
             let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
@@ -109,7 +112,7 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
         }
         _ => None,
     };
-    Ok(Findings { faults, fault_count, checked: Some(checked), compared, cuts })
+    Ok(Findings { faults, fault_count, checked: Some(checked), trimmed, compared, cuts })
 }
 
 /// A fault as it is printed. Where its message names the place already, it is not named twice.
@@ -138,6 +141,10 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
         let triangles = count(compared.leaf_triangles);
         writeln!(out, "{path}: the leaves are the {triangles} triangles of {}", source.display())?;
     }
+    if let (true, Some(source)) = (findings.trimmed, &args.against) {
+        let source = source.display();
+        writeln!(out, "{path}: not compared with {source}: detail below an error was left out of the leaves")?;
+    }
     if let Some(cuts) = &findings.cuts {
         let (n, triangles) = (count(cuts.count.into()), count(cuts.triangles));
         writeln!(out, "{path}: no crack in {n} random cuts of {triangles} triangles together")?;
@@ -154,6 +161,7 @@ fn as_json(args: &Args, findings: &Findings) -> Value {
         "faults": findings.faults,
         "clusters": findings.checked.as_ref().map(|report| report.good_pages),
         "triangles": findings.checked.as_ref().map(|report| report.triangles),
+        "trimmed": findings.trimmed,
         "against": findings.compared.as_ref().map(|compared| json!({
             "source": args.against.as_deref().map(display),
             "equal": compared.is_equal(),

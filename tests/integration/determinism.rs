@@ -19,9 +19,13 @@ fn threads_and_memory_do_not_show() {
     for partitioner in ["metis", "greedy"] {
         let settings = format!("--partitioner {partitioner}");
         let one = build(&folder, &format!("{settings} --threads 1"));
-        for resources in
-            ["--threads 2", "--threads 3", "--memory 1M", "--memory 16K --threads 2", "--work-dir ."]
-        {
+        for resources in [
+            "--threads 2",
+            "--threads 3",
+            "--memory 1M --any-memory",
+            "--memory 16K --any-memory --threads 2",
+            "--work-dir .",
+        ] {
             let same = build(&folder, &format!("{settings} {resources}")) == one;
             assert!(same, "{partitioner} {resources}");
         }

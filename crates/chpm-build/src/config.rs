@@ -4,7 +4,9 @@ use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 use chpm_partition::Partitioner;
 pub use chpm_qem::Topology;
+use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Everything a build is told.
 #[derive(Clone, Debug, Default)]
@@ -46,6 +48,11 @@ pub struct Settings {
     pub dependency_error_ratio: f32,
     /// Whether the simplifier may change the topology where nothing else helps.
     pub topology: Topology,
+    /// Detail below this error is left out, so that the leaves are coarser than the source; none keeps the source's own
+    /// triangles. At 0 only what costs nothing goes.
+    pub finest_error: Option<Length>,
+    /// No mesh has a larger error than this: collapses end there, and what would need more has several roots.
+    pub target_error: Option<Length>,
     /// Whether vertex normals of the source are carried along.
     pub normals: bool,
     /// Whether vertex colours of the source are carried along.
@@ -68,15 +75,72 @@ impl Default for Settings {
             boundary: BoundaryMode::Dependencies,
             dependency_shared: 5,
             dependency_levels: 2,
-            dependency_members: 4,
-            dependency_error_ratio: 4.0,
+            dependency_members: 8,
+            dependency_error_ratio: 2.0,
             topology: Topology::Change,
+            finest_error: None,
+            target_error: None,
             normals: true,
             colors: true,
             drop_invalid: false,
             layout: true,
         }
     }
+}
+
+/// An error that is asked for: `0.25` in object units, or `0.1%` of the diagonal of the model's bounding box.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Length {
+    /// Object units.
+    Units(f64),
+    /// Percent of the diagonal of the box around all vertices that triangles use.
+    OfDiagonal(f64),
+}
+
+impl Length {
+    /// In object units, for a model of this diagonal.
+    pub fn of(self, diagonal: f64) -> f64 {
+        match self {
+            Length::Units(length) => length,
+            Length::OfDiagonal(percent) => percent / 100.0 * diagonal,
+        }
+    }
+}
+
+impl fmt::Display for Length {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Length::Units(length) => write!(f, "{length}"),
+            Length::OfDiagonal(percent) => write!(f, "{percent}%"),
+        }
+    }
+}
+
+impl FromStr for Length {
+    type Err = LengthError;
+
+    fn from_str(text: &str) -> Result<Self, LengthError> {
+        let (number, length): (_, fn(f64) -> Length) = match text.strip_suffix('%') {
+            Some(number) => (number, Length::OfDiagonal),
+            None => (text, Length::Units),
+        };
+        match number.trim().parse::<f64>() {
+            Ok(value) if value.is_finite() && value >= 0.0 => Ok(length(value.abs())),
+            _ => Err(LengthError { got: text.to_owned() }),
+        }
+    }
+}
+
+/// A text that is no [`Length`].
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("'{got}' is no error: a number of at least 0 in object units expected, or one with % for a share of the diagonal, as in 0.1%")]
+pub struct LengthError {
+    /// The text.
+    pub got: String,
+}
+
+fn told(length: Option<Length>) -> String {
+    length.map_or("none".to_owned(), |length| length.to_string())
 }
 
 impl Settings {
@@ -97,6 +161,8 @@ impl Settings {
             entry("dependency-error-ratio", &self.dependency_error_ratio),
             entry("topology", &if self.topology == Topology::Keep { "keep" } else { "change" }),
             entry("error", &"certified"),
+            entry("finest-error", &told(self.finest_error)),
+            entry("target-error", &told(self.target_error)),
             entry("normals", &self.normals),
             entry("colors", &self.colors),
             entry("drop-invalid", &self.drop_invalid),
@@ -110,7 +176,8 @@ impl Settings {
 pub struct Resources {
     /// Worker threads; 0 takes one per processor.
     pub threads: usize,
-    /// Memory for the arrays of a build. What does not fit is kept in files of the work directory.
+    /// Memory of the process; what does not fit is kept in files of the work directory. Kept from [`crate::MIN_MEMORY`] on:
+    /// with less, all arrays that can be are on disk, and no more is promised.
     pub memory: Bytes,
     /// Where the work directory is made; the output's directory if not given.
     pub work_dir: Option<PathBuf>,
@@ -119,5 +186,28 @@ pub struct Resources {
 impl Default for Resources {
     fn default() -> Self {
         Resources { threads: 0, memory: Bytes::mib(1024), work_dir: None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_read_as_they_are_told() {
+        for (text, length, units) in [
+            ("0", Length::Units(0.0), 0.0),
+            ("-0", Length::Units(0.0), 0.0),
+            ("2.5e-3", Length::Units(0.0025), 0.0025),
+            ("0.5%", Length::OfDiagonal(0.5), 0.02),
+            ("100 %", Length::OfDiagonal(100.0), 4.0),
+        ] {
+            let read: Length = text.parse().unwrap();
+            assert_eq!((read, read.of(4.0)), (length, units), "{text}");
+            assert_eq!(read.to_string().parse(), Ok(length));
+        }
+        for bad in ["", "%", "-1", "-1%", "nan", "inf", "1e999", "1 mm", "1%%"] {
+            assert_eq!(bad.parse::<Length>(), Err(LengthError { got: bad.to_owned() }));
+        }
     }
 }

@@ -72,13 +72,17 @@ impl<'a> Output<'a> {
         let (groups, members) = link_groups(order, tree, clusters);
         let placed =
             |node: &u32| ClusterRecord { page_len: clusters.page(*node).len, ..ClusterRecord::default() };
+        let (vertices, shared) = match &clusters.trimmed {
+            Some(trimmed) => (trimmed.vertex_count, trimmed.shared_count),
+            None => (facts.used_vertices, facts.shared_vertices),
+        };
         let mut tables = Tables {
             header: HeaderFields {
                 attributes: facts.attributes,
-                source_vertex_count: facts.used_vertices,
+                source_vertex_count: vertices,
                 boundary_mode: settings.boundary,
                 error_kind: ErrorKind::Certified,
-                shared_vertex_count: facts.shared_vertices,
+                shared_vertex_count: shared,
                 origin: facts.origin,
             },
             clusters: order.iter().map(placed).collect(),

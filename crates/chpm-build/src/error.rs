@@ -56,6 +56,16 @@ pub enum BuildError {
         /// Why not.
         reason: String,
     },
+    /// The finest error that is asked for is above the coarsest.
+    #[error(
+        "detail below an error of {finest} is to be left out, and everything above {coarsest}: nothing would be left; raise the target error or lower the finest"
+    )]
+    ErrorRange {
+        /// The error below which detail is left out, object units.
+        finest: f32,
+        /// The largest error that a mesh may have, object units.
+        coarsest: f32,
+    },
     /// Someone asked to stop.
     #[error("stopped on request; nothing was written")]
     Cancelled,

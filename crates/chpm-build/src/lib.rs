@@ -1,23 +1,28 @@
 //! The out-of-core pipeline: ingest, decompose, hierarchy, simplify, layout, emit.
 //!
 //! [`build`] is the whole of it on one page; each stage is a module of the same name. Big arrays live in
-//! `chpm_extmem` buffers, which spill to the work directory when the memory budget refuses them, and every stage gives the
-//! same answer for any number of threads.
+//! `chpm_extmem` columns, buckets and spools, which go to the work directory when the memory budget refuses them, and every
+//! stage gives the same answer for any number of threads and any budget.
 #![forbid(unsafe_code)]
 
+mod allowance;
 pub mod config;
 pub mod context;
 mod decompose;
 mod emit;
 mod error;
 mod hierarchy;
+mod in_order;
 mod ingest;
 mod layout;
 mod pipeline;
 pub mod progress;
+mod range;
 pub mod report;
 mod simplify;
+mod trim;
 
+pub use allowance::MIN_MEMORY;
 pub use config::{BuildConfig, Resources, Settings};
 pub use error::BuildError;
 pub use ingest::input;

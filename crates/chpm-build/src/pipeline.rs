@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::error::BuildError;
 use crate::progress::{Cancel, Progress, Stage};
 use crate::report::BuildReport;
-use crate::{decompose, emit, hierarchy, ingest, layout, simplify};
+use crate::{allowance, decompose, emit, hierarchy, ingest, layout, simplify, trim};
 use chpm_extmem::{AtomicFile, Lock, Store, process};
 use std::path::Path;
 
@@ -37,12 +37,15 @@ pub fn build(
         .stage(Stage::Decompose, triangles, || decompose::run(source, settings, context, &mut repairs))?;
 
     let leaf_count = leaves.leaves.len() as u64;
-    let (tree, release) =
+    let (mut tree, release) =
         context.stage(Stage::Hierarchy, leaf_count, || hierarchy::run(&leaves, settings, context))?;
 
     let nodes = tree.nodes.len() as u64;
-    let clusters = context
-        .stage(Stage::Simplify, nodes, || simplify::run(&leaves, &tree, &release, settings, context))?;
+    let clusters = context.stage(Stage::Simplify, nodes, || {
+        let mut built = simplify::run(&leaves, &tree, &release, settings, context)?;
+        trim::run(&mut built, &mut tree, context)?;
+        Ok(built)
+    })?;
     let facts = facts.with_leaves(&leaves);
     drop(leaves);
 
@@ -50,7 +53,7 @@ pub fn build(
     let file = emit::Output::begin(out, &order, &tree, &clusters, &facts, &repairs, settings)?;
     let write = |place, page: &[u8]| file.write_page(place, page);
     let records = context
-        .stage(Stage::Layout, nodes, || layout::run(&order, &clusters, &tree, settings, context, write))?;
+        .stage(Stage::Layout, order.len() as u64, || layout::run(&order, &clusters, &tree, settings, context, write))?;
 
     let written =
         context.stage(Stage::Emit, 1, || file.finish(records).inspect(|_| context.progress.advance(1)))?;
@@ -76,13 +79,16 @@ fn context<'a>(
     progress: &'a dyn Progress,
     cancel: &Cancel,
 ) -> Result<Context<'a>, BuildError> {
+    process::return_large_blocks();
     let resources = &config.resources;
     let beside = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let work_dir = resources.work_dir.as_deref().unwrap_or(beside);
-    let store = Store::create(work_dir, resources.memory.0)?;
+    let available = std::thread::available_parallelism().map_or(1, usize::from);
+    let (threads, budget) = allowance::divide(resources, available);
+    let store = Store::with_budget(work_dir, budget)?;
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(resources.threads)
+        .num_threads(threads)
         .build()
-        .map_err(|e| BuildError::Threads { threads: resources.threads, reason: e.to_string() })?;
+        .map_err(|e| BuildError::Threads { threads, reason: e.to_string() })?;
     Ok(Context::new(store, pool, progress, cancel.clone()))
 }

@@ -109,7 +109,7 @@ impl Repairs {
 pub struct BuildReport {
     /// Vertices that the source declares.
     pub source_vertices: u64,
-    /// Triangles of the leaves.
+    /// Triangles of the source that were built.
     pub triangles: u64,
     /// Bytes of the source.
     pub source_len: u64,
@@ -117,7 +117,7 @@ pub struct BuildReport {
     pub output_len: u64,
     /// Clusters of all levels.
     pub clusters: u32,
-    /// Clusters without a parent: one, unless a merge would not fit 16-bit indices.
+    /// Clusters without a parent: one, unless a merge would not fit 16-bit indices or exceed the target error.
     pub roots: u32,
     /// The stage table.
     pub stages: Vec<StageReport>,

@@ -6,18 +6,30 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// A limit in bytes on what is reserved at any one time, shared by all threads.
 ///
-/// It counts what it is told of; it measures nothing. See [`crate::process`] for what the process really uses.
+/// Arrays, which may also live on disk, *ask* ([`Self::reserve`]) and are granted memory up to a first limit. What work cannot do
+/// without is *charged* ([`Self::charge`]), up to a second, higher one. It counts what it is told of; it measures nothing. See [`crate::process`] for what the process really uses.
 #[derive(Debug)]
 pub struct MemoryBudget {
     limit: u64,
+    charge_limit: u64,
     used: AtomicU64,
     peak: AtomicU64,
 }
 
 impl MemoryBudget {
-    /// A budget of `limit_bytes`, nothing of it in use.
+    /// A budget of `limit_bytes` for arrays, nothing of it in use, and without limit for what is charged.
     pub fn new(limit_bytes: u64) -> Arc<Self> {
-        Arc::new(MemoryBudget { limit: limit_bytes, used: AtomicU64::new(0), peak: AtomicU64::new(0) })
+        Self::with_charges(limit_bytes, u64::MAX)
+    }
+
+    /// A budget of `limit_bytes` for arrays and `charge_limit_bytes` for arrays and charges together.
+    pub fn with_charges(limit_bytes: u64, charge_limit_bytes: u64) -> Arc<Self> {
+        Arc::new(MemoryBudget {
+            limit: limit_bytes,
+            charge_limit: charge_limit_bytes,
+            used: AtomicU64::new(0),
+            peak: AtomicU64::new(0),
+        })
     }
 
     /// Reserves `bytes` until the reservation is dropped.
@@ -25,8 +37,22 @@ impl MemoryBudget {
     /// # Errors
     /// [`ExtmemError::Budget`] when less than `bytes` is left.
     pub fn reserve(self: &Arc<Self>, what: &'static str, bytes: u64) -> Result<Reservation, ExtmemError> {
-        self.take(what, bytes)?;
-        Ok(Reservation { budget: Arc::clone(self), what, bytes })
+        self.take(what, bytes, self.limit)?;
+        Ok(Reservation { budget: Arc::clone(self), what, bytes, limit: self.limit })
+    }
+
+    /// Counts `bytes` of work that cannot do without them, until the reservation is dropped. Arrays get so much less.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Budget`] when that is more than all of the budget.
+    pub fn charge(self: &Arc<Self>, what: &'static str, bytes: u64) -> Result<Reservation, ExtmemError> {
+        self.take(what, bytes, self.charge_limit)?;
+        Ok(Reservation { budget: Arc::clone(self), what, bytes, limit: self.charge_limit })
+    }
+
+    /// Bytes that may still be charged.
+    pub fn chargeable(&self) -> u64 {
+        self.charge_limit.saturating_sub(self.used())
     }
 
     /// Like [`Self::reserve`], for callers that have another place to go.
@@ -44,25 +70,25 @@ impl MemoryBudget {
         self.peak.load(Relaxed)
     }
 
-    /// The limit in bytes.
+    /// The limit for arrays in bytes.
     pub fn limit(&self) -> u64 {
         self.limit
     }
 
     /// Bytes that may still be reserved.
     pub fn available(&self) -> u64 {
-        self.limit - self.used()
+        self.limit.saturating_sub(self.used())
     }
 
-    fn take(&self, what: &'static str, bytes: u64) -> Result<(), ExtmemError> {
-        // The counters order no other memory, so relaxed operations suffice; `used` never exceeds `limit`.
-        let fits = |used: u64| used.checked_add(bytes).filter(|&sum| sum <= self.limit);
+    fn take(&self, what: &'static str, bytes: u64, limit: u64) -> Result<(), ExtmemError> {
+        // The counters order no other memory, so relaxed operations suffice.
+        let fits = |used: u64| used.checked_add(bytes).filter(|&sum| sum <= limit);
         match self.used.fetch_update(Relaxed, Relaxed, fits) {
             Ok(before) => {
                 self.peak.fetch_max(before + bytes, Relaxed);
                 Ok(())
             }
-            Err(used) => Err(ExtmemError::Budget { what, asked: bytes, used, limit: self.limit }),
+            Err(used) => Err(ExtmemError::Budget { what, asked: bytes, used, limit }),
         }
     }
 }
@@ -73,6 +99,7 @@ pub struct Reservation {
     budget: Arc<MemoryBudget>,
     what: &'static str,
     bytes: u64,
+    limit: u64,
 }
 
 impl Reservation {
@@ -87,7 +114,7 @@ impl Reservation {
     /// [`ExtmemError::Budget`] when the budget cannot grant the difference.
     pub fn resize(&mut self, bytes: u64) -> Result<(), ExtmemError> {
         match bytes.checked_sub(self.bytes) {
-            Some(more) => self.budget.take(self.what, more)?,
+            Some(more) => self.budget.take(self.what, more, self.limit)?,
             None => {
                 self.budget.used.fetch_sub(self.bytes - bytes, Relaxed);
             }
@@ -119,6 +146,19 @@ mod tests {
         assert_eq!((budget.used(), budget.peak(), budget.limit()), (40, 100, 100));
         drop(second);
         assert_eq!(budget.used(), 0);
+    }
+
+    #[test]
+    fn charges_come_first_and_have_a_limit_of_their_own() {
+        let budget = MemoryBudget::with_charges(100, 150);
+        let array = budget.reserve("array", 80).unwrap();
+        let mut work = budget.charge("work", 60).unwrap();
+        assert_eq!((budget.used(), budget.available(), budget.chargeable()), (140, 0, 10));
+        assert!(budget.try_reserve("array", 1).is_none() && budget.charge("more", 11).is_err());
+        work.resize(70).unwrap();
+        assert!(work.resize(71).is_err());
+        drop(array);
+        assert_eq!((budget.available(), budget.chargeable(), budget.peak()), (30, 80, 150));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Arrays that live in memory when the budget grants it, and in a mapped file when it does not.
 
 use crate::error::byte_len;
-use crate::{ExtmemError, MappedBuffer, Reservation, Store};
+use crate::{Column, ExtmemError, MappedBuffer, Reservation, Store};
 use bytemuck::Pod;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -145,12 +145,34 @@ impl<T: Pod> BufferWriter<T> {
                 Place::Memory { data, _share: share }
             }
             Growing::Disk(file) => {
-                let file =
-                    file.into_inner().map_err(|error| spill_error(&self.store, 0, error.into_error()))?;
+                let file = flushed(&self.store, file)?;
                 Place::Disk(MappedBuffer::adopt(file, &self.store.workdir, bytes)?)
             }
         }))
     }
+
+    /// The finished array, for access by ranges; memory that was reserved beyond its length is given back.
+    ///
+    /// # Errors
+    /// As [`Self::finish`].
+    pub fn finish_column(self) -> Result<Column<T>, ExtmemError> {
+        let bytes = byte_len::<T>(self.what, self.len)?;
+        Ok(match self.place {
+            Growing::Memory { mut data, mut share } => {
+                data.shrink_to_fit();
+                share.resize(bytes as u64)?;
+                Column::in_memory(self.what, data, share)
+            }
+            Growing::Disk(file) => {
+                let file = flushed(&self.store, file)?;
+                Column::on_disk(&self.store, self.what, file, self.len)
+            }
+        })
+    }
+}
+
+fn flushed(store: &Store, file: BufWriter<File>) -> Result<File, ExtmemError> {
+    file.into_inner().map_err(|error| spill_error(store, 0, error.into_error()))
 }
 
 /// Makes room for `len` elements, half as many again where the budget allows; false if it does not allow `len`.

@@ -72,6 +72,20 @@ pub enum ExtmemError {
         source: io::Error,
     },
 
+    /// The file system has less space than the work is going to need.
+    #[error(
+        "the work may need {} in '{}', where {} are free; free space, name another place with --work-dir, or raise --memory",
+        mib(*needed), path.display(), mib(*free)
+    )]
+    NoSpace {
+        /// The work directory.
+        path: PathBuf,
+        /// Bytes that the work may need.
+        needed: u64,
+        /// Bytes that are free.
+        free: u64,
+    },
+
     /// A range beyond the end of what was stored.
     #[error("{what}: bytes {offset}..{offset}+{len} lie beyond the {size} bytes stored")]
     OutOfRange {

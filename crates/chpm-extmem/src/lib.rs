@@ -1,13 +1,15 @@
 //! External memory: a budget that is asked before memory is taken, a work directory that cleans up after itself,
-//! arrays and blobs that live in memory when the budget grants it and on disk when it does not, files that
+//! arrays, sequences and blobs that live in memory when the budget grants it and on disk when it does not, files that
 //! appear complete or not at all, and the project's only memory map.
 //!
 //! The crate knows bytes and plain records, not meshes. Whether an array was granted memory never shows in its
 //! content, so a result does not depend on the budget.
 #![deny(unsafe_code)]
 
+mod buckets;
 mod budget;
 mod buffer;
+mod column;
 mod error;
 mod lock;
 #[allow(unsafe_code)]
@@ -18,8 +20,10 @@ mod spool;
 mod store;
 mod workdir;
 
+pub use buckets::{Buckets, Drain};
 pub use budget::{MemoryBudget, Reservation};
 pub use buffer::{Buffer, BufferWriter};
+pub use column::{Column, Part};
 pub use error::ExtmemError;
 pub use lock::Lock;
 pub use map::{Access, MappedBuffer, MappedFile};

@@ -178,6 +178,17 @@ impl<T: Pod> DerefMut for MappedBuffer<T> {
     }
 }
 
+/// Has the C library map heap blocks of `bytes` and more, one by one; freeing such a block unmaps it.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+pub(crate) fn map_large_blocks(bytes: i32) {
+    // SAFETY: sets a number that allocations look at from now on; the library's own lock guards it, and it may be set at
+    // any time.
+    let _ = unsafe { nix::libc::mallopt(nix::libc::M_MMAP_THRESHOLD, bytes) };
+}
+
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+pub(crate) fn map_large_blocks(_: i32) {}
+
 #[cfg(target_os = "linux")]
 fn allocate(file: &File, bytes: u64) -> std::io::Result<()> {
     if bytes == 0 {

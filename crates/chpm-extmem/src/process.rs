@@ -18,6 +18,15 @@ pub fn available_memory() -> Option<u64> {
     Some(group_limit().map_or(free, |limit| free.min(limit)))
 }
 
+/// Has every large block of the heap go back to the system as soon as it is freed, where the C library is GNU's: it
+/// would else keep what was freed between smaller blocks, and its share would grow with every block that did.
+pub fn return_large_blocks() {
+    crate::map::map_large_blocks(LARGE_BLOCK);
+}
+
+/// Bytes from which a block of the heap is one to be returned.
+const LARGE_BLOCK: i32 = 1 << 18;
+
 /// The version-2 control group's `memory.max`; "max" means none.
 fn group_limit() -> Option<u64> {
     let groups = fs::read_to_string("/proc/self/cgroup").ok()?;

@@ -98,7 +98,17 @@ impl Spool {
         self.check(offset, len as u64)?;
         out.clear();
         out.resize(len, 0);
-        let mut rest = &mut out[..];
+        self.read_exact(offset, out)
+    }
+
+    /// Fills `out` with the bytes from `offset` on.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_exact(&self, offset: u64, out: &mut [u8]) -> Result<(), ExtmemError> {
+        self.check(offset, out.len() as u64)?;
+        let len = out.len();
+        let mut rest = out;
         self.each_piece(offset, len, |segment, range| {
             let (piece, tail) = std::mem::take(&mut rest).split_at_mut(range.len());
             rest = tail;

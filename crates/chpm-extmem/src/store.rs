@@ -19,6 +19,14 @@ impl Store {
     /// # Errors
     /// As [`WorkDir::create`].
     pub fn create(parent: &Path, limit_bytes: u64) -> Result<Self, ExtmemError> {
-        Ok(Store { budget: MemoryBudget::new(limit_bytes), workdir: Arc::new(WorkDir::create(parent)?) })
+        Self::with_budget(parent, MemoryBudget::new(limit_bytes))
+    }
+
+    /// A store with the given budget and a fresh work directory in `parent`.
+    ///
+    /// # Errors
+    /// As [`WorkDir::create`].
+    pub fn with_budget(parent: &Path, budget: Arc<MemoryBudget>) -> Result<Self, ExtmemError> {
+        Ok(Store { budget, workdir: Arc::new(WorkDir::create(parent)?) })
     }
 }

@@ -35,6 +35,19 @@ impl WorkDir {
         self.kept.store(true, Relaxed);
     }
 
+    /// Fails unless the file system has `bytes` free, as far as it tells.
+    ///
+    /// # Errors
+    /// [`ExtmemError::NoSpace`].
+    pub fn require(&self, bytes: u64) -> Result<(), ExtmemError> {
+        match free_bytes(&self.path) {
+            Some(free) if free < bytes => {
+                Err(ExtmemError::NoSpace { path: self.path.clone(), needed: bytes, free })
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Creates the file `name`, open for reading and writing; it must not exist yet.
     ///
     /// # Errors
@@ -57,6 +70,14 @@ impl WorkDir {
         tempfile::tempfile_in(&self.path)
             .map_err(|source| ExtmemError::io("create a file in", &self.path, 0, source))
     }
+}
+
+/// Bytes that a user without privileges may still write to the file system of `path`.
+fn free_bytes(path: &Path) -> Option<u64> {
+    let found = nix::sys::statvfs::statvfs(path).ok()?;
+    // The types differ between systems.
+    #[allow(clippy::unnecessary_cast)]
+    (found.blocks_available() as u64).checked_mul(found.fragment_size() as u64)
 }
 
 impl Drop for WorkDir {
@@ -84,6 +105,16 @@ mod tests {
         assert!(first.create_file("faces").is_err(), "a file is never replaced");
         drop((first, second));
         assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn space_that_is_not_there_is_refused_with_both_numbers() {
+        let parent = tempfile::tempdir().unwrap();
+        let dir = WorkDir::create(parent.path()).unwrap();
+        dir.require(1).unwrap();
+        let error = dir.require(1 << 60).unwrap_err();
+        assert!(matches!(error, ExtmemError::NoSpace { needed, free, .. } if needed == 1 << 60 && free > 0));
+        assert!(error.to_string().contains("1099511627776.0 MiB"), "{error}");
     }
 
     #[test]

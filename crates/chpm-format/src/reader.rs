@@ -143,6 +143,11 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         roots.map(|(index, _)| ClusterId(index as u32))
     }
 
+    /// Whether detail of the source was left out, so that the leaves are not the source. O(clusters).
+    pub fn is_trimmed(&self) -> bool {
+        self.clusters().iter().any(ClusterRecord::is_trimmed)
+    }
+
     /// The bytes of a cluster's page, without padding.
     ///
     /// # Panics

@@ -31,7 +31,7 @@ pub struct ClusterRecord {
     pub group: u32,
     /// The group in which this cluster is fine: whose split brings it; `u32::MAX` for a root.
     pub parent_group: u32,
-    /// Zero.
+    /// [`ClusterRecord::TRIMMED`] or zero.
     pub flags: u32,
     /// Error of the finest mesh, object units.
     pub min_error: f32,
@@ -59,6 +59,9 @@ const _: () = assert!(mem::size_of::<ClusterRecord>() == 128);
 const _: () = assert!(mem::offset_of!(ClusterRecord, page_checksum) == 96);
 
 impl ClusterRecord {
+    /// Flag of a leaf whose triangles are not the source's own: finer ones were left out.
+    pub const TRIMMED: u32 = 1;
+
     /// The record of a page: counts, errors, a box and a sphere around its vertices, and the checksum.
     /// `page_offset` stays 0 until the writer knows it.
     ///
@@ -108,6 +111,11 @@ impl ClusterRecord {
     /// Whether this is a cluster of the input.
     pub fn is_leaf(&self) -> bool {
         self.level == 0
+    }
+
+    /// Whether this is a leaf whose triangles are not the source's own.
+    pub fn is_trimmed(&self) -> bool {
+        self.flags & Self::TRIMMED != 0
     }
 
     /// The group that splits it.

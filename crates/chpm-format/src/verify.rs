@@ -119,7 +119,7 @@ pub fn verify<D: AsRef<[u8]>>(file: &Chpm<D>, mut progress: impl FnMut(u64, u64)
     }
     // A page that could not be read leaves its shared vertices unseen, which would blame the wrong thing.
     if report.good_pages == total {
-        shared.finish(file.header(), &mut report);
+        shared.finish(file.header(), file.is_trimmed(), &mut report);
         tables::check_source_vertices(file, shared.leaf_ids(), &mut report);
     }
     report

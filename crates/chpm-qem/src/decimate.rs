@@ -24,8 +24,9 @@ use nalgebra::Vector3;
 const LENGTH_TERM: f64 = 1e-12;
 
 /// Weight of the squared bound in the order of collapses. The bound holds what all collapses so far have done; the quadric only
-/// the last ones, but it averages.
-const BOUND_TERM: f64 = 0.3;
+/// the last ones, but it averages. With 0.3, 0.6 and 1, the stored errors of the first level of a scan were 1.55, 1.28 and 1.10 times the
+/// measured ones, and the build took 1.1 and 1.2 times as long.
+const BOUND_TERM: f64 = 0.6;
 
 /// What a vertex may do. Collapses that pass the link test keep it as it is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

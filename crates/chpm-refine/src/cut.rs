@@ -2,7 +2,7 @@
 
 use crate::error::RefineError;
 use crate::lod::Lod;
-use crate::splits::{Splits, top_down};
+use crate::splits::{Splits, parents, top_down};
 use chpm_format::{Chpm, ClusterRecord, Page};
 use chpm_mesh::{ClusterId, GroupId, Level};
 
@@ -60,13 +60,17 @@ impl Cut {
         &self.members
     }
 
-    /// The finest meshes of all clusters up to `level` that no cluster up to `level` replaces. Level 0 is the source mesh, a
-    /// level at or above the top the roots.
+    /// The finest meshes of all clusters up to `level` that no cluster up to `level` replaces. Level 0 is the finest mesh, a
+    /// level at or above the top the roots. Where only some members of a group are replaced, the others are at their base meshes,
+    /// as the seams between them are.
     pub fn at_level<D: AsRef<[u8]>>(file: &Chpm<D>, level: Level) -> Self {
         let splits = Splits::wanted(file, &top_down(file), |_, group| group.level > level.0);
-        let finest =
-            |(cluster, record): (_, &ClusterRecord)| Member { cluster, vertices: record.vertex_count };
-        Cut { members: splits.active(file).map(finest).collect() }
+        let member = |(cluster, record): (_, &ClusterRecord)| {
+            let beside = parents(file, record.group()).any(|above| !splits.is_split(above));
+            let vertices = if beside { record.base_vertex_count } else { record.vertex_count };
+            Member { cluster, vertices }
+        };
+        Cut { members: splits.active(file).map(member).collect() }
     }
 
     /// The coarsest mesh whose every part has a stored error of at most `bound`, in object units: a group is split

@@ -59,6 +59,11 @@ impl Splits {
         splits
     }
 
+    /// Whether a group is split.
+    pub(crate) fn is_split(&self, group: GroupId) -> bool {
+        self.split[group.index()]
+    }
+
     /// Whether the cluster is a root or one that a split brought.
     fn brings(&self, cluster: &ClusterRecord) -> bool {
         cluster.is_root() || self.split[cluster.parent_group().index()]

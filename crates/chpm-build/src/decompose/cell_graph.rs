@@ -1,30 +1,32 @@
 //! The graph of cells: nodes weighted by vertex count, edges to the k nearest cells (Quick-VDR 4.1, second vertex pass).
 
-use super::grid::Cell;
 use chpm_mesh::Aabb;
 use chpm_partition::{CsrGraph, PartitionError};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
 
-/// One in so many triangles is looked at: a sample says well enough what a cut would cost.
-const SAMPLE: usize = 4;
 /// Weight of a sampled triangle's edge between two cells; mere nearness weighs one.
 const JOINED: u32 = 4;
+
+/// A cell that holds vertices.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cell {
+    /// Centre, object units.
+    pub(crate) center: [f32; 3],
+    /// Vertices in it.
+    pub(crate) count: u32,
+}
 
 /// The graph that is cut into clusters: cells that triangles join, weighted by how many do, and where they join a cell to
 /// fewer than `neighbors` others, its nearest ones, so that separate components find their neighbours.
 ///
 /// Quick-VDR has the nearest cells only. The triangles' edges say what a cut costs, in shared vertices.
-pub(crate) fn build(
-    cells: &[Cell],
-    cell_of: &[u32],
-    triangles: &[[u32; 3]],
-    neighbors: u32,
-) -> Result<CsrGraph, PartitionError> {
-    let mut edges = joined(cell_of, triangles);
+pub(crate) fn build(cells: &[Cell], joints: Joints, neighbors: u32) -> Result<CsrGraph, PartitionError> {
+    let mut edges: Vec<(u32, u32, u32)> = joints.sum().0;
     let mut degrees = vec![0; cells.len()];
-    for (a, b, _) in &edges {
+    for (a, b, weight) in &mut edges {
+        *weight = weight.saturating_mul(JOINED);
         degrees[*a as usize] += 1;
         degrees[*b as usize] += 1;
     }
@@ -34,20 +36,38 @@ pub(crate) fn build(
     CsrGraph::from_edges(cells.iter().map(|c| c.count).collect(), &edges)
 }
 
-/// Pairs of cells that sampled triangles join, with their weight.
-fn joined(cell_of: &[u32], triangles: &[[u32; 3]]) -> Vec<(u32, u32, u32)> {
-    let mut pairs: Vec<u64> = triangles
-        .par_iter()
-        .step_by(SAMPLE)
-        .flat_map_iter(|t| {
-            let [a, b, c] = t.map(|v| cell_of[v as usize]);
-            let apart = [(a, b), (b, c), (c, a)].into_iter().filter(|(a, b)| a != b);
-            apart.map(|(a, b)| u64::from(a.min(b)) << 32 | u64::from(a.max(b)))
-        })
-        .collect();
-    pairs.par_sort_unstable();
-    let pair = |same: &[u64]| ((same[0] >> 32) as u32, same[0] as u32, JOINED * same.len() as u32);
-    pairs.chunk_by(|x, y| x == y).map(pair).collect()
+/// Pairs of cells that triangles join, smaller first, with the number of edges that do.
+#[derive(Debug, Default)]
+pub(crate) struct Joints(Vec<(u32, u32, u32)>);
+
+impl Joints {
+    /// Takes in a triangle by the cells of its corners.
+    pub(crate) fn add(&mut self, [a, b, c]: [u32; 3]) {
+        let apart = [(a, b), (b, c), (c, a)].into_iter().filter(|(a, b)| a != b);
+        self.0.extend(apart.map(|(a, b)| (a.min(b), a.max(b), 1)));
+    }
+
+    /// Each pair once.
+    pub(crate) fn sum(mut self) -> Self {
+        self.0.sort_unstable();
+        self.0.dedup_by(|next, kept| {
+            let same = (next.0, next.1) == (kept.0, kept.1);
+            if same {
+                kept.2 = kept.2.saturating_add(next.2);
+            }
+            same
+        });
+        self
+    }
+
+    /// Those of both.
+    pub(crate) fn merge(mut self, mut other: Self) -> Self {
+        if self.0.len() < other.0.len() {
+            std::mem::swap(&mut self, &mut other);
+        }
+        self.0.append(&mut other.0);
+        self
+    }
 }
 
 /// Pairs (a, b, distance) with a < b of points of which one is `wanted` and the other among its `k` nearest. Distances are in

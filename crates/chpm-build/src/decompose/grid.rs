@@ -3,6 +3,9 @@
 //! Only counts are kept, so the memory follows the number of cells and not of vertices. Counting is a sum, hence
 //! the same for any number of threads.
 
+use super::cell_graph::Cell;
+use crate::error::BuildError;
+use chpm_extmem::Column;
 use chpm_mesh::Aabb;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -14,6 +17,42 @@ const MAX_UNIFORM_LOG: u32 = 7;
 
 /// A slot of the grid: what lies in a cell before and after it is numbered.
 const LINK: u32 = 1 << 31;
+
+/// Points that are looked at again and again, from all threads.
+pub(crate) trait Points: Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+    /// Shows all of them to `look`, some at a time, in any order.
+    fn each(&self, look: &(dyn Fn(&[[f32; 3]]) + Sync)) -> Result<(), BuildError>;
+}
+
+/// Points that are shown at a time.
+const CHUNK: usize = 1 << 14;
+
+impl Points for [[f32; 3]] {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn each(&self, look: &(dyn Fn(&[[f32; 3]]) + Sync)) -> Result<(), BuildError> {
+        self.par_chunks(CHUNK).for_each(look);
+        Ok(())
+    }
+}
+
+impl Points for Column<[f32; 3]> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn each(&self, look: &(dyn Fn(&[[f32; 3]]) + Sync)) -> Result<(), BuildError> {
+        (0..self.len().div_ceil(CHUNK)).into_par_iter().try_for_each_init(Vec::new, |scratch, chunk| {
+            let start = chunk * CHUNK;
+            look(self.read(start..self.len().min(start + CHUNK), scratch)?);
+            Ok(())
+        })
+    }
+}
 
 /// The grid. Every vertex has a cell; cells that hold vertices are numbered from 0 in the order of slots.
 pub(crate) struct Grid {
@@ -27,22 +66,17 @@ pub(crate) struct Grid {
     pub(crate) cells: Vec<Cell>,
 }
 
-/// A cell that holds vertices.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Cell {
-    /// Centre, object units.
-    pub(crate) center: [f32; 3],
-    /// Vertices in it.
-    pub(crate) count: u32,
-}
-
 impl Grid {
     /// Subdivides until no cell holds more than `limit` of the `positions`, all of which lie in `bounds`.
-    pub(crate) fn build(positions: &[[f32; 3]], bounds: &Aabb, limit: u32) -> Self {
+    pub(crate) fn build<P: Points + ?Sized>(
+        positions: &P,
+        bounds: &Aabb,
+        limit: u32,
+    ) -> Result<Self, BuildError> {
         let extent: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.max[a]) - f64::from(bounds.min[a]));
         let longest = extent.into_iter().fold(0.0, f64::max);
         // A surface meets about four n * n of n * n * n cells: start where those would hold twice the limit.
-        let wanted = (positions.len() as f64 / (8.0 * f64::from(limit))).sqrt().max(1.0);
+        let wanted = (positions.count() as f64 / (8.0 * f64::from(limit))).sqrt().max(1.0);
         let mut n = 1u32 << (wanted.log2().ceil() as u32).min(MAX_UNIFORM_LOG);
         let mut grid = loop {
             let scale = if longest > 0.0 { f64::from(n) / longest } else { 0.0 };
@@ -54,10 +88,10 @@ impl Grid {
                 slots: vec![0; dims.iter().product::<u32>() as usize],
                 cells: Vec::new(),
             };
-            grid.count(positions, 0);
+            grid.count(positions, 0)?;
             // A cloud fills the cells of a volume: begin where they hold a sixteenth of the limit or more.
             let filled = grid.slots.iter().filter(|count| **count > 0).count();
-            if n == 1 || filled * limit as usize <= 16 * positions.len() {
+            if n == 1 || filled * limit as usize <= 16 * positions.count() {
                 break grid;
             }
             n /= 2;
@@ -74,27 +108,28 @@ impl Grid {
             if grid.slots.len() == first_block {
                 break;
             }
-            grid.count(positions, first_block);
+            grid.count(positions, first_block)?;
             fresh = first_block;
         }
         grid.number_cells();
-        grid
+        Ok(grid)
     }
 
     /// Counts vertices into the slots from `first` on, all of which are zero.
-    fn count(&mut self, positions: &[[f32; 3]], first: usize) {
+    fn count<P: Points + ?Sized>(&mut self, positions: &P, first: usize) -> Result<(), BuildError> {
         let counters: Vec<AtomicU32> = (first..self.slots.len()).map(|_| AtomicU32::new(0)).collect();
-        positions.par_chunks(1 << 14).for_each(|chunk| {
+        positions.each(&|chunk| {
             for p in chunk {
                 let (slot, _) = self.find(*p);
                 if slot >= first {
                     counters[slot - first].fetch_add(1, Ordering::Relaxed);
                 }
             }
-        });
+        })?;
         for (slot, counter) in self.slots[first..].iter_mut().zip(counters) {
             *slot = counter.into_inner();
         }
+        Ok(())
     }
 
     /// The slot that a point lies in, and how often its cell was halved.
@@ -164,7 +199,7 @@ mod tests {
                 [(h & 1023) as f32, (h >> 10 & 1023) as f32 * 0.1, ((h >> 20) as f32).powi(3) * 1e-6]
             })
             .collect();
-        let grid = Grid::build(&positions, &Aabb::of_points(&positions), 16);
+        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16).unwrap();
         let mut counts = vec![0; grid.cells.len()];
         for p in &positions {
             counts[grid.cell_of(*p) as usize] += 1;
@@ -178,7 +213,7 @@ mod tests {
         let at = |i: u32, k: u32| (i.wrapping_mul(2654435761).wrapping_add(k) >> (10 * k)) % 1009;
         let positions: Vec<[f32; 3]> =
             (0..60_000u32).map(|i| [at(i, 0), at(i, 1), at(i / 7, 2)].map(|x| x as f32)).collect();
-        let grid = Grid::build(&positions, &Aabb::of_points(&positions), 48);
+        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 48).unwrap();
         assert!(grid.cells.len() < 60_000 / 3, "{} cells", grid.cells.len());
         assert!(grid.cells.iter().all(|cell| cell.count <= 48));
     }
@@ -186,10 +221,10 @@ mod tests {
     #[test]
     fn coincident_vertices_end_in_one_full_cell() {
         let positions = [[1.0, 2.0, 3.0]; 100];
-        let grid = Grid::build(&positions, &Aabb::of_points(&positions), 16);
+        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16).unwrap();
         assert_eq!(grid.cells.len(), 1);
         assert_eq!(grid.cells[0].count, 100);
         let two = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
-        assert_eq!(Grid::build(&two, &Aabb::of_points(&two), 2).cells.len(), 2);
+        assert_eq!(Grid::build(&two[..], &Aabb::of_points(&two), 2).unwrap().cells.len(), 2);
     }
 }

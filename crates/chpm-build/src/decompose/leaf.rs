@@ -1,13 +1,15 @@
-//! Leaves: each cluster gathers the vertices that its triangles use and numbers them locally.
+//! Leaves: what a cluster's triangles use, numbered locally, and how it is stored until it is simplified.
 
-use crate::context::Context;
+use super::region::Mesh;
 use crate::error::BuildError;
+use bytemuck::Pod;
 use chpm_extmem::Spool;
-use rayon::prelude::*;
-use std::ops::Range;
+use chpm_mesh::{Aabb, Attributes};
 
-/// Most triangles of a leaf: with three vertices each they still fit 16-bit indices.
-const MAX_LEAF_TRIANGLES: usize = u16::MAX as usize / 3;
+/// Marks a stored id that counts from the leaf's region's first inner one.
+pub(crate) const INNER: u32 = 1 << 31;
+/// A vertex that a leaf does not have.
+pub(crate) const ABSENT: u16 = u16::MAX;
 
 /// One leaf cluster, whose data lie in a spool.
 #[derive(Clone, Copy, Debug)]
@@ -15,129 +17,139 @@ pub(crate) struct Leaf {
     offset: u64,
     pub(crate) vertex_count: u32,
     pub(crate) triangle_count: u32,
+    shared_count: u32,
+    /// Id of the first inner shared vertex of its region.
+    pub(crate) first_inner: u32,
+    /// Middle of its box.
+    pub(crate) center: [f32; 3],
 }
 
 /// The data of a leaf, read back.
 #[derive(Debug, Default)]
 pub(crate) struct LeafData {
     bytes: Vec<u8>,
-    /// Global numbers of the local vertices.
+    pub(crate) positions: Vec<[f32; 3]>,
+    /// As many as positions, or none.
+    pub(crate) normals: Vec<[f32; 3]>,
+    /// As many as positions, or none.
+    pub(crate) colors: Vec<[u8; 4]>,
+    /// Triangles over local vertices.
+    pub(crate) triangles: Vec<[u16; 3]>,
+    /// Local index and shared id, by local index.
+    pub(crate) shared: Vec<(u16, u32)>,
+    codes: Vec<u32>,
+    marked: Vec<u16>,
+}
+
+impl LeafData {
+    /// Refills from the spool; `id` is the shared id of a code, if it has one.
+    pub(super) fn read(
+        &mut self,
+        leaf: &Leaf,
+        attributes: Attributes,
+        spool: &Spool,
+        id: impl Fn(u32) -> Option<u32>,
+    ) -> Result<(), BuildError> {
+        let vertices = leaf.vertex_count as usize;
+        let (shared, triangles) = (leaf.shared_count as usize, leaf.triangle_count as usize);
+        let vertex_len = 12 + if attributes.normals { 12 } else { 0 } + if attributes.colors { 4 } else { 0 };
+        spool.read(leaf.offset, vertices * vertex_len + 6 * shared + 6 * triangles, &mut self.bytes)?;
+        let mut rest = &self.bytes[..];
+        take(&mut rest, vertices, &mut self.positions);
+        take(&mut rest, if attributes.normals { vertices } else { 0 }, &mut self.normals);
+        take(&mut rest, if attributes.colors { vertices } else { 0 }, &mut self.colors);
+        take(&mut rest, shared, &mut self.codes);
+        take(&mut rest, shared, &mut self.marked);
+        take(&mut rest, triangles, &mut self.triangles);
+        let ids = self.marked.iter().zip(&self.codes).filter_map(|(local, code)| Some((*local, id(*code)?)));
+        self.shared.clear();
+        self.shared.extend(ids);
+        Ok(())
+    }
+}
+
+/// Makes `out` the next `len` records.
+fn take<T: Pod>(bytes: &mut &[u8], len: usize, out: &mut Vec<T>) {
+    let (records, rest) = bytes.split_at(len * size_of::<T>());
+    *bytes = rest;
+    out.resize(len, T::zeroed());
+    bytemuck::cast_slice_mut(out).copy_from_slice(records);
+}
+
+/// The triangles of a leaf over the vertices that they use.
+pub(crate) struct LeafMesh {
+    /// The region's numbers of the local vertices.
     pub(crate) vertices: Vec<u32>,
     /// Triangles over local vertices.
     pub(crate) triangles: Vec<[u16; 3]>,
 }
 
-impl LeafData {
-    /// Refills from the spool.
-    pub(crate) fn read(&mut self, leaf: &Leaf, spool: &Spool) -> Result<(), BuildError> {
-        let vertex_len = 4 * leaf.vertex_count as usize;
-        spool.read(leaf.offset, vertex_len + 6 * leaf.triangle_count as usize, &mut self.bytes)?;
-        let (vertices, triangles) = self.bytes.split_at(vertex_len);
-        self.vertices.clear();
-        self.vertices.extend(vertices.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b)));
-        self.triangles.clear();
-        let corner = |b: &[u8]| u16::from_le_bytes([b[0], b[1]]);
-        self.triangles
-            .extend(triangles.chunks_exact(6).map(|t| [corner(t), corner(&t[2..]), corner(&t[4..])]));
-        Ok(())
+impl LeafMesh {
+    /// Numbers vertices in the order in which `triangles` name them. `locals` holds [`ABSENT`] for every vertex of the region,
+    /// before and after.
+    pub(super) fn gather(triangles: &[[u32; 3]], locals: &mut [u16]) -> Self {
+        let mut vertices = Vec::with_capacity(triangles.len());
+        let mut number = |v: u32| {
+            let local = &mut locals[v as usize];
+            if *local == ABSENT {
+                *local = vertices.len() as u16;
+                vertices.push(v);
+            }
+            *local
+        };
+        let triangles = triangles.iter().map(|t| t.map(&mut number)).collect();
+        vertices.iter().for_each(|v| locals[*v as usize] = ABSENT);
+        vertices.shrink_to_fit();
+        LeafMesh { vertices, triangles }
     }
 }
 
-/// A gathered leaf, with what is needed to find shared vertices. It may be without triangles.
-pub(crate) struct Gathered {
-    pub(crate) leaf: Leaf,
-    /// The vertices that its cluster owns; none for a piece of a split cluster.
-    pub(crate) owned: Option<Range<u32>>,
-    /// How many of the owned vertices it uses.
-    pub(crate) own_count: u32,
-    /// The owned vertices that it does not use, ascending.
-    pub(crate) unused: Vec<u32>,
-    /// All other vertices that it uses, ascending.
-    pub(crate) foreign: Vec<u32>,
-}
-
-/// Gathers all leaves; a cluster of too many triangles is split into several.
-pub(crate) fn gather(
-    triangles: &[[u32; 3]],
-    triangle_starts: &[usize],
-    starts: &[u32],
+/// Stores a leaf. `ids` are its shared vertices, by local index, with their codes: a border number, or [`INNER`] and a number
+/// in the region.
+pub(super) fn write(
+    mesh: &Mesh,
+    leaf: &LeafMesh,
+    ids: impl Iterator<Item = (u16, u32)> + Clone,
+    blob: &mut Vec<u8>,
     spool: &Spool,
-    context: &Context<'_>,
-) -> Result<Vec<Gathered>, BuildError> {
-    let mut jobs = Vec::new();
-    for part in 0..starts.len() - 1 {
-        let triangles = &triangles[triangle_starts[part]..triangle_starts[part + 1]];
-        let owned = starts[part]..starts[part + 1];
-        if triangles.len() <= MAX_LEAF_TRIANGLES {
-            jobs.push((triangles, owned, true));
-        } else {
-            let pieces = triangles.len().div_ceil(MAX_LEAF_TRIANGLES);
-            jobs.extend(
-                triangles.chunks(triangles.len().div_ceil(pieces)).map(|c| (c, owned.clone(), false)),
-            );
-        }
+) -> Result<Leaf, BuildError> {
+    blob.clear();
+    put(blob, leaf.vertices.iter().map(|v| mesh.positions[*v as usize]));
+    if !mesh.normals.is_empty() {
+        put(blob, leaf.vertices.iter().map(|v| mesh.normals[*v as usize]));
     }
-    jobs.into_par_iter()
-        .map_init(Vec::new, |scratch, (triangles, owned, whole)| {
-            context.check()?;
-            context.progress.advance(triangles.len() as u64);
-            gather_one(triangles, owned, whole, scratch, spool)
-        })
-        .collect()
+    if !mesh.colors.is_empty() {
+        put(blob, leaf.vertices.iter().map(|v| mesh.colors[*v as usize]));
+    }
+    put(blob, ids.clone().map(|(_, code)| code));
+    put(blob, ids.clone().map(|(local, _)| local));
+    blob.extend_from_slice(bytemuck::cast_slice(&leaf.triangles));
+    let bounds = Aabb::of_points(leaf.vertices.iter().map(|v| &mesh.positions[*v as usize]));
+    Ok(Leaf {
+        offset: spool.append(blob)?,
+        vertex_count: leaf.vertices.len() as u32,
+        triangle_count: leaf.triangles.len() as u32,
+        shared_count: ids.count() as u32,
+        first_inner: 0,
+        center: bounds.center().coords.map(|x| x as f32).into(),
+    })
 }
 
-fn gather_one(
-    triangles: &[[u32; 3]],
-    owned: Range<u32>,
-    whole: bool,
-    local: &mut Vec<u32>,
-    spool: &Spool,
-) -> Result<Gathered, BuildError> {
-    const UNUSED: u32 = u32::MAX;
-    local.clear();
-    local.resize(owned.len(), UNUSED);
-    let mut foreign = Vec::new();
-    for v in triangles.as_flattened() {
-        if owned.contains(v) { local[(v - owned.start) as usize] = 0 } else { foreign.push(*v) }
-    }
-    foreign.sort_unstable();
-    foreign.dedup();
-    let mut vertices = Vec::with_capacity(owned.len() + foreign.len());
-    let mut unused = Vec::new();
-    for (slot, v) in local.iter_mut().zip(owned.clone()) {
-        if *slot == UNUSED {
-            unused.push(v);
-        } else {
-            *slot = vertices.len() as u32;
-            vertices.push(v);
+fn put<T: Pod>(blob: &mut Vec<u8>, records: impl Iterator<Item = T>) {
+    records.for_each(|record| blob.extend_from_slice(bytemuck::bytes_of(&record)));
+}
+
+#[cfg(test)]
+impl Leaf {
+    /// A leaf without anything.
+    pub(crate) fn empty() -> Self {
+        Leaf {
+            offset: 0,
+            vertex_count: 0,
+            triangle_count: 0,
+            shared_count: 0,
+            first_inner: 0,
+            center: [0.0; 3],
         }
     }
-    let own_count = vertices.len();
-    vertices.extend_from_slice(&foreign);
-    let owned_range = owned.clone();
-    let to_local = |v: u32| -> u16 {
-        if owned.contains(&v) {
-            local[(v - owned.start) as usize] as u16
-        } else {
-            (own_count + foreign.partition_point(|f| *f < v)) as u16
-        }
-    };
-    let mut blob = Vec::with_capacity(4 * vertices.len() + 6 * triangles.len());
-    blob.extend(vertices.iter().flat_map(|v| v.to_le_bytes()));
-    for triangle in triangles {
-        for corner in triangle.map(to_local) {
-            blob.extend_from_slice(&corner.to_le_bytes());
-        }
-    }
-    let leaf = Leaf {
-        offset: if triangles.is_empty() { 0 } else { spool.append(&blob)? },
-        vertex_count: vertices.len() as u32,
-        triangle_count: triangles.len() as u32,
-    };
-    if !whole {
-        // Pieces of one cluster may share any of its vertices, so all of them take part in the search.
-        vertices.sort_unstable();
-        return Ok(Gathered { leaf, own_count: 0, foreign: vertices, unused: Vec::new(), owned: None });
-    }
-    Ok(Gathered { leaf, own_count: own_count as u32, foreign, unused, owned: Some(owned_range) })
 }

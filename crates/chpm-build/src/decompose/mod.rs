@@ -1,15 +1,22 @@
 //! Decompose: the source becomes leaf clusters of about equal size (Quick-VDR 4.1, Yoon 4.2.1).
 //!
-//! Passes: vertices to grid cells; cells to clusters by k-way partition of the cell graph; vertices reordered by cluster, with
-//! an old-to-new mapping; faces to the clusters of their vertices; then each cluster gathers its vertices, and vertices that
-//! two clusters use are marked shared. Establishes I1: every triangle is in exactly one leaf.
+//! First the whole is divided into regions of some dozen leaves, out of core: vertices are numbered by coarse cell, triangles
+//! get the new numbers, and the graph of cells is cut (`number`, `join`, `divide`). Then each region is loaded and becomes
+//! leaves in memory: cells, parts, leaves, shared vertices, census (`region`). Establishes I1: every triangle is in exactly one
+//! leaf, and a vertex of two leaves is shared in both.
 
-mod assign;
 mod cell_graph;
 mod census;
+mod divide;
 mod grid;
+mod join;
 mod leaf;
+mod number;
+mod partition;
+mod region;
 mod shared;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use cell_graph::nearest_pairs;
 pub(crate) use leaf::{Leaf, LeafData};
@@ -18,29 +25,30 @@ pub(crate) use shared::SharedVertices;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::in_order::in_order;
 use crate::ingest::Source;
 use crate::report::Repairs;
-use assign::Assigned;
-use chpm_extmem::{Buffer, Spool};
-use chpm_partition::CsrGraph;
-use grid::Grid;
-use std::ops::Range;
+use census::Ledger;
+use chpm_extmem::Spool;
+use chpm_mesh::Attributes;
+use divide::Divided;
+use shared::Collector;
 
 /// The leaf clusters.
 pub(crate) struct Decomposition {
-    /// Vertices in the order of the clusters that own them.
-    pub(crate) vertices: Vertices,
-    /// The leaves' vertex lists and triangles.
-    pub(crate) spool: Spool,
+    attributes: Attributes,
+    /// The leaves' data.
+    spool: Spool,
     pub(crate) leaves: Vec<Leaf>,
     pub(crate) shared: SharedVertices,
 }
 
-/// Vertex data in structure-of-arrays form.
-pub(crate) struct Vertices {
-    pub(crate) positions: Buffer<[f32; 3]>,
-    pub(crate) normals: Option<Buffer<[f32; 3]>>,
-    pub(crate) colors: Option<Buffer<[u8; 4]>>,
+impl Decomposition {
+    /// Reads the data of a leaf.
+    pub(crate) fn read_leaf(&self, leaf: u32, data: &mut LeafData) -> Result<(), BuildError> {
+        let leaf = &self.leaves[leaf as usize];
+        data.read(leaf, self.attributes, &self.spool, |code| self.shared.id(code, leaf))
+    }
 }
 
 /// Cuts the source into leaves, and counts into `repairs` what is odd about it.
@@ -50,25 +58,42 @@ pub(crate) fn run(
     context: &Context<'_>,
     repairs: &mut Repairs,
 ) -> Result<Decomposition, BuildError> {
+    let attributes = source.attributes();
+    let vertex_count = source.positions.len() as u64;
     let wanted = leaf_count(source.triangles.len(), settings);
-    let grid = Grid::build(&source.positions, &source.bounds, settings.cell_vertices);
-    context.check()?;
-    let cells = assign::find_cells(&source.positions, &grid, &context.store)?;
-    let cell_parts = partition_cells(&grid, &cells, &source.triangles, wanted, settings)?;
-    context.check()?;
-
-    let Assigned { vertices, starts, triangles, triangle_starts } =
-        assign::run(source, &grid, cells, &cell_parts, context)?;
-    context.check()?;
+    let divided = divide::run(source, wanted, settings, context)?;
 
     let spool = Spool::new(&context.store, "leaves");
-    let gathered = leaf::gather(&triangles, &triangle_starts, &starts, &spool, context)?;
-    let shared = SharedVertices::find(&gathered);
-    let vertex_count = vertices.positions.len() as u64;
+    let border_count = divided.border_count();
+    let mut collector = Collector::new(border_count);
+    let mut ledger = Ledger::new(border_count);
+    let mut taken = 0;
+    let (workers, _share) = workers(&divided, context)?;
+    in_order(
+        divided.region_count(),
+        workers,
+        |region| {
+            context.check()?;
+            let leaves = divide::leaves_of(&divided, region, wanted, settings);
+            let mesh = divided.load(region)?;
+            region::run(&mesh, leaves, border_count as u32, settings, &spool, context)
+        },
+        |done| {
+            let inner_before = collector.inner_count();
+            collector.add(&done);
+            let border_count = border_count as u32;
+            let census = done.census.renumbered(|id| if id < border_count { id } else { id + inner_before });
+            ledger.enter(census);
+            taken += 1;
+            ledger.settle_when_large(|id| divided.last_region[id as usize] < taken);
+            Ok(())
+        },
+    )?;
+    drop(divided);
+    ledger.close(border_count as u32).add_to(repairs);
+    let (leaves, shared) = collector.finish();
     repairs.unreferenced_vertices = vertex_count - shared.used_vertices;
-    let leaves: Vec<Leaf> = gathered.into_iter().map(|g| g.leaf).filter(|l| l.triangle_count > 0).collect();
-    census::run(&leaves, &spool, &vertices.positions, &shared, context)?.add_to(repairs);
-    Ok(Decomposition { vertices, spool, leaves, shared })
+    Ok(Decomposition { attributes, spool, leaves, shared })
 }
 
 /// Clusters of the leaf level: the power of two for which a leaf comes closest to the wanted size, so that the hierarchy is a
@@ -78,52 +103,22 @@ fn leaf_count(triangles: usize, settings: &Settings) -> u32 {
     1 << exact.max(1.0).log2().round().min(31.0) as u32
 }
 
-/// Most parts of one call to the partitioner: its time grows with their number, so that more are made in rounds.
-const ROUND_PARTS: u32 = 16;
-
-/// The cluster of each cell.
-fn partition_cells(
-    grid: &Grid,
-    cells: &[u32],
-    triangles: &[[u32; 3]],
-    parts: u32,
-    settings: &Settings,
-) -> Result<Vec<u32>, BuildError> {
-    let mut assignment = vec![0; grid.cells.len()];
-    let parts = parts.min(grid.cells.len() as u32);
-    if parts > 1 {
-        let graph = cell_graph::build(&grid.cells, cells, triangles, settings.cell_neighbors)?;
-        let all: Vec<u32> = (0..grid.cells.len() as u32).collect();
-        partition_region(&graph, &all, 0..parts, settings, &mut assignment)?;
-    }
-    Ok(assignment)
+/// How many regions to work on at the same time, and the memory for them.
+fn workers(
+    divided: &Divided,
+    context: &Context<'_>,
+) -> Result<(usize, chpm_extmem::Reservation), BuildError> {
+    let cost = |region| {
+        TRIANGLE_COST * divided.triangle_count(region) as u64
+            + VERTEX_COST * divided.vertex_count(region) as u64
+    };
+    let largest = (0..divided.region_count()).map(cost).max().unwrap_or(0);
+    let budget = &context.store.budget;
+    let fitting = (budget.chargeable() / largest.max(1)).clamp(1, rayon::current_num_threads() as u64);
+    let share = budget.charge("a region", fitting * largest)?;
+    Ok((fitting as usize, share))
 }
 
-/// Assigns the parts in `range` to a region's cells: `graph` is the region's, `cells` its nodes' numbers.
-fn partition_region(
-    graph: &CsrGraph,
-    cells: &[u32],
-    range: Range<u32>,
-    settings: &Settings,
-    assignment: &mut [u32],
-) -> Result<(), BuildError> {
-    let count = range.end - range.start;
-    let regions = if count > ROUND_PARTS && count.is_multiple_of(ROUND_PARTS) { ROUND_PARTS } else { count };
-    let partition = settings.partitioner.kway(graph, regions, settings.seed)?.parts;
-    if regions == count {
-        for (cell, part) in cells.iter().zip(partition) {
-            assignment[*cell as usize] = range.start + part;
-        }
-        return Ok(());
-    }
-    let mut members = vec![Vec::new(); regions as usize];
-    for (node, region) in partition.iter().enumerate() {
-        members[*region as usize].push(node as u32);
-    }
-    let step = count / regions;
-    for (first, nodes) in (range.start..).step_by(step as usize).zip(&members) {
-        let cells: Vec<u32> = nodes.iter().map(|n| cells[*n as usize]).collect();
-        partition_region(&graph.subgraph(nodes), &cells, first..first + step, settings, assignment)?;
-    }
-    Ok(())
-}
+/// Bytes for each triangle and each vertex of a region while it is worked on.
+const TRIANGLE_COST: u64 = 48;
+const VERTEX_COST: u64 = 72;

@@ -1,10 +1,8 @@
 //! The cluster graph (Quick-VDR 4.2): nodes weighted by vertices, edges by shared vertices first and by nearness second.
 
-use crate::decompose::{Decomposition, LeafData, nearest_pairs};
+use crate::decompose::{Decomposition, nearest_pairs};
 use crate::error::BuildError;
-use chpm_mesh::Aabb;
 use chpm_partition::CsrGraph;
-use rayon::prelude::*;
 
 /// Weight of one shared vertex. Nearness adds at most as much, and that for the closest pair of all.
 const SHARED: u32 = 16;
@@ -13,7 +11,7 @@ const NEIGHBORS: u32 = 6;
 
 pub(crate) fn build(decomposition: &Decomposition) -> Result<CsrGraph, BuildError> {
     let mut edges = shared_edges(decomposition);
-    let centers = centers(decomposition)?;
+    let centers: Vec<[f32; 3]> = decomposition.leaves.iter().map(|leaf| leaf.center).collect();
     let pairs = nearest_pairs(&centers, NEIGHBORS, |_| true);
     let positive = pairs.iter().map(|p| p.2).filter(|d| *d > 0.0);
     let nearest = positive.fold(f32::INFINITY, f32::min);
@@ -24,33 +22,19 @@ pub(crate) fn build(decomposition: &Decomposition) -> Result<CsrGraph, BuildErro
     Ok(CsrGraph::from_edges(decomposition.leaves.iter().map(|l| l.vertex_count).collect(), &edges)?)
 }
 
-/// One edge per pair of leaves and vertex that they share; the graph adds them up.
+/// One edge for each pair of leaves and interface that both are of; the graph adds them up.
 fn shared_edges(decomposition: &Decomposition) -> Vec<(u32, u32, u32)> {
-    let mut pairs = Vec::new();
-    for id in 0..decomposition.shared.len() as u32 {
-        let users = decomposition.shared.users(id);
+    let mut edges = Vec::new();
+    for (users, count) in decomposition.shared.interfaces() {
+        let weight = SHARED.saturating_mul(count);
         // The apex of a huge fan is shared by everyone: tie such users in a chain, not each to each.
         if users.len() > 16 {
-            pairs.extend(users.windows(2).map(|w| (w[0], w[1])));
+            edges.extend(users.windows(2).map(|w| (w[0], w[1], weight)));
             continue;
         }
         for (i, a) in users.iter().enumerate() {
-            pairs.extend(users[i + 1..].iter().map(|b| (*a, *b)));
+            edges.extend(users[i + 1..].iter().map(|b| (*a, *b, weight)));
         }
     }
-    pairs.sort_unstable();
-    pairs.chunk_by(|x, y| x == y).map(|same| (same[0].0, same[0].1, SHARED * same.len() as u32)).collect()
-}
-
-fn centers(decomposition: &Decomposition) -> Result<Vec<[f32; 3]>, BuildError> {
-    let positions = &decomposition.vertices.positions;
-    decomposition
-        .leaves
-        .par_iter()
-        .map_init(LeafData::default, |data, leaf| {
-            data.read(leaf, &decomposition.spool)?;
-            let bounds = Aabb::of_points(data.vertices.iter().map(|v| &positions[*v as usize]));
-            Ok(bounds.center().coords.map(|x| x as f32).into())
-        })
-        .collect()
+    edges
 }

@@ -14,7 +14,7 @@ use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
 
-/// Builds the tree, and finds for each shared vertex the level at which the clusters that use it have merged.
+/// Builds the tree, and finds for each interface of shared vertices the level at which the clusters that use it have merged.
 pub(crate) fn run(
     decomposition: &Decomposition,
     settings: &Settings,
@@ -22,11 +22,6 @@ pub(crate) fn run(
 ) -> Result<(Tree, Vec<u8>), BuildError> {
     let graph = cluster_graph::build(decomposition)?;
     let tree = Tree::build(&graph, settings, context)?;
-    let release = (0..decomposition.shared.len() as u32)
-        .map(|id| {
-            let users = decomposition.shared.users(id);
-            tree.merge_level(users)
-        })
-        .collect();
+    let release = decomposition.shared.interfaces().map(|(users, _)| tree.merge_level(users)).collect();
     Ok((tree, release))
 }

@@ -8,10 +8,11 @@ mod steps;
 mod stream;
 mod weld;
 
+use crate::allowance;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
-use chpm_extmem::{Buffer, BufferWriter};
+use chpm_extmem::{BufferWriter, Column};
 use chpm_format::Source as Provenance;
 use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Tally};
 use chpm_mesh::{Aabb, Attributes};
@@ -21,10 +22,10 @@ use std::path::{Path, PathBuf};
 /// The validated source.
 pub(crate) struct Source {
     /// Positions relative to `origin`.
-    pub(crate) positions: Buffer<[f32; 3]>,
-    pub(crate) normals: Option<Buffer<[f32; 3]>>,
-    pub(crate) colors: Option<Buffer<[u8; 4]>>,
-    pub(crate) triangles: Buffer<[u32; 3]>,
+    pub(crate) positions: Column<[f32; 3]>,
+    pub(crate) normals: Option<Column<[f32; 3]>>,
+    pub(crate) colors: Option<Column<[u8; 4]>>,
+    pub(crate) triangles: Column<[u32; 3]>,
     /// Zero for f32 sources, which keep their bits.
     pub(crate) origin: [f64; 3],
     pub(crate) bounds: Aabb,
@@ -55,6 +56,10 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     // A header may promise more than the file holds: no array starts larger than the source could fill.
     let source_len = std::fs::metadata(path).map_or(0, |m| m.len()) as usize;
     let (vertices, faces) = (vertices.min(source_len), faces.min(source_len));
+    let vertex_len =
+        12 + if format.attributes.normals { 12 } else { 0 } + if format.attributes.colors { 4 } else { 0 };
+    let disk = allowance::disk(vertices as u64, faces as u64, vertex_len);
+    store.workdir.require(disk.saturating_sub(store.budget.limit()))?;
     let mut singles = BufferWriter::new(store, "positions", if format.double { 0 } else { vertices })?;
     let mut doubles = BufferWriter::new(store, "positions", if format.double { vertices } else { 0 })?;
     let mut normals =
@@ -62,6 +67,7 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     let mut colors = BufferWriter::new(store, "colors", if format.attributes.colors { vertices } else { 0 })?;
     let mut triangles = BufferWriter::new(store, "triangles", faces)?;
     let mut bounds = Bounds::default();
+    let mut single_bounds = Aabb::EMPTY;
     let mut batch = Batch::default();
     loop {
         context.check()?;
@@ -69,6 +75,7 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
         match input.next_batch(&mut batch)? {
             BatchKind::Vertices => {
                 bounds.add(&batch);
+                single_bounds.merge(&Aabb::of_points(&batch.positions));
                 singles.extend_from_slice(&batch.positions)?;
                 doubles.extend_from_slice(&batch.positions_f64)?;
                 normals.extend_from_slice(&batch.normals)?;
@@ -86,25 +93,25 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     }
 
     let origin = if format.double { bounds.origin() } else { [0.0; 3] };
-    let positions = if format.double {
-        let doubles = doubles.finish()?;
-        let (positions, rounding) = to_origin(context, &doubles, origin)?;
+    let (positions, bounds) = if format.double {
+        let doubles = doubles.finish_column()?;
+        let (positions, bounds, rounding) = to_origin(context, &doubles, origin)?;
         if rounding > 0.0 {
             warnings.push(format!(
                 "double coordinates were rounded to 24 bits about the origin {origin:?}: by at most {rounding:.3e}"
             ));
         }
-        positions
+        (positions, bounds)
     } else {
-        singles.finish()?
+        (singles.finish_column()?, single_bounds)
     };
     Ok(Source {
-        bounds: Aabb::of_points(positions.iter()),
         positions,
-        normals: format.attributes.normals.then(|| normals.finish()).transpose()?,
-        colors: format.attributes.colors.then(|| colors.finish()).transpose()?,
-        triangles: triangles.finish()?,
+        normals: format.attributes.normals.then(|| normals.finish_column()).transpose()?,
+        colors: format.attributes.colors.then(|| colors.finish_column()).transpose()?,
+        triangles: triangles.finish_column()?,
         origin,
+        bounds,
         tally,
         warnings,
         provenance,
@@ -144,16 +151,19 @@ impl Bounds {
     }
 }
 
-/// Positions relative to the origin, and the largest rounding of a coordinate.
+/// Positions relative to the origin, their bounds, and the largest rounding of a coordinate.
 fn to_origin(
     context: &Context<'_>,
-    doubles: &[[f64; 3]],
+    doubles: &Column<[f64; 3]>,
     origin: [f64; 3],
-) -> Result<(Buffer<[f32; 3]>, f64), BuildError> {
+) -> Result<(Column<[f32; 3]>, Aabb, f64), BuildError> {
+    const STEP: usize = 1 << 14;
     let mut out = BufferWriter::new(&context.store, "positions", doubles.len())?;
     let mut rounding = 0.0f64;
-    let mut local = Vec::new();
-    for chunk in doubles.chunks(4096) {
+    let mut bounds = Aabb::EMPTY;
+    let (mut local, mut scratch) = (Vec::new(), Vec::new());
+    for start in (0..doubles.len()).step_by(STEP) {
+        let chunk = doubles.read(start..doubles.len().min(start + STEP), &mut scratch)?;
         local.clear();
         local.extend(chunk.iter().map(|p| {
             std::array::from_fn::<f32, 3, _>(|axis| {
@@ -163,9 +173,10 @@ fn to_origin(
                 stored
             })
         }));
+        bounds.merge(&Aabb::of_points(&local));
         out.extend_from_slice(&local)?;
     }
-    Ok((out.finish()?, rounding))
+    Ok((out.finish_column()?, bounds, rounding))
 }
 
 /// Counts that ingest found, as the repair report wants them.

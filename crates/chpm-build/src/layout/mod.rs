@@ -44,7 +44,11 @@ pub(crate) fn run(
         write(place, page)?;
         context.progress.advance(1);
         let level = Level(tree.nodes[*node as usize].level);
-        Ok(ClusterRecord::of_page(page, level, GroupId::NONE, GroupId::NONE)?)
+        let mut record = ClusterRecord::of_page(page, level, GroupId::NONE, GroupId::NONE)?;
+        if clusters.trimmed.as_ref().is_some_and(|trimmed| trimmed.is_trimmed(*node)) {
+            record.flags |= ClusterRecord::TRIMMED;
+        }
+        Ok(record)
     };
     order.par_iter().enumerate().with_max_len(4).map_init(Scratch::default, lay_out).collect()
 }
@@ -60,6 +64,9 @@ impl Scratch {
     fn reorder(&mut self, node: u32, clusters: &Hierarchy, settings: &Settings) -> Result<&[u8], BuildError> {
         let page = clusters.page(node);
         clusters.pages.read(page.offset, page.len as usize, &mut self.bytes)?;
+        if let Some(trimmed) = &clusters.trimmed {
+            trimmed.renumber(&mut self.bytes)?;
+        }
         if !settings.layout {
             return Ok(&self.bytes);
         }

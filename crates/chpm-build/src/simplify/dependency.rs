@@ -17,9 +17,10 @@ const MAX_MEMBERS: usize = 8;
 /// Who has the shared vertices while the levels are worked off.
 pub(super) struct Seams<'a> {
     shared: &'a SharedVertices,
+    /// By interface: the level at which its clusters have merged.
     release: &'a [u8],
-    /// Whether a shared vertex has collapsed.
-    gone: Vec<bool>,
+    /// By interface: shared vertices that have not collapsed.
+    left: Vec<u32>,
     /// The cluster of the current level, or the last one below it, over each leaf.
     cluster_over: Vec<u32>,
 }
@@ -27,7 +28,8 @@ pub(super) struct Seams<'a> {
 impl<'a> Seams<'a> {
     pub(super) fn new(shared: &'a SharedVertices, release: &'a [u8], leaf_count: usize) -> Self {
         let cluster_over = (0..leaf_count as u32).collect();
-        Seams { shared, release, gone: vec![false; shared.len()], cluster_over }
+        let left = shared.interfaces().map(|(_, count)| count).collect();
+        Seams { shared, release, left, cluster_over }
     }
 
     /// Goes on to `level`.
@@ -42,7 +44,7 @@ impl<'a> Seams<'a> {
 
     /// Notes that a shared vertex has collapsed.
     pub(super) fn remove(&mut self, id: u32) {
-        self.gone[id as usize] = true;
+        self.left[self.shared.interface_of(id) as usize] -= 1;
     }
 
     /// Whether all clusters that have a shared vertex are among `members`.
@@ -88,19 +90,19 @@ impl<'a> Seams<'a> {
     ) -> Vec<(u32, u32, u32)> {
         let at_level =
             |node: &u32| tree.nodes[*node as usize].level == level && finest_error(*node).is_some();
-        let mut pairs = Vec::new();
+        let mut pairs: Vec<(u32, u32, u32)> = Vec::new();
         let mut having = Vec::new();
-        for id in 0..self.shared.len() as u32 {
-            if self.gone[id as usize] || u32::from(self.release[id as usize]) <= level {
+        for (interface, (users, _)) in self.shared.interfaces().enumerate() {
+            let left = self.left[interface];
+            if left == 0 || u32::from(self.release[interface]) <= level {
                 continue;
             }
             having.clear();
-            let users = self.shared.users(id).iter();
-            having.extend(users.map(|leaf| self.cluster_over[*leaf as usize]).filter(at_level));
+            having.extend(users.iter().map(|leaf| self.cluster_over[*leaf as usize]).filter(at_level));
             having.sort_unstable();
             having.dedup();
             for (i, a) in having.iter().enumerate() {
-                pairs.extend(having[i + 1..].iter().map(|b| (*a, *b)));
+                pairs.extend(having[i + 1..].iter().map(|b| (*a, *b, left)));
             }
         }
         pairs.sort_unstable();
@@ -108,7 +110,8 @@ impl<'a> Seams<'a> {
             let (a, b) = (finest_error(a).unwrap_or(0.0), finest_error(b).unwrap_or(0.0));
             a.max(b) <= settings.dependency_error_ratio * a.min(b)
         };
-        let counted = pairs.chunk_by(|x, y| x == y).map(|same| (same[0].0, same[0].1, same.len() as u32));
+        let together = pairs.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1));
+        let counted = together.map(|same| (same[0].0, same[0].1, same.iter().map(|pair| pair.2).sum()));
         counted
             .filter(|&(a, b, shared)| {
                 let far = u32::from(tree.merge_level(&[a, b])) > level + settings.dependency_levels;

@@ -90,7 +90,8 @@ impl Scratch {
             self.seam_collapses.clear();
             if has_seam {
                 self.seam.collapses_of(side, &mut self.seam_collapses);
-                self.seam.displacements_of(side, &mut self.members[side].set.displacements);
+                let set = &mut self.members[side].set;
+                self.seam.displacements_of(side, set.triangles.len(), &mut set.displacements);
             }
             self.members[side].halve(&mut self.decimator, &self.seam_collapses, task, min_error);
         }
@@ -122,11 +123,13 @@ impl Scratch {
             }
             member.set.fill_from_children(&self.children)?;
         } else {
-            self.leaf.read(&task.decomposition.leaves[node as usize], &task.decomposition.spool)?;
-            member.set.fill_from_leaf(&self.leaf, task.decomposition);
+            task.decomposition.read_leaf(node, &mut self.leaf)?;
+            member.set.fill_from_leaf(&self.leaf);
             member.min_error = 0.0;
         }
-        member.set.shared.retain(|(_, id)| u32::from(task.release[*id as usize]) > task.level);
+        let shared = &task.decomposition.shared;
+        let release = |id: u32| u32::from(task.release[shared.interface_of(id) as usize]);
+        member.set.shared.retain(|(_, id)| release(*id) > task.level);
         Ok(())
     }
 }

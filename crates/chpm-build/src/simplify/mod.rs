@@ -16,7 +16,9 @@ use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
+use crate::range::ErrorRange;
 use crate::report::LevelReport;
+use crate::trim::Trimmed;
 use chpm_extmem::Spool;
 use chpm_format::{BoundaryMode, MAX_CLUSTER_VERTICES};
 use chpm_mesh::Aabb;
@@ -45,9 +47,16 @@ pub(crate) struct Hierarchy {
     pub(crate) pages: Spool,
     /// By node of the tree; none above a merge that would not fit 16-bit indices.
     pub(crate) refs: Vec<Option<PageRef>>,
+    /// By node, what was made of it.
+    pub(crate) reports: Vec<LevelReport>,
+    /// The sums of the levels.
     pub(crate) levels: Vec<LevelReport>,
     /// Dependency groups of built nodes, from the leaves up; the members of one are of one level.
     pub(crate) groups: Vec<Vec<u32>>,
+    /// The errors that are asked for.
+    pub(crate) range: ErrorRange,
+    /// What is left where detail of the source was left out.
+    pub(crate) trimmed: Option<Trimmed>,
 }
 
 impl Hierarchy {
@@ -57,7 +66,8 @@ impl Hierarchy {
     }
 }
 
-/// Builds every cluster's progressive mesh; `release` is the level from which a shared vertex is free.
+/// Builds every cluster's progressive mesh, up to those whose finest meshes have the largest error that is asked for; `release` is
+/// the level from which a shared vertex is free.
 pub(crate) fn run(
     decomposition: &Decomposition,
     tree: &Tree,
@@ -68,13 +78,14 @@ pub(crate) fn run(
     let pages = Spool::new(&context.store, "pages");
     let mut refs: Vec<Option<PageRef>> = vec![None; tree.nodes.len()];
     let mut seams = Seams::new(&decomposition.shared, release, decomposition.leaves.len());
-    let mut levels = Vec::new();
+    let mut range = ErrorRange::ALL;
+    let mut reports = vec![LevelReport::default(); tree.nodes.len()];
     let mut all_groups = Vec::new();
     let mut displacements = Vec::new();
     for level in 0..tree.level_count() {
         seams.rise(tree, level);
         displacements.push(Spool::new(&context.store, "displacements"));
-        let finest_error = |node: u32| finest_error(node, tree, &refs);
+        let finest_error = |node: u32| finest_error(node, tree, &refs).filter(|error| *error <= range.coarsest);
         let mut groups: Vec<Vec<u32>> = match settings.boundary {
             BoundaryMode::Dependencies => seams.groups(tree, level, settings, finest_error),
             _ => tree.level(level).map(|node| vec![node as u32]).collect(),
@@ -101,16 +112,12 @@ pub(crate) fn run(
                 Ok(done)
             })
             .collect::<Result<Vec<_>, BuildError>>()?;
-        let mut report = LevelReport { level, min_error: f32::INFINITY, ..LevelReport::default() };
         for (group, done) in groups.iter().zip(results) {
             for (node, (page, cluster)) in group.iter().zip(done.members) {
                 refs[*node as usize] = Some(page);
-                add(&mut report, &cluster);
+                reports[*node as usize] = cluster;
             }
             done.removed.into_iter().for_each(|id| seams.remove(id));
-        }
-        if report.clusters > 0 {
-            levels.push(report);
         }
         for (below, spool) in displacements.iter_mut().enumerate().filter(|(_, s)| !s.is_empty()) {
             if last_reader(tree, below as u32) <= level {
@@ -118,8 +125,37 @@ pub(crate) fn run(
             }
         }
         all_groups.extend(groups);
+        if level == 0 {
+            range = ErrorRange::of(settings, diagonal(&refs))?;
+        }
     }
-    Ok(Hierarchy { pages, refs, levels, groups: all_groups })
+    let levels = level_reports(tree, &refs, &reports);
+    Ok(Hierarchy { pages, refs, reports, levels, groups: all_groups, range, trimmed: None })
+}
+
+/// Of the box around the finest meshes that there are.
+fn diagonal(refs: &[Option<PageRef>]) -> f64 {
+    let mut all = Aabb::EMPTY;
+    refs.iter().flatten().for_each(|page| all.merge(&page.bounds));
+    all.diagonal()
+}
+
+/// The sums of the levels over the nodes that were built.
+pub(crate) fn level_reports(
+    tree: &Tree,
+    refs: &[Option<PageRef>],
+    reports: &[LevelReport],
+) -> Vec<LevelReport> {
+    let mut levels: Vec<LevelReport> = Vec::new();
+    for ((node, report), _) in tree.nodes.iter().zip(reports).zip(refs).filter(|(_, page)| page.is_some()) {
+        let level = node.level as usize;
+        for above in levels.len()..=level {
+            let empty = LevelReport { level: above as u32, min_error: f32::INFINITY, ..LevelReport::default() };
+            levels.push(empty);
+        }
+        add(&mut levels[level], report);
+    }
+    levels
 }
 
 /// The error that a node's finest mesh comes with; none if its children are not built or do not fit 16-bit indices together.

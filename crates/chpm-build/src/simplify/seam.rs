@@ -22,9 +22,15 @@ pub(super) struct Seam {
     id_of: Vec<Option<u32>>,
     collapses: Vec<Collapse>,
     displacements: Vec<Displacement>,
-    /// Per member, its first triangle in the union.
-    first_triangle: Vec<usize>,
+    /// Per triangle of the union, the member's; the members' come one after another, and end at these places.
+    triangle_of: Vec<u32>,
+    ends: Vec<usize>,
+    /// Vertices of one member that its triangles in the union use.
+    used: Vec<bool>,
 }
+
+/// "The union does not have this vertex."
+const NONE: u16 = u16::MAX;
 
 impl Seam {
     /// Simplifies the seams of the members, keeping the given share of their vertices. `inside` tells whether only members have a
@@ -38,10 +44,9 @@ impl Seam {
         min_error: f32,
     ) -> bool {
         self.collapses.clear();
-        if members.iter().map(|m| m.positions.len()).sum::<usize>() > usize::from(u16::MAX) {
+        if !self.unite(members, inside) {
             return false;
         }
-        self.unite(members, inside);
         let free =
             self.sides.iter().zip(&self.locked).filter(|(s, locked)| s.count_ones() > 1 && !**locked).count();
         let count = free - (free as f64 * keep) as usize;
@@ -58,11 +63,14 @@ impl Seam {
         true
     }
 
-    fn unite(&mut self, members: &[&WorkingSet], inside: impl Fn(u32) -> bool) {
+    /// Fills the union with the triangles that have a shared vertex: no others are about a vertex that may go, or that it may go
+    /// to. Answers false if there are too many vertices.
+    fn unite(&mut self, members: &[&WorkingSet], inside: impl Fn(u32) -> bool) -> bool {
         self.positions.clear();
         self.triangles.clear();
         self.displacements.clear();
-        self.first_triangle.clear();
+        self.triangle_of.clear();
+        self.ends.clear();
         self.locked.clear();
         self.sides.clear();
         self.known.clear();
@@ -70,40 +78,74 @@ impl Seam {
         self.to_union.resize_with(members.len(), Vec::new);
         self.to_local.resize_with(members.len(), Vec::new);
         for (side, member) in members.iter().enumerate() {
-            let to_union = &mut self.to_union[side];
-            to_union.clear();
-            let mut shared = member.shared.iter().peekable();
-            let before = self.known.len();
-            for (vertex, position) in member.positions.iter().enumerate() {
-                let id = shared.next_if(|(v, _)| usize::from(*v) == vertex).map(|(_, id)| *id);
-                let found = id.and_then(|id| self.known[..before].binary_search_by_key(&id, |k| k.0).ok());
-                let union = match found {
-                    Some(known) => self.known[known].1,
-                    None => {
-                        let fresh = self.positions.len() as u16;
-                        self.positions.push(*position);
-                        self.sides.push(0);
-                        self.id_of.push(id);
-                        self.locked.push(id.is_some_and(|id| !inside(id)));
-                        self.known.extend(id.map(|id| (id, fresh)));
-                        fresh
-                    }
-                };
-                self.sides[usize::from(union)] |= 1 << side;
-                to_union.push(union);
+            self.take_triangles(member);
+            self.take_vertices(side, member, &inside);
+            if self.positions.len() > usize::from(NONE) {
+                return false;
             }
-            self.known.sort_unstable();
-            self.first_triangle.push(self.triangles.len());
-            self.displacements.extend_from_slice(&member.displacements);
-            self.triangles.extend(member.triangles.iter().map(|t| t.map(|v| to_union[usize::from(v)])));
+            let (start, to_union) = (self.ends.last().copied().unwrap_or(0), &self.to_union[side]);
+            for triangle in &mut self.triangles[start..] {
+                *triangle = triangle.map(|v| to_union[usize::from(v)]);
+            }
+            self.ends.push(self.triangles.len());
         }
         for (to_local, to_union) in self.to_local.iter_mut().zip(&self.to_union) {
             to_local.clear();
-            to_local.resize(self.positions.len(), u16::MAX);
-            for (local, union) in to_union.iter().enumerate() {
+            to_local.resize(self.positions.len(), NONE);
+            for (local, union) in to_union.iter().enumerate().filter(|(_, union)| **union != NONE) {
                 to_local[usize::from(*union)] = local as u16;
             }
         }
+        true
+    }
+
+    /// Appends a member's triangles at shared vertices, with its own numbers of the vertices.
+    fn take_triangles(&mut self, member: &WorkingSet) {
+        self.used.clear();
+        self.used.resize(member.positions.len(), false);
+        member.shared.iter().for_each(|(v, _)| self.used[usize::from(*v)] = true);
+        let first = self.triangles.len();
+        for (index, triangle) in member.triangles.iter().enumerate() {
+            if triangle.iter().any(|v| self.used[usize::from(*v)]) {
+                self.triangles.push(*triangle);
+                self.triangle_of.push(index as u32);
+                self.displacements.push(member.displacements.get(index).copied().unwrap_or_default());
+            }
+        }
+        for v in self.triangles[first..].as_flattened() {
+            self.used[usize::from(*v)] = true;
+        }
+    }
+
+    /// Appends the vertices that these use.
+    fn take_vertices(&mut self, side: usize, member: &WorkingSet, inside: impl Fn(u32) -> bool) {
+        let to_union = &mut self.to_union[side];
+        to_union.clear();
+        let mut shared = member.shared.iter().peekable();
+        let before = self.known.len();
+        for (vertex, position) in member.positions.iter().enumerate() {
+            let id = shared.next_if(|(v, _)| usize::from(*v) == vertex).map(|(_, id)| *id);
+            if !self.used[vertex] {
+                to_union.push(NONE);
+                continue;
+            }
+            let found = id.and_then(|id| self.known[..before].binary_search_by_key(&id, |k| k.0).ok());
+            let union = match found {
+                Some(known) => self.known[known].1,
+                None => {
+                    let fresh = self.positions.len() as u16;
+                    self.positions.push(*position);
+                    self.sides.push(0);
+                    self.id_of.push(id);
+                    self.locked.push(id.is_some_and(|id| !inside(id)));
+                    self.known.extend(id.map(|id| (id, fresh)));
+                    fresh
+                }
+            };
+            self.sides[usize::from(union)] |= 1 << side;
+            to_union.push(union);
+        }
+        self.known.sort_unstable();
     }
 
     /// The seam's collapses as the given member carries them out.
@@ -118,11 +160,13 @@ impl Seam {
         }));
     }
 
-    /// How far the given member's triangles, those that are left, are from the source after the seam's collapses.
-    pub(super) fn displacements_of(&self, side: usize, out: &mut Vec<Displacement>) {
-        let end = self.first_triangle.get(side + 1).copied().unwrap_or(self.triangles.len());
-        out.clear();
-        out.extend_from_slice(&self.displacements[self.first_triangle[side]..end]);
+    /// Updates how far the given member's `triangle_count` triangles, those that are left, are from the source.
+    pub(super) fn displacements_of(&self, side: usize, triangle_count: usize, out: &mut Vec<Displacement>) {
+        out.resize(triangle_count, Displacement::default());
+        let start = if side == 0 { 0 } else { self.ends[side - 1] };
+        for union in start..self.ends[side] {
+            out[self.triangle_of[union] as usize] = self.displacements[union];
+        }
     }
 
     /// Ids of the shared vertices that collapsed.

@@ -1,7 +1,7 @@
 //! The mesh of one cluster while it is worked on.
 
 use super::merge::Merger;
-use crate::decompose::{Decomposition, LeafData};
+use crate::decompose::LeafData;
 use chpm_format::{FormatError, Page};
 use chpm_qem::{Displacement, Record};
 
@@ -38,18 +38,13 @@ impl WorkingSet {
     }
 
     /// The mesh of a leaf.
-    pub(super) fn fill_from_leaf(&mut self, leaf: &LeafData, decomposition: &Decomposition) {
+    pub(super) fn fill_from_leaf(&mut self, leaf: &LeafData) {
         self.clear();
-        let source = &decomposition.vertices;
-        self.positions.extend(leaf.vertices.iter().map(|v| source.positions[*v as usize]));
-        if let Some(normals) = &source.normals {
-            self.normals.extend(leaf.vertices.iter().map(|v| normals[*v as usize]));
-        }
-        if let Some(colors) = &source.colors {
-            self.colors.extend(leaf.vertices.iter().map(|v| colors[*v as usize]));
-        }
+        self.positions.extend_from_slice(&leaf.positions);
+        self.normals.extend_from_slice(&leaf.normals);
+        self.colors.extend_from_slice(&leaf.colors);
         self.triangles.extend_from_slice(&leaf.triangles);
-        decomposition.shared.mark(&leaf.vertices, &mut self.shared);
+        self.shared.extend_from_slice(&leaf.shared);
     }
 
     /// The union of two children's base meshes, joined at the vertices that both share.

@@ -3,6 +3,7 @@
 mod bytes;
 mod groups;
 mod odd;
+mod scene;
 mod shapes;
 mod site;
 mod stop;

@@ -34,10 +34,17 @@ pub(super) fn check<D: AsRef<[u8]>>(
     report.expect(base == page.base_triangle_count, Invariant::ProgressiveMesh, place, message);
 
     let record = &file.clusters()[id.index()];
-    if record.is_leaf() {
+    let leaf = record.is_leaf();
+    let message = "a leaf expected where triangles are not the source's";
+    report.expect(leaf || !record.is_trimmed(), Invariant::Coverage, Place::Cluster(id), message);
+    // What vanished before the detail below was left out keeps its vertex.
+    if leaf && !record.is_trimmed() {
         scratch.used.clear();
         scratch.used.resize(page.vertex_count(), false);
         page.triangles.as_flattened().iter().for_each(|v| scratch.used[usize::from(*v)] = true);
+        let exact = record.min_error == 0.0;
+        let message = format_args!("no error in the source's own triangles expected, got {}", record.min_error);
+        report.expect(exact, Invariant::Coverage, Place::Cluster(id), message);
         let unused = scratch.used.iter().filter(|used| !**used).count();
         let message =
             format_args!("triangles over every vertex of a leaf expected, {unused} vertices have none");

@@ -1,6 +1,6 @@
 use crate::sample::{Cluster, Sample, sheet, two_level, with, write};
 use chpm_format::verify::MAX_FAULTS;
-use chpm_format::{BoundaryMode, Chpm, HeaderFields, Invariant, LevelRecord, Place, Tables, verify};
+use chpm_format::{BoundaryMode, Chpm, ClusterRecord, HeaderFields, Invariant, LevelRecord, Place, Tables, verify};
 use chpm_mesh::{Attributes, ClusterId};
 
 /// The invariants that a file breaks, each once.
@@ -46,6 +46,33 @@ fn coverage() {
     });
     assert_eq!(unused, [Invariant::Coverage]);
     assert_eq!(changed(|s| s.clusters[1].shared[1].1 = 0), [Invariant::Coverage]);
+}
+
+#[test]
+fn trimmed_leaves() {
+    let trimmed = |s: &mut Tables, cluster: usize| s.clusters[cluster].flags = ClusterRecord::TRIMMED;
+    assert_eq!(retold(|t| trimmed(t, 1)), []);
+    assert_eq!(retold(|t| trimmed(t, 0)), [Invariant::Coverage], "no leaf");
+    assert_eq!(retold(|t| t.clusters[1].flags = 2), [Invariant::Bytes], "an unknown flag");
+    let (mut tables, pages) = two_level().tables();
+    assert!(!Chpm::open(write(&mut tables, &pages)).unwrap().is_trimmed());
+    trimmed(&mut tables, 2);
+    assert!(Chpm::open(write(&mut tables, &pages)).unwrap().is_trimmed());
+    // A leaf with an error, with a vertex that is not used, with an id that is nowhere else: only where it is trimmed.
+    let mut sample = two_level();
+    sample.clusters[1].min_error = sample.clusters[1].errors[0] / 4.0;
+    sample.clusters[1].errors.iter_mut().for_each(|error| *error = error.max(0.01));
+    sample.clusters[1].positions.insert(0, [4.0, 2.0, 0.5]);
+    sample.clusters[1].triangles.iter_mut().flatten().for_each(|v| *v += 1);
+    sample.clusters[1].targets.iter_mut().for_each(|v| *v += 1);
+    sample.clusters[1].shared.iter_mut().for_each(|(local, _)| *local += 1);
+    sample.clusters[1].shared.insert(0, (0, sample.header.shared_vertex_count));
+    sample.header.source_vertex_count += 1;
+    sample.header.shared_vertex_count += 1;
+    let (mut tables, pages) = sample.tables();
+    assert_eq!(broken(write(&mut tables, &pages)), [Invariant::Coverage]);
+    trimmed(&mut tables, 1);
+    assert_eq!(broken(write(&mut tables, &pages)), []);
 }
 
 #[test]
@@ -122,7 +149,7 @@ fn bytes() {
     let good = two_level().bytes();
     let sealed = |offset| broken(with(&good, offset, &[1]));
     assert_eq!(sealed(150), [Invariant::Bytes], "reserved in the header");
-    assert_eq!(sealed(512 + 44), [Invariant::Bytes], "cluster flags");
+    assert_eq!(sealed(512 + 45), [Invariant::Bytes], "cluster flags");
     assert_eq!(sealed(896 + 60), [Invariant::Bytes], "reserved in a group");
     assert_eq!(sealed(4096 + 60), [Invariant::Bytes], "reserved in a page");
     assert_eq!(sealed(8191), [Invariant::Bytes], "padding of a page");

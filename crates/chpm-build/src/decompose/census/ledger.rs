@@ -1,6 +1,6 @@
-//! Puts the leaves' censuses together.
+//! Puts censuses together: those of leaves to that of a region, those of regions to that of the source.
 
-use super::local::{EdgeKind, EdgeUse, Fan, LOOSE, LeafCensus};
+use super::local::{Census, EdgeKind, EdgeUse, Fan, LOOSE, hand_over};
 use super::sets::Sets;
 use crate::report::Repairs;
 use rayon::prelude::*;
@@ -8,9 +8,9 @@ use rayon::prelude::*;
 /// Records that are let gather before settling is worth its sorting.
 const LARGE: usize = 1 << 20;
 
-/// Takes in leaves in order. Memory: 9 bytes for each shared vertex, and 12 for each record not settled yet.
+/// Takes in leaves, or regions, in order. Memory: 9 bytes for each shared vertex, and 12 for each record not settled yet.
 #[derive(Debug)]
-pub(super) struct Ledger {
+pub(crate) struct Ledger {
     found: Repairs,
     /// Sets of shared ids: those that faces connect, and those that boundary edges do.
     surface: Sets,
@@ -25,7 +25,8 @@ pub(super) struct Ledger {
 }
 
 impl Ledger {
-    pub(super) fn new(shared_count: usize) -> Self {
+    /// For shared vertices with numbers below `shared_count`. Above, a number may only be the end of a fan.
+    pub(crate) fn new(shared_count: usize) -> Self {
         let mut absent = [Sets::default(), Sets::default()];
         absent.iter_mut().for_each(|sets| sets.absent(shared_count));
         let [surface, border] = absent;
@@ -41,30 +42,31 @@ impl Ledger {
         }
     }
 
-    /// Takes in what the next leaf counted.
-    pub(super) fn enter(&mut self, leaf: LeafCensus) {
-        super::add(&mut self.found, &leaf.found);
-        for [a, b] in leaf.connected {
+    /// Takes in what was counted next.
+    pub(crate) fn enter(&mut self, part: Census) {
+        super::add(&mut self.found, &part.found);
+        for [a, b] in part.connected {
             self.surface.join(a, b);
         }
-        for [a, b] in leaf.bordering {
+        for [a, b] in part.bordering {
             self.border.join(a, b);
         }
-        self.edges.extend(leaf.edges);
-        self.fans.extend(leaf.fans);
+        part.non_manifold.into_iter().for_each(|id| self.non_manifold[id as usize] = true);
+        self.edges.extend(part.edges);
+        self.fans.extend(part.fans);
     }
 
     /// [`Self::settle`] once many records have come together.
-    pub(super) fn settle_when_large(&mut self, done: u32, last_user: &impl Fn(u32) -> u32) {
+    pub(crate) fn settle_when_large(&mut self, is_complete: impl Fn(u32) -> bool) {
         if self.edges.len() + self.fans.len() > self.limit {
-            self.settle(done, last_user);
+            self.settle(is_complete);
             self.limit = LARGE + 2 * (self.edges.len() + self.fans.len());
         }
     }
 
-    /// Decides all edges and vertices that no leaf from `done` on can add to, and forgets their records. `last_user` names
-    /// the last leaf that uses a shared vertex.
-    pub(super) fn settle(&mut self, done: u32, last_user: &impl Fn(u32) -> u32) {
+    /// Decides all edges and vertices that nothing later can add to, and forgets their records. A vertex is complete if
+    /// all that use it were entered.
+    pub(super) fn settle(&mut self, is_complete: impl Fn(u32) -> bool) {
         let Ledger { found, border, edges, fans, non_manifold, scratch, .. } = self;
         edges.par_sort_unstable();
         edges.dedup_by(|next, kept| {
@@ -77,7 +79,7 @@ impl Ledger {
         edges.retain(|edge| {
             let [a, b] = edge.ends;
             // Whoever has a face on an edge uses both its ends.
-            if last_user(a).min(last_user(b)) >= done {
+            if !is_complete(a) && !is_complete(b) {
                 return true;
             }
             match edge.faces.count(found) {
@@ -94,20 +96,27 @@ impl Ledger {
         });
         fans.par_sort_unstable();
         for about_one in fans.chunk_by(|x, y| x.vertex == y.vertex) {
-            if last_user(about_one[0].vertex) < done && !scratch.are_one(about_one) {
+            if is_complete(about_one[0].vertex) && !scratch.are_one(about_one) {
                 non_manifold[about_one[0].vertex as usize] = true;
             }
         }
-        fans.retain(|fan| last_user(fan.vertex) >= done);
+        fans.retain(|fan| !is_complete(fan.vertex));
     }
 
-    /// The counts of everything, once all leaves are in.
-    pub(super) fn close(mut self) -> Repairs {
-        self.settle(u32::MAX, &|_| 0);
-        self.found.components += u64::from(self.surface.count);
-        self.found.boundary_loops += u64::from(self.border.count);
-        self.found.non_manifold_vertices += self.non_manifold.iter().filter(|bad| **bad).count() as u64;
-        self.found
+    /// The counts of everything that was entered. Vertices below `complete` are complete; what is open about the others is
+    /// handed over.
+    pub(crate) fn close(mut self, complete: u32) -> Census {
+        self.settle(|id| id < complete);
+        let open = complete..self.non_manifold.len() as u32;
+        let open_ids = || open.clone().map(|id| (id, id));
+        let mut first = Vec::new();
+        let mut rest = Census { found: self.found, edges: self.edges, fans: self.fans, ..Census::default() };
+        rest.found.components += hand_over(&mut self.surface, open_ids(), &mut first, &mut rest.connected);
+        rest.found.boundary_loops += hand_over(&mut self.border, open_ids(), &mut first, &mut rest.bordering);
+        let (inner, outer) = self.non_manifold.split_at(complete as usize);
+        rest.found.non_manifold_vertices += inner.iter().filter(|bad| **bad).count() as u64;
+        rest.non_manifold.extend(open.clone().zip(outer).filter(|(_, bad)| **bad).map(|(id, _)| id));
+        rest
     }
 }
 

@@ -9,19 +9,43 @@ pub(super) const LOOSE: u32 = u32::MAX;
 /// Local vertices that there can be; a table of this length takes any `u16` without a check.
 const TABLE: usize = 1 << 16;
 
-/// What one leaf counted, and what it hands over.
+/// What was counted in one leaf, or in several, and what is handed over.
 #[derive(Debug, Default)]
-pub(super) struct LeafCensus {
-    /// Counts of all that is complete in the leaf.
+pub(crate) struct Census {
+    /// Counts of all that is complete.
     pub(super) found: Repairs,
-    /// Its edges between shared vertices.
+    /// Edges between shared vertices.
     pub(super) edges: Vec<EdgeUse>,
-    /// Its fans about shared vertices.
+    /// Fans about shared vertices.
     pub(super) fans: Vec<Fan>,
-    /// Pairs of shared ids that its faces connect; a pair of equals makes a vertex known.
+    /// Pairs of shared ids that faces connect; a pair of equals makes a vertex known.
     pub(super) connected: Vec<[u32; 2]>,
-    /// Pairs of shared ids that its boundary edges connect; a pair of equals makes a vertex known.
+    /// Pairs of shared ids that boundary edges connect; a pair of equals makes a vertex known.
     pub(super) bordering: Vec<[u32; 2]>,
+    /// Shared ids of vertices that are known to be non-manifold.
+    pub(super) non_manifold: Vec<u32>,
+}
+
+impl Census {
+    /// The same with other shared ids.
+    pub(crate) fn renumbered(mut self, new: impl Fn(u32) -> u32) -> Self {
+        for edge in &mut self.edges {
+            let [a, b] = edge.ends.map(&new);
+            if a > b {
+                edge.faces = Faces { forward: edge.faces.backward, backward: edge.faces.forward };
+            }
+            edge.ends = [a.min(b), a.max(b)];
+        }
+        for fan in &mut self.fans {
+            fan.vertex = new(fan.vertex);
+            fan.ends = fan.ends.map(|end| if end == LOOSE { LOOSE } else { new(end) });
+        }
+        for pair in self.connected.iter_mut().chain(&mut self.bordering) {
+            *pair = pair.map(&new);
+        }
+        self.non_manifold.iter_mut().for_each(|id| *id = new(*id));
+        self
+    }
 }
 
 /// The faces of one leaf on an edge between shared vertices.
@@ -94,7 +118,7 @@ impl Fan {
 
 /// Counts leaves, one after the other; holds the tables for that.
 #[derive(Debug)]
-pub(super) struct Surveyor {
+pub(crate) struct Surveyor {
     points: Vec<[f32; 3]>,
     /// Shared id by local vertex, or [`LOOSE`].
     ids: Vec<u32>,
@@ -136,15 +160,15 @@ impl Default for Surveyor {
 
 impl Surveyor {
     /// Counts one leaf: `triangles` over local vertices (three different ones each), whose global numbers are `vertices`
-    /// (each in some triangle), `shared` of which other leaves use too, given as (local, shared id).
-    pub(super) fn survey(
+    /// (each in some triangle), `shared` of which other leaves may use too, given as (local, shared id).
+    pub(crate) fn survey(
         &mut self,
         triangles: &[[u16; 3]],
         vertices: &[u32],
         shared: &[(u16, u32)],
         positions: &[[f32; 3]],
-    ) -> LeafCensus {
-        let mut leaf = LeafCensus::default();
+    ) -> Census {
+        let mut leaf = Census::default();
         self.ids.clear();
         self.ids.resize(vertices.len(), LOOSE);
         for &(local, id) in shared {
@@ -162,7 +186,7 @@ impl Surveyor {
         }
         if self.border.count > 0 {
             leaf.found.boundary_loops =
-                hand_over(&mut self.border, shared, &mut self.first, &mut leaf.bordering);
+                hand_over(&mut self.border, marked(shared), &mut self.first, &mut leaf.bordering);
         }
         if !self.doubtful.is_empty() {
             leaf.found.duplicate_faces = self.count_copies(triangles);
@@ -175,7 +199,7 @@ impl Surveyor {
         triangles: &[[u16; 3]],
         vertices: &[u32],
         positions: &[[f32; 3]],
-        leaf: &mut LeafCensus,
+        leaf: &mut Census,
     ) {
         self.points.clear();
         self.points.extend(vertices.iter().map(|v| positions[*v as usize]));
@@ -191,14 +215,15 @@ impl Surveyor {
         triangles: &[[u16; 3]],
         vertex_count: usize,
         shared: &[(u16, u32)],
-        leaf: &mut LeafCensus,
+        leaf: &mut Census,
     ) {
         self.surface.singletons(vertex_count);
         for &[a, b, c] in triangles {
             self.surface.join_present(u32::from(a), u32::from(b));
             self.surface.join_present(u32::from(a), u32::from(c));
         }
-        leaf.found.components = hand_over(&mut self.surface, shared, &mut self.first, &mut leaf.connected);
+        leaf.found.components =
+            hand_over(&mut self.surface, marked(shared), &mut self.first, &mut leaf.connected);
     }
 
     fn gather_wings(&mut self, triangles: &[[u16; 3]], vertex_count: usize) {
@@ -253,7 +278,7 @@ impl Surveyor {
 
     /// Counts or hands over the fans of an open vertex, and its edges to later ones. (Edges to vertices that are not open
     /// have nothing to count.)
-    fn look_at(&mut self, vertex: u16, leaf: &mut LeafCensus) {
+    fn look_at(&mut self, vertex: u16, leaf: &mut Census) {
         let wings = &self.wings
             [self.starts[usize::from(vertex)] as usize..self.starts[usize::from(vertex) + 1] as usize];
         self.link.gather(vertex, wings, &mut self.next);
@@ -365,14 +390,24 @@ impl Link {
     }
 }
 
-/// Writes down which shared vertices hang together, as pairs; returns how many sets hold none.
-fn hand_over(sets: &mut Sets, shared: &[(u16, u32)], first: &mut Vec<u32>, pairs: &mut Vec<[u32; 2]>) -> u64 {
+fn marked(shared: &[(u16, u32)]) -> impl Iterator<Item = (u32, u32)> {
+    shared.iter().map(|(local, id)| (u32::from(*local), *id))
+}
+
+/// Writes down which shared vertices, given by number in the sets and id, hang together, as pairs; returns how many sets hold
+/// none.
+pub(super) fn hand_over(
+    sets: &mut Sets,
+    shared: impl Iterator<Item = (u32, u32)>,
+    first: &mut Vec<u32>,
+    pairs: &mut Vec<[u32; 2]>,
+) -> u64 {
     let mut whole = sets.count;
     first.clear();
-    first.resize(if shared.is_empty() { 0 } else { sets.len() }, LOOSE);
-    for &(local, id) in shared {
-        if sets.contains(u32::from(local)) {
-            let first = &mut first[sets.find(u32::from(local)) as usize];
+    first.resize(sets.len(), LOOSE);
+    for (local, id) in shared {
+        if sets.contains(local) {
+            let first = &mut first[sets.find(local) as usize];
             if *first == LOOSE {
                 *first = id;
                 whole -= 1;

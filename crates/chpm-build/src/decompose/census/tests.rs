@@ -1,50 +1,58 @@
 use super::ledger::Ledger;
 use super::local::Surveyor;
-use super::run;
-use crate::context::Context;
-use crate::decompose::leaf::{self, Leaf};
-use crate::decompose::shared::SharedVertices;
-use crate::progress::{Cancel, Silent};
 use crate::report::Repairs;
-use chpm_extmem::{Spool, Store};
 use chpm_mesh::TriMesh;
 use chpm_mesh::synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The census of a mesh whose triangle `t` lies in leaf `leaves[t]`, settled after each `step` leaves.
-fn census(mesh: &TriMesh, leaves: &[usize], step: u32) -> Repairs {
+/// The census of a mesh whose triangle `t` lies in leaf `leaves[t]`, `step` leaves being a region.
+fn census(mesh: &TriMesh, leaves: &[usize], step: usize) -> Repairs {
     let leaf_count = leaves.iter().max().map_or(0, |last| last + 1);
-    let mut users = BTreeMap::<u32, BTreeSet<u32>>::new();
+    let mut users = BTreeMap::<u32, BTreeSet<usize>>::new();
     for (triangle, leaf) in mesh.triangles.iter().zip(leaves) {
         for v in triangle {
-            users.entry(*v).or_default().insert(*leaf as u32);
+            users.entry(*v).or_default().insert(*leaf);
         }
     }
     users.retain(|_, leaves| leaves.len() > 1);
-    let ids: BTreeMap<u32, u32> = users.keys().copied().zip(0..).collect();
-    let last_users: Vec<u32> = users.values().filter_map(|leaves| leaves.last().copied()).collect();
+    let regions = |v: u32| users[&v].iter().map(|leaf| leaf / step).collect::<BTreeSet<_>>();
+    let (border, inner): (Vec<u32>, Vec<u32>) = users.keys().partition(|v| regions(**v).len() > 1);
+    let last_region: Vec<usize> = border.iter().filter_map(|v| regions(*v).last().copied()).collect();
 
-    let mut ledger = Ledger::new(ids.len());
+    let mut whole = Ledger::new(border.len());
     let mut surveyor = Surveyor::default();
-    for leaf in 0..leaf_count {
-        let own = || mesh.triangles.iter().zip(leaves).filter(|(_, l)| **l == leaf).map(|(t, _)| *t);
-        let vertices: BTreeSet<u32> = own().flatten().collect();
-        let mut vertices: Vec<u32> = vertices.into_iter().collect();
-        // Local numbers are in no order of global ones.
-        let third = vertices.len() / 3;
-        vertices.rotate_left(third * (leaf % 3));
-        let locals: BTreeMap<u32, u16> = vertices.iter().copied().zip(0..).collect();
-        let local = |v: u32| locals[&v];
-        let triangles: Vec<[u16; 3]> = own().map(|t| t.map(local)).collect();
-        let shared: Vec<(u16, u32)> =
-            (0..).zip(&vertices).filter_map(|(local, v)| Some((local, *ids.get(v)?))).collect();
-        ledger.enter(surveyor.survey(&triangles, &vertices, &shared, &mesh.positions));
-        if (leaf as u32 + 1).is_multiple_of(step) {
-            ledger.settle(leaf as u32 + 1, &|id| last_users[id as usize]);
+    for region in 0..leaf_count.div_ceil(step) {
+        // Numbers of a region: its inner vertices, and then border vertices in an order that is not that of the border.
+        let inner: Vec<u32> = inner.iter().copied().filter(|v| regions(*v).contains(&region)).collect();
+        let mut outer: Vec<u32> = border.iter().copied().filter(|v| regions(*v).contains(&region)).collect();
+        let turn = outer.len() / 2;
+        outer.rotate_left(turn);
+        let ids: BTreeMap<u32, u32> = inner.iter().chain(&outer).copied().zip(0..).collect();
+        let mut ledger = Ledger::new(ids.len());
+        for leaf in region * step..leaf_count.min((region + 1) * step) {
+            let own = || mesh.triangles.iter().zip(leaves).filter(|(_, l)| **l == leaf).map(|(t, _)| *t);
+            let vertices: BTreeSet<u32> = own().flatten().collect();
+            let mut vertices: Vec<u32> = vertices.into_iter().collect();
+            // Local numbers are in no order of global ones.
+            let third = vertices.len() / 3;
+            vertices.rotate_left(third * (leaf % 3));
+            let locals: BTreeMap<u32, u16> = vertices.iter().copied().zip(0..).collect();
+            let local = |v: u32| locals[&v];
+            let triangles: Vec<[u16; 3]> = own().map(|t| t.map(local)).collect();
+            let shared: Vec<(u16, u32)> =
+                (0..).zip(&vertices).filter_map(|(local, v)| Some((local, *ids.get(v)?))).collect();
+            ledger.enter(surveyor.survey(&triangles, &vertices, &shared, &mesh.positions));
         }
+        let inner_count = inner.len() as u32;
+        let global = |id: u32| match id.checked_sub(inner_count) {
+            Some(outer_index) => border.partition_point(|v| *v < outer[outer_index as usize]) as u32,
+            None => (border.len() + 1000 * region) as u32 + id,
+        };
+        whole.enter(ledger.close(inner_count).renumbered(global));
+        whole.settle(|id| last_region[id as usize] <= region);
     }
-    ledger.close()
+    whole.close(border.len() as u32).found
 }
 
 fn whole(mesh: &TriMesh) -> Repairs {
@@ -202,40 +210,6 @@ fn larger_meshes_agree_with_the_definition_in_slabs_of_triangles() {
     }
 }
 
-/// Three clusters of equal numbers of vertices; a triangle lies in that of its first corner.
-#[test]
-fn leaves_read_from_a_spool_agree_for_any_number_of_threads() {
-    let mut mesh = Synth::new(Shape::Terrain, 3000, 5).to_mesh();
-    mesh.triangles.swap_remove(1234);
-    let vertex_count = mesh.positions.len() as u32;
-    let starts = [0, vertex_count / 3, 2 * vertex_count / 3, vertex_count];
-    let owner = |t: &[u32; 3]| starts.partition_point(|start| *start <= t[0]) - 1;
-    mesh.triangles.sort_by_key(owner);
-    let leaves: Vec<usize> = mesh.triangles.iter().map(owner).collect();
-    let triangle_starts = [0, 1, 2, 3].map(|part| leaves.partition_point(|leaf| *leaf < part));
-
-    let parent = tempfile::tempdir().unwrap();
-    for threads in [1, 3] {
-        let store = Store::create(parent.path(), 1 << 20).unwrap();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let context = Context::new(store, pool, &Silent, Cancel::default());
-        let spool = Spool::new(&context.store, "leaves");
-        let gathered = leaf::gather(&mesh.triangles, &triangle_starts, &starts, &spool, &context).unwrap();
-        let shared = SharedVertices::find(&gathered);
-        assert!(shared.len() > 0);
-        let leaves_read: Vec<Leaf> = gathered.into_iter().map(|g| g.leaf).collect();
-        let census =
-            context.pool.install(|| run(&leaves_read, &spool, &mesh.positions, &shared, &context)).unwrap();
-        let mut repairs = Repairs { unreferenced_vertices: 7, components: 10, ..Repairs::default() };
-        census.add_to(&mut repairs);
-        let expected = naive(&mesh, &leaves);
-        assert_eq!(
-            repairs,
-            Repairs { unreferenced_vertices: 7, components: 10 + expected.components, ..expected }
-        );
-    }
-}
-
 /// Triangles of three different vertices below `vertex_count`.
 fn triangles(vertex_count: u32, most: usize) -> impl Strategy<Value = Vec<[u32; 3]>> {
     let triangle = (0..vertex_count, 1..vertex_count, 1..vertex_count - 1).prop_map(move |(a, b, c)| {
@@ -257,7 +231,7 @@ proptest! {
     fn any_soup_agrees_with_the_definition(
         (positions, triangles) in (4..12u32).prop_flat_map(|n| (positions(n as usize), triangles(n, 24))),
         leaves in prop::collection::vec(0..4usize, 24),
-        step in 1..5u32,
+        step in 1..5usize,
     ) {
         let mesh = TriMesh::new(positions, triangles);
         let leaves = &leaves[..mesh.triangles.len()];
@@ -272,7 +246,7 @@ proptest! {
         copied in prop::collection::vec(0..1000usize, 0..3),
         welded in prop::collection::vec((0..1000u32, 0..1000u32), 0..3),
         runs in prop::collection::vec((1..12usize, 0..4usize), 100),
-        step in 1..5u32,
+        step in 1..5usize,
     ) {
         let mut mesh = base;
         for i in copied {

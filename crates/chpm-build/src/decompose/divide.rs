@@ -1,0 +1,391 @@
+//! The source in regions of some dozen leaf clusters, each small enough to be worked on in memory by itself.
+//!
+//! Vertices are numbered by coarse cell, triangles get the new numbers, the graph of cells is cut into regions, and each
+//! triangle goes to the region that has most of its corners. A vertex that a triangle of another region uses is a border
+//! vertex: that region gets a copy of it, and its border number says that both are one. How many regions there are depends
+//! on the source alone, not on the budget.
+
+use super::cell_graph::{self, Joints};
+use super::number::{self, Cells};
+use super::region::Mesh;
+use super::{leaf_count, partition};
+use crate::config::Settings;
+use crate::context::Context;
+use crate::error::BuildError;
+use crate::ingest::Source;
+use bytemuck::{Pod, Zeroable};
+use chpm_extmem::{Buckets, Column, Reservation};
+use rayon::prelude::*;
+
+/// Leaves of a region: as many as two threads can work on in the least memory.
+const REGION_LEAVES: u32 = 64;
+/// Coarse cells of a region, about.
+const REGION_CELLS: u32 = 128;
+/// One in so many triangles is looked at for the graph of coarse cells: each has hundreds of edges to the next.
+const SAMPLE: usize = 16;
+/// Triangles that are looked at in one step.
+const STEP: usize = 1 << 17;
+/// Memory for the blocks of all regions' triangles.
+const BLOCKS: usize = 8 << 20;
+
+/// No border number.
+pub(crate) const INNER: u32 = u32::MAX;
+
+/// Vertex data in structure-of-arrays form.
+struct Vertices {
+    positions: Column<[f32; 3]>,
+    normals: Option<Column<[f32; 3]>>,
+    colors: Option<Column<[u8; 4]>>,
+}
+
+/// A vertex of another region.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Foreign {
+    vertex: u32,
+    border: u32,
+    position: [f32; 3],
+    normal: [f32; 3],
+    color: [u8; 4],
+}
+
+/// The source in regions.
+pub(crate) struct Divided {
+    vertices: Vertices,
+    cells: Cells,
+    /// By cell: its region, and its first vertex's number there.
+    homes: Vec<(u32, u32)>,
+    /// The cells of each region, ascending.
+    region_cells: Vec<Vec<u32>>,
+    triangles: Buckets<[u32; 3]>,
+    foreign: Buckets<Foreign>,
+    /// Border vertices, by border number: in the order of their home regions, ascending within one.
+    border: Vec<u32>,
+    /// Home region h has the border numbers `border_starts[h]..border_starts[h + 1]`.
+    border_starts: Vec<u32>,
+    /// By border number: the last region that uses the vertex.
+    pub(crate) last_region: Vec<u32>,
+    _share: Reservation,
+}
+
+/// Divides the source for `leaves` leaf clusters.
+pub(crate) fn run(
+    source: Source,
+    leaves: u32,
+    settings: &Settings,
+    context: &Context<'_>,
+) -> Result<Divided, BuildError> {
+    let Source { positions, normals, colors, mut triangles, bounds, .. } = source;
+    let store = &context.store;
+    let wanted = region_count(positions.len(), leaves, settings);
+    let mut vertices = Vertices { positions, normals, colors };
+    let mut cells = Cells::single(vertices.positions.len() as u32);
+    let mut regions = vec![0];
+    if wanted > 1 {
+        let limit = (vertices.positions.len() as u32 / (wanted * REGION_CELLS)).max(settings.cell_vertices);
+        let mapping;
+        (cells, mapping) = number::run(&vertices.positions, &bounds, limit, context)?;
+        let Vertices { positions, normals, colors } = vertices;
+        let permute = |from, what| number::permute(from, &mapping, what, context);
+        vertices = Vertices {
+            positions: permute(positions, "positions by cell")?,
+            normals: normals.map(|n| permute(n, "normals by cell")).transpose()?,
+            colors: colors.map(|c| number::permute(c, &mapping, "colors by cell", context)).transpose()?,
+        };
+        super::join::run(&mut triangles, &mapping, context)?;
+        drop(mapping);
+        let graph = cell_graph::build(&cells.list, joints(&triangles, &cells)?, settings.cell_neighbors)?;
+        regions = partition::parts(&graph, wanted.min(cells.list.len() as u32), settings)?;
+    }
+    context.check()?;
+
+    let mut region_cells = vec![Vec::new(); regions.iter().max().map_or(0, |last| *last as usize + 1)];
+    let mut counts = vec![0; region_cells.len()];
+    let mut homes = Vec::with_capacity(regions.len());
+    for (cell, region) in regions.iter().enumerate() {
+        homes.push((*region, counts[*region as usize]));
+        counts[*region as usize] += cells.list[cell].count;
+        region_cells[*region as usize].push(cell as u32);
+    }
+    let block = (BLOCKS / region_cells.len()).clamp(1 << 9, 1 << 15);
+    let home_count = region_cells.len();
+    let mut divided = Divided {
+        vertices,
+        cells,
+        homes,
+        region_cells,
+        triangles: Buckets::new(store, "triangles by region", home_count, block),
+        foreign: Buckets::new(store, "vertices of other regions", 0, block / 4),
+        border: Vec::new(),
+        border_starts: vec![0],
+        last_region: Vec::new(),
+        _share: store.budget.charge("border vertices", 0)?,
+    };
+    let mut visits = Buckets::new(store, "uses of other regions", home_count, block / 4);
+    // With many more triangles than vertices a region is cut: what it has more than twice the average for.
+    let most = 3 * REGION_LEAVES as usize * settings.cluster_triangles.max(16) as usize;
+    divided.route(triangles, most, &mut visits, context)?;
+    divided.exchange(visits, context)?;
+    Ok(divided)
+}
+
+/// Regions for as many leaves and vertices: a power of two, so that each has the same number of leaves.
+fn region_count(vertices: usize, leaves: u32, settings: &Settings) -> u32 {
+    // As many vertices as a region of a closed surface has, twice over.
+    let region_vertices = u64::from(REGION_LEAVES) * u64::from(settings.cluster_triangles.max(16));
+    let by_vertices = (vertices as u64 / region_vertices).max(1).ilog2();
+    (leaves / REGION_LEAVES).max(1 << by_vertices).max(1)
+}
+
+/// What a sample of the triangles says about the cells.
+fn joints(triangles: &Column<[u32; 3]>, cells: &Cells) -> Result<Joints, BuildError> {
+    let steps = triangles.len().div_ceil(STEP);
+    let step = |scratch: &mut Vec<[u32; 3]>, step: usize| {
+        let range = step * STEP..triangles.len().min((step + 1) * STEP);
+        let mut joints = Joints::default();
+        for t in triangles.read(range, scratch)?.iter().step_by(SAMPLE) {
+            joints.add(t.map(|v| cells.of(v)));
+        }
+        Ok(joints.sum())
+    };
+    let all = (0..steps).into_par_iter().map_init(Vec::new, step);
+    all.try_reduce(Joints::default, |a, b| Ok(a.merge(b)))
+}
+
+impl Divided {
+    /// Number of regions. Those after [`Self::home_count`] have no vertices of their own.
+    pub(crate) fn region_count(&self) -> usize {
+        self.triangles.count()
+    }
+
+    /// Number of regions that vertices are at home in.
+    pub(crate) fn home_count(&self) -> usize {
+        self.region_cells.len()
+    }
+
+    /// Number of border vertices.
+    pub(crate) fn border_count(&self) -> usize {
+        self.border.len()
+    }
+
+    /// Triangles of a region.
+    pub(crate) fn triangle_count(&self, region: usize) -> usize {
+        self.triangles.len(region)
+    }
+
+    /// Vertices of a region: its own, and copies of others.
+    pub(crate) fn vertex_count(&self, region: usize) -> usize {
+        let cells = self.region_cells.get(region).into_iter().flatten();
+        let own: usize = cells.map(|cell| self.cells.range(*cell).len()).sum();
+        own + self.foreign.len(region)
+    }
+
+    /// Sends each triangle to its region, and notes who uses the vertices of another.
+    fn route(
+        &mut self,
+        triangles: Column<[u32; 3]>,
+        most: usize,
+        visits: &mut Buckets<[u32; 2]>,
+        context: &Context<'_>,
+    ) -> Result<(), BuildError> {
+        let mut open: Vec<usize> = (0..self.home_count()).collect();
+        let (mut scratch, mut found) = (Vec::new(), Vec::new());
+        for start in (0..triangles.len()).step_by(STEP) {
+            context.check()?;
+            let batch = triangles.read(start..triangles.len().min(start + STEP), &mut scratch)?;
+            let homes = |t: &[u32; 3]| t.map(|v| self.homes[self.cells.of(v) as usize].0);
+            batch.par_iter().with_min_len(1 << 12).map(homes).collect_into_vec(&mut found);
+            for (triangle, homes) in batch.iter().zip(&found) {
+                let home = majority(*triangle, *homes) as usize;
+                if self.triangles.len(open[home]) == most {
+                    open[home] = self.triangles.add();
+                }
+                let region = open[home];
+                self.triangles.push(region, *triangle)?;
+                if *homes != [region as u32; 3] {
+                    for (vertex, home) in triangle.iter().zip(homes).filter(|(_, h)| **h as usize != region) {
+                        visits.push(*home as usize, [*vertex, region as u32])?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Numbers the border vertices, and sends copies of them to the regions that use them.
+    fn exchange(&mut self, visits: Buckets<[u32; 2]>, context: &Context<'_>) -> Result<(), BuildError> {
+        while self.foreign.count() < self.region_count() {
+            self.foreign.add();
+        }
+        let mut visiting = Vec::new();
+        let (mut positions, mut normals, mut colors) = (Vec::new(), Vec::new(), Vec::new());
+        for home in 0..self.home_count() {
+            context.check()?;
+            visiting.clear();
+            visits.read(home, &mut visiting)?;
+            visiting.par_sort_unstable();
+            visiting.dedup();
+            for cell in visiting.chunk_by(|a, b| self.cells.of(a[0]) == self.cells.of(b[0])) {
+                let range = cell[0][0] as usize..cell[cell.len() - 1][0] as usize + 1;
+                let first = range.start;
+                let positions = self.vertices.positions.read(range.clone(), &mut positions)?;
+                let normals = match &self.vertices.normals {
+                    Some(column) => column.read(range.clone(), &mut normals)?,
+                    None => &[],
+                };
+                let colors = match &self.vertices.colors {
+                    Some(column) => column.read(range, &mut colors)?,
+                    None => &[],
+                };
+                for [vertex, region] in cell {
+                    if self.border.last() != Some(vertex) {
+                        self.border.push(*vertex);
+                        self.last_region.push(home as u32);
+                    }
+                    let border = self.border.len() - 1;
+                    self.last_region[border] = self.last_region[border].max(*region);
+                    let at = *vertex as usize - first;
+                    let copy = Foreign {
+                        vertex: *vertex,
+                        border: border as u32,
+                        position: positions[at],
+                        normal: normals.get(at).copied().unwrap_or_default(),
+                        color: colors.get(at).copied().unwrap_or_default(),
+                    };
+                    self.foreign.push(*region as usize, copy)?;
+                }
+            }
+            self.border_starts.push(self.border.len() as u32);
+        }
+        self.border.shrink_to_fit();
+        self.last_region.shrink_to_fit();
+        // Border number, last region, and what the census and the shared vertices keep for each.
+        self._share = context.store.budget.charge("border vertices", 24 * self.border.len() as u64)?;
+        Ok(())
+    }
+
+    /// The mesh of a region. Vertices of its own come first, those of others after them.
+    pub(crate) fn load(&self, region: usize) -> Result<Mesh, BuildError> {
+        let own_cells = self.region_cells.get(region).map_or(&[][..], Vec::as_slice);
+        let own: usize = own_cells.iter().map(|cell| self.cells.range(*cell).len()).sum();
+        let mut foreign = Vec::new();
+        self.foreign.read(region, &mut foreign)?;
+        foreign.sort_unstable_by_key(|f| f.vertex);
+        let mut triangles = Vec::new();
+        self.triangles.read(region, &mut triangles)?;
+
+        // Where each vertex was looked for, and then which number those have that were found.
+        const UNUSED: u32 = u32::MAX;
+        let mut numbers = vec![UNUSED; own + foreign.len()];
+        for v in triangles.as_flattened_mut() {
+            *v = self.local(*v, region, own, &foreign);
+            numbers[*v as usize] = 0;
+        }
+        let mut count = 0;
+        for number in numbers.iter_mut().filter(|n| **n != UNUSED) {
+            *number = count;
+            count += 1;
+        }
+        triangles.as_flattened_mut().iter_mut().for_each(|v| *v = numbers[*v as usize]);
+
+        let visited = self.border_starts.get(region).zip(self.border_starts.get(region + 1));
+        let visited = visited.map_or(0..0, |(start, end)| *start..*end);
+        let mut border = vec![INNER; count as usize];
+        let mut visited_only = 0;
+        for id in visited {
+            match numbers[self.local(self.border[id as usize], region, own, &foreign) as usize] {
+                UNUSED => visited_only += 1,
+                number => border[number as usize] = id,
+            }
+        }
+        for (number, vertex) in numbers[own..].iter().zip(&foreign) {
+            border[*number as usize] = vertex.border;
+        }
+        let own_used = numbers[..own].iter().filter(|n| **n != UNUSED).count();
+        let runs = Runs { cells: &self.cells, own: own_cells, numbers: &numbers, count: count as usize };
+        let foreign = &foreign[..];
+        Ok(Mesh {
+            triangles,
+            border,
+            referenced: own_used as u64 + visited_only,
+            positions: runs.gather(&self.vertices.positions, foreign.iter().map(|f| f.position))?,
+            normals: match &self.vertices.normals {
+                Some(column) => runs.gather(column, foreign.iter().map(|f| f.normal))?,
+                None => Vec::new(),
+            },
+            colors: match &self.vertices.colors {
+                Some(column) => runs.gather(column, foreign.iter().map(|f| f.color))?,
+                None => Vec::new(),
+            },
+        })
+    }
+
+    /// The number of a vertex among a region's own and then the foreign ones.
+    fn local(&self, vertex: u32, region: usize, own: usize, foreign: &[Foreign]) -> u32 {
+        let cell = self.cells.of(vertex);
+        let (home, first) = self.homes[cell as usize];
+        if home as usize == region {
+            first + (vertex - self.cells.range(cell).start as u32)
+        } else {
+            (own + foreign.partition_point(|f| f.vertex < vertex)) as u32
+        }
+    }
+}
+
+/// The vertices of a region's own cells.
+struct Runs<'a> {
+    cells: &'a Cells,
+    own: &'a [u32],
+    /// The new number of each vertex, or `u32::MAX`.
+    numbers: &'a [u32],
+    count: usize,
+}
+
+impl Runs<'_> {
+    /// What `column` has for the vertices that are used, and what comes from elsewhere.
+    fn gather<T: Pod>(
+        &self,
+        column: &Column<T>,
+        foreign: impl Iterator<Item = T>,
+    ) -> Result<Vec<T>, BuildError> {
+        let mut gathered = Vec::with_capacity(self.count);
+        let mut scratch = Vec::new();
+        let mut numbers = self.numbers.iter();
+        let mut rest = self.own;
+        while let [first, ..] = rest {
+            // Neighbouring cells lie side by side.
+            let run = rest.iter().zip(*first..).take_while(|(cell, next)| **cell == *next).count();
+            let range = self.cells.range(*first).start..self.cells.range(rest[run - 1]).end;
+            let used = column.read(range, &mut scratch)?.iter().zip(&mut numbers);
+            gathered.extend(used.filter(|(_, number)| **number != u32::MAX).map(|(item, _)| *item));
+            rest = &rest[run..];
+        }
+        gathered.extend(foreign);
+        Ok(gathered)
+    }
+}
+
+/// What most of a triangle's corners have; where all differ, one of the three by a rule that does not depend on the order of
+/// the corners, so that copies of a triangle stay together.
+pub(crate) fn majority(triangle: [u32; 3], of_corners: [u32; 3]) -> u32 {
+    let [a, b, c] = of_corners;
+    if a == b || a == c {
+        a
+    } else if b == c {
+        b
+    } else {
+        let mut distinct = [a, b, c];
+        distinct.sort_unstable();
+        let sum: u64 = triangle.iter().map(|v| u64::from(*v)).sum();
+        distinct[(sum % 3) as usize]
+    }
+}
+
+/// Leaves that a region is cut into.
+pub(crate) fn leaves_of(divided: &Divided, region: usize, leaves: u32, settings: &Settings) -> u32 {
+    if divided.region_count() == divided.home_count() {
+        leaves.div_ceil(divided.home_count() as u32)
+    } else {
+        leaf_count(divided.triangle_count(region), settings)
+    }
+}

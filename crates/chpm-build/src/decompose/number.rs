@@ -1,0 +1,186 @@
+//! New numbers for the vertices: by coarse cell, so that whatever lies together is stored together (Quick-VDR 4.1, second and
+//! third vertex pass; the mapping of Yoon 4.2.1).
+//!
+//! Every pass is sequential over the source's order. Where the arrays are on disk, vertices go to their places by way of
+//! buckets of consecutive places.
+
+use super::cell_graph::Cell;
+use super::grid::Grid;
+use crate::context::Context;
+use crate::error::BuildError;
+use bytemuck::Pod;
+use chpm_extmem::{Buckets, BufferWriter, Column};
+use chpm_mesh::Aabb;
+use rayon::prelude::*;
+
+/// Vertices that are looked at in one step.
+const STEP: usize = 1 << 18;
+/// Places of a bucket.
+const PLACES: usize = 1 << 19;
+/// Bytes that a bucket gathers.
+const BLOCK: usize = 1 << 13;
+
+/// Cells as ranges of vertex numbers.
+#[derive(Debug)]
+pub(crate) struct Cells {
+    /// The cells with their weights.
+    pub(crate) list: Vec<Cell>,
+    /// Cell c has the vertices `starts[c]..starts[c + 1]`.
+    starts: Vec<u32>,
+    /// The cell of every vertex whose number is a multiple of `1 << shift`.
+    hints: Vec<u32>,
+    shift: u32,
+}
+
+impl Cells {
+    /// Cells that hold the given numbers of vertices, none of them more than `limit`: those that do are cut.
+    fn new(cells: &[Cell], limit: u32) -> Self {
+        let mut list = Vec::with_capacity(cells.len());
+        for cell in cells {
+            let pieces = cell.count.div_ceil(limit.max(1));
+            let share = |piece: u32| (u64::from(cell.count) * u64::from(piece) / u64::from(pieces)) as u32;
+            list.extend((0..pieces).map(|p| Cell { count: share(p + 1) - share(p), ..*cell }));
+        }
+        let mut starts = Vec::with_capacity(list.len() + 1);
+        starts.push(0);
+        starts.extend(list.iter().scan(0, |end, cell| {
+            *end += cell.count;
+            Some(*end)
+        }));
+        let end = starts[list.len()];
+        let shift = (end / (list.len() as u32).max(1)).max(1).ilog2();
+        let mut hints = vec![0; (end >> shift) as usize + 2];
+        let mut cell = 0;
+        for (hint, vertex) in hints.iter_mut().zip((0u64..).step_by(1 << shift)) {
+            while cell + 1 < list.len() && u64::from(starts[cell + 1]) <= vertex {
+                cell += 1;
+            }
+            *hint = cell as u32;
+        }
+        Cells { list, starts, hints, shift }
+    }
+
+    /// One cell of `count` vertices.
+    pub(crate) fn single(count: u32) -> Self {
+        Self::new(&[Cell { center: [0.0; 3], count }], count)
+    }
+
+    /// The cell of a vertex.
+    #[inline]
+    pub(crate) fn of(&self, vertex: u32) -> u32 {
+        let hint = (vertex >> self.shift) as usize;
+        let (low, high) = (self.hints[hint] as usize, self.hints[hint + 1] as usize);
+        (low + self.starts[low + 1..=high].partition_point(|start| *start <= vertex)) as u32
+    }
+
+    /// The vertices of a cell.
+    pub(crate) fn range(&self, cell: u32) -> std::ops::Range<usize> {
+        self.starts[cell as usize] as usize..self.starts[cell as usize + 1] as usize
+    }
+}
+
+/// Cells of at most `limit` vertices each, and the new number of every vertex: by cell, in the source's order within one.
+pub(crate) fn run(
+    positions: &Column<[f32; 3]>,
+    bounds: &Aabb,
+    limit: u32,
+    context: &Context<'_>,
+) -> Result<(Cells, Column<u32>), BuildError> {
+    let grid = Grid::build(positions, bounds, limit)?;
+    let mut next = Vec::with_capacity(grid.cells.len());
+    let mut end = 0;
+    for cell in &grid.cells {
+        next.push(end);
+        end += cell.count;
+    }
+    let mut mapping = BufferWriter::new(&context.store, "vertex mapping", positions.len())?;
+    let (mut scratch, mut numbers) = (Vec::new(), Vec::new());
+    for start in (0..positions.len()).step_by(STEP) {
+        context.check()?;
+        let points = positions.read(start..positions.len().min(start + STEP), &mut scratch)?;
+        points.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect_into_vec(&mut numbers);
+        for number in &mut numbers {
+            let next = &mut next[*number as usize];
+            *number = *next;
+            *next += 1;
+        }
+        mapping.extend_from_slice(&numbers)?;
+    }
+    Ok((Cells::new(&grid.cells, limit), mapping.finish_column()?))
+}
+
+/// The items, each at its new place.
+pub(crate) fn permute<T: Pod>(
+    from: Column<T>,
+    mapping: &Column<u32>,
+    what: &'static str,
+    context: &Context<'_>,
+) -> Result<Column<T>, BuildError> {
+    let mut to = Column::zeroed(&context.store, what, from.len())?;
+    let (mut items, mut places) = (Vec::new(), Vec::new());
+    let mut each = |put: &mut dyn FnMut(u32, T) -> Result<(), BuildError>| {
+        for start in (0..from.len()).step_by(STEP) {
+            context.check()?;
+            let range = start..from.len().min(start + STEP);
+            let items = from.read(range.clone(), &mut items)?;
+            for (place, item) in mapping.read(range, &mut places)?.iter().zip(items) {
+                put(*place, *item)?;
+            }
+        }
+        Ok::<(), BuildError>(())
+    };
+    if let Some(out) = to.as_mut_slice() {
+        each(&mut |place, item| {
+            out[place as usize] = item;
+            Ok(())
+        })?;
+        return Ok(to);
+    }
+    let count = from.len().div_ceil(PLACES);
+    let mut placed = Buckets::new(&context.store, what, count, BLOCK);
+    let mut sorted = Buckets::new(&context.store, what, count, BLOCK);
+    each(&mut |place, item| {
+        placed.push(place as usize / PLACES, place)?;
+        Ok(sorted.push(place as usize / PLACES, item)?)
+    })?;
+    let mut out = Vec::new();
+    for (bucket, start) in (0..from.len()).step_by(PLACES).enumerate() {
+        items.clear();
+        places.clear();
+        sorted.read(bucket, &mut items)?;
+        placed.read(bucket, &mut places)?;
+        out.clear();
+        out.resize(items.len(), T::zeroed());
+        for (place, item) in places.iter().zip(&items) {
+            out[*place as usize - start] = *item;
+        }
+        to.write(start, &out)?;
+    }
+    Ok(to)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_vertex_finds_its_cell() {
+        for (counts, limit) in
+            [(vec![1, 1, 1], 5), (vec![70, 1, 1, 1, 900, 3], 1000), (vec![1000, 1, 2000], 64), (vec![5], 5)]
+        {
+            let cells: Vec<Cell> =
+                counts.iter().map(|count| Cell { center: [0.0; 3], count: *count }).collect();
+            let cells = Cells::new(&cells, limit);
+            assert!(cells.list.iter().all(|cell| (1..=limit).contains(&cell.count)));
+            let mut vertex = 0;
+            for cell in 0..cells.list.len() as u32 {
+                assert_eq!(cells.range(cell).start as u32, vertex);
+                for _ in 0..cells.list[cell as usize].count {
+                    assert_eq!(cells.of(vertex), cell, "{vertex} of {counts:?}");
+                    vertex += 1;
+                }
+            }
+            assert_eq!(vertex, counts.iter().sum::<u32>());
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! Trim: what lies outside the range of errors that a scene needs goes.
+//!
+//! For an error-bound below the fine end, the file that is left draws what the whole one draws for the fine end, and the same for all
+//! others. At the fine end a group whose members' finest meshes keep to the bound needs nothing below it; groups without anything
+//! below start at their position for the bound, all members alike, since an error stands for the same seam collapses in all of
+//! them. A cluster that cannot go with its siblings keeps that one position. At the coarse end nothing was built above
+//! groups whose base meshes exceed the bound, so these end at their position for it.
+
+use crate::context::Context;
+use crate::error::BuildError;
+use crate::hierarchy::Tree;
+use crate::range::ErrorRange;
+use crate::report::LevelReport;
+use crate::simplify::{Hierarchy, PageRef, level_reports};
+use chpm_format::page::PAGE_HEADER_LEN;
+use chpm_format::{FormatError, Page, PageParts};
+use chpm_mesh::Aabb;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// What is left where detail of the source was left out.
+#[derive(Debug)]
+pub(crate) struct Trimmed {
+    /// Vertices of the leaves, shared ones counted once.
+    pub(crate) vertex_count: u64,
+    /// Shared vertices that a leaf still has.
+    pub(crate) shared_count: u32,
+    /// Their new ids, by old id.
+    new_ids: Vec<u32>,
+    /// By node, whether it is a leaf that is not the source's own.
+    leaves: Vec<bool>,
+}
+
+impl Trimmed {
+    /// Whether a node is a leaf whose triangles are not the source's own.
+    pub(crate) fn is_trimmed(&self, node: u32) -> bool {
+        self.leaves[node as usize]
+    }
+
+    /// Gives the shared vertices of a page their new ids.
+    pub(crate) fn renumber(&self, bytes: &mut [u8]) -> Result<(), FormatError> {
+        let page = Page::view(bytes)?;
+        let start = PAGE_HEADER_LEN
+            + size_of_val(page.positions)
+            + size_of_val(page.normals)
+            + size_of_val(page.colors);
+        let end = start + size_of_val(page.shared_ids);
+        for id in bytes[start..end].as_chunks_mut().0 {
+            *id = self.new_ids[u32::from_le_bytes(*id) as usize].to_le_bytes();
+        }
+        Ok(())
+    }
+}
+
+/// Takes away what the range of errors does not need, and gives the nodes that are left their levels.
+pub(crate) fn run(
+    clusters: &mut Hierarchy,
+    tree: &mut Tree,
+    context: &Context<'_>,
+) -> Result<(), BuildError> {
+    let range = clusters.range;
+    if range == ErrorRange::ALL {
+        return Ok(());
+    }
+    let was_leaf: Vec<bool> = tree.nodes.iter().map(|node| node.children.is_none()).collect();
+    if let Some(finest) = range.finest {
+        drop_below(clusters, tree, finest);
+        set_levels(clusters, tree);
+    }
+    let clip = |scratch: &mut Scratch, node: &u32| {
+        context.check()?;
+        let page = clusters.page(*node);
+        // What a leaf starts at; other finest meshes are unions of base meshes below.
+        let finest = range.finest.filter(|_| tree.nodes[*node as usize].children.is_none());
+        let coarsest = Some(range.coarsest).filter(|error| page.group_error > *error);
+        scratch.clip(clusters, *node, finest, coarsest)
+    };
+    let nodes: Vec<u32> = clusters.groups.concat();
+    let clipped = (nodes.par_iter())
+        .with_max_len(4)
+        .map_init(Scratch::default, clip)
+        .collect::<Result<Vec<_>, BuildError>>()?;
+
+    let mut leaves = Leaves::default();
+    let mut trimmed = vec![false; tree.nodes.len()];
+    for (node, clipped) in nodes.iter().zip(clipped) {
+        let at = *node as usize;
+        if tree.nodes[at].children.is_none() {
+            leaves.add(&clipped);
+            trimmed[at] = clipped.is_coarser || !was_leaf[at];
+        }
+        clusters.refs[at] = Some(clipped.page);
+        clusters.reports[at] = clipped.report;
+    }
+    clusters.levels = level_reports(tree, &clusters.refs, &clusters.reports);
+    if range.finest.is_some() {
+        clusters.trimmed = Some(leaves.finish(trimmed));
+    }
+    Ok(())
+}
+
+/// Drops the children of every group whose members' finest meshes have an error of at most `finest`. Errors grow up the groups, so
+/// nothing that is kept loses what is below it.
+fn drop_below(clusters: &mut Hierarchy, tree: &mut Tree, finest: f32) {
+    let Hierarchy { refs, groups, .. } = clusters;
+    let errors: Vec<f32> = refs.iter().map(|page| page.map_or(0.0, |page| page.group_error)).collect();
+    for group in groups.iter() {
+        let below = || group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
+        if below().any(|child| errors[child as usize] > finest) {
+            continue;
+        }
+        below().for_each(|child| refs[child as usize] = None);
+        group.iter().for_each(|node| tree.nodes[*node as usize].children = None);
+    }
+    groups.iter_mut().for_each(|group| group.retain(|node| refs[*node as usize].is_some()));
+    groups.retain(|group| !group.is_empty());
+}
+
+/// A group is one level above the highest of its members' children; those without any are the new leaves.
+fn set_levels(clusters: &Hierarchy, tree: &mut Tree) {
+    for group in &clusters.groups {
+        let children = group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
+        let below = children.map(|child| tree.nodes[child as usize].level).max();
+        let level = below.map_or(0, |below| below + 1);
+        group.iter().for_each(|node| tree.nodes[*node as usize].level = level);
+    }
+}
+
+/// What became of a cluster.
+struct Clipped {
+    page: PageRef,
+    report: LevelReport,
+    /// Whether its finest mesh has become coarser.
+    is_coarser: bool,
+    /// Vertices that it shares with none.
+    own_vertices: u64,
+    shared_ids: Vec<u32>,
+}
+
+/// What one thread works with.
+#[derive(Default)]
+struct Scratch {
+    bytes: Vec<u8>,
+    out: Vec<u8>,
+    survivor: Vec<u16>,
+    triangles: Vec<[u16; 3]>,
+    errors: Vec<f32>,
+    shared: Vec<(u16, u32)>,
+}
+
+impl Scratch {
+    /// Cuts the ends of a node's progressive mesh off: collapses of an error up to `finest` are carried out for good, those of an
+    /// error above `coarsest` never.
+    fn clip(
+        &mut self,
+        clusters: &Hierarchy,
+        node: u32,
+        finest: Option<f32>,
+        coarsest: Option<f32>,
+    ) -> Result<Clipped, BuildError> {
+        let (mut kept, mut report) = (clusters.page(node), clusters.reports[node as usize]);
+        let mut bytes = std::mem::take(&mut self.bytes);
+        clusters.pages.read(kept.offset, kept.len as usize, &mut bytes)?;
+        let mut page = Page::view(&bytes)?;
+        let all = page.vertex_count();
+        let end = finest.map_or(all, |error| page.vertices_for(error));
+        let start = coarsest.map_or(page.base_vertex_count, |error| page.vertices_for(error));
+        if (start, end) != (page.base_vertex_count, all) {
+            self.encode(&page, start..end)?;
+            kept.offset = clusters.pages.append(&self.out)?;
+            kept.len = self.out.len() as u32;
+            kept.bounds = Aabb::of_points(&page.positions[..end]);
+            page = Page::view(&self.out)?;
+            report.vertices = page.vertex_count() as u64;
+            report.base_vertices = page.base_vertex_count as u64;
+            report.triangles = page.triangles.len() as u64;
+            report.base_triangles = page.base_triangle_count as u64;
+            report.shared_vertices = page.shared_ids.len() as u64;
+            (report.min_error, report.max_error) = (page.min_error, page.max_error());
+        }
+        let clipped = Clipped {
+            page: kept,
+            report,
+            is_coarser: end < all,
+            own_vertices: (page.vertex_count() - page.shared_ids.len()) as u64,
+            shared_ids: if finest.is_some() { page.shared_ids.to_vec() } else { Vec::new() },
+        };
+        self.bytes = bytes;
+        Ok(clipped)
+    }
+
+    /// Encodes the page with only these positions.
+    fn encode(&mut self, page: &Page<'_>, positions: Range<usize>) -> Result<(), FormatError> {
+        let Range { start, end } = positions;
+        let base = page.base_vertex_count;
+        self.survivor.clear();
+        self.survivor.extend(0..end as u16);
+        for target in &page.targets[end - base..] {
+            self.survivor.push(self.survivor[usize::from(*target)]);
+        }
+        let resolved = page.triangles.iter().map(|t| t.map(|v| self.survivor[usize::from(v)]));
+        self.triangles.clear();
+        self.triangles.extend(resolved.filter(|[a, b, c]| a != b && b != c && c != a));
+        self.errors.clear();
+        self.errors.extend((start..end).map(|n| page.error_at(n)));
+        self.shared.clear();
+        self.shared.extend(page.shared().filter(|(vertex, _)| usize::from(*vertex) < end));
+        self.out.clear();
+        PageParts {
+            positions: &page.positions[..end],
+            normals: page.normals.get(..end).unwrap_or_default(),
+            colors: page.colors.get(..end).unwrap_or_default(),
+            triangles: &self.triangles,
+            targets: &page.targets[start - base..end - base],
+            errors: &self.errors,
+            shared: &self.shared,
+            min_error: page.error_at(end),
+            scale_error: page.error_scale,
+        }
+        .encode(&mut self.out)?;
+        Ok(())
+    }
+}
+
+/// Counts the vertices of the new leaves.
+#[derive(Default)]
+struct Leaves {
+    own_vertices: u64,
+    listed: Vec<bool>,
+}
+
+impl Leaves {
+    fn add(&mut self, leaf: &Clipped) {
+        self.own_vertices += leaf.own_vertices;
+        for id in &leaf.shared_ids {
+            let id = *id as usize;
+            if id >= self.listed.len() {
+                self.listed.resize(id + 1, false);
+            }
+            self.listed[id] = true;
+        }
+    }
+
+    fn finish(self, leaves: Vec<bool>) -> Trimmed {
+        let mut shared_count = 0;
+        let mut number = |listed: &bool| {
+            shared_count += u32::from(*listed);
+            // Of no meaning where no leaf lists the id: then nothing above does.
+            shared_count.saturating_sub(1)
+        };
+        let new_ids = self.listed.iter().map(&mut number).collect();
+        Trimmed { vertex_count: self.own_vertices + u64::from(shared_count), shared_count, new_ids, leaves }
+    }
+}
