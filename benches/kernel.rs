@@ -74,6 +74,7 @@ fn halving(criterion: &mut Criterion) {
                         triangles: &p.triangles,
                         displacements: &[],
                         locked: &p.locked,
+                        ..Patch::default()
                     };
                     black_box(decimator.decimate(&patch, p.triangles.len() / 2, 0.0).triangle_count);
                 }

@@ -277,7 +277,10 @@ mod tests {
         let s = typed.settings;
         assert_eq!((s.cluster_triangles, s.partitioner.to_string(), s.seed), (512, "greedy".to_owned(), 3));
         assert_eq!((s.boundary, s.topology), (BoundaryMode::Lock, Topology::Keep));
-        assert_eq!((s.finest_error, s.target_error), (Some(Length::OfDiagonal(0.01)), Some(Length::Units(2.5))));
+        assert_eq!(
+            (s.finest_error, s.target_error),
+            (Some(Length::OfDiagonal(0.01)), Some(Length::Units(2.5)))
+        );
         assert_eq!(config(&["--prune-exact"]).settings.finest_error, Some(Length::Units(0.0)));
         assert_eq!((s.normals, s.colors, s.drop_invalid, s.layout), (false, false, true, false));
         let expected =

@@ -156,9 +156,10 @@ struct Border {
     outline: TriMesh,
     /// Its vertices, ascending.
     vertices: Vec<Place>,
-    /// Where the source's border meets itself, ascending: vertices inside its edges, and places at which other than two edges end.
-    /// The source holds together by chance there, so a level of detail need not.
-    junctions: Vec<Place>,
+    /// Where the source's border passes more than once, ascending, with how many of its edges go away from there: one for an end, two
+    /// for an edge that the place is inside of. Only positions hold the source together there, so a level of detail may have
+    /// an edge pass where the source has a vertex; that takes the place of two ends, and more than there were may not meet.
+    junctions: Vec<(Place, usize)>,
 }
 
 impl Border {
@@ -169,18 +170,16 @@ impl Border {
             outline.positions.extend([a, b, a].map(|v| source.positions[v as usize]));
             outline.triangles.push([first, first + 1, first + 2]);
         }
-        let inside = |crack| match crack {
-            Crack::TJunction { vertex, .. } => Some(place(&source.positions[vertex as usize])),
-            Crack::Opened { .. } => None,
-        };
-        let mut junctions: Vec<Place> = cracks(source, &outline).into_iter().filter_map(inside).collect();
         // The first two corners of a sliver are the ends of its edge.
         let ends = outline.positions.chunks(3).flat_map(|sliver| [place(&sliver[0]), place(&sliver[1])]);
         let mut vertices: Vec<Place> = ends.collect();
+        let passing = passing(source, &cracks(source, &outline), |edge| edge);
+        let mut meeting = vertices.clone();
+        meeting.extend(passing.iter().flat_map(|(place, _)| [*place; 2]));
+        meeting.sort_unstable();
+        let met = meeting.chunk_by(|a, b| a == b).map(|ends| (ends[0], ends.len()));
+        let junctions = met.filter(|(_, count)| *count > 2).collect();
         vertices.sort_unstable();
-        let met = vertices.chunk_by(|a, b| a == b).filter(|ends| ends.len() != 2);
-        junctions.extend(met.map(|ends| ends[0]));
-        junctions.sort_unstable();
         vertices.dedup();
         Border { outline, vertices, junctions }
     }
@@ -198,23 +197,46 @@ impl Border {
             slivers.positions.extend([a, b, a]);
             slivers.triangles.push([first, first + 1, first + 2]);
         }
-        cracks(&slivers, &self.outline).into_iter().all(|crack| match crack {
-            Crack::TJunction { vertex, .. } => is_among(&slivers.positions[vertex as usize], &self.junctions),
-            Crack::Opened { .. } => false,
-        })
+        let found = cracks(&slivers, &self.outline);
+        // Both sides of a sliver are the same edge.
+        let passing = passing(&slivers, &found, |[a, b]| [a.min(b) / 3; 2]);
+        let ends = slivers.positions.chunks(3).flat_map(|sliver| [place(&sliver[0]), place(&sliver[1])]);
+        found.iter().all(|crack| matches!(crack, Crack::TJunction { .. }))
+            && self.crowded(&passing, ends).is_empty()
+    }
+
+    /// Of the places that edges pass, those where more edges go away than in the source, ascending; `ends` are the ends of all odd edges.
+    fn crowded(&self, passing: &[(Place, [u32; 2])], ends: impl Iterator<Item = Place>) -> Vec<Place> {
+        if passing.is_empty() {
+            return Vec::new();
+        }
+        let mut ends: Vec<Place> = ends.collect();
+        ends.sort_unstable();
+        let places = passing.chunk_by(|a, b| a.0 == b.0).map(|edges| (edges[0].0, 2 * edges.len()));
+        let crowded = places.filter(|(place, through)| {
+            let at = ends.partition_point(|end| end < place)..ends.partition_point(|end| end <= place);
+            let known = self.junctions.binary_search_by_key(place, |(place, _)| *place);
+            at.len() + through > known.map_or(2, |found| self.junctions[found].1)
+        });
+        crowded.map(|(place, _)| place).collect()
     }
 
     /// Places of a level of detail where it lets the background through and the source does not.
     fn leaks(&self, lod: &TriMesh) -> Vec<Leak> {
         let is_among =
             |v: u32, places: &[Place]| places.binary_search(&place(&lod.positions[v as usize])).is_ok();
-        let mut leaks: Vec<Leak> = odd_edges(lod)
+        let odd: Vec<_> = odd_edges(lod).collect();
+        let mut leaks: Vec<Leak> = odd
+            .iter()
             .filter(|(edge, _)| !edge.iter().all(|v| is_among(*v, &self.vertices)))
-            .map(|(edge, faces)| Leak::Edge { edge, faces })
+            .map(|&(edge, faces)| Leak::Edge { edge, faces })
             .collect();
-        for crack in cracks(lod, &self.outline) {
+        let found = cracks(lod, &self.outline);
+        let ends = odd.iter().flat_map(|(edge, _)| edge.map(|v| place(&lod.positions[v as usize])));
+        let crowded = self.crowded(&passing(lod, &found, |edge| edge), ends);
+        for crack in found {
             match crack {
-                Crack::TJunction { vertex, edge } if !is_among(vertex, &self.junctions) => {
+                Crack::TJunction { vertex, edge } if is_among(vertex, &crowded) => {
                     leaks.push(Leak::TJunction { vertex, edge });
                 }
                 // An edge of one face is an odd edge, so this adds one only where the two checkers disagree.
@@ -229,6 +251,18 @@ impl Border {
         }
         leaks
     }
+}
+
+/// Places that boundary edges pass without an end there, each with an edge, ascending and each once; `name` tells edges apart.
+fn passing(mesh: &TriMesh, found: &[Crack], name: impl Fn([u32; 2]) -> [u32; 2]) -> Vec<(Place, [u32; 2])> {
+    let through = found.iter().filter_map(|crack| match *crack {
+        Crack::TJunction { vertex, edge } => Some((place(&mesh.positions[vertex as usize]), name(edge))),
+        Crack::Opened { .. } => None,
+    });
+    let mut through: Vec<_> = through.collect();
+    through.sort_unstable();
+    through.dedup();
+    through
 }
 
 /// A place that is wrong; vertices are the level of detail's.
@@ -322,6 +356,7 @@ mod tests {
         assert!(leaks[0].tell(&apart, [10.0, 0.0, 0.0]).contains("[11.0, 0.0, 0.0] lies inside"));
         assert_eq!(Border::of(&apart).leaks(&apart), []);
     }
+
     #[test]
     fn a_border_that_meets_itself_is_open_there_anyway() {
         let corners = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0]];
@@ -331,6 +366,15 @@ mod tests {
         positions.extend([[-0.0; 3], [1.0, -0.0, 0.0], [2.0, -0.0, -0.0]]);
         let sheets = TriMesh::new(positions, vec![[0, 3, 1], [1, 3, 2], [5, 6, 4], [6, 7, 4]]);
         assert_eq!(Border::of(&sheets).leaks(&lod), []);
+        // Another edge past the place, or another vertex there, is one too many: nothing in the source was like that.
+        for more in [[0, 2, 3], [1, 3, 4]] {
+            let mut crowded = lod.clone();
+            let first = crowded.positions.len() as u32;
+            crowded.positions.extend(more.map(|v| corners[v]));
+            crowded.triangles.push([first, first + 1, first + 2]);
+            let leaks = Border::of(&sheets).leaks(&crowded);
+            assert!(leaks.contains(&Leak::TJunction { vertex: 1, edge: [0, 2] }), "{leaks:?}");
+        }
         // One sheet, with a vertex where four edges of the border end.
         let tied = TriMesh::new(corners.to_vec(), vec![[0, 3, 1], [1, 2, 4]]);
         let lod = TriMesh::new(corners.to_vec(), vec![[0, 3, 2], [1, 2, 4]]);

@@ -2,6 +2,7 @@
 
 use chpm_build::BuildReport;
 use chpm_build::report::LevelReport;
+use chpm_format::Chpm;
 use chpm_format::records::{LevelRecord, REFUSALS};
 use chpm_mesh::Bytes;
 use comfy_table::{Cell, CellAlignment, Table, presets};
@@ -20,6 +21,8 @@ pub(crate) struct LevelRow {
     shared_vertices: u64,
     min_error: f32,
     max_error: f32,
+    normal_deviation: f32,
+    color_deviation: f32,
     stalled_clusters: u32,
     forced_collapses: u64,
     #[serde(serialize_with = "by_reason")]
@@ -42,6 +45,8 @@ impl From<&LevelReport> for LevelRow {
             shared_vertices: level.shared_vertices,
             min_error: level.min_error,
             max_error: level.max_error,
+            normal_deviation: level.normal_deviation,
+            color_deviation: level.color_deviation,
             stalled_clusters: level.stalled,
             forced_collapses: level.forced,
             refusals: level.refusals.0,
@@ -61,11 +66,26 @@ impl From<&LevelRecord> for LevelRow {
             shared_vertices: level.shared_vertex_count,
             min_error: level.min_error,
             max_error: level.max_error,
+            // Those of the clusters; see `levels_of`.
+            normal_deviation: 0.0,
+            color_deviation: 0.0,
             stalled_clusters: level.stalled_cluster_count,
             forced_collapses: level.forced_collapse_count.into(),
             refusals: level.refusals,
         }
     }
+}
+
+/// The levels of a file, with the largest deviations of their clusters.
+pub(crate) fn levels_of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<LevelRow> {
+    let mut levels: Vec<LevelRow> = file.levels().iter().map(LevelRow::from).collect();
+    for cluster in file.clusters() {
+        if let Some(level) = levels.get_mut(cluster.level as usize) {
+            level.normal_deviation = level.normal_deviation.max(cluster.normal_deviation);
+            level.color_deviation = level.color_deviation.max(cluster.color_deviation);
+        }
+    }
+    levels
 }
 
 /// The stages of a build: time, throughput in triangles of the source, memory.
@@ -97,13 +117,15 @@ pub(crate) fn stages_table(report: &BuildReport) -> Table {
 
 /// The levels, leaves first. "Ratio" is to the triangles of the level below; "shared" is the share of vertices that
 /// other clusters have too, which collapse only within dependency groups; "forced" counts collapses that changed the topology
-/// or turned a face over.
+/// or turned a face over. What normals (in degrees) and colours (of 255) deviate by is shown where they do.
 pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
+    let normals = levels.iter().any(|level| level.normal_deviation > 0.0);
+    let colors = levels.iter().any(|level| level.color_deviation > 0.0);
     let mut below = None;
     let rows = levels.iter().map(|level| {
         let ratio = below.map_or("-".to_owned(), |below| share(level.triangles, below));
         below = Some(level.triangles);
-        vec![
+        let mut row = vec![
             level.level.to_string(),
             count(level.clusters.into()),
             count(level.triangles),
@@ -112,22 +134,17 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
             share(level.shared_vertices, level.vertices),
             format!("{:.2e}", level.min_error),
             format!("{:.2e}", level.max_error),
-            count(level.stalled_clusters.into()),
-            count(level.forced_collapses),
-        ]
+        ];
+        row.extend(normals.then(|| format!("{:.1}", level.normal_deviation)));
+        row.extend(colors.then(|| format!("{:.1}", level.color_deviation)));
+        row.extend([count(level.stalled_clusters.into()), count(level.forced_collapses)]);
+        row
     });
-    let names = [
-        "level",
-        "clusters",
-        "triangles",
-        "ratio",
-        "kept",
-        "shared",
-        "min error",
-        "max error",
-        "stalled",
-        "forced",
-    ];
+    let mut names =
+        vec!["level", "clusters", "triangles", "ratio", "kept", "shared", "min error", "max error"];
+    names.extend(normals.then_some("normals"));
+    names.extend(colors.then_some("colours"));
+    names.extend(["stalled", "forced"]);
     table(&names, rows)
 }
 
@@ -267,6 +284,14 @@ mod tests {
         assert_eq!(last[..5], ["1", "2", "2,200", "55.0", "%"]);
         assert_eq!(last[5..9], ["50.0", "%", "25.0", "%"]);
         assert_eq!(last.last(), Some(&"1,234"));
+    }
+
+    #[test]
+    fn deviations_are_columns_where_there_are_any() {
+        let rows = [level(0, 10, [0; 8]), LevelRow { color_deviation: 12.25, ..level(1, 5, [0; 8]) }];
+        let text = levels_table(&rows).to_string();
+        assert!(text.contains("colours") && !text.contains("normals") && text.contains("12.2"), "{text}");
+        assert!(!levels_table(&rows[..1]).to_string().contains("colours"));
     }
 
     #[test]

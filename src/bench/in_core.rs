@@ -35,8 +35,13 @@ pub(super) fn by_kernel(mesh: &TriMesh, limits: &[u64]) -> Result<Vec<TriMesh>> 
     ensure!(count <= super::KERNEL_VERTICES, "the kernel takes at most 65,535 vertices, not {count}");
     let triangles: Vec<[u16; 3]> = mesh.triangles.iter().map(|t| t.map(|v| v as u16)).collect();
     let locked = vec![false; count];
-    let patch =
-        Patch { positions: &mesh.positions, triangles: &triangles, locked: &locked, displacements: &[] };
+    let patch = Patch {
+        positions: &mesh.positions,
+        triangles: &triangles,
+        locked: &locked,
+        displacements: &[],
+        ..Patch::default()
+    };
     let mut kernel = Decimator::default();
     kernel.topology = Topology::Change;
     let target = limits.iter().copied().min().unwrap_or(0) as usize;

@@ -31,7 +31,7 @@ struct Sizes {
 pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let file = open(&args.file)?;
     let metadata = file.metadata()?;
-    let levels: Vec<LevelRow> = file.levels().iter().map(LevelRow::from).collect();
+    let levels = report::levels_of(&file);
     let sizes = Sizes::of(&file);
     let mut out = stdout();
     if args.json {

@@ -74,7 +74,14 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
         // A file that does not even open is what a verification is there to find, not a failure to verify.
         Err(error) => {
             let faults = vec![format!("I10 bytes: {error}")];
-            return Ok(Findings { faults, fault_count: 1, checked: None, trimmed: false, compared: None, cuts: None });
+            return Ok(Findings {
+                faults,
+                fault_count: 1,
+                checked: None,
+                trimmed: false,
+                compared: None,
+                cuts: None,
+            });
         }
     };
     let meter = Meter::new(args.quiet);
@@ -143,7 +150,10 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
     }
     if let (true, Some(source)) = (findings.trimmed, &args.against) {
         let source = source.display();
-        writeln!(out, "{path}: not compared with {source}: detail below an error was left out of the leaves")?;
+        writeln!(
+            out,
+            "{path}: not compared with {source}: detail below an error was left out of the leaves"
+        )?;
     }
     if let Some(cuts) = &findings.cuts {
         let (n, triangles) = (count(cuts.count.into()), count(cuts.triangles));

@@ -243,7 +243,7 @@ fn levels_agree_with_their_meshes() {
         // The base meshes of a level are the finest of the next.
         for (level, found) in levels.iter().enumerate().take(levels.len() - 1) {
             folder.stdout(&format!("extract in.chpm --level {} -o lod.ply -qf", level + 1));
-            let whole = json(&folder, "measure in.ply lod.ply --json -q", 0);
+            let whole = json(&folder, "measure in.ply lod.ply --samples 40 --json -q", 0);
             for (side, other) in [("of_source", "forward"), ("of_mesh", "backward")] {
                 for value in ["max", "mean", "rms"] {
                     let [a, b] = [&found[side][value], &whole[other][value]].map(|x| x.as_f64().unwrap());

@@ -169,7 +169,7 @@ fn no_split_pops() {
             }
             (cut, split) = (list.cut(), now);
         }
-        assert!(events > 60 && joint > 20, "{shape}: {events} splits and collapses, {joint} of groups");
+        assert!(events > 40 && joint > 10, "{shape}: {events} splits and collapses, {joint} of groups");
     }
 }
 

@@ -133,7 +133,9 @@ impl FromStr for Length {
 
 /// A text that is no [`Length`].
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("'{got}' is no error: a number of at least 0 in object units expected, or one with % for a share of the diagonal, as in 0.1%")]
+#[error(
+    "'{got}' is no error: a number of at least 0 in object units expected, or one with % for a share of the diagonal, as in 0.1%"
+)]
 pub struct LengthError {
     /// The text.
     pub got: String,

@@ -52,8 +52,9 @@ pub fn build(
     let order = layout::order(&clusters, &tree, settings);
     let file = emit::Output::begin(out, &order, &tree, &clusters, &facts, &repairs, settings)?;
     let write = |place, page: &[u8]| file.write_page(place, page);
-    let records = context
-        .stage(Stage::Layout, order.len() as u64, || layout::run(&order, &clusters, &tree, settings, context, write))?;
+    let records = context.stage(Stage::Layout, order.len() as u64, || {
+        layout::run(&order, &clusters, &tree, settings, context, write)
+    })?;
 
     let written =
         context.stage(Stage::Emit, 1, || file.finish(records).inspect(|_| context.progress.advance(1)))?;

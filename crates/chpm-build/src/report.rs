@@ -42,6 +42,10 @@ pub struct LevelReport {
     pub min_error: f32,
     /// Largest error of a base mesh.
     pub max_error: f32,
+    /// Largest deviation of the normals, degrees; 0 without normals.
+    pub normal_deviation: f32,
+    /// Largest deviation of a colour's channel, of 255; 0 without colours.
+    pub color_deviation: f32,
     /// Collapses refused, by reason.
     pub refusals: Refusals,
 }

@@ -93,7 +93,12 @@ fn dump_cluster(id: ClusterId, record: &ClusterRecord, out: &mut impl Write) -> 
     write!(out, " triangles {} base {}", c.triangle_count, c.base_triangle_count)?;
     write!(out, " shared {} errors {:?} {:?}", c.shared_count, c.min_error, c.max_error)?;
     write!(out, " min {:?} max {:?}", c.aabb_min, c.aabb_max)?;
-    writeln!(out, " center {:?} radius {:?}", c.center, c.radius)?;
+    write!(out, " center {:?} radius {:?}", c.center, c.radius)?;
+    // Of positions alone there is nothing to tell.
+    if c.normal_deviation.to_bits() | c.color_deviation.to_bits() != 0 {
+        write!(out, " deviations normal {:?} color {:?}", c.normal_deviation, c.color_deviation)?;
+    }
+    writeln!(out)?;
     Ok(())
 }
 

@@ -47,9 +47,9 @@ pub struct ClusterRecord {
     pub radius: f32,
     /// Checksum of the page's `page_len` bytes.
     pub page_checksum: u64,
-    /// Zero.
+    /// Bound on how far normals are from the source's, degrees; 0 without normals.
     pub normal_deviation: f32,
-    /// Zero.
+    /// Bound on how far a colour's channel is from the source's, of 255; 0 without colours.
     pub color_deviation: f32,
     /// Zero.
     pub reserved: [u8; 16],
@@ -63,7 +63,7 @@ impl ClusterRecord {
     pub const TRIMMED: u32 = 1;
 
     /// The record of a page: counts, errors, a box and a sphere around its vertices, and the checksum.
-    /// `page_offset` stays 0 until the writer knows it.
+    /// `page_offset` stays 0 until the writer knows it; the deviations, which no page tells, stay 0.
     ///
     /// # Errors
     /// What [`Page::parse`] refuses.

@@ -87,6 +87,9 @@ impl Structure<'_> {
         let parent = (c.parent_group as usize) < groups || c.is_root();
         require(parent, place, "parent_group", format_args!("less than {groups}, or none"), c.parent_group)?;
         require_errors(place, c.min_error, c.max_error)?;
+        let (normal, color) = (c.normal_deviation, c.color_deviation);
+        require((0.0..=180.0).contains(&normal), place, "normal_deviation", "0 to 180", normal)?;
+        require((0.0..=255.0).contains(&color), place, "color_deviation", "0 to 255", color)?;
         let boxed = (0..3).all(|a| {
             c.aabb_min[a].is_finite() && c.aabb_max[a].is_finite() && c.aabb_min[a] <= c.aabb_max[a]
         });

@@ -1,11 +1,11 @@
-//! The displacements that a collapse would leave behind: what its error rests on.
+//! The displacements that a collapse would leave behind: what its error rests on. And, once it is carried out, the looks.
 
 use crate::decimate::Decimator;
 use crate::displacement::Displacement;
 use crate::fan::FanKind;
-use crate::overlay::{NO_FACE, Sweep};
+use crate::overlay::{NO_FACE, Place, Sweep};
 use crate::patch::Patch;
-use chpm_mesh::geom::to_f64;
+use chpm_mesh::geom::{round_up, to_f64};
 use nalgebra::Point3;
 
 /// What a collapse would do to the faces about it.
@@ -15,6 +15,22 @@ pub(crate) struct Proposal {
     pub(crate) faces: Vec<(u32, Displacement)>,
     /// How far points would be that no face is left for.
     vanished: f64,
+    /// Where the faces that lose their area put their points; only where the fans do not lie over each other.
+    pub(crate) handed: Vec<Handed>,
+}
+
+/// Points of a face that becomes the edge from v to `other`, or that is folded onto it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Handed {
+    /// The face.
+    pub(crate) from: u32,
+    /// The face that has them after that; none if nothing is left for them.
+    pub(crate) to: Option<u32>,
+    pub(crate) other: u16,
+    /// u goes to the place of the edge that is so far from v.
+    pub(crate) share: f64,
+    /// Whether the points go on to an end of the edge.
+    pub(crate) to_end: bool,
 }
 
 impl Proposal {
@@ -41,6 +57,7 @@ impl Decimator {
     pub(crate) fn propose(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> f64 {
         self.proposal.faces.clear();
         self.proposal.vanished = 0.0;
+        self.proposal.handed.clear();
         let flattened = self.lay_over(patch, fan, u, v)
             && self.overlay.bound(&self.displacements, &mut self.proposal.faces);
         if !flattened {
@@ -52,24 +69,23 @@ impl Decimator {
     /// Fills the overlay with the loop about u, from v on. False if the fan has no such loop.
     fn lay_over(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> bool {
         let position = |w: u16| to_f64(patch.positions[usize::from(w)]);
+        self.overlay.begin(position(u));
         let first = match fan {
-            FanKind::Broken => return false,
             FanKind::Closed => v,
             FanKind::Open(first, last) if v == first || v == last => first,
-            FanKind::Open(..) => return false,
+            FanKind::Open(..) | FanKind::Broken => return false,
         };
-        self.overlay.begin(position(u));
         if fan != FanKind::Closed && v != first {
-            self.overlay.push(position(v), NO_FACE);
+            self.overlay.push(v, position(v), NO_FACE);
         }
         let mut vertex = first;
         for _ in 0..self.fan.wings.len() {
             let Some((face, next)) = self.fan.after(vertex) else { return false };
-            self.overlay.push(position(vertex), face);
+            self.overlay.push(vertex, position(vertex), face);
             vertex = next;
         }
         if fan != FanKind::Closed && v == first {
-            self.overlay.push(position(vertex), NO_FACE);
+            self.overlay.push(vertex, position(vertex), NO_FACE);
         }
         true
     }
@@ -78,12 +94,13 @@ impl Decimator {
     fn sweep(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) {
         let position = |w: u16| to_f64(patch.positions[usize::from(w)]);
         let go = |from: Point3<f64>, to: Point3<f64>| Sweep::to_segment(from, to, to);
-        let step = match fan {
+        let (step, share) = match fan {
             // A lone face is folded onto its opposite edge.
             FanKind::Open(first, last) if self.fan.wings.len() == 1 => {
-                Sweep::to_segment(position(u), position(first), position(last))
+                let step = Sweep::to_segment(position(u), position(first), position(last));
+                (step, if v == first { step.share } else { 1.0 - step.share })
             }
-            _ => go(position(u), position(v)),
+            _ => (go(position(u), position(v)), 0.0),
         };
         let moved = |d: &Displacement| d.moved(step.lo, step.hi);
         for (&(a, b), &face) in self.fan.wings.iter().zip(&self.fan.faces) {
@@ -101,18 +118,53 @@ impl Decimator {
             let w = if a == v { b } else { a };
             let points = moved(&self.displacements[self.fan.faces[i] as usize]);
             let (to_v, to_w) = (go(position(w), position(v)), go(position(v), position(w)));
-            if let Some(face) = self.face_at(u, v, |others| others.0 == w || others.1 == w) {
-                self.proposal.hand_over(face, &self.displacements[face as usize], &points);
+            let (to, end) = if let Some(face) = self.face_at(u, v, |(a, b)| a == w || b == w) {
+                (Some(face), None)
             } else if let Some(face) = self.face_at(u, v, |_| true) {
-                let points = points.moved(to_v.lo, to_v.hi);
-                self.proposal.hand_over(face, &self.displacements[face as usize], &points);
+                (Some(face), Some(to_v))
             } else if let Some(face) = self.face_of(u, w) {
-                let points = points.moved(to_w.lo, to_w.hi);
-                self.proposal.hand_over(face, &self.displacements[face as usize], &points);
+                (Some(face), Some(to_w))
             } else {
-                let points = points.moved(to_v.lo, to_v.hi);
-                self.proposal.vanished = self.proposal.vanished.max(points.norm());
+                (None, Some(to_v))
+            };
+            let points = end.map_or(points, |end| points.moved(end.lo, end.hi));
+            match to {
+                Some(face) => self.proposal.hand_over(face, &self.displacements[face as usize], &points),
+                None => self.proposal.vanished = self.proposal.vanished.max(points.norm()),
             }
+            let from = self.fan.faces[i];
+            self.proposal.handed.push(Handed { from, to, other: w, share, to_end: end.is_some() });
+        }
+    }
+
+    /// Carries the looks on over the collapse u -> v that was proposed last and is about to be carried out.
+    pub(crate) fn carry_looks(&mut self, u: u16, v: u16) {
+        let looks = &mut self.looks;
+        if looks.faces.is_empty() {
+            return;
+        }
+        if self.overlay.is_laid() {
+            looks.carry_over(&self.overlay, u, v);
+            return;
+        }
+        // u goes to a place on the edge from v to another vertex.
+        let to = |other: u16, share: f64| Place { old: (u, 0.0), new: [(other, share), (v, 0.0)], loss: 0.0 };
+        let moved = looks.differences(u, v, &to(v, 0.0));
+        for (&(a, b), &face) in self.fan.wings.iter().zip(&self.fan.faces) {
+            if a != v && b != v {
+                looks.sweep(face, moved, [v, a, b]);
+            }
+        }
+        for handed in &self.proposal.handed {
+            let mut moved = looks.differences(u, v, &to(handed.other, handed.share));
+            if handed.to_end {
+                let end = Place { old: (handed.other, 0.0), new: [(v, 0.0); 2], loss: 0.0 };
+                let more = looks.differences(handed.other, v, &end);
+                moved = [0, 1].map(|i| round_up(f64::from(moved[i]) + f64::from(more[i])));
+            }
+            let corners =
+                |face: u32| self.adjacency.faces[face as usize].corners.map(|w| if w == u { v } else { w });
+            looks.hand_over(handed.from, moved, handed.to, handed.to.map_or([v; 3], corners));
         }
     }
 

@@ -7,7 +7,8 @@
 use crate::adjacency::Adjacency;
 use crate::bound::Proposal;
 use crate::displacement::Displacement;
-use crate::fan::{Fan, FanKind, MAX_VALENCE};
+use crate::fan::{Fan, FanKind, MAX_SPINE, MAX_VALENCE};
+use crate::look::{Deviation, FaceLook, LookTracker};
 use crate::overlay::Overlay;
 use crate::patch::{Collapse, Outcome, Patch, Topology};
 use crate::quadric::Quadric;
@@ -26,7 +27,7 @@ const LENGTH_TERM: f64 = 1e-12;
 /// Weight of the squared bound in the order of collapses. The bound holds what all collapses so far have done; the quadric only
 /// the last ones, but it averages. With 0.3, 0.6 and 1, the stored errors of the first level of a scan were 1.55, 1.28 and 1.10 times the
 /// measured ones, and the build took 1.1 and 1.2 times as long.
-const BOUND_TERM: f64 = 0.6;
+const BOUND_TERM: f64 = 1.0;
 
 /// What a vertex may do. Collapses that pass the link test keep it as it is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -80,6 +81,7 @@ pub struct Decimator {
     pub(crate) overlay: Overlay,
     /// What the collapse that was looked at last would do.
     pub(crate) proposal: Proposal,
+    pub(crate) looks: LookTracker,
     candidates: Vec<(f32, u16)>,
     /// Vertices about the one that may be forced, each with its number of faces.
     pub(crate) ring: Vec<(u16, u32)>,
@@ -163,6 +165,17 @@ impl Decimator {
         &self.displacements
     }
 
+    /// Per face of the patch, how it looks beside the source after the last decimation; of no meaning for faces that are gone.
+    /// Empty if the patch has no looks.
+    pub fn face_looks(&self) -> &[FaceLook] {
+        &self.looks.faces
+    }
+
+    /// The largest deviation of the attributes that a collapse of the last decimation left, at any step of it.
+    pub fn deviation(&self) -> Deviation {
+        self.looks.largest()
+    }
+
     /// Whether a face of the patch is left after the last decimation.
     pub fn is_left(&self, face: usize) -> bool {
         !self.adjacency.faces[face].is_dead()
@@ -180,6 +193,7 @@ impl Decimator {
         self.displacements.clear();
         self.displacements.extend_from_slice(patch.displacements);
         self.displacements.resize(patch.triangles.len(), Displacement::default());
+        self.looks.begin(patch);
         self.classify_vertices(patch, &mut refusals);
         refusals
     }
@@ -201,7 +215,8 @@ impl Decimator {
         self.kinds.clear();
         for vertex in 0..patch.positions.len() {
             let vertex = vertex as u16;
-            if self.adjacency.count(vertex) > MAX_VALENCE {
+            let count = self.adjacency.count(vertex);
+            if count > MAX_SPINE {
                 if !patch.locked[usize::from(vertex)] {
                     refusals.add(Refusal::Valence);
                 }
@@ -215,6 +230,10 @@ impl Decimator {
             }
             self.kinds.push(match fan {
                 _ if patch.locked[usize::from(vertex)] => VertexKind::Fixed,
+                FanKind::Closed | FanKind::Open(..) if count > MAX_VALENCE => {
+                    refusals.add(Refusal::Valence);
+                    VertexKind::Fixed
+                }
                 FanKind::Closed => VertexKind::Interior,
                 FanKind::Open(..) => VertexKind::Boundary,
                 FanKind::Broken => {
@@ -315,6 +334,7 @@ impl Decimator {
                 continue;
             }
             let fan = self.fan.classify();
+            let locked = refusals.of(Refusal::LockedEdge);
             if let Some((cost, v)) = self.cheapest_legal(patch, fan, u, refusals) {
                 let bound = self.propose(patch, fan, u, v);
                 let cost = cost.max(self.bound_cost(bound));
@@ -326,6 +346,11 @@ impl Decimator {
                 continue;
             }
             self.waiting[usize::from(u)] = true;
+            // What locks or a seam hold back needs no force: they are no more on a higher level.
+            let on_seam = !self.sides.is_empty() && fan != FanKind::Broken;
+            if on_seam || refusals.of(Refusal::LockedEdge) > locked {
+                continue;
+            }
             if let Some(v) = self.nearest_forced(patch, u) {
                 let bound = self.propose(patch, fan, u, v);
                 let cost = self.bound_cost(bound);
@@ -359,6 +384,7 @@ impl Decimator {
         for (face, displacement) in &self.proposal.faces {
             self.displacements[*face as usize] = *displacement;
         }
+        self.carry_looks(u, v);
         self.quadrics[usize::from(v)].add_moved(&quadric, offset);
         progress.alive -= self.adjacency.collapse(u, v);
         self.kinds[usize::from(u)] = VertexKind::Gone;
@@ -391,6 +417,9 @@ impl Decimator {
         u: u16,
         refusals: &mut Refusals,
     ) -> Option<(f32, u16)> {
+        if fan == FanKind::Broken {
+            self.candidates.drain(..).for_each(|_| refusals.add(Refusal::NonManifold));
+        }
         while let Some(best) = (0..self.candidates.len()).min_by(|&i, &j| {
             self.candidates[i]
                 .0

@@ -4,6 +4,8 @@ use crate::adjacency::Adjacency;
 
 /// Faces about a vertex beyond which it takes no part in collapses: their cost grows with the square of the valence.
 pub(crate) const MAX_VALENCE: usize = 48;
+/// The same for a vertex of several fans, which the pages of a book have in common: it goes along the spine, by force.
+pub(crate) const MAX_SPINE: usize = 256;
 
 /// How the faces about a vertex lie together.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -5,30 +5,31 @@
 //! and what other clusters know.
 
 use crate::decimate::Decimator;
-use crate::fan::MAX_VALENCE;
+use crate::fan::{MAX_SPINE, MAX_VALENCE};
 use crate::patch::{Patch, Topology};
 
 impl Decimator {
-    /// Where the vertex whose fan was gathered last may be forced to, the nearest.
+    /// Where the vertex whose fan was gathered last may be forced to: the nearest, along an edge of three or more faces if it has one.
     pub(crate) fn nearest_forced(&mut self, patch: &Patch<'_>, u: u16) -> Option<u16> {
         if self.topology == Topology::Keep {
             return None;
         }
         self.gather_ring();
         let on_boundary = self.ring.iter().any(|(_, faces)| faces % 2 == 1);
-        let mut best: Option<(f64, u16)> = None;
+        let mut best: Option<(bool, f64, u16)> = None;
         for i in 0..self.ring.len() {
             let (v, faces) = self.ring[i];
             // A boundary vertex stays on the boundary.
-            if on_boundary && faces % 2 == 0 || !self.may_force(patch, u, v) {
+            if on_boundary && faces % 2 == 0 || !self.may_force(patch, u, v, faces) {
                 continue;
             }
-            let distance = self.offset(patch, u, v).norm_squared();
-            if best.is_none_or(|nearest| (distance, v) < nearest) {
-                best = Some((distance, v));
+            let off_spine = faces < 3;
+            let rank = (off_spine, self.offset(patch, u, v).norm_squared(), v);
+            if best.is_none_or(|nearest| rank < nearest) {
+                best = Some(rank);
             }
         }
-        best.map(|(_, v)| v)
+        best.map(|(.., v)| v)
     }
 
     /// The ring's vertices, each with its number of faces.
@@ -43,12 +44,16 @@ impl Decimator {
         });
     }
 
-    fn may_force(&mut self, patch: &Patch<'_>, u: u16, v: u16) -> bool {
+    /// Whether u may go to v, to which `faces` faces lead.
+    fn may_force(&mut self, patch: &Patch<'_>, u: u16, v: u16, faces: u32) -> bool {
         if !self.sides.is_empty() && self.sides[usize::from(u)] & !self.sides[usize::from(v)] != 0 {
             return false;
         }
-        if self.adjacency.count(v) > 4 * MAX_VALENCE
-            || self.adjacency.living(v).0.len() + self.fan.wings.len() > MAX_VALENCE + 4
+        // Each page of a book has two or three faces at a vertex of its spine.
+        let most = (MAX_VALENCE + 4).max((5 * faces as usize).min(MAX_SPINE));
+        let dying = if most > MAX_VALENCE + 4 { faces as usize } else { 0 };
+        if self.adjacency.count(v) > 2 * MAX_SPINE
+            || self.adjacency.living(v).0.len() + self.fan.wings.len() > most + 2 * dying
         {
             return false;
         }

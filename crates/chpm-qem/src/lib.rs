@@ -11,6 +11,7 @@ mod displacement;
 mod fan;
 mod forced;
 mod legality;
+mod look;
 mod overlay;
 mod patch;
 mod quadric;
@@ -20,6 +21,7 @@ mod refusal;
 
 pub use decimate::Decimator;
 pub use displacement::Displacement;
+pub use look::{Deviation, FaceLook, Looks};
 pub use patch::{Collapse, Outcome, Patch, Topology};
 pub use quadric::Quadric;
 pub use record::Record;

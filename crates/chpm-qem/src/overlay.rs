@@ -5,13 +5,17 @@
 //! face have in common, so that its extremes are at the cells' corners: at the loop, where nothing moves; at u; and where an
 //! old edge from u crosses a new edge from v. Their order is known from the loop alone, since both fans are star-shaped.
 
+mod cells;
+
 use crate::displacement::Displacement;
 use crate::fan::MAX_VALENCE;
+pub(crate) use cells::{Corner, Place};
 use nalgebra::{Point3, Vector3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
+use std::ops::Range;
 
 /// Most vertices of a loop: a boundary vertex of the highest valence has one more than faces.
-const MAX_LOOP: usize = MAX_VALENCE + 1;
+pub(crate) const MAX_LOOP: usize = MAX_VALENCE + 1;
 /// What f64 can lose of a projected area, as a share of the fan's squared size: coordinates lose at most 3 * 2^-53 of the size, and
 /// a cross product of two of their differences less than 2^-46 of its square.
 const AREA_LOSS: f64 = 1.0 / (1u64 << 46) as f64;
@@ -41,6 +45,26 @@ impl Projected {
     }
 }
 
+/// Where an old and a new edge cross, as shares of them.
+struct Crossing {
+    on_old: f64,
+    on_new: f64,
+    /// What was divided by.
+    area: f64,
+}
+
+/// How the fans of the last bound lie over each other.
+#[derive(Clone, Copy, Debug)]
+struct Laid {
+    /// Where u is, once it is on the line that its boundary edges become.
+    foot: Projected,
+    /// How far that is along the line; of a boundary vertex.
+    share: Option<f64>,
+    /// The new face that u lies over.
+    sector: usize,
+    size: f64,
+}
+
 /// The fans before and after a collapse u -> v. The loop is l_0 = v, l_1, ... in the faces' winding.
 #[derive(Debug)]
 pub(crate) struct Overlay {
@@ -50,15 +74,27 @@ pub(crate) struct Overlay {
     pub(crate) ring: Vec<Point3<f64>>,
     /// Old face i = (u, l_i, l_i+1), or [`NO_FACE`]; after the collapse face i in 1..=len-2 is (v, l_i, l_i+1).
     pub(crate) faces: Vec<u32>,
+    /// The loop by vertices of the patch.
+    vertices: Vec<u16>,
     projected: Vec<Projected>,
     /// Least and largest displacement where the old edge (u, l_a) crosses the new edge (v, l_b), at `a * MAX_LOOP + b`.
     crossings: Vec<[f64; 2]>,
+    /// None before a bound, and where it failed.
+    laid: Option<Laid>,
 }
 
 impl Default for Overlay {
     fn default() -> Self {
         let crossings = vec![[0.0; 2]; MAX_LOOP * MAX_LOOP];
-        Overlay { apex: Point3::origin(), ring: vec![], faces: vec![], projected: vec![], crossings }
+        Overlay {
+            apex: Point3::origin(),
+            ring: vec![],
+            faces: vec![],
+            vertices: vec![],
+            projected: vec![],
+            crossings,
+            laid: None,
+        }
     }
 }
 
@@ -68,11 +104,14 @@ impl Overlay {
         self.apex = apex;
         self.ring.clear();
         self.faces.clear();
+        self.vertices.clear();
+        self.laid = None;
     }
 
     /// Appends the next vertex of the loop, and the face that it leads.
-    pub(crate) fn push(&mut self, vertex: Point3<f64>, face: u32) {
-        self.ring.push(vertex);
+    pub(crate) fn push(&mut self, vertex: u16, place: Point3<f64>, face: u32) {
+        self.vertices.push(vertex);
+        self.ring.push(place);
         self.faces.push(face);
     }
 
@@ -145,12 +184,7 @@ impl Overlay {
             let mut exact = Displacement::EMPTY;
             let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
             for old in 0..=last {
-                let meet = match old {
-                    0 => new <= sector,
-                    _ if old == last => new >= sector,
-                    _ => new >= old.min(sector) && new <= old.max(sector),
-                };
-                if !meet || self.faces[old] == NO_FACE {
+                if !self.meet(old, new, sector) {
                     continue;
                 }
                 let before = &of[self.faces[old] as usize];
@@ -166,7 +200,24 @@ impl Overlay {
             let after = if still { exact } else { Displacement::outward(low, high) };
             out.push((self.faces[new], after));
         }
+        let share = (on_boundary != [false, false]).then_some(slide.share);
+        self.laid = Some(Laid { foot, share, sector, size });
         true
+    }
+
+    /// Whether an old and a new face have a cell in common.
+    fn meet(&self, old: usize, new: usize, sector: usize) -> bool {
+        let meet = match old {
+            0 => new <= sector,
+            _ if old + 1 == self.ring.len() => new >= sector,
+            _ => new >= old.min(sector) && new <= old.max(sector),
+        };
+        meet && self.faces[old] != NO_FACE
+    }
+
+    /// The loop's vertices whose new edges the old edge (u, l_a) crosses.
+    fn crossed(a: usize, sector: usize) -> Range<usize> {
+        if a > sector { sector + 1..a } else { a + 1..sector + 1 }
     }
 
     /// Projects the loop; answers the fan's size.
@@ -241,10 +292,17 @@ impl Overlay {
     fn apex_displacement(&self, sector: usize, loss: &Loss) -> [f64; 2] {
         let p = &self.projected;
         let (a, b) = (p[sector].minus(p[0]), p[sector + 1].minus(p[0]));
+        let ([of_a, of_b], area) = self.apex_shares(sector);
+        loss.about(p[0].height + of_a * a.height + of_b * b.height, area)
+    }
+
+    /// What the two vertices of the loop that u lies between have of it, in the new face there, and what was divided by.
+    fn apex_shares(&self, sector: usize) -> ([f64; 2], f64) {
+        let p = &self.projected;
+        let (a, b) = (p[sector].minus(p[0]), p[sector + 1].minus(p[0]));
         let apex = Projected::default().minus(p[0]);
         let area = a.cross(b);
-        let (of_a, of_b) = ((apex.cross(b) / area).clamp(0.0, 1.0), (a.cross(apex) / area).clamp(0.0, 1.0));
-        loss.about(p[0].height + of_a * a.height + of_b * b.height, area)
+        ([(apex.cross(b) / area).clamp(0.0, 1.0), (a.cross(apex) / area).clamp(0.0, 1.0)], area)
     }
 
     /// The displacements where old edges cross new ones. False if two of them are too close to parallel.
@@ -252,21 +310,17 @@ impl Overlay {
         let p = &self.projected;
         for a in 1..p.len() {
             let old = p[a].minus(foot);
-            let crossed = if a > sector { sector + 1..a } else { a + 1..sector + 1 };
-            for b in crossed {
+            for b in Self::crossed(a, sector) {
                 let at = &mut self.crossings[a * MAX_LOOP + b];
                 *at = [0.0; 2];
                 if flat {
                     continue;
                 }
                 let new = p[b].minus(p[0]);
-                let area = old.cross(new);
+                let Crossing { on_old, on_new, area } = crossing(old, new, p[0].minus(foot));
                 if area.abs() <= least_area {
                     return false;
                 }
-                let from = p[0].minus(foot);
-                let on_old = (from.cross(new) / area).clamp(0.0, 1.0);
-                let on_new = (from.cross(old) / area).clamp(0.0, 1.0);
                 let displacement = (p[0].height + on_new * new.height) - (foot.height + on_old * old.height);
                 *at = loss.about(displacement, area);
             }
@@ -276,25 +330,37 @@ impl Overlay {
 
     /// The least and largest displacement on the cell of an old and a new face.
     fn interval(&self, old: usize, new: usize, sector: usize, at_apex: [f64; 2]) -> (f64, f64) {
-        let last = self.ring.len() - 1;
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut add = |x: [f64; 2]| (low, high) = (low.min(x[0]), high.max(x[1]));
+        self.corners(old, new, sector, |corner| {
+            let at = match corner {
+                Corner::Loop => [0.0; 2],
+                Corner::Apex => at_apex,
+                Corner::Crossing(a, b) => self.crossings[a * MAX_LOOP + b],
+            };
+            (low, high) = (low.min(at[0]), high.max(at[1]));
+        });
+        (low, high)
+    }
+
+    /// The corners of the cell of an old and a new face, some of them more than once.
+    #[inline]
+    fn corners(&self, old: usize, new: usize, sector: usize, mut visit: impl FnMut(Corner)) {
+        let last = self.ring.len() - 1;
         if old == 0 || old == last {
-            add([0.0; 2]);
+            visit(Corner::Loop);
         }
         if new == sector {
-            add(at_apex);
+            visit(Corner::Apex);
         }
         for a in [old, (old + 1) % (last + 1)] {
             for b in [new, new + 1] {
                 if a == b {
-                    add([0.0; 2]);
+                    visit(Corner::Loop);
                 } else if a != 0 && ((sector < b && b < a) || (a < b && b <= sector)) {
-                    add(self.crossings[a * MAX_LOOP + b]);
+                    visit(Corner::Crossing(a, b));
                 }
             }
         }
-        (low, high)
     }
 }
 
@@ -306,7 +372,7 @@ pub(crate) struct Sweep {
     /// Componentwise largest displacement.
     pub(crate) hi: Vector3<f64>,
     /// Where on the segment it ends.
-    share: f64,
+    pub(crate) share: f64,
 }
 
 impl Sweep {
@@ -343,6 +409,13 @@ impl Loss {
         let loss = self.height + self.slope / area.abs();
         [displacement - loss, displacement + loss]
     }
+}
+
+/// Of the edge `old` from u's place and the edge `new` from v, which is at `from` from there.
+fn crossing(old: Projected, new: Projected, from: Projected) -> Crossing {
+    let area = old.cross(new);
+    let share = |of: f64| (of / area).max(0.0).min(1.0);
+    Crossing { on_old: share(from.cross(new)), on_new: share(from.cross(old)), area }
 }
 
 fn coord(p: Point3<f64>) -> Coord3D<f64> {

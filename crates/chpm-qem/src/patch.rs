@@ -1,10 +1,11 @@
 //! What goes into a decimation and what comes out.
 
 use crate::displacement::Displacement;
+use crate::look::Looks;
 use crate::refusal::Refusals;
 
 /// One cluster's mesh: positions, triangles over local indices, and which vertices must stay.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Patch<'a> {
     /// Vertex positions, at most 65,535.
     pub positions: &'a [[f32; 3]],
@@ -14,6 +15,8 @@ pub struct Patch<'a> {
     pub displacements: &'a [Displacement],
     /// Per vertex, whether another cluster shares it, so that it may not collapse.
     pub locked: &'a [bool],
+    /// What the vertices look like; it has no influence on what collapses.
+    pub looks: Looks<'a>,
 }
 
 /// Whether a simplification may change the topology.

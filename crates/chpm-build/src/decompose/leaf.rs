@@ -85,21 +85,24 @@ pub(crate) struct LeafMesh {
 }
 
 impl LeafMesh {
-    /// Numbers vertices in the order in which `triangles` name them. `locals` holds [`ABSENT`] for every vertex of the region,
-    /// before and after.
+    /// Numbers vertices in their order in the region, so that equal surfaces are numbered alike. `locals` holds [`ABSENT`] for
+    /// every vertex of the region, before and after.
     pub(super) fn gather(triangles: &[[u32; 3]], locals: &mut [u16]) -> Self {
         let mut vertices = Vec::with_capacity(triangles.len());
-        let mut number = |v: u32| {
-            let local = &mut locals[v as usize];
+        for v in triangles.as_flattened() {
+            let local = &mut locals[*v as usize];
             if *local == ABSENT {
-                *local = vertices.len() as u16;
-                vertices.push(v);
+                *local = 0;
+                vertices.push(*v);
             }
-            *local
-        };
-        let triangles = triangles.iter().map(|t| t.map(&mut number)).collect();
-        vertices.iter().for_each(|v| locals[*v as usize] = ABSENT);
+        }
+        vertices.sort_unstable();
         vertices.shrink_to_fit();
+        for (local, v) in (0..).zip(&vertices) {
+            locals[*v as usize] = local;
+        }
+        let triangles = triangles.iter().map(|t| t.map(|v| locals[v as usize])).collect();
+        vertices.iter().for_each(|v| locals[*v as usize] = ABSENT);
         LeafMesh { vertices, triangles }
     }
 }

@@ -44,7 +44,12 @@ pub(crate) fn run(
         write(place, page)?;
         context.progress.advance(1);
         let level = Level(tree.nodes[*node as usize].level);
-        let mut record = ClusterRecord::of_page(page, level, GroupId::NONE, GroupId::NONE)?;
+        let deviation = clusters.page(*node).deviation;
+        let mut record = ClusterRecord {
+            normal_deviation: deviation.degrees(),
+            color_deviation: deviation.units(),
+            ..ClusterRecord::of_page(page, level, GroupId::NONE, GroupId::NONE)?
+        };
         if clusters.trimmed.as_ref().is_some_and(|trimmed| trimmed.is_trimmed(*node)) {
             record.flags |= ClusterRecord::TRIMMED;
         }

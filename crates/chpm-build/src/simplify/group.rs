@@ -12,7 +12,7 @@ use crate::report::LevelReport;
 use chpm_extmem::Spool;
 use chpm_format::PageParts;
 use chpm_mesh::Aabb;
-use chpm_qem::{Collapse, Decimator, Displacement, Patch, Record};
+use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Patch, Record};
 
 /// Triangles that the root goes down to, since no level above it will: a model in the distance.
 const ROOT_TRIANGLES: usize = 100;
@@ -61,6 +61,9 @@ struct Member {
     renumbered: WorkingSet,
     /// Of the base mesh.
     displacements: Vec<Displacement>,
+    looks: Vec<FaceLook>,
+    /// The largest of its meshes and of those below.
+    deviation: Deviation,
     report: LevelReport,
 }
 
@@ -90,8 +93,9 @@ impl Scratch {
             self.seam_collapses.clear();
             if has_seam {
                 self.seam.collapses_of(side, &mut self.seam_collapses);
-                let set = &mut self.members[side].set;
-                self.seam.displacements_of(side, set.triangles.len(), &mut set.displacements);
+                let member = &mut self.members[side];
+                self.seam.hand_to(side, &mut member.set);
+                member.deviation = member.deviation.max(self.seam.deviation);
             }
             self.members[side].halve(&mut self.decimator, &self.seam_collapses, task, min_error);
         }
@@ -108,6 +112,7 @@ impl Scratch {
     /// Fills the working set of a node, and the error that it comes with.
     fn load(&mut self, task: &GroupTask<'_>, side: usize, node: u32) -> Result<(), BuildError> {
         let member = &mut self.members[side];
+        member.deviation = Deviation::default();
         member.is_root = task.tree.nodes[node as usize].parent.is_none();
         if let Some(children) = task.tree.nodes[node as usize].children {
             member.min_error = 0.0;
@@ -119,6 +124,9 @@ impl Scratch {
                 let displacements = &task.displacements[task.tree.nodes[child as usize].level as usize];
                 let len = page.base_triangle_count as usize * size_of::<Displacement>();
                 displacements.read(page.displacements, len, &mut read.displacements)?;
+                let len = page.look_count as usize * size_of::<FaceLook>();
+                displacements.read(page.looks, len, &mut read.looks)?;
+                member.deviation = member.deviation.max(page.deviation);
                 member.min_error = member.min_error.max(page.group_error);
             }
             member.set.fill_from_children(&self.children)?;
@@ -149,6 +157,7 @@ impl Member {
             triangles: &set.triangles,
             displacements: &set.displacements,
             locked: &self.locked,
+            looks: set.looks(),
         };
         let target = (set.triangles.len() as f64 * task.settings.keep) as usize;
         let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
@@ -166,12 +175,20 @@ impl Member {
             forced: outcome.forced as u64,
             min_error: self.min_error,
             max_error: 0.0,
+            normal_deviation: 0.0,
+            color_deviation: 0.0,
             refusals: outcome.refusals,
         };
         self.renumbered.fill_renumbered(&self.set, &self.record);
         self.displacements.clear();
         let all = decimator.displacements().iter().enumerate();
         self.displacements.extend(all.filter(|(face, _)| decimator.is_left(*face)).map(|(_, d)| *d));
+        self.looks.clear();
+        let all = decimator.face_looks().iter().enumerate();
+        self.looks.extend(all.filter(|(face, _)| decimator.is_left(*face)).map(|(_, look)| *look));
+        self.deviation = self.deviation.max(decimator.deviation());
+        self.report.normal_deviation = self.deviation.degrees();
+        self.report.color_deviation = self.deviation.units();
     }
 
     fn max_error(&self) -> f32 {
@@ -199,6 +216,7 @@ impl Member {
             scale_error: largest,
         }
         .encode(page)?;
+        let distances = &task.displacements[task.level as usize];
         let spooled = PageRef {
             offset: task.pages.append(page)?,
             len: page.len() as u32,
@@ -206,8 +224,10 @@ impl Member {
             bounds: Aabb::of_points(&set.positions),
             base_vertex_count: self.record.base_vertex_count() as u32,
             base_triangle_count: self.displacements.len() as u32,
-            displacements: task.displacements[task.level as usize]
-                .append(bytemuck::cast_slice(&self.displacements))?,
+            displacements: distances.append(bytemuck::cast_slice(&self.displacements))?,
+            looks: distances.append(bytemuck::cast_slice(&self.looks))?,
+            look_count: self.looks.len() as u32,
+            deviation: self.deviation,
         };
         Ok((spooled, self.report))
     }

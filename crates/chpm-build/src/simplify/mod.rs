@@ -22,6 +22,7 @@ use crate::trim::Trimmed;
 use chpm_extmem::Spool;
 use chpm_format::{BoundaryMode, MAX_CLUSTER_VERTICES};
 use chpm_mesh::Aabb;
+use chpm_qem::Deviation;
 use dependency::Seams;
 use group::{GroupTask, Scratch};
 use rayon::prelude::*;
@@ -40,6 +41,11 @@ pub(crate) struct PageRef {
     base_triangle_count: u32,
     /// Where the displacements of the base mesh's triangles are in the spool of the level.
     displacements: u64,
+    /// Where their looks are, and how many: none without normals and colours.
+    looks: u64,
+    look_count: u32,
+    /// The largest of its meshes and of those below.
+    pub(crate) deviation: Deviation,
 }
 
 /// Pages of all clusters that were built.
@@ -85,7 +91,8 @@ pub(crate) fn run(
     for level in 0..tree.level_count() {
         seams.rise(tree, level);
         displacements.push(Spool::new(&context.store, "displacements"));
-        let finest_error = |node: u32| finest_error(node, tree, &refs).filter(|error| *error <= range.coarsest);
+        let finest_error =
+            |node: u32| finest_error(node, tree, &refs).filter(|error| *error <= range.coarsest);
         let mut groups: Vec<Vec<u32>> = match settings.boundary {
             BoundaryMode::Dependencies => seams.groups(tree, level, settings, finest_error),
             _ => tree.level(level).map(|node| vec![node as u32]).collect(),
@@ -150,7 +157,8 @@ pub(crate) fn level_reports(
     for ((node, report), _) in tree.nodes.iter().zip(reports).zip(refs).filter(|(_, page)| page.is_some()) {
         let level = node.level as usize;
         for above in levels.len()..=level {
-            let empty = LevelReport { level: above as u32, min_error: f32::INFINITY, ..LevelReport::default() };
+            let empty =
+                LevelReport { level: above as u32, min_error: f32::INFINITY, ..LevelReport::default() };
             levels.push(empty);
         }
         add(&mut levels[level], report);
@@ -183,5 +191,7 @@ fn add(level: &mut LevelReport, cluster: &LevelReport) {
     level.forced += cluster.forced;
     level.min_error = level.min_error.min(cluster.min_error);
     level.max_error = level.max_error.max(cluster.max_error);
+    level.normal_deviation = level.normal_deviation.max(cluster.normal_deviation);
+    level.color_deviation = level.color_deviation.max(cluster.color_deviation);
     level.refusals += cluster.refusals;
 }

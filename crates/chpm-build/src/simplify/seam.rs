@@ -4,12 +4,14 @@
 //! has the vertex: so both sides of a seam always look the same, and the base meshes still fit together.
 
 use super::working_set::WorkingSet;
-use chpm_qem::{Collapse, Decimator, Displacement, Patch};
+use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Looks, Patch};
 
 /// Scratch of the union.
 #[derive(Debug, Default)]
 pub(super) struct Seam {
     positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+    colors: Vec<[u8; 4]>,
     triangles: Vec<[u16; 3]>,
     locked: Vec<bool>,
     sides: Vec<u8>,
@@ -22,6 +24,9 @@ pub(super) struct Seam {
     id_of: Vec<Option<u32>>,
     collapses: Vec<Collapse>,
     displacements: Vec<Displacement>,
+    face_looks: Vec<FaceLook>,
+    /// The largest deviation that a collapse left.
+    pub(super) deviation: Deviation,
     /// Per triangle of the union, the member's; the members' come one after another, and end at these places.
     triangle_of: Vec<u32>,
     ends: Vec<usize>,
@@ -55,11 +60,15 @@ impl Seam {
             triangles: &self.triangles,
             displacements: &self.displacements,
             locked: &self.locked,
+            looks: Looks { normals: &self.normals, colors: &self.colors, faces: &self.face_looks },
         };
         let outcome = decimator.decimate_seams(&patch, &self.sides, count, min_error);
         self.collapses.extend_from_slice(outcome.collapses);
         self.displacements.clear();
         self.displacements.extend_from_slice(decimator.displacements());
+        self.face_looks.clear();
+        self.face_looks.extend_from_slice(decimator.face_looks());
+        self.deviation = decimator.deviation();
         true
     }
 
@@ -67,8 +76,11 @@ impl Seam {
     /// to. Answers false if there are too many vertices.
     fn unite(&mut self, members: &[&WorkingSet], inside: impl Fn(u32) -> bool) -> bool {
         self.positions.clear();
+        self.normals.clear();
+        self.colors.clear();
         self.triangles.clear();
         self.displacements.clear();
+        self.face_looks.clear();
         self.triangle_of.clear();
         self.ends.clear();
         self.locked.clear();
@@ -110,6 +122,7 @@ impl Seam {
                 self.triangles.push(*triangle);
                 self.triangle_of.push(index as u32);
                 self.displacements.push(member.displacements.get(index).copied().unwrap_or_default());
+                self.face_looks.extend(member.face_looks.get(index));
             }
         }
         for v in self.triangles[first..].as_flattened() {
@@ -135,6 +148,8 @@ impl Seam {
                 None => {
                     let fresh = self.positions.len() as u16;
                     self.positions.push(*position);
+                    self.normals.extend(member.normals.get(vertex));
+                    self.colors.extend(member.colors.get(vertex));
                     self.sides.push(0);
                     self.id_of.push(id);
                     self.locked.push(id.is_some_and(|id| !inside(id)));
@@ -160,12 +175,17 @@ impl Seam {
         }));
     }
 
-    /// Updates how far the given member's `triangle_count` triangles, those that are left, are from the source.
-    pub(super) fn displacements_of(&self, side: usize, triangle_count: usize, out: &mut Vec<Displacement>) {
-        out.resize(triangle_count, Displacement::default());
+    /// Gives the given member's triangles, those that are left, the displacements and looks that they have after the seam's
+    /// collapses.
+    pub(super) fn hand_to(&self, side: usize, member: &mut WorkingSet) {
+        member.displacements.resize(member.triangles.len(), Displacement::default());
         let start = if side == 0 { 0 } else { self.ends[side - 1] };
         for union in start..self.ends[side] {
-            out[self.triangle_of[union] as usize] = self.displacements[union];
+            let own = self.triangle_of[union] as usize;
+            member.displacements[own] = self.displacements[union];
+            if let Some(look) = self.face_looks.get(union) {
+                member.face_looks[own] = *look;
+            }
         }
     }
 

@@ -3,7 +3,7 @@
 use super::merge::Merger;
 use crate::decompose::LeafData;
 use chpm_format::{FormatError, Page};
-use chpm_qem::{Displacement, Record};
+use chpm_qem::{Displacement, FaceLook, Looks, Record};
 
 /// What a parent reads of a child.
 #[derive(Debug, Default)]
@@ -11,6 +11,8 @@ pub(super) struct Child {
     pub(super) page: Vec<u8>,
     /// Of the base mesh's triangles, in the page's order.
     pub(super) displacements: Vec<u8>,
+    /// Likewise; empty without normals and colours.
+    pub(super) looks: Vec<u8>,
 }
 
 /// One cluster's mesh in flat arrays that are reused from cluster to cluster.
@@ -22,6 +24,8 @@ pub(super) struct WorkingSet {
     pub(super) triangles: Vec<[u16; 3]>,
     /// Per triangle, how far it is from the source; empty for a leaf, which is the source.
     pub(super) displacements: Vec<Displacement>,
+    /// Per triangle, how it looks beside the source; empty without normals and colours.
+    pub(super) face_looks: Vec<FaceLook>,
     /// Local index and shared id of the vertices that other clusters use too, by local index.
     pub(super) shared: Vec<(u16, u32)>,
     merger: Merger,
@@ -34,6 +38,7 @@ impl WorkingSet {
         self.colors.clear();
         self.triangles.clear();
         self.displacements.clear();
+        self.face_looks.clear();
         self.shared.clear();
     }
 
@@ -45,6 +50,10 @@ impl WorkingSet {
         self.colors.extend_from_slice(&leaf.colors);
         self.triangles.extend_from_slice(&leaf.triangles);
         self.shared.extend_from_slice(&leaf.shared);
+        let looks = Looks { normals: &self.normals, colors: &self.colors, faces: &[] };
+        if !looks.is_empty() {
+            self.face_looks.extend(self.triangles.iter().map(|corners| looks.of_source(*corners)));
+        }
     }
 
     /// The union of two children's base meshes, joined at the vertices that both share.
@@ -66,9 +75,16 @@ impl WorkingSet {
         for child in children {
             let each = child.displacements.chunks_exact(size_of::<Displacement>());
             self.displacements.extend(each.map(bytemuck::pod_read_unaligned::<Displacement>));
+            let each = child.looks.chunks_exact(size_of::<FaceLook>());
+            self.face_looks.extend(each.map(bytemuck::pod_read_unaligned::<FaceLook>));
         }
         self.shared.extend_from_slice(&merger.shared);
         Ok(())
+    }
+
+    /// What the kernel is told about normals and colours.
+    pub(super) fn looks(&self) -> Looks<'_> {
+        Looks { normals: &self.normals, colors: &self.colors, faces: &self.face_looks }
     }
 
     /// The same mesh with vertices numbered as the record has it.

@@ -43,7 +43,8 @@ pub(super) fn check<D: AsRef<[u8]>>(
         scratch.used.resize(page.vertex_count(), false);
         page.triangles.as_flattened().iter().for_each(|v| scratch.used[usize::from(*v)] = true);
         let exact = record.min_error == 0.0;
-        let message = format_args!("no error in the source's own triangles expected, got {}", record.min_error);
+        let message =
+            format_args!("no error in the source's own triangles expected, got {}", record.min_error);
         report.expect(exact, Invariant::Coverage, Place::Cluster(id), message);
         let unused = scratch.used.iter().filter(|used| !**used).count();
         let message =

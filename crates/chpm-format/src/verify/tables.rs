@@ -3,9 +3,9 @@
 use super::{Invariant, Report};
 use crate::error::Place;
 use crate::reader::Chpm;
+use crate::records::ClusterRecord;
 use crate::tables::{bounds, leaf_triangles, max_error, statistics};
 use crate::{PAGE_ALIGN, align_up};
-use crate::records::ClusterRecord;
 use chpm_mesh::{ClusterId, GroupId};
 use std::fmt::Debug;
 
@@ -61,8 +61,12 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     let mut zero = |ok, place| report.expect(ok, Invariant::Bytes, place, "zero expected in reserved fields");
     zero(header.reserved == [0; 92] && header.optional_flags == 0, Place::Header);
     for (id, c) in (0..).map(ClusterId).zip(file.clusters()) {
-        let deviations = c.normal_deviation.to_bits() | c.color_deviation.to_bits();
-        zero(c.flags & !ClusterRecord::TRIMMED == 0 && deviations == 0 && c.reserved == [0; 16], Place::Cluster(id));
+        let absent = [
+            (header.attributes().normals || c.normal_deviation.to_bits() == 0),
+            (header.attributes().colors || c.color_deviation.to_bits() == 0),
+        ];
+        let flags = c.flags & !ClusterRecord::TRIMMED;
+        zero(flags == 0 && absent == [true; 2] && c.reserved == [0; 16], Place::Cluster(id));
     }
     for (id, g) in (0..).map(GroupId).zip(file.groups()) {
         zero(g.flags == 0 && g.reserved == [0; 16], Place::Group(id));
@@ -92,9 +96,17 @@ fn check_group<D: AsRef<[u8]>>(file: &Chpm<D>, id: GroupId, report: &mut Report)
         group.max_error,
     );
 
+    let largest = |of: fn(&ClusterRecord) -> f32| coarse().map(of).fold(0.0, f32::max);
+    let deviations = [largest(|c| c.normal_deviation), largest(|c| c.color_deviation)];
     let mut below = None;
     for fine in file.fine(id) {
         let cluster = &file.clusters()[*fine as usize];
+        let least = [cluster.normal_deviation, cluster.color_deviation];
+        for ((name, got), least) in ["normal", "color"].into_iter().zip(deviations).zip(least) {
+            let message =
+                format_args!("a {name}_deviation of at least {least} (cluster {fine} below), got {got}");
+            report.expect(got >= least, Invariant::Nesting, place, message);
+        }
         let fine_group = &file.groups()[cluster.group as usize];
         below = below.max(Some(cluster.level));
         let error = cluster.max_error.max(fine_group.max_error);

@@ -169,6 +169,8 @@ fn tables_that_lie_are_refused() {
         (0, offset_of!(ClusterRecord, max_error), 0, "errors"),
         (0, offset_of!(ClusterRecord, aabb_min), 0x7f80_0000, "box"),
         (0, offset_of!(ClusterRecord, radius), 0xbf80_0000, "sphere"),
+        (0, offset_of!(ClusterRecord, normal_deviation), 0x7fc0_0000, "normal_deviation: expected 0 to 180"),
+        (0, offset_of!(ClusterRecord, color_deviation), 0x4380_0000, "expected 0 to 255, got 256"),
     ] {
         let text = cluster(id, field, value);
         assert!(text.contains(expected), "expected '{expected}', got '{text}'");

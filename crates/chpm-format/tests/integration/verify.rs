@@ -1,6 +1,8 @@
 use crate::sample::{Cluster, Sample, sheet, two_level, with, write};
 use chpm_format::verify::MAX_FAULTS;
-use chpm_format::{BoundaryMode, Chpm, ClusterRecord, HeaderFields, Invariant, LevelRecord, Place, Tables, verify};
+use chpm_format::{
+    BoundaryMode, Chpm, ClusterRecord, HeaderFields, Invariant, LevelRecord, Place, Tables, verify,
+};
 use chpm_mesh::{Attributes, ClusterId};
 
 /// The invariants that a file breaks, each once.
@@ -130,6 +132,28 @@ fn nesting() {
     let bytes = two_level().bytes();
     assert_eq!(broken(with(&bytes, 144, &[1])), [Invariant::Nesting], "the header's max_error");
     assert_eq!(broken(with(&bytes, 120, &[1])), [Invariant::Nesting], "the header's box");
+}
+
+#[test]
+fn deviations() {
+    let all = Attributes { normals: true, colors: true };
+    let told = |attributes, deviations: &[[f32; 2]]| {
+        let (mut tables, pages) = sheet(4, 2, 2, attributes).tables();
+        // Two leaves and what is above them.
+        let levels: Vec<u32> = tables.clusters.iter().rev().map(|c| c.level).collect();
+        assert_eq!(levels, [0, 0, 1]);
+        for (cluster, [normal, color]) in tables.clusters.iter_mut().rev().zip(deviations) {
+            (cluster.normal_deviation, cluster.color_deviation) = (*normal, *color);
+        }
+        broken(write(&mut tables, &pages))
+    };
+    assert_eq!(told(all, &[[3.0, 0.0], [20.0, 250.0], [20.0, 255.0]]), []);
+    assert_eq!(told(all, &[[3.0, 0.0], [20.0, 250.0], [19.0, 255.0]]), [Invariant::Nesting]);
+    assert_eq!(told(all, &[[3.0, 7.0], [0.0, 0.0], [3.0, 6.5]]), [Invariant::Nesting]);
+    let colors = Attributes { normals: false, colors: true };
+    assert_eq!(told(colors, &[[0.0, 7.0], [0.0, 1.0], [0.0, 7.0]]), []);
+    assert_eq!(told(colors, &[[0.0; 2], [0.0; 2], [1.0, 0.0]]), [Invariant::Bytes], "of what is not there");
+    assert_eq!(told(Attributes::NONE, &[[0.0; 2], [0.0; 2], [0.0, 1.0]]), [Invariant::Bytes]);
 }
 
 #[test]

@@ -94,8 +94,13 @@ fn a_run_goes_on_from_the_displacements_of_another() {
     let locked = vec![false; positions.len()];
     let (mut error, mut sum) = (0.0, 0.0);
     for _ in 0..4 {
-        let patch =
-            Patch { positions, triangles: &triangles, displacements: &displacements, locked: &locked };
+        let patch = Patch {
+            positions,
+            triangles: &triangles,
+            displacements: &displacements,
+            locked: &locked,
+            ..Patch::default()
+        };
         let outcome = decimator.decimate(&patch, triangles.len() / 2, error);
         error = outcome.collapses.last().expect("it halves").error;
         let collapses = outcome.collapses.to_vec();

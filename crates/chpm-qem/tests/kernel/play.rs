@@ -43,7 +43,13 @@ pub(crate) fn run_with(
     min_error: f32,
 ) -> Run {
     let triangles = local(mesh);
-    let patch = Patch { positions: &mesh.positions, triangles: &triangles, displacements: &[], locked };
+    let patch = Patch {
+        positions: &mesh.positions,
+        triangles: &triangles,
+        displacements: &[],
+        locked,
+        ..Patch::default()
+    };
     let outcome = decimator.decimate(&patch, target, min_error);
     let mut record = Record::default();
     record.renumber(&patch, &outcome);

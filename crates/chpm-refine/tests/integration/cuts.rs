@@ -1,7 +1,7 @@
-use crate::strips::{ALL, DEPENDENT, File, PAIRS, ROOTS, TWINS, UNEVEN, WOVEN};
+use crate::strips::{ALL, DEPENDENT, File, LOPSIDED, PAIRS, ROOTS, TWINS, UNEVEN, WOVEN, boundary, outline};
 use chpm_format::Chpm;
 use chpm_mesh::{ClusterId, Level};
-use chpm_refine::{Cut, Member, RefineError, random_cut};
+use chpm_refine::{Cut, Member, RefineError, extract, random_cut};
 use std::collections::BTreeSet;
 
 fn ids(cut: &Cut) -> Vec<u32> {
@@ -57,6 +57,20 @@ fn levels_replace_what_is_below_them() {
     }
     let file = ROOTS.build();
     assert_eq!(Cut::at_level(&file, Level(u32::MAX)), finest(&file, &[0, 1]));
+}
+
+#[test]
+fn a_cluster_whose_group_is_replaced_in_part_is_at_its_base_mesh() {
+    let file = LOPSIDED.build();
+    let at = |id: u32| &file.clusters()[id as usize];
+    let expected = [(2, at(2).base_vertex_count), (3, at(3).vertex_count)];
+    assert_ne!(at(2).base_vertex_count, at(2).vertex_count);
+    let members = expected.map(|(id, vertices)| Member { cluster: ClusterId(id), vertices });
+    let cut = Cut::at_level(&file, Level(1));
+    assert_eq!(cut.members(), members);
+    let mesh = extract(&file, &cut).unwrap();
+    assert_eq!(boundary(&mesh.triangles).len(), outline(&LOPSIDED).len(), "the seam is open");
+    assert_eq!(Cut::at_level(&file, Level(0)), finest(&file, &[0, 1, 2]));
 }
 
 #[test]

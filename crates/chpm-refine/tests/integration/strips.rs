@@ -40,6 +40,9 @@ pub(crate) const DEPENDENT: Plan = Plan {
     groups: &[&[1, 2]],
     mode: BoundaryMode::Dependencies,
 };
+/// The same where the last strip is two levels below its parent: it outlasts the one that it depends on.
+pub(crate) const LOPSIDED: Plan =
+    Plan { strips: 3, merges: &[&[0, 1], &[2, 3]], groups: &[&[1, 2]], mode: BoundaryMode::Dependencies };
 /// Both, on several levels: clusters below a group that splits together depend on clusters beside it.
 pub(crate) const WOVEN: Plan = Plan {
     strips: 8,

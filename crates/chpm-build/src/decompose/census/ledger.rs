@@ -6,7 +6,7 @@ use crate::report::Repairs;
 use rayon::prelude::*;
 
 /// Records that are let gather before settling is worth its sorting.
-const LARGE: usize = 1 << 20;
+const LARGE: usize = 1 << 17;
 
 /// Takes in leaves, or regions, in order. Memory: 9 bytes for each shared vertex, and 12 for each record not settled yet.
 #[derive(Debug)]

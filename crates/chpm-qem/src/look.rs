@@ -1,0 +1,283 @@
+//! How far normals and colours are from the source's: what the collapses so far have done to them.
+//!
+//! An attribute is interpolated over each face. The map of a collapse (see `overlay`) is linear on each cell that an old and
+//! a new face have in common, and so is the difference of the attribute before and after it: it is largest at a corner of the
+//! cell. Along a chain of collapses these differences add up. Where attributes jump about, their sum says too much, and the range of what
+//! the source points in a face look like says more; of the two bounds the smaller one holds.
+
+use crate::overlay::{Corner, MAX_LOOP, Overlay, Place};
+use crate::patch::Patch;
+use bytemuck::{Pod, Zeroable};
+use chpm_mesh::geom::round_up;
+use nalgebra::{Vector3, Vector4};
+
+/// What f64 can lose of a difference of attributes, as a share of the values that it is made of, and more.
+const LOST: f64 = 1.0 / (1u64 << 48) as f64;
+
+/// Normals and colours are handled alike, as values from 0 to 255: this is what coordinates of a unit normal are scaled by.
+const NORMAL_SCALE: f64 = 127.0;
+const NORMAL: usize = 0;
+const COLOR: usize = 1;
+
+/// A vertex's normal, scaled, or its colour.
+type Value = Vector4<f64>;
+
+/// What the vertices of a patch look like, and how far its triangles are from how the source looks.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Looks<'a> {
+    /// Normals of any length, one a vertex or none.
+    pub normals: &'a [[f32; 3]],
+    /// Colours (RGBA), one a vertex or none.
+    pub colors: &'a [[u8; 4]],
+    /// One a triangle; empty if the patch is the source.
+    pub faces: &'a [FaceLook],
+}
+
+impl Looks<'_> {
+    /// Whether there is nothing to look at.
+    pub fn is_empty(&self) -> bool {
+        self.normals.is_empty() && self.colors.is_empty()
+    }
+
+    /// How a triangle of the source looks, which is like the source.
+    pub fn of_source(&self, corners: [u16; 3]) -> FaceLook {
+        let mut look = FaceLook::default();
+        if !self.normals.is_empty() {
+            look.ranges[NORMAL] = Range::of(corners.map(|v| normal_value(&self.normals[usize::from(v)])));
+        }
+        if !self.colors.is_empty() {
+            look.ranges[COLOR] = Range::of(corners.map(|v| color_value(&self.colors[usize::from(v)])));
+        }
+        look
+    }
+}
+
+fn normal_value(normal: &[f32; 3]) -> Value {
+    let unit = Vector3::from(normal.map(f64::from)).try_normalize(0.0).unwrap_or_default();
+    (unit.insert_row(3, 0.0) * NORMAL_SCALE).add_scalar(NORMAL_SCALE)
+}
+
+fn color_value(color: &[u8; 4]) -> Value {
+    Value::from(color.map(f64::from))
+}
+
+/// A bound on how far the interpolated attributes at a point of a mesh are from those of the source at the point that the
+/// collapses took there. Rounded up; 0 for attributes that are not there.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Deviation {
+    /// Length of the difference of the normals, each interpolated between unit normals.
+    pub normal: f32,
+    /// Largest difference of a channel, in units of which a channel has 255.
+    pub color: f32,
+}
+
+impl Deviation {
+    /// The larger of both, for each attribute.
+    #[must_use]
+    pub fn max(self, other: Deviation) -> Deviation {
+        Deviation { normal: self.normal.max(other.normal), color: self.color.max(other.color) }
+    }
+
+    /// The angle between two unit normals whose difference has the length of `normal`: 0 to 180 degrees.
+    pub fn degrees(self) -> f32 {
+        let half = (f64::from(self.normal) / 2.0).min(1.0).asin();
+        round_up(2.0 * half.to_degrees()).min(180.0)
+    }
+
+    /// The difference of the colours: 0 to 255.
+    pub fn units(self) -> f32 {
+        self.color.min(255.0)
+    }
+}
+
+/// How a face looks beside the source: its deviation, and the range of the source's values at the points that are in it now.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct FaceLook {
+    deviations: [f32; 2],
+    ranges: [Range; 2],
+}
+
+/// The least and the largest value of each channel, rounded outward.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+struct Range {
+    low: [u8; 4],
+    high: [u8; 4],
+}
+
+impl Range {
+    fn of(corners: [Value; 3]) -> Range {
+        let [a, b, c] = corners;
+        Range {
+            low: a.inf(&b).inf(&c).map(|x| x.floor() as u8).into(),
+            high: a.sup(&b).sup(&c).map(|x| x.ceil() as u8).into(),
+        }
+    }
+
+    fn merge(&mut self, other: &Range) {
+        for channel in 0..4 {
+            self.low[channel] = self.low[channel].min(other.low[channel]);
+            self.high[channel] = self.high[channel].max(other.high[channel]);
+        }
+    }
+
+    /// By channel, how far a value of the range may be from one between the corners.
+    fn reach(&self, corners: [Value; 3]) -> Value {
+        let [a, b, c] = corners;
+        let (low, high) = (self.low.map(f64::from), self.high.map(f64::from));
+        (Value::from(high) - a.inf(&b).inf(&c)).sup(&(a.sup(&b).sup(&c) - Value::from(low)))
+    }
+}
+
+impl FaceLook {
+    /// What the face has now.
+    pub fn deviation(&self) -> Deviation {
+        let [normal, color] = self.deviations;
+        Deviation { normal: round_up(f64::from(normal) / NORMAL_SCALE), color }
+    }
+
+    /// The same after a further difference.
+    fn after(mut self, differences: [f32; 2]) -> FaceLook {
+        for (deviation, more) in self.deviations.iter_mut().zip(differences) {
+            if more != 0.0 {
+                *deviation = round_up(f64::from(*deviation) + f64::from(more));
+            }
+        }
+        self
+    }
+
+    /// Takes in points of another face.
+    fn merge(&mut self, other: &FaceLook) {
+        self.deviations = larger(self.deviations, other.deviations);
+        for (range, other) in self.ranges.iter_mut().zip(&other.ranges) {
+            range.merge(other);
+        }
+    }
+}
+
+fn larger(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    [a[0].max(b[0]), a[1].max(b[1])]
+}
+
+/// What a difference of values counts: the length of a normal, the largest channel of a colour.
+fn length(attribute: usize, difference: &Value) -> f64 {
+    if attribute == NORMAL { difference.norm() } else { difference.amax() }
+}
+
+/// The looks of a patch while it is decimated. Does nothing where there is nothing to look at.
+#[derive(Debug, Default)]
+pub(crate) struct LookTracker {
+    /// By attribute, of the vertices; empty if they do not have it.
+    values: [Vec<Value>; 2],
+    pub(crate) faces: Vec<FaceLook>,
+    /// The largest deviations that a collapse left.
+    largest: [f32; 2],
+    /// Differences at u, and where the old edge (u, l_a) crosses the new edge (v, l_b), at `a * MAX_LOOP + b`.
+    apex: [f32; 2],
+    crossings: Vec<[f32; 2]>,
+    /// Faces about v, with what they come to.
+    changed: Vec<(u32, FaceLook)>,
+}
+
+impl LookTracker {
+    pub(crate) fn begin(&mut self, patch: &Patch<'_>) {
+        self.values.iter_mut().for_each(Vec::clear);
+        self.faces.clear();
+        self.largest = [0.0; 2];
+        let looks = &patch.looks;
+        if looks.is_empty() {
+            return;
+        }
+        self.values[NORMAL].extend(looks.normals.iter().map(normal_value));
+        self.values[COLOR].extend(looks.colors.iter().map(color_value));
+        self.crossings.resize(MAX_LOOP * MAX_LOOP, [0.0; 2]);
+        self.faces.extend_from_slice(looks.faces);
+        if self.faces.is_empty() {
+            self.faces.extend(patch.triangles.iter().map(|corners| looks.of_source(*corners)));
+        }
+    }
+
+    /// The largest deviation that a collapse of the run left.
+    pub(crate) fn largest(&self) -> Deviation {
+        FaceLook { deviations: self.largest, ..FaceLook::default() }.deviation()
+    }
+
+    /// Carries the looks of the faces about u on over the collapse u -> v, cell by cell.
+    pub(crate) fn carry_over(&mut self, overlay: &Overlay, u: u16, v: u16) {
+        overlay.places(|corner, place| {
+            let differences = self.differences(u, v, &place);
+            match corner {
+                Corner::Loop => {}
+                Corner::Apex => self.apex = differences,
+                Corner::Crossing(a, b) => self.crossings[a * MAX_LOOP + b] = differences,
+            }
+        });
+        let mut changed = std::mem::take(&mut self.changed);
+        changed.clear();
+        overlay.cells(|new, old, corners| {
+            let differences = corners.iter().map(|corner| match *corner {
+                Corner::Loop => [0.0; 2],
+                Corner::Apex => self.apex,
+                Corner::Crossing(a, b) => self.crossings[a * MAX_LOOP + b],
+            });
+            let after = self.faces[old as usize].after(differences.fold([0.0; 2], larger));
+            match changed.last_mut() {
+                Some((face, all)) if *face == new => all.merge(&after),
+                _ => changed.push((new, after)),
+            }
+        });
+        for (new, (face, look)) in (1..).zip(&changed) {
+            self.keep(Some(*face), *look, overlay.new_corners(new));
+        }
+        self.changed = changed;
+    }
+
+    /// A face takes its points along, linearly.
+    pub(crate) fn sweep(&mut self, face: u32, moved: [f32; 2], corners: [u16; 3]) {
+        self.keep(Some(face), self.faces[face as usize].after(moved), corners);
+    }
+
+    /// Hands the points of a face over to another, which has the given corners, or to the point where they end for good.
+    pub(crate) fn hand_over(&mut self, from: u32, moved: [f32; 2], to: Option<u32>, corners: [u16; 3]) {
+        let mut look = self.faces[from as usize].after(moved);
+        if let Some(face) = to {
+            look.merge(&self.faces[face as usize]);
+        }
+        self.keep(to, look, corners);
+    }
+
+    fn keep(&mut self, face: Option<u32>, mut look: FaceLook, corners: [u16; 3]) {
+        for (attribute, values) in self.values.iter().enumerate().filter(|(_, v)| !v.is_empty()) {
+            let reach = look.ranges[attribute].reach(corners.map(|v| values[usize::from(v)]));
+            let deviation = &mut look.deviations[attribute];
+            *deviation = deviation.min(round_up(length(attribute, &reach)));
+        }
+        self.largest = larger(self.largest, look.deviations);
+        if let Some(face) = face {
+            self.faces[face as usize] = look;
+        }
+    }
+
+    /// How far the attributes at a place of the new fan are from those at the same place of the old one, rounded up. Taken from
+    /// differences of vertices, so that it is zero where they have one value.
+    pub(crate) fn differences(&self, u: u16, v: u16, place: &Place) -> [f32; 2] {
+        [NORMAL, COLOR].map(|attribute| {
+            let values = &self.values[attribute];
+            if values.is_empty() {
+                return 0.0;
+            }
+            let (at_u, at_v) = (values[usize::from(u)], values[usize::from(v)]);
+            let (step, along) = (at_v - at_u, values[usize::from(place.old.0)] - at_u);
+            let mut difference = along * place.old.1 - step;
+            let mut spread = step.amax() + along.amax();
+            for (vertex, share) in place.new {
+                let along = values[usize::from(vertex)] - at_v;
+                difference -= along * share;
+                spread += along.amax();
+            }
+            // A vector is no longer than twice its largest coordinate.
+            round_up(length(attribute, &difference) + 2.0 * (place.loss + LOST) * spread)
+        })
+    }
+}

@@ -1,0 +1,48 @@
+//! Collapses that change the topology: where they are needed, and where waiting does better.
+
+use crate::play::{run, run_in};
+use chpm_mesh::TriMesh;
+use chpm_qem::{Refusal, Topology};
+
+/// Pages of one quad across about a straight spine; the spine's vertices come first.
+fn book(pages: u32, quads: u32) -> TriMesh {
+    let column = |x: f64, y: f64| (0..=quads).map(move |z| [x as f32, y as f32, z as f32]);
+    let mut mesh = TriMesh::new(column(0.0, 0.0).collect(), Vec::new());
+    for page in 0..pages {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(page) / f64::from(pages)).sin_cos();
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(column(cos, sin));
+        for [a, b] in (0..quads).map(|z| [z, first + z]) {
+            mesh.triangles.extend([[a, b, b + 1], [a, b + 1, a + 1]]);
+        }
+    }
+    mesh
+}
+
+#[test]
+fn a_spine_of_any_number_of_pages_goes_along_itself() {
+    for pages in [3, 4, 15, 16, 17, 40, 50] {
+        let mesh = book(pages, 12);
+        // Two triangles a page; in the outermost rows nothing is wrong with four.
+        let run = run_in(Topology::Change, &mesh, 4 * pages as usize);
+        assert!(!run.stalled, "{pages} pages: {} triangles", run.triangle_count);
+        // Of an even number only the ends are on the mesh boundary, which leads off the spine.
+        if pages % 2 == 0 {
+            continue;
+        }
+        let off = run.collapses.iter().filter(|c| c.from <= 12 && c.to > 12).count();
+        assert_eq!(off, 0, "{pages} pages");
+    }
+}
+
+#[test]
+fn what_locks_hold_back_waits_for_their_release() {
+    // About the origin; the first corner is a spike from which two of the others are out of sight.
+    let ring = [[3.0, 0.0], [0.3, 0.1], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [0.3, -0.1]];
+    let positions = [[0.0; 2]].iter().chain(&ring).map(|[x, y]| [*x, *y, 0.0]).collect();
+    let mesh = TriMesh::new(positions, (1..=6).map(|i| [0, i, i % 6 + 1]).collect());
+    let locked: Vec<bool> = (0..7).map(|v| v >= 2).collect();
+    let run = run(&mesh, &locked, 0);
+    assert!(run.stalled && run.collapses.is_empty(), "{:?}", run.collapses);
+    assert!(run.refused(Refusal::LockedEdge) > 0 && run.refused(Refusal::Flip) > 0);
+}
