@@ -414,7 +414,7 @@ impl Loss {
 /// Of the edge `old` from u's place and the edge `new` from v, which is at `from` from there.
 fn crossing(old: Projected, new: Projected, from: Projected) -> Crossing {
     let area = old.cross(new);
-    let share = |of: f64| (of / area).max(0.0).min(1.0);
+    let share = |of: f64| (of / area).clamp(0.0, 1.0);
     Crossing { on_old: share(from.cross(new)), on_new: share(from.cross(old)), area }
 }
 
