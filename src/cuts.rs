@@ -14,9 +14,13 @@ use crate::stop;
 use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_format::Chpm;
-use chpm_measure::{Crack, cracks};
+use chpm_measure::bvh::squared_distance;
+use chpm_measure::crack::T_JUNCTION_TOLERANCE;
+use chpm_measure::{Bvh, Crack, cracks};
+use chpm_mesh::geom::to_f64;
 use chpm_mesh::{Level, TriMesh};
 use chpm_refine::{CameraPath, Cut, Hierarchy, RefineError, View, extract, random_cut, select};
+use nalgebra::Point3;
 use rayon::prelude::*;
 use seams::Seams;
 
@@ -152,91 +156,58 @@ fn place(position: &[f32; 3]) -> Place {
 
 /// Where a level of detail may have edges of an odd number of faces.
 struct Border {
-    /// A sliver along each such edge of the source: a mesh with the same boundary, and nothing else to look at.
-    outline: TriMesh,
-    /// Its vertices, ascending.
+    outline: Outline,
+    /// The ends of its edges, ascending.
     vertices: Vec<Place>,
-    /// Where the source's border passes more than once, ascending, with how many of its edges go away from there: one for an end, two
-    /// for an edge that the place is inside of. Only positions hold the source together there, so a level of detail may have
-    /// an edge pass where the source has a vertex; that takes the place of two ends, and more than there were may not meet.
-    junctions: Vec<(Place, usize)>,
 }
 
 impl Border {
     fn of(source: &TriMesh) -> Self {
-        let mut outline = TriMesh::default();
-        for ([a, b], _) in odd_edges(source) {
-            let first = outline.positions.len() as u32;
-            outline.positions.extend([a, b, a].map(|v| source.positions[v as usize]));
-            outline.triangles.push([first, first + 1, first + 2]);
-        }
-        // The first two corners of a sliver are the ends of its edge.
-        let ends = outline.positions.chunks(3).flat_map(|sliver| [place(&sliver[0]), place(&sliver[1])]);
-        let mut vertices: Vec<Place> = ends.collect();
-        let passing = passing(source, &cracks(source, &outline), |edge| edge);
-        let mut meeting = vertices.clone();
-        meeting.extend(passing.iter().flat_map(|(place, _)| [*place; 2]));
-        meeting.sort_unstable();
-        let met = meeting.chunk_by(|a, b| a == b).map(|ends| (ends[0], ends.len()));
-        let junctions = met.filter(|(_, count)| *count > 2).collect();
+        let outline =
+            Outline::of(odd_edges(source).map(|(edge, _)| edge.map(|v| source.positions[v as usize])));
+        let mut vertices: Vec<Place> = outline.slivers.positions.iter().map(place).collect();
         vertices.sort_unstable();
         vertices.dedup();
-        Border { outline, vertices, junctions }
+        Border { outline, vertices }
     }
 
-    /// Whether the odd edges of a cut are where the source has some, and no end of one lies inside another. Where it does, `leaks`
+    /// Whether the odd edges of a cut are where the source has some, and the border meets itself nowhere anew. Where it does, `leaks`
     /// finds nothing either: that asks the second of edges of one face alone.
     fn holds(&self, seams: &Seams) -> bool {
-        let is_among = |position: &[f32; 3], places: &[Place]| places.binary_search(&place(position)).is_ok();
-        let mut slivers = TriMesh::default();
-        for [a, b] in seams.odd_edges() {
-            if ![a, b].iter().all(|end| is_among(end, &self.vertices)) {
-                return false;
-            }
-            let first = slivers.positions.len() as u32;
-            slivers.positions.extend([a, b, a]);
-            slivers.triangles.push([first, first + 1, first + 2]);
-        }
-        let found = cracks(&slivers, &self.outline);
-        // Both sides of a sliver are the same edge.
-        let passing = passing(&slivers, &found, |[a, b]| [a.min(b) / 3; 2]);
-        let ends = slivers.positions.chunks(3).flat_map(|sliver| [place(&sliver[0]), place(&sliver[1])]);
-        found.iter().all(|crack| matches!(crack, Crack::TJunction { .. }))
-            && self.crowded(&passing, ends).is_empty()
+        let own = Outline::of(seams.odd_edges());
+        own.slivers.positions.iter().all(|end| self.has(end))
+            && self.cracks(&own.slivers).iter().all(|crack| self.is_old(crack, &own.slivers, &own))
     }
 
-    /// Of the places that edges pass, those where more edges go away than in the source, ascending; `ends` are the ends of all odd edges.
-    fn crowded(&self, passing: &[(Place, [u32; 2])], ends: impl Iterator<Item = Place>) -> Vec<Place> {
-        if passing.is_empty() {
-            return Vec::new();
-        }
-        let mut ends: Vec<Place> = ends.collect();
-        ends.sort_unstable();
-        let places = passing.chunk_by(|a, b| a.0 == b.0).map(|edges| (edges[0].0, 2 * edges.len()));
-        let crowded = places.filter(|(place, through)| {
-            let at = ends.partition_point(|end| end < place)..ends.partition_point(|end| end <= place);
-            let known = self.junctions.binary_search_by_key(place, |(place, _)| *place);
-            at.len() + through > known.map_or(2, |found| self.junctions[found].1)
-        });
-        crowded.map(|(place, _)| place).collect()
+    fn has(&self, position: &[f32; 3]) -> bool {
+        self.vertices.binary_search(&place(position)).is_ok()
+    }
+
+    fn cracks(&self, lod: &TriMesh) -> Vec<Crack> {
+        cracks(lod, &self.outline.slivers)
+    }
+
+    /// Whether a vertex inside an edge of `lod`, whose odd edges are `own`, says nothing: where the source's border comes to one place
+    /// more than once, only positions hold it together, and an edge may come to pass a vertex. No more ways may lead
+    /// from there than in the source, where a passing edge counts as the two that it was.
+    fn is_old(&self, crack: &Crack, lod: &TriMesh, own: &Outline) -> bool {
+        let &Crack::TJunction { vertex, edge: [a, b] } = crack else { return false };
+        let [point, a, b] = [vertex, a, b].map(|v| to_f64(lod.positions[v as usize]));
+        let reach = T_JUNCTION_TOLERANCE * (b - a).norm();
+        // Borders that are about as close to each other may have come closer.
+        own.ways(point, reach, reach) <= self.outline.ways(point, 4.0 * reach, reach)
     }
 
     /// Places of a level of detail where it lets the background through and the source does not.
     fn leaks(&self, lod: &TriMesh) -> Vec<Leak> {
-        let is_among =
-            |v: u32, places: &[Place]| places.binary_search(&place(&lod.positions[v as usize])).is_ok();
         let odd: Vec<_> = odd_edges(lod).collect();
-        let mut leaks: Vec<Leak> = odd
-            .iter()
-            .filter(|(edge, _)| !edge.iter().all(|v| is_among(*v, &self.vertices)))
-            .map(|&(edge, faces)| Leak::Edge { edge, faces })
-            .collect();
-        let found = cracks(lod, &self.outline);
-        let ends = odd.iter().flat_map(|(edge, _)| edge.map(|v| place(&lod.positions[v as usize])));
-        let crowded = self.crowded(&passing(lod, &found, |edge| edge), ends);
-        for crack in found {
+        let is_new = |edge: &[u32; 2]| !edge.iter().all(|v| self.has(&lod.positions[*v as usize]));
+        let opened = odd.iter().filter(|(edge, _)| is_new(edge));
+        let mut leaks: Vec<Leak> = opened.map(|&(edge, faces)| Leak::Edge { edge, faces }).collect();
+        let own = Outline::of(odd.iter().map(|(edge, _)| edge.map(|v| lod.positions[v as usize])));
+        for crack in self.cracks(lod) {
             match crack {
-                Crack::TJunction { vertex, edge } if is_among(vertex, &crowded) => {
+                Crack::TJunction { vertex, edge } if !self.is_old(&crack, lod, &own) => {
                     leaks.push(Leak::TJunction { vertex, edge });
                 }
                 // An edge of one face is an odd edge, so this adds one only where the two checkers disagree.
@@ -253,16 +224,38 @@ impl Border {
     }
 }
 
-/// Places that boundary edges pass without an end there, each with an edge, ascending and each once; `name` tells edges apart.
-fn passing(mesh: &TriMesh, found: &[Crack], name: impl Fn([u32; 2]) -> [u32; 2]) -> Vec<(Place, [u32; 2])> {
-    let through = found.iter().filter_map(|crack| match *crack {
-        Crack::TJunction { vertex, edge } => Some((place(&mesh.positions[vertex as usize]), name(edge))),
-        Crack::Opened { .. } => None,
-    });
-    let mut through: Vec<_> = through.collect();
-    through.sort_unstable();
-    through.dedup();
-    through
+/// The edges of an odd number of faces of a mesh, to be searched.
+struct Outline {
+    /// A sliver along each edge: a mesh with the same boundary, and nothing else to look at.
+    slivers: TriMesh,
+    bvh: Bvh,
+}
+
+impl Outline {
+    fn of(edges: impl Iterator<Item = [[f32; 3]; 2]>) -> Self {
+        let mut slivers = TriMesh::default();
+        for [a, b] in edges {
+            let first = slivers.positions.len() as u32;
+            slivers.positions.extend([a, b, a]);
+            slivers.triangles.push([first, first + 1, first + 2]);
+        }
+        let bvh = Bvh::new(&slivers.positions, &slivers.triangles);
+        Outline { slivers, bvh }
+    }
+
+    /// How many ways lead from a point along edges that come within `reach`: one for an edge that ends within `at_end`, two for
+    /// one that passes.
+    fn ways(&self, point: Point3<f64>, reach: f64, at_end: f64) -> usize {
+        let mut ways = 0;
+        self.bvh.for_each_near(point, reach, &mut |id| {
+            let corners = self.slivers.corners(self.slivers.triangles[id as usize]);
+            if squared_distance(point, corners) <= reach * reach {
+                let ends = corners[..2].iter().any(|end| (to_f64(*end) - point).norm() <= at_end);
+                ways += if ends { 1 } else { 2 };
+            }
+        });
+        ways
+    }
 }
 
 /// A place that is wrong; vertices are the level of detail's.

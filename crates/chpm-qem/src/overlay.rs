@@ -414,7 +414,8 @@ impl Loss {
 /// Of the edge `old` from u's place and the edge `new` from v, which is at `from` from there.
 fn crossing(old: Projected, new: Projected, from: Projected) -> Crossing {
     let area = old.cross(new);
-    let share = |of: f64| (of / area).clamp(0.0, 1.0);
+    // Of parallel edges any place will do, but not one that is no number: their loss covers both edges.
+    let share = |of: f64| if area == 0.0 { 0.0 } else { (of / area).clamp(0.0, 1.0) };
     Crossing { on_old: share(from.cross(new)), on_new: share(from.cross(old)), area }
 }
 
@@ -429,4 +430,16 @@ fn is_straight(a: Point3<f64>, b: Point3<f64>, c: Point3<f64>) -> bool {
         orient2d(a, b, c) == 0.0
     };
     (a - b).dot(&(c - b)) <= 0.0 && straight(0, 1) && straight(1, 2) && straight(2, 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parallel_edges_cross_at_a_number() {
+        let edge = Projected { x: 1.0, y: 2.0, height: 0.0 };
+        let Crossing { on_old, on_new, area } = crossing(edge, edge, edge);
+        assert_eq!((on_old, on_new, area), (0.0, 0.0, 0.0));
+    }
 }

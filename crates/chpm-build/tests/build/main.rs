@@ -2,6 +2,7 @@
 
 mod bytes;
 mod groups;
+mod looks;
 mod odd;
 mod scene;
 mod shapes;
