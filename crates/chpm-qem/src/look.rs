@@ -122,11 +122,23 @@ impl Range {
         }
     }
 
-    /// By channel, how far a value of the range may be from one between the corners.
-    fn reach(&self, corners: [Value; 3]) -> Value {
+    /// How far a value of the range may be from one between the corners.
+    fn reach(&self, attribute: usize, corners: [Value; 3]) -> f64 {
         let [a, b, c] = corners;
-        let (low, high) = (self.low.map(f64::from), self.high.map(f64::from));
-        (Value::from(high) - a.inf(&b).inf(&c)).sup(&(a.sup(&b).sup(&c) - Value::from(low)))
+        let (low, high) = (Value::from(self.low.map(f64::from)), Value::from(self.high.map(f64::from)));
+        let reach = length(attribute, &(high - a.inf(&b).inf(&c)).sup(&(a.sup(&b).sup(&c) - low)));
+        if attribute == COLOR {
+            return reach;
+        }
+        // No normal is longer than a unit, so that the square of a difference is at most 2 less twice the least product.
+        let origin = Value::repeat(NORMAL_SCALE);
+        let (low, high) = (low - origin, high - origin);
+        let product = |corner: Value| {
+            let corner = corner - origin;
+            corner.component_mul(&low).inf(&corner.component_mul(&high)).sum()
+        };
+        let least = corners.map(product).into_iter().fold(f64::INFINITY, f64::min);
+        reach.min((2.0 * (NORMAL_SCALE * NORMAL_SCALE * (1.0 + LOST) - least)).max(0.0).sqrt())
     }
 }
 
@@ -249,9 +261,9 @@ impl LookTracker {
 
     fn keep(&mut self, face: Option<u32>, mut look: FaceLook, corners: [u16; 3]) {
         for (attribute, values) in self.values.iter().enumerate().filter(|(_, v)| !v.is_empty()) {
-            let reach = look.ranges[attribute].reach(corners.map(|v| values[usize::from(v)]));
+            let reach = look.ranges[attribute].reach(attribute, corners.map(|v| values[usize::from(v)]));
             let deviation = &mut look.deviations[attribute];
-            *deviation = deviation.min(round_up(length(attribute, &reach)));
+            *deviation = deviation.min(round_up(reach));
         }
         self.largest = larger(self.largest, look.deviations);
         if let Some(face) = face {
