@@ -31,7 +31,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// The case at a size of about `triangles`, at most [`Case::MAX_TRIANGLES`]; relative to [`Case::offset`]. Those whose name says
+    /// The case at a size of about `triangles`, at most [`Case::MAX_TRIANGLES`]; relative to `Case::offset`. Those whose name says
     /// how many parts they have come in steps, and none has fewer than it takes to be what it is called.
     pub fn mesh(&self, triangles: u32) -> TriMesh {
         (self.make)(triangles.min(Self::MAX_TRIANGLES))
