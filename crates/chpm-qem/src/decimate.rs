@@ -29,6 +29,9 @@ const LENGTH_TERM: f64 = 1e-12;
 /// measured ones, and the build took 1.1 and 1.2 times as long.
 const BOUND_TERM: f64 = 1.0;
 
+/// Share of a forced collapse's cost below which the quadric's says that the vertex would go for nothing if it could.
+const HELD_BACK: f32 = 1e-6;
+
 /// What a vertex may do. Collapses that pass the link test keep it as it is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum VertexKind {
@@ -346,14 +349,15 @@ impl Decimator {
                 continue;
             }
             self.waiting[usize::from(u)] = true;
-            // What locks or a seam hold back needs no force: they are no more on a higher level.
-            let on_seam = !self.sides.is_empty() && fan != FanKind::Broken;
-            if on_seam || refusals.of(Refusal::LockedEdge) > locked {
-                continue;
-            }
+            let held = refusals.of(Refusal::LockedEdge) > locked
+                || (!self.sides.is_empty() && fan != FanKind::Broken);
             if let Some(v) = self.nearest_forced(patch, u) {
                 let bound = self.propose(patch, fan, u, v);
                 let cost = self.bound_cost(bound);
+                // What is flat and only held back by locks or a seam needs no force: on a higher level it will be free.
+                if held && least < HELD_BACK * cost {
+                    continue;
+                }
                 if cost <= next {
                     progress.forced += 1;
                     self.carry_out(patch, u, v, bound, cost, progress);
