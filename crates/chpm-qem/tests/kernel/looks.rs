@@ -248,8 +248,8 @@ fn measured(mesh: &TriMesh, run: &Run) -> (f64, f64) {
     all
 }
 
-/// In a plane all points stay where they are, so that looks can be compared point by point. Said over measured: 1.04 to 1.76,
-/// median 1.46.
+/// In a plane all points stay where they are, so that looks can be compared point by point. Said over measured: 1.04 to 1.30,
+/// median 1.19.
 #[test]
 fn no_point_of_a_plate_deviates_more_than_its_triangle_says() {
     let mut ratios = Vec::new();
@@ -266,7 +266,7 @@ fn no_point_of_a_plate_deviates_more_than_its_triangle_says() {
         }
     }
     ratios.sort_by(f64::total_cmp);
-    assert!(ratios[ratios.len() / 2] < 2.0, "{ratios:?}");
+    assert!(ratios[ratios.len() / 2] < 1.5, "{ratios:?}");
 }
 
 proptest! {
