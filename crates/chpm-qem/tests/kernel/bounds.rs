@@ -31,7 +31,7 @@ fn check(name: &str, mesh: &TriMesh, topology: Topology) -> Vec<f64> {
     tightness
 }
 
-/// Ratios of stored to measured error over all shapes and positions, measured: 1.07 to 8.05, median 1.77, 95th percentile 3.86.
+/// Ratios of stored to measured error over all shapes and positions, measured: 1.02 to 9.33, median 1.44, 95th percentile 3.83.
 #[test]
 fn stored_errors_bound_what_is_measured_and_are_tight() {
     let mut tightness = Vec::new();
@@ -43,7 +43,7 @@ fn stored_errors_bound_what_is_measured_and_are_tight() {
     }
     tightness.sort_by(f64::total_cmp);
     let at = |share: f64| tightness[(share * (tightness.len() - 1) as f64) as usize];
-    assert!(at(0.5) < 2.0 && at(0.95) < 4.0, "{tightness:?}");
+    assert!(at(0.5) < 1.6 && at(0.95) < 4.0, "{tightness:?}");
 }
 
 /// Where the topology changes, too; none of these lets a component vanish before the end.
