@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Crates of this workspace that each may depend on; tests may use more.
-const EDGES: [(&str, &[&str]); 8] = [
+const EDGES: [(&str, &[&str]); 9] = [
     ("chpm-mesh", &[]),
     ("chpm-extmem", &[]),
     ("chpm-partition", &[]),
@@ -14,6 +14,7 @@ const EDGES: [(&str, &[&str]); 8] = [
     ("chpm-measure", &["chpm-mesh"]),
     ("chpm-refine", &["chpm-mesh", "chpm-format"]),
     ("chpm-build", &["chpm-mesh", "chpm-extmem", "chpm-partition", "chpm-qem", "chpm-format"]),
+    ("chpm-viewer", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem"]),
 ];
 
 /// What only the command may use.
