@@ -175,6 +175,45 @@ fn obj_keeps_its_triangles() {
     assert!(error.contains("bad.obj") && error.contains("line 4") && error.contains("index 4"), "{error}");
 }
 
+/// Coordinates that single precision cannot hold: what they lose is part of every error, from the leaves up.
+#[test]
+fn what_rounding_takes_is_in_the_errors() {
+    let (folder, mesh) = ball();
+    let points: Vec<[f64; 3]> =
+        mesh.positions.iter().map(|p| p.map(|x| 4e5 + f64::from(x) / 3.0)).collect();
+    let mut ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
+         element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        points.len(),
+        mesh.triangles.len()
+    );
+    points.iter().for_each(|[x, y, z]| ply += &format!("{x} {y} {z}\n"));
+    mesh.triangles.iter().for_each(|[a, b, c]| ply += &format!("3 {a} {b} {c}\n"));
+    folder.write("far.ply", ply);
+
+    let info = |words: &str| -> serde_json::Value {
+        folder.stdout(&format!("build {words} -o out.chpm {BUILD}"));
+        serde_json::from_str(&folder.stdout("info --json out.chpm")).expect("JSON")
+    };
+    let far = info("far.ply");
+    let origin: Vec<f64> = serde_json::from_value(far["origin"].clone()).expect("an origin");
+    let lost = |p: &[f64; 3]| {
+        let lost = [0, 1, 2].map(|axis| {
+            let exact = p[axis] - origin[axis];
+            f64::from(exact as f32) - exact
+        });
+        (lost.map(|x| x.abs()).into_iter().fold(0.0, f64::max), lost.iter().map(|x| x * x).sum::<f64>().sqrt())
+    };
+    let (axis, length) =
+        points.iter().map(lost).fold((0.0f64, 0.0f64), |most, lost| (most.0.max(lost.0), most.1.max(lost.1)));
+    let least = far["levels"][0]["min_error"].as_f64().expect("an error");
+    assert!(length > 0.0 && least >= length, "{least} for {length}");
+    assert!(least <= 1.000_001 * 3.0f64.sqrt() * axis, "{least} for {axis} along each axis");
+    // What is exact but for that is pruned as if it were exact: nothing of a sphere, but it builds.
+    assert_eq!(info("far.ply --prune-exact")["levels"][0]["triangles"], far["levels"][0]["triangles"]);
+    assert_eq!(info("ball.ply")["levels"][0]["min_error"], 0.0);
+}
+
 #[test]
 fn range_scans_are_moved_into_one_frame() {
     let (folder, mesh) = ball();

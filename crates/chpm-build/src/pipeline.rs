@@ -25,7 +25,7 @@ pub fn build(
     let settings = &config.settings;
     let _lock = Lock::acquire(output)?;
     let out = AtomicFile::create(output, config.overwrite)?;
-    let context = &context(output, config, progress, cancel)?;
+    let context = &context(source, output, config, progress, cancel)?;
 
     let source =
         context.stage(Stage::Ingest, ingest::work(source), || ingest::run(source, settings, context))?;
@@ -41,6 +41,7 @@ pub fn build(
         context.stage(Stage::Hierarchy, leaf_count, || hierarchy::run(&leaves, settings, context))?;
 
     let nodes = tree.nodes.len() as u64;
+    let _tables = context.store.budget.charge("tables of clusters", allowance::tables(tree.nodes.len()))?;
     let clusters = context.stage(Stage::Simplify, nodes, || {
         let mut built = simplify::run(&leaves, &tree, &release, settings, context)?;
         trim::run(&mut built, &mut tree, context)?;
@@ -75,6 +76,7 @@ pub fn build(
 }
 
 fn context<'a>(
+    source: &Path,
     output: &Path,
     config: &BuildConfig,
     progress: &'a dyn Progress,
@@ -85,7 +87,7 @@ fn context<'a>(
     let beside = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let work_dir = resources.work_dir.as_deref().unwrap_or(beside);
     let available = std::thread::available_parallelism().map_or(1, usize::from);
-    let (threads, budget) = allowance::divide(resources, available);
+    let (threads, budget) = allowance::divide(resources, available, ingest::work(source));
     let store = Store::with_budget(work_dir, budget)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

@@ -16,10 +16,12 @@ impl ErrorRange {
     /// Everything.
     pub(crate) const ALL: ErrorRange = ErrorRange { finest: None, coarsest: f32::INFINITY };
 
-    /// The range that the settings ask for, for a model of the given diagonal.
-    pub(crate) fn of(settings: &Settings, diagonal: f64) -> Result<Self, BuildError> {
+    /// The range that the settings ask for, for a model of the given diagonal. Nothing is finer than `least`, the error that the
+    /// leaves come with.
+    pub(crate) fn of(settings: &Settings, diagonal: f64, least: f32) -> Result<Self, BuildError> {
         let [finest, coarsest] = [settings.finest_error, settings.target_error]
             .map(|length| length.map(|length| round_down(length.of(diagonal))));
+        let finest = finest.map(|finest| finest.max(least));
         let range = ErrorRange { finest, coarsest: coarsest.unwrap_or(f32::INFINITY) };
         match finest {
             Some(finest) if finest > range.coarsest => {

@@ -1,6 +1,7 @@
 //! How far a face is from the surface that it stands for.
 
 use bytemuck::{Pod, Zeroable};
+use chpm_mesh::geom::round_up;
 use nalgebra::Vector3;
 
 /// What a sum of two numbers can lose in f64, as a share of either, and more.
@@ -21,10 +22,20 @@ impl Displacement {
     pub(crate) const EMPTY: Displacement =
         Displacement { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
 
+    /// Any displacement of coordinates by at most `reach` each.
+    pub fn within(reach: f64) -> Displacement {
+        Displacement::default().moved(Vector3::repeat(-reach), Vector3::repeat(reach))
+    }
+
     /// The length of the longest displacement in the box: a bound on the distance of any of its points.
     pub fn norm(&self) -> f64 {
         let reach = |axis: usize| f64::from(self.lo[axis].abs().max(self.hi[axis].abs()));
         (0..3).map(|axis| reach(axis).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// [`Self::norm`], rounded up: as an error is stored.
+    pub fn error(&self) -> f32 {
+        round_up(self.norm())
     }
 
     /// Grows to hold `other`.

@@ -31,12 +31,15 @@ use crate::report::Repairs;
 use census::Ledger;
 use chpm_extmem::Spool;
 use chpm_mesh::Attributes;
+use chpm_qem::Displacement;
 use divide::Divided;
 use shared::Collector;
 
 /// The leaf clusters.
 pub(crate) struct Decomposition {
     attributes: Attributes,
+    /// How far a triangle of a leaf is from the source's own: its coordinates were rounded.
+    pub(crate) rounding: Displacement,
     /// The leaves' data.
     spool: Spool,
     pub(crate) leaves: Vec<Leaf>,
@@ -60,6 +63,7 @@ pub(crate) fn run(
 ) -> Result<Decomposition, BuildError> {
     let attributes = source.attributes();
     let vertex_count = source.positions.len() as u64;
+    let rounding = Displacement::within(source.rounding);
     let wanted = leaf_count(source.triangles.len(), settings);
     let divided = divide::run(source, wanted, settings, context)?;
 
@@ -93,7 +97,7 @@ pub(crate) fn run(
     ledger.close(border_count as u32).add_to(repairs);
     let (leaves, shared) = collector.finish();
     repairs.unreferenced_vertices = vertex_count - shared.used_vertices;
-    Ok(Decomposition { attributes, spool, leaves, shared })
+    Ok(Decomposition { attributes, rounding, spool, leaves, shared })
 }
 
 /// Clusters of the leaf level: the power of two for which a leaf comes closest to the wanted size, so that the hierarchy is a

@@ -31,6 +31,7 @@ fn source(mesh: &TriMesh, store: &Store) -> Source {
         triangles: column(store, &mesh.triangles),
         origin: [0.0; 3],
         bounds: Aabb::of_points(&mesh.positions),
+        rounding: 0.0,
         tally: Tally::default(),
         warnings: Vec::new(),
         provenance: Provenance::default(),

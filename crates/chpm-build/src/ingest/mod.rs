@@ -29,6 +29,8 @@ pub(crate) struct Source {
     /// Zero for f32 sources, which keep their bits.
     pub(crate) origin: [f64; 3],
     pub(crate) bounds: Aabb,
+    /// By how much a coordinate was changed at most: what errors start from. Zero for f32 sources.
+    pub(crate) rounding: f64,
     pub(crate) tally: Tally,
     pub(crate) warnings: Vec<String>,
     pub(crate) provenance: Provenance,
@@ -93,7 +95,7 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     }
 
     let origin = if format.double { bounds.origin() } else { [0.0; 3] };
-    let (positions, bounds) = if format.double {
+    let (positions, bounds, rounding) = if format.double {
         let doubles = doubles.finish_column()?;
         let (positions, bounds, rounding) = to_origin(context, &doubles, origin)?;
         if rounding > 0.0 {
@@ -101,9 +103,9 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
                 "double coordinates were rounded to 24 bits about the origin {origin:?}: by at most {rounding:.3e}"
             ));
         }
-        (positions, bounds)
+        (positions, bounds, rounding)
     } else {
-        (singles.finish_column()?, single_bounds)
+        (singles.finish_column()?, single_bounds, 0.0)
     };
     Ok(Source {
         positions,
@@ -112,6 +114,7 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
         triangles: triangles.finish_column()?,
         origin,
         bounds,
+        rounding,
         tally,
         warnings,
         provenance,

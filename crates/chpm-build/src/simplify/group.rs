@@ -132,8 +132,9 @@ impl Scratch {
             member.set.fill_from_children(&self.children)?;
         } else {
             task.decomposition.read_leaf(node, &mut self.leaf)?;
-            member.set.fill_from_leaf(&self.leaf);
-            member.min_error = 0.0;
+            let rounding = task.decomposition.rounding;
+            member.set.fill_from_leaf(&self.leaf, rounding);
+            member.min_error = rounding.error();
         }
         let shared = &task.decomposition.shared;
         let release = |id: u32| u32::from(task.release[shared.interface_of(id) as usize]);

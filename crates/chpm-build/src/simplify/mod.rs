@@ -84,6 +84,7 @@ pub(crate) fn run(
     let pages = Spool::new(&context.store, "pages");
     let mut refs: Vec<Option<PageRef>> = vec![None; tree.nodes.len()];
     let mut seams = Seams::new(&decomposition.shared, release, decomposition.leaves.len());
+    let rounding = decomposition.rounding.error();
     let mut range = ErrorRange::ALL;
     let mut reports = vec![LevelReport::default(); tree.nodes.len()];
     let mut all_groups = Vec::new();
@@ -92,7 +93,7 @@ pub(crate) fn run(
         seams.rise(tree, level);
         displacements.push(Spool::new(&context.store, "displacements"));
         let finest_error =
-            |node: u32| finest_error(node, tree, &refs).filter(|error| *error <= range.coarsest);
+            |node: u32| finest_error(node, tree, &refs, rounding).filter(|error| *error <= range.coarsest);
         let mut groups: Vec<Vec<u32>> = match settings.boundary {
             BoundaryMode::Dependencies => seams.groups(tree, level, settings, finest_error),
             _ => tree.level(level).map(|node| vec![node as u32]).collect(),
@@ -133,7 +134,7 @@ pub(crate) fn run(
         }
         all_groups.extend(groups);
         if level == 0 {
-            range = ErrorRange::of(settings, diagonal(&refs))?;
+            range = ErrorRange::of(settings, diagonal(&refs), rounding)?;
         }
     }
     let levels = level_reports(tree, &refs, &reports);
@@ -167,8 +168,8 @@ pub(crate) fn level_reports(
 }
 
 /// The error that a node's finest mesh comes with; none if its children are not built or do not fit 16-bit indices together.
-fn finest_error(node: u32, tree: &Tree, refs: &[Option<PageRef>]) -> Option<f32> {
-    let Some(children) = tree.nodes[node as usize].children else { return Some(0.0) };
+fn finest_error(node: u32, tree: &Tree, refs: &[Option<PageRef>], rounding: f32) -> Option<f32> {
+    let Some(children) = tree.nodes[node as usize].children else { return Some(rounding) };
     let [Some(a), Some(b)] = children.map(|c| refs[c as usize]) else { return None };
     let fits = a.base_vertex_count + b.base_vertex_count <= MAX_CLUSTER_VERTICES;
     fits.then_some(a.group_error.max(b.group_error))

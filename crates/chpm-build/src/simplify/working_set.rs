@@ -22,7 +22,7 @@ pub(super) struct WorkingSet {
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) colors: Vec<[u8; 4]>,
     pub(super) triangles: Vec<[u16; 3]>,
-    /// Per triangle, how far it is from the source; empty for a leaf, which is the source.
+    /// Per triangle, how far it is from the source; empty for a leaf that is the source.
     pub(super) displacements: Vec<Displacement>,
     /// Per triangle, how it looks beside the source; empty without normals and colours.
     pub(super) face_looks: Vec<FaceLook>,
@@ -43,13 +43,16 @@ impl WorkingSet {
     }
 
     /// The mesh of a leaf.
-    pub(super) fn fill_from_leaf(&mut self, leaf: &LeafData) {
+    pub(super) fn fill_from_leaf(&mut self, leaf: &LeafData, rounding: Displacement) {
         self.clear();
         self.positions.extend_from_slice(&leaf.positions);
         self.normals.extend_from_slice(&leaf.normals);
         self.colors.extend_from_slice(&leaf.colors);
         self.triangles.extend_from_slice(&leaf.triangles);
         self.shared.extend_from_slice(&leaf.shared);
+        if rounding != Displacement::default() {
+            self.displacements.resize(self.triangles.len(), rounding);
+        }
         let looks = Looks { normals: &self.normals, colors: &self.colors, faces: &[] };
         if !looks.is_empty() {
             self.face_looks.extend(self.triangles.iter().map(|corners| looks.of_source(*corners)));
