@@ -3,7 +3,7 @@
 //!
 //! A pair of clusters is a candidate if it shares enough vertices, has a similar error-range and does not merge soon: seams that
 //! merge soon need no help. Pairs with more shared vertices come first; the published priority, the seam's error against
-//! the interior's, is still to come. The papers forbid chains of dependencies, since a split travels along them; a group
+//! the interior's, was tried and gained nothing. The papers forbid chains of dependencies, since a split travels along them; a group
 //! here splits by one rule of its own, so a chain costs no more than its length, and that is limited.
 
 use crate::config::Settings;
