@@ -1,6 +1,10 @@
 //! The command line as it is typed, and how it becomes a build's configuration.
 
+#[cfg(feature = "viewer")]
+use crate::cmd::render;
 use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, synth, verify, walk};
+#[cfg(feature = "viewer")]
+use crate::cmd::view;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Length, Topology};
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
@@ -45,7 +49,13 @@ pub(crate) enum Command {
     Extract(extract::Args),
     /// Make a camera path for a .chpm file
     Path(path::Args),
-    /// Select along a camera path, frame by frame, and count what changes
+    /// Draw a picture of a .chpm file, without a window
+    #[cfg(feature = "viewer")]
+    Render(render::Args),
+    /// Look at a model in a window; a mesh is built first
+    #[cfg(feature = "viewer")]
+    View(view::Args),
+    /// Select along a camera path, frame by frame, and count what changes; with --render, draw it
     Walk(walk::Args),
     /// Generate a mesh of any size
     Synth(synth::Args),

@@ -11,6 +11,8 @@ mod bench;
 mod cmd;
 mod cuts;
 mod deviation;
+#[cfg(feature = "viewer")]
+mod picture;
 mod progress;
 mod report;
 mod stop;

@@ -12,7 +12,7 @@ use std::str::FromStr;
 pub(crate) struct ImageArgs {
     /// Width and height of the image, in pixels
     #[arg(long, value_name = "WxH", default_value_t = Viewport([512, 512]))]
-    viewport: Viewport,
+    pub(crate) viewport: Viewport,
     /// Leave what is outside the image as coarse as it gets
     #[arg(long)]
     cull: bool,
@@ -38,7 +38,7 @@ pub(crate) fn from_file(file: &Chpm<MappedFile>, camera: &Camera) -> Camera {
 
 /// `512x512`.
 #[derive(Clone, Copy, Debug)]
-struct Viewport([u32; 2]);
+pub(crate) struct Viewport(pub(crate) [u32; 2]);
 
 impl fmt::Display for Viewport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

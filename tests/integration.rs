@@ -24,6 +24,9 @@ mod integration {
     mod inputs;
     /// Known distances, and stored errors that hold or do not.
     mod measure;
+    /// Pictures, and camera paths in pictures.
+    #[cfg(feature = "viewer")]
+    mod render;
     /// What goes in comes out: all of it at level 0, a crack-free part of it elsewhere.
     mod roundtrip;
     /// Real meshes, where there are any.

@@ -130,7 +130,7 @@ fn unique(found: Vec<Model>) -> Result<Vec<Model>> {
 }
 
 /// The file's name without the extensions of a mesh; others belong to it.
-fn stem(path: &Path) -> Result<String> {
+pub(crate) fn stem(path: &Path) -> Result<String> {
     let name = path.file_name().and_then(|name| name.to_str());
     let name = name.with_context(|| format!("'{}' has no name in UTF-8", path.display()))?;
     let cut = |name: &str, extensions: &[&str]| {
@@ -150,7 +150,7 @@ fn extension(path: &Path) -> Option<String> {
     if PACKED.contains(&last.as_str()) { lower(Path::new(path.file_stem()?)) } else { Some(last) }
 }
 
-fn is_mesh(path: &Path) -> bool {
+pub(crate) fn is_mesh(path: &Path) -> bool {
     extension(path).is_some_and(|extension| MESHES.contains(&extension.as_str())) && path.is_file()
 }
 

@@ -9,8 +9,12 @@ pub(crate) mod extract;
 pub(crate) mod info;
 pub(crate) mod measure;
 pub(crate) mod path;
+#[cfg(feature = "viewer")]
+pub(crate) mod render;
 pub(crate) mod synth;
 pub(crate) mod verify;
+#[cfg(feature = "viewer")]
+pub(crate) mod view;
 pub(crate) mod walk;
 
 use crate::args::Command;
@@ -43,6 +47,10 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
         Command::Dump(args) => dump::run(&args),
         Command::Extract(args) => extract::run(&args, stop),
         Command::Path(args) => path::run(&args, stop),
+        #[cfg(feature = "viewer")]
+        Command::Render(args) => render::run(&args, stop),
+        #[cfg(feature = "viewer")]
+        Command::View(args) => view::run(&args, stop),
         Command::Walk(args) => walk::run(&args, stop),
         Command::Synth(args) => synth::run(&args, stop),
         Command::Demo(args) => demo::run(&args, stop),

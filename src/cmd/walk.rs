@@ -1,6 +1,8 @@
 //! `chpm walk`: the incremental selection along a camera path, measured frame by frame.
 
 use super::{Verdict, open, stdout};
+#[cfg(feature = "viewer")]
+use crate::picture;
 use crate::progress::Meter;
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
@@ -46,7 +48,7 @@ pub(crate) struct Args {
     /// Write one line of numbers for every frame
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Replace the CSV file if it exists
+    /// Replace files that exist
     #[arg(short, long)]
     force: bool,
     /// Write the summary as JSON
@@ -55,6 +57,9 @@ pub(crate) struct Args {
     /// No progress
     #[arg(short, long)]
     quiet: bool,
+    #[cfg(feature = "viewer")]
+    #[command(flatten)]
+    pictures: picture::walk::RenderArgs,
 }
 
 /// How many frames beyond the latency are read ahead: time to spread the reading over.
@@ -104,6 +109,10 @@ const COLUMNS: [Column; 14] = [
 
 /// Walks and reports.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    #[cfg(feature = "viewer")]
+    if args.pictures.render {
+        return draw(args, stop);
+    }
     let file = open(&args.file)?;
     let cancel = stop.heed();
     let csv = args.csv.as_ref().map(|path| AtomicFile::create(path, args.force)).transpose()?;
@@ -133,6 +142,27 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     } else {
         print(&frames, &mut out)?;
     }
+    out.flush()?;
+    Ok(Verdict::Good)
+}
+
+/// The walk in pictures.
+#[cfg(feature = "viewer")]
+fn draw(args: &Args, stop: &Stop) -> Result<Verdict> {
+    let cancel = stop.heed();
+    let walk = picture::walk::Walk {
+        file: &args.file,
+        path: &read_path(args)?,
+        viewport: args.image.viewport.0,
+        poe: args.poe,
+        memory: args.memory,
+        csv: args.csv.as_deref(),
+        force: args.force,
+        json: args.json,
+        quiet: args.quiet,
+    };
+    let mut out = stdout();
+    picture::walk::run(&walk, &args.pictures, &cancel, &mut out)?;
     out.flush()?;
     Ok(Verdict::Good)
 }

@@ -76,6 +76,11 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.data.as_ref()
     }
 
+    /// The data that it was opened from.
+    pub fn get_ref(&self) -> &D {
+        &self.data
+    }
+
     /// Gives the data back.
     pub fn into_inner(self) -> D {
         self.data
@@ -166,7 +171,11 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// # Panics
     /// As [`Chpm::coarse`].
     pub fn page(&self, id: ClusterId) -> Result<Page<'_>, FormatError> {
-        let page = Page::parse(self.page_bytes(id)).map_err(|error| error.in_page(id))?;
+        self.page_of(id, self.page_bytes(id))
+    }
+
+    fn page_of<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<Page<'b>, FormatError> {
+        let page = Page::parse(bytes).map_err(|error| error.in_page(id))?;
         let (record, place) = (&self.clusters()[id.index()], Place::Page(id));
         for (field, expected, got) in [
             ("attributes", self.header.attributes, attribute_bits(page.attributes())),
@@ -194,7 +203,18 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// # Panics
     /// As [`Chpm::coarse`].
     pub fn page_checked(&self, id: ClusterId) -> Result<Page<'_>, FormatError> {
-        check_sum(Place::Page(id), self.clusters()[id.index()].page_checksum, self.page_bytes(id))?;
-        self.page(id)
+        self.page_checked_in(id, self.page_bytes(id))
+    }
+
+    /// As [`Chpm::page_checked`], for the page's bytes in another place: read from the file, not mapped.
+    ///
+    /// # Errors
+    /// As [`Chpm::page_checked`].
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn page_checked_in<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<Page<'b>, FormatError> {
+        check_sum(Place::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
+        self.page_of(id, bytes)
     }
 }

@@ -52,10 +52,30 @@ impl ActiveList {
         view: &View,
         allowed: impl Fn(GroupId) -> bool,
     ) -> Result<Changes, RefineError> {
+        let trusting = self.trusting;
+        self.update_with(file, hierarchy, view, allowed, |cluster, enters| {
+            let checks = enters && !trusting;
+            Ok(if checks { file.page(cluster)? } else { Page::view(file.page_bytes(cluster))? })
+        })
+    }
+
+    /// The same for pages that are somewhere else than in the file: `page` is asked for those of clusters that enter (then with `true`)
+    /// and of those whose positions move.
+    ///
+    /// # Errors
+    /// What `page` answers; the list then starts anew with the next update.
+    pub fn update_with<'p, D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        hierarchy: &Hierarchy,
+        view: &View,
+        allowed: impl Fn(GroupId) -> bool,
+        page: impl Fn(ClusterId, bool) -> Result<Page<'p>, RefineError>,
+    ) -> Result<Changes, RefineError> {
         // No change brings them.
         let roots: Vec<_> = if self.members.is_empty() { file.roots().collect() } else { Vec::new() };
         let mut changes = self.front.update(file, hierarchy, view, allowed);
-        let moved = self.position(file, &roots, changes.splits + changes.collapses > 0);
+        let moved = self.position(file, &roots, changes.splits + changes.collapses > 0, page);
         if moved.is_err() {
             *self = ActiveList { trusting: self.trusting, ..ActiveList::new(file) };
         }
@@ -64,11 +84,12 @@ impl ActiveList {
     }
 
     /// Brings the list to the front's cut and every member to its position; answers the steps.
-    fn position<D: AsRef<[u8]>>(
+    fn position<'p, D: AsRef<[u8]>>(
         &mut self,
         file: &Chpm<D>,
         roots: &[ClusterId],
         changed: bool,
+        page: impl Fn(ClusterId, bool) -> Result<Page<'p>, RefineError>,
     ) -> Result<u64, RefineError> {
         let (front, left) = (&self.front, &mut self.left);
         let clusters = file.clusters();
@@ -88,7 +109,8 @@ impl ActiveList {
             let bound = front.bound(active.group);
             if !active.is_right_for(bound) {
                 let before = active.member.vertices;
-                *active = Active::new(active.member.cluster, active.group, &active.member.view(file)?, bound);
+                let cluster = active.member.cluster;
+                *active = Active::new(cluster, active.group, &page(cluster, false)?, bound);
                 steps += u64::from(before.abs_diff(active.member.vertices));
             }
         }
@@ -97,9 +119,7 @@ impl ActiveList {
             let record = &clusters[cluster.index()];
             if front.is_active(record) {
                 let group = record.group();
-                let page =
-                    if self.trusting { Page::view(file.page_bytes(cluster))? } else { file.page(cluster)? };
-                let active = Active::new(cluster, group, &page, front.bound(group));
+                let active = Active::new(cluster, group, &page(cluster, true)?, front.bound(group));
                 let before = if finest { record.vertex_count } else { record.base_vertex_count };
                 steps += u64::from(before.abs_diff(active.member.vertices));
                 self.members.push(active);

@@ -34,11 +34,6 @@ impl Member {
         self.record(file)?;
         Ok(file.page(self.cluster)?)
     }
-
-    /// The page of a member of an [`crate::ActiveList`], which was checked when it entered.
-    pub(crate) fn view<'a, D: AsRef<[u8]>>(&self, file: &'a Chpm<D>) -> Result<Page<'a>, RefineError> {
-        Ok(Page::view(file.page_bytes(self.cluster))?)
-    }
 }
 
 /// Which clusters are drawn, and at which positions: what a view, or a uniform rule, selects from the hierarchy

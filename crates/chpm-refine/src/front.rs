@@ -40,10 +40,11 @@ pub struct Front {
 
 /// A cluster that the cut got, with the side that it came from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Entered {
-    pub(crate) cluster: ClusterId,
+pub struct Entered {
+    /// The cluster.
+    pub cluster: ClusterId,
     /// Whether it replaced finer clusters, which look like its finest mesh; otherwise it looks like its base mesh.
-    pub(crate) finest: bool,
+    pub finest: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -165,7 +166,7 @@ impl Front {
     }
 
     /// Whether a cluster is in the cut.
-    pub(crate) fn is_active(&self, cluster: &ClusterRecord) -> bool {
+    pub fn is_active(&self, cluster: &ClusterRecord) -> bool {
         let brought = cluster.is_root() || self.is_split(cluster.parent_group());
         brought && !self.is_split(cluster.group())
     }
@@ -177,8 +178,8 @@ impl Front {
         if state.missing == 0 { state.bound } else { f32::INFINITY }
     }
 
-    /// The clusters that the last changes brought.
-    pub(crate) fn entered(&self) -> &[Entered] {
+    /// The clusters that the last update brought, in the order of the changes; some may have been replaced by later ones.
+    pub fn entered(&self) -> &[Entered] {
         &self.entered
     }
 }

@@ -36,7 +36,7 @@ pub use cursor::PmCursor;
 pub use cut::{Cut, Member};
 pub use error::RefineError;
 pub use extract::{Extraction, VertexBatch, extract};
-pub use front::{Changes, Front};
+pub use front::{Changes, Entered, Front};
 pub use hierarchy::Hierarchy;
 pub use path::CameraPath;
 pub use random::random_cut;

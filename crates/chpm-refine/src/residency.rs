@@ -8,7 +8,7 @@
 
 use crate::hierarchy::Hierarchy;
 use crate::splits::parents;
-use chpm_format::Chpm;
+use chpm_format::{Chpm, ClusterRecord};
 use chpm_mesh::{Bytes, ClusterId, GroupId};
 use std::cmp::Reverse;
 
@@ -47,6 +47,8 @@ pub struct Residency {
     /// Roots that are not there yet.
     missing_roots: u32,
     root_bytes: u64,
+    /// By cluster.
+    sizes: Vec<u64>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -66,8 +68,18 @@ struct Unit {
 impl Residency {
     /// Nothing is there. The pages of the roots count, and stay even if they are more than `budget`; nothing else exceeds it.
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>, budget: Bytes) -> Self {
+        Residency::of_sizes(file, budget, |cluster| u64::from(cluster.page_len))
+    }
+
+    /// The same for something else than pages, that takes `size` bytes of a cluster: what is made of them, for example.
+    pub fn of_sizes<D: AsRef<[u8]>>(
+        file: &Chpm<D>,
+        budget: Bytes,
+        size: impl Fn(&ClusterRecord) -> u64,
+    ) -> Self {
+        let sizes: Vec<u64> = file.clusters().iter().map(size).collect();
         let unit = |id| {
-            let bytes = file.fine(id).iter().map(|fine| page_len(file, ClusterId(*fine))).sum();
+            let bytes = file.fine(id).iter().map(|fine| sizes[*fine as usize]).sum();
             Unit { bytes, used: 0, foreseen: 0, missing: 0, below: 0, kept: false }
         };
         Residency {
@@ -78,7 +90,8 @@ impl Residency {
             kept: Vec::new(),
             pending: vec![false; file.clusters().len()],
             missing_roots: file.header().root_count,
-            root_bytes: file.roots().map(|root| page_len(file, root)).sum(),
+            root_bytes: file.roots().map(|root| sizes[root.index()]).sum(),
+            sizes,
         }
     }
 
@@ -94,7 +107,7 @@ impl Residency {
         self.now += 1;
         if self.now == 1 {
             for root in file.roots() {
-                self.request(file, root, &mut traffic);
+                self.request(root, &mut traffic);
             }
         }
         let bytes = |wanted: &Wanted| self.units[wanted.group.index()].bytes;
@@ -209,12 +222,12 @@ impl Residency {
         self.kept.push(group);
         parents(file, group).for_each(|above| self.units[above.index()].below += 1);
         for fine in file.fine(group) {
-            self.request(file, ClusterId(*fine), traffic);
+            self.request(ClusterId(*fine), traffic);
         }
     }
 
-    fn request<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, cluster: ClusterId, traffic: &mut Traffic) {
-        self.reserved += page_len(file, cluster);
+    fn request(&mut self, cluster: ClusterId, traffic: &mut Traffic) {
+        self.reserved += self.sizes[cluster.index()];
         self.pending[cluster.index()] = true;
         traffic.requests.push(cluster);
     }
@@ -265,8 +278,4 @@ impl Unit {
 fn by_priority(hierarchy: &Hierarchy, a: &Wanted, b: &Wanted) -> std::cmp::Ordering {
     let rank = |wanted: &Wanted| hierarchy.rank(wanted.group);
     b.priority.total_cmp(&a.priority).then_with(|| rank(a).cmp(&rank(b)))
-}
-
-fn page_len<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: ClusterId) -> u64 {
-    u64::from(file.clusters()[cluster.index()].page_len)
 }

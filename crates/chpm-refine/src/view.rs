@@ -69,7 +69,7 @@ impl Camera {
     }
 
     /// To the right, upward and forward in the image, each of length 1.
-    fn axes(&self) -> [Vector3<f64>; 3] {
+    pub fn axes(&self) -> [Vector3<f64>; 3] {
         let forward = (Point3::from(self.target) - Point3::from(self.position)).normalize();
         let across = |up: Vector3<f64>| {
             let right = forward.cross(&up);

@@ -1,2 +1,27 @@
 //! Draws a CHPM with wgpu: in a window, or without one into an image.
+//!
+//! A [`Viewer`] is one model: what of it is selected, in memory and on the GPU, and what is known to be hidden. Each
+//! [`Viewer::frame`] is the loop of Quick-VDR 5.4: refine, draw what was visible before, test the boxes of the rest against that
+//! depth, draw what has come into sight. The [`headless`] functions do the same without a window and bring the picture back.
+//!
+//! Nothing in here has unsafe code, prints, or knows the command line.
 #![forbid(unsafe_code)]
+
+pub mod error;
+pub mod fetch;
+pub mod frame;
+pub mod gpu;
+pub mod headless;
+pub mod raster;
+pub mod request;
+pub mod scene;
+pub mod stats;
+pub mod window;
+
+pub use error::ViewerError;
+pub use fetch::{Fetch, PageData};
+pub use frame::Viewer;
+pub use gpu::{AdapterChoice, Block, Gpu};
+pub use headless::{IdImage, Image, TriangleId};
+pub use request::{Accuracy, Budgets, Coloring, FrameRequest, Look, Shading, Target};
+pub use stats::{Stats, Times};

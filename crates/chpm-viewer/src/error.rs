@@ -1,0 +1,117 @@
+//! What can go wrong between a file and a picture.
+
+use chpm_extmem::ExtmemError;
+use chpm_format::FormatError;
+use chpm_mesh::{Bytes, ClusterId};
+use chpm_refine::RefineError;
+use std::io;
+use std::path::PathBuf;
+
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ViewerError {
+    /// The file cannot be mapped.
+    #[error(transparent)]
+    Extmem(#[from] ExtmemError),
+    /// The file is no CHPM, or its tables are damaged.
+    #[error("'{}': {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: FormatError,
+    },
+    /// A file cannot be opened.
+    #[error("cannot open '{}': {source}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The system refuses a thread.
+    #[error("cannot start a thread: {0}; end other programs, or raise the limit of processes")]
+    Thread(#[source] io::Error),
+    /// A page cannot be read.
+    #[error(
+        "{cluster} of '{}': {len} bytes at {offset} cannot be read: {source}; if the file was cut short or replaced, copy or build it again and open it anew",
+        path.display()
+    )]
+    Read {
+        /// Whose page.
+        cluster: ClusterId,
+        /// The file.
+        path: PathBuf,
+        /// Where the page starts, bytes.
+        offset: u64,
+        /// Its length, bytes.
+        len: u32,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A page is damaged.
+    #[error("'{}': {source}", path.display())]
+    Page {
+        /// The file.
+        path: PathBuf,
+        /// The cluster and what is wrong with its page.
+        source: FormatError,
+    },
+    /// No camera, or no image, that anything could be seen with.
+    #[error(transparent)]
+    View(#[from] RefineError),
+    /// There is no adapter to draw with.
+    #[error(
+        "graphics: no adapter found ({wanted} wanted): {reason}; install a driver, or a software adapter such as mesa-vulkan-drivers"
+    )]
+    NoAdapter {
+        /// What was looked for.
+        wanted: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// The adapter cannot do what every picture needs.
+    #[error("graphics: {adapter}: {what} expected; choose another adapter")]
+    Unable {
+        /// The adapter.
+        adapter: String,
+        /// What it lacks.
+        what: String,
+    },
+    /// The device was lost or refused something.
+    #[error("graphics: {what}: {reason}")]
+    Device {
+        /// During what.
+        what: &'static str,
+        /// What the driver says.
+        reason: String,
+    },
+    /// Not even the coarsest mesh fits.
+    #[error("{what}: at least {needed} needed for the coarsest mesh, {got} allowed; allow more")]
+    Budget {
+        /// Which budget.
+        what: &'static str,
+        /// The least that serves.
+        needed: Bytes,
+        /// What was allowed.
+        got: Bytes,
+    },
+    /// The image is larger than the adapter can draw.
+    #[error("image: sides of 1 to {limit} pixels expected, got {}x{}", got[0], got[1])]
+    Size {
+        /// Longest side.
+        limit: u32,
+        /// What was asked for.
+        got: [u32; 2],
+    },
+    /// There are more triangles than 32-bit ids tell apart.
+    #[error("ids: fewer than 2^32 triangles of all clusters together expected, got {got}")]
+    TooManyIds {
+        /// Triangles of all clusters.
+        got: u64,
+    },
+    /// The window system refused something.
+    #[error("window: {0}")]
+    Window(String),
+}

@@ -1,0 +1,83 @@
+//! One page in memory of its own.
+
+use super::Shared;
+use crate::ViewerError;
+use chpm_extmem::MappedFile;
+use chpm_format::{Chpm, Page};
+use chpm_mesh::ClusterId;
+use std::fmt;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::sync::Arc;
+
+/// A cluster's page, read and checked: ready to be played and uploaded. Its bytes count against the budget of the [`super::Fetch`]
+/// that read it until it is dropped.
+pub struct PageData {
+    cluster: ClusterId,
+    /// In words, since a page is read in place and needs their alignment.
+    words: Vec<u32>,
+    len: usize,
+    /// Who is told when the bytes go.
+    charged: Option<Arc<Shared>>,
+}
+
+impl PageData {
+    /// Reads a page at its place and checks all of it.
+    pub(super) fn read(
+        file: &Chpm<MappedFile>,
+        pages: &File,
+        cluster: ClusterId,
+    ) -> Result<Self, ViewerError> {
+        let record = &file.clusters()[cluster.index()];
+        let len = record.page_len as usize;
+        let mut words = vec![0; len.div_ceil(size_of::<u32>())];
+        let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];
+        let path = || file.get_ref().path().to_path_buf();
+        pages.read_exact_at(bytes, record.page_offset).map_err(|source| ViewerError::Read {
+            cluster,
+            path: path(),
+            offset: record.page_offset,
+            len: record.page_len,
+            source,
+        })?;
+        file.page_checked_in(cluster, bytes).map_err(|source| ViewerError::Page { path: path(), source })?;
+        Ok(PageData { cluster, words, len, charged: None })
+    }
+
+    pub(super) fn charged_to(mut self, shared: Arc<Shared>) -> Self {
+        self.charged = Some(shared);
+        self
+    }
+
+    /// Whose page it is.
+    pub fn cluster(&self) -> ClusterId {
+        self.cluster
+    }
+
+    /// Bytes that it takes, those of the file.
+    pub fn len_bytes(&self) -> u64 {
+        self.len as u64
+    }
+
+    /// The page. Looks at its header only.
+    pub fn page(&self) -> Page<'_> {
+        let bytes = &bytemuck::cast_slice(&self.words)[..self.len];
+        Page::view(bytes).expect("it was checked when it was read, and nobody can change it")
+    }
+}
+
+impl Drop for PageData {
+    fn drop(&mut self) {
+        if let Some(shared) = self.charged.take() {
+            // The memory first, then the word that it is free.
+            self.words = Vec::new();
+            shared.give_back(self.len as u64);
+        }
+    }
+}
+
+impl fmt::Debug for PageData {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "PageData({}, {} bytes)", self.cluster, self.len)
+    }
+}

@@ -1,0 +1,490 @@
+//! One model, drawn frame by frame: the loop of Quick-VDR 5.4.
+//!
+//! A frame that flows refines, draws what was visible before, has the boxes of the rest tested against that depth and what they
+//! show drawn, all in one submission: nothing is read back before a later frame. A frame that waits repeats refining and testing, in
+//! depth alone and with the answers at once, until nothing changes any more, and then draws what is visible.
+
+mod paint;
+
+use crate::error::ViewerError;
+use crate::gpu::buffers::{self, Canvas};
+use crate::gpu::{
+    Answers, Arena, DrawBuffers, DrawList, Gpu, Kind, Lens, Occlusion, Pipelines, TestBox, passes,
+};
+use crate::request::{Accuracy, Budgets, FrameRequest, Target};
+use crate::scene::visibility::{Sight, Subject};
+use crate::scene::{Culling, Scene, gpu_bytes};
+use crate::stats::Stats;
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_mesh::Aabb;
+use chpm_refine::{Camera, Changes, View};
+use paint::Colors;
+use std::collections::VecDeque;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A model and all that drawing it needs.
+#[derive(Debug)]
+pub struct Viewer {
+    gpu: Arc<Gpu>,
+    scene: Scene,
+    pipelines: Pipelines,
+    arena: Arena,
+    occlusion: Occlusion,
+    buffers: DrawBuffers,
+    list: DrawList,
+    depth: Option<Canvas>,
+    canvas: Option<Canvas>,
+    /// Of the last frame, for picking.
+    lens: Option<Lens>,
+    /// Number of the round.
+    now: u64,
+    /// Tests whose answers have not been taken in, and what they are about.
+    asked: VecDeque<(Vec<Subject>, Answers)>,
+    /// Of the last frame that flowed.
+    before: Option<Camera>,
+    /// Pixels of error that a number of triangles has led to.
+    found: f64,
+    /// By cluster: number of its first triangle; empty until ids are asked for.
+    keys: Vec<u32>,
+}
+
+/// Frames that are read ahead.
+const LOOK_AHEAD: f64 = 8.0;
+/// Rounds after which a frame that waits is done in any case; one for each level, and for what comes into sight, is usual.
+const ROUNDS: u64 = 200;
+
+impl Viewer {
+    /// Opens a file; reads its tables and no page.
+    ///
+    /// # Errors
+    /// [`ViewerError::Extmem`], [`ViewerError::File`], [`ViewerError::Budget`].
+    pub fn open(gpu: Arc<Gpu>, path: &Path, budgets: Budgets) -> Result<Viewer, ViewerError> {
+        let file = Chpm::open(MappedFile::open(path)?)
+            .map_err(|source| ViewerError::File { path: path.to_path_buf(), source })?;
+        let file = Arc::new(file);
+        let colors = file.header().attributes().colors;
+        let largest = file.clusters().iter().map(|cluster| gpu_bytes(cluster, colors)).max().unwrap_or(0);
+        let pipelines = Pipelines::new(&gpu);
+        let clusters = file.clusters().len();
+        let arena = Arena::new(&gpu, pipelines.slab.clone(), clusters, budgets.gpu_memory, largest);
+        let scene = Scene::new(file, budgets, arena.capacity(largest))?;
+        Ok(Viewer {
+            scene,
+            arena,
+            occlusion: Occlusion::new(&gpu),
+            buffers: DrawBuffers::new(&gpu, &pipelines),
+            pipelines,
+            list: DrawList::new(Kind::Depth),
+            depth: None,
+            canvas: None,
+            lens: None,
+            now: 0,
+            asked: VecDeque::new(),
+            before: None,
+            found: 1.0,
+            keys: Vec::new(),
+            gpu,
+        })
+    }
+
+    /// The device that it draws with.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// The file.
+    pub fn file(&self) -> &Arc<Chpm<MappedFile>> {
+        self.scene.file()
+    }
+
+    /// The box around the model, relative to [`Viewer::origin`].
+    pub fn bounds(&self) -> Aabb {
+        self.file().header().aabb()
+    }
+
+    /// What the file's coordinates are relative to, in the model's.
+    pub fn origin(&self) -> [f64; 3] {
+        self.file().header().origin
+    }
+
+    /// The camera that looks at all of the model, in the model's coordinates.
+    pub fn framing(&self) -> Camera {
+        Camera::framing(&self.bounds()).relative_to(self.origin().map(|x| -x))
+    }
+
+    /// Draws one frame.
+    ///
+    /// # Errors
+    /// [`ViewerError::View`] for a camera that none can be, [`ViewerError::Size`], [`ViewerError::Page`] and [`ViewerError::Read`] for a
+    /// file that is damaged, [`ViewerError::Device`].
+    pub fn frame(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
+        let start = Instant::now();
+        self.check_size(request.viewport)?;
+        let mut stats = if request.wait || request.select_from.is_some() {
+            let mut stats = self.settle(request)?;
+            self.paint(request, Some(target.color), Colors::new(&request.look, target.format), &mut stats)?;
+            stats
+        } else {
+            self.flow(request, target)?
+        };
+        stats.times.total = start.elapsed();
+        Ok(stats)
+    }
+
+    fn check_size(&self, got: [u32; 2]) -> Result<(), ViewerError> {
+        let limit = self.gpu.device.limits().max_texture_dimension_2d;
+        let ok = got.iter().all(|side| (1..=limit).contains(side));
+        if ok { Ok(()) } else { Err(ViewerError::Size { limit, got }) }
+    }
+
+    /// A camera in file coordinates, and what it sees.
+    fn look_through(
+        &self,
+        camera: &Camera,
+        viewport: [u32; 2],
+        poe: f64,
+    ) -> Result<(Lens, View), ViewerError> {
+        let camera = camera.relative_to(self.origin());
+        let view = View::new(&camera, viewport, poe)?;
+        Ok((Lens::new(&camera, viewport, &self.bounds()), view))
+    }
+
+    fn pixels_of_error(&self, accuracy: Accuracy) -> f64 {
+        match accuracy {
+            Accuracy::PoE(pixels) => pixels,
+            Accuracy::Triangles(_) => self.found,
+        }
+    }
+
+    /// One frame that waits for nothing.
+    fn flow(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
+        let culling = Culling { frustum: request.frustum_culling, occlusion: request.occlusion_culling };
+        let poe = self.pixels_of_error(request.accuracy);
+        let (lens, view) = self.look_through(&request.camera, request.viewport, poe)?;
+        let mut stats = Stats { poe, rounds: 1, ..Stats::default() };
+        let mut watch = Watch::start();
+        self.take_answers(&mut stats);
+        stats.times.occlusion += watch.lap();
+        self.refine(&view, culling, false, &mut stats)?;
+        if let Some(before) = self.before.replace(request.camera)
+            && before != request.camera
+        {
+            let ahead = request.camera.onward(&before, LOOK_AHEAD);
+            if let Ok((_, ahead)) = self.look_through(&ahead, request.viewport, poe) {
+                stats.requested_bytes += self.scene.foresee(&ahead, culling).requested_bytes;
+            }
+        }
+        self.scene.look(&view, culling);
+        stats.times.refine += watch.lap();
+        let colors = Colors::new(&request.look, target.format);
+        self.pipelines.prepare(&self.gpu, colors.kind());
+        // Without numbered draws, what comes into sight is drawn once the answer is there.
+        let at_once = self.gpu.features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
+        let hidden = if culling.occlusion && at_once { &[Sight::Hidden][..] } else { &[] };
+        let shown = self.gather(&colors, &[&[Sight::Visible], hidden].concat(), &mut stats);
+        watch.lap();
+        let uniform = lens.uniform(colors.uniform());
+        self.buffers.write(&self.gpu, &self.pipelines, &self.list, &uniform);
+        stats.times.draw += watch.lap();
+        let (subjects, boxes) = match culling.occlusion {
+            true => self.questions(&view, culling, at_once),
+            false => Default::default(),
+        };
+        stats.times.occlusion += watch.lap();
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
+        let mut pass =
+            passes::begin(&mut encoder, Some(target.color), depth.view(), Some(colors.background()));
+        self.buffers.draw(&self.gpu, &mut pass, &self.pipelines, &self.arena, &self.list, 0..shown);
+        drop(pass);
+        stats.times.draw += watch.lap();
+        let arguments = (self.buffers.arguments(), self.list.kind().stride());
+        let uniform = self.buffers.uniform();
+        let answers = (!boxes.is_empty())
+            .then(|| self.occlusion.record(&self.gpu, &mut encoder, depth, uniform, &boxes, arguments));
+        stats.times.occlusion += watch.lap();
+        if shown < self.list.len() {
+            let mut pass = passes::begin(&mut encoder, Some(target.color), depth.view(), None);
+            let rest = shown..self.list.len();
+            self.buffers.draw(&self.gpu, &mut pass, &self.pipelines, &self.arena, &self.list, rest);
+        }
+        self.gpu.queue.submit([encoder.finish()]);
+        if let Some(answers) = answers {
+            answers.send();
+            self.asked.push_back((subjects, answers));
+        }
+        stats.times.draw += watch.lap();
+        stats.triangles = self.list.triangles();
+        stats.clusters_drawn = shown as u64 + stats.newly_visible;
+        self.count(&mut stats);
+        if let Accuracy::Triangles(limit) = request.accuracy {
+            self.found = next_poe(self.found, stats.triangles, limit);
+        }
+        self.lens = Some(lens);
+        Ok(stats)
+    }
+
+    /// Takes in the answers that have come.
+    fn take_answers(&mut self, stats: &mut Stats) {
+        // What a lost device says, the next submission says again.
+        let _ = self.gpu.device.poll(wgpu::PollType::Poll);
+        while let Some((subjects, answers)) = self.asked.pop_front() {
+            match self.occlusion.try_take(answers) {
+                Ok(visible) => {
+                    stats.newly_visible += self.scene.answer(subjects.into_iter().zip(visible));
+                }
+                Err(answers) => {
+                    self.asked.push_front((subjects, answers));
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Selects for a view, up to the cut.
+    fn refine(
+        &mut self,
+        view: &View,
+        culling: Culling,
+        wait: bool,
+        stats: &mut Stats,
+    ) -> Result<Changes, ViewerError> {
+        self.scene.receive(false)?;
+        stats.requested_bytes += self.scene.want(view, culling).requested_bytes;
+        if wait || !self.scene.has_roots() {
+            let start = Instant::now();
+            // The roots are waited for once; nothing could be drawn without them.
+            let came = self.scene.receive(true)?;
+            if came > 0 {
+                stats.stalls += 1;
+                stats.times.stall += start.elapsed();
+            }
+        }
+        let changes = self.scene.refine(view)?;
+        stats.splits += changes.splits;
+        stats.collapses += changes.collapses;
+        stats.pm_steps += changes.pm_steps;
+        Ok(changes)
+    }
+
+    /// What is to be tested: the clusters of the draw list, in its order; those that are hidden, unless they are in the list; and the groups
+    /// of which nothing is seen.
+    fn questions(&self, view: &View, culling: Culling, listed: bool) -> (Vec<Subject>, Vec<TestBox>) {
+        let clusters = self.scene.file().clusters();
+        let mut subjects = Vec::with_capacity(self.list.len());
+        let mut boxes = Vec::with_capacity(self.list.len());
+        for (draw, (cluster, shown)) in self.list.clusters().enumerate() {
+            let record = &clusters[cluster.index()];
+            subjects.push(Subject::Cluster(cluster));
+            // What is drawn in any case is not to be switched off.
+            let draw = (!shown).then_some(draw);
+            boxes.push(TestBox::new(record.aabb_min, record.aabb_max, draw));
+        }
+        let hidden = self.scene.members().filter(|(_, sight)| *sight == Sight::Hidden && !listed);
+        for (member, _) in hidden {
+            let record = &clusters[member.cluster.index()];
+            subjects.push(Subject::Cluster(member.cluster));
+            boxes.push(TestBox::new(record.aabb_min, record.aabb_max, None));
+        }
+        for (subject, bounds) in self.scene.doubtful(view, culling) {
+            subjects.push(subject);
+            boxes.push(bounds);
+        }
+        (subjects, boxes)
+    }
+
+    /// Refines and tests for the camera that selects, until nothing changes if the frame waits; draws nothing but depth.
+    fn settle(&mut self, request: &FrameRequest) -> Result<Stats, ViewerError> {
+        let Accuracy::Triangles(limit) = request.accuracy else {
+            return self.settle_at(request, self.pixels_of_error(request.accuracy));
+        };
+        if !request.wait {
+            let stats = self.settle_at(request, self.found)?;
+            self.found = next_poe(self.found, stats.triangles, limit);
+            return Ok(stats);
+        }
+        // From one pixel on, so that the answer does not depend on frames before.
+        let (mut poe, mut fine, mut coarse) = (1.0, None, None);
+        let mut stats = Stats::default();
+        for _ in 0..SEARCH {
+            let step = self.settle_at(request, poe)?;
+            stats.add_work(&step);
+            if step.triangles > limit {
+                fine = Some(poe);
+            } else {
+                coarse = Some(poe);
+                if step.triangles as f64 >= 0.97 * limit as f64 || poe <= LEAST_POE {
+                    break;
+                }
+            }
+            poe = match (fine, coarse) {
+                (Some(fine), Some(coarse)) => f64::sqrt(fine * coarse),
+                (Some(fine), None) => 4.0 * fine,
+                (None, Some(coarse)) => coarse / 4.0,
+                (None, None) => poe,
+            };
+        }
+        // The last one may have had too many.
+        if let Some(coarse) = coarse.filter(|coarse| *coarse != stats.poe) {
+            let step = self.settle_at(request, coarse)?;
+            stats.add_work(&step);
+        }
+        Ok(stats)
+    }
+
+    fn settle_at(&mut self, request: &FrameRequest, poe: f64) -> Result<Stats, ViewerError> {
+        // Answers to questions of frames before would come in between.
+        self.asked.clear();
+        let culling = Culling { frustum: request.frustum_culling, occlusion: request.occlusion_culling };
+        let from = request.select_from.unwrap_or(request.camera);
+        let (lens, view) = self.look_through(&from, request.viewport, poe)?;
+        let colors = Colors::depth();
+        self.pipelines.prepare(&self.gpu, colors.kind());
+        let mut stats = Stats { poe, ..Stats::default() };
+        loop {
+            stats.rounds += 1;
+            let mut watch = Watch::start();
+            let stalled = stats.times.stall;
+            let changes = self.refine(&view, culling, request.wait, &mut stats)?;
+            self.scene.look(&view, culling);
+            stats.times.refine += watch.lap().saturating_sub(stats.times.stall - stalled);
+            let mut changed = changes.splits + changes.collapses > 0;
+            if culling.occlusion {
+                let newly_visible = self.test(&lens, &view, culling, &colors, &mut stats)?;
+                stats.newly_visible += newly_visible;
+                changed |= newly_visible > 0;
+            }
+            if !request.wait || !changed || !culling.occlusion || stats.rounds >= ROUNDS {
+                break;
+            }
+        }
+        let seen = self.scene.members().filter(|(_, sight)| *sight == Sight::Visible);
+        let triangles = |(member, _): (chpm_refine::Member, Sight)| self.triangles_of(member);
+        stats.triangles = seen.map(triangles).sum();
+        Ok(stats)
+    }
+
+    /// Draws the depth of what is visible and asks the boxes; answers how many things came into sight.
+    fn test(
+        &mut self,
+        lens: &Lens,
+        view: &View,
+        culling: Culling,
+        colors: &Colors,
+        stats: &mut Stats,
+    ) -> Result<u64, ViewerError> {
+        let shown = self.gather(colors, &[Sight::Visible], stats);
+        let mut watch = Watch::start();
+        self.buffers.write(&self.gpu, &self.pipelines, &self.list, &lens.uniform([0; 4]));
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let depth = Canvas::fit(&mut self.depth, &self.gpu, lens.viewport());
+        let mut pass = passes::begin(&mut encoder, None, depth.view(), Some(wgpu::Color::BLACK));
+        self.buffers.draw(&self.gpu, &mut pass, &self.pipelines, &self.arena, &self.list, 0..shown);
+        drop(pass);
+        self.gpu.queue.submit([encoder.finish()]);
+        buffers::wait(&self.gpu)?;
+        stats.times.draw += watch.lap();
+        let (subjects, boxes) = self.questions(view, culling, false);
+        if boxes.is_empty() {
+            return Ok(0);
+        }
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let arguments = (self.buffers.arguments(), self.list.kind().stride());
+        let uniform = self.buffers.uniform();
+        let depth = Canvas::fit(&mut self.depth, &self.gpu, lens.viewport());
+        let answers = self.occlusion.record(&self.gpu, &mut encoder, depth, uniform, &boxes, arguments);
+        self.gpu.queue.submit([encoder.finish()]);
+        let visible = self.occlusion.wait(&self.gpu, answers)?;
+        let newly_visible = self.scene.answer(subjects.into_iter().zip(visible));
+        stats.times.occlusion += watch.lap();
+        Ok(newly_visible)
+    }
+
+    /// What the cut and the memory look like after a frame.
+    fn count(&mut self, stats: &mut Stats) {
+        stats.clusters_active = self.scene.len() as u64;
+        for (_, sight) in self.scene.members() {
+            stats.frustum_culled += u64::from(sight == Sight::Outside);
+            stats.occluded += u64::from(sight == Sight::Hidden);
+        }
+        stats.withheld = self.scene.withheld();
+        stats.resident_bytes = self.scene.resident().0;
+        stats.gpu_bytes = self.arena.used().0;
+        stats.uploaded_bytes += self.arena.take_uploaded();
+    }
+
+    /// The point of the model that was seen at a pixel (column and row from the top) of the last frame, in the model's coordinates;
+    /// `None` for the background and outside the image.
+    ///
+    /// # Errors
+    /// [`ViewerError::Device`].
+    pub fn pick(&self, pixel: [u32; 2]) -> Result<Option<[f64; 3]>, ViewerError> {
+        let (Some(lens), Some(depth)) = (&self.lens, &self.depth) else { return Ok(None) };
+        let [width, height] = depth.size();
+        if pixel[0] >= width || pixel[1] >= height {
+            return Ok(None);
+        }
+        let bytes = depth.read(&self.gpu)?;
+        let place = 4 * (pixel[1] as usize * width as usize + pixel[0] as usize);
+        let depth = f32::from_le_bytes(std::array::from_fn(|byte| bytes[place + byte]));
+        let origin = self.origin();
+        let absolute = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] + origin[axis]);
+        Ok(lens.point(pixel, depth).map(absolute))
+    }
+}
+
+/// Steps towards a number of triangles.
+const SEARCH: usize = 16;
+/// Pixels of error below which nobody sees a difference, and no search goes.
+const LEAST_POE: f64 = 1.0 / 64.0;
+
+/// Pixels of error for the next frame, after one that drew so many triangles.
+fn next_poe(poe: f64, triangles: u64, limit: u64) -> f64 {
+    let share = triangles as f64 / limit.max(1) as f64;
+    // Within these nothing moves.
+    if (0.9..=1.0).contains(&share) {
+        return poe;
+    }
+    // Triangles fall with about the square of the error; half of the way at most.
+    let step = (share / 0.95).powf(0.4).clamp(0.7, 1.5);
+    (poe * step).clamp(LEAST_POE, 1e4)
+}
+
+/// Times between laps.
+struct Watch(Instant);
+
+impl Watch {
+    fn start() -> Self {
+        Watch(Instant::now())
+    }
+
+    fn lap(&mut self) -> Duration {
+        let now = Instant::now();
+        now.duration_since(std::mem::replace(&mut self.0, now))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_of_triangles_is_approached_and_then_kept() {
+        // A model whose triangles fall with the square of the error, down to ten.
+        let triangles = |poe: f64| (1e6 / (poe * poe)) as u64 + 10;
+        let mut poe = 1.0;
+        for _ in 0..60 {
+            poe = next_poe(poe, triangles(poe), 20_000);
+        }
+        assert!((18_000..=20_000).contains(&triangles(poe)), "{}", triangles(poe));
+        assert_eq!(next_poe(poe, triangles(poe), 20_000), poe);
+        // Fewer than there are at any error.
+        for _ in 0..60 {
+            poe = next_poe(poe, triangles(poe), 1);
+        }
+        assert!(poe.is_finite());
+    }
+}

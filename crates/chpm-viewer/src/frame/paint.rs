@@ -1,0 +1,300 @@
+//! From clusters to draws: what is sent to the GPU, what colour it has, and the final picture of a frame that waits.
+
+use super::{Canvas, Instant, Viewer, Watch, buffers, passes};
+use crate::error::ViewerError;
+use crate::gpu::{Block, Kind, Mark};
+use crate::headless::{IdImage, Image, TriangleId};
+use crate::request::{Accuracy, Coloring, FrameRequest, Look, Shading, Target};
+use crate::scene::visibility::Sight;
+use crate::stats::Stats;
+use chpm_mesh::ClusterId;
+use chpm_refine::Member;
+use wgpu::TextureFormat;
+
+/// How draws look.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Colors {
+    look: Look,
+    kind: Kind,
+    to_linear: bool,
+}
+
+impl Colors {
+    /// For a look and the format of what is drawn into.
+    pub(super) fn new(look: &Look, format: TextureFormat) -> Self {
+        let by_triangle = look.wireframe || look.colors == Coloring::Ids;
+        let kind = if by_triangle { Kind::Wired(format) } else { Kind::Colored(format) };
+        Colors { look: *look, kind, to_linear: format.is_srgb() }
+    }
+
+    /// Depth alone.
+    pub(super) fn depth() -> Self {
+        Colors { look: Look::default(), kind: Kind::Depth, to_linear: false }
+    }
+
+    fn ids() -> Self {
+        Colors { kind: Kind::Identified, ..Colors::depth() }
+    }
+
+    pub(super) fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// As the shader has it.
+    pub(super) fn uniform(&self) -> [u32; 4] {
+        let colors = match self.look.colors {
+            Coloring::Plain => 0,
+            Coloring::Vertex => 1,
+            Coloring::Ids => 3,
+            _ => 2,
+        };
+        let smooth = self.look.shading == Shading::Smooth;
+        [u32::from(smooth), colors, u32::from(self.look.wireframe), u32::from(self.to_linear)]
+    }
+
+    pub(super) fn background(&self) -> wgpu::Color {
+        if self.kind == Kind::Identified {
+            return wgpu::Color::TRANSPARENT;
+        }
+        let [r, g, b] = self.look.background.map(|c| {
+            let c = f64::from(c.clamp(0.0, 1.0));
+            let linear = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+            if self.to_linear { linear } else { c }
+        });
+        wgpu::Color { r, g, b, a: 1.0 }
+    }
+}
+
+/// A colour for a number, different from those of its neighbours.
+fn distinct(number: u32) -> [u8; 3] {
+    // The golden section of the circle of hues.
+    let hue = (f64::from(number) * 0.618_033_988_749_895).fract();
+    let value = 0.75 + 0.25 * f64::from(number.wrapping_mul(0x9e37_79b9) >> 24) / 255.0;
+    hsv(hue, 0.55, value)
+}
+
+fn hsv(hue: f64, saturation: f64, value: f64) -> [u8; 3] {
+    [5.0, 3.0, 1.0].map(|shift| {
+        let k = (shift + 6.0 * hue) % 6.0;
+        let share = k.min(4.0 - k).clamp(0.0, 1.0);
+        (255.0 * value * (1.0 - saturation * share)).round() as u8
+    })
+}
+
+/// From blue for 0 over green to red for 1.
+fn heat(share: f64) -> [u8; 3] {
+    hsv((1.0 - share.clamp(0.0, 1.0)) * 2.0 / 3.0, 0.75, 0.95)
+}
+
+impl Viewer {
+    fn tint(&self, coloring: Coloring, member: Member, sight: Sight) -> [u8; 3] {
+        let record = &self.file().clusters()[member.cluster.index()];
+        match coloring {
+            Coloring::Plain | Coloring::Vertex | Coloring::Ids => [255; 3],
+            Coloring::Cluster => distinct(member.cluster.0),
+            Coloring::Group => distinct(record.group),
+            Coloring::Level => {
+                let levels = self.file().levels().len().max(2) - 1;
+                heat(f64::from(record.level) / levels as f64)
+            }
+            Coloring::Error => {
+                let steps = record.vertex_count - record.base_vertex_count;
+                heat(f64::from(record.vertex_count - member.vertices) / f64::from(steps.max(1)))
+            }
+            Coloring::Residency => {
+                let since = self.arena.get(member.cluster).map_or(0, |resident| resident.since());
+                heat(1.0 - (self.now - since) as f64 / 120.0).map(|c| c / 2 + 100)
+            }
+            Coloring::Visibility => match sight {
+                Sight::Visible => [90, 200, 110],
+                Sight::Hidden => [230, 80, 60],
+                Sight::Outside => [80, 120, 230],
+            },
+        }
+    }
+
+    /// Makes the draw list of the clusters that are seen so, and sees to it that the GPU has them. Answers how many are visible: they come
+    /// first; in each part they are ordered by slab, or where pictures must not depend on what was before, by id.
+    pub(super) fn gather(&mut self, colors: &Colors, sights: &[Sight], stats: &mut Stats) -> usize {
+        let mut watch = Watch::start();
+        self.now += 1;
+        let mut items: Vec<(Member, Sight)> =
+            self.scene.members().filter(|(_, sight)| sights.contains(sight)).collect();
+        for (member, _) in &items {
+            self.arena.touch(member.cluster, self.now);
+        }
+        stats.times.pm += watch.lap();
+        if !self.upload(&items) {
+            // The free places are too scattered: all anew, without gaps.
+            self.arena.clear();
+            self.upload(&items);
+        }
+        stats.times.upload += watch.lap();
+        let by_id = matches!(colors.kind, Kind::Identified) || sights.len() == 1;
+        let slab = |cluster| self.arena.get(cluster).map_or(usize::MAX, |resident| resident.slab);
+        items.sort_unstable_by_key(|(member, sight)| {
+            let slab = if by_id { 0 } else { slab(member.cluster) };
+            (*sight != Sight::Visible, slab, member.cluster)
+        });
+        self.list.restart(colors.kind);
+        let mut shown = 0;
+        for (member, sight) in items {
+            // What is not there for want of room, in spite of all, is not drawn.
+            let Some(resident) = self.arena.get(member.cluster) else { continue };
+            let key = self.keys.get(member.cluster.index()).copied().unwrap_or(0);
+            let in_flow = !sights.contains(&Sight::Outside) && sights.len() > 1;
+            let mut tint = self.tint(colors.look.colors, member, sight);
+            if in_flow && sight == Sight::Hidden && colors.look.colors == Coloring::Visibility {
+                // It is drawn only if it comes into sight.
+                tint = [240, 210, 70];
+            }
+            let is_shown = sight == Sight::Visible || !in_flow;
+            self.list.push(resident, member, Mark { key, tint }, is_shown);
+            shown += usize::from(sight == Sight::Visible || !in_flow);
+        }
+        stats.times.pm += watch.lap();
+        shown
+    }
+
+    /// Sends what the GPU lacks; `false` if it does not fit.
+    fn upload(&mut self, items: &[(Member, Sight)]) -> bool {
+        let mut all = true;
+        for (member, _) in items {
+            let cluster = member.cluster;
+            if self.arena.get(cluster).is_some() {
+                continue;
+            }
+            let Some(page) = self.scene.page(cluster) else { continue };
+            let block = Block::of_page(&page.page());
+            all &= self.arena.insert(&self.gpu, cluster, &block, self.now);
+        }
+        all
+    }
+
+    /// Triangles of a cluster of the cut.
+    pub(super) fn triangles_of(&self, member: Member) -> u64 {
+        if let Some(resident) = self.arena.get(member.cluster) {
+            return u64::from(resident.at(member.vertices).0);
+        }
+        let Some(page) = self.scene.page(member.cluster) else { return 0 };
+        let mesh = page.page().progressive_mesh();
+        let born = |corners: &&[u16; 3]| mesh.birth(**corners) <= member.vertices as usize;
+        mesh.triangles.iter().filter(born).count() as u64
+    }
+
+    /// Draws all that is visible, at once.
+    pub(super) fn paint(
+        &mut self,
+        request: &FrameRequest,
+        color: Option<&wgpu::TextureView>,
+        colors: Colors,
+        stats: &mut Stats,
+    ) -> Result<(), ViewerError> {
+        self.pipelines.prepare(&self.gpu, colors.kind);
+        // A frozen selection is shown with all that it leaves out.
+        let all = request.select_from.is_some() && colors.look.colors == Coloring::Visibility;
+        let sights: &[_] =
+            if all { &[Sight::Visible, Sight::Hidden, Sight::Outside] } else { &[Sight::Visible] };
+        let shown = self.gather(&colors, sights, stats);
+        let start = Instant::now();
+        let (lens, _) = self.look_through(&request.camera, request.viewport, 1.0)?;
+        let uniform = lens.uniform(colors.uniform());
+        self.buffers.write(&self.gpu, &self.pipelines, &self.list, &uniform);
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
+        let mut pass = passes::begin(&mut encoder, color, depth.view(), Some(colors.background()));
+        self.buffers.draw(&self.gpu, &mut pass, &self.pipelines, &self.arena, &self.list, 0..shown);
+        drop(pass);
+        self.gpu.queue.submit([encoder.finish()]);
+        if request.wait {
+            buffers::wait(&self.gpu)?;
+        }
+        stats.times.draw += start.elapsed();
+        stats.triangles = self.list.triangles();
+        stats.clusters_drawn = shown as u64;
+        self.count(stats);
+        self.lens = Some(lens);
+        Ok(())
+    }
+
+    pub(crate) fn image(&mut self, request: &FrameRequest) -> Result<(Image, Stats), ViewerError> {
+        self.check_size(request.viewport)?;
+        let format = TextureFormat::Rgba8Unorm;
+        let canvas = match self.canvas.take() {
+            Some(canvas) if canvas.size() == request.viewport => canvas,
+            _ => Canvas::new(&self.gpu, "image", request.viewport, format),
+        };
+        let stats = self.frame(request, &Target { color: canvas.view(), format })?;
+        let pixels = canvas.read(&self.gpu)?;
+        self.canvas = Some(canvas);
+        Ok((Image { size: request.viewport, pixels }, stats))
+    }
+
+    pub(crate) fn ids(&mut self, request: &FrameRequest) -> Result<(IdImage, Stats), ViewerError> {
+        let start = Instant::now();
+        self.check_size(request.viewport)?;
+        self.number_triangles()?;
+        let canvas = Canvas::new(&self.gpu, "ids", request.viewport, crate::gpu::pipelines::IDS);
+        let mut stats = self.settle(request)?;
+        self.paint(request, Some(canvas.view()), Colors::ids(), &mut stats)?;
+        let bytes = canvas.read(&self.gpu)?;
+        let mut orders: Vec<Option<Vec<u32>>> = vec![None; self.keys.len()];
+        let mut pixels = Vec::with_capacity(bytes.len() / 4);
+        for key in bytemuck::cast_slice::<u8, u32>(&bytes) {
+            pixels.push(match key.checked_sub(1) {
+                None => None,
+                Some(_) => Some(self.triangle(*key, &mut orders)),
+            });
+        }
+        stats.times.total = start.elapsed();
+        Ok((IdImage { size: request.viewport, pixels }, stats))
+    }
+
+    /// Gives every triangle of every cluster a number from 1.
+    fn number_triangles(&mut self) -> Result<(), ViewerError> {
+        let mut next = 1_u64;
+        let clusters = self.scene.file().clusters();
+        let mut keys = Vec::with_capacity(clusters.len());
+        for cluster in clusters {
+            keys.push(next as u32);
+            next += u64::from(cluster.triangle_count);
+        }
+        if next > u64::from(u32::MAX) {
+            return Err(ViewerError::TooManyIds { got: next - 1 });
+        }
+        self.keys = keys;
+        Ok(())
+    }
+
+    /// The triangle of a key: keys count by birth, ids by place in the page.
+    fn triangle(&self, key: u32, orders: &mut [Option<Vec<u32>>]) -> TriangleId {
+        let index = self.keys.partition_point(|first| *first <= key) - 1;
+        let cluster = ClusterId(index as u32);
+        let order = orders[index].get_or_insert_with(|| match self.scene.page(cluster) {
+            Some(page) => crate::gpu::block::by_birth(&page.page().progressive_mesh()).0,
+            None => Vec::new(),
+        });
+        let place = key - self.keys[index];
+        TriangleId { cluster, triangle: order.get(place as usize).copied().unwrap_or(place) }
+    }
+
+    /// Pixels of error that a number of triangles has led to, if the last frame was asked for one.
+    pub fn pixels_of(&self, accuracy: Accuracy) -> f64 {
+        self.pixels_of_error(accuracy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_run_from_blue_to_red() {
+        assert_eq!(heat(1.0), hsv(0.0, 0.75, 0.95));
+        let ([r, _, b], [r1, _, b1]) = (heat(0.0), heat(1.0));
+        assert!(b > r && r1 > b1);
+        assert_eq!(hsv(0.0, 1.0, 1.0), [255, 0, 0]);
+        assert_eq!(hsv(1.0 / 3.0, 1.0, 1.0), [0, 255, 0]);
+        assert_eq!(hsv(2.0 / 3.0, 1.0, 1.0), [0, 0, 255]);
+    }
+}

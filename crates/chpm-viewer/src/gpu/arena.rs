@@ -1,0 +1,314 @@
+//! Clusters' blocks in GPU memory, within a budget.
+//!
+//! Memory is taken from the system in slabs, as large as a shader may see at once, until the budget is used up. In a slab a block has any
+//! free place that is large enough. Where none is, blocks that are not drawn make room, the longest unused first; where the free
+//! places are too scattered even then, all are given up, and what is drawn is written anew, without gaps.
+
+use super::block::{Block, Layout, UNIT};
+use super::context::Gpu;
+use chpm_mesh::{Bytes, ClusterId};
+use std::collections::BTreeMap;
+
+/// Largest slab. A smaller budget makes a smaller one.
+const SLAB: u64 = 64 << 20;
+
+/// A block that is on the GPU.
+#[derive(Clone, Debug)]
+pub struct Resident {
+    /// Which slab.
+    pub slab: usize,
+    /// Its first unit there.
+    pub first: u32,
+    /// Its parts.
+    pub layout: Layout,
+    /// By position from the base mesh's: how many triangles it has.
+    alive: Box<[u32]>,
+    /// The frame that it was last drawn in.
+    used: u64,
+    /// The frame that it was written in.
+    since: u64,
+}
+
+impl Resident {
+    /// Triangles of the mesh of `vertices` vertices, and the vertices themselves, as near as the progressive mesh gets.
+    pub fn at(&self, vertices: u32) -> (u32, u32) {
+        let n = vertices.clamp(self.layout.base_vertices, self.layout.vertices);
+        (self.alive[(n - self.layout.base_vertices) as usize], n)
+    }
+
+    /// The frame that it was written in.
+    pub fn since(&self) -> u64 {
+        self.since
+    }
+}
+
+/// All slabs.
+#[derive(Debug)]
+pub struct Arena {
+    layout: wgpu::BindGroupLayout,
+    slabs: Vec<Slab>,
+    residents: Vec<Option<Resident>>,
+    /// Clusters that are there.
+    kept: Vec<ClusterId>,
+    /// Bytes of slabs that may still be taken.
+    room: u64,
+    /// Of one slab.
+    slab_bytes: u64,
+    used_bytes: u64,
+    uploaded_bytes: u64,
+}
+
+#[derive(Debug)]
+struct Slab {
+    buffer: wgpu::Buffer,
+    group: wgpu::BindGroup,
+    free: Free,
+}
+
+/// Free places of a slab, in units.
+#[derive(Clone, Debug)]
+struct Free {
+    /// By first unit: how many.
+    places: BTreeMap<u32, u32>,
+}
+
+impl Arena {
+    /// An empty arena for a file of `clusters` clusters, none of which has a block of more than `largest` bytes.
+    pub fn new(
+        gpu: &Gpu,
+        layout: wgpu::BindGroupLayout,
+        clusters: usize,
+        budget: Bytes,
+        largest: u64,
+    ) -> Self {
+        let limits = gpu.device.limits();
+        let most = SLAB.min(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
+        // Slabs of one size, so that as few as possible of them end in a place that is too small for a block.
+        let count = budget.0.div_ceil(most.max(1)).max(1);
+        let slab_bytes = (budget.0 / count).max(largest).min(most) / UNIT as u64 * UNIT as u64;
+        Arena {
+            layout,
+            slabs: Vec::new(),
+            residents: (0..clusters).map(|_| None).collect(),
+            kept: Vec::new(),
+            room: budget.0,
+            slab_bytes,
+            used_bytes: 0,
+            uploaded_bytes: 0,
+        }
+    }
+
+    /// Bytes that blocks together can count on, whatever their sizes up to `largest`: what is left at the ends of slabs is lost.
+    pub fn capacity(&self, largest: u64) -> Bytes {
+        let whole = self.room / self.slab_bytes.max(1);
+        Bytes(whole * (self.slab_bytes - largest.min(self.slab_bytes)))
+    }
+
+    /// The block of a cluster, if it is there.
+    pub fn get(&self, cluster: ClusterId) -> Option<&Resident> {
+        self.residents[cluster.index()].as_ref()
+    }
+
+    /// Notes that a cluster is drawn in a frame: its block stays.
+    pub fn touch(&mut self, cluster: ClusterId, frame: u64) {
+        if let Some(resident) = &mut self.residents[cluster.index()] {
+            resident.used = frame;
+        }
+    }
+
+    /// Writes the block of a cluster that is not there; `false` where there is no room, even without all that is not drawn in this frame.
+    pub fn insert(&mut self, gpu: &Gpu, cluster: ClusterId, block: &Block, frame: u64) -> bool {
+        let layout = block.layout();
+        let Some((slab, first)) = self.place(gpu, layout.units, frame) else { return false };
+        gpu.queue.write_buffer(&self.slabs[slab].buffer, u64::from(first) * UNIT as u64, block.bytes());
+        self.used_bytes += layout.bytes();
+        self.uploaded_bytes += layout.bytes();
+        let alive = block.alive().into();
+        self.residents[cluster.index()] =
+            Some(Resident { slab, first, layout, alive, used: frame, since: frame });
+        self.kept.push(cluster);
+        true
+    }
+
+    /// A place for so many units.
+    fn place(&mut self, gpu: &Gpu, units: u32, frame: u64) -> Option<(usize, u32)> {
+        if let Some(place) = self.find(units) {
+            return Some(place);
+        }
+        if self.room >= self.slab_bytes && self.slab_bytes > 0 {
+            self.room -= self.slab_bytes;
+            let slab = Slab::new(gpu, &self.layout, self.slab_bytes);
+            self.slabs.push(slab);
+            return self.find(units);
+        }
+        let mut idle: Vec<(u64, ClusterId)> = Vec::new();
+        for cluster in &self.kept {
+            let used = self.residents[cluster.index()].as_ref().map_or(0, |resident| resident.used);
+            if used < frame {
+                idle.push((used, *cluster));
+            }
+        }
+        idle.sort();
+        let mut freed = 0;
+        for (_, cluster) in idle {
+            freed += self.release(cluster);
+            // A few at a time: the search is not for free.
+            if freed >= units {
+                if let Some(place) = self.find(units) {
+                    self.forget_released();
+                    return Some(place);
+                }
+                freed = 0;
+            }
+        }
+        self.forget_released();
+        self.find(units)
+    }
+
+    fn find(&mut self, units: u32) -> Option<(usize, u32)> {
+        let mut slabs = self.slabs.iter_mut().enumerate();
+        slabs.find_map(|(slab, it)| it.free.take(units).map(|first| (slab, first)))
+    }
+
+    /// Gives a block's place back; answers its units.
+    fn release(&mut self, cluster: ClusterId) -> u32 {
+        let Some(resident) = self.residents[cluster.index()].take() else { return 0 };
+        self.slabs[resident.slab].free.give(resident.first, resident.layout.units);
+        self.used_bytes -= resident.layout.bytes();
+        resident.layout.units
+    }
+
+    fn forget_released(&mut self) {
+        let residents = &self.residents;
+        self.kept.retain(|cluster| residents[cluster.index()].is_some());
+    }
+
+    /// Gives all blocks up; the slabs stay.
+    pub fn clear(&mut self) {
+        for cluster in std::mem::take(&mut self.kept) {
+            self.release(cluster);
+        }
+    }
+
+    /// The storage of a slab as shaders see it.
+    pub fn group(&self, slab: usize) -> &wgpu::BindGroup {
+        &self.slabs[slab].group
+    }
+
+    /// A slab's buffer, for indices.
+    pub fn buffer(&self, slab: usize) -> &wgpu::Buffer {
+        &self.slabs[slab].buffer
+    }
+
+    /// Number of slabs.
+    pub fn slabs(&self) -> usize {
+        self.slabs.len()
+    }
+
+    /// Bytes of slabs that were taken from the system.
+    pub fn taken(&self) -> Bytes {
+        Bytes(self.slabs.len() as u64 * self.slab_bytes)
+    }
+
+    /// Bytes of blocks that are there.
+    pub fn used(&self) -> Bytes {
+        Bytes(self.used_bytes)
+    }
+
+    /// Bytes written since the last call.
+    pub fn take_uploaded(&mut self) -> u64 {
+        std::mem::take(&mut self.uploaded_bytes)
+    }
+}
+
+impl Slab {
+    fn new(gpu: &Gpu, layout: &wgpu::BindGroupLayout, bytes: u64) -> Self {
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("clusters"),
+            size: bytes,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("clusters"),
+            layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
+        });
+        Slab { buffer, group, free: Free::new((bytes / UNIT as u64) as u32) }
+    }
+}
+
+impl Free {
+    fn new(units: u32) -> Self {
+        Free { places: BTreeMap::from([(0, units)]) }
+    }
+
+    /// The smallest place that is large enough, its front.
+    fn take(&mut self, units: u32) -> Option<u32> {
+        let large = self.places.iter().filter(|(_, len)| **len >= units);
+        let (first, len) = large.min_by_key(|(first, len)| (**len, **first)).map(|(f, l)| (*f, *l))?;
+        self.places.remove(&first);
+        if len > units {
+            self.places.insert(first + units, len - units);
+        }
+        Some(first)
+    }
+
+    /// A place comes back, and joins those beside it.
+    fn give(&mut self, mut first: u32, mut units: u32) {
+        if let Some(behind) = self.places.remove(&(first + units)) {
+            units += behind;
+        }
+        if let Some((before, len)) = self.places.range(..first).next_back().map(|(f, l)| (*f, *l))
+            && before + len == first
+        {
+            self.places.remove(&before);
+            (first, units) = (before, len + units);
+        }
+        self.places.insert(first, units);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn places_are_split_and_joined() {
+        let mut free = Free::new(10);
+        assert_eq!(
+            [free.take(3), free.take(3), free.take(3), free.take(2)],
+            [Some(0), Some(3), Some(6), None]
+        );
+        free.give(3, 3);
+        assert_eq!(free.take(1), Some(9), "the smallest that fits");
+        free.give(0, 3);
+        assert_eq!(free.take(6), Some(0));
+        free.give(6, 3);
+        free.give(9, 1);
+        free.give(0, 6);
+        assert_eq!(free.places, BTreeMap::from([(0, 10)]));
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_overlaps_and_nothing_is_lost(steps in prop::collection::vec((1_u32..20, any::<bool>()), 1..200)) {
+            let mut free = Free::new(100);
+            let mut taken: Vec<(u32, u32)> = Vec::new();
+            for (units, gives) in steps {
+                if gives && !taken.is_empty() {
+                    let (first, len) = taken.swap_remove(units as usize % taken.len());
+                    free.give(first, len);
+                } else if let Some(first) = free.take(units) {
+                    taken.push((first, units));
+                }
+                let mut all: Vec<(u32, u32)> = taken.clone();
+                all.extend(free.places.iter().map(|(first, len)| (*first, *len)));
+                all.sort();
+                let end = all.iter().try_fold(0, |at, (first, len)| (at == *first).then_some(first + len));
+                prop_assert_eq!(end, Some(100));
+            }
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! A camera as shaders have it.
+
+use bytemuck::{Pod, Zeroable};
+use chpm_mesh::Aabb;
+use chpm_refine::Camera;
+use nalgebra::{Point3, Vector3};
+
+/// The uniform that all shaders share; see `clusters.wgsl`.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct FrameUniform {
+    eye_high: [f32; 4],
+    eye_low: [f32; 4],
+    right: [f32; 4],
+    up: [f32; 4],
+    forward: [f32; 4],
+    light: [f32; 4],
+    size: [f32; 4],
+    look: [u32; 4],
+}
+
+/// A camera and its image. Depth is reversed and the far plane infinitely far: near / distance, which a float keeps to the same
+/// relative precision everywhere.
+#[derive(Clone, Copy, Debug)]
+pub struct Lens {
+    eye: Point3<f64>,
+    /// To the right, upward, forward.
+    axes: [Vector3<f64>; 3],
+    /// Tangents of half the angles across and up.
+    slopes: [f64; 2],
+    near: f64,
+    viewport: [u32; 2],
+}
+
+impl Lens {
+    /// Nearest distance that is drawn for a camera without a near plane, relative to the diagonal of the model.
+    const NEAR: f64 = 1e-6;
+
+    /// A camera in file coordinates that a view can be made of.
+    pub fn new(camera: &Camera, viewport: [u32; 2], bounds: &Aabb) -> Self {
+        let rise = (0.5 * camera.fov.to_radians()).tan();
+        let diagonal = Some(bounds.diagonal()).filter(|diagonal| *diagonal > 0.0).unwrap_or(1.0);
+        Lens {
+            eye: Point3::from(camera.position),
+            axes: camera.axes(),
+            slopes: [rise * f64::from(viewport[0]) / f64::from(viewport[1]), rise],
+            near: camera.near.max(Self::NEAR * diagonal),
+            viewport,
+        }
+    }
+
+    /// The uniform, with how it looks (see `clusters.wgsl`).
+    pub fn uniform(&self, look: [u32; 4]) -> FrameUniform {
+        let high = self.eye.map(|x| x as f32);
+        let low = self.eye - high.map(f64::from);
+        let [right, up, forward] = self.axes;
+        let light = (0.45 * right + 0.65 * up - forward).normalize();
+        let four = |v: Vector3<f64>, w: f64| [v.x as f32, v.y as f32, v.z as f32, w as f32];
+        FrameUniform {
+            eye_high: [high.x, high.y, high.z, 0.0],
+            eye_low: four(low, 0.0),
+            right: four(right / self.slopes[0], 0.0),
+            up: four(up / self.slopes[1], 0.0),
+            forward: four(forward, self.near),
+            light: four(light, 0.0),
+            size: [self.viewport[0] as f32, self.viewport[1] as f32, 0.0, 0.0],
+            look,
+        }
+    }
+
+    /// The point at the middle of a pixel with this depth; `None` for the background.
+    pub fn point(&self, pixel: [u32; 2], depth: f32) -> Option<[f64; 3]> {
+        let across =
+            |axis: usize| 2.0 * (f64::from(pixel[axis]) + 0.5) / f64::from(self.viewport[axis]) - 1.0;
+        let [right, up, forward] = self.axes;
+        let ray = forward + right * (across(0) * self.slopes[0]) - up * (across(1) * self.slopes[1]);
+        (depth > 0.0).then(|| (self.eye + ray * (self.near / f64::from(depth))).into())
+    }
+
+    /// Width and height.
+    pub fn viewport(&self) -> [u32; 2] {
+        self.viewport
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_projected_comes_back() {
+        let bounds = Aabb { min: [-1.0; 3], max: [1.0; 3] };
+        let camera = Camera::looking([3.0, 2.0, 5.0], [0.1, 0.2, 0.3]);
+        let lens = Lens::new(&camera, [200, 100], &bounds);
+        let uniform = lens.uniform([0; 4]);
+        for point in [[0.0, 0.0, 0.0], [0.5, -0.5, 0.25], [-0.9, 0.1, 0.0]] {
+            let at = Point3::from(point) - lens.eye;
+            let dot = |v: [f32; 4]| at.x * f64::from(v[0]) + at.y * f64::from(v[1]) + at.z * f64::from(v[2]);
+            let w = dot(uniform.forward);
+            let x = (0.5 * dot(uniform.right) / w + 0.5) * 200.0;
+            let y = (0.5 - 0.5 * dot(uniform.up) / w) * 100.0;
+            let depth = f64::from(uniform.forward[3]) / w;
+            let back = lens.point([x as u32, y as u32], depth as f32).unwrap();
+            let off = (Point3::from(back) - Point3::from(point)).norm();
+            // Half a pixel's diagonal at that distance.
+            assert!(off < 0.75 * w * 2.0 * lens.slopes[1] / 100.0, "{point:?} {back:?}");
+        }
+        assert_eq!(lens.point([0, 0], 0.0), None);
+    }
+
+    #[test]
+    fn the_eye_keeps_more_than_a_float() {
+        let camera = Camera::looking([1e7 + 0.123456, 0.0, 0.0], [0.0; 3]);
+        let uniform = Lens::new(&camera, [1, 1], &Aabb::of_points(&[[0.0; 3]])).uniform([0; 4]);
+        let x = f64::from(uniform.eye_high[0]) + f64::from(uniform.eye_low[0]);
+        assert!((x - camera.position[0]).abs() < 1e-7);
+    }
+}

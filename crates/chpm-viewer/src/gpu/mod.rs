@@ -1,0 +1,18 @@
+//! The graphics processor: what it is, what is on it, and what it is told to draw.
+
+pub mod arena;
+pub mod block;
+pub mod buffers;
+pub mod context;
+pub mod lens;
+pub mod occlusion;
+pub mod passes;
+pub mod pipelines;
+
+pub use arena::Arena;
+pub use block::Block;
+pub use context::{AdapterChoice, Gpu};
+pub use lens::Lens;
+pub use occlusion::{Answers, Occlusion, TestBox};
+pub use passes::{DrawBuffers, DrawList, Mark};
+pub use pipelines::{Kind, Pipelines};

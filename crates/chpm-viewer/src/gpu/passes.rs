@@ -1,0 +1,264 @@
+//! Lists of clusters to draw, and passes that draw them.
+
+use super::arena::{Arena, Resident};
+use super::buffers::Growing;
+use super::context::Gpu;
+use super::pipelines::{Kind, Pipelines, group};
+use bytemuck::{Pod, Zeroable};
+use chpm_mesh::ClusterId;
+use chpm_refine::Member;
+use std::ops::Range;
+use wgpu::{BufferUsages, Features};
+
+/// One cluster to draw; see `clusters.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Draw {
+    vertices: u32,
+    colors: u32,
+    targets: u32,
+    corners: u32,
+    base: u32,
+    count: u32,
+    key: u32,
+    tint: u32,
+}
+
+/// What a draw shows beside its shape.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Mark {
+    /// Id of its first triangle.
+    pub key: u32,
+    /// Its colour, where colours are of clusters: red, green, blue.
+    pub tint: [u8; 3],
+}
+
+/// Draws one after the other, those of one slab together.
+#[derive(Debug)]
+pub struct DrawList {
+    kind: Kind,
+    draws: Vec<Draw>,
+    /// Arguments, as many words for each as the kind has.
+    arguments: Vec<u32>,
+    /// The slab of some draws in a row.
+    runs: Vec<(usize, Range<u32>)>,
+    /// By draw: the cluster, and whether it is shown in any case.
+    clusters: Vec<(ClusterId, bool)>,
+    triangles: u64,
+}
+
+impl DrawList {
+    /// Nothing to draw.
+    pub fn new(kind: Kind) -> Self {
+        DrawList {
+            kind,
+            draws: Vec::new(),
+            arguments: Vec::new(),
+            runs: Vec::new(),
+            clusters: Vec::new(),
+            triangles: 0,
+        }
+    }
+
+    /// Nothing to draw, in the memory of what was.
+    pub fn restart(&mut self, kind: Kind) {
+        self.kind = kind;
+        self.draws.clear();
+        self.arguments.clear();
+        self.runs.clear();
+        self.clusters.clear();
+        self.triangles = 0;
+    }
+
+    /// Adds a cluster at a position. One that is not `shown` is drawn only if a test of its box shows it.
+    pub fn push(&mut self, resident: &Resident, member: Member, mark: Mark, shown: bool) {
+        let index = self.draws.len() as u32;
+        let (triangles, n) = resident.at(member.vertices);
+        self.clusters.push((member.cluster, shown));
+        let (layout, first) = (&resident.layout, resident.first);
+        let [r, g, b] = mark.tint;
+        self.draws.push(Draw {
+            vertices: first,
+            colors: first + layout.colors_at,
+            targets: first + layout.targets_at,
+            corners: first + layout.corners_at,
+            base: layout.base_vertices,
+            count: n,
+            key: mark.key,
+            tint: u32::from_le_bytes([r, g, b, 255]),
+        });
+        let (count, instances) = (3 * triangles, u32::from(shown));
+        if self.kind.is_indexed() {
+            // Eight indices to a unit.
+            let first_index = 8 * (first + layout.corners_at);
+            self.arguments.extend([count, instances, first_index, 0, index]);
+        } else {
+            self.arguments.extend([count, instances, 0, index]);
+        }
+        if shown {
+            self.triangles += u64::from(triangles);
+        }
+        match self.runs.last_mut() {
+            Some((slab, range)) if *slab == resident.slab => range.end = index + 1,
+            _ => self.runs.push((resident.slab, index..index + 1)),
+        }
+    }
+
+    /// By draw: the cluster, and whether it is shown in any case.
+    pub fn clusters(&self) -> impl Iterator<Item = (ClusterId, bool)> + '_ {
+        self.clusters.iter().copied()
+    }
+
+    /// Number of draws.
+    pub fn len(&self) -> usize {
+        self.draws.len()
+    }
+
+    /// Whether there is nothing to draw.
+    pub fn is_empty(&self) -> bool {
+        self.draws.is_empty()
+    }
+
+    /// Triangles of the draws that are shown in any case.
+    pub fn triangles(&self) -> u64 {
+        self.triangles
+    }
+
+    /// What the draws make.
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+}
+
+/// The buffers of a list on the GPU.
+#[derive(Debug)]
+pub struct DrawBuffers {
+    uniform: wgpu::Buffer,
+    draws: Growing,
+    arguments: Growing,
+    group: wgpu::BindGroup,
+}
+
+impl DrawBuffers {
+    /// Empty ones.
+    pub fn new(gpu: &Gpu, pipelines: &Pipelines) -> Self {
+        let size = size_of::<super::lens::FrameUniform>() as u64;
+        let uniform =
+            super::buffers::buffer(gpu, "frame", size, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        let draws = Growing::new(gpu, "draws", BufferUsages::STORAGE);
+        let arguments = Growing::new(gpu, "arguments", BufferUsages::STORAGE | BufferUsages::INDIRECT);
+        let group = bind(gpu, pipelines, &uniform, &draws);
+        DrawBuffers { uniform, draws, arguments, group }
+    }
+
+    /// Sends a list and what it is seen through.
+    pub fn write(
+        &mut self,
+        gpu: &Gpu,
+        pipelines: &Pipelines,
+        list: &DrawList,
+        uniform: &super::lens::FrameUniform,
+    ) {
+        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(uniform));
+        self.arguments.write(gpu, bytemuck::cast_slice(&list.arguments));
+        if self.draws.write(gpu, bytemuck::cast_slice(&list.draws)) {
+            self.group = bind(gpu, pipelines, &self.uniform, &self.draws);
+        }
+    }
+
+    /// The uniform.
+    pub fn uniform(&self) -> &wgpu::Buffer {
+        &self.uniform
+    }
+
+    /// The arguments of the draws.
+    pub fn arguments(&self) -> &wgpu::Buffer {
+        self.arguments.get()
+    }
+
+    /// Draws a part of the list that was sent.
+    pub fn draw(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipelines: &Pipelines,
+        arena: &Arena,
+        list: &DrawList,
+        part: Range<usize>,
+    ) {
+        let Some(pipeline) = pipelines.get(list.kind) else { return };
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+        for (slab, run) in &list.runs {
+            let (start, end) = (run.start.max(part.start as u32), run.end.min(part.end as u32));
+            if start >= end {
+                continue;
+            }
+            pass.set_bind_group(1, arena.group(*slab), &[]);
+            if list.kind.is_indexed() {
+                pass.set_index_buffer(arena.buffer(*slab).slice(..), wgpu::IndexFormat::Uint16);
+            }
+            if gpu.features.contains(Features::INDIRECT_FIRST_INSTANCE) {
+                let offset = u64::from(start) * 4 * list.kind.stride() as u64;
+                let (arguments, count) = (self.arguments.get(), end - start);
+                match list.kind.is_indexed() {
+                    true => pass.multi_draw_indexed_indirect(arguments, offset, count),
+                    false => pass.multi_draw_indirect(arguments, offset, count),
+                }
+            } else {
+                for index in start..end {
+                    draw_directly(pass, list, index);
+                }
+            }
+        }
+    }
+}
+
+/// For adapters whose indirect draws cannot tell which draw they are.
+fn draw_directly(pass: &mut wgpu::RenderPass<'_>, list: &DrawList, index: u32) {
+    let stride = list.kind.stride();
+    let arguments = &list.arguments[index as usize * stride..][..stride];
+    let instances = index..index + arguments[1];
+    if list.kind.is_indexed() {
+        pass.draw_indexed(arguments[2]..arguments[2] + arguments[0], 0, instances);
+    } else {
+        pass.draw(0..arguments[0], instances);
+    }
+}
+
+fn bind(gpu: &Gpu, pipelines: &Pipelines, uniform: &wgpu::Buffer, draws: &Growing) -> wgpu::BindGroup {
+    group(gpu, &pipelines.frame, &[uniform.as_entire_binding(), draws.get().as_entire_binding()])
+}
+
+/// Begins a pass that draws clusters; `clears` with a colour, or goes on where the last one ended.
+pub fn begin<'a>(
+    encoder: &'a mut wgpu::CommandEncoder,
+    color: Option<&wgpu::TextureView>,
+    depth: &wgpu::TextureView,
+    clears: Option<wgpu::Color>,
+) -> wgpu::RenderPass<'a> {
+    let attachment = |view| wgpu::RenderPassColorAttachment {
+        view,
+        depth_slice: None,
+        resolve_target: None,
+        ops: wgpu::Operations {
+            load: clears.map_or(wgpu::LoadOp::Load, wgpu::LoadOp::Clear),
+            store: wgpu::StoreOp::Store,
+        },
+    };
+    let colors = [color.map(attachment)];
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("clusters"),
+        color_attachments: if color.is_some() { &colors } else { &[] },
+        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+            view: depth,
+            depth_ops: Some(wgpu::Operations {
+                // Infinitely far.
+                load: clears.map_or(wgpu::LoadOp::Load, |_| wgpu::LoadOp::Clear(0.0)),
+                store: wgpu::StoreOp::Store,
+            }),
+            stencil_ops: None,
+        }),
+        ..Default::default()
+    })
+}

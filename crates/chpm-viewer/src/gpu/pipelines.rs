@@ -1,0 +1,165 @@
+//! Shaders, what they are bound to, and the pipelines made of them.
+
+use super::context::Gpu;
+use wgpu::{BindingType, BufferBindingType, CompareFunction, ShaderStages, TextureFormat};
+
+/// Format of all depth.
+pub const DEPTH: TextureFormat = TextureFormat::Depth32Float;
+/// Format of ids.
+pub const IDS: TextureFormat = TextureFormat::R32Uint;
+
+/// What a draw makes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Kind {
+    /// Depth alone.
+    Depth,
+    /// Colours.
+    Colored(TextureFormat),
+    /// Colours of triangles, or with their edges.
+    Wired(TextureFormat),
+    /// Ids.
+    Identified,
+}
+
+impl Kind {
+    /// Whether triangles are drawn by their indices; otherwise the shader fetches them.
+    pub fn is_indexed(self) -> bool {
+        matches!(self, Kind::Depth | Kind::Colored(_))
+    }
+
+    /// Words of the arguments of one draw.
+    pub fn stride(self) -> usize {
+        if self.is_indexed() { 5 } else { 4 }
+    }
+
+    fn format(self) -> Option<TextureFormat> {
+        match self {
+            Kind::Depth => None,
+            Kind::Colored(format) | Kind::Wired(format) => Some(format),
+            Kind::Identified => Some(IDS),
+        }
+    }
+}
+
+/// The pipelines that draw clusters; made when they are first used.
+#[derive(Debug)]
+pub struct Pipelines {
+    shader: wgpu::ShaderModule,
+    layout: wgpu::PipelineLayout,
+    /// Frame and draws.
+    pub frame: wgpu::BindGroupLayout,
+    /// A slab.
+    pub slab: wgpu::BindGroupLayout,
+    made: Vec<(Kind, wgpu::RenderPipeline)>,
+}
+
+impl Pipelines {
+    /// None yet.
+    pub fn new(gpu: &Gpu) -> Self {
+        let device = &gpu.device;
+        let shader = device.create_shader_module(wgpu::include_wgsl!("../shaders/clusters.wgsl"));
+        let both = ShaderStages::VERTEX_FRAGMENT;
+        let frame = layout(gpu, "frame", &[(both, UNIFORM), (ShaderStages::VERTEX, READ)]);
+        let slab = layout(gpu, "clusters", &[(ShaderStages::VERTEX, READ)]);
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("clusters"),
+            bind_group_layouts: &[Some(&frame), Some(&slab)],
+            immediate_size: 0,
+        });
+        Pipelines { shader, layout, frame, slab, made: Vec::new() }
+    }
+
+    /// Makes a pipeline, if there is none yet.
+    pub fn prepare(&mut self, gpu: &Gpu, kind: Kind) {
+        if self.get(kind).is_some() {
+            return;
+        }
+        let (vertex, fragment) = match kind {
+            Kind::Depth => ("depth_only", None),
+            Kind::Colored(_) => ("indexed", Some("colored")),
+            Kind::Wired(_) => ("pulled", Some("wired")),
+            Kind::Identified => ("pulled", Some("identified")),
+        };
+        let targets = [kind.format().map(wgpu::ColorTargetState::from)];
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("clusters"),
+            layout: Some(&self.layout),
+            vertex: wgpu::VertexState {
+                module: &self.shader,
+                entry_point: Some(vertex),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[],
+            },
+            // Both sides.
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(CompareFunction::Greater),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: fragment.map(|entry_point| wgpu::FragmentState {
+                module: &self.shader,
+                entry_point: Some(entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &targets,
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        self.made.push((kind, pipeline));
+    }
+
+    /// A pipeline that was prepared.
+    pub fn get(&self, kind: Kind) -> Option<&wgpu::RenderPipeline> {
+        self.made.iter().find(|(made, _)| *made == kind).map(|(_, pipeline)| pipeline)
+    }
+}
+
+/// A uniform.
+pub const UNIFORM: BindingType =
+    BindingType::Buffer { ty: BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None };
+/// Storage that is read.
+pub const READ: BindingType = BindingType::Buffer {
+    ty: BufferBindingType::Storage { read_only: true },
+    has_dynamic_offset: false,
+    min_binding_size: None,
+};
+/// Storage that is written.
+pub const WRITE: BindingType = BindingType::Buffer {
+    ty: BufferBindingType::Storage { read_only: false },
+    has_dynamic_offset: false,
+    min_binding_size: None,
+};
+/// Depth that is read.
+pub const DEPTH_TEXTURE: BindingType = BindingType::Texture {
+    sample_type: wgpu::TextureSampleType::Depth,
+    view_dimension: wgpu::TextureViewDimension::D2,
+    multisampled: false,
+};
+
+/// A layout of bindings 0, 1, 2 and so on.
+pub fn layout(gpu: &Gpu, label: &str, bindings: &[(ShaderStages, BindingType)]) -> wgpu::BindGroupLayout {
+    let entry = |(binding, (visibility, ty)): (u32, &(ShaderStages, BindingType))| {
+        wgpu::BindGroupLayoutEntry { binding, visibility: *visibility, ty: *ty, count: None }
+    };
+    let entries: Vec<_> = (0..).zip(bindings).map(entry).collect();
+    gpu.device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+}
+
+/// A group of bindings 0, 1, 2 and so on.
+pub fn group<'a>(
+    gpu: &Gpu,
+    layout: &wgpu::BindGroupLayout,
+    bindings: &[wgpu::BindingResource<'a>],
+) -> wgpu::BindGroup {
+    let entry = |(binding, resource): (u32, &wgpu::BindingResource<'a>)| wgpu::BindGroupEntry {
+        binding,
+        resource: resource.clone(),
+    };
+    let entries: Vec<_> = (0..).zip(bindings).map(entry).collect();
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+}

@@ -1,0 +1,482 @@
+//! The window's life: events in, frames out.
+
+mod files;
+mod input;
+
+use crate::error::ViewerError;
+use crate::window::browse::Browser;
+use crate::window::canvas::Canvas;
+use crate::window::gesture::Gestures;
+use crate::window::keys::{Command, Flight};
+use crate::window::navigate::Pivot;
+use crate::window::overlay::{self, Note};
+use crate::window::panel::{self, About};
+use crate::window::record::{Pace, Recorder};
+use crate::window::remember::Remembered;
+use crate::window::session::{Next, Session};
+use crate::window::settings::Settings;
+use crate::window::{Options, Outcome, save};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::dpi::PhysicalSize;
+use winit::event::{StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
+use winit::window::{Window, WindowId};
+
+/// The window of a model that was never opened, pixels.
+const SIZE: [u32; 2] = [1280, 800];
+/// Seconds that a frame counts for when none came before it, and at most.
+const FRAME: (f64, f64) = (1.0 / 60.0, 0.25);
+/// Between two looks at what may have changed by itself: missing pages, a signal.
+const GLANCE: Duration = Duration::from_millis(250);
+/// How long a note stays.
+const NOTE: Duration = Duration::from_secs(6);
+
+/// What comes from other threads.
+#[derive(Debug)]
+pub(super) enum Event {
+    /// A build does this, and has done this share of it.
+    Progress(String, f32),
+    /// A build is done: the CHPM, or what to tell.
+    Built(Result<PathBuf, String>),
+}
+
+/// All of it.
+pub(super) struct App {
+    options: Options,
+    proxy: EventLoopProxy<Event>,
+    canvas: Option<Canvas>,
+    session: Option<Session>,
+    settings: Settings,
+    gestures: Gestures,
+    flight: Flight,
+    shift: bool,
+    ctrl: bool,
+    help: bool,
+    browser: Option<(Browser, String)>,
+    note: Option<(Note, Instant)>,
+    /// A build: what it does, how far it is, the thread.
+    building: Option<(String, f32, JoinHandle<()>)>,
+    started: Instant,
+    /// When the last frame began, if the next one follows at once.
+    before: Option<Instant>,
+    /// When the next frame is due although nothing happens.
+    due: Option<Instant>,
+    first: Option<Instant>,
+    frames: u64,
+    forgot: Option<String>,
+    fault: Option<ViewerError>,
+}
+
+impl App {
+    pub(super) fn new(options: Options, proxy: EventLoopProxy<Event>) -> Self {
+        App {
+            options,
+            proxy,
+            canvas: None,
+            session: None,
+            settings: Settings::default(),
+            gestures: Gestures::default(),
+            flight: Flight::default(),
+            shift: false,
+            ctrl: false,
+            help: false,
+            browser: None,
+            note: None,
+            building: None,
+            started: Instant::now(),
+            before: None,
+            due: None,
+            first: None,
+            frames: 0,
+            forgot: None,
+            fault: None,
+        }
+    }
+
+    /// After the last event.
+    pub(super) fn finish(mut self) -> Result<Outcome, ViewerError> {
+        if let Some((.., thread)) = self.building.take() {
+            self.options.prepare.cancel();
+            // A build that panicked has told so.
+            let _ = thread.join();
+        }
+        if let Some(fault) = self.fault {
+            return Err(fault);
+        }
+        Ok(Outcome {
+            frames: self.frames,
+            seconds: self.first.map_or(0.0, |first| first.elapsed().as_secs_f64()),
+            adapter: self.canvas.map(|canvas| canvas.gpu.describe()).unwrap_or_default(),
+            forgot: self.forgot,
+        })
+    }
+
+    /// Nobody looks: what fails ends the run.
+    fn is_scripted(&self) -> bool {
+        self.options.frames.is_some()
+    }
+
+    fn remembers(&self) -> bool {
+        !self.is_scripted()
+    }
+
+    fn size(&self) -> [u32; 2] {
+        self.canvas.as_ref().map_or(SIZE, Canvas::size)
+    }
+
+    fn aspect(&self) -> f64 {
+        let [width, height] = self.size().map(f64::from);
+        width / height
+    }
+
+    fn tell(&mut self, text: impl Into<String>, is_fault: bool) {
+        self.note = Some((Note { text: text.into(), is_fault }, Instant::now()));
+        self.stir();
+    }
+
+    /// The next frame is another one.
+    fn stir(&mut self) {
+        if let Some(session) = &mut self.session {
+            session.stir();
+        }
+        if let Some(canvas) = &self.canvas {
+            canvas.window.request_redraw();
+        }
+    }
+
+    fn fail(&mut self, error: ViewerError, events: &ActiveEventLoop) {
+        if self.is_scripted() || self.canvas.is_none() {
+            self.fault = Some(error);
+            events.exit();
+        } else {
+            self.tell(error.to_string(), true);
+        }
+    }
+
+    fn begin(&mut self, events: &ActiveEventLoop) -> Result<(), ViewerError> {
+        let model = self.options.model.clone();
+        let remembered = model.as_deref().and_then(|model| self.recall(model));
+        let [width, height] = remembered.as_ref().map_or(SIZE, |remembered| remembered.window);
+        let attributes = Window::default_attributes()
+            .with_title("chpm")
+            .with_inner_size(PhysicalSize::new(width, height))
+            .with_min_inner_size(PhysicalSize::new(320, 240));
+        let window = events.create_window(attributes).map_err(|e| ViewerError::Window(e.to_string()))?;
+        self.canvas = Some(Canvas::new(Arc::new(window), Box::new(events.owned_display_handle()))?);
+        if let Some(accuracy) = self.options.accuracy {
+            self.settings = self.settings.clone().with_accuracy(accuracy);
+        }
+        if let Some(model) = model {
+            self.open(&model, remembered)?;
+            if let (Some(path), Some(session)) = (self.options.path.take(), &mut self.session) {
+                session.follow(&path, Pace::Frames);
+                session.recorded = Some(path);
+            }
+        }
+        Ok(())
+    }
+
+    fn recall(&mut self, model: &Path) -> Option<Remembered> {
+        if !self.options.recall || !self.remembers() {
+            return None;
+        }
+        match self.options.memory.recall(model) {
+            Ok(remembered) => remembered,
+            Err(note) => {
+                self.note = Some((Note { text: note, is_fault: true }, Instant::now()));
+                None
+            }
+        }
+    }
+
+    fn open(&mut self, model: &Path, remembered: Option<Remembered>) -> Result<(), ViewerError> {
+        let Some(canvas) = &self.canvas else { return Ok(()) };
+        let mut session = Session::open(&canvas.gpu, model, self.options.budgets)?;
+        let name = model.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        canvas.window.set_title(&format!("{name} - chpm"));
+        if let Some(remembered) = remembered {
+            self.settings = remembered.settings.clone();
+            if let Some(accuracy) = self.options.accuracy {
+                self.settings = self.settings.clone().with_accuracy(accuracy);
+            }
+            session.navigator.jump(&remembered.camera());
+        } else {
+            session.navigator.fit(self.aspect());
+            session.navigator.step(FRAME.1 * 1e3);
+        }
+        self.keep();
+        self.session = Some(session);
+        self.before = None;
+        self.stir();
+        Ok(())
+    }
+
+    /// Remembers the model that is open.
+    fn keep(&mut self) {
+        let (Some(session), Some(canvas)) = (&self.session, &self.canvas) else { return };
+        if self.remembers() {
+            let size = canvas.window.inner_size().into();
+            let camera = session.navigator.camera();
+            let remembered = Remembered::new(&session.path, size, &camera, &self.settings);
+            self.forgot = self.options.memory.keep(&session.path, &remembered).err();
+        }
+    }
+
+    fn obey(&mut self, command: Command, events: &ActiveEventLoop) {
+        let (size, aspect) = (self.size(), self.aspect());
+        let settings = &mut self.settings;
+        match command {
+            Command::Help => self.help = !self.help,
+            Command::Panel => settings.panel = !settings.panel,
+            Command::Fly => settings.fly = !settings.fly,
+            Command::Finer => settings.step_accuracy(false),
+            Command::Coarser => settings.step_accuracy(true),
+            Command::Shading => settings.smooth = !settings.smooth,
+            Command::Colors => settings.next_colors(),
+            Command::Wireframe => settings.wireframe = !settings.wireframe,
+            Command::Occlusion => settings.occlusion_culling = !settings.occlusion_culling,
+            Command::Frustum => settings.frustum_culling = !settings.frustum_culling,
+            Command::Open => self.browse(None),
+            Command::Back => self.back(),
+            Command::Quit => events.exit(),
+            Command::Home | Command::Fit | Command::Up | Command::Freeze | Command::Replay => {
+                let Some(session) = &mut self.session else { return };
+                match command {
+                    Command::Home => session.lead().home(aspect),
+                    Command::Fit => session.lead().fit(aspect),
+                    Command::Freeze => session.freeze(size),
+                    Command::Replay if session.replay.is_some() => session.stop_replay(),
+                    Command::Replay => match session.recorded.clone() {
+                        Some(path) => session.follow(&path, Pace::Clock),
+                        None => self.tell("no path yet: record one with R, or drop a .path file", false),
+                    },
+                    _ => {
+                        let z_up = session.navigator.up()[2] > 0.9;
+                        session.lead().set_up(if z_up { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] });
+                    }
+                }
+            }
+            Command::Record => self.record(),
+            Command::Screenshot => self.screenshot(),
+        }
+        self.stir();
+    }
+
+    fn back(&mut self) {
+        let closes = self.help || self.browser.is_some();
+        (self.help, self.browser) = (false, None);
+        if let (false, Some(session)) = (closes, &mut self.session) {
+            session.stop_replay();
+        }
+    }
+
+    /// One frame.
+    fn redraw(&mut self, events: &ActiveEventLoop) -> Result<(), ViewerError> {
+        let Some(mut canvas) = self.canvas.take() else { return Ok(()) };
+        let now = Instant::now();
+        let since = self.before.map_or(FRAME.0, |before| (now - before).as_secs_f64());
+        let seconds = since.min(FRAME.1);
+        let before = self.settings.clone();
+        let (mut asked, mut chosen) = (Vec::new(), None);
+        let size = canvas.size();
+        // A layout may take several passes; what was asked for in any of them counts once.
+        let over = canvas.lay_out(|context| {
+            asked.extend(self.lay_out(context, size));
+            chosen = chosen.take().or(self.choose(context));
+        });
+        let shown = match &mut self.session {
+            Some(session) => {
+                session.navigator.set_pivot(if self.settings.fly { Pivot::Eye } else { Pivot::Focus });
+                session.navigator.fly(self.flight.thrust(self.shift));
+                if before != self.settings {
+                    session.stir();
+                }
+                session.step(seconds, size);
+                let request = session.request(&self.settings, size);
+                canvas.show(over, |target| session.draw(&request, target, seconds))
+            }
+            None => {
+                let gpu = Arc::clone(&canvas.gpu);
+                canvas.show(over, |target| {
+                    clear(&gpu, target.color);
+                    Ok(())
+                })
+            }
+        };
+        let repaint = canvas.repaint;
+        self.canvas = Some(canvas);
+        let shown = shown?;
+        for command in asked {
+            self.obey(command, events);
+        }
+        if let Some(path) = chosen {
+            self.take(&path);
+        }
+        let next = match (&shown, &self.session) {
+            // The window cannot be drawn into: it is hidden.
+            (None, _) => Next::Look,
+            (Some(()), _) if self.is_scripted() => Next::Frame,
+            (Some(()), Some(session)) => session.next(),
+            (Some(()), None) => Next::Rest,
+        };
+        self.before = (next == Next::Frame).then_some(now);
+        self.due = match next {
+            Next::Frame => Some(now),
+            Next::Look => Some(now + GLANCE),
+            Next::Rest => None,
+        };
+        let until = self.note.as_ref().map(|(_, since)| *since + NOTE);
+        let repaint = now.checked_add(repaint).filter(|_| repaint < Duration::from_secs(3600));
+        self.due = [self.due, until, repaint].into_iter().flatten().min();
+        if shown.is_some() {
+            self.count(now, events)?;
+        }
+        Ok(())
+    }
+
+    /// A frame was shown. The last of a script leaves its picture.
+    fn count(&mut self, now: Instant, events: &ActiveEventLoop) -> Result<(), ViewerError> {
+        self.first.get_or_insert(now);
+        self.frames += 1;
+        if self.options.frames.is_some_and(|frames| self.frames >= frames) && !events.exiting() {
+            events.exit();
+            let size = self.size();
+            if let (Some(path), Some(session)) = (&self.options.screenshot, &mut self.session) {
+                let image = session.image(&self.settings, size)?;
+                let told = |error: std::io::Error| ViewerError::Window(format!("no picture: {error}"));
+                save::write(path, true, &save::png(&image).map_err(told)?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What lies over the model; answers what its buttons ask for.
+    fn lay_out(&mut self, context: &egui::Context, size: [u32; 2]) -> Vec<Command> {
+        if let Some(session) = &self.session {
+            overlay::borders(context, &session.frozen_lines(size), context.pixels_per_point());
+        }
+        let mut commands = self.show_panel(context);
+        if self.session.is_none() && self.building.is_none() {
+            overlay::nothing(context);
+        }
+        if self.help && overlay::keys(context) {
+            commands.push(Command::Help);
+        }
+        if let Some((what, share, _)) = &self.building {
+            overlay::progress(context, what, *share);
+        }
+        self.note = self.note.take().filter(|(_, since)| since.elapsed() < NOTE);
+        if let Some((note, _)) = &self.note {
+            overlay::note(context, note);
+        }
+        commands
+    }
+
+    fn show_panel(&mut self, context: &egui::Context) -> Vec<Command> {
+        let (Some(session), true) = (&self.session, self.settings.panel) else { return Vec::new() };
+        let name = session.path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+        let adapter = session.viewer.gpu().adapter.get_info();
+        let about = About {
+            model: &name,
+            triangles: session.viewer.file().header().source_triangle_count,
+            adapter: &adapter.name,
+            memory: self.options.budgets.memory,
+            gpu_memory: self.options.budgets.gpu_memory,
+            z_up: session.navigator.up()[2] > 0.9,
+            frozen: session.frozen.is_some(),
+            recording: session.recorder.as_ref().map(Recorder::seconds),
+            replaying: session.replay.as_ref().map(|replay| replay.progress()),
+            can_replay: session.recorded.is_some(),
+        };
+        panel::show(context, &mut self.settings, &session.figures, &about)
+    }
+}
+
+/// A picture of nothing.
+fn clear(gpu: &crate::gpu::Gpu, view: &wgpu::TextureView) {
+    let [r, g, b] = crate::request::Look::default().background.map(f64::from);
+    let load = wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 1.0 });
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    drop(encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("no model"),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+        })],
+        ..Default::default()
+    }));
+    gpu.queue.submit([encoder.finish()]);
+}
+
+impl ApplicationHandler<Event> for App {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.canvas.is_none()
+            && let Err(error) = self.begin(events)
+        {
+            // Without the model that was asked for there is nothing to look at.
+            self.fault = Some(error);
+            events.exit();
+        }
+    }
+
+    fn new_events(&mut self, events: &ActiveEventLoop, _: StartCause) {
+        if (self.options.stop)() {
+            events.exit();
+        }
+    }
+
+    fn user_event(&mut self, _: &ActiveEventLoop, event: Event) {
+        match event {
+            Event::Progress(what, share) => {
+                if let Some(building) = &mut self.building {
+                    (building.0, building.1) = (what, share);
+                }
+            }
+            Event::Built(built) => {
+                self.building = None;
+                match built {
+                    Ok(path) => self.take(&path),
+                    Err(told) => self.tell(told, true),
+                }
+            }
+        }
+        self.stir();
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        match event {
+            WindowEvent::CloseRequested => events.exit(),
+            WindowEvent::RedrawRequested => {
+                if let Err(error) = self.redraw(events) {
+                    self.session = self.session.take().filter(|_| self.is_scripted());
+                    self.fail(error, events);
+                }
+            }
+            event => self.hear(&event, events),
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        let now = Instant::now();
+        match (&self.canvas, self.due) {
+            (Some(canvas), Some(due)) if due <= now => {
+                self.due = None;
+                canvas.window.request_redraw();
+            }
+            _ => {}
+        }
+        // A signal wakes nobody up; somebody has to look.
+        let glance = now + GLANCE;
+        events.set_control_flow(ControlFlow::WaitUntil(self.due.map_or(glance, |due| due.min(glance))));
+    }
+
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        self.keep();
+    }
+}

@@ -1,0 +1,217 @@
+//! What the panel tells of the last frames: smoothed times, and numbers as people read them.
+
+use crate::stats::Stats;
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// Seconds after which a change of a time shows but for 1/e of it.
+const CALM: f64 = 0.3;
+/// Frames in the curve.
+pub const CURVE: usize = 120;
+
+/// A part of a frame, as the panel names it, and its time.
+pub type Part = (&'static str, fn(&Stats) -> Duration);
+
+/// The parts of a frame.
+pub const PARTS: [Part; 6] = [
+    ("refine", |s| s.times.refine),
+    ("meshes", |s| s.times.pm),
+    ("upload", |s| s.times.upload),
+    ("occlusion", |s| s.times.occlusion),
+    ("draw", |s| s.times.draw),
+    ("stall", |s| s.times.stall),
+];
+
+/// Follows the statistics of the frames.
+#[derive(Clone, Debug, Default)]
+pub struct Figures {
+    /// The last frame.
+    pub last: Stats,
+    frames: u64,
+    parts: [f64; PARTS.len()],
+    total: f64,
+    /// From one frame to the next, where both moved.
+    interval: Option<f64>,
+    curve: VecDeque<f32>,
+    stalls: u64,
+}
+
+impl Figures {
+    /// A frame came, so many seconds after the last one; `moving` if it came as soon as it could.
+    pub fn take(&mut self, stats: &Stats, seconds: f64, moving: bool) {
+        let share = if self.frames == 0 { 1.0 } else { 1.0 - (-seconds.clamp(0.0, 1.0) / CALM).exp() };
+        let calm = |old: &mut f64, new: f64| *old += (new - *old) * share;
+        for (old, (_, part)) in self.parts.iter_mut().zip(PARTS) {
+            calm(old, milliseconds(part(stats)));
+        }
+        calm(&mut self.total, milliseconds(stats.times.total));
+        self.interval = match (moving, self.interval) {
+            (false, _) => None,
+            (true, None) => Some(1e3 * seconds),
+            (true, Some(mut old)) => {
+                calm(&mut old, 1e3 * seconds);
+                Some(old)
+            }
+        };
+        self.curve.push_back(milliseconds(stats.times.total) as f32);
+        if self.curve.len() > CURVE {
+            self.curve.pop_front();
+        }
+        self.stalls += stats.stalls;
+        self.frames += 1;
+        self.last = *stats;
+    }
+
+    /// Names and smoothed milliseconds of the parts, and of what is none of them.
+    pub fn parts(&self) -> Vec<(&'static str, f64)> {
+        let known: f64 = self.parts.iter().sum();
+        let parts = PARTS.iter().zip(self.parts).map(|((name, _), ms)| (*name, ms));
+        parts.chain([("other", (self.total - known).max(0.0))]).collect()
+    }
+
+    /// Smoothed milliseconds of a frame.
+    pub fn total(&self) -> f64 {
+        self.total
+    }
+
+    /// Frames a second, while they come as fast as they can.
+    pub fn rate(&self) -> Option<f64> {
+        self.interval.filter(|ms| *ms > 0.0).map(|ms| 1e3 / ms)
+    }
+
+    /// Milliseconds of the last frames, oldest first.
+    pub fn curve(&self) -> impl ExactSizeIterator<Item = f32> + '_ {
+        self.curve.iter().copied()
+    }
+
+    /// Frames so far.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Times that any frame had to wait for pages.
+    pub fn stalls(&self) -> u64 {
+        self.stalls
+    }
+
+    /// The share of the cut that a number of its clusters is.
+    pub fn share(&self, clusters: u64) -> f64 {
+        clusters as f64 / self.last.clusters_active.max(1) as f64
+    }
+}
+
+fn milliseconds(time: Duration) -> f64 {
+    1e3 * time.as_secs_f64()
+}
+
+/// Three digits and a unit: `987`, `12.3 k`, `1.23 M`.
+pub fn count(n: u64) -> String {
+    let mut unit = 0;
+    let mut value = n as f64;
+    // What would round up to four digits belongs to the next unit.
+    while value >= 999.5 && unit < UNITS.len() - 1 {
+        value /= 1e3;
+        unit += 1;
+    }
+    match unit {
+        0 => n.to_string(),
+        _ => format!("{}{}", digits(value), UNITS[unit]),
+    }
+}
+
+const UNITS: [&str; 5] = ["", " k", " M", " G", " T"];
+
+fn digits(value: f64) -> String {
+    match value {
+        v if v < 9.995 => format!("{v:.2}"),
+        v if v < 99.95 => format!("{v:.1}"),
+        v => format!("{v:.0}"),
+    }
+}
+
+/// Milliseconds: `0.12`, `1.23`, `12.3`, `123`.
+pub fn ms(value: f64) -> String {
+    digits(value.max(0.0))
+}
+
+/// A share: `0 %`, `12 %`, `<1 %`.
+pub fn percent(share: f64) -> String {
+    match 100.0 * share {
+        p if p > 0.0 && p < 0.5 => "<1 %".to_owned(),
+        p => format!("{p:.0} %"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::Times;
+    use proptest::prelude::*;
+
+    fn stats(total: u64, draw: u64) -> Stats {
+        let ms = Duration::from_millis;
+        Stats { times: Times { total: ms(total), draw: ms(draw), ..Times::default() }, ..Stats::default() }
+    }
+
+    #[test]
+    fn numbers_have_three_digits() {
+        for (n, text) in [
+            (0, "0"),
+            (999, "999"),
+            (1000, "1.00 k"),
+            (12_345, "12.3 k"),
+            (99_960, "100 k"),
+            (999_499, "999 k"),
+            (999_500, "1.00 M"),
+            (1_234_567, "1.23 M"),
+            (u64::MAX, "18446744 T"),
+        ] {
+            assert_eq!(count(n), text);
+        }
+        assert_eq!([0.0, 0.123, 1.0, 9.999, 123.4].map(ms), ["0.00", "0.12", "1.00", "10.0", "123"]);
+        assert_eq!([0.0, 0.001, 0.125, 1.0].map(percent), ["0 %", "<1 %", "12 %", "100 %"]);
+    }
+
+    #[test]
+    fn the_parts_are_all_of_a_frame() {
+        let mut figures = Figures::default();
+        figures.take(&stats(10, 7), 0.01, false);
+        assert!((figures.total() - 10.0).abs() < 1e-9, "the first frame counts in full");
+        let parts = figures.parts();
+        let sum: f64 = parts.iter().map(|(_, ms)| ms).sum();
+        assert!((sum - 10.0).abs() < 1e-9 && parts.last().map(|(name, _)| *name) == Some("other"));
+    }
+
+    #[test]
+    fn only_motion_has_a_rate() {
+        let mut figures = Figures::default();
+        figures.take(&stats(10, 7), 0.02, true);
+        assert!((figures.rate().unwrap() - 50.0).abs() < 1e-9);
+        figures.take(&stats(10, 7), 5.0, false);
+        assert_eq!(figures.rate(), None);
+    }
+
+    #[test]
+    fn the_curve_keeps_the_last_frames() {
+        let mut figures = Figures::default();
+        (0..CURVE as u64 + 5).for_each(|n| figures.take(&stats(n, 0), 0.01, true));
+        let curve: Vec<f32> = figures.curve().collect();
+        assert_eq!((curve.len(), curve[0], curve[CURVE - 1]), (CURVE, 5.0, (CURVE + 4) as f32));
+        assert_eq!(figures.frames(), CURVE as u64 + 5);
+    }
+
+    proptest! {
+        /// A smoothed time lies between the smallest and the largest of what it smooths, and comes to what stays.
+        #[test]
+        fn smoothing_stays_between(times in prop::collection::vec((0u64..500, 0.0..0.2f64), 1..50), last in 0u64..500) {
+            let mut figures = Figures::default();
+            for (total, seconds) in &times {
+                figures.take(&stats(*total, 0), *seconds, true);
+            }
+            let (least, most) = (times.iter().map(|t| t.0).min().unwrap(), times.iter().map(|t| t.0).max().unwrap());
+            prop_assert!(figures.total() >= least as f64 - 1e-9 && figures.total() <= most as f64 + 1e-9);
+            (0..300).for_each(|_| figures.take(&stats(last, 0), 0.02, true));
+            prop_assert!((figures.total() - last as f64).abs() < 1e-5);
+        }
+    }
+}

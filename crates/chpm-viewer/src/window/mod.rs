@@ -1,0 +1,97 @@
+//! `chpm view`: a window on a model.
+//!
+//! What can be tried without a window has none: [`navigate`] and [`gesture`] (the camera), [`record`] (camera paths), [`remember`]
+//! and [`settings`] (what stays), [`figures`] (what the panel tells). The rest is winit, a surface and egui. A frame is drawn when
+//! something moves, changes or arrives, and at no other time.
+
+mod app;
+pub mod browse;
+mod canvas;
+pub mod figures;
+pub mod frustum;
+pub mod gesture;
+pub mod keys;
+pub mod navigate;
+mod overlay;
+mod panel;
+mod pose;
+pub mod record;
+pub mod remember;
+mod save;
+mod session;
+pub mod settings;
+mod style;
+
+use crate::error::ViewerError;
+use crate::request::{Accuracy, Budgets};
+use app::{App, Event};
+use chpm_refine::CameraPath;
+use remember::Memory;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use winit::event_loop::{ControlFlow, EventLoop};
+
+/// What a window is opened with.
+pub struct Options {
+    /// The model, a CHPM; one can be opened later.
+    pub model: Option<PathBuf>,
+    /// What it may use.
+    pub budgets: Budgets,
+    /// How fine, whatever was remembered.
+    pub accuracy: Option<Accuracy>,
+    /// The camera goes along this path first, one camera a frame.
+    pub path: Option<CameraPath>,
+    /// Ends after so many frames, which are then drawn one after the other. Nothing is remembered from or for such a run.
+    pub frames: Option<u64>,
+    /// Writes the last picture of such a run, complete and without the panel, as a PNG. A file of this name is replaced.
+    pub screenshot: Option<PathBuf>,
+    /// What is known of models from earlier.
+    pub memory: Memory,
+    /// Whether what is known is used.
+    pub recall: bool,
+    /// Makes a CHPM of a mesh that is dropped on the window.
+    pub prepare: Arc<dyn Prepare>,
+    /// Whether the process was told to end.
+    pub stop: Box<dyn Fn() -> bool>,
+}
+
+/// Makes CHPMs of meshes.
+pub trait Prepare: Send + Sync {
+    /// Whether a file is, by its name, a mesh that can be built.
+    fn takes(&self, path: &Path) -> bool;
+
+    /// Builds, and answers the CHPM. `tell` hears what is done, and which share of it, from any thread.
+    ///
+    /// # Errors
+    /// What to tell the user.
+    fn prepare(&self, source: &Path, tell: &(dyn Fn(&str, f32) + Sync)) -> Result<PathBuf, String>;
+
+    /// Asks a build that runs to end early.
+    fn cancel(&self);
+}
+
+/// What was done.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Outcome {
+    /// Frames that were drawn.
+    pub frames: u64,
+    /// From the first to the last of them, seconds.
+    pub seconds: f64,
+    /// What drew them.
+    pub adapter: String,
+    /// Why what was set was not remembered, if it was not.
+    pub forgot: Option<String>,
+}
+
+/// Opens a window and stays until it is closed. To be called from the main thread.
+///
+/// # Errors
+/// [`ViewerError::Window`] where there is no window system; where nobody looks (`frames`), whatever a picture fails with.
+pub fn run(options: Options) -> Result<Outcome, ViewerError> {
+    let refused = |error: winit::error::EventLoopError| ViewerError::Window(error.to_string());
+    let events = EventLoop::<Event>::with_user_event().build().map_err(refused)?;
+    events.set_control_flow(ControlFlow::Wait);
+    let mut app = App::new(options, events.create_proxy());
+    events.run_app(&mut app).map_err(refused)?;
+    app.finish()
+}

@@ -1,0 +1,119 @@
+//! What lies over the model beside the panel: keys, notes, the open dialog, progress, the frozen camera's borders.
+
+use crate::window::browse::Browser;
+use crate::window::frustum::Line;
+use crate::window::keys::{KEYS, MOTIONS};
+use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET, WARNING};
+use egui::{Align2, Id, LayerId, Order, RichText, Stroke, vec2};
+use std::path::PathBuf;
+
+/// Something to tell the user.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) struct Note {
+    pub(super) text: String,
+    pub(super) is_fault: bool,
+}
+
+/// The table of keys; answers whether it is to be closed.
+pub(super) fn keys(context: &egui::Context) -> bool {
+    let mut open = true;
+    let window = egui::Window::new("Keys").id(Id::unique("keys")).open(&mut open).collapsible(false);
+    let window = window.resizable(false).anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0)).frame(style::frame());
+    window.show(context, |ui| {
+        let motions = MOTIONS.iter().copied();
+        let rows: Vec<(&str, &str)> = motions.chain(KEYS.iter().map(|key| (key.key, key.does))).collect();
+        egui::Grid::new("keys").num_columns(2).spacing(vec2(18.0, 4.0)).show(ui, |ui| {
+            for (key, does) in rows {
+                ui.label(RichText::new(key).monospace().color(ACCENT));
+                ui.label(RichText::new(does).color(CLEAR));
+                ui.end_row();
+            }
+        });
+    });
+    !open
+}
+
+/// A note at the lower edge.
+pub(super) fn note(context: &egui::Context, note: &Note) {
+    let area = egui::Area::new(Id::unique("note")).anchor(Align2::CENTER_BOTTOM, vec2(0.0, -14.0));
+    area.interactable(false).order(Order::Foreground).show(context, |ui| {
+        style::frame().show(ui, |ui| {
+            ui.set_max_width(720.0);
+            let color = if note.is_fault { WARNING } else { CLEAR };
+            ui.label(RichText::new(&note.text).color(color));
+        });
+    });
+}
+
+/// What is there while no model is.
+pub(super) fn nothing(context: &egui::Context) {
+    let area = egui::Area::new(Id::unique("nothing")).anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0));
+    area.interactable(false).show(context, |ui| {
+        ui.label(RichText::new("drop a .chpm file or a mesh here, or press Ctrl+O").heading().color(QUIET));
+    });
+}
+
+/// How far a build is.
+pub(super) fn progress(context: &egui::Context, what: &str, share: f32) {
+    let area = egui::Area::new(Id::unique("progress")).anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0));
+    area.interactable(false).order(Order::Foreground).show(context, |ui| {
+        style::frame().show(ui, |ui| {
+            ui.label(RichText::new(what).color(CLEAR));
+            ui.add(egui::ProgressBar::new(share).desired_width(320.0).show_percentage());
+        });
+    });
+}
+
+/// What a user wants of the open dialog.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) enum Choice {
+    /// Nothing yet.
+    Open,
+    /// To see another folder.
+    Folder(PathBuf),
+    /// This file.
+    File(PathBuf),
+    /// No file.
+    Closed,
+}
+
+/// The open dialog; `typed` is the text of its field.
+pub(super) fn browse(context: &egui::Context, browser: &Browser, typed: &mut String) -> Choice {
+    let (mut open, mut choice) = (true, Choice::Open);
+    let window = egui::Window::new("Open").id(Id::unique("open")).open(&mut open).collapsible(false);
+    let window = window.default_size(vec2(460.0, 360.0)).pivot(Align2::CENTER_CENTER);
+    let middle = context.content_rect().center();
+    window.default_pos(middle).frame(style::frame()).show(context, |ui| {
+        ui.horizontal(|ui| {
+            let field = egui::TextEdit::singleline(typed).hint_text("a path").desired_width(360.0);
+            let done = ui.add(field).lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+            if (ui.button("open").clicked() || done) && !typed.is_empty() {
+                let path = browser.folder().join(typed.trim());
+                choice = if path.is_dir() { Choice::Folder(path) } else { Choice::File(path) };
+            }
+        });
+        ui.label(RichText::new(browser.folder().display().to_string()).small().color(QUIET));
+        if let Some(fault) = browser.fault() {
+            ui.label(RichText::new(fault).color(WARNING));
+        }
+        egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            for entry in browser.entries() {
+                let color = if entry.is_folder { QUIET } else { CLEAR };
+                if ui.selectable_label(false, RichText::new(&entry.name).color(color)).clicked() {
+                    let path = entry.path.clone();
+                    choice = if entry.is_folder { Choice::Folder(path) } else { Choice::File(path) };
+                }
+            }
+        });
+    });
+    if open { choice } else { Choice::Closed }
+}
+
+/// The borders of what a frozen camera sees; `scale` is pixels of the image for one of the panel's points.
+pub(super) fn borders(context: &egui::Context, lines: &[Line], scale: f32) {
+    let painter = context.layer_painter(LayerId::new(Order::Background, Id::unique("borders")));
+    let point = |[x, y]: [f64; 2]| egui::pos2(x as f32 / scale, y as f32 / scale);
+    for line in lines {
+        painter.line_segment(line.map(point), Stroke::new(1.5, LIVE));
+    }
+}

@@ -1,0 +1,243 @@
+//! The panel: what the last frames did, and what can be set.
+
+use crate::stats::Stats;
+use crate::window::figures::{Figures, count, ms, percent};
+use crate::window::keys::Command;
+use crate::window::settings::{COLORS, POE, Settings, TRIANGLES};
+use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET};
+use chpm_mesh::Bytes;
+use egui::{Align2, Color32, Id, Rect, RichText, Sense, Ui, vec2};
+
+/// Width of what is in the panel, points.
+const WIDTH: f32 = 256.0;
+
+/// What the panel tells beside the figures.
+pub(super) struct About<'a> {
+    pub(super) model: &'a str,
+    /// Triangles of the source.
+    pub(super) triangles: u64,
+    pub(super) adapter: &'a str,
+    pub(super) memory: Bytes,
+    pub(super) gpu_memory: Bytes,
+    pub(super) z_up: bool,
+    pub(super) frozen: bool,
+    /// Seconds of a recording that goes on.
+    pub(super) recording: Option<f64>,
+    /// The share of a replay that is done.
+    pub(super) replaying: Option<f32>,
+    pub(super) can_replay: bool,
+}
+
+/// Shows the panel; answers what its buttons ask for.
+pub(super) fn show(
+    context: &egui::Context,
+    settings: &mut Settings,
+    figures: &Figures,
+    about: &About<'_>,
+) -> Vec<Command> {
+    let mut commands = Vec::new();
+    let room = context.content_rect().height() - 46.0;
+    let area = egui::Area::new(Id::unique("panel")).anchor(Align2::LEFT_TOP, vec2(10.0, 10.0));
+    area.default_size(vec2(WIDTH, room)).show(context, |ui| {
+        style::frame().show(ui, |ui| {
+            ui.set_width(WIDTH);
+            egui::ScrollArea::vertical().max_height(room.max(100.0)).show(ui, |ui| {
+                ui.set_width(WIDTH);
+                header(ui, about);
+                frame_time(ui, figures);
+                drawn(ui, figures);
+                memory(ui, figures, about);
+                detail(ui, settings, &figures.last);
+                look(ui, settings, about, &mut commands);
+                camera(ui, settings, about, &mut commands);
+            });
+        });
+    });
+    commands
+}
+
+fn header(ui: &mut Ui, about: &About<'_>) {
+    ui.add(egui::Label::new(RichText::new(about.model).heading().color(CLEAR)).truncate());
+    let line = format!("{} triangles   {}", count(about.triangles), about.adapter);
+    ui.add(egui::Label::new(RichText::new(line).small().color(QUIET)).truncate());
+}
+
+fn title(ui: &mut Ui, text: &str) {
+    ui.add_space(7.0);
+    ui.label(RichText::new(text.to_uppercase()).small().strong().color(ACCENT));
+}
+
+/// A name to the left, a value to the right.
+fn row(ui: &mut Ui, name: &str, value: &str) {
+    ui.horizontal(|ui| {
+        ui.label(RichText::new(name).color(QUIET));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(RichText::new(value).monospace().color(CLEAR));
+        });
+    });
+}
+
+/// The time of a frame, by part, and the last frames as a curve.
+fn frame_time(ui: &mut Ui, figures: &Figures) {
+    title(ui, "Frame");
+    ui.horizontal(|ui| {
+        let total = RichText::new(format!("{} ms", ms(figures.total())));
+        ui.label(total.monospace().size(20.0).color(CLEAR));
+        let rate = figures.rate().map_or("at rest".to_owned(), |rate| format!("{rate:.0} frames/s"));
+        ui.label(RichText::new(rate).color(QUIET));
+    });
+    let parts = figures.parts();
+    let sum: f64 = parts.iter().map(|(_, ms)| ms).sum();
+    let (bar, _) = ui.allocate_exact_size(vec2(WIDTH, 7.0), Sense::hover());
+    let mut left = bar.left();
+    for ((_, ms), color) in parts.iter().zip(style::PARTS) {
+        let width = bar.width() * (ms / sum.max(1e-9)) as f32;
+        let piece = Rect::from_min_size(egui::pos2(left, bar.top()), vec2(width, bar.height()));
+        ui.painter().rect_filled(piece, 0.0, color);
+        left += width;
+    }
+    curve(ui, figures);
+    egui::Grid::new("parts").num_columns(4).min_col_width(46.0).spacing(vec2(10.0, 2.0)).show(ui, |ui| {
+        for (place, ((name, time), color)) in parts.iter().zip(style::PARTS).enumerate() {
+            ui.label(RichText::new(*name).color(color));
+            ui.label(RichText::new(format!("{:>5}", ms(*time))).monospace().color(CLEAR));
+            if place % 2 == 1 {
+                ui.end_row();
+            }
+        }
+    });
+}
+
+fn curve(ui: &mut Ui, figures: &Figures) {
+    let (area, _) = ui.allocate_exact_size(vec2(WIDTH, 26.0), Sense::hover());
+    let most = figures.curve().fold(1e-3, f32::max);
+    let frames = figures.curve().len().max(2);
+    let step = area.width() / (crate::window::figures::CURVE - 1) as f32;
+    let first = area.right() - step * (frames - 1) as f32;
+    let point = |(place, ms): (usize, f32)| {
+        egui::pos2(first + step * place as f32, area.bottom() - area.height() * ms / most)
+    };
+    let points: Vec<egui::Pos2> = figures.curve().enumerate().map(point).collect();
+    let painter = ui.painter();
+    painter.hline(area.x_range(), area.bottom(), egui::Stroke::new(1.0, Color32::from_white_alpha(24)));
+    painter.line(points, egui::Stroke::new(1.2, ACCENT));
+    let text = format!("{} ms", ms(f64::from(most)));
+    painter.text(area.left_top(), Align2::LEFT_TOP, text, egui::FontId::monospace(9.5), QUIET);
+}
+
+fn drawn(ui: &mut Ui, figures: &Figures) {
+    let last = &figures.last;
+    title(ui, "Drawn");
+    row(ui, "triangles", &count(last.triangles));
+    row(
+        ui,
+        "clusters drawn / active",
+        &format!("{} / {}", count(last.clusters_drawn), count(last.clusters_active)),
+    );
+    let share = |clusters| format!("{}  {:>5}", count(clusters), percent(figures.share(clusters)));
+    row(ui, "outside the image", &share(last.frustum_culled));
+    row(ui, "occluded", &share(last.occluded));
+    row(ui, "newly visible", &count(last.newly_visible));
+    row(ui, "splits / collapses", &format!("{} / {}", count(last.splits), count(last.collapses)));
+    row(ui, "vertex steps", &count(last.pm_steps));
+    row(ui, "withheld / stalls", &format!("{} / {}", count(last.withheld), count(figures.stalls())));
+}
+
+fn memory(ui: &mut Ui, figures: &Figures, about: &About<'_>) {
+    let last = &figures.last;
+    title(ui, "Memory");
+    meter(ui, "main", last.resident_bytes, about.memory);
+    meter(ui, "GPU", last.gpu_bytes, about.gpu_memory);
+    row(ui, "requested", &Bytes(last.requested_bytes).to_string());
+    row(ui, "uploaded", &Bytes(last.uploaded_bytes).to_string());
+}
+
+/// How much of a budget is used.
+fn meter(ui: &mut Ui, name: &str, used: u64, budget: Bytes) {
+    row(ui, name, &format!("{} of {budget}", Bytes(used)));
+    let (bar, _) = ui.allocate_exact_size(vec2(WIDTH, 3.0), Sense::hover());
+    let share = (used as f64 / budget.0.max(1) as f64).clamp(0.0, 1.0) as f32;
+    ui.painter().rect_filled(bar, 1.5, Color32::from_white_alpha(20));
+    let full = Rect::from_min_size(bar.min, vec2(bar.width() * share, bar.height()));
+    ui.painter().rect_filled(full, 1.5, ACCENT);
+}
+
+fn detail(ui: &mut Ui, settings: &mut Settings, last: &Stats) {
+    title(ui, "Detail");
+    ui.horizontal(|ui| {
+        ui.selectable_value(&mut settings.budgeted, false, "pixels of error");
+        ui.selectable_value(&mut settings.budgeted, true, "triangles");
+    });
+    if settings.budgeted {
+        ui.add(
+            egui::Slider::new(&mut settings.triangles, TRIANGLES)
+                .logarithmic(true)
+                .custom_formatter(|n, _| count(n as u64)),
+        );
+        row(ui, "pixels of error", &format!("{:.2}", last.poe));
+    } else {
+        ui.add(egui::Slider::new(&mut settings.poe, POE).logarithmic(true).max_decimals(2).suffix(" px"));
+    }
+}
+
+fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut Vec<Command>) {
+    title(ui, "Look");
+    ui.horizontal(|ui| {
+        ui.selectable_value(&mut settings.smooth, false, "flat");
+        ui.selectable_value(&mut settings.smooth, true, "smooth");
+        ui.separator();
+        ui.toggle_value(&mut settings.wireframe, "edges");
+        ui.separator();
+        let up = if about.z_up { "z up" } else { "y up" };
+        if ui.button(up).clicked() {
+            commands.push(Command::Up);
+        }
+    });
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("colours").color(QUIET));
+        let chosen =
+            egui::ComboBox::from_id_salt("colours").selected_text(settings.color_name()).width(120.0);
+        chosen.show_ui(ui, |ui| {
+            for (colors, name, shows) in COLORS {
+                ui.selectable_value(&mut settings.colors, colors, name).on_hover_text(shows);
+            }
+        });
+    });
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("culling").color(QUIET));
+        ui.toggle_value(&mut settings.frustum_culling, "frustum");
+        ui.toggle_value(&mut settings.occlusion_culling, "occlusion");
+    });
+}
+
+fn camera(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut Vec<Command>) {
+    title(ui, "Camera");
+    let mut button = |ui: &mut Ui, text: &str, live: bool, command: Command| {
+        let text = RichText::new(text).color(if live { LIVE } else { CLEAR });
+        if ui.button(text).clicked() {
+            commands.push(command);
+        }
+    };
+    ui.horizontal(|ui| {
+        ui.selectable_value(&mut settings.fly, false, "orbit");
+        ui.selectable_value(&mut settings.fly, true, "fly");
+        ui.separator();
+        button(ui, "home", false, Command::Home);
+        button(ui, "fit", false, Command::Fit);
+        button(ui, if about.frozen { "unfreeze" } else { "freeze" }, about.frozen, Command::Freeze);
+    });
+    ui.horizontal(|ui| {
+        let recording = about.recording.map(|seconds| format!("stop {seconds:.1} s"));
+        button(ui, recording.as_deref().unwrap_or("record"), recording.is_some(), Command::Record);
+        let replaying = about.replaying.map(|share| format!("stop {:.0} %", 100.0 * share));
+        ui.add_enabled_ui(about.can_replay || replaying.is_some(), |ui| {
+            button(ui, replaying.as_deref().unwrap_or("replay"), replaying.is_some(), Command::Replay);
+        });
+        button(ui, "screenshot", false, Command::Screenshot);
+    });
+    ui.horizontal(|ui| {
+        button(ui, "open ...", false, Command::Open);
+        button(ui, "keys", false, Command::Help);
+        ui.label(RichText::new("P hides the panel").small().color(QUIET));
+    });
+}

@@ -1,0 +1,295 @@
+//! One open model: the viewer, the camera, and what is recorded, replayed or frozen.
+
+use crate::error::ViewerError;
+use crate::frame::Viewer;
+use crate::gpu::Gpu;
+use crate::headless::{self, Image};
+use crate::request::{Budgets, FrameRequest, Target};
+use crate::stats::Stats;
+use crate::window::figures::Figures;
+use crate::window::frustum;
+use crate::window::gesture::Motion;
+use crate::window::navigate::{Navigator, Pivot};
+use crate::window::record::{Pace, Recorder, Replay};
+use crate::window::settings::Settings;
+use chpm_refine::{Camera, CameraPath};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Seconds for which an answer to "what is below the pointer" serves the same pixel, and between two measures of how far flight can see.
+const RECENT: f64 = 0.25;
+/// Frames without any change after which the picture is taken for final.
+const QUIET: u32 = 3;
+/// The same while pages are missing: afterwards somebody looks now and then.
+const MISSING: u32 = 30;
+
+/// What happens next, as far as the picture goes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Next {
+    /// The next frame will be another one.
+    Frame,
+    /// The picture may change when pages come that have not come for a while.
+    Look,
+    /// Nothing.
+    Rest,
+}
+
+/// What a pan drags.
+#[derive(Clone, Copy, Debug)]
+enum Held {
+    /// What was at this pixel when the drag began.
+    Pixel([f64; 2]),
+    /// Something at this depth; nothing known.
+    Depth(Option<f64>),
+}
+
+/// An open model.
+pub(super) struct Session {
+    pub(super) path: PathBuf,
+    pub(super) viewer: Viewer,
+    pub(super) navigator: Navigator,
+    pub(super) figures: Figures,
+    /// The camera that the selection is held for, and the shape of its image.
+    pub(super) frozen: Option<(Camera, f64)>,
+    pub(super) recorder: Option<Recorder>,
+    pub(super) replay: Option<Replay>,
+    /// What a replay goes along.
+    pub(super) recorded: Option<CameraPath>,
+    camera: Camera,
+    held: Held,
+    /// When and where was looked for what is below the pointer, and what was there.
+    picked: Option<(f64, [f64; 2], Option<[f64; 3]>)>,
+    /// Seconds of motion, and when flight was last measured.
+    time: f64,
+    measured: f64,
+    moving: bool,
+    /// Frames since something changed.
+    quiet: u32,
+}
+
+impl Session {
+    /// Opens a file.
+    pub(super) fn open(gpu: &Arc<Gpu>, path: &Path, budgets: Budgets) -> Result<Self, ViewerError> {
+        let viewer = Viewer::open(Arc::clone(gpu), path, budgets)?;
+        let navigator = Navigator::new(&viewer.bounds(), viewer.origin());
+        let camera = navigator.camera();
+        Ok(Session {
+            path: path.to_owned(),
+            viewer,
+            navigator,
+            figures: Figures::default(),
+            frozen: None,
+            recorder: None,
+            replay: None,
+            recorded: None,
+            camera,
+            held: Held::Depth(None),
+            picked: None,
+            time: 0.0,
+            measured: f64::NEG_INFINITY,
+            moving: false,
+            quiet: 0,
+        })
+    }
+
+    /// The camera of the last frame.
+    pub(super) fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// So many seconds go by: where the camera is now.
+    pub(super) fn step(&mut self, seconds: f64, size: [u32; 2]) {
+        self.time += seconds.max(0.0);
+        self.moving = match &mut self.replay {
+            Some(replay) => match replay.next(seconds) {
+                Some(camera) => {
+                    self.camera = camera;
+                    true
+                }
+                None => {
+                    self.stop_replay();
+                    false
+                }
+            },
+            None => {
+                self.measure_flight(size);
+                let moves = self.navigator.step(seconds);
+                self.camera = self.navigator.camera();
+                moves
+            }
+        };
+        if let Some(recorder) = &mut self.recorder {
+            recorder.go(&self.camera, seconds);
+        }
+    }
+
+    /// What the next frame is asked for.
+    pub(super) fn request(&self, settings: &Settings, size: [u32; 2]) -> FrameRequest {
+        settings.request(self.camera, size, self.frozen.map(|(camera, _)| camera))
+    }
+
+    /// Draws a frame, so many seconds after the last one.
+    pub(super) fn draw(
+        &mut self,
+        request: &FrameRequest,
+        target: &Target<'_>,
+        seconds: f64,
+    ) -> Result<(), ViewerError> {
+        let stats = self.viewer.frame(request, target)?;
+        self.quiet = if self.moving || changed(&self.figures.last, &stats) { 0 } else { self.quiet + 1 };
+        self.figures.take(&stats, seconds, self.quiet == 0);
+        // What was below the pointer is somewhere else now.
+        if self.moving {
+            self.picked = None;
+        }
+        Ok(())
+    }
+
+    /// The picture, complete and without a panel.
+    pub(super) fn image(&mut self, settings: &Settings, size: [u32; 2]) -> Result<Image, ViewerError> {
+        let request = FrameRequest { wait: true, ..self.request(settings, size) };
+        Ok(headless::image(&mut self.viewer, &request)?.0)
+    }
+
+    /// Whether there is more to draw.
+    pub(super) fn next(&self) -> Next {
+        let missing = self.figures.last.withheld > 0;
+        let patience = if missing { MISSING } else { QUIET };
+        match self.quiet < patience || self.navigator.is_moving() || self.replay.is_some() {
+            true => Next::Frame,
+            false if missing => Next::Look,
+            false => Next::Rest,
+        }
+    }
+
+    /// Something else is asked for from now on.
+    pub(super) fn stir(&mut self) {
+        self.quiet = 0;
+    }
+
+    /// Moves the camera; it goes where it is told to even while a replay runs, which then ends.
+    pub(super) fn go(&mut self, motion: Motion, size: [u32; 2]) {
+        let height = f64::from(size[1]);
+        match motion {
+            Motion::Grab(at) => self.held = Held::Pixel(at),
+            Motion::Turn(drag) => self.lead().turn(drag, height),
+            Motion::Pan(drag) => {
+                self.stop_replay();
+                let depth = self.held_depth(size);
+                self.navigator.pan(drag, height, depth);
+            }
+            Motion::Dolly { factor, at } => {
+                self.stop_replay();
+                let point = self.pick(at, size);
+                self.navigator.dolly(factor, point);
+            }
+            Motion::Focus(at) => {
+                self.stop_replay();
+                if let Some(point) = self.pick(at, size) {
+                    self.navigator.focus_on(point);
+                }
+            }
+        }
+    }
+
+    /// The camera in the user's hand: a replay ends where it is.
+    pub(super) fn lead(&mut self) -> &mut Navigator {
+        self.stop_replay();
+        &mut self.navigator
+    }
+
+    /// Ends a replay; the camera stays where it came to.
+    pub(super) fn stop_replay(&mut self) {
+        if self.replay.take().is_some() {
+            self.navigator.jump(&self.camera);
+        }
+    }
+
+    /// Goes along a path.
+    pub(super) fn follow(&mut self, path: &CameraPath, pace: Pace) {
+        self.replay = Replay::new(path.clone(), pace);
+        self.stir();
+    }
+
+    /// Holds the selection for this camera, or lets it go.
+    pub(super) fn freeze(&mut self, size: [u32; 2]) {
+        let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
+        self.frozen = if self.frozen.is_some() { None } else { Some((self.camera, aspect)) };
+        self.stir();
+    }
+
+    /// The borders of what the frozen camera sees.
+    pub(super) fn frozen_lines(&self, size: [u32; 2]) -> Vec<frustum::Line> {
+        let lines = |(camera, aspect): (Camera, f64)| frustum::lines(&camera, aspect, &self.camera, size);
+        self.frozen.map(lines).unwrap_or_default()
+    }
+
+    fn held_depth(&mut self, size: [u32; 2]) -> Option<f64> {
+        if let Held::Pixel(at) = self.held {
+            let depth = self.pick(at, size).map(|point| frustum::depth(&self.camera, point));
+            self.held = Held::Depth(depth.filter(|depth| *depth > 0.0));
+        }
+        match self.held {
+            Held::Depth(depth) => depth,
+            Held::Pixel(_) => None,
+        }
+    }
+
+    /// The point of the model at a pixel of the last frame. A picture that cannot be asked shows nothing.
+    fn pick(&mut self, at: [f64; 2], size: [u32; 2]) -> Option<[f64; 3]> {
+        let recent = |(time, there, _): &(f64, [f64; 2], _)| self.time - time < RECENT && *there == at;
+        if let Some((_, _, point)) = self.picked.filter(|picked| recent(picked)) {
+            return point;
+        }
+        let inside = (0..2).all(|axis| at[axis] >= 0.0 && at[axis] < f64::from(size[axis]));
+        if !inside || self.figures.frames() == 0 {
+            return None;
+        }
+        let point = self.viewer.pick(at.map(|x| x as u32)).ok().flatten();
+        self.picked = Some((self.time, at, point));
+        point
+    }
+
+    /// Flight is as fast as what is ahead is far away.
+    fn measure_flight(&mut self, size: [u32; 2]) {
+        let flies = self.navigator.pivot() == Pivot::Eye && self.navigator.is_flying();
+        if flies && self.time - self.measured > RECENT {
+            self.measured = self.time;
+            if let Some(point) = self.pick(size.map(|x| 0.5 * f64::from(x)), size) {
+                self.navigator.set_distance(frustum::depth(&self.camera, point));
+            }
+        }
+    }
+}
+
+/// Whether a frame differs from the one before it, or is going to from the next.
+fn changed(before: &Stats, now: &Stats) -> bool {
+    let work = [now.splits, now.collapses, now.pm_steps, now.newly_visible, now.uploaded_bytes];
+    let poe = (before.poe - now.poe).abs() > 1e-3 * now.poe;
+    let shown = |s: &Stats| (s.triangles, s.clusters_drawn, s.resident_bytes, s.withheld);
+    poe || shown(before) != shown(now) || work.iter().any(|count| *count > 0) || now.requested_bytes > 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_is_final_when_nothing_changes() {
+        let calm = Stats { triangles: 5, poe: 1.0, ..Stats::default() };
+        assert!(!changed(&calm, &calm));
+        for stats in [
+            Stats { splits: 1, ..calm },
+            Stats { collapses: 1, ..calm },
+            Stats { pm_steps: 1, ..calm },
+            Stats { newly_visible: 1, ..calm },
+            Stats { uploaded_bytes: 1, ..calm },
+            Stats { requested_bytes: 1, ..calm },
+            Stats { triangles: 6, ..calm },
+            Stats { resident_bytes: 6, ..calm },
+            Stats { poe: 1.5, ..calm },
+        ] {
+            assert!(changed(&calm, &stats), "{stats:?}");
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! What a person can set in the panel; what a frame is asked for follows from it.
+
+use crate::request::{Accuracy, Coloring, FrameRequest, Look, Shading};
+use chpm_refine::Camera;
+use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
+
+/// Pixels of error that the panel offers.
+pub const POE: RangeInclusive<f64> = 0.1..=64.0;
+/// Triangle budgets that the panel offers.
+pub const TRIANGLES: RangeInclusive<u64> = 1_000..=100_000_000;
+
+/// Colours by their names in the panel and in files, and what they show.
+pub const COLORS: [(Coloring, &str, &str); 8] = [
+    (Coloring::Plain, "plain", "one colour"),
+    (Coloring::Vertex, "vertex", "the model's own colours, where it has some"),
+    (Coloring::Cluster, "cluster", "a colour for each cluster"),
+    (Coloring::Level, "level", "height above the leaves"),
+    (Coloring::Error, "error", "from finest (blue) to coarsest (red)"),
+    (Coloring::Residency, "residency", "new on the GPU (red) to old (green)"),
+    (
+        Coloring::Visibility,
+        "visibility",
+        "visible before (green), newly visible (yellow), occluded (red), outside (blue)",
+    ),
+    (Coloring::Group, "group", "a colour for each dependency group"),
+];
+
+/// All of it. Fields that a file does not have are as by default.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Settings {
+    /// Pixels of error that are allowed, where no budget decides.
+    pub poe: f64,
+    /// The triangle budget.
+    pub triangles: u64,
+    /// Whether the budget decides.
+    pub budgeted: bool,
+    /// Smooth shading.
+    pub smooth: bool,
+    /// What colours show.
+    #[serde(with = "color_name")]
+    pub colors: Coloring,
+    /// Edges over faces.
+    pub wireframe: bool,
+    /// Leaves out what is outside the image.
+    pub frustum_culling: bool,
+    /// Leaves out what is hidden.
+    pub occlusion_culling: bool,
+    /// Drags look around instead of going around.
+    pub fly: bool,
+    /// Whether the panel is shown.
+    pub panel: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            poe: 1.0,
+            triangles: 1_000_000,
+            budgeted: false,
+            smooth: false,
+            colors: Coloring::Vertex,
+            wireframe: false,
+            frustum_culling: true,
+            occlusion_culling: true,
+            fly: false,
+            panel: true,
+        }
+    }
+}
+
+impl Settings {
+    /// Settings with this accuracy.
+    pub fn with_accuracy(mut self, accuracy: Accuracy) -> Self {
+        match accuracy {
+            Accuracy::PoE(poe) => (self.poe, self.budgeted) = (poe, false),
+            Accuracy::Triangles(triangles) => (self.triangles, self.budgeted) = (triangles, true),
+        }
+        self
+    }
+
+    /// How fine the mesh is.
+    pub fn accuracy(&self) -> Accuracy {
+        if self.budgeted { Accuracy::Triangles(self.triangles) } else { Accuracy::PoE(self.poe) }
+    }
+
+    /// One frame with these settings, not waiting.
+    pub fn request(&self, camera: Camera, viewport: [u32; 2], select_from: Option<Camera>) -> FrameRequest {
+        FrameRequest {
+            accuracy: self.accuracy(),
+            look: Look {
+                shading: if self.smooth { Shading::Smooth } else { Shading::Flat },
+                colors: self.colors,
+                wireframe: self.wireframe,
+                ..Look::default()
+            },
+            frustum_culling: self.frustum_culling,
+            occlusion_culling: self.occlusion_culling,
+            select_from,
+            ..FrameRequest::new(camera, viewport)
+        }
+    }
+
+    /// Twice as coarse, or half: one step of what decides the accuracy.
+    pub fn step_accuracy(&mut self, coarser: bool) {
+        if self.budgeted {
+            let next = if coarser { self.triangles / 2 } else { self.triangles.saturating_mul(2) };
+            self.triangles = next.clamp(*TRIANGLES.start(), *TRIANGLES.end());
+        } else {
+            let next = if coarser { self.poe * 2.0 } else { self.poe / 2.0 };
+            self.poe = next.clamp(*POE.start(), *POE.end());
+        }
+    }
+
+    /// The colours that come after the present ones.
+    pub fn next_colors(&mut self) {
+        let place = COLORS.iter().position(|(colors, ..)| *colors == self.colors).unwrap_or(0);
+        self.colors = COLORS[(place + 1) % COLORS.len()].0;
+    }
+
+    /// The name of the colours.
+    pub fn color_name(&self) -> &'static str {
+        name(self.colors)
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        if !(self.poe >= 0.0 && self.poe.is_finite()) {
+            return Err(format!("poe: a number of pixels expected, got {}", self.poe));
+        }
+        if self.triangles == 0 {
+            return Err("triangles: at least 1 expected, got 0".to_owned());
+        }
+        Ok(())
+    }
+}
+
+fn name(colors: Coloring) -> &'static str {
+    COLORS.iter().find(|(known, ..)| *known == colors).map_or("plain", |(_, name, _)| name)
+}
+
+mod color_name {
+    use super::{COLORS, Coloring};
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(colors: &Coloring, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(super::name(*colors))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Coloring, D::Error> {
+        let name = String::deserialize(from)?;
+        let found = COLORS.iter().find(|(_, known, _)| *known == name).map(|(colors, ..)| *colors);
+        found.ok_or_else(|| Error::custom(format_args!("no colours are called '{name}'")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_are_text_and_back() {
+        for (colors, ..) in COLORS {
+            let settings = Settings { colors, poe: 0.3, smooth: true, ..Settings::default() };
+            let text = toml::to_string(&settings).unwrap();
+            assert_eq!(toml::from_str::<Settings>(&text).unwrap(), settings);
+        }
+        assert_eq!(toml::from_str::<Settings>("").unwrap(), Settings::default());
+        assert!(toml::from_str::<Settings>("colors = \"ultraviolet\"").is_err());
+        assert!(toml::from_str::<Settings>("poe = -1.0").unwrap().check().is_err());
+        assert!(toml::from_str::<Settings>("poe = inf").unwrap().check().is_err());
+        assert!(toml::from_str::<Settings>("triangles = 0").unwrap().check().is_err());
+    }
+
+    #[test]
+    fn a_frame_is_what_was_set() {
+        let camera = Camera::looking([0.0, 0.0, 2.0], [0.0; 3]);
+        let settings = Settings {
+            smooth: true,
+            colors: Coloring::Level,
+            wireframe: true,
+            occlusion_culling: false,
+            ..Settings::default().with_accuracy(Accuracy::Triangles(5000))
+        };
+        let request = settings.request(camera, [64, 32], Some(camera));
+        assert_eq!((request.accuracy, request.viewport), (Accuracy::Triangles(5000), [64, 32]));
+        assert_eq!((request.look.shading, request.look.colors), (Shading::Smooth, Coloring::Level));
+        assert!(request.look.wireframe && request.frustum_culling && !request.occlusion_culling);
+        assert!(request.select_from == Some(camera) && !request.wait);
+        assert_eq!(settings.with_accuracy(Accuracy::PoE(0.5)).accuracy(), Accuracy::PoE(0.5));
+    }
+
+    #[test]
+    fn steps_stay_within_what_is_offered() {
+        for budgeted in [false, true] {
+            let mut settings = Settings { budgeted, ..Settings::default() };
+            settings.step_accuracy(true);
+            settings.step_accuracy(false);
+            assert_eq!(settings, Settings { budgeted, ..Settings::default() });
+            (0..99).for_each(|_| settings.step_accuracy(true));
+            assert!(POE.contains(&settings.poe) && TRIANGLES.contains(&settings.triangles));
+            (0..99).for_each(|_| settings.step_accuracy(false));
+            assert!(POE.contains(&settings.poe) && TRIANGLES.contains(&settings.triangles));
+        }
+    }
+
+    #[test]
+    fn colours_come_round() {
+        let mut settings = Settings::default();
+        let mut seen = vec![settings.color_name()];
+        for _ in 1..COLORS.len() {
+            settings.next_colors();
+            seen.push(settings.color_name());
+        }
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), COLORS.len());
+        settings.next_colors();
+        assert_eq!(settings, Settings::default());
+    }
+}

@@ -1,0 +1,68 @@
+//! How the panel looks: dark, translucent, quiet.
+
+use egui::{Color32, CornerRadius, FontFamily, FontId, Margin, Shadow, Stroke, TextStyle};
+
+/// Behind the panel.
+pub(super) const BACK: Color32 = Color32::from_rgba_premultiplied(15, 17, 21, 225);
+/// What is chosen, and what is a number to look at.
+pub(super) const ACCENT: Color32 = Color32::from_rgb(94, 180, 255);
+/// Names.
+pub(super) const QUIET: Color32 = Color32::from_rgb(140, 148, 160);
+/// Values.
+pub(super) const CLEAR: Color32 = Color32::from_rgb(222, 227, 234);
+/// What went wrong.
+pub(super) const WARNING: Color32 = Color32::from_rgb(255, 138, 108);
+/// A recording, and a frozen selection.
+pub(super) const LIVE: Color32 = Color32::from_rgb(255, 92, 92);
+/// The parts of a frame, in their order.
+pub(super) const PARTS: [Color32; 7] = [
+    Color32::from_rgb(94, 180, 255),
+    Color32::from_rgb(120, 220, 190),
+    Color32::from_rgb(250, 200, 90),
+    Color32::from_rgb(190, 140, 255),
+    Color32::from_rgb(255, 130, 170),
+    Color32::from_rgb(255, 100, 80),
+    Color32::from_rgb(92, 100, 112),
+];
+
+/// Sets fonts, distances and colours.
+pub(super) fn apply(context: &egui::Context) {
+    context.set_theme(egui::Theme::Dark);
+    context.all_styles_mut(|style| {
+        let font = |size, family: FontFamily| FontId::new(size, family);
+        style.text_styles = [
+            (TextStyle::Heading, font(16.0, FontFamily::Proportional)),
+            (TextStyle::Body, font(12.5, FontFamily::Proportional)),
+            (TextStyle::Button, font(12.5, FontFamily::Proportional)),
+            (TextStyle::Monospace, font(12.0, FontFamily::Monospace)),
+            (TextStyle::Small, font(10.5, FontFamily::Proportional)),
+        ]
+        .into();
+        style.spacing.item_spacing = egui::vec2(6.0, 4.0);
+        style.spacing.button_padding = egui::vec2(7.0, 3.0);
+        style.spacing.slider_width = 150.0;
+        let visuals = &mut style.visuals;
+        visuals.panel_fill = BACK;
+        visuals.window_fill = BACK;
+        visuals.window_stroke = Stroke::new(1.0, Color32::from_white_alpha(18));
+        visuals.window_shadow = Shadow::NONE;
+        visuals.window_corner_radius = CornerRadius::same(8);
+        visuals.selection.bg_fill = Color32::from_rgb(38, 92, 148);
+        visuals.selection.stroke = Stroke::new(1.0, CLEAR);
+        visuals.slider_trailing_fill = true;
+        visuals.override_text_color = None;
+        visuals.widgets.noninteractive.fg_stroke.color = CLEAR;
+        visuals.widgets.inactive.fg_stroke.color = CLEAR;
+        visuals.widgets.inactive.weak_bg_fill = Color32::from_rgb(38, 42, 50);
+        visuals.widgets.inactive.bg_fill = Color32::from_rgb(44, 49, 58);
+    });
+}
+
+/// The frame of the panel and of what lies over the model.
+pub(super) fn frame() -> egui::Frame {
+    egui::Frame::new()
+        .fill(BACK)
+        .stroke(Stroke::new(1.0, Color32::from_white_alpha(18)))
+        .corner_radius(CornerRadius::same(8))
+        .inner_margin(Margin::same(12))
+}

@@ -1,0 +1,68 @@
+//! Models much larger than what may be used.
+
+use crate::models::{self, Model};
+use crate::screen::{exact, open};
+use chpm_mesh::Bytes;
+use chpm_mesh::synth::Shape;
+use chpm_viewer::{Accuracy, Budgets, FrameRequest, headless};
+
+const VIEWPORT: [u32; 2] = [160, 120];
+
+/// Ten times as large as both budgets, asked for more than fits, over orbit, dive and teleports, waiting or not.
+#[test]
+fn budgets_hold_on_every_frame() {
+    let model = Model::synth(Shape::Isosurface, 60_000, 128);
+    let file = model.open();
+    let pages: u64 = file.clusters().iter().map(|cluster| u64::from(cluster.page_len)).sum();
+    let budget = Bytes(pages / 10);
+    let mut viewer = open(&model, Budgets { memory: budget, gpu_memory: budget });
+    let (mut withheld, mut most) = (0, 0);
+    for (frame, camera) in models::cameras(&file, 10).into_iter().enumerate() {
+        for wait in [false, true] {
+            let request = FrameRequest { wait, ..exact(camera, VIEWPORT, 0.3) };
+            let (image, stats) = headless::image(&mut viewer, &request).expect("a picture");
+            assert_eq!(image.size, VIEWPORT);
+            assert!(stats.resident_bytes <= budget.0, "frame {frame}: {stats:?}");
+            assert!(stats.gpu_bytes <= budget.0, "frame {frame}: {stats:?}");
+            assert!(stats.triangles > 0 || stats.clusters_drawn == 0, "frame {frame}: {stats:?}");
+            withheld += stats.withheld;
+            most = most.max(stats.resident_bytes.min(stats.gpu_bytes));
+        }
+    }
+    assert!(withheld > 0, "not everything fits");
+    assert!(most > budget.0 / 2, "what may be used is used: {most} of {budget}");
+}
+
+/// Pages that have not come yet are replaced by what is coarser, and in the end the picture is what it would have been.
+#[test]
+fn a_view_that_rests_becomes_exact() {
+    let model = models::wall();
+    let budgets = Budgets { memory: Bytes::mib(64), gpu_memory: Bytes::mib(64) };
+    let (mut moving, mut waiting) = (open(&model, budgets), open(&model, budgets));
+    for camera in models::cameras(&model.open(), 3) {
+        let request = exact(camera, VIEWPORT, 1.0);
+        let (expected, _) = headless::image(&mut waiting, &request).expect("a picture");
+        let patient = FrameRequest { wait: false, ..request };
+        // Each frame brings pages or shows them. A thousand are many more than there are levels and pages.
+        let exact =
+            (0..1000).any(|_| headless::image(&mut moving, &patient).expect("a picture").0 == expected);
+        assert!(exact, "{camera:?}");
+    }
+}
+
+/// A number of triangles is kept to, and used.
+#[test]
+fn triangles_are_as_many_as_allowed() {
+    let model = models::isosurface();
+    let mut viewer = open(&model, Budgets::default());
+    let camera = viewer.framing();
+    for limit in [1000, 3000, 6000] {
+        let request = FrameRequest {
+            accuracy: Accuracy::Triangles(limit),
+            ..exact(camera, VIEWPORT, 1.0).without_culling()
+        };
+        let (_, stats) = headless::image(&mut viewer, &request).expect("a picture");
+        assert!(stats.triangles <= limit + limit / 20, "{} of {limit}", stats.triangles);
+        assert!(stats.triangles >= limit / 2, "{} of {limit}", stats.triangles);
+    }
+}

@@ -1,0 +1,19 @@
+//! Pages, pictures and their proofs, on small generated models and a software adapter.
+
+/// Generated models and the ways that a camera goes about them.
+mod models;
+/// A device to draw with; there must be one.
+mod screen;
+
+/// What is hidden is left out, and nothing that is seen.
+mod culling;
+/// How far a picture is from that of the full model.
+mod deviation;
+/// Pages come whole, checked, and within their budget, or with an error that says what is wrong.
+mod fetch;
+/// Pictures as they were.
+mod golden;
+/// Models much larger than what may be used.
+mod limits;
+/// The same pictures from the processor.
+mod reference;

@@ -1,0 +1,213 @@
+//! `chpm view`: a window on a model, which is built first if need be.
+
+use super::{Verdict, build, open, stdout};
+use crate::batch::inputs;
+use crate::progress::{Meter, line};
+use crate::stop::Stop;
+use crate::view;
+use anyhow::{Context, Result, bail, ensure};
+use chpm_build::{BuildConfig, BuildError, Cancel, Progress, Stage, input};
+use chpm_mesh::Bytes;
+use chpm_refine::CameraPath;
+use chpm_viewer::window::remember::Memory;
+use chpm_viewer::window::{self, Options, Outcome, Prepare};
+use chpm_viewer::{Accuracy, Budgets};
+use clap::value_parser;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What `chpm view` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The .chpm file; or a mesh, whose .chpm is built beside it first, unless it is there. A model can also be dropped on the window
+    model: Option<PathBuf>,
+    /// Main memory for pages, as in 512M
+    #[arg(long, value_name = "SIZE", default_value = "1G")]
+    memory: Bytes,
+    /// GPU memory for clusters, as in 512M
+    #[arg(long, value_name = "SIZE", default_value = "512M")]
+    gpu_memory: Bytes,
+    /// Pixels of error that are allowed; what was used last, or 1, if not given
+    #[arg(long, value_name = "P", value_parser = view::pixels, conflicts_with = "triangles")]
+    poe: Option<f64>,
+    /// The finest mesh of about so many triangles, in place of a bound on the error
+    #[arg(long, value_name = "N", value_parser = value_parser!(u64).range(1..))]
+    triangles: Option<u64>,
+    /// Go along this camera path first (see chpm path), one camera a frame
+    #[arg(long, value_name = "FILE", requires = "model")]
+    path: Option<PathBuf>,
+    /// Draw so many frames, one after the other, and quit; nothing is remembered
+    #[arg(long, value_name = "N", requires = "model", value_parser = value_parser!(u64).range(1..))]
+    frames: Option<u64>,
+    /// With --frames: write the last picture as a PNG
+    #[arg(long, value_name = "FILE", requires = "frames")]
+    screenshot: Option<PathBuf>,
+    /// Replace the screenshot, or a .chpm that was not built from the mesh as it is now
+    #[arg(short, long)]
+    force: bool,
+    /// Begin as if the model had never been opened
+    #[arg(long)]
+    fresh: bool,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Builds if need be, and shows.
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    if let Some(path) = args.screenshot.as_ref().filter(|path| path.exists() && !args.force) {
+        bail!("'{}' exists; give another name, or --force to replace it", path.display());
+    }
+    let path = args.path.as_deref().map(read_path).transpose()?;
+    let model = match &args.model {
+        Some(model) if inputs::is_mesh(model) => Some(prepared(model, args, stop)?),
+        model => model.clone(),
+    };
+    let cancel = stop.heed();
+    let options = Options {
+        model,
+        budgets: Budgets { memory: args.memory, gpu_memory: args.gpu_memory },
+        accuracy: args.poe.map(Accuracy::PoE).or(args.triangles.map(Accuracy::Triangles)),
+        path,
+        frames: args.frames,
+        screenshot: args.screenshot.clone(),
+        memory: Memory::of_user(),
+        recall: !args.fresh,
+        prepare: Arc::new(Builder::default()),
+        stop: {
+            let cancel = cancel.clone();
+            Box::new(move || cancel.is_cancelled())
+        },
+    };
+    let outcome = window::run(options)?;
+    ensure!(!cancel.is_cancelled(), "the window was closed on request");
+    if let Some(why) = &outcome.forgot {
+        line(&format!("note: {why}"));
+    }
+    if args.frames.is_some() {
+        report(&outcome)?;
+    }
+    Ok(Verdict::Good)
+}
+
+fn report(outcome: &Outcome) -> Result<()> {
+    let Outcome { frames, seconds, adapter, .. } = outcome;
+    let mut out = stdout();
+    let rate = *frames as f64 / seconds.max(1e-9);
+    writeln!(out, "{frames} frames in {seconds:.2} s, {rate:.1} a second, on {adapter}")?;
+    Ok(out.flush()?)
+}
+
+fn read_path(path: &Path) -> Result<CameraPath> {
+    let name = path.display();
+    let text = fs::read_to_string(path).with_context(|| format!("cannot read '{name}'"))?;
+    let path: CameraPath = text.parse().with_context(|| format!("cannot read '{name}'"))?;
+    ensure!(!path.cameras.is_empty(), "'{name}' has no camera; make a path with chpm path");
+    Ok(path)
+}
+
+/// The file that a mesh is built into: beside it, under its name.
+fn beside(source: &Path) -> Result<PathBuf> {
+    Ok(source.with_file_name(format!("{}.chpm", inputs::stem(source)?)))
+}
+
+/// Whether the file is built from the mesh as it is now, with whatever settings. `None` if there is no file.
+fn is_current(source: &Path, output: &Path) -> Option<bool> {
+    output.symlink_metadata().ok()?;
+    let built = || -> Result<bool> {
+        let from = open(output)?.metadata()?.source;
+        Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source)?)?)
+    };
+    Some(built().unwrap_or(false))
+}
+
+fn stale(source: &Path, output: &Path) -> String {
+    format!(
+        "'{}' was not built from '{}' as it is now; open it by its own name, or build it again with chpm build --force",
+        output.display(),
+        source.display()
+    )
+}
+
+/// The file of a mesh, built with the usual progress if it is not there.
+fn prepared(source: &Path, args: &Args, stop: &Stop) -> Result<PathBuf> {
+    let output = beside(source)?;
+    match is_current(source, &output) {
+        Some(true) => return Ok(output),
+        Some(false) => ensure!(args.force, stale(source, &output)),
+        None => {}
+    }
+    let config = BuildConfig { overwrite: args.force, ..BuildConfig::default() };
+    build::build(source, &output, &config, &Meter::new(args.quiet), stop)?;
+    if !args.quiet {
+        line(&format!("built: {}", output.display()));
+    }
+    Ok(output)
+}
+
+/// Builds what is dropped on the window.
+#[derive(Default)]
+struct Builder {
+    cancel: Cancel,
+}
+
+impl Prepare for Builder {
+    fn takes(&self, path: &Path) -> bool {
+        inputs::is_mesh(path)
+    }
+
+    fn prepare(&self, source: &Path, tell: &(dyn Fn(&str, f32) + Sync)) -> Result<PathBuf, String> {
+        let output = beside(source).map_err(|error| error.to_string())?;
+        match is_current(source, &output) {
+            Some(true) => return Ok(output),
+            Some(false) => return Err(stale(source, &output)),
+            None => {}
+        }
+        let teller = Teller { tell, stage: Mutex::default(), done: AtomicU64::new(0) };
+        match chpm_build::build(source, &output, &BuildConfig::default(), &teller, &self.cancel) {
+            Ok(_) => Ok(output),
+            Err(BuildError::Cancelled) => Err("stopped".to_owned()),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+
+    fn cancel(&self) {
+        self.cancel.cancel();
+    }
+}
+
+/// Progress for the window.
+struct Teller<'a> {
+    tell: &'a (dyn Fn(&str, f32) + Sync),
+    stage: Mutex<(String, u64)>,
+    done: AtomicU64,
+}
+
+impl Teller<'_> {
+    fn say(&self, before: u64, done: u64) {
+        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        let share = |done: u64| (done as f64 / stage.1.max(1) as f64).min(1.0);
+        // A window need not hear of less than a hundredth.
+        if done == 0 || (100.0 * share(before)).floor() < (100.0 * share(done)).floor() {
+            (self.tell)(&stage.0, share(done) as f32);
+        }
+    }
+}
+
+impl Progress for Teller<'_> {
+    fn begin(&self, stage: Stage, total: u64) {
+        *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_string(), total);
+        self.done.store(0, Ordering::Relaxed);
+        self.say(0, 0);
+    }
+
+    fn advance(&self, done: u64) {
+        let before = self.done.fetch_add(done, Ordering::Relaxed);
+        self.say(before, before + done);
+    }
+
+    fn end(&self, _: Stage) {}
+}

@@ -1,0 +1,167 @@
+//! Pictures on the command line: what to draw with, how it looks, and what became of it.
+
+pub(crate) mod plot;
+pub(crate) mod walk;
+
+use anyhow::Result;
+use chpm_extmem::AtomicFile;
+use chpm_mesh::Bytes;
+use chpm_viewer::{AdapterChoice, Budgets, Coloring, Gpu, Image, Look, Shading, Stats, Viewer};
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+/// What draws.
+#[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = "Drawing")]
+pub(crate) struct DeviceArgs {
+    /// Who draws: "best", "software", or a part of an adapter's name
+    #[arg(long, value_name = "NAME", default_value = "best")]
+    adapter: AdapterChoice,
+    /// GPU memory for vertices and triangles, as in 256M
+    #[arg(long, value_name = "SIZE", default_value = "512M")]
+    gpu_memory: Bytes,
+}
+
+impl DeviceArgs {
+    /// Opens a file to draw it; `memory` is for pages and what is made of them.
+    pub(crate) fn open(&self, file: &Path, memory: Bytes) -> Result<Viewer> {
+        let gpu = Arc::new(Gpu::headless(&self.adapter)?);
+        Ok(Viewer::open(gpu, file, Budgets { memory, gpu_memory: self.gpu_memory })?)
+    }
+}
+
+/// How it looks.
+#[derive(clap::Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Looks")]
+pub(crate) struct LookArgs {
+    /// What colours show
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t = ColorArg::Vertex)]
+    color: ColorArg,
+    /// Light by the normals of the vertices, not by each triangle's own plane
+    #[arg(long)]
+    smooth: bool,
+    /// Edges over the faces
+    #[arg(long)]
+    wireframe: bool,
+    /// The colour behind the model
+    #[arg(long, value_name = "RRGGBB", value_parser = rgb)]
+    background: Option<[f32; 3]>,
+}
+
+impl LookArgs {
+    pub(crate) fn look(&self) -> Look {
+        let default = Look::default();
+        Look {
+            shading: if self.smooth { Shading::Smooth } else { Shading::Flat },
+            colors: self.color.coloring(),
+            wireframe: self.wireframe,
+            background: self.background.unwrap_or(default.background),
+        }
+    }
+}
+
+/// [`Coloring`].
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum ColorArg {
+    /// One colour
+    Plain,
+    /// The source's colours, where it has any
+    Vertex,
+    /// A colour for each cluster
+    Cluster,
+    /// Height of a cluster above the leaves
+    Level,
+    /// Where between its coarsest and its finest mesh a cluster is
+    Error,
+    /// How long a cluster has been on the GPU
+    Residency,
+    /// Visible before, or newly
+    Visibility,
+    /// A colour for each dependency group
+    Group,
+    /// A colour for each triangle
+    Ids,
+}
+
+impl ColorArg {
+    fn coloring(self) -> Coloring {
+        match self {
+            ColorArg::Plain => Coloring::Plain,
+            ColorArg::Vertex => Coloring::Vertex,
+            ColorArg::Cluster => Coloring::Cluster,
+            ColorArg::Level => Coloring::Level,
+            ColorArg::Error => Coloring::Error,
+            ColorArg::Residency => Coloring::Residency,
+            ColorArg::Visibility => Coloring::Visibility,
+            ColorArg::Group => Coloring::Group,
+            ColorArg::Ids => Coloring::Ids,
+        }
+    }
+}
+
+/// `ff8000`, with or without a `#`.
+fn rgb(text: &str) -> Result<[f32; 3], String> {
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    let is_hex = digits.len() == 6 && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    let number = if is_hex { u32::from_str_radix(digits, 16).ok() } else { None };
+    let number = number.ok_or_else(|| format!("'{text}' is no colour: write RRGGBB, as in ffffff"))?;
+    Ok([16, 8, 0].map(|shift| (number >> shift & 0xff) as f32 / 255.0))
+}
+
+/// Writes a PNG, all of it or nothing.
+pub(crate) fn write_png(image: &Image, file: AtomicFile) -> Result<()> {
+    let mut png = BufWriter::new(file);
+    image.write_png(&mut png)?;
+    png.flush()?;
+    png.into_inner().map_err(|error| error.into_error())?.publish()?;
+    Ok(())
+}
+
+/// What a frame did, for programs.
+pub(crate) fn as_json(stats: &Stats) -> Value {
+    let ms = |time: std::time::Duration| 1e3 * time.as_secs_f64();
+    let times = &stats.times;
+    json!({
+        "poe": stats.poe,
+        "triangles": stats.triangles,
+        "clusters_active": stats.clusters_active,
+        "clusters_drawn": stats.clusters_drawn,
+        "frustum_culled": stats.frustum_culled,
+        "occluded": stats.occluded,
+        "newly_visible": stats.newly_visible,
+        "splits": stats.splits,
+        "collapses": stats.collapses,
+        "pm_steps": stats.pm_steps,
+        "withheld": stats.withheld,
+        "resident_bytes": stats.resident_bytes,
+        "gpu_bytes": stats.gpu_bytes,
+        "uploaded_bytes": stats.uploaded_bytes,
+        "requested_bytes": stats.requested_bytes,
+        "stalls": stats.stalls,
+        "rounds": stats.rounds,
+        "milliseconds": {
+            "refine": ms(times.refine),
+            "pm": ms(times.pm),
+            "upload": ms(times.upload),
+            "occlusion": ms(times.occlusion),
+            "draw": ms(times.draw),
+            "stall": ms(times.stall),
+            "total": ms(times.total),
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_six_digits() {
+        assert_eq!(rgb("ff0080"), Ok([1.0, 0.0, 128.0 / 255.0]));
+        assert_eq!(rgb("#000000"), Ok([0.0; 3]));
+        assert!(["", "fff", "+12345", "gggggg", "fffffff"].iter().all(|bad| rgb(bad).is_err()));
+    }
+}

@@ -1,0 +1,190 @@
+//! Pictures, and camera paths in pictures.
+
+use super::harness::Folder;
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Cursor;
+
+fn built() -> Folder {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 20000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 128");
+    folder
+}
+
+/// Width, height, and the pixels of a picture.
+fn picture(folder: &Folder, name: &str) -> (u32, u32, Vec<[u8; 4]>) {
+    let mut reader = png::Decoder::new(Cursor::new(folder.read(name))).read_info().expect("a PNG");
+    let mut bytes = vec![0; reader.output_buffer_size().expect("a small PNG")];
+    let info = reader.next_frame(&mut bytes).expect("a PNG");
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgba, png::BitDepth::Eight));
+    (info.width, info.height, bytes.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect())
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).expect("valid JSON")
+}
+
+#[test]
+fn a_picture_shows_the_model_before_its_background() {
+    let folder = built();
+    let out = folder.stdout("render in.chpm --viewport 200x120 --background 102030 -o a.png");
+    assert!(out.contains("a.png") && out.contains("triangles"), "{out}");
+    let (width, height, pixels) = picture(&folder, "a.png");
+    assert_eq!((width, height), (200, 120));
+    for corner in [0, 199, 119 * 200, 119 * 200 + 199] {
+        assert_eq!(pixels[corner], [0x10, 0x20, 0x30, 255]);
+    }
+    let model = pixels.iter().filter(|pixel| pixel[..3] != [0x10, 0x20, 0x30]).count();
+    let shades: BTreeSet<&[u8; 4]> = pixels.iter().collect();
+    assert!(model > 2000 && model < 200 * 120 * 2 / 3 && shades.len() > 50, "{model}, {}", shades.len());
+    // The same from the other side of the command line.
+    folder.stdout("render in.chpm --viewport 200x120 --background #102030 --no-occlusion -o b.png");
+    assert_eq!(folder.read("a.png"), folder.read("b.png"), "what is hidden does not show");
+    let error = folder.stderr("render in.chpm -o a.png", 2);
+    assert!(error.contains("--force"), "{error}");
+}
+
+#[test]
+fn looks_look_different() {
+    let folder = built();
+    let looks = ["", "--smooth", "--wireframe", "--color cluster", "--color level", "--color error", "--ids"];
+    let pictures: BTreeSet<Vec<u8>> = looks
+        .iter()
+        .map(|look| {
+            folder.stdout(&format!("render in.chpm --viewport 80x60 --poe 2 {look} -o a.png -f"));
+            folder.read("a.png")
+        })
+        .collect();
+    assert_eq!(pictures.len(), looks.len());
+}
+
+#[test]
+fn the_item_buffer_has_a_colour_for_each_triangle() {
+    let folder = built();
+    let render = |words: &str| {
+        let out =
+            folder.stdout(&format!("render in.chpm --viewport 200x150 --ids --json -o a.png -f {words}"));
+        (picture(&folder, "a.png").2, json(&out)["frame"].clone())
+    };
+    let (culled, few) = render("--poe 0.1");
+    let (all, many) = render("--poe 0.1 --no-occlusion");
+    assert_eq!(culled, all);
+    let number = |stats: &Value, name: &str| stats[name].as_u64().expect("a number");
+    assert!(number(&few, "occluded") > 0 && number(&many, "occluded") == 0);
+    assert!(number(&few, "triangles") < number(&many, "triangles"));
+    let colors: BTreeSet<&[u8; 4]> = culled.iter().filter(|pixel| pixel[..3] != [0; 3]).collect();
+    assert!(colors.len() > 200 && colors.len() as u64 <= number(&few, "triangles"), "{}", colors.len());
+}
+
+#[test]
+fn accuracy_is_what_is_asked_for() {
+    let folder = built();
+    let triangles = |words: &str| {
+        let out = folder.stdout(&format!("render in.chpm --no-occlusion --json -o a.png -f {words}"));
+        json(&out)["frame"]["triangles"].as_u64().expect("a number")
+    };
+    let camera = "--camera 0.5,0.5,5,0,0,0 --viewport 300x200";
+    for poe in ["1", "4"] {
+        folder.stdout(&format!("extract in.chpm --poe {poe} {camera} -o x.ply -qf"));
+        // All of the model is in the image, so nothing is culled.
+        assert_eq!(
+            triangles(&format!("--poe {poe} {camera}")),
+            folder.read_mesh("x.ply").triangles.len() as u64
+        );
+    }
+    let some = triangles("--triangles 3000");
+    assert!((1500..=3150).contains(&some), "{some}");
+}
+
+#[test]
+fn what_cannot_be_drawn_is_told_and_leaves_nothing() {
+    let folder = built();
+    folder.write("bad.chpm", "this is no model");
+    let sound = folder.read("in.chpm");
+    folder.write("short.chpm", &sound[..sound.len() / 2]);
+    for (words, told) in [
+        ("no.chpm", "no.chpm"),
+        ("bad.chpm", "bad.chpm"),
+        ("short.chpm", "short.chpm"),
+        ("in.chpm --adapter nobody's", "nobody's"),
+        ("in.chpm --viewport 0x10", "0x10"),
+        ("in.chpm --camera 0,0,0,0,0,0", "camera"),
+        ("in.chpm --poe -1", "-1"),
+        ("in.chpm --color pink", "pink"),
+        ("in.chpm --background pink", "pink"),
+        ("in.chpm --ids --wireframe", "--wireframe"),
+        ("in.chpm --gpu-memory 100", "GPU"),
+    ] {
+        let error = folder.stderr(&format!("render {words} -o out.png"), 2);
+        assert!(error.contains(told), "{words}: {error}");
+    }
+    assert_eq!(folder.names(), ["bad.chpm", "in.chpm", "in.ply", "short.chpm"]);
+}
+
+/// Columns by name, for each of the two runs.
+fn columns(folder: &Folder, name: &str) -> [BTreeMap<String, Vec<f64>>; 2] {
+    let text = String::from_utf8(folder.read(name)).expect("text");
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let names = lines.next().expect("a line of names");
+    assert_eq!(names[..2], ["culling", "frame"]);
+    let mut runs = [BTreeMap::new(), BTreeMap::new()];
+    for line in lines {
+        assert_eq!(line.len(), names.len());
+        let run = &mut runs[usize::from(line[0] == "0")];
+        for (name, value) in names.iter().zip(&line) {
+            let column: &mut Vec<f64> = run.entry(name.clone()).or_default();
+            column.push(value.parse().expect("a number"));
+        }
+    }
+    runs
+}
+
+#[test]
+fn a_walk_in_pictures_has_numbers_for_every_frame() {
+    let folder = built();
+    folder.stdout("path orbit in.chpm --frames 6 -o cam.path");
+    std::fs::create_dir(folder.path("frames")).expect("a folder");
+    let words =
+        "--render --wait --poe 0.1 --viewport 120x90 --csv out.csv --plot out.svg --images frames --json -q";
+    let summary = json(&folder.stdout(&format!("walk in.chpm cam.path {words}")));
+    let [on, off] = columns(&folder, "out.csv");
+    for run in [&on, &off] {
+        assert_eq!(run["frame"], (0..6).map(f64::from).collect::<Vec<_>>());
+        let parts = ["refining_percent", "occlusion_percent", "rendering_percent", "stalling_percent"];
+        for (frame, rate) in run["fps"].iter().enumerate() {
+            assert!(*rate > 0.0 && run["triangles"][frame] > 0.0);
+            let sum: f64 = parts.iter().map(|part| run[*part][frame]).sum();
+            assert!((99.0..=150.0).contains(&sum), "{sum}");
+        }
+    }
+    assert!(on["occluded"].iter().all(|n| *n > 0.0) && off["occluded"].iter().all(|n| *n == 0.0));
+    assert!(on["triangles"].iter().zip(&off["triangles"]).all(|(on, off)| on < off));
+    assert_eq!((&summary["frames"], &summary["runs"][1]["culling"]), (&6.into(), &false.into()));
+    let mean = on["triangles"].iter().sum::<f64>() / 6.0;
+    assert_eq!(summary["runs"][0]["mean"]["triangles"], mean);
+    assert!(String::from_utf8(folder.read("out.svg")).expect("text").starts_with("<svg"));
+    let frames: Vec<_> =
+        (0..6).map(|frame| picture(&folder, &format!("frames/frame-{frame:05}.png"))).collect();
+    assert!(frames.iter().all(|frame| (frame.0, frame.1) == (120, 90)) && frames[0] != frames[3]);
+    // A frame of the walk is the picture of its camera.
+    let cameras = String::from_utf8(folder.read("cam.path")).expect("text");
+    let line = cameras.lines().last().expect("a camera");
+    let six: Vec<&str> = line.split_whitespace().take(6).collect();
+    folder.stdout(&format!("render in.chpm --poe 0.1 --viewport 120x90 --camera {} -o a.png", six.join(",")));
+    assert_eq!(picture(&folder, "a.png"), frames[5]);
+    assert!(folder.stderr(&format!("walk in.chpm cam.path {words}"), 2).contains("--force"));
+}
+
+#[test]
+fn a_walk_in_pictures_tells_people_too() {
+    let folder = built();
+    folder.stdout("path dive in.chpm --frames 4 -o cam.path");
+    let out = folder.stdout("walk in.chpm cam.path --render --viewport 64x64 --memory 4M --gpu-memory 4M -q");
+    for told in ["4 frames", "culling on", "culling off", "fps", "front", "refining", "stalling"] {
+        assert!(out.contains(told), "{told}: {out}");
+    }
+    // What belongs to the walk without pictures, and the other way round.
+    folder.chpm("walk in.chpm cam.path --render --latency 3").code(2);
+    folder.chpm("walk in.chpm cam.path --plot x.svg").code(2);
+}
