@@ -7,11 +7,12 @@ use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, 
 use crate::cmd::view;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Length, Topology};
-use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
+use chpm_build::{BuildConfig, Faults, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Turns a triangle mesh (PLY) into one memory-mapped clustered hierarchy of progressive meshes (CHPM).
 #[derive(Parser, Debug)]
@@ -153,6 +154,18 @@ pub(crate) struct ResourceArgs {
     /// Worker threads; one per processor if not given
     #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
+    /// Keep what is done at least so many seconds after the last time, so that a build that was killed goes on there
+    #[arg(long, value_name = "SECONDS", default_value_t = 15.0, value_parser = seconds)]
+    checkpoint: f64,
+    /// Neither keep what is done nor go on from it
+    #[arg(long)]
+    no_resume: bool,
+    /// Keep the work folder: the next build starts from its simplified clusters
+    #[arg(long, conflicts_with = "no_resume")]
+    keep_work: bool,
+    /// End without warning at the access to a file of this number: for tests of what is left then
+    #[arg(long, value_name = "N", hide = true)]
+    kill_at: Option<u64>,
     /// Take less memory than a build can promise to stay below: for tests of what does not fit
     #[arg(long, hide = true)]
     any_memory: bool,
@@ -200,6 +213,14 @@ impl std::str::FromStr for MemorySize {
     }
 }
 
+/// A number of seconds, as in 0.5.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
+        _ => Err("seconds are a number from 0 on".to_owned()),
+    }
+}
+
 /// The configuration that was asked for.
 pub(crate) fn build_config(
     settings: &SettingsArgs,
@@ -232,6 +253,9 @@ pub(crate) fn build_config(
             threads: resources.threads.unwrap_or(0) as usize,
             memory: resources.storage.memory(),
             work_dir: resources.storage.work_dir.clone(),
+            checkpoint: (!resources.no_resume).then(|| Duration::from_secs_f64(resources.checkpoint)),
+            keep_work: resources.keep_work,
+            faults: resources.kill_at.map_or_else(Faults::default, Faults::kill_at),
         },
         overwrite,
     })
@@ -283,6 +307,8 @@ mod tests {
             "--threads=5",
             "--memory=640M",
             "--work-dir=scratch",
+            "--checkpoint=2.5",
+            "--keep-work",
         ]);
         let s = typed.settings;
         assert_eq!((s.cluster_triangles, s.partitioner.to_string(), s.seed), (512, "greedy".to_owned(), 3));
@@ -293,9 +319,16 @@ mod tests {
         );
         assert_eq!(config(&["--prune-exact"]).settings.finest_error, Some(Length::Units(0.0)));
         assert_eq!((s.normals, s.colors, s.drop_invalid, s.layout), (false, false, true, false));
-        let expected =
-            Resources { threads: 5, memory: Bytes::mib(640), work_dir: Some(PathBuf::from("scratch")) };
+        let expected = Resources {
+            threads: 5,
+            memory: Bytes::mib(640),
+            work_dir: Some(PathBuf::from("scratch")),
+            checkpoint: Some(Duration::from_millis(2500)),
+            keep_work: true,
+            faults: Faults::default(),
+        };
         assert_eq!(typed.resources, expected);
+        assert_eq!(config(&["--no-resume"]).resources.checkpoint, None);
     }
 
     #[test]
@@ -309,6 +342,7 @@ mod tests {
             ["--topology=free"],
             ["--finest-error=-1"],
             ["--target-error=nan%"],
+            ["--checkpoint=-1"],
         ] {
             assert!(Build::try_parse_from(["build"].iter().chain(&bad)).is_err(), "{bad:?}");
         }

@@ -97,6 +97,12 @@ impl Progress for Meter {
     fn end(&self, _: Stage) {
         self.finish();
     }
+
+    fn note(&self, text: &str) {
+        if self.face != Face::Nothing {
+            line(text);
+        }
+    }
 }
 
 fn bar(label: &str, total: u64) -> ProgressBar {

@@ -193,6 +193,8 @@ pub(crate) fn build_json(report: &BuildReport) -> Value {
         "levels": report.levels.iter().map(LevelRow::from).collect::<Vec<_>>(),
         "repairs": object(report.repairs.describe()),
         "warnings": report.warnings,
+        "resumed_after": report.resumed.map(|reached| reached.to_string()),
+        "notes": report.notes,
         "budget_peak_bytes": report.budget_peak,
         "peak_resident_bytes": report.peak_resident,
     })

@@ -75,7 +75,7 @@ fn receive(signal: Signal, cancel: &Cancel, shared: &Shared) {
     cancel.cancel();
     let _ = writeln!(
         io::stderr(),
-        "stopping and removing what was begun; a second signal ends at once and may leave temporary files"
+        "stopping; what a next run cannot go on from is removed. A second signal ends at once and may leave temporary files"
     );
 }
 

@@ -27,6 +27,8 @@ mod integration {
     /// Pictures, and camera paths in pictures.
     #[cfg(feature = "viewer")]
     mod render;
+    /// A build that is killed at any moment goes on where it was.
+    mod resume;
     /// What goes in comes out: all of it at level 0, a crack-free part of it elsewhere.
     mod roundtrip;
     /// Real meshes, where there are any.

@@ -141,7 +141,7 @@ fn make(task: &Task, meter: &dyn Progress, cancel: &Cancel) -> Row {
                 Err(error) => failed(causes(&error)),
             }
         }
-        Ok(Err(error)) if matches!(error.downcast_ref(), Some(BuildError::Cancelled)) => {
+        Ok(Err(error)) if error.downcast_ref().is_some_and(BuildError::is_cancelled) => {
             (Status::Stopped, None)
         }
         Ok(Err(error)) => failed(causes(&error)),

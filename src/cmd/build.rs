@@ -84,6 +84,9 @@ pub(super) fn print(report: &BuildReport, output: &Path, out: &mut impl Write) -
         levels.len(),
         count(report.roots.into()),
     )?;
+    for note in &report.notes {
+        writeln!(out, "{note}")?;
+    }
     for warning in &report.warnings {
         writeln!(out, "warning: {warning}")?;
     }

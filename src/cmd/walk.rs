@@ -162,9 +162,14 @@ fn draw(args: &Args, stop: &Stop) -> Result<Verdict> {
         quiet: args.quiet,
     };
     let mut out = stdout();
-    picture::walk::run(&walk, &args.pictures, &cancel, &mut out)?;
+    let verdict = if args.pictures.prove {
+        picture::proof::run(&walk, &args.pictures.device, &cancel, &mut out)?
+    } else {
+        picture::walk::run(&walk, &args.pictures, &cancel, &mut out)?;
+        Verdict::Good
+    };
     out.flush()?;
-    Ok(Verdict::Good)
+    Ok(verdict)
 }
 
 fn read_path(args: &Args) -> Result<CameraPath> {

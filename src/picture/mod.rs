@@ -1,6 +1,7 @@
 //! Pictures on the command line: what to draw with, how it looks, and what became of it.
 
 pub(crate) mod plot;
+pub(crate) mod proof;
 pub(crate) mod walk;
 
 use anyhow::Result;

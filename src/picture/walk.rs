@@ -25,6 +25,10 @@ pub(crate) struct RenderArgs {
     /// Let every frame wait for all that it wants: exact pictures instead of those that a window would have in time
     #[arg(long, requires = "render")]
     wait: bool,
+    /// Draw no pictures but item buffers, each triangle in a colour of its own, and compare them: exit code 1 if culling changes which
+    /// triangle a pixel shows. Give it memory for all that the path wants
+    #[arg(long, requires = "render", conflicts_with_all = ["csv", "plot", "images"])]
+    pub(crate) prove: bool,
     /// Write a plot over the frames (SVG)
     #[arg(long, value_name = "FILE", requires = "render")]
     plot: Option<PathBuf>,
@@ -34,7 +38,7 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     look: LookArgs,
     #[command(flatten)]
-    device: DeviceArgs,
+    pub(crate) device: DeviceArgs,
 }
 
 /// What it shares with the walk without pictures.

@@ -188,3 +188,17 @@ fn a_walk_in_pictures_tells_people_too() {
     folder.chpm("walk in.chpm cam.path --render --latency 3").code(2);
     folder.chpm("walk in.chpm cam.path --plot x.svg").code(2);
 }
+
+#[test]
+fn culling_is_proved_on_a_path() {
+    let folder = built();
+    folder.stdout("path dive in.chpm --frames 40 -o cam.path");
+    let words = "walk in.chpm cam.path --render --prove --viewport 80x60 --poe 0.2 -q";
+    let out = folder.stdout(words);
+    assert!(out.contains("40 frames") && out.contains(" 0 of 192,000 pixels"), "{out}");
+    let proof = json(&folder.stdout(&format!("{words} --json")));
+    assert_eq!((&proof["different"], &proof["pixels"]), (&0.into(), &192_000.into()));
+    let number = |name: &str| proof[name].as_u64().expect("a number");
+    assert!(number("occluded") > 100 && number("frustum_culled") > 100, "{proof}");
+    folder.chpm(&format!("{words} --csv out.csv")).code(2);
+}

@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn threads_and_arrays_share_the_memory() {
         let of = |threads, mib, source: u64| {
-            let resources = Resources { threads, memory: Bytes::mib(mib), work_dir: None };
+            let resources = Resources { threads, memory: Bytes::mib(mib), ..Resources::default() };
             let (threads, budget) = divide(&resources, 8, source << 20);
             (threads, budget.limit() >> 20, budget.chargeable() >> 20)
         };

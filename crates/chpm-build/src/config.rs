@@ -1,5 +1,6 @@
 //! What a build is told: settings decide the bytes of the output, resources only how it gets there.
 
+use chpm_extmem::Faults;
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 use chpm_partition::Partitioner;
@@ -7,6 +8,7 @@ pub use chpm_qem::Topology;
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::time::Duration;
 
 /// Everything a build is told.
 #[derive(Clone, Debug, Default)]
@@ -183,11 +185,25 @@ pub struct Resources {
     pub memory: Bytes,
     /// Where the work directory is made; the output's directory if not given.
     pub work_dir: Option<PathBuf>,
+    /// Least time between checkpoints, from which a build that was killed goes on. Without it none is made, and none that is there is
+    /// used.
+    pub checkpoint: Option<Duration>,
+    /// Whether the work directory stays when the build is done, with all that layout and emit start from.
+    pub keep_work: bool,
+    /// What is to go wrong, for tests.
+    pub faults: Faults,
 }
 
 impl Default for Resources {
     fn default() -> Self {
-        Resources { threads: 0, memory: Bytes::mib(1024), work_dir: None }
+        Resources {
+            threads: 0,
+            memory: Bytes::mib(1024),
+            work_dir: None,
+            checkpoint: Some(Duration::from_secs(15)),
+            keep_work: false,
+            faults: Faults::default(),
+        }
     }
 }
 

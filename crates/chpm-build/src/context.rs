@@ -1,5 +1,6 @@
 //! What every stage is handed: storage, threads, progress and the request to stop.
 
+use crate::checkpoint::Checkpoints;
 use crate::error::BuildError;
 use crate::progress::{Cancel, Progress, Stage};
 use crate::report::StageReport;
@@ -17,13 +18,25 @@ pub struct Context<'a> {
     pub progress: &'a dyn Progress,
     /// The request to stop.
     pub cancel: Cancel,
+    /// When the work is saved.
+    pub(crate) checkpoints: Checkpoints,
     stages: Mutex<Vec<StageReport>>,
 }
 
 impl<'a> Context<'a> {
-    /// Surroundings with `pool`'s threads.
+    /// Surroundings with `pool`'s threads, and without checkpoints.
     pub fn new(store: Store, pool: rayon::ThreadPool, progress: &'a dyn Progress, cancel: Cancel) -> Self {
-        Context { store, pool, progress, cancel, stages: Mutex::new(Vec::new()) }
+        Self::with_checkpoints(store, pool, progress, cancel, Checkpoints::off())
+    }
+
+    pub(crate) fn with_checkpoints(
+        store: Store,
+        pool: rayon::ThreadPool,
+        progress: &'a dyn Progress,
+        cancel: Cancel,
+        checkpoints: Checkpoints,
+    ) -> Self {
+        Context { store, pool, progress, cancel, checkpoints, stages: Mutex::new(Vec::new()) }
     }
 
     /// Runs one stage: progress around it, a row of the stage table after it.

@@ -7,14 +7,18 @@ use crate::hierarchy::Tree;
 use crate::ingest::Source;
 use crate::report::{LevelReport, Repairs};
 use crate::simplify::Hierarchy;
+use crate::stamp::GENERATOR;
 use chpm_extmem::AtomicFile;
 use chpm_format::{
     ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata, Source as Provenance, Tables,
 };
 use chpm_mesh::{Aabb, Attributes, GroupId, Sphere};
+use serde::{Deserialize, Serialize};
 
 /// What the file says about its source, kept while the source's arrays are gone.
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Facts {
+    pub(crate) triangles: u64,
     attributes: Attributes,
     origin: [f64; 3],
     used_vertices: u64,
@@ -26,6 +30,7 @@ pub(crate) struct Facts {
 impl Facts {
     pub(crate) fn of(source: &Source) -> Self {
         Facts {
+            triangles: source.triangles.len() as u64,
             attributes: source.attributes(),
             origin: source.origin,
             used_vertices: 0,
@@ -35,9 +40,9 @@ impl Facts {
         }
     }
 
-    pub(crate) fn with_leaves(self, leaves: &Decomposition) -> Self {
+    pub(crate) fn add_leaves(&mut self, leaves: &Decomposition) {
         let shared = &leaves.shared;
-        Facts { used_vertices: shared.used_vertices, shared_vertices: shared.len() as u32, ..self }
+        (self.used_vertices, self.shared_vertices) = (shared.used_vertices, shared.len() as u32);
     }
 }
 
@@ -116,7 +121,7 @@ impl<'a> Output<'a> {
 /// The provenance section.
 fn metadata(facts: &Facts, repairs: &Repairs, settings: &Settings) -> Metadata {
     Metadata {
-        generator: concat!("chpm ", env!("CARGO_PKG_VERSION")).to_owned(),
+        generator: GENERATOR.to_owned(),
         source: facts.provenance.clone(),
         settings: settings.describe(),
         repairs: repairs.describe(),

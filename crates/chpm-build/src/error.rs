@@ -1,9 +1,10 @@
 //! What can stop a build.
 
 use crate::progress::Stage;
+use crate::report::Reached;
 use std::path::PathBuf;
 
-/// What can stop a build; nothing is left behind when it does.
+/// What can stop a build. Nothing is left behind when it does, unless it is [`BuildError::Kept`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {
@@ -66,6 +67,22 @@ pub enum BuildError {
         /// The largest error that a mesh may have, object units.
         coarsest: f32,
     },
+    /// The source is not what it was when the build began.
+    #[error("{path} has changed while it was read; run the build again")]
+    SourceChanged {
+        /// The file that changed.
+        path: PathBuf,
+    },
+    /// The build ended early, and can go on.
+    #[error("{error}; what was done is kept up to {reached} in '{}', and the same command goes on there", folder.display())]
+    Kept {
+        /// What ended it.
+        error: Box<BuildError>,
+        /// What the next run goes on from.
+        reached: Reached,
+        /// Where that is.
+        folder: PathBuf,
+    },
     /// Someone asked to stop.
     #[error("stopped on request; nothing was written")]
     Cancelled,
@@ -81,4 +98,15 @@ pub enum BuildError {
         /// How much there may be.
         limit: u64,
     },
+}
+
+impl BuildError {
+    /// Whether someone asked to stop.
+    pub fn is_cancelled(&self) -> bool {
+        match self {
+            BuildError::Cancelled => true,
+            BuildError::Kept { error, .. } => error.is_cancelled(),
+            _ => false,
+        }
+    }
 }

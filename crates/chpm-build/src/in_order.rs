@@ -1,8 +1,9 @@
 //! Independent jobs on some of the threads, their results taken in the order of the jobs.
 
+use crate::context::Context;
 use crate::error::BuildError;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 
 /// Makes `count` results on at most `workers` threads of the current pool and hands them to `take`, the first one first. So
@@ -30,6 +31,43 @@ pub(crate) fn in_order<R: Send>(
         }
     });
     taker.into_inner().unwrap_or_else(PoisonError::into_inner).result
+}
+
+/// Does jobs on all threads of the current pool, each begun in its order, until all are done or a checkpoint is due; at least one by each
+/// thread. Answers the results of those that were begun, which are the first ones. Threads wait only for what is begun when
+/// the time comes, and where it does not come for nothing.
+pub(crate) fn while_not_due<S, R: Send>(
+    count: usize,
+    context: &Context<'_>,
+    scratch: impl Fn() -> S + Sync,
+    make: impl Fn(&mut S, usize) -> Result<R, BuildError> + Sync,
+) -> Result<Vec<R>, BuildError> {
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let by_thread = rayon::broadcast(|_| {
+        let (mut scratch, mut made) = (scratch(), Vec::new());
+        loop {
+            let job = next.fetch_add(1, Relaxed);
+            if job >= count || failed.load(Relaxed) {
+                return Ok(made);
+            }
+            match context.check().and_then(|()| make(&mut scratch, job)) {
+                Ok(result) => made.push((job, result)),
+                Err(error) => {
+                    failed.store(true, Relaxed);
+                    return Err(error);
+                }
+            }
+            if context.checkpoints.due() {
+                return Ok(made);
+            }
+        }
+    });
+    let mut all = Vec::new();
+    for made in by_thread {
+        all.extend(made?);
+    }
+    all.sort_unstable_by_key(|(job, _)| *job);
+    Ok(all.into_iter().map(|(_, result)| result).collect())
 }
 
 struct Taker<R, F> {

@@ -6,27 +6,32 @@
 #![forbid(unsafe_code)]
 
 mod allowance;
+mod checkpoint;
 pub mod config;
 pub mod context;
 mod decompose;
 mod emit;
 mod error;
+mod foreign;
 mod hierarchy;
 mod in_order;
 mod ingest;
 mod layout;
 mod pipeline;
+mod point;
 pub mod progress;
 mod range;
 pub mod report;
 mod simplify;
+mod stamp;
 mod trim;
 
 pub use allowance::MIN_MEMORY;
+pub use chpm_extmem::Faults;
 pub use config::{BuildConfig, Resources, Settings};
 pub use error::BuildError;
 pub use ingest::input;
 pub use layout::metric;
 pub use pipeline::build;
 pub use progress::{Cancel, Progress, Silent, Stage};
-pub use report::BuildReport;
+pub use report::{BuildReport, Reached};

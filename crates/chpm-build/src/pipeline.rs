@@ -1,20 +1,25 @@
 //! The build on one page.
 
+use crate::checkpoint::{Checkpoints, Key, beside};
 use crate::config::BuildConfig;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::point::{Known, Point, Work};
 use crate::progress::{Cancel, Progress, Stage};
 use crate::report::BuildReport;
+use crate::stamp::Stamp;
 use crate::{allowance, decompose, emit, hierarchy, ingest, layout, simplify, trim};
-use chpm_extmem::{AtomicFile, Lock, Store, process};
+use chpm_extmem::{AtomicFile, Lock, Store, WorkDir, process};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Builds `output` from `source`, a mesh file of any format that [`Input`](crate::input::Input) reads.
 ///
-/// The output appears complete or not at all. The same source and settings give the same bytes, whatever the resources.
+/// The output appears complete or not at all. The same source and settings give the same bytes, whatever the resources, and
+/// whether an earlier run was ended on the way or not.
 ///
 /// # Errors
-/// See [`BuildError`]; nothing is left behind then.
+/// See [`BuildError`]; nothing is left behind then, or it says what.
 pub fn build(
     source: &Path,
     output: &Path,
@@ -22,34 +27,84 @@ pub fn build(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<BuildReport, BuildError> {
-    let settings = &config.settings;
     let _lock = Lock::acquire(output)?;
-    let out = AtomicFile::create(output, config.overwrite)?;
-    let context = &context(source, output, config, progress, cancel)?;
+    AtomicFile::sweep(output);
+    let out = AtomicFile::create_with(output, config.overwrite, config.resources.faults.clone())?;
+    let stamp = Stamp::of(source)?;
+    let context = &context(output, &stamp, config, progress, cancel)?;
+    let dir = &context.store.workdir;
+    let built = run(source, &stamp, out, config, context);
+    match built {
+        Ok(report) => {
+            context.checkpoints.finish(dir);
+            Ok(report)
+        }
+        Err(error) => Err(context.checkpoints.explain(error, dir)),
+    }
+}
 
-    let source =
-        context.stage(Stage::Ingest, ingest::work(source), || ingest::run(source, settings, context))?;
-    let mut repairs = ingest::repairs(&source.tally);
-    let facts = emit::Facts::of(&source);
+/// The stages, each with what the one before has left.
+fn run(
+    source: &Path,
+    stamp: &Stamp,
+    out: AtomicFile,
+    config: &BuildConfig,
+    context: &Context<'_>,
+) -> Result<BuildReport, BuildError> {
+    let (settings, store, checkpoints) = (&config.settings, &context.store, &context.checkpoints);
+    let (mut known, mut work) = checkpoints.resume(context)?;
+    let charge = |tree: &hierarchy::Tree| {
+        store.budget.charge("tables of clusters", allowance::tables(tree.nodes.len()))
+    };
+    let mut tables = None;
+    let (tree, clusters) = loop {
+        work = match work {
+            Work::Begin => {
+                let read = || ingest::run(source, settings, context);
+                let source = context.stage(Stage::Ingest, ingest::work(source), read)?;
+                stamp.check()?;
+                known = Known { facts: emit::Facts::of(&source), repairs: ingest::repairs(&source.tally) };
+                Work::Ingested(Box::new(source))
+            }
+            Work::Ingested(source) => {
+                let cut = || decompose::run(*source, settings, context, &mut known.repairs);
+                let leaves = context.stage(Stage::Decompose, known.facts.triangles, cut)?;
+                known.facts.add_leaves(&leaves);
+                Work::Decomposed(leaves)
+            }
+            Work::Decomposed(leaves) => {
+                let arrange = || hierarchy::run(&leaves, settings, context);
+                let (tree, release) = context.stage(Stage::Hierarchy, leaves.leaves.len() as u64, arrange)?;
+                Work::Arranged(leaves, tree, release, None)
+            }
+            Work::Arranged(leaves, mut tree, release, levels) => {
+                let nodes = tree.nodes.len() as u64;
+                tables = Some(charge(&tree)?);
+                let clusters = context.stage(Stage::Simplify, nodes, || {
+                    let inputs = simplify::Inputs {
+                        decomposition: &leaves,
+                        tree: &tree,
+                        release: &release,
+                        settings,
+                        context,
+                    };
+                    let mut built = simplify::run(&inputs, levels, |levels| {
+                        let levels = Some(levels.save()?);
+                        let point = Point::of_levels(&known, &leaves, &tree, &release, levels)?;
+                        checkpoints.save(&point, &store.workdir)
+                    })?;
+                    trim::run(&mut built, &mut tree, context)?;
+                    Ok(built)
+                })?;
+                Work::Simplified(tree, clusters)
+            }
+            Work::Simplified(tree, clusters) => break (tree, clusters),
+        };
+        checkpoints.offer(&known, &work, store)?;
+    };
 
-    let triangles = source.triangles.len() as u64;
-    let leaves = context
-        .stage(Stage::Decompose, triangles, || decompose::run(source, settings, context, &mut repairs))?;
-
-    let leaf_count = leaves.leaves.len() as u64;
-    let (mut tree, release) =
-        context.stage(Stage::Hierarchy, leaf_count, || hierarchy::run(&leaves, settings, context))?;
-
-    let nodes = tree.nodes.len() as u64;
-    let _tables = context.store.budget.charge("tables of clusters", allowance::tables(tree.nodes.len()))?;
-    let clusters = context.stage(Stage::Simplify, nodes, || {
-        let mut built = simplify::run(&leaves, &tree, &release, settings, context)?;
-        trim::run(&mut built, &mut tree, context)?;
-        Ok(built)
-    })?;
-    let facts = facts.with_leaves(&leaves);
-    drop(leaves);
-
+    let _tables = tables.map_or_else(|| charge(&tree), Ok)?;
+    let Known { facts, repairs } = known;
     let order = layout::order(&clusters, &tree, settings);
     let file = emit::Output::begin(out, &order, &tree, &clusters, &facts, &repairs, settings)?;
     let write = |place, page: &[u8]| file.write_page(place, page);
@@ -61,7 +116,7 @@ pub fn build(
         context.stage(Stage::Emit, 1, || file.finish(records).inspect(|_| context.progress.advance(1)))?;
     Ok(BuildReport {
         source_vertices: facts.provenance.vertex_count,
-        triangles,
+        triangles: facts.triangles,
         source_len: facts.provenance.byte_len,
         output_len: written.len,
         clusters: written.clusters,
@@ -70,28 +125,39 @@ pub fn build(
         levels: clusters.levels,
         repairs,
         warnings: facts.warnings,
+        resumed: checkpoints.resumed(),
+        notes: checkpoints.notes(),
         budget_peak: context.store.budget.peak(),
         peak_resident: process::peak_resident(),
     })
 }
 
 fn context<'a>(
-    source: &Path,
     output: &Path,
+    stamp: &Stamp,
     config: &BuildConfig,
     progress: &'a dyn Progress,
     cancel: &Cancel,
 ) -> Result<Context<'a>, BuildError> {
     process::return_large_blocks();
     let resources = &config.resources;
-    let beside = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let work_dir = resources.work_dir.as_deref().unwrap_or(beside);
+    let work_dir = resources.work_dir.as_deref().unwrap_or(beside(output));
     let available = std::thread::available_parallelism().map_or(1, usize::from);
-    let (threads, budget) = allowance::divide(resources, available, ingest::work(source));
-    let store = Store::with_budget(work_dir, budget)?;
+    let (threads, budget) = allowance::divide(resources, available, stamp.len());
+    let (checkpoints, dir) = match resources.checkpoint {
+        Some(_) => {
+            let key = Key::of(output, stamp, &config.settings)?;
+            Checkpoints::open(work_dir, &key, resources, progress)?
+        }
+        None => {
+            let dir = WorkDir::create(work_dir)?.with_faults(resources.faults.clone());
+            (Checkpoints::off(), dir)
+        }
+    };
+    let store = Store { budget, workdir: Arc::new(dir) };
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .map_err(|e| BuildError::Threads { threads, reason: e.to_string() })?;
-    Ok(Context::new(store, pool, progress, cancel.clone()))
+    Ok(Context::with_checkpoints(store, pool, progress, cancel.clone(), checkpoints))
 }

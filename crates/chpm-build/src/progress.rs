@@ -48,6 +48,8 @@ pub trait Progress: Sync {
     fn advance(&self, done: u64);
     /// The stage has ended.
     fn end(&self, stage: Stage);
+    /// Something that whoever waits should know, about earlier work for example.
+    fn note(&self, _text: &str) {}
 }
 
 /// Draws nothing.

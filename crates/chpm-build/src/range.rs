@@ -2,9 +2,10 @@
 
 use crate::config::Settings;
 use crate::error::BuildError;
+use serde::{Deserialize, Serialize};
 
 /// The errors to cover, object units. Rounded down, so that nothing is coarser than it was asked for.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub(crate) struct ErrorRange {
     /// Detail below this error is left out; none keeps the source's own triangles.
     pub(crate) finest: Option<f32>,

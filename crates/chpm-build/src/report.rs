@@ -1,8 +1,10 @@
 //! What a build did: stages, levels, repairs, sizes.
 
+use crate::foreign::RefusalsFields;
 use crate::progress::Stage;
 use chpm_qem::Refusals;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// One row of the stage table.
 #[derive(Clone, Debug)]
@@ -18,7 +20,7 @@ pub struct StageReport {
 }
 
 /// One level of the hierarchy.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct LevelReport {
     /// Height above the leaves.
     pub level: u32,
@@ -47,11 +49,12 @@ pub struct LevelReport {
     /// Largest deviation of a colour's channel, of 255; 0 without colours.
     pub color_deviation: f32,
     /// Collapses refused, by reason.
+    #[serde(with = "RefusalsFields")]
     pub refusals: Refusals,
 }
 
 /// What was found in the source and built anyway, or left out.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Repairs {
     /// Triangles left out since two corners are one vertex, and faces of fewer than three corners.
     pub degenerate_faces: u64,
@@ -108,6 +111,31 @@ impl Repairs {
     }
 }
 
+/// How far a build has come, as the last checkpoint has it.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Reached {
+    /// A stage is done.
+    Stage(Stage),
+    /// Groups of a level are simplified, and all levels below.
+    Groups {
+        /// The level.
+        level: u32,
+        /// Groups that are done.
+        done: u64,
+        /// Groups of the level.
+        of: u64,
+    },
+}
+
+impl fmt::Display for Reached {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reached::Stage(stage) => write!(f, "{stage}"),
+            Reached::Groups { level, done, of } => write!(f, "{done} of {of} groups of level {level}"),
+        }
+    }
+}
+
 /// What a build did.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
@@ -131,6 +159,10 @@ pub struct BuildReport {
     pub repairs: Repairs,
     /// What was left out of the source, in words.
     pub warnings: Vec<String>,
+    /// Where the build went on, if it did not start from the beginning.
+    pub resumed: Option<Reached>,
+    /// What became of earlier work, in words.
+    pub notes: Vec<String>,
     /// Largest amount of the memory budget that was in use, bytes.
     pub budget_peak: u64,
     /// Peak resident memory of the process, bytes, where the system tells.

@@ -16,10 +16,11 @@ use chpm_format::page::PAGE_HEADER_LEN;
 use chpm_format::{FormatError, Page, PageParts};
 use chpm_mesh::Aabb;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// What is left where detail of the source was left out.
-#[derive(Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Trimmed {
     /// Vertices of the leaves, shared ones counted once.
     pub(crate) vertex_count: u64,

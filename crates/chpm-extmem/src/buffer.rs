@@ -1,14 +1,10 @@
 //! Arrays that live in memory when the budget grants it, and in a mapped file when it does not.
 
 use crate::error::byte_len;
+use crate::file::{Appender, DataFile};
 use crate::{Column, ExtmemError, MappedBuffer, Reservation, Store};
 use bytemuck::Pod;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::ops::{Deref, DerefMut};
-
-/// Bytes gathered before a write to disk, beside the budget.
-const WRITE_BUFFER: usize = 1 << 18;
 
 /// An array of records, wherever it lives.
 #[derive(Debug)]
@@ -83,7 +79,7 @@ pub struct BufferWriter<T: Pod> {
 #[derive(Debug)]
 enum Growing<T> {
     Memory { data: Vec<T>, share: Reservation },
-    Disk(BufWriter<File>),
+    Disk(Appender),
 }
 
 impl<T: Pod> BufferWriter<T> {
@@ -121,12 +117,12 @@ impl<T: Pod> BufferWriter<T> {
             && !(len <= data.capacity() || grow::<T>(data, share, self.what, len)?)
         {
             let mut file = spill_file(&self.store)?;
-            write(&self.store, &mut file, data)?;
+            file.append(bytemuck::cast_slice(data))?;
             self.place = Growing::Disk(file);
         }
         match &mut self.place {
             Growing::Memory { data, .. } => data.extend_from_slice(items),
-            Growing::Disk(file) => write(&self.store, file, items)?,
+            Growing::Disk(file) => file.append(bytemuck::cast_slice(items))?,
         }
         self.len = len;
         Ok(())
@@ -145,8 +141,7 @@ impl<T: Pod> BufferWriter<T> {
                 Place::Memory { data, _share: share }
             }
             Growing::Disk(file) => {
-                let file = flushed(&self.store, file)?;
-                Place::Disk(MappedBuffer::adopt(file, &self.store.workdir, bytes)?)
+                Place::Disk(MappedBuffer::adopt(file.finish()?, &self.store.workdir, bytes)?)
             }
         }))
     }
@@ -163,16 +158,9 @@ impl<T: Pod> BufferWriter<T> {
                 share.resize(bytes as u64)?;
                 Column::in_memory(self.what, data, share)
             }
-            Growing::Disk(file) => {
-                let file = flushed(&self.store, file)?;
-                Column::on_disk(&self.store, self.what, file, self.len)
-            }
+            Growing::Disk(file) => Column::on_disk(self.what, file.finish()?, self.len),
         })
     }
-}
-
-fn flushed(store: &Store, file: BufWriter<File>) -> Result<File, ExtmemError> {
-    file.into_inner().map_err(|error| spill_error(store, 0, error.into_error()))
 }
 
 /// Makes room for `len` elements, half as many again where the budget allows; false if it does not allow `len`.
@@ -192,17 +180,8 @@ fn grow<T: Pod>(
     byte_len::<T>(what, len).map(|_| false)
 }
 
-fn spill_file(store: &Store) -> Result<BufWriter<File>, ExtmemError> {
-    Ok(BufWriter::with_capacity(WRITE_BUFFER, store.workdir.unnamed_file()?))
-}
-
-fn write<T: Pod>(store: &Store, file: &mut BufWriter<File>, items: &[T]) -> Result<(), ExtmemError> {
-    file.write_all(bytemuck::cast_slice(items))
-        .map_err(|source| spill_error(store, size_of_val(items) as u64, source))
-}
-
-fn spill_error(store: &Store, needed: u64, source: std::io::Error) -> ExtmemError {
-    ExtmemError::io("write a file in", store.workdir.path(), needed, source)
+fn spill_file(store: &Store) -> Result<Appender, ExtmemError> {
+    Ok(Appender::new(DataFile::create(&store.workdir, None)?))
 }
 
 #[cfg(test)]

@@ -2,11 +2,12 @@
 //! at its offsets. Nothing is mapped, so an array on disk takes no memory but what its reader hands in.
 
 use crate::error::byte_len;
-use crate::{ExtmemError, Reservation, Store};
+use crate::file::{Appender, DataFile};
+use crate::saved::STEP;
+use crate::{BufferWriter, ExtmemError, Reservation, SavedFile, Store};
 use bytemuck::Pod;
-use std::fs::File;
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
+use xxhash_rust::xxh3::Xxh3;
 
 /// An array of records, read and written by ranges.
 #[derive(Debug)]
@@ -19,7 +20,7 @@ pub struct Column<T: Pod> {
 #[derive(Debug)]
 enum Place<T: Pod> {
     Memory { data: Vec<T>, _share: Reservation },
-    Disk { file: File, store: Store },
+    Disk(DataFile),
 }
 
 impl<T: Pod> Column<T> {
@@ -37,10 +38,9 @@ impl<T: Pod> Column<T> {
         if let Some((data, share)) = in_memory {
             return Ok(Self::in_memory(what, data, share));
         }
-        let file = store.workdir.unnamed_file()?;
-        file.set_len(bytes)
-            .map_err(|source| ExtmemError::io("extend a file in", store.workdir.path(), bytes, source))?;
-        Ok(Self::on_disk(store, what, file, len))
+        let file = DataFile::create(&store.workdir, None)?;
+        file.set_len(bytes)?;
+        Ok(Self::on_disk(what, file, len))
     }
 
     pub(crate) fn in_memory(what: &'static str, data: Vec<T>, share: Reservation) -> Self {
@@ -48,8 +48,59 @@ impl<T: Pod> Column<T> {
     }
 
     /// The first `len` elements of a file.
-    pub(crate) fn on_disk(store: &Store, what: &'static str, file: File, len: usize) -> Self {
-        Column { place: Place::Disk { file, store: store.clone() }, len, what }
+    pub(crate) fn on_disk(what: &'static str, file: DataFile, len: usize) -> Self {
+        Column { place: Place::Disk(file), len, what }
+    }
+
+    /// Copies the array to the file `name`, for another run; the array itself may change afterwards.
+    ///
+    /// # Errors
+    /// [`ExtmemError::DiskFull`] or [`ExtmemError::Io`].
+    pub fn save(&self, store: &Store, name: &str) -> Result<SavedFile, ExtmemError> {
+        let mut saved = SavedFile::new(name);
+        if self.is_empty() {
+            return Ok(saved);
+        }
+        let mut out = Appender::new(DataFile::create(&store.workdir, Some(name))?);
+        let (mut hash, mut scratch) = (Xxh3::new(), Vec::new());
+        let step = (STEP / size_of::<T>().max(1)).max(1);
+        for start in (0..self.len).step_by(step) {
+            let items = self.read(start..self.len.min(start + step), &mut scratch)?;
+            hash.update(bytemuck::cast_slice(items));
+            out.append(bytemuck::cast_slice(items))?;
+        }
+        saved.extend((self.len * size_of::<T>()) as u64, hash.digest());
+        let file = out.finish()?;
+        file.sync()?;
+        store.workdir.protect(name);
+        Ok(saved)
+    }
+
+    /// Reads back what another run saved.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Damaged`] if it is not what was saved; as [`BufferWriter`].
+    pub fn load(store: &Store, what: &'static str, saved: &SavedFile) -> Result<Self, ExtmemError> {
+        let size = size_of::<T>().max(1);
+        let mut writer = BufferWriter::new(store, what, saved.len() as usize / size)?;
+        // Records lie across the ends of the pieces that come.
+        let (mut items, mut filled) = (vec![T::zeroed(); STEP / size + 1], 0);
+        if !saved.is_empty() {
+            saved.open(&store.workdir, |mut bytes| {
+                while !bytes.is_empty() {
+                    let gathered = bytemuck::cast_slice_mut::<T, u8>(&mut items);
+                    let count = bytes.len().min(gathered.len() - filled);
+                    gathered[filled..filled + count].copy_from_slice(&bytes[..count]);
+                    (bytes, filled) = (&bytes[count..], filled + count);
+                    let whole = filled / size;
+                    writer.extend_from_slice(&items[..whole])?;
+                    bytemuck::cast_slice_mut::<T, u8>(&mut items).copy_within(whole * size..filled, 0);
+                    filled -= whole * size;
+                }
+                Ok(())
+            })?;
+        }
+        writer.finish_column()
     }
 
     /// Number of elements.
@@ -64,14 +115,14 @@ impl<T: Pod> Column<T> {
 
     /// Whether the array lives in a file.
     pub fn is_on_disk(&self) -> bool {
-        matches!(self.place, Place::Disk { .. })
+        matches!(self.place, Place::Disk(_))
     }
 
     /// All elements, if they are in memory.
     pub fn as_slice(&self) -> Option<&[T]> {
         match &self.place {
             Place::Memory { data, .. } => Some(data),
-            Place::Disk { .. } => None,
+            Place::Disk(_) => None,
         }
     }
 
@@ -79,7 +130,7 @@ impl<T: Pod> Column<T> {
     pub fn as_mut_slice(&mut self) -> Option<&mut [T]> {
         match &mut self.place {
             Place::Memory { data, .. } => Some(data),
-            Place::Disk { .. } => None,
+            Place::Disk(_) => None,
         }
     }
 
@@ -91,9 +142,9 @@ impl<T: Pod> Column<T> {
         self.check(&range)?;
         match &self.place {
             Place::Memory { data, .. } => Ok(&data[range]),
-            Place::Disk { file, store } => {
+            Place::Disk(file) => {
                 scratch.resize(range.len(), T::zeroed());
-                read_at(file, store, range.start, scratch)?;
+                read_at(file, range.start, scratch)?;
                 Ok(scratch)
             }
         }
@@ -111,7 +162,7 @@ impl<T: Pod> Column<T> {
                 data[range].copy_from_slice(items);
                 Ok(())
             }
-            Place::Disk { file, store } => write_at(file, store, start, items),
+            Place::Disk(file) => write_at(file, start, items),
         }
     }
 
@@ -124,9 +175,9 @@ impl<T: Pod> Column<T> {
                 let parts = data.chunks_mut(len).zip(starts);
                 parts.map(|(items, start)| Part { start, place: PartPlace::Memory(items) }).collect()
             }
-            Place::Disk { file, store } => {
+            Place::Disk(file) => {
                 let end = self.len;
-                let part = |start| PartPlace::Disk { file, store, len: len.min(end - start) };
+                let part = |start| PartPlace::Disk { file, len: len.min(end - start) };
                 starts.map(|start| Part { start, place: part(start) }).collect()
             }
         }
@@ -156,7 +207,7 @@ pub struct Part<'a, T: Pod> {
 #[derive(Debug)]
 enum PartPlace<'a, T> {
     Memory(&'a mut [T]),
-    Disk { file: &'a File, store: &'a Store, len: usize },
+    Disk { file: &'a DataFile, len: usize },
 }
 
 impl<T: Pod> Part<'_, T> {
@@ -189,34 +240,30 @@ impl<T: Pod> Part<'_, T> {
     ) -> Result<(), E> {
         match self.place {
             PartPlace::Memory(items) => change(items),
-            PartPlace::Disk { file, store, len } => {
+            PartPlace::Disk { file, len } => {
                 scratch.resize(len, T::zeroed());
-                read_at(file, store, self.start, scratch)?;
+                read_at(file, self.start, scratch)?;
                 change(scratch)?;
-                Ok(write_at(file, store, self.start, scratch)?)
+                Ok(write_at(file, self.start, scratch)?)
             }
         }
     }
 }
 
-fn read_at<T: Pod>(file: &File, store: &Store, start: usize, out: &mut [T]) -> Result<(), ExtmemError> {
-    let offset = start as u64 * size_of::<T>() as u64;
-    file.read_exact_at(bytemuck::cast_slice_mut(out), offset)
-        .map_err(|source| ExtmemError::io("read a file in", store.workdir.path(), 0, source))
+fn read_at<T: Pod>(file: &DataFile, start: usize, out: &mut [T]) -> Result<(), ExtmemError> {
+    file.read_exact_at(bytemuck::cast_slice_mut(out), start as u64 * size_of::<T>() as u64)
 }
 
-fn write_at<T: Pod>(file: &File, store: &Store, start: usize, items: &[T]) -> Result<(), ExtmemError> {
-    let offset = start as u64 * size_of::<T>() as u64;
-    let needed = size_of_val(items) as u64;
-    file.write_all_at(bytemuck::cast_slice(items), offset)
-        .map_err(|source| ExtmemError::io("write a file in", store.workdir.path(), needed, source))
+fn write_at<T: Pod>(file: &DataFile, start: usize, items: &[T]) -> Result<(), ExtmemError> {
+    file.write_all_at(bytemuck::cast_slice(items), start as u64 * size_of::<T>() as u64)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::BufferWriter;
+    use crate::{Faults, MemoryBudget, WorkDir};
     use proptest::prelude::*;
+    use std::sync::Arc;
 
     fn store(limit: u64) -> (tempfile::TempDir, Store) {
         let dir = tempfile::tempdir().unwrap();
@@ -264,7 +311,9 @@ mod tests {
             part in 1usize..20,
             (at, fresh) in (0usize..60, prop::collection::vec(any::<[u32; 3]>(), 0..10)),
         ) {
-            let (_dir, store) = store(limit);
+            let dir = tempfile::tempdir().unwrap();
+            let workdir = WorkDir::resumable(&dir.path().join("work"), Faults::default()).unwrap();
+            let store = Store { budget: MemoryBudget::new(limit), workdir: Arc::new(workdir) };
             let mut plain = items.clone();
             let mut writer = BufferWriter::new(&store, "items", 7).unwrap();
             writer.extend_from_slice(&items).unwrap();
@@ -284,6 +333,13 @@ mod tests {
                 part.update(&mut scratch, change).unwrap();
             }
             plain.iter_mut().zip(0..).for_each(|(item, index)| item[1] ^= index);
+            prop_assert_eq!(column.read(0..plain.len(), &mut scratch).unwrap(), &plain[..]);
+
+            // Saved, it is the same again, whatever becomes of the first.
+            let saved = column.save(&store, "items").unwrap();
+            column.write(0, &plain[..plain.len() / 2]).unwrap();
+            drop(column);
+            let column = Column::<[u32; 3]>::load(&store, "items", &saved).unwrap();
             prop_assert_eq!(column.read(0..plain.len(), &mut scratch).unwrap(), &plain[..]);
             drop(column);
             prop_assert_eq!(store.budget.used(), 0);

@@ -86,6 +86,15 @@ pub enum ExtmemError {
         free: u64,
     },
 
+    /// A file that an earlier run saved is not what it was.
+    #[error("'{}' {reason}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+
     /// A range beyond the end of what was stored.
     #[error("{what}: bytes {offset}..{offset}+{len} lie beyond the {size} bytes stored")]
     OutOfRange {

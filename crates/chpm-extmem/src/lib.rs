@@ -1,6 +1,6 @@
-//! External memory: a budget that is asked before memory is taken, a work directory that cleans up after itself,
-//! arrays, sequences and blobs that live in memory when the budget grants it and on disk when it does not, files that
-//! appear complete or not at all, and the project's only memory map.
+//! External memory: a budget that is asked before memory is taken, a work directory that cleans up after itself or keeps what
+//! another run can go on with, arrays, sequences and blobs that live in memory when the budget grants it and on disk when
+//! it does not, files that appear complete or not at all, faults on purpose, and the project's only memory map.
 //!
 //! The crate knows bytes and plain records, not meshes. Whether an array was granted memory never shows in its
 //! content, so a result does not depend on the budget.
@@ -11,11 +11,15 @@ mod budget;
 mod buffer;
 mod column;
 mod error;
+mod fault;
+mod file;
 mod lock;
+mod manifest;
 #[allow(unsafe_code)]
 mod map;
 pub mod process;
 mod publish;
+mod saved;
 mod spool;
 mod store;
 mod workdir;
@@ -25,9 +29,11 @@ pub use budget::{MemoryBudget, Reservation};
 pub use buffer::{Buffer, BufferWriter};
 pub use column::{Column, Part};
 pub use error::ExtmemError;
+pub use fault::Faults;
 pub use lock::Lock;
 pub use map::{Access, MappedBuffer, MappedFile};
 pub use publish::AtomicFile;
+pub use saved::SavedFile;
 pub use spool::Spool;
 pub use store::Store;
 pub use workdir::WorkDir;

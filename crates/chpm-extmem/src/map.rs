@@ -4,6 +4,7 @@
 //! can; input files are the user's, and the documentation says not to change them during a run.
 
 use crate::error::byte_len;
+use crate::file::DataFile;
 use crate::{ExtmemError, WorkDir};
 use bytemuck::Pod;
 use memmap2::{Advice, Mmap, MmapMut, UncheckedAdvice};
@@ -123,13 +124,23 @@ impl<T: Pod> MappedBuffer<T> {
     pub fn zeroed(workdir: &WorkDir, what: &'static str, len: usize) -> Result<Self, ExtmemError> {
         let bytes = byte_len::<T>(what, len)?;
         let file = workdir.unnamed_file()?;
-        allocate(&file, bytes as u64)
+        let allocated = workdir.faults().access().and_then(|()| allocate(&file, bytes as u64));
+        allocated
             .map_err(|source| ExtmemError::io("extend a file in", workdir.path(), bytes as u64, source))?;
-        Self::adopt(file, workdir, bytes)
+        Self::of_file(file, workdir, bytes)
+    }
+
+    /// The first `bytes` bytes of a file without a name, which were all written.
+    pub(crate) fn adopt(file: DataFile, workdir: &WorkDir, bytes: usize) -> Result<Self, ExtmemError> {
+        match file.into_unnamed() {
+            Some(file) => Self::of_file(file, workdir, bytes),
+            // A file with a name could be changed by others, and is never mapped for writing.
+            None => Err(ExtmemError::NotAFile { path: workdir.path().to_owned() }),
+        }
     }
 
     /// The first `bytes` bytes of a file from [`WorkDir::unnamed_file`], which were all written.
-    pub(crate) fn adopt(file: File, workdir: &WorkDir, bytes: usize) -> Result<Self, ExtmemError> {
+    fn of_file(file: File, workdir: &WorkDir, bytes: usize) -> Result<Self, ExtmemError> {
         const { assert!(size_of::<T>() > 0, "elements without size have no place in a file") };
         if bytes == 0 {
             return Ok(MappedBuffer { map: None, element: PhantomData });

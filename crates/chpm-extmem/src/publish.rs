@@ -1,13 +1,14 @@
 //! Results that appear complete or not at all: written under a hidden name, synced, then renamed.
 
-use crate::ExtmemError;
-use std::ffi::OsString;
+use crate::{ExtmemError, Faults};
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 const WRITE_BUFFER: usize = 1 << 20;
+const PARTIAL: &str = ".partial";
 
 /// A file being written as `.NAME.<process>.partial` beside its target. [`AtomicFile::publish`] gives it its name;
 /// dropping it removes it.
@@ -18,6 +19,7 @@ pub struct AtomicFile {
     target: PathBuf,
     overwrite: bool,
     published: bool,
+    faults: Faults,
 }
 
 impl AtomicFile {
@@ -28,23 +30,48 @@ impl AtomicFile {
     /// directory or ends in no name, [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] if the partial file cannot
     /// be created.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, ExtmemError> {
+        Self::create_with(path, overwrite, Faults::default())
+    }
+
+    /// Like [`Self::create`], with something going wrong: at any access but those through [`Write`].
+    ///
+    /// # Errors
+    /// As [`Self::create`].
+    pub fn create_with(path: &Path, overwrite: bool, faults: Faults) -> Result<Self, ExtmemError> {
         let Some(name) = path.file_name().filter(|_| !path.is_dir()) else {
             return Err(ExtmemError::NotAFile { path: path.to_path_buf() });
         };
         let mut hidden = OsString::from(".");
         hidden.push(name);
-        hidden.push(format!(".{}.partial", std::process::id()));
+        hidden.push(format!(".{}{PARTIAL}", std::process::id()));
         let partial = path.with_file_name(hidden);
 
         refuse_existing(path, overwrite)?;
-        let file = File::options()
-            .read(true)
-            .write(true)
-            .create_new(true)
-            .open(&partial)
-            .map_err(|source| ExtmemError::io("create", &partial, 0, source))?;
+        let open = || File::options().read(true).write(true).create_new(true).open(&partial);
+        let opened = faults.access().and_then(|()| open());
+        let file = opened.map_err(|source| ExtmemError::io("create", &partial, 0, source))?;
         let file = BufWriter::with_capacity(WRITE_BUFFER, file);
-        Ok(AtomicFile { file, partial, target: path.to_path_buf(), overwrite, published: false })
+        Ok(AtomicFile { file, partial, target: path.to_path_buf(), overwrite, published: false, faults })
+    }
+
+    /// Removes what others that were killed left of `path`; to be called by whoever holds the lock of `path`, so that nobody else
+    /// writes it.
+    pub fn sweep(path: &Path) {
+        let Some(name) = path.file_name() else { return };
+        let is_partial = |hidden: &OsStr| {
+            let process = hidden
+                .as_encoded_bytes()
+                .strip_prefix(b".")
+                .and_then(|rest| rest.strip_prefix(name.as_encoded_bytes()))
+                .and_then(|rest| rest.strip_prefix(b"."))
+                .and_then(|rest| rest.strip_suffix(PARTIAL.as_bytes()));
+            process.is_some_and(|id| !id.is_empty() && id.iter().all(u8::is_ascii_digit))
+        };
+        for entry in fs::read_dir(directory(path)).into_iter().flatten().flatten() {
+            if is_partial(&entry.file_name()) {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
     }
 
     /// The name that the file will have.
@@ -62,8 +89,8 @@ impl AtomicFile {
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
     pub fn set_len(&self, len: u64) -> Result<(), ExtmemError> {
-        let file = self.file.get_ref();
-        file.set_len(len).map_err(|source| ExtmemError::io("extend", &self.partial, len, source))
+        let extended = self.faults.access().and_then(|()| self.file.get_ref().set_len(len));
+        extended.map_err(|source| ExtmemError::io("extend", &self.partial, len, source))
     }
 
     /// Writes at a place, from any thread. Not to be mixed with writing through [`Write`].
@@ -71,7 +98,7 @@ impl AtomicFile {
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
     pub fn write_all_at(&self, bytes: &[u8], offset: u64) -> Result<(), ExtmemError> {
-        let written = self.file.get_ref().write_all_at(bytes, offset);
+        let written = self.faults.access().and_then(|()| self.file.get_ref().write_all_at(bytes, offset));
         written.map_err(|source| ExtmemError::io("write", &self.partial, bytes.len() as u64, source))
     }
 
@@ -81,21 +108,22 @@ impl AtomicFile {
     /// [`ExtmemError::Exists`] if the target appeared meanwhile and may not be replaced, [`ExtmemError::Io`] or
     /// [`ExtmemError::DiskFull`]; up to the rename the partial file is then removed and the target untouched.
     pub fn publish(mut self) -> Result<(), ExtmemError> {
-        let written = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
-        written.map_err(|source| self.error(source))?;
+        let written = self.faults.access().and_then(|()| self.file.flush());
+        let synced = written.and_then(|()| self.file.get_ref().sync_all());
+        synced.map_err(|source| self.error(source))?;
         refuse_existing(&self.target, self.overwrite)?;
-        fs::rename(&self.partial, &self.target)
-            .map_err(|source| ExtmemError::io("rename the finished file to", &self.target, 0, source))?;
+        let renamed = self.faults.access().and_then(|()| fs::rename(&self.partial, &self.target));
+        renamed.map_err(|source| ExtmemError::io("rename the finished file to", &self.target, 0, source))?;
         self.published = true;
         // The new name itself lives in the directory, and survives a power cut only if that is synced too.
-        let directory = match self.target.parent() {
-            Some(parent) if parent != Path::new("") => parent,
-            _ => Path::new("."),
-        };
-        File::open(directory)
-            .and_then(|directory| directory.sync_all())
-            .map_err(|source| ExtmemError::io("sync the directory", directory, 0, source))
+        let directory = directory(&self.target);
+        let synced = self.faults.access().and_then(|()| File::open(directory)).and_then(|dir| dir.sync_all());
+        synced.map_err(|source| ExtmemError::io("sync the directory", directory, 0, source))
     }
+}
+
+fn directory(path: &Path) -> &Path {
+    path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 
 fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), ExtmemError> {
@@ -191,6 +219,35 @@ mod tests {
         assert!(matches!(file.publish(), Err(ExtmemError::Exists { .. })));
         assert_eq!(fs::read(&target).unwrap(), b"theirs");
         assert_eq!(names(dir.path()), ["model.chpm"]);
+    }
+
+    #[test]
+    fn what_the_killed_left_is_swept_away() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in [".a.chpm.17.partial", ".a.chpm.x.partial", ".b.chpm.17.partial", "a.chpm"] {
+            fs::write(dir.path().join(name), b"x").unwrap();
+        }
+        AtomicFile::sweep(&dir.path().join("a.chpm"));
+        assert_eq!(names(dir.path()), [".a.chpm.x.partial", ".b.chpm.17.partial", "a.chpm"]);
+    }
+
+    #[test]
+    fn any_fault_is_an_error_and_leaves_whole_files() {
+        for (at, was_renamed) in [(0, false), (1, false), (2, false), (3, false), (4, false), (5, true)] {
+            let dir = tempfile::tempdir().unwrap();
+            let target = dir.path().join("model.chpm");
+            fs::write(&target, b"old").unwrap();
+            let make = |faults| {
+                let file = AtomicFile::create_with(&target, true, faults)?;
+                file.set_len(3)?;
+                file.write_all_at(b"new", 0)?;
+                file.publish()
+            };
+            assert!(make(Faults::fail_at(at, at % 2 == 0)).is_err(), "{at}");
+            assert_eq!(fs::read(&target).unwrap(), if was_renamed { b"new" } else { b"old" }, "{at}");
+            assert_eq!(names(dir.path()), ["model.chpm"]);
+            make(Faults::fail_at(6, true)).unwrap();
+        }
     }
 
     #[test]

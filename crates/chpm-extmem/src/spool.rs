@@ -1,17 +1,18 @@
 //! A spool of byte blobs, appended from many threads, in memory first and then in a file.
 
-use crate::{ExtmemError, Reservation, Store};
-use std::fs::File;
+use crate::file::DataFile;
+use crate::saved::STEP;
+use crate::{ExtmemError, Reservation, SavedFile, Store};
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a segment: large enough to make bookkeeping vanish, small beside any budget.
 const SEGMENT: usize = 8 << 20;
 
 /// An append-only sequence of bytes. Blobs are laid end to end across segments; a segment is in memory if the
-/// budget granted it, and from the first refusal on every further segment is in one unnamed file.
+/// budget granted it, and from the first refusal on every further segment is in one file.
 ///
 /// Every method takes `&self`: threads copy into different places at the same time, and wait for one another only
 /// where they touch the same segment in memory.
@@ -22,19 +23,34 @@ pub struct Spool {
     segment_len: usize,
     len: AtomicU64,
     segments: RwLock<Segments>,
+    /// What another run would find, if the file has a name.
+    saved: Option<Box<Mutex<SavedFile>>>,
 }
 
 #[derive(Debug, Default)]
 struct Segments {
     list: Vec<Arc<Segment>>,
-    file: Option<Arc<File>>,
-    on_disk: u64,
+    /// Has each segment at its own offset: those on disk, and those in memory as far as they were saved.
+    file: Option<Arc<DataFile>>,
+    /// Whether memory was refused.
+    is_full: bool,
 }
 
 #[derive(Debug)]
 enum Segment {
     Memory { bytes: RwLock<Vec<u8>>, _share: Reservation },
-    Disk { file: Arc<File>, start: u64 },
+    Disk(Arc<DataFile>),
+}
+
+impl Segments {
+    fn file(&mut self, spool: &Spool) -> Result<Arc<DataFile>, ExtmemError> {
+        if let Some(file) = &self.file {
+            return Ok(Arc::clone(file));
+        }
+        let name = spool.saved.as_ref().map(|saved| locked(saved).file_name().to_owned());
+        let file = Arc::new(DataFile::create(&spool.store.workdir, name.as_deref())?);
+        Ok(Arc::clone(self.file.insert(file)))
+    }
 }
 
 impl Spool {
@@ -43,15 +59,92 @@ impl Spool {
         Self::with_segment_len(store, what, SEGMENT)
     }
 
+    /// An empty spool that can be saved: its file has a `name`, which no other has.
+    pub fn named(store: &Store, what: &'static str, name: &str) -> Self {
+        Self::with(store, what, SEGMENT, Some(name))
+    }
+
     /// An empty spool with segments of `segment_len` bytes (at least one) instead of 8 MiB.
     pub fn with_segment_len(store: &Store, what: &'static str, segment_len: usize) -> Self {
+        Self::with(store, what, segment_len, None)
+    }
+
+    fn with(store: &Store, what: &'static str, segment_len: usize, name: Option<&str>) -> Self {
         Spool {
             store: store.clone(),
             what,
             segment_len: segment_len.max(1),
             len: AtomicU64::new(0),
             segments: RwLock::default(),
+            saved: name.map(|name| Box::new(Mutex::new(SavedFile::new(name)))),
         }
+    }
+
+    /// Writes what was appended since the last time to the file, and answers how another run finds all of it. No append may be in
+    /// progress, and what was saved must not be overwritten.
+    ///
+    /// # Errors
+    /// [`ExtmemError::DiskFull`] or [`ExtmemError::Io`]; [`ExtmemError::NotAFile`] if the spool has no name.
+    pub fn save(&self) -> Result<SavedFile, ExtmemError> {
+        let unnamed = || ExtmemError::NotAFile { path: self.store.workdir.path().to_owned() };
+        let lock = self.saved.as_ref().ok_or_else(unnamed)?;
+        let mut saved = locked(lock).clone();
+        let (mut offset, end) = (saved.len(), self.len());
+        if offset == end {
+            return Ok(saved);
+        }
+        let file = self.segments.write().unwrap_or_else(PoisonError::into_inner).file(self)?;
+        let name = file.name().ok_or_else(unnamed)?;
+        let (mut hash, mut scratch) = (Xxh3::new(), vec![0; STEP.min((end - offset) as usize)]);
+        while offset < end {
+            let step = STEP.min((end - offset) as usize);
+            self.each_piece(offset, step, |segment, range, at| {
+                match segment {
+                    Segment::Memory { bytes, .. } => {
+                        let bytes = bytes.read().unwrap_or_else(PoisonError::into_inner);
+                        hash.update(&bytes[range.clone()]);
+                        file.write_all_at(&bytes[range], at)?;
+                    }
+                    Segment::Disk(file) => {
+                        let piece = &mut scratch[..range.len()];
+                        file.read_exact_at(piece, at)?;
+                        hash.update(piece);
+                    }
+                }
+                Ok(())
+            })?;
+            offset += step as u64;
+        }
+        file.sync()?;
+        self.store.workdir.protect(name);
+        saved.extend(end, hash.digest());
+        *locked(lock) = saved.clone();
+        Ok(saved)
+    }
+
+    /// The spool that another run saved. What it holds stays on disk.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Damaged`] if it is not what was saved, [`ExtmemError::Io`].
+    pub fn load(
+        store: &Store,
+        what: &'static str,
+        name: &str,
+        saved: &SavedFile,
+    ) -> Result<Self, ExtmemError> {
+        let spool = Self::named(store, what, name);
+        if !saved.is_empty() {
+            let file = Arc::new(saved.open(&store.workdir, |_| Ok(()))?);
+            let mut segments = spool.segments.write().unwrap_or_else(PoisonError::into_inner);
+            let count = saved.len().div_ceil(SEGMENT as u64);
+            file.set_len(count * SEGMENT as u64)?;
+            segments.list.extend((0..count).map(|_| Arc::new(Segment::Disk(Arc::clone(&file)))));
+            segments.file = Some(file);
+            drop(segments);
+            spool.len.store(saved.len(), Relaxed);
+            spool.saved.iter().for_each(|lock| *locked(lock) = saved.clone());
+        }
+        Ok(spool)
     }
 
     /// Bytes appended so far, those of appends in progress included.
@@ -66,7 +159,9 @@ impl Spool {
 
     /// Bytes of segments that live in the file.
     pub fn bytes_on_disk(&self) -> u64 {
-        self.segments.read().unwrap_or_else(PoisonError::into_inner).on_disk
+        let segments = self.segments.read().unwrap_or_else(PoisonError::into_inner);
+        let on_disk = segments.list.iter().filter(|segment| matches!(***segment, Segment::Disk(_)));
+        (on_disk.count() * self.segment_len) as u64
     }
 
     /// Appends `blob` and returns the offset of its first byte. Where it lies among blobs of other threads depends
@@ -109,7 +204,7 @@ impl Spool {
         self.check(offset, out.len() as u64)?;
         let len = out.len();
         let mut rest = out;
-        self.each_piece(offset, len, |segment, range| {
+        self.each_piece(offset, len, |segment, range, at| {
             let (piece, tail) = std::mem::take(&mut rest).split_at_mut(range.len());
             rest = tail;
             match segment {
@@ -117,16 +212,14 @@ impl Spool {
                     piece.copy_from_slice(&bytes.read().unwrap_or_else(PoisonError::into_inner)[range]);
                     Ok(())
                 }
-                Segment::Disk { file, start } => file
-                    .read_exact_at(piece, start + range.start as u64)
-                    .map_err(|source| self.error("read a file in", piece.len(), source)),
+                Segment::Disk(file) => file.read_exact_at(piece, at),
             }
         })
     }
 
     fn put(&self, offset: u64, blob: &[u8]) -> Result<(), ExtmemError> {
         let mut rest = blob;
-        self.each_piece(offset, blob.len(), |segment, range| {
+        self.each_piece(offset, blob.len(), |segment, range, at| {
             let (piece, tail) = rest.split_at(range.len());
             rest = tail;
             match segment {
@@ -134,19 +227,17 @@ impl Spool {
                     bytes.write().unwrap_or_else(PoisonError::into_inner)[range].copy_from_slice(piece);
                     Ok(())
                 }
-                Segment::Disk { file, start } => file
-                    .write_all_at(piece, start + range.start as u64)
-                    .map_err(|source| self.error("write a file in", piece.len(), source)),
+                Segment::Disk(file) => file.write_all_at(piece, at),
             }
         })
     }
 
-    /// Visits the segments under a range, each with the part of it that the range covers.
+    /// Visits the segments under a range, each with the part of it that the range covers, and where that begins in the spool.
     fn each_piece(
         &self,
         mut offset: u64,
         mut len: usize,
-        mut visit: impl FnMut(&Segment, Range<usize>) -> Result<(), ExtmemError>,
+        mut visit: impl FnMut(&Segment, Range<usize>, u64) -> Result<(), ExtmemError>,
     ) -> Result<(), ExtmemError> {
         while len > 0 {
             let index = (offset / self.segment_len as u64) as usize;
@@ -160,7 +251,7 @@ impl Spool {
                 return Err(ExtmemError::OutOfRange { what: self.what, offset, len: len as u64, size });
             };
             drop(segments);
-            visit(&segment, start..start + piece)?;
+            visit(&segment, start..start + piece, offset)?;
             offset += piece as u64;
             len -= piece;
         }
@@ -182,25 +273,19 @@ impl Spool {
     }
 
     fn new_segment(&self, segments: &mut Segments) -> Result<Segment, ExtmemError> {
-        let file = match &segments.file {
-            Some(file) => Arc::clone(file),
-            None => {
-                let share = self.store.budget.try_reserve(self.what, self.segment_len as u64);
-                if let Some(_share) = share
-                    && let Ok(bytes) = bytemuck::try_zeroed_vec(self.segment_len)
-                {
-                    return Ok(Segment::Memory { bytes: RwLock::new(bytes), _share });
-                }
-                let file = Arc::new(self.store.workdir.unnamed_file()?);
-                segments.file.insert(file).clone()
+        if !segments.is_full {
+            let share = self.store.budget.try_reserve(self.what, self.segment_len as u64);
+            if let Some(_share) = share
+                && let Ok(bytes) = bytemuck::try_zeroed_vec(self.segment_len)
+            {
+                return Ok(Segment::Memory { bytes: RwLock::new(bytes), _share });
             }
-        };
-        let start = segments.on_disk;
+            segments.is_full = true;
+        }
+        let file = segments.file(self)?;
         // The whole segment exists from now on, as zeros (and as a hole, where the file system knows holes).
-        file.set_len(start + self.segment_len as u64)
-            .map_err(|source| self.error("extend a file in", self.segment_len, source))?;
-        segments.on_disk += self.segment_len as u64;
-        Ok(Segment::Disk { file, start })
+        file.set_len((segments.list.len() as u64 + 1) * self.segment_len as u64)?;
+        Ok(Segment::Disk(file))
     }
 
     fn check(&self, offset: u64, len: u64) -> Result<(), ExtmemError> {
@@ -210,10 +295,10 @@ impl Spool {
             _ => Err(ExtmemError::OutOfRange { what: self.what, offset, len, size }),
         }
     }
+}
 
-    fn error(&self, action: &'static str, needed: usize, source: std::io::Error) -> ExtmemError {
-        ExtmemError::io(action, self.store.workdir.path(), needed as u64, source)
-    }
+fn locked(saved: &Mutex<SavedFile>) -> MutexGuard<'_, SavedFile> {
+    saved.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -1,15 +1,21 @@
-//! The work directory: a fresh place for intermediate files, gone when the work ends.
+//! The work directory: a place for intermediate files, gone when the work ends, unless another run is to go on with it.
 
-use crate::ExtmemError;
+use crate::{ExtmemError, Faults};
+use std::collections::BTreeSet;
 use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A uniquely named directory that is removed with all its files when dropped, unless [`WorkDir::keep`] was called.
+/// A directory that is removed with all its files when dropped, unless it is to be kept.
 #[derive(Debug)]
 pub struct WorkDir {
     path: PathBuf,
     kept: AtomicBool,
+    faults: Faults,
+    /// Where another run may go on: names of files that stay when they are closed, since a manifest names them, or soon will.
+    listed: Option<Mutex<BTreeSet<String>>>,
 }
 
 impl WorkDir {
@@ -22,7 +28,49 @@ impl WorkDir {
             .prefix("chpm-")
             .tempdir_in(parent)
             .map_err(|source| ExtmemError::io("create a work directory in", parent, 0, source))?;
-        Ok(WorkDir { path: dir.keep(), kept: AtomicBool::new(false) })
+        Ok(WorkDir {
+            path: dir.keep(),
+            kept: AtomicBool::new(false),
+            faults: Faults::default(),
+            listed: None,
+        })
+    }
+
+    /// Opens `path` for work that another run may go on with: it is made if it is not there, and what an earlier run left in it
+    /// stays, to be taken up or swept away. Only one process may have it open at a time; that is for the caller to see to.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the directory.
+    pub fn resumable(path: &Path, faults: Faults) -> Result<Self, ExtmemError> {
+        let made = faults.access().and_then(|()| match fs::create_dir(path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
+            made => made,
+        });
+        made.map_err(|source| ExtmemError::io("create the work directory", path, 0, source))?;
+        Ok(WorkDir {
+            path: path.to_owned(),
+            kept: AtomicBool::new(path.join(Self::MANIFEST).exists()),
+            faults,
+            listed: Some(Mutex::default()),
+        })
+    }
+
+    /// The same directory with something going wrong.
+    pub fn with_faults(self, faults: Faults) -> Self {
+        // Fields cannot be moved out of what is dropped, so that this is a change.
+        let mut dir = self;
+        dir.faults = faults;
+        dir
+    }
+
+    /// Whether another run may go on with what is in it.
+    pub fn is_resumable(&self) -> bool {
+        self.listed.is_some()
+    }
+
+    /// What is to go wrong with its files.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
     }
 
     /// Where the directory is.
@@ -30,9 +78,14 @@ impl WorkDir {
         &self.path
     }
 
-    /// Leaves the directory and its files in place when this is dropped.
-    pub fn keep(&self) {
-        self.kept.store(true, Relaxed);
+    /// Leaves the directory and its files in place when this is dropped, or no longer does so.
+    pub fn keep(&self, kept: bool) {
+        self.kept.store(kept, Relaxed);
+    }
+
+    /// Whether the directory stays when this is dropped.
+    pub fn is_kept(&self) -> bool {
+        self.kept.load(Relaxed)
     }
 
     /// Fails unless the file system has `bytes` free, as far as it tells.
@@ -54,12 +107,22 @@ impl WorkDir {
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the file.
     pub fn create_file(&self, name: &str) -> Result<File, ExtmemError> {
         let path = self.path.join(name);
-        File::options()
-            .read(true)
-            .write(true)
-            .create_new(true)
-            .open(&path)
-            .map_err(|source| ExtmemError::io("create", &path, 0, source))
+        let open = || File::options().read(true).write(true).create_new(true).open(&path);
+        let opened = self.faults.access().and_then(|()| open());
+        opened.map_err(|source| ExtmemError::io("create", &path, 0, source))
+    }
+
+    /// Opens the file `name`, for reading and writing.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Damaged`] if it is not there, [`ExtmemError::Io`] naming it.
+    pub fn open_file(&self, name: &str) -> Result<File, ExtmemError> {
+        let path = self.path.join(name);
+        let open = || File::options().read(true).write(true).open(&path);
+        self.faults.access().and_then(|()| open()).map_err(|source| match source.kind() {
+            io::ErrorKind::NotFound => ExtmemError::Damaged { path, reason: "is not there" },
+            _ => ExtmemError::io("open", &path, 0, source),
+        })
     }
 
     /// Creates a file without a name, open for reading and writing; its space is freed when it is closed.
@@ -67,8 +130,50 @@ impl WorkDir {
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the directory.
     pub fn unnamed_file(&self) -> Result<File, ExtmemError> {
-        tempfile::tempfile_in(&self.path)
-            .map_err(|source| ExtmemError::io("create a file in", &self.path, 0, source))
+        let made = self.faults.access().and_then(|()| tempfile::tempfile_in(&self.path));
+        made.map_err(|source| ExtmemError::io("create a file in", &self.path, 0, source))
+    }
+
+    /// Has the file `name` stay when it is closed, until a manifest is published that does not name it.
+    pub(crate) fn protect(&self, name: &str) {
+        if let Some(mut listed) = self.listed() {
+            listed.insert(name.to_owned());
+        }
+    }
+
+    /// The file `name` is no longer needed by this run.
+    pub(crate) fn discard(&self, name: &str) {
+        if self.listed().is_none_or(|listed| !listed.contains(name)) {
+            // What cannot be removed is swept away by the next run.
+            let _ = fs::remove_file(self.path.join(name));
+        }
+    }
+
+    /// From now on only these files are needed by the manifest: others that were are removed.
+    pub(crate) fn list(&self, names: BTreeSet<String>) {
+        if let Some(mut listed) = self.listed() {
+            for name in listed.difference(&names) {
+                let _ = fs::remove_file(self.path.join(name));
+            }
+            *listed = names;
+        }
+    }
+
+    /// Removes all files but those of these names and, if it is to stay, the manifest.
+    pub(crate) fn sweep(&self, names: &BTreeSet<String>, manifest: bool) -> Result<(), ExtmemError> {
+        let failed = |source| ExtmemError::io("look into", &self.path, 0, source);
+        let is_needed = |name: &str| names.contains(name) || (manifest && name == Self::MANIFEST);
+        for entry in self.faults.access().and_then(|()| fs::read_dir(&self.path)).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            if !entry.file_name().to_str().is_some_and(is_needed) {
+                fs::remove_file(entry.path()).map_err(failed)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn listed(&self) -> Option<MutexGuard<'_, BTreeSet<String>>> {
+        self.listed.as_ref().map(|listed| listed.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
@@ -123,7 +228,7 @@ mod tests {
         let dir = WorkDir::create(parent.path()).unwrap();
         let path = dir.path().to_path_buf();
         dir.create_file("log").unwrap();
-        dir.keep();
+        dir.keep(true);
         drop(dir);
         assert!(path.join("log").exists());
     }

@@ -53,14 +53,20 @@ impl ActiveList {
         allowed: impl Fn(GroupId) -> bool,
     ) -> Result<Changes, RefineError> {
         let trusting = self.trusting;
-        self.update_with(file, hierarchy, view, allowed, |cluster, enters| {
-            let checks = enters && !trusting;
-            Ok(if checks { file.page(cluster)? } else { Page::view(file.page_bytes(cluster))? })
-        })
+        self.update_with(
+            file,
+            hierarchy,
+            |group| hierarchy.bound(group, view),
+            allowed,
+            |cluster, enters| {
+                let checks = enters && !trusting;
+                Ok(if checks { file.page(cluster)? } else { Page::view(file.page_bytes(cluster))? })
+            },
+        )
     }
 
-    /// The same for pages that are somewhere else than in the file: `page` is asked for those of clusters that enter (then with `true`)
-    /// and of those whose positions move.
+    /// The same for bounds that somebody else keeps ([`Front::update_by`]), and pages that are somewhere else than in the file: `page` is
+    /// asked for those of clusters that enter (then with `true`) and of those whose positions move.
     ///
     /// # Errors
     /// What `page` answers; the list then starts anew with the next update.
@@ -68,13 +74,13 @@ impl ActiveList {
         &mut self,
         file: &Chpm<D>,
         hierarchy: &Hierarchy,
-        view: &View,
+        bound_of: impl FnMut(GroupId) -> f32,
         allowed: impl Fn(GroupId) -> bool,
         page: impl Fn(ClusterId, bool) -> Result<Page<'p>, RefineError>,
     ) -> Result<Changes, RefineError> {
         // No change brings them.
         let roots: Vec<_> = if self.members.is_empty() { file.roots().collect() } else { Vec::new() };
-        let mut changes = self.front.update(file, hierarchy, view, allowed);
+        let mut changes = self.front.update_by(file, hierarchy, bound_of, allowed);
         let moved = self.position(file, &roots, changes.splits + changes.collapses > 0, page);
         if moved.is_err() {
             *self = ActiveList { trusting: self.trusting, ..ActiveList::new(file) };

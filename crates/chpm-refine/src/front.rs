@@ -81,13 +81,25 @@ impl Front {
         view: &View,
         allowed: impl Fn(GroupId) -> bool,
     ) -> Changes {
+        self.update_by(file, hierarchy, |group| hierarchy.bound(group, view), allowed)
+    }
+
+    /// The same by bounds that somebody else keeps: those of a view ([`Hierarchy::bound`]), where several fronts follow it. Each is asked
+    /// for once, or twice where a group changes.
+    pub fn update_by<D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        hierarchy: &Hierarchy,
+        mut bound_of: impl FnMut(GroupId) -> f32,
+        allowed: impl Fn(GroupId) -> bool,
+    ) -> Changes {
         let mut changes = Changes::default();
         self.entered.clear();
         let mut next = 0;
         // Grows while it is walked: a split opens the groups below.
         while let Some(&group) = self.open.get(next) {
             next += 1;
-            let bound = hierarchy.bound(group, view);
+            let bound = bound_of(group);
             self.states[group.index()].bound = bound;
             if hierarchy.wants(group, bound) && allowed(group) {
                 changes.splits += 1;
@@ -100,7 +112,7 @@ impl Front {
             if self.states[group.index()].below > 0 {
                 continue;
             }
-            let bound = hierarchy.bound(group, view);
+            let bound = bound_of(group);
             if !(hierarchy.wants(group, bound) && allowed(group)) {
                 changes.collapses += 1;
                 self.collapse(file, group, bound);
@@ -173,7 +185,7 @@ impl Front {
 
     /// The bound that the clusters of a group in the cut are positioned by: the view's; none at all where the group is there in
     /// part, because what replaces the others looks like their base meshes.
-    pub(crate) fn bound(&self, group: GroupId) -> f32 {
+    pub fn bound(&self, group: GroupId) -> f32 {
         let state = &self.states[group.index()];
         if state.missing == 0 { state.bound } else { f32::INFINITY }
     }

@@ -44,5 +44,5 @@ pub fn select_by<D: AsRef<[u8]>>(
 
 /// Whether a cluster can be in the image: its box is not wholly outside one plane of the frustum.
 pub fn is_visible(cluster: &ClusterRecord, view: &View) -> bool {
-    !view.misses_box(&cluster.aabb())
+    view.holds(&cluster.sphere()) || !view.misses_box(&cluster.aabb())
 }

@@ -5,7 +5,7 @@
 //! near the corners. So the bound depends on where the camera stands and not on where it looks, and turning it changes no mesh.
 
 use crate::error::RefineError;
-use chpm_mesh::Aabb;
+use chpm_mesh::{Aabb, Sphere, geom};
 use nalgebra::{Point3, Vector3};
 
 /// Where a picture is taken from. Coordinates are the source's, or relative to the origin of a file: see [`Camera::relative_to`].
@@ -212,6 +212,13 @@ impl View {
         let center = Point3::from(region.center) - self.eye;
         let margin = region.radius + region.slack * (center.norm() + region.radius);
         self.planes.iter().any(|(normal, offset)| normal.dot(&center) + offset + margin < 0.0)
+    }
+
+    /// Whether a sphere is well inside all planes: then nothing in it is outside. For less than a test of a box.
+    pub fn holds(&self, sphere: &Sphere) -> bool {
+        let center = geom::to_f64(sphere.center) - self.eye;
+        let radius = f64::from(sphere.radius);
+        self.planes.iter().all(|(normal, offset)| normal.dot(&center) + offset > radius)
     }
 
     /// Whether a box is wholly on the outer side of one plane of the frustum; an empty one is.

@@ -13,13 +13,13 @@ use crate::gpu::{
 };
 use crate::request::{Accuracy, Budgets, FrameRequest, Target};
 use crate::scene::visibility::{Sight, Subject};
-use crate::scene::{Culling, Scene, gpu_bytes};
+use crate::scene::{Culling, News, Scene, gpu_bytes};
 use crate::stats::Stats;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Aabb;
 use chpm_refine::{Camera, Changes, View};
-use paint::Colors;
+use paint::{Colors, Plan};
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
@@ -53,6 +53,8 @@ pub struct Viewer {
 
 /// Frames that are read ahead.
 const LOOK_AHEAD: f64 = 8.0;
+/// Frames from one look ahead to the next; a page takes longer than that anyway.
+const AHEAD_EVERY: u64 = 4;
 /// Rounds after which a frame that waits is done in any case; one for each level, and for what comes into sight, is usual.
 const ROUNDS: u64 = 200;
 
@@ -171,10 +173,11 @@ impl Viewer {
         self.refine(&view, culling, false, &mut stats)?;
         if let Some(before) = self.before.replace(request.camera)
             && before != request.camera
+            && self.now.is_multiple_of(AHEAD_EVERY)
         {
             let ahead = request.camera.onward(&before, LOOK_AHEAD);
             if let Ok((_, ahead)) = self.look_through(&ahead, request.viewport, poe) {
-                stats.requested_bytes += self.scene.foresee(&ahead, culling).requested_bytes;
+                stats.requested_bytes += self.scene.foresee(&ahead, culling);
             }
         }
         self.scene.look(&view, culling);
@@ -183,8 +186,8 @@ impl Viewer {
         self.pipelines.prepare(&self.gpu, colors.kind());
         // Without numbered draws, what comes into sight is drawn once the answer is there.
         let at_once = self.gpu.features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
-        let hidden = if culling.occlusion && at_once { &[Sight::Hidden][..] } else { &[] };
-        let shown = self.gather(&colors, &[&[Sight::Visible], hidden].concat(), &mut stats);
+        let plan = if culling.occlusion && at_once { Plan::HiddenToo } else { Plan::Visible };
+        let shown = self.gather(&colors, plan, &mut stats)?;
         watch.lap();
         let uniform = lens.uniform(colors.uniform());
         self.buffers.write(&self.gpu, &self.pipelines, &self.list, &uniform);
@@ -234,7 +237,7 @@ impl Viewer {
         while let Some((subjects, answers)) = self.asked.pop_front() {
             match self.occlusion.try_take(answers) {
                 Ok(visible) => {
-                    stats.newly_visible += self.scene.answer(subjects.into_iter().zip(visible));
+                    stats.newly_visible += self.scene.answer(subjects.into_iter().zip(visible)).clusters;
                 }
                 Err(answers) => {
                     self.asked.push_front((subjects, answers));
@@ -252,11 +255,14 @@ impl Viewer {
         wait: bool,
         stats: &mut Stats,
     ) -> Result<Changes, ViewerError> {
+        if !self.scene.has_roots() {
+            // The one thing that a frame cannot do without.
+            self.scene.read_roots()?;
+        }
         self.scene.receive(false)?;
-        stats.requested_bytes += self.scene.want(view, culling).requested_bytes;
-        if wait || !self.scene.has_roots() {
+        stats.requested_bytes += self.scene.want(view, culling);
+        if wait {
             let start = Instant::now();
-            // The roots are waited for once; nothing could be drawn without them.
             let came = self.scene.receive(true)?;
             if came > 0 {
                 stats.stalls += 1;
@@ -353,9 +359,9 @@ impl Viewer {
             stats.times.refine += watch.lap().saturating_sub(stats.times.stall - stalled);
             let mut changed = changes.splits + changes.collapses > 0;
             if culling.occlusion {
-                let newly_visible = self.test(&lens, &view, culling, &colors, &mut stats)?;
-                stats.newly_visible += newly_visible;
-                changed |= newly_visible > 0;
+                let news = self.test(&lens, &view, culling, &colors, &mut stats)?;
+                stats.newly_visible += news.clusters;
+                changed |= news != News::default();
             }
             if !request.wait || !changed || !culling.occlusion || stats.rounds >= ROUNDS {
                 break;
@@ -367,7 +373,7 @@ impl Viewer {
         Ok(stats)
     }
 
-    /// Draws the depth of what is visible and asks the boxes; answers how many things came into sight.
+    /// Draws the depth of what is visible and asks the boxes; answers what came into sight.
     fn test(
         &mut self,
         lens: &Lens,
@@ -375,8 +381,8 @@ impl Viewer {
         culling: Culling,
         colors: &Colors,
         stats: &mut Stats,
-    ) -> Result<u64, ViewerError> {
-        let shown = self.gather(colors, &[Sight::Visible], stats);
+    ) -> Result<News, ViewerError> {
+        let shown = self.gather(colors, Plan::Visible, stats)?;
         let mut watch = Watch::start();
         self.buffers.write(&self.gpu, &self.pipelines, &self.list, &lens.uniform([0; 4]));
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -389,7 +395,7 @@ impl Viewer {
         stats.times.draw += watch.lap();
         let (subjects, boxes) = self.questions(view, culling, false);
         if boxes.is_empty() {
-            return Ok(0);
+            return Ok(News::default());
         }
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let arguments = (self.buffers.arguments(), self.list.kind().stride());
@@ -398,9 +404,9 @@ impl Viewer {
         let answers = self.occlusion.record(&self.gpu, &mut encoder, depth, uniform, &boxes, arguments);
         self.gpu.queue.submit([encoder.finish()]);
         let visible = self.occlusion.wait(&self.gpu, answers)?;
-        let newly_visible = self.scene.answer(subjects.into_iter().zip(visible));
+        let news = self.scene.answer(subjects.into_iter().zip(visible));
         stats.times.occlusion += watch.lap();
-        Ok(newly_visible)
+        Ok(news)
     }
 
     /// What the cut and the memory look like after a frame.

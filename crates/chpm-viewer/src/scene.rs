@@ -37,20 +37,28 @@ pub struct Scene {
     wanted: Front,
     foreseen: Front,
     list: ActiveList,
+    /// By group: the bound of the last view that it was asked for.
+    bounds: Bounds,
     residency: Residency,
     /// The same for what the GPU has room for; nothing is on its way there.
     gpu_residency: Residency,
+    /// Most bytes on the GPU for a byte of a page.
+    gpu_share: f64,
+    /// Whether all that is in memory fits on the GPU too, so that nobody has to ask.
+    gpu_has_room: bool,
     budgets: Budgets,
     fetch: Fetch,
     pages: Vec<Option<Arc<PageData>>>,
     visibility: Visibility,
 }
 
-/// What a selection did.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Selected {
-    /// Pages asked for, bytes.
-    pub requested_bytes: u64,
+/// What came into sight.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct News {
+    /// Clusters of the cut.
+    pub clusters: u64,
+    /// Groups, or something below them.
+    pub groups: u64,
 }
 
 /// Threads that read pages.
@@ -64,20 +72,26 @@ impl Scene {
     /// # Errors
     /// [`ViewerError::Budget`], [`ViewerError::Open`], [`ViewerError::Thread`].
     pub fn new(file: Arc<Chpm<MappedFile>>, budgets: Budgets, gpu_room: Bytes) -> Result<Self, ViewerError> {
-        let of_roots = |size: fn(&ClusterRecord) -> u64| {
-            Bytes(file.roots().map(|root| size(&file.clusters()[root.index()])).sum())
-        };
-        let page_bytes = of_roots(|cluster| u64::from(cluster.page_len));
-        for (what, needed, got) in [
-            ("memory", page_bytes, budgets.memory),
-            ("GPU memory", of_roots(|cluster| gpu_bytes(cluster, true)), gpu_room),
-        ] {
-            if needed > got {
-                return Err(ViewerError::Budget { what, needed, got });
-            }
-        }
         let colors = file.header().attributes().colors;
+        let of_roots = |size: &dyn Fn(&ClusterRecord) -> u64| {
+            file.roots().map(|root| size(&file.clusters()[root.index()])).sum::<u64>()
+        };
+        let page_bytes = Bytes(of_roots(&|cluster| u64::from(cluster.page_len)));
+        if page_bytes > budgets.memory {
+            return Err(ViewerError::Budget { what: "memory", needed: page_bytes, got: budgets.memory });
+        }
+        let root_bytes = of_roots(&|cluster| gpu_bytes(cluster, colors));
+        if root_bytes > gpu_room.0 {
+            // What is lost at the ends of slabs comes on top.
+            let largest = file.clusters().iter().map(|cluster| gpu_bytes(cluster, colors)).max();
+            let needed = Bytes(root_bytes + 2 * largest.unwrap_or(0));
+            return Err(ViewerError::Budget { what: "GPU memory", needed, got: budgets.gpu_memory });
+        }
+        let share = |cluster: &ClusterRecord| gpu_bytes(cluster, colors) as f64 / f64::from(cluster.page_len);
         Ok(Scene {
+            gpu_share: file.clusters().iter().map(share).fold(0.0, f64::max),
+            gpu_has_room: true,
+            bounds: Bounds::new(file.groups().len()),
             hierarchy: Hierarchy::new(&file),
             wanted: Front::new(&file),
             foreseen: Front::new(&file),
@@ -92,11 +106,13 @@ impl Scene {
         })
     }
 
-    /// Asks for what a view wants, and lets go what it does not need.
-    pub fn want(&mut self, view: &View, culling: Culling) -> Selected {
+    /// Asks for what a view wants, and lets go what it does not need; answers the bytes of the pages asked for.
+    pub fn want(&mut self, view: &View, culling: Culling) -> u64 {
         let (file, hierarchy, list) = (&*self.file, &self.hierarchy, self.list.front());
         let visibility = &self.visibility;
-        self.wanted.update(file, hierarchy, view, |group| {
+        self.bounds.turn();
+        let bound = |group| self.bounds.of(group, hierarchy, view);
+        self.wanted.update_by(file, hierarchy, bound, |group| {
             let in_image = || !culling.frustum || !view.misses(hierarchy.region(group));
             let seen = || !culling.occlusion || visibility.sees(file, group);
             list.is_split(group) || in_image() && seen()
@@ -105,16 +121,20 @@ impl Scene {
             self.visibility.forget(file.clusters()[entered.cluster.index()].group());
         }
         let wanted = self.wanted_by_priority(view, culling);
-        let on_gpu = self.gpu_residency.update(file, hierarchy, wanted.clone());
-        for cluster in on_gpu.requests {
-            self.gpu_residency.arrive(file, cluster);
+        let traffic = self.residency.update(&self.file, &self.hierarchy, wanted.clone());
+        let most = self.residency.reserved().0 as f64 * self.gpu_share;
+        self.gpu_has_room = most <= self.budgets.gpu_memory.0 as f64;
+        if !self.gpu_has_room {
+            let on_gpu = self.gpu_residency.update(&self.file, &self.hierarchy, wanted);
+            for cluster in on_gpu.requests {
+                self.gpu_residency.arrive(&self.file, cluster);
+            }
         }
-        let traffic = self.residency.update(file, hierarchy, wanted);
         self.dispatch(traffic, false)
     }
 
-    /// Asks for what a view to come will want, after [`Scene::want`]: all that it splits, and what it would split next.
-    pub fn foresee(&mut self, ahead: &View, culling: Culling) -> Selected {
+    /// Asks for what a view to come will want, after [`Scene::want`]: all that it splits, and what it would split next. Answers bytes.
+    pub fn foresee(&mut self, ahead: &View, culling: Culling) -> u64 {
         let (file, hierarchy, visibility) = (&*self.file, &self.hierarchy, &self.visibility);
         let known = &self.wanted;
         self.foreseen.update(file, hierarchy, ahead, |group| {
@@ -139,11 +159,16 @@ impl Scene {
 
     /// The groups that are wanted split; where memory may be short, those of which nothing is seen come last.
     fn wanted_by_priority(&self, view: &View, culling: Culling) -> Vec<Wanted> {
-        let split = self.wanted.split_groups();
-        let mut wanted: Vec<Wanted> = split.iter().map(|group| self.asked(*group, view)).collect();
         let is_short = |used: Bytes, all: Bytes| used.0 > all.0 / 4 * 3;
         let short = is_short(self.residency.reserved(), self.budgets.memory)
             || is_short(self.gpu_residency.reserved(), self.budgets.gpu_memory);
+        let list = self.list.front();
+        let asked = |group: &GroupId| match !short && list.is_split(*group) {
+            // It is there, and nobody asks which goes first.
+            true => Wanted { group: *group, priority: f64::INFINITY },
+            false => self.asked(*group, view),
+        };
+        let mut wanted: Vec<Wanted> = self.wanted.split_groups().iter().map(asked).collect();
         if short && culling != (Culling { frustum: false, occlusion: false }) {
             let mut seen = vec![false; self.file.groups().len()];
             for group in self.wanted.open_groups() {
@@ -164,7 +189,7 @@ impl Scene {
         wanted
     }
 
-    fn dispatch(&mut self, traffic: Traffic, ahead: bool) -> Selected {
+    fn dispatch(&mut self, traffic: Traffic, ahead: bool) -> u64 {
         for cluster in traffic.evictions {
             self.pages[cluster.index()] = None;
             self.fetch.evict(cluster);
@@ -178,7 +203,7 @@ impl Scene {
                 self.fetch.request(cluster)
             };
         }
-        Selected { requested_bytes }
+        requested_bytes
     }
 
     /// Takes in the pages that have come; waits for all that is on its way if told to.
@@ -202,18 +227,31 @@ impl Scene {
         self.residency.has_roots()
     }
 
+    /// Reads the roots, and waits for them.
+    ///
+    /// # Errors
+    /// Those of reading a page.
+    pub fn read_roots(&mut self) -> Result<(), ViewerError> {
+        let traffic = self.residency.update(&self.file, &self.hierarchy, Vec::new());
+        self.dispatch(traffic, false);
+        self.receive(true).map(drop)
+    }
+
     /// Brings the cut to what is wanted and there.
     ///
     /// # Errors
     /// None that a page which was checked could cause.
     pub fn refine(&mut self, view: &View) -> Result<Changes, ViewerError> {
         let (file, pages) = (&*self.file, &self.pages);
-        let ready = |group| self.residency.is_ready(group) && self.gpu_residency.is_ready(group);
+        let ready = |group| {
+            self.residency.is_ready(group) && (self.gpu_has_room || self.gpu_residency.is_ready(group))
+        };
+        let bound = |group| self.bounds.of(group, &self.hierarchy, view);
         let page = |cluster: ClusterId, _| {
             let page = pages[cluster.index()].as_ref();
             page.map(|page| page.page()).ok_or(RefineError::Cluster { cluster, count: pages.len() })
         };
-        let changes = self.list.update_with(file, &self.hierarchy, view, ready, page)?;
+        let changes = self.list.update_with(file, &self.hierarchy, bound, ready, page)?;
         let front = self.list.front();
         let is_active = |cluster: ClusterId| front.is_active(&file.clusters()[cluster.index()]);
         self.visibility.follow(file, front.entered(), self.list.left(), is_active);
@@ -250,15 +288,24 @@ impl Scene {
     ) -> impl Iterator<Item = (Subject, TestBox)> + 'a {
         self.wanted.open_groups().iter().copied().filter_map(move |group| {
             let region = self.hierarchy.region(group);
-            let is_wanted = self.hierarchy.wants(group, view.bound(region));
-            let in_image = !culling.frustum || !view.misses(region);
-            (is_wanted && in_image).then(|| (Subject::Group(group), TestBox::of_region(region)))
+            // The last update's view is this one.
+            let is_wanted = self.hierarchy.wants(group, self.wanted.bound(group));
+            let is_asked = is_wanted && (!culling.frustum || !view.misses(region));
+            is_asked.then(|| (Subject::Group(group), TestBox::of_region(region)))
         })
     }
 
-    /// Takes in answers; answers how many things came into sight.
-    pub fn answer(&mut self, answers: impl Iterator<Item = (Subject, bool)>) -> u64 {
-        answers.map(|(subject, visible)| u64::from(self.visibility.answer(subject, visible))).sum()
+    /// Takes in answers.
+    pub fn answer(&mut self, answers: impl Iterator<Item = (Subject, bool)>) -> News {
+        let mut news = News::default();
+        for (subject, visible) in answers {
+            let count = match subject {
+                Subject::Cluster(_) => &mut news.clusters,
+                Subject::Group(_) => &mut news.groups,
+            };
+            *count += u64::from(self.visibility.answer(subject, visible));
+        }
+        news
     }
 
     /// The page of a cluster of the cut.
@@ -292,6 +339,41 @@ impl Scene {
         splits(&self.wanted).saturating_sub(splits(self.list.front()))
     }
 }
+
+/// The bounds of one view, for all fronts that follow it.
+#[derive(Clone, Debug)]
+struct Bounds {
+    turn: u32,
+    /// By group: the turn that it was asked for in, and the answer.
+    known: Vec<(u32, f32)>,
+}
+
+impl Bounds {
+    fn new(groups: usize) -> Self {
+        Bounds { turn: 0, known: vec![(0, 0.0); groups] }
+    }
+
+    /// Another view.
+    fn turn(&mut self) {
+        self.turn = self.turn.wrapping_add(1);
+        if self.turn == 0 {
+            self.known.fill((0, 0.0));
+            self.turn = 1;
+        }
+    }
+
+    fn of(&mut self, group: GroupId, hierarchy: &Hierarchy, view: &View) -> f32 {
+        let known = &mut self.known[group.index()];
+        if known.0 != self.turn {
+            *known = (self.turn, hierarchy.bound(group, view));
+        }
+        known.1
+    }
+}
+
+#[cfg(test)]
+#[path = "../../chpm-refine/examples/front_pass/plane.rs"]
+mod plane;
 
 /// Bytes of a cluster's block.
 pub fn gpu_bytes(cluster: &ClusterRecord, colors: bool) -> u64 {

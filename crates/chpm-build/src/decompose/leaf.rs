@@ -5,6 +5,7 @@ use crate::error::BuildError;
 use bytemuck::Pod;
 use chpm_extmem::Spool;
 use chpm_mesh::{Aabb, Attributes};
+use serde::{Deserialize, Serialize};
 
 /// Marks a stored id that counts from the leaf's region's first inner one.
 pub(crate) const INNER: u32 = 1 << 31;
@@ -12,7 +13,7 @@ pub(crate) const INNER: u32 = 1 << 31;
 pub(crate) const ABSENT: u16 = u16::MAX;
 
 /// One leaf cluster, whose data lie in a spool.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Leaf {
     offset: u64,
     pub(crate) vertex_count: u32,

@@ -29,11 +29,13 @@ use crate::in_order::in_order;
 use crate::ingest::Source;
 use crate::report::Repairs;
 use census::Ledger;
-use chpm_extmem::Spool;
+use chpm_extmem::{SavedFile, Spool, Store};
 use chpm_mesh::Attributes;
 use chpm_qem::Displacement;
 use divide::Divided;
+use serde::{Deserialize, Serialize};
 use shared::Collector;
+use std::borrow::Cow;
 
 /// The leaf clusters.
 pub(crate) struct Decomposition {
@@ -52,7 +54,42 @@ impl Decomposition {
         let leaf = &self.leaves[leaf as usize];
         data.read(leaf, self.attributes, &self.spool, |code| self.shared.id(code, leaf))
     }
+
+    pub(crate) fn save(&self) -> Result<SavedLeaves<'_>, BuildError> {
+        Ok(SavedLeaves {
+            attributes: self.attributes,
+            rounding: bytemuck::cast(self.rounding),
+            spool: self.spool.save()?,
+            leaves: Cow::Borrowed(&self.leaves),
+            shared: Cow::Borrowed(&self.shared),
+        })
+    }
 }
+
+/// [`Decomposition`] in a checkpoint.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SavedLeaves<'a> {
+    attributes: Attributes,
+    rounding: [f32; 6],
+    pub(crate) spool: SavedFile,
+    leaves: Cow<'a, [Leaf]>,
+    shared: Cow<'a, SharedVertices>,
+}
+
+impl SavedLeaves<'_> {
+    pub(crate) fn load(self, store: &Store) -> Result<Decomposition, BuildError> {
+        Ok(Decomposition {
+            attributes: self.attributes,
+            rounding: bytemuck::cast(self.rounding),
+            spool: Spool::load(store, LEAVES, LEAVES, &self.spool)?,
+            leaves: self.leaves.into_owned(),
+            shared: self.shared.into_owned(),
+        })
+    }
+}
+
+/// What the leaves' spool is called, here and on disk.
+const LEAVES: &str = "leaves";
 
 /// Cuts the source into leaves, and counts into `repairs` what is odd about it.
 pub(crate) fn run(
@@ -67,7 +104,7 @@ pub(crate) fn run(
     let wanted = leaf_count(source.triangles.len(), settings);
     let divided = divide::run(source, wanted, settings, context)?;
 
-    let spool = Spool::new(&context.store, "leaves");
+    let spool = Spool::named(&context.store, LEAVES, LEAVES);
     let border_count = divided.border_count();
     let mut collector = Collector::new(border_count);
     let mut ledger = Ledger::new(border_count);

@@ -5,10 +5,11 @@
 
 use super::leaf::{INNER, Leaf};
 use super::region::{Done, Interfaces};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// All shared vertices. Memory: 4 bytes for each border vertex, and some dozens for each interface.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct SharedVertices {
     /// By border vertex that is shared: its interface.
     border: Vec<u32>,

@@ -4,9 +4,10 @@ use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
 use chpm_partition::{CsrGraph, rebalance_bisection};
+use serde::{Deserialize, Serialize};
 
 /// A node of the tree.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub(crate) struct Node {
     pub(crate) level: u32,
     pub(crate) parent: Option<u32>,
@@ -15,7 +16,7 @@ pub(crate) struct Node {
 }
 
 /// A binary tree over the leaf clusters; the last node is the root.
-#[derive(Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Tree {
     /// Leaves in their order, then inner nodes by level.
     pub(crate) nodes: Vec<Node>,

@@ -5,7 +5,7 @@ use super::steps::Steps;
 use super::stream::{self, Packing, Stream, Tap};
 use super::weld::{WeldError, Welder};
 use crate::error::BuildError;
-use chpm_extmem::Store;
+use chpm_extmem::{Faults, Store};
 use chpm_format::Source as Provenance;
 use chpm_mesh::PlyReader;
 use chpm_mesh::import::{Format, ImportError, ObjReader, RangeScans, StlReader};
@@ -65,7 +65,7 @@ impl Input {
         lists: bool,
     ) -> Result<Input, BuildError> {
         let unread = |source| BuildError::Source { path: path.to_owned(), source };
-        let tap = Tap::open(path).map_err(unread)?;
+        let tap = Tap::open(path, store.workdir.faults()).map_err(unread)?;
         let opened = stream::open(&tap, Format::HEAD).map_err(unread)?;
         let format = match Format::detect(&opened.head, opened.len, extension(path).as_deref()) {
             Format::RangeScans if !lists => Format::Ply,
@@ -203,7 +203,9 @@ impl Input {
 /// [`BuildError::Source`] if it cannot be read, [`BuildError::Import`] if it is no valid list.
 pub fn files(path: &Path) -> Result<Vec<PathBuf>, BuildError> {
     let unread = |source| BuildError::Source { path: path.to_owned(), source };
-    let opened = Tap::open(path).and_then(|tap| stream::open(&tap, Format::HEAD)).map_err(unread)?;
+    let opened = Tap::open(path, &Faults::default())
+        .and_then(|tap| stream::open(&tap, Format::HEAD))
+        .map_err(unread)?;
     let mut files = vec![path.to_owned()];
     if Format::detect(&opened.head, opened.len, extension(path).as_deref()) == Format::RangeScans {
         let import =
@@ -220,7 +222,7 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>, BuildError> {
 /// [`BuildError::Source`] naming the file that cannot be read.
 pub fn fingerprint(files: &[PathBuf]) -> Result<(u64, u64), BuildError> {
     let one = |path: &PathBuf| {
-        let read = || -> io::Result<(u64, u64)> { Tap::open(path)?.finish() };
+        let read = || -> io::Result<(u64, u64)> { Tap::open(path, &Faults::default())?.finish() };
         read().map_err(|source| BuildError::Source { path: path.clone(), source })
     };
     let all = files.iter().map(one).collect::<Result<Vec<_>, _>>()?;

@@ -12,11 +12,13 @@ use crate::allowance;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
-use chpm_extmem::{BufferWriter, Column};
+use crate::foreign::AabbFields;
+use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
 use chpm_format::Source as Provenance;
 use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Tally};
 use chpm_mesh::{Aabb, Attributes};
 use input::Input;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// The validated source.
@@ -40,6 +42,58 @@ impl Source {
     pub(crate) fn attributes(&self) -> Attributes {
         Attributes { normals: self.normals.is_some(), colors: self.colors.is_some() }
     }
+
+    /// Copies the arrays, which the next stage changes.
+    pub(crate) fn save(&self, store: &Store) -> Result<SavedSource, BuildError> {
+        Ok(SavedSource {
+            positions: self.positions.save(store, POSITIONS)?,
+            normals: self.normals.as_ref().map(|column| column.save(store, NORMALS)).transpose()?,
+            colors: self.colors.as_ref().map(|column| column.save(store, COLORS)).transpose()?,
+            triangles: self.triangles.save(store, TRIANGLES)?,
+            origin: self.origin,
+            rounding: self.rounding,
+            bounds: self.bounds,
+        })
+    }
+}
+
+const POSITIONS: &str = "positions";
+const NORMALS: &str = "normals";
+const COLORS: &str = "colors";
+const TRIANGLES: &str = "triangles";
+
+/// [`Source`] in a checkpoint, without what is only told about it.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SavedSource {
+    positions: SavedFile,
+    normals: Option<SavedFile>,
+    colors: Option<SavedFile>,
+    triangles: SavedFile,
+    origin: [f64; 3],
+    rounding: f64,
+    #[serde(with = "AabbFields")]
+    bounds: Aabb,
+}
+
+impl SavedSource {
+    pub(crate) fn files(&self) -> impl Iterator<Item = &SavedFile> {
+        [&self.positions, &self.triangles].into_iter().chain(&self.normals).chain(&self.colors)
+    }
+
+    pub(crate) fn load(self, store: &Store) -> Result<Source, BuildError> {
+        Ok(Source {
+            positions: Column::load(store, POSITIONS, &self.positions)?,
+            normals: self.normals.map(|saved| Column::load(store, NORMALS, &saved)).transpose()?,
+            colors: self.colors.map(|saved| Column::load(store, COLORS, &saved)).transpose()?,
+            triangles: Column::load(store, TRIANGLES, &self.triangles)?,
+            origin: self.origin,
+            rounding: self.rounding,
+            bounds: self.bounds,
+            tally: Tally::default(),
+            warnings: Vec::new(),
+            provenance: Provenance::default(),
+        })
+    }
 }
 
 /// Reads the whole of `path`.
@@ -61,13 +115,15 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     let vertex_len =
         12 + if format.attributes.normals { 12 } else { 0 } + if format.attributes.colors { 4 } else { 0 };
     let disk = allowance::disk(vertices as u64, faces as u64, vertex_len);
-    store.workdir.require(disk.saturating_sub(store.budget.limit()))?;
-    let mut singles = BufferWriter::new(store, "positions", if format.double { 0 } else { vertices })?;
-    let mut doubles = BufferWriter::new(store, "positions", if format.double { vertices } else { 0 })?;
+    // Checkpoints have all arrays on disk, also those in memory.
+    let in_memory = if store.workdir.is_resumable() { 0 } else { store.budget.limit() };
+    store.workdir.require(disk.saturating_sub(in_memory))?;
+    let mut singles = BufferWriter::new(store, POSITIONS, if format.double { 0 } else { vertices })?;
+    let mut doubles = BufferWriter::new(store, POSITIONS, if format.double { vertices } else { 0 })?;
     let mut normals =
-        BufferWriter::new(store, "normals", if format.attributes.normals { vertices } else { 0 })?;
-    let mut colors = BufferWriter::new(store, "colors", if format.attributes.colors { vertices } else { 0 })?;
-    let mut triangles = BufferWriter::new(store, "triangles", faces)?;
+        BufferWriter::new(store, NORMALS, if format.attributes.normals { vertices } else { 0 })?;
+    let mut colors = BufferWriter::new(store, COLORS, if format.attributes.colors { vertices } else { 0 })?;
+    let mut triangles = BufferWriter::new(store, TRIANGLES, faces)?;
     let mut bounds = Bounds::default();
     let mut single_bounds = Aabb::EMPTY;
     let mut batch = Batch::default();
@@ -161,7 +217,7 @@ fn to_origin(
     origin: [f64; 3],
 ) -> Result<(Column<[f32; 3]>, Aabb, f64), BuildError> {
     const STEP: usize = 1 << 14;
-    let mut out = BufferWriter::new(&context.store, "positions", doubles.len())?;
+    let mut out = BufferWriter::new(&context.store, POSITIONS, doubles.len())?;
     let mut rounding = 0.0f64;
     let mut bounds = Aabb::EMPTY;
     let (mut local, mut scratch) = (Vec::new(), Vec::new());

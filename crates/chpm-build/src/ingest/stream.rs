@@ -1,5 +1,6 @@
 //! The bytes of a source: hashed as they are in the file, then decompressed if they are compressed.
 
+use chpm_extmem::Faults;
 use std::cell::RefCell;
 use std::fmt;
 use std::fs::File;
@@ -55,12 +56,15 @@ struct Inner {
     file: File,
     hash: Xxh3,
     len: u64,
+    faults: Faults,
 }
 
 impl Tap {
-    pub(super) fn open(path: &Path) -> io::Result<Tap> {
+    pub(super) fn open(path: &Path, faults: &Faults) -> io::Result<Tap> {
+        faults.access()?;
         let file = File::open(path)?;
-        Ok(Tap(Rc::new(RefCell::new(Inner { file, hash: Xxh3::new(), len: 0 }))))
+        let faults = faults.clone();
+        Ok(Tap(Rc::new(RefCell::new(Inner { file, hash: Xxh3::new(), len: 0, faults }))))
     }
 
     /// Bytes read up to now.
@@ -90,6 +94,7 @@ impl Tap {
 impl Read for Tap {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let inner = &mut *self.0.borrow_mut();
+        inner.faults.access()?;
         let count = inner.file.read(buffer)?;
         inner.hash.update(&buffer[..count]);
         inner.len += count as u64;

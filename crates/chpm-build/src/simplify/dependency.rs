@@ -19,8 +19,6 @@ pub(super) struct Seams<'a> {
     shared: &'a SharedVertices,
     /// By interface: the level at which its clusters have merged.
     release: &'a [u8],
-    /// By interface: shared vertices that have not collapsed.
-    left: Vec<u32>,
     /// The cluster of the current level, or the last one below it, over each leaf.
     cluster_over: Vec<u32>,
 }
@@ -28,8 +26,7 @@ pub(super) struct Seams<'a> {
 impl<'a> Seams<'a> {
     pub(super) fn new(shared: &'a SharedVertices, release: &'a [u8], leaf_count: usize) -> Self {
         let cluster_over = (0..leaf_count as u32).collect();
-        let left = shared.interfaces().map(|(_, count)| count).collect();
-        Seams { shared, release, left, cluster_over }
+        Seams { shared, release, cluster_over }
     }
 
     /// Goes on to `level`.
@@ -42,21 +39,18 @@ impl<'a> Seams<'a> {
         }
     }
 
-    /// Notes that a shared vertex has collapsed.
-    pub(super) fn remove(&mut self, id: u32) {
-        self.left[self.shared.interface_of(id) as usize] -= 1;
-    }
-
     /// Whether all clusters that have a shared vertex are among `members`.
     pub(super) fn is_inside(&self, id: u32, members: &[u32]) -> bool {
         self.shared.users(id).iter().all(|leaf| members.contains(&self.cluster_over[*leaf as usize]))
     }
 
-    /// Groups of the nodes of a level that `finest_error` answers for, each node in one.
+    /// Groups of the nodes of a level that `finest_error` answers for, each node in one. `left` is how many shared vertices of each
+    /// interface have not collapsed.
     pub(super) fn groups(
         &self,
         tree: &Tree,
         level: u32,
+        left: &[u32],
         settings: &Settings,
         finest_error: impl Fn(u32) -> Option<f32>,
     ) -> Vec<Vec<u32>> {
@@ -64,7 +58,7 @@ impl<'a> Seams<'a> {
         let first = nodes.start as u32;
         let mut group_of: Vec<u32> = (0..nodes.len() as u32).collect();
         let mut groups: Vec<Vec<u32>> = nodes.map(|n| vec![n as u32]).collect();
-        let mut pairs = self.candidates(tree, level, settings, finest_error);
+        let mut pairs = self.candidates(tree, level, left, settings, finest_error);
         pairs.sort_unstable_by_key(|&(a, b, shared)| (Reverse(shared), a, b));
         for (a, b, _) in pairs {
             let [into, from] = [a, b].map(|node| group_of[(node - first) as usize] as usize);
@@ -85,6 +79,7 @@ impl<'a> Seams<'a> {
         &self,
         tree: &Tree,
         level: u32,
+        left: &[u32],
         settings: &Settings,
         finest_error: impl Fn(u32) -> Option<f32>,
     ) -> Vec<(u32, u32, u32)> {
@@ -93,7 +88,7 @@ impl<'a> Seams<'a> {
         let mut pairs: Vec<(u32, u32, u32)> = Vec::new();
         let mut having = Vec::new();
         for (interface, (users, _)) in self.shared.interfaces().enumerate() {
-            let left = self.left[interface];
+            let left = left[interface];
             if left == 0 || u32::from(self.release[interface]) <= level {
                 continue;
             }

@@ -7,6 +7,7 @@
 
 mod dependency;
 mod group;
+mod levels;
 mod merge;
 mod seam;
 mod working_set;
@@ -15,26 +16,30 @@ use crate::config::Settings;
 use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
+use crate::foreign::{AabbFields, DeviationFields};
 use crate::hierarchy::Tree;
+use crate::in_order::while_not_due;
 use crate::range::ErrorRange;
 use crate::report::LevelReport;
 use crate::trim::Trimmed;
-use chpm_extmem::Spool;
+use chpm_extmem::{Spool, Store};
 use chpm_format::{BoundaryMode, MAX_CLUSTER_VERTICES};
 use chpm_mesh::Aabb;
 use chpm_qem::Deviation;
 use dependency::Seams;
-use group::{GroupTask, Scratch};
-use rayon::prelude::*;
+use group::{GroupDone, GroupTask, Scratch};
+pub(crate) use levels::{Levels, SavedHierarchy, SavedLevels};
+use serde::{Deserialize, Serialize};
 
 /// A cluster's page in a spool.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct PageRef {
     pub(crate) offset: u64,
     pub(crate) len: u32,
     /// Largest decoded error of a base mesh of its group: what errors above start from.
     pub(crate) group_error: f32,
     /// Box around the finest mesh.
+    #[serde(with = "AabbFields")]
     pub(crate) bounds: Aabb,
     /// Vertices of the base mesh: what a merge starts from.
     base_vertex_count: u32,
@@ -45,6 +50,7 @@ pub(crate) struct PageRef {
     looks: u64,
     look_count: u32,
     /// The largest of its meshes and of those below.
+    #[serde(with = "DeviationFields")]
     pub(crate) deviation: Deviation,
 }
 
@@ -72,73 +78,119 @@ impl Hierarchy {
     }
 }
 
-/// Builds every cluster's progressive mesh, up to those whose finest meshes have the largest error that is asked for; `release` is
-/// the level from which a shared vertex is free.
+/// What the levels are built from.
+pub(crate) struct Inputs<'a> {
+    pub(crate) decomposition: &'a Decomposition,
+    pub(crate) tree: &'a Tree,
+    /// By interface, the level from which its shared vertices are free.
+    pub(crate) release: &'a [u8],
+    pub(crate) settings: &'a Settings,
+    pub(crate) context: &'a Context<'a>,
+}
+
+/// Builds every cluster's progressive mesh, up to those whose finest meshes have the largest error that is asked for. Goes on where
+/// `begun` is, and lets `keep` save how far it is when it is time.
 pub(crate) fn run(
-    decomposition: &Decomposition,
-    tree: &Tree,
-    release: &[u8],
-    settings: &Settings,
-    context: &Context<'_>,
+    inputs: &Inputs<'_>,
+    begun: Option<Box<Levels>>,
+    mut keep: impl FnMut(&Levels) -> Result<(), BuildError>,
 ) -> Result<Hierarchy, BuildError> {
-    let pages = Spool::new(&context.store, "pages");
-    let mut refs: Vec<Option<PageRef>> = vec![None; tree.nodes.len()];
+    let Inputs { decomposition, tree, release, settings, context } = *inputs;
+    let all_left = || decomposition.shared.interfaces().map(|(_, count)| count).collect();
+    let mut levels = begun.map_or_else(|| Levels::new(tree, all_left(), &context.store), |begun| *begun);
     let mut seams = Seams::new(&decomposition.shared, release, decomposition.leaves.len());
-    let rounding = decomposition.rounding.error();
-    let mut range = ErrorRange::ALL;
-    let mut reports = vec![LevelReport::default(); tree.nodes.len()];
-    let mut all_groups = Vec::new();
-    let mut displacements = Vec::new();
-    for level in 0..tree.level_count() {
-        seams.rise(tree, level);
-        displacements.push(Spool::new(&context.store, "displacements"));
+    (0..levels.level).for_each(|level| seams.rise(tree, level));
+    context.progress.advance(levels.built.refs.iter().flatten().count() as u64);
+    while levels.level < tree.level_count() {
+        seams.rise(tree, levels.level);
+        if levels.first.is_none() {
+            levels.form_groups(&seams, inputs);
+        }
+        while levels.done < levels.groups().len() {
+            levels.work(&seams, inputs)?;
+            if context.checkpoints.due() {
+                keep(&levels)?;
+            }
+        }
+        if levels.level == 0 {
+            levels.built.range =
+                ErrorRange::of(settings, diagonal(&levels.built.refs), decomposition.rounding.error())?;
+        }
+        levels.rise(tree, &context.store);
+    }
+    let mut built = levels.built;
+    built.levels = level_reports(tree, &built.refs, &built.reports);
+    Ok(built)
+}
+
+impl Levels {
+    /// Forms the groups of the level.
+    fn form_groups(&mut self, seams: &Seams<'_>, inputs: &Inputs<'_>) {
+        let Inputs { tree, settings, context, .. } = *inputs;
+        let rounding = inputs.decomposition.rounding.error();
+        let Hierarchy { refs, range, groups, .. } = &mut self.built;
         let finest_error =
-            |node: u32| finest_error(node, tree, &refs, rounding).filter(|error| *error <= range.coarsest);
-        let mut groups: Vec<Vec<u32>> = match settings.boundary {
-            BoundaryMode::Dependencies => seams.groups(tree, level, settings, finest_error),
-            _ => tree.level(level).map(|node| vec![node as u32]).collect(),
+            |node: u32| finest_error(node, tree, refs, rounding).filter(|error| *error <= range.coarsest);
+        let mut formed: Vec<Vec<u32>> = match settings.boundary {
+            BoundaryMode::Dependencies => seams.groups(tree, self.level, &self.left, settings, finest_error),
+            _ => tree.level(self.level).map(|node| vec![node as u32]).collect(),
         };
-        groups.retain(|g| g.iter().all(|n| finest_error(*n).is_some()));
+        formed.retain(|g| g.iter().all(|n| finest_error(*n).is_some()));
+        self.first = Some(groups.len());
+        groups.extend(formed);
+        self.displacements.push(levels::displacements(&context.store, self.level as usize));
+    }
+
+    /// Simplifies groups of the level until all are done or it is time to save.
+    fn work(&mut self, seams: &Seams<'_>, inputs: &Inputs<'_>) -> Result<(), BuildError> {
+        let Inputs { decomposition, tree, release, settings, context } = *inputs;
         let task = GroupTask {
-            level,
+            level: self.level,
             tree,
             decomposition,
-            refs: &refs,
-            pages: &pages,
-            displacements: &displacements,
+            refs: &self.built.refs,
+            pages: &self.built.pages,
+            displacements: &self.displacements,
             release,
-            seams: &seams,
+            seams,
             settings,
         };
-        let results = groups
-            .par_iter()
-            .with_max_len(1)
-            .map_init(Scratch::default, |scratch, group| {
-                context.check()?;
-                let done = scratch.run(&task, group)?;
-                context.progress.advance(group.len() as u64);
-                Ok(done)
-            })
-            .collect::<Result<Vec<_>, BuildError>>()?;
-        for (group, done) in groups.iter().zip(results) {
-            for (node, (page, cluster)) in group.iter().zip(done.members) {
-                refs[*node as usize] = Some(page);
-                reports[*node as usize] = cluster;
-            }
-            done.removed.into_iter().for_each(|id| seams.remove(id));
+        let open = &self.groups()[self.done..];
+        let results = while_not_due(open.len(), context, Scratch::default, |scratch, index| {
+            let group = &open[index];
+            let done = scratch.run(&task, group)?;
+            context.progress.advance(group.len() as u64);
+            Ok(done)
+        })?;
+        for done in results {
+            self.take(done, decomposition);
         }
-        for (below, spool) in displacements.iter_mut().enumerate().filter(|(_, s)| !s.is_empty()) {
-            if last_reader(tree, below as u32) <= level {
-                *spool = Spool::new(&context.store, "displacements");
-            }
-        }
-        all_groups.extend(groups);
-        if level == 0 {
-            range = ErrorRange::of(settings, diagonal(&refs), rounding)?;
-        }
+        Ok(())
     }
-    let levels = level_reports(tree, &refs, &reports);
-    Ok(Hierarchy { pages, refs, reports, levels, groups: all_groups, range, trimmed: None })
+
+    /// Takes in the next group.
+    fn take(&mut self, done: GroupDone, decomposition: &Decomposition) {
+        let Hierarchy { refs, reports, groups, .. } = &mut self.built;
+        let group = &groups[self.first.unwrap_or(0) + self.done];
+        for (node, (page, cluster)) in group.iter().zip(done.members) {
+            refs[*node as usize] = Some(page);
+            reports[*node as usize] = cluster;
+        }
+        for id in done.removed {
+            self.left[decomposition.shared.interface_of(id) as usize] -= 1;
+        }
+        self.done += 1;
+    }
+
+    /// Drops what no level above needs, and goes on to the next.
+    fn rise(&mut self, tree: &Tree, store: &Store) {
+        for (below, spool) in self.displacements.iter_mut().enumerate().filter(|(_, s)| !s.is_empty()) {
+            if last_reader(tree, below as u32) <= self.level {
+                *spool = levels::displacements(store, below);
+            }
+        }
+        (self.level, self.first, self.done) = (self.level + 1, None, 0);
+    }
 }
 
 /// Of the box around the finest meshes that there are.

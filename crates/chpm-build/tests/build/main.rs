@@ -4,6 +4,7 @@ mod bytes;
 mod groups;
 mod looks;
 mod odd;
+mod resume;
 mod scene;
 mod shapes;
 mod site;

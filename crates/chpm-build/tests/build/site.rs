@@ -96,7 +96,7 @@ pub(crate) fn config(cluster_triangles: u32) -> BuildConfig {
     let cell_vertices = (cluster_triangles / 64).clamp(4, 48);
     BuildConfig {
         settings: Settings { cluster_triangles, cell_vertices, ..Settings::default() },
-        resources: Resources { threads: 2, memory: Bytes::mib(256), work_dir: None },
+        resources: Resources { threads: 2, memory: Bytes::mib(256), ..Resources::default() },
         overwrite: false,
     }
 }

@@ -4,7 +4,7 @@ use super::{Canvas, Instant, Viewer, Watch, buffers, passes};
 use crate::error::ViewerError;
 use crate::gpu::{Block, Kind, Mark};
 use crate::headless::{IdImage, Image, TriangleId};
-use crate::request::{Accuracy, Coloring, FrameRequest, Look, Shading, Target};
+use crate::request::{Coloring, FrameRequest, Look, Shading, Target};
 use crate::scene::visibility::Sight;
 use crate::stats::Stats;
 use chpm_mesh::ClusterId;
@@ -65,6 +65,46 @@ impl Colors {
     }
 }
 
+/// Which clusters of the cut are in a draw list, and in what order.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Plan {
+    /// Those that are visible, by slab.
+    Visible,
+    /// The same, and behind them the hidden ones, which a test may show.
+    HiddenToo,
+    /// Those that are visible, by id: which one of two equal depths wins must not depend on what was before.
+    VisibleById,
+    /// All, shown in any case.
+    Everything,
+}
+
+impl Plan {
+    fn includes(self, sight: Sight) -> bool {
+        match self {
+            Plan::Visible | Plan::VisibleById => sight == Sight::Visible,
+            Plan::HiddenToo => sight != Sight::Outside,
+            Plan::Everything => true,
+        }
+    }
+
+    fn shows(self, sight: Sight) -> bool {
+        sight == Sight::Visible || self == Plan::Everything
+    }
+
+    fn is_by_id(self) -> bool {
+        matches!(self, Plan::VisibleById | Plan::Everything)
+    }
+}
+
+/// A cluster on its way into a draw list.
+#[derive(Clone, Copy, Debug)]
+struct Item {
+    /// In the list.
+    place: u64,
+    member: Member,
+    sight: Sight,
+}
+
 /// A colour for a number, different from those of its neighbours.
 fn distinct(number: u32) -> [u8; 3] {
     // The golden section of the circle of hues.
@@ -88,7 +128,10 @@ fn heat(share: f64) -> [u8; 3] {
 
 impl Viewer {
     fn tint(&self, coloring: Coloring, member: Member, sight: Sight) -> [u8; 3] {
-        let record = &self.file().clusters()[member.cluster.index()];
+        let record = match coloring {
+            Coloring::Plain | Coloring::Vertex | Coloring::Ids => return [255; 3],
+            _ => &self.file().clusters()[member.cluster.index()],
+        };
         match coloring {
             Coloring::Plain | Coloring::Vertex | Coloring::Ids => [255; 3],
             Coloring::Cluster => distinct(member.cluster.0),
@@ -113,62 +156,66 @@ impl Viewer {
         }
     }
 
-    /// Makes the draw list of the clusters that are seen so, and sees to it that the GPU has them. Answers how many are visible: they come
-    /// first; in each part they are ordered by slab, or where pictures must not depend on what was before, by id.
-    pub(super) fn gather(&mut self, colors: &Colors, sights: &[Sight], stats: &mut Stats) -> usize {
+    /// Makes the draw list of a plan, and sees to it that the GPU has all of it. Answers how many draws are shown in any case: they come
+    /// first.
+    pub(super) fn gather(
+        &mut self,
+        colors: &Colors,
+        plan: Plan,
+        stats: &mut Stats,
+    ) -> Result<usize, ViewerError> {
         let mut watch = Watch::start();
         self.now += 1;
-        let mut items: Vec<(Member, Sight)> =
-            self.scene.members().filter(|(_, sight)| sights.contains(sight)).collect();
-        for (member, _) in &items {
-            self.arena.touch(member.cluster, self.now);
+        let items = self.scene.members().filter(|(_, sight)| plan.includes(*sight));
+        let mut items: Vec<Item> = items.map(|(member, sight)| Item { place: 0, member, sight }).collect();
+        for item in &items {
+            self.arena.touch(item.member.cluster, self.now);
         }
         stats.times.pm += watch.lap();
-        if !self.upload(&items) {
+        if !self.upload(&items)? {
             // The free places are too scattered: all anew, without gaps.
             self.arena.clear();
-            self.upload(&items);
+            self.upload(&items)?;
         }
         stats.times.upload += watch.lap();
-        let by_id = matches!(colors.kind, Kind::Identified) || sights.len() == 1;
-        let slab = |cluster| self.arena.get(cluster).map_or(usize::MAX, |resident| resident.slab);
-        items.sort_unstable_by_key(|(member, sight)| {
-            let slab = if by_id { 0 } else { slab(member.cluster) };
-            (*sight != Sight::Visible, slab, member.cluster)
-        });
+        for item in &mut items {
+            let slab = || self.arena.get(item.member.cluster).map_or(0, |resident| resident.slab as u64);
+            let place = if plan.is_by_id() { u64::from(item.member.cluster.0) } else { slab() };
+            item.place = u64::from(!plan.shows(item.sight)) << 32 | place;
+        }
+        items.sort_unstable_by_key(|item| item.place);
         self.list.restart(colors.kind);
-        let mut shown = 0;
-        for (member, sight) in items {
+        let mut count = 0;
+        for Item { member, sight, .. } in items {
             // What is not there for want of room, in spite of all, is not drawn.
             let Some(resident) = self.arena.get(member.cluster) else { continue };
             let key = self.keys.get(member.cluster.index()).copied().unwrap_or(0);
-            let in_flow = !sights.contains(&Sight::Outside) && sights.len() > 1;
+            let shown = plan.shows(sight);
             let mut tint = self.tint(colors.look.colors, member, sight);
-            if in_flow && sight == Sight::Hidden && colors.look.colors == Coloring::Visibility {
+            if !shown && colors.look.colors == Coloring::Visibility {
                 // It is drawn only if it comes into sight.
                 tint = [240, 210, 70];
             }
-            let is_shown = sight == Sight::Visible || !in_flow;
-            self.list.push(resident, member, Mark { key, tint }, is_shown);
-            shown += usize::from(sight == Sight::Visible || !in_flow);
+            self.list.push(resident, member, Mark { key, tint }, shown);
+            count += usize::from(shown);
         }
         stats.times.pm += watch.lap();
-        shown
+        Ok(count)
     }
 
     /// Sends what the GPU lacks; `false` if it does not fit.
-    fn upload(&mut self, items: &[(Member, Sight)]) -> bool {
+    fn upload(&mut self, items: &[Item]) -> Result<bool, ViewerError> {
         let mut all = true;
-        for (member, _) in items {
-            let cluster = member.cluster;
+        for Item { member: Member { cluster, .. }, .. } in items {
+            let cluster = *cluster;
             if self.arena.get(cluster).is_some() {
                 continue;
             }
             let Some(page) = self.scene.page(cluster) else { continue };
             let block = Block::of_page(&page.page());
-            all &= self.arena.insert(&self.gpu, cluster, &block, self.now);
+            all &= self.arena.insert(&self.gpu, cluster, &block, self.now)?;
         }
-        all
+        Ok(all)
     }
 
     /// Triangles of a cluster of the cut.
@@ -193,9 +240,8 @@ impl Viewer {
         self.pipelines.prepare(&self.gpu, colors.kind);
         // A frozen selection is shown with all that it leaves out.
         let all = request.select_from.is_some() && colors.look.colors == Coloring::Visibility;
-        let sights: &[_] =
-            if all { &[Sight::Visible, Sight::Hidden, Sight::Outside] } else { &[Sight::Visible] };
-        let shown = self.gather(&colors, sights, stats);
+        let plan = if all { Plan::Everything } else { Plan::VisibleById };
+        let shown = self.gather(&colors, plan, stats)?;
         let start = Instant::now();
         let (lens, _) = self.look_through(&request.camera, request.viewport, 1.0)?;
         let uniform = lens.uniform(colors.uniform());
@@ -276,11 +322,6 @@ impl Viewer {
         });
         let place = key - self.keys[index];
         TriangleId { cluster, triangle: order.get(place as usize).copied().unwrap_or(place) }
-    }
-
-    /// Pixels of error that a number of triangles has led to, if the last frame was asked for one.
-    pub fn pixels_of(&self, accuracy: Accuracy) -> f64 {
-        self.pixels_of_error(accuracy)
     }
 }
 

@@ -6,6 +6,7 @@
 
 use super::block::{Block, Layout, UNIT};
 use super::context::Gpu;
+use crate::error::ViewerError;
 use chpm_mesh::{Bytes, ClusterId};
 use std::collections::BTreeMap;
 
@@ -117,9 +118,18 @@ impl Arena {
     }
 
     /// Writes the block of a cluster that is not there; `false` where there is no room, even without all that is not drawn in this frame.
-    pub fn insert(&mut self, gpu: &Gpu, cluster: ClusterId, block: &Block, frame: u64) -> bool {
+    ///
+    /// # Errors
+    /// [`ViewerError::Device`] where the system refuses the memory.
+    pub fn insert(
+        &mut self,
+        gpu: &Gpu,
+        cluster: ClusterId,
+        block: &Block,
+        frame: u64,
+    ) -> Result<bool, ViewerError> {
         let layout = block.layout();
-        let Some((slab, first)) = self.place(gpu, layout.units, frame) else { return false };
+        let Some((slab, first)) = self.place(gpu, layout.units, frame)? else { return Ok(false) };
         gpu.queue.write_buffer(&self.slabs[slab].buffer, u64::from(first) * UNIT as u64, block.bytes());
         self.used_bytes += layout.bytes();
         self.uploaded_bytes += layout.bytes();
@@ -127,19 +137,19 @@ impl Arena {
         self.residents[cluster.index()] =
             Some(Resident { slab, first, layout, alive, used: frame, since: frame });
         self.kept.push(cluster);
-        true
+        Ok(true)
     }
 
     /// A place for so many units.
-    fn place(&mut self, gpu: &Gpu, units: u32, frame: u64) -> Option<(usize, u32)> {
+    fn place(&mut self, gpu: &Gpu, units: u32, frame: u64) -> Result<Option<(usize, u32)>, ViewerError> {
         if let Some(place) = self.find(units) {
-            return Some(place);
+            return Ok(Some(place));
         }
         if self.room >= self.slab_bytes && self.slab_bytes > 0 {
             self.room -= self.slab_bytes;
-            let slab = Slab::new(gpu, &self.layout, self.slab_bytes);
+            let slab = Slab::new(gpu, &self.layout, self.slab_bytes)?;
             self.slabs.push(slab);
-            return self.find(units);
+            return Ok(self.find(units));
         }
         let mut idle: Vec<(u64, ClusterId)> = Vec::new();
         for cluster in &self.kept {
@@ -156,13 +166,13 @@ impl Arena {
             if freed >= units {
                 if let Some(place) = self.find(units) {
                     self.forget_released();
-                    return Some(place);
+                    return Ok(Some(place));
                 }
                 freed = 0;
             }
         }
         self.forget_released();
-        self.find(units)
+        Ok(self.find(units))
     }
 
     fn find(&mut self, units: u32) -> Option<(usize, u32)> {
@@ -222,19 +232,26 @@ impl Arena {
 }
 
 impl Slab {
-    fn new(gpu: &Gpu, layout: &wgpu::BindGroupLayout, bytes: u64) -> Self {
+    fn new(gpu: &Gpu, layout: &wgpu::BindGroupLayout, bytes: u64) -> Result<Self, ViewerError> {
+        let refused = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("clusters"),
             size: bytes,
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
+        if let Some(error) = pollster::block_on(refused.pop()) {
+            return Err(ViewerError::Device {
+                what: "taking GPU memory (allow less)",
+                reason: error.to_string(),
+            });
+        }
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("clusters"),
             layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
         });
-        Slab { buffer, group, free: Free::new((bytes / UNIT as u64) as u32) }
+        Ok(Slab { buffer, group, free: Free::new((bytes / UNIT as u64) as u32) })
     }
 }
 

@@ -25,19 +25,19 @@ pub struct TestBox {
 }
 
 impl TestBox {
-    /// By how much a box is widened on every side, relative to its diagonal.
+    /// By how much a box is widened on every side, relative to the sum of its sides.
     const WIDER: f32 = 1e-3;
+    /// The same relative to its coordinates: twice the rounding of one.
+    const ROUNDING: f32 = f32::EPSILON;
     const NONE: u32 = u32::MAX;
 
     /// A box in file coordinates, a little widened; if it is visible, the draw is shown.
     pub fn new(low: [f32; 3], high: [f32; 3], draw: Option<usize>) -> Self {
-        let side = |axis: usize| high[axis] - low[axis];
-        let diagonal = (0..3).map(|axis| side(axis).powi(2)).sum::<f32>().sqrt();
-        let margin = Self::WIDER * diagonal;
+        let margin = Self::WIDER * (0..3).map(|axis| high[axis] - low[axis]).sum::<f32>();
         TestBox {
-            low: low.map(|x| (x - margin).next_down()),
-            high: high.map(|x| (x + margin).next_up()),
+            low: low.map(|x| x - (margin + Self::ROUNDING * x.abs())),
             draw: draw.map_or(Self::NONE, |draw| draw as u32),
+            high: high.map(|x| x + (margin + Self::ROUNDING * x.abs())),
             unused: 0,
         }
     }

@@ -92,7 +92,7 @@ impl Visibility {
         }
     }
 
-    /// Takes in the answer of a test; answers whether something came into sight. An answer about a cluster that has left the cut, or
+    /// Takes in the answer of a test; answers whether its subject came into sight. An answer about a cluster that has left the cut, or
     /// the image, comes too late.
     pub fn answer(&mut self, subject: Subject, visible: bool) -> bool {
         match subject {
@@ -109,5 +109,68 @@ impl Visibility {
                 visible && !before
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::plane;
+    use chpm_refine::{Front, Hierarchy, View};
+
+    /// A view so near that everything is split, and one so far that nothing is.
+    fn views() -> [View; 2] {
+        [1.0, 1e9].map(|z| {
+            let camera = chpm_refine::Camera::looking([64.0, 64.0, z], [64.0, 64.0, 0.0]);
+            View::new(&camera, [100, 100], 0.01).unwrap()
+        })
+    }
+
+    #[test]
+    fn what_a_split_brings_is_as_visible_as_what_it_replaces() {
+        let file = plane::file().unwrap();
+        let hierarchy = Hierarchy::new(&file);
+        let [near, far] = views();
+        let mut front = Front::new(&file);
+        let mut visibility = Visibility::new(&file);
+        let root = file.roots().next().unwrap();
+        let top = file.clusters()[root.index()].group();
+        let is_active = |front: &Front, id: ClusterId| front.is_active(&file.clusters()[id.index()]);
+        let children: Vec<_> = file.fine(top).iter().copied().map(ClusterId).collect();
+
+        front.update(&file, &hierarchy, &near, |group| group == top);
+        visibility.follow(&file, front.entered(), &[root], |id| is_active(&front, id));
+        assert!(children.iter().all(|child| visibility.of(*child) == Sight::Visible));
+        assert_eq!(visibility.of(root), Sight::Outside, "it has left");
+
+        // One of two is hidden, and nothing below it is seen, nor is it split for its own sake.
+        assert!(!visibility.answer(Subject::Cluster(children[0]), false));
+        let [hidden, seen] = [0, 1].map(|n| file.clusters()[children[n].index()].group());
+        assert!(!visibility.sees(&file, hidden) && visibility.sees(&file, seen));
+        front.update(&file, &hierarchy, &near, |group| [top, hidden, seen].contains(&group));
+        visibility.follow(&file, front.entered(), &children, |id| is_active(&front, id));
+        let below = |group| file.fine(group).iter().map(|id| visibility.of(ClusterId(*id)));
+        assert!(below(hidden).all(|sight| sight == Sight::Hidden));
+        assert!(below(seen).all(|sight| sight == Sight::Visible));
+
+        // All of it collapses in one update: the root is visible, since something of it was.
+        front.update(&file, &hierarchy, &far, |_| true);
+        visibility.follow(&file, front.entered(), &[], |id| is_active(&front, id));
+        assert_eq!(visibility.of(root), Sight::Visible);
+        assert!(children.iter().all(|child| visibility.of(*child) == Sight::Outside));
+    }
+
+    #[test]
+    fn late_answers_change_nothing() {
+        let file = plane::file().unwrap();
+        let mut visibility = Visibility::new(&file);
+        let leaf = ClusterId(0);
+        assert!(!visibility.answer(Subject::Cluster(leaf), true));
+        assert_eq!(visibility.of(leaf), Sight::Outside);
+        let group = file.clusters()[0].group();
+        assert!(visibility.answer(Subject::Group(group), true) && visibility.sees(&file, group));
+        assert!(!visibility.answer(Subject::Group(group), true), "nothing new");
+        visibility.forget(group);
+        assert!(!visibility.sees(&file, group));
     }
 }

@@ -64,7 +64,12 @@ fn relative(position: vec3<f32>) -> vec3<f32> {
 fn resolve(draw: Draw, finest: u32) -> u32 {
     var vertex = finest;
     while vertex >= draw.count {
-        vertex = half(draw.targets, vertex - draw.base);
+        let next = half(draw.targets, vertex - draw.base);
+        // Targets are smaller; whatever is read where no vertex is, is no way round for ever.
+        if next >= vertex {
+            break;
+        }
+        vertex = next;
     }
     return vertex;
 }

@@ -93,3 +93,25 @@ fn whatever_the_accuracy() {
         nothing_is_missing(&model, 3, poe);
     }
 }
+
+/// Frames that do not wait leave much open, and a camera may jump at any moment: what is known of visibility then is old or none.
+#[test]
+fn whatever_was_drawn_before() {
+    let model = models::wall();
+    let cameras = models::cameras(&model.open(), 5);
+    let (mut culled, mut all) = (open(&model, PLENTY), open(&model, PLENTY));
+    // From everywhere to everywhere, each place once: 7 and the number of cameras have no divisor in common.
+    assert_eq!(cameras.len(), 15);
+    for frame in 0..cameras.len() {
+        let camera = cameras[(7 * frame + 3) % cameras.len()];
+        for before in 0..frame % 4 {
+            let camera = cameras[(11 * frame + before) % cameras.len()];
+            let hasty = FrameRequest { wait: false, ..exact(camera, VIEWPORT, 0.5) };
+            chpm_viewer::headless::image(&mut culled, &hasty).expect("a picture");
+        }
+        let poe = [1.0, 0.3, 4.0][frame % 3];
+        let request = exact(camera, VIEWPORT, poe);
+        let expected = ids(&mut all, &request.without_culling()).0;
+        same(&ids(&mut culled, &request).0, &expected, frame, &request);
+    }
+}

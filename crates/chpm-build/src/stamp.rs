@@ -1,0 +1,66 @@
+//! What a source's files are, without reading them: paths, lengths and times.
+
+use crate::error::BuildError;
+use crate::ingest::input;
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// The program and its version.
+pub(crate) const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
+
+/// The identity of a source. Whoever changes a file without changing its length or time is not seen.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(crate) struct Stamp(Vec<File>);
+
+#[derive(Clone, PartialEq, Eq, Debug)]
+struct File {
+    path: PathBuf,
+    len: u64,
+    /// Of the last change: seconds and nanoseconds.
+    time: (i64, i64),
+}
+
+impl Stamp {
+    /// The identity of `source` as it is now.
+    pub(crate) fn of(source: &Path) -> Result<Stamp, BuildError> {
+        input::files(source)?.into_iter().map(File::of).collect::<Result<_, _>>().map(Stamp)
+    }
+
+    /// Bytes of all files.
+    pub(crate) fn len(&self) -> u64 {
+        self.0.iter().map(|file| file.len).sum()
+    }
+
+    /// An error if a file is no longer what it was.
+    pub(crate) fn check(&self) -> Result<(), BuildError> {
+        for file in &self.0 {
+            if File::of(file.path.clone()).ok().as_ref() != Some(file) {
+                return Err(BuildError::SourceChanged { path: file.path.clone() });
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands everything to `add`, piece by piece.
+    pub(crate) fn visit(&self, mut add: impl FnMut(&[u8])) {
+        for file in &self.0 {
+            add(file.path.as_os_str().as_encoded_bytes());
+            let (seconds, nanoseconds) = file.time;
+            for number in [file.len, seconds as u64, nanoseconds as u64] {
+                add(&number.to_le_bytes());
+            }
+        }
+    }
+}
+
+impl File {
+    fn of(path: PathBuf) -> Result<File, BuildError> {
+        let look = || {
+            let metadata = fs::metadata(&path)?;
+            let time = (metadata.mtime(), metadata.mtime_nsec());
+            Ok(File { path: path.canonicalize()?, len: metadata.len(), time })
+        };
+        look().map_err(|source| BuildError::Source { path: path.clone(), source })
+    }
+}

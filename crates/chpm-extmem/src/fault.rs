@@ -1,0 +1,104 @@
+//! Faults on purpose: one access to a file fails, or the process ends there. All of this crate's files ask before they are
+//! created, opened, read, written, extended, synced or renamed.
+
+use nix::errno::Errno;
+use nix::sys::signal::{Signal, raise};
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// What is to go wrong; nothing by default. Clones count together.
+#[derive(Clone, Debug, Default)]
+pub struct Faults(Option<Arc<Armed>>);
+
+#[derive(Debug)]
+struct Armed {
+    /// The access that it happens at; the first one is 0.
+    at: u64,
+    seen: AtomicU64,
+    /// What the access fails with, or none if the process ends.
+    error: Option<Errno>,
+}
+
+impl Faults {
+    /// The access of this number, the first one being 0, fails: with a full disk if `full`, else with a fault of the device.
+    pub fn fail_at(at: u64, full: bool) -> Self {
+        Self::armed(at, Some(if full { Errno::ENOSPC } else { Errno::EIO }))
+    }
+
+    /// The process ends at the access of this number, without a chance to clean up.
+    pub fn kill_at(at: u64) -> Self {
+        Self::armed(at, None)
+    }
+
+    fn armed(at: u64, error: Option<Errno>) -> Self {
+        Faults(Some(Arc::new(Armed { at, seen: AtomicU64::new(0), error })))
+    }
+
+    /// Accesses up to now; 0 where nothing is to go wrong, since then none is counted.
+    pub fn seen(&self) -> u64 {
+        self.0.as_ref().map_or(0, |armed| armed.seen.load(Relaxed))
+    }
+
+    /// To be called before each access to a file.
+    ///
+    /// # Errors
+    /// The fault, when its time has come.
+    #[inline]
+    pub fn access(&self) -> io::Result<()> {
+        match &self.0 {
+            None => Ok(()),
+            Some(armed) => armed.access(),
+        }
+    }
+}
+
+impl Armed {
+    fn access(&self) -> io::Result<()> {
+        if self.seen.fetch_add(1, Relaxed) != self.at {
+            return Ok(());
+        }
+        match self.error {
+            Some(error) => Err(error.into()),
+            None => {
+                // A signal to oneself arrives before this returns; should it be refused, the access fails.
+                raise(Signal::SIGKILL)?;
+                Err(Errno::EIO.into())
+            }
+        }
+    }
+}
+
+/// The same faults, counted together.
+impl PartialEq for Faults {
+    fn eq(&self, other: &Self) -> bool {
+        match (&self.0, &other.0) {
+            (None, None) => true,
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_chosen_access_fails() {
+        for (full, kind) in [(true, io::ErrorKind::StorageFull), (false, io::ErrorKind::Other)] {
+            let faults = Faults::fail_at(2, full);
+            let clone = faults.clone();
+            assert!(faults.access().is_ok() && clone.access().is_ok());
+            let error = faults.access().unwrap_err();
+            assert!(if full {
+                error.kind() == kind
+            } else {
+                error.raw_os_error() == Some(Errno::EIO as i32)
+            });
+            assert!(clone.access().is_ok());
+            assert_eq!((faults.seen(), faults == clone, faults == Faults::default()), (4, true, false));
+        }
+        assert!(Faults::default().access().is_ok());
+    }
+}

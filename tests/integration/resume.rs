@@ -1,0 +1,116 @@
+//! A build that is killed at any moment goes on where it was, to the same bytes.
+
+use super::harness::Folder;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use std::io::{BufRead, BufReader};
+use std::os::unix::process::ExitStatusExt;
+use std::process::{ExitStatus, Stdio};
+
+/// All arrays on disk, and a checkpoint at every opportunity.
+const BUILD: &str =
+    "build model.ply -o out.chpm -f --json --cluster-triangles 512 --memory 16K --any-memory --checkpoint 0";
+
+fn model() -> (Folder, Vec<u8>) {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 30000 --seed 2 -o model.ply -q");
+    folder.stdout(&format!("{BUILD} -q --no-resume"));
+    let whole = folder.read("out.chpm");
+    std::fs::remove_file(folder.path("out.chpm")).expect("the output");
+    (folder, whole)
+}
+
+/// Builds to the end, which must be the same as ever; answers where it went on, if it did.
+fn finished(folder: &Folder, whole: &[u8], what: &str) -> Option<String> {
+    let json = folder.stdout(&format!("{BUILD} -q"));
+    assert!(folder.read("out.chpm") == whole, "{what}");
+    assert_eq!(folder.names(), ["model.ply", "out.chpm"], "{what}");
+    std::fs::remove_file(folder.path("out.chpm")).expect("the output");
+    let report: serde_json::Value = serde_json::from_str(&json).expect("a report");
+    report["resumed_after"].as_str().map(str::to_owned)
+}
+
+fn killed_at(folder: &Folder, access: u64) -> ExitStatus {
+    let mut command = folder.command(&format!("{BUILD} -q --kill-at {access}"));
+    command.stdout(Stdio::null()).stderr(Stdio::null()).status().expect("a process")
+}
+
+#[test]
+fn a_build_that_is_killed_at_any_access_to_a_file_goes_on() {
+    let (folder, whole) = model();
+    let mut resumed = Vec::new();
+    for access in [0, 1, 2, 5, 20].into_iter().chain((60..).step_by(157)) {
+        let status = killed_at(&folder, access);
+        if status.success() {
+            break;
+        }
+        assert_eq!(status.signal(), Some(Signal::SIGKILL as i32), "at access {access}");
+        resumed.extend(finished(&folder, &whole, &format!("killed at access {access}")));
+    }
+    for stage in ["ingest", "level 0", "level 1", "simplify"] {
+        assert!(resumed.iter().any(|after| after.contains(stage)), "{stage} in {resumed:?}");
+    }
+}
+
+#[test]
+fn a_build_that_is_killed_again_and_again_ends_some_day() {
+    let (folder, whole) = model();
+    let mut kills = 0;
+    // Reading what was saved takes some accesses, and each run gets a little farther than that.
+    while !killed_at(&folder, 100 + 20 * kills).success() {
+        kills += 1;
+        assert!(kills < 200, "no run gets any farther");
+    }
+    assert!(kills > 3, "{kills} kills");
+    assert!(folder.read("out.chpm") == whole);
+    assert_eq!(folder.names(), ["model.ply", "out.chpm"]);
+}
+
+#[test]
+fn a_build_that_is_killed_from_outside_goes_on() {
+    let (folder, whole) = model();
+    for (stage, signal) in [
+        ("ingest", Signal::SIGKILL),
+        ("hierarchy", Signal::SIGKILL),
+        ("simplify", Signal::SIGKILL),
+        ("layout", Signal::SIGKILL),
+        ("simplify", Signal::SIGINT),
+        ("layout", Signal::SIGTERM),
+    ] {
+        let mut child = folder
+            .command(&format!("{BUILD} --threads 2"))
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("a process");
+        let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+        let begun = |line: &String| line.starts_with(stage);
+        lines.by_ref().map_while(Result::ok).find(begun).expect("the stage begins");
+        // A child that was not waited for keeps its id, so this reaches no other process.
+        let id = i32::try_from(child.id()).expect("a process id");
+        kill(Pid::from_raw(id), signal).expect("a signal sent");
+        let rest: Vec<String> = lines.map_while(Result::ok).collect();
+        let status = child.wait().expect("an end");
+        if status.success() {
+            // The build was faster than the signal.
+            std::fs::remove_file(folder.path("out.chpm")).expect("the output");
+            continue;
+        }
+        if signal != Signal::SIGKILL {
+            let told = rest.join("\n");
+            assert!(told.contains(".work") && told.contains("same command"), "{stage}: {told}");
+        }
+        let resumed = finished(&folder, &whole, &format!("{signal} in {stage}"));
+        assert!(resumed.is_some() || stage == "ingest", "{signal} in {stage}");
+    }
+}
+
+#[test]
+fn work_that_is_kept_is_used_again_and_other_work_is_named() {
+    let (folder, whole) = model();
+    folder.stdout(&format!("{BUILD} -q --keep-work"));
+    assert_eq!(folder.names().len(), 3, "{:?}", folder.names());
+    let other = folder.stdout(&format!("{BUILD} -q --seed 4"));
+    assert!(other.contains("other settings; it is not used"), "{other}");
+    assert_eq!(finished(&folder, &whole, "kept work").as_deref(), Some("simplify"));
+}
