@@ -30,10 +30,10 @@ build --quiet --checkpoint "$checkpoint" >/dev/null
 seconds=$(since "$start")
 cmp "$work/out.chpm" "$work/whole.chpm"
 
-echo "kill,after_s,in_stage,resumed_after,resumed_s,same_bytes"
+echo "seed,kill,after_s,in_stage,resumed_after,resumed_s,same_bytes"
 failed=0
 mapfile -t moments < <(awk -v n=$((8 * count)) -v seed="$seed" -v s="$seconds" \
-    'BEGIN { srand(seed); for (i = 0; i < n; i++) printf "%.3f\n", rand() * s }')
+    'BEGIN { srand(seed); for (i = 0; i < n; i++) printf "%.3f\n", 1.1 * rand() * s }')
 kills=0
 for moment in "${moments[@]}"; do
     ((kills < count)) || break
@@ -57,7 +57,7 @@ for moment in "${moments[@]}"; do
         same=no
         failed=$((failed + 1))
     fi
-    echo "$kills,$moment,${stage:-start},${after:-nothing},$taken,$same"
+    echo "$seed,$kills,$moment,${stage:-start},${after:-nothing},$taken,$same"
 done
 echo "$((kills - failed)) of $kills killed builds went on to the same bytes; alone it takes $seconds s" >&2
 ((failed == 0 && kills == count))

@@ -2,9 +2,9 @@
 
 #[cfg(feature = "viewer")]
 use crate::cmd::render;
-use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, synth, verify, walk};
 #[cfg(feature = "viewer")]
 use crate::cmd::view;
+use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, synth, verify, walk};
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Length, Topology};
 use chpm_build::{BuildConfig, Faults, MIN_MEMORY, Resources, Settings};

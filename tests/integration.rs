@@ -43,6 +43,9 @@ mod integration {
     mod view;
     /// Camera paths and walks along them.
     mod walk;
+    /// A real window, on a display without a screen.
+    #[cfg(feature = "viewer")]
+    mod window;
     /// The workflow that spreads a batch over machines.
     mod workflow;
 }

@@ -6,7 +6,7 @@ use crate::progress::{Meter, line};
 use crate::stop::Stop;
 use crate::view;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::{BuildConfig, BuildError, Cancel, Progress, Stage, input};
+use chpm_build::{BuildConfig, Cancel, Progress, Stage, input};
 use chpm_mesh::Bytes;
 use chpm_refine::CameraPath;
 use chpm_viewer::window::remember::Memory;
@@ -169,7 +169,7 @@ impl Prepare for Builder {
         let teller = Teller { tell, stage: Mutex::default(), done: AtomicU64::new(0) };
         match chpm_build::build(source, &output, &BuildConfig::default(), &teller, &self.cancel) {
             Ok(_) => Ok(output),
-            Err(BuildError::Cancelled) => Err("stopped".to_owned()),
+            Err(error) if error.is_cancelled() => Err("stopped".to_owned()),
             Err(error) => Err(error.to_string()),
         }
     }

@@ -55,6 +55,8 @@ pub struct Viewer {
 const LOOK_AHEAD: f64 = 8.0;
 /// Frames from one look ahead to the next; a page takes longer than that anyway.
 const AHEAD_EVERY: u64 = 4;
+/// Frames from one test of what is visible to the next.
+const ASK_EVERY: u64 = 4;
 /// Rounds after which a frame that waits is done in any case; one for each level, and for what comes into sight, is usual.
 const ROUNDS: u64 = 200;
 
@@ -127,13 +129,18 @@ impl Viewer {
         self.check_size(request.viewport)?;
         let mut stats = if request.wait || request.select_from.is_some() {
             let mut stats = self.settle(request)?;
-            self.paint(request, Some(target.color), Colors::new(&request.look, target.format), &mut stats)?;
+            let colors = self.colors(request, target);
+            self.paint(request, Some(target.color), colors, &mut stats)?;
             stats
         } else {
             self.flow(request, target)?
         };
         stats.times.total = start.elapsed();
         Ok(stats)
+    }
+
+    fn colors(&self, request: &FrameRequest, target: &Target<'_>) -> Colors {
+        Colors::new(&request.look, self.file().header().attributes().colors, target.format)
     }
 
     fn check_size(&self, got: [u32; 2]) -> Result<(), ViewerError> {
@@ -182,7 +189,7 @@ impl Viewer {
         }
         self.scene.look(&view, culling);
         stats.times.refine += watch.lap();
-        let colors = Colors::new(&request.look, target.format);
+        let colors = self.colors(request, target);
         self.pipelines.prepare(&self.gpu, colors.kind());
         // Without numbered draws, what comes into sight is drawn once the answer is there.
         let at_once = self.gpu.features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
@@ -269,7 +276,7 @@ impl Viewer {
                 stats.times.stall += start.elapsed();
             }
         }
-        let changes = self.scene.refine(view)?;
+        let changes = self.scene.refine(view, wait)?;
         stats.splits += changes.splits;
         stats.collapses += changes.collapses;
         stats.pm_steps += changes.pm_steps;
@@ -283,6 +290,10 @@ impl Viewer {
         let mut subjects = Vec::with_capacity(self.list.len());
         let mut boxes = Vec::with_capacity(self.list.len());
         for (draw, (cluster, shown)) in self.list.clusters().enumerate() {
+            // In a frame that flows, what is visible is asked about now and then: it costs no more than what it draws in vain.
+            if listed && shown && !(u64::from(cluster.0) + self.now).is_multiple_of(ASK_EVERY) {
+                continue;
+            }
             let record = &clusters[cluster.index()];
             subjects.push(Subject::Cluster(cluster));
             // What is drawn in any case is not to be switched off.

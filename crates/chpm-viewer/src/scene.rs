@@ -17,6 +17,7 @@ use chpm_mesh::{Bytes, ClusterId, GroupId};
 use chpm_refine::{
     ActiveList, Changes, Front, Hierarchy, Member, RefineError, Residency, Traffic, View, Wanted, is_visible,
 };
+use std::cell::Cell;
 use std::sync::Arc;
 use visibility::{Sight, Subject, Visibility};
 
@@ -37,6 +38,10 @@ pub struct Scene {
     wanted: Front,
     foreseen: Front,
     list: ActiveList,
+    /// By group: whether the cut has split it, or is about to.
+    split: Vec<Cell<bool>>,
+    /// By group: bytes on the GPU of what its split brings.
+    fine_bytes: Vec<u64>,
     /// By group: the bound of the last view that it was asked for.
     bounds: Bounds,
     residency: Residency,
@@ -63,6 +68,9 @@ pub struct News {
 
 /// Threads that read pages.
 const READERS: usize = 2;
+/// Bytes for the GPU that the splits of a frame may bring if it does not wait: what exceeds it is split in the next one. One split is
+/// always possible.
+const BROUGHT: u64 = 4 << 20;
 /// Most bytes that are read ahead in a frame.
 const AHEAD: Bytes = Bytes::mib(4);
 
@@ -91,6 +99,10 @@ impl Scene {
         Ok(Scene {
             gpu_share: file.clusters().iter().map(share).fold(0.0, f64::max),
             gpu_has_room: true,
+            split: vec![Cell::new(false); file.groups().len()],
+            fine_bytes: (0..file.groups().len() as u32)
+                .map(|id| fine_bytes(&file, GroupId(id), colors))
+                .collect(),
             bounds: Bounds::new(file.groups().len()),
             hierarchy: Hierarchy::new(&file),
             wanted: Front::new(&file),
@@ -237,22 +249,45 @@ impl Scene {
         self.receive(true).map(drop)
     }
 
-    /// Brings the cut to what is wanted and there.
+    /// Brings the cut to what is wanted and there; unless all of it is asked for, in steps that a frame can send to the GPU.
     ///
     /// # Errors
     /// None that a page which was checked could cause.
-    pub fn refine(&mut self, view: &View) -> Result<Changes, ViewerError> {
+    pub fn refine(&mut self, view: &View, all: bool) -> Result<Changes, ViewerError> {
         let (file, pages) = (&*self.file, &self.pages);
-        let ready = |group| {
-            self.residency.is_ready(group) && (self.gpu_has_room || self.gpu_residency.is_ready(group))
+        let brought = Cell::new(0);
+        let ready = |group: GroupId| {
+            let is_there =
+                self.residency.is_ready(group) && (self.gpu_has_room || self.gpu_residency.is_ready(group));
+            if !is_there || all || self.split[group.index()].get() {
+                return is_there;
+            }
+            let bytes = brought.get() + self.fine_bytes[group.index()];
+            let has_place = brought.get() == 0 || bytes <= BROUGHT;
+            if has_place {
+                brought.set(bytes);
+                // It is asked about once more, whether it is to stay.
+                self.split[group.index()].set(true);
+            }
+            has_place
         };
         let bound = |group| self.bounds.of(group, &self.hierarchy, view);
         let page = |cluster: ClusterId, _| {
             let page = pages[cluster.index()].as_ref();
             page.map(|page| page.page()).ok_or(RefineError::Cluster { cluster, count: pages.len() })
         };
-        let changes = self.list.update_with(file, &self.hierarchy, bound, ready, page)?;
+        let changes = self.list.update_with(file, &self.hierarchy, bound, ready, page);
+        if changes.is_err() {
+            // The list starts anew.
+            self.split.fill(Cell::new(false));
+        }
+        let changes = changes?;
         let front = self.list.front();
+        for entered in front.entered() {
+            let record = &file.clusters()[entered.cluster.index()];
+            let group = if entered.finest { record.group() } else { record.parent_group() };
+            self.split[group.index()].set(front.is_split(group));
+        }
         let is_active = |cluster: ClusterId| front.is_active(&file.clusters()[cluster.index()]);
         self.visibility.follow(file, front.entered(), self.list.left(), is_active);
         Ok(changes)
@@ -374,6 +409,11 @@ impl Bounds {
 #[cfg(test)]
 #[path = "../../chpm-refine/examples/front_pass/plane.rs"]
 mod plane;
+
+/// Bytes on the GPU of what the split of a group brings.
+fn fine_bytes(file: &Chpm<MappedFile>, group: GroupId, colors: bool) -> u64 {
+    file.fine(group).iter().map(|fine| gpu_bytes(&file.clusters()[*fine as usize], colors)).sum()
+}
 
 /// Bytes of a cluster's block.
 pub fn gpu_bytes(cluster: &ClusterRecord, colors: bool) -> u64 {

@@ -20,10 +20,14 @@ pub(super) struct Colors {
 }
 
 impl Colors {
-    /// For a look and the format of what is drawn into.
-    pub(super) fn new(look: &Look, format: TextureFormat) -> Self {
-        let by_triangle = look.wireframe || look.colors == Coloring::Ids;
-        let kind = if by_triangle { Kind::Wired(format) } else { Kind::Colored(format) };
+    /// For a look, a file that may have colours, and the format of what is drawn into.
+    pub(super) fn new(look: &Look, has_colors: bool, format: TextureFormat) -> Self {
+        let by_vertex = look.shading == Shading::Smooth || look.colors == Coloring::Vertex && has_colors;
+        let kind = match (look.wireframe || look.colors == Coloring::Ids, by_vertex) {
+            (true, _) => Kind::Wired(format),
+            (false, true) => Kind::Colored(format),
+            (false, false) => Kind::Bare(format),
+        };
         Colors { look: *look, kind, to_linear: format.is_srgb() }
     }
 
@@ -221,7 +225,7 @@ impl Viewer {
     /// Triangles of a cluster of the cut.
     pub(super) fn triangles_of(&self, member: Member) -> u64 {
         if let Some(resident) = self.arena.get(member.cluster) {
-            return u64::from(resident.at(member.vertices).0);
+            return u64::from(resident.at(member.vertices).triangles);
         }
         let Some(page) = self.scene.page(member.cluster) else { return 0 };
         let mesh = page.page().progressive_mesh();
@@ -287,10 +291,7 @@ impl Viewer {
         let mut orders: Vec<Option<Vec<u32>>> = vec![None; self.keys.len()];
         let mut pixels = Vec::with_capacity(bytes.len() / 4);
         for key in bytemuck::cast_slice::<u8, u32>(&bytes) {
-            pixels.push(match key.checked_sub(1) {
-                None => None,
-                Some(_) => Some(self.triangle(*key, &mut orders)),
-            });
+            pixels.push((*key > 0).then(|| self.triangle(*key, &mut orders)));
         }
         stats.times.total = start.elapsed();
         Ok((IdImage { size: request.viewport, pixels }, stats))
@@ -312,12 +313,12 @@ impl Viewer {
         Ok(())
     }
 
-    /// The triangle of a key: keys count by birth, ids by place in the page.
+    /// The triangle of a key: keys count by stage, ids by place in the page.
     fn triangle(&self, key: u32, orders: &mut [Option<Vec<u32>>]) -> TriangleId {
         let index = self.keys.partition_point(|first| *first <= key) - 1;
         let cluster = ClusterId(index as u32);
         let order = orders[index].get_or_insert_with(|| match self.scene.page(cluster) {
-            Some(page) => crate::gpu::block::by_birth(&page.page().progressive_mesh()).0,
+            Some(page) => crate::gpu::block::by_stage(&page.page().progressive_mesh()).0,
             None => Vec::new(),
         });
         let place = key - self.keys[index];

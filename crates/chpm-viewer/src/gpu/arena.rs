@@ -4,7 +4,7 @@
 //! free place that is large enough. Where none is, blocks that are not drawn make room, the longest unused first; where the free
 //! places are too scattered even then, all are given up, and what is drawn is written anew, without gaps.
 
-use super::block::{Block, Layout, UNIT};
+use super::block::{Block, Counts, Layout, UNIT};
 use super::context::Gpu;
 use crate::error::ViewerError;
 use chpm_mesh::{Bytes, ClusterId};
@@ -22,8 +22,7 @@ pub struct Resident {
     pub first: u32,
     /// Its parts.
     pub layout: Layout,
-    /// By position from the base mesh's: how many triangles it has.
-    alive: Box<[u32]>,
+    counts: Counts,
     /// The frame that it was last drawn in.
     used: u64,
     /// The frame that it was written in.
@@ -31,16 +30,28 @@ pub struct Resident {
 }
 
 impl Resident {
-    /// Triangles of the mesh of `vertices` vertices, and the vertices themselves, as near as the progressive mesh gets.
-    pub fn at(&self, vertices: u32) -> (u32, u32) {
-        let n = vertices.clamp(self.layout.base_vertices, self.layout.vertices);
-        (self.alive[(n - self.layout.base_vertices) as usize], n)
+    /// The mesh of `vertices` vertices, or as near as the progressive mesh gets.
+    pub fn at(&self, vertices: u32) -> Position {
+        let vertices = vertices.clamp(self.layout.base_vertices, self.layout.vertices);
+        let splits = vertices - self.layout.base_vertices;
+        Position { vertices, triangles: self.counts.alive(splits), drawn: self.counts.drawn(splits) }
     }
 
     /// The frame that it was written in.
     pub fn since(&self) -> u64 {
         self.since
     }
+}
+
+/// A position of a progressive mesh.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Position {
+    /// Vertices.
+    pub vertices: u32,
+    /// Triangles.
+    pub triangles: u32,
+    /// Triangles to draw: more than there are, but no more to see.
+    pub drawn: u32,
 }
 
 /// All slabs.
@@ -133,9 +144,9 @@ impl Arena {
         gpu.queue.write_buffer(&self.slabs[slab].buffer, u64::from(first) * UNIT as u64, block.bytes());
         self.used_bytes += layout.bytes();
         self.uploaded_bytes += layout.bytes();
-        let alive = block.alive().into();
+        let counts = block.counts().clone();
         self.residents[cluster.index()] =
-            Some(Resident { slab, first, layout, alive, used: frame, since: frame });
+            Some(Resident { slab, first, layout, counts, used: frame, since: frame });
         self.kept.push(cluster);
         Ok(true)
     }

@@ -1,8 +1,10 @@
 //! A cluster as the GPU has it: written once, drawn at any position of its progressive mesh.
 //!
-//! Triangles are those of the finest mesh, in the order of their [birth](ProgressiveMesh::birth): the triangles of any
-//! position are the first ones. Their corners are never written again. A vertex that has collapsed is followed to where it went by the
-//! vertex shader, along the same targets that the file stores. So a position that moves costs no upload, only another count.
+//! Triangles are those of the finest mesh, in stages by their [birth](ProgressiveMesh::birth): the base mesh's first, then some eighths of
+//! the splits each, and within a stage in the order of the file, which caches like. A position draws whole stages. Corners are never
+//! written again: a vertex that has collapsed is followed to where it went by the vertex shader, along the same targets that the file stores,
+//! and a triangle of the last stage that is not there yet has two corners in one place and covers nothing. So a position that moves
+//! costs no upload, only another count.
 
 use chpm_format::Page;
 use chpm_mesh::ProgressiveMesh;
@@ -46,13 +48,41 @@ impl Layout {
     }
 }
 
+/// Stages behind the base mesh.
+const STAGES: usize = 8;
+
+/// How many triangles there are at each position.
+#[derive(Clone, Debug, Default)]
+pub struct Counts {
+    /// By position from the base mesh's.
+    alive: Box<[u32]>,
+    /// By stage: where it ends.
+    stages: [u32; STAGES + 1],
+}
+
+impl Counts {
+    /// Triangles of the mesh that is so many splits from the base mesh.
+    pub fn alive(&self, splits: u32) -> u32 {
+        self.alive[splits as usize]
+    }
+
+    /// Triangles to draw for it: those that are there, and some that cover nothing.
+    pub fn drawn(&self, splits: u32) -> u32 {
+        self.stages[stage(splits as usize, self.alive.len() - 1)]
+    }
+}
+
+/// The stage of a triangle that a split brings, or of a position.
+fn stage(splits: usize, all: usize) -> usize {
+    (splits * STAGES).div_ceil(all.max(1))
+}
+
 /// A cluster's block, and how many triangles each position has.
 #[derive(Clone, Debug, Default)]
 pub struct Block {
     layout: Layout,
     units: Vec<[u32; 4]>,
-    /// By position from the base mesh's.
-    alive: Vec<u32>,
+    counts: Counts,
 }
 
 impl Block {
@@ -79,11 +109,11 @@ impl Block {
         units.extend(page.positions.iter().zip(normals).map(vertex));
         push_all(&mut units, page.colors);
         push_all(&mut units, page.targets);
-        let (order, alive) = by_birth(&mesh);
+        let (order, stages) = by_stage(&mesh);
         let corners: Vec<[u16; 3]> = order.iter().map(|place| mesh.triangles[*place as usize]).collect();
         push_all(&mut units, &corners);
         debug_assert_eq!(units.len(), layout.units as usize);
-        Block { layout, units, alive }
+        Block { layout, units, counts: Counts { alive: alive(&mesh).into(), stages } }
     }
 
     /// Where its parts are.
@@ -96,34 +126,49 @@ impl Block {
         bytemuck::cast_slice(&self.units)
     }
 
-    /// By position from the base mesh's: how many triangles it has.
-    pub fn alive(&self) -> &[u32] {
-        &self.alive
+    /// How many triangles there are.
+    pub fn counts(&self) -> &Counts {
+        &self.counts
     }
 }
 
-/// The places of the triangles of the finest mesh, sorted by birth and among equals in the order of the file; and by position from the
-/// base mesh's how many are born there.
-pub fn by_birth(mesh: &ProgressiveMesh<'_>) -> (Vec<u32>, Vec<u32>) {
+/// The places of the triangles of the finest mesh, by stage and in a stage in the order of the file; and where each stage ends.
+pub fn by_stage(mesh: &ProgressiveMesh<'_>) -> (Vec<u32>, [u32; STAGES + 1]) {
     let base = mesh.base_vertex_count;
-    let births: Vec<u32> =
-        mesh.triangles.iter().map(|corners| (mesh.birth(*corners) - base) as u32).collect();
-    let mut alive = vec![0; mesh.vertex_count - base + 1];
-    for birth in &births {
-        alive[*birth as usize] += 1;
+    let all = mesh.vertex_count - base;
+    let stages: Vec<u8> =
+        mesh.triangles.iter().map(|corners| stage(mesh.birth(*corners) - base, all) as u8).collect();
+    let mut ends = [0; STAGES + 1];
+    for stage in &stages {
+        ends[usize::from(*stage)] += 1;
     }
     let mut sum = 0;
-    for count in &mut alive {
-        sum += std::mem::replace(count, sum);
+    for end in &mut ends {
+        sum += std::mem::replace(end, sum);
     }
-    let mut order = vec![0; births.len()];
-    for (place, birth) in (0..).zip(&births) {
-        // Starts become ends, which are the counts of the positions.
-        let next = &mut alive[*birth as usize];
+    let mut order = vec![0; stages.len()];
+    for (place, stage) in (0..).zip(&stages) {
+        // Starts become ends.
+        let next = &mut ends[usize::from(*stage)];
         order[*next as usize] = place;
         *next += 1;
     }
-    (order, alive)
+    (order, ends)
+}
+
+/// By position from the base mesh's: how many triangles there are.
+fn alive(mesh: &ProgressiveMesh<'_>) -> Vec<u32> {
+    let base = mesh.base_vertex_count;
+    let mut alive = vec![0; mesh.vertex_count - base + 1];
+    for corners in mesh.triangles {
+        alive[mesh.birth(*corners) - base] += 1;
+    }
+    let mut sum = 0;
+    for count in &mut alive {
+        sum += *count;
+        *count = sum;
+    }
+    alive
 }
 
 /// Appends items, filled up to whole units.
@@ -183,12 +228,28 @@ mod tests {
     }
 
     #[test]
-    fn triangles_come_by_birth_and_every_position_is_a_prefix() {
+    fn triangles_come_by_stage_and_every_position_is_a_prefix() {
         let bytes = fan();
         let page = Page::parse(&bytes).unwrap();
         let mesh = page.progressive_mesh();
-        let (order, alive) = by_birth(&mesh);
-        assert_eq!((order, alive), (vec![2, 1, 0, 3], vec![1, 2, 4]));
+        // Two splits: the first is in the fourth of eight stages, the second in the last.
+        let (order, stages) = by_stage(&mesh);
+        assert_eq!((order, stages), (vec![2, 1, 0, 3], [1, 1, 1, 1, 2, 2, 2, 2, 4]));
+        assert_eq!(alive(&mesh), [1, 2, 4]);
+        let counts = Block::of_page(&page).counts().clone();
+        assert_eq!([0, 1, 2].map(|n| (counts.alive(n), counts.drawn(n))), [(1, 1), (2, 2), (4, 4)]);
+    }
+
+    #[test]
+    fn stages_end_where_they_should() {
+        for all in 0..50 {
+            assert_eq!(stage(0, all), 0);
+            assert!(
+                (1..=all)
+                    .all(|n| (1..=STAGES).contains(&stage(n, all)) && stage(n, all) >= stage(n - 1, all))
+            );
+        }
+        assert_eq!(stage(50, 50), STAGES);
     }
 
     #[test]

@@ -73,7 +73,7 @@ impl DrawList {
     /// Adds a cluster at a position. One that is not `shown` is drawn only if a test of its box shows it.
     pub fn push(&mut self, resident: &Resident, member: Member, mark: Mark, shown: bool) {
         let index = self.draws.len() as u32;
-        let (triangles, n) = resident.at(member.vertices);
+        let position = resident.at(member.vertices);
         self.clusters.push((member.cluster, shown));
         let (layout, first) = (&resident.layout, resident.first);
         let [r, g, b] = mark.tint;
@@ -83,11 +83,11 @@ impl DrawList {
             targets: first + layout.targets_at,
             corners: first + layout.corners_at,
             base: layout.base_vertices,
-            count: n,
+            count: position.vertices,
             key: mark.key,
             tint: u32::from_le_bytes([r, g, b, 255]),
         });
-        let (count, instances) = (3 * triangles, u32::from(shown));
+        let (count, instances) = (3 * position.drawn, u32::from(shown));
         if self.kind.is_indexed() {
             // Eight indices to a unit.
             let first_index = 8 * (first + layout.corners_at);
@@ -96,7 +96,7 @@ impl DrawList {
             self.arguments.extend([count, instances, 0, index]);
         }
         if shown {
-            self.triangles += u64::from(triangles);
+            self.triangles += u64::from(position.triangles);
         }
         match self.runs.last_mut() {
             Some((slab, range)) if *slab == resident.slab => range.end = index + 1,

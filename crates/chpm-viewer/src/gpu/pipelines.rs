@@ -13,7 +13,9 @@ pub const IDS: TextureFormat = TextureFormat::R32Uint;
 pub enum Kind {
     /// Depth alone.
     Depth,
-    /// Colours.
+    /// One colour for each draw, by the planes of triangles.
+    Bare(TextureFormat),
+    /// Colours, or normals, of vertices.
     Colored(TextureFormat),
     /// Colours of triangles, or with their edges.
     Wired(TextureFormat),
@@ -24,7 +26,7 @@ pub enum Kind {
 impl Kind {
     /// Whether triangles are drawn by their indices; otherwise the shader fetches them.
     pub fn is_indexed(self) -> bool {
-        matches!(self, Kind::Depth | Kind::Colored(_))
+        matches!(self, Kind::Depth | Kind::Bare(_) | Kind::Colored(_))
     }
 
     /// Words of the arguments of one draw.
@@ -35,7 +37,7 @@ impl Kind {
     fn format(self) -> Option<TextureFormat> {
         match self {
             Kind::Depth => None,
-            Kind::Colored(format) | Kind::Wired(format) => Some(format),
+            Kind::Bare(format) | Kind::Colored(format) | Kind::Wired(format) => Some(format),
             Kind::Identified => Some(IDS),
         }
     }
@@ -76,6 +78,7 @@ impl Pipelines {
         }
         let (vertex, fragment) = match kind {
             Kind::Depth => ("depth_only", None),
+            Kind::Bare(_) => ("bare", Some("bared")),
             Kind::Colored(_) => ("indexed", Some("colored")),
             Kind::Wired(_) => ("pulled", Some("wired")),
             Kind::Identified => ("pulled", Some("identified")),

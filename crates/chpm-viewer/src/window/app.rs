@@ -206,7 +206,7 @@ impl App {
             session.navigator.jump(&remembered.camera());
         } else {
             session.navigator.fit(self.aspect());
-            session.navigator.step(FRAME.1 * 1e3);
+            session.navigator.jump(&session.navigator.destination());
         }
         self.keep();
         self.session = Some(session);
@@ -220,7 +220,7 @@ impl App {
         let (Some(session), Some(canvas)) = (&self.session, &self.canvas) else { return };
         if self.remembers() {
             let size = canvas.window.inner_size().into();
-            let camera = session.navigator.camera();
+            let camera = session.navigator.destination();
             let remembered = Remembered::new(&session.path, size, &camera, &self.settings);
             self.forgot = self.options.memory.keep(&session.path, &remembered).err();
         }
@@ -297,7 +297,8 @@ impl App {
                 }
                 session.step(seconds, size);
                 let request = session.request(&self.settings, size);
-                canvas.show(over, |target| session.draw(&request, target, seconds))
+                let shown = canvas.show(over, |target| session.draw(&request, target));
+                shown.map(|stats| stats.map(|stats| session.shown(&stats, now.elapsed(), since)))
             }
             None => {
                 let gpu = Arc::clone(&canvas.gpu);

@@ -37,14 +37,15 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// A frame came, so many seconds after the last one; `moving` if it came as soon as it could.
-    pub fn take(&mut self, stats: &Stats, seconds: f64, moving: bool) {
+    /// A frame came, so many seconds after the last one; `whole` is what it took until it was shown, panel and display
+    /// included; `moving` if it came as soon as it could.
+    pub fn take(&mut self, stats: &Stats, whole: Duration, seconds: f64, moving: bool) {
         let share = if self.frames == 0 { 1.0 } else { 1.0 - (-seconds.clamp(0.0, 1.0) / CALM).exp() };
         let calm = |old: &mut f64, new: f64| *old += (new - *old) * share;
         for (old, (_, part)) in self.parts.iter_mut().zip(PARTS) {
             calm(old, milliseconds(part(stats)));
         }
-        calm(&mut self.total, milliseconds(stats.times.total));
+        calm(&mut self.total, milliseconds(whole));
         self.interval = match (moving, self.interval) {
             (false, _) => None,
             (true, None) => Some(1e3 * seconds),
@@ -53,7 +54,7 @@ impl Figures {
                 Some(old)
             }
         };
-        self.curve.push_back(milliseconds(stats.times.total) as f32);
+        self.curve.push_back(milliseconds(whole) as f32);
         if self.curve.len() > CURVE {
             self.curve.pop_front();
         }
@@ -62,11 +63,12 @@ impl Figures {
         self.last = *stats;
     }
 
-    /// Names and smoothed milliseconds of the parts, and of what is none of them.
+    /// Names and smoothed milliseconds of the parts, and of what is none of them: the panel, and the wait for the display and for what it
+    /// has not drawn yet.
     pub fn parts(&self) -> Vec<(&'static str, f64)> {
         let known: f64 = self.parts.iter().sum();
         let parts = PARTS.iter().zip(self.parts).map(|((name, _), ms)| (*name, ms));
-        parts.chain([("other", (self.total - known).max(0.0))]).collect()
+        parts.chain([("show", (self.total - known).max(0.0))]).collect()
     }
 
     /// Smoothed milliseconds of a frame.
@@ -148,9 +150,9 @@ mod tests {
     use crate::stats::Times;
     use proptest::prelude::*;
 
-    fn stats(total: u64, draw: u64) -> Stats {
-        let ms = Duration::from_millis;
-        Stats { times: Times { total: ms(total), draw: ms(draw), ..Times::default() }, ..Stats::default() }
+    fn take(figures: &mut Figures, whole: u64, seconds: f64, moving: bool) {
+        let times = Times { draw: Duration::from_millis(whole / 2), ..Times::default() };
+        figures.take(&Stats { times, ..Stats::default() }, Duration::from_millis(whole), seconds, moving);
     }
 
     #[test]
@@ -175,26 +177,26 @@ mod tests {
     #[test]
     fn the_parts_are_all_of_a_frame() {
         let mut figures = Figures::default();
-        figures.take(&stats(10, 7), 0.01, false);
+        take(&mut figures, 10, 0.01, false);
         assert!((figures.total() - 10.0).abs() < 1e-9, "the first frame counts in full");
         let parts = figures.parts();
         let sum: f64 = parts.iter().map(|(_, ms)| ms).sum();
-        assert!((sum - 10.0).abs() < 1e-9 && parts.last().map(|(name, _)| *name) == Some("other"));
+        assert!((sum - 10.0).abs() < 1e-9 && parts.last().map(|(name, _)| *name) == Some("show"));
     }
 
     #[test]
     fn only_motion_has_a_rate() {
         let mut figures = Figures::default();
-        figures.take(&stats(10, 7), 0.02, true);
+        take(&mut figures, 10, 0.02, true);
         assert!((figures.rate().unwrap() - 50.0).abs() < 1e-9);
-        figures.take(&stats(10, 7), 5.0, false);
+        take(&mut figures, 10, 5.0, false);
         assert_eq!(figures.rate(), None);
     }
 
     #[test]
     fn the_curve_keeps_the_last_frames() {
         let mut figures = Figures::default();
-        (0..CURVE as u64 + 5).for_each(|n| figures.take(&stats(n, 0), 0.01, true));
+        (0..CURVE as u64 + 5).for_each(|n| take(&mut figures, n, 0.01, true));
         let curve: Vec<f32> = figures.curve().collect();
         assert_eq!((curve.len(), curve[0], curve[CURVE - 1]), (CURVE, 5.0, (CURVE + 4) as f32));
         assert_eq!(figures.frames(), CURVE as u64 + 5);
@@ -206,11 +208,11 @@ mod tests {
         fn smoothing_stays_between(times in prop::collection::vec((0u64..500, 0.0..0.2f64), 1..50), last in 0u64..500) {
             let mut figures = Figures::default();
             for (total, seconds) in &times {
-                figures.take(&stats(*total, 0), *seconds, true);
+                take(&mut figures, *total, *seconds, true);
             }
             let (least, most) = (times.iter().map(|t| t.0).min().unwrap(), times.iter().map(|t| t.0).max().unwrap());
             prop_assert!(figures.total() >= least as f64 - 1e-9 && figures.total() <= most as f64 + 1e-9);
-            (0..300).for_each(|_| figures.take(&stats(last, 0), 0.02, true));
+            (0..300).for_each(|_| take(&mut figures, last, 0.02, true));
             prop_assert!((figures.total() - last as f64).abs() < 1e-5);
         }
     }

@@ -80,7 +80,16 @@ impl Navigator {
 
     /// Where the camera is.
     pub fn camera(&self) -> Camera {
-        let (eye, focus) = (self.eye(&self.now), self.focus(&self.now));
+        self.camera_at(&self.now)
+    }
+
+    /// Where it comes to rest, but for what flight adds.
+    pub fn destination(&self) -> Camera {
+        self.camera_at(&self.goal)
+    }
+
+    fn camera_at(&self, pose: &Pose) -> Camera {
+        let (eye, focus) = (self.eye(pose), self.focus(pose));
         Camera {
             position: eye.into(),
             target: focus.into(),

@@ -36,12 +36,12 @@ pub(super) fn show(
     about: &About<'_>,
 ) -> Vec<Command> {
     let mut commands = Vec::new();
-    let room = context.content_rect().height() - 46.0;
+    let room = (context.content_rect().height() - 46.0).max(100.0);
     let area = egui::Area::new(Id::unique("panel")).anchor(Align2::LEFT_TOP, vec2(10.0, 10.0));
     area.default_size(vec2(WIDTH, room)).show(context, |ui| {
         style::frame().show(ui, |ui| {
             ui.set_width(WIDTH);
-            egui::ScrollArea::vertical().max_height(room.max(100.0)).show(ui, |ui| {
+            egui::ScrollArea::vertical().max_height(room).min_scrolled_height(room).show(ui, |ui| {
                 ui.set_width(WIDTH);
                 header(ui, about);
                 frame_time(ui, figures);
@@ -63,7 +63,7 @@ fn header(ui: &mut Ui, about: &About<'_>) {
 }
 
 fn title(ui: &mut Ui, text: &str) {
-    ui.add_space(7.0);
+    ui.add_space(5.0);
     ui.label(RichText::new(text.to_uppercase()).small().strong().color(ACCENT));
 }
 
@@ -148,8 +148,8 @@ fn memory(ui: &mut Ui, figures: &Figures, about: &About<'_>) {
     title(ui, "Memory");
     meter(ui, "main", last.resident_bytes, about.memory);
     meter(ui, "GPU", last.gpu_bytes, about.gpu_memory);
-    row(ui, "requested", &Bytes(last.requested_bytes).to_string());
-    row(ui, "uploaded", &Bytes(last.uploaded_bytes).to_string());
+    let (asked, sent) = (Bytes(last.requested_bytes), Bytes(last.uploaded_bytes));
+    row(ui, "requested / uploaded", &format!("{asked} / {sent}"));
 }
 
 /// How much of a budget is used.

@@ -15,6 +15,7 @@ use crate::window::settings::Settings;
 use chpm_refine::{Camera, CameraPath};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Seconds for which an answer to "what is below the pointer" serves the same pixel, and between two measures of how far flight can see.
 const RECENT: f64 = 0.25;
@@ -128,21 +129,19 @@ impl Session {
         settings.request(self.camera, size, self.frozen.map(|(camera, _)| camera))
     }
 
-    /// Draws a frame, so many seconds after the last one.
-    pub(super) fn draw(
-        &mut self,
-        request: &FrameRequest,
-        target: &Target<'_>,
-        seconds: f64,
-    ) -> Result<(), ViewerError> {
-        let stats = self.viewer.frame(request, target)?;
-        self.quiet = if self.moving || changed(&self.figures.last, &stats) { 0 } else { self.quiet + 1 };
-        self.figures.take(&stats, seconds, self.quiet == 0);
+    /// Draws a frame.
+    pub(super) fn draw(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
+        self.viewer.frame(request, target)
+    }
+
+    /// A frame is shown: it took so long, and came so many seconds after the last one.
+    pub(super) fn shown(&mut self, stats: &Stats, whole: Duration, seconds: f64) {
+        self.quiet = if self.moving || changed(&self.figures.last, stats) { 0 } else { self.quiet + 1 };
+        self.figures.take(stats, whole, seconds, self.quiet == 0);
         // What was below the pointer is somewhere else now.
         if self.moving {
             self.picked = None;
         }
-        Ok(())
     }
 
     /// The picture, complete and without a panel.

@@ -38,8 +38,9 @@ pub(super) fn apply(context: &egui::Context) {
             (TextStyle::Small, font(10.5, FontFamily::Proportional)),
         ]
         .into();
-        style.spacing.item_spacing = egui::vec2(6.0, 4.0);
-        style.spacing.button_padding = egui::vec2(7.0, 3.0);
+        style.spacing.item_spacing = egui::vec2(6.0, 3.0);
+        style.spacing.interact_size.y = 17.0;
+        style.spacing.button_padding = egui::vec2(7.0, 2.0);
         style.spacing.slider_width = 150.0;
         let visuals = &mut style.visuals;
         visuals.panel_fill = BACK;
@@ -50,8 +51,8 @@ pub(super) fn apply(context: &egui::Context) {
         visuals.selection.bg_fill = Color32::from_rgb(38, 92, 148);
         visuals.selection.stroke = Stroke::new(1.0, CLEAR);
         visuals.slider_trailing_fill = true;
-        visuals.override_text_color = None;
         visuals.widgets.noninteractive.fg_stroke.color = CLEAR;
+        visuals.widgets.open.weak_bg_fill = Color32::from_rgb(24, 27, 33);
         visuals.widgets.inactive.fg_stroke.color = CLEAR;
         visuals.widgets.inactive.weak_bg_fill = Color32::from_rgb(38, 42, 50);
         visuals.widgets.inactive.bg_fill = Color32::from_rgb(44, 49, 58);

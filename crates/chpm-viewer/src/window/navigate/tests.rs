@@ -40,8 +40,10 @@ fn a_drag_of_an_image_to_the_right_is_half_a_turn_to_the_left() {
     let mut navigator = navigator();
     let before = navigator.camera();
     navigator.turn([250.0, 0.0], 500.0);
+    let ahead = navigator.destination();
     rest(&mut navigator);
     let quarter = navigator.camera();
+    assert_eq!(ahead, quarter);
     // From the front (+z) of the model the camera goes to its left (-x): the model turns with the hand.
     let distance = apart(before.position, before.target);
     assert!(apart(quarter.target, before.target) < 1e-12);

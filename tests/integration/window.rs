@@ -1,0 +1,256 @@
+//! A real window, on a display without a screen: it opens, turns and quits.
+//!
+//! Needs Xvfb and xdotool, which `.ci/run` installs; elsewhere these tests say that they are skipped where one is missing. No window
+//! manager runs: windows are where they want to be, and have the keyboard when they are given it.
+
+use super::harness::{CHPM, Folder, root};
+use chpm_format::Chpm;
+use chpm_refine::{Camera, CameraPath};
+use chpm_viewer::window::keys::{KEYS, MOTIONS};
+use nalgebra::{Point3, Rotation3, Vector3};
+use std::f64::consts::PI;
+use std::fs;
+use std::io::{BufRead, BufReader, Cursor};
+use std::process::{Child, Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Longer than any of this takes on a machine that is busy.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// Columns of the window that the panel may cover.
+const PANEL: usize = 300;
+const MISSING: &str = "skipped: Xvfb or xdotool is not installed (apt-get install xvfb xdotool)";
+
+/// A display of its own, whose content lies in a file.
+struct Display {
+    server: Child,
+    name: String,
+    folder: Folder,
+}
+
+impl Display {
+    /// None, and a word about it, where there is no Xvfb.
+    fn open() -> Option<Self> {
+        let has = |tool: &str| Command::new(tool).arg("-help").output().is_ok();
+        if !has("Xvfb") || !has("xdotool") {
+            println!("{MISSING}");
+            return None;
+        }
+        let folder = Folder::new();
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp", "-fbdir"])
+            .arg(folder.path(""))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb starts");
+        // The server tells its number when it can be talked to.
+        let mut number = String::new();
+        let stdout = server.stdout.take().expect("a pipe");
+        BufReader::new(stdout).read_line(&mut number).expect("a line");
+        Some(Display { server, name: format!(":{}", number.trim()), folder })
+    }
+
+    /// Runs `chpm` here; it is ended if it does not end by itself.
+    fn spawn(&self, folder: &Folder, words: &str) -> Child {
+        let seconds = PATIENCE.as_secs().to_string();
+        Command::new("timeout")
+            .arg(seconds)
+            .arg(CHPM)
+            .args(words.split_whitespace())
+            .current_dir(folder.path(""))
+            .env("DISPLAY", &self.name)
+            .env_remove("WAYLAND_DISPLAY")
+            .env("XDG_STATE_HOME", folder.path("state"))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("chpm starts")
+    }
+
+    /// Moves the pointer, presses keys, or waits for a window; answers what xdotool says.
+    fn hand(&self, words: &str) -> String {
+        let tool = Command::new("timeout")
+            .args([&PATIENCE.as_secs().to_string(), "xdotool"])
+            .args(words.split_whitespace())
+            .env("DISPLAY", &self.name)
+            .output()
+            .expect("xdotool runs");
+        assert!(tool.status.success(), "{words}: {tool:?}");
+        String::from_utf8_lossy(&tool.stdout).trim().to_owned()
+    }
+
+    /// Waits for the model's window, and gives it the keyboard.
+    fn window(&self, model: &str) {
+        let window = self.hand(&format!("search --sync --onlyvisible --name {model}"));
+        self.hand(&format!("windowfocus --sync {window}"));
+    }
+
+    /// Waits until this share of what is displayed beside the panel differs from the pixel in the lower right corner.
+    fn wait_for_a_picture(&self, share: f64) {
+        let begun = Instant::now();
+        while self.displayed() < share {
+            assert!(begun.elapsed() < PATIENCE, "{:.3} of the display is drawn on", self.displayed());
+            thread::yield_now();
+        }
+    }
+
+    /// The share of the display beside the panel that is not as its lower right corner: an X window dump, with 32 bits a pixel.
+    fn displayed(&self) -> f64 {
+        let dump = self.folder.read("Xvfb_screen0");
+        let field = |n: usize| {
+            let bytes = dump.get(4 * n..4 * n + 4).expect("a header");
+            u32::from_be_bytes(bytes.try_into().expect("four bytes")) as usize
+        };
+        let (header, width, height, stride, colors) = (field(0), field(4), field(5), field(12), field(19));
+        assert_eq!((field(11), width, height), (32, 800, 600), "32 bits a pixel");
+        let pixels = &dump[header + 12 * colors..];
+        let row = |y: usize| pixels[y * stride..][..4 * width].chunks_exact(4).map(|pixel| &pixel[..3]);
+        let corner = row(height - 1).next_back();
+        let beside = (0..height).flat_map(|y| row(y).skip(PANEL));
+        let drawn = beside.filter(|pixel| Some(*pixel) != corner).count();
+        drawn as f64 / ((width - PANEL) * height) as f64
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        // It may have ended.
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+fn finish(child: Child) -> String {
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn built() -> Folder {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 4000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 128");
+    folder
+}
+
+/// What is remembered of the one model that was opened: numbers behind a name.
+fn remembered(folder: &Folder, name: &str) -> Vec<f64> {
+    let state = fs::read_dir(folder.path("state/chpm")).expect("a folder");
+    let files: Vec<_> = state.map(|entry| entry.expect("an entry").path()).collect();
+    assert_eq!(files.len(), 1, "{files:?}");
+    let text = fs::read_to_string(&files[0]).expect("text");
+    let line = text.lines().find_map(|line| line.strip_prefix(&format!("{name} = [")));
+    let numbers = line.and_then(|line| line.strip_suffix(']')).expect("a list").split(',');
+    numbers.map(|number| number.trim().parse().expect("a number")).collect()
+}
+
+#[test]
+fn it_opens_turns_and_quits_and_comes_back_as_it_was() {
+    let Some(display) = Display::open() else { return };
+    let folder = built();
+    let child = display.spawn(&folder, "view in.chpm");
+    display.window("in.chpm");
+    display.wait_for_a_picture(0.2);
+    display.hand("mousemove 500 300 key r mousedown 1 mousemove 520 310 mousemove 620 340 mouseup 1 key r");
+    display.hand("key ctrl+q");
+    finish(child);
+
+    // A window's height of dragging is half a turn; the camera began at the front.
+    let height = remembered(&folder, "window")[1];
+    let file = Chpm::open(folder.read("in.chpm")).expect("a file");
+    let framing = Camera::framing(&file.header().aabb());
+    let turn = |pixels: f64| PI * pixels / height;
+    let pitch = Rotation3::from_axis_angle(&Vector3::x_axis(), -turn(40.0));
+    let yaw = Rotation3::from_axis_angle(&Vector3::y_axis(), -turn(120.0));
+    let arm = Point3::from(framing.position) - Point3::from(framing.target);
+    let expected = Point3::from(framing.target) + yaw * (pitch * arm);
+    let position = remembered(&folder, "position");
+    let missed = (Point3::from_slice(&position) - expected).norm();
+    assert!(missed < 1e-9 * arm.norm(), "{position:?} instead of {expected}");
+
+    let path: CameraPath =
+        fs::read_to_string(folder.path("in-1.path")).expect("a path").parse().expect("a path");
+    assert!(!path.cameras.is_empty());
+    assert!(folder.stdout("walk in.chpm in-1.path -q").contains("frames"));
+
+    let child = display.spawn(&folder, "view in.chpm");
+    display.window("in.chpm");
+    display.wait_for_a_picture(0.2);
+    display.hand("key ctrl+q");
+    finish(child);
+    let again = Point3::from_slice(&remembered(&folder, "position"));
+    assert!((again - Point3::from_slice(&position)).norm() < 1e-9 * arm.norm());
+}
+
+#[test]
+fn a_script_leaves_the_picture_of_its_last_frame() {
+    let Some(display) = Display::open() else { return };
+    let folder = built();
+    folder.stdout("path orbit in.chpm --frames 8 -o orbit.path");
+    let picture = |frames: u32| {
+        let words = format!("view in.chpm --path orbit.path --frames {frames} --screenshot {frames}.png -f");
+        let told = finish(display.spawn(&folder, &words));
+        assert!(told.contains(&format!("{frames} frames in")), "{told}");
+        let bytes = folder.read(&format!("{frames}.png"));
+        let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().expect("a PNG");
+        let mut pixels = vec![0; reader.output_buffer_size().expect("a small PNG")];
+        reader.next_frame(&mut pixels).expect("a picture");
+        let drawn = pixels.chunks_exact(4).filter(|pixel| *pixel != &pixels[..4]).count();
+        assert!(drawn > pixels.len() / 4 / 20, "{drawn} pixels are drawn on");
+        pixels
+    };
+    let (first, third) = (picture(1), picture(3));
+    assert!(first == picture(1), "the same script, the same picture");
+    assert!(first != third, "the camera went on");
+    assert!(!folder.names().contains(&"state".to_owned()), "a script leaves nothing but its picture");
+    let error = folder.stderr("view in.chpm --frames 1 --screenshot 1.png", 2);
+    assert!(error.contains("--force"), "{error}");
+}
+
+#[test]
+fn a_mesh_is_built_once() {
+    let Some(display) = Display::open() else { return };
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 2000 -o in.ply -q");
+    finish(display.spawn(&folder, "view in.ply --frames 1"));
+    folder.stdout("verify in.chpm --against in.ply -q");
+    let built = folder.read("in.chpm");
+    finish(display.spawn(&folder, "view in.ply --frames 1 -q"));
+    assert!(built == folder.read("in.chpm"));
+    // Of another mesh the file is left alone.
+    folder.stdout("synth sphere --triangles 3000 -o in.ply -qf");
+    let error = folder.stderr("view in.ply --frames 1", 2);
+    assert!(error.contains("not built from") && built == folder.read("in.chpm"), "{error}");
+    finish(display.spawn(&folder, "view in.ply --frames 1 --force"));
+    folder.stdout("verify in.chpm --against in.ply -q");
+}
+
+#[test]
+fn what_cannot_be_shown_is_told() {
+    let Some(display) = Display::open() else { return };
+    let folder = built();
+    let told = |child: Child| {
+        let output = child.wait_with_output().expect("it ends");
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(told(display.spawn(&folder, "view none.chpm")).contains("none.chpm"));
+    folder.write("bad.chpm", &folder.read("in.chpm")[..1000]);
+    assert!(told(display.spawn(&folder, "view bad.chpm")).contains("bad.chpm"));
+    folder.write("bad.path", "chpm-path 1\n1 2 3\n");
+    assert!(told(display.spawn(&folder, "view in.chpm --path bad.path")).contains("line 2"));
+    let mut blind = folder.command("view in.chpm --frames 1");
+    let blind = blind.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    let output = blind.output().expect("it ends");
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("DISPLAY"), "{output:?}");
+}
+
+#[test]
+fn the_readme_has_every_key() {
+    let readme = fs::read_to_string(root().join("README.md")).expect("a readme");
+    for (key, does) in MOTIONS.iter().copied().chain(KEYS.iter().map(|key| (key.key, key.does))) {
+        assert!(readme.contains(&format!("| {key} | {does} |")), "{key}: {does}");
+    }
+}
