@@ -87,15 +87,16 @@ fn many_clusters(gpu: &Arc<Gpu>) -> Result<(), Box<dyn std::error::Error>> {
                 let along = if moving { 0.01 * frame as f64 } else { 0.0 };
                 FrameRequest { camera: Camera { position: [x + along, y, z], ..camera }, ..request }
             };
-            let (stats, _) = frames(&mut viewer, (0..FRAMES).map(step))?;
+            let (stats, times) = frames(&mut viewer, (0..FRAMES).map(step))?;
             let part = |of: fn(&Stats) -> Duration| median(stats.iter().map(|s| ms(of(s))).collect());
             println!(
-                "{} active clusters, {} drawn, occlusion culling {occlusion_culling}, moving {moving}: refine {:.3} ms, occlusion {:.3} ms, draw list {:.3} ms",
+                "{} active clusters, {} drawn, occlusion culling {occlusion_culling}, moving {moving}: refine {:.3} ms, occlusion {:.3} ms, draw list {:.3} ms, frame {:.1} ms",
                 stats[FRAMES - 1].clusters_active,
                 stats[FRAMES - 1].clusters_drawn,
                 part(|s| s.times.refine),
                 part(|s| s.times.occlusion),
-                part(|s| s.times.pm)
+                part(|s| s.times.pm),
+                median(times)
             );
         }
     }
