@@ -57,6 +57,8 @@ const LOOK_AHEAD: f64 = 8.0;
 const AHEAD_EVERY: u64 = 4;
 /// Frames from one test of what is visible to the next.
 const ASK_EVERY: u64 = 4;
+/// The same where nothing is hidden.
+const ASK_CALMLY: u64 = 8;
 /// Rounds after which a frame that waits is done in any case; one for each level, and for what comes into sight, is usual.
 const ROUNDS: u64 = 200;
 
@@ -289,9 +291,13 @@ impl Viewer {
         let clusters = self.scene.file().clusters();
         let mut subjects = Vec::with_capacity(self.list.len());
         let mut boxes = Vec::with_capacity(self.list.len());
+        // Where nothing is hidden, most frames need not ask at all.
+        let calm = self.list.clusters().all(|(_, shown)| shown);
+        let every = if calm { ASK_CALMLY } else { ASK_EVERY };
         for (draw, (cluster, shown)) in self.list.clusters().enumerate() {
             // In a frame that flows, what is visible is asked about now and then: it costs no more than what it draws in vain.
-            if listed && shown && !(u64::from(cluster.0) + self.now).is_multiple_of(ASK_EVERY) {
+            let turn = if calm { self.now } else { self.now + u64::from(cluster.0) };
+            if listed && shown && !turn.is_multiple_of(every) {
                 continue;
             }
             let record = &clusters[cluster.index()];
