@@ -179,8 +179,7 @@ fn obj_keeps_its_triangles() {
 #[test]
 fn what_rounding_takes_is_in_the_errors() {
     let (folder, mesh) = ball();
-    let points: Vec<[f64; 3]> =
-        mesh.positions.iter().map(|p| p.map(|x| 4e5 + f64::from(x) / 3.0)).collect();
+    let points: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.map(|x| 4e5 + f64::from(x) / 3.0)).collect();
     let mut ply = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
          element face {}\nproperty list uchar int vertex_indices\nend_header\n",
@@ -202,7 +201,10 @@ fn what_rounding_takes_is_in_the_errors() {
             let exact = p[axis] - origin[axis];
             f64::from(exact as f32) - exact
         });
-        (lost.map(|x| x.abs()).into_iter().fold(0.0, f64::max), lost.iter().map(|x| x * x).sum::<f64>().sqrt())
+        (
+            lost.map(|x| x.abs()).into_iter().fold(0.0, f64::max),
+            lost.iter().map(|x| x * x).sum::<f64>().sqrt(),
+        )
     };
     let (axis, length) =
         points.iter().map(lost).fold((0.0f64, 0.0f64), |most, lost| (most.0.max(lost.0), most.1.max(lost.1)));
