@@ -99,6 +99,21 @@ fn damaged_compression_is_an_error_that_leaves_nothing() {
     assert_eq!(folder.names(), ["bad.ply.gz", "bad.ply.zst", "ball.ply"]);
 }
 
+/// A stream that asks for more memory to unpack than it may have is refused, with the remedy; with more memory it is read.
+#[test]
+fn a_window_of_zstd_keeps_to_the_memory() {
+    let (folder, _) = ball();
+    let mut encoder = zstd::Encoder::new(Vec::new(), 3).expect("an encoder");
+    // Where the length is known, a window is never larger.
+    encoder.window_log(26).expect("a window");
+    encoder.write_all(&folder.read("ball.ply")).expect("compressed");
+    folder.write("wide.ply.zst", encoder.finish().expect("compressed"));
+    let refused = folder.stderr("build wide.ply.zst -o out.chpm -q -f --memory 128M", 2);
+    assert!(refused.contains("--memory"), "{refused}");
+    assert!(!folder.path("out.chpm").exists());
+    folder.stdout("build wide.ply.zst -o out.chpm -q -f --memory 512M");
+}
+
 #[test]
 fn a_bomb_of_zeros_is_refused_before_it_goes_off() {
     let folder = Folder::new();

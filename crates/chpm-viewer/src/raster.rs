@@ -159,7 +159,7 @@ impl Pixel {
         if inside && self.seen.is_none_or(|(_, best)| near > best) {
             self.seen = Some((id, near));
         }
-        if depth > flat.margin && self.sure.is_none_or(|(_, best)| low > best) {
+        if inside && depth > flat.margin && self.sure.is_none_or(|(_, best)| low > best) {
             self.sure = Some((id, low));
         }
         self.rival(id, high);
@@ -196,7 +196,7 @@ struct Flat {
 }
 
 impl Flat {
-    /// None for what has no area.
+    /// None where numbers are none. What has no area shows nothing, but rounding may give it some.
     fn new(mut corners: [Corner; 3]) -> Option<Self> {
         let area = edge(corners[0].at, corners[1].at, corners[2].at);
         if area < 0.0 {
@@ -204,7 +204,7 @@ impl Flat {
         }
         let [a, b, c] = corners;
         let area = area.abs();
-        if !(area > 0.0 && area.is_finite()) {
+        if !area.is_finite() {
             return None;
         }
         let near = corners.map(|corner| corner.near);
@@ -225,7 +225,7 @@ impl Flat {
                 near.iter().copied().fold(f64::INFINITY, f64::min),
                 near.iter().copied().fold(0.0, f64::max),
             ],
-            slack: margin * (along(0).abs() + along(1).abs()),
+            slack: if area > 0.0 { margin * (along(0).abs() + along(1).abs()) } else { f64::INFINITY },
             margin,
         })
     }
@@ -262,6 +262,7 @@ impl Flat {
 
     /// Nearness at a sample, and how much rounding may change it.
     fn nearness(&self, edges: &[f64; 3]) -> (f64, f64) {
+        // Not a number where there is no area; the slack has the last word then.
         let sum: f64 = edges.iter().zip(&self.corners).map(|(edge, corner)| edge * corner.near).sum();
         ((sum / self.area).clamp(self.range[0], self.range[1]), self.slack)
     }

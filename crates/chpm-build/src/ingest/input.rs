@@ -5,7 +5,7 @@ use super::steps::Steps;
 use super::stream::{self, Packing, Stream, Tap};
 use super::weld::{WeldError, Welder};
 use crate::error::BuildError;
-use chpm_extmem::{Faults, Store};
+use chpm_extmem::{Faults, Reservation, Store};
 use chpm_format::Source as Provenance;
 use chpm_mesh::PlyReader;
 use chpm_mesh::import::{Format, ImportError, ObjReader, RangeScans, StlReader};
@@ -27,6 +27,7 @@ pub struct Input {
     vertices: u64,
     /// Of a range grid.
     steps: Option<Steps>,
+    _window: Reservation,
 }
 
 enum Body {
@@ -66,7 +67,8 @@ impl Input {
     ) -> Result<Input, BuildError> {
         let unread = |source| BuildError::Source { path: path.to_owned(), source };
         let tap = Tap::open(path, store.workdir.faults()).map_err(unread)?;
-        let opened = stream::open(&tap, Format::HEAD).map_err(unread)?;
+        let opened = stream::open(&tap, Format::HEAD, store.budget.chargeable()).map_err(unread)?;
+        let window = store.budget.charge("the window of a zstd stream", opened.window)?;
         let format = match Format::detect(&opened.head, opened.len, extension(path).as_deref()) {
             Format::RangeScans if !lists => Format::Ply,
             format => format,
@@ -91,7 +93,8 @@ impl Input {
         };
         let has_grid = matches!(&body, Body::Ply(reader) if reader.has_grid());
         let steps = has_grid.then(|| Steps::new(store)).transpose()?;
-        Ok(Input { path: path.to_owned(), body, tap, packing: opened.packing, format, vertices: 0, steps })
+        let path = path.to_owned();
+        Ok(Input { path, body, tap, packing: opened.packing, format, vertices: 0, steps, _window: window })
     }
 
     /// What the delivered vertices are made of.
@@ -204,7 +207,8 @@ impl Input {
 pub fn files(path: &Path) -> Result<Vec<PathBuf>, BuildError> {
     let unread = |source| BuildError::Source { path: path.to_owned(), source };
     let opened = Tap::open(path, &Faults::default())
-        .and_then(|tap| stream::open(&tap, Format::HEAD))
+        // Only the first bytes are unpacked, and a window is not filled.
+        .and_then(|tap| stream::open(&tap, Format::HEAD, u64::MAX))
         .map_err(unread)?;
     let mut files = vec![path.to_owned()];
     if Format::detect(&opened.head, opened.len, extension(path).as_deref()) == Format::RangeScans {

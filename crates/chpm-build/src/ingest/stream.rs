@@ -11,8 +11,10 @@ use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a compressed file that are read at once.
 const BLOCK: usize = 1 << 18;
-/// Largest window of a zstd frame, as a power of two: 128 MiB, which all levels stay within.
-const ZSTD_WINDOW: u32 = 27;
+/// Largest window of a zstd frame: 128 MiB, which all levels stay within.
+const ZSTD_WINDOW: u64 = 1 << 27;
+/// Least window that is always granted; what the usual levels take.
+const ZSTD_LEAST: u64 = 1 << 23;
 
 /// Decompressed bytes.
 pub(super) type Stream = Box<dyn Read>;
@@ -110,15 +112,40 @@ pub(super) struct Opened {
     pub(super) head: Vec<u8>,
     /// Its length, unless it is compressed.
     pub(super) len: Option<u64>,
+    /// Bytes that decompression may have in memory.
+    pub(super) window: u64,
 }
 
-/// Decompresses what `tap` reads, if its first bytes say so, and looks at the `head` first bytes of the result.
-pub(super) fn open(tap: &Tap, head: usize) -> io::Result<Opened> {
+/// A zstd stream whose window is limited.
+struct Zstd<R> {
+    decoder: R,
+    window: u64,
+}
+
+impl<R: Read> Read for Zstd<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.decoder.read(buffer).map_err(|error| {
+            // The library has a code for this, and its Rust face only the text.
+            if !error.to_string().contains("too much memory") {
+                return error;
+            }
+            let window = self.window >> 20;
+            io::Error::other(format!(
+                "a zstd window of more than {window} MiB, a quarter of the memory for work; raise --memory, or compress with a lower level"
+            ))
+        })
+    }
+}
+
+/// Decompresses what `tap` reads, if its first bytes say so, and looks at the `head` first bytes of the result. Decompression may
+/// have a quarter of `memory`, and 8 MiB in any case.
+pub(super) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
     let mut tap = tap.clone();
     let len = tap.file_len();
     let magic = begin(&mut tap, 4)?;
     let packing = Packing::detect(&magic);
     let bytes = Cursor::new(magic).chain(tap);
+    let mut window = 0;
     let mut stream: Stream = match packing {
         Packing::None => Box::new(bytes),
         Packing::Gzip => {
@@ -127,13 +154,15 @@ pub(super) fn open(tap: &Tap, head: usize) -> io::Result<Opened> {
         Packing::Zstd => {
             let mut decoder =
                 zstd::stream::read::Decoder::with_buffer(BufReader::with_capacity(BLOCK, bytes))?;
-            decoder.window_log_max(ZSTD_WINDOW)?;
-            Box::new(decoder)
+            let log = (memory / 4).clamp(ZSTD_LEAST, ZSTD_WINDOW).ilog2();
+            decoder.window_log_max(log)?;
+            window = 1 << log;
+            Box::new(Zstd { decoder, window })
         }
     };
     let head = begin(&mut stream, head)?;
     let stream = Box::new(Cursor::new(head.clone()).chain(stream));
-    Ok(Opened { stream, packing, head, len: len.filter(|_| packing == Packing::None) })
+    Ok(Opened { stream, packing, head, len: len.filter(|_| packing == Packing::None), window })
 }
 
 /// The first `len` bytes, or fewer at the end.

@@ -133,6 +133,19 @@ fn corner() -> impl Strategy<Value = [f64; 2]> {
     (-8i32..72, -8i32..40).prop_map(|(x, y)| [f64::from(x) / 4.0, f64::from(y) / 4.0])
 }
 
+#[test]
+fn what_has_no_area_leaves_doubt_and_nothing_else() {
+    for line in
+        [[[13.5, 1.0], [13.5, 1.0], [13.5, 4.0]], [[13.5, 1.0], [13.5, 3.0], [13.5, 4.0]], [[13.5, 2.5]; 3]]
+    {
+        let mut raster = raster();
+        draw(&mut raster, 0, line, 1.0);
+        assert!(raster.ids().pixels.iter().all(Option::is_none));
+        let doubtful = (0..raster.ids().pixels.len()).filter(|place| !raster.is_certain(*place)).count();
+        assert!((1..=3).contains(&doubtful), "{line:?}: {doubtful} pixels");
+    }
+}
+
 proptest! {
     /// A triangle cut in three at an inner point: every sample that it covers is covered by exactly one of the parts.
     #[test]
