@@ -4,9 +4,12 @@ use assert_cmd::Command;
 use assert_cmd::assert::Assert;
 use chpm_mesh::TriMesh;
 use chpm_mesh::ply::{Encoding, Options, read_mesh, write_mesh};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use std::fs::{self, File};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process;
+use std::process::{self, Child, ExitStatus, Stdio};
 use tempfile::TempDir;
 
 /// The command's executable.
@@ -47,6 +50,18 @@ impl Folder {
         let mut command = process::Command::new(CHPM);
         command.current_dir(self.0.path()).args(words.split_whitespace());
         command
+    }
+
+    /// Runs `chpm`, sends it a signal when it tells that a stage begins, and answers how it ended and what it told after that.
+    pub(crate) fn signalled(&self, words: &str, stage: &str, signal: Signal) -> (ExitStatus, Vec<String>) {
+        let mut command = self.command(words);
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("a process");
+        let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+        let begun = |line: &String| line.starts_with(stage);
+        lines.by_ref().map_while(Result::ok).find(begun).expect("the stage begins");
+        send(&child, signal);
+        let rest = lines.map_while(Result::ok).collect();
+        (child.wait().expect("an end"), rest)
     }
 
     pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
@@ -97,4 +112,11 @@ pub(crate) fn triangles(mesh: &TriMesh) -> Triangles {
     let mut triangles: Triangles = mesh.triangles.iter().map(canonical).collect();
     triangles.sort_unstable();
     triangles
+}
+
+/// Sends a signal to a process that was not waited for.
+pub(crate) fn send(child: &Child, signal: Signal) {
+    // It keeps its id until then, so this reaches no other process.
+    let id = i32::try_from(child.id()).expect("a process id");
+    kill(Pid::from_raw(id), signal).expect("a signal sent");
 }

@@ -1,9 +1,7 @@
 //! A build that is killed at any moment goes on where it was, to the same bytes.
 
 use super::harness::Folder;
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
-use std::io::{BufRead, BufReader};
+use nix::sys::signal::Signal;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{ExitStatus, Stdio};
 
@@ -77,20 +75,7 @@ fn a_build_that_is_killed_from_outside_goes_on() {
         ("simplify", Signal::SIGINT),
         ("layout", Signal::SIGTERM),
     ] {
-        let mut child = folder
-            .command(&format!("{BUILD} --threads 2"))
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("a process");
-        let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
-        let begun = |line: &String| line.starts_with(stage);
-        lines.by_ref().map_while(Result::ok).find(begun).expect("the stage begins");
-        // A child that was not waited for keeps its id, so this reaches no other process.
-        let id = i32::try_from(child.id()).expect("a process id");
-        kill(Pid::from_raw(id), signal).expect("a signal sent");
-        let rest: Vec<String> = lines.map_while(Result::ok).collect();
-        let status = child.wait().expect("an end");
+        let (status, rest) = folder.signalled(&format!("{BUILD} --threads 2"), stage, signal);
         if status.success() {
             // The build was faster than the signal.
             std::fs::remove_file(folder.path("out.chpm")).expect("the output");

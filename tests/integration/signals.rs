@@ -1,16 +1,9 @@
 //! A build that is told to stop leaves nothing.
 
-use super::harness::Folder;
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
-use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Stdio};
-
-fn send(child: &Child, signal: Signal) {
-    let id = i32::try_from(child.id()).expect("a process id");
-    // A child that was not waited for keeps its id, so this reaches no other process.
-    kill(Pid::from_raw(id), signal).expect("a signal sent");
-}
+use super::harness::{Folder, send};
+use nix::sys::signal::Signal;
+use std::io::Read;
+use std::process::Stdio;
 
 #[test]
 fn a_stopped_build_leaves_nothing() {
@@ -18,18 +11,10 @@ fn a_stopped_build_leaves_nothing() {
     folder.stdout("synth isosurface --triangles 200000 -o in.ply -q");
     for (signal, expected) in [(Signal::SIGINT, 130), (Signal::SIGTERM, 143)] {
         for stage in ["ingest", "decompose", "simplify"] {
-            let mut child = folder
-                .command("build in.ply --threads 1")
-                .stdout(Stdio::null())
-                .stderr(Stdio::piped())
-                .spawn()
-                .expect("a process");
-            let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
-            let begun = |line: &String| line.starts_with(stage);
-            lines.by_ref().map_while(Result::ok).find(begun).expect("the stage begins");
-            send(&child, signal);
-            let rest: Vec<String> = lines.map_while(Result::ok).collect();
-            match child.wait().expect("an end").code() {
+            // No checkpoint is due, however slow the machine is.
+            let words = "build in.ply --threads 1 --checkpoint 1000000";
+            let (status, rest) = folder.signalled(words, stage, signal);
+            match status.code() {
                 Some(code) if code == expected => assert_eq!(folder.names(), ["in.ply"], "{stage}: {rest:?}"),
                 // The build may have been faster than the signal.
                 Some(0) => std::fs::remove_file(folder.path("in.chpm")).expect("the output"),
