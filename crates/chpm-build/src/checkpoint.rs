@@ -47,7 +47,10 @@ impl Key {
         add(&mut hash, name.as_encoded_bytes());
         let place = hash.digest();
         add(&mut hash, stamp::GENERATOR.as_bytes());
-        source.visit(|bytes| add(&mut hash, bytes));
+        // A program that was changed may decide otherwise, whatever its version says.
+        for identity in Stamp::of_program().iter().chain([source]) {
+            identity.visit(|bytes| add(&mut hash, bytes));
+        }
         for (name, value) in settings.describe() {
             add(&mut hash, name.as_bytes());
             add(&mut hash, value.as_bytes());
@@ -92,6 +95,9 @@ pub(crate) fn beside(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// A checkpoint waits for so many times what the last one took, beyond its interval.
+const INTERVAL_BY_COST: u32 = 30;
+
 /// When checkpoints are made, and the last one.
 #[derive(Debug)]
 pub(crate) struct Checkpoints {
@@ -104,6 +110,8 @@ pub(crate) struct Checkpoints {
 #[derive(Debug)]
 struct State {
     last: Instant,
+    /// What the last one took.
+    cost: Duration,
     /// What the manifest holds.
     reached: Option<Reached>,
     resumed: Option<Reached>,
@@ -173,9 +181,12 @@ impl Checkpoints {
         self.state().notes.push(text);
     }
 
-    /// Whether it is time.
+    /// Whether it is time: later, but not twice as late, where checkpoints take long.
     pub(crate) fn due(&self) -> bool {
-        self.every.is_some_and(|every| self.state().last.elapsed() >= every)
+        self.every.is_some_and(|every| {
+            let state = self.state();
+            state.last.elapsed() >= every + every.min(INTERVAL_BY_COST * state.cost)
+        })
     }
 
     /// Makes a checkpoint if it is time, of what a stage has left.
@@ -184,17 +195,21 @@ impl Checkpoints {
         if !self.due() && !is_last {
             return Ok(());
         }
-        match Point::of(known, work, store)? {
-            Some(point) => self.save(&point, &store.workdir),
-            None => Ok(()),
-        }
+        self.save(&store.workdir, || Point::of(known, work, store))
     }
 
-    /// Makes a checkpoint.
-    pub(crate) fn save(&self, point: &Point<'_>, dir: &WorkDir) -> Result<(), BuildError> {
+    /// Makes a checkpoint, if there is something to keep.
+    pub(crate) fn save<'a>(
+        &self,
+        dir: &WorkDir,
+        point: impl FnOnce() -> Result<Option<Point<'a>>, BuildError>,
+    ) -> Result<(), BuildError> {
+        let begun = Instant::now();
+        let Some(point) = point()? else { return Ok(()) };
         point.write(dir, self.key)?;
         let mut state = self.state();
-        (state.last, state.reached) = (Instant::now(), Some(point.reached()));
+        (state.last, state.cost) = (Instant::now(), begun.elapsed());
+        state.reached = Some(point.reached());
         Ok(())
     }
 
@@ -235,6 +250,6 @@ impl Checkpoints {
 
 impl State {
     fn new() -> Self {
-        State { last: Instant::now(), reached: None, resumed: None, notes: Vec::new() }
+        State { last: Instant::now(), cost: Duration::ZERO, reached: None, resumed: None, notes: Vec::new() }
     }
 }

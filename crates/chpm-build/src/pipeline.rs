@@ -89,9 +89,10 @@ fn run(
                         context,
                     };
                     let mut built = simplify::run(&inputs, levels, |levels| {
-                        let levels = Some(levels.save()?);
-                        let point = Point::of_levels(&known, &leaves, &tree, &release, levels)?;
-                        checkpoints.save(&point, &store.workdir)
+                        checkpoints.save(&store.workdir, || {
+                            let levels = Some(levels.save()?);
+                            Point::of_levels(&known, &leaves, &tree, &release, levels).map(Some)
+                        })
                     })?;
                     trim::run(&mut built, &mut tree, context)?;
                     Ok(built)

@@ -1,4 +1,4 @@
-//! What a source's files are, without reading them: paths, lengths and times.
+//! What files are, without reading them: paths, lengths and times.
 
 use crate::error::BuildError;
 use crate::ingest::input;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// The program and its version.
 pub(crate) const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
 
-/// The identity of a source. Whoever changes a file without changing its length or time is not seen.
+/// The identity of a source, or of the program. Whoever changes a file without changing its length or time is not seen.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(crate) struct Stamp(Vec<File>);
 
@@ -25,6 +25,11 @@ impl Stamp {
     /// The identity of `source` as it is now.
     pub(crate) fn of(source: &Path) -> Result<Stamp, BuildError> {
         input::files(source)?.into_iter().map(File::of).collect::<Result<_, _>>().map(Stamp)
+    }
+
+    /// The identity of the program that runs, where the system tells.
+    pub(crate) fn of_program() -> Option<Stamp> {
+        std::env::current_exe().ok().and_then(|path| File::of(path).ok()).map(|file| Stamp(vec![file]))
     }
 
     /// Bytes of all files.

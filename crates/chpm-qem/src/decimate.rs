@@ -1,8 +1,9 @@
 //! The driver: half-edge collapses in order until half the triangles are gone.
 //!
 //! One heap entry per vertex, re-evaluated when it comes up: costs only go stale towards the cheap side often enough that a
-//! stale entry is simply pushed back with its true cost. A vertex's quadric says how soon it comes up; whether it then goes is up to
-//! the bound on the displacement that its collapse would leave, for if that is too large the vertex is put back by it.
+//! stale entry is simply pushed back with its true cost. A guess from quadrics and displacements says how soon a vertex comes up; whether
+//! it then goes is up to the bound on the displacement that its collapse would leave, for if that is too large the vertex is put
+//! back by it.
 
 use crate::adjacency::Adjacency;
 use crate::bound::Proposal;
@@ -28,6 +29,11 @@ const LENGTH_TERM: f64 = 1e-12;
 /// the last ones, but it averages. With 0.3, 0.6 and 1, the stored errors of the first level of a scan were 1.55, 1.28 and 1.10 times the
 /// measured ones, and the build took 1.1 and 1.2 times as long.
 const BOUND_TERM: f64 = 1.0;
+
+/// What a vertex costs until its bound is known, as a multiple of its quadric's cost and the squared displacement about it together:
+/// the bound is seldom less than they are. Without a guess (the quadric's cost alone) a CT scan took 3.1 bounds for each collapse, and with
+/// 1, 1.25 and 1.5 here 2.6, 2.1 and 1.7; the measured RMS of a level was larger by up to 1, 2 and 4 %.
+const GUESS: f32 = 1.25;
 
 /// Share of a forced collapse's cost below which the quadric's says that the vertex would go for nothing if it could.
 const HELD_BACK: f32 = 1e-6;
@@ -267,8 +273,8 @@ impl Decimator {
         queue.refill(|entries| {
             for vertex in 0..patch.positions.len() {
                 if self.kinds[vertex] != VertexKind::Fixed {
-                    let cost = self.evaluate(patch, vertex as u16);
-                    entries.push(Entry::new(cost, vertex as u16));
+                    let least = self.evaluate(patch, vertex as u16);
+                    entries.push(Entry::new(self.guess(least), vertex as u16));
                 }
             }
         });
@@ -332,8 +338,9 @@ impl Decimator {
             }
             let least = self.evaluate(patch, u);
             let next = self.queue.next_cost();
-            if least > next {
-                self.queue.push(Entry::new(least, u));
+            let due = if entry.is_guess() { self.guess(least) } else { least };
+            if due > next {
+                self.queue.push(Entry::new(due, u));
                 continue;
             }
             let fan = self.fan.classify();
@@ -342,7 +349,7 @@ impl Decimator {
                 let bound = self.propose(patch, fan, u, v);
                 let cost = cost.max(self.bound_cost(bound));
                 if cost > next {
-                    self.queue.push(Entry::new(cost, u));
+                    self.queue.push(Entry::bounded(cost, u));
                 } else {
                     self.carry_out(patch, u, v, bound, cost, progress);
                 }
@@ -367,6 +374,13 @@ impl Decimator {
             }
         }
         false
+    }
+
+    /// What the gathered vertex will cost, whose least half-edge cost is given: its faces keep the displacement that they have.
+    fn guess(&self, least: f32) -> f32 {
+        let norms = self.fan.faces.iter().map(|face| self.displacements[*face as usize].norm_squared());
+        let displaced = norms.fold(0.0, f64::max);
+        GUESS * (least + (BOUND_TERM * displaced * self.cost_scale) as f32)
     }
 
     fn bound_cost(&self, bound: f64) -> f32 {

@@ -29,8 +29,13 @@ impl Displacement {
 
     /// The length of the longest displacement in the box: a bound on the distance of any of its points.
     pub fn norm(&self) -> f64 {
+        self.norm_squared().sqrt()
+    }
+
+    /// The square of [`Self::norm`].
+    pub(crate) fn norm_squared(&self) -> f64 {
         let reach = |axis: usize| f64::from(self.lo[axis].abs().max(self.hi[axis].abs()));
-        (0..3).map(|axis| reach(axis).powi(2)).sum::<f64>().sqrt()
+        (0..3).map(|axis| reach(axis).powi(2)).sum()
     }
 
     /// [`Self::norm`], rounded up: as an error is stored.

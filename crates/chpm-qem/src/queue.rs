@@ -6,18 +6,41 @@ use std::collections::BinaryHeap;
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(crate) struct Entry(u64);
 
+/// What a cost stands for, in the order in which equal ones come up.
+const GUESS: u64 = 0;
+const BOUND: u64 = 1;
+const OFFER: u64 = 2;
+
 impl Entry {
+    /// At a guess.
     pub(crate) fn new(cost: f32, vertex: u16) -> Self {
-        Entry(!(u64::from(cost.to_bits()) << 32 | u64::from(vertex)))
+        Self::of(cost, GUESS, vertex)
     }
 
-    /// At the price of a forced collapse; behind a legal one of the same cost.
+    /// At the price that its bound gave.
+    pub(crate) fn bounded(cost: f32, vertex: u16) -> Self {
+        Self::of(cost, BOUND, vertex)
+    }
+
+    /// At the price of a forced collapse.
     pub(crate) fn offer(cost: f32, vertex: u16) -> Self {
-        Entry(!(u64::from(cost.to_bits()) << 32 | 1 << 16 | u64::from(vertex)))
+        Self::of(cost, OFFER, vertex)
+    }
+
+    fn of(cost: f32, kind: u64, vertex: u16) -> Self {
+        Entry(!(u64::from(cost.to_bits()) << 32 | kind << 16 | u64::from(vertex)))
+    }
+
+    fn kind(self) -> u64 {
+        !self.0 >> 16 & 3
+    }
+
+    pub(crate) fn is_guess(self) -> bool {
+        self.kind() == GUESS
     }
 
     pub(crate) fn is_offer(self) -> bool {
-        !self.0 >> 16 & 1 == 1
+        self.kind() == OFFER
     }
 
     pub(crate) fn vertex(self) -> u16 {

@@ -9,7 +9,7 @@ use super::grid::Grid;
 use crate::context::Context;
 use crate::error::BuildError;
 use bytemuck::Pod;
-use chpm_extmem::{Buckets, BufferWriter, Column};
+use chpm_extmem::{Buckets, BufferWriter, Column, Part};
 use chpm_mesh::Aabb;
 use rayon::prelude::*;
 
@@ -110,7 +110,7 @@ pub(crate) fn run(
 }
 
 /// The items, each at its new place.
-pub(crate) fn permute<T: Pod>(
+pub(crate) fn permute<T: Pod + Send + Sync>(
     from: Column<T>,
     mapping: &Column<u32>,
     what: &'static str,
@@ -143,19 +143,21 @@ pub(crate) fn permute<T: Pod>(
         placed.push(place as usize / PLACES, place)?;
         Ok(sorted.push(place as usize / PLACES, item)?)
     })?;
-    let mut out = Vec::new();
-    for (bucket, start) in (0..from.len()).step_by(PLACES).enumerate() {
+    let place = |(out, items, places): &mut (Vec<T>, Vec<T>, Vec<u32>), part: Part<'_, T>| {
+        context.check()?;
+        let (start, bucket) = (part.start(), part.start() / PLACES);
         items.clear();
         places.clear();
-        sorted.read(bucket, &mut items)?;
-        placed.read(bucket, &mut places)?;
-        out.clear();
-        out.resize(items.len(), T::zeroed());
-        for (place, item) in places.iter().zip(&items) {
-            out[*place as usize - start] = *item;
-        }
-        to.write(start, &out)?;
-    }
+        sorted.read(bucket, items)?;
+        placed.read(bucket, places)?;
+        part.update(out, |out| {
+            for (place, item) in places.iter().zip(&*items) {
+                out[*place as usize - start] = *item;
+            }
+            Ok::<(), BuildError>(())
+        })
+    };
+    to.parts_mut(PLACES).into_par_iter().try_for_each_init(Default::default, place)?;
     Ok(to)
 }
 

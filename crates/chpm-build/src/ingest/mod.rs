@@ -1,5 +1,5 @@
 //! Ingest: a source becomes arrays of positions, attributes and triangles in which every number is finite and every index is
-//! in range, with bounds and counts. One pass over the file; memory is the arrays and one batch.
+//! in range, with bounds and counts. One pass over the file; memory is the arrays and three batches.
 
 pub mod input;
 mod scans;
@@ -19,7 +19,9 @@ use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Tally};
 use chpm_mesh::{Aabb, Attributes};
 use input::Input;
 use serde::{Deserialize, Serialize};
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc;
 
 /// The validated source.
 pub(crate) struct Source {
@@ -118,32 +120,17 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     // Checkpoints have all arrays on disk, also those in memory.
     let in_memory = if store.workdir.is_resumable() { 0 } else { store.budget.limit() };
     store.workdir.require(disk.saturating_sub(in_memory))?;
-    let mut singles = BufferWriter::new(store, POSITIONS, if format.double { 0 } else { vertices })?;
-    let mut doubles = BufferWriter::new(store, POSITIONS, if format.double { vertices } else { 0 })?;
-    let mut normals =
-        BufferWriter::new(store, NORMALS, if format.attributes.normals { vertices } else { 0 })?;
-    let mut colors = BufferWriter::new(store, COLORS, if format.attributes.colors { vertices } else { 0 })?;
-    let mut triangles = BufferWriter::new(store, TRIANGLES, faces)?;
-    let mut bounds = Bounds::default();
-    let mut single_bounds = Aabb::EMPTY;
-    let mut batch = Batch::default();
-    loop {
-        context.check()?;
-        let before = input.bytes_read();
-        match input.next_batch(&mut batch)? {
-            BatchKind::Vertices => {
-                bounds.add(&batch);
-                single_bounds.merge(&Aabb::of_points(&batch.positions));
-                singles.extend_from_slice(&batch.positions)?;
-                doubles.extend_from_slice(&batch.positions_f64)?;
-                normals.extend_from_slice(&batch.normals)?;
-                colors.extend_from_slice(&batch.colors)?;
-            }
-            BatchKind::Triangles => triangles.extend_from_slice(&batch.triangles)?,
-            BatchKind::End => break,
-        }
-        context.progress.advance(input.bytes_read() - before);
-    }
+    let mut arrays = Arrays {
+        singles: BufferWriter::new(store, POSITIONS, if format.double { 0 } else { vertices })?,
+        doubles: BufferWriter::new(store, POSITIONS, if format.double { vertices } else { 0 })?,
+        normals: BufferWriter::new(store, NORMALS, if format.attributes.normals { vertices } else { 0 })?,
+        colors: BufferWriter::new(store, COLORS, if format.attributes.colors { vertices } else { 0 })?,
+        triangles: BufferWriter::new(store, TRIANGLES, faces)?,
+        bounds: Bounds::default(),
+        single_bounds: Aabb::EMPTY,
+    };
+    arrays.fill(&mut input, context)?;
+    let Arrays { singles, doubles, normals, colors, triangles, bounds, single_bounds } = arrays;
 
     let input::Read { provenance, tally, mut warnings } = input.finish()?;
     if triangles.is_empty() {
@@ -175,6 +162,61 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
         warnings,
         provenance,
     })
+}
+
+/// The arrays while they grow.
+struct Arrays {
+    singles: BufferWriter<[f32; 3]>,
+    doubles: BufferWriter<[f64; 3]>,
+    normals: BufferWriter<[f32; 3]>,
+    colors: BufferWriter<[u8; 4]>,
+    triangles: BufferWriter<[u32; 3]>,
+    bounds: Bounds,
+    single_bounds: Aabb,
+}
+
+impl Arrays {
+    /// Takes all that the input has. Reading is this thread's work and storing another's: arrays on disk cost as much time as
+    /// the source does.
+    fn fill(&mut self, input: &mut Input, context: &Context<'_>) -> Result<(), BuildError> {
+        std::thread::scope(|scope| {
+            let (full, filled) = mpsc::sync_channel::<Batch>(1);
+            let (empty, emptied) = mpsc::channel();
+            let storing = scope.spawn(move || {
+                filled.into_iter().try_for_each(|batch| {
+                    self.take(&batch)?;
+                    // Whoever reads may have ended.
+                    let _ = empty.send(batch);
+                    Ok(())
+                })
+            });
+            let mut read = || -> Result<(), BuildError> {
+                loop {
+                    context.check()?;
+                    let before = input.bytes_read();
+                    let mut batch = emptied.try_recv().unwrap_or_default();
+                    if input.next_batch(&mut batch)? == BatchKind::End || full.send(batch).is_err() {
+                        return Ok(());
+                    }
+                    context.progress.advance(input.bytes_read() - before);
+                }
+            };
+            let read = read();
+            drop(full);
+            let stored = storing.join().unwrap_or_else(|panic| resume_unwind(panic));
+            stored.and(read)
+        })
+    }
+
+    fn take(&mut self, batch: &Batch) -> Result<(), BuildError> {
+        self.bounds.add(batch);
+        self.single_bounds.merge(&Aabb::of_points(&batch.positions));
+        self.singles.extend_from_slice(&batch.positions)?;
+        self.doubles.extend_from_slice(&batch.positions_f64)?;
+        self.normals.extend_from_slice(&batch.normals)?;
+        self.colors.extend_from_slice(&batch.colors)?;
+        Ok(self.triangles.extend_from_slice(&batch.triangles)?)
+    }
 }
 
 /// Bytes of work that ingest will report.
