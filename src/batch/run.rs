@@ -136,6 +136,9 @@ fn make(task: &Task, meter: &dyn Progress, cancel: &Cancel) -> Row {
     (row.status, row.error) = match built {
         Ok(Ok(report)) => {
             row.warnings = report.warnings;
+            if let Some(reached) = report.resumed {
+                row.reason = format!("{}; went on after {reached}", row.reason);
+            }
             match row.describe_output() {
                 Ok(()) => (Status::Built, None),
                 Err(error) => failed(causes(&error)),

@@ -8,8 +8,9 @@ use crate::batch::shard::Shard;
 use crate::batch::summary::{self, Status, Summary};
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::BuildConfig;
+use chpm_build::{BuildConfig, MIN_MEMORY};
 use chpm_extmem::Lock;
+use chpm_mesh::Bytes;
 use clap::Parser;
 use std::ffi::OsString;
 use std::fs;
@@ -27,7 +28,7 @@ pub(crate) struct Args {
     /// The folder of the results; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Models to build side by side; they share --memory and --threads evenly
+    /// Models to build side by side; they share --memory and --threads evenly. Fewer if each would have less than 128M
     #[arg(short, long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: u16,
     /// Only part I of N; who is in it depends on a model's name alone
@@ -77,12 +78,26 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let _lock = Lock::acquire(&path)?;
     let tasks = run::plan(models, &args.output, &earlier, args.force);
-    let summary = Summary::new(args.shard, run::run(tasks, args.jobs.into(), args.quiet, &cancel));
+    let summary = Summary::new(args.shard, run::run(tasks, jobs(args, &config), args.quiet, &cancel));
     summary.write(&args.output)?;
     let verdict = print(args, &summary)?;
     let stopped = summary.count(Status::Stopped);
     ensure!(stopped == 0, "stopped on request; {stopped} models are left: run the same command again");
     Ok(verdict)
+}
+
+/// As many models side by side as were asked for, and as have the least memory each.
+fn jobs(args: &Args, config: &BuildConfig) -> usize {
+    let wanted = usize::from(args.jobs);
+    let fitting = (config.resources.memory.0 / MIN_MEMORY).max(1) as usize;
+    if fitting >= wanted || args.resources.any_memory {
+        return wanted;
+    }
+    if !args.quiet {
+        let each = Bytes(MIN_MEMORY);
+        eprintln!("{fitting} models at a time instead of {wanted}, for {each} each; raise --memory for more");
+    }
+    fitting
 }
 
 fn merge(args: &Args) -> Result<Verdict> {

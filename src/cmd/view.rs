@@ -2,6 +2,7 @@
 
 use super::{Verdict, build, open, stdout};
 use crate::batch::inputs;
+use crate::picture::DeviceArgs;
 use crate::progress::{Meter, line};
 use crate::stop::Stop;
 use crate::view;
@@ -27,9 +28,6 @@ pub(crate) struct Args {
     /// Main memory for pages, as in 512M
     #[arg(long, value_name = "SIZE", default_value = "1G")]
     memory: Bytes,
-    /// GPU memory for clusters, as in 512M
-    #[arg(long, value_name = "SIZE", default_value = "512M")]
-    gpu_memory: Bytes,
     /// Pixels of error that are allowed; what was used last, or 1, if not given
     #[arg(long, value_name = "P", value_parser = view::pixels, conflicts_with = "triangles")]
     poe: Option<f64>,
@@ -54,6 +52,8 @@ pub(crate) struct Args {
     /// No progress
     #[arg(short, long)]
     quiet: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// Builds if need be, and shows.
@@ -69,7 +69,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let options = Options {
         model,
-        budgets: Budgets { memory: args.memory, gpu_memory: args.gpu_memory },
+        budgets: Budgets { memory: args.memory, gpu_memory: args.device.gpu_memory },
+        adapter: args.device.adapter.clone(),
         accuracy: args.poe.map(Accuracy::PoE).or(args.triangles.map(Accuracy::Triangles)),
         path,
         frames: args.frames,

@@ -20,10 +20,10 @@ use std::sync::Arc;
 pub(crate) struct DeviceArgs {
     /// Who draws: "best", "software", or a part of an adapter's name
     #[arg(long, value_name = "NAME", default_value = "best")]
-    adapter: AdapterChoice,
+    pub(crate) adapter: AdapterChoice,
     /// GPU memory for vertices and triangles, as in 256M
     #[arg(long, value_name = "SIZE", default_value = "512M")]
-    gpu_memory: Bytes,
+    pub(crate) gpu_memory: Bytes,
 }
 
 impl DeviceArgs {
@@ -47,6 +47,9 @@ pub(crate) struct LookArgs {
     /// Edges over the faces
     #[arg(long)]
     wireframe: bool,
+    /// Leave out triangles that are seen from behind; both sides are drawn if not given
+    #[arg(long)]
+    one_sided: bool,
     /// The colour behind the model
     #[arg(long, value_name = "RRGGBB", value_parser = rgb)]
     background: Option<[f32; 3]>,
@@ -59,6 +62,7 @@ impl LookArgs {
             shading: if self.smooth { Shading::Smooth } else { Shading::Flat },
             colors: self.color.coloring(),
             wireframe: self.wireframe,
+            one_sided: self.one_sided,
             background: self.background.unwrap_or(default.background),
         }
     }
@@ -133,6 +137,7 @@ pub(crate) fn as_json(stats: &Stats) -> Value {
         "frustum_culled": stats.frustum_culled,
         "occluded": stats.occluded,
         "newly_visible": stats.newly_visible,
+        "tested": stats.tested,
         "splits": stats.splits,
         "collapses": stats.collapses,
         "pm_steps": stats.pm_steps,

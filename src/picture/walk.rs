@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 /// What `chpm walk --render` is told beside what `chpm walk` is.
 #[derive(clap::Args, Debug)]
-#[command(next_help_heading = "With pictures")]
+#[command(next_help_heading = "With pictures", mut_args(needs_render))]
 pub(crate) struct RenderArgs {
     /// Draw every frame, once with occlusion culling and once without
     #[arg(long, conflicts_with_all = ["latency", "prefetch", "cull"])]
@@ -39,6 +39,14 @@ pub(crate) struct RenderArgs {
     look: LookArgs,
     #[command(flatten)]
     pub(crate) device: DeviceArgs,
+}
+
+/// Options of other commands too, which mean nothing without pictures here.
+const OF_PICTURES: [&str; 7] =
+    ["color", "smooth", "wireframe", "one_sided", "background", "adapter", "gpu_memory"];
+
+fn needs_render(arg: clap::Arg) -> clap::Arg {
+    if OF_PICTURES.contains(&arg.get_id().as_str()) { arg.requires("render") } else { arg }
 }
 
 /// What it shares with the walk without pictures.

@@ -60,6 +60,22 @@ fn looks_look_different() {
 }
 
 #[test]
+fn one_side_shows_nothing_from_behind() {
+    let folder = built();
+    let shown = |words: &str| {
+        folder.stdout(&format!("render in.chpm --viewport 80x60 --background 102030 -o a.png -f {words}"));
+        picture(&folder, "a.png").2
+    };
+    // From outside, a closed surface hides its back.
+    assert_eq!(shown(""), shown("--one-sided"));
+    // From within, there is nothing else.
+    let is_background = |pixel: &[u8; 4]| pixel[..3] == [0x10, 0x20, 0x30];
+    let within = "--camera 0,0,0,0.1,0.2,1";
+    assert!(!shown(within).iter().any(is_background));
+    assert!(shown(&format!("{within} --one-sided")).iter().all(is_background));
+}
+
+#[test]
 fn the_item_buffer_has_a_colour_for_each_triangle() {
     let folder = built();
     let render = |words: &str| {
@@ -114,6 +130,7 @@ fn what_cannot_be_drawn_is_told_and_leaves_nothing() {
         ("in.chpm --color pink", "pink"),
         ("in.chpm --background pink", "pink"),
         ("in.chpm --ids --wireframe", "--wireframe"),
+        ("in.chpm --ids --one-sided", "--one-sided"),
         ("in.chpm --gpu-memory 100", "GPU"),
     ] {
         let error = folder.stderr(&format!("render {words} -o out.png"), 2);
@@ -186,7 +203,12 @@ fn a_walk_in_pictures_tells_people_too() {
     }
     // What belongs to the walk without pictures, and the other way round.
     folder.chpm("walk in.chpm cam.path --render --latency 3").code(2);
-    folder.chpm("walk in.chpm cam.path --plot x.svg").code(2);
+    for words in
+        ["--plot x.svg", "--smooth", "--one-sided", "--color plain", "--adapter software", "--gpu-memory 4M"]
+    {
+        let error = folder.stderr(&format!("walk in.chpm cam.path {words}"), 2);
+        assert!(error.contains("--render"), "{words}: {error}");
+    }
 }
 
 #[test]

@@ -174,7 +174,7 @@ fn it_opens_turns_and_quits_and_comes_back_as_it_was() {
     assert!(!path.cameras.is_empty());
     assert!(folder.stdout("walk in.chpm in-1.path -q").contains("frames"));
 
-    let child = display.spawn(&folder, "view in.chpm");
+    let child = display.spawn(&folder, "view in.chpm --adapter software");
     display.window("in.chpm");
     display.wait_for_a_picture(0.2);
     display.hand("key ctrl+q");
@@ -238,6 +238,7 @@ fn what_cannot_be_shown_is_told() {
     assert!(told(display.spawn(&folder, "view none.chpm")).contains("none.chpm"));
     folder.write("bad.chpm", &folder.read("in.chpm")[..1000]);
     assert!(told(display.spawn(&folder, "view bad.chpm")).contains("bad.chpm"));
+    assert!(told(display.spawn(&folder, "view in.chpm --frames 1 --adapter nobody's")).contains("nobody's"));
     folder.write("bad.path", "chpm-path 1\n1 2 3\n");
     assert!(told(display.spawn(&folder, "view in.chpm --path bad.path")).contains("line 2"));
     let mut blind = folder.command("view in.chpm --frames 1");

@@ -18,6 +18,7 @@ use chpm_format::Chpm;
 use chpm_mesh::{Bytes, ClusterId};
 use queue::{Queue, Urgency};
 use std::fs::File;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
@@ -42,6 +43,9 @@ struct Shared {
     work: Condvar,
     /// Something was read, or nothing more can be.
     news: Condvar,
+    /// Bytes that blocks may take, and that those do which wait to be taken.
+    room: AtomicU64,
+    blocks: AtomicU64,
 }
 
 impl Fetch {
@@ -56,8 +60,10 @@ impl Fetch {
             File::open(path).map_err(|source| ViewerError::Open { path: path.to_path_buf(), source })?;
         let lens: Vec<u64> = file.clusters().iter().map(|cluster| u64::from(cluster.page_len)).collect();
         let roots = file.roots().map(|root| lens[root.index()]).sum();
+        let (room, blocks) = (AtomicU64::new(0), AtomicU64::new(0));
         let queue = Mutex::new(Queue::new(lens, budget.0.max(roots)));
-        let shared = Arc::new(Shared { file, pages, queue, work: Condvar::new(), news: Condvar::new() });
+        let shared =
+            Arc::new(Shared { file, pages, queue, work: Condvar::new(), news: Condvar::new(), room, blocks });
         let mut fetch = Fetch { shared, threads: Vec::new() };
         for index in 0..threads.max(1) {
             let shared = Arc::clone(&fetch.shared);
@@ -66,6 +72,12 @@ impl Fetch {
             fetch.threads.push(thread);
         }
         Ok(fetch)
+    }
+
+    /// Has the readers make the blocks of pages too ([`PageData::block`]), from now on. Those that wait to be taken have so many bytes,
+    /// beside the budget; without room a block is made by who asks for it.
+    pub fn make_blocks(&self, room: Bytes) {
+        self.shared.room.store(room.0, Ordering::Relaxed);
     }
 
     /// Asks for a page that a view wants. Those asked for first come first, before all that is read ahead. Asking for a page that is
@@ -128,6 +140,11 @@ impl Fetch {
     /// Bytes of the pages that are there, handed out or not, or being read.
     pub fn held(&self) -> Bytes {
         Bytes(self.shared.lock().held())
+    }
+
+    /// Bytes of the blocks that were made and not taken.
+    pub fn blocks(&self) -> Bytes {
+        Bytes(self.shared.blocks.load(Ordering::Relaxed))
     }
 
     /// The most bytes that were held at once.
@@ -194,6 +211,17 @@ impl Shared {
                 Err(error)
             }
         }
+    }
+
+    /// Counts a block, if there is room for it.
+    fn take_room(&self, bytes: u64) -> bool {
+        let room = self.room.load(Ordering::Relaxed);
+        let more = |blocks: u64| blocks.checked_add(bytes).filter(|blocks| *blocks <= room);
+        self.blocks.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more).is_ok()
+    }
+
+    fn give_room_back(&self, bytes: u64) {
+        self.blocks.fetch_sub(bytes, Ordering::Relaxed);
     }
 
     /// Room again.

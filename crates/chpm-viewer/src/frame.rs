@@ -58,7 +58,7 @@ const AHEAD_EVERY: u64 = 4;
 /// Frames from one test of what is visible to the next.
 const ASK_EVERY: u64 = 4;
 /// The same where nothing is hidden.
-const ASK_CALMLY: u64 = 8;
+const ASK_CALMLY: u64 = 16;
 /// Rounds after which a frame that waits is done in any case; one for each level, and for what comes into sight, is usual.
 const ROUNDS: u64 = 200;
 
@@ -129,6 +129,7 @@ impl Viewer {
     pub fn frame(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
         let start = Instant::now();
         self.check_size(request.viewport)?;
+        self.pipelines.one_sided = request.look.one_sided;
         let mut stats = if request.wait || request.select_from.is_some() {
             let mut stats = self.settle(request)?;
             let colors = self.colors(request, target);
@@ -205,6 +206,7 @@ impl Viewer {
             true => self.questions(&view, culling, at_once),
             false => Default::default(),
         };
+        stats.tested += boxes.len() as u64;
         stats.times.occlusion += watch.lap();
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
@@ -411,6 +413,7 @@ impl Viewer {
         buffers::wait(&self.gpu)?;
         stats.times.draw += watch.lap();
         let (subjects, boxes) = self.questions(view, culling, false);
+        stats.tested += boxes.len() as u64;
         if boxes.is_empty() {
             return Ok(News::default());
         }

@@ -71,6 +71,8 @@ pub struct Look {
     pub colors: Coloring,
     /// Edges as lines, over the faces.
     pub wireframe: bool,
+    /// Leaves out triangles whose corners do not go around counterclockwise as seen from the camera, instead of drawing both sides.
+    pub one_sided: bool,
     /// Red, green, blue behind the model, 0 to 1, as displayed.
     pub background: [f32; 3],
 }
@@ -81,6 +83,7 @@ impl Default for Look {
             shading: Shading::default(),
             colors: Coloring::default(),
             wireframe: false,
+            one_sided: false,
             background: [0.09, 0.1, 0.12],
         }
     }

@@ -71,6 +71,8 @@ const READERS: usize = 2;
 /// Bytes for the GPU that the splits of a frame may bring if it does not wait: what exceeds it is split in the next one. One split is
 /// always possible.
 const BROUGHT: u64 = 4 << 20;
+/// Most bytes of blocks that readers have made and no frame has sent; at most an eighth of the memory.
+const BLOCKS: Bytes = Bytes::mib(64);
 /// Most bytes that are read ahead in a frame.
 const AHEAD: Bytes = Bytes::mib(4);
 
@@ -96,6 +98,10 @@ impl Scene {
             return Err(ViewerError::Budget { what: "GPU memory", needed, got: budgets.gpu_memory });
         }
         let share = |cluster: &ClusterRecord| gpu_bytes(cluster, colors) as f64 / f64::from(cluster.page_len);
+        let room = BLOCKS.0.min(budgets.memory.0 / 8).min(budgets.memory.0 - page_bytes.0);
+        let memory = Bytes(budgets.memory.0 - room);
+        let fetch = Fetch::new(Arc::clone(&file), READERS, memory)?;
+        fetch.make_blocks(Bytes(room));
         Ok(Scene {
             gpu_share: file.clusters().iter().map(share).fold(0.0, f64::max),
             gpu_has_room: true,
@@ -108,12 +114,12 @@ impl Scene {
             wanted: Front::new(&file),
             foreseen: Front::new(&file),
             list: ActiveList::of_checked_pages(&file),
-            residency: Residency::new(&file, budgets.memory),
+            residency: Residency::new(&file, memory),
             gpu_residency: Residency::of_sizes(&file, gpu_room, |cluster| gpu_bytes(cluster, colors)),
-            fetch: Fetch::new(Arc::clone(&file), READERS, budgets.memory)?,
+            fetch,
             pages: file.clusters().iter().map(|_| None).collect(),
             visibility: Visibility::new(&file),
-            budgets: Budgets { gpu_memory: gpu_room, ..budgets },
+            budgets: Budgets { memory, gpu_memory: gpu_room },
             file,
         })
     }

@@ -20,6 +20,8 @@ pub struct Stats {
     pub occluded: u64,
     /// Clusters that came into sight. Without waiting, those of the last frame whose answer has come.
     pub newly_visible: u64,
+    /// Boxes that were tested for occlusion, of clusters and of groups.
+    pub tested: u64,
     /// Groups that were split.
     pub splits: u64,
     /// Groups that were collapsed.
@@ -50,6 +52,7 @@ impl Stats {
         let before = *self;
         *self = *step;
         self.newly_visible += before.newly_visible;
+        self.tested += before.tested;
         self.splits += before.splits;
         self.collapses += before.collapses;
         self.pm_steps += before.pm_steps;

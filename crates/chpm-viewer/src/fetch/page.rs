@@ -2,13 +2,15 @@
 
 use super::Shared;
 use crate::ViewerError;
+use crate::gpu::Block;
+use crate::scene::gpu_bytes;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page};
 use chpm_mesh::ClusterId;
 use std::fmt;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A cluster's page, read and checked: ready to be played and uploaded. Its bytes count against the budget of the [`super::Fetch`]
 /// that read it until it is dropped.
@@ -19,6 +21,8 @@ pub struct PageData {
     len: usize,
     /// Who is told when the bytes go.
     charged: Option<Arc<Shared>>,
+    /// What the GPU is sent, until somebody takes it; its bytes are taken from [`Shared`]'s room for blocks.
+    block: Mutex<Option<Block>>,
 }
 
 impl PageData {
@@ -41,12 +45,31 @@ impl PageData {
             source,
         })?;
         file.page_checked_in(cluster, bytes).map_err(|source| ViewerError::Page { path: path(), source })?;
-        Ok(PageData { cluster, words, len, charged: None })
+        Ok(PageData { cluster, words, len, charged: None, block: Mutex::new(None) })
     }
 
+    /// Counts it, and makes the block too if there is room.
     pub(super) fn charged_to(mut self, shared: Arc<Shared>) -> Self {
+        let file = &shared.file;
+        let colors = file.header().attributes().colors;
+        if shared.take_room(gpu_bytes(&file.clusters()[self.cluster.index()], colors)) {
+            self.block = Mutex::new(Some(Block::of_page(&self.page())));
+        }
         self.charged = Some(shared);
         self
+    }
+
+    /// What the GPU is sent: made by the reader and handed out once, or made now.
+    pub fn block(&self) -> Block {
+        self.take_block().unwrap_or_else(|| Block::of_page(&self.page()))
+    }
+
+    fn take_block(&self) -> Option<Block> {
+        let block = self.block.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let (Some(block), Some(shared)) = (&block, &self.charged) {
+            shared.give_room_back(block.layout().bytes());
+        }
+        block
     }
 
     /// Whose page it is.
@@ -68,6 +91,7 @@ impl PageData {
 
 impl Drop for PageData {
     fn drop(&mut self) {
+        drop(self.take_block());
         if let Some(shared) = self.charged.take() {
             // The memory first, then the word that it is free.
             self.words = Vec::new();

@@ -2,7 +2,7 @@
 
 use super::{Canvas, Instant, Viewer, Watch, buffers, passes};
 use crate::error::ViewerError;
-use crate::gpu::{Block, Kind, Mark};
+use crate::gpu::{Kind, Mark};
 use crate::headless::{IdImage, Image, TriangleId};
 use crate::request::{Coloring, FrameRequest, Look, Shading, Target};
 use crate::scene::visibility::Sight;
@@ -216,8 +216,7 @@ impl Viewer {
                 continue;
             }
             let Some(page) = self.scene.page(cluster) else { continue };
-            let block = Block::of_page(&page.page());
-            all &= self.arena.insert(&self.gpu, cluster, &block, self.now)?;
+            all &= self.arena.insert(&self.gpu, cluster, &page.block(), self.now)?;
         }
         Ok(all)
     }
@@ -284,6 +283,7 @@ impl Viewer {
         let start = Instant::now();
         self.check_size(request.viewport)?;
         self.number_triangles()?;
+        self.pipelines.one_sided = false;
         let canvas = Canvas::new(&self.gpu, "ids", request.viewport, crate::gpu::pipelines::IDS);
         let mut stats = self.settle(request)?;
         self.paint(request, Some(canvas.view()), Colors::ids(), &mut stats)?;

@@ -76,15 +76,19 @@ impl Gpu {
     /// [`ViewerError::NoAdapter`], [`ViewerError::Unable`], [`ViewerError::Device`].
     pub fn headless(choice: &AdapterChoice) -> Result<Gpu, ViewerError> {
         let instance = Gpu::instance(None);
-        Gpu::new(choose(&instance, choice)?)
+        Gpu::new(choose(&instance, choice, None)?)
     }
 
     /// A device that draws into a window.
     ///
     /// # Errors
     /// As [`Gpu::headless`].
-    pub fn for_surface(instance: &wgpu::Instance, surface: &wgpu::Surface<'_>) -> Result<Gpu, ViewerError> {
-        Gpu::new(request(instance, Some(surface))?)
+    pub fn for_surface(
+        instance: &wgpu::Instance,
+        surface: &wgpu::Surface<'_>,
+        adapter: &AdapterChoice,
+    ) -> Result<Gpu, ViewerError> {
+        Gpu::new(choose(instance, adapter, Some(surface))?)
     }
 
     fn new(adapter: wgpu::Adapter) -> Result<Gpu, ViewerError> {
@@ -148,11 +152,16 @@ fn request(
     })
 }
 
-fn choose(instance: &wgpu::Instance, choice: &AdapterChoice) -> Result<wgpu::Adapter, ViewerError> {
+fn choose(
+    instance: &wgpu::Instance,
+    choice: &AdapterChoice,
+    surface: Option<&wgpu::Surface<'_>>,
+) -> Result<wgpu::Adapter, ViewerError> {
     if *choice == AdapterChoice::Best {
-        return request(instance, None);
+        return request(instance, surface);
     }
-    let all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    let mut all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    all.retain(|adapter| surface.is_none_or(|surface| adapter.is_surface_supported(surface)));
     let names: Vec<String> = all.iter().map(name).collect();
     let fits = |adapter: &wgpu::Adapter| match choice {
         AdapterChoice::Best => true,

@@ -52,7 +52,9 @@ pub struct Pipelines {
     pub frame: wgpu::BindGroupLayout,
     /// A slab.
     pub slab: wgpu::BindGroupLayout,
-    made: Vec<(Kind, wgpu::RenderPipeline)>,
+    /// Whether what is drawn next shows its front sides only.
+    pub one_sided: bool,
+    made: Vec<(Kind, bool, wgpu::RenderPipeline)>,
 }
 
 impl Pipelines {
@@ -68,7 +70,7 @@ impl Pipelines {
             bind_group_layouts: &[Some(&frame), Some(&slab)],
             immediate_size: 0,
         });
-        Pipelines { shader, layout, frame, slab, made: Vec::new() }
+        Pipelines { shader, layout, frame, slab, one_sided: false, made: Vec::new() }
     }
 
     /// Makes a pipeline, if there is none yet.
@@ -93,8 +95,10 @@ impl Pipelines {
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 buffers: &[],
             },
-            // Both sides.
-            primitive: wgpu::PrimitiveState::default(),
+            primitive: wgpu::PrimitiveState {
+                cull_mode: self.one_sided.then_some(wgpu::Face::Back),
+                ..wgpu::PrimitiveState::default()
+            },
             depth_stencil: Some(wgpu::DepthStencilState {
                 format: DEPTH,
                 depth_write_enabled: Some(true),
@@ -112,12 +116,13 @@ impl Pipelines {
             multiview_mask: None,
             cache: None,
         });
-        self.made.push((kind, pipeline));
+        self.made.push((kind, self.one_sided, pipeline));
     }
 
     /// A pipeline that was prepared.
     pub fn get(&self, kind: Kind) -> Option<&wgpu::RenderPipeline> {
-        self.made.iter().find(|(made, _)| *made == kind).map(|(_, pipeline)| pipeline)
+        let is_it = |(made, one_sided, _): &&(Kind, bool, _)| (*made, *one_sided) == (kind, self.one_sided);
+        self.made.iter().find(is_it).map(|(.., pipeline)| pipeline)
     }
 }
 

@@ -166,7 +166,11 @@ impl App {
             .with_inner_size(PhysicalSize::new(width, height))
             .with_min_inner_size(PhysicalSize::new(320, 240));
         let window = events.create_window(attributes).map_err(|e| ViewerError::Window(e.to_string()))?;
-        self.canvas = Some(Canvas::new(Arc::new(window), Box::new(events.owned_display_handle()))?);
+        self.canvas = Some(Canvas::new(
+            Arc::new(window),
+            Box::new(events.owned_display_handle()),
+            &self.options.adapter,
+        )?);
         if let Some(accuracy) = self.options.accuracy {
             self.settings = self.settings.clone().with_accuracy(accuracy);
         }

@@ -1,7 +1,7 @@
 //! The window's surface, and the panel painted over the model.
 
 use crate::error::ViewerError;
-use crate::gpu::Gpu;
+use crate::gpu::{AdapterChoice, Gpu};
 use crate::request::Target;
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 use std::sync::Arc;
@@ -23,15 +23,16 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// Finds an adapter that can show pictures in this window.
+    /// Finds an adapter, of those that can show pictures in this window.
     pub(super) fn new(
         window: Arc<Window>,
         display: Box<dyn WgpuHasDisplayHandle>,
+        adapter: &AdapterChoice,
     ) -> Result<Self, ViewerError> {
         let instance = Gpu::instance(Some(display));
         let refused = |error: &dyn std::fmt::Display| ViewerError::Window(format!("no surface: {error}"));
         let surface = instance.create_surface(Arc::clone(&window)).map_err(|error| refused(&error))?;
-        let gpu = Gpu::for_surface(&instance, &surface)?;
+        let gpu = Gpu::for_surface(&instance, &surface, adapter)?;
         let size = window.inner_size();
         let mut config = surface
             .get_default_config(&gpu.adapter, size.width.max(1), size.height.max(1))

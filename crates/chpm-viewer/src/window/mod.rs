@@ -23,6 +23,7 @@ pub mod settings;
 mod style;
 
 use crate::error::ViewerError;
+use crate::gpu::AdapterChoice;
 use crate::request::{Accuracy, Budgets};
 use app::{App, Event};
 use chpm_refine::CameraPath;
@@ -37,6 +38,8 @@ pub struct Options {
     pub model: Option<PathBuf>,
     /// What it may use.
     pub budgets: Budgets,
+    /// Who draws.
+    pub adapter: AdapterChoice,
     /// How fine, whatever was remembered.
     pub accuracy: Option<Accuracy>,
     /// The camera goes along this path first, one camera a frame.

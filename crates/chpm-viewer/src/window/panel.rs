@@ -150,6 +150,8 @@ fn memory(ui: &mut Ui, figures: &Figures, about: &About<'_>) {
     meter(ui, "GPU", last.gpu_bytes, about.gpu_memory);
     let (asked, sent) = (Bytes(last.requested_bytes), Bytes(last.uploaded_bytes));
     row(ui, "requested / uploaded", &format!("{asked} / {sent}"));
+    let counts = "pages, and clusters on the GPU; tables, image and panel come on top";
+    ui.label(RichText::new(counts).small().color(QUIET));
 }
 
 /// How much of a budget is used.
@@ -207,6 +209,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut 
         ui.label(RichText::new("culling").color(QUIET));
         ui.toggle_value(&mut settings.frustum_culling, "frustum");
         ui.toggle_value(&mut settings.occlusion_culling, "occlusion");
+        ui.toggle_value(&mut settings.one_sided, "back sides");
     });
 }
 

@@ -43,6 +43,8 @@ pub struct Settings {
     pub colors: Coloring,
     /// Edges over faces.
     pub wireframe: bool,
+    /// Leaves out triangles that are seen from behind.
+    pub one_sided: bool,
     /// Leaves out what is outside the image.
     pub frustum_culling: bool,
     /// Leaves out what is hidden.
@@ -62,6 +64,7 @@ impl Default for Settings {
             smooth: false,
             colors: Coloring::Vertex,
             wireframe: false,
+            one_sided: false,
             frustum_culling: true,
             occlusion_culling: true,
             fly: false,
@@ -93,6 +96,7 @@ impl Settings {
                 shading: if self.smooth { Shading::Smooth } else { Shading::Flat },
                 colors: self.colors,
                 wireframe: self.wireframe,
+                one_sided: self.one_sided,
                 ..Look::default()
             },
             frustum_culling: self.frustum_culling,

@@ -2,7 +2,8 @@
 
 use crate::models::{self, Model};
 use crate::screen::{PLENTY, exact, ids, open};
-use chpm_viewer::{FrameRequest, IdImage};
+use chpm_refine::Camera;
+use chpm_viewer::{FrameRequest, IdImage, Look, headless};
 
 const VIEWPORT: [u32; 2] = [160, 120];
 
@@ -94,6 +95,25 @@ fn whatever_the_accuracy() {
     }
 }
 
+/// What is seen from behind is left out and hides nothing, wherever the camera is.
+#[test]
+fn back_sides_hide_nothing_where_they_are_left_out() {
+    let model = models::shells();
+    let (mut culled, mut all) = (open(&model, PLENTY), open(&model, PLENTY));
+    let look = Look { one_sided: true, ..Look::default() };
+    // Outside, between the first two shells and looking inward and along them, and within all.
+    let from = [[0.0, 0.0, 3.0], [0.0, 0.0, 0.9], [0.9, 0.0, 0.0], [0.0, 0.0, 0.1]];
+    let shown = from.map(|position| {
+        let camera = Camera::looking(position, [0.05, 0.02, 0.0]);
+        let request = FrameRequest { look, ..exact(camera, VIEWPORT, 1.0) };
+        let (got, _) = headless::image(&mut culled, &request).expect("a picture");
+        let (expected, _) = headless::image(&mut all, &request.without_culling()).expect("a picture");
+        assert!(got == expected, "from {position:?}");
+        got.pixels.chunks_exact(4).filter(|pixel| *pixel != &got.pixels[..4]).count()
+    });
+    assert!(shown[..3].iter().all(|pixels| *pixels > 0) && shown[3] == 0, "{shown:?}");
+}
+
 /// Frames that do not wait leave much open, and a camera may jump at any moment: what is known of visibility then is old or none.
 #[test]
 fn whatever_was_drawn_before() {
@@ -107,7 +127,7 @@ fn whatever_was_drawn_before() {
         for before in 0..frame % 4 {
             let camera = cameras[(11 * frame + before) % cameras.len()];
             let hasty = FrameRequest { wait: false, ..exact(camera, VIEWPORT, 0.5) };
-            chpm_viewer::headless::image(&mut culled, &hasty).expect("a picture");
+            headless::image(&mut culled, &hasty).expect("a picture");
         }
         let poe = [1.0, 0.3, 4.0][frame % 3];
         let request = exact(camera, VIEWPORT, poe);

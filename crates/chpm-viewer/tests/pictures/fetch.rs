@@ -6,7 +6,7 @@ use chpm_format::Chpm;
 use chpm_mesh::synth::Shape;
 use chpm_mesh::{Bytes, ClusterId};
 use chpm_viewer::fetch::Arrival;
-use chpm_viewer::{Fetch, PageData, ViewerError};
+use chpm_viewer::{Block, Fetch, PageData, ViewerError};
 use std::fs::OpenOptions;
 use std::os::unix::fs::FileExt;
 use std::sync::Arc;
@@ -58,6 +58,34 @@ fn every_page_arrives_as_it_is_in_the_file() {
         drop(pages);
         assert_eq!(fetch.held(), Bytes(0));
     }
+}
+
+/// Blocks are what a page makes, whoever makes them, and those of readers are handed out once and within their room.
+#[test]
+fn readers_make_blocks_while_there_is_room() {
+    let (_model, file) = model();
+    let bytes = |page: &Arc<PageData>| page.block().bytes().len() as u64;
+    let mut fetch = fetch(&file, 2, u64::MAX);
+    let mut made = 0;
+    for room in [0, 1 << 16, u64::MAX / 2] {
+        fetch.make_blocks(Bytes(room));
+        all(&file).for_each(|id| fetch.request(id));
+        let pages = pages(fetch.wait_arrived());
+        let waiting = fetch.blocks().0;
+        assert!(waiting <= room && waiting >= made, "{waiting} of {room}");
+        made = waiting;
+        for page in &pages {
+            assert_eq!(page.block().bytes(), Block::of_page(&page.page()).bytes());
+        }
+        assert_eq!(fetch.blocks(), Bytes(0), "all were taken");
+        if room > 1 << 16 {
+            assert_eq!(made, pages.iter().map(bytes).sum::<u64>(), "all were made");
+        }
+    }
+    // What nobody takes goes with its page.
+    all(&file).for_each(|id| fetch.request(id));
+    drop(fetch.wait_arrived());
+    assert_eq!((fetch.blocks(), fetch.held()), (Bytes(0), Bytes(0)));
 }
 
 #[test]

@@ -13,18 +13,17 @@ use std::{env, fs, thread};
 impl App {
     /// Opens what was dropped or chosen: a CHPM, a camera path, or a mesh, which is built first.
     pub(super) fn take(&mut self, path: &Path) {
-        let is = |wanted: &str| path.extension().is_some_and(|extension| extension == wanted);
-        if is("path") {
-            match read_path(path) {
+        match Given::by_name(path, |path| self.options.prepare.takes(path)) {
+            Given::Path => match read_path(path) {
                 Ok(camera_path) => self.replay(camera_path),
                 Err(told) => self.tell(told, true),
-            }
-        } else if self.options.prepare.takes(path) {
-            self.build(path);
-        } else {
-            let remembered = self.recall(path);
-            if let Err(error) = self.open(path, remembered) {
-                self.tell(error.to_string(), true);
+            },
+            Given::Mesh => self.build(path),
+            Given::Model => {
+                let remembered = self.recall(path);
+                if let Err(error) = self.open(path, remembered) {
+                    self.tell(error.to_string(), true);
+                }
             }
         }
     }
@@ -125,9 +124,65 @@ impl App {
     }
 }
 
+/// What a file is that was dropped or chosen.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Given {
+    /// A camera path.
+    Path,
+    /// To be built first.
+    Mesh,
+    /// A CHPM, or something that will be refused as one.
+    Model,
+}
+
+impl Given {
+    fn by_name(path: &Path, is_mesh: impl Fn(&Path) -> bool) -> Self {
+        if path.extension().is_some_and(|extension| extension == "path") {
+            Given::Path
+        } else if is_mesh(path) {
+            Given::Mesh
+        } else {
+            Given::Model
+        }
+    }
+}
+
 fn read_path(path: &Path) -> Result<CameraPath, String> {
     let told = |error: &dyn std::fmt::Display| format!("cannot read '{}': {error}", path.display());
     let text = fs::read_to_string(path).map_err(|error| told(&error))?;
     let camera_path: CameraPath = text.parse().map_err(|error| told(&error))?;
     if camera_path.cameras.is_empty() { Err(told(&"it has no camera")) } else { Ok(camera_path) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_refine::Camera;
+
+    #[test]
+    fn what_is_dropped_is_told_by_its_name() {
+        let is_mesh = |path: &Path| path.extension().is_some_and(|extension| extension == "ply");
+        let given = |name: &str| Given::by_name(Path::new(name), is_mesh);
+        assert_eq!(given("a/walk.path"), Given::Path);
+        assert_eq!(given("a/mesh.ply"), Given::Mesh);
+        // What is neither is opened, and says why it cannot be.
+        for name in ["model.chpm", "a.png", "path", "ply", ""] {
+            assert_eq!(given(name), Given::Model, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_dropped_path_is_read_whole_or_told_of() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.path");
+        let camera_path = CameraPath { cameras: vec![Camera::looking([1.0, 2.0, 3.0], [0.0; 3]); 3] };
+        fs::write(&file, camera_path.to_string()).unwrap();
+        assert_eq!(read_path(&file), Ok(camera_path));
+        fs::write(&file, CameraPath::default().to_string()).unwrap();
+        assert!(read_path(&file).unwrap_err().contains("no camera"));
+        fs::write(&file, [0xff, 0xfe]).unwrap();
+        let told = read_path(&file).unwrap_err();
+        assert!(told.contains("cannot read") && told.contains("a.path"), "{told}");
+        assert!(read_path(&folder.path().join("none.path")).is_err());
+    }
 }
