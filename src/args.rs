@@ -168,7 +168,7 @@ pub(crate) struct ResourceArgs {
     kill_at: Option<u64>,
     /// Take less memory than a build can promise to stay below: for tests of what does not fit
     #[arg(long, hide = true)]
-    any_memory: bool,
+    pub(crate) any_memory: bool,
     #[command(flatten)]
     storage: StorageArgs,
 }
