@@ -17,6 +17,9 @@ use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Patch, Re
 /// Triangles that the root goes down to, since no level above it will: a model in the distance.
 const ROOT_TRIANGLES: usize = 100;
 
+/// Levels that are simplified in haste: three quarters of the work. What the coarse ones lose is seen in everything far away.
+const HASTY_LEVELS: u32 = 2;
+
 /// What the groups of a level have in common.
 pub(super) struct GroupTask<'a> {
     pub(super) level: u32,
@@ -71,6 +74,7 @@ impl Scratch {
     /// Simplifies a group and spools its pages.
     pub(super) fn run(&mut self, task: &GroupTask<'_>, group: &[u32]) -> Result<GroupDone, BuildError> {
         self.decimator.topology = task.settings.topology;
+        self.decimator.hasty = task.level < HASTY_LEVELS;
         if self.members.len() < group.len() {
             self.members.resize_with(group.len(), Member::default);
         }
