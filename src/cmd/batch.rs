@@ -95,7 +95,9 @@ fn jobs(args: &Args, config: &BuildConfig) -> usize {
     }
     if !args.quiet {
         let each = Bytes(MIN_MEMORY);
-        eprintln!("{fitting} models at a time instead of {wanted}, for {each} each; raise --memory for more");
+        eprintln!(
+            "{fitting} side by side instead of {wanted}, since each needs {each}; raise --memory for more"
+        );
     }
     fitting
 }

@@ -39,6 +39,16 @@ fn expected(fates: [(&str, &str); 5]) -> Vec<(String, String)> {
 const BATCH: &str = "-o out -q --cluster-triangles 512";
 
 #[test]
+fn no_model_has_less_than_the_least_memory() {
+    let folder = scans();
+    let told = |batch: &str| text(&folder.chpm(batch).code(1).get_output().stderr);
+    let fewer = told("batch in -o out --jobs 3 --memory 300M");
+    assert!(fewer.contains("2 side by side instead of 3"), "{fewer}");
+    let all = told("batch in -o out --jobs 2 --memory 300M --force");
+    assert!(!all.contains("side by side"), "{all}");
+}
+
+#[test]
 fn a_failure_stops_no_other_and_only_what_is_left_is_built_again() {
     let folder = scans();
     let printed = text(&folder.chpm(&format!("batch in {BATCH} --jobs 2")).code(1).get_output().stdout);
