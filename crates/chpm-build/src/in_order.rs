@@ -6,9 +6,8 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 
-/// Makes `count` results, at most `workers` at one time, and hands them to `take`, the first one first. So at most `workers` jobs hold
-/// memory at one time, and what they leave does not depend on which was faster. The threads of the current pool are shared out:
-/// a job whose pieces another job's thread has taken would wait for that.
+/// Makes `count` results on at most `workers` threads of the current pool and hands them to `take`, the first one first. So
+/// at most `workers` jobs hold memory at one time, and what they leave does not depend on which was faster.
 pub(crate) fn in_order<R: Send>(
     count: usize,
     workers: usize,
@@ -18,7 +17,10 @@ pub(crate) fn in_order<R: Send>(
     let next = AtomicUsize::new(0);
     let taker = Mutex::new(Taker { take, waiting: BTreeMap::new(), next: 0, result: Ok(()) });
     let lock = || taker.lock().unwrap_or_else(PoisonError::into_inner);
-    let work = || {
+    rayon::broadcast(|worker| {
+        if worker.index() >= workers.max(1) {
+            return;
+        }
         loop {
             let job = next.fetch_add(1, Relaxed);
             if job >= count || lock().result.is_err() {
@@ -27,23 +29,7 @@ pub(crate) fn in_order<R: Send>(
             let result = make(job);
             lock().give(job, result);
         }
-    };
-    let workers = workers.min(count).max(1);
-    if workers == 1 {
-        work();
-    } else {
-        let all = rayon::current_num_threads();
-        let pool = |worker: usize| {
-            let threads = ((all + worker) / workers).max(1);
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            pool.map_err(|error| BuildError::Threads { threads, reason: error.to_string() })
-        };
-        let pools = (0..workers).map(pool).collect::<Result<Vec<_>, _>>()?;
-        let work = &work;
-        std::thread::scope(|scope| {
-            pools.iter().for_each(|pool| drop(scope.spawn(move || pool.install(work))))
-        });
-    }
+    });
     taker.into_inner().unwrap_or_else(PoisonError::into_inner).result
 }
 
