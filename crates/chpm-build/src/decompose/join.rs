@@ -119,3 +119,39 @@ fn join(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::{Cancel, Silent};
+    use chpm_extmem::{BufferWriter, Store};
+
+    fn column<T: bytemuck::Pod>(store: &Store, items: &[T]) -> Column<T> {
+        let mut writer = BufferWriter::new(store, "items", items.len()).unwrap();
+        writer.extend_from_slice(items).unwrap();
+        writer.finish_column().unwrap()
+    }
+
+    #[test]
+    fn vertices_close_together_and_far_apart_get_their_numbers() {
+        const VERTICES: u32 = 2 * WINDOW + 1000;
+        let parent = tempfile::tempdir().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        let store = Store::create(parent.path(), 0).unwrap();
+        let context = Context::new(store, pool, &Silent, Cancel::default());
+        let numbers: Vec<u32> = (0..VERTICES).map(|v| v.wrapping_mul(0x9e37_79b9)).collect();
+        let mapping = column(&context.store, &numbers);
+        assert!(mapping.is_on_disk());
+        // Steps in turn: close together, anywhere, and neighbours with one stray in a thousand; the last step is short.
+        let triangle = |i: u32| match i / STEP as u32 % 3 {
+            0 => [i, i + 1, i + WINDOW / 2],
+            1 => [0, 1, 2].map(|k| (3 * i + k).wrapping_mul(0x85eb_ca6b) % VERTICES),
+            _ => [i, i + 1, if i % 1000 == 7 { VERTICES - 1 } else { i + 2 }],
+        };
+        let all: Vec<[u32; 3]> = (0..5 * STEP as u32 + 77).map(triangle).collect();
+        let mut triangles = column(&context.store, &all);
+        context.pool.install(|| run(&mut triangles, &mapping, &context)).unwrap();
+        let expected: Vec<[u32; 3]> = all.iter().map(|t| t.map(|v| numbers[v as usize])).collect();
+        assert!(triangles.read(0..all.len(), &mut Vec::new()).unwrap() == expected);
+    }
+}
