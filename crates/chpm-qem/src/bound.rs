@@ -13,7 +13,7 @@ use nalgebra::Point3;
 pub(crate) struct Proposal {
     /// Faces that would be displaced, and how far they would then be.
     pub(crate) faces: Vec<(u32, Displacement)>,
-    /// How far points would be that no face is left for.
+    /// The square of how far points would be that no face is left for.
     vanished: f64,
     /// Where the faces that lose their area put their points; only where the fans do not lie over each other.
     pub(crate) handed: Vec<Handed>,
@@ -36,7 +36,8 @@ pub(crate) struct Handed {
 impl Proposal {
     /// The longest displacement.
     pub(crate) fn norm(&self) -> f64 {
-        self.faces.iter().map(|(_, d)| d.norm()).fold(self.vanished, f64::max)
+        let squares = self.faces.iter().map(|(_, d)| d.norm_squared());
+        squares.fold(self.vanished, |most, square| if square > most { square } else { most }).sqrt()
     }
 
     /// Hands points over to a face; `before` is what the face has now.
@@ -130,7 +131,7 @@ impl Decimator {
             let points = end.map_or(points, |end| points.moved(end.lo, end.hi));
             match to {
                 Some(face) => self.proposal.hand_over(face, &self.displacements[face as usize], &points),
-                None => self.proposal.vanished = self.proposal.vanished.max(points.norm()),
+                None => self.proposal.vanished = self.proposal.vanished.max(points.norm_squared()),
             }
             let from = self.fan.faces[i];
             self.proposal.handed.push(Handed { from, to, other: w, share, to_end: end.is_some() });

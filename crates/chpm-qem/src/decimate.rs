@@ -87,6 +87,8 @@ pub struct Decimator {
     waiting: Vec<bool>,
     /// Vertices that are in the queue at the price of a forced collapse.
     offered: Vec<bool>,
+    /// Vertices about which something has changed since their bound was found.
+    stale: Vec<bool>,
     queue: Queue,
     /// Per face, how far it is from the source surface.
     pub(crate) displacements: Vec<Displacement>,
@@ -272,6 +274,8 @@ impl Decimator {
         self.waiting.resize(patch.positions.len(), false);
         self.offered.clear();
         self.offered.resize(patch.positions.len(), false);
+        self.stale.clear();
+        self.stale.resize(patch.positions.len(), true);
         let mut queue = std::mem::take(&mut self.queue);
         queue.refill(|entries| {
             for vertex in 0..patch.positions.len() {
@@ -291,6 +295,8 @@ impl Decimator {
         self.candidates.clear();
         let quadric = &self.quadrics[usize::from(u)];
         let length_term = LENGTH_TERM * quadric.area * self.per_mean_area;
+        // Without area there is nothing to be far from.
+        let per_area = if quadric.area > 0.0 { 1.0 / quadric.area } else { 0.0 };
         let origin = to_f64(patch.positions[usize::from(u)]);
         let mut least = f32::INFINITY;
         let sides = &self.sides;
@@ -300,7 +306,7 @@ impl Decimator {
                 return;
             }
             let d = to_f64(patch.positions[usize::from(v)]) - origin;
-            let cost = quadric.mean_at(d) + length_term * d.norm_squared();
+            let cost = quadric.at(d) * per_area + length_term * d.norm_squared();
             let cost = (cost * self.cost_scale) as f32;
             least = least.min(cost);
             self.candidates.push((cost, v));
@@ -341,17 +347,27 @@ impl Decimator {
             }
             let least = self.evaluate(patch, u);
             let next = self.queue.next_cost();
-            let due = if entry.is_guess() { self.guess(least) } else { least };
-            if due > next {
-                self.queue.push(Entry::new(due, u));
-                continue;
+            // A price that a bound gave is right as long as nothing changes; any other is only as good as the guess.
+            let guessed = !entry.is_offer() && (entry.is_guess() || self.stale[usize::from(u)]);
+            if guessed {
+                let due = self.guess(least);
+                if due > next {
+                    self.queue.push(Entry::new(due, u));
+                    continue;
+                }
             }
             let fan = self.fan.classify();
             let locked = refusals.of(Refusal::LockedEdge);
             if let Some((cost, v)) = self.cheapest_legal(patch, fan, u, refusals) {
+                let due = self.guess(cost);
+                if guessed && due > next {
+                    self.queue.push(Entry::new(due, u));
+                    continue;
+                }
                 let bound = self.propose(patch, fan, u, v);
                 let cost = cost.max(self.bound_cost(bound));
                 if cost > next {
+                    self.stale[usize::from(u)] = false;
                     self.queue.push(Entry::bounded(cost, u));
                 } else {
                     self.carry_out(patch, u, v, bound, cost, progress);
@@ -359,6 +375,10 @@ impl Decimator {
                 continue;
             }
             self.waiting[usize::from(u)] = true;
+            // An offer that is in the queue already is looked at again when it comes up.
+            if self.offered[usize::from(u)] {
+                continue;
+            }
             let held = refusals.of(Refusal::LockedEdge) > locked
                 || (!self.sides.is_empty() && fan != FanKind::Broken);
             if let Some(v) = self.nearest_forced(patch, u) {
@@ -371,7 +391,8 @@ impl Decimator {
                 if cost <= next {
                     progress.forced += 1;
                     self.carry_out(patch, u, v, bound, cost, progress);
-                } else if !std::mem::replace(&mut self.offered[usize::from(u)], true) {
+                } else {
+                    self.offered[usize::from(u)] = true;
                     self.queue.push(Entry::offer(cost, u));
                 }
             }
@@ -382,7 +403,7 @@ impl Decimator {
     /// What the gathered vertex will cost, whose least half-edge cost is given: its faces keep the displacement that they have.
     fn guess(&self, least: f32) -> f32 {
         let norms = self.fan.faces.iter().map(|face| self.displacements[*face as usize].norm_squared());
-        let displaced = norms.fold(0.0, f64::max);
+        let displaced = norms.fold(0.0, |most: f64, norm| if norm > most { norm } else { most });
         let factor = if self.hasty { HASTY_GUESS } else { GUESS };
         factor * (least + (BOUND_TERM * displaced * self.cost_scale) as f32)
     }
@@ -423,6 +444,7 @@ impl Decimator {
         for i in 0..self.fan.wings.len() {
             let (a, b) = self.fan.wings[i];
             for w in [a, b] {
+                self.stale[usize::from(w)] = true;
                 let waited = std::mem::take(&mut self.waiting[usize::from(w)]);
                 if waited && self.kinds[usize::from(w)] != VertexKind::Gone {
                     self.queue.push(Entry::new(cost, w));

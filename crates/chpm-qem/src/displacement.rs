@@ -1,5 +1,6 @@
 //! How far a face is from the surface that it stands for.
 
+use crate::overlay::Sweep;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::round_up;
 use nalgebra::Vector3;
@@ -34,8 +35,12 @@ impl Displacement {
 
     /// The square of [`Self::norm`].
     pub(crate) fn norm_squared(&self) -> f64 {
-        let reach = |axis: usize| f64::from(self.lo[axis].abs().max(self.hi[axis].abs()));
-        (0..3).map(|axis| reach(axis).powi(2)).sum()
+        let reach = |axis: usize| {
+            let (lo, hi) = (self.lo[axis].abs(), self.hi[axis].abs());
+            f64::from(if lo > hi { lo } else { hi })
+        };
+        let [x, y, z] = [reach(0), reach(1), reach(2)];
+        x * x + y * y + z * z
     }
 
     /// [`Self::norm`], rounded up: as an error is stored.
@@ -57,29 +62,51 @@ impl Displacement {
         if lo == hi && lo == Vector3::zeros() {
             return *self;
         }
-        Displacement::outward(self.low() + lo, self.high() + hi)
+        let mut reach = Reach::EMPTY;
+        reach.add(self, &Sweep { lo, hi, share: 0.0 }, Vector3::zeros(), Vector3::zeros());
+        reach.outward()
     }
+}
 
-    /// The least corner, less what a sum with it can lose in f64.
-    #[inline]
-    pub(crate) fn low(&self) -> Vector3<f64> {
-        Vector3::from(self.lo.map(|x| f64::from(x) - LOST * f64::from(x.abs())))
-    }
+/// A box of displacements in the making. Comparisons are written out: there are no numbers that are none, and each is one instruction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    lo: [f64; 3],
+    hi: [f64; 3],
+}
 
-    /// The largest corner, and what a sum with it can lose in f64.
-    #[inline]
-    pub(crate) fn high(&self) -> Vector3<f64> {
-        Vector3::from(self.hi.map(|x| f64::from(x) + LOST * f64::from(x.abs())))
-    }
+impl Reach {
+    pub(crate) const EMPTY: Reach = Reach { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3] };
 
-    /// The smallest box about the given one, and more than the last operation on it can have lost.
+    /// Grows by a box after a further displacement: one of `slide` and then one between `a` and `b`, componentwise.
     #[inline]
-    pub(crate) fn outward(low: Vector3<f64>, high: Vector3<f64>) -> Displacement {
-        Displacement {
-            lo: [0, 1, 2].map(|axis| (low[axis] as f32).next_down()),
-            hi: [0, 1, 2].map(|axis| (high[axis] as f32).next_up()),
+    pub(crate) fn add(&mut self, of: &Displacement, slide: &Sweep, a: Vector3<f64>, b: Vector3<f64>) {
+        for axis in 0..3 {
+            let (least, most) = if a[axis] < b[axis] { (a[axis], b[axis]) } else { (b[axis], a[axis]) };
+            // And what a sum with the box can lose in f64.
+            let (lo, hi) = (f64::from(of.lo[axis]), f64::from(of.hi[axis]));
+            let lo = (lo - LOST * lo.abs()) + slide.lo[axis] + least;
+            let hi = (hi + LOST * hi.abs()) + slide.hi[axis] + most;
+            self.lo[axis] = if lo < self.lo[axis] { lo } else { self.lo[axis] };
+            self.hi[axis] = if hi > self.hi[axis] { hi } else { self.hi[axis] };
         }
     }
+
+    /// The smallest box about it, and more than the last operation on it can have lost.
+    #[inline]
+    pub(crate) fn outward(&self) -> Displacement {
+        Displacement { lo: self.lo.map(|x| step(x as f32, -1)), hi: self.hi.map(|x| step(x as f32, 1)) }
+    }
+}
+
+/// The number `by` places further up among those of f32; the two zeros count as two. Without a branch.
+#[inline]
+fn step(x: f32, by: i32) -> f32 {
+    // Numbers of one sign are in the order of their bits.
+    let ordered = |bits: i32| bits ^ ((bits >> 31) as u32 >> 1) as i32;
+    let infinity = f32::INFINITY.to_bits() as i32;
+    let place = (ordered(x.to_bits() as i32) + by).clamp(-infinity - 1, infinity);
+    f32::from_bits(ordered(place) as u32)
 }
 
 #[cfg(test)]
@@ -99,6 +126,16 @@ mod tests {
         assert_eq!(Displacement::default().moved(Vector3::zeros(), Vector3::zeros()).norm(), 0.0);
         let far = Displacement::default().moved(Vector3::new(0.0, 0.0, -4.0), Vector3::new(3.0, 0.0, 0.0));
         assert!(far.norm() >= 5.0 && far.norm() < 5.00001);
+    }
+
+    #[test]
+    fn steps_go_to_the_next_number() {
+        for x in [1.0f32, -1.0, 3.7e-39, -3.7e-39, f32::MAX, f32::MIN, 1e-45, -1e-45, 0.1, -2e30] {
+            assert_eq!((step(x, 1), step(x, -1)), (x.next_up(), x.next_down()), "{x}");
+        }
+        assert_eq!((step(0.0, 1), step(-0.0, -1)), (1e-45, -1e-45));
+        assert_eq!((step(0.0, -1).to_bits(), step(-0.0, 1).to_bits()), ((-0.0f32).to_bits(), 0));
+        assert_eq!((step(f32::INFINITY, 1), step(f32::NEG_INFINITY, -1)), (f32::INFINITY, f32::NEG_INFINITY));
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! cell. Along a chain of collapses these differences add up. Where attributes jump about, their sum says too much, and the range of what
 //! the source points in a face look like says more; of the two bounds the smaller one holds.
 
-use crate::overlay::{Corner, MAX_LOOP, Overlay, Place};
+use crate::overlay::{Overlay, Place};
 use crate::patch::Patch;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::round_up;
@@ -185,9 +185,8 @@ pub(crate) struct LookTracker {
     pub(crate) faces: Vec<FaceLook>,
     /// The largest deviations that a collapse left.
     largest: [f32; 2],
-    /// Differences at u, and where the old edge (u, l_a) crosses the new edge (v, l_b), at `a * MAX_LOOP + b`.
-    apex: [f32; 2],
-    crossings: Vec<[f32; 2]>,
+    /// Differences at the corners of the cells.
+    corners: Vec<[f32; 2]>,
     /// Faces about v, with what they come to.
     changed: Vec<(u32, FaceLook)>,
 }
@@ -203,7 +202,6 @@ impl LookTracker {
         }
         self.values[NORMAL].extend(looks.normals.iter().map(normal_value));
         self.values[COLOR].extend(looks.colors.iter().map(color_value));
-        self.crossings.resize(MAX_LOOP * MAX_LOOP, [0.0; 2]);
         self.faces.extend_from_slice(looks.faces);
         if self.faces.is_empty() {
             self.faces.extend(patch.triangles.iter().map(|corners| looks.of_source(*corners)));
@@ -217,22 +215,14 @@ impl LookTracker {
 
     /// Carries the looks of the faces about u on over the collapse u -> v, cell by cell.
     pub(crate) fn carry_over(&mut self, overlay: &Overlay, u: u16, v: u16) {
-        overlay.places(|corner, place| {
-            let differences = self.differences(u, v, &place);
-            match corner {
-                Corner::Loop => {}
-                Corner::Apex => self.apex = differences,
-                Corner::Crossing(a, b) => self.crossings[a * MAX_LOOP + b] = differences,
-            }
-        });
+        let mut at = std::mem::take(&mut self.corners);
+        at.clear();
+        at.push([0.0; 2]);
+        overlay.places(|place| at.push(self.differences(u, v, &place)));
         let mut changed = std::mem::take(&mut self.changed);
         changed.clear();
         overlay.cells(|new, old, corners| {
-            let differences = corners.iter().map(|corner| match *corner {
-                Corner::Loop => [0.0; 2],
-                Corner::Apex => self.apex,
-                Corner::Crossing(a, b) => self.crossings[a * MAX_LOOP + b],
-            });
+            let differences = corners.iter().map(|corner| at[usize::from(*corner)]);
             let after = self.faces[old as usize].after(differences.fold([0.0; 2], larger));
             match changed.last_mut() {
                 Some((face, all)) if *face == new => all.merge(&after),
@@ -242,7 +232,7 @@ impl LookTracker {
         for (new, (face, look)) in (1..).zip(&changed) {
             self.keep(Some(*face), *look, overlay.new_corners(new));
         }
-        self.changed = changed;
+        (self.changed, self.corners) = (changed, at);
     }
 
     /// A face takes its points along, linearly.

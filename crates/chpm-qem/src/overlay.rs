@@ -5,14 +5,15 @@
 //! face have in common, so that its extremes are at the cells' corners: at the loop, where nothing moves; at u; and where an
 //! old edge from u crosses a new edge from v. Their order is known from the loop alone, since both fans are star-shaped.
 
+mod arrangement;
 mod cells;
 
-use crate::displacement::Displacement;
+use crate::displacement::{Displacement, Reach};
 use crate::fan::MAX_VALENCE;
-pub(crate) use cells::{Corner, Place};
+use arrangement::{APEX, Arrangements, CROSSINGS};
+pub(crate) use cells::Place;
 use nalgebra::{Point3, Vector3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
-use std::ops::Range;
 
 /// Most vertices of a loop: a boundary vertex of the highest valence has one more than faces.
 pub(crate) const MAX_LOOP: usize = MAX_VALENCE + 1;
@@ -51,6 +52,8 @@ struct Crossing {
     on_new: f64,
     /// What was divided by.
     area: f64,
+    /// One over that; zero for zero.
+    per_area: f64,
 }
 
 /// How the fans of the last bound lie over each other.
@@ -69,30 +72,34 @@ struct Laid {
 #[derive(Debug)]
 pub(crate) struct Overlay {
     /// Where u is.
-    pub(crate) apex: Point3<f64>,
+    apex: Point3<f64>,
     /// The loop.
-    pub(crate) ring: Vec<Point3<f64>>,
+    ring: Vec<Point3<f64>>,
+    /// The loop relative to u.
+    arms: Vec<Vector3<f64>>,
     /// Old face i = (u, l_i, l_i+1), or [`NO_FACE`]; after the collapse face i in 1..=len-2 is (v, l_i, l_i+1).
-    pub(crate) faces: Vec<u32>,
+    faces: Vec<u32>,
     /// The loop by vertices of the patch.
     vertices: Vec<u16>,
     projected: Vec<Projected>,
-    /// Least and largest displacement where the old edge (u, l_a) crosses the new edge (v, l_b), at `a * MAX_LOOP + b`.
-    crossings: Vec<[f64; 2]>,
+    arrangements: Arrangements,
+    /// Least and largest displacement by corner of the arrangement.
+    corners: Vec<[f64; 2]>,
     /// None before a bound, and where it failed.
     laid: Option<Laid>,
 }
 
 impl Default for Overlay {
     fn default() -> Self {
-        let crossings = vec![[0.0; 2]; MAX_LOOP * MAX_LOOP];
         Overlay {
             apex: Point3::origin(),
             ring: vec![],
+            arms: vec![],
             faces: vec![],
             vertices: vec![],
             projected: vec![],
-            crossings,
+            arrangements: Arrangements::default(),
+            corners: vec![],
             laid: None,
         }
     }
@@ -103,6 +110,7 @@ impl Overlay {
     pub(crate) fn begin(&mut self, apex: Point3<f64>) {
         self.apex = apex;
         self.ring.clear();
+        self.arms.clear();
         self.faces.clear();
         self.vertices.clear();
         self.laid = None;
@@ -112,29 +120,35 @@ impl Overlay {
     pub(crate) fn push(&mut self, vertex: u16, place: Point3<f64>, face: u32) {
         self.vertices.push(vertex);
         self.ring.push(place);
+        self.arms.push(place - self.apex);
         self.faces.push(face);
     }
 
     /// Appends to `out` every new face with its displacements after the collapse; false if neither of two normals shows both fans
     /// one-to-one, and then `out` is as it was.
     pub(crate) fn bound(&mut self, of: &[Displacement], out: &mut Vec<(u32, Displacement)>) -> bool {
-        let count = self.ring.len();
-        if !(3..=MAX_LOOP).contains(&count) {
+        if !(3..=MAX_LOOP).contains(&self.ring.len()) {
             return false;
         }
-        let areas = self.area_sum(self.apex, |area| area);
+        let areas = self.area_sum(Vector3::zeros(), |area| area);
         if self.bound_along(areas, of, out) {
             return true;
         }
         let unit = |area: Vector3<f64>| area.try_normalize(0.0).unwrap_or_default();
-        let both = self.area_sum(self.apex, unit) + self.area_sum(self.ring[0], unit);
+        let both = self.area_sum(Vector3::zeros(), unit) + self.area_sum(self.arms[0], unit);
         self.bound_along(both, of, out)
     }
 
-    /// Sum over the faces that the loop makes with `apex`.
-    fn area_sum(&self, apex: Point3<f64>, of: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vector3<f64> {
-        let next = self.ring.iter().cycle().skip(1);
-        self.ring.iter().zip(next).map(|(a, b)| of((a - apex).cross(&(b - apex)))).sum()
+    /// Sum over the faces that the loop makes with a point, which is given relative to u.
+    fn area_sum(&self, from: Vector3<f64>, of: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vector3<f64> {
+        let mut sum = Vector3::zeros();
+        let mut a = self.arms[self.arms.len() - 1] - from;
+        for arm in &self.arms {
+            let b = arm - from;
+            sum += of(a.cross(&b));
+            a = b;
+        }
+        sum
     }
 
     fn bound_along(
@@ -147,7 +161,6 @@ impl Overlay {
         let last = self.ring.len() - 1;
         let size = self.project(normal);
         let least_area = AREA_SHARE * size * size;
-        let p = &self.projected;
         // u on the mesh boundary first slides to the straight line that its two boundary edges become.
         let on_boundary = [self.faces[0] == NO_FACE, self.faces[last] == NO_FACE];
         let (slide, foot) = match on_boundary {
@@ -155,69 +168,49 @@ impl Overlay {
             [true, _] => self.foot(1),
             [_, true] => self.foot(last),
         };
-        let star = |center: Projected, i: usize| {
-            p[i].minus(center).cross(p[(i + 1) % (last + 1)].minus(center)) > least_area
-        };
-        let old_fan = (0..=last).all(|i| self.faces[i] == NO_FACE || star(foot, i));
-        if !old_fan || !(1..last).all(|i| star(p[0], i)) || !self.winds_once(foot, on_boundary, least_area) {
+        if !self.is_one_to_one(foot, on_boundary, least_area) {
             return false;
         }
         let Some(sector) = self.sector(foot, on_boundary) else { return false };
 
-        let (low, high) = p.iter().fold((0f64, 0f64), |(l, h), p| (l.min(p.height), h.max(p.height)));
+        let heights = self.projected.iter().map(|p| p.height);
+        let (low, high) = heights.fold((0f64, 0f64), |(l, h), p| (l.min(p), h.max(p)));
         let loss = Loss {
             height: HEIGHT_LOSS * size,
             // A place on an edge is off by the share of the area that it was divided by; twice, for the two edges.
             slope: 4.0 * AREA_LOSS * size * size * (high - low),
         };
         let flat = high - low <= 256.0 * loss.height && self.is_flat(sector);
-        let at_apex = if flat || on_boundary != [false, false] {
-            [0.0; 2]
-        } else {
-            self.apex_displacement(sector, &loss)
-        };
-        if !self.cross(foot, sector, flat, least_area, &loss) {
+        if !self.find_corners(foot, sector, flat, on_boundary, least_area, &loss) {
             return false;
         }
+        let arrangement = self.arrangements.of(last + 1, sector);
         let still = flat && slide.is_still();
         for new in 1..last {
-            let mut exact = Displacement::EMPTY;
-            let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-            for old in 0..=last {
-                if !self.meet(old, new, sector) {
-                    continue;
+            let cells = arrangement.cells(new).iter().map(|cell| (self.faces[usize::from(cell.old)], cell));
+            let cells = cells.filter(|(old, _)| *old != NO_FACE);
+            let after = if still {
+                let mut exact = Displacement::EMPTY;
+                cells.for_each(|(old, _)| exact.merge(&of[old as usize]));
+                exact
+            } else {
+                let mut reach = Reach::EMPTY;
+                for (old, cell) in cells {
+                    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+                    for corner in cell.corners {
+                        let [low, high] = self.corners[usize::from(corner)];
+                        least = if low < least { low } else { least };
+                        most = if high > most { high } else { most };
+                    }
+                    reach.add(&of[old as usize], &slide, normal * least, normal * most);
                 }
-                let before = &of[self.faces[old] as usize];
-                if still {
-                    exact.merge(before);
-                } else {
-                    let (least, most) = self.interval(old, new, sector, at_apex);
-                    let (a, b) = (normal * least, normal * most);
-                    low = low.inf(&(before.low() + slide.lo + a.inf(&b)));
-                    high = high.sup(&(before.high() + slide.hi + a.sup(&b)));
-                }
-            }
-            let after = if still { exact } else { Displacement::outward(low, high) };
+                reach.outward()
+            };
             out.push((self.faces[new], after));
         }
         let share = (on_boundary != [false, false]).then_some(slide.share);
         self.laid = Some(Laid { foot, share, sector, size });
         true
-    }
-
-    /// Whether an old and a new face have a cell in common.
-    fn meet(&self, old: usize, new: usize, sector: usize) -> bool {
-        let meet = match old {
-            0 => new <= sector,
-            _ if old + 1 == self.ring.len() => new >= sector,
-            _ => new >= old.min(sector) && new <= old.max(sector),
-        };
-        meet && self.faces[old] != NO_FACE
-    }
-
-    /// The loop's vertices whose new edges the old edge (u, l_a) crosses.
-    fn crossed(a: usize, sector: usize) -> Range<usize> {
-        if a > sector { sector + 1..a } else { a + 1..sector + 1 }
     }
 
     /// Projects the loop; answers the fan's size.
@@ -227,12 +220,45 @@ impl Overlay {
         let y = normal.cross(&x);
         self.projected.clear();
         let mut size: f64 = 0.0;
-        for point in &self.ring {
-            let d = point - self.apex;
-            size = size.max(d.norm_squared());
-            self.projected.push(Projected { x: x.dot(&d), y: y.dot(&d), height: normal.dot(&d) });
+        for d in &self.arms {
+            let squared = d.norm_squared();
+            size = if squared > size { squared } else { size };
+            self.projected.push(Projected { x: x.dot(d), y: y.dot(d), height: normal.dot(d) });
         }
         size.sqrt()
+    }
+
+    /// Whether both fans lie one-to-one over the plane: all faces turn the same way, and the old ones go about their apex once.
+    fn is_one_to_one(&self, foot: Projected, on_boundary: [bool; 2], least_area: f64) -> bool {
+        let p = &self.projected[..];
+        let last = p.len() - 1;
+        let v = p[0];
+        let mut turns = true;
+        let mut rises = 0;
+        let mut a = p[last].minus(foot);
+        for (i, b) in p.iter().enumerate() {
+            let b = b.minus(foot);
+            let leads = if i == 0 { last } else { i - 1 };
+            turns &= (a.cross(b) > least_area) | (self.faces[leads] == NO_FACE);
+            rises += u32::from((a.y < 0.0) & (b.y >= 0.0));
+            a = b;
+        }
+        for pair in p[1..].windows(2) {
+            turns &= pair[0].minus(v).cross(pair[1].minus(v)) > least_area;
+        }
+        turns
+            && match on_boundary {
+                [false, false] => rises == 1,
+                // A half turn from one boundary edge to the other.
+                [true, _] => {
+                    let start = p[1].minus(foot);
+                    (2..=last).all(|i| start.cross(p[i].minus(foot)) > least_area)
+                }
+                [_, true] => {
+                    let start = p[0].minus(foot);
+                    (1..last).all(|i| start.cross(p[i].minus(foot)) > least_area)
+                }
+            }
     }
 
     /// Where u slides on the segment from v to `l_other`, its neighbours on the mesh boundary: how far, and the place.
@@ -243,27 +269,6 @@ impl Overlay {
         let foot =
             Projected { x: between(a.x, b.x), y: between(a.y, b.y), height: between(a.height, b.height) };
         (slide, foot)
-    }
-
-    /// Whether the old faces, all of them turning the same way, go about their apex once and not more.
-    fn winds_once(&self, foot: Projected, on_boundary: [bool; 2], least_area: f64) -> bool {
-        let p = &self.projected;
-        let last = p.len() - 1;
-        match on_boundary {
-            [false, false] => {
-                let rises = (0..=last).filter(|&i| p[i].y < 0.0 && p[(i + 1) % (last + 1)].y >= 0.0);
-                rises.count() == 1
-            }
-            // A half turn from one boundary edge to the other.
-            [true, _] => {
-                let start = p[1].minus(foot);
-                (2..=last).all(|i| start.cross(p[i].minus(foot)) > least_area)
-            }
-            [_, true] => {
-                let start = p[0].minus(foot);
-                (1..last).all(|i| start.cross(p[i].minus(foot)) > least_area)
-            }
-        }
     }
 
     /// The new face that u lies over.
@@ -288,79 +293,51 @@ impl Overlay {
         on_plane(&self.apex) && self.ring.iter().all(on_plane)
     }
 
-    /// How far the new fan is above u.
-    fn apex_displacement(&self, sector: usize, loss: &Loss) -> [f64; 2] {
-        let p = &self.projected;
-        let (a, b) = (p[sector].minus(p[0]), p[sector + 1].minus(p[0]));
-        let ([of_a, of_b], area) = self.apex_shares(sector);
-        loss.about(p[0].height + of_a * a.height + of_b * b.height, area)
-    }
-
     /// What the two vertices of the loop that u lies between have of it, in the new face there, and what was divided by.
     fn apex_shares(&self, sector: usize) -> ([f64; 2], f64) {
         let p = &self.projected;
         let (a, b) = (p[sector].minus(p[0]), p[sector + 1].minus(p[0]));
         let apex = Projected::default().minus(p[0]);
         let area = a.cross(b);
-        ([(apex.cross(b) / area).clamp(0.0, 1.0), (a.cross(apex) / area).clamp(0.0, 1.0)], area)
+        let per_area = 1.0 / area;
+        ([(apex.cross(b) * per_area).clamp(0.0, 1.0), (a.cross(apex) * per_area).clamp(0.0, 1.0)], area)
     }
 
-    /// The displacements where old edges cross new ones. False if two of them are too close to parallel.
-    fn cross(&mut self, foot: Projected, sector: usize, flat: bool, least_area: f64, loss: &Loss) -> bool {
-        let p = &self.projected;
-        for a in 1..p.len() {
-            let old = p[a].minus(foot);
-            for b in Self::crossed(a, sector) {
-                let at = &mut self.crossings[a * MAX_LOOP + b];
-                *at = [0.0; 2];
-                if flat {
-                    continue;
-                }
-                let new = p[b].minus(p[0]);
-                let Crossing { on_old, on_new, area } = crossing(old, new, p[0].minus(foot));
-                if area.abs() <= least_area {
-                    return false;
-                }
-                let displacement = (p[0].height + on_new * new.height) - (foot.height + on_old * old.height);
-                *at = loss.about(displacement, area);
-            }
+    /// The displacements at the corners of all cells. False if two edges that cross are too close to parallel.
+    fn find_corners(
+        &mut self,
+        foot: Projected,
+        sector: usize,
+        flat: bool,
+        on_boundary: [bool; 2],
+        least_area: f64,
+        loss: &Loss,
+    ) -> bool {
+        let crossings = &self.arrangements.of(self.ring.len(), sector).crossings;
+        self.corners.clear();
+        self.corners.resize(usize::from(CROSSINGS) + crossings.len(), [0.0; 2]);
+        if flat {
+            return true;
         }
-        true
-    }
-
-    /// The least and largest displacement on the cell of an old and a new face.
-    fn interval(&self, old: usize, new: usize, sector: usize, at_apex: [f64; 2]) -> (f64, f64) {
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        self.corners(old, new, sector, |corner| {
-            let at = match corner {
-                Corner::Loop => [0.0; 2],
-                Corner::Apex => at_apex,
-                Corner::Crossing(a, b) => self.crossings[a * MAX_LOOP + b],
-            };
-            (low, high) = (low.min(at[0]), high.max(at[1]));
-        });
-        (low, high)
-    }
-
-    /// The corners of the cell of an old and a new face, some of them more than once.
-    #[inline]
-    fn corners(&self, old: usize, new: usize, sector: usize, mut visit: impl FnMut(Corner)) {
-        let last = self.ring.len() - 1;
-        if old == 0 || old == last {
-            visit(Corner::Loop);
+        let p = &self.projected[..];
+        let v = p[0];
+        let from_foot = v.minus(foot);
+        let mut parallel = false;
+        for (&(a, b), at) in crossings.iter().zip(&mut self.corners[usize::from(CROSSINGS)..]) {
+            let (old, new) = (p[usize::from(a)].minus(foot), p[usize::from(b)].minus(v));
+            let Crossing { on_old, on_new, area, per_area } = crossing(old, new, from_foot);
+            parallel |= area.abs() <= least_area;
+            let displacement = (v.height + on_new * new.height) - (foot.height + on_old * old.height);
+            *at = loss.about(displacement, per_area);
         }
-        if new == sector {
-            visit(Corner::Apex);
+        if on_boundary == [false, false] {
+            // How far the new fan is above u.
+            let ([of_a, of_b], area) = self.apex_shares(sector);
+            let (a, b) = (p[sector].minus(v), p[sector + 1].minus(v));
+            let displacement = v.height + of_a * a.height + of_b * b.height;
+            self.corners[usize::from(APEX)] = loss.about(displacement, 1.0 / area);
         }
-        for a in [old, (old + 1) % (last + 1)] {
-            for b in [new, new + 1] {
-                if a == b {
-                    visit(Corner::Loop);
-                } else if a != 0 && ((sector < b && b < a) || (a < b && b <= sector)) {
-                    visit(Corner::Crossing(a, b));
-                }
-            }
-        }
+        !parallel
     }
 }
 
@@ -405,18 +382,20 @@ struct Loss {
 
 impl Loss {
     /// The interval that the true displacement is in.
-    fn about(&self, displacement: f64, area: f64) -> [f64; 2] {
-        let loss = self.height + self.slope / area.abs();
+    fn about(&self, displacement: f64, per_area: f64) -> [f64; 2] {
+        let loss = self.height + self.slope * per_area.abs();
         [displacement - loss, displacement + loss]
     }
 }
 
 /// Of the edge `old` from u's place and the edge `new` from v, which is at `from` from there.
+#[inline]
 fn crossing(old: Projected, new: Projected, from: Projected) -> Crossing {
     let area = old.cross(new);
     // Of parallel edges any place will do, but not one that is no number: their loss covers both edges.
-    let share = |of: f64| if area == 0.0 { 0.0 } else { (of / area).clamp(0.0, 1.0) };
-    Crossing { on_old: share(from.cross(new)), on_new: share(from.cross(old)), area }
+    let per_area = if area == 0.0 { 0.0 } else { 1.0 / area };
+    let share = |of: f64| (of * per_area).clamp(0.0, 1.0);
+    Crossing { on_old: share(from.cross(new)), on_new: share(from.cross(old)), area, per_area }
 }
 
 fn coord(p: Point3<f64>) -> Coord3D<f64> {
@@ -439,7 +418,7 @@ mod tests {
     #[test]
     fn parallel_edges_cross_at_a_number() {
         let edge = Projected { x: 1.0, y: 2.0, height: 0.0 };
-        let Crossing { on_old, on_new, area } = crossing(edge, edge, edge);
+        let Crossing { on_old, on_new, area, .. } = crossing(edge, edge, edge);
         assert_eq!((on_old, on_new, area), (0.0, 0.0, 0.0));
     }
 }

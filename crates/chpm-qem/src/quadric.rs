@@ -67,12 +67,6 @@ impl Quadric {
         value.max(0.0)
     }
 
-    /// The mean of the squared distances at an offset from the quadric's own point; without area there is nothing to be far from.
-    #[inline]
-    pub fn mean_at(&self, d: Vector3<f64>) -> f64 {
-        if self.area > 0.0 { self.at(d) / self.area } else { 0.0 }
-    }
-
     /// Adds `other`, whose own point lies at `-offset` from this one's (so `offset` leads from the other's point to this).
     pub fn add_moved(&mut self, other: &Quadric, offset: Vector3<f64>) {
         let d = offset;

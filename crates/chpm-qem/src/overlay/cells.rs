@@ -1,24 +1,11 @@
 //! The cells of an overlay, for what is interpolated over the faces.
 
+use super::arrangement::Arrangement;
 use super::{AREA_LOSS, Crossing, Laid, NO_FACE, Overlay, crossing};
 
 /// What a share of an edge can be off by, as a share of the size squared over the area that it was divided by: twice what an area
 /// loses, and as much again for the area's own loss.
 const PLACE_LOSS: f64 = 4.0 * AREA_LOSS;
-/// Most corners that are looked at for a cell: at v, at u, and four pairs of edges.
-const MAX_CORNERS: usize = 6;
-
-/// A corner of a cell that an old and a new face have in common.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Corner {
-    /// On the loop: of both fans, so that nothing changes there.
-    Loop,
-    /// Where u was.
-    Apex,
-    /// Where the old edge (u, l_a) crosses the new edge (v, l_b).
-    Crossing(usize, usize),
-}
-
 /// Where a corner is in the old fan and in the new one, by vertices of the patch.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
@@ -41,9 +28,15 @@ impl Overlay {
         self.laid.is_some()
     }
 
-    /// Calls `visit` with the corners off the loop, and where they are.
-    pub(crate) fn places(&self, mut visit: impl FnMut(Corner, Place)) {
-        let Some(Laid { foot, share, sector, size }) = self.laid else { return };
+    fn arrangement(&self) -> Option<(&Laid, &Arrangement)> {
+        let laid = self.laid.as_ref()?;
+        Some((laid, self.arrangements.known(self.ring.len(), laid.sector)?))
+    }
+
+    /// Calls `visit` with the places of all corners off the loop, in order: corners are numbered from 1, and 0 is the loop, of both fans,
+    /// so that nothing changes there.
+    pub(crate) fn places(&self, mut visit: impl FnMut(Place)) {
+        let Some((&Laid { foot, share, sector, size }, arrangement)) = self.arrangement() else { return };
         let (p, vertices) = (&self.projected, &self.vertices);
         let loss = |area: f64| (PLACE_LOSS * size * size / area.abs()).min(1.0);
         let ([of_a, of_b], area) = match share {
@@ -53,32 +46,25 @@ impl Overlay {
             Some(share) => ([0.0, share], f64::INFINITY),
         };
         let new = [(vertices[sector], of_a), (vertices[sector + 1], of_b)];
-        visit(Corner::Apex, Place { old: (vertices[0], 0.0), new, loss: loss(area) });
-        for a in 1..p.len() {
-            let old = p[a].minus(foot);
-            for b in Self::crossed(a, sector) {
-                let Crossing { on_old, on_new, area } = crossing(old, p[b].minus(p[0]), p[0].minus(foot));
-                let new = [(vertices[b], on_new), (vertices[0], 0.0)];
-                visit(Corner::Crossing(a, b), Place { old: (vertices[a], on_old), new, loss: loss(area) });
-            }
+        visit(Place { old: (vertices[0], 0.0), new, loss: loss(area) });
+        for (a, b) in arrangement.crossings.iter().map(|&(a, b)| (usize::from(a), usize::from(b))) {
+            let (old, new) = (p[a].minus(foot), p[b].minus(p[0]));
+            let Crossing { on_old, on_new, area, .. } = crossing(old, new, p[0].minus(foot));
+            let new = [(vertices[b], on_new), (vertices[0], 0.0)];
+            visit(Place { old: (vertices[a], on_old), new, loss: loss(area) });
         }
     }
 
     /// Calls `visit` with each new face and each old one that it has a cell in common with, new faces in order, and with the
     /// cell's corners.
-    pub(crate) fn cells(&self, mut visit: impl FnMut(u32, u32, &[Corner])) {
-        let Some(Laid { sector, .. }) = self.laid else { return };
-        let last = self.ring.len() - 1;
-        for new in 1..last {
-            for old in (0..=last).filter(|&old| self.meet(old, new, sector)) {
-                let mut corners = [Corner::Loop; MAX_CORNERS];
-                let mut slots = corners.iter_mut();
-                self.corners(old, new, sector, |corner| {
-                    if let Some(slot) = slots.next() {
-                        *slot = corner;
-                    }
-                });
-                visit(self.faces[new], self.faces[old], &corners);
+    pub(crate) fn cells(&self, mut visit: impl FnMut(u32, u32, &[u16])) {
+        let Some((_, arrangement)) = self.arrangement() else { return };
+        for new in 1..self.ring.len() - 1 {
+            for cell in arrangement.cells(new) {
+                let old = self.faces[usize::from(cell.old)];
+                if old != NO_FACE {
+                    visit(self.faces[new], old, &cell.corners);
+                }
             }
         }
     }

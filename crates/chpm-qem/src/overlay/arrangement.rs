@@ -1,0 +1,178 @@
+//! Which cells the two fans over a loop have in common. The loop's length and the new face that u lies over decide that, so it is
+//! found once for each pair of them and then only looked up.
+
+use super::MAX_LOOP;
+
+/// A corner on the loop: of both fans, so that nothing changes there.
+pub(super) const LOOP: u16 = 0;
+/// Where u was.
+pub(super) const APEX: u16 = 1;
+/// The first crossing of an old edge and a new one; the others follow.
+pub(super) const CROSSINGS: u16 = 2;
+/// Most corners of what two triangles have in common.
+const MAX_CORNERS: usize = 6;
+
+/// What an old and a new face have in common.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cell {
+    /// The old face.
+    pub(super) old: u16,
+    /// Its corners, some of them more than once.
+    pub(super) corners: [u16; MAX_CORNERS],
+}
+
+/// The cells of a loop of one length with u over one face.
+#[derive(Debug)]
+pub(super) struct Arrangement {
+    /// Pairs (a, b): the old edge (u, l_a) crosses the new edge (v, l_b).
+    pub(super) crossings: Vec<(u16, u16)>,
+    /// By new face, in order.
+    cells: Vec<Cell>,
+    /// Where the cells of each new face end.
+    ends: Vec<u16>,
+}
+
+impl Arrangement {
+    fn new(count: usize, sector: usize) -> Self {
+        let last = count - 1;
+        let mut arrangement = Arrangement { crossings: vec![], cells: vec![], ends: vec![0] };
+        for a in 1..count {
+            // Between the place of u and l_a, seen from v.
+            let crossed = if a > sector { sector + 1..a } else { a + 1..sector + 1 };
+            arrangement.crossings.extend(crossed.map(|b| (a as u16, b as u16)));
+        }
+        for new in 1..last {
+            for old in 0..count {
+                let meet = match old {
+                    0 => new <= sector,
+                    _ if old == last => new >= sector,
+                    _ => new >= old.min(sector) && new <= old.max(sector),
+                };
+                if meet {
+                    let corners = arrangement.corners(old, new, sector, last);
+                    arrangement.cells.push(Cell { old: old as u16, corners });
+                }
+            }
+            arrangement.ends.push(arrangement.cells.len() as u16);
+        }
+        arrangement
+    }
+
+    fn corners(&self, old: usize, new: usize, sector: usize, last: usize) -> [u16; MAX_CORNERS] {
+        let mut found = Vec::with_capacity(MAX_CORNERS);
+        if old == 0 || old == last {
+            found.push(LOOP);
+        }
+        if new == sector {
+            found.push(APEX);
+        }
+        for a in [old, (old + 1) % (last + 1)] {
+            for b in [new, new + 1] {
+                if a == b {
+                    found.push(LOOP);
+                }
+                let crossing = self.crossings.iter().position(|c| *c == (a as u16, b as u16));
+                found.extend(crossing.map(|at| CROSSINGS + at as u16));
+            }
+        }
+        std::array::from_fn(|i| found.get(i).or(found.last()).copied().unwrap_or(LOOP))
+    }
+
+    /// The cells of a new face.
+    #[inline]
+    pub(super) fn cells(&self, new: usize) -> &[Cell] {
+        &self.cells[usize::from(self.ends[new - 1])..usize::from(self.ends[new])]
+    }
+}
+
+/// All arrangements that were needed so far.
+#[derive(Debug)]
+pub(super) struct Arrangements {
+    made: Vec<Arrangement>,
+    /// One more than the place in `made`, at `count * MAX_LOOP + sector`; zero if it was not needed yet.
+    places: Vec<u16>,
+}
+
+impl Default for Arrangements {
+    fn default() -> Self {
+        Arrangements { made: vec![], places: vec![0; (MAX_LOOP + 1) * MAX_LOOP] }
+    }
+}
+
+impl Arrangements {
+    /// The arrangement of a loop of `count` vertices with u over the new face `sector`.
+    #[inline]
+    pub(super) fn of(&mut self, count: usize, sector: usize) -> &Arrangement {
+        let place = &mut self.places[count * MAX_LOOP + sector];
+        if *place == 0 {
+            self.made.push(Arrangement::new(count, sector));
+            *place = self.made.len() as u16;
+        }
+        &self.made[usize::from(*place) - 1]
+    }
+
+    /// The same, if it was asked for before.
+    pub(super) fn known(&self, count: usize, sector: usize) -> Option<&Arrangement> {
+        self.made.get(usize::from(self.places[count * MAX_LOOP + sector]).checked_sub(1)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    /// A convex loop seen from u over the given face, so that all places can be worked out: the cells must be those pairs of
+    /// triangles that share more than an edge.
+    #[test]
+    fn cells_are_where_triangles_overlap() {
+        for count in 3..9 {
+            let angle = |i: usize| 0.1 + std::f64::consts::TAU * i as f64 / count as f64;
+            let ring: Vec<[f64; 2]> = (0..count).map(|i| [angle(i).cos(), angle(i).sin()]).collect();
+            for sector in 1..count - 1 {
+                let u =
+                    [0, 1].map(|k| 0.31 * ring[0][k] + 0.33 * ring[sector][k] + 0.36 * ring[sector + 1][k]);
+                let arrangement = Arrangement::new(count, sector);
+                let mut expected = BTreeSet::new();
+                let mut found = BTreeSet::new();
+                for new in 1..count - 1 {
+                    found.extend(arrangement.cells(new).iter().map(|c| (new, usize::from(c.old))));
+                    for old in 0..count {
+                        let a = [u, ring[old], ring[(old + 1) % count]];
+                        let b = [ring[0], ring[new], ring[new + 1]];
+                        if overlap(a, b) > 1e-9 {
+                            expected.insert((new, old));
+                        }
+                    }
+                }
+                assert_eq!(found, expected, "loop of {count}, u over face {sector}");
+            }
+        }
+    }
+
+    /// The area that two triangles have in common: one is clipped by the other's edges.
+    fn overlap(a: [[f64; 2]; 3], b: [[f64; 2]; 3]) -> f64 {
+        let mut polygon = a.to_vec();
+        for i in 0..3 {
+            let (p, q) = (b[i], b[(i + 1) % 3]);
+            let side = |x: &[f64; 2]| (q[0] - p[0]) * (x[1] - p[1]) - (q[1] - p[1]) * (x[0] - p[0]);
+            let mut kept = Vec::new();
+            for (j, x) in polygon.iter().enumerate() {
+                let y = &polygon[(j + 1) % polygon.len()];
+                if side(x) >= 0.0 {
+                    kept.push(*x);
+                }
+                if (side(x) > 0.0 && side(y) < 0.0) || (side(x) < 0.0 && side(y) > 0.0) {
+                    let t = side(x) / (side(x) - side(y));
+                    kept.push([0, 1].map(|k| x[k] + t * (y[k] - x[k])));
+                }
+            }
+            polygon = kept;
+        }
+        let doubled = |i: usize| {
+            let (x, y) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+            x[0] * y[1] - x[1] * y[0]
+        };
+        (0..polygon.len()).map(doubled).sum::<f64>() / 2.0
+    }
+}
