@@ -8,7 +8,7 @@ use anyhow::Result;
 use chpm_extmem::AtomicFile;
 use chpm_mesh::Bytes;
 use chpm_viewer::{AdapterChoice, Budgets, Coloring, Gpu, Image, Look, Shading, Stats, Viewer};
-use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -39,8 +39,8 @@ impl DeviceArgs {
 #[command(next_help_heading = "Looks")]
 pub(crate) struct LookArgs {
     /// What colours show
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t = ColorArg::Vertex)]
-    color: ColorArg,
+    #[arg(long, value_name = "WHAT", value_parser = coloring(), default_value = Coloring::default().name())]
+    color: Coloring,
     /// Light by the normals of the vertices, not by each triangle's own plane
     #[arg(long)]
     smooth: bool,
@@ -60,7 +60,7 @@ impl LookArgs {
         let default = Look::default();
         Look {
             shading: if self.smooth { Shading::Smooth } else { Shading::Flat },
-            colors: self.color.coloring(),
+            colors: self.color,
             wireframe: self.wireframe,
             one_sided: self.one_sided,
             background: self.background.unwrap_or(default.background),
@@ -68,43 +68,10 @@ impl LookArgs {
     }
 }
 
-/// [`Coloring`].
-#[derive(ValueEnum, Clone, Copy, Debug)]
-enum ColorArg {
-    /// One colour
-    Plain,
-    /// The source's colours, where it has any
-    Vertex,
-    /// A colour for each cluster
-    Cluster,
-    /// Height of a cluster above the leaves
-    Level,
-    /// Where between its coarsest and its finest mesh a cluster is
-    Error,
-    /// How long a cluster has been on the GPU
-    Residency,
-    /// Visible before, or newly
-    Visibility,
-    /// A colour for each dependency group
-    Group,
-    /// A colour for each triangle
-    Ids,
-}
-
-impl ColorArg {
-    fn coloring(self) -> Coloring {
-        match self {
-            ColorArg::Plain => Coloring::Plain,
-            ColorArg::Vertex => Coloring::Vertex,
-            ColorArg::Cluster => Coloring::Cluster,
-            ColorArg::Level => Coloring::Level,
-            ColorArg::Error => Coloring::Error,
-            ColorArg::Residency => Coloring::Residency,
-            ColorArg::Visibility => Coloring::Visibility,
-            ColorArg::Group => Coloring::Group,
-            ColorArg::Ids => Coloring::Ids,
-        }
-    }
+/// Colours by their names.
+fn coloring() -> impl TypedValueParser<Value = Coloring> {
+    let names = Coloring::ALL.map(|(_, name, shows)| PossibleValue::new(name).help(shows));
+    PossibleValuesParser::new(names).map(|name| Coloring::named(&name).unwrap_or_default())
 }
 
 /// `ff8000`, with or without a `#`.

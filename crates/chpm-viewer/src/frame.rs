@@ -73,9 +73,9 @@ impl Viewer {
         let file = Arc::new(file);
         let colors = file.header().attributes().colors;
         let largest = file.clusters().iter().map(|cluster| gpu_bytes(cluster, colors)).max().unwrap_or(0);
-        let pipelines = Pipelines::new(&gpu);
+        let pipelines = Pipelines::new(&gpu, colors);
         let clusters = file.clusters().len();
-        let arena = Arena::new(&gpu, pipelines.slab.clone(), clusters, budgets.gpu_memory, largest);
+        let arena = Arena::new(&gpu, &pipelines, clusters, budgets.gpu_memory, largest);
         let scene = Scene::new(file, budgets, arena.capacity(largest))?;
         Ok(Viewer {
             scene,
@@ -280,7 +280,7 @@ impl Viewer {
                 stats.times.stall += start.elapsed();
             }
         }
-        let changes = self.scene.refine(view, wait)?;
+        let changes = self.scene.refine(view, wait, |cluster| self.arena.get(cluster).is_some())?;
         stats.splits += changes.splits;
         stats.collapses += changes.collapses;
         stats.pm_steps += changes.pm_steps;
@@ -289,7 +289,7 @@ impl Viewer {
 
     /// What is to be tested: the clusters of the draw list, in its order; those that are hidden, unless they are in the list; and the groups
     /// of which nothing is seen.
-    fn questions(&self, view: &View, culling: Culling, listed: bool) -> (Vec<Subject>, Vec<TestBox>) {
+    fn questions(&mut self, view: &View, culling: Culling, listed: bool) -> (Vec<Subject>, Vec<TestBox>) {
         let clusters = self.scene.file().clusters();
         let mut subjects = Vec::with_capacity(self.list.len());
         let mut boxes = Vec::with_capacity(self.list.len());
@@ -387,8 +387,8 @@ impl Viewer {
             }
         }
         let seen = self.scene.members().filter(|(_, sight)| *sight == Sight::Visible);
-        let triangles = |(member, _): (chpm_refine::Member, Sight)| self.triangles_of(member);
-        stats.triangles = seen.map(triangles).sum();
+        let seen: Vec<_> = seen.map(|(member, _)| member).collect();
+        stats.triangles = seen.into_iter().map(|member| self.triangles_of(member)).sum();
         Ok(stats)
     }
 

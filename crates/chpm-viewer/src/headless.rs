@@ -50,8 +50,8 @@ pub struct TriangleId {
 }
 
 /// For each pixel the triangle that is seen there: the item buffer. Where several triangles are equally near, to the last bit of their
-/// depths, it is one of the least cluster id, and of its triangles the one that is there on the coarsest mesh: which one never depends on
-/// what was drawn before or on what was culled.
+/// depths, it is one of the least cluster id, and of its triangles the first one in the page: which one never depends on what was drawn before
+/// or on what was culled.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct IdImage {
     /// Width and height, pixels.

@@ -62,6 +62,35 @@ pub enum Coloring {
     Ids,
 }
 
+impl Coloring {
+    /// All of them, by their names on the command line, in the panel and in files, with what they show.
+    pub const ALL: [(Coloring, &'static str, &'static str); 9] = [
+        (Coloring::Plain, "plain", "one colour"),
+        (Coloring::Vertex, "vertex", "the model's own colours, where it has some"),
+        (Coloring::Cluster, "cluster", "a colour for each cluster"),
+        (Coloring::Level, "level", "height above the leaves"),
+        (Coloring::Error, "error", "from finest (blue) to coarsest (red)"),
+        (Coloring::Residency, "residency", "new on the GPU (red) to old (green)"),
+        (
+            Coloring::Visibility,
+            "visibility",
+            "visible before (green), newly visible (yellow), occluded (red), outside (blue)",
+        ),
+        (Coloring::Group, "group", "a colour for each dependency group"),
+        (Coloring::Ids, "ids", "a colour for each triangle"),
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(colors, ..)| *colors == self).map_or("", |(_, name, _)| name)
+    }
+
+    /// The one of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(_, known, _)| *known == name).map(|(colors, ..)| *colors)
+    }
+}
+
 /// How a mesh is drawn.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Look {

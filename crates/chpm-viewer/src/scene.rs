@@ -2,7 +2,8 @@
 //!
 //! Two fronts: what the view wants of what may be seen, whether it is in memory or not; and the cut that is drawn, which follows as
 //! far as pages have come and fit. Both stop at groups of which nothing is seen; a hidden group that is split stays so until memory
-//! is short. A group enters the wanted front one level a frame, since its box must be asked first.
+//! is short. Where something comes into the image, the boxes of all groups that it wants split are asked at once, level below level: a
+//! camera that jumps has its cut one answer later, if the pages are there.
 
 pub mod visibility;
 
@@ -40,8 +41,6 @@ pub struct Scene {
     list: ActiveList,
     /// By group: whether the cut has split it, or is about to.
     split: Vec<Cell<bool>>,
-    /// By group: bytes on the GPU of what its split brings.
-    fine_bytes: Vec<u64>,
     /// By group: the bound of the last view that it was asked for.
     bounds: Bounds,
     residency: Residency,
@@ -55,6 +54,8 @@ pub struct Scene {
     fetch: Fetch,
     pages: Vec<Option<Arc<PageData>>>,
     visibility: Visibility,
+    /// By group: the last frame that it was asked in.
+    asked: Vec<u32>,
 }
 
 /// What came into sight.
@@ -73,6 +74,8 @@ const READERS: usize = 2;
 const BROUGHT: u64 = 4 << 20;
 /// Most bytes of blocks that readers have made and no frame has sent; at most an eighth of the memory.
 const BLOCKS: Bytes = Bytes::mib(64);
+/// Groups that are asked in a frame, beyond which none is asked before its turn.
+const MOST_ASKED: usize = 2048;
 /// Most bytes that are read ahead in a frame.
 const AHEAD: Bytes = Bytes::mib(4);
 
@@ -106,9 +109,6 @@ impl Scene {
             gpu_share: file.clusters().iter().map(share).fold(0.0, f64::max),
             gpu_has_room: true,
             split: vec![Cell::new(false); file.groups().len()],
-            fine_bytes: (0..file.groups().len() as u32)
-                .map(|id| fine_bytes(&file, GroupId(id), colors))
-                .collect(),
             bounds: Bounds::new(file.groups().len()),
             hierarchy: Hierarchy::new(&file),
             wanted: Front::new(&file),
@@ -119,6 +119,7 @@ impl Scene {
             fetch,
             pages: file.clusters().iter().map(|_| None).collect(),
             visibility: Visibility::new(&file),
+            asked: vec![0; file.groups().len()],
             budgets: Budgets { memory, gpu_memory: gpu_room },
             file,
         })
@@ -127,8 +128,9 @@ impl Scene {
     /// Asks for what a view wants, and lets go what it does not need; answers the bytes of the pages asked for.
     pub fn want(&mut self, view: &View, culling: Culling) -> u64 {
         let (file, hierarchy, list) = (&*self.file, &self.hierarchy, self.list.front());
-        let visibility = &self.visibility;
         self.bounds.turn();
+        self.visibility.turn();
+        let visibility = &self.visibility;
         let bound = |group| self.bounds.of(group, hierarchy, view);
         self.wanted.update_by(file, hierarchy, bound, |group| {
             let in_image = || !culling.frustum || !view.misses(hierarchy.region(group));
@@ -255,12 +257,23 @@ impl Scene {
         self.receive(true).map(drop)
     }
 
-    /// Brings the cut to what is wanted and there; unless all of it is asked for, in steps that a frame can send to the GPU.
+    /// Brings the cut to what is wanted and there; unless `all` of it is asked for, in steps that a frame can send to the GPU: `sent` is
+    /// whether it has the block of a cluster.
     ///
     /// # Errors
     /// None that a page which was checked could cause.
-    pub fn refine(&mut self, view: &View, all: bool) -> Result<Changes, ViewerError> {
+    pub fn refine(
+        &mut self,
+        view: &View,
+        all: bool,
+        sent: impl Fn(ClusterId) -> bool,
+    ) -> Result<Changes, ViewerError> {
         let (file, pages) = (&*self.file, &self.pages);
+        let colors = file.header().attributes().colors;
+        let to_send = |clusters: &[u32]| {
+            let clusters = clusters.iter().filter(|cluster| !sent(ClusterId(**cluster)));
+            clusters.map(|cluster| gpu_bytes(&file.clusters()[*cluster as usize], colors)).sum::<u64>()
+        };
         let brought = Cell::new(0);
         let ready = |group: GroupId| {
             let is_there =
@@ -268,7 +281,9 @@ impl Scene {
             if !is_there || all || self.split[group.index()].get() {
                 return is_there;
             }
-            let bytes = brought.get() + self.fine_bytes[group.index()];
+            // What has entered with this update and leaves again is never sent.
+            let bytes =
+                (brought.get() + to_send(file.fine(group))).saturating_sub(to_send(file.coarse(group)));
             let has_place = brought.get() == 0 || bytes <= BROUGHT;
             if has_place {
                 brought.set(bytes);
@@ -321,19 +336,32 @@ impl Scene {
         self.list.members().map(|member| (member, self.visibility.of(member.cluster)))
     }
 
-    /// Groups that the view wants split, that are in the image, and of which nothing is seen: all below is to be asked for.
-    pub fn doubtful<'a>(
-        &'a self,
-        view: &'a View,
-        culling: Culling,
-    ) -> impl Iterator<Item = (Subject, TestBox)> + 'a {
-        self.wanted.open_groups().iter().copied().filter_map(move |group| {
-            let region = self.hierarchy.region(group);
-            // The last update's view is this one.
-            let is_wanted = self.hierarchy.wants(group, self.wanted.bound(group));
-            let is_asked = is_wanted && (!culling.frustum || !view.misses(region));
-            is_asked.then(|| (Subject::Group(group), TestBox::of_region(region)))
-        })
+    /// Groups that the view wants split, that are in the image, and of which nothing is seen: all below is to be asked for. With a group
+    /// that nothing is known of, those below that the view would want next are asked too.
+    pub fn doubtful(&mut self, view: &View, culling: Culling) -> Vec<(Subject, TestBox)> {
+        let (file, hierarchy, asked, bounds) =
+            (&*self.file, &self.hierarchy, &mut self.asked, &mut self.bounds);
+        // The last update's view is this one.
+        let turn = bounds.turn;
+        let mut asks = |group: GroupId| {
+            let is_new = std::mem::replace(&mut asked[group.index()], turn) != turn;
+            let is_wanted = is_new && hierarchy.wants(group, bounds.of(group, hierarchy, view));
+            is_wanted && (!culling.frustum || !view.misses(hierarchy.region(group)))
+        };
+        let open = self.wanted.open_groups().iter().copied();
+        let mut groups: Vec<GroupId> = open.filter(|group| asks(*group)).collect();
+        let mut next = 0;
+        while let Some(&group) = groups.get(next)
+            && groups.len() < MOST_ASKED
+        {
+            next += 1;
+            if !self.visibility.hides(group) {
+                let below = file.fine(group).iter().map(|fine| file.clusters()[*fine as usize].group());
+                groups.extend(below.filter(|below| asks(*below)));
+            }
+        }
+        let question = |group| (Subject::Group(group), TestBox::of_region(hierarchy.region(group)));
+        groups.into_iter().map(question).collect()
     }
 
     /// Takes in answers.
@@ -416,12 +444,7 @@ impl Bounds {
 #[path = "../../chpm-refine/examples/front_pass/plane.rs"]
 mod plane;
 
-/// Bytes on the GPU of what the split of a group brings.
-fn fine_bytes(file: &Chpm<MappedFile>, group: GroupId, colors: bool) -> u64 {
-    file.fine(group).iter().map(|fine| gpu_bytes(&file.clusters()[*fine as usize], colors)).sum()
-}
-
 /// Bytes of a cluster's block.
 pub fn gpu_bytes(cluster: &ClusterRecord, colors: bool) -> u64 {
-    Layout::new(cluster.vertex_count, cluster.base_vertex_count, cluster.triangle_count, colors).bytes()
+    Layout::new(cluster.vertex_count, cluster.triangle_count, colors).bytes()
 }

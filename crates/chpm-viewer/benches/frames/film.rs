@@ -5,6 +5,7 @@ use chpm_viewer::gpu::buffers::{self, Canvas};
 use chpm_viewer::{Budgets, FrameRequest, Gpu, Stats, Target, Viewer, ViewerError};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
+use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -30,6 +31,13 @@ pub(crate) struct Shot {
 impl Film {
     pub(crate) fn open(gpu: &Arc<Gpu>, path: &Path) -> Result<Self, ViewerError> {
         Ok(Film { viewer: Viewer::open(Arc::clone(gpu), path, PLENTY)?, canvas: None })
+    }
+
+    /// A point of the model.
+    pub(crate) fn point(&self) -> Result<[f64; 3], Box<dyn Error>> {
+        let file = self.viewer.file();
+        let root = file.roots().next().ok_or("no root")?;
+        Ok(file.page(root)?.positions[0].map(f64::from))
     }
 
     pub(crate) fn shoot(&mut self, request: &FrameRequest) -> Result<Shot, ViewerError> {

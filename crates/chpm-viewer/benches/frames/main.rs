@@ -9,9 +9,9 @@ mod clusters;
 mod cold;
 mod film;
 mod flat;
+mod moves;
 mod plain;
 mod queries;
-mod ranges;
 
 use chpm_build::{BuildConfig, Cancel, Settings, Silent, build};
 use chpm_mesh::ply::{Encoding, PlyWriter};
@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 /// Triangles of a cluster, unless there are to be many clusters.
 const USUAL: u32 = 4096;
-const PARTS: &str = "clusters, flat, calm, queries, ranges, cold";
+const PARTS: &str = "clusters, flat, moves, calm, queries, cold";
 
 fn main() -> Result<(), Box<dyn Error>> {
     // Cargo's own arguments start with dashes.
@@ -43,8 +43,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         "flat" => flat::run(&gpu, &file(Shape::Isosurface, 1_000_000, USUAL)?),
         "calm" => calm::run(&gpu, &file(Shape::Terrain, 1_000_000, USUAL)?),
         "cold" => cold::run(&gpu, &file(Shape::Isosurface, 4_000_000, USUAL)?),
+        "moves" => moves::run(&gpu, &file(Shape::Isosurface, 1_000_000, USUAL)?),
         "queries" => queries::run(&gpu, &file(Shape::Isosurface, 1_400_000, 128)?),
-        "ranges" => ranges::run(&gpu, &file(Shape::Isosurface, 1_000_000, USUAL)?),
         other => Err(format!("no part '{other}': there are {PARTS}").into()),
     }
 }

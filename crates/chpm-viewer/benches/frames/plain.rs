@@ -3,23 +3,18 @@
 use crate::film::FORMAT;
 use chpm_viewer::Gpu;
 use chpm_viewer::gpu::buffers::buffer;
-use chpm_viewer::gpu::lens::FrameUniform;
+use chpm_viewer::gpu::lens::{FrameUniform, shader};
 use wgpu::BufferUsages;
 
 const SHADER: &str = "
-struct Frame { eye_high: vec4<f32>, eye_low: vec4<f32>, right: vec4<f32>, up: vec4<f32>, forward: vec4<f32>, light: vec4<f32>, size: vec4<f32>, look: vec4<u32> }
-@group(0) @binding(0) var<uniform> frame: Frame;
 struct Seen { @builtin(position) position: vec4<f32>, @location(0) at: vec3<f32> }
 @vertex fn vertex(@location(0) position: vec3<f32>) -> Seen {
-    let at = (position - frame.eye_high.xyz) - frame.eye_low.xyz;
-    return Seen(vec4(dot(frame.right.xyz, at), dot(frame.up.xyz, at), frame.forward.w, dot(frame.forward.xyz, at)), at);
+    let at = relative(position);
+    return Seen(project(at), at);
 }
 @fragment fn fragment(seen: Seen) -> @location(0) vec4<f32> {
-    var normal = normalize(cross(dpdx(seen.at), dpdy(seen.at)));
-    normal = select(normal, -normal, dot(normal, seen.at) > 0.0);
-    let key = max(dot(normal, frame.light.xyz), 0.0);
-    let head = max(-dot(normal, normalize(seen.at)), 0.0);
-    return vec4(vec3(0.78, 0.76, 0.72) * (0.16 + 0.54 * key + 0.34 * head), 1.0);
+    let normal = normalize(cross(dpdx(seen.at), dpdy(seen.at)));
+    return vec4(vec3(0.78, 0.76, 0.72) * light(normal, seen.at), 1.0);
 }";
 
 /// A pipeline that draws flat triangles of positions, 12 bytes each.
@@ -32,10 +27,7 @@ pub(crate) struct Plain {
 impl Plain {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let device = &gpu.device;
-        let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(SHADER.into()),
-        });
+        let shader = shader(gpu, SHADER);
         let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: None,
             layout: None,

@@ -5,8 +5,9 @@ use crate::film::{median, ms, processor_ms};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Bytes;
-use chpm_refine::{Camera, CameraPath, Cut, Hierarchy, View, is_visible, select};
+use chpm_refine::{Camera, CameraPath, Cut, Hierarchy, Member, View, is_visible, select};
 use chpm_viewer::gpu::buffers::{self, Canvas, Growing, buffer, read};
+use chpm_viewer::gpu::lens::shader;
 use chpm_viewer::gpu::pipelines::{READ, UNIFORM, group, layout};
 use chpm_viewer::gpu::{
     Arena, DrawBuffers, DrawList, Kind, Lens, Mark, Occlusion, Pipelines, TestBox, passes,
@@ -130,16 +131,18 @@ struct Depth {
 
 impl Depth {
     fn draw(gpu: &Gpu, file: &Chpm<MappedFile>, cut: &Cut, lens: &Lens) -> Result<Self> {
-        let mut pipelines = Pipelines::new(gpu);
+        let mut pipelines = Pipelines::new(gpu, false);
         pipelines.prepare(gpu, Kind::Depth);
         let clusters = file.clusters();
         let largest = clusters.iter().map(|cluster| gpu_bytes(cluster, false)).max().unwrap_or(0);
-        let mut arena = Arena::new(gpu, pipelines.slab.clone(), clusters.len(), Bytes::mib(1024), largest);
+        let mut arena = Arena::new(gpu, &pipelines, clusters.len(), Bytes::mib(1024), largest);
         let mut list = DrawList::new(Kind::Depth);
         for member in cut.members() {
-            let block = Block::of_page(&file.page(member.cluster)?);
-            arena.insert(gpu, member.cluster, &block, 0)?;
-            list.push(arena.get(member.cluster).ok_or("no room")?, *member, Mark::default(), true);
+            let Member { cluster, vertices } = *member;
+            let page = file.page(cluster)?;
+            arena.insert(gpu, cluster, &Block::of_page(&page), 0)?;
+            arena.move_to(gpu, cluster, &page.progressive_mesh(), vertices);
+            list.push(cluster, arena.get(cluster).ok_or("no room")?, Mark::default(), true);
         }
         let mut buffers = DrawBuffers::new(gpu, &pipelines);
         buffers.write(gpu, &pipelines, &list, &lens.uniform([0; 4]));
@@ -157,9 +160,7 @@ impl Depth {
 /// Boxes as triangles, each in a query of its own. A box that the near plane cuts is drawn without it, which is as good for times;
 /// its answer is visible in any case.
 const SHADER: &str = "
-struct Frame { eye_high: vec4<f32>, eye_low: vec4<f32>, right: vec4<f32>, up: vec4<f32>, forward: vec4<f32>, light: vec4<f32>, size: vec4<f32>, look: vec4<u32> }
 struct Box { low: vec3<f32>, draw: u32, high: vec3<f32>, unused: u32 }
-@group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> boxes: array<Box>;
 // Two triangles a side, by the bits of their corners.
 const CORNERS = array<u32, 36>(
@@ -170,8 +171,7 @@ const CORNERS = array<u32, 36>(
     let corner = corners[index];
     let bounds = boxes[which];
     let upper = vec3((corner & 1u) != 0u, (corner & 2u) != 0u, (corner & 4u) != 0u);
-    let at = (select(bounds.low, bounds.high, upper) - frame.eye_high.xyz) - frame.eye_low.xyz;
-    return vec4(dot(frame.right.xyz, at), dot(frame.up.xyz, at), frame.forward.w, dot(frame.forward.xyz, at));
+    return project(relative(select(bounds.low, bounds.high, upper)));
 }";
 
 struct Queries {
@@ -190,10 +190,7 @@ impl Queries {
         let device = &gpu.device;
         let stages = ShaderStages::VERTEX;
         let layout = layout(gpu, "boxes", &[(stages, UNIFORM), (stages, READ)]);
-        let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(SHADER.into()),
-        });
+        let shader = shader(gpu, SHADER);
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
             bind_group_layouts: &[Some(&layout)],

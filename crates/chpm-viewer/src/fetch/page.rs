@@ -3,7 +3,7 @@
 use super::Shared;
 use crate::ViewerError;
 use crate::gpu::Block;
-use crate::scene::gpu_bytes;
+use crate::gpu::block::Layout;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page};
 use chpm_mesh::ClusterId;
@@ -52,7 +52,9 @@ impl PageData {
     pub(super) fn charged_to(mut self, shared: Arc<Shared>) -> Self {
         let file = &shared.file;
         let colors = file.header().attributes().colors;
-        if shared.take_room(gpu_bytes(&file.clusters()[self.cluster.index()], colors)) {
+        let record = &file.clusters()[self.cluster.index()];
+        let layout = Layout::new(record.vertex_count, record.triangle_count, colors);
+        if shared.take_room(layout.vertex_bytes()) {
             self.block = Mutex::new(Some(Block::of_page(&self.page())));
         }
         self.charged = Some(shared);
@@ -67,7 +69,7 @@ impl PageData {
     fn take_block(&self) -> Option<Block> {
         let block = self.block.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let (Some(block), Some(shared)) = (&block, &self.charged) {
-            shared.give_room_back(block.layout().bytes());
+            shared.give_room_back(block.layout().vertex_bytes());
         }
         block
     }

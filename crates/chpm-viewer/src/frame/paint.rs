@@ -2,6 +2,7 @@
 
 use super::{Canvas, Instant, Viewer, Watch, buffers, passes};
 use crate::error::ViewerError;
+use crate::gpu::arena::Resident;
 use crate::gpu::{Kind, Mark};
 use crate::headless::{IdImage, Image, TriangleId};
 use crate::request::{Coloring, FrameRequest, Look, Shading, Target};
@@ -16,7 +17,7 @@ use wgpu::TextureFormat;
 pub(super) struct Colors {
     look: Look,
     kind: Kind,
-    to_linear: bool,
+    has_colors: bool,
 }
 
 impl Colors {
@@ -28,12 +29,12 @@ impl Colors {
             (false, true) => Kind::Colored(format),
             (false, false) => Kind::Bare(format),
         };
-        Colors { look: *look, kind, to_linear: format.is_srgb() }
+        Colors { look: *look, kind, has_colors }
     }
 
     /// Depth alone.
     pub(super) fn depth() -> Self {
-        Colors { look: Look::default(), kind: Kind::Depth, to_linear: false }
+        Colors { look: Look::default(), kind: Kind::Depth, has_colors: false }
     }
 
     fn ids() -> Self {
@@ -47,13 +48,13 @@ impl Colors {
     /// As the shader has it.
     pub(super) fn uniform(&self) -> [u32; 4] {
         let colors = match self.look.colors {
-            Coloring::Plain => 0,
-            Coloring::Vertex => 1,
+            Coloring::Vertex if self.has_colors => 1,
+            Coloring::Plain | Coloring::Vertex => 0,
             Coloring::Ids => 3,
             _ => 2,
         };
         let smooth = self.look.shading == Shading::Smooth;
-        [u32::from(smooth), colors, u32::from(self.look.wireframe), u32::from(self.to_linear)]
+        [u32::from(smooth), colors, u32::from(self.look.wireframe), 0]
     }
 
     pub(super) fn background(&self) -> wgpu::Color {
@@ -63,7 +64,7 @@ impl Colors {
         let [r, g, b] = self.look.background.map(|c| {
             let c = f64::from(c.clamp(0.0, 1.0));
             let linear = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
-            if self.to_linear { linear } else { c }
+            if self.kind.is_linear() { linear } else { c }
         });
         wgpu::Color { r, g, b, a: 1.0 }
     }
@@ -182,6 +183,14 @@ impl Viewer {
             self.upload(&items)?;
         }
         stats.times.upload += watch.lap();
+        for Item { member: Member { cluster, vertices }, .. } in &items {
+            let is_there = |resident: &Resident| resident.position().vertices == *vertices;
+            if !self.arena.get(*cluster).is_some_and(is_there)
+                && let Some(page) = self.scene.page(*cluster)
+            {
+                self.arena.move_to(&self.gpu, *cluster, &page.page().progressive_mesh(), *vertices);
+            }
+        }
         for item in &mut items {
             let slab = || self.arena.get(item.member.cluster).map_or(0, |resident| resident.slab as u64);
             let place = if plan.is_by_id() { u64::from(item.member.cluster.0) } else { slab() };
@@ -200,7 +209,7 @@ impl Viewer {
                 // It is drawn only if it comes into sight.
                 tint = [240, 210, 70];
             }
-            self.list.push(resident, member, Mark { key, tint }, shown);
+            self.list.push(member.cluster, resident, Mark { key, tint }, shown);
             count += usize::from(shown);
         }
         stats.times.pm += watch.lap();
@@ -222,14 +231,13 @@ impl Viewer {
     }
 
     /// Triangles of a cluster of the cut.
-    pub(super) fn triangles_of(&self, member: Member) -> u64 {
-        if let Some(resident) = self.arena.get(member.cluster) {
-            return u64::from(resident.at(member.vertices).triangles);
+    pub(super) fn triangles_of(&mut self, Member { cluster, vertices }: Member) -> u64 {
+        let drawn = self.arena.get(cluster).map(Resident::position);
+        match (drawn.filter(|drawn| drawn.vertices == vertices), self.scene.page(cluster)) {
+            (Some(drawn), _) => u64::from(drawn.triangles),
+            (None, Some(page)) => self.arena.triangles_of(&page.page().progressive_mesh(), vertices),
+            (None, None) => 0,
         }
-        let Some(page) = self.scene.page(member.cluster) else { return 0 };
-        let mesh = page.page().progressive_mesh();
-        let born = |corners: &&[u16; 3]| mesh.birth(**corners) <= member.vertices as usize;
-        mesh.triangles.iter().filter(born).count() as u64
     }
 
     /// Draws all that is visible, at once.
@@ -288,10 +296,10 @@ impl Viewer {
         let mut stats = self.settle(request)?;
         self.paint(request, Some(canvas.view()), Colors::ids(), &mut stats)?;
         let bytes = canvas.read(&self.gpu)?;
-        let mut orders: Vec<Option<Vec<u32>>> = vec![None; self.keys.len()];
+        let mut places: Vec<Option<Vec<u32>>> = vec![None; self.keys.len()];
         let mut pixels = Vec::with_capacity(bytes.len() / 4);
         for key in bytemuck::cast_slice::<u8, u32>(&bytes) {
-            pixels.push((*key > 0).then(|| self.triangle(*key, &mut orders)));
+            pixels.push((*key > 0).then(|| self.triangle(*key, &mut places)));
         }
         stats.times.total = start.elapsed();
         Ok((IdImage { size: request.viewport, pixels }, stats))
@@ -313,16 +321,23 @@ impl Viewer {
         Ok(())
     }
 
-    /// The triangle of a key: keys count by stage, ids by place in the page.
-    fn triangle(&self, key: u32, orders: &mut [Option<Vec<u32>>]) -> TriangleId {
+    /// The triangle of a key: keys count the triangles of a position, ids all of the page.
+    fn triangle(&self, key: u32, places: &mut [Option<Vec<u32>>]) -> TriangleId {
         let index = self.keys.partition_point(|first| *first <= key) - 1;
         let cluster = ClusterId(index as u32);
-        let order = orders[index].get_or_insert_with(|| match self.scene.page(cluster) {
-            Some(page) => crate::gpu::block::by_stage(&page.page().progressive_mesh()).0,
-            None => Vec::new(),
-        });
-        let place = key - self.keys[index];
-        TriangleId { cluster, triangle: order.get(place as usize).copied().unwrap_or(place) }
+        let places = places[index].get_or_insert_with(|| self.places(cluster));
+        let count = key - self.keys[index];
+        TriangleId { cluster, triangle: places.get(count as usize).copied().unwrap_or(count) }
+    }
+
+    /// The places in the page of the triangles that were drawn of a cluster.
+    fn places(&self, cluster: ClusterId) -> Vec<u32> {
+        let (Some(page), Some(resident)) = (self.scene.page(cluster), self.arena.get(cluster)) else {
+            return Vec::new();
+        };
+        let (mesh, n) = (page.page().progressive_mesh(), resident.position().vertices as usize);
+        let is_drawn = |(_, corners): &(u32, &[u16; 3])| mesh.birth(**corners) <= n;
+        (0..).zip(mesh.triangles).filter(is_drawn).map(|(place, _)| place).collect()
     }
 }
 

@@ -4,11 +4,14 @@
 //! free place that is large enough. Where none is, blocks that are not drawn make room, the longest unused first; where the free
 //! places are too scattered even then, all are given up, and what is drawn is written anew, without gaps.
 
-use super::block::{Block, Counts, Layout, UNIT};
+use super::block::{Block, Layout};
 use super::context::Gpu;
+use super::pipelines::Pipelines;
 use crate::error::ViewerError;
-use chpm_mesh::{Bytes, ClusterId};
+use chpm_mesh::{Bytes, ClusterId, ProgressiveMesh};
+use chpm_refine::PmCursor;
 use std::collections::BTreeMap;
+use wgpu::BufferUsages;
 
 /// Largest slab. A smaller budget makes a smaller one.
 const SLAB: u64 = 64 << 20;
@@ -22,7 +25,7 @@ pub struct Resident {
     pub first: u32,
     /// Its parts.
     pub layout: Layout,
-    counts: Counts,
+    position: Position,
     /// The frame that it was last drawn in.
     used: u64,
     /// The frame that it was written in.
@@ -30,11 +33,14 @@ pub struct Resident {
 }
 
 impl Resident {
-    /// The mesh of `vertices` vertices, or as near as the progressive mesh gets.
-    pub fn at(&self, vertices: u32) -> Position {
-        let vertices = vertices.clamp(self.layout.base_vertices, self.layout.vertices);
-        let splits = vertices - self.layout.base_vertices;
-        Position { vertices, triangles: self.counts.alive(splits), drawn: self.counts.drawn(splits) }
+    /// The position whose triangles it has.
+    pub fn position(&self) -> Position {
+        self.position
+    }
+
+    /// Its first corner, where corners are numbered from the start of the slab.
+    pub fn first_corner(&self) -> u32 {
+        (self.first + self.layout.vertices) * (self.layout.unit / 2)
     }
 
     /// The frame that it was written in.
@@ -43,15 +49,13 @@ impl Resident {
     }
 }
 
-/// A position of a progressive mesh.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+/// A position of a progressive mesh; none has no vertices.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Position {
     /// Vertices.
     pub vertices: u32,
     /// Triangles.
     pub triangles: u32,
-    /// Triangles to draw: more than there are, but no more to see.
-    pub drawn: u32,
 }
 
 /// All slabs.
@@ -66,6 +70,11 @@ pub struct Arena {
     room: u64,
     /// Of one slab.
     slab_bytes: u64,
+    /// Of a vertex.
+    unit: u64,
+    /// Plays one cluster after the other.
+    cursor: PmCursor,
+    corners: Vec<u16>,
     used_bytes: u64,
     uploaded_bytes: u64,
 }
@@ -86,25 +95,23 @@ struct Free {
 
 impl Arena {
     /// An empty arena for a file of `clusters` clusters, none of which has a block of more than `largest` bytes.
-    pub fn new(
-        gpu: &Gpu,
-        layout: wgpu::BindGroupLayout,
-        clusters: usize,
-        budget: Bytes,
-        largest: u64,
-    ) -> Self {
+    pub fn new(gpu: &Gpu, pipelines: &Pipelines, clusters: usize, budget: Bytes, largest: u64) -> Self {
+        let unit = pipelines.unit();
         let limits = gpu.device.limits();
         let most = SLAB.min(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
         // Slabs of one size, so that as few as possible of them end in a place that is too small for a block.
         let count = budget.0.div_ceil(most.max(1)).max(1);
-        let slab_bytes = (budget.0 / count).max(largest).min(most) / UNIT as u64 * UNIT as u64;
+        let slab_bytes = (budget.0 / count).max(largest).min(most) / unit * unit;
         Arena {
-            layout,
+            layout: pipelines.slab.clone(),
             slabs: Vec::new(),
             residents: (0..clusters).map(|_| None).collect(),
             kept: Vec::new(),
             room: budget.0,
             slab_bytes,
+            unit,
+            cursor: PmCursor::default(),
+            corners: Vec::new(),
             used_bytes: 0,
             uploaded_bytes: 0,
         }
@@ -128,7 +135,7 @@ impl Arena {
         }
     }
 
-    /// Writes the block of a cluster that is not there; `false` where there is no room, even without all that is not drawn in this frame.
+    /// Writes the vertices of a cluster that is not there, and no triangles yet; `false` where there is no room, even without all that is not drawn in this frame.
     ///
     /// # Errors
     /// [`ViewerError::Device`] where the system refuses the memory.
@@ -141,14 +148,39 @@ impl Arena {
     ) -> Result<bool, ViewerError> {
         let layout = block.layout();
         let Some((slab, first)) = self.place(gpu, layout.units, frame)? else { return Ok(false) };
-        gpu.queue.write_buffer(&self.slabs[slab].buffer, u64::from(first) * UNIT as u64, block.bytes());
+        gpu.queue.write_buffer(&self.slabs[slab].buffer, u64::from(first) * self.unit, block.bytes());
         self.used_bytes += layout.bytes();
-        self.uploaded_bytes += layout.bytes();
-        let counts = block.counts().clone();
+        self.uploaded_bytes += layout.vertex_bytes();
+        let position = Position::default();
         self.residents[cluster.index()] =
-            Some(Resident { slab, first, layout, counts, used: frame, since: frame });
+            Some(Resident { slab, first, layout, position, used: frame, since: frame });
         self.kept.push(cluster);
         Ok(true)
+    }
+
+    /// Writes the triangles of another position of a cluster that is there, O(finest mesh); they take effect with the next submission.
+    pub fn move_to(&mut self, gpu: &Gpu, cluster: ClusterId, mesh: &ProgressiveMesh<'_>, vertices: u32) {
+        let Some(resident) = &mut self.residents[cluster.index()] else { return };
+        // From scratch each time: what a cursor needs to go step by step would have to be kept, and takes more than its page.
+        self.cursor.load(mesh);
+        self.cursor.move_to(vertices as usize);
+        let triangles = self.cursor.triangles();
+        self.corners.clear();
+        self.corners.extend_from_slice(triangles.as_flattened());
+        // Copies are of whole words.
+        self.corners.extend((self.corners.len() % 2 == 1).then_some(0));
+        let bytes: &[u8] = bytemuck::cast_slice(&self.corners);
+        let place = 2 * u64::from(resident.first_corner());
+        gpu.queue.write_buffer(&self.slabs[resident.slab].buffer, place, bytes);
+        self.uploaded_bytes += bytes.len() as u64;
+        resident.position = Position { vertices, triangles: triangles.len() as u32 };
+    }
+
+    /// Triangles of a position of a cluster, O(finest mesh).
+    pub fn triangles_of(&mut self, mesh: &ProgressiveMesh<'_>, vertices: u32) -> u64 {
+        self.cursor.load(mesh);
+        self.cursor.move_to(vertices as usize);
+        self.cursor.triangles().len() as u64
     }
 
     /// A place for so many units.
@@ -158,7 +190,7 @@ impl Arena {
         }
         if self.room >= self.slab_bytes && self.slab_bytes > 0 {
             self.room -= self.slab_bytes;
-            let slab = Slab::new(gpu, &self.layout, self.slab_bytes)?;
+            let slab = Slab::new(gpu, &self.layout, self.slab_bytes, self.unit)?;
             self.slabs.push(slab);
             return Ok(self.find(units));
         }
@@ -216,7 +248,7 @@ impl Arena {
         &self.slabs[slab].group
     }
 
-    /// A slab's buffer, for indices.
+    /// A slab's buffer, for vertices and indices.
     pub fn buffer(&self, slab: usize) -> &wgpu::Buffer {
         &self.slabs[slab].buffer
     }
@@ -243,12 +275,15 @@ impl Arena {
 }
 
 impl Slab {
-    fn new(gpu: &Gpu, layout: &wgpu::BindGroupLayout, bytes: u64) -> Result<Self, ViewerError> {
+    fn new(gpu: &Gpu, layout: &wgpu::BindGroupLayout, bytes: u64, unit: u64) -> Result<Self, ViewerError> {
         let refused = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("clusters"),
             size: bytes,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
+            usage: BufferUsages::VERTEX
+                | BufferUsages::INDEX
+                | BufferUsages::STORAGE
+                | BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
         if let Some(error) = pollster::block_on(refused.pop()) {
@@ -262,7 +297,7 @@ impl Slab {
             layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
         });
-        Ok(Slab { buffer, group, free: Free::new((bytes / UNIT as u64) as u32) })
+        Ok(Slab { buffer, group, free: Free::new((bytes / unit) as u32) })
     }
 }
 

@@ -1,101 +1,61 @@
-//! A cluster as the GPU has it: written once, drawn at any position of its progressive mesh.
+//! A cluster as the GPU has it: its vertices, written once, and behind them room for the triangles of any position of its progressive
+//! mesh.
 //!
-//! Triangles are those of the finest mesh, in stages by their [birth](ProgressiveMesh::birth): the base mesh's first, then some eighths of
-//! the splits each, and within a stage in the order of the file, which caches like. A position draws whole stages. Corners are never
-//! written again: a vertex that has collapsed is followed to where it went by the vertex shader, along the same targets that the file stores,
-//! and a triangle of the last stage that is not there yet has two corners in one place and covers nothing. So a position that moves
-//! costs no upload, only another count.
+//! A unit is a vertex: position, normal, and colour if the file has colours. So a block can start wherever a vertex could, and its first
+//! unit is the number that is added to its corners. The corners are those of one position, in the order of the file; they are written
+//! whenever the position is another one ([`super::Arena::move_to`]), and are all that is written again.
 
 use chpm_format::Page;
-use chpm_mesh::ProgressiveMesh;
 use nalgebra::Vector3;
 
-/// What everything in a block is aligned to, bytes: one load of the shader.
-pub const UNIT: usize = 16;
+/// Words of a vertex.
+pub fn words_of_unit(colors: bool) -> u32 {
+    if colors { 5 } else { 4 }
+}
 
-/// Where the parts of a block start, in units from its own start. Vertices come first: one unit each, position and normal.
+/// The parts of a block.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Layout {
-    /// Vertices of the finest mesh.
+    /// Vertices of the finest mesh: units, from its start.
     pub vertices: u32,
-    /// Vertices of the base mesh.
-    pub base_vertices: u32,
-    /// Triangles of the finest mesh.
+    /// Triangles of the finest mesh, for the corners of which there is room behind the vertices.
     pub triangles: u32,
-    /// Colours, four to a unit; none if this is where the targets start.
-    pub colors_at: u32,
-    /// Targets of the collapses, eight to a unit.
-    pub targets_at: u32,
-    /// Corners, eight to a unit.
-    pub corners_at: u32,
-    /// Units of the block.
+    /// Units of all.
     pub units: u32,
+    /// Bytes of a unit.
+    pub unit: u32,
 }
 
 impl Layout {
     /// The layout of a cluster with these counts.
-    pub fn new(vertices: u32, base_vertices: u32, triangles: u32, colors: bool) -> Self {
-        let colors_at = vertices;
-        let targets_at = colors_at + if colors { vertices.div_ceil(4) } else { 0 };
-        let corners_at = targets_at + (vertices - base_vertices).div_ceil(8);
-        let units = corners_at + (3 * triangles).div_ceil(8);
-        Layout { vertices, base_vertices, triangles, colors_at, targets_at, corners_at, units }
+    pub fn new(vertices: u32, triangles: u32, colors: bool) -> Self {
+        let unit = 4 * words_of_unit(colors);
+        Layout { vertices, triangles, units: vertices + (6 * triangles).div_ceil(unit), unit }
     }
 
     /// Bytes of the block.
     pub fn bytes(&self) -> u64 {
-        u64::from(self.units) * UNIT as u64
+        u64::from(self.units) * u64::from(self.unit)
+    }
+
+    /// Bytes of its vertices.
+    pub fn vertex_bytes(&self) -> u64 {
+        u64::from(self.vertices) * u64::from(self.unit)
     }
 }
 
-/// Stages behind the base mesh.
-const STAGES: usize = 8;
-
-/// How many triangles there are at each position.
-#[derive(Clone, Debug, Default)]
-pub struct Counts {
-    /// By position from the base mesh's.
-    alive: Box<[u32]>,
-    /// By stage: where it ends.
-    stages: [u32; STAGES + 1],
-}
-
-impl Counts {
-    /// Triangles of the mesh that is so many splits from the base mesh.
-    pub fn alive(&self, splits: u32) -> u32 {
-        self.alive[splits as usize]
-    }
-
-    /// Triangles to draw for it: those that are there, and some that cover nothing.
-    pub fn drawn(&self, splits: u32) -> u32 {
-        self.stages[stage(splits as usize, self.alive.len() - 1)]
-    }
-}
-
-/// The stage of a triangle that a split brings, or of a position.
-fn stage(splits: usize, all: usize) -> usize {
-    (splits * STAGES).div_ceil(all.max(1))
-}
-
-/// A cluster's block, and how many triangles each position has.
+/// What is written once of a cluster's block.
 #[derive(Clone, Debug, Default)]
 pub struct Block {
     layout: Layout,
-    units: Vec<[u32; 4]>,
-    counts: Counts,
+    words: Vec<u32>,
 }
 
 impl Block {
     /// Makes the block of a page that was checked.
     pub fn of_page(page: &Page<'_>) -> Self {
-        let mesh = page.progressive_mesh();
-        let layout = Layout::new(
-            mesh.vertex_count as u32,
-            mesh.base_vertex_count as u32,
-            mesh.triangles.len() as u32,
-            !page.colors.is_empty(),
-        );
-        let mut units = Vec::with_capacity(layout.units as usize);
+        let (vertices, triangles) = (page.positions.len() as u32, page.triangles.len() as u32);
+        let layout = Layout::new(vertices, triangles, !page.colors.is_empty());
         let own;
         let normals = if page.normals.is_empty() {
             own = normals(page);
@@ -103,17 +63,13 @@ impl Block {
         } else {
             page.normals
         };
-        let vertex = |([x, y, z], normal): (&[f32; 3], &[f32; 3])| {
-            [x.to_bits(), y.to_bits(), z.to_bits(), encode_normal(*normal)]
-        };
-        units.extend(page.positions.iter().zip(normals).map(vertex));
-        push_all(&mut units, page.colors);
-        push_all(&mut units, page.targets);
-        let (order, stages) = by_stage(&mesh);
-        let corners: Vec<[u16; 3]> = order.iter().map(|place| mesh.triangles[*place as usize]).collect();
-        push_all(&mut units, &corners);
-        debug_assert_eq!(units.len(), layout.units as usize);
-        Block { layout, units, counts: Counts { alive: alive(&mesh).into(), stages } }
+        let mut words = Vec::with_capacity((layout.vertex_bytes() / 4) as usize);
+        for (vertex, ([x, y, z], normal)) in page.positions.iter().zip(normals).enumerate() {
+            words.extend([x.to_bits(), y.to_bits(), z.to_bits(), encode_normal(*normal)]);
+            words.extend(page.colors.get(vertex).map(|color| bytemuck::cast::<_, u32>(*color)));
+        }
+        debug_assert_eq!(4 * words.len() as u64, layout.vertex_bytes());
+        Block { layout, words }
     }
 
     /// Where its parts are.
@@ -121,65 +77,9 @@ impl Block {
         self.layout
     }
 
-    /// The bytes for the GPU.
+    /// The bytes of its vertices.
     pub fn bytes(&self) -> &[u8] {
-        bytemuck::cast_slice(&self.units)
-    }
-
-    /// How many triangles there are.
-    pub fn counts(&self) -> &Counts {
-        &self.counts
-    }
-}
-
-/// The places of the triangles of the finest mesh, by stage and in a stage in the order of the file; and where each stage ends.
-pub fn by_stage(mesh: &ProgressiveMesh<'_>) -> (Vec<u32>, [u32; STAGES + 1]) {
-    let base = mesh.base_vertex_count;
-    let all = mesh.vertex_count - base;
-    let stages: Vec<u8> =
-        mesh.triangles.iter().map(|corners| stage(mesh.birth(*corners) - base, all) as u8).collect();
-    let mut ends = [0; STAGES + 1];
-    for stage in &stages {
-        ends[usize::from(*stage)] += 1;
-    }
-    let mut sum = 0;
-    for end in &mut ends {
-        sum += std::mem::replace(end, sum);
-    }
-    let mut order = vec![0; stages.len()];
-    for (place, stage) in (0..).zip(&stages) {
-        // Starts become ends.
-        let next = &mut ends[usize::from(*stage)];
-        order[*next as usize] = place;
-        *next += 1;
-    }
-    (order, ends)
-}
-
-/// By position from the base mesh's: how many triangles there are.
-fn alive(mesh: &ProgressiveMesh<'_>) -> Vec<u32> {
-    let base = mesh.base_vertex_count;
-    let mut alive = vec![0; mesh.vertex_count - base + 1];
-    for corners in mesh.triangles {
-        alive[mesh.birth(*corners) - base] += 1;
-    }
-    let mut sum = 0;
-    for count in &mut alive {
-        sum += *count;
-        *count = sum;
-    }
-    alive
-}
-
-/// Appends items, filled up to whole units.
-fn push_all<T: bytemuck::NoUninit>(units: &mut Vec<[u32; 4]>, items: &[T]) {
-    let bytes: &[u8] = bytemuck::cast_slice(items);
-    let (whole, rest) = bytes.split_at(bytes.len() / UNIT * UNIT);
-    units.extend(whole.chunks_exact(UNIT).map(bytemuck::pod_read_unaligned::<[u32; 4]>));
-    if !rest.is_empty() {
-        let mut last = [0_u8; UNIT];
-        last[..rest.len()].copy_from_slice(rest);
-        units.push(bytemuck::cast(last));
+        bytemuck::cast_slice(&self.words)
     }
 }
 
@@ -213,69 +113,41 @@ mod tests {
     use super::*;
     use chpm_format::PageParts;
 
-    /// A square fan about vertex 4, which collapses to 0; then 3 collapses to 0.
-    fn fan() -> Vec<u8> {
-        let parts = PageParts {
-            positions: &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0], [1.0, 1.0, 0.0]],
-            triangles: &[[3, 0, 4], [2, 3, 4], [1, 2, 4], [0, 1, 4]],
-            targets: &[0, 0],
-            errors: &[2.0, 1.0],
-            ..PageParts::default()
-        };
-        let mut page = Vec::new();
-        parts.encode(&mut page).unwrap();
-        page
-    }
-
     #[test]
-    fn triangles_come_by_stage_and_every_position_is_a_prefix() {
-        let bytes = fan();
-        let page = Page::parse(&bytes).unwrap();
-        let mesh = page.progressive_mesh();
-        // Two splits: the first is in the fourth of eight stages, the second in the last.
-        let (order, stages) = by_stage(&mesh);
-        assert_eq!((order, stages), (vec![2, 1, 0, 3], [1, 1, 1, 1, 2, 2, 2, 2, 4]));
-        assert_eq!(alive(&mesh), [1, 2, 4]);
-        let counts = Block::of_page(&page).counts().clone();
-        assert_eq!([0, 1, 2].map(|n| (counts.alive(n), counts.drawn(n))), [(1, 1), (2, 2), (4, 4)]);
-    }
-
-    #[test]
-    fn stages_end_where_they_should() {
-        for all in 0..50 {
-            assert_eq!(stage(0, all), 0);
-            assert!(
-                (1..=all)
-                    .all(|n| (1..=STAGES).contains(&stage(n, all)) && stage(n, all) >= stage(n - 1, all))
-            );
+    fn a_unit_is_a_vertex() {
+        for (colors, words) in [(&[][..], 4), (&[[1, 2, 3, 255], [4, 5, 6, 255], [7, 8, 9, 255]], 5)] {
+            let parts = PageParts {
+                positions: &[[0.0, 0.0, 0.5], [2.0, 0.0, 0.5], [2.0, 2.0, 0.5]],
+                triangles: &[[0, 1, 2]],
+                colors,
+                ..PageParts::default()
+            };
+            let mut page = Vec::new();
+            parts.encode(&mut page).unwrap();
+            let block = Block::of_page(&Page::parse(&page).unwrap());
+            assert_eq!(block.layout(), Layout::new(3, 1, words == 5));
+            // Six bytes of corners are less than a unit.
+            assert_eq!(block.layout().bytes(), 4 * 4 * words);
+            assert_eq!(block.bytes().len() as u64, block.layout().vertex_bytes());
+            for (vertex, bytes) in block.bytes().chunks_exact(4 * words as usize).enumerate() {
+                let words: &[u32] = bytemuck::cast_slice(bytes);
+                let expected = parts.positions[vertex].map(f32::to_bits);
+                assert_eq!((&words[..3], words[3]), (&expected[..], encode_normal([0.0, 0.0, 1.0])));
+                assert_eq!(bytes.get(16..), colors.get(vertex).map(|color| &color[..]).or(Some(&[])));
+            }
         }
-        assert_eq!(stage(50, 50), STAGES);
     }
 
+    /// Corners are written by whole words: an odd one takes two bytes more.
     #[test]
-    fn a_block_plays_like_its_page() {
-        let bytes = fan();
-        let page = Page::parse(&bytes).unwrap();
-        let mesh = page.progressive_mesh();
-        let block = Block::of_page(&page);
-        let layout = block.layout();
-        assert_eq!(layout, Layout::new(5, 3, 4, false));
-        assert_eq!(block.bytes().len() as u64, layout.bytes());
-        let halves: &[u16] = bytemuck::cast_slice(block.bytes());
-        let part = |at: u32, len: usize| &halves[8 * at as usize..][..len];
-        assert_eq!(part(layout.targets_at, 2), [0, 0]);
-        for n in 3..=5_usize {
-            // As the shader does it.
-            let drawn = block.counts().drawn(n as u32 - 3) as usize;
-            let corners = part(layout.corners_at, 3 * drawn).chunks(3);
-            let resolved = corners.map(|t| [0, 1, 2].map(|k| mesh.resolve(t[k], n)));
-            let mut got: Vec<[u16; 3]> = resolved.filter(|[a, b, c]| a != b && b != c && c != a).collect();
-            assert_eq!(got.len(), block.counts().alive(n as u32 - 3) as usize);
-            let mut expected = Vec::new();
-            mesh.triangles_at(n, &mut expected);
-            got.sort();
-            expected.sort();
-            assert_eq!(got, expected, "at {n} vertices");
+    fn there_is_room_for_all_corners() {
+        for triangles in 0..100 {
+            for colors in [false, true] {
+                let layout = Layout::new(7, triangles, colors);
+                let room = layout.bytes() - layout.vertex_bytes();
+                let needed = u64::from((6 * triangles).next_multiple_of(4));
+                assert!((needed..needed + u64::from(layout.unit)).contains(&room), "{layout:?}");
+            }
         }
     }
 

@@ -98,6 +98,7 @@ impl Gpu {
             (DownlevelFlags::COMPUTE_SHADERS, "compute shaders"),
             (DownlevelFlags::VERTEX_STORAGE, "storage buffers in vertex shaders"),
             (DownlevelFlags::FRAGMENT_WRITABLE_STORAGE, "storage buffers in fragment shaders"),
+            (DownlevelFlags::BASE_VERTEX, "numbering vertices from a base"),
             (DownlevelFlags::INDIRECT_EXECUTION, "indirect draws"),
             (DownlevelFlags::UNRESTRICTED_INDEX_BUFFER, "index buffers that are storage too"),
         ] {

@@ -1,11 +1,23 @@
 //! A camera as shaders have it.
 
+use super::context::Gpu;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::Aabb;
 use chpm_refine::Camera;
 use nalgebra::{Point3, Vector3};
 
-/// The uniform that all shaders share; see `clusters.wgsl`.
+/// The uniform that all shaders share, and how they look through it.
+pub const WGSL: &str = include_str!("../shaders/lens.wgsl");
+
+/// The module of a shader that looks through a lens.
+pub fn shader(gpu: &Gpu, code: &str) -> wgpu::ShaderModule {
+    gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl([WGSL, code].concat().into()),
+    })
+}
+
+/// The uniform; see `lens.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameUniform {
@@ -49,7 +61,7 @@ impl Lens {
         }
     }
 
-    /// The uniform, with how it looks (see `clusters.wgsl`).
+    /// The uniform, with how it looks (see `lens.wgsl`).
     pub fn uniform(&self, look: [u32; 4]) -> FrameUniform {
         let high = self.eye.map(|x| x as f32);
         let low = self.eye - high.map(f64::from);

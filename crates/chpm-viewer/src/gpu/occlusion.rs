@@ -6,6 +6,7 @@
 
 use super::buffers::{Canvas, Growing, buffer, read};
 use super::context::Gpu;
+use super::lens;
 use super::pipelines::{DEPTH_TEXTURE, READ, UNIFORM, WRITE, group, layout};
 use crate::error::ViewerError;
 use bytemuck::{Pod, Zeroable};
@@ -92,7 +93,7 @@ impl Occlusion {
     /// For a device.
     pub fn new(gpu: &Gpu) -> Self {
         let device = &gpu.device;
-        let shader = device.create_shader_module(wgpu::include_wgsl!("../shaders/occlusion.wgsl"));
+        let shader = lens::shader(gpu, include_str!("../shaders/occlusion.wgsl"));
         let bindings = [UNIFORM, UNIFORM, DEPTH_TEXTURE, WRITE, READ, WRITE, WRITE];
         let main = layout(gpu, "occlusion", &bindings.map(|binding| (ShaderStages::COMPUTE, binding)));
         let step = layout(gpu, "level", &[(ShaderStages::COMPUTE, UNIFORM)]);

@@ -1,12 +1,11 @@
 //! Lists of clusters to draw, and passes that draw them.
 
-use super::arena::{Arena, Resident};
+use super::arena::{Arena, Position, Resident};
 use super::buffers::Growing;
 use super::context::Gpu;
 use super::pipelines::{Kind, Pipelines, group};
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::ClusterId;
-use chpm_refine::Member;
 use std::ops::Range;
 use wgpu::{BufferUsages, Features};
 
@@ -15,11 +14,7 @@ use wgpu::{BufferUsages, Features};
 #[repr(C)]
 struct Draw {
     vertices: u32,
-    colors: u32,
-    targets: u32,
     corners: u32,
-    base: u32,
-    count: u32,
     key: u32,
     tint: u32,
 }
@@ -70,33 +65,27 @@ impl DrawList {
         self.triangles = 0;
     }
 
-    /// Adds a cluster at a position. One that is not `shown` is drawn only if a test of its box shows it.
-    pub fn push(&mut self, resident: &Resident, member: Member, mark: Mark, shown: bool) {
+    /// Adds a cluster at the position that it is at. One that is not `shown` is drawn only if a test of its box shows it.
+    pub fn push(&mut self, cluster: ClusterId, resident: &Resident, mark: Mark, shown: bool) {
         let index = self.draws.len() as u32;
-        let position = resident.at(member.vertices);
-        self.clusters.push((member.cluster, shown));
-        let (layout, first) = (&resident.layout, resident.first);
+        let Position { triangles, .. } = resident.position();
+        self.clusters.push((cluster, shown));
+        let (first, corners) = (resident.first, resident.first_corner());
         let [r, g, b] = mark.tint;
         self.draws.push(Draw {
             vertices: first,
-            colors: first + layout.colors_at,
-            targets: first + layout.targets_at,
-            corners: first + layout.corners_at,
-            base: layout.base_vertices,
-            count: position.vertices,
+            corners,
             key: mark.key,
             tint: u32::from_le_bytes([r, g, b, 255]),
         });
-        let (count, instances) = (3 * position.drawn, u32::from(shown));
+        let (count, instances) = (3 * triangles, u32::from(shown));
         if self.kind.is_indexed() {
-            // Eight indices to a unit.
-            let first_index = 8 * (first + layout.corners_at);
-            self.arguments.extend([count, instances, first_index, 0, index]);
+            self.arguments.extend([count, instances, corners, first, index]);
         } else {
             self.arguments.extend([count, instances, 0, index]);
         }
         if shown {
-            self.triangles += u64::from(position.triangles);
+            self.triangles += u64::from(triangles);
         }
         match self.runs.last_mut() {
             Some((slab, range)) if *slab == resident.slab => range.end = index + 1,
@@ -196,6 +185,7 @@ impl DrawBuffers {
             }
             pass.set_bind_group(1, arena.group(*slab), &[]);
             if list.kind.is_indexed() {
+                pass.set_vertex_buffer(0, arena.buffer(*slab).slice(..));
                 pass.set_index_buffer(arena.buffer(*slab).slice(..), wgpu::IndexFormat::Uint16);
             }
             if gpu.features.contains(Features::INDIRECT_FIRST_INSTANCE) {
@@ -220,7 +210,7 @@ fn draw_directly(pass: &mut wgpu::RenderPass<'_>, list: &DrawList, index: u32) {
     let arguments = &list.arguments[index as usize * stride..][..stride];
     let instances = index..index + arguments[1];
     if list.kind.is_indexed() {
-        pass.draw_indexed(arguments[2]..arguments[2] + arguments[0], 0, instances);
+        pass.draw_indexed(arguments[2]..arguments[2] + arguments[0], arguments[3] as i32, instances);
     } else {
         pass.draw(0..arguments[0], instances);
     }

@@ -1,7 +1,9 @@
 //! Shaders, what they are bound to, and the pipelines made of them.
 
+use super::block::words_of_unit;
 use super::context::Gpu;
-use wgpu::{BindingType, BufferBindingType, CompareFunction, ShaderStages, TextureFormat};
+use super::lens;
+use wgpu::{BindingType, BufferBindingType, CompareFunction, ShaderStages, TextureFormat, VertexFormat};
 
 /// Format of all depth.
 pub const DEPTH: TextureFormat = TextureFormat::Depth32Float;
@@ -34,6 +36,11 @@ impl Kind {
         if self.is_indexed() { 5 } else { 4 }
     }
 
+    /// Whether what is drawn into converts from linear colours.
+    pub fn is_linear(self) -> bool {
+        self.format().is_some_and(|format| format.is_srgb())
+    }
+
     fn format(self) -> Option<TextureFormat> {
         match self {
             Kind::Depth => None,
@@ -54,14 +61,16 @@ pub struct Pipelines {
     pub slab: wgpu::BindGroupLayout,
     /// Whether what is drawn next shows its front sides only.
     pub one_sided: bool,
+    /// Whether vertices have colours.
+    colors: bool,
     made: Vec<(Kind, bool, wgpu::RenderPipeline)>,
 }
 
 impl Pipelines {
-    /// None yet.
-    pub fn new(gpu: &Gpu) -> Self {
+    /// None yet, for files with or without colours.
+    pub fn new(gpu: &Gpu, colors: bool) -> Self {
         let device = &gpu.device;
-        let shader = device.create_shader_module(wgpu::include_wgsl!("../shaders/clusters.wgsl"));
+        let shader = lens::shader(gpu, include_str!("../shaders/clusters.wgsl"));
         let both = ShaderStages::VERTEX_FRAGMENT;
         let frame = layout(gpu, "frame", &[(both, UNIFORM), (ShaderStages::VERTEX, READ)]);
         let slab = layout(gpu, "clusters", &[(ShaderStages::VERTEX, READ)]);
@@ -70,7 +79,12 @@ impl Pipelines {
             bind_group_layouts: &[Some(&frame), Some(&slab)],
             immediate_size: 0,
         });
-        Pipelines { shader, layout, frame, slab, one_sided: false, made: Vec::new() }
+        Pipelines { shader, layout, frame, slab, one_sided: false, colors, made: Vec::new() }
+    }
+
+    /// Bytes of a vertex.
+    pub fn unit(&self) -> u64 {
+        4 * u64::from(words_of_unit(self.colors))
     }
 
     /// Makes a pipeline, if there is none yet.
@@ -86,14 +100,33 @@ impl Pipelines {
             Kind::Identified => ("pulled", Some("identified")),
         };
         let targets = [kind.format().map(wgpu::ColorTargetState::from)];
+        // Decided here, since a processor that draws would decide for each pixel, and do both.
+        let constants = [
+            ("unit", f64::from(words_of_unit(self.colors))),
+            ("to_linear", f64::from(u8::from(kind.is_linear()))),
+        ];
+        let options = || wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+        let attribute =
+            |shader_location, format, offset| wgpu::VertexAttribute { format, offset, shader_location };
+        // Where there are no colours, nothing looks at them.
+        let attributes = [
+            attribute(0, VertexFormat::Float32x3, 0),
+            attribute(1, VertexFormat::Snorm16x2, 12),
+            attribute(2, VertexFormat::Unorm8x4, if self.colors { 16 } else { 12 }),
+        ];
+        let vertices = [Some(wgpu::VertexBufferLayout {
+            array_stride: self.unit(),
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes: &attributes,
+        })];
         let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("clusters"),
             layout: Some(&self.layout),
             vertex: wgpu::VertexState {
                 module: &self.shader,
                 entry_point: Some(vertex),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
+                compilation_options: options(),
+                buffers: if kind.is_indexed() { &vertices } else { &[] },
             },
             primitive: wgpu::PrimitiveState {
                 cull_mode: self.one_sided.then_some(wgpu::Face::Back),
@@ -110,7 +143,7 @@ impl Pipelines {
             fragment: fragment.map(|entry_point| wgpu::FragmentState {
                 module: &self.shader,
                 entry_point: Some(entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                compilation_options: options(),
                 targets: &targets,
             }),
             multiview_mask: None,

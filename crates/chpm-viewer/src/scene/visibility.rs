@@ -33,9 +33,20 @@ pub enum Subject {
 #[derive(Clone, Debug)]
 pub struct Visibility {
     clusters: Vec<Sight>,
-    /// Whether the last answer was "visible".
-    groups: Vec<bool>,
+    groups: Vec<Told>,
+    /// Number of the frame.
+    now: u64,
 }
+
+/// The last answer about a group, and the frame that it came in; none came before the first.
+#[derive(Clone, Copy, Debug, Default)]
+struct Told {
+    visible: bool,
+    when: u64,
+}
+
+/// Frames after which an answer about a group that nobody asked for in between is an old one.
+const FRESH: u64 = 8;
 
 impl Visibility {
     /// Nothing is known: the roots are drawn.
@@ -43,7 +54,8 @@ impl Visibility {
         let sight = |root| if root { Sight::Visible } else { Sight::Outside };
         Visibility {
             clusters: file.clusters().iter().map(|cluster| sight(cluster.is_root())).collect(),
-            groups: vec![false; file.groups().len()],
+            groups: vec![Told::default(); file.groups().len()],
+            now: FRESH,
         }
     }
 
@@ -60,12 +72,30 @@ impl Visibility {
     /// Whether a group may be split for what is seen of it: one of its clusters is, or something below.
     pub fn sees<D: AsRef<[u8]>>(&self, file: &Chpm<D>, group: GroupId) -> bool {
         let seen = |cluster: &u32| self.clusters[*cluster as usize] == Sight::Visible;
-        self.groups[group.index()] || file.coarse(group).iter().any(seen)
+        self.groups[group.index()].visible || file.coarse(group).iter().any(seen)
     }
 
-    /// Forgets the answer about a group: it has just come to the front, and what was true when it was there before may not be.
+    /// Begins a frame.
+    pub fn turn(&mut self) {
+        self.now += 1;
+    }
+
+    /// Forgets an old answer about a group: it has just come to the front, and what was true when it was there before may not be.
     pub fn forget(&mut self, group: GroupId) {
-        self.groups[group.index()] = false;
+        if !self.is_told(group) {
+            self.groups[group.index()] = Told::default();
+        }
+    }
+
+    /// Whether an answer about a group came lately.
+    fn is_told(&self, group: GroupId) -> bool {
+        let Told { when, .. } = self.groups[group.index()];
+        when > 0 && self.now < when + FRESH
+    }
+
+    /// Whether a group is known to be hidden, and with it all that is below.
+    pub fn hides(&self, group: GroupId) -> bool {
+        self.is_told(group) && !self.groups[group.index()].visible
     }
 
     /// Goes on to the next cut: what has entered inherits, what has left is forgotten. What was outside on all sides stays so until
@@ -105,8 +135,9 @@ impl Visibility {
                 visible && before == Sight::Hidden
             }
             Subject::Group(group) => {
-                let before = std::mem::replace(&mut self.groups[group.index()], visible);
-                visible && !before
+                let told = Told { visible, when: self.now };
+                let before = std::mem::replace(&mut self.groups[group.index()], told);
+                visible && !before.visible
             }
         }
     }
@@ -170,7 +201,13 @@ mod tests {
         let group = file.clusters()[0].group();
         assert!(visibility.answer(Subject::Group(group), true) && visibility.sees(&file, group));
         assert!(!visibility.answer(Subject::Group(group), true), "nothing new");
+        // It has just been asked; for some frames that is as good as an answer to come.
         visibility.forget(group);
-        assert!(!visibility.sees(&file, group));
+        assert!(visibility.sees(&file, group) && !visibility.hides(group));
+        (0..FRESH).for_each(|_| visibility.turn());
+        visibility.forget(group);
+        assert!(!visibility.sees(&file, group) && !visibility.hides(group));
+        visibility.answer(Subject::Group(group), false);
+        assert!(visibility.hides(group));
     }
 }

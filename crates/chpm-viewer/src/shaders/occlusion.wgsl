@@ -1,16 +1,5 @@
 // Boxes against depth: a pyramid of farthest depths, and a test of every box against the few texels that it covers.
 
-struct Frame {
-    eye_high: vec4<f32>,
-    eye_low: vec4<f32>,
-    right: vec4<f32>,
-    up: vec4<f32>,
-    forward: vec4<f32>,
-    light: vec4<f32>,
-    size: vec4<f32>,
-    look: vec4<u32>,
-}
-
 struct Box {
     low: vec3<f32>,
     // Draw that shows what is inside, or none.
@@ -34,7 +23,6 @@ struct Step {
     level: u32,
 }
 
-@group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> params: Params;
 @group(0) @binding(2) var depth: texture_depth_2d;
 @group(0) @binding(3) var<storage, read_write> pyramid: array<f32>;
@@ -76,7 +64,7 @@ fn sees(bounds: Box) -> bool {
     var nearest = 1e30;
     for (var corner = 0u; corner < 8u; corner++) {
         let upper = vec3((corner & 1u) != 0u, (corner & 2u) != 0u, (corner & 4u) != 0u);
-        let at = (select(bounds.low, bounds.high, upper) - frame.eye_high.xyz) - frame.eye_low.xyz;
+        let at = relative(select(bounds.low, bounds.high, upper));
         let w = dot(frame.forward.xyz, at);
         if !(w > 1.001 * near) {
             // The near plane cuts it.

@@ -1,9 +1,10 @@
 //! The panel: what the last frames did, and what can be set.
 
+use crate::request::Coloring;
 use crate::stats::Stats;
 use crate::window::figures::{Figures, count, ms, percent};
 use crate::window::keys::Command;
-use crate::window::settings::{COLORS, POE, Settings, TRIANGLES};
+use crate::window::settings::{POE, Settings, TRIANGLES};
 use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET};
 use chpm_mesh::Bytes;
 use egui::{Align2, Color32, Id, Rect, RichText, Sense, Ui, vec2};
@@ -198,9 +199,9 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut 
     ui.horizontal(|ui| {
         ui.label(RichText::new("colours").color(QUIET));
         let chosen =
-            egui::ComboBox::from_id_salt("colours").selected_text(settings.color_name()).width(120.0);
+            egui::ComboBox::from_id_salt("colours").selected_text(settings.colors.name()).width(120.0);
         chosen.show_ui(ui, |ui| {
-            for (colors, name, shows) in COLORS {
+            for (colors, name, shows) in Coloring::ALL {
                 ui.selectable_value(&mut settings.colors, colors, name).on_hover_text(shows);
             }
         });

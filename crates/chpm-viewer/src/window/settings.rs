@@ -10,22 +10,6 @@ pub const POE: RangeInclusive<f64> = 0.1..=64.0;
 /// Triangle budgets that the panel offers.
 pub const TRIANGLES: RangeInclusive<u64> = 1_000..=100_000_000;
 
-/// Colours by their names in the panel and in files, and what they show.
-pub const COLORS: [(Coloring, &str, &str); 8] = [
-    (Coloring::Plain, "plain", "one colour"),
-    (Coloring::Vertex, "vertex", "the model's own colours, where it has some"),
-    (Coloring::Cluster, "cluster", "a colour for each cluster"),
-    (Coloring::Level, "level", "height above the leaves"),
-    (Coloring::Error, "error", "from finest (blue) to coarsest (red)"),
-    (Coloring::Residency, "residency", "new on the GPU (red) to old (green)"),
-    (
-        Coloring::Visibility,
-        "visibility",
-        "visible before (green), newly visible (yellow), occluded (red), outside (blue)",
-    ),
-    (Coloring::Group, "group", "a colour for each dependency group"),
-];
-
 /// All of it. Fields that a file does not have are as by default.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(default)]
@@ -119,13 +103,9 @@ impl Settings {
 
     /// The colours that come after the present ones.
     pub fn next_colors(&mut self) {
-        let place = COLORS.iter().position(|(colors, ..)| *colors == self.colors).unwrap_or(0);
-        self.colors = COLORS[(place + 1) % COLORS.len()].0;
-    }
-
-    /// The name of the colours.
-    pub fn color_name(&self) -> &'static str {
-        name(self.colors)
+        let all = &Coloring::ALL;
+        let place = all.iter().position(|(colors, ..)| *colors == self.colors).unwrap_or(0);
+        self.colors = all[(place + 1) % all.len()].0;
     }
 
     pub(super) fn check(&self) -> Result<(), String> {
@@ -139,23 +119,18 @@ impl Settings {
     }
 }
 
-fn name(colors: Coloring) -> &'static str {
-    COLORS.iter().find(|(known, ..)| *known == colors).map_or("plain", |(_, name, _)| name)
-}
-
 mod color_name {
-    use super::{COLORS, Coloring};
+    use super::Coloring;
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serializer};
 
     pub(super) fn serialize<S: Serializer>(colors: &Coloring, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(super::name(*colors))
+        to.serialize_str(colors.name())
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Coloring, D::Error> {
         let name = String::deserialize(from)?;
-        let found = COLORS.iter().find(|(_, known, _)| *known == name).map(|(colors, ..)| *colors);
-        found.ok_or_else(|| Error::custom(format_args!("no colours are called '{name}'")))
+        Coloring::named(&name).ok_or_else(|| Error::custom(format_args!("no colours are called '{name}'")))
     }
 }
 
@@ -165,7 +140,7 @@ mod tests {
 
     #[test]
     fn settings_are_text_and_back() {
-        for (colors, ..) in COLORS {
+        for (colors, ..) in Coloring::ALL {
             let settings = Settings { colors, poe: 0.3, smooth: true, ..Settings::default() };
             let text = toml::to_string(&settings).unwrap();
             assert_eq!(toml::from_str::<Settings>(&text).unwrap(), settings);
@@ -212,14 +187,14 @@ mod tests {
     #[test]
     fn colours_come_round() {
         let mut settings = Settings::default();
-        let mut seen = vec![settings.color_name()];
-        for _ in 1..COLORS.len() {
+        let mut seen = vec![settings.colors.name()];
+        for _ in 1..Coloring::ALL.len() {
             settings.next_colors();
-            seen.push(settings.color_name());
+            seen.push(settings.colors.name());
         }
         seen.sort_unstable();
         seen.dedup();
-        assert_eq!(seen.len(), COLORS.len());
+        assert_eq!(seen.len(), Coloring::ALL.len());
         settings.next_colors();
         assert_eq!(settings, Settings::default());
     }

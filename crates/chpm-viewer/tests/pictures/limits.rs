@@ -1,7 +1,7 @@
 //! Models much larger than what may be used.
 
 use crate::models::{self, Model};
-use crate::screen::{exact, open};
+use crate::screen::{PLENTY, exact, open};
 use chpm_mesh::Bytes;
 use chpm_mesh::synth::Shape;
 use chpm_viewer::{Accuracy, Budgets, FrameRequest, headless};
@@ -48,6 +48,31 @@ fn a_view_that_rests_becomes_exact() {
             (0..1000).any(|_| headless::image(&mut moving, &patient).expect("a picture").0 == expected);
         assert!(exact, "{camera:?}");
     }
+}
+
+/// Where all pages are in memory, a camera that jumps has its picture at once, however many levels are between: one frame asks what is
+/// seen of all of them, the next one has them; what the coarse mesh of the first hid wrongly takes one more.
+#[test]
+fn a_jump_takes_few_frames() {
+    let model = models::isosurface();
+    let levels = model.open().levels().len();
+    let (mut jumping, mut waiting) = (open(&model, PLENTY), open(&model, PLENTY));
+    let cameras = models::cameras(&model.open(), 4);
+    for camera in &cameras {
+        headless::image(&mut jumping, &exact(*camera, VIEWPORT, 0.5).without_culling()).expect("a picture");
+    }
+    let frames = cameras.iter().map(|camera| {
+        let request = exact(*camera, VIEWPORT, 0.5);
+        let (expected, _) = headless::image(&mut waiting, &request).expect("a picture");
+        let coarse = exact(cameras[0], VIEWPORT, 1000.0).without_culling();
+        headless::image(&mut jumping, &coarse).expect("a picture");
+        let hasty = FrameRequest { wait: false, ..request };
+        let picture = |_: &usize| headless::image(&mut jumping, &hasty).expect("a picture").0 == expected;
+        (1..=1000).find(picture).expect("the same picture")
+    });
+    let frames: Vec<usize> = frames.collect();
+    println!("{frames:?}");
+    assert!(levels > 5 && frames.iter().all(|frames| *frames <= 4), "{levels} levels: {frames:?}");
 }
 
 /// A number of triangles is kept to, and used.

@@ -1,0 +1,37 @@
+// What all shaders look through: a camera and its image.
+
+struct Frame {
+    // The eye, in two parts: what is near it loses nothing, and equal positions stay equal.
+    eye_high: vec4<f32>,
+    eye_low: vec4<f32>,
+    // Scaled so that x / w and y / w are the image's; the last one gives w, and carries the near plane.
+    right: vec4<f32>,
+    up: vec4<f32>,
+    forward: vec4<f32>,
+    // Towards the light.
+    light: vec4<f32>,
+    // Width, height.
+    size: vec4<f32>,
+    // Smooth; colours: 0 plain, 1 of vertices, 2 of the draw, 3 of the triangle; wires.
+    look: vec4<u32>,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+
+fn relative(position: vec3<f32>) -> vec3<f32> {
+    return (position - frame.eye_high.xyz) - frame.eye_low.xyz;
+}
+
+fn project(at: vec3<f32>) -> vec4<f32> {
+    // Reversed depth, from 1 at the near plane to 0 infinitely far.
+    return vec4(dot(frame.right.xyz, at), dot(frame.up.xyz, at), frame.forward.w, dot(frame.forward.xyz, at));
+}
+
+// Of what is lit from the front as well, whichever side is seen; of no direction, hardly.
+fn light(normal: vec3<f32>, at: vec3<f32>) -> f32 {
+    let facing = select(normal, -normal, dot(normal, at) > 0.0);
+    let key = max(dot(facing, frame.light.xyz), 0.0);
+    let head = max(-dot(facing, normalize(at)), 0.0);
+    return 0.16 + 0.54 * key + 0.34 * head;
+}
+
