@@ -103,7 +103,7 @@ fn colours() {
         ("error", Coloring::Error),
         ("group", Coloring::Group),
     ] {
-        draw(name, &model, camera, look(colors), 1.0);
+        draw(name, &model, camera, look(colors), 1.2);
     }
 }
 
