@@ -10,7 +10,7 @@ mod cells;
 
 use crate::displacement::{Displacement, Reach};
 use crate::fan::MAX_VALENCE;
-use arrangement::{APEX, Arrangements, CROSSINGS};
+use arrangement::{APEX, Arrangement, CROSSINGS};
 pub(crate) use cells::Place;
 use nalgebra::{Point3, Vector3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
@@ -82,7 +82,6 @@ pub(crate) struct Overlay {
     /// The loop by vertices of the patch.
     vertices: Vec<u16>,
     projected: Vec<Projected>,
-    arrangements: Arrangements,
     /// Least and largest displacement by corner of the arrangement.
     corners: Vec<[f64; 2]>,
     /// None before a bound, and where it failed.
@@ -98,7 +97,6 @@ impl Default for Overlay {
             faces: vec![],
             vertices: vec![],
             projected: vec![],
-            arrangements: Arrangements::default(),
             corners: vec![],
             laid: None,
         }
@@ -184,7 +182,7 @@ impl Overlay {
         if !self.find_corners(foot, sector, flat, on_boundary, least_area, &loss) {
             return false;
         }
-        let arrangement = self.arrangements.of(last + 1, sector);
+        let arrangement = Arrangement::of(last + 1, sector);
         let still = flat && slide.is_still();
         for new in 1..last {
             let cells = arrangement.cells(new).iter().map(|cell| (self.faces[usize::from(cell.old)], cell));
@@ -313,7 +311,7 @@ impl Overlay {
         least_area: f64,
         loss: &Loss,
     ) -> bool {
-        let crossings = &self.arrangements.of(self.ring.len(), sector).crossings;
+        let crossings = &Arrangement::of(self.ring.len(), sector).crossings;
         self.corners.clear();
         self.corners.resize(usize::from(CROSSINGS) + crossings.len(), [0.0; 2]);
         if flat {

@@ -1,7 +1,8 @@
 //! Which cells the two fans over a loop have in common. The loop's length and the new face that u lies over decide that, so it is
-//! found once for each pair of them and then only looked up.
+//! found once for each pair of them and then only looked up, by all threads: 0.2 MiB for valences up to 20, 8.4 MiB for all.
 
 use super::MAX_LOOP;
+use std::sync::OnceLock;
 
 /// A corner on the loop: of both fans, so that nothing changes there.
 pub(super) const LOOP: u16 = 0;
@@ -32,7 +33,17 @@ pub(super) struct Arrangement {
     ends: Vec<u16>,
 }
 
+/// Those that were needed so far, at `count * MAX_LOOP + sector`.
+static KNOWN: [OnceLock<Arrangement>; (MAX_LOOP + 1) * MAX_LOOP] =
+    [const { OnceLock::new() }; (MAX_LOOP + 1) * MAX_LOOP];
+
 impl Arrangement {
+    /// Of a loop of `count` vertices with u over the new face `sector`.
+    #[inline]
+    pub(super) fn of(count: usize, sector: usize) -> &'static Self {
+        KNOWN[count * MAX_LOOP + sector].get_or_init(|| Self::new(count, sector))
+    }
+
     fn new(count: usize, sector: usize) -> Self {
         let last = count - 1;
         let mut arrangement = Arrangement { crossings: vec![], cells: vec![], ends: vec![0] };
@@ -82,38 +93,6 @@ impl Arrangement {
     #[inline]
     pub(super) fn cells(&self, new: usize) -> &[Cell] {
         &self.cells[usize::from(self.ends[new - 1])..usize::from(self.ends[new])]
-    }
-}
-
-/// All arrangements that were needed so far.
-#[derive(Debug)]
-pub(super) struct Arrangements {
-    made: Vec<Arrangement>,
-    /// One more than the place in `made`, at `count * MAX_LOOP + sector`; zero if it was not needed yet.
-    places: Vec<u16>,
-}
-
-impl Default for Arrangements {
-    fn default() -> Self {
-        Arrangements { made: vec![], places: vec![0; (MAX_LOOP + 1) * MAX_LOOP] }
-    }
-}
-
-impl Arrangements {
-    /// The arrangement of a loop of `count` vertices with u over the new face `sector`.
-    #[inline]
-    pub(super) fn of(&mut self, count: usize, sector: usize) -> &Arrangement {
-        let place = &mut self.places[count * MAX_LOOP + sector];
-        if *place == 0 {
-            self.made.push(Arrangement::new(count, sector));
-            *place = self.made.len() as u16;
-        }
-        &self.made[usize::from(*place) - 1]
-    }
-
-    /// The same, if it was asked for before.
-    pub(super) fn known(&self, count: usize, sector: usize) -> Option<&Arrangement> {
-        self.made.get(usize::from(self.places[count * MAX_LOOP + sector]).checked_sub(1)?)
     }
 }
 

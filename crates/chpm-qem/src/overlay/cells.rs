@@ -28,15 +28,10 @@ impl Overlay {
         self.laid.is_some()
     }
 
-    fn arrangement(&self) -> Option<(&Laid, &Arrangement)> {
-        let laid = self.laid.as_ref()?;
-        Some((laid, self.arrangements.known(self.ring.len(), laid.sector)?))
-    }
-
     /// Calls `visit` with the places of all corners off the loop, in order: corners are numbered from 1, and 0 is the loop, of both fans,
     /// so that nothing changes there.
     pub(crate) fn places(&self, mut visit: impl FnMut(Place)) {
-        let Some((&Laid { foot, share, sector, size }, arrangement)) = self.arrangement() else { return };
+        let Some(Laid { foot, share, sector, size }) = self.laid else { return };
         let (p, vertices) = (&self.projected, &self.vertices);
         let loss = |area: f64| (PLACE_LOSS * size * size / area.abs()).min(1.0);
         let ([of_a, of_b], area) = match share {
@@ -47,7 +42,8 @@ impl Overlay {
         };
         let new = [(vertices[sector], of_a), (vertices[sector + 1], of_b)];
         visit(Place { old: (vertices[0], 0.0), new, loss: loss(area) });
-        for (a, b) in arrangement.crossings.iter().map(|&(a, b)| (usize::from(a), usize::from(b))) {
+        let crossings = &Arrangement::of(p.len(), sector).crossings;
+        for (a, b) in crossings.iter().map(|&(a, b)| (usize::from(a), usize::from(b))) {
             let (old, new) = (p[a].minus(foot), p[b].minus(p[0]));
             let Crossing { on_old, on_new, area, .. } = crossing(old, new, p[0].minus(foot));
             let new = [(vertices[b], on_new), (vertices[0], 0.0)];
@@ -58,7 +54,8 @@ impl Overlay {
     /// Calls `visit` with each new face and each old one that it has a cell in common with, new faces in order, and with the
     /// cell's corners.
     pub(crate) fn cells(&self, mut visit: impl FnMut(u32, u32, &[u16])) {
-        let Some((_, arrangement)) = self.arrangement() else { return };
+        let Some(Laid { sector, .. }) = self.laid else { return };
+        let arrangement = Arrangement::of(self.ring.len(), sector);
         for new in 1..self.ring.len() - 1 {
             for cell in arrangement.cells(new) {
                 let old = self.faces[usize::from(cell.old)];
