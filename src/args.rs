@@ -5,16 +5,18 @@ use crate::cmd::render;
 #[cfg(feature = "viewer")]
 use crate::cmd::view;
 use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, synth, verify, walk};
+use crate::number;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Length, Topology};
 use chpm_build::{BuildConfig, Faults, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
-use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Turns a triangle mesh (PLY) into one memory-mapped clustered hierarchy of progressive meshes (CHPM).
+/// Turns a triangle mesh (PLY, STL, OBJ, as they are or as .gz or .zst; Stanford .conf sets) into one memory-mapped clustered
+/// hierarchy of progressive meshes (CHPM).
 #[derive(Parser, Debug)]
 #[command(name = "chpm", version, after_help = AFTER_HELP)]
 pub(crate) struct Cli {
@@ -29,7 +31,7 @@ Start with: chpm demo";
 /// What to do.
 #[derive(Subcommand, Debug)]
 pub(crate) enum Command {
-    /// Build a .chpm file from a PLY mesh
+    /// Build a .chpm file from a mesh: PLY, STL or OBJ, as it is or as .gz or .zst, or a .conf set of scans
     Build(build::Args),
     /// Build many meshes into one folder: what is missing, changed or failed before
     Batch(batch::Args),
@@ -70,7 +72,7 @@ pub(crate) enum Command {
 pub(crate) struct SettingsArgs {
     /// Triangles of a leaf cluster to aim for
     #[arg(long, value_name = "N", default_value_t = Settings::default().cluster_triangles,
-          value_parser = value_parser!(u32).range(16..=16384))]
+          value_parser = number::count(16_u32..=16384))]
     cluster_triangles: u32,
     /// Who partitions the mesh
     #[arg(long, value_name = "NAME", default_value = "metis", value_parser = ["metis", "greedy"])]
@@ -152,7 +154,7 @@ impl TopologyArg {
 #[command(next_help_heading = "Resources (none of them shows in the output)")]
 pub(crate) struct ResourceArgs {
     /// Worker threads; one per processor if not given
-    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
     threads: Option<u32>,
     /// Keep what is done at least so many seconds after the last time, so that a build that was killed goes on there
     #[arg(long, value_name = "SECONDS", default_value_t = 15.0, value_parser = seconds)]
@@ -215,9 +217,9 @@ impl std::str::FromStr for MemorySize {
 
 /// A number of seconds, as in 0.5.
 fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
-        _ => Err("seconds are a number from 0 on".to_owned()),
+    match number::decimal(text)? {
+        seconds if seconds <= 1e9 => Ok(seconds),
+        _ => Err("at most 1e9 seconds".to_owned()),
     }
 }
 
@@ -336,7 +338,7 @@ mod tests {
         for bad in [
             ["--threads=0"],
             ["--cluster-triangles=15"],
-            ["--memory=1.5G"],
+            ["--memory=1,5G"],
             ["--partitioner=scotch"],
             ["--boundary=v-partition"],
             ["--topology=free"],

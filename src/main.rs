@@ -11,8 +11,10 @@ mod bench;
 mod cmd;
 mod cuts;
 mod deviation;
+mod number;
 #[cfg(feature = "viewer")]
 mod picture;
+mod points;
 mod progress;
 mod report;
 mod stop;

@@ -1,5 +1,6 @@
 //! Results as tables for people and as JSON for programs. Both show the same numbers.
 
+use crate::number::Units;
 use chpm_build::BuildReport;
 use chpm_build::report::LevelReport;
 use chpm_format::Chpm;
@@ -132,8 +133,8 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
             ratio,
             share(level.base_triangles, level.triangles),
             share(level.shared_vertices, level.vertices),
-            format!("{:.2e}", level.min_error),
-            format!("{:.2e}", level.max_error),
+            Units(level.min_error.into()).to_string(),
+            Units(level.max_error.into()).to_string(),
         ];
         row.extend(normals.then(|| format!("{:.1}", level.normal_deviation)));
         row.extend(colors.then(|| format!("{:.1}", level.color_deviation)));
@@ -182,6 +183,7 @@ pub(crate) fn build_json(report: &BuildReport) -> Value {
         })
         .collect();
     json!({
+        "schema": "chpm-build/1",
         "source": { "vertices": report.source_vertices, "bytes": report.source_len },
         "triangles": report.triangles,
         "clusters": report.clusters,
@@ -200,9 +202,14 @@ pub(crate) fn build_json(report: &BuildReport) -> Value {
     })
 }
 
-/// Names and values as a JSON object, in their order.
+/// Names and values as a JSON object, in their order; its keys are written like all others.
 pub(crate) fn object<V: Into<Value>>(entries: impl IntoIterator<Item = (String, V)>) -> Value {
-    Value::Object(entries.into_iter().map(|(name, value)| (name, value.into())).collect::<Map<_, _>>())
+    Value::Object(
+        entries
+            .into_iter()
+            .map(|(name, value)| (name.replace('-', "_"), value.into()))
+            .collect::<Map<_, _>>(),
+    )
 }
 
 /// Lines of the repair report: only what occurred.

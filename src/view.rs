@@ -1,5 +1,6 @@
 //! Cameras and images on the command line.
 
+use crate::number;
 use anyhow::Result;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
@@ -15,7 +16,7 @@ pub(crate) struct ImageArgs {
     pub(crate) viewport: Viewport,
     /// Leave what is outside the image as coarse as it gets
     #[arg(long)]
-    cull: bool,
+    pub(crate) cull: bool,
 }
 
 impl ImageArgs {
@@ -73,8 +74,7 @@ pub(crate) fn camera(text: &str) -> Result<Camera, String> {
 
 /// Pixels of error: a finite number that is not negative.
 pub(crate) fn pixels(text: &str) -> Result<f64, String> {
-    let pixels = text.parse().ok().filter(|p: &f64| *p >= 0.0 && p.is_finite());
-    pixels.ok_or_else(|| format!("'{text}' is not a number of pixels"))
+    number::decimal(text)
 }
 
 #[cfg(test)]

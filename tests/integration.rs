@@ -8,6 +8,8 @@ mod integration {
     mod batch;
     /// Speed against error: figures, CSV and plot.
     mod bench;
+    /// Files that are damaged, or truncated or changed while they are read.
+    mod changing;
     /// Every verb, its exit codes, and that errors leave nothing behind.
     mod cli;
     /// Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
@@ -22,6 +24,8 @@ mod integration {
     mod hostile_ply;
     /// The same mesh in every format that is read.
     mod inputs;
+    /// What `--json` prints, held against the page that documents it.
+    mod json;
     /// Known distances, and stored errors that hold or do not.
     mod measure;
     /// Pictures, and camera paths in pictures.
@@ -46,6 +50,8 @@ mod integration {
     /// A real window, on a display without a screen.
     #[cfg(feature = "viewer")]
     mod window;
+    /// Numbers as people type and read them, and what is said where a file gives less than was asked for.
+    mod words;
     /// The workflow that spreads a batch over machines.
     mod workflow;
 }

@@ -3,8 +3,8 @@
 
 use super::summary::{Row, Status};
 use crate::progress::line;
-use crate::report::count;
 use chpm_build::{Progress, Stage};
+use chpm_mesh::Counted;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{self, IsTerminal};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -51,7 +51,7 @@ impl Display {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         let text = match row.status {
             Status::Built => {
-                format!("{}: {:.2} s, {} triangles", row.name, row.seconds, count(row.triangles))
+                format!("{}: {:.2} s, {}", row.name, row.seconds, Counted(row.triangles, "triangle"))
             }
             _ => format!("{}: {}", row.name, row.error.as_deref().unwrap_or("stopped")),
         };

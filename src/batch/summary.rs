@@ -4,7 +4,7 @@ use super::shard::Shard;
 use crate::report::{self, count, per_triangle};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::AtomicFile;
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Counted};
 use comfy_table::Table;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -12,9 +12,14 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+const SCHEMA: &str = "chpm-batch/1";
+
 /// A batch's result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Summary {
+    /// What the keys mean; summaries of earlier programs have none.
+    #[serde(default)]
+    pub(crate) schema: String,
     /// The program's version.
     pub(crate) version: String,
     /// The part that this machine had; none for all of it.
@@ -75,7 +80,7 @@ impl Status {
 
 impl Summary {
     pub(crate) fn new(shard: Option<Shard>, models: Vec<Row>) -> Self {
-        Summary { version: env!("CARGO_PKG_VERSION").to_owned(), shard, models }
+        Summary { schema: SCHEMA.to_owned(), version: env!("CARGO_PKG_VERSION").to_owned(), shard, models }
     }
 
     /// The name of the summary's file in the output folder, without its extension.
@@ -115,11 +120,10 @@ impl Summary {
         let all = [Status::Built, Status::Current, Status::Failed, Status::Stopped, Status::Planned];
         let parts = all.iter().map(|status| (self.count(*status), status.word())).filter(|(n, _)| *n > 0);
         let parts: Vec<String> = parts.map(|(n, word)| format!("{n} {word}")).collect();
-        let noun = if self.models.len() == 1 { "model" } else { "models" };
         let bytes = self.models.iter().map(|row| row.output_bytes).sum();
         let triangles = self.models.iter().map(|row| row.triangles).sum();
-        let (n, parts) = (self.models.len(), parts.join(", "));
-        format!("{n} {noun}: {parts}; {} triangles in {}", count(triangles), Bytes(bytes))
+        let (models, parts) = (Counted(self.models.len() as u64, "model"), parts.join(", "));
+        format!("{models}: {parts}; {} in {}", Counted(triangles, "triangle"), Bytes(bytes))
     }
 
     /// What is wrong with models that failed, one a line.
@@ -136,8 +140,7 @@ impl Summary {
             let warned = row.warnings.len();
             let note = match &row.error {
                 Some(_) => "see below".to_owned(),
-                None if warned == 1 => format!("{} (1 warning)", row.reason),
-                None if warned > 1 => format!("{} ({warned} warnings)", row.reason),
+                None if warned > 0 => format!("{} ({})", row.reason, Counted(warned as u64, "warning")),
                 None => row.reason.clone(),
             };
             vec![

@@ -1,13 +1,15 @@
 //! What one contender does in its process.
 
 use super::{Contender, DIVISORS, clod, in_core};
-use anyhow::{Context, Result};
+use crate::points::Points;
+use crate::progress::Meter;
+use anyhow::Result;
 use chpm_build::config::Topology;
-use chpm_build::{BuildConfig, Cancel, Silent, build};
-use chpm_extmem::MappedFile;
+use chpm_build::{BuildConfig, Cancel, Resources, Silent, build};
+use chpm_extmem::{MappedFile, Store};
 use chpm_format::{BoundaryMode, Chpm};
 use chpm_mesh::TriMesh;
-use chpm_mesh::ply::{self, Encoding, Options};
+use chpm_mesh::ply::{self, Encoding};
 use chpm_refine::{Cut, extract};
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -68,11 +70,10 @@ fn config(contender: Contender) -> BuildConfig {
     config
 }
 
-/// Positions and triangles of a PLY.
+/// Positions, rounded to single precision, and triangles of a mesh of any format.
 pub(crate) fn read(path: &Path) -> Result<TriMesh> {
-    let told = || format!("cannot read '{}'", path.display());
-    let options = Options { normals: false, colors: false, ..Options::default() };
-    Ok(ply::read_mesh(File::open(path).with_context(told)?, options).with_context(told)?.0)
+    let store = Store::create(&std::env::temp_dir(), Resources::default().memory.0)?;
+    Ok(Points::read(path, &store, &Meter::new(true))?.relative([0.0; 3]))
 }
 
 fn write(mesh: &TriMesh, path: &Path) -> Result<()> {

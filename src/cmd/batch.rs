@@ -6,11 +6,12 @@ use crate::batch::inputs::{self, Model};
 use crate::batch::run;
 use crate::batch::shard::Shard;
 use crate::batch::summary::{self, Status, Summary};
+use crate::number;
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::{BuildConfig, MIN_MEMORY};
 use chpm_extmem::Lock;
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Counted};
 use clap::Parser;
 use std::ffi::OsString;
 use std::fs;
@@ -29,7 +30,7 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Models to build side by side; they share --memory and --threads evenly. Fewer if each would have less than 128M
-    #[arg(short, long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(short, long, value_name = "N", default_value_t = 1, value_parser = number::count(1_u16..=1024))]
     jobs: u16,
     /// Only part I of N; who is in it depends on a model's name alone
     #[arg(long, value_name = "I/N")]
@@ -82,7 +83,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     summary.write(&args.output)?;
     let verdict = print(args, &summary)?;
     let stopped = summary.count(Status::Stopped);
-    ensure!(stopped == 0, "stopped on request; {stopped} models are left: run the same command again");
+    ensure!(
+        stopped == 0,
+        "stopped on request with {} left: run the same command again",
+        Counted(stopped as u64, "model")
+    );
     Ok(verdict)
 }
 

@@ -4,6 +4,7 @@ use super::{Verdict, stdout};
 use crate::bench::{
     Contender, DIVISORS, Figure, Point, REFERENCE_DIVISORS, contend, equal_deviation, median, svg,
 };
+use crate::number::{self, Units};
 use crate::progress::Meter;
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
@@ -11,7 +12,7 @@ use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_extmem::process::peak_resident;
 use chpm_measure::deviation;
-use chpm_mesh::{Aabb, Bytes, TriMesh};
+use chpm_mesh::{Aabb, Bytes, Counted, TriMesh};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write;
@@ -22,16 +23,16 @@ use std::time::Instant;
 /// What `chpm bench` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The mesh (PLY); it is read into memory to be measured against
+    /// The mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set); it is read into memory to be measured against
     source: PathBuf,
     /// Timed runs of each contender, in turn; medians are told
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = number::count(1_u32..=1000))]
     runs: u32,
     /// Who competes; all who can if not given
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_enum)]
     only: Vec<Contender>,
     /// Samples on each triangle of the source, and of each mesh
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = number::count(1_u32..=1_000_000))]
     samples: u32,
     /// Write the figures as CSV, a row for each contender and fraction
     #[arg(long, value_name = "FILE")]
@@ -225,12 +226,18 @@ impl Outcome {
     fn print(&self, args: &Args, out: &mut impl Write) -> Result<()> {
         writeln!(
             out,
-            "{}: {} triangles, diagonal {:.6e}",
+            "{}: {}, diagonal {} units",
             args.source.display(),
-            count(self.triangles),
-            self.diagonal
+            Counted(self.triangles, "triangle"),
+            Units(self.diagonal)
         )?;
-        writeln!(out, "{}; median of {} runs, {} samples a triangle\n", machine(), args.runs, args.samples)?;
+        writeln!(
+            out,
+            "{}; median of {}, {} a triangle\n",
+            machine(),
+            Counted(args.runs.into(), "run"),
+            Counted(args.samples.into(), "sample")
+        )?;
         let header = ["", "seconds", "triangles/s", "peak memory", "output"];
         let rows = self.figures.iter().map(|f| {
             vec![

@@ -7,14 +7,14 @@ use crate::report::{self, LevelRow, count, per_triangle};
 use crate::stop::Stop;
 use anyhow::{Result, ensure};
 use chpm_build::{BuildConfig, BuildReport};
-use chpm_mesh::{Bytes, ClusterId};
+use chpm_mesh::{Bytes, ClusterId, Counted};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// What `chpm build` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The mesh: a PLY file, ASCII or binary
+    /// The mesh: PLY (ASCII or binary), STL or OBJ, as it is or as .gz or .zst; or a Stanford .conf set of scans
     source: PathBuf,
     /// The file to build; the source's name with .chpm, beside it, if not given
     #[arg(short, long, value_name = "FILE")]
@@ -75,13 +75,13 @@ pub(super) fn print(report: &BuildReport, output: &Path, out: &mut impl Write) -
     }
     writeln!(
         out,
-        "\n{}: {}, {:.1} bytes for each of {} triangles; {} clusters in {} levels, {} at the top",
+        "\n{}: {}, {:.1} bytes for each of {}; {} in {}, {} at the top",
         output.display(),
         Bytes(report.output_len),
         per_triangle(report.output_len, report.triangles),
-        count(report.triangles),
-        count(report.clusters.into()),
-        levels.len(),
+        Counted(report.triangles, "triangle"),
+        Counted(report.clusters.into(), "cluster"),
+        Counted(levels.len() as u64, "level"),
         count(report.roots.into()),
     )?;
     for note in &report.notes {

@@ -2,12 +2,13 @@
 
 use super::{Verdict, build, open, stdout, synth, verify};
 use crate::against;
+use crate::number;
 use crate::progress::Meter;
-use crate::report::count;
 use crate::stop::Stop;
 use anyhow::{Context, Result};
 use chpm_build::{BuildConfig, Resources};
 use chpm_extmem::{AtomicFile, Store};
+use chpm_mesh::Counted;
 use chpm_mesh::ply::Encoding;
 use chpm_mesh::synth::{Shape, Synth};
 use std::fs;
@@ -22,7 +23,7 @@ pub(crate) struct Args {
     keep: Option<PathBuf>,
     /// Triangles of the model to aim for
     #[arg(long, value_name = "N", default_value_t = 200_000,
-          value_parser = clap::value_parser!(u64).range(1_000..=100_000_000))]
+          value_parser = number::count(1_000_u64..=100_000_000))]
     triangles: u64,
     /// No progress
     #[arg(short, long)]
@@ -66,11 +67,8 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
     build::print(&report, &output, &mut out)?;
     let sound = checked.is_ok() && compared.is_equal();
     if sound {
-        let triangles = count(compared.leaf_triangles);
-        writeln!(
-            out,
-            "verified: every invariant holds, and the leaves are the source's {triangles} triangles"
-        )?;
+        let triangles = Counted(compared.leaf_triangles, "triangle");
+        writeln!(out, "verified: every invariant holds, and the leaves are the source's {triangles}")?;
     } else {
         let faults = checked.faults.iter().map(verify::told);
         for fault in faults.chain(compared.faults.iter().map(ToString::to_string)) {

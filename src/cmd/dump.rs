@@ -1,6 +1,6 @@
 //! `chpm dump`: a file as text, for eyes and for `diff`.
 
-use super::{Verdict, open, stdout};
+use super::{Verdict, open, reading, stdout};
 use anyhow::Result;
 use std::io::Write;
 use std::path::PathBuf;
@@ -18,8 +18,10 @@ pub(crate) struct Args {
 /// Writes the text to stdout.
 pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let file = open(&args.file)?;
-    let mut out = stdout();
-    chpm_format::dump(&file, &mut out, args.pages)?;
-    out.flush()?;
-    Ok(Verdict::Good)
+    reading(&file, || {
+        let mut out = stdout();
+        chpm_format::dump(&file, &mut out, args.pages)?;
+        out.flush()?;
+        Ok(Verdict::Good)
+    })
 }

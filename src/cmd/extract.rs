@@ -1,17 +1,19 @@
 //! `chpm extract`: one crack-free mesh out of a file, as a PLY.
 
-use super::{Verdict, open, stdout};
-use crate::progress::Meter;
+use super::{Verdict, open, reading, stdout};
+use crate::number::{self, Triangles, Units};
+use crate::progress::{Meter, line};
 use crate::report::count;
 use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
 use anyhow::{Result, ensure};
 use chpm_build::Cancel;
+use chpm_build::config::Length;
 use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::Chpm;
-use chpm_mesh::Level;
 use chpm_mesh::ply::{Encoding, PlyWriter};
-use chpm_refine::{Budgeted, Camera, Cut, Extraction, Hierarchy, select};
+use chpm_mesh::{Counted, Level};
+use chpm_refine::{Budgeted, Camera, Cut, Extraction, Hierarchy, Member, View, is_visible, select};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -39,6 +41,9 @@ pub(crate) struct Args {
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
+    /// Exit with 1 where the file gives less than was asked for; it is a warning if not given
+    #[arg(long)]
+    strict: bool,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
@@ -48,80 +53,117 @@ pub(crate) struct Args {
 #[derive(clap::Args, Debug)]
 #[group(required = true, multiple = false)]
 struct Wanted {
-    /// The finest mesh of at most N triangles: of one error everywhere, or of one error in the image of the camera
+    /// The finest mesh of at most N triangles, as in 20k, or of a share of the model's, as in 1%: of one error everywhere, or of one
+    /// error in the image of the camera
     #[arg(long, value_name = "N")]
-    triangles: Option<u64>,
-    /// The coarsest mesh whose error is at most E, in the model's units
-    #[arg(long, value_name = "E", value_parser = error_bound)]
-    error: Option<f32>,
+    triangles: Option<Triangles>,
+    /// The coarsest mesh whose error is at most E, in the model's units or, as in 0.1%, of the diagonal of its box
+    #[arg(long, value_name = "E")]
+    error: Option<Length>,
     /// All clusters of level L at their finest; 0 is the source
-    #[arg(long, value_name = "L")]
+    #[arg(long, value_name = "L", value_parser = number::count(0..=u32::MAX))]
     level: Option<u32>,
     /// The coarsest mesh whose error covers at most P pixels, wherever it is seen by the camera
     #[arg(long, value_name = "P", value_parser = view::pixels)]
     poe: Option<f64>,
 }
 
-fn error_bound(text: &str) -> Result<f32, String> {
-    let bound: f32 = text.parse().map_err(|_| format!("'{text}' is not a number"))?;
-    if bound >= 0.0 { Ok(bound) } else { Err(format!("an error is at least 0, not {text}")) }
-}
-
 /// Selects and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
+    reading(&file, || take(&file, args, stop))
+}
+
+fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     // Created before the selection, which may take a while: a place that cannot be written is told at once.
     let ply = AtomicFile::create(&args.output, args.force)?;
-    let cut = cut(&file, args)?;
-    let mesh = Extraction::new(&file, &cut)?;
-    if let Some(limit) = args.wanted.triangles {
+    let cut = cut(file, args)?;
+    let mesh = Extraction::new(file, &cut)?;
+    let model = file.header().source_triangle_count;
+    if let Some(limit) = args.wanted.triangles.map(|wanted| wanted.of(model)) {
         let least = mesh.triangle_count();
         ensure!(
             least <= limit,
-            "the coarsest mesh of the file has {least} triangles; ask for at least as many"
+            "the coarsest mesh of '{}' has {}; ask for at least as many",
+            args.file.display(),
+            Counted(least, "triangle")
         );
     }
-    let error = cut.error(&file)?;
+    let error = cut.error(file)?;
     let comment = format!("chpm extract, error {error:e}");
-    write(&mesh, ply, args, &comment, &cancel)?;
+    write(file, &mesh, ply, args, &comment, &cancel)?;
     let mut out = stdout();
     writeln!(
         out,
-        "{}: {} triangles, {} vertices, error {error:.3e}, from {} clusters",
+        "{}: {}, {}, error {} units, from {}",
         args.output.display(),
-        count(mesh.triangle_count()),
-        count(mesh.vertex_count().into()),
-        count(cut.members().len() as u64),
+        Counted(mesh.triangle_count(), "triangle"),
+        Counted(mesh.vertex_count().into(), "vertex"),
+        Units(error.into()),
+        Counted(cut.members().len() as u64, "cluster"),
     )?;
     out.flush()?;
-    Ok(Verdict::Good)
+    let shortfall = shortfall(file, args, &cut, error)?;
+    if let Some(shortfall) = &shortfall {
+        line(&format!("warning: {shortfall}"));
+    }
+    Ok(if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good })
+}
+
+/// What was asked for and the file does not have.
+fn shortfall(file: &Chpm<MappedFile>, args: &Args, cut: &Cut, error: f32) -> Result<Option<String>> {
+    let (wanted, name) = (&args.wanted, args.file.display());
+    let (model, diagonal) = (file.header().source_triangle_count, file.header().aabb().diagonal());
+    if let Some(bound) = wanted.error.filter(|bound| error > bound.of(diagonal) as f32) {
+        let (least, asked) = (Units(error.into()), number::told(bound, diagonal));
+        return Ok(Some(format!("the finest mesh of '{name}' has an error of {least}, more than {asked}")));
+    }
+    if let Some(Triangles::Count(asked)) = wanted.triangles.filter(|wanted| wanted.of(model) > model) {
+        let (model, asked) = (Counted(model, "triangle"), count(asked));
+        return Ok(Some(format!("the finest mesh of '{name}' has {model}, fewer than {asked}")));
+    }
+    let Some(pixels) = wanted.poe.filter(|_| args.image.cull) else { return Ok(None) };
+    let view = view(file, args, pixels)?;
+    let seen = |member: &Member| is_visible(&file.clusters()[member.cluster.index()], &view);
+    let nothing = || format!("nothing of '{name}' is in the image: all of it is as coarse as it gets");
+    Ok((!cut.members().iter().any(seen)).then(nothing))
+}
+
+fn view(file: &Chpm<MappedFile>, args: &Args, pixels: f64) -> Result<View> {
+    let camera = args.camera.unwrap_or_else(|| view::framing(file));
+    args.image.view(file, &camera, pixels)
 }
 
 fn cut(file: &Chpm<MappedFile>, args: &Args) -> Result<Cut> {
     let wanted = &args.wanted;
-    let view = |pixels| {
-        let camera = args.camera.unwrap_or_else(|| view::framing(file));
-        args.image.view(file, &camera, pixels)
-    };
     if let Some(pixels) = wanted.poe {
-        return Ok(select(file, &Hierarchy::new(file), &view(pixels)?)?);
+        return Ok(select(file, &Hierarchy::new(file), &view(file, args, pixels)?)?);
     }
-    if let (Some(limit), Some(_)) = (wanted.triangles, args.camera) {
+    let limit = wanted.triangles.map(|wanted| wanted.of(file.header().source_triangle_count));
+    if let (Some(limit), Some(_)) = (limit, args.camera) {
         let hierarchy = Hierarchy::new(file);
-        let mut budgeted = Budgeted::new(file, &hierarchy, &view(0.0)?)?;
+        let mut budgeted = Budgeted::new(file, &hierarchy, &view(file, args, 0.0)?)?;
         budgeted.run(limit)?;
         return Ok(budgeted.cut());
     }
-    Ok(match (wanted.triangles, wanted.error, wanted.level) {
+    let diagonal = file.header().aabb().diagonal();
+    Ok(match (limit, wanted.error, wanted.level) {
         (Some(limit), ..) => Cut::at_triangles(file, limit)?,
-        (_, Some(bound), _) => Cut::at_error(file, bound)?,
-        (_, _, level) => Cut::at_level(file, Level(level.unwrap_or(0))),
+        (_, Some(bound), _) => Cut::at_error(file, bound.of(diagonal) as f32)?,
+        (_, _, level) => Cut::at_level(file, existing(file, args, level.unwrap_or(0))?),
     })
+}
+
+fn existing(file: &Chpm<MappedFile>, args: &Args, level: u32) -> Result<Level> {
+    let (highest, name) = (file.header().level_count - 1, args.file.display());
+    ensure!(level <= highest, "'{name}' has no level {level}: the highest is {highest}, the coarsest mesh");
+    Ok(Level(level))
 }
 
 /// Streams the mesh, in doubles if the model is far from the zero point: single precision would move vertices there.
 fn write(
+    chpm: &Chpm<MappedFile>,
     mesh: &Extraction<'_, MappedFile>,
     file: AtomicFile,
     args: &Args,
@@ -153,7 +195,9 @@ fn write(
         meter.add(batch.len() as u64);
         anyhow::Ok(ply.triangles(batch)?)
     })?;
-    ply.finish()?.publish()?;
+    let ply = ply.finish()?;
+    chpm.get_ref().check_unchanged()?;
+    ply.publish()?;
     meter.finish();
     Ok(())
 }

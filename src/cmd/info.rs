@@ -1,10 +1,13 @@
 //! `chpm info`: what a file says about itself, without reading a page.
 
-use super::{Verdict, open, stdout};
+use super::{Verdict, open, reading, stdout};
+use crate::number::Units;
+use crate::progress::line;
 use crate::report::{self, LevelRow, count, per_triangle};
 use anyhow::Result;
+use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Metadata, SectionKind};
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Counted};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -30,17 +33,25 @@ struct Sizes {
 /// Prints the tables, or the JSON.
 pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let file = open(&args.file)?;
-    let metadata = file.metadata()?;
-    let levels = report::levels_of(&file);
-    let sizes = Sizes::of(&file);
+    reading(&file, || show(&file, args))
+}
+
+fn show(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
+    // Nothing in it is needed for the rest.
+    let metadata = file.metadata().inspect_err(|error| {
+        line(&format!("warning: '{}' says nothing of where it comes from: {error}", args.file.display()));
+    });
+    let metadata = metadata.ok();
+    let levels = report::levels_of(file);
+    let sizes = Sizes::of(file);
     let mut out = stdout();
     if args.json {
-        writeln!(out, "{:#}", as_json(&args.file, &file, &metadata, &levels, &sizes))?;
+        writeln!(out, "{:#}", as_json(&args.file, file, metadata.as_ref(), &levels, &sizes))?;
     } else {
-        print_model(&args.file, &file, &metadata, &mut out)?;
+        print_model(&args.file, file, metadata.as_ref(), &mut out)?;
         print_tables(&levels, &mut out)?;
-        print_sizes(&file, &sizes, &mut out)?;
-        print_provenance(&metadata, &mut out)?;
+        print_sizes(file, &sizes, &mut out)?;
+        metadata.as_ref().map_or(Ok(()), |metadata| print_provenance(metadata, &mut out))?;
     }
     out.flush()?;
     Ok(Verdict::Good)
@@ -59,7 +70,7 @@ impl Sizes {
 fn print_model<D: AsRef<[u8]>>(
     path: &Path,
     file: &Chpm<D>,
-    metadata: &Metadata,
+    metadata: Option<&Metadata>,
     out: &mut impl Write,
 ) -> io::Result<()> {
     let h = file.header();
@@ -75,22 +86,29 @@ fn print_model<D: AsRef<[u8]>>(
         path.display(),
         h.version_major,
         h.version_minor,
-        metadata.generator
+        metadata.map_or("unknown", |metadata| &metadata.generator)
     )?;
-    let (vertices, triangles) = (count(h.source_vertex_count), count(h.source_triangle_count));
-    writeln!(out, "model      {triangles} triangles, {vertices} vertices, {attributes}")?;
+    let (vertices, triangles) =
+        (Counted(h.source_vertex_count, "vertex"), Counted(h.source_triangle_count, "triangle"));
+    writeln!(out, "model      {triangles}, {vertices}, {attributes}")?;
     writeln!(out, "box        {:?} to {:?}, origin {:?}", h.aabb_min, h.aabb_max, h.origin)?;
     writeln!(
         out,
-        "hierarchy  {} clusters ({} leaves, {} at the top) in {} levels, {} groups, {} shared vertices",
-        count(h.cluster_count.into()),
-        count(h.leaf_count.into()),
+        "hierarchy  {} ({}, {} at the top) in {}, {}, {}",
+        Counted(h.cluster_count.into(), "cluster"),
+        Counted(h.leaf_count.into(), "leaf"),
         count(h.root_count.into()),
-        h.level_count,
-        count(h.group_count.into()),
-        count(h.shared_vertex_count.into()),
+        Counted(h.level_count.into(), "level"),
+        Counted(h.group_count.into(), "group"),
+        Counted(h.shared_vertex_count.into(), "shared vertex"),
     )?;
-    writeln!(out, "error      up to {:.3e} ({}); boundary {}", h.max_error, error_kind(file), boundary(file))
+    writeln!(
+        out,
+        "error      up to {} units ({}); boundary {}",
+        Units(h.max_error.into()),
+        error_kind(file),
+        boundary(file)
+    )
 }
 
 fn print_tables(levels: &[LevelRow], out: &mut impl Write) -> io::Result<()> {
@@ -120,12 +138,12 @@ fn print_provenance(metadata: &Metadata, out: &mut impl Write) -> io::Result<()>
     let source = &metadata.source;
     writeln!(
         out,
-        "source     {}: {}, {}, {} vertices, {} faces, xxh3 {:016x}",
+        "source     {}: {}, {}, {}, {}, xxh3 {:016x}",
         source.name,
         Bytes(source.byte_len),
         source.encoding,
-        count(source.vertex_count),
-        count(source.face_count),
+        Counted(source.vertex_count, "vertex"),
+        Counted(source.face_count, "face"),
         source.hash,
     )?;
     for comment in &source.comments {
@@ -147,15 +165,28 @@ fn print_provenance(metadata: &Metadata, out: &mut impl Write) -> io::Result<()>
 fn as_json<D: AsRef<[u8]>>(
     path: &Path,
     file: &Chpm<D>,
-    metadata: &Metadata,
+    metadata: Option<&Metadata>,
     levels: &[LevelRow],
     sizes: &Sizes,
 ) -> Value {
     let h = file.header();
+    let source = metadata.map(|metadata| &metadata.source).map(|source| {
+        json!({
+            "name": source.name,
+            "bytes": source.byte_len,
+            // As text: a 64-bit number is more than a JSON number holds for many readers.
+            "xxh3": format!("{:016x}", source.hash),
+            "encoding": source.encoding,
+            "vertices": source.vertex_count,
+            "faces": source.face_count,
+            "comments": source.comments,
+        })
+    });
     json!({
+        "schema": "chpm-info/1",
         "file": path.display().to_string(),
         "version": format!("{}.{}", h.version_major, h.version_minor),
-        "generator": metadata.generator,
+        "generator": metadata.map(|metadata| &metadata.generator),
         "triangles": h.source_triangle_count,
         "vertices": h.source_vertex_count,
         "normals": h.attributes().normals,
@@ -181,19 +212,10 @@ fn as_json<D: AsRef<[u8]>>(
             "padding": sizes.padding,
             "per_triangle": per_triangle(sizes.file, h.source_triangle_count),
         },
-        "source": {
-            "name": metadata.source.name,
-            "bytes": metadata.source.byte_len,
-            // As text: a 64-bit number is more than a JSON number holds for many readers.
-            "xxh3": format!("{:016x}", metadata.source.hash),
-            "encoding": metadata.source.encoding,
-            "vertices": metadata.source.vertex_count,
-            "faces": metadata.source.face_count,
-            "comments": metadata.source.comments,
-        },
-        "settings": report::object(metadata.settings.clone()),
-        "repairs": report::object(metadata.repairs.clone()),
-        "warnings": metadata.warnings,
+        "source": source,
+        "settings": metadata.map(|metadata| report::object(metadata.settings.clone())),
+        "repairs": metadata.map(|metadata| report::object(metadata.repairs.clone())),
+        "warnings": metadata.map(|metadata| &metadata.warnings),
     })
 }
 

@@ -1,35 +1,36 @@
 //! `chpm measure`: how far two meshes are from each other, or a file's levels and cuts from its source.
 
-use super::{Verdict, open, stdout};
+use super::{Verdict, open, reading, stdout};
 use crate::against;
 use crate::args::StorageArgs;
 use crate::cuts;
 use crate::deviation::{self, Judge, LevelDeviation, Spread};
+use crate::number::{self, Units};
+use crate::points::Points;
 use crate::progress::Meter;
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
 use anyhow::{Context, Result, bail, ensure};
-use chpm_extmem::Store;
+use chpm_extmem::{MappedFile, Store};
+use chpm_format::Chpm;
 use chpm_measure::{Deviation, Side, deviation_told};
-use chpm_mesh::ply::{Batch, BatchKind, Options, PlyReader};
-use chpm_mesh::{Aabb, TriMesh};
+use chpm_mesh::{Aabb, Counted, TriMesh};
 use chpm_refine::Hierarchy;
 use serde_json::{Value, json};
-use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// What `chpm measure` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// A mesh (PLY); with --against, a .chpm file
+    /// A mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set); with --against, a .chpm file
     first: PathBuf,
     /// The mesh to measure it against, and that against it; both are read into memory
     #[arg(required_unless_present = "against", conflicts_with = "against")]
     second: Option<PathBuf>,
-    /// The PLY that the .chpm file was built from. Its triangles must be those of the leaves, which are then read cluster by
+    /// The mesh that the .chpm file was built from (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set). Its triangles must be those of the leaves, which are then read cluster by
     /// cluster, so that the source need not fit into memory
-    #[arg(long, value_name = "PLY")]
+    #[arg(long, value_name = "MESH")]
     against: Option<PathBuf>,
     /// Measure all clusters of every level, the default with --against: at the base meshes, and between them and the
     /// finest, which are the base meshes of the level below
@@ -37,20 +38,20 @@ pub(crate) struct Args {
     levels: bool,
     /// Positions of each level's progressive meshes
     #[arg(long, value_name = "N", default_value_t = 2, conflicts_with = "second",
-          value_parser = clap::value_parser!(u32).range(1..=1000))]
+          value_parser = number::count(1_u32..=1000))]
     positions: u32,
     /// Measure N cuts: half of them random legal cuts, half what random cameras select
     #[arg(long, value_name = "N", requires = "against", conflicts_with = "second",
-          value_parser = clap::value_parser!(u32).range(1..))]
+          value_parser = number::count(1..=u32::MAX))]
     cuts: Option<u32>,
     /// Seed of the first cut; the others follow
     #[arg(long, value_name = "S", requires = "cuts", default_value_t = 0)]
     seed: u64,
     /// Samples on each triangle of the finer mesh at least, and as many as that by area; vertices and edges have their own
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = number::count(1_u32..=1_000_000))]
     samples: u32,
     /// Worker threads; one per processor if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
     threads: Option<u32>,
     /// The result as JSON on stdout
     #[arg(long)]
@@ -77,7 +78,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 fn meshes(args: &Args, second: &Path) -> Result<Verdict> {
     let meter = Meter::new(args.quiet);
-    let (a, b) = (Points::read(&args.first, &meter)?, Points::read(second, &meter)?);
+    let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
+    let store = Store::create(&scratch, args.storage.memory().0)?;
+    let (a, b) = (Points::read(&args.first, &store, &meter)?, Points::read(second, &store, &meter)?);
     for (mesh, path) in [(&a, &args.first), (&b, &second.to_path_buf())] {
         ensure!(!mesh.triangles.is_empty(), "'{}' has no triangles to measure", path.display());
     }
@@ -101,43 +104,6 @@ fn meshes(args: &Args, second: &Path) -> Result<Verdict> {
     }
     out.flush()?;
     Ok(Verdict::Good)
-}
-
-/// A mesh as it is in its file.
-struct Points {
-    positions: Vec<[f64; 3]>,
-    triangles: Vec<[u32; 3]>,
-}
-
-impl Points {
-    fn read(path: &Path, meter: &Meter) -> Result<Self> {
-        let told = || format!("'{}'", path.display());
-        let file = File::open(path).with_context(|| format!("cannot read {}", told()))?;
-        let length = file.metadata().map_or(0, |m| m.len());
-        let options = Options { normals: false, colors: false, ..Options::default() };
-        let mut reader = PlyReader::new(file, options).with_context(told)?;
-        let (mut batch, mut before) = (Batch::default(), 0);
-        let mut points = Points { positions: Vec::new(), triangles: Vec::new() };
-        meter.start("read", length);
-        while reader.next_batch(&mut batch).with_context(told)? != BatchKind::End {
-            points.positions.extend(batch.positions.iter().map(|p| p.map(f64::from)));
-            points.positions.append(&mut batch.positions_f64);
-            points.triangles.append(&mut batch.triangles);
-            meter.add(reader.bytes_read() - before);
-            before = reader.bytes_read();
-        }
-        meter.finish();
-        Ok(points)
-    }
-
-    fn relative(&self, origin: [f64; 3]) -> TriMesh {
-        let local = |p: &[f64; 3]| std::array::from_fn(|axis| (p[axis] - origin[axis]) as f32);
-        TriMesh::new(self.positions.iter().map(local).collect(), self.triangles.clone())
-    }
-
-    fn is_single(&self) -> bool {
-        self.positions.iter().flatten().all(|x| f64::from(*x as f32) == *x)
-    }
 }
 
 /// Zero where singles hold all coordinates, else the first vertex: what is far from zero would lose its detail.
@@ -165,13 +131,13 @@ fn print_meshes(
 ) -> Result<()> {
     let [a, b] = [args.first.as_path(), second].map(|path| path.display().to_string());
     for (path, mesh) in [&a, &b].into_iter().zip(meshes) {
-        writeln!(out, "{path}: {} triangles", count(mesh.triangles.len() as u64))?;
+        writeln!(out, "{path}: {}", Counted(mesh.triangles.len() as u64, "triangle"))?;
     }
-    writeln!(out, "diagonal of both: {diagonal:.6e}\n")?;
+    writeln!(out, "diagonal of both: {} units\n", Units(diagonal))?;
     let row = |name: &str, [max, mean, rms]: [f64; 3], samples: u64| {
         let mut cells = vec![name.to_owned()];
         for value in [max, mean, rms] {
-            cells.extend([format!("{value:.4e}"), percent(value, diagonal)]);
+            cells.extend([Units(value).to_string(), percent(value, diagonal)]);
         }
         cells.push(count(samples));
         cells
@@ -201,6 +167,7 @@ fn meshes_json(
     diagonal: f64,
 ) -> Value {
     json!({
+        "schema": "chpm-measure-meshes/1",
         "first": { "path": args.first.display().to_string(), "triangles": a.triangles.len() },
         "second": { "path": second.display().to_string(), "triangles": b.triangles.len() },
         "diagonal": diagonal,
@@ -233,6 +200,10 @@ struct Row {
 
 fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.first)?;
+    reading(&file, || judge(&file, args, source, stop))
+}
+
+fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
     ensure!(
         !file.is_trimmed(),
         "'{}' was built without detail below an error, so its leaves are not '{}' to be measured against; measure what `chpm extract` takes out of it against the source",
@@ -245,7 +216,7 @@ fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
     let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
     {
         let store = Store::create(&scratch, memory.0)?;
-        let compared = against::compare(&file, source, &store, &meter, &cancel)?;
+        let compared = against::compare(file, source, &store, &meter, &cancel)?;
         ensure!(
             compared.is_equal(),
             "the leaves of '{}' are not the triangles of '{}': {} differ; `chpm verify --against` names them",
@@ -254,7 +225,7 @@ fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
             count(compared.fault_count)
         );
     }
-    let judge = Judge::new(&file, args.samples as usize, memory.0, &meter, &cancel)?;
+    let judge = Judge::new(file, args.samples as usize, memory.0, &meter, &cancel)?;
     let mut rows = Vec::new();
     if args.levels || args.cuts.is_none() {
         deviation::levels(&judge, args.positions, &meter, &cancel, |level, part, found| {
@@ -263,10 +234,10 @@ fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
         })?;
     }
     let levels = rows.len();
-    let hierarchy = Hierarchy::new(&file);
+    let hierarchy = Hierarchy::new(file);
     for seed in (0..args.cuts.unwrap_or(0)).map(|i| args.seed.wrapping_add(i.into())) {
         stop::check(&cancel)?;
-        let cut = cuts::draw(&file, &hierarchy, seed)?;
+        let cut = cuts::draw(file, &hierarchy, seed)?;
         let (members, left) = judge.cut(&cut, &format!("cut {seed}"), &meter, &cancel)?;
         let found = LevelDeviation::of(&members, left, judge.slack());
         rows.push(Row { name: format!("cut of seed {seed}"), json: json!({ "seed": seed }), found });
@@ -278,6 +249,7 @@ fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
     if args.json {
         let all: Vec<Value> = rows.iter().map(|row| row_json(row, origin)).collect();
         let value = json!({
+            "schema": "chpm-measure/1",
             "file": args.first.display().to_string(),
             "source": source.display().to_string(),
             "diagonal": diagonal,
@@ -341,11 +313,11 @@ fn print_rows(
             row.name.clone(),
             count(found.clusters),
             count(found.triangles),
-            format!("{:.3e}", found.stored),
-            format!("{:.3e}", found.max()),
+            Units(found.stored.into()).to_string(),
+            Units(found.max()).to_string(),
             percent(found.max(), diagonal),
-            format!("{:.3e}", found.mean()),
-            format!("{:.3e}", found.rms()),
+            Units(found.mean()).to_string(),
+            Units(found.rms()).to_string(),
         ];
         match found.ratio {
             Some(s) => cells.extend([s.min, s.median, s.p95, s.max].map(|r| format!("{r:.2}"))),
@@ -378,27 +350,30 @@ fn print_rows(
     writeln!(out, "{}\n", table(&header, rows.iter().map(cells)))?;
     writeln!(
         out,
-        "least to most: stored error by measured distance, over clusters; diagonal {diagonal:.6e}"
+        "least to most: stored error by measured distance, over clusters; diagonal {} units",
+        Units(diagonal)
     )?;
     let vanished = rows.iter().map(|row| row.found.vanished).max_by(|a, b| a.max.total_cmp(&b.max));
     if let Some(vanished) = vanished.filter(|v| v.samples > 0) {
         writeln!(
             out,
             "vanished: samples of components that were contracted to a point or a line within the stored error; \
-             the farthest from what is drawn: {:.3e}",
-            vanished.max
+             the farthest from what is drawn: {}",
+            Units(vanished.max)
         )?;
     }
     let path = args.first.display();
     for row in rows {
         if let Some((distance, at)) = row.found.violations.worst {
             let [x, y, z] = absolute(Some(at), origin).unwrap_or(at);
-            let (clusters, samples) = (count(row.found.violating), count(row.found.violations.samples));
+            let clusters = Counted(row.found.violating, "cluster");
+            let samples = Counted(row.found.violations.samples, "sample");
             writeln!(
                 out,
-                "{path}: I5 error: {}: {samples} samples of {clusters} clusters are beyond the stored error; the worst, \
-                 at {x} {y} {z}, by a distance of {distance:.3e}",
-                row.name
+                "{path}: I5 error: {}: beyond the stored error are {samples} of {clusters}; the worst, \
+                 at {x} {y} {z}, by a distance of {} units",
+                row.name,
+                Units(distance)
             )?;
         }
     }

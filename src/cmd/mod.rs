@@ -21,7 +21,9 @@ use crate::args::Command;
 use crate::stop::Stop;
 use anyhow::{Context, Result};
 use chpm_extmem::MappedFile;
-use chpm_format::Chpm;
+use chpm_format::{Chpm, FormatError};
+use chpm_refine::RefineError;
+use std::error::Error;
 use std::io::{self, BufWriter, StdoutLock};
 use std::path::Path;
 
@@ -60,6 +62,20 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
 /// Maps and opens a file.
 pub(crate) fn open(path: &Path) -> Result<Chpm<MappedFile>> {
     Chpm::open(MappedFile::open(path)?).with_context(|| format!("cannot open '{}'", path.display()))
+}
+
+/// Does what reads a file. Where the file was changed meanwhile, that is the error, whatever came of it; an error in what the
+/// file holds names it.
+pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<T>) -> Result<T> {
+    let result = work();
+    file.get_ref().check_unchanged()?;
+    let is_of_file = |cause: &(dyn Error + 'static)| {
+        cause.is::<FormatError>() || matches!(cause.downcast_ref(), Some(RefineError::Format(_)))
+    };
+    result.map_err(|error| match error.chain().any(is_of_file) {
+        true => error.context(format!("cannot read '{}'", file.get_ref().path().display())),
+        false => error,
+    })
 }
 
 /// Where results go. To be flushed at the end: what is dropped cannot tell that writing failed.

@@ -1,12 +1,13 @@
 //! `chpm path`: makes a camera path for a file.
 
-use super::{Verdict, open, stdout};
-use crate::report::count;
+use super::{Verdict, open, reading, stdout};
+use crate::number;
 use crate::stop::Stop;
 use crate::view;
 use anyhow::Result;
 use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::Chpm;
+use chpm_mesh::Counted;
 use chpm_refine::{Camera, CameraPath};
 use clap::ValueEnum;
 use std::io::Write;
@@ -21,7 +22,7 @@ pub(crate) struct Args {
     /// The .chpm file that it goes around
     file: PathBuf,
     /// Frames
-    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = number::count(1_u32..=1_000_000))]
     frames: u32,
     /// Seed of the random way
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -47,20 +48,25 @@ enum Way {
 /// Makes and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
+    reading(&file, || make(&file, args, stop))
+}
+
+fn make(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let _cancel = stop.heed();
     let mut text = AtomicFile::create(&args.output, args.force)?;
     let (bounds, frames) = (file.header().aabb(), args.frames as usize);
     let mut path = match args.way {
         Way::Orbit => CameraPath::orbit(&bounds, frames),
-        Way::Dive => CameraPath::dive(&bounds, front(&file)?, frames),
+        Way::Dive => CameraPath::dive(&bounds, front(file)?, frames),
         Way::Random => CameraPath::random(&bounds, args.seed, frames),
     };
-    let absolute = |camera: &mut Camera| *camera = view::from_file(&file, camera);
+    let absolute = |camera: &mut Camera| *camera = view::from_file(file, camera);
     path.cameras.iter_mut().for_each(absolute);
     write!(text, "{path}")?;
+    file.get_ref().check_unchanged()?;
     text.publish()?;
     let mut out = stdout();
-    writeln!(out, "{}: {} frames", args.output.display(), count(args.frames.into()))?;
+    writeln!(out, "{}: {}", args.output.display(), Counted(args.frames.into(), "frame"))?;
     out.flush()?;
     Ok(Verdict::Good)
 }

@@ -1,14 +1,16 @@
 //! `chpm render`: a picture of a file, without a window.
 
 use super::{Verdict, stdout};
+use crate::number::{Triangles, Units};
 use crate::picture::{self, DeviceArgs, LookArgs};
+use crate::progress::line;
 use crate::report::count;
 use crate::stop::{self, Stop};
 use crate::view::{self, Viewport};
 use anyhow::Result;
 use chpm_extmem::AtomicFile;
 use chpm_format::Chpm;
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Counted};
 use chpm_refine::Camera;
 use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Stats, TriangleId, headless};
 use serde_json::json;
@@ -30,9 +32,9 @@ pub(crate) struct Args {
     /// Pixels of error that are allowed
     #[arg(long, value_name = "P", default_value = "1", value_parser = view::pixels)]
     poe: f64,
-    /// The finest mesh that draws about N triangles at most
+    /// The finest mesh that draws about N triangles at most, as in 20k, or a share of the model's, as in 1%
     #[arg(long, value_name = "N", conflicts_with = "poe")]
-    triangles: Option<u64>,
+    triangles: Option<Triangles>,
     /// Draw and refine what is hidden, too; the picture is the same
     #[arg(long)]
     no_occlusion: bool,
@@ -53,6 +55,9 @@ pub(crate) struct Args {
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
+    /// Exit with 1 where the picture is empty or coarser than was asked for; it is a warning if not given
+    #[arg(long)]
+    strict: bool,
     /// Write the counts and times as JSON
     #[arg(long)]
     json: bool,
@@ -64,8 +69,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let png = AtomicFile::create(&args.output, args.force)?;
     let mut viewer = args.device.open(&args.file, args.memory)?;
     let camera = args.camera.unwrap_or_else(|| viewer.framing());
+    let model = viewer.file().header().source_triangle_count;
+    let wanted = args.triangles.map(|wanted| wanted.of(model));
     let request = FrameRequest {
-        accuracy: args.triangles.map_or(Accuracy::PoE(args.poe), Accuracy::Triangles),
+        accuracy: wanted.map_or(Accuracy::PoE(args.poe), Accuracy::Triangles),
         look: args.look.look(),
         occlusion_culling: !args.no_occlusion,
         wait: true,
@@ -77,6 +84,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     } else {
         headless::image(&mut viewer, &request)?
     };
+    let shortfall = shortfall(args, model, wanted, &stats, &image);
     stop::check(&cancel)?;
     picture::write_png(&image, png)?;
     let adapter = viewer.gpu().describe();
@@ -86,23 +94,43 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         writeln!(
             out,
             "{:#}",
-            json!({ "image": image, "adapter": adapter, "frame": picture::as_json(&stats) })
+            json!({ "schema": "chpm-render/1", "image": image, "adapter": adapter, "frame": picture::as_json(&stats) })
         )?;
     } else {
         print(args, &stats, &adapter, &mut out)?;
     }
     out.flush()?;
-    Ok(Verdict::Good)
+    if let Some(shortfall) = &shortfall {
+        line(&format!("warning: {shortfall}"));
+    }
+    Ok(if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good })
+}
+
+/// What was asked for and is not in the picture.
+fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image: &Image) -> Option<String> {
+    let name = args.file.display();
+    if stats.triangles == 0 || image.pixels.chunks_exact(4).all(|pixel| pixel == &image.pixels[..4]) {
+        return Some(format!("the picture is empty: nothing of '{name}' is in view of the camera"));
+    }
+    if let Some(asked) = wanted.filter(|asked| *asked > model) {
+        let (model, asked) = (Counted(model, "triangle"), count(asked));
+        return Some(format!("the finest mesh of '{name}' has {model}, fewer than {asked}"));
+    }
+    let is_coarse = wanted.is_none() && stats.poe > args.poe;
+    is_coarse.then(|| {
+        let (got, asked) = (Units(stats.poe), Units(args.poe));
+        format!("the picture has up to {got} pixels of error, more than {asked}: '{name}' or --memory gives no less")
+    })
 }
 
 fn print(args: &Args, stats: &Stats, adapter: &str, out: &mut impl Write) -> Result<()> {
     writeln!(
         out,
-        "{}: {} triangles at {:.3} pixels of error, from {} clusters; {} more lie outside the image, {} are hidden",
+        "{}: {} at {:.3} pixels of error, from {}; outside the image: {}, hidden: {}",
         args.output.display(),
-        count(stats.triangles),
+        Counted(stats.triangles, "triangle"),
         stats.poe,
-        count(stats.clusters_drawn),
+        Counted(stats.clusters_drawn, "cluster"),
         count(stats.frustum_culled),
         count(stats.occluded),
     )?;

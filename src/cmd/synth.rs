@@ -1,16 +1,17 @@
 //! `chpm synth`: a generated mesh as a PLY. Shapes are streamed, whatever their size; hard meshes are made in memory first.
 
 use super::{Verdict, stdout};
+use crate::number;
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::{self, Stop};
 use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_extmem::AtomicFile;
-use chpm_mesh::Attributes;
 use chpm_mesh::ply::{Encoding, PlyWriter};
 use chpm_mesh::synth::hard::{CASES, Case};
 use chpm_mesh::synth::{ParseShapeError, Shape, Synth};
+use chpm_mesh::{Attributes, Counted};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -30,7 +31,7 @@ pub(crate) struct Args {
     #[arg(long, exclusive = true)]
     list: bool,
     /// Triangles to aim for: 100000 if not given, or what --list says. Shapes are within 5 % from 3000 on
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=Synth::MAX_TRIANGLES))]
+    #[arg(long, value_name = "N", value_parser = number::count(1_u64..=Synth::MAX_TRIANGLES))]
     triangles: Option<u64>,
     /// Another seed gives another terrain, isosurface or set of plates
     #[arg(long, value_name = "S", default_value_t = 1)]
@@ -167,7 +168,7 @@ fn write_case(
 
 fn report(path: &Path, vertices: u64, triangles: u64) -> Result<()> {
     let mut out = stdout();
-    writeln!(out, "{}: {} triangles, {} vertices", path.display(), count(triangles), count(vertices))?;
+    writeln!(out, "{}: {}, {}", path.display(), Counted(triangles, "triangle"), Counted(vertices, "vertex"))?;
     out.flush()?;
     Ok(())
 }

@@ -1,9 +1,10 @@
 //! `chpm verify`: every byte and invariant of a file, with `--against` its leaves and the source, with `--cuts` random cuts.
 
-use super::{Verdict, stdout};
+use super::{Verdict, reading, stdout};
 use crate::against::{self, Comparison};
 use crate::args::StorageArgs;
 use crate::cuts::{self, Cuts};
+use crate::number;
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::Stop;
@@ -11,6 +12,7 @@ use anyhow::Result;
 use chpm_extmem::{Access, MappedFile, Store};
 use chpm_format::verify::Fault;
 use chpm_format::{Chpm, Report};
+use chpm_mesh::Counted;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -20,13 +22,13 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
-    /// The PLY that it was built from: its triangles must be those of the leaves, unless detail was left out of them
-    #[arg(long, value_name = "PLY")]
+    /// The mesh that it was built from (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set): its triangles must be those of the leaves, unless detail was left out of them
+    #[arg(long, value_name = "MESH")]
     against: Option<PathBuf>,
     /// Draw N cuts and look for cracks, I7. Half of them are random legal cuts of every depth, half what random cameras
     /// select. All triangles of every cut are looked at, cluster by cluster and on all processors; one cut of 64, and any in which
     /// something is found, is extracted and looked at as one mesh too
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = number::count(1..=u32::MAX))]
     cuts: Option<u32>,
     /// Seed of the first cut; the others follow
     #[arg(long, value_name = "S", requires = "cuts", default_value_t = 0)]
@@ -84,10 +86,14 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
             });
         }
     };
+    reading(&file, || look(&file, args, stop))
+}
+
+fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     let meter = Meter::new(args.quiet);
     meter.start("verify", file.clusters().len() as u64);
     let mut before = 0;
-    let checked = chpm_format::verify(&file, |done, _| {
+    let checked = chpm_format::verify(file, |done, _| {
         meter.add(done - before);
         before = done;
     });
@@ -103,7 +109,7 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
             let cancel = stop.heed();
             let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
             let store = Store::create(&scratch, args.storage.memory().0)?;
-            let compared = against::compare(&file, source, &store, &meter, &cancel)?;
+            let compared = against::compare(file, source, &store, &meter, &cancel)?;
             faults.extend(compared.faults.iter().map(|fault| format!("I1 coverage: {fault}")));
             fault_count += compared.fault_count;
             Some(compared)
@@ -112,7 +118,7 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
     };
     let cuts = match args.cuts {
         Some(count) if readable => {
-            let cuts = cuts::check(&file, count, args.seed, &meter, &stop.heed())?;
+            let cuts = cuts::check(file, count, args.seed, &meter, &stop.heed())?;
             faults.extend_from_slice(&cuts.faults);
             fault_count += cuts.fault_count;
             Some(cuts)
@@ -137,16 +143,16 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
         writeln!(out, "{path}: and {} more", count(findings.fault_count - findings.faults.len() as u64))?;
     }
     if findings.fault_count > 0 {
-        let noun = if findings.fault_count == 1 { "fault" } else { "faults" };
-        return writeln!(out, "{path}: {} {noun}", count(findings.fault_count));
+        return writeln!(out, "{path}: {}", Counted(findings.fault_count, "fault"));
     }
     if let Some(report) = &findings.checked {
-        let (pages, triangles) = (count(report.good_pages), count(report.triangles));
-        writeln!(out, "{path}: sound; {pages} clusters with {triangles} triangles checked")?;
+        let (pages, triangles) =
+            (Counted(report.good_pages, "cluster"), Counted(report.triangles, "triangle"));
+        writeln!(out, "{path}: sound; {pages} with {triangles} checked")?;
     }
     if let (Some(compared), Some(source)) = (&findings.compared, &args.against) {
-        let triangles = count(compared.leaf_triangles);
-        writeln!(out, "{path}: the leaves are the {triangles} triangles of {}", source.display())?;
+        let triangles = Counted(compared.leaf_triangles, "triangle");
+        writeln!(out, "{path}: the leaves are the {triangles} of {}", source.display())?;
     }
     if let (true, Some(source)) = (findings.trimmed, &args.against) {
         let source = source.display();
@@ -156,8 +162,9 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
         )?;
     }
     if let Some(cuts) = &findings.cuts {
-        let (n, triangles) = (count(cuts.count.into()), count(cuts.triangles));
-        writeln!(out, "{path}: no crack in {n} random cuts of {triangles} triangles together")?;
+        let (cuts, triangles) =
+            (Counted(cuts.count.into(), "random cut"), Counted(cuts.triangles, "triangle"));
+        writeln!(out, "{path}: no crack in {cuts} of {triangles} together")?;
     }
     Ok(())
 }
@@ -165,6 +172,7 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
 fn as_json(args: &Args, findings: &Findings) -> Value {
     let display = |path: &Path| path.display().to_string();
     json!({
+        "schema": "chpm-verify/1",
         "file": display(&args.file),
         "sound": findings.fault_count == 0,
         "fault_count": findings.fault_count,

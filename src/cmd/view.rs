@@ -2,18 +2,19 @@
 
 use super::{Verdict, build, open, stdout};
 use crate::batch::inputs;
+use crate::number::{self, Triangles};
 use crate::picture::DeviceArgs;
 use crate::progress::{Meter, line};
+use crate::report::count;
 use crate::stop::Stop;
 use crate::view;
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::{BuildConfig, Cancel, Progress, Stage, input};
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
 use chpm_viewer::window::remember::Memory;
 use chpm_viewer::window::{self, Options, Outcome, Prepare};
 use chpm_viewer::{Accuracy, Budgets};
-use clap::value_parser;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -23,7 +24,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// What `chpm view` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The .chpm file; or a mesh, whose .chpm is built beside it first, unless it is there. A model can also be dropped on the window
+    /// The .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), whose .chpm is built beside it first, unless it
+    /// is there. A model can also be dropped on the window
     model: Option<PathBuf>,
     /// Main memory for pages, as in 512M
     #[arg(long, value_name = "SIZE", default_value = "1G")]
@@ -31,14 +33,14 @@ pub(crate) struct Args {
     /// Pixels of error that are allowed; what was used last, or 1, if not given
     #[arg(long, value_name = "P", value_parser = view::pixels, conflicts_with = "triangles")]
     poe: Option<f64>,
-    /// The finest mesh of about so many triangles, in place of a bound on the error
-    #[arg(long, value_name = "N", value_parser = value_parser!(u64).range(1..))]
-    triangles: Option<u64>,
+    /// The finest mesh of about so many triangles, as in 20k, or of a share of the model's, as in 1%, in place of a bound on the error
+    #[arg(long, value_name = "N")]
+    triangles: Option<Triangles>,
     /// Go along this camera path first (see chpm path), one camera a frame
     #[arg(long, value_name = "FILE", requires = "model")]
     path: Option<PathBuf>,
     /// Draw so many frames, one after the other, and quit; nothing is remembered
-    #[arg(long, value_name = "N", requires = "model", value_parser = value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", requires = "model", value_parser = number::count(1..=u64::MAX))]
     frames: Option<u64>,
     /// With --frames: write the last picture as a PNG
     #[arg(long, value_name = "FILE", requires = "frames")]
@@ -66,12 +68,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         Some(model) if inputs::is_mesh(model) => Some(prepared(model, args, stop)?),
         model => model.clone(),
     };
+    let triangles = args.triangles.map(|wanted| accuracy(wanted, model.as_deref())).transpose()?;
     let cancel = stop.heed();
     let options = Options {
         model,
         budgets: Budgets { memory: args.memory, gpu_memory: args.device.gpu_memory },
         adapter: args.device.adapter.clone(),
-        accuracy: args.poe.map(Accuracy::PoE).or(args.triangles.map(Accuracy::Triangles)),
+        accuracy: args.poe.map(Accuracy::PoE).or(triangles),
         path,
         frames: args.frames,
         screenshot: args.screenshot.clone(),
@@ -89,16 +92,31 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         line(&format!("note: {why}"));
     }
     if args.frames.is_some() {
-        report(&outcome)?;
+        tell(&outcome)?;
     }
     Ok(Verdict::Good)
 }
 
-fn report(outcome: &Outcome) -> Result<()> {
+/// A count of triangles, of the model that is shown first.
+fn accuracy(wanted: Triangles, model: Option<&Path>) -> Result<Accuracy> {
+    let Some(path) = model else {
+        let Triangles::Count(count) = wanted else { bail!("--triangles with % needs the name of a model") };
+        return Ok(Accuracy::Triangles(count));
+    };
+    let all = open(path)?.header().source_triangle_count;
+    let wanted = wanted.of(all);
+    if wanted > all {
+        let (name, all) = (path.display(), Counted(all, "triangle"));
+        line(&format!("warning: the finest mesh of '{name}' has {all}, fewer than {}", count(wanted)));
+    }
+    Ok(Accuracy::Triangles(wanted))
+}
+
+fn tell(outcome: &Outcome) -> Result<()> {
     let Outcome { frames, seconds, adapter, .. } = outcome;
     let mut out = stdout();
     let rate = *frames as f64 / seconds.max(1e-9);
-    writeln!(out, "{frames} frames in {seconds:.2} s, {rate:.1} a second, on {adapter}")?;
+    writeln!(out, "{} in {seconds:.2} s, {rate:.1} a second, on {adapter}", Counted(*frames, "frame"))?;
     Ok(out.flush()?)
 }
 

@@ -1,16 +1,17 @@
 //! `chpm walk`: the incremental selection along a camera path, measured frame by frame.
 
-use super::{Verdict, open, stdout};
+use super::{Verdict, open, reading, stdout};
+use crate::number;
 #[cfg(feature = "viewer")]
 use crate::picture;
-use crate::progress::Meter;
+use crate::progress::{Meter, line};
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::{Chpm, Page};
-use chpm_mesh::{Bytes, ClusterId, GroupId};
+use chpm_mesh::{Bytes, ClusterId, Counted, GroupId};
 use chpm_refine::{
     ActiveList, CameraPath, Changes, Front, Hierarchy, PmCursor, Residency, View, Wanted, is_visible,
 };
@@ -38,7 +39,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "SIZE")]
     memory: Option<Bytes>,
     /// Frames from the request of a page until it is there; 0 waits for every page
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = number::count(0..=u32::MAX))]
     latency: u32,
     /// Read ahead, at most this much a frame, as in 1M: what the camera will need if it goes on as it moves, and the children of what it
     /// needs then. What a split brings is read as a whole or not at all, so less than that, some 0.5M with the default
@@ -114,25 +115,30 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         return draw(args, stop);
     }
     let file = open(&args.file)?;
+    reading(&file, || follow(&file, args, stop))
+}
+
+fn follow(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let csv = args.csv.as_ref().map(|path| AtomicFile::create(path, args.force)).transpose()?;
     let path = read_path(args)?;
     let meter = Meter::new(args.quiet);
     meter.start("walk", path.cameras.len() as u64);
-    let mut walk = Walk::new(&file, args);
+    let mut walk = Walk::new(file, args);
     let mut frames = Vec::with_capacity(path.cameras.len());
     for (index, camera) in path.cameras.iter().enumerate() {
         stop::check(&cancel)?;
-        let view = args.image.view(&file, camera, args.poe);
+        let view = args.image.view(file, camera, args.poe);
         let view = view.with_context(|| format!("frame {index} of '{}'", args.path.display()))?;
         // A camera that stands still in the end, or cannot go on, is foreseen where it is.
         let before = index.checked_sub(1).and_then(|before| path.cameras.get(before)).unwrap_or(camera);
         let ahead = camera.onward(before, f64::from(args.latency + LOOK_AHEAD));
-        let ahead = args.image.view(&file, &ahead, args.poe).unwrap_or(view);
+        let ahead = args.image.view(file, &ahead, args.poe).unwrap_or(view);
         frames.push(walk.frame(&view, &ahead)?);
         meter.add(1);
     }
     meter.finish();
+    file.get_ref().check_unchanged()?;
     if let Some(csv) = csv {
         write_csv(&frames, csv)?;
     }
@@ -143,6 +149,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         print(&frames, &mut out)?;
     }
     out.flush()?;
+    if frames.iter().all(|frame| frame.visible == 0) {
+        let name = args.file.display();
+        line(&format!("warning: no frame of '{}' sees anything of '{name}'", args.path.display()));
+    }
     Ok(Verdict::Good)
 }
 
@@ -359,7 +369,7 @@ fn write_csv(frames: &[Frame], file: AtomicFile) -> Result<()> {
 fn print(frames: &[Frame], out: &mut impl Write) -> Result<()> {
     let sum = |of: fn(&Frame) -> u64| Bytes(frames.iter().map(of).sum());
     let (requested, ahead) = (sum(|frame| frame.requested_bytes), sum(|frame| frame.prefetched_bytes));
-    writeln!(out, "{} frames, {requested} requested, {ahead} read ahead", count(frames.len() as u64))?;
+    writeln!(out, "{}, {requested} requested, {ahead} read ahead", Counted(frames.len() as u64, "frame"))?;
     let number = |x: f64| if x.fract() == 0.0 { count(x as u64) } else { format!("{x:.3}") };
     let rows = COLUMNS.iter().map(|(name, value)| {
         let values = [0.5, 0.95, 1.0].map(|q| number(quantile(frames, q, *value)));
@@ -376,6 +386,7 @@ fn as_json(frames: &[Frame], args: &Args) -> Value {
         ((*name).to_owned(), json!({ "median": median, "p95": p95, "most": most, "total": total }))
     });
     json!({
+        "schema": "chpm-walk/1",
         "frames": frames.len(),
         "poe": args.poe,
         "summary": Value::Object(summary.collect::<Map<_, _>>()),

@@ -8,7 +8,7 @@ use crate::report::count;
 use crate::stop;
 use anyhow::{Context, Result};
 use chpm_build::Cancel;
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Counted};
 use chpm_refine::Camera;
 use chpm_viewer::{Accuracy, FrameRequest, IdImage, Viewer, headless};
 use serde_json::json;
@@ -82,6 +82,7 @@ fn report(walk: &Walk<'_>, proof: &Proof, adapter: &str, out: &mut impl Write) -
     let frames = walk.path.cameras.len() as u64;
     if walk.json {
         let proof = json!({
+            "schema": "chpm-walk-prove/1",
             "frames": frames,
             "pixels": proof.pixels,
             "different": proof.different,
@@ -95,8 +96,8 @@ fn report(walk: &Walk<'_>, proof: &Proof, adapter: &str, out: &mut impl Write) -
     }
     writeln!(
         out,
-        "{} frames of {}x{} on {adapter}: {} of {} pixels show another triangle with culling",
-        count(frames),
+        "{} of {}x{} on {adapter}: {} of {} pixels show another triangle with culling",
+        Counted(frames, "frame"),
         walk.viewport[0],
         walk.viewport[1],
         count(proof.different),
@@ -104,8 +105,8 @@ fn report(walk: &Walk<'_>, proof: &Proof, adapter: &str, out: &mut impl Write) -
     )?;
     writeln!(
         out,
-        "left out: {} clusters that were hidden, {} outside the image, over all frames",
-        count(proof.hidden),
+        "left out: {}, {} outside the image, over all frames",
+        Counted(proof.hidden, "hidden cluster"),
         count(proof.outside)
     )?;
     if let Some(first) = proof.first {

@@ -7,7 +7,7 @@ use crate::stop;
 use anyhow::{Context, Result};
 use chpm_build::Cancel;
 use chpm_extmem::AtomicFile;
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
 use chpm_viewer::{Accuracy, FrameRequest, Image, Stats, Viewer, headless};
 use serde_json::{Map, Value, json};
@@ -246,7 +246,7 @@ fn write_csv(runs: &[Run], file: AtomicFile) -> Result<()> {
 /// The tables of Quick-VDR: what a frame is (its table 2), and where its time goes (its table 3).
 fn print(runs: &[Run], adapter: &str, out: &mut impl Write) -> Result<()> {
     let frames = runs.first().map_or(0, |run| run.frames.len());
-    writeln!(out, "{} frames on {adapter}", count(frames as u64))?;
+    writeln!(out, "{} on {adapter}", Counted(frames as u64, "frame"))?;
     let means = runs.iter().map(|run| {
         let whole = |of| count(run.mean(of).round() as u64);
         vec![
@@ -280,6 +280,7 @@ fn as_json(runs: &[Run], walk: &Walk<'_>, adapter: &str) -> Value {
         json!({ "culling": run.culling, "fps": run.rate(), "mean": Value::Object(means.collect::<Map<_, _>>()) })
     };
     json!({
+        "schema": "chpm-walk-render/1",
         "frames": walk.path.cameras.len(),
         "viewport": walk.viewport,
         "poe": walk.poe,

@@ -91,7 +91,7 @@ fn a_coordinate_that_is_no_number() {
         refused(&ply.bytes(), &["vertex 123", &place]);
         let repairs = dropped(&ply.bytes());
         // The vertex is inside the grid: six faces use it.
-        assert_eq!((&repairs["dropped-vertices"], &repairs["dropped-faces"]), (&1.into(), &6.into()));
+        assert_eq!((&repairs["dropped_vertices"], &repairs["dropped_faces"]), (&1.into(), &6.into()));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use chpm_extmem::Faults;
 use chpm_format::BoundaryMode;
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Number};
 use chpm_partition::Partitioner;
 pub use chpm_qem::Topology;
 use std::fmt;
@@ -126,17 +126,18 @@ impl FromStr for Length {
             Some(number) => (number, Length::OfDiagonal),
             None => (text, Length::Units),
         };
-        match number.trim().parse::<f64>() {
-            Ok(value) if value.is_finite() && value >= 0.0 => Ok(length(value.abs())),
-            _ => Err(LengthError { got: text.to_owned() }),
-        }
+        // A comma of thousands is none to be sure of where fractions are usual.
+        let number =
+            Some(number).filter(|number| !number.contains(',')).and_then(|number| number.parse().ok());
+        let value = number.map(Number::to_f64).filter(|value| value.is_finite());
+        value.map(length).ok_or_else(|| LengthError { got: text.to_owned() })
     }
 }
 
 /// A text that is no [`Length`].
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
-    "'{got}' is no error: a number of at least 0 in object units expected, or one with % for a share of the diagonal, as in 0.1%"
+    "'{got}' is no error: write a number of at least 0 in the model's units, as in 0.25 or 1e-3, or a share of the diagonal, as in 0.1%; a fraction begins with a point"
 )]
 pub struct LengthError {
     /// The text.
@@ -215,7 +216,6 @@ mod tests {
     fn lengths_are_read_as_they_are_told() {
         for (text, length, units) in [
             ("0", Length::Units(0.0), 0.0),
-            ("-0", Length::Units(0.0), 0.0),
             ("2.5e-3", Length::Units(0.0025), 0.0025),
             ("0.5%", Length::OfDiagonal(0.5), 0.02),
             ("100 %", Length::OfDiagonal(100.0), 4.0),

@@ -2,6 +2,7 @@
 
 use crate::progress::Stage;
 use crate::report::Reached;
+use chpm_mesh::Counted;
 use std::path::PathBuf;
 
 /// What can stop a build. Nothing is left behind when it does, unless it is [`BuildError::Kept`].
@@ -33,7 +34,7 @@ pub enum BuildError {
         source: Box<chpm_mesh::import::ImportError>,
     },
     /// The source has no triangle that could be built.
-    #[error("{path} has no triangle to build from ({faces} faces declared): nothing was written")]
+    #[error("{path} has no triangle to build from ({} declared): nothing was written", Counted(*faces, "face"))]
     Empty {
         /// The source file.
         path: PathBuf,

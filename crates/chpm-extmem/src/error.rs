@@ -95,6 +95,15 @@ pub enum ExtmemError {
         reason: &'static str,
     },
 
+    /// A file is no longer what it was when reading began.
+    #[error("'{}' {how} while it was read; run this again when nobody writes to it, or copy or build it again", path.display())]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// What happened to it.
+        how: &'static str,
+    },
+
     /// A range beyond the end of what was stored.
     #[error("{what}: bytes {offset}..{offset}+{len} lie beyond the {size} bytes stored")]
     OutOfRange {

@@ -1,17 +1,20 @@
 //! Memory maps: the only unsafe code of the project.
 //!
 //! A map is sound only while nobody else changes the file below it. Scratch files have no name, so nobody else
-//! can; input files are the user's, and the documentation says not to change them during a run.
+//! can; input files are the user's, and the documentation says not to change them during a run. Where it happens in spite of that,
+//! it is an error and not the end of the process: what can no longer be read of a map reads as zeros, and
+//! [`MappedFile::check_unchanged`] tells.
 
 use crate::error::byte_len;
 use crate::file::DataFile;
 use crate::{ExtmemError, WorkDir};
 use bytemuck::Pod;
 use memmap2::{Advice, Mmap, MmapMut, UncheckedAdvice};
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 /// How a mapped range is going to be read; a hint to the operating system.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -27,15 +30,20 @@ pub enum Access {
 /// A file mapped for reading. An empty file is an empty slice.
 #[derive(Debug)]
 pub struct MappedFile {
+    /// Goes before the map: its addresses may be another's right after.
+    guard: Option<cut::Guard>,
     map: Option<Mmap>,
     path: PathBuf,
+    file: File,
+    /// Length and time of the last change when it was mapped.
+    stamp: (u64, Option<SystemTime>),
 }
 
 impl MappedFile {
     /// Maps all of the regular file `path`.
     ///
-    /// The file must not be changed or truncated while it is mapped: reads would then see the change, or end the
-    /// process with SIGBUS.
+    /// The file should not be changed or truncated while it is mapped: reads would then see the change, or zeros, which
+    /// [`Self::check_unchanged`] tells afterwards.
     ///
     /// # Errors
     /// [`ExtmemError::Io`] if it cannot be opened or mapped, [`ExtmemError::NotAFile`] for directories and devices.
@@ -54,12 +62,29 @@ impl MappedFile {
             // the documented contract of this function, and the one thing no program can check.
             Some(unsafe { Mmap::map(&file) }.map_err(failed("map"))?)
         };
-        Ok(MappedFile { map, path: path.to_path_buf() })
+        let guard = map.as_deref().and_then(cut::Guard::of);
+        Ok(MappedFile { guard, map, path: path.to_path_buf(), file, stamp: stamp(&metadata) })
     }
 
     /// The mapped file's path.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Whether all that was read up to now is of the file as it was mapped; to be asked before a result of it is used.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Changed`] if somebody has truncated or changed the file, or its disk has failed; [`ExtmemError::Io`] if it
+    /// cannot be examined.
+    pub fn check_unchanged(&self) -> Result<(), ExtmemError> {
+        let now = self.file.metadata().map_err(|source| ExtmemError::io("examine", &self.path, 0, source))?;
+        let how = match (now.len() < self.stamp.0, self.guard.as_ref().is_some_and(cut::Guard::is_cut)) {
+            (true, _) => "was cut short",
+            (false, true) => "could not be read to its end",
+            _ if stamp(&now) != self.stamp => "was changed",
+            _ => return Ok(()),
+        };
+        Err(ExtmemError::Changed { path: self.path.clone(), how })
     }
 
     /// Tells the operating system how the file will be read. A refused hint is ignored.
@@ -98,6 +123,10 @@ impl Deref for MappedFile {
     fn deref(&self) -> &[u8] {
         self.as_ref()
     }
+}
+
+fn stamp(metadata: &Metadata) -> (u64, Option<SystemTime>) {
+    (metadata.len(), metadata.modified().ok())
 }
 
 fn advice(access: Access) -> Advice {
@@ -214,9 +243,166 @@ fn allocate(file: &File, bytes: u64) -> std::io::Result<()> {
     file.set_len(bytes)
 }
 
+/// What a truncated file does to a map of it: the system answers every access behind its new end with SIGBUS. The handler here maps
+/// zeros over the rest of the map and notes it, so that the access goes on and its result can be refused.
+#[cfg(target_os = "linux")]
+mod cut {
+    use nix::errno::Errno;
+    use nix::libc::{self, c_int, c_void, siginfo_t};
+    use nix::sys::signal::{SaFlags, SigAction, SigHandler, SigSet, Signal, raise, sigaction};
+    use std::ptr;
+    use std::sync::Once;
+    use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+    /// Maps that can be guarded at a time. A map beyond them is not.
+    const SLOTS: usize = 1024;
+
+    /// The addresses of a map, in a place that a signal handler may look at: it must not wait for a lock.
+    #[derive(Debug)]
+    struct Slot {
+        taken: AtomicBool,
+        /// First address; 0 while there is no map.
+        start: AtomicUsize,
+        end: AtomicUsize,
+        cut: AtomicBool,
+    }
+
+    static MAPS: [Slot; SLOTS] = [const {
+        Slot {
+            taken: AtomicBool::new(false),
+            start: AtomicUsize::new(0),
+            end: AtomicUsize::new(0),
+            cut: AtomicBool::new(false),
+        }
+    }; SLOTS];
+
+    /// Lets the handler know a map, until it is dropped.
+    #[derive(Debug)]
+    pub(super) struct Guard(&'static Slot);
+
+    impl Guard {
+        /// `None` if there is no place for one more, or no handler.
+        pub(super) fn of(map: &[u8]) -> Option<Guard> {
+            static LISTEN: Once = Once::new();
+            static LISTENING: AtomicBool = AtomicBool::new(false);
+            LISTEN.call_once(|| LISTENING.store(listen().is_ok(), Ordering::Relaxed));
+            if !LISTENING.load(Ordering::Relaxed) {
+                return None;
+            }
+            let slot = MAPS.iter().find(|slot| !slot.taken.swap(true, Ordering::AcqRel))?;
+            let start = map.as_ptr().addr();
+            slot.cut.store(false, Ordering::Relaxed);
+            slot.end.store(start + map.len(), Ordering::Relaxed);
+            slot.start.store(start, Ordering::Release);
+            Some(Guard(slot))
+        }
+
+        /// Whether the handler has mapped zeros over the map.
+        pub(super) fn is_cut(&self) -> bool {
+            self.0.cut.load(Ordering::Acquire)
+        }
+    }
+
+    impl Drop for Guard {
+        fn drop(&mut self) {
+            self.0.start.store(0, Ordering::Release);
+            self.0.taken.store(false, Ordering::Release);
+        }
+    }
+
+    fn listen() -> nix::Result<()> {
+        let flags = SaFlags::SA_SIGINFO | SaFlags::SA_ONSTACK;
+        let action = SigAction::new(SigHandler::SigAction(on_bus_error), flags, SigSet::empty());
+        // SAFETY: the handler calls only what a signal handler may call: it reads and writes atomics and makes system calls.
+        unsafe { sigaction(Signal::SIGBUS, &action) }.map(drop)
+    }
+
+    extern "C" fn on_bus_error(_: c_int, info: *mut siginfo_t, _: *mut c_void) {
+        let errno = Errno::last_raw();
+        // SAFETY: the system passes the signal's information to a handler that was set with SA_SIGINFO.
+        let address = unsafe { (*info).si_addr() }.addr();
+        if !MAPS.iter().any(|slot| slot.covers(address) && slot.map_zeros(address)) {
+            // Not of a map: what would have happened without this handler, once it has returned.
+            let default = SigAction::new(SigHandler::SigDfl, SaFlags::empty(), SigSet::empty());
+            // SAFETY: takes this handler away.
+            let _ = unsafe { sigaction(Signal::SIGBUS, &default) };
+            let _ = raise(Signal::SIGBUS);
+        }
+        Errno::set_raw(errno);
+    }
+
+    impl Slot {
+        fn covers(&self, address: usize) -> bool {
+            let start = self.start.load(Ordering::Acquire);
+            start != 0 && (start..self.end.load(Ordering::Relaxed)).contains(&address)
+        }
+
+        /// Maps zeros from the page of `address` to the end of the map. `false` if the system refuses.
+        fn map_zeros(&self, address: usize) -> bool {
+            // Before the zeros can be seen.
+            self.cut.store(true, Ordering::Release);
+            // SAFETY: asks for a number.
+            let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) } as usize;
+            let from = address - address % page;
+            let len = self.end.load(Ordering::Relaxed) - from;
+            let at = ptr::with_exposed_provenance_mut(from);
+            let (access, flags) =
+                (libc::PROT_READ, libc::MAP_PRIVATE | libc::MAP_ANONYMOUS | libc::MAP_FIXED);
+            // SAFETY: replaces pages of a map that belongs to a `MappedFile`, which lives while its guard is in the list, by
+            // others that can be read as well; the map's own range is kept, and unmapped as a whole when it is dropped.
+            let zeros = unsafe { libc::mmap(at, len, access, flags, -1, 0) };
+            zeros != libc::MAP_FAILED
+        }
+    }
+}
+
+/// Other systems have other signals and codes for it; there a truncated file ends the process.
+#[cfg(not(target_os = "linux"))]
+mod cut {
+    #[derive(Debug)]
+    pub(super) struct Guard;
+
+    impl Guard {
+        pub(super) fn of(_: &[u8]) -> Option<Guard> {
+            None
+        }
+
+        pub(super) fn is_cut(&self) -> bool {
+            false
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_file_that_is_truncated_reads_as_zeros_and_is_told() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("data");
+        std::fs::write(&path, vec![7; 100_000]).unwrap();
+        let (map, other) = (MappedFile::open(&path).unwrap(), MappedFile::open(&path).unwrap());
+        map.check_unchanged().unwrap();
+        File::options().write(true).open(&path).unwrap().set_len(10_000).unwrap();
+        assert_eq!((map[0], map[60_000], map[99_999]), (7, 0, 0));
+        assert_eq!(map.iter().filter(|byte| **byte != 0).count(), 10_000);
+        let told = map.check_unchanged().unwrap_err().to_string();
+        assert!(told.contains(&format!("'{}' was cut short", path.display())), "{told}");
+        // As long as before, but not what was mapped.
+        let file = File::options().write(true).open(&path).unwrap();
+        file.set_len(100_000).unwrap();
+        file.set_modified(SystemTime::UNIX_EPOCH).unwrap();
+        assert!(map.check_unchanged().unwrap_err().to_string().contains("could not be read to its end"));
+        assert!(matches!(other.check_unchanged(), Err(ExtmemError::Changed { how: "was changed", .. })));
+        // The place of a map that is gone is used again, without what happened to it.
+        drop(map);
+        std::fs::write(&path, vec![8; 100_000]).unwrap();
+        let map = MappedFile::open(&path).unwrap();
+        assert_eq!(map[99_999], 8);
+        map.check_unchanged().unwrap();
+    }
 
     #[test]
     fn a_file_is_seen_byte_for_byte() {

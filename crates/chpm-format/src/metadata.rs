@@ -1,6 +1,8 @@
 //! The metadata section: where a file comes from. The only place that knows how it is encoded.
 
 use crate::error::FormatError;
+use bincode::error::DecodeError;
+use chpm_mesh::Counted;
 use serde::{Deserialize, Serialize};
 
 /// Version of the encoding, in front of the metadata.
@@ -69,11 +71,22 @@ impl Metadata {
     }
 
     fn decode_body(body: &[u8]) -> Result<Metadata, FormatError> {
-        let (metadata, read) = bincode::serde::decode_from_slice(body, config()).map_err(wrong)?;
+        let (metadata, read) =
+            bincode::serde::decode_from_slice(body, config()).map_err(|error| wrong(told(&error)))?;
         if read != body.len() {
-            return Err(wrong(format_args!("{} bytes too many", body.len() - read)));
+            return Err(wrong(format_args!("{} too many", Counted((body.len() - read) as u64, "byte"))));
         }
         Ok(metadata)
+    }
+}
+
+/// In words what the decoder says in the terms of its own code.
+fn told(error: &DecodeError) -> &'static str {
+    match error {
+        DecodeError::UnexpectedEnd { .. } => "it ends early",
+        DecodeError::LimitExceeded => "it is longer than 16 MiB",
+        DecodeError::Utf8 { .. } => "a text in it is not UTF-8",
+        _ => "it is not encoded as it must be",
     }
 }
 

@@ -10,6 +10,7 @@ compile_error!("chpm reads its little-endian records in place and supports littl
 pub mod geom;
 pub mod ids;
 pub mod import;
+pub mod number;
 pub mod ply;
 pub mod pm;
 pub mod synth;
@@ -18,7 +19,8 @@ pub mod units;
 
 pub use geom::{Aabb, Sphere};
 pub use ids::{ClusterId, GroupId, Level};
+pub use number::{Number, NumberError};
 pub use ply::{PlyError, PlyReader, PlyWriter};
 pub use pm::ProgressiveMesh;
 pub use trimesh::{Attributes, TriMesh};
-pub use units::{Bytes, ObjectError};
+pub use units::{Bytes, Counted, ObjectError};

@@ -1,5 +1,6 @@
 //! Units: byte counts as people write them, and distances in the model's own length.
 
+use crate::number::Number;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
@@ -13,7 +14,8 @@ impl fmt::Display for ObjectError {
     }
 }
 
-/// A number of bytes. Parses `4096`, `512K`, `256M`, `256MB`, `4GiB`; every suffix is a power of 1024.
+/// A number of bytes. Parses `4096`, `512K`, `256M`, `256MB`, `1.5GiB`; every suffix is a power of 1024, and parts of a byte are
+/// left out.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
 pub struct Bytes(pub u64);
 
@@ -37,9 +39,31 @@ impl fmt::Display for Bytes {
     }
 }
 
+/// So many of something, in words: `1 cluster`, `3,664,152 triangles`, `0 vertices`.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Counted<'a>(pub u64, pub &'a str);
+
+impl fmt::Display for Counted<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Counted(n, noun) = *self;
+        for (place, group) in n.to_string().as_bytes().rchunks(3).rev().enumerate() {
+            let comma = if place > 0 { "," } else { "" };
+            write!(f, "{comma}{}", String::from_utf8_lossy(group))?;
+        }
+        // Of a phrase, the noun is what a preposition follows.
+        let (head, tail) = noun.find(" of ").map_or((noun, ""), |at| noun.split_at(at));
+        match (n, head.strip_suffix("vertex"), head.strip_suffix("leaf")) {
+            (1, ..) => write!(f, " {noun}"),
+            (_, Some(lead), _) => write!(f, " {lead}vertices{tail}"),
+            (_, _, Some(lead)) => write!(f, " {lead}leaves{tail}"),
+            _ => write!(f, " {head}s{tail}"),
+        }
+    }
+}
+
 /// Why a text is not a byte count.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("'{0}' is not a size: write a whole number with an optional K, M, G or T, as in 512M")]
+#[error("'{0}' is not a size: write a number with an optional K, M, G or T, as in 512M or 1.5GiB")]
 pub struct ParseBytesError(String);
 
 impl FromStr for Bytes {
@@ -47,10 +71,8 @@ impl FromStr for Bytes {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let error = || ParseBytesError(text.to_owned());
-        let trimmed = text.trim();
-        let digits = trimmed.bytes().take_while(u8::is_ascii_digit).count();
-        let number: u64 = trimmed[..digits].parse().map_err(|_| error())?;
-        let shift = match trimmed[digits..].trim().to_ascii_lowercase().as_str() {
+        let (number, unit) = Number::read(text).map_err(|_| error())?;
+        let shift = match unit.to_ascii_lowercase().as_str() {
             "" | "b" => 0,
             "k" | "kb" | "kib" => 10,
             "m" | "mb" | "mib" => 20,
@@ -58,7 +80,7 @@ impl FromStr for Bytes {
             "t" | "tb" | "tib" => 40,
             _ => return Err(error()),
         };
-        number.checked_shl(shift).filter(|value| value >> shift == number).map(Bytes).ok_or_else(error)
+        number.times(1 << shift).map(|(bytes, _)| Bytes(bytes)).ok_or_else(error)
     }
 }
 
@@ -72,8 +94,23 @@ mod tests {
         assert_eq!("256M".parse(), Ok(Bytes::mib(256)));
         assert_eq!("256 MiB".parse(), Ok(Bytes::mib(256)));
         assert_eq!("4gb".parse(), Ok(Bytes(4 << 30)));
-        for bad in ["", "M", "-1", "1.5G", "3X", "99999999999T"] {
+        assert_eq!("1.5G".parse(), Ok(Bytes::mib(1536)));
+        assert_eq!("20,000".parse(), Ok(Bytes(20_000)));
+        for bad in ["", "M", "-1", "1,5G", "3X", "nan", "99999999999T"] {
             assert!(bad.parse::<Bytes>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn one_is_one_and_others_are_many() {
+        for (n, noun, text) in [
+            (1, "cluster", "1 cluster"),
+            (0, "shared vertex", "0 shared vertices"),
+            (2, "leaf", "2 leaves"),
+            (999, "normal of corner", "999 normals of corner"),
+            (3_664_152, "triangle", "3,664,152 triangles"),
+        ] {
+            assert_eq!(Counted(n, noun).to_string(), text);
         }
     }
 

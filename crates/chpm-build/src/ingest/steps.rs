@@ -2,6 +2,7 @@
 
 use crate::error::BuildError;
 use chpm_extmem::{Buffer, BufferWriter, Store};
+use chpm_mesh::Counted;
 use chpm_mesh::ply::Batch;
 
 /// A triangle whose longest edge is more than so many times its shortest hangs across a step. Samples of a surface that is seen at
@@ -48,9 +49,10 @@ impl Steps {
     /// What was left out, in words.
     pub(super) fn warning(&self) -> Option<String> {
         match self {
-            Steps::Known { left_out, .. } if *left_out > 0 => {
-                Some(format!("left out {left_out} triangles of the range grid across steps in depth"))
-            }
+            Steps::Known { left_out, .. } if *left_out > 0 => Some(format!(
+                "left out {} across steps in depth",
+                Counted(*left_out, "triangle of the range grid")
+            )),
             _ => None,
         }
     }

@@ -96,13 +96,20 @@ fn check_bounds<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, page: &Page<'_>, 
 
     let record = &file.clusters()[id.index()];
     let bounds = Aabb::of_points(page.positions);
-    let message = format_args!("vertices within {:?} expected, got {bounds:?}", record.aabb());
+    let (min, max) = (bounds.min, bounds.max);
+    let message = format_args!(
+        "vertices from {:?} to {:?} expected, got {min:?} to {max:?}",
+        record.aabb_min, record.aabb_max
+    );
     report.expect(record.aabb().contains(&bounds), Invariant::Nesting, place, message);
     let group = &file.groups()[record.group as usize];
     for (sphere, of) in [(record.sphere(), "the cluster"), (group.sphere(), "its group")] {
         let reach = page.positions.iter().map(|p| distance(sphere.center, *p)).fold(0.0, f64::max);
         let allowed = f64::from(sphere.radius) * (1.0 + RADIUS_SLACK);
-        let message = format_args!("vertices within {sphere:?} of {of} expected, one is {reach} away");
+        let message = format_args!(
+            "vertices within {} of {:?}, the centre of {of}, expected, one is {reach} away",
+            sphere.radius, sphere.center
+        );
         report.expect(reach <= allowed, Invariant::Nesting, place, message);
     }
 }

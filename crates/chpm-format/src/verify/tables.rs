@@ -115,8 +115,10 @@ fn check_group<D: AsRef<[u8]>>(file: &Chpm<D>, id: GroupId, report: &mut Report)
             format_args!("min_error at least {error} (cluster {fine} below), got {}", group.min_error);
         report.expect(saturated, Invariant::Nesting, place, message);
         let nested = group.sphere().contains(&fine_group.sphere());
-        let message =
-            format_args!("sphere around that of group {} expected, got {:?}", cluster.group, group.sphere());
+        let message = format_args!(
+            "sphere around that of group {} expected, got {:?} with radius {}",
+            cluster.group, group.center, group.radius
+        );
         report.expect(nested, Invariant::Nesting, place, message);
     }
     let level = below.map_or(0, |level| level + 1);

@@ -1,6 +1,7 @@
 //! What a file has that does not reach the mesh.
 
 use super::header::ScalarType;
+use crate::Counted;
 use std::fmt;
 
 /// Something that was left out or changed on the way; the text says what.
@@ -60,7 +61,9 @@ pub enum Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Warning::ElementSkipped { element, count } => write!(f, "skipped {count} elements '{element}'"),
+            Warning::ElementSkipped { element, count } => {
+                write!(f, "skipped {} '{element}'", Counted(*count, "element"))
+            }
             Warning::TextureDropped { element, properties } => {
                 write!(f, "dropped texture coordinates of '{element}': {}", properties.join(", "))
             }
@@ -76,7 +79,7 @@ impl fmt::Display for Warning {
             }
             Warning::ColorsQuantised { from } => write!(f, "quantised colours from {from} to uchar"),
             Warning::NormalsZeroed { count } => {
-                write!(f, "replaced {count} normals that are not finite by zero")
+                write!(f, "replaced by zero {} without finite numbers", Counted(*count, "normal"))
             }
             Warning::TrailingData { offset } => {
                 write!(f, "ignored data after the last element, from byte {offset} on")

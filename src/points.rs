@@ -1,0 +1,46 @@
+//! A mesh of any format in memory, as it is in its file: for what compares whole meshes.
+
+use crate::progress::Meter;
+use anyhow::Result;
+use chpm_build::input::Input;
+use chpm_extmem::Store;
+use chpm_mesh::TriMesh;
+use chpm_mesh::ply::{Batch, BatchKind, Options};
+use std::path::Path;
+
+/// Positions in double precision, and triangles.
+pub(crate) struct Points {
+    pub(crate) positions: Vec<[f64; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+}
+
+impl Points {
+    /// Reads a file; `store` is where the corners of an STL are joined.
+    pub(crate) fn read(path: &Path, store: &Store, meter: &Meter) -> Result<Self> {
+        let options = Options { normals: false, colors: false, ..Options::default() };
+        let mut input = Input::open(path, options, store)?;
+        let (mut batch, mut before) = (Batch::default(), 0);
+        let mut points = Points { positions: Vec::new(), triangles: Vec::new() };
+        meter.start("read", path.metadata().map_or(0, |metadata| metadata.len()));
+        while input.next_batch(&mut batch)? != BatchKind::End {
+            points.positions.extend(batch.positions.iter().map(|p| p.map(f64::from)));
+            points.positions.append(&mut batch.positions_f64);
+            points.triangles.append(&mut batch.triangles);
+            meter.add(input.bytes_read() - before);
+            before = input.bytes_read();
+        }
+        meter.finish();
+        Ok(points)
+    }
+
+    /// In single precision, relative to `origin`.
+    pub(crate) fn relative(&self, origin: [f64; 3]) -> TriMesh {
+        let local = |p: &[f64; 3]| std::array::from_fn(|axis| (p[axis] - origin[axis]) as f32);
+        TriMesh::new(self.positions.iter().map(local).collect(), self.triangles.clone())
+    }
+
+    /// Whether single precision holds all of it.
+    pub(crate) fn is_single(&self) -> bool {
+        self.positions.iter().flatten().all(|x| f64::from(*x as f32) == *x)
+    }
+}

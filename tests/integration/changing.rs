@@ -1,0 +1,204 @@
+//! Files that are damaged, or truncated or changed while they are read: an error that names the file, and nothing is written.
+
+use super::harness::{Folder, text};
+use chpm_extmem::MappedFile;
+use chpm_format::{Chpm, SectionKind, checksum};
+use chpm_mesh::Level;
+use chpm_refine::{Cut, extract};
+use nix::sys::stat::Mode;
+use nix::unistd::mkfifo;
+use serde_json::Value;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+use std::process::Stdio;
+use std::time::SystemTime;
+
+fn built() -> Folder {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 20k -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 512");
+    folder
+}
+
+/// Leaves the tables and half of the pages.
+fn truncate(path: &Path) {
+    let file = File::options().write(true).open(path).expect("a file opened");
+    file.set_len(file.metadata().expect("a length").len() / 2).expect("a file truncated");
+}
+
+#[test]
+fn a_file_that_is_truncated_while_it_is_dumped_is_an_error() {
+    let folder = built();
+    let mut command = folder.command("dump in.chpm --pages");
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("a process");
+    // Far less than all: the rest waits in the process until this is read.
+    let mut out = child.stdout.take().expect("a pipe");
+    out.read_exact(&mut [0; 100]).expect("a beginning");
+    truncate(&folder.path("in.chpm"));
+    out.read_to_end(&mut Vec::new()).expect("the rest");
+    let output = child.wait_with_output().expect("an end");
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{:?}: {error}", output.status);
+    assert!(error.contains("'in.chpm' was cut short while it was read"), "{error}");
+}
+
+#[test]
+fn a_file_that_is_truncated_before_it_is_walked_along_is_an_error() {
+    let folder = built();
+    folder.stdout("path orbit in.chpm --frames 3 -o in.path");
+    mkfifo(&folder.path("slow.path"), Mode::S_IRWXU).expect("a FIFO");
+    let mut command = folder.command("walk in.chpm slow.path --poe 0.1 --csv out.csv -q");
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("a process");
+    // Opens as soon as the process does, which has mapped the file before.
+    let fifo = File::options().write(true).open(folder.path("slow.path")).expect("a FIFO opened");
+    truncate(&folder.path("in.chpm"));
+    std::io::copy(&mut folder.read("in.path").as_slice(), &mut &fifo).expect("a path written");
+    drop(fifo);
+    let output = child.wait_with_output().expect("an end");
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{:?}: {error}", output.status);
+    assert!(error.contains("'in.chpm' was cut short while it was read"), "{error}");
+    assert!(!folder.path("out.csv").exists() && output.stdout.is_empty());
+}
+
+#[test]
+fn verification_and_extraction_outlive_a_file_that_is_truncated() {
+    let folder = built();
+    let path = folder.path("in.chpm");
+    let bytes = folder.read("in.chpm");
+    let open = || Chpm::open(MappedFile::open(&path).expect("a map")).expect("a file");
+    let file = open();
+    let report = chpm_format::verify(&file, |done, _| {
+        if done == 1 {
+            truncate(&path);
+        }
+    });
+    assert!(!report.is_ok());
+    let told = file.get_ref().check_unchanged().expect_err("a change").to_string();
+    assert!(told.contains("in.chpm' was cut short"), "{told}");
+
+    fs::write(&path, &bytes).expect("a file written");
+    let file = open();
+    file.get_ref().check_unchanged().expect("nothing has happened");
+    truncate(&path);
+    let error = extract(&file, &Cut::at_level(&file, Level(0))).expect_err("half of the pages");
+    assert!(error.to_string().starts_with("page of cluster"), "{error}");
+    file.get_ref().check_unchanged().expect_err("a change");
+
+    fs::write(&path, &bytes).expect("a file written");
+    let file = open();
+    let other = File::options().write(true).open(&path).expect("a file opened");
+    other.set_modified(SystemTime::UNIX_EPOCH).expect("a time set");
+    assert!(file.get_ref().check_unchanged().expect_err("a change").to_string().contains("was changed"));
+}
+
+#[test]
+fn every_verb_names_the_file_of_a_damaged_page() {
+    let folder = built();
+    folder.stdout("path dive in.chpm --frames 3 -o in.path");
+    let mut bytes = folder.read("in.chpm");
+    let pages: Vec<usize> =
+        (0..bytes.len()).step_by(4096).filter(|at| bytes[*at..].starts_with(b"CPGE")).collect();
+    pages.iter().for_each(|page| bytes[*page] = b'X');
+    folder.write("bad.chpm", &bytes);
+    for verb in [
+        "extract bad.chpm --level 0 -o out.ply -q",
+        "extract bad.chpm --triangles 5k -o out.ply -q",
+        "extract bad.chpm --error 0 -o out.ply -q",
+        "extract bad.chpm --poe 1 -o out.ply -q",
+        "walk bad.chpm in.path -q",
+        "path dive bad.chpm -o out.path",
+        "dump bad.chpm --pages",
+        "measure bad.chpm --against in.ply -q",
+    ] {
+        let output = folder.chpm(verb);
+        let error = text(&output.get_output().stderr);
+        if verb.starts_with("dump") {
+            assert!(text(&output.get_output().stdout).contains("page of cluster"), "{verb}");
+            continue;
+        }
+        assert_eq!(output.get_output().status.code(), Some(2), "{verb}: {error}");
+        assert!(error.contains("'bad.chpm'") && error.contains("page of cluster"), "{verb}: {error}");
+    }
+    assert!(!folder.path("out.ply").exists() && !folder.path("out.path").exists());
+}
+
+/// The file with a change in its metadata, and checksums that fit.
+fn with_metadata(bytes: &[u8], change: impl Fn(&mut [u8])) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    let word =
+        |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes"));
+    let sections = word(&bytes, 40) as usize;
+    let is_metadata = |entry: &usize| word(&bytes, *entry) == SectionKind::Metadata as u32;
+    let entry = (256..).step_by(40).take(sections).find(is_metadata).expect("metadata");
+    // Offset and length are 64 bits; the upper halves are zero in a small file.
+    let (start, len) = (word(&bytes, entry + 8) as usize, word(&bytes, entry + 16) as usize);
+    change(&mut bytes[start..start + len]);
+    for (range, at) in [(start..start + len, entry + 32), (256..256 + 40 * sections, 240), (0..248, 248)] {
+        let sum = checksum(&bytes[range]).to_le_bytes();
+        bytes[at..at + 8].copy_from_slice(&sum);
+    }
+    bytes
+}
+
+#[test]
+fn geometry_is_told_where_the_metadata_is_damaged() {
+    let folder = built();
+    let good = folder.stdout("info in.chpm");
+    let bytes = folder.read("in.chpm");
+    for (change, told) in [
+        (&(|metadata: &mut [u8]| metadata[0] = 9) as &dyn Fn(&mut [u8]), "version 1 expected, got 9"),
+        (&|metadata| metadata[2..].fill(0xff), "it is not encoded as it must be"),
+        (&|metadata| metadata[3] = 0xff, "a text in it is not UTF-8"),
+        (&|metadata| metadata[2] = 250, "it ends early"),
+    ] {
+        folder.write("bad.chpm", with_metadata(&bytes, change));
+        let output = folder.chpm("info bad.chpm").success();
+        let [out, error] =
+            [&output.get_output().stdout, &output.get_output().stderr].map(|bytes| text(bytes));
+        assert!(error.contains("warning: 'bad.chpm'") && error.contains(told), "{told}: {error}");
+        assert!(!error.contains(['{', '}']), "no debug text: {error}");
+        let line = |text: &str, start: &str| text.lines().find(|l| l.starts_with(start)).map(str::to_owned);
+        for part in ["model", "box", "hierarchy", "error"] {
+            assert_eq!(line(&out, part), line(&good, part), "{out}");
+        }
+        let json: Value = serde_json::from_str(&folder.stdout("info bad.chpm --json")).expect("JSON");
+        assert!(json["source"].is_null() && json["triangles"].is_u64(), "{json}");
+        folder.stdout("extract bad.chpm --level 0 -o out.ply -qf");
+    }
+}
+
+#[test]
+fn what_is_no_file_is_refused_by_its_name() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("dir.chpm")).expect("a folder");
+    mkfifo(&folder.path("fifo.chpm"), Mode::S_IRWXU).expect("a FIFO");
+    folder.write("empty.chpm", "");
+    folder.write("in.path", "chpm-path 1\n");
+    for (name, told) in [
+        ("dir", "not name a file"),
+        ("fifo", "not name a file"),
+        ("empty", "not a CHPM file"),
+        ("none", "cannot open"),
+    ] {
+        for verb in [
+            "info X",
+            "verify X -q",
+            "dump X",
+            "extract X --level 0 -o out.ply",
+            "walk X in.path",
+            "path orbit X -o out.path",
+        ] {
+            let words = verb.replace('X', &format!("{name}.chpm"));
+            let output = folder.chpm(&words);
+            let output = output.get_output();
+            // To verify, a file that does not open is a fault like any other.
+            let expected = if name == "empty" && verb.starts_with("verify") { 1 } else { 2 };
+            let error = text(&output.stderr) + &text(&output.stdout);
+            assert_eq!(output.status.code(), Some(expected), "{words}: {error}");
+            assert!(error.contains(&format!("{name}.chpm")) && error.contains(told), "{words}: {error}");
+        }
+    }
+    assert!(!folder.path("out.ply").exists());
+}

@@ -1,0 +1,116 @@
+//! What `--json` prints, held against the page that documents it: no key is missing there, and none is there for nothing.
+
+use super::harness::{Folder, root};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+
+type Keys = BTreeMap<String, BTreeSet<String>>;
+
+/// Keys of the page, by schema. A key in quotes is one in a row of a table.
+fn documented() -> Keys {
+    let page = fs::read_to_string(root().join("JSON.md")).expect("the page");
+    let mut keys = Keys::new();
+    let mut schema = None;
+    for line in page.lines() {
+        if let Some(name) = line.strip_prefix("## ") {
+            schema = Some(name.to_owned());
+        } else if let (Some(schema), Some(row)) = (&schema, line.strip_prefix("| `")) {
+            let (key, _) = row.split_once('`').expect("a key");
+            assert!(keys.entry(schema.clone()).or_default().insert(key.to_owned()), "{schema}: {key} twice");
+        }
+    }
+    keys
+}
+
+/// The keys of a document, as the page writes them; those of objects that the page has as `NAME.*` are not told apart.
+fn collect(value: &Value, at: &str, known: &BTreeSet<String>, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(entries) if known.contains(&format!("{at}.*")) => {
+            assert!(entries.values().all(|value| !value.is_object() && !value.is_array()), "{at}");
+            entries.keys().for_each(|key| assert_snake_case(key));
+            found.insert(format!("{at}.*"));
+        }
+        Value::Object(entries) => {
+            // An object that may be absent has a row of its own.
+            found.extend(known.get(at).cloned());
+            for (key, value) in entries {
+                assert_snake_case(key);
+                let key = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
+                collect(value, &key, known, found);
+            }
+        }
+        Value::Array(entries) if !known.contains(at) => {
+            entries.iter().for_each(|entry| collect(entry, &format!("{at}[]"), known, found));
+        }
+        // What may be absent is documented as what it is where it is there.
+        Value::Null if !known.contains(at) && known.iter().any(|key| key.starts_with(at)) => {}
+        _ => {
+            found.insert(at.to_owned());
+        }
+    }
+}
+
+fn assert_snake_case(key: &str) {
+    let is_snake = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
+    assert!(key.bytes().all(is_snake), "{key}");
+}
+
+#[test]
+fn every_key_is_documented_and_appears() {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 3000 -o in.ply -q");
+    let ply = String::from_utf8_lossy(&folder.read("in.ply")).into_owned();
+    assert!(ply.contains("comment"), "comments appear, too");
+    // What is left out is a warning, and a list of range scans has notes of its own.
+    folder.write("odd.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n");
+    folder.write("bad.ply", "ply\nformat ascii 1.0\n");
+    folder.write("bad.chpm", "no file");
+    folder.stdout("build in.ply -q --cluster-triangles 256");
+    folder.stdout("path orbit in.chpm --frames 2 -o in.path");
+    folder.stdout("extract in.chpm --triangles 500 -o small.ply -q");
+
+    let documented = documented();
+    let mut found = Keys::new();
+    #[allow(unused_mut)]
+    let mut runs = vec![
+        ("build", "build in.ply -qf --json --cluster-triangles 256 --keep-work", 0),
+        ("build", "build in.ply -qf --json --cluster-triangles 256", 0),
+        ("build", "build odd.obj -qf --json", 0),
+        ("info", "info in.chpm --json", 0),
+        ("info", "info odd.chpm --json", 0),
+        ("verify", "verify in.chpm --against in.ply --cuts 2 -q --json", 0),
+        ("verify", "verify bad.chpm -q --json", 1),
+        ("measure", "measure in.chpm --against in.ply --levels --cuts 1 --samples 1 -q --json", 0),
+        ("measure-meshes", "measure in.ply small.ply --samples 1 -q --json", 0),
+        ("walk", "walk in.chpm in.path -q --json", 0),
+        ("batch", "batch in.ply odd.obj bad.ply -o out --shard 1/1 -q --json", 1),
+    ];
+    #[cfg(feature = "viewer")]
+    runs.extend([
+        ("render", "render in.chpm --viewport 40x30 -o a.png --json", 0),
+        ("walk-render", "walk in.chpm in.path --render --viewport 40x30 -q --json", 0),
+        ("walk-prove", "walk in.chpm in.path --render --prove --viewport 40x30 -q --json", 0),
+    ]);
+    for (name, words, code) in &runs {
+        let output = folder.chpm(words).code(*code);
+        let value: Value = serde_json::from_slice(&output.get_output().stdout).expect("JSON");
+        let schema = format!("chpm-{name}/1");
+        assert_eq!(value["schema"], schema, "{words}");
+        let known = documented.get(&schema).unwrap_or_else(|| panic!("{schema} is not documented"));
+        collect(&value, "", known, found.entry(schema).or_default());
+    }
+    for (schema, found) in &found {
+        let known = &documented[schema];
+        let undocumented: Vec<&String> = found.difference(known).collect();
+        let absent: Vec<&String> = known.difference(found).collect();
+        assert!(undocumented.is_empty(), "{schema}: not documented: {undocumented:?}");
+        assert!(absent.is_empty(), "{schema}: documented, but nowhere: {absent:?}");
+    }
+    let viewers = ["chpm-render/1", "chpm-walk-render/1", "chpm-walk-prove/1"];
+    let unused = documented.keys().filter(|schema| !found.contains_key(*schema)).map(String::as_str);
+    let unused: Vec<&str> = unused.filter(|s| cfg!(feature = "viewer") || !viewers.contains(s)).collect();
+    assert!(unused.is_empty(), "documented, but nowhere: {unused:?}");
+    let summary: Value = serde_json::from_slice(&folder.read("out/summary-1-of-1.json")).expect("JSON");
+    assert_eq!(summary["schema"], "chpm-batch/1");
+}
