@@ -60,7 +60,8 @@ struct Wanted {
     /// The coarsest mesh whose error is at most E, in the model's units or, as in 0.1%, of the diagonal of its box
     #[arg(long, value_name = "E")]
     error: Option<Length>,
-    /// All clusters of level L at their finest; 0 is the source
+    /// All clusters of level L at their finest; 0 is the source. Where a file has several roots, what has none of level L is at its root's
+    /// finest
     #[arg(long, value_name = "L", value_parser = number::count(0..=u32::MAX))]
     level: Option<u32>,
     /// The coarsest mesh whose error covers at most P pixels, wherever it is seen by the camera

@@ -129,7 +129,7 @@ fn with_metadata(bytes: &[u8], change: impl Fn(&mut [u8])) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     let word =
         |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes"));
-    let sections = word(&bytes, 40) as usize;
+    let sections = word(&bytes, 32) as usize;
     let is_metadata = |entry: &usize| word(&bytes, *entry) == SectionKind::Metadata as u32;
     let entry = (256..).step_by(40).take(sections).find(is_metadata).expect("metadata");
     // Offset and length are 64 bits; the upper halves are zero in a small file.
@@ -151,7 +151,7 @@ fn geometry_is_told_where_the_metadata_is_damaged() {
         (&(|metadata: &mut [u8]| metadata[0] = 9) as &dyn Fn(&mut [u8]), "version 1 expected, got 9"),
         (&|metadata| metadata[2..].fill(0xff), "it is not encoded as it must be"),
         (&|metadata| metadata[3] = 0xff, "a text in it is not UTF-8"),
-        (&|metadata| metadata[2] = 250, "it ends early"),
+        (&|metadata| metadata[2..5].copy_from_slice(&[251, 0xff, 0xff]), "it ends early"),
     ] {
         folder.write("bad.chpm", with_metadata(&bytes, change));
         let output = folder.chpm("info bad.chpm").success();

@@ -13,6 +13,7 @@ use memmap2::{Advice, Mmap, MmapMut, UncheckedAdvice};
 use std::fs::{File, Metadata};
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -49,7 +50,9 @@ impl MappedFile {
     /// [`ExtmemError::Io`] if it cannot be opened or mapped, [`ExtmemError::NotAFile`] for directories and devices.
     pub fn open(path: &Path) -> Result<Self, ExtmemError> {
         let failed = |action| move |source| ExtmemError::io(action, path, 0, source);
-        let file = File::open(path).map_err(failed("open"))?;
+        // A FIFO, which is no file to be mapped, would be waited for until somebody writes to it.
+        let opened = File::options().read(true).custom_flags(nix::libc::O_NONBLOCK).open(path);
+        let file = opened.map_err(failed("open"))?;
         let metadata = file.metadata().map_err(failed("examine"))?;
         if !metadata.is_file() {
             return Err(ExtmemError::NotAFile { path: path.to_path_buf() });

@@ -47,7 +47,7 @@ impl Display for Place {
 #[non_exhaustive]
 pub enum FormatError {
     /// The magic number is not there.
-    #[error("not a CHPM file: it starts with {got:02x?}; {}", magic_remedy(got))]
+    #[error("not a CHPM file: it starts with {}; {}", hexadecimal(got), magic_remedy(got))]
     Magic {
         /// The first bytes of the file.
         got: [u8; 8],
@@ -124,6 +124,10 @@ pub enum FormatError {
     /// The output refused bytes.
     #[error("writing: {0}")]
     Write(#[from] std::io::Error),
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" ")
 }
 
 fn magic_remedy(got: &[u8; 8]) -> &'static str {

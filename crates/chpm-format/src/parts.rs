@@ -115,11 +115,11 @@ impl PageParts<'_> {
             place,
             "triangle",
             format_args!("three different vertices of {v}"),
-            Debugged(bad),
+            format_args!("{:?}", bad.copied().unwrap_or_default()),
         )?;
         let errors = [self.min_error, self.scale_error, self.errors.first().copied().unwrap_or(0.0)];
         let storable = errors.iter().all(|e| (0.0..=MAX_ERROR).contains(e));
-        require(storable, place, "errors", "numbers from 0 to 2^127", Debugged(errors))?;
+        require(storable, place, "errors", "numbers from 0 to 2^127", format_args!("{errors:?}"))?;
         let monotone = self.errors.is_sorted_by(|a, b| a >= b);
         require(monotone, place, "errors", "never to increase with the vertex count", "an increase")?;
         let least = self.errors.last().copied().unwrap_or(self.min_error);
@@ -137,17 +137,8 @@ impl PageParts<'_> {
             place,
             "shared vertices",
             "ascending local indices",
-            Debugged(self.shared.last()),
+            format_args!("{last} as the last"),
         )
-    }
-}
-
-/// Displays a value as its debug text.
-struct Debugged<T>(T);
-
-impl<T: std::fmt::Debug> std::fmt::Display for Debugged<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.fmt(f)
     }
 }
 

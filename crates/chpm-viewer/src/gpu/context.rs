@@ -171,6 +171,10 @@ fn choose(
     };
     all.into_iter().find(fits).ok_or_else(|| ViewerError::NoAdapter {
         wanted: choice.to_string(),
-        reason: if names.is_empty() { "there is none".to_owned() } else { format!("there are {names:?}") },
+        reason: if names.is_empty() {
+            "there is none".to_owned()
+        } else {
+            format!("there are only: {}", names.join(", "))
+        },
     })
 }
