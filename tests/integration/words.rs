@@ -137,10 +137,14 @@ fn one_is_singular() {
     told += &folder.stdout("walk one.chpm one.path -q");
     told += &folder.stdout("measure one.ply out.ply --samples 1 -q");
     told += &folder.stdout("batch one.ply -o out -q");
-    let words: Vec<&str> = told.split_whitespace().collect();
-    let is_wrong =
-        |pair: &&[&str]| pair[0] == "1" && pair[1].trim_end_matches([',', ';', ':', ')']).ends_with('s');
-    assert_eq!(words.windows(2).find(is_wrong), None, "{told}");
+    for line in told.lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let is_wrong = |pair: &&[&str]| {
+            let noun = pair[1].trim_end_matches([',', ';', ':', ')']);
+            pair[0].trim_start_matches('(') == "1" && noun.ends_with('s')
+        };
+        assert_eq!(words.windows(2).find(is_wrong), None, "{line}");
+    }
     assert!(told.contains("1 cluster with 1 triangle checked"), "{told}");
 }
 
@@ -214,7 +218,9 @@ fn meshes_of_every_format_are_measured() {
     folder.write("in.obj", obj);
     let out = folder.stdout("measure in.ply in.obj --samples 1 -q --json");
     let out: serde_json::Value = serde_json::from_str(&out).expect("JSON");
-    assert_eq!((&out["max"], &out["second"]["triangles"]), (&0.0.into(), &out["first"]["triangles"]));
+    assert_eq!(out["second"]["triangles"], out["first"]["triangles"]);
+    // Decimal text is not single precision, so both are moved, and rounded.
+    assert!(out["max"].as_f64() < Some(1e-6), "{out}");
     let only = "--only meshopt-simplify --runs 1 --samples 1 -q";
     assert!(folder.stdout(&format!("bench in.obj {only}")).starts_with("in.obj: "));
 }
