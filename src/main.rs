@@ -11,6 +11,7 @@ mod bench;
 mod cmd;
 mod cuts;
 mod deviation;
+mod output;
 #[cfg(feature = "viewer")]
 mod picture;
 mod progress;

@@ -1,13 +1,14 @@
 //! `chpm extract`: one crack-free mesh out of a file, as a PLY.
 
-use super::{Verdict, open, stdout};
+use super::{Verdict, open};
+use crate::output::{self, Output};
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
 use anyhow::{Result, ensure};
 use chpm_build::Cancel;
-use chpm_extmem::{AtomicFile, MappedFile};
+use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Level;
 use chpm_mesh::ply::{Encoding, PlyWriter};
@@ -30,7 +31,7 @@ pub(crate) struct Args {
     camera: Option<Camera>,
     #[command(flatten)]
     image: ImageArgs,
-    /// The PLY to write
+    /// The PLY to write; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Write text instead of binary little endian
@@ -72,7 +73,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
     let cancel = stop.heed();
     // Created before the selection, which may take a while: a place that cannot be written is told at once.
-    let ply = AtomicFile::create(&args.output, args.force)?;
+    let ply = output::EXTRACT.create(&args.output, args.force, &[&args.file])?;
+    let mut out = output::messages([&ply], false, args.quiet)?;
     let cut = cut(&file, args)?;
     let mesh = Extraction::new(&file, &cut)?;
     if let Some(limit) = args.wanted.triangles {
@@ -85,7 +87,6 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let error = cut.error(&file)?;
     let comment = format!("chpm extract, error {error:e}");
     write(&mesh, ply, args, &comment, &cancel)?;
-    let mut out = stdout();
     writeln!(
         out,
         "{}: {} triangles, {} vertices, error {error:.3e}, from {} clusters",
@@ -123,7 +124,7 @@ fn cut(file: &Chpm<MappedFile>, args: &Args) -> Result<Cut> {
 /// Streams the mesh, in doubles if the model is far from the zero point: single precision would move vertices there.
 fn write(
     mesh: &Extraction<'_, MappedFile>,
-    file: AtomicFile,
+    file: Output,
     args: &Args,
     comment: &str,
     cancel: &Cancel,

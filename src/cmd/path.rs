@@ -1,11 +1,12 @@
 //! `chpm path`: makes a camera path for a file.
 
-use super::{Verdict, open, stdout};
+use super::{Verdict, open};
+use crate::output;
 use crate::report::count;
 use crate::stop::Stop;
 use crate::view;
 use anyhow::Result;
-use chpm_extmem::{AtomicFile, MappedFile};
+use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_refine::{Camera, CameraPath};
 use clap::ValueEnum;
@@ -26,7 +27,7 @@ pub(crate) struct Args {
     /// Seed of the random way
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// The path file to write
+    /// The path file to write; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Replace the output if it exists
@@ -48,7 +49,8 @@ enum Way {
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
     let _cancel = stop.heed();
-    let mut text = AtomicFile::create(&args.output, args.force)?;
+    let mut text = output::PATH.create(&args.output, args.force, &[&args.file])?;
+    let mut out = output::messages([&text], false, false)?;
     let (bounds, frames) = (file.header().aabb(), args.frames as usize);
     let mut path = match args.way {
         Way::Orbit => CameraPath::orbit(&bounds, frames),
@@ -59,7 +61,6 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     path.cameras.iter_mut().for_each(absolute);
     write!(text, "{path}")?;
     text.publish()?;
-    let mut out = stdout();
     writeln!(out, "{}: {} frames", args.output.display(), count(args.frames.into()))?;
     out.flush()?;
     Ok(Verdict::Good)

@@ -1,12 +1,12 @@
 //! `chpm synth`: a generated mesh as a PLY. Shapes are streamed, whatever their size; hard meshes are made in memory first.
 
 use super::{Verdict, stdout};
+use crate::output::{self, Output};
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::{self, Stop};
 use anyhow::Result;
 use chpm_build::Cancel;
-use chpm_extmem::AtomicFile;
 use chpm_mesh::Attributes;
 use chpm_mesh::ply::{Encoding, PlyWriter};
 use chpm_mesh::synth::hard::{CASES, Case};
@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// Another seed gives another terrain, isosurface or set of plates
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// The PLY to write
+    /// The PLY to write; - for standard output
     #[arg(short, long, value_name = "FILE", required_unless_present = "list")]
     output: Option<PathBuf>,
     /// Write text instead of binary little endian
@@ -75,7 +75,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let encoding = if args.ascii { Encoding::Ascii } else { Encoding::BinaryLittleEndian };
     // Created before the mesh is planned, which may take a while: a place that cannot be written is told at once.
-    let file = AtomicFile::create(output, args.force)?;
+    let file = output::SYNTH.create(output, args.force, &[])?;
+    let mut out = output::messages([&file], false, args.quiet)?;
     let meter = Meter::new(args.quiet);
     match model {
         Model::Shape(shape) => {
@@ -83,12 +84,12 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             let synth = Synth::new(shape, triangles, args.seed);
             let comment = format!("chpm synth {shape} --triangles {triangles} --seed {}", args.seed);
             write(&synth, file, encoding, &comment, &meter, &cancel)?;
-            report(output, synth.vertex_count(), synth.triangle_count())?;
+            report(output, synth.vertex_count(), synth.triangle_count(), &mut out)?;
         }
         Model::Hard(case) => {
             let triangles = args.triangles.unwrap_or(case.full.into()).min(Case::MAX_TRIANGLES.into());
             let (vertices, triangles) = write_case(case, triangles as u32, file, encoding, &meter, &cancel)?;
-            report(output, vertices, triangles)?;
+            report(output, vertices, triangles, &mut out)?;
         }
     }
     Ok(Verdict::Good)
@@ -106,7 +107,7 @@ fn list() -> Result<Verdict> {
 /// Streams `synth` into `file` and gives it its name.
 pub(super) fn write(
     synth: &Synth,
-    file: AtomicFile,
+    file: Output,
     encoding: Encoding,
     comment: &str,
     meter: &Meter,
@@ -134,7 +135,7 @@ pub(super) fn write(
 fn write_case(
     case: &Case,
     triangles: u32,
-    file: AtomicFile,
+    file: Output,
     encoding: Encoding,
     meter: &Meter,
     cancel: &Cancel,
@@ -165,8 +166,7 @@ fn write_case(
     Ok(counts)
 }
 
-fn report(path: &Path, vertices: u64, triangles: u64) -> Result<()> {
-    let mut out = stdout();
+fn report(path: &Path, vertices: u64, triangles: u64, out: &mut dyn Write) -> Result<()> {
     writeln!(out, "{}: {} triangles, {} vertices", path.display(), count(triangles), count(vertices))?;
     out.flush()?;
     Ok(())
