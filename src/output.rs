@@ -24,7 +24,7 @@ const fn writes(by: &'static str, format: &'static str) -> Writes {
 pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
 pub(crate) const EXTRACT: Writes = writes("extract", "PLY");
 pub(crate) const SYNTH: Writes = writes("synth", "PLY");
-pub(crate) const PATH: Writes = writes("path", "camera path");
+pub(crate) const PATH: Writes = writes("path", "a camera path");
 pub(crate) const WALK_CSV: Writes = writes("walk --csv", "CSV");
 pub(crate) const BENCH_CSV: Writes = writes("bench --csv", "CSV");
 pub(crate) const BENCH_SVG: Writes = writes("bench --svg", "SVG");
@@ -45,8 +45,8 @@ const EXTENSIONS: [(&str, &str); 23] = [
     ("glb", "glTF"),
     ("gltf", "glTF"),
     ("3mf", "3MF"),
-    ("conf", "list of range scans"),
-    ("path", "camera path"),
+    ("conf", "a list of range scans"),
+    ("path", "a camera path"),
     ("csv", "CSV"),
     ("json", "JSON"),
     ("svg", "SVG"),
