@@ -6,8 +6,9 @@ use crate::output;
 use crate::progress::Meter;
 use crate::report::{self, LevelRow, count, per_triangle};
 use crate::stop::Stop;
-use anyhow::Result;
-use chpm_build::{BuildConfig, BuildReport};
+use anyhow::{Result, ensure};
+use chpm_build::{BuildConfig, BuildError, BuildReport};
+use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, ClusterId};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -62,6 +63,7 @@ pub(super) fn build(
     meter: &Meter,
     stop: &Stop,
 ) -> Result<BuildReport> {
+    ensure!(!same_file(source, output), BuildError::OutputIsSource { path: output.to_owned() });
     output::BUILD.check(output)?;
     Ok(chpm_build::build(source, output, config, meter, &stop.heed())?)
 }
