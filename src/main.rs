@@ -12,6 +12,7 @@ mod cmd;
 mod cuts;
 mod deviation;
 mod number;
+mod output;
 #[cfg(feature = "viewer")]
 mod picture;
 mod points;

@@ -32,7 +32,10 @@ impl Stop {
         let mut signals = SigSet::empty();
         signals.add(Signal::SIGINT);
         signals.add(Signal::SIGTERM);
-        signals.thread_block().context("cannot block signals")?;
+        // With SIGXFSZ blocked, too, a file beyond `ulimit -f` is an error like a full disk; nobody waits for that signal.
+        let mut blocked = signals;
+        blocked.add(Signal::SIGXFSZ);
+        blocked.thread_block().context("cannot block signals")?;
         let stop = Stop { cancel: Cancel::default(), shared: Arc::default() };
         let (cancel, shared) = (stop.cancel.clone(), Arc::clone(&stop.shared));
         thread::Builder::new()

@@ -28,6 +28,8 @@ mod integration {
     mod json;
     /// Known distances, and stored errors that hold or do not.
     mod measure;
+    /// What is written, and where: devices, links, streams, names, limits.
+    mod outputs;
     /// Pictures, and camera paths in pictures.
     #[cfg(feature = "viewer")]
     mod render;

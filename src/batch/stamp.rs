@@ -28,6 +28,10 @@ pub(crate) fn need(source: &Path, output: &Path, settings: &Settings, earlier: O
     if output.symlink_metadata().is_err() {
         return Need::Build("new");
     }
+    // What is no file would be waited for; the build refuses it.
+    if chpm_extmem::target(output, true).is_err() {
+        return Need::Build("output is no file");
+    }
     let Ok((generator, built_with, len, hash)) = built(output) else {
         return Need::Build("output unreadable");
     };

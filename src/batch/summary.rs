@@ -91,6 +91,14 @@ impl Summary {
         })
     }
 
+    /// An error if JSON or CSV could not be written to the folder for what is there by now.
+    pub(crate) fn check(folder: &Path, shard: Option<Shard>) -> Result<()> {
+        let json = Summary::path(folder, shard);
+        chpm_extmem::target(&json, true)?;
+        chpm_extmem::target(&json.with_extension("csv"), true)?;
+        Ok(())
+    }
+
     /// Reads one.
     pub(crate) fn read(path: &Path) -> Result<Summary> {
         let text = fs::read(path).with_context(|| format!("cannot read '{}'", path.display()))?;

@@ -68,6 +68,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let models = models.collect::<Result<Vec<(Model, BuildConfig)>>>()?;
 
     let path = Summary::path(&args.output, args.shard);
+    Summary::check(&args.output, args.shard)?;
     let earlier = run::earlier(&path);
     if args.dry_run {
         let tasks = run::plan(models, &args.output, &earlier, args.force);
@@ -109,6 +110,7 @@ fn jobs(args: &Args, config: &BuildConfig) -> usize {
 
 fn merge(args: &Args) -> Result<Verdict> {
     let read = |path: &PathBuf| Ok((path.clone(), Summary::read(path)?));
+    Summary::check(&args.output, None)?;
     let summary = summary::merge(args.inputs.iter().map(read).collect::<Result<_>>()?)?;
     fs::create_dir_all(&args.output)
         .with_context(|| format!("cannot make the folder '{}'", args.output.display()))?;

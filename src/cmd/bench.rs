@@ -1,10 +1,11 @@
 //! `chpm bench`: speed against error, this project and others on one source, each in a process of its own.
 
-use super::{Verdict, stdout};
+use super::{Verdict, stdout, temporary};
 use crate::bench::{
     Contender, DIVISORS, Figure, Point, REFERENCE_DIVISORS, contend, equal_deviation, median, svg,
 };
 use crate::number::{self, Units};
+use crate::output::{self, Output, Writes};
 use crate::progress::Meter;
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
@@ -34,12 +35,15 @@ pub(crate) struct Args {
     /// Samples on each triangle of the source, and of each mesh
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = number::count(1_u32..=1_000_000))]
     samples: u32,
-    /// Write the figures as CSV, a row for each contender and fraction
+    /// Write the figures as CSV, a row for each contender and fraction; - for standard output
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Write a plot of speed against error
+    /// Write a plot of speed against error; - for standard output
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Replace files that exist
+    #[arg(short, long)]
+    force: bool,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
@@ -72,12 +76,18 @@ pub(crate) fn contend(args: &ContendArgs, stop: &Stop) -> Result<Verdict> {
 
 /// Runs all and prints the figures.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    let create = |path: &Option<PathBuf>, writes: Writes| -> Result<Option<Output>> {
+        path.as_ref().map(|path| writes.create(path, args.force, &[&args.source])).transpose()
+    };
+    let csv = create(&args.csv, output::BENCH_CSV)?;
+    let plot = create(&args.svg, output::BENCH_SVG)?;
+    let mut out = output::messages(csv.iter().chain(&plot), false, args.quiet)?;
     let mesh = contend::read(&args.source)?;
     let triangles = mesh.triangles.len() as u64;
     let coarsest = DIVISORS[DIVISORS.len() - 1];
     ensure!(triangles >= coarsest, "'{}' has fewer than {coarsest} triangles", args.source.display());
     let cancel = stop.heed();
-    let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let folder = temporary()?;
     let wanted = |c: &Contender| args.only.is_empty() || args.only.contains(c);
     let (mut contenders, mut declined) = (Vec::new(), Vec::new());
     for contender in Contender::ALL.into_iter().filter(wanted) {
@@ -94,16 +104,16 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         .find(|c| contenders.contains(c));
     let figures = bench.measure(&contenders, &times, reference)?;
     let result = Outcome { declined, reference, figures, diagonal: bench.diagonal(), triangles };
-    if let Some(path) = &args.csv {
-        fs::write(path, result.csv(args)).with_context(|| format!("cannot write '{}'", path.display()))?;
+    if let Some(mut csv) = csv {
+        csv.write_all(result.csv(args).as_bytes())?;
+        csv.publish()?;
     }
-    if let Some(path) = &args.svg {
+    if let Some(mut plot) = plot {
         let name = args.source.file_stem().unwrap_or_default().to_string_lossy();
         let title = format!("Speed against error: {name}, {} triangles", count(triangles));
-        let plot = svg(&result.figures, result.diagonal, &title, &machine());
-        fs::write(path, plot).with_context(|| format!("cannot write '{}'", path.display()))?;
+        plot.write_all(svg(&result.figures, result.diagonal, &title, &machine()).as_bytes())?;
+        plot.publish()?;
     }
-    let mut out = stdout();
     result.print(args, &mut out)?;
     out.flush()?;
     Ok(Verdict::Good)

@@ -2,11 +2,13 @@
 
 use super::{Verdict, open, stdout};
 use crate::args::{ResourceArgs, SettingsArgs, build_config};
+use crate::output;
 use crate::progress::Meter;
 use crate::report::{self, LevelRow, count, per_triangle};
 use crate::stop::Stop;
 use anyhow::{Result, ensure};
-use chpm_build::{BuildConfig, BuildReport};
+use chpm_build::{BuildConfig, BuildError, BuildReport};
+use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, ClusterId, Counted};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -53,7 +55,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
-/// Builds, unless the output would replace the source.
+/// Builds, unless the output's name is that of something else.
 pub(super) fn build(
     source: &Path,
     output: &Path,
@@ -61,8 +63,8 @@ pub(super) fn build(
     meter: &Meter,
     stop: &Stop,
 ) -> Result<BuildReport> {
-    let same = source.canonicalize().ok().filter(|path| output.canonicalize().is_ok_and(|out| out == *path));
-    ensure!(same.is_none(), "the output '{}' is the source itself; name another with -o", output.display());
+    ensure!(!same_file(source, output), BuildError::OutputIsSource { path: output.to_owned() });
+    output::BUILD.check(output)?;
     Ok(chpm_build::build(source, output, config, meter, &stop.heed())?)
 }
 

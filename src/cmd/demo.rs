@@ -1,8 +1,9 @@
 //! `chpm demo`: the whole way once, with a generated model.
 
-use super::{Verdict, build, open, stdout, synth, verify};
+use super::{Verdict, build, open, stdout, synth, temporary, verify};
 use crate::against;
 use crate::number;
+use crate::output::Output;
 use crate::progress::Meter;
 use crate::stop::Stop;
 use anyhow::{Context, Result};
@@ -40,7 +41,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             show(args, folder, stop)
         }
         None => {
-            let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
+            let folder = temporary()?;
             show(args, folder.path(), stop)
         }
     }
@@ -53,7 +54,7 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
     let config = BuildConfig::default();
     // Whatever is refused is refused before the work: the built file's name too.
     drop(AtomicFile::create(&output, config.overwrite)?);
-    let file = AtomicFile::create(&source, false)?;
+    let file = Output::File(AtomicFile::create(&source, false)?);
     let model = Synth::new(Shape::Isosurface, args.triangles, SEED);
     synth::write(&model, file, Encoding::BinaryLittleEndian, "chpm demo", &meter, &cancel)?;
     let report = build::build(&source, &output, &config, &meter, stop)?;

@@ -1,7 +1,8 @@
 //! `chpm extract`: one crack-free mesh out of a file, as a PLY.
 
-use super::{Verdict, open, reading, stdout};
+use super::{Verdict, open, reading};
 use crate::number::{self, Triangles, Units};
+use crate::output::{self, Output};
 use crate::progress::{Meter, line};
 use crate::report::count;
 use crate::stop::{self, Stop};
@@ -9,7 +10,7 @@ use crate::view::{self, ImageArgs};
 use anyhow::{Result, ensure};
 use chpm_build::Cancel;
 use chpm_build::config::Length;
-use chpm_extmem::{AtomicFile, MappedFile};
+use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Counted, Level};
@@ -32,7 +33,7 @@ pub(crate) struct Args {
     camera: Option<Camera>,
     #[command(flatten)]
     image: ImageArgs,
-    /// The PLY to write
+    /// The PLY to write; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Write text instead of binary little endian
@@ -78,7 +79,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     // Created before the selection, which may take a while: a place that cannot be written is told at once.
-    let ply = AtomicFile::create(&args.output, args.force)?;
+    let ply = output::EXTRACT.create(&args.output, args.force, &[&args.file])?;
+    let mut out = output::messages([&ply], false, args.quiet)?;
     let cut = cut(file, args)?;
     let mesh = Extraction::new(file, &cut)?;
     let model = file.header().source_triangle_count;
@@ -94,7 +96,6 @@ fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let error = cut.error(file)?;
     let comment = format!("chpm extract, error {error:e}");
     write(file, &mesh, ply, args, &comment, &cancel)?;
-    let mut out = stdout();
     writeln!(
         out,
         "{}: {}, {}, error {} units, from {}",
@@ -166,7 +167,7 @@ fn existing(file: &Chpm<MappedFile>, args: &Args, level: u32) -> Result<Level> {
 fn write(
     chpm: &Chpm<MappedFile>,
     mesh: &Extraction<'_, MappedFile>,
-    file: AtomicFile,
+    file: Output,
     args: &Args,
     comment: &str,
     cancel: &Cancel,

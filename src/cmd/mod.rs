@@ -19,13 +19,14 @@ pub(crate) mod walk;
 
 use crate::args::Command;
 use crate::stop::Stop;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, FormatError};
 use chpm_refine::RefineError;
 use std::error::Error;
 use std::io::{self, BufWriter, StdoutLock};
 use std::path::Path;
+use tempfile::TempDir;
 
 /// How a command ended that met no error.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -78,7 +79,16 @@ pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<
     })
 }
 
+/// A folder that is removed at the end.
+fn temporary() -> Result<TempDir> {
+    // What `tempfile` says names a folder that is not there.
+    tempfile::tempdir().map_err(|error| {
+        let place = std::env::temp_dir();
+        anyhow!("cannot make a temporary folder in '{}' ({}); set TMPDIR", place.display(), error.kind())
+    })
+}
+
 /// Where results go. To be flushed at the end: what is dropped cannot tell that writing failed.
-fn stdout() -> BufWriter<StdoutLock<'static>> {
+pub(crate) fn stdout() -> BufWriter<StdoutLock<'static>> {
     BufWriter::new(io::stdout().lock())
 }

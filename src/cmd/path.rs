@@ -1,11 +1,12 @@
 //! `chpm path`: makes a camera path for a file.
 
-use super::{Verdict, open, reading, stdout};
+use super::{Verdict, open, reading};
 use crate::number;
+use crate::output;
 use crate::stop::Stop;
 use crate::view;
 use anyhow::Result;
-use chpm_extmem::{AtomicFile, MappedFile};
+use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Counted;
 use chpm_refine::{Camera, CameraPath};
@@ -27,7 +28,7 @@ pub(crate) struct Args {
     /// Seed of the random way
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// The path file to write
+    /// The path file to write; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Replace the output if it exists
@@ -53,7 +54,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 fn make(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let _cancel = stop.heed();
-    let mut text = AtomicFile::create(&args.output, args.force)?;
+    let mut text = output::PATH.create(&args.output, args.force, &[&args.file])?;
+    let mut out = output::messages([&text], false, false)?;
     let (bounds, frames) = (file.header().aabb(), args.frames as usize);
     let mut path = match args.way {
         Way::Orbit => CameraPath::orbit(&bounds, frames),
@@ -65,7 +67,6 @@ fn make(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     write!(text, "{path}")?;
     file.get_ref().check_unchanged()?;
     text.publish()?;
-    let mut out = stdout();
     writeln!(out, "{}: {}", args.output.display(), Counted(args.frames.into(), "frame"))?;
     out.flush()?;
     Ok(Verdict::Good)

@@ -1,14 +1,14 @@
 //! `chpm render`: a picture of a file, without a window.
 
-use super::{Verdict, stdout};
+use super::Verdict;
 use crate::number::{Triangles, Units};
+use crate::output;
 use crate::picture::{self, DeviceArgs, LookArgs};
 use crate::progress::line;
 use crate::report::count;
 use crate::stop::{self, Stop};
 use crate::view::{self, Viewport};
 use anyhow::Result;
-use chpm_extmem::AtomicFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::Camera;
@@ -49,7 +49,7 @@ pub(crate) struct Args {
     memory: Bytes,
     #[command(flatten)]
     device: DeviceArgs,
-    /// The PNG to write
+    /// The PNG to write; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Replace the output if it exists
@@ -66,7 +66,8 @@ pub(crate) struct Args {
 /// Draws and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
-    let png = AtomicFile::create(&args.output, args.force)?;
+    let png = output::RENDER.create(&args.output, args.force, &[&args.file])?;
+    let mut out = output::messages([&png], args.json, false)?;
     let mut viewer = args.device.open(&args.file, args.memory)?;
     let camera = args.camera.unwrap_or_else(|| viewer.framing());
     let model = viewer.file().header().source_triangle_count;
@@ -88,7 +89,6 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     stop::check(&cancel)?;
     picture::write_png(&image, png)?;
     let adapter = viewer.gpu().describe();
-    let mut out = stdout();
     if args.json {
         let image = json!({ "width": image.size[0], "height": image.size[1] });
         writeln!(

@@ -2,12 +2,13 @@
 
 use super::{Verdict, stdout};
 use crate::number;
+use crate::output::{self, Output};
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::{self, Stop};
 use anyhow::Result;
 use chpm_build::Cancel;
-use chpm_extmem::AtomicFile;
+use chpm_mesh::{Attributes, Counted};
 use chpm_mesh::ply::{Encoding, PlyWriter};
 use chpm_mesh::synth::hard::{CASES, Case};
 use chpm_mesh::synth::{ParseShapeError, Shape, Synth};
@@ -36,7 +37,7 @@ pub(crate) struct Args {
     /// Another seed gives another terrain, isosurface or set of plates
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// The PLY to write
+    /// The PLY to write; - for standard output
     #[arg(short, long, value_name = "FILE", required_unless_present = "list")]
     output: Option<PathBuf>,
     /// Write text instead of binary little endian
@@ -76,7 +77,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let encoding = if args.ascii { Encoding::Ascii } else { Encoding::BinaryLittleEndian };
     // Created before the mesh is planned, which may take a while: a place that cannot be written is told at once.
-    let file = AtomicFile::create(output, args.force)?;
+    let file = output::SYNTH.create(output, args.force, &[])?;
+    let mut out = output::messages([&file], false, args.quiet)?;
     let meter = Meter::new(args.quiet);
     match model {
         Model::Shape(shape) => {
@@ -84,12 +86,12 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             let synth = Synth::new(shape, triangles, args.seed);
             let comment = format!("chpm synth {shape} --triangles {triangles} --seed {}", args.seed);
             write(&synth, file, encoding, &comment, &meter, &cancel)?;
-            report(output, synth.vertex_count(), synth.triangle_count())?;
+            report(output, synth.vertex_count(), synth.triangle_count(), &mut out)?;
         }
         Model::Hard(case) => {
             let triangles = args.triangles.unwrap_or(case.full.into()).min(Case::MAX_TRIANGLES.into());
             let (vertices, triangles) = write_case(case, triangles as u32, file, encoding, &meter, &cancel)?;
-            report(output, vertices, triangles)?;
+            report(output, vertices, triangles, &mut out)?;
         }
     }
     Ok(Verdict::Good)
@@ -107,7 +109,7 @@ fn list() -> Result<Verdict> {
 /// Streams `synth` into `file` and gives it its name.
 pub(super) fn write(
     synth: &Synth,
-    file: AtomicFile,
+    file: Output,
     encoding: Encoding,
     comment: &str,
     meter: &Meter,
@@ -135,7 +137,7 @@ pub(super) fn write(
 fn write_case(
     case: &Case,
     triangles: u32,
-    file: AtomicFile,
+    file: Output,
     encoding: Encoding,
     meter: &Meter,
     cancel: &Cancel,
@@ -166,8 +168,7 @@ fn write_case(
     Ok(counts)
 }
 
-fn report(path: &Path, vertices: u64, triangles: u64) -> Result<()> {
-    let mut out = stdout();
+fn report(path: &Path, vertices: u64, triangles: u64, out: &mut dyn Write) -> Result<()> {
     writeln!(out, "{}: {}, {}", path.display(), Counted(triangles, "triangle"), Counted(vertices, "vertex"))?;
     out.flush()?;
     Ok(())

@@ -3,12 +3,13 @@
 use super::{Verdict, build, open, stdout};
 use crate::batch::inputs;
 use crate::number::{self, Triangles};
+use crate::output;
 use crate::picture::DeviceArgs;
 use crate::progress::{Meter, line};
 use crate::report::count;
 use crate::stop::Stop;
 use crate::view;
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use chpm_build::{BuildConfig, Cancel, Progress, Stage, input};
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
@@ -60,8 +61,9 @@ pub(crate) struct Args {
 
 /// Builds if need be, and shows.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    if let Some(path) = args.screenshot.as_ref().filter(|path| path.exists() && !args.force) {
-        bail!("'{}' exists; give another name, or --force to replace it", path.display());
+    if let Some(path) = &args.screenshot {
+        output::SCREENSHOT.check(path)?;
+        chpm_extmem::target(path, args.force)?;
     }
     let path = args.path.as_deref().map(read_path).transpose()?;
     let model = match &args.model {
@@ -136,6 +138,8 @@ fn beside(source: &Path) -> Result<PathBuf> {
 /// Whether the file is built from the mesh as it is now, with whatever settings. `None` if there is no file.
 fn is_current(source: &Path, output: &Path) -> Option<bool> {
     output.symlink_metadata().ok()?;
+    // What is no file would be waited for; the build refuses it.
+    chpm_extmem::target(output, true).ok()?;
     let built = || -> Result<bool> {
         let from = open(output)?.metadata()?.source;
         Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source)?)?)

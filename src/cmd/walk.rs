@@ -1,7 +1,10 @@
 //! `chpm walk`: the incremental selection along a camera path, measured frame by frame.
 
-use super::{Verdict, open, reading, stdout};
+#[cfg(feature = "viewer")]
+use super::stdout;
+use super::{Verdict, open, reading};
 use crate::number;
+use crate::output::{self, Output};
 #[cfg(feature = "viewer")]
 use crate::picture;
 use crate::progress::{Meter, line};
@@ -9,7 +12,7 @@ use crate::report::{count, table};
 use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
 use anyhow::{Context, Result, ensure};
-use chpm_extmem::{AtomicFile, MappedFile};
+use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page};
 use chpm_mesh::{Bytes, ClusterId, Counted, GroupId};
 use chpm_refine::{
@@ -46,7 +49,7 @@ pub(crate) struct Args {
     /// cluster size, reads little. Nothing if not given
     #[arg(long, value_name = "SIZE")]
     prefetch: Option<Bytes>,
-    /// Write one line of numbers for every frame
+    /// Write one line of numbers for every frame; - for standard output
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Replace files that exist
@@ -120,7 +123,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 fn follow(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
-    let csv = args.csv.as_ref().map(|path| AtomicFile::create(path, args.force)).transpose()?;
+    let create = |path: &PathBuf| output::WALK_CSV.create(path, args.force, &[&args.file, &args.path]);
+    let csv = args.csv.as_ref().map(create).transpose()?;
+    let mut out = output::messages(&csv, args.json, args.quiet)?;
     let path = read_path(args)?;
     let meter = Meter::new(args.quiet);
     meter.start("walk", path.cameras.len() as u64);
@@ -142,7 +147,6 @@ fn follow(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> 
     if let Some(csv) = csv {
         write_csv(&frames, csv)?;
     }
-    let mut out = stdout();
     if args.json {
         writeln!(out, "{:#}", as_json(&frames, args))?;
     } else {
@@ -162,6 +166,7 @@ fn draw(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let walk = picture::walk::Walk {
         file: &args.file,
+        path_file: &args.path,
         path: &read_path(args)?,
         viewport: args.image.viewport.0,
         poe: args.poe,
@@ -171,13 +176,12 @@ fn draw(args: &Args, stop: &Stop) -> Result<Verdict> {
         json: args.json,
         quiet: args.quiet,
     };
+    if !args.pictures.prove {
+        picture::walk::run(&walk, &args.pictures, &cancel)?;
+        return Ok(Verdict::Good);
+    }
     let mut out = stdout();
-    let verdict = if args.pictures.prove {
-        picture::proof::run(&walk, &args.pictures.device, &cancel, &mut out)?
-    } else {
-        picture::walk::run(&walk, &args.pictures, &cancel, &mut out)?;
-        Verdict::Good
-    };
+    let verdict = picture::proof::run(&walk, &args.pictures.device, &cancel, &mut out)?;
     out.flush()?;
     Ok(verdict)
 }
@@ -351,7 +355,7 @@ fn quantile(frames: &[Frame], q: f64, of: fn(&Frame) -> f64) -> f64 {
     values.get(place.saturating_sub(1)).copied().unwrap_or(0.0)
 }
 
-fn write_csv(frames: &[Frame], file: AtomicFile) -> Result<()> {
+fn write_csv(frames: &[Frame], file: Output) -> Result<()> {
     let mut csv = BufWriter::new(file);
     let names: Vec<&str> = COLUMNS.iter().map(|(name, _)| *name).collect();
     writeln!(csv, "frame,{}", names.join(","))?;

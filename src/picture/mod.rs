@@ -4,8 +4,8 @@ pub(crate) mod plot;
 pub(crate) mod proof;
 pub(crate) mod walk;
 
+use crate::output::Output;
 use anyhow::Result;
-use chpm_extmem::AtomicFile;
 use chpm_mesh::Bytes;
 use chpm_viewer::{AdapterChoice, Budgets, Coloring, Gpu, Image, Look, Shading, Stats, Viewer};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -84,7 +84,7 @@ fn rgb(text: &str) -> Result<[f32; 3], String> {
 }
 
 /// Writes a PNG, all of it or nothing.
-pub(crate) fn write_png(image: &Image, file: AtomicFile) -> Result<()> {
+pub(crate) fn write_png(image: &Image, file: Output) -> Result<()> {
     let mut png = BufWriter::new(file);
     image.write_png(&mut png)?;
     png.flush()?;

@@ -1,12 +1,12 @@
 //! A camera path in pictures: each frame drawn with and without occlusion culling, and what it took.
 
 use super::{DeviceArgs, LookArgs, plot, write_png};
+use crate::output::{self, Output};
 use crate::progress::Meter;
 use crate::report::{count, table};
 use crate::stop;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use chpm_build::Cancel;
-use chpm_extmem::AtomicFile;
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
 use chpm_viewer::{Accuracy, FrameRequest, Image, Stats, Viewer, headless};
@@ -29,7 +29,7 @@ pub(crate) struct RenderArgs {
     /// triangle a pixel shows. Give it memory for all that the path wants
     #[arg(long, requires = "render", conflicts_with_all = ["csv", "plot", "images"])]
     pub(crate) prove: bool,
-    /// Write a plot over the frames (SVG)
+    /// Write a plot over the frames (SVG); - for standard output
     #[arg(long, value_name = "FILE", requires = "render")]
     plot: Option<PathBuf>,
     /// Write the frames, those with culling, as PNGs into a folder that there is
@@ -52,6 +52,7 @@ fn needs_render(arg: clap::Arg) -> clap::Arg {
 /// What it shares with the walk without pictures.
 pub(crate) struct Walk<'a> {
     pub(crate) file: &'a Path,
+    pub(crate) path_file: &'a Path,
     pub(crate) path: &'a CameraPath,
     pub(crate) viewport: [u32; 2],
     pub(crate) poe: f64,
@@ -154,10 +155,18 @@ impl Run {
 }
 
 /// Draws and reports.
-pub(crate) fn run(walk: &Walk<'_>, args: &RenderArgs, cancel: &Cancel, out: &mut impl Write) -> Result<()> {
-    let create = |path: &Path| AtomicFile::create(path, walk.force);
-    let csv = walk.csv.map(create).transpose()?;
-    let plot = args.plot.as_deref().map(create).transpose()?;
+pub(crate) fn run(walk: &Walk<'_>, args: &RenderArgs, cancel: &Cancel) -> Result<()> {
+    let inputs = [walk.file, walk.path_file];
+    let csv = walk.csv.map(|path| output::WALK_CSV.create(path, walk.force, &inputs)).transpose()?;
+    let plot = args.plot.as_deref().map(|path| output::WALK_PLOT.create(path, walk.force, &inputs));
+    let plot = plot.transpose()?;
+    let mut out = output::messages(csv.iter().chain(&plot), walk.json, walk.quiet)?;
+    if let Some(folder) = &args.images {
+        ensure!(folder.is_dir(), "'{}' is no folder that there is; make it first", folder.display());
+        for frame in 0..walk.path.cameras.len() {
+            chpm_extmem::target(&image_path(folder, frame), walk.force)?;
+        }
+    }
     let meter = Meter::new(walk.quiet);
     meter.start("walk", 2 * walk.path.cameras.len() as u64);
     let mut adapter = String::new();
@@ -182,9 +191,9 @@ pub(crate) fn run(walk: &Walk<'_>, args: &RenderArgs, cancel: &Cancel, out: &mut
     if walk.json {
         writeln!(out, "{:#}", as_json(&runs, walk, &adapter))?;
     } else {
-        print(&runs, &adapter, out)?;
+        print(&runs, &adapter, &mut out)?;
     }
-    Ok(())
+    Ok(out.flush()?)
 }
 
 fn draw(
@@ -223,10 +232,14 @@ fn draw(
 }
 
 fn write_image(image: &Image, folder: &Path, index: usize, force: bool) -> Result<()> {
-    write_png(image, AtomicFile::create(&folder.join(format!("frame-{index:05}.png")), force)?)
+    write_png(image, output::RENDER.create(&image_path(folder, index), force, &[])?)
 }
 
-fn write_csv(runs: &[Run], file: AtomicFile) -> Result<()> {
+fn image_path(folder: &Path, index: usize) -> PathBuf {
+    folder.join(format!("frame-{index:05}.png"))
+}
+
+fn write_csv(runs: &[Run], file: Output) -> Result<()> {
     let mut csv = BufWriter::new(file);
     let names: Vec<&str> = COLUMNS.iter().map(|(name, _)| *name).collect();
     writeln!(csv, "culling,frame,{}", names.join(","))?;

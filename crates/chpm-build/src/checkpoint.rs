@@ -11,7 +11,7 @@ use crate::point::{Known, Point, Work};
 use crate::progress::Progress;
 use crate::report::Reached;
 use crate::stamp::{self, Stamp};
-use chpm_extmem::{ExtmemError, Store, WorkDir};
+use chpm_extmem::{ExtmemError, Store, WorkDir, hidden_name};
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -55,9 +55,7 @@ impl Key {
             add(&mut hash, name.as_bytes());
             add(&mut hash, value.as_bytes());
         }
-        let mut prefix = OsString::from(".");
-        prefix.push(name);
-        prefix.push(format!(".{:08x}-", place as u32));
+        let prefix = hidden_name(name, &format!(".{:08x}-", place as u32));
         Ok(Key { prefix, hash: hash.digest() })
     }
 
@@ -218,13 +216,15 @@ impl Checkpoints {
         dir.keep(self.keep_work && self.reached().is_some());
     }
 
-    /// Says of an error where the next run goes on, if there is something.
+    /// Says of an error where the next run goes on, if there is something, or that what there was is gone.
     pub(crate) fn explain(&self, error: BuildError, dir: &WorkDir) -> BuildError {
+        let (error, folder) = (Box::new(error), dir.path().to_owned());
         match self.reached() {
-            Some(reached) => {
-                BuildError::Kept { error: Box::new(error), reached, folder: dir.path().to_owned() }
+            _ if !folder.exists() => BuildError::WorkRemoved { error, folder },
+            Some(reached) if folder.join(WorkDir::MANIFEST).exists() => {
+                BuildError::Kept { error, reached, folder }
             }
-            None => error,
+            _ => *error,
         }
     }
 

@@ -84,6 +84,20 @@ pub enum BuildError {
         /// Where that is.
         folder: PathBuf,
     },
+    /// The work directory was removed during the build, which is what ended it, or what lets nothing be kept.
+    #[error("{error}; the work folder '{}' was removed meanwhile, so nothing is kept: run the build again", folder.display())]
+    WorkRemoved {
+        /// What ended the build.
+        error: Box<BuildError>,
+        /// What is gone.
+        folder: PathBuf,
+    },
+    /// The output would replace what it is built from.
+    #[error("the output '{path}' is the source itself, or a file of it; name another")]
+    OutputIsSource {
+        /// The output.
+        path: PathBuf,
+    },
     /// Someone asked to stop.
     #[error("stopped on request; nothing was written")]
     Cancelled,
@@ -106,7 +120,7 @@ impl BuildError {
     pub fn is_cancelled(&self) -> bool {
         match self {
             BuildError::Cancelled => true,
-            BuildError::Kept { error, .. } => error.is_cancelled(),
+            BuildError::Kept { error, .. } | BuildError::WorkRemoved { error, .. } => error.is_cancelled(),
             _ => false,
         }
     }

@@ -27,10 +27,13 @@ pub fn build(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<BuildReport, BuildError> {
+    // Lock, partial file and work belong to the file that is written, by whatever link it is named.
+    let output = &chpm_extmem::target(output, config.overwrite)?;
     let _lock = Lock::acquire(output)?;
     AtomicFile::sweep(output);
     let out = AtomicFile::create_with(output, config.overwrite, config.resources.faults.clone())?;
     let stamp = Stamp::of(source)?;
+    stamp.refuse_output(output)?;
     let context = &context(output, &stamp, config, progress, cancel)?;
     let dir = &context.store.workdir;
     let built = run(source, &stamp, out, config, context);

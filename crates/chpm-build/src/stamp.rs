@@ -47,6 +47,14 @@ impl Stamp {
         Ok(())
     }
 
+    /// An error if the output would replace one of the files.
+    pub(crate) fn refuse_output(&self, output: &Path) -> Result<(), BuildError> {
+        match self.0.iter().any(|file| chpm_extmem::same_file(&file.path, output)) {
+            true => Err(BuildError::OutputIsSource { path: output.to_owned() }),
+            false => Ok(()),
+        }
+    }
+
     /// Hands everything to `add`, piece by piece.
     pub(crate) fn visit(&self, mut add: impl FnMut(&[u8])) {
         for file in &self.0 {

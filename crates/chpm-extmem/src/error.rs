@@ -42,14 +42,12 @@ pub enum ExtmemError {
     },
 
     /// Another build makes the same file.
-    #[error("'{}' is being built by {owner}; wait for it, or choose another name ('{}')", path.display(), lock.display())]
+    #[error("'{}' is being built by {owner}; wait for it, or choose another name", path.display())]
     Locked {
         /// The file to be made.
         path: PathBuf,
         /// What the holder of the lock says of itself.
         owner: String,
-        /// The lock file.
-        lock: PathBuf,
     },
 
     /// The path does not name a regular file where one is needed.
@@ -57,6 +55,42 @@ pub enum ExtmemError {
     NotAFile {
         /// The path as given.
         path: PathBuf,
+    },
+
+    /// The name of a result is of something that is never replaced.
+    #[error("'{}' is {is}, and only a regular file is ever replaced; choose another name", path.display())]
+    Irregular {
+        /// The name as given.
+        path: PathBuf,
+        /// What has it.
+        is: &'static str,
+    },
+
+    /// The name of a result is of a symbolic link to a file that is not there.
+    #[error(
+        "'{}' is a link to '{}', which is not there; remove the link, or name the file itself",
+        path.display(), to.display()
+    )]
+    Dangling {
+        /// The link.
+        path: PathBuf,
+        /// What is in it.
+        to: PathBuf,
+    },
+
+    /// No file may become as large, by a limit of the process or of the file system.
+    #[error(
+        "cannot {action} '{}': larger than a file may be; raise the limit (`ulimit -f unlimited`) or, if there is none, \
+         choose a file system that takes larger files",
+        path.display()
+    )]
+    FileTooLarge {
+        /// The operation, as a verb.
+        action: &'static str,
+        /// The file being written, or the directory of an unnamed one.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
     },
 
     /// The file system, or the user's quota on it, is full.
@@ -130,13 +164,15 @@ pub enum ExtmemError {
 }
 
 impl ExtmemError {
-    /// Gives an I/O error its place; a full disk or quota becomes [`ExtmemError::DiskFull`] with the `needed` bytes.
+    /// Gives an I/O error its place; a full disk or quota becomes [`ExtmemError::DiskFull`] with the `needed` bytes, a file beyond a
+    /// limit [`ExtmemError::FileTooLarge`].
     pub fn io(action: &'static str, path: &Path, needed: u64, source: io::Error) -> Self {
         let path = path.to_path_buf();
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
                 ExtmemError::DiskFull { action, path, needed, source }
             }
+            io::ErrorKind::FileTooLarge => ExtmemError::FileTooLarge { action, path, source },
             _ => ExtmemError::Io { action, path, source },
         }
     }
@@ -172,6 +208,11 @@ mod tests {
         let other =
             ExtmemError::io("write", Path::new("out.chpm"), 1, io::ErrorKind::PermissionDenied.into());
         assert!(matches!(other, ExtmemError::Io { action: "write", .. }));
+        let large = ExtmemError::io("write", Path::new("out.chpm"), 1, nix::errno::Errno::EFBIG.into());
+        assert!(
+            large.to_string().contains("'out.chpm'") && large.to_string().contains("ulimit -f"),
+            "{large}"
+        );
     }
 
     #[test]

@@ -4,7 +4,6 @@ use crate::{ExtmemError, WorkDir};
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A file of a work directory. One without a name goes when it is closed; one with a name goes then, too, unless a manifest
@@ -18,7 +17,6 @@ pub(crate) struct DataFile {
 
 #[derive(Debug)]
 struct Name {
-    path: PathBuf,
     name: String,
     dir: Arc<WorkDir>,
 }
@@ -38,12 +36,8 @@ impl DataFile {
     }
 
     fn named(dir: &Arc<WorkDir>, name: &str, file: File) -> Self {
-        let path = dir.path().join(name);
-        DataFile {
-            file,
-            name: Some(Name { path, name: name.to_owned(), dir: Arc::clone(dir) }),
-            dir: Arc::clone(dir),
-        }
+        let name = Some(Name { name: name.to_owned(), dir: Arc::clone(dir) });
+        DataFile { file, name, dir: Arc::clone(dir) }
     }
 
     /// What it is called, if it is.
@@ -58,25 +52,25 @@ impl DataFile {
 
     /// Bytes of the file.
     pub(crate) fn len(&self) -> Result<u64, ExtmemError> {
-        self.attempt("examine", 0, || Ok(self.file.metadata()?.len()))
+        self.attempt("examine a work file in", 0, || Ok(self.file.metadata()?.len()))
     }
 
     pub(crate) fn read_exact_at(&self, out: &mut [u8], offset: u64) -> Result<(), ExtmemError> {
-        self.attempt("read", 0, || self.file.read_exact_at(out, offset))
+        self.attempt("read a work file in", 0, || self.file.read_exact_at(out, offset))
     }
 
     pub(crate) fn write_all_at(&self, bytes: &[u8], offset: u64) -> Result<(), ExtmemError> {
-        self.attempt("write", bytes.len() as u64, || self.file.write_all_at(bytes, offset))
+        self.attempt("write a work file in", bytes.len() as u64, || self.file.write_all_at(bytes, offset))
     }
 
     /// What is never written reads as zeros.
     pub(crate) fn set_len(&self, len: u64) -> Result<(), ExtmemError> {
-        self.attempt("extend", len, || self.file.set_len(len))
+        self.attempt("extend a work file in", len, || self.file.set_len(len))
     }
 
     /// Has all that was written on the disk.
     pub(crate) fn sync(&self) -> Result<(), ExtmemError> {
-        self.attempt("sync", 0, || self.file.sync_data())
+        self.attempt("sync a work file in", 0, || self.file.sync_data())
     }
 
     fn attempt<T>(
@@ -86,12 +80,7 @@ impl DataFile {
         run: impl FnOnce() -> io::Result<T>,
     ) -> Result<T, ExtmemError> {
         let result = self.dir.faults().access().and_then(|()| run());
-        result.map_err(|source| ExtmemError::io(action, self.path(), needed, source))
-    }
-
-    /// Of the file or, if it has no name, of the directory.
-    fn path(&self) -> &Path {
-        self.name.as_ref().map_or(self.dir.path(), |name| &name.path)
+        result.map_err(|source| ExtmemError::io(action, self.dir.place(), needed, source))
     }
 }
 

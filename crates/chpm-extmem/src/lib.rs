@@ -22,6 +22,7 @@ mod publish;
 mod saved;
 mod spool;
 mod store;
+mod target;
 mod workdir;
 
 pub use buckets::{Buckets, Drain};
@@ -36,4 +37,5 @@ pub use publish::AtomicFile;
 pub use saved::SavedFile;
 pub use spool::Spool;
 pub use store::Store;
+pub use target::{hidden_name, same_file, target};
 pub use workdir::WorkDir;

@@ -3,8 +3,7 @@
 //! The lock is the kernel's (`flock`), which gives it back when its holder ends, however it ends: what a dead process leaves
 //! behind is a file, and the next one takes it over. The text in it is for people.
 
-use crate::ExtmemError;
-use std::ffi::OsString;
+use crate::{ExtmemError, hidden_name};
 use std::fs::{self, File, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::os::unix::fs::MetadataExt;
@@ -26,22 +25,15 @@ impl Lock {
     /// the same file system; [`ExtmemError::NotAFile`] for a path without a name; [`ExtmemError::Io`].
     pub fn acquire(target: &Path) -> Result<Lock, ExtmemError> {
         let name = target.file_name().ok_or_else(|| ExtmemError::NotAFile { path: target.to_owned() })?;
-        let mut hidden = OsString::from(".");
-        hidden.push(name);
-        hidden.push(".lock");
-        let path = target.with_file_name(hidden);
+        let path = target.with_file_name(hidden_name(name, ".lock"));
         loop {
-            let failed = |source| ExtmemError::io("lock", &path, 0, source);
+            let failed = |source| ExtmemError::io("make a lock beside", target, 0, source);
             let opened = File::options().read(true).write(true).create(true).truncate(false).open(&path);
             let mut file = opened.map_err(failed)?;
             match file.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
-                    return Err(ExtmemError::Locked {
-                        path: target.to_owned(),
-                        owner: owner(&mut file),
-                        lock: path,
-                    });
+                    return Err(ExtmemError::Locked { path: target.to_owned(), owner: owner(&mut file) });
                 }
                 Err(TryLockError::Error(source)) => return Err(failed(source)),
             }
@@ -104,7 +96,9 @@ mod tests {
         assert!(matches!(error, ExtmemError::Locked { .. }));
         assert!(error.to_string().contains(&owner) && error.to_string().contains("model.chpm"), "{error}");
         let other = Lock::acquire(&dir.path().join("other.chpm")).unwrap();
-        drop((first, other));
+        let long = ["a", "b"].map(|last| Lock::acquire(&dir.path().join("x".repeat(254) + last)).unwrap());
+        assert!(Lock::acquire(&dir.path().join("x".repeat(254) + "b")).is_err());
+        drop((first, other, long));
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
         Lock::acquire(&target).unwrap();
     }
@@ -156,6 +150,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         assert!(matches!(Lock::acquire(Path::new("/")), Err(ExtmemError::NotAFile { .. })));
         let error = Lock::acquire(&dir.path().join("missing/model.chpm")).unwrap_err();
-        assert!(matches!(error, ExtmemError::Io { action: "lock", .. }), "{error}");
+        assert!(matches!(error, ExtmemError::Io { action: "make a lock beside", .. }), "{error}");
+        assert!(!error.to_string().contains(".lock"), "{error}");
     }
 }

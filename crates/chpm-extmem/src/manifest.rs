@@ -29,7 +29,7 @@ impl WorkDir {
         names: BTreeSet<String>,
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<(), ExtmemError> {
-        let failed = |source| ExtmemError::io("write a manifest in", self.path(), 0, source);
+        let failed = |source| ExtmemError::io("write a manifest in", self.place(), 0, source);
         self.write_next(write).map_err(failed)?;
         names.iter().for_each(|name| self.protect(name));
         let renamed = self

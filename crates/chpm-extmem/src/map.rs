@@ -157,8 +157,9 @@ impl<T: Pod> MappedBuffer<T> {
         let bytes = byte_len::<T>(what, len)?;
         let file = workdir.unnamed_file()?;
         let allocated = workdir.faults().access().and_then(|()| allocate(&file, bytes as u64));
-        allocated
-            .map_err(|source| ExtmemError::io("extend a file in", workdir.path(), bytes as u64, source))?;
+        allocated.map_err(|source| {
+            ExtmemError::io("extend a work file in", workdir.place(), bytes as u64, source)
+        })?;
         Self::of_file(file, workdir, bytes)
     }
 
@@ -180,7 +181,7 @@ impl<T: Pod> MappedBuffer<T> {
         // SAFETY: the file has no name and this function owns its only handle, so nobody else can change or
         // truncate it while it is mapped.
         let map = unsafe { memmap2::MmapOptions::new().len(bytes).map_mut(&file) }
-            .map_err(|source| ExtmemError::io("map a file in", workdir.path(), 0, source))?;
+            .map_err(|source| ExtmemError::io("map a work file in", workdir.place(), 0, source))?;
         Ok(MappedBuffer { map: Some(map), element: PhantomData })
     }
 

@@ -1,7 +1,7 @@
 //! Results that appear complete or not at all: written under a hidden name, synced, then renamed.
 
-use crate::{ExtmemError, Faults};
-use std::ffi::{OsStr, OsString};
+use crate::{ExtmemError, Faults, hidden_name, target};
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::os::unix::fs::FileExt;
@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 const WRITE_BUFFER: usize = 1 << 20;
 const PARTIAL: &str = ".partial";
 
-/// A file being written as `.NAME.<process>.partial` beside its target. [`AtomicFile::publish`] gives it its name;
-/// dropping it removes it.
+/// A file being written as `.NAME.<process>.partial` beside its [`target`], so on the same file system. [`AtomicFile::publish`] gives
+/// it its name; dropping it removes it. Errors name the target.
 #[derive(Debug)]
 pub struct AtomicFile {
     file: BufWriter<File>,
@@ -26,9 +26,7 @@ impl AtomicFile {
     /// Creates the partial file, which proves before the work starts that the directory can be written.
     ///
     /// # Errors
-    /// [`ExtmemError::Exists`] if `path` exists and `overwrite` is false, [`ExtmemError::NotAFile`] if it is a
-    /// directory or ends in no name, [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] if the partial file cannot
-    /// be created.
+    /// Whatever [`target`] refuses; an error of the system if the partial file cannot be created.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, ExtmemError> {
         Self::create_with(path, overwrite, Faults::default())
     }
@@ -38,32 +36,24 @@ impl AtomicFile {
     /// # Errors
     /// As [`Self::create`].
     pub fn create_with(path: &Path, overwrite: bool, faults: Faults) -> Result<Self, ExtmemError> {
-        let Some(name) = path.file_name().filter(|_| !path.is_dir()) else {
-            return Err(ExtmemError::NotAFile { path: path.to_path_buf() });
-        };
-        let mut hidden = OsString::from(".");
-        hidden.push(name);
-        hidden.push(format!(".{}{PARTIAL}", std::process::id()));
-        let partial = path.with_file_name(hidden);
-
-        refuse_existing(path, overwrite)?;
+        let target = target(path, overwrite)?;
+        let id = std::process::id();
+        let partial = target.with_file_name(hidden_name(name(&target), &format!(".{id}{PARTIAL}")));
         let open = || File::options().read(true).write(true).create_new(true).open(&partial);
         let opened = faults.access().and_then(|()| open());
-        let file = opened.map_err(|source| ExtmemError::io("create", &partial, 0, source))?;
+        let file = opened.map_err(|source| ExtmemError::io("create", &target, 0, source))?;
         let file = BufWriter::with_capacity(WRITE_BUFFER, file);
-        Ok(AtomicFile { file, partial, target: path.to_path_buf(), overwrite, published: false, faults })
+        Ok(AtomicFile { file, partial, target, overwrite, published: false, faults })
     }
 
-    /// Removes what others that were killed left of `path`; to be called by whoever holds the lock of `path`, so that nobody else
+    /// Removes what others that were killed left of a [`target`]; to be called by whoever holds its lock, so that nobody else
     /// writes it.
     pub fn sweep(path: &Path) {
-        let Some(name) = path.file_name() else { return };
+        let begin = hidden_name(name(path), ".");
         let is_partial = |hidden: &OsStr| {
             let process = hidden
                 .as_encoded_bytes()
-                .strip_prefix(b".")
-                .and_then(|rest| rest.strip_prefix(name.as_encoded_bytes()))
-                .and_then(|rest| rest.strip_prefix(b"."))
+                .strip_prefix(begin.as_encoded_bytes())
                 .and_then(|rest| rest.strip_suffix(PARTIAL.as_bytes()));
             process.is_some_and(|id| !id.is_empty() && id.iter().all(u8::is_ascii_digit))
         };
@@ -79,9 +69,14 @@ impl AtomicFile {
         &self.target
     }
 
-    /// Gives an error of `write` or `seek` its place, for callers that write through [`Write`].
+    /// The error within one of `write` or `seek`, for callers that write through [`Write`].
     pub fn error(&self, source: io::Error) -> ExtmemError {
-        ExtmemError::io("write", &self.partial, 0, source)
+        source.downcast().unwrap_or_else(|source| ExtmemError::io("write", &self.target, 0, source))
+    }
+
+    /// The same with its place, for callers that know of no other error.
+    fn placed(&self, source: io::Error) -> io::Error {
+        io::Error::new(source.kind(), self.error(source))
     }
 
     /// Sets the length of the file; what is never written reads as zeros.
@@ -90,7 +85,7 @@ impl AtomicFile {
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
     pub fn set_len(&self, len: u64) -> Result<(), ExtmemError> {
         let extended = self.faults.access().and_then(|()| self.file.get_ref().set_len(len));
-        extended.map_err(|source| ExtmemError::io("extend", &self.partial, len, source))
+        extended.map_err(|source| ExtmemError::io("extend", &self.target, len, source))
     }
 
     /// Writes at a place, from any thread. Not to be mixed with writing through [`Write`].
@@ -99,19 +94,21 @@ impl AtomicFile {
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
     pub fn write_all_at(&self, bytes: &[u8], offset: u64) -> Result<(), ExtmemError> {
         let written = self.faults.access().and_then(|()| self.file.get_ref().write_all_at(bytes, offset));
-        written.map_err(|source| ExtmemError::io("write", &self.partial, bytes.len() as u64, source))
+        written.map_err(|source| ExtmemError::io("write", &self.target, bytes.len() as u64, source))
     }
 
     /// Flushes, syncs to disk, renames to the target and syncs the directory.
     ///
     /// # Errors
-    /// [`ExtmemError::Exists`] if the target appeared meanwhile and may not be replaced, [`ExtmemError::Io`] or
+    /// What [`target`] refuses, if something has the name by now that may not be replaced, [`ExtmemError::Io`] or
     /// [`ExtmemError::DiskFull`]; up to the rename the partial file is then removed and the target untouched.
     pub fn publish(mut self) -> Result<(), ExtmemError> {
         let written = self.faults.access().and_then(|()| self.file.flush());
         let synced = written.and_then(|()| self.file.get_ref().sync_all());
         synced.map_err(|source| self.error(source))?;
-        refuse_existing(&self.target, self.overwrite)?;
+        if target(&self.target, self.overwrite)? != self.target {
+            return Err(ExtmemError::Irregular { path: self.target.clone(), is: "a link by now" });
+        }
         let renamed = self.faults.access().and_then(|()| fs::rename(&self.partial, &self.target));
         renamed.map_err(|source| ExtmemError::io("rename the finished file to", &self.target, 0, source))?;
         self.published = true;
@@ -126,27 +123,24 @@ fn directory(path: &Path) -> &Path {
     path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 
-fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), ExtmemError> {
-    // A dangling link counts as existing: the rename would replace it.
-    if !overwrite && path.symlink_metadata().is_ok() {
-        return Err(ExtmemError::Exists { path: path.to_path_buf() });
-    }
-    Ok(())
+/// The last part of a target, which has one.
+fn name(target: &Path) -> &OsStr {
+    target.file_name().unwrap_or_default()
 }
 
 impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.file.write(bytes)
+        self.file.write(bytes).map_err(|source| self.placed(source))
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
+        self.file.flush().map_err(|source| self.placed(source))
     }
 }
 
 impl Seek for AtomicFile {
     fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
-        self.file.seek(position)
+        self.file.seek(position).map_err(|source| self.placed(source))
     }
 }
 
@@ -161,6 +155,9 @@ impl Drop for AtomicFile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nix::sys::stat::Mode;
+    use nix::unistd::mkfifo;
+    use std::os::unix::fs::symlink;
 
     fn names(dir: &Path) -> Vec<String> {
         let mut names: Vec<_> =
@@ -232,6 +229,75 @@ mod tests {
     }
 
     #[test]
+    fn the_longest_names_are_written_and_swept_each_for_itself() {
+        let dir = tempfile::tempdir().unwrap();
+        let targets = ["a", "b"].map(|last| dir.path().join("x".repeat(254) + last));
+        for target in &targets {
+            // As if killed.
+            std::mem::forget(AtomicFile::create(target, false).unwrap());
+        }
+        assert_eq!(names(dir.path()).len(), 2);
+        AtomicFile::sweep(&targets[0]);
+        let mut file = AtomicFile::create(&targets[0], false).unwrap();
+        file.write_all(b"new").unwrap();
+        file.publish().unwrap();
+        assert_eq!(fs::read(&targets[0]).unwrap(), b"new");
+        let id = std::process::id();
+        assert!(names(dir.path())[0].ends_with(&format!(".{id}.partial")), "the other's is left");
+        AtomicFile::sweep(&targets[1]);
+        assert_eq!(names(dir.path()), ["x".repeat(254) + "a"]);
+    }
+
+    #[test]
+    fn what_a_link_points_at_is_replaced_and_the_link_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let far = dir.path().join("far");
+        fs::create_dir(&far).unwrap();
+        fs::write(far.join("file"), b"old").unwrap();
+        let link = dir.path().join("link");
+        symlink("far/file", &link).unwrap();
+        let mut file = AtomicFile::create(&link, true).unwrap();
+        assert_eq!(
+            (names(dir.path()).len(), names(&far).len()),
+            (2, 2),
+            "the partial file lies beside the target"
+        );
+        file.write_all(b"new").unwrap();
+        file.publish().unwrap();
+        assert_eq!(fs::read_link(&link).unwrap(), Path::new("far/file"));
+        assert_eq!((fs::read(far.join("file")).unwrap(), names(&far).len()), (b"new".to_vec(), 1));
+    }
+
+    #[test]
+    fn what_appears_meanwhile_and_is_no_file_is_not_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("model.chpm");
+        let publish = || AtomicFile::create(&path, true).unwrap();
+        let file = publish();
+        mkfifo(&path, Mode::S_IRWXU).unwrap();
+        assert!(matches!(file.publish(), Err(ExtmemError::Irregular { is: "a FIFO", .. })));
+        fs::remove_file(&path).unwrap();
+        let file = publish();
+        fs::write(dir.path().join("other"), b"theirs").unwrap();
+        symlink("other", &path).unwrap();
+        assert!(matches!(file.publish(), Err(ExtmemError::Irregular { .. })));
+        assert_eq!(fs::read(&path).unwrap(), b"theirs");
+        assert_eq!(names(dir.path()), ["model.chpm", "other"]);
+    }
+
+    #[test]
+    fn errors_of_writing_name_the_target() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("model.chpm");
+        let mut file = AtomicFile::create(&target, false).unwrap();
+        // A place that no file has.
+        let error = file.seek(SeekFrom::Current(i64::MIN)).unwrap_err();
+        let told = file.error(error);
+        assert!(matches!(&told, ExtmemError::Io { path, .. } if *path == target), "{told}");
+        assert_eq!(told.to_string().matches("model.chpm").count(), 1, "{told}");
+    }
+
+    #[test]
     fn any_fault_is_an_error_and_leaves_whole_files() {
         for (at, was_renamed) in [(0, false), (1, false), (2, false), (3, false), (4, false), (5, true)] {
             let dir = tempfile::tempdir().unwrap();
@@ -253,7 +319,7 @@ mod tests {
     #[test]
     fn places_that_hold_no_file_are_refused() {
         let dir = tempfile::tempdir().unwrap();
-        assert!(matches!(AtomicFile::create(dir.path(), true), Err(ExtmemError::NotAFile { .. })));
+        assert!(matches!(AtomicFile::create(dir.path(), true), Err(ExtmemError::Irregular { .. })));
         assert!(matches!(AtomicFile::create(Path::new("/"), true), Err(ExtmemError::NotAFile { .. })));
         let error = AtomicFile::create(&dir.path().join("missing/model.chpm"), false).unwrap_err();
         assert!(matches!(error, ExtmemError::Io { action: "create", .. }));

@@ -27,7 +27,7 @@ impl WorkDir {
         let dir = tempfile::Builder::new()
             .prefix("chpm-")
             .tempdir_in(parent)
-            .map_err(|source| ExtmemError::io("create a work directory in", parent, 0, source))?;
+            .map_err(|source| ExtmemError::io("create a work directory in", parent, 0, plain(source)))?;
         Ok(WorkDir {
             path: dir.keep(),
             kept: AtomicBool::new(false),
@@ -46,7 +46,7 @@ impl WorkDir {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
             made => made,
         });
-        made.map_err(|source| ExtmemError::io("create the work directory", path, 0, source))?;
+        made.map_err(|source| ExtmemError::io("create a work directory in", place(path), 0, source))?;
         Ok(WorkDir {
             path: path.to_owned(),
             kept: AtomicBool::new(path.join(Self::MANIFEST).exists()),
@@ -78,6 +78,11 @@ impl WorkDir {
         &self.path
     }
 
+    /// The folder that the directory lies in, which is the one that people know.
+    pub fn place(&self) -> &Path {
+        place(&self.path)
+    }
+
     /// Leaves the directory and its files in place when this is dropped, or no longer does so.
     pub fn keep(&self, kept: bool) {
         self.kept.store(kept, Relaxed);
@@ -95,7 +100,7 @@ impl WorkDir {
     pub fn require(&self, bytes: u64) -> Result<(), ExtmemError> {
         match free_bytes(&self.path) {
             Some(free) if free < bytes => {
-                Err(ExtmemError::NoSpace { path: self.path.clone(), needed: bytes, free })
+                Err(ExtmemError::NoSpace { path: self.place().to_owned(), needed: bytes, free })
             }
             _ => Ok(()),
         }
@@ -104,34 +109,34 @@ impl WorkDir {
     /// Creates the file `name`, open for reading and writing; it must not exist yet.
     ///
     /// # Errors
-    /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the file.
+    /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the [`place`](Self::place).
     pub fn create_file(&self, name: &str) -> Result<File, ExtmemError> {
         let path = self.path.join(name);
         let open = || File::options().read(true).write(true).create_new(true).open(&path);
         let opened = self.faults.access().and_then(|()| open());
-        opened.map_err(|source| ExtmemError::io("create", &path, 0, source))
+        opened.map_err(|source| ExtmemError::io("create a work file in", self.place(), 0, source))
     }
 
     /// Opens the file `name`, for reading and writing.
     ///
     /// # Errors
-    /// [`ExtmemError::Damaged`] if it is not there, [`ExtmemError::Io`] naming it.
+    /// [`ExtmemError::Damaged`] if it is not there, [`ExtmemError::Io`] naming the [`place`](Self::place).
     pub fn open_file(&self, name: &str) -> Result<File, ExtmemError> {
         let path = self.path.join(name);
         let open = || File::options().read(true).write(true).open(&path);
         self.faults.access().and_then(|()| open()).map_err(|source| match source.kind() {
             io::ErrorKind::NotFound => ExtmemError::Damaged { path, reason: "is not there" },
-            _ => ExtmemError::io("open", &path, 0, source),
+            _ => ExtmemError::io("open a work file in", self.place(), 0, source),
         })
     }
 
     /// Creates a file without a name, open for reading and writing; its space is freed when it is closed.
     ///
     /// # Errors
-    /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the directory.
+    /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the [`place`](Self::place).
     pub fn unnamed_file(&self) -> Result<File, ExtmemError> {
-        let made = self.faults.access().and_then(|()| tempfile::tempfile_in(&self.path));
-        made.map_err(|source| ExtmemError::io("create a file in", &self.path, 0, source))
+        let made = self.faults.access().and_then(|()| tempfile::tempfile_in(&self.path).map_err(plain));
+        made.map_err(|source| ExtmemError::io("create a work file in", self.place(), 0, source))
     }
 
     /// Has the file `name` stay when it is closed, until a manifest is published that does not name it.
@@ -161,7 +166,7 @@ impl WorkDir {
 
     /// Removes all files but those of these names and, if it is to stay, the manifest.
     pub(crate) fn sweep(&self, names: &BTreeSet<String>, manifest: bool) -> Result<(), ExtmemError> {
-        let failed = |source| ExtmemError::io("look into", &self.path, 0, source);
+        let failed = |source| ExtmemError::io("clear a work directory in", self.place(), 0, source);
         let is_needed = |name: &str| names.contains(name) || (manifest && name == Self::MANIFEST);
         for entry in self.faults.access().and_then(|()| fs::read_dir(&self.path)).map_err(failed)? {
             let entry = entry.map_err(failed)?;
@@ -174,6 +179,19 @@ impl WorkDir {
 
     fn listed(&self) -> Option<MutexGuard<'_, BTreeSet<String>>> {
         self.listed.as_ref().map(|listed| listed.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// The folder of a work directory.
+fn place(path: &Path) -> &Path {
+    path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
+}
+
+/// The same error without the hidden name that `tempfile` tells with it.
+fn plain(error: io::Error) -> io::Error {
+    match error.to_string().split_once(" at path ") {
+        Some((why, _)) => io::Error::new(error.kind(), why),
+        None => error,
     }
 }
 
@@ -245,6 +263,9 @@ mod tests {
     fn a_missing_parent_is_named() {
         let parent = tempfile::tempdir().unwrap();
         let missing = parent.path().join("not-here");
-        assert!(WorkDir::create(&missing).unwrap_err().to_string().contains("not-here"));
+        let told = WorkDir::create(&missing).err().unwrap().to_string();
+        assert!(told.contains("not-here'") && !told.contains("chpm-"), "{told}");
+        let told = WorkDir::resumable(&missing.join(".x.work"), Faults::default()).err().unwrap().to_string();
+        assert!(told.contains("not-here'") && !told.contains(".work"), "{told}");
     }
 }

@@ -91,10 +91,27 @@ pub struct Outcome {
 /// # Errors
 /// [`ViewerError::Window`] where there is no window system; where nobody looks (`frames`), whatever a picture fails with.
 pub fn run(options: Options) -> Result<Outcome, ViewerError> {
-    let refused = |error: winit::error::EventLoopError| ViewerError::Window(error.to_string());
+    let refused = |error: winit::error::EventLoopError| ViewerError::Window(told(&error.to_string()));
     let events = EventLoop::<Event>::with_user_event().build().map_err(refused)?;
     events.set_control_flow(ControlFlow::Wait);
     let mut app = App::new(options, events.create_proxy());
     events.run_app(&mut app).map_err(refused)?;
     app.finish()
+}
+
+/// What winit says without the place in its own sources, which comes first: `os error at FILE:LINE: `.
+fn told(error: &str) -> String {
+    let why = error.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
+    why.map_or(error, |(_, why)| why).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_of_the_window_system_name_no_source_file() {
+        assert_eq!(told("os error at /a/b.rs:765: no DISPLAY: set it"), "no DISPLAY: set it");
+        assert_eq!(told("no window: too large"), "no window: too large");
+    }
 }

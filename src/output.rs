@@ -1,0 +1,193 @@
+//! Where a verb's result goes: into a file that appears complete or not at all, or to standard output.
+
+use anyhow::{Result, bail, ensure};
+use chpm_extmem::{AtomicFile, ExtmemError, same_file};
+use std::io::{self, BufWriter, StdoutLock, Write};
+use std::path::Path;
+
+/// Names that stand for standard output.
+const STDOUT: [&str; 4] = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
+
+/// What a verb, or one of its options, writes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Writes {
+    by: &'static str,
+    format: &'static str,
+    /// Whether it can be written front to back.
+    streams: bool,
+}
+
+const fn writes(by: &'static str, format: &'static str) -> Writes {
+    Writes { by, format, streams: true }
+}
+
+pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
+pub(crate) const EXTRACT: Writes = writes("extract", "PLY");
+pub(crate) const SYNTH: Writes = writes("synth", "PLY");
+pub(crate) const PATH: Writes = writes("path", "a camera path");
+pub(crate) const WALK_CSV: Writes = writes("walk --csv", "CSV");
+pub(crate) const BENCH_CSV: Writes = writes("bench --csv", "CSV");
+pub(crate) const BENCH_SVG: Writes = writes("bench --svg", "SVG");
+#[cfg(feature = "viewer")]
+pub(crate) const WALK_PLOT: Writes = writes("walk --plot", "SVG");
+#[cfg(feature = "viewer")]
+pub(crate) const RENDER: Writes = writes("render", "PNG");
+#[cfg(feature = "viewer")]
+pub(crate) const SCREENSHOT: Writes = Writes { streams: false, ..writes("view --screenshot", "PNG") };
+
+/// Extensions that promise a format. One that is not here promises nothing.
+const EXTENSIONS: [(&str, &str); 23] = [
+    ("chpm", "CHPM"),
+    ("ply", "PLY"),
+    ("stl", "STL"),
+    ("obj", "OBJ"),
+    ("off", "OFF"),
+    ("glb", "glTF"),
+    ("gltf", "glTF"),
+    ("3mf", "3MF"),
+    ("conf", "a list of range scans"),
+    ("path", "a camera path"),
+    ("csv", "CSV"),
+    ("json", "JSON"),
+    ("svg", "SVG"),
+    ("png", "PNG"),
+    ("jpg", "JPEG"),
+    ("jpeg", "JPEG"),
+    ("gif", "GIF"),
+    ("bmp", "BMP"),
+    ("webp", "WebP"),
+    ("tif", "TIFF"),
+    ("tiff", "TIFF"),
+    ("gz", "gzip"),
+    ("zst", "zstd"),
+];
+
+impl Writes {
+    /// Refuses a name that promises another format, and standard output where the file cannot be streamed.
+    pub(crate) fn check(self, path: &Path) -> Result<()> {
+        let Writes { by, format, streams } = self;
+        if is_stdout(path) {
+            ensure!(streams, "{by} cannot write to standard output ('{}'): name a file", path.display());
+            return Ok(());
+        }
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        let promised = EXTENSIONS.iter().find(|(known, _)| *known == extension).map(|(_, format)| *format);
+        if let Some(promised) = promised.filter(|promised| *promised != format) {
+            let own = EXTENSIONS.iter().find(|(_, known)| *known == format).map_or("", |(own, _)| *own);
+            bail!(
+                "{by} writes {format}, and '{}' is a name for {promised}: call it .{own}, or leave the extension out",
+                path.display()
+            );
+        }
+        Ok(())
+    }
+
+    /// Opens `path` to write it, before the work starts. It must be none of the `inputs`.
+    pub(crate) fn create(self, path: &Path, force: bool, inputs: &[&Path]) -> Result<Output> {
+        self.check(path)?;
+        if is_stdout(path) {
+            return Ok(Output::Stdout(BufWriter::new(io::stdout().lock())));
+        }
+        // An input that is gone is told by whoever reads it.
+        let is_input = inputs.iter().any(|input| same_file(input, path));
+        ensure!(!is_input, "the output '{}' is the input itself; choose another name", path.display());
+        Ok(Output::File(AtomicFile::create(path, force)?))
+    }
+}
+
+fn is_stdout(path: &Path) -> bool {
+    STDOUT.iter().any(|name| path.as_os_str() == *name)
+}
+
+/// A result that is being written.
+pub(crate) enum Output {
+    File(AtomicFile),
+    Stdout(BufWriter<StdoutLock<'static>>),
+}
+
+impl Output {
+    /// All is written: a file gets its name.
+    pub(crate) fn publish(self) -> Result<()> {
+        match self {
+            Output::File(file) => file.publish()?,
+            mut stdout @ Output::Stdout(_) => stdout.flush()?,
+        }
+        Ok(())
+    }
+
+    fn is_stream(&self) -> bool {
+        matches!(self, Output::Stdout(_))
+    }
+}
+
+/// Where a verb with these outputs says what it did: on standard output, or on standard error if a result goes there. With `quiet`
+/// it then says nothing; with `json` what it says is a result, too.
+pub(crate) fn messages<'a>(
+    outputs: impl IntoIterator<Item = &'a Output>,
+    json: bool,
+    quiet: bool,
+) -> Result<Box<dyn Write>> {
+    match outputs.into_iter().filter(|output| output.is_stream()).count() {
+        0 => Ok(Box::new(super::cmd::stdout())),
+        1 if !json && quiet => Ok(Box::new(io::sink())),
+        1 if !json => Ok(Box::new(io::stderr())),
+        _ => {
+            bail!("only one result can go to standard output; name files for the others, or leave out --json")
+        }
+    }
+}
+
+fn placed(source: io::Error) -> io::Error {
+    let kind = source.kind();
+    io::Error::new(kind, ExtmemError::io("write", Path::new("standard output"), 0, source))
+}
+
+impl Write for Output {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Output::File(file) => file.write(bytes),
+            Output::Stdout(stdout) => stdout.write(bytes).map_err(placed),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Output::File(file) => file.flush(),
+            Output::Stdout(stdout) => stdout.flush().map_err(placed),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_promises_at_most_what_is_written() {
+        for (writes, good, bad) in [
+            (BUILD, "a.chpm a.CHPM a a.v2 .ply a.chpm.old", "a.ply a.obj a.stl a.glb a.png a.PLY a.chpm.gz"),
+            (EXTRACT, "a.ply a a.ply.1 a.txt a.", "a.glb a.obj a.stl a.chpm a.png a.ply.gz a.ply.zst"),
+            (SYNTH, "a.ply a", "a.chpm a.stl"),
+            (PATH, "a.path a.txt", "a.csv a.chpm"),
+            (WALK_CSV, "a.csv a.tsv", "a.json a.ply"),
+            (BENCH_SVG, "a.svg a", "a.png"),
+        ] {
+            for name in good.split(' ') {
+                assert!(writes.check(Path::new(name)).is_ok(), "{writes:?} {name}");
+            }
+            for name in bad.split(' ') {
+                let error = writes.check(Path::new(name)).unwrap_err().to_string();
+                assert!(error.contains(writes.format) && error.contains(name), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn standard_output_has_four_names() {
+        for name in STDOUT {
+            assert!(EXTRACT.check(Path::new(name)).is_ok() && is_stdout(Path::new(name)));
+            assert!(BUILD.check(Path::new(name)).unwrap_err().to_string().contains("name a file"));
+        }
+        assert!(!["./-", "-.ply", "/dev/stderr", "/dev/null"].iter().any(|name| is_stdout(Path::new(name))));
+    }
+}
