@@ -24,6 +24,8 @@ mod integration {
     mod inputs;
     /// Known distances, and stored errors that hold or do not.
     mod measure;
+    /// Surfaces that touch, coincide or overlap: no report of what the source has itself.
+    mod odd_cuts;
     /// Pictures, and camera paths in pictures.
     #[cfg(feature = "viewer")]
     mod render;
