@@ -30,6 +30,8 @@ mod integration {
     mod measure;
     /// What is written, and where: devices, links, streams, names, limits.
     mod outputs;
+    /// Surfaces that touch, coincide or overlap: no report of what the source has itself.
+    mod odd_cuts;
     /// Pictures, and camera paths in pictures.
     #[cfg(feature = "viewer")]
     mod render;

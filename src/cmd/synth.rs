@@ -8,7 +8,6 @@ use crate::report::count;
 use crate::stop::{self, Stop};
 use anyhow::Result;
 use chpm_build::Cancel;
-use chpm_mesh::{Attributes, Counted};
 use chpm_mesh::ply::{Encoding, PlyWriter};
 use chpm_mesh::synth::hard::{CASES, Case};
 use chpm_mesh::synth::{ParseShapeError, Shape, Synth};

@@ -9,7 +9,7 @@ use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::Stop;
 use anyhow::Result;
-use chpm_extmem::{Access, MappedFile, Store};
+use chpm_extmem::{Access, ExtmemError, MappedFile, Store};
 use chpm_format::verify::Fault;
 use chpm_format::{Chpm, Report};
 use chpm_mesh::Counted;
@@ -26,8 +26,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MESH")]
     against: Option<PathBuf>,
     /// Draw N cuts and look for cracks, I7. Half of them are random legal cuts of every depth, half what random cameras
-    /// select. All triangles of every cut are looked at, cluster by cluster and on all processors; one cut of 64, and any in which
-    /// something is found, is extracted and looked at as one mesh too
+    /// select. All seams of every cut are looked at, cluster by cluster and on all processors: both sides must have the same
+    /// vertices and edges. What is open, or lies at the same place, in the source is no crack
     #[arg(long, value_name = "N", value_parser = number::count(1..=u32::MAX))]
     cuts: Option<u32>,
     /// Seed of the first cut; the others follow
@@ -103,12 +103,15 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     // Pages that cannot be read have been told; what their triangles were cannot be.
     let readable = checked.good_pages == file.clusters().len() as u64;
     let trimmed = file.is_trimmed();
+    // From here on there is a work directory to remove.
+    let begin = || {
+        let cancel = stop.heed();
+        let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
+        Ok::<_, ExtmemError>((cancel, Store::create(&scratch, args.storage.memory().0)?))
+    };
     let compared = match &args.against {
         Some(source) if readable && !trimmed => {
-            // From here on there is a work directory to remove.
-            let cancel = stop.heed();
-            let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
-            let store = Store::create(&scratch, args.storage.memory().0)?;
+            let (cancel, store) = begin()?;
             let compared = against::compare(file, source, &store, &meter, &cancel)?;
             faults.extend(compared.faults.iter().map(|fault| format!("I1 coverage: {fault}")));
             fault_count += compared.fault_count;
@@ -118,7 +121,9 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     };
     let cuts = match args.cuts {
         Some(count) if readable => {
-            let cuts = cuts::check(file, count, args.seed, &meter, &stop.heed())?;
+            let (cancel, store) = begin()?;
+            let memory = args.storage.memory().0;
+            let cuts = cuts::check(file, count, args.seed, &store, memory, &meter, &cancel)?;
             faults.extend_from_slice(&cuts.faults);
             fault_count += cuts.fault_count;
             Some(cuts)

@@ -1,206 +1,270 @@
-//! The edges of a cut that an odd number of faces have, without making one mesh of it: cluster by cluster, and then where they meet.
+//! Which edges of every cluster are on a seam: those that other clusters must have too, whatever the cut.
 //!
-//! Each triangle of each cluster at its position is looked at. An edge's number of faces is the sum over the clusters that have it, so
-//! what is even within a cluster can be left out, and the few edges that are odd somewhere are counted together. Clusters
-//! are joined by shared ids alone.
+//! Clusters meet at shared vertices, so only edges between these can be on a seam. Of those that an odd number of a cluster's triangles
+//! have, a seam edge is one for which the other leaves make the number even; where it is odd over all leaves the source is open, or three
+//! sheets meet, and one cluster has an edge of the *rim* there. A collapse takes edges to edges, so seam goes to seam and rim to
+//! rim, and what is odd in a base mesh and does not come from its seam is rim. A coarse cluster is the base meshes below it; so its
+//! seam is what is odd in its own triangles less the rim that comes from below.
 
+use super::ledger::{Ledger, Record};
+use super::local::{Local, UNSHARED, keep_odd};
+use crate::progress::Meter;
+use crate::stop;
+use anyhow::Result;
+use chpm_build::Cancel;
+use chpm_extmem::{Buckets, BufferWriter, Column, Store};
 use chpm_format::{Chpm, FormatError, Page};
-use chpm_refine::Cut;
+use chpm_mesh::{ClusterId, GroupId};
+use rayon::prelude::*;
+use std::ops::Range;
 
-/// Counts the edges of one cut after the other, in the same memory.
+/// Groups, or leaves, that are read at a time.
+const BATCH: usize = 64;
+/// Bytes of rim that a group gathers before they go to disk.
+const BLOCK: usize = 256;
+/// Share of the memory for the edges of all leaves.
+const LEAVES: u64 = 4;
+
+/// The seam edges of every cluster's finest mesh.
+pub(super) struct Seams {
+    edges: Column<[u16; 2]>,
+    /// By cluster.
+    ranges: Vec<Range<usize>>,
+    /// By shared id.
+    loose: Vec<bool>,
+}
+
+/// An edge by its shared ids, and a leaf in which it is odd.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct OfLeaf {
+    edge: [u32; 2],
+    leaf: u32,
+}
+
+impl Record for OfLeaf {
+    fn id(&self) -> u32 {
+        self.edge[0]
+    }
+
+    /// Leaves the last leaf of an odd number.
+    fn settle(records: &mut Vec<Self>) {
+        records.sort_unstable();
+        let odd = records.chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() % 2 == 1);
+        *records = odd.filter_map(|same| same.last().copied()).collect();
+    }
+}
+
+/// What a group adds: the seams of its coarse clusters, and the rims of their base meshes for the groups above.
 #[derive(Default)]
-pub(crate) struct Seams {
-    cluster: Local,
-    /// Edges that are odd in a cluster, by global numbers: shared ids first, then the inner vertices that were met.
-    edges: Vec<[u32; 2]>,
-    inner: Vec<[f32; 3]>,
-    /// By shared id; only those of the current cut are right.
-    shared: Vec<[f32; 3]>,
-    triangles: u64,
+struct OfGroup {
+    seams: Vec<(ClusterId, Vec<[u16; 2]>)>,
+    rims: Vec<(GroupId, Vec<[u32; 2]>)>,
+    /// Ends, two by two, of rim that no coarse cluster has any more, though clusters outside the group may have both.
+    lost: Vec<u32>,
+    /// Shared vertices that collapse, and those that they go to.
+    moved: Vec<(u32, u32)>,
 }
 
 impl Seams {
-    /// Goes to a legal cut of a file whose pages are sound.
-    pub(crate) fn enter<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, cut: &Cut) -> Result<(), FormatError> {
-        let shared_count = file.header().shared_vertex_count;
-        self.shared.resize(shared_count as usize, [0.0; 3]);
-        self.edges.clear();
-        self.inner.clear();
-        self.triangles = 0;
-        for member in cut.members() {
-            let page = Page::view(file.page_bytes(member.cluster))?;
-            self.triangles += self.cluster.enter(&page, member.vertices as usize);
-            self.number(&page, shared_count);
-        }
-        self.edges.sort_unstable();
-        Ok(())
-    }
-
-    /// Takes the odd edges of a cluster over into the numbers of the whole cut.
-    fn number(&mut self, page: &Page<'_>, shared_count: u32) {
-        let Local { odd, numbers, .. } = &mut self.cluster;
-        numbers.clear();
-        numbers.resize(page.vertex_count(), u32::MAX);
-        for (vertex, id) in page.shared() {
-            numbers[usize::from(vertex)] = id;
-            self.shared[id as usize] = page.positions[usize::from(vertex)];
-        }
-        for edge in odd {
-            let [a, b] = edge.map(|vertex| {
-                let number = &mut numbers[usize::from(vertex)];
-                if *number == u32::MAX {
-                    *number = shared_count + self.inner.len() as u32;
-                    self.inner.push(page.positions[usize::from(vertex)]);
+    /// Goes through the hierarchy of a file whose pages are sound, from the leaves up. `memory` is in bytes.
+    pub(super) fn of<D: AsRef<[u8]> + Sync>(
+        file: &Chpm<D>,
+        store: &Store,
+        memory: u64,
+        meter: &Meter,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        let groups = file.groups();
+        let mut rims = Buckets::new(store, "rims", groups.len(), BLOCK);
+        rims_of_leaves(file, memory / LEAVES, &mut rims, cancel)?;
+        let mut order: Vec<GroupId> = (0..groups.len() as u32).map(GroupId).collect();
+        order.sort_by_key(|group| groups[group.index()].level);
+        meter.start("seams", order.len() as u64);
+        let mut edges = BufferWriter::new(store, "seams", 0)?;
+        let mut ranges = vec![0..0; file.clusters().len()];
+        let ids = file.header().shared_vertex_count as usize;
+        let (mut loose, mut targets) = (vec![false; ids], vec![UNSHARED; ids]);
+        // By shared id: clusters that have it, of those that nothing coarser has replaced yet.
+        let mut listed = vec![0_u32; ids];
+        for level in order.chunk_by(|a, b| groups[a.index()].level == groups[b.index()].level) {
+            for batch in level.chunks(BATCH) {
+                let of_group = |local: &mut Local, group: &GroupId| -> Result<OfGroup> {
+                    stop::check(cancel)?;
+                    let mut below = Vec::new();
+                    rims.read(group.index(), &mut below)?;
+                    Ok(of_group(file, *group, below, &listed, local)?)
+                };
+                let found: Vec<OfGroup> =
+                    batch.par_iter().map_init(Local::default, of_group).collect::<Result<_>>()?;
+                for (cluster, seam) in found.iter().flat_map(|group| &group.seams) {
+                    ranges[cluster.index()] = edges.len()..edges.len() + seam.len();
+                    edges.extend_from_slice(seam)?;
                 }
-                *number
-            });
-            self.edges.push([a.min(b), a.max(b)]);
-        }
-    }
-
-    /// Triangles of the cut.
-    pub(crate) fn triangles(&self) -> u64 {
-        self.triangles
-    }
-
-    /// Ends of the edges of an odd number of faces.
-    pub(crate) fn odd_edges(&self) -> impl Iterator<Item = [[f32; 3]; 2]> {
-        let inner = |v: u32| self.inner[v as usize - self.shared.len()];
-        let position = move |v: u32| self.shared.get(v as usize).copied().unwrap_or_else(|| inner(v));
-        let odd = self.edges.chunk_by(|a, b| a == b).filter(|same| same.len() % 2 == 1);
-        odd.map(move |same| same[0].map(position))
-    }
-}
-
-/// One cluster at a position, played as the format tells it.
-#[derive(Default)]
-struct Local {
-    /// By vertex of the finest mesh: where it is.
-    resolved: Vec<u16>,
-    /// By vertex: where the edges start of which it is the smaller end; one more entry.
-    first: Vec<u32>,
-    /// The larger ends.
-    ends: Vec<u16>,
-    odd: Vec<[u16; 2]>,
-    numbers: Vec<u32>,
-}
-
-impl Local {
-    /// Finds the odd edges of the mesh of `n` vertices; answers its triangles.
-    fn enter(&mut self, page: &Page<'_>, n: usize) -> u64 {
-        let Local { resolved, first, ends, odd, .. } = self;
-        resolved.clear();
-        resolved.extend((0..n).map(|v| v as u16));
-        for target in &page.targets[n - page.base_vertex_count..] {
-            resolved.push(resolved[usize::from(*target)]);
-        }
-        let edges = |corners: &[u16; 3]| {
-            let [a, b, c] = corners.map(|v| resolved[usize::from(v)]);
-            let is_there = a != b && b != c && c != a;
-            is_there.then(|| [[a, b], [b, c], [c, a]].map(|[u, v]| [u.min(v), u.max(v)]))
-        };
-        first.clear();
-        first.resize(n + 1, 0);
-        let mut triangles = 0;
-        for all in page.triangles.iter().filter_map(edges) {
-            triangles += 1;
-            all.iter().for_each(|[low, _]| first[usize::from(*low)] += 1);
-        }
-        let mut sum = 0;
-        for count in first.iter_mut() {
-            sum += std::mem::replace(count, sum);
-        }
-        ends.clear();
-        ends.resize(sum as usize, 0);
-        for [low, high] in page.triangles.iter().filter_map(edges).flatten() {
-            let place = &mut first[usize::from(low)];
-            ends[*place as usize] = high;
-            *place += 1;
-        }
-        // Starts have become ends.
-        odd.clear();
-        let mut start = 0;
-        for (low, end) in first[..n].iter().enumerate() {
-            let own = &mut ends[start..*end as usize];
-            start = *end as usize;
-            own.sort_unstable();
-            let single = own.chunk_by(|a, b| a == b).filter(|same| same.len() % 2 == 1);
-            odd.extend(single.map(|same| [low as u16, same[0]]));
-        }
-        triangles
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::odd_edges;
-    use super::*;
-    use chpm_build::{BuildConfig, Cancel, Silent, build};
-    use chpm_mesh::TriMesh;
-    use chpm_mesh::ply::{self, Encoding};
-    use chpm_mesh::synth::{Shape, Synth, hand};
-    use chpm_refine::{Member, extract, random_cut};
-    use std::fs::{self, File};
-
-    fn built(mesh: &TriMesh) -> Chpm<Vec<u8>> {
-        let folder = tempfile::tempdir().unwrap();
-        let [source, output] = ["in.ply", "out.chpm"].map(|name| folder.path().join(name));
-        ply::write_mesh(File::create(&source).unwrap(), mesh, Encoding::BinaryLittleEndian).unwrap();
-        let mut config = BuildConfig::default();
-        config.settings.cluster_triangles = 64;
-        build(&source, &output, &config, &Silent, &Cancel::default()).unwrap();
-        Chpm::open(fs::read(&output).unwrap()).unwrap()
-    }
-
-    /// Each edge by the bits of its ends, the least first.
-    fn sorted(edges: impl Iterator<Item = [[f32; 3]; 2]>) -> Vec<[[u32; 3]; 2]> {
-        let bits = |[a, b]: [[u32; 3]; 2]| [a.min(b), a.max(b)];
-        let mut edges: Vec<_> = edges.map(|edge| bits(edge.map(|p| p.map(f32::to_bits)))).collect();
-        edges.sort_unstable();
-        edges
-    }
-
-    #[test]
-    fn odd_edges_are_those_of_the_extracted_mesh() {
-        let (mut seams, mut found) = (Seams::default(), 0);
-        let synth = |shape| Synth::new(shape, 3000, 5).to_mesh();
-        let [iso, terrain, plates] = [Shape::Isosurface, Shape::Terrain, Shape::Plates].map(synth);
-        for mesh in [iso, terrain, plates, hand::moebius(300), hand::edge_fan(301), hand::soup(90)] {
-            let file = built(&mesh);
-            for seed in 0..60 {
-                let legal = random_cut(&file, seed).unwrap();
-                // Half of them at positions that no rule gives: where groups come apart, seams open.
-                let shifted = legal.members().iter().map(|member| {
-                    let record = &file.clusters()[member.cluster.index()];
-                    let step = 3 * (seed as u32 % 2) * (member.cluster.0 % 3);
-                    let vertices = member.vertices.saturating_sub(step).max(record.base_vertex_count);
-                    Member { vertices, ..*member }
-                });
-                let cut = Cut::new(shifted.collect());
-                let whole = extract(&file, &cut).unwrap();
-                let at = |v: u32| whole.positions[v as usize];
-                let expected = sorted(odd_edges(&whole).map(|(edge, _)| edge.map(at)));
-                seams.enter(&file, &cut).unwrap();
-                assert_eq!(sorted(seams.odd_edges()), expected, "seed {seed}");
-                assert_eq!(seams.triangles(), whole.triangles.len() as u64);
-                found += expected.len();
+                for (above, rim) in found.iter().flat_map(|group| &group.rims) {
+                    rim.iter().try_for_each(|edge| rims.push(above.index(), *edge))?;
+                }
+                for group in found {
+                    group.lost.iter().for_each(|id| loose[*id as usize] = true);
+                    group.moved.iter().for_each(|(id, to)| targets[*id as usize] = *to);
+                }
+                meter.add(batch.len() as u64);
+            }
+            for group in level {
+                for fine in file.fine(*group) {
+                    shared_ids(file, *fine)?.iter().for_each(|id| listed[*id as usize] -= 1);
+                }
+                for coarse in file.coarse(*group) {
+                    shared_ids(file, *coarse)?.iter().for_each(|id| listed[*id as usize] += 1);
+                }
             }
         }
-        assert!(found > 1000, "{found}");
+        meter.finish();
+        for id in 0..ids {
+            // What was marked before was followed to its end.
+            let mut at = if loose[id] { targets[id] } else { UNSHARED };
+            while at != UNSHARED && !std::mem::replace(&mut loose[at as usize], true) {
+                at = targets[at as usize];
+            }
+        }
+        Ok(Seams { edges: edges.finish_column()?, ranges, loose })
     }
 
-    #[test]
-    fn a_seam_that_came_apart_is_odd() {
-        let file = built(&Synth::new(Shape::Torus, 3000, 5).to_mesh());
-        let group = file.groups().iter().find(|group| group.coarse_count > 1 && group.is_leaf()).unwrap();
-        let first = file.members()[group.coarse_first as usize];
-        let mut members = Cut::at_level(&file, chpm_mesh::Level(0)).members().to_vec();
-        let mut seams = Seams::default();
-        seams.enter(&file, &Cut::new(members.clone())).unwrap();
-        assert_eq!(seams.odd_edges().count(), 0, "a torus is closed");
-        let member = members.iter_mut().find(|member| member.cluster.0 == first).unwrap();
-        member.vertices = file.clusters()[first as usize].base_vertex_count;
-        seams.enter(&file, &Cut::new(members)).unwrap();
-        assert!(seams.odd_edges().count() > 2);
+    /// No seam edge in any of `clusters`.
+    #[cfg(test)]
+    pub(super) fn none(store: &Store, clusters: usize) -> Self {
+        let edges = BufferWriter::new(store, "seams", 0).and_then(BufferWriter::finish_column).unwrap();
+        Seams { edges, ranges: vec![0..0; clusters], loose: Vec::new() }
     }
+
+    /// Whether a vertex is where a strip between a seam and the rim has vanished from one cluster and all above it: the other side of
+    /// the seam is the rim then, wherever that cluster is drawn, and an edge between two such vertices may be without a partner.
+    pub(super) fn is_loose(&self, id: u32) -> bool {
+        self.loose.get(id as usize).copied().unwrap_or(false)
+    }
+
+    /// The seam edges of a cluster's finest mesh.
+    pub(super) fn of_cluster<'a>(
+        &'a self,
+        cluster: ClusterId,
+        scratch: &'a mut Vec<[u16; 2]>,
+    ) -> Result<&'a [[u16; 2]]> {
+        Ok(self.edges.read(self.ranges[cluster.index()].clone(), scratch)?)
+    }
+}
+
+/// Gives every edge that is odd over all leaves to the group of one leaf in which it is.
+fn rims_of_leaves<D: AsRef<[u8]> + Sync>(
+    file: &Chpm<D>,
+    memory: u64,
+    rims: &mut Buckets<[u32; 2]>,
+    cancel: &Cancel,
+) -> Result<()> {
+    let leaves: Vec<u32> =
+        (0..).zip(file.clusters()).filter(|(_, record)| record.is_leaf()).map(|(id, _)| id).collect();
+    let mut ledger = Ledger::new(memory);
+    loop {
+        for batch in leaves.chunks(BATCH) {
+            let odd = |local: &mut Local, leaf: &u32| -> Result<Vec<[u32; 2]>> {
+                stop::check(cancel)?;
+                let page = Page::view(file.page_bytes(ClusterId(*leaf)))?;
+                local.enter(&page, page.vertex_count());
+                let odd = local.odd_edges(&page).to_vec();
+                Ok(odd.into_iter().map(|edge| local.by_id(edge)).collect())
+            };
+            let found: Vec<_> = batch.par_iter().map_init(Local::default, odd).collect::<Result<_>>()?;
+            for (leaf, edges) in batch.iter().zip(found) {
+                edges.into_iter().for_each(|edge| ledger.add(OfLeaf { edge, leaf: *leaf }));
+            }
+        }
+        for OfLeaf { edge, leaf } in ledger.settled() {
+            rims.push(file.clusters()[*leaf as usize].group().index(), *edge)?;
+        }
+        if !ledger.next_pass() {
+            return Ok(());
+        }
+    }
+}
+
+/// `below` is the rim of what the group's coarse clusters are made of.
+fn of_group<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    group: GroupId,
+    mut below: Vec<[u32; 2]>,
+    listed: &[u32],
+    local: &mut Local,
+) -> Result<OfGroup, FormatError> {
+    keep_odd(&mut below);
+    let mut found = OfGroup::default();
+    for cluster in file.coarse(group).iter().copied().map(ClusterId) {
+        let page = Page::view(file.page_bytes(cluster))?;
+        local.enter(&page, page.vertex_count());
+        let mut seam = local.odd_edges(&page).to_vec();
+        if !below.is_empty() {
+            seam.retain(|edge| match below.binary_search(&local.by_id(*edge)) {
+                Ok(at) => {
+                    below.remove(at);
+                    false
+                }
+                Err(_) => true,
+            });
+        }
+        found.seams.push((cluster, seam));
+    }
+    for (cluster, seam) in &mut found.seams {
+        let page = Page::view(file.page_bytes(*cluster))?;
+        // Rim and seam of one cluster may be at one edge, and then it is even there.
+        if !below.is_empty() {
+            let mut vertices: Vec<(u32, u16)> = page.shared().map(|(vertex, id)| (id, vertex)).collect();
+            vertices.sort_unstable();
+            let vertex = |id: u32| vertices.binary_search_by_key(&id, |v| v.0).ok().map(|at| vertices[at].1);
+            below.retain(|[a, b]| match (vertex(*a), vertex(*b)) {
+                (Some(a), Some(b)) => {
+                    seam.push([a.min(b), a.max(b)]);
+                    false
+                }
+                _ => true,
+            });
+            keep_odd(seam);
+        }
+        local.enter(&page, page.base_vertex_count);
+        let gone = page.shared().filter(|(vertex, _)| usize::from(*vertex) >= page.base_vertex_count);
+        found.moved.extend(gone.map(|(vertex, id)| (id, local.id(local.at(vertex)))));
+        let above = file.clusters()[cluster.index()].parent_group();
+        if above.is_some() {
+            let rim = rim_of_base(&page, seam, local);
+            if !rim.is_empty() {
+                found.rims.push((above, rim));
+            }
+        }
+    }
+    // Where a vertex was between these clusters only, it has become an inner one.
+    found.lost = below.into_flattened();
+    let mut ends = found.lost.clone();
+    ends.sort_unstable();
+    ends.dedup();
+    let mut outside: Vec<u32> = ends.iter().map(|id| listed[*id as usize]).collect();
+    if !ends.is_empty() {
+        for fine in file.fine(group) {
+            for at in shared_ids(file, *fine)?.iter().filter_map(|id| ends.binary_search(id).ok()) {
+                outside[at] -= 1;
+            }
+        }
+    }
+    let is_outside = |id: &u32| ends.binary_search(id).is_ok_and(|at| outside[at] > 0);
+    let edges = found.lost.chunks(2).filter(|edge| edge.iter().all(is_outside));
+    found.lost = edges.flatten().copied().collect();
+    Ok(found)
+}
+
+fn shared_ids<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: u32) -> Result<&[u32], FormatError> {
+    Ok(Page::view(file.page_bytes(ClusterId(cluster)))?.shared_ids)
+}
+
+/// What is odd in the base mesh, which was entered, and does not come from the seam; by shared ids.
+fn rim_of_base(page: &Page<'_>, seam: &[[u16; 2]], local: &mut Local) -> Vec<[u32; 2]> {
+    let mut rim = local.odd_edges(page).to_vec();
+    let moved = seam.iter().map(|edge| edge.map(|v| local.at(v))).filter(|[a, b]| a != b);
+    rim.extend(moved.map(|[a, b]| [a.min(b), a.max(b)]));
+    keep_odd(&mut rim);
+    rim.iter().map(|edge| local.by_id(*edge)).filter(|edge| edge[1] != UNSHARED).collect()
 }

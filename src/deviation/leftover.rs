@@ -7,8 +7,8 @@
 //! again, and the error that its cluster had when it came about holds for it in every coarser mesh.
 
 use chpm_format::{Chpm, Page};
-use chpm_measure::Bvh;
-use chpm_mesh::{ClusterId, ProgressiveMesh};
+use chpm_measure::box_tree::BoxTree;
+use chpm_mesh::{Aabb, ClusterId, ProgressiveMesh};
 use chpm_refine::Member;
 use nalgebra::Point3;
 
@@ -62,19 +62,20 @@ fn left_at(mesh: &ProgressiveMesh<'_>, n: usize) -> Vec<[u16; 2]> {
 
 /// The leftovers of a cut, to be searched.
 pub(super) struct Leftovers {
-    errors: Vec<f32>,
-    corners: Vec<[[f32; 3]; 3]>,
-    bvh: Bvh,
-    largest: f64,
+    /// In the order of the tree's leaves.
+    all: Vec<Leftover>,
+    tree: BoxTree,
+    slack: f64,
 }
 
 impl Leftovers {
     /// Gathers what the members have left at their positions, and every cluster below them at its base mesh; `base` has the
-    /// latter by cluster.
+    /// latter by cluster. Each reaches as far as its own error and `slack`.
     pub(super) fn of_cut<D: AsRef<[u8]>>(
         file: &Chpm<D>,
         members: &[Member],
         base: &[Vec<Leftover>],
+        slack: f64,
     ) -> Result<Self, chpm_format::FormatError> {
         let mut all = Vec::new();
         for member in members {
@@ -82,32 +83,36 @@ impl Leftovers {
         }
         let below = below(file, members);
         all.extend(below.iter().zip(base).filter(|(below, _)| **below).flat_map(|(_, left)| left));
-        Ok(Self::new(&all))
+        Ok(Self::new(all, slack))
     }
 
-    fn new(all: &[Leftover]) -> Self {
-        let corners: Vec<[[f32; 3]; 3]> = all.iter().map(|l| [l.ends[0], l.ends[1], l.ends[1]]).collect();
-        let triangles: Vec<[u32; 3]> = (0..all.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        let errors: Vec<f32> = all.iter().map(|l| l.error).collect();
-        let largest = f64::from(errors.iter().copied().fold(0.0, f32::max));
-        Leftovers { errors, bvh: Bvh::new(corners.as_flattened(), &triangles), corners, largest }
+    fn new(mut all: Vec<Leftover>, slack: f64) -> Self {
+        // What is left at one place counts once, with the largest error.
+        let key = |left: &Leftover| left.ends.map(|end| end.map(f32::to_bits));
+        all.sort_unstable_by(|a, b| key(a).cmp(&key(b)).then(b.error.total_cmp(&a.error)));
+        all.dedup_by(|later, first| key(later) == key(first));
+        let boxes: Vec<Aabb> = all.iter().map(|left| Aabb::of_points(&left.ends)).collect();
+        let tree = BoxTree::reaching(&boxes, |i| f64::from(all[i].error) + slack);
+        let all = tree.order().iter().map(|&i| all[i as usize]).collect();
+        Leftovers { all, tree, slack }
     }
 
     /// Points and lines.
     pub(super) fn count(&self) -> usize {
-        self.errors.len()
+        self.all.len()
     }
 
-    /// Distance to the nearest leftover that reaches `point`: is no farther than its own error and `slack`.
-    pub(super) fn reach(&self, point: Point3<f64>, slack: f64) -> Option<f64> {
-        let mut nearest = None::<f64>;
-        self.bvh.for_each_near(point, self.largest + slack, &mut |id| {
-            let d = chpm_measure::bvh::squared_distance(point, self.corners[id as usize]).sqrt();
-            if d <= f64::from(self.errors[id as usize]) + slack && nearest.is_none_or(|n| d < n) {
-                nearest = Some(d);
+    /// Distance to the nearest leftover that reaches `point`: is no farther than its own error and the slack.
+    pub(super) fn reach(&self, point: Point3<f64>) -> Option<f64> {
+        let mut nearest = f64::INFINITY;
+        self.tree.search(point, &mut nearest, |place, nearest| {
+            let Leftover { ends: [a, b], error } = self.all[place];
+            let squared = chpm_measure::bvh::squared_distance(point, [a, b, b]);
+            if squared < *nearest && squared.sqrt() <= f64::from(error) + self.slack {
+                *nearest = squared;
             }
         });
-        nearest
+        nearest.is_finite().then(|| nearest.sqrt())
     }
 }
 
@@ -166,8 +171,9 @@ mod tests {
     fn a_leftover_reaches_as_far_as_its_error() {
         let line = Leftover { ends: [[0.0; 3], [4.0, 0.0, 0.0]], error: 1.0 };
         let point = Leftover { ends: [[0.0, 5.0, 0.0]; 2], error: 3.0 };
-        let left = Leftovers::new(&[line, point]);
-        assert_eq!(left.count(), 2);
+        let nearer = Leftover { error: 0.1, ..line };
+        let of = |slack| Leftovers::new(vec![nearer, line, point], slack);
+        assert_eq!(of(0.0).count(), 2, "what lies at one place is one");
         for (at, expected) in [
             ([2.0, 1.0, 0.0], Some(1.0)),
             ([2.0, 1.5, 0.0], None),
@@ -175,9 +181,9 @@ mod tests {
             ([0.0, 0.5, 0.0], Some(0.5)),
             ([5.5, 0.0, 0.0], None),
         ] {
-            assert_eq!(left.reach(at.into(), 0.0), expected, "{at:?}");
+            assert_eq!(of(0.0).reach(at.into()), expected, "{at:?}");
         }
-        assert_eq!(left.reach([5.5, 0.0, 0.0].into(), 0.5), Some(1.5));
-        assert_eq!(Leftovers::new(&[]).reach([0.0; 3].into(), 1.0), None);
+        assert_eq!(of(0.5).reach([5.5, 0.0, 0.0].into()), Some(1.5));
+        assert_eq!(Leftovers::new(Vec::new(), 1.0).reach([0.0; 3].into()), None);
     }
 }

@@ -18,6 +18,7 @@ use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
+use chpm_measure::box_tree::BoxTree;
 use chpm_measure::hausdorff::chunks;
 use chpm_measure::sample::{Density, Sampler};
 use chpm_measure::{Hit, Tally, Tiles};
@@ -158,7 +159,7 @@ impl<'a> Judge<'a> {
         cancel: &Cancel,
     ) -> Result<(Vec<MemberDeviation>, usize)> {
         let (file, members) = (self.file, cut.members());
-        let leftovers = Leftovers::of_cut(file, members, &self.base)?;
+        let leftovers = Leftovers::of_cut(file, members, &self.base, self.slack)?;
         let mut found = Vec::with_capacity(members.len());
         for member in members {
             let stored = file.page(member.cluster)?.error_at(member.vertices as usize);
@@ -173,10 +174,10 @@ impl<'a> Judge<'a> {
             });
         }
         let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
-        let drawn = Tiles::new(boxes, self.budget, |tile| mesh_of(file, members[tile]));
+        let drawn = Tiles::new(boxes.clone(), self.budget, |tile| mesh_of(file, members[tile]));
         meter.start(label, (self.leaves.len() + members.len()) as u64);
-        let largest = found.iter().map(|m| f64::from(m.stored)).fold(0.0, f64::max) + self.slack;
-        let view = View { judge: self, drawn: &drawn, found: &found, leftovers: &leftovers, largest };
+        let near = BoxTree::reaching(&boxes, |index| f64::from(found[index].stored) + self.slack);
+        let view = View { judge: self, drawn: &drawn, near, found: &found, leftovers: &leftovers, cancel };
 
         let of_source = |leaf: usize| -> Result<Vec<(usize, Part)>> {
             stop::check(cancel)?;
@@ -184,8 +185,9 @@ impl<'a> Judge<'a> {
             let budget = self.samples * mesh.triangles.len();
             let sampler = Sampler::new(&mesh, Density { per_triangle: self.samples, budget, seed: 0 });
             let parts: Vec<_> = chunks(&sampler).map(|range| view.of_source(&sampler, range)).collect();
+            stop::check(cancel)?;
             meter.add(1);
-            Ok(parts.into_iter().flatten().collect())
+            Ok(together(parts))
         };
         let from_leaves: Vec<_> =
             (0..self.leaves.len()).into_par_iter().map(of_source).collect::<Result<Vec<_>>>()?;
@@ -205,6 +207,7 @@ impl<'a> Judge<'a> {
                 chunks(&sampler).map(|range| view.of_mesh(index, &sampler, range)).collect();
             let mut all = Part::default();
             parts.iter().for_each(|part| all.merge(part));
+            stop::check(cancel)?;
             meter.add(1);
             Ok((mesh.triangles.len() as u64, all))
         };
@@ -247,10 +250,24 @@ impl Part {
 struct View<'a> {
     judge: &'a Judge<'a>,
     drawn: &'a Tiles<'a>,
+    /// The members by how far each may answer for.
+    near: BoxTree,
     found: &'a [MemberDeviation],
     leftovers: &'a Leftovers,
-    /// The largest distance that any member may answer for.
-    largest: f64,
+    /// Looked at before every sample: thousands may be on one triangle. Whoever asked for them tells.
+    cancel: &'a Cancel,
+}
+
+/// What the tasks of a leaf found, brought together by member.
+fn together(parts: Vec<Vec<(usize, Part)>>) -> Vec<(usize, Part)> {
+    let mut all: Vec<(usize, Part)> = Vec::new();
+    for (index, part) in parts.into_iter().flatten() {
+        match all.iter_mut().find(|(i, _)| *i == index) {
+            Some((_, known)) => known.merge(&part),
+            None => all.push((index, part)),
+        }
+    }
+    all
 }
 
 impl View<'_> {
@@ -259,6 +276,9 @@ impl View<'_> {
         let mut parts: Vec<(usize, Part)> = Vec::new();
         let mut hint = None::<Hit>;
         sampler.samples_of(range, |point, area| {
+            if self.cancel.is_cancelled() {
+                return;
+            }
             let hit = self.drawn.nearest(point, hint);
             hint = hit.or(hint);
             let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
@@ -297,18 +317,19 @@ impl View<'_> {
         if distance <= self.bound(nearest) {
             return Answer::Member(nearest, distance);
         }
-        let mut best = None::<(f64, usize)>;
-        if distance <= self.largest {
-            self.drawn.for_each_near(point, self.largest, &mut |index| {
-                let d = self.drawn.distance(index, point);
-                if d <= self.bound(index) && best.is_none_or(|best| (d, index) < best) {
-                    best = Some((d, index));
-                }
-            });
-        }
-        match best {
-            Some((d, index)) => Answer::Member(index, d),
-            None => self.leftovers.reach(point, self.judge.slack).map_or(Answer::None, Answer::Leftover),
+        let (mut best, mut found) = (f64::INFINITY, None);
+        self.near.search(point, &mut best, |place, best| {
+            let index = self.near.order()[place] as usize;
+            let bound = self.bound(index);
+            let mut own = best.min((bound * bound).next_up());
+            if self.drawn.improve(index, point, &mut own) && own.sqrt() <= bound {
+                *best = own;
+                found = Some(index);
+            }
+        });
+        match found {
+            Some(index) => Answer::Member(index, best.sqrt()),
+            None => self.leftovers.reach(point).map_or(Answer::None, Answer::Leftover),
         }
     }
 
@@ -316,6 +337,9 @@ impl View<'_> {
         let mut part = Part::default();
         let mut hint = None::<Hit>;
         sampler.samples_of(range, |point, area| {
+            if self.cancel.is_cancelled() {
+                return;
+            }
             hint = self.judge.source.nearest(point, hint);
             let distance = hint.map_or(f64::INFINITY, |hit| hit.distance);
             part.of_mesh.add(point, distance, area);

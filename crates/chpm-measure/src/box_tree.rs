@@ -15,6 +15,8 @@ pub struct BoxTree {
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Aabb,
+    /// No item below is asked for from farther away.
+    reach: f32,
     first: u32,
     count: u32,
 }
@@ -24,21 +26,37 @@ const LEAF: usize = 4;
 impl BoxTree {
     /// Builds over items `0..boxes.len()`; medians along the longest axis of the boxes' middles, ties by index.
     pub fn new(boxes: &[Aabb]) -> Self {
+        BoxTree::reaching(boxes, |_| f64::INFINITY)
+    }
+
+    /// As [`BoxTree::new`], of items that each matter up to a distance of their own: a search does not come to those that are
+    /// farther away than that, but for neighbours in the tree.
+    pub fn reaching(boxes: &[Aabb], reach: impl Fn(usize) -> f64) -> Self {
         let middles: Vec<[f64; 3]> = boxes.iter().map(|b| b.center().coords.into()).collect();
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
         let mut tree = BoxTree::default();
         if !order.is_empty() {
-            tree.build(boxes, &middles, &mut order, 0);
+            tree.build(boxes, &middles, &reach, &mut order, 0);
         }
         tree.order = order;
         tree
     }
 
-    fn build(&mut self, boxes: &[Aabb], middles: &[[f64; 3]], items: &mut [u32], first: usize) {
+    fn build(
+        &mut self,
+        boxes: &[Aabb],
+        middles: &[[f64; 3]],
+        reaches: &impl Fn(usize) -> f64,
+        items: &mut [u32],
+        first: usize,
+    ) {
         let mut bounds = Aabb::EMPTY;
         items.iter().for_each(|&i| bounds.merge(&boxes[i as usize]));
+        let farthest = items.iter().map(|&i| reaches(i as usize)).fold(0.0, f64::max);
+        // One step up, or more where it was rounded down, so that a box at exactly the distance is not missed.
+        let reach = (farthest as f32).next_up().next_up();
         let node = self.nodes.len();
-        self.nodes.push(Node { bounds, first: first as u32, count: items.len() as u32 });
+        self.nodes.push(Node { bounds, reach, first: first as u32, count: items.len() as u32 });
         if items.len() <= LEAF {
             return;
         }
@@ -56,10 +74,10 @@ impl BoxTree {
             x.total_cmp(&y).then(a.cmp(&b))
         });
         let (low, high) = items.split_at_mut(half);
-        self.build(boxes, middles, low, first);
+        self.build(boxes, middles, reaches, low, first);
         let right = self.nodes.len() as u32;
-        self.build(boxes, middles, high, first + half);
-        self.nodes[node] = Node { bounds, first: right, count: 0 };
+        self.build(boxes, middles, reaches, high, first + half);
+        self.nodes[node] = Node { bounds, reach, first: right, count: 0 };
     }
 
     /// Items in the order of the leaves: a place is an index into it.
@@ -81,10 +99,11 @@ impl BoxTree {
         while len > 0 {
             len -= 1;
             let (bound, index) = stack[len];
-            if bound >= *best {
+            let node = self.nodes[index];
+            let reach = f64::from(node.reach);
+            if bound >= *best || bound > reach * reach {
                 continue;
             }
-            let node = self.nodes[index];
             if node.count > 0 {
                 (node.first..node.first + node.count).for_each(|place| visit(place as usize, best));
                 continue;
@@ -98,11 +117,10 @@ impl BoxTree {
         }
     }
 
-    /// Calls `visit` with the place of every item whose box may come within `radius` of `point`.
-    pub fn for_each_near(&self, point: Point3<f64>, radius: f64, visit: &mut dyn FnMut(usize)) {
-        // One step up, so that a box at exactly the radius is not missed.
-        let mut bound = (radius * radius).next_up();
-        self.search(point, &mut bound, |place, _| visit(place));
+    /// Calls `visit` with the place of every item that may reach `point`.
+    pub fn for_each_reaching(&self, point: Point3<f64>, mut visit: impl FnMut(usize)) {
+        let mut everything = f64::INFINITY;
+        self.search(point, &mut everything, |place, _| visit(place));
     }
 }
 
@@ -134,12 +152,16 @@ mod tests {
     fn near_items_are_visited_and_far_ones_are_not() {
         let boxes: Vec<Aabb> =
             (0..100).map(|i| Aabb { min: [i as f32, 0.0, 0.0], max: [i as f32 + 0.5, 1.0, 1.0] }).collect();
-        let tree = BoxTree::new(&boxes);
+        let tree = BoxTree::reaching(&boxes, |i| if i == 7 { 33.0 } else { 0.25 });
         let mut near = Vec::new();
-        tree.for_each_near([40.75, 0.5, 0.5].into(), 0.25, &mut |place| near.push(tree.order()[place]));
-        assert!(near.contains(&40) && near.contains(&41), "{near:?}");
-        // Whole leaves are handed over, and those beside them are not.
+        tree.for_each_reaching([40.75, 0.5, 0.5].into(), |place| near.push(tree.order()[place]));
+        assert!(near.contains(&40) && near.contains(&41) && !near.contains(&7), "{near:?}");
+        // Whole leaves are handed over, and those beside them are not; one that reaches far brings nobody from elsewhere.
         assert!(near.len() <= 2 * LEAF, "{near:?}");
+        let mut far = Vec::new();
+        tree.for_each_reaching([40.4, 0.5, 0.5].into(), |place| far.push(tree.order()[place]));
+        assert!(far.contains(&7) && far.contains(&40) && far.len() <= 2 * LEAF, "{far:?}");
+        let tree = BoxTree::new(&boxes);
         let mut visits = 0;
         let mut best = f64::INFINITY;
         tree.search([7.2, 0.5, 0.5].into(), &mut best, |place, best| {

@@ -22,15 +22,15 @@ pub struct Nearest {
 }
 
 impl Bvh {
-    /// Builds over `triangles`.
+    /// Builds over `triangles`; those with the same three corners are one.
     ///
     /// # Panics
     /// If a triangle names a vertex that is not there.
     pub fn new(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
-        let corners = |t: [u32; 3]| t.map(|v| positions[v as usize]);
-        let boxes: Vec<Aabb> = triangles.iter().map(|t| Aabb::of_points(&corners(*t))).collect();
+        let different = different(triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect());
+        let boxes: Vec<Aabb> = different.iter().map(|corners| Aabb::of_points(corners)).collect();
         let tree = BoxTree::new(&boxes);
-        let corners = tree.order().iter().map(|&i| corners(triangles[i as usize])).collect();
+        let corners = tree.order().iter().map(|&i| different[i as usize]).collect();
         Bvh { tree, corners }
     }
 
@@ -54,10 +54,12 @@ impl Bvh {
     /// Lowers `best`, a squared distance, to that of the nearest triangle, and answers its place; none if no triangle is nearer.
     pub(crate) fn improve(&self, point: Point3<f64>, hint: Option<usize>, best: &mut f64) -> Option<usize> {
         let mut found = None;
+        // What is on the surface up to rounding is on it: nothing nearer is looked for among triangles that all come there.
+        let rounding = ROUNDING * point.coords.amax();
         let mut visit = |place: usize, best: &mut f64| {
             let d = squared_distance(point, self.corners[place]);
             if d < *best {
-                *best = d;
+                *best = if d <= rounding * rounding { 0.0 } else { d };
                 found = Some(place);
             }
         };
@@ -67,11 +69,43 @@ impl Bvh {
         self.tree.search(point, best, visit);
         found
     }
+}
 
-    /// Calls `visit` with the index of every triangle whose box may come within `radius` of `point`.
-    pub fn for_each_near(&self, point: Point3<f64>, radius: f64, visit: &mut dyn FnMut(u32)) {
-        self.tree.for_each_near(point, radius, &mut |place| visit(self.tree.order()[place]));
+/// Distances below this share of a point's largest coordinate are taken for none; 32 times what f64 rounds it by.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+
+/// Each triangle once, whatever the order of its corners.
+fn different(mut triangles: Vec<[[f32; 3]; 3]>) -> Vec<[[f32; 3]; 3]> {
+    let key = |corners: &[[f32; 3]; 3]| {
+        let mut bits = corners.map(|corner| corner.map(f32::to_bits));
+        bits.sort_unstable();
+        bits
+    };
+    // Equal triangles have equal sums, which are quicker to sort than triangles; those of few others are equal.
+    let sum = |corners: &[[f32; 3]; 3]| {
+        let mixed = corners.map(|corner| {
+            let word = |hash: u64, x: f32| {
+                (hash ^ u64::from(x.to_bits())).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
+            };
+            corner.into_iter().fold(0, word)
+        });
+        mixed.into_iter().fold(0, u64::wrapping_add)
+    };
+    let mut order: Vec<(u64, u32)> = triangles.iter().map(sum).zip(0..).collect();
+    order.sort_unstable();
+    let mut twin = Vec::new();
+    for same in order.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1) {
+        let mut keys: Vec<_> = same.iter().map(|(_, i)| (key(&triangles[*i as usize]), *i)).collect();
+        keys.sort_unstable();
+        twin.extend(keys.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| pair[1].1));
     }
+    if !twin.is_empty() {
+        let mut is_twin = vec![false; triangles.len()];
+        twin.iter().for_each(|i| is_twin[*i as usize] = true);
+        let mut is_twin = is_twin.into_iter();
+        triangles.retain(|_| !is_twin.next().unwrap_or(false));
+    }
+    triangles
 }
 
 /// Squared distance from a point to a triangle, which may have no area.
@@ -149,7 +183,38 @@ mod tests {
     fn equal_triangles_do_not_upset_the_build() {
         let mesh = hand::grid(1, 1);
         let many = vec![mesh.triangles[0]; 1000];
-        assert_eq!(Bvh::new(&mesh.positions, &many).distance([0.5, 0.25, 3.0].into()), 3.0);
+        let bvh = Bvh::new(&mesh.positions, &many);
+        assert_eq!(bvh.distance([0.5, 0.25, 3.0].into()), 3.0);
+        assert_eq!(bvh.corners.len(), 1);
+    }
+
+    #[test]
+    fn equal_triangles_are_one_whatever_their_corners_order() {
+        let [a, b, c] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let all =
+            vec![[a, b, c], [b, a, c], [c, a, b], [a, b, b], [b, b, a], [a, a, b], [a, c, [-0.0, 1.0, 1.0]]];
+        assert_eq!(different(all), [[a, b, c], [a, b, b], [a, a, b], [a, c, [-0.0, 1.0, 1.0]]]);
+    }
+
+    #[test]
+    fn a_point_on_many_triangles_asks_few() {
+        // All have the origin's neighbourhood in common, and no two are equal.
+        let turned = |i: u32| {
+            let angle = f64::from(i) * 1e-3;
+            let far = |angle: f64| [(100.0 * angle.cos()) as f32, (100.0 * angle.sin()) as f32, 0.3];
+            [far(angle), far(angle + 2.0), far(angle + 4.0)]
+        };
+        let corners: Vec<[[f32; 3]; 3]> = (0..2000).map(turned).collect();
+        let triangles: Vec<[u32; 3]> = (0..2000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let bvh = Bvh::new(corners.as_flattened(), &triangles);
+        for point in [[1.0, 2.0, f64::from(0.3_f32)], [-3.0, 0.7, f64::from(0.3_f32)]] {
+            let (mut visits, mut best) = (0, f64::INFINITY);
+            bvh.tree.search(point.into(), &mut best, |place, best| {
+                visits += 1;
+                bvh.improve(point.into(), Some(place), best);
+            });
+            assert!(best == 0.0 && visits <= 8, "{visits} visits, {best}");
+        }
     }
 
     proptest! {
@@ -168,12 +233,6 @@ mod tests {
             let hint = bvh.nearest(other.into(), None);
             let hinted = bvh.nearest(point.into(), Some(hint));
             prop_assert!((hinted.distance - least).abs() <= 1e-12);
-            let mut near = Vec::new();
-            bvh.for_each_near(point.into(), least + 0.1, &mut |id| near.push(id));
-            for (id, triangle) in mesh.triangles.iter().enumerate() {
-                let close = squared_distance(point.into(), mesh.corners(*triangle)).sqrt() < least + 0.1;
-                prop_assert!(!close || near.contains(&(id as u32)));
-            }
         }
     }
 }

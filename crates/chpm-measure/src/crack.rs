@@ -1,7 +1,7 @@
 //! Cracks and topology, from sorted half edges; nothing here trusts an adjacency that a simplifier made.
 
-use crate::bvh::Bvh;
-use chpm_mesh::{TriMesh, geom};
+use crate::box_tree::BoxTree;
+use chpm_mesh::{Aabb, TriMesh, geom};
 
 /// How the edges of a mesh are used.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -176,17 +176,17 @@ pub fn cracks(lod: &TriMesh, source: &TriMesh) -> Vec<Crack> {
 fn t_junctions(mesh: &TriMesh, edges: &[[u32; 2]]) -> Vec<Crack> {
     let position = |v: u32| geom::to_f64(mesh.positions[v as usize]);
     let length = |[a, b]: [u32; 2]| (position(b) - position(a)).norm();
-    let needles: Vec<[u32; 3]> = edges.iter().map(|&[a, b]| [a, b, b]).collect();
-    let bvh = Bvh::new(&mesh.positions, &needles);
-    let reach = T_JUNCTION_TOLERANCE * edges.iter().map(|e| length(*e)).fold(0.0, f64::max);
+    let ends = |[a, b]: &[u32; 2]| [*a, *b].map(|v| mesh.positions[v as usize]);
+    let boxes: Vec<Aabb> = edges.iter().map(|edge| Aabb::of_points(&ends(edge))).collect();
+    let tree = BoxTree::reaching(&boxes, |edge| T_JUNCTION_TOLERANCE * length(edges[edge]));
     let mut vertices = edges.concat();
     vertices.sort_unstable();
     vertices.dedup();
     let mut found = Vec::new();
     for vertex in vertices {
         let point = position(vertex);
-        bvh.for_each_near(point, reach, &mut |id| {
-            let edge @ [a, b] = edges[id as usize];
+        tree.for_each_reaching(point, |place| {
+            let edge @ [a, b] = edges[tree.order()[place] as usize];
             let (along, to) = (position(b) - position(a), point - position(a));
             let length = length(edge);
             let t = along.dot(&to) / (length * length);

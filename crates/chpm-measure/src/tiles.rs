@@ -117,19 +117,10 @@ impl<'a> Tiles<'a> {
         hit.map(|(tile, place)| Hit { tile, distance: best.sqrt(), place })
     }
 
-    /// Distance from `point` to one tile; infinite where it is empty.
-    pub fn distance(&self, tile: usize, point: Point3<f64>) -> f64 {
-        self.bvh(tile).distance(point)
-    }
-
-    /// Calls `visit` with every tile whose box comes within `radius` of `point`.
-    pub fn for_each_near(&self, point: Point3<f64>, radius: f64, visit: &mut dyn FnMut(usize)) {
-        self.tree.for_each_near(point, radius, &mut |place| {
-            let tile = self.tree.order()[place] as usize;
-            if squared_distance_to_box(point, &self.boxes[tile]) <= radius * radius {
-                visit(tile);
-            }
-        });
+    /// Lowers `best`, a squared distance, to that of the nearest triangle of one tile; whether it has one that is nearer.
+    pub fn improve(&self, tile: usize, point: Point3<f64>, best: &mut f64) -> bool {
+        squared_distance_to_box(point, &self.boxes[tile]) < *best
+            && self.bvh(tile).improve(point, None, best).is_some()
     }
 }
 
@@ -165,10 +156,10 @@ mod tests {
                 hint = tiles.nearest(point, hint);
                 let hit = hint.unwrap();
                 assert!((hit.distance - whole.distance(point)).abs() < 1e-14);
-                assert!((tiles.distance(hit.tile, point) - hit.distance).abs() < 1e-14);
-                let mut is_near = false;
-                tiles.for_each_near(point, hit.distance + 1e-12, &mut |tile| is_near |= tile == hit.tile);
-                assert!(is_near);
+                let mut best = f64::INFINITY;
+                assert!(tiles.improve(hit.tile, point, &mut best));
+                assert!((best.sqrt() - hit.distance).abs() < 1e-14);
+                assert!(!tiles.improve(hit.tile, point, &mut best), "nothing is nearer than the nearest");
             }
             let loads = loads.load(Ordering::Relaxed);
             assert!(budget < u64::MAX || loads <= parts.len(), "{loads}");
@@ -176,6 +167,7 @@ mod tests {
         }
         let none = Tiles::new(vec![Aabb::EMPTY], 0, |_| TriMesh::default());
         assert_eq!(none.nearest(Point3::origin(), None), None);
-        assert_eq!(none.distance(0, Point3::origin()), f64::INFINITY);
+        let mut everything = f64::INFINITY;
+        assert!(!none.improve(0, Point3::origin(), &mut everything));
     }
 }

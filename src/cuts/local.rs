@@ -1,0 +1,102 @@
+//! One cluster's mesh at a position: where its vertices are, and which edges are on a seam.
+
+use chpm_format::Page;
+
+/// What a vertex that no other cluster has is called instead of a shared id.
+pub(super) const UNSHARED: u32 = u32::MAX;
+
+/// Plays one page after the other in the same memory.
+#[derive(Default)]
+pub(super) struct Local {
+    /// By vertex of the finest mesh: where it is.
+    resolved: Vec<u16>,
+    /// By vertex: its shared id.
+    ids: Vec<u32>,
+    odd: Vec<[u16; 2]>,
+}
+
+impl Local {
+    /// Goes to the mesh of `n` vertices of a page that was checked before.
+    pub(super) fn enter(&mut self, page: &Page<'_>, n: usize) {
+        self.ids.clear();
+        self.ids.resize(page.vertex_count(), UNSHARED);
+        for (vertex, id) in page.shared() {
+            self.ids[usize::from(vertex)] = id;
+        }
+        self.resolved.clear();
+        self.resolved.extend((0..n).map(|v| v as u16));
+        for target in &page.targets[n - page.base_vertex_count..] {
+            self.resolved.push(self.resolved[usize::from(*target)]);
+        }
+    }
+
+    /// Where a vertex of the finest mesh is.
+    pub(super) fn at(&self, vertex: u16) -> u16 {
+        self.resolved[usize::from(vertex)]
+    }
+
+    /// The shared id of a vertex.
+    pub(super) fn id(&self, vertex: u16) -> u32 {
+        self.ids[usize::from(vertex)]
+    }
+
+    /// An edge by shared ids, the lesser first.
+    pub(super) fn by_id(&self, [a, b]: [u16; 2]) -> [u32; 2] {
+        let (a, b) = (self.id(a), self.id(b));
+        [a.min(b), a.max(b)]
+    }
+
+    fn triangles<'a>(&'a self, page: &'a Page<'_>) -> impl Iterator<Item = [u16; 3]> + 'a {
+        let corners = |corners: &[u16; 3]| corners.map(|v| self.at(v));
+        page.triangles.iter().map(corners).filter(|[a, b, c]| (a != b) & (b != c) & (c != a))
+    }
+
+    /// Triangles of the mesh.
+    pub(super) fn triangle_count(&self, page: &Page<'_>) -> u64 {
+        self.triangles(page).count() as u64
+    }
+
+    /// The edges between shared vertices that an odd number of the mesh's triangles have, each by ascending vertices.
+    pub(super) fn odd_edges(&mut self, page: &Page<'_>) -> &[[u16; 2]] {
+        let mut odd = std::mem::take(&mut self.odd);
+        odd.clear();
+        let is_shared = |v: u16| self.id(v) != UNSHARED;
+        for [a, b, c] in self.triangles(page) {
+            let between =
+                [[a, b], [b, c], [c, a]].into_iter().filter(|edge| edge.iter().all(|v| is_shared(*v)));
+            odd.extend(between.map(|[u, v]| [u.min(v), u.max(v)]));
+        }
+        keep_odd(&mut odd);
+        self.odd = odd;
+        &self.odd
+    }
+}
+
+/// Sorts, and leaves one of each that there is an odd number of.
+pub(super) fn keep_odd<T: Ord + Copy>(items: &mut Vec<T>) {
+    items.sort_unstable();
+    let (mut kept, mut start) = (0, 0);
+    while start < items.len() {
+        let item = items[start];
+        let same = items[start..].iter().take_while(|other| **other == item).count();
+        items[kept] = item;
+        kept += same % 2;
+        start += same;
+    }
+    items.truncate(kept);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn odd_ones_are_left_once() {
+        let mut items = vec![3, 1, 2, 3, 3, 1, 5, 5];
+        keep_odd(&mut items);
+        assert_eq!(items, [2, 3]);
+        items.clear();
+        keep_odd(&mut items);
+        assert!(items.is_empty());
+    }
+}

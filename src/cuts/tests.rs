@@ -1,0 +1,275 @@
+use super::seams::Seams;
+use super::walk::{Found, Walker};
+use super::*;
+use chpm_build::{BuildConfig, Silent, build};
+use chpm_format::{ChpmWriter, HeaderFields, Page, PageParts, Tables, checksum};
+use chpm_mesh::ply::{self, Encoding};
+use chpm_mesh::synth::hard::CASES;
+use chpm_mesh::synth::{Shape, Synth, hand};
+use chpm_mesh::{ClusterId, GroupId, Level, TriMesh};
+use chpm_refine::{Member, extract};
+use std::fs::{self, File};
+
+type Model = Chpm<Vec<u8>>;
+
+fn built(mesh: &TriMesh) -> Model {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, output] = ["in.ply", "out.chpm"].map(|name| folder.path().join(name));
+    ply::write_mesh(File::create(&source).unwrap(), mesh, Encoding::BinaryLittleEndian).unwrap();
+    let mut config = BuildConfig::default();
+    config.settings.cluster_triangles = 64;
+    build(&source, &output, &config, &Silent, &Cancel::default()).unwrap();
+    Chpm::open(fs::read(&output).unwrap()).unwrap()
+}
+
+fn synth(shape: Shape) -> TriMesh {
+    Synth::new(shape, 3000, 5).to_mesh()
+}
+
+/// Looks at cuts of a file in `memory` bytes.
+fn look<'a>(file: &Model, memory: u64, cuts: impl IntoIterator<Item = &'a Cut>) -> Vec<Found> {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::create(folder.path(), memory).unwrap();
+    let seams = Seams::of(file, &store, memory, &Meter::new(true), &Cancel::default()).unwrap();
+    let mut walker = Walker::new(memory);
+    cuts.into_iter().map(|cut| walker.look(file, &seams, cut).unwrap()).collect()
+}
+
+fn places(file: &Model, cut: &Cut) -> u64 {
+    look(file, 1 << 24, [cut])[0].places
+}
+
+/// Edges of an odd number of triangles.
+fn odd_edges(mesh: &TriMesh) -> usize {
+    let sides = |[a, b, c]: &[u32; 3]| [[*a, *b], [*b, *c], [*c, *a]].map(|[u, v]| [u.min(v), u.max(v)]);
+    let mut edges: Vec<[u32; 2]> = mesh.triangles.iter().flat_map(sides).collect();
+    local::keep_odd(&mut edges);
+    edges.len()
+}
+
+/// The cut with every member of a group but its first at the base mesh, the first at the finest.
+fn torn(file: &Model, level: Level) -> (Cut, Cut, Member) {
+    let is_torn = |group: &&chpm_format::GroupRecord| group.coarse_count > 1 && group.level == level.0;
+    let group = file.groups().iter().find(is_torn).expect("a group of several clusters");
+    let members = file.coarse(file.clusters()[file.members()[group.coarse_first as usize] as usize].group());
+    let at = |cut: &Cut, base: &[u32]| {
+        let placed = cut.members().iter().map(|member| {
+            let record = &file.clusters()[member.cluster.index()];
+            let vertices =
+                if base.contains(&member.cluster.0) { record.base_vertex_count } else { member.vertices };
+            Member { vertices, ..*member }
+        });
+        Cut::new(placed.collect())
+    };
+    let whole = Cut::at_level(file, level);
+    let record = &file.clusters()[members[0] as usize];
+    let first = Member { cluster: ClusterId(members[0]), vertices: record.base_vertex_count };
+    (at(&whole, members), at(&whole, &members[1..]), first)
+}
+
+#[test]
+fn a_closed_surface_is_open_where_this_says_so() {
+    for shape in [Shape::Torus, Shape::Isosurface] {
+        let file = built(&synth(shape));
+        let mut found = [0; 2];
+        let legal: Vec<Cut> = (0..40).map(|seed| random_cut(&file, seed).unwrap()).collect();
+        // And positions that no rule gives: where groups come apart, seams open.
+        let shifted = legal.iter().map(|cut| {
+            let moved = cut.members().iter().map(|member| {
+                let record = &file.clusters()[member.cluster.index()];
+                let step = 3 * (member.cluster.0 % 3);
+                let vertices = member.vertices.saturating_sub(step).max(record.base_vertex_count);
+                Member { vertices, ..*member }
+            });
+            Cut::new(moved.collect())
+        });
+        let all: Vec<Cut> = legal.iter().cloned().chain(shifted).collect();
+        for (i, (cut, looked)) in all.iter().zip(look(&file, 1 << 24, &all)).enumerate() {
+            let mesh = extract(&file, cut).unwrap();
+            assert_eq!(looked.triangles, mesh.triangles.len() as u64);
+            let odd = odd_edges(&mesh);
+            assert!(
+                odd == 0 || looked.places > 0,
+                "{shape:?}: cut {i} has {odd} open edges that were not found"
+            );
+            assert_eq!(looked.places > 0, looked.first.is_some());
+            found[usize::from(i >= legal.len())] += looked.places;
+        }
+        assert!(found[0] == 0 && found[1] > 0, "{shape:?}: {found:?}");
+    }
+}
+
+#[test]
+fn no_legal_cut_of_any_surface_has_a_crack() {
+    let named = [Shape::Terrain, Shape::Plates, Shape::Sphere].map(synth);
+    let by_hand = [
+        hand::moebius(300),
+        hand::klein_bottle(25),
+        hand::edge_fan(301),
+        hand::soup(90),
+        hand::two_cubes_sharing_an_edge(),
+        hand::mixed_winding(),
+        hand::duplicate_faces(),
+    ];
+    let hard = CASES.iter().map(|case| case.mesh(1500));
+    for (i, mesh) in named.into_iter().chain(by_hand).chain(hard).enumerate() {
+        let file = built(&mesh);
+        let cuts: Vec<Cut> = (0..24).map(|seed| draw(&file, &Hierarchy::new(&file), seed).unwrap()).collect();
+        for (seed, found) in look(&file, 0, &cuts).iter().enumerate() {
+            assert_eq!(found.first, None, "mesh {i}, cut of seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn a_member_at_another_position_and_a_missing_one_are_found() {
+    for mesh in [synth(Shape::Torus), synth(Shape::Terrain), synth(Shape::Plates), hand::moebius(600)] {
+        let file = built(&mesh);
+        let (legal, one_fine, _) = torn(&file, Level(0));
+        for memory in [0, 1 << 24] {
+            let [whole, torn] = [&legal, &one_fine].map(|cut| look(&file, memory, [cut])[0].places);
+            assert_eq!(whole, 0);
+            assert!(torn > 0);
+        }
+        for cut in [legal, random_cut(&file, 8).unwrap()] {
+            for missing in 0..cut.members().len().min(5) {
+                let mut members = cut.members().to_vec();
+                let shared = file.clusters()[members.remove(missing).cluster.index()].shared_count;
+                assert!(shared < 3 || members.is_empty() || places(&file, &Cut::new(members)) > 0);
+            }
+        }
+    }
+}
+
+/// A page in pieces that can be changed.
+struct Parts {
+    positions: Vec<[f32; 3]>,
+    targets: Vec<u16>,
+    shared: Vec<(u16, u32)>,
+    base: usize,
+}
+
+/// The file with the page of one cluster changed, and everything else as it must be for that.
+fn changed(file: &Model, cluster: ClusterId, change: impl FnOnce(&mut Parts)) -> Model {
+    let header = file.header();
+    let mut tables = Tables {
+        header: HeaderFields {
+            attributes: header.attributes(),
+            source_vertex_count: header.source_vertex_count,
+            boundary_mode: header.boundary_mode().unwrap(),
+            error_kind: header.error_kind().unwrap(),
+            shared_vertex_count: header.shared_vertex_count,
+            origin: header.origin,
+        },
+        clusters: file.clusters().to_vec(),
+        groups: file.groups().to_vec(),
+        members: file.members().to_vec(),
+        levels: file.levels().to_vec(),
+        metadata: file.metadata().unwrap(),
+    };
+    let page: Page<'_> = file.page(cluster).unwrap();
+    let mut parts = Parts {
+        positions: page.positions.to_vec(),
+        targets: page.targets.to_vec(),
+        shared: page.shared().collect(),
+        base: page.base_vertex_count,
+    };
+    change(&mut parts);
+    let errors: Vec<f32> = (parts.base..page.vertex_count()).map(|n| page.error_at(n)).collect();
+    let mut payload = Vec::new();
+    PageParts {
+        positions: &parts.positions,
+        normals: page.normals,
+        colors: page.colors,
+        triangles: page.triangles,
+        targets: &parts.targets,
+        errors: &errors,
+        shared: &parts.shared,
+        min_error: page.min_error,
+        scale_error: page.error_scale,
+    }
+    .encode(&mut payload)
+    .unwrap();
+    let record = &mut tables.clusters[cluster.index()];
+    record.page_checksum = checksum(&payload);
+    record.shared_count = parts.shared.len() as u32;
+    record.page_len = payload.len() as u32;
+    let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).unwrap();
+    for id in (0..file.clusters().len() as u32).map(ClusterId) {
+        writer.page(if id == cluster { &payload } else { file.page_bytes(id) }).unwrap();
+    }
+    Chpm::open(writer.finish().unwrap()).unwrap()
+}
+
+/// A shared vertex of a page that collapses, and a vertex that is not shared and comes before it.
+fn on_seam(file: &Model, cluster: ClusterId) -> (u16, u16) {
+    let page = file.page(cluster).unwrap();
+    let shared = page.shared().map(|(vertex, _)| vertex).find(|v| usize::from(*v) >= page.base_vertex_count);
+    let inner = (0..page.base_vertex_count as u16).find(|v| !page.is_shared(*v));
+    (shared.expect("a collapse on the seam"), inner.expect("an inner vertex"))
+}
+
+#[test]
+fn a_seam_vertex_that_goes_elsewhere_in_one_member_is_found() {
+    for shape in [Shape::Torus, Shape::Terrain] {
+        let file = built(&synth(shape));
+        let (legal, _, first) = torn(&file, Level(0));
+        assert_eq!(places(&file, &legal), 0);
+        let (vertex, inner) = on_seam(&file, first.cluster);
+        let bad =
+            changed(&file, first.cluster, |parts| parts.targets[usize::from(vertex) - parts.base] = inner);
+        let found = &look(&bad, 1 << 24, [&legal])[0];
+        assert!(found.places > 0, "{shape:?}");
+        assert!(found.first.as_ref().unwrap().contains("has no partner in the cluster beside it"));
+        // In the finest meshes nothing has gone anywhere yet.
+        assert_eq!(places(&bad, &Cut::at_level(&bad, Level(0))), 0);
+    }
+}
+
+#[test]
+fn a_shared_vertex_that_is_one_ulp_away_in_one_member_is_found() {
+    for shape in [Shape::Torus, Shape::Terrain] {
+        let file = built(&synth(shape));
+        let leaf = ClusterId(file.clusters().iter().position(|record| record.is_leaf()).unwrap() as u32);
+        let bad = changed(&file, leaf, |parts| {
+            let x = &mut parts.positions[usize::from(parts.shared[0].0)][0];
+            // Towards zero, so that the box still holds it.
+            *x = if *x > 0.0 { x.next_down() } else { x.next_up() };
+        });
+        let finest = Cut::at_level(&bad, Level(0));
+        assert_eq!(places(&file, &finest), 0);
+        assert!(places(&bad, &finest) > 0, "{shape:?}");
+    }
+}
+
+#[test]
+fn a_coarse_cluster_that_lost_a_shared_vertex_is_found_beside_others() {
+    let file = built(&synth(Shape::Torus));
+    let group = file.groups().iter().position(|group| group.level == 1).unwrap();
+    let coarse = ClusterId(file.coarse(GroupId(group as u32))[0]);
+    let bad = changed(&file, coarse, |parts| parts.shared.truncate(parts.shared.len() / 2));
+    let level = Cut::at_level(&file, Level(1));
+    assert_eq!(places(&file, &level), 0);
+    assert!(places(&bad, &level) > 0);
+    // Where it is not drawn nothing is missing.
+    assert_eq!(places(&bad, &Cut::at_level(&bad, Level(0))), 0);
+}
+
+#[test]
+fn a_vertex_that_is_in_two_places_is_found_where_no_edge_is_odd() {
+    let file = built(&synth(Shape::Torus));
+    let finest = Cut::at_level(&file, Level(0));
+    let leaf = finest.members()[0].cluster;
+    let bad = changed(&file, leaf, |parts| {
+        let z = &mut parts.positions[usize::from(parts.shared[0].0)][2];
+        *z = if *z > 0.0 { z.next_down() } else { z.next_up() };
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::create(folder.path(), 1 << 20).unwrap();
+    let seams = Seams::none(&store, file.clusters().len());
+    let [good, found] = [&file, &bad].map(|file| Walker::new(0).look(file, &seams, &finest).unwrap());
+    assert_eq!((good.places, good.first), (0, None));
+    assert_eq!(found.places, 1);
+    let first = found.first.unwrap();
+    assert!(first.starts_with("shared vertex ") && first.contains(" in cluster "), "{first}");
+}
