@@ -110,7 +110,7 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
             let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
             let store = Store::create(&scratch, args.storage.memory().0)?;
             let compared = against::compare(file, source, &store, &meter, &cancel)?;
-            faults.extend(compared.faults.iter().map(|fault| format!("I1 coverage: {fault}")));
+            faults.extend_from_slice(&compared.faults);
             fault_count += compared.fault_count;
             Some(compared)
         }
