@@ -30,6 +30,8 @@ mod integration {
     mod json;
     /// Known distances, and stored errors that hold or do not.
     mod measure;
+    /// Verbs that read stay below the memory that they are given.
+    mod memory;
     /// Pictures, and camera paths in pictures.
     #[cfg(feature = "viewer")]
     mod render;

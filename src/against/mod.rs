@@ -32,10 +32,13 @@ use std::path::Path;
 use stream::Stream;
 use xxhash_rust::xxh3::xxh3_128;
 
+/// Bytes that the comparison takes besides the source's positions: sums, suspects, what streams hold.
+pub(crate) const OWN: u64 = 8 << 20;
+
 const BUCKETS: usize = 1 << 16;
 /// Buckets that the second pass looks into at most, and triangles that it holds, roughly.
 const EXAMINED: u64 = 64;
-const SUSPECTS: u64 = 1 << 17;
+const SUSPECTS: u64 = 1 << 15;
 /// Triangles after which progress is told.
 const TOLD: u64 = 1 << 14;
 /// Triangles that are named.
@@ -287,6 +290,7 @@ fn each_triangle(
 ) -> Result<()> {
     let opened = Stream::open(path, target.store.budget.limit())?;
     let stream = opened.stream;
+    let _window = target.store.budget.charge("the window of a zstd stream", opened.window)?;
     let format = Format::detect(&opened.head, opened.len, stream::extension(path).as_deref());
     let mut sink = |corners| look(motion, corners);
     match (format, motion) {

@@ -32,6 +32,8 @@ pub(super) struct Opened {
     pub(super) head: Vec<u8>,
     /// Its length, if the file is not packed.
     pub(super) len: Option<u64>,
+    /// Bytes that unpacking may have in memory.
+    pub(super) window: u64,
 }
 
 impl Stream {
@@ -43,12 +45,15 @@ impl Stream {
         let magic = first(&mut file, 4).with_context(told)?;
         let is_packed = magic.starts_with(&[0x1f, 0x8b]) || magic == [0x28, 0xb5, 0x2f, 0xfd];
         let packed = BufReader::with_capacity(1 << 16, Cursor::new(magic.clone()).chain(file));
+        let mut window = 0;
         let mut plain: Box<dyn Read> = match magic[..] {
             _ if !is_packed => Box::new(packed),
             [0x1f, ..] => Box::new(flate2::bufread::MultiGzDecoder::new(packed)),
             _ => {
                 let mut decoder = zstd::stream::read::Decoder::with_buffer(packed).with_context(told)?;
-                decoder.window_log_max((memory / 4).max(LEAST_WINDOW).ilog2().min(31)).with_context(told)?;
+                let log = (memory / 4).max(LEAST_WINDOW).ilog2().min(31);
+                decoder.window_log_max(log).with_context(told)?;
+                window = 1 << log;
                 Box::new(decoder)
             }
         };
@@ -62,7 +67,7 @@ impl Stream {
             after_return: false,
             word: Vec::new(),
         };
-        Ok(Opened { stream, head, len: len.filter(|_| !is_packed) })
+        Ok(Opened { stream, head, len: len.filter(|_| !is_packed), window })
     }
 
     /// An error here.

@@ -1,6 +1,7 @@
 //! `chpm path`: makes a camera path for a file.
 
 use super::{Verdict, open, reading, stdout};
+use crate::memory::{self, MemoryArgs};
 use crate::number;
 use crate::stop::Stop;
 use crate::view;
@@ -33,6 +34,8 @@ pub(crate) struct Args {
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 #[derive(Clone, Copy, ValueEnum, Debug)]
@@ -48,6 +51,7 @@ enum Way {
 /// Makes and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
+    memory::divide(&file, args.memory.memory(), 0)?;
     reading(&file, || make(&file, args, stop))
 }
 

@@ -4,6 +4,7 @@ use super::{Verdict, reading, stdout};
 use crate::against::{self, Comparison};
 use crate::args::StorageArgs;
 use crate::cuts::{self, Cuts};
+use crate::memory;
 use crate::number;
 use crate::progress::Meter;
 use crate::report::count;
@@ -72,7 +73,7 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
     let map = MappedFile::open(&args.file)?;
     map.advise(Access::Sequential);
     let file = match Chpm::open(map) {
-        Ok(file) => file,
+        Ok(file) => file.watched(MappedFile::note_read),
         // A file that does not even open is what a verification is there to find, not a failure to verify.
         Err(error) => {
             let faults = vec![format!("I10 bytes: {error}")];
@@ -91,9 +92,12 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
 
 fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     let meter = Meter::new(args.quiet);
-    meter.start("verify", file.clusters().len() as u64);
-    let mut before = 0;
-    let checked = chpm_format::verify(file, |done, _| {
+    let memory = memory::divide(file, args.storage.memory(), 0)?;
+    let (mut before, mut is_told) = (0, false);
+    let checked = chpm_format::verify_within(file, memory, |done, all| {
+        if !std::mem::replace(&mut is_told, true) {
+            meter.start("verify", all);
+        }
         meter.add(done - before);
         before = done;
     });
@@ -108,7 +112,7 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
             // From here on there is a work directory to remove.
             let cancel = stop.heed();
             let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
-            let store = Store::create(&scratch, args.storage.memory().0)?;
+            let store = Store::create(&scratch, memory.saturating_sub(against::OWN))?;
             let compared = against::compare(file, source, &store, &meter, &cancel)?;
             faults.extend_from_slice(&compared.faults);
             fault_count += compared.fault_count;

@@ -15,8 +15,8 @@ use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::SystemTime;
 
 /// How a mapped range is going to be read; a hint to the operating system.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
