@@ -18,7 +18,7 @@ const WINDOW: usize = 1 << 16;
 /// Calls after which a wish to stop is looked for.
 const HEED: u64 = 1 << 14;
 /// A triangle of a range grid whose longest edge is more than so many times its shortest is none: it hangs across a step in depth.
-const STEP: f32 = 6.0;
+const STEP: f64 = 6.0;
 
 /// How sources are read.
 pub(super) struct Target<'a> {
@@ -34,13 +34,15 @@ pub(super) struct Mesh<'a> {
     cancel: &'a Cancel,
     pub(super) drops: bool,
     pub(super) counts: &'a mut Counts,
-    sink: &'a mut dyn FnMut(Corners),
+    sink: &'a mut dyn FnMut(Corners, bool),
     calls: u64,
     points: Points,
     /// Faces that came before the vertices: the number of corners, then these.
     early: Option<BufferWriter<u32>>,
     /// Whether triangles are those of a range grid.
     pub(super) is_grid: bool,
+    /// Whether coordinates are text that the header declares to be of single precision: with a triangle the sink is told.
+    pub(super) is_told_single: bool,
 }
 
 /// Vertices, in the precision that the source has.
@@ -51,7 +53,11 @@ enum Points {
 }
 
 impl<'a> Mesh<'a> {
-    pub(super) fn new(target: &Target<'a>, counts: &'a mut Counts, sink: &'a mut dyn FnMut(Corners)) -> Self {
+    pub(super) fn new(
+        target: &Target<'a>,
+        counts: &'a mut Counts,
+        sink: &'a mut dyn FnMut(Corners, bool),
+    ) -> Self {
         let &Target { store, drops, cancel } = target;
         Mesh {
             store,
@@ -63,6 +69,7 @@ impl<'a> Mesh<'a> {
             points: Points::None,
             early: None,
             is_grid: false,
+            is_told_single: false,
         }
     }
 
@@ -165,7 +172,7 @@ impl<'a> Mesh<'a> {
         if self.is_grid && is_step(places.map(|p| p.map(|x| x as f32))) {
             return Ok(());
         }
-        (self.sink)(places);
+        (self.sink)(places, self.is_told_single);
         Ok(())
     }
 
@@ -177,14 +184,14 @@ impl<'a> Mesh<'a> {
             self.counts.degenerate_faces += 1;
             return Ok(());
         }
-        (self.sink)(corners);
+        (self.sink)(corners, false);
         Ok(())
     }
 }
 
 fn is_step([a, b, c]: [[f32; 3]; 3]) -> bool {
     let square = |a: [f32; 3], b: [f32; 3]| {
-        let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+        let [x, y, z] = std::array::from_fn(|axis| f64::from(a[axis]) - f64::from(b[axis]));
         x * x + y * y + z * z
     };
     let (ab, bc, ca) = (square(a, b), square(b, c), square(c, a));

@@ -259,13 +259,15 @@ fn each_source_triangle<D: AsRef<[u8]>>(
     let drops = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
     let origin = file.header().origin;
     let (mut triangles, mut rounding) = (0, 0.0f64);
-    let mut read = |motion: Option<&Motion>, corners: mesh::Corners| {
+    let mut read = |motion: Option<&Motion>, corners: mesh::Corners, is_told_single: bool| {
         let exact = corners.map(|corner| {
             let placed = motion.map_or(corner, |motion| motion.of(corner));
             std::array::from_fn::<f64, 3, _>(|axis| placed[axis] - origin[axis])
         });
         let stored = exact.map(|corner| corner.map(|x| x as f32));
-        for (exact, stored) in exact.as_flattened().iter().zip(stored.as_flattened()) {
+        // Text of declared singles that has no more digits than these is what they are: the file was left without an origin.
+        let is_exact = is_told_single && motion.is_none() && origin == [0.0; 3];
+        for (exact, stored) in exact.as_flattened().iter().zip(stored.as_flattened()).filter(|_| !is_exact) {
             rounding = rounding.max((f64::from(*stored) - exact).abs());
         }
         look(Place::Source(triangles), stored);
@@ -286,13 +288,13 @@ fn each_triangle(
     motion: Option<&Motion>,
     target: &Target<'_>,
     counts: &mut Counts,
-    look: &mut dyn FnMut(Option<&Motion>, mesh::Corners),
+    look: &mut dyn FnMut(Option<&Motion>, mesh::Corners, bool),
 ) -> Result<()> {
     let opened = Stream::open(path, target.store.budget.limit())?;
     let stream = opened.stream;
     let _window = target.store.budget.charge("the window of a zstd stream", opened.window)?;
     let format = Format::detect(&opened.head, opened.len, stream::extension(path).as_deref());
-    let mut sink = |corners| look(motion, corners);
+    let mut sink = |corners, is_told_single| look(motion, corners, is_told_single);
     match (format, motion) {
         (Format::RangeScans, None) => {
             for scan in conf::read(stream)? {

@@ -157,9 +157,8 @@ impl Reader {
     fn text(&mut self, of: Type) -> Result<Option<f64>> {
         let Some(word) = self.stream.word()? else { return Ok(None) };
         let value = match of {
-            // Text is rounded once, to the type that the header names.
-            Type::F32 => real(word, f32::NAN).map(f64::from),
-            Type::F64 => real(word, f64::NAN),
+            // Text says what it says, whatever type the header names.
+            Type::F32 | Type::F64 => real(word, f64::NAN),
             _ => word.parse::<i64>().ok().map(|value| value as f64),
         };
         if value.is_none() {
@@ -220,7 +219,11 @@ impl Reader {
         let (Some(x), Some(y), Some(z)) = (of(0), of(1), of(2)) else {
             bail!(self.stream.wrong("vertices without x, y and z"));
         };
-        mesh.begin([x, y, z].iter().any(|of| matches!(of, Type::F64 | Type::I32 | Type::U32)))?;
+        let needs_double = |of: &Type| matches!(of, Type::F64 | Type::I32 | Type::U32);
+        let is_double = [x, y, z].iter().any(needs_double);
+        let is_text = self.encoding == Encoding::Ascii && [x, y, z].iter().any(|of| !of.is_whole());
+        mesh.is_told_single = is_text && !is_double;
+        mesh.begin(is_double || is_text)?;
         for index in 0..element.count {
             let mut position = [0.0; 3];
             for (property, axis) in &axes {
