@@ -178,7 +178,7 @@ pub(crate) struct ResourceArgs {
 /// Memory, and disk for what does not fit.
 #[derive(Args, Debug)]
 pub(crate) struct StorageArgs {
-    /// Memory, as in 512M or 4G: build stays below it, from 128M on, others keep arrays in it; the rest goes to the work directory
+    /// Memory that the whole process stays below, as in 512M or 4G, from 128M on for builds; what does not fit goes to the work directory
     #[arg(long, value_name = "SIZE", default_value_t = MemorySize(Resources::default().memory))]
     memory: MemorySize,
     /// Where the work directory is made; beside the output (build) or in the temporary folder (verify) if not given
@@ -195,7 +195,7 @@ impl StorageArgs {
 
 /// A size that prints as it is typed: `1G`, not `1.0 GiB`.
 #[derive(Clone, Copy, Debug)]
-struct MemorySize(Bytes);
+pub(crate) struct MemorySize(pub(crate) Bytes);
 
 impl std::fmt::Display for MemorySize {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -11,6 +11,7 @@ mod bench;
 mod cmd;
 mod cuts;
 mod deviation;
+mod memory;
 mod number;
 mod output;
 #[cfg(feature = "viewer")]

@@ -4,6 +4,8 @@ mod integration {
     /// A fresh folder and the command in it.
     pub(crate) mod harness;
 
+    /// Sources are read twice, by two readers, and what one lost is missed by the other.
+    mod against;
     /// Many models at once: what is built, what is not built again, what a failure leaves of the others.
     mod batch;
     /// Speed against error: figures, CSV and plot.
@@ -32,6 +34,8 @@ mod integration {
     mod outputs;
     /// Surfaces that touch, coincide or overlap: no report of what the source has itself.
     mod odd_cuts;
+    /// Verbs that read stay below the memory that they are given.
+    mod memory;
     /// Pictures, and camera paths in pictures.
     #[cfg(feature = "viewer")]
     mod render;

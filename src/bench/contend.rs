@@ -8,17 +8,23 @@ use chpm_build::config::Topology;
 use chpm_build::{BuildConfig, Cancel, Resources, Silent, build};
 use chpm_extmem::{MappedFile, Store};
 use chpm_format::{BoundaryMode, Chpm};
-use chpm_mesh::TriMesh;
 use chpm_mesh::ply::{self, Encoding};
+use chpm_mesh::{Bytes, TriMesh};
 use chpm_refine::{Cut, extract};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// From the source to the contender's output: what is timed. A simplifier goes down to the coarsest mesh in one run.
-pub(crate) fn run(contender: Contender, source: &Path, output: &Path, cancel: &Cancel) -> Result<()> {
+pub(crate) fn run(
+    contender: Contender,
+    source: &Path,
+    output: &Path,
+    memory: Bytes,
+    cancel: &Cancel,
+) -> Result<()> {
     if contender.is_chpm() {
-        build(source, output, &config(contender), &Silent, cancel)?;
+        build(source, output, &config(contender, memory), &Silent, cancel)?;
         return Ok(());
     }
     let mesh = read(source)?;
@@ -58,8 +64,9 @@ fn simplified(contender: Contender, mesh: &TriMesh, limits: &[u64]) -> Result<Ve
     }
 }
 
-fn config(contender: Contender) -> BuildConfig {
+fn config(contender: Contender, memory: Bytes) -> BuildConfig {
     let mut config = BuildConfig { overwrite: true, ..BuildConfig::default() };
+    config.resources.memory = memory;
     match contender {
         Contender::ChpmOneThread => config.resources.threads = 1,
         Contender::ChpmLock => config.settings.boundary = BoundaryMode::Lock,

@@ -1,6 +1,7 @@
 //! `chpm bench`: speed against error, this project and others on one source, each in a process of its own.
 
 use super::{Verdict, stdout, temporary};
+use crate::args::MemorySize;
 use crate::bench::{
     Contender, DIVISORS, Figure, Point, REFERENCE_DIVISORS, contend, equal_deviation, median, svg,
 };
@@ -44,6 +45,9 @@ pub(crate) struct Args {
     /// Replace files that exist
     #[arg(short, long)]
     force: bool,
+    /// Memory that each build of this project stays below; all else is in core
+    #[arg(long, value_name = "SIZE", default_value = "1G")]
+    memory: MemorySize,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
@@ -56,6 +60,8 @@ pub(crate) struct ContendArgs {
     contender: Contender,
     source: PathBuf,
     output: PathBuf,
+    #[arg(long, value_name = "SIZE", default_value = "1G")]
+    memory: MemorySize,
     /// Write meshes of at most so many triangles, from what a run has left, instead of running
     #[arg(long, value_delimiter = ',')]
     meshes: Vec<u64>,
@@ -64,7 +70,7 @@ pub(crate) struct ContendArgs {
 /// Does a contender's work and prints the most memory that the process had, bytes.
 pub(crate) fn contend(args: &ContendArgs, stop: &Stop) -> Result<Verdict> {
     if args.meshes.is_empty() {
-        contend::run(args.contender, &args.source, &args.output, &stop.heed())?;
+        contend::run(args.contender, &args.source, &args.output, args.memory.0, &stop.heed())?;
     } else {
         contend::meshes(args.contender, &args.source, &args.output, &args.meshes)?;
     }
@@ -158,6 +164,7 @@ impl Bench<'_> {
         let program = std::env::current_exe().context("cannot find this program")?;
         let mut command = Command::new(program);
         command.args(["contend", contender.name()]).arg(&self.args.source).arg(self.output(contender));
+        command.args(["--memory", &self.args.memory.to_string()]);
         if !meshes.is_empty() {
             let list: Vec<String> = meshes.iter().map(u64::to_string).collect();
             command.arg("--meshes").arg(list.join(","));

@@ -1,6 +1,7 @@
 //! `chpm extract`: one crack-free mesh out of a file, as a PLY.
 
 use super::{Verdict, open, reading};
+use crate::memory::{self, MemoryArgs};
 use crate::number::{self, Triangles, Units};
 use crate::output::{self, Output};
 use crate::progress::{Meter, line};
@@ -17,6 +18,9 @@ use chpm_mesh::{Counted, Level};
 use chpm_refine::{Budgeted, Camera, Cut, Extraction, Hierarchy, Member, View, is_visible, select};
 use std::io::Write;
 use std::path::PathBuf;
+
+/// Bytes that choosing a cut takes for each cluster.
+const SELECTION: u64 = 256;
 
 /// What `chpm extract` is told.
 #[derive(clap::Args, Debug)]
@@ -48,6 +52,8 @@ pub(crate) struct Args {
     /// No progress
     #[arg(short, long)]
     quiet: bool,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 /// Which mesh; one of these.
@@ -73,6 +79,9 @@ struct Wanted {
 /// Selects and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
+    let header = file.header();
+    let own = 4 * u64::from(header.shared_vertex_count) + SELECTION * u64::from(header.cluster_count);
+    memory::divide(&file, args.memory.memory(), own)?;
     reading(&file, || take(&file, args, stop))
 }
 

@@ -1,6 +1,7 @@
 //! `chpm info`: what a file says about itself, without reading a page.
 
 use super::{Verdict, open, reading, stdout};
+use crate::memory::{self, MemoryArgs};
 use crate::number::Units;
 use crate::progress::line;
 use crate::report::{self, LevelRow, count, per_triangle};
@@ -20,6 +21,8 @@ pub(crate) struct Args {
     /// As JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 /// Where the bytes of a file are.
@@ -33,6 +36,7 @@ struct Sizes {
 /// Prints the tables, or the JSON.
 pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let file = open(&args.file)?;
+    memory::divide(&file, args.memory.memory(), 0)?;
     reading(&file, || show(&file, args))
 }
 

@@ -5,6 +5,7 @@ use crate::against;
 use crate::args::StorageArgs;
 use crate::cuts;
 use crate::deviation::{self, Judge, LevelDeviation, Spread};
+use crate::memory;
 use crate::number::{self, Units};
 use crate::points::Points;
 use crate::progress::Meter;
@@ -19,6 +20,9 @@ use chpm_refine::Hierarchy;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// Bytes that are found out about each cluster.
+const MEASURES: u64 = 1536;
 
 /// What `chpm measure` is told.
 #[derive(clap::Args, Debug)]
@@ -212,10 +216,10 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
     );
     let meter = Meter::new(args.quiet);
     let cancel = stop.heed();
-    let memory = args.storage.memory();
+    let memory = memory::divide(file, args.storage.memory(), MEASURES * file.clusters().len() as u64)?;
     let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
     {
-        let store = Store::create(&scratch, memory.0)?;
+        let store = Store::create(&scratch, memory.saturating_sub(against::OWN))?;
         let compared = against::compare(file, source, &store, &meter, &cancel)?;
         ensure!(
             compared.is_equal(),
@@ -225,7 +229,7 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
             count(compared.fault_count)
         );
     }
-    let judge = Judge::new(file, args.samples as usize, memory.0, &meter, &cancel)?;
+    let judge = Judge::new(file, args.samples as usize, memory, &meter, &cancel)?;
     let mut rows = Vec::new();
     if args.levels || args.cuts.is_none() {
         deviation::levels(&judge, args.positions, &meter, &cancel, |level, part, found| {

@@ -62,7 +62,8 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
 
 /// Maps and opens a file.
 pub(crate) fn open(path: &Path) -> Result<Chpm<MappedFile>> {
-    Chpm::open(MappedFile::open(path)?).with_context(|| format!("cannot open '{}'", path.display()))
+    let file = Chpm::open(MappedFile::open(path)?);
+    Ok(file.with_context(|| format!("cannot open '{}'", path.display()))?.watched(MappedFile::note_read))
 }
 
 /// Does what reads a file. Where the file was changed meanwhile, that is the error, whatever came of it; an error in what the

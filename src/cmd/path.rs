@@ -1,6 +1,7 @@
 //! `chpm path`: makes a camera path for a file.
 
 use super::{Verdict, open, reading};
+use crate::memory::{self, MemoryArgs};
 use crate::number;
 use crate::output;
 use crate::stop::Stop;
@@ -34,6 +35,8 @@ pub(crate) struct Args {
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 #[derive(Clone, Copy, ValueEnum, Debug)]
@@ -49,6 +52,7 @@ enum Way {
 /// Makes and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
+    memory::divide(&file, args.memory.memory(), 0)?;
     reading(&file, || make(&file, args, stop))
 }
 

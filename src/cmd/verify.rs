@@ -4,6 +4,7 @@ use super::{Verdict, reading, stdout};
 use crate::against::{self, Comparison};
 use crate::args::StorageArgs;
 use crate::cuts::{self, Cuts};
+use crate::memory;
 use crate::number;
 use crate::progress::Meter;
 use crate::report::count;
@@ -72,7 +73,7 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
     let map = MappedFile::open(&args.file)?;
     map.advise(Access::Sequential);
     let file = match Chpm::open(map) {
-        Ok(file) => file,
+        Ok(file) => file.watched(MappedFile::note_read),
         // A file that does not even open is what a verification is there to find, not a failure to verify.
         Err(error) => {
             let faults = vec![format!("I10 bytes: {error}")];
@@ -91,9 +92,12 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
 
 fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     let meter = Meter::new(args.quiet);
-    meter.start("verify", file.clusters().len() as u64);
-    let mut before = 0;
-    let checked = chpm_format::verify(file, |done, _| {
+    let memory = memory::divide(file, args.storage.memory(), 0)?;
+    let (mut before, mut is_told) = (0, false);
+    let checked = chpm_format::verify_within(file, memory, |done, all| {
+        if !std::mem::replace(&mut is_told, true) {
+            meter.start("verify", all);
+        }
         meter.add(done - before);
         before = done;
     });
@@ -104,16 +108,16 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     let readable = checked.good_pages == file.clusters().len() as u64;
     let trimmed = file.is_trimmed();
     // From here on there is a work directory to remove.
-    let begin = || {
+    let begin = |memory: u64| {
         let cancel = stop.heed();
         let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
-        Ok::<_, ExtmemError>((cancel, Store::create(&scratch, args.storage.memory().0)?))
+        Ok::<_, ExtmemError>((cancel, Store::create(&scratch, memory)?))
     };
     let compared = match &args.against {
         Some(source) if readable && !trimmed => {
-            let (cancel, store) = begin()?;
+            let (cancel, store) = begin(memory.saturating_sub(against::OWN))?;
             let compared = against::compare(file, source, &store, &meter, &cancel)?;
-            faults.extend(compared.faults.iter().map(|fault| format!("I1 coverage: {fault}")));
+            faults.extend_from_slice(&compared.faults);
             fault_count += compared.fault_count;
             Some(compared)
         }
@@ -121,8 +125,7 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     };
     let cuts = match args.cuts {
         Some(count) if readable => {
-            let (cancel, store) = begin()?;
-            let memory = args.storage.memory().0;
+            let (cancel, store) = begin(memory)?;
             let cuts = cuts::check(file, count, args.seed, &store, memory, &meter, &cancel)?;
             faults.extend_from_slice(&cuts.faults);
             fault_count += cuts.fault_count;

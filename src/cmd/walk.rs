@@ -3,6 +3,7 @@
 #[cfg(feature = "viewer")]
 use super::stdout;
 use super::{Verdict, open, reading};
+use crate::memory;
 use crate::number;
 use crate::output::{self, Output};
 #[cfg(feature = "viewer")]
@@ -37,8 +38,8 @@ pub(crate) struct Args {
     poe: f64,
     #[command(flatten)]
     image: ImageArgs,
-    /// Memory for pages, as in 64M; what the camera does not need makes room, and what does not fit is replaced by coarser clusters.
-    /// Without a limit if not given
+    /// Memory that the whole process stays below, as in 256M: what the camera does not need makes room, and what does not fit is
+    /// replaced by coarser clusters. Less than 64M, and with --render, it is what pages may take alone. Without a limit if not given
     #[arg(long, value_name = "SIZE")]
     memory: Option<Bytes>,
     /// Frames from the request of a page until it is there; 0 waits for every page
@@ -65,6 +66,11 @@ pub(crate) struct Args {
     #[command(flatten)]
     pictures: picture::walk::RenderArgs,
 }
+
+/// Memory from which on it is the whole process's.
+const PROCESS: Bytes = Bytes::mib(64);
+/// Bytes that selecting takes for each cluster.
+const SELECTION: u64 = 1024;
 
 /// How many frames beyond the latency are read ahead: time to spread the reading over.
 const LOOK_AHEAD: u32 = 5;
@@ -129,7 +135,7 @@ fn follow(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> 
     let path = read_path(args)?;
     let meter = Meter::new(args.quiet);
     meter.start("walk", path.cameras.len() as u64);
-    let mut walk = Walk::new(file, args);
+    let mut walk = Walk::new(file, args)?;
     let mut frames = Vec::with_capacity(path.cameras.len());
     for (index, camera) in path.cameras.iter().enumerate() {
         stop::check(&cancel)?;
@@ -215,20 +221,30 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    fn new(file: &'a Chpm<MappedFile>, args: &Args) -> Self {
-        Walk {
+    fn new(file: &'a Chpm<MappedFile>, args: &Args) -> Result<Self> {
+        let own = SELECTION * file.clusters().len() as u64;
+        let pages = match args.memory {
+            Some(memory) if memory >= PROCESS => {
+                let half = memory::divide(file, memory, own)?;
+                // Meshes that follow their positions are made of the pages at hand, and take up to 1.4 times as much.
+                file.get_ref().keep_resident(half / 2);
+                Bytes(half)
+            }
+            memory => memory.unwrap_or(Bytes(u64::MAX)),
+        };
+        Ok(Walk {
             file,
             hierarchy: Hierarchy::new(file),
             wanted: Front::new(file),
             foreseen: Front::new(file),
             prefetch: args.prefetch,
-            residency: Residency::new(file, args.memory.unwrap_or(Bytes(u64::MAX))),
+            residency: Residency::new(file, pages),
             requests: VecDeque::new(),
             latency: args.latency as usize,
             list: ActiveList::of_checked_pages(file),
             cursors: file.clusters().iter().map(|_| None).collect(),
             free: Vec::new(),
-        }
+        })
     }
 
     fn frame(&mut self, view: &View, ahead: &View) -> Result<Frame> {

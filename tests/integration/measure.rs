@@ -77,7 +77,7 @@ fn threads_and_memory_do_not_show() {
             |more: &str| folder.chpm(&format!("{words} --json -q {more}")).get_output().stdout.clone();
         let one = result("--threads 1");
         assert!(one.len() > 100);
-        assert!(one == result("--threads 3 --memory 64K"), "{words}");
+        assert!(one == result("--threads 3 --memory 40M"), "{words}");
     }
 }
 

@@ -15,6 +15,7 @@ use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
 
 /// How a mapped range is going to be read; a hint to the operating system.
@@ -28,6 +29,9 @@ pub enum Access {
     WillNeed,
 }
 
+/// Bytes that the system maps with those that are touched, where they are at hand.
+const AROUND: u64 = 1 << 16;
+
 /// A file mapped for reading. An empty file is an empty slice.
 #[derive(Debug)]
 pub struct MappedFile {
@@ -38,6 +42,9 @@ pub struct MappedFile {
     file: File,
     /// Length and time of the last change when it was mapped.
     stamp: (u64, Option<SystemTime>),
+    /// Bytes that may stay resident, and those that were read since pages were dropped.
+    keep: AtomicU64,
+    read: AtomicU64,
 }
 
 impl MappedFile {
@@ -66,7 +73,8 @@ impl MappedFile {
             Some(unsafe { Mmap::map(&file) }.map_err(failed("map"))?)
         };
         let guard = map.as_deref().and_then(cut::Guard::of);
-        Ok(MappedFile { guard, map, path: path.to_path_buf(), file, stamp: stamp(&metadata) })
+        let (keep, read) = (AtomicU64::new(u64::MAX), AtomicU64::new(0));
+        Ok(MappedFile { guard, map, path: path.to_path_buf(), file, stamp: stamp(&metadata), keep, read })
     }
 
     /// The mapped file's path.
@@ -102,6 +110,21 @@ impl MappedFile {
         if let Some(map) = &self.map {
             let start = offset.min(map.len());
             let _ = map.advise_range(advice(access), start, len.min(map.len() - start));
+        }
+    }
+
+    /// From now on has about `bytes` resident at most, of what [`Self::note_read`] is told about.
+    pub fn keep_resident(&self, bytes: u64) {
+        self.keep.store(bytes, Ordering::Relaxed);
+    }
+
+    /// Notes that a range of so many bytes is about to be read, and drops what was read before if that is too much.
+    pub fn note_read(&self, bytes: u64) {
+        let bytes = bytes.saturating_add(AROUND);
+        let read = self.read.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes);
+        if read > self.keep.load(Ordering::Relaxed) {
+            self.read.store(bytes, Ordering::Relaxed);
+            self.release_pages();
         }
     }
 
@@ -423,6 +446,26 @@ mod tests {
         map.release_pages();
         assert_eq!(map.as_ref(), bytes);
         assert_eq!(map.path(), path);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn what_was_read_does_not_stay_resident_beyond_what_is_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("data");
+        std::fs::write(&path, vec![1; 96 << 20]).unwrap();
+        let map = MappedFile::open(&path).unwrap();
+        map.keep_resident(8 << 20);
+        let before = crate::process::resident().unwrap();
+        let (mut most, mut sum) = (0, 0);
+        for piece in map.chunks(1 << 20) {
+            map.note_read(piece.len() as u64);
+            sum += piece.iter().step_by(512).map(|x| u64::from(*x)).sum::<u64>();
+            most = most.max(crate::process::resident().unwrap());
+        }
+        assert_eq!(sum, (96 << 20) / 512);
+        // Other tests of this process take memory at the same time, but not so much.
+        assert!(most < before + (64 << 20), "{before} and then {most}");
     }
 
     #[test]

@@ -63,7 +63,7 @@ pub use reader::Chpm;
 pub use records::{ClusterRecord, GroupRecord, LevelRecord};
 pub use section::{SectionEntry, SectionKind};
 pub use tables::{HeaderFields, Tables};
-pub use verify::{Fault, Invariant, Report, verify};
+pub use verify::{Fault, Invariant, Report, verify, verify_within};
 pub use writer::ChpmWriter;
 
 /// Alignment of cluster pages in the file, bytes.

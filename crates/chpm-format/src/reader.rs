@@ -18,6 +18,7 @@ pub struct Chpm<D> {
     data: D,
     header: Header,
     sections: Sections,
+    on_page: fn(&D, u64),
 }
 
 impl<D: AsRef<[u8]>> Chpm<D> {
@@ -33,10 +34,16 @@ impl<D: AsRef<[u8]>> Chpm<D> {
             return Err(FormatError::Alignment { place: Place::File, expected: MEMORY_ALIGN });
         }
         let sections = Sections::read(&header, bytes)?;
-        let file = Chpm { data, header, sections };
+        let file = Chpm { data, header, sections, on_page: |_, _| () };
         file.structure().check()?;
         file.check_pages()?;
         Ok(file)
+    }
+
+    /// Has every page told to `on_page` when its bytes are asked for, with their number: whoever has mapped the data may want to let go
+    /// of what was read.
+    pub fn watched(self, on_page: fn(&D, u64)) -> Self {
+        Chpm { on_page, ..self }
     }
 
     /// Pages must lie in table order, each at the first aligned place after the one before, and fill their section.
@@ -160,6 +167,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     pub fn page_bytes(&self, id: ClusterId) -> &[u8] {
         let record = &self.clusters()[id.index()];
         let start = record.page_offset as usize;
+        (self.on_page)(&self.data, record.page_len.into());
         &self.data.as_ref()[start..start + record.page_len as usize]
     }
 

@@ -2,7 +2,8 @@
 //!
 //! [`crate::Chpm::open`] makes a file safe to read; this makes it right: page checksums, statistics, and the invariants of
 //! FORMAT.md. Pages are looked at group by group, each twice (as a coarse and as a fine cluster), so memory is that of the
-//! largest group and of a table of the shared vertices.
+//! largest group and of a table of the shared vertices, which may be made in parts: the shared vertices of all pages are looked at
+//! once more for each further part.
 
 mod cluster;
 mod group;
@@ -11,7 +12,7 @@ mod tables;
 
 use crate::error::Place;
 use crate::reader::Chpm;
-use chpm_mesh::GroupId;
+use chpm_mesh::{ClusterId, GroupId};
 use group::GroupCheck;
 use shared::SharedIds;
 use std::fmt;
@@ -105,12 +106,25 @@ impl Report {
 }
 
 /// Verifies a file. `progress` is told clusters done and clusters in all, after every group.
-pub fn verify<D: AsRef<[u8]>>(file: &Chpm<D>, mut progress: impl FnMut(u64, u64)) -> Report {
+pub fn verify<D: AsRef<[u8]>>(file: &Chpm<D>, progress: impl FnMut(u64, u64)) -> Report {
+    verify_within(file, u64::MAX, progress)
+}
+
+/// As [`verify`], with `memory` bytes for the table of shared vertices. With several parts of it, clusters are told as often.
+pub fn verify_within<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    memory: u64,
+    mut progress: impl FnMut(u64, u64),
+) -> Report {
     let mut report = Report::default();
     tables::check(file, &mut report);
-    let mut shared = SharedIds::new(file.header().shared_vertex_count);
+    let count = file.header().shared_vertex_count;
+    let at_once = (memory / shared::ENTRY as u64).clamp(1, u64::from(u32::MAX)) as u32;
+    let part = |first: u32| SharedIds::new(first..count.min(first.saturating_add(at_once)));
+    let mut shared = part(0);
     let mut check = GroupCheck::default();
-    let total = file.clusters().len() as u64;
+    let clusters = file.clusters().len() as u64;
+    let total = clusters * u64::from(count.div_ceil(at_once).max(1));
     let mut done = 0;
     for (id, group) in (0..).map(GroupId).zip(file.groups()) {
         check.run(file, id, &mut shared, &mut report);
@@ -118,9 +132,27 @@ pub fn verify<D: AsRef<[u8]>>(file: &Chpm<D>, mut progress: impl FnMut(u64, u64)
         progress(done, total);
     }
     // A page that could not be read leaves its shared vertices unseen, which would blame the wrong thing.
-    if report.good_pages == total {
-        shared.finish(file.header(), file.is_trimmed(), &mut report);
-        tables::check_source_vertices(file, shared.leaf_ids(), &mut report);
+    if report.good_pages < clusters {
+        return report;
     }
+    shared.finish(file.header(), file.is_trimmed(), &mut report);
+    let mut leaf_ids = shared.leaf_ids();
+    for first in (0..count).step_by(at_once as usize).skip(1) {
+        // The part before must not be in memory beside this one.
+        drop(shared);
+        shared = part(first);
+        for (id, group) in (0..).map(GroupId).zip(file.groups()) {
+            for cluster in file.coarse(id).iter().copied().map(ClusterId) {
+                if let Ok(page) = file.page(cluster) {
+                    cluster::list_shared(file, cluster, &page, &mut shared, &mut report);
+                }
+            }
+            done += u64::from(group.coarse_count);
+            progress(done, total);
+        }
+        shared.finish(file.header(), file.is_trimmed(), &mut report);
+        leaf_ids += shared.leaf_ids();
+    }
+    tables::check_source_vertices(file, leaf_ids, &mut report);
     report
 }

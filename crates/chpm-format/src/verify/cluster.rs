@@ -60,8 +60,23 @@ pub(super) fn check<D: AsRef<[u8]>>(
             format_args!("triangles over every vertex of a leaf expected, {unused} vertices have none");
         report.expect(unused == 0, Invariant::Coverage, place, message);
     }
+    list_shared(file, id, page, shared, report);
+}
+
+/// Takes the shared vertices of a cluster in.
+pub(super) fn list_shared<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    id: ClusterId,
+    page: &Page<'_>,
+    shared: &mut SharedIds,
+    report: &mut Report,
+) {
+    let (record, place) = (&file.clusters()[id.index()], Place::Page(id));
     let locked = file.header().boundary_mode() == Some(BoundaryMode::Lock);
     for (local, shared_id) in page.shared() {
+        if !shared.has(shared_id) {
+            continue;
+        }
         let position = page.positions[usize::from(local)].map(f32::to_bits);
         shared.list(shared_id, position, id, (record.level, record.group()), report);
         let collapses = usize::from(local) >= page.base_vertex_count;

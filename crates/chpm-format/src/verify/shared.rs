@@ -4,6 +4,7 @@ use super::{Invariant, Report};
 use crate::error::Place;
 use crate::header::{BoundaryMode, Header};
 use chpm_mesh::{ClusterId, GroupId};
+use std::ops::Range;
 
 /// What is known about a shared vertex so far.
 #[derive(Clone, Copy)]
@@ -22,11 +23,19 @@ struct SharedVertex {
     leaves: u8,
 }
 
-pub(super) struct SharedIds(Vec<SharedVertex>);
+/// Bytes that are known about a shared vertex.
+pub(super) const ENTRY: usize = size_of::<SharedVertex>();
+
+/// Some of the ids; what is told about others is nothing to it.
+pub(super) struct SharedIds {
+    first: u32,
+    entries: Vec<SharedVertex>,
+}
 
 impl SharedIds {
-    /// `count` was checked against the lists of the file, so that it cannot ask for more memory than they take.
-    pub(super) fn new(count: u32) -> Self {
+    /// The ids of a range. Their number was checked against the lists of the file, so that it cannot ask for more memory than they
+    /// take.
+    pub(super) fn new(ids: Range<u32>) -> Self {
         let unseen = SharedVertex {
             position: [0; 3],
             last: ClusterId::NONE,
@@ -35,7 +44,16 @@ impl SharedIds {
             mixed: false,
             leaves: 0,
         };
-        SharedIds(vec![unseen; count as usize])
+        SharedIds { first: ids.start, entries: vec![unseen; ids.len()] }
+    }
+
+    /// Whether an id is one of these.
+    pub(super) fn has(&self, id: u32) -> bool {
+        id.checked_sub(self.first).is_some_and(|at| (at as usize) < self.entries.len())
+    }
+
+    fn entry(&mut self, id: u32) -> Option<&mut SharedVertex> {
+        self.entries.get_mut(id.checked_sub(self.first)? as usize)
     }
 
     /// Takes in that a cluster of `group` and `level` lists `id` at `position`.
@@ -47,7 +65,7 @@ impl SharedIds {
         (level, group): (u32, GroupId),
         report: &mut Report,
     ) {
-        let entry = &mut self.0[id as usize];
+        let Some(entry) = self.entry(id) else { return };
         let place = Place::Page(cluster);
         if !entry.last.is_some() {
             (entry.position, entry.top) = (position, (level, group));
@@ -72,7 +90,7 @@ impl SharedIds {
 
     /// Takes in that `id` collapses in the clusters of `group`.
     pub(super) fn collapse(&mut self, id: u32, group: GroupId) {
-        let entry = &mut self.0[id as usize];
+        let Some(entry) = self.entry(id) else { return };
         if entry.gone_in.is_some() && entry.gone_in != group {
             entry.mixed = true;
         }
@@ -81,7 +99,7 @@ impl SharedIds {
 
     /// Ids that a leaf lists.
     pub(super) fn leaf_ids(&self) -> u64 {
-        self.0.iter().filter(|entry| entry.leaves > 0).count() as u64
+        self.entries.iter().filter(|entry| entry.leaves > 0).count() as u64
     }
 
     /// What only all lists together show.
@@ -90,7 +108,7 @@ impl SharedIds {
         // shared may have vanished from one of them.
         let least = if trimmed { 1 } else { 2 };
         let by_leaves = header.boundary_mode() != Some(BoundaryMode::VPartition);
-        for (id, entry) in self.0.iter().enumerate() {
+        for (id, entry) in (self.first..).zip(&self.entries) {
             let listed = if by_leaves { entry.leaves >= least } else { entry.last.is_some() };
             let message =
                 format_args!("shared vertex {id} in two leaf clusters expected, got {}", entry.leaves);

@@ -1,0 +1,362 @@
+//! Whether the leaves of a file hold exactly the triangles of a source, as a multiset.
+//!
+//! A triangle is the bits of its corner positions, turned so that the smallest corner comes first: orientation counts, the
+//! numbering of vertices does not. Both sides are streamed and every triangle's 128-bit hash is added to, or
+//! taken from, one of 65,536 sums; equal multisets leave only zeros. A second pass then looks only at a few
+//! sums that are not zero, and names the triangles that remain. Memory is the sums, besides the source's
+//! positions, which the store keeps in memory or on disk.
+//!
+//! The source is read by readers of this module's own, which have no line in common with those that files are built by: what
+//! those lose is missed here. They are plain and take any damage for an error.
+
+mod conf;
+mod mesh;
+mod obj;
+mod ply;
+mod stl;
+mod stream;
+
+use crate::progress::Meter;
+use crate::stop;
+use anyhow::{Result, bail};
+use chpm_build::Cancel;
+use chpm_extmem::Store;
+use chpm_format::Chpm;
+use chpm_mesh::ClusterId;
+use chpm_mesh::import::Format;
+use conf::Motion;
+use mesh::{Mesh, Target};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+use stream::Stream;
+use xxhash_rust::xxh3::xxh3_128;
+
+/// Bytes that the comparison takes besides the source's positions: sums, suspects, what streams hold.
+pub(crate) const OWN: u64 = 8 << 20;
+
+const BUCKETS: usize = 1 << 16;
+/// Buckets that the second pass looks into at most, and triangles that it holds, roughly.
+const EXAMINED: u64 = 64;
+const SUSPECTS: u64 = 1 << 15;
+/// Triangles after which progress is told.
+const TOLD: u64 = 1 << 14;
+/// Triangles that are named.
+const NAMED: usize = 20;
+
+/// What the comparison found.
+#[derive(Debug)]
+pub(crate) struct Comparison {
+    /// Triangles of all leaves' finest meshes.
+    pub(crate) leaf_triangles: u64,
+    /// Triangles of the source, without those that have two corners in one vertex.
+    pub(crate) source_triangles: u64,
+    /// Some of what differs, in words.
+    pub(crate) faults: Vec<String>,
+    /// How many triangles only one side has, at least, and how many other things differ.
+    pub(crate) fault_count: u64,
+}
+
+impl Comparison {
+    /// Whether both sides have the same triangles.
+    pub(crate) fn is_equal(&self) -> bool {
+        self.fault_count == 0
+    }
+}
+
+/// A triangle that only one side has, or that one side has more often.
+#[derive(Debug, PartialEq)]
+struct Fault {
+    place: Place,
+    corners: Corners,
+    /// How many more.
+    copies: u64,
+}
+
+type Corners = [[f32; 3]; 3];
+
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+enum Place {
+    Leaf(u32, u32),
+    Source(u64),
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.place {
+            Place::Leaf(cluster, index) => {
+                write!(f, "{}: triangle {index} is not in the source", ClusterId(cluster))?;
+            }
+            Place::Source(index) => write!(f, "triangle {index} of the source is in no leaf")?,
+        }
+        write!(f, ": {:?}", self.corners)?;
+        if self.copies > 1 { write!(f, ", {} times", self.copies) } else { Ok(()) }
+    }
+}
+
+/// What a source was read as, besides its triangles.
+#[derive(Default)]
+struct Counts {
+    triangles: u64,
+    degenerate_faces: u64,
+    polygons_triangulated: u64,
+    dropped_faces: u64,
+    dropped_vertices: u64,
+    missing_faces: u64,
+    /// The most that a coordinate of a triangle was moved by.
+    rounding: f64,
+}
+
+impl Counts {
+    /// Those that a file stores, by the names that they have there.
+    fn stored(&self) -> [(&'static str, u64); 5] {
+        [
+            ("degenerate-faces", self.degenerate_faces),
+            ("polygons-triangulated", self.polygons_triangulated),
+            ("dropped-faces", self.dropped_faces),
+            ("dropped-vertices", self.dropped_vertices),
+            ("missing-faces", self.missing_faces),
+        ]
+    }
+}
+
+/// Compares the leaves of `file` with the mesh at `source`, read with the settings that the file was built with.
+pub(crate) fn compare<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    source: &Path,
+    store: &Store,
+    meter: &Meter,
+    cancel: &Cancel,
+) -> Result<Comparison> {
+    meter.start("compare", 2 * file.header().source_triangle_count);
+    let mut sums = vec![0u128; BUCKETS];
+    let mut leaf_triangles = 0;
+    each_leaf_triangle(file, meter, cancel, &mut |_, corners| {
+        leaf_triangles += 1;
+        let hash = hash(corners);
+        sums[bucket(hash)] = sums[bucket(hash)].wrapping_add(hash);
+    })?;
+    let counts = each_source_triangle(file, source, store, meter, cancel, &mut |_, corners| {
+        let hash = hash(corners);
+        sums[bucket(hash)] = sums[bucket(hash)].wrapping_sub(hash);
+    })?;
+    meter.finish();
+
+    let mut comparison =
+        Comparison { leaf_triangles, source_triangles: counts.triangles, faults: Vec::new(), fault_count: 0 };
+    let different: Vec<usize> = (0..BUCKETS).filter(|b| sums[*b] != 0).collect();
+    if !different.is_empty() {
+        let mut suspects = Suspects { examined: vec![false; BUCKETS], found: BTreeMap::new() };
+        let all = leaf_triangles.max(counts.triangles);
+        let some = (SUSPECTS * BUCKETS as u64 / all.max(1)).clamp(1, EXAMINED);
+        different.iter().take(some as usize).for_each(|b| suspects.examined[*b] = true);
+        each_leaf_triangle(file, meter, cancel, &mut |place, corners| suspects.look(place, corners))?;
+        each_source_triangle(file, source, store, meter, cancel, &mut |place, corners| {
+            suspects.look(place, corners);
+        })?;
+        let faults = suspects.unmatched();
+        let known: u64 = faults.iter().map(|fault| fault.copies).sum();
+        comparison.fault_count = known.max(different.len() as u64);
+        comparison.faults = faults.iter().take(NAMED).map(|fault| format!("I1 coverage: {fault}")).collect();
+    }
+    let others = told_otherwise(file, &counts);
+    comparison.fault_count += others.len() as u64;
+    comparison.faults.extend(others);
+    Ok(comparison)
+}
+
+/// What the file says about its source that is not so.
+fn told_otherwise<D: AsRef<[u8]>>(file: &Chpm<D>, counts: &Counts) -> Vec<String> {
+    // Metadata that does not decode is a fault of its own.
+    let repairs = file.metadata().map(|metadata| metadata.repairs).unwrap_or_default();
+    let mut faults = Vec::new();
+    for (name, count) in counts.stored() {
+        let told = repairs.iter().find(|(told, _)| told == name).map_or(count, |(_, told)| *told);
+        if told != count {
+            faults.push(format!("I1 coverage: the file counts {told} {name}, and the source has {count}"));
+        }
+    }
+    let leaves = file.clusters().iter().filter(|cluster| cluster.is_leaf());
+    let error = leaves.map(|leaf| leaf.min_error).fold(0.0, f32::max);
+    if counts.rounding > f64::from(error) {
+        let rounding = counts.rounding;
+        faults.push(format!(
+            "I5 error: rounding moved a coordinate of the source by {rounding:e}, and the leaves have an error of {error:e}"
+        ));
+    }
+    faults
+}
+
+/// Triangles of the buckets that differ: by hash, how many more the leaves have, and the last place of each side.
+struct Suspects {
+    examined: Vec<bool>,
+    found: BTreeMap<u128, Suspect>,
+}
+
+struct Suspect {
+    surplus: i64,
+    leaf: Option<Place>,
+    source: Option<Place>,
+    corners: Corners,
+}
+
+impl Suspects {
+    fn look(&mut self, place: Place, corners: Corners) {
+        let hash = hash(corners);
+        if !self.examined[bucket(hash)] {
+            return;
+        }
+        let suspect =
+            self.found.entry(hash).or_insert(Suspect { surplus: 0, leaf: None, source: None, corners });
+        match place {
+            Place::Leaf(..) => (suspect.surplus, suspect.leaf) = (suspect.surplus + 1, Some(place)),
+            Place::Source(_) => (suspect.surplus, suspect.source) = (suspect.surplus - 1, Some(place)),
+        }
+    }
+
+    /// Those that one side has more of; ordered by place.
+    fn unmatched(self) -> Vec<Fault> {
+        let fault = |suspect: Suspect| {
+            let place = if suspect.surplus > 0 { suspect.leaf } else { suspect.source };
+            let copies = suspect.surplus.unsigned_abs();
+            place.filter(|_| copies > 0).map(|place| Fault { place, corners: suspect.corners, copies })
+        };
+        let mut faults: Vec<Fault> = self.found.into_values().filter_map(fault).collect();
+        faults.sort_unstable_by_key(|fault| fault.place);
+        faults
+    }
+}
+
+fn each_leaf_triangle<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    meter: &Meter,
+    cancel: &Cancel,
+    look: &mut dyn FnMut(Place, Corners),
+) -> Result<()> {
+    for (id, record) in (0..).map(ClusterId).zip(file.clusters()) {
+        if !record.is_leaf() {
+            continue;
+        }
+        stop::check(cancel)?;
+        let page = file.page(id)?;
+        for (index, triangle) in (0..).zip(page.triangles) {
+            look(Place::Leaf(id.0, index), triangle.map(|v| page.positions[usize::from(v)]));
+        }
+        meter.add(page.triangles.len() as u64);
+    }
+    Ok(())
+}
+
+fn each_source_triangle<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    path: &Path,
+    store: &Store,
+    meter: &Meter,
+    cancel: &Cancel,
+    look: &mut dyn FnMut(Place, Corners),
+) -> Result<Counts> {
+    let settings = file.metadata().map(|metadata| metadata.settings).unwrap_or_default();
+    let drops = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
+    let origin = file.header().origin;
+    let (mut triangles, mut rounding) = (0, 0.0f64);
+    let mut read = |motion: Option<&Motion>, corners: mesh::Corners, is_told_single: bool| {
+        let exact = corners.map(|corner| {
+            let placed = motion.map_or(corner, |motion| motion.of(corner));
+            std::array::from_fn::<f64, 3, _>(|axis| placed[axis] - origin[axis])
+        });
+        let stored = exact.map(|corner| corner.map(|x| x as f32));
+        // Text of declared singles that has no more digits than these is what they are: the file was left without an origin.
+        let is_exact = is_told_single && motion.is_none() && origin == [0.0; 3];
+        for (exact, stored) in exact.as_flattened().iter().zip(stored.as_flattened()).filter(|_| !is_exact) {
+            rounding = rounding.max((f64::from(*stored) - exact).abs());
+        }
+        look(Place::Source(triangles), stored);
+        triangles += 1;
+        if triangles.is_multiple_of(TOLD) {
+            meter.add(TOLD);
+        }
+    };
+    let mut counts = Counts::default();
+    let target = Target { store, drops, cancel };
+    each_triangle(path, None, &target, &mut counts, &mut read)?;
+    Ok(Counts { triangles, rounding, ..counts })
+}
+
+/// Reads a file, in the frame of a list of scans if it is one of those.
+fn each_triangle(
+    path: &Path,
+    motion: Option<&Motion>,
+    target: &Target<'_>,
+    counts: &mut Counts,
+    look: &mut dyn FnMut(Option<&Motion>, mesh::Corners, bool),
+) -> Result<()> {
+    let opened = Stream::open(path, target.store.budget.limit())?;
+    let stream = opened.stream;
+    let _window = target.store.budget.charge("the window of a zstd stream", opened.window)?;
+    let format = Format::detect(&opened.head, opened.len, stream::extension(path).as_deref());
+    let mut sink = |corners, is_told_single| look(motion, corners, is_told_single);
+    match (format, motion) {
+        (Format::RangeScans, None) => {
+            for scan in conf::read(stream)? {
+                let file = path.with_file_name(&scan.file);
+                each_triangle(&file, Some(&scan.motion), target, counts, look)?;
+            }
+            Ok(())
+        }
+        (Format::RangeScans, Some(_)) => bail!("'{}' is a list of scans within another", path.display()),
+        (Format::Ply, _) => ply::read(stream, &mut Mesh::new(target, counts, &mut sink)),
+        (Format::Obj, _) => obj::read(stream, &mut Mesh::new(target, counts, &mut sink)),
+        (Format::StlBinary, _) => stl::read_binary(stream, &mut Mesh::new(target, counts, &mut sink)),
+        (Format::StlAscii, _) => stl::read_ascii(stream, &mut Mesh::new(target, counts, &mut sink)),
+    }
+}
+
+fn hash(corners: Corners) -> u128 {
+    let [a, b, c] = corners.map(|corner| corner.map(f32::to_bits));
+    let turned = [[a, b, c], [b, c, a], [c, a, b]];
+    let first = turned.iter().min().unwrap_or(&turned[0]);
+    let mut bytes = [0u8; 36];
+    for (chunk, bits) in bytes.chunks_exact_mut(4).zip(first.as_flattened()) {
+        chunk.copy_from_slice(&bits.to_le_bytes());
+    }
+    xxh3_128(&bytes)
+}
+
+fn bucket(hash: u128) -> usize {
+    (hash >> 112) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const A: [f32; 3] = [0.0, 0.0, 0.0];
+    const B: [f32; 3] = [1.0, 0.0, 0.0];
+    const C: [f32; 3] = [0.0, 1.0, 0.0];
+
+    #[test]
+    fn turning_a_triangle_keeps_its_hash_and_flipping_does_not() {
+        assert_eq!(hash([A, B, C]), hash([B, C, A]));
+        assert_eq!(hash([A, B, C]), hash([C, A, B]));
+        assert_ne!(hash([A, B, C]), hash([A, C, B]));
+        assert_ne!(hash([A, B, C]), hash([[-0.0, 0.0, 0.0], B, C]));
+    }
+
+    #[test]
+    fn copies_are_counted_and_only_the_surplus_is_a_fault() {
+        let mut suspects = Suspects { examined: vec![true; BUCKETS], found: BTreeMap::new() };
+        suspects.look(Place::Leaf(3, 0), [A, B, C]);
+        suspects.look(Place::Leaf(3, 1), [B, C, A]);
+        suspects.look(Place::Source(7), [C, A, B]);
+        suspects.look(Place::Source(8), [A, C, B]);
+        let places: Vec<Place> = suspects.unmatched().iter().map(|fault| fault.place).collect();
+        assert_eq!(places, [Place::Leaf(3, 1), Place::Source(8)]);
+    }
+
+    #[test]
+    fn faults_name_the_cluster_or_the_source_triangle() {
+        let text = |place| Fault { place, corners: [A, B, C], copies: 1 }.to_string();
+        assert!(text(Place::Leaf(3, 1)).starts_with("cluster 3: triangle 1 is not in the source"));
+        assert!(text(Place::Source(8)).starts_with("triangle 8 of the source is in no leaf"));
+    }
+}

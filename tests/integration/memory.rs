@@ -1,0 +1,71 @@
+//! Verbs that read a file stay below the memory they are given, whatever the file's size.
+
+use super::harness::Folder;
+use std::fs;
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::Duration;
+
+/// Runs a verb, and answers the most kilobytes that it had resident: as the system told last before it ended.
+fn peak(folder: &Folder, words: &str) -> u64 {
+    let mut child =
+        folder.command(words).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("a process");
+    let status = format!("/proc/{}/status", child.id());
+    let mut most = 0;
+    while child.try_wait().expect("a state").is_none() {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let peak = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse().ok());
+        most = most.max(peak.unwrap_or(0));
+        sleep(Duration::from_millis(1));
+    }
+    let output = child.wait_with_output().expect("an end");
+    assert!(output.status.success(), "{words}: {}", String::from_utf8_lossy(&output.stderr));
+    most
+}
+
+#[test]
+fn reading_takes_no_more_memory_than_is_given() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 600000 -o in.ply -q");
+    folder.stdout("build in.ply -q --partitioner greedy");
+    let len = folder.path("in.chpm").metadata().expect("a length").len();
+    folder.stdout("path orbit in.chpm -o in.path --frames 3");
+    let given = 36 << 10;
+    // What the program itself takes, and the file on top of that, is more than is given.
+    let bare = peak(&folder, "path orbit in.chpm -o bare.path --frames 3");
+    assert!(bare < 24 << 10, "{bare}");
+    assert!(bare + (len >> 10) > given, "the file is large enough to show: {bare} and {len}");
+    for words in [
+        "verify in.chpm -q",
+        "verify in.chpm --against in.ply -q",
+        "dump in.chpm --pages",
+        "extract in.chpm --level 0 -o out.ply -qf",
+        "extract in.chpm --triangles 300000 -o out.ply -qf",
+        "extract in.chpm --error 0 -o out.ply -qf",
+    ] {
+        let peak = peak(&folder, &format!("{words} --memory 36M"));
+        assert!(peak <= given, "{words}: {peak} kB");
+    }
+}
+
+#[test]
+fn too_little_memory_is_refused_with_a_figure_that_suffices() {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 6000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 64");
+    folder.stdout("path orbit in.chpm -o in.path --frames 3");
+    for words in [
+        "verify in.chpm --against in.ply -q",
+        "measure in.chpm --against in.ply -q --samples 1 --positions 1",
+        "dump in.chpm",
+        "info in.chpm",
+        "extract in.chpm --level 0 -o out.ply -q",
+        "path dive in.chpm -o out.path",
+    ] {
+        let error = folder.stderr(&format!("{words} --memory 16M"), 2);
+        let figure =
+            error.split("give it ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a figure");
+        folder.stdout(&format!("{words} --memory {figure}"));
+    }
+}
