@@ -176,7 +176,7 @@ fn each_source_triangle<D: AsRef<[u8]>>(
     let dropped = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
     let invalid = if dropped { Invalid::Drop } else { Invalid::Refuse };
     let options = Options { invalid, normals: false, colors: false };
-    let mut input = Input::open(path, options, store)?;
+    let mut input = Input::open(path, options, store, cancel)?;
     let vertex_count = input.declared().map(|(vertices, _)| vertices);
     let origin = file.header().origin;
 

@@ -118,9 +118,11 @@ fn beside(source: &Path) -> Result<PathBuf> {
 /// Whether the file is built from the mesh as it is now, with whatever settings. `None` if there is no file.
 fn is_current(source: &Path, output: &Path) -> Option<bool> {
     output.symlink_metadata().ok()?;
+    // Nothing is to be cleaned up: the first signal ends the process.
+    let never = Cancel::default();
     let built = || -> Result<bool> {
         let from = open(output)?.metadata()?.source;
-        Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source)?)?)
+        Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source, &never)?, &never)?)
     };
     Some(built().unwrap_or(false))
 }
