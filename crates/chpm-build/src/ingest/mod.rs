@@ -140,12 +140,14 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         far: BufferWriter::new(store, "vertices far from zero", 0)?,
     };
     arrays.fill(&mut input, context)?;
-    let Arrays { singles, doubles, normals, colors, triangles, bounds, used, far } = arrays;
+    let Arrays { singles, doubles, normals, colors, triangles, bounds, mut used, far } = arrays;
 
     let read = input.finish()?;
     if triangles.is_empty() {
         return Err(BuildError::Empty { path: supply.path.clone(), faces: read.provenance.face_count });
     }
+    let triangles = triangles.finish_column()?;
+    used.complete(&triangles, singles.len() + doubles.len(), context)?;
     refuse_far(&far.finish_column()?, &used, supply, &read, context)?;
     let input::Read { provenance, tally, mut warnings, .. } = read;
     let Local { positions, bounds, origin, rounding, warning } = if is_double {
@@ -158,7 +160,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         positions,
         normals: format.attributes.normals.then(|| normals.finish_column()).transpose()?,
         colors: format.attributes.colors.then(|| colors.finish_column()).transpose()?,
-        triangles: triangles.finish_column()?,
+        triangles,
         origin,
         bounds,
         rounding,
@@ -231,7 +233,7 @@ impl Arrays {
                 value.to_bits(),
             ]])?;
         }
-        self.used.add(&batch.triangles)?;
+        self.used.add(&batch.triangles, self.singles.len() + self.doubles.len())?;
         self.bounds.merge(&Aabb::of_points(&batch.positions));
         self.singles.extend_from_slice(&batch.positions)?;
         self.doubles.extend_from_slice(&batch.positions_f64)?;

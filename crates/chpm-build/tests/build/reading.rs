@@ -130,6 +130,13 @@ fn vertices_that_no_face_uses_decide_nothing() {
             assert!(same.header().aabb_min == file.header().aabb_min, "{stray:?}");
         }
     }
+    // Faces that come before their vertices say as well which are used.
+    let with = [&[[1e300; 3]][..], &vertices].concat();
+    let moved: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| v + 1)).collect();
+    let text = String::from_utf8(obj(&with, &moved)).unwrap();
+    let (corners, faces) = text.split_at(text.find('f').unwrap());
+    let (_, same) = built("late.obj", format!("{faces}{corners}").as_bytes(), 256 << 20);
+    assert_eq!(same.header().origin, file.header().origin);
     // Two far ones about two triangles: the file that was built was not valid.
     let quad = [[0.1, 0.2, 0.3], [1.1, 0.2, 0.3], [0.1, 1.2, 0.3], [1.1, 1.2, 0.35]];
     let with = [&quad[..], &[[1_000_000_000.1; 3], [-1_000_000_000.1; 3]]].concat();
