@@ -2,6 +2,7 @@
 
 use super::manifest;
 use anyhow::{Context, Result, bail, ensure};
+use chpm_build::{Cancel, input};
 use glob::MatchOptions;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -92,7 +93,7 @@ fn walk(root: &Path, folder: &Path, found: &mut Vec<Model>) -> Result<()> {
     let mut parts = BTreeSet::new();
     for list in entries.iter().filter(|path| extension(path).as_deref() == Some("conf")) {
         // What is wrong with a list is told when it is built.
-        parts.extend(chpm_build::input::files(list).unwrap_or_default().into_iter().skip(1));
+        parts.extend(input::files(list, &Cancel::default()).unwrap_or_default().into_iter().skip(1));
     }
     for path in entries {
         if path.is_dir() {

@@ -30,6 +30,7 @@ pub(crate) fn plan(
     folder: &Path,
     earlier: &[Row],
     anew: bool,
+    cancel: &Cancel,
 ) -> Vec<Task> {
     let earlier: BTreeMap<&str, &Row> = earlier.iter().map(|row| (row.name.as_str(), row)).collect();
     let task = |(model, config): (Model, BuildConfig)| {
@@ -41,13 +42,14 @@ pub(crate) fn plan(
                 &output,
                 &config.settings,
                 earlier.get(model.name.as_str()).copied(),
+                cancel,
             ),
         };
         let (status, reason) = match need {
             Need::Nothing => (Status::Current, ""),
             Need::Build(reason) => (Status::Planned, reason),
         };
-        let files = input::files(&model.source).unwrap_or_default();
+        let files = input::files(&model.source, cancel).unwrap_or_default();
         let len = |file| fs::metadata(file).map_or(0, |metadata| metadata.len());
         let row = Row {
             name: model.name,

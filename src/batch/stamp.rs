@@ -3,8 +3,7 @@
 use super::summary::Row;
 use crate::cmd;
 use anyhow::Result;
-use chpm_build::Settings;
-use chpm_build::input;
+use chpm_build::{Cancel, Settings, input};
 use std::fmt::Write;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
@@ -24,7 +23,13 @@ pub(crate) enum Need {
 
 /// Looks at the `output` of a model. Where the source's files have the sizes and times that the `earlier` run noted, they are taken for
 /// unchanged; else they are read and their hash decides.
-pub(crate) fn need(source: &Path, output: &Path, settings: &Settings, earlier: Option<&Row>) -> Need {
+pub(crate) fn need(
+    source: &Path,
+    output: &Path,
+    settings: &Settings,
+    earlier: Option<&Row>,
+    cancel: &Cancel,
+) -> Need {
     if output.symlink_metadata().is_err() {
         return Need::Build("new");
     }
@@ -42,12 +47,12 @@ pub(crate) fn need(source: &Path, output: &Path, settings: &Settings, earlier: O
         return Need::Build("other settings");
     }
     // A source that cannot be read is a build's error to tell.
-    let Ok(files) = input::files(source) else { return Need::Build("source unreadable") };
+    let Ok(files) = input::files(source, cancel) else { return Need::Build("source unreadable") };
     let stamp = stamp(&files);
     if earlier.is_some_and(|row| row.hash == told(hash) && !stamp.is_empty() && row.stamp == stamp) {
         return Need::Nothing;
     }
-    match input::fingerprint(&files) {
+    match input::fingerprint(&files, cancel) {
         Ok(found) if found == (len, hash) => Need::Nothing,
         Ok(_) => Need::Build("source changed"),
         Err(_) => Need::Build("source unreadable"),

@@ -9,7 +9,7 @@ use crate::batch::summary::{self, Status, Summary};
 use crate::number;
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::{BuildConfig, MIN_MEMORY};
+use chpm_build::{BuildConfig, Cancel, MIN_MEMORY};
 use chpm_extmem::Lock;
 use chpm_mesh::{Bytes, Counted};
 use clap::Parser;
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     Summary::check(&args.output, args.shard)?;
     let earlier = run::earlier(&path);
     if args.dry_run {
-        let tasks = run::plan(models, &args.output, &earlier, args.force);
+        let tasks = run::plan(models, &args.output, &earlier, args.force, &Cancel::default());
         return print(args, &Summary::new(args.shard, run::planned(tasks)));
     }
     fs::create_dir_all(&args.output)
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     // From here on there is something to clean up.
     let cancel = stop.heed();
     let _lock = Lock::acquire(&path)?;
-    let tasks = run::plan(models, &args.output, &earlier, args.force);
+    let tasks = run::plan(models, &args.output, &earlier, args.force, &cancel);
     let summary = Summary::new(args.shard, run::run(tasks, jobs(args, &config), args.quiet, &cancel));
     summary.write(&args.output)?;
     let verdict = print(args, &summary)?;

@@ -10,13 +10,16 @@ use anyhow::{Result, ensure};
 use chpm_build::{BuildConfig, BuildError, BuildReport};
 use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, ClusterId, Counted};
+use std::fs;
 use std::io::{self, Write};
+use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
 /// What `chpm build` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The mesh: PLY (ASCII or binary), STL or OBJ, as it is or as .gz or .zst; or a Stanford .conf set of scans
+    /// The mesh: PLY (ASCII or binary), STL or OBJ, as it is or as .gz or .zst; a Stanford .conf set of scans. A file, or a pipe
+    /// that one comes through; - is standard input
     source: PathBuf,
     /// The file to build; the source's name with .chpm, beside it, if not given
     #[arg(short, long, value_name = "FILE")]
@@ -39,8 +42,15 @@ pub(crate) struct Args {
 /// Builds, and reports on stdout.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let config = build_config(&args.settings, &args.resources, args.force)?;
-    let output = args.output.clone().unwrap_or_else(|| args.source.with_extension("chpm"));
-    let report = build(&args.source, &output, &config, &Meter::new(args.quiet), stop)?;
+    let source = if args.source == Path::new("-") { Path::new("/dev/stdin") } else { &args.source };
+    let is_pipe = fs::metadata(source).is_ok_and(|found| found.file_type().is_fifo());
+    ensure!(
+        args.output.is_some() || !(is_pipe || source != args.source),
+        "'{}' gives the output no name; name it with -o",
+        args.source.display()
+    );
+    let output = args.output.clone().unwrap_or_else(|| source.with_extension("chpm"));
+    let report = build(source, &output, &config, &Meter::new(args.quiet), stop)?;
     let mut out = stdout();
     if args.json {
         let mut value = report::build_json(&report);
@@ -49,7 +59,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         writeln!(out, "{value:#}")?;
     } else {
         print(&report, &output, &mut out)?;
-        print_next(&args.source, &output, &mut out)?;
+        print_next((!is_pipe).then_some(source), &output, &mut out)?;
     }
     out.flush()?;
     Ok(Verdict::Good)
@@ -99,11 +109,13 @@ pub(super) fn print(report: &BuildReport, output: &Path, out: &mut impl Write) -
     Ok(())
 }
 
-fn print_next(source: &Path, output: &Path, out: &mut impl Write) -> Result<()> {
+/// A source that came through a pipe is gone.
+fn print_next(source: Option<&Path>, output: &Path, out: &mut impl Write) -> Result<()> {
     let triangles = small(output)?;
-    let (source, output) = (source.display(), output.display());
+    let against = source.map_or_else(String::new, |source| format!(" --against '{}'", source.display()));
+    let output = output.display();
     writeln!(out, "next:")?;
-    writeln!(out, "  chpm verify '{output}' --against '{source}'")?;
+    writeln!(out, "  chpm verify '{output}'{against}")?;
     writeln!(out, "  chpm extract '{output}' --triangles {triangles} -o small.ply")?;
     Ok(())
 }

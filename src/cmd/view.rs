@@ -140,9 +140,11 @@ fn is_current(source: &Path, output: &Path) -> Option<bool> {
     output.symlink_metadata().ok()?;
     // What is no file would be waited for; the build refuses it.
     chpm_extmem::target(output, true).ok()?;
+    // Nothing is to be cleaned up: the first signal ends the process.
+    let never = Cancel::default();
     let built = || -> Result<bool> {
         let from = open(output)?.metadata()?.source;
-        Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source)?)?)
+        Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source, &never)?, &never)?)
     };
     Some(built().unwrap_or(false))
 }

@@ -333,3 +333,39 @@ fn two_builds_of_one_output_do_not_meet() {
     folder.stdout("build in.ply -o out.chpm -q --force");
     assert_eq!(folder.names(), ["in.ply", "out.chpm"]);
 }
+
+/// Runs the command with these bytes on standard input, and answers its exit code and what it said.
+fn piped(folder: &Folder, words: &str, bytes: &[u8]) -> (Option<i32>, String) {
+    let mut command = folder.command(words);
+    let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = piped.spawn().expect("a process");
+    // Whoever refuses its input does not read it.
+    let _ = child.stdin.take().expect("a pipe").write_all(bytes);
+    let output = child.wait_with_output().expect("an end");
+    (output.status.code(), super::harness::text(&output.stderr))
+}
+
+#[test]
+fn a_pipe_is_a_source() {
+    let (folder, mesh) = ball();
+    let plain = folder.read("ball.ply");
+    for bytes in [plain.clone(), gzip(&plain), stl(&mesh), obj(&mesh).into_bytes()] {
+        for name in ["-", "/dev/stdin"] {
+            let (code, told) = piped(&folder, &format!("build {name} -o out.chpm {BUILD}"), &bytes);
+            assert_eq!(code, Some(0), "{told}");
+            folder.stdout("extract out.chpm --level 0 -o out.ply -q -f");
+            assert_eq!(triangles(&folder.read_mesh("out.ply")), triangles(&mesh));
+        }
+    }
+    assert_eq!(folder.names(), ["ball.ply", "out.chpm", "out.ply"], "what came is gone");
+    for (words, bytes, expected) in [
+        ("build - -q", &plain[..], "-o"),
+        ("build - -o x.chpm -q", b"bmesh ball.ply 0 0 0 0 0 0 1\n", "list of range scans"),
+        ("build - -o x.chpm -q", &plain[..1000], "/dev/stdin"),
+        ("verify out.chpm --against /dev/stdin -q", &plain, "pipe"),
+    ] {
+        let (code, told) = piped(&folder, words, bytes);
+        assert!(code == Some(2) && told.contains(expected), "{words}: {told}");
+    }
+    assert_eq!(folder.names(), ["ball.ply", "out.chpm", "out.ply"]);
+}

@@ -2,7 +2,7 @@
 
 use crate::progress::Stage;
 use crate::report::Reached;
-use chpm_mesh::Counted;
+use chpm_mesh::{Counted, FAR};
 use std::path::PathBuf;
 
 /// What can stop a build. Nothing is left behind when it does, unless it is [`BuildError::Kept`].
@@ -16,6 +16,40 @@ pub enum BuildError {
         path: PathBuf,
         /// What the system says.
         source: std::io::Error,
+    },
+    /// What is no file cannot be read twice, or has no end.
+    #[error("{path} is {what}, where a file is needed; save it as one and name that")]
+    NotAFile {
+        /// The path as given.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+    },
+    /// The source came through a pipe and names files that lie beside it.
+    #[error("{path} is a list of range scans, which names files beside it; give the list as a file")]
+    ListThroughPipe {
+        /// The pipe.
+        path: PathBuf,
+    },
+    /// A scan of a list cannot be read.
+    #[error("{list}: scan {index}: {error}")]
+    Scan {
+        /// The list.
+        list: PathBuf,
+        /// Which of its scans, from 0.
+        index: usize,
+        /// What is wrong with it.
+        error: Box<BuildError>,
+    },
+    /// A coordinate is beyond what errors and spheres can be stored for.
+    #[error("{path}: {place}: coordinate {value:e} is farther from zero than {FAR:e}; scale the model down")]
+    TooFar {
+        /// The source file.
+        path: PathBuf,
+        /// The vertex.
+        place: chpm_mesh::ply::Place,
+        /// Its coordinate.
+        value: f64,
     },
     /// The source is no valid PLY.
     #[error("{path}: {source}")]
@@ -34,7 +68,7 @@ pub enum BuildError {
         source: Box<chpm_mesh::import::ImportError>,
     },
     /// The source has no triangle that could be built.
-    #[error("{path} has no triangle to build from ({} declared): nothing was written", Counted(*faces, "face"))]
+    #[error("{path}: {}: nothing was written", nothing(*faces))]
     Empty {
         /// The source file.
         path: PathBuf,
@@ -115,12 +149,21 @@ pub enum BuildError {
     },
 }
 
+fn nothing(faces: u64) -> String {
+    match faces {
+        0 => "no faces; there is nothing to build from".to_owned(),
+        _ => format!("none of its {faces} faces is a triangle with three different corners"),
+    }
+}
+
 impl BuildError {
     /// Whether someone asked to stop.
     pub fn is_cancelled(&self) -> bool {
         match self {
             BuildError::Cancelled => true,
-            BuildError::Kept { error, .. } | BuildError::WorkRemoved { error, .. } => error.is_cancelled(),
+            BuildError::Kept { error, .. }
+            | BuildError::WorkRemoved { error, .. }
+            | BuildError::Scan { error, .. } => error.is_cancelled(),
             _ => false,
         }
     }

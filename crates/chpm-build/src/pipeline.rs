@@ -1,9 +1,10 @@
 //! The build on one page.
 
 use crate::checkpoint::{Checkpoints, Key, beside};
-use crate::config::BuildConfig;
+use crate::config::{BuildConfig, Resources, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ingest::Supply;
 use crate::point::{Known, Point, Work};
 use crate::progress::{Cancel, Progress, Stage};
 use crate::report::BuildReport;
@@ -13,7 +14,8 @@ use chpm_extmem::{AtomicFile, Lock, Store, WorkDir, process};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Builds `output` from `source`, a mesh file of any format that [`Input`](crate::input::Input) reads.
+/// Builds `output` from `source`, a mesh file of any format that [`Input`](crate::input::Input) reads, or a pipe that one comes
+/// through: it is copied to a file of the work directory first, and such a build keeps no checkpoints.
 ///
 /// The output appears complete or not at all. The same source and settings give the same bytes, whatever the resources, and
 /// whether an earlier run was ended on the way or not.
@@ -32,9 +34,15 @@ pub fn build(
     let _lock = Lock::acquire(output)?;
     AtomicFile::sweep(output);
     let out = AtomicFile::create_with(output, config.overwrite, config.resources.faults.clone())?;
-    let stamp = Stamp::of(source)?;
+    let resources = &config.resources;
+    let folder = resources.work_dir.as_deref().unwrap_or(beside(output));
+    let source = &Supply::take(source, folder, &resources.faults, cancel)?;
+    let stamp = Stamp::of(source, cancel)?;
     stamp.refuse_output(output)?;
-    let context = &context(output, &stamp, config, progress, cancel)?;
+    // What came through a pipe does not come again, so that no other run could go on.
+    let every = resources.checkpoint.filter(|_| !source.is_spooled());
+    let resources = &Resources { checkpoint: every, ..resources.clone() };
+    let context = &context(output, &stamp, &config.settings, resources, progress, cancel)?;
     let dir = &context.store.workdir;
     let built = run(source, &stamp, out, config, context);
     match built {
@@ -48,7 +56,7 @@ pub fn build(
 
 /// The stages, each with what the one before has left.
 fn run(
-    source: &Path,
+    source: &Supply,
     stamp: &Stamp,
     out: AtomicFile,
     config: &BuildConfig,
@@ -64,7 +72,7 @@ fn run(
         work = match work {
             Work::Begin => {
                 let read = || ingest::run(source, settings, context);
-                let source = context.stage(Stage::Ingest, ingest::work(source), read)?;
+                let source = context.stage(Stage::Ingest, stamp.len, read)?;
                 stamp.check()?;
                 known = Known { facts: emit::Facts::of(&source), repairs: ingest::repairs(&source.tally) };
                 Work::Ingested(Box::new(source))
@@ -139,18 +147,18 @@ fn run(
 fn context<'a>(
     output: &Path,
     stamp: &Stamp,
-    config: &BuildConfig,
+    settings: &Settings,
+    resources: &Resources,
     progress: &'a dyn Progress,
     cancel: &Cancel,
 ) -> Result<Context<'a>, BuildError> {
     process::return_large_blocks();
-    let resources = &config.resources;
     let work_dir = resources.work_dir.as_deref().unwrap_or(beside(output));
     let available = std::thread::available_parallelism().map_or(1, usize::from);
-    let (threads, budget) = allowance::divide(resources, available, stamp.len());
+    let (threads, budget) = allowance::divide(resources, available, stamp.len);
     let (checkpoints, dir) = match resources.checkpoint {
         Some(_) => {
-            let key = Key::of(output, stamp, &config.settings)?;
+            let key = Key::of(output, stamp, settings)?;
             Checkpoints::open(work_dir, &key, resources, progress)?
         }
         None => {

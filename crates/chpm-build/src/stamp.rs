@@ -1,17 +1,22 @@
 //! What files are, without reading them: paths, lengths and times.
 
 use crate::error::BuildError;
-use crate::ingest::input;
+use crate::ingest::{Supply, input};
+use crate::progress::Cancel;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The program and its version.
 pub(crate) const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
 
 /// The identity of a source, or of the program. Whoever changes a file without changing its length or time is not seen.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(crate) struct Stamp(Vec<File>);
+pub(crate) struct Stamp {
+    files: Vec<File>,
+    /// Bytes of all files.
+    pub(crate) len: u64,
+}
 
 #[derive(Clone, PartialEq, Eq, Debug)]
 struct File {
@@ -22,24 +27,27 @@ struct File {
 }
 
 impl Stamp {
-    /// The identity of `source` as it is now.
-    pub(crate) fn of(source: &Path) -> Result<Stamp, BuildError> {
-        input::files(source)?.into_iter().map(File::of).collect::<Result<_, _>>().map(Stamp)
+    /// The identity of `source` as it is now. What came through a pipe has none: nobody else can change it.
+    pub(crate) fn of(source: &Supply, cancel: &Cancel) -> Result<Stamp, BuildError> {
+        if source.is_spooled() {
+            return Ok(Stamp { files: Vec::new(), len: source.len() });
+        }
+        let found = input::files(&source.path, cancel)?;
+        found.into_iter().map(File::of).collect::<Result<_, _>>().map(Stamp::new)
+    }
+
+    fn new(files: Vec<File>) -> Stamp {
+        Stamp { len: files.iter().map(|file| file.len).sum(), files }
     }
 
     /// The identity of the program that runs, where the system tells.
     pub(crate) fn of_program() -> Option<Stamp> {
-        std::env::current_exe().ok().and_then(|path| File::of(path).ok()).map(|file| Stamp(vec![file]))
-    }
-
-    /// Bytes of all files.
-    pub(crate) fn len(&self) -> u64 {
-        self.0.iter().map(|file| file.len).sum()
+        std::env::current_exe().ok().and_then(|path| File::of(path).ok()).map(|file| Stamp::new(vec![file]))
     }
 
     /// An error if a file is no longer what it was.
     pub(crate) fn check(&self) -> Result<(), BuildError> {
-        for file in &self.0 {
+        for file in &self.files {
             if File::of(file.path.clone()).ok().as_ref() != Some(file) {
                 return Err(BuildError::SourceChanged { path: file.path.clone() });
             }
@@ -49,7 +57,7 @@ impl Stamp {
 
     /// An error if the output would replace one of the files.
     pub(crate) fn refuse_output(&self, output: &Path) -> Result<(), BuildError> {
-        match self.0.iter().any(|file| chpm_extmem::same_file(&file.path, output)) {
+        match self.files.iter().any(|file| chpm_extmem::same_file(&file.path, output)) {
             true => Err(BuildError::OutputIsSource { path: output.to_owned() }),
             false => Ok(()),
         }
@@ -57,7 +65,7 @@ impl Stamp {
 
     /// Hands everything to `add`, piece by piece.
     pub(crate) fn visit(&self, mut add: impl FnMut(&[u8])) {
-        for file in &self.0 {
+        for file in &self.files {
             add(file.path.as_os_str().as_encoded_bytes());
             let (seconds, nanoseconds) = file.time;
             for number in [file.len, seconds as u64, nanoseconds as u64] {

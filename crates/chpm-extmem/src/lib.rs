@@ -17,6 +17,7 @@ mod lock;
 mod manifest;
 #[allow(unsafe_code)]
 mod map;
+mod pipe;
 pub mod process;
 mod publish;
 mod saved;
@@ -33,6 +34,7 @@ pub use error::ExtmemError;
 pub use fault::Faults;
 pub use lock::Lock;
 pub use map::{Access, MappedBuffer, MappedFile};
+pub use pipe::receive;
 pub use publish::AtomicFile;
 pub use saved::SavedFile;
 pub use spool::Spool;

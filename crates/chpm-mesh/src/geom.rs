@@ -2,6 +2,10 @@
 
 use nalgebra::{Point3, Vector3};
 
+/// How far from zero a coordinate of a mesh may be. Everything that is made of coordinates (diagonals, spheres about spheres,
+/// bounds of errors, level upon level) then stays a factor of hundred below the greatest f32.
+pub const FAR: f64 = 1e36;
+
 /// An axis-aligned box in object units; empty until a point is added.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Aabb {

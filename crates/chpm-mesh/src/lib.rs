@@ -17,7 +17,7 @@ pub mod synth;
 pub mod trimesh;
 pub mod units;
 
-pub use geom::{Aabb, Sphere};
+pub use geom::{Aabb, FAR, Sphere};
 pub use ids::{ClusterId, GroupId, Level};
 pub use number::{Number, NumberError};
 pub use ply::{PlyError, PlyReader, PlyWriter};

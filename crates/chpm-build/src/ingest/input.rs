@@ -3,13 +3,15 @@
 use super::scans::ScanSet;
 use super::steps::Steps;
 use super::stream::{self, Packing, Stream, Tap};
+use super::supply::Supply;
 use super::weld::{WeldError, Welder};
 use crate::error::BuildError;
+use crate::progress::Cancel;
 use chpm_extmem::{Faults, Reservation, Store};
 use chpm_format::Source as Provenance;
 use chpm_mesh::PlyReader;
 use chpm_mesh::import::{Format, ImportError, ObjReader, RangeScans, StlReader};
-use chpm_mesh::ply::{Batch, BatchKind, Options, PlyError, Tally, VertexFormat};
+use chpm_mesh::ply::{Batch, BatchKind, Options, Tally, VertexFormat};
 use std::io;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::Xxh3;
@@ -24,16 +26,17 @@ pub struct Input {
     tap: Tap,
     packing: Packing,
     format: Format,
-    vertices: u64,
     /// Of a range grid.
     steps: Option<Steps>,
+    cancel: Cancel,
     _window: Reservation,
 }
 
 enum Body {
     Ply(Box<PlyReader<Stream>>),
     Obj(Box<ObjReader<Stream>>),
-    Stl(Box<Welder>),
+    Stl(Box<Welder<u128>>),
+    StlText(Box<Welder<[u128; 2]>>),
     Scans(Box<ScanSet>),
 }
 
@@ -47,26 +50,54 @@ pub struct Read {
     pub tally: Tally,
     /// What was left out or changed, in words.
     pub warnings: Vec<String>,
+    /// The scans of a list: each with the number of its first vertex.
+    pub(super) scans: Vec<(u64, PathBuf)>,
 }
 
 impl Input {
-    /// Opens `path` and reads as much as it takes to know the vertices' format.
+    /// Opens the file `path` and reads as much as it takes to know the vertices' format. Whenever `cancel` is set, now or
+    /// later, reading ends soon with [`BuildError::Cancelled`].
     ///
     /// # Errors
-    /// [`BuildError::Source`], [`BuildError::Ply`] or [`BuildError::Import`], naming the file.
-    pub fn open(path: &Path, options: Options, store: &Store) -> Result<Input, BuildError> {
-        Self::open_as(path, options, store, true)
+    /// [`BuildError::Source`], [`BuildError::NotAFile`], [`BuildError::Ply`] or [`BuildError::Import`], naming the file.
+    pub fn open(path: &Path, options: Options, store: &Store, cancel: &Cancel) -> Result<Input, BuildError> {
+        Self::of(&Supply::file(path)?, options, store, cancel)
+    }
+
+    /// Like [`Input::open`].
+    pub(crate) fn of(
+        supply: &Supply,
+        options: Options,
+        store: &Store,
+        cancel: &Cancel,
+    ) -> Result<Input, BuildError> {
+        Self::open_as(supply, options, store, true, cancel)
     }
 
     /// Like [`Input::open`]; a list of scans is only understood where `lists` allows it, and not within another.
     pub(super) fn open_as(
-        path: &Path,
+        supply: &Supply,
         options: Options,
         store: &Store,
         lists: bool,
+        cancel: &Cancel,
     ) -> Result<Input, BuildError> {
+        let opened = Tap::open(supply, store.workdir.faults(), cancel);
+        let opened = opened.map_err(|source| BuildError::Source { path: supply.path.clone(), source });
+        let input = opened.and_then(|tap| Self::from_tap(supply, tap, options, store, lists, cancel));
+        input.map_err(|error| heeded(error, cancel))
+    }
+
+    pub(super) fn from_tap(
+        supply: &Supply,
+        tap: Tap,
+        options: Options,
+        store: &Store,
+        lists: bool,
+        cancel: &Cancel,
+    ) -> Result<Input, BuildError> {
+        let path = &supply.path;
         let unread = |source| BuildError::Source { path: path.to_owned(), source };
-        let tap = Tap::open(path, store.workdir.faults()).map_err(unread)?;
         let opened = stream::open(&tap, Format::HEAD, store.budget.chargeable()).map_err(unread)?;
         let window = store.budget.charge("the window of a zstd stream", opened.window)?;
         let format = match Format::detect(&opened.head, opened.len, extension(path).as_deref()) {
@@ -84,17 +115,23 @@ impl Input {
             Format::Obj => Body::Obj(Box::new(ObjReader::new(opened.stream, options).map_err(import)?)),
             Format::StlBinary | Format::StlAscii => {
                 let reader = StlReader::new(opened.stream, format, options.invalid).map_err(import)?;
-                Body::Stl(Box::new(Welder::new(reader, store)))
+                match format {
+                    Format::StlBinary => Body::Stl(Box::new(Welder::new(reader, store))),
+                    _ => Body::StlText(Box::new(Welder::new(reader, store))),
+                }
+            }
+            Format::RangeScans if supply.is_spooled() => {
+                return Err(BuildError::ListThroughPipe { path: path.to_owned() });
             }
             Format::RangeScans => {
                 let list = RangeScans::read(opened.stream).map_err(import)?;
-                Body::Scans(Box::new(ScanSet::open(path, list, options, store)?))
+                Body::Scans(Box::new(ScanSet::open(path, list, options, store, cancel)?))
             }
         };
         let has_grid = matches!(&body, Body::Ply(reader) if reader.has_grid());
         let steps = has_grid.then(|| Steps::new(store)).transpose()?;
-        let path = path.to_owned();
-        Ok(Input { path, body, tap, packing: opened.packing, format, vertices: 0, steps, _window: window })
+        let (path, packing, cancel) = (path.to_owned(), opened.packing, cancel.clone());
+        Ok(Input { path, body, tap, packing, format, steps, cancel, _window: window })
     }
 
     /// What the delivered vertices are made of.
@@ -103,6 +140,7 @@ impl Input {
             Body::Ply(reader) => reader.vertex_format(),
             Body::Obj(reader) => reader.vertex_format(),
             Body::Stl(welder) => welder.vertex_format(),
+            Body::StlText(welder) => welder.vertex_format(),
             Body::Scans(scans) => scans.vertex_format(),
         }
     }
@@ -129,23 +167,23 @@ impl Input {
     /// # Errors
     /// What is wrong with the source, and where; or the store's memory and disk.
     pub fn next_batch(&mut self, batch: &mut Batch) -> Result<BatchKind, BuildError> {
+        self.refill(batch).map_err(|error| heeded(error, &self.cancel))
+    }
+
+    fn refill(&mut self, batch: &mut Batch) -> Result<BatchKind, BuildError> {
         let ply = |source| BuildError::Ply { path: self.path.clone(), source };
         let import = |source| BuildError::Import { path: self.path.clone(), source: Box::new(source) };
+        let weld = |error| match error {
+            WeldError::Import(source) => import(source),
+            WeldError::Build(error) => *error,
+        };
         let kind = match &mut self.body {
             Body::Ply(reader) => reader.next_batch(batch).map_err(ply)?,
             Body::Obj(reader) => reader.next_batch(batch).map_err(import)?,
-            Body::Stl(welder) => welder.next_batch(batch).map_err(|error| match error {
-                WeldError::Import(source) => import(source),
-                WeldError::Build(error) => *error,
-            })?,
+            Body::Stl(welder) => welder.next_batch(batch).map_err(weld)?,
+            Body::StlText(welder) => welder.next_batch(batch).map_err(weld)?,
             Body::Scans(scans) => scans.next_batch(batch)?,
         };
-        for (vertex, position) in (self.vertices..).zip(&batch.positions_f64) {
-            if let Some(&value) = position.iter().find(|x| !(**x as f32).is_finite()) {
-                return Err(ply(PlyError::BeyondSingle { vertex, value }));
-            }
-        }
-        self.vertices += batch.positions_f64.len() as u64;
         if let Some(mut steps) = self.steps.take() {
             steps.vertices(batch)?;
             self.steps = Some(if kind == BatchKind::Triangles { steps.triangles(batch)? } else { steps });
@@ -158,7 +196,7 @@ impl Input {
     /// # Errors
     /// [`BuildError::Source`].
     pub fn finish(self) -> Result<Read, BuildError> {
-        let Input { path, body, tap, packing, format, steps, .. } = self;
+        let Input { path, body, tap, packing, format, steps, cancel, .. } = self;
         let encoding = match &body {
             Body::Ply(reader) => reader.header().format.to_string(),
             _ => format.to_string(),
@@ -179,41 +217,47 @@ impl Input {
                 (provenance.vertex_count, provenance.face_count) = (reader.vertices(), reader.faces());
                 (reader.tally(), reader.warnings(), None)
             }
-            Body::Stl(welder) => {
-                let reader = welder.reader();
-                (provenance.vertex_count, provenance.face_count) = (welder.vertices(), reader.facets());
-                (welder.tally(), reader.warnings().to_vec(), None)
-            }
+            Body::Stl(welder) => welder.finish(&mut provenance),
+            Body::StlText(welder) => welder.finish(&mut provenance),
             Body::Scans(scans) => {
                 let read = scans.finish();
                 (provenance.vertex_count, provenance.face_count) = (read.vertices, read.faces);
-                (read.tally, read.warnings, Some((read.len, read.hashes)))
+                (read.tally, read.warnings, Some((read.len, read.hashes, read.firsts)))
             }
         };
         warnings.extend(steps.and_then(|steps| steps.warning()));
-        let (len, hash) = tap.finish().map_err(|source| BuildError::Source { path, source })?;
-        (provenance.byte_len, provenance.hash) = match scans {
-            None => (len, hash),
-            Some((scans_len, hashes)) => (len + scans_len, combine(hash, &hashes)),
-        };
-        Ok(Read { provenance, tally, warnings })
+        let unread = |source| heeded(BuildError::Source { path, source }, &cancel);
+        let (len, hash) = tap.finish().map_err(unread)?;
+        (provenance.byte_len, provenance.hash) = (len, hash);
+        let mut firsts = Vec::new();
+        if let Some((scans_len, hashes, scans)) = scans {
+            (provenance.byte_len, provenance.hash) = (len + scans_len, combine(hash, &hashes));
+            firsts = scans;
+        }
+        Ok(Read { provenance, tally, warnings, scans: firsts })
     }
+}
+
+/// Reading that was ended on request fails in one way or another; this is why.
+fn heeded(error: BuildError, cancel: &Cancel) -> BuildError {
+    if cancel.is_cancelled() { BuildError::Cancelled } else { error }
 }
 
 /// The files that a source is made of: itself and, if it is a list of range scans, those.
 ///
 /// # Errors
-/// [`BuildError::Source`] if it cannot be read, [`BuildError::Import`] if it is no valid list.
-pub fn files(path: &Path) -> Result<Vec<PathBuf>, BuildError> {
-    let unread = |source| BuildError::Source { path: path.to_owned(), source };
-    let opened = Tap::open(path, &Faults::default())
+/// [`BuildError::Source`] or [`BuildError::NotAFile`] if it cannot be read, [`BuildError::Import`] if it is no valid list.
+pub fn files(path: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, BuildError> {
+    let unread = |source| heeded(BuildError::Source { path: path.to_owned(), source }, cancel);
+    let opened = Tap::open(&Supply::file(path)?, &Faults::default(), cancel)
         // Only the first bytes are unpacked, and a window is not filled.
         .and_then(|tap| stream::open(&tap, Format::HEAD, u64::MAX))
         .map_err(unread)?;
     let mut files = vec![path.to_owned()];
     if Format::detect(&opened.head, opened.len, extension(path).as_deref()) == Format::RangeScans {
-        let import =
-            |source: ImportError| BuildError::Import { path: path.to_owned(), source: Box::new(source) };
+        let import = |source: ImportError| {
+            heeded(BuildError::Import { path: path.to_owned(), source: Box::new(source) }, cancel)
+        };
         let list = RangeScans::read(opened.stream).map_err(import)?;
         files.extend(list.scans.iter().map(|scan| path.with_file_name(&scan.file)));
     }
@@ -224,10 +268,11 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>, BuildError> {
 ///
 /// # Errors
 /// [`BuildError::Source`] naming the file that cannot be read.
-pub fn fingerprint(files: &[PathBuf]) -> Result<(u64, u64), BuildError> {
+pub fn fingerprint(files: &[PathBuf], cancel: &Cancel) -> Result<(u64, u64), BuildError> {
     let one = |path: &PathBuf| {
-        let read = || -> io::Result<(u64, u64)> { Tap::open(path, &Faults::default())?.finish() };
-        read().map_err(|source| BuildError::Source { path: path.clone(), source })
+        let supply = Supply::file(path)?;
+        let read = || -> io::Result<(u64, u64)> { Tap::open(&supply, &Faults::default(), cancel)?.finish() };
+        read().map_err(|source| heeded(BuildError::Source { path: path.clone(), source }, cancel))
     };
     let all = files.iter().map(one).collect::<Result<Vec<_>, _>>()?;
     let hashes: Vec<u64> = all.iter().skip(1).map(|(_, hash)| *hash).collect();

@@ -1,11 +1,16 @@
 //! Ingest: a source becomes arrays of positions, attributes and triangles in which every number is finite and every index is
-//! in range, with bounds and counts. One pass over the file; memory is the arrays and three batches.
+//! in range, with bounds and counts. One pass over the file; memory is the arrays, three batches, and a bit for each vertex.
 
 pub mod input;
+mod local;
 mod scans;
 mod sorter;
 mod steps;
+#[cfg(test)]
+mod stopping;
 mod stream;
+mod supply;
+mod used;
 mod weld;
 
 use crate::allowance;
@@ -15,13 +20,15 @@ use crate::error::BuildError;
 use crate::foreign::AabbFields;
 use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
 use chpm_format::Source as Provenance;
-use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Tally};
+use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
 use chpm_mesh::{Aabb, Attributes};
 use input::Input;
+use local::Local;
 use serde::{Deserialize, Serialize};
 use std::panic::resume_unwind;
-use std::path::{Path, PathBuf};
 use std::sync::mpsc;
+pub(crate) use supply::Supply;
+use used::Used;
 
 /// The validated source.
 pub(crate) struct Source {
@@ -32,6 +39,7 @@ pub(crate) struct Source {
     pub(crate) triangles: Column<[u32; 3]>,
     /// Zero for f32 sources, which keep their bits.
     pub(crate) origin: [f64; 3],
+    /// Of the vertices that faces use, as all that follows.
     pub(crate) bounds: Aabb,
     /// By how much a coordinate was changed at most: what errors start from. Zero for f32 sources.
     pub(crate) rounding: f64,
@@ -98,21 +106,22 @@ impl SavedSource {
     }
 }
 
-/// Reads the whole of `path`.
-pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Result<Source, BuildError> {
+/// Reads the whole of `supply`.
+pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -> Result<Source, BuildError> {
     let options = Options {
         invalid: if settings.drop_invalid { Invalid::Drop } else { Invalid::Refuse },
         normals: settings.normals,
         colors: settings.colors,
     };
-    let mut input = Input::open(path, options, &context.store)?;
+    let mut input = Input::of(supply, options, &context.store, &context.cancel)?;
     let format = input.vertex_format();
+    let is_double = format.coordinates.are_double();
     let (vertices, faces) =
         input.declared().map_or((0, 0), |(vertices, faces)| (vertices as usize, faces as usize));
 
     let store = &context.store;
     // A header may promise more than the file holds: no array starts larger than the source could fill.
-    let source_len = std::fs::metadata(path).map_or(0, |m| m.len()) as usize;
+    let source_len = supply.len() as usize;
     let (vertices, faces) = (vertices.min(source_len), faces.min(source_len));
     let vertex_len =
         12 + if format.attributes.normals { 12 } else { 0 } + if format.attributes.colors { 4 } else { 0 };
@@ -121,40 +130,37 @@ pub(crate) fn run(path: &Path, settings: &Settings, context: &Context<'_>) -> Re
     let in_memory = if store.workdir.is_resumable() { 0 } else { store.budget.limit() };
     store.workdir.require(disk.saturating_sub(in_memory))?;
     let mut arrays = Arrays {
-        singles: BufferWriter::new(store, POSITIONS, if format.double { 0 } else { vertices })?,
-        doubles: BufferWriter::new(store, POSITIONS, if format.double { vertices } else { 0 })?,
+        singles: BufferWriter::new(store, POSITIONS, if is_double { 0 } else { vertices })?,
+        doubles: BufferWriter::new(store, POSITIONS, if is_double { vertices } else { 0 })?,
         normals: BufferWriter::new(store, NORMALS, if format.attributes.normals { vertices } else { 0 })?,
         colors: BufferWriter::new(store, COLORS, if format.attributes.colors { vertices } else { 0 })?,
         triangles: BufferWriter::new(store, TRIANGLES, faces)?,
-        bounds: Bounds::default(),
-        single_bounds: Aabb::EMPTY,
+        bounds: Aabb::EMPTY,
+        used: Used::new(store)?,
+        far: BufferWriter::new(store, "vertices far from zero", 0)?,
     };
     arrays.fill(&mut input, context)?;
-    let Arrays { singles, doubles, normals, colors, triangles, bounds, single_bounds } = arrays;
+    let Arrays { singles, doubles, normals, colors, triangles, bounds, mut used, far } = arrays;
 
-    let input::Read { provenance, tally, mut warnings } = input.finish()?;
+    let read = input.finish()?;
     if triangles.is_empty() {
-        return Err(BuildError::Empty { path: path.to_owned(), faces: provenance.face_count });
+        return Err(BuildError::Empty { path: supply.path.clone(), faces: read.provenance.face_count });
     }
-
-    let origin = if format.double { bounds.origin() } else { [0.0; 3] };
-    let (positions, bounds, rounding) = if format.double {
-        let doubles = doubles.finish_column()?;
-        let (positions, bounds, rounding) = to_origin(context, &doubles, origin)?;
-        if rounding > 0.0 {
-            warnings.push(format!(
-                "double coordinates were rounded to 24 bits about the origin {origin:?}: by at most {rounding:.3e}"
-            ));
-        }
-        (positions, bounds, rounding)
+    let triangles = triangles.finish_column()?;
+    used.complete(&triangles, singles.len() + doubles.len(), context)?;
+    refuse_far(&far.finish_column()?, &used, supply, &read, context)?;
+    let input::Read { provenance, tally, mut warnings, .. } = read;
+    let Local { positions, bounds, origin, rounding, warning } = if is_double {
+        local::doubles(doubles.finish_column()?, format.coordinates, &used, context)?
     } else {
-        (singles.finish_column()?, single_bounds, 0.0)
+        local::singles(singles.finish_column()?, bounds, &used, context)?
     };
+    warnings.extend(warning);
     Ok(Source {
         positions,
         normals: format.attributes.normals.then(|| normals.finish_column()).transpose()?,
         colors: format.attributes.colors.then(|| colors.finish_column()).transpose()?,
-        triangles: triangles.finish_column()?,
+        triangles,
         origin,
         bounds,
         rounding,
@@ -171,9 +177,14 @@ struct Arrays {
     normals: BufferWriter<[f32; 3]>,
     colors: BufferWriter<[u8; 4]>,
     triangles: BufferWriter<[u32; 3]>,
-    bounds: Bounds,
-    single_bounds: Aabb,
+    /// Of all singles.
+    bounds: Aabb,
+    used: Used,
+    far: BufferWriter<Far>,
 }
+
+/// A vertex that is far from zero: its number, byte offset, line (0 where there are none) and the bits of its coordinate.
+type Far = [u64; 4];
 
 impl Arrays {
     /// Takes all that the input has. Reading is this thread's work and storing another's: arrays on disk cost as much time as
@@ -209,8 +220,21 @@ impl Arrays {
     }
 
     fn take(&mut self, batch: &Batch) -> Result<(), BuildError> {
-        self.bounds.add(batch);
-        self.single_bounds.merge(&Aabb::of_points(&batch.positions));
+        for place in &batch.far {
+            let at = (place.index - batch.first) as usize;
+            let single = || batch.positions.get(at).map(|p| p.map(f64::from));
+            let position = batch.positions_f64.get(at).copied().or_else(single).unwrap_or_default();
+            let value =
+                position.into_iter().fold(0.0, |far: f64, x| if x.abs() > far.abs() { x } else { far });
+            self.far.extend_from_slice(&[[
+                place.index,
+                place.offset,
+                place.line.unwrap_or(0),
+                value.to_bits(),
+            ]])?;
+        }
+        self.used.add(&batch.triangles, self.singles.len() + self.doubles.len())?;
+        self.bounds.merge(&Aabb::of_points(&batch.positions));
         self.singles.extend_from_slice(&batch.positions)?;
         self.doubles.extend_from_slice(&batch.positions_f64)?;
         self.normals.extend_from_slice(&batch.normals)?;
@@ -219,65 +243,36 @@ impl Arrays {
     }
 }
 
-/// Bytes of work that ingest will report.
-pub(crate) fn work(path: &Path) -> u64 {
-    let len = |path: &PathBuf| std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-    input::files(path).map_or(0, |files| files.iter().map(len).sum())
-}
-
-/// Bounds of double coordinates, and whether all of them are f32 values anyway.
-#[derive(Default)]
-struct Bounds {
-    range: Option<[(f64, f64); 3]>,
-    rounds: bool,
-}
-
-impl Bounds {
-    fn add(&mut self, batch: &Batch) {
-        for p in &batch.positions_f64 {
-            let range = self.range.get_or_insert(p.map(|x| (x, x)));
-            for (range, x) in range.iter_mut().zip(p) {
-                *range = (range.0.min(*x), range.1.max(*x));
-                self.rounds |= f64::from(*x as f32) != *x;
-            }
-        }
-    }
-
-    /// The middle, or zero where nothing would be gained. The result is an f32 value, so that a reader may use it as one.
-    fn origin(&self) -> [f64; 3] {
-        match self.range {
-            Some(range) if self.rounds => range.map(|(low, high)| f64::from((0.5 * low + 0.5 * high) as f32)),
-            _ => [0.0; 3],
-        }
-    }
-}
-
-/// Positions relative to the origin, their bounds, and the largest rounding of a coordinate.
-fn to_origin(
+/// Refuses vertices that are too far from zero for all that follows, if a face uses one.
+fn refuse_far(
+    far: &Column<Far>,
+    used: &Used,
+    supply: &Supply,
+    read: &input::Read,
     context: &Context<'_>,
-    doubles: &Column<[f64; 3]>,
-    origin: [f64; 3],
-) -> Result<(Column<[f32; 3]>, Aabb, f64), BuildError> {
-    const STEP: usize = 1 << 14;
-    let mut out = BufferWriter::new(&context.store, POSITIONS, doubles.len())?;
-    let mut rounding = 0.0f64;
-    let mut bounds = Aabb::EMPTY;
-    let (mut local, mut scratch) = (Vec::new(), Vec::new());
-    for start in (0..doubles.len()).step_by(STEP) {
-        let chunk = doubles.read(start..doubles.len().min(start + STEP), &mut scratch)?;
-        local.clear();
-        local.extend(chunk.iter().map(|p| {
-            std::array::from_fn::<f32, 3, _>(|axis| {
-                let exact = p[axis] - origin[axis];
-                let stored = exact as f32;
-                rounding = rounding.max((f64::from(stored) - exact).abs());
-                stored
-            })
-        }));
-        bounds.merge(&Aabb::of_points(&local));
-        out.extend_from_slice(&local)?;
-    }
-    Ok((out.finish_column()?, bounds, rounding))
+) -> Result<(), BuildError> {
+    local::each(far, context, |_, places| {
+        let Some(&[vertex, offset, line, value]) = places.iter().find(|far| used.contains(far[0] as usize))
+        else {
+            return Ok(());
+        };
+        let place = |base| Place {
+            element: "vertex".to_owned(),
+            index: vertex - base,
+            offset,
+            line: Some(line).filter(|line| *line > 0),
+        };
+        let value = f64::from_bits(value);
+        let path = supply.path.clone();
+        Err(match read.scans.iter().rposition(|(base, _)| *base <= vertex) {
+            None => BuildError::TooFar { path, place: place(0), value },
+            Some(index) => {
+                let (base, scan) = &read.scans[index];
+                let error = BuildError::TooFar { path: scan.clone(), place: place(*base), value };
+                BuildError::Scan { list: path, index, error: Box::new(error) }
+            }
+        })
+    })
 }
 
 /// Counts that ingest found, as the repair report wants them.

@@ -1,18 +1,22 @@
 //! A model made of range scans: each is read in its turn and moved into the model's frame on the way.
 
 use super::input::Input;
+use super::supply::Supply;
 use crate::error::BuildError;
+use crate::progress::Cancel;
 use chpm_extmem::Store;
 use chpm_mesh::Attributes;
 use chpm_mesh::import::{Pose, RangeScans};
-use chpm_mesh::ply::{Batch, BatchKind, MAX_VERTICES, Options, PlyError, Tally, VertexFormat};
+use chpm_mesh::ply::{Batch, BatchKind, Coordinates, MAX_VERTICES, Options, PlyError, Tally, VertexFormat};
 use std::path::{Path, PathBuf};
 
 /// Scans one after the other.
 pub(super) struct ScanSet {
+    list: PathBuf,
     scans: Vec<(PathBuf, Pose)>,
     options: Options,
     store: Store,
+    cancel: Cancel,
     format: VertexFormat,
     /// The scan that is being read, and which one it is.
     current: Option<Input>,
@@ -29,6 +33,8 @@ pub(super) struct ScanSet {
 pub(super) struct ScansRead {
     pub(super) len: u64,
     pub(super) hashes: Vec<u64>,
+    /// The first vertex of each scan.
+    pub(super) firsts: Vec<(u64, PathBuf)>,
     pub(super) vertices: u64,
     pub(super) faces: u64,
     pub(super) tally: Tally,
@@ -42,13 +48,15 @@ impl ScanSet {
         list: RangeScans,
         options: Options,
         store: &Store,
+        cancel: &Cancel,
     ) -> Result<Self, BuildError> {
         let mut attributes = Attributes { normals: true, colors: true };
         let mut scans = Vec::new();
         let mut some = Attributes { normals: false, colors: false };
-        for scan in list.scans {
+        for (index, scan) in list.scans.into_iter().enumerate() {
             let file = path.with_file_name(&scan.file);
-            let has = Input::open_as(&file, options, store, false)?.vertex_format().attributes;
+            let opened = open(&file, options, store, cancel).map_err(|error| named(path, index, error))?;
+            let has = opened.vertex_format().attributes;
             attributes = Attributes {
                 normals: attributes.normals && has.normals,
                 colors: attributes.colors && has.colors,
@@ -64,12 +72,14 @@ impl ScanSet {
             read.warnings.push("dropped colours, which not all of the scans have".to_owned());
         }
         let options = Options { normals: attributes.normals, colors: attributes.colors, ..options };
-        let format = VertexFormat { double: true, attributes };
-        let store = store.clone();
+        let format = VertexFormat { coordinates: Coordinates::Double, attributes };
+        let (list, store, cancel) = (path.to_owned(), store.clone(), cancel.clone());
         Ok(ScanSet {
+            list,
             scans,
             options,
             store,
+            cancel,
             format,
             current: None,
             at: 0,
@@ -89,13 +99,21 @@ impl ScanSet {
     }
 
     pub(super) fn next_batch(&mut self, batch: &mut Batch) -> Result<BatchKind, BuildError> {
+        let index = self.at;
+        self.refill(batch).map_err(|error| named(&self.list, index, error))
+    }
+
+    fn refill(&mut self, batch: &mut Batch) -> Result<BatchKind, BuildError> {
         let Some((path, pose)) = self.scans.get(self.at) else {
             *batch = Batch::default();
             return Ok(BatchKind::End);
         };
         let input = match &mut self.current {
             Some(input) => input,
-            none => none.insert(Input::open_as(path, self.options, &self.store, false)?),
+            none => {
+                self.read.firsts.push((self.base, path.clone()));
+                none.insert(open(path, self.options, &self.store, &self.cancel)?)
+            }
         };
         match input.next_batch(batch)? {
             BatchKind::Vertices => {
@@ -106,6 +124,7 @@ impl ScanSet {
                     .iter_mut()
                     .for_each(|n| *n = pose.direction(n.map(f64::from)).map(|x| x as f32));
                 batch.invalid_vertices.iter_mut().for_each(|vertex| *vertex += self.base);
+                batch.far.iter_mut().for_each(|place| place.index += self.base);
                 batch.first = self.vertices;
                 self.vertices += batch.positions_f64.len() as u64;
                 if self.vertices > MAX_VERTICES {
@@ -152,5 +171,17 @@ impl ScanSet {
     /// What was read, after the last batch.
     pub(super) fn finish(self) -> ScansRead {
         self.read
+    }
+}
+
+fn open(path: &Path, options: Options, store: &Store, cancel: &Cancel) -> Result<Input, BuildError> {
+    Input::open_as(&Supply::file(path)?, options, store, false, cancel)
+}
+
+/// What is wrong with a scan, and whose it is.
+fn named(list: &Path, index: usize, error: BuildError) -> BuildError {
+    match error {
+        BuildError::Cancelled | BuildError::Extmem(_) => error,
+        error => BuildError::Scan { list: list.to_owned(), index, error: Box::new(error) },
     }
 }

@@ -7,7 +7,7 @@ use chpm_mesh::ply::Batch;
 
 /// A triangle whose longest edge is more than so many times its shortest hangs across a step. Samples of a surface that is seen at
 /// 80 degrees from its normal are 5.8 times as far from each other along the slope as across it.
-const RATIO: f32 = 6.0;
+const RATIO: f64 = 6.0;
 
 /// The positions of a grid, to measure its triangles with.
 pub(super) enum Steps {
@@ -59,8 +59,11 @@ impl Steps {
 }
 
 fn is_step(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> bool {
-    let square = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum::<f32>();
+    // In double precision, so that no unit is too large or small to be squared.
+    let square = |a: [f32; 3], b: [f32; 3]| {
+        a.iter().zip(b).map(|(x, y)| (f64::from(*x) - f64::from(y)).powi(2)).sum::<f64>()
+    };
     let edges = [square(a, b), square(b, c), square(c, a)];
-    let (short, long) = edges.iter().fold((f32::INFINITY, 0.0f32), |(s, l), e| (s.min(*e), l.max(*e)));
+    let (short, long) = edges.iter().fold((f64::INFINITY, 0.0f64), |(s, l), e| (s.min(*e), l.max(*e)));
     long > RATIO * RATIO * short
 }

@@ -1,18 +1,21 @@
 //! The bytes of a source: hashed as they are in the file, then decompressed if they are compressed.
+//!
+//! Before and behind decompression every read looks at whether to stop first, so that no reader has to: what it does between
+//! two reads is bounded by its window.
 
+use super::supply::Supply;
+use crate::progress::Cancel;
 use chpm_extmem::Faults;
 use std::cell::RefCell;
 use std::fmt;
-use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read};
-use std::path::Path;
 use std::rc::Rc;
 use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a compressed file that are read at once.
 const BLOCK: usize = 1 << 18;
-/// Largest window of a zstd frame: 128 MiB, which all levels stay within.
-const ZSTD_WINDOW: u64 = 1 << 27;
+/// Largest window of a zstd frame, by zstd's own limit: what is granted below that can be raised by more memory.
+const ZSTD_WINDOW: u64 = 1 << 31;
 /// Least window that is always granted; what the usual levels take.
 const ZSTD_LEAST: u64 = 1 << 23;
 
@@ -55,18 +58,24 @@ impl fmt::Display for Packing {
 pub(super) struct Tap(Rc<RefCell<Inner>>);
 
 struct Inner {
-    file: File,
+    bytes: Box<dyn Read>,
+    /// The length of the file.
+    file_len: u64,
     hash: Xxh3,
     len: u64,
     faults: Faults,
+    cancel: Cancel,
 }
 
 impl Tap {
-    pub(super) fn open(path: &Path, faults: &Faults) -> io::Result<Tap> {
+    pub(super) fn open(supply: &Supply, faults: &Faults, cancel: &Cancel) -> io::Result<Tap> {
         faults.access()?;
-        let file = File::open(path)?;
-        let faults = faults.clone();
-        Ok(Tap(Rc::new(RefCell::new(Inner { file, hash: Xxh3::new(), len: 0, faults }))))
+        Ok(Tap::of(Box::new(supply.open()?), supply.len(), faults, cancel))
+    }
+
+    pub(super) fn of(bytes: Box<dyn Read>, file_len: u64, faults: &Faults, cancel: &Cancel) -> Tap {
+        let (faults, cancel) = (faults.clone(), cancel.clone());
+        Tap(Rc::new(RefCell::new(Inner { bytes, file_len, hash: Xxh3::new(), len: 0, faults, cancel })))
     }
 
     /// Bytes read up to now.
@@ -80,28 +89,36 @@ impl Tap {
         let inner = self.0.borrow();
         Ok((inner.len, inner.hash.digest()))
     }
-
-    /// The length of the file, if it is one that has a length.
-    fn file_len(&self) -> Option<u64> {
-        self.0
-            .borrow()
-            .file
-            .metadata()
-            .ok()
-            .filter(|metadata| metadata.is_file())
-            .map(|metadata| metadata.len())
-    }
 }
 
 impl Read for Tap {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let inner = &mut *self.0.borrow_mut();
+        heed(&inner.cancel)?;
         inner.faults.access()?;
-        let count = inner.file.read(buffer)?;
+        let count = inner.bytes.read(buffer)?;
         inner.hash.update(&buffer[..count]);
         inner.len += count as u64;
         Ok(count)
     }
+}
+
+/// What comes out of decompression. A few bytes of a file may become gigabytes there.
+struct Watched<R> {
+    stream: R,
+    cancel: Cancel,
+}
+
+impl<R: Read> Read for Watched<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        heed(&self.cancel)?;
+        self.stream.read(buffer)
+    }
+}
+
+/// Ends the reading if that was asked for; whoever sees the error looks at `cancel` for why.
+fn heed(cancel: &Cancel) -> io::Result<()> {
+    if cancel.is_cancelled() { Err(io::Error::other("stopped on request")) } else { Ok(()) }
 }
 
 /// A stream and what is known of it before anything is read.
@@ -141,7 +158,7 @@ impl<R: Read> Read for Zstd<R> {
 /// have a quarter of `memory`, and 8 MiB in any case.
 pub(super) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
     let mut tap = tap.clone();
-    let len = tap.file_len();
+    let (len, cancel) = (tap.0.borrow().file_len, tap.0.borrow().cancel.clone());
     let magic = begin(&mut tap, 4)?;
     let packing = Packing::detect(&magic);
     let bytes = Cursor::new(magic).chain(tap);
@@ -161,8 +178,8 @@ pub(super) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
         }
     };
     let head = begin(&mut stream, head)?;
-    let stream = Box::new(Cursor::new(head.clone()).chain(stream));
-    Ok(Opened { stream, packing, head, len: len.filter(|_| packing == Packing::None), window })
+    let stream = Box::new(Watched { stream: Cursor::new(head.clone()).chain(stream), cancel });
+    Ok(Opened { stream, packing, head, len: Some(len).filter(|_| packing == Packing::None), window })
 }
 
 /// The first `len` bytes, or fewer at the end.

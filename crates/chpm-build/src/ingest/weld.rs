@@ -1,4 +1,4 @@
-//! Joins the corners of a soup of facets that have equal positions, bit by bit, in memory that the budget bounds.
+//! Joins the corners of a soup of facets that have equal positions, as they are in the file, in memory that the budget bounds.
 //!
 //! Corners are sorted by position; equal ones become a vertex, numbered in the order of the sort, which follows a Morton curve so that
 //! vertices that are near are near in number. What comes out, corner and vertex, is sorted back by corner.
@@ -6,21 +6,23 @@
 use super::sorter::{Sorted, Sorter};
 use super::stream::Stream;
 use crate::error::BuildError;
+use bytemuck::Pod;
 use chpm_extmem::Store;
+use chpm_format::Source as Provenance;
 use chpm_mesh::Attributes;
 use chpm_mesh::import::{Corners, ImportError, StlReader};
-use chpm_mesh::ply::{Batch, BatchKind, Place, Tally, VertexFormat};
+use chpm_mesh::ply::{Batch, BatchKind, Coordinates, Place, Tally, VertexFormat};
 
 /// Vertices or triangles of a batch.
 const FULL: usize = 1 << 14;
 /// Facets whose corners can be numbered.
 const MAX_FACETS: u64 = (u32::MAX / 3) as u64;
 
-/// An STL as a mesh.
-pub(super) struct Welder {
+/// An STL as a mesh, whose corners are sorted as items `C`.
+pub(super) struct Welder<C> {
     reader: StlReader<Stream>,
     store: Store,
-    phase: Phase,
+    phase: Phase<C>,
     /// Facets that were taken.
     facets: u64,
     vertices: u64,
@@ -28,9 +30,9 @@ pub(super) struct Welder {
     degenerate: u64,
 }
 
-enum Phase {
-    Reading { soup: Vec<Corners>, corners: Sorter<u128> },
-    Vertices { corners: Sorted<u128>, last: Option<u128>, back: Sorter<u64> },
+enum Phase<C> {
+    Reading { soup: Vec<Corners>, corners: Sorter<C> },
+    Vertices { corners: Sorted<C>, last: Option<C>, back: Sorter<u64> },
     Triangles { back: Sorted<u64> },
     Ended,
 }
@@ -53,7 +55,7 @@ impl From<BuildError> for WeldError {
     }
 }
 
-impl Welder {
+impl<C: Corner> Welder<C> {
     pub(super) fn new(reader: StlReader<Stream>, store: &Store) -> Self {
         let corners = Sorter::new(store, "corners");
         let phase = Phase::Reading { soup: Vec::new(), corners };
@@ -61,19 +63,16 @@ impl Welder {
     }
 
     pub(super) fn vertex_format(&self) -> VertexFormat {
-        VertexFormat { double: false, attributes: Attributes { normals: false, colors: false } }
+        VertexFormat { coordinates: C::COORDINATES, attributes: Attributes { normals: false, colors: false } }
     }
 
-    /// Vertices up to now.
-    pub(super) fn vertices(&self) -> u64 {
-        self.vertices
+    /// What was left out, and in words; the counts go to `provenance`.
+    pub(super) fn finish<T>(&self, provenance: &mut Provenance) -> (Tally, Vec<String>, Option<T>) {
+        (provenance.vertex_count, provenance.face_count) = (self.vertices, self.reader.facets());
+        (self.tally(), self.reader.warnings().to_vec(), None)
     }
 
-    pub(super) fn reader(&self) -> &StlReader<Stream> {
-        &self.reader
-    }
-
-    pub(super) fn tally(&self) -> Tally {
+    fn tally(&self) -> Tally {
         let tally = self.reader.tally();
         Tally { degenerate_faces: tally.degenerate_faces + self.degenerate, ..tally }
     }
@@ -82,6 +81,7 @@ impl Welder {
     pub(super) fn next_batch(&mut self, batch: &mut Batch) -> Result<BatchKind, WeldError> {
         *batch = Batch {
             positions: take(&mut batch.positions),
+            positions_f64: take(&mut batch.positions_f64),
             triangles: take(&mut batch.triangles),
             ..Batch::default()
         };
@@ -102,7 +102,7 @@ impl Welder {
                         }
                         for facet in soup.iter() {
                             for (corner, position) in (3 * self.facets..).zip(facet) {
-                                corners.push(morton(*position) << 32 | u128::from(corner))?;
+                                corners.push(C::new(*position, corner as u32))?;
                             }
                             self.facets += 1;
                         }
@@ -117,18 +117,25 @@ impl Welder {
                 }
                 Phase::Vertices { corners, last, back } => {
                     batch.first = self.vertices;
-                    while batch.positions.len() < FULL
-                        && let Some(item) = corners.next()?
+                    let mut taken = 0;
+                    while taken < FULL
+                        && let Some(corner) = corners.next()?
                     {
-                        let (key, corner) = (item >> 32, item as u32);
-                        if *last != Some(key) {
-                            *last = Some(key);
-                            batch.positions.push(position(key));
+                        if last.is_none_or(|last| last.place() != corner.place()) {
+                            *last = Some(corner);
+                            match C::COORDINATES {
+                                Coordinates::Single => {
+                                    batch.positions.push(corner.position().map(|x| x as f32))
+                                }
+                                _ => batch.positions_f64.push(corner.position()),
+                            }
                             self.vertices += 1;
                         }
-                        back.push(u64::from(corner) << 32 | (self.vertices - 1))?;
+                        back.push(u64::from(corner.number()) << 32 | (self.vertices - 1))?;
+                        taken += 1;
                     }
-                    if !batch.positions.is_empty() {
+                    // Many corners may be one vertex.
+                    if taken > 0 {
                         return Ok(BatchKind::Vertices);
                     }
                     let Phase::Vertices { corners, back, .. } =
@@ -141,9 +148,11 @@ impl Welder {
                 }
                 Phase::Triangles { back } => {
                     batch.first = self.triangles;
-                    while batch.triangles.len() < FULL
+                    let mut taken = 0;
+                    while taken < FULL
                         && let (Some(a), Some(b), Some(c)) = (back.next()?, back.next()?, back.next()?)
                     {
+                        taken += 1;
                         let [a, b, c] = [a, b, c].map(|item| item as u32);
                         if a == b || b == c || c == a {
                             self.degenerate += 1;
@@ -151,7 +160,7 @@ impl Welder {
                             batch.triangles.push([a, b, c]);
                         }
                     }
-                    if !batch.triangles.is_empty() {
+                    if taken > 0 {
                         self.triangles += batch.triangles.len() as u64;
                         return Ok(BatchKind::Triangles);
                     }
@@ -169,20 +178,89 @@ fn take<T>(vector: &mut Vec<T>) -> Vec<T> {
     std::mem::take(vector)
 }
 
-/// The bits of a position, those of equal weight together. Numbers keep their order, negative ones included.
-fn morton(position: [f32; 3]) -> u128 {
-    let [x, y, z] = position.map(|x| {
-        let bits = x.to_bits();
-        spread(if bits >> 31 == 1 { !bits } else { bits | 1 << 31 })
-    });
+/// A corner as an item to sort: where its position is on the curve, then its number.
+///
+/// The bits of a position's coordinates that have equal weight are together. Numbers keep their order, negative ones included.
+pub(super) trait Corner: Pod + Ord + Send {
+    /// What positions are delivered as.
+    const COORDINATES: Coordinates;
+
+    fn new(position: [f64; 3], number: u32) -> Self;
+
+    fn position(self) -> [f64; 3];
+
+    fn number(self) -> u32;
+
+    /// The same for all corners of equal position.
+    fn place(self) -> Self;
+}
+
+/// Singles: 96 bits and the number.
+impl Corner for u128 {
+    const COORDINATES: Coordinates = Coordinates::Single;
+
+    fn new(position: [f64; 3], number: u32) -> Self {
+        let bits = position.map(|x| {
+            let bits = (x as f32).to_bits();
+            if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+        });
+        interleave(bits) << 32 | u128::from(number)
+    }
+
+    fn position(self) -> [f64; 3] {
+        let single = |bits: u32| f32::from_bits(if bits >> 31 == 1 { bits & !(1 << 31) } else { !bits });
+        part(self >> 32).map(|bits| f64::from(single(bits)))
+    }
+
+    fn number(self) -> u32 {
+        self as u32
+    }
+
+    fn place(self) -> Self {
+        self >> 32
+    }
+}
+
+/// Doubles: 192 bits, 32 that stay zero, and the number.
+impl Corner for [u128; 2] {
+    const COORDINATES: Coordinates = Coordinates::Text;
+
+    fn new(position: [f64; 3], number: u32) -> Self {
+        let bits = position.map(|x| {
+            let bits = x.to_bits();
+            if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
+        });
+        let (high, low) =
+            (interleave(bits.map(|bits| (bits >> 32) as u32)), interleave(bits.map(|bits| bits as u32)));
+        [high << 32 | low >> 64, low << 64 | u128::from(number)]
+    }
+
+    fn position(self) -> [f64; 3] {
+        let high = part(self[0] >> 32);
+        let low = part((self[0] & 0xffff_ffff) << 64 | self[1] >> 64);
+        std::array::from_fn(|axis| {
+            let bits = u64::from(high[axis]) << 32 | u64::from(low[axis]);
+            f64::from_bits(if bits >> 63 == 1 { bits & !(1 << 63) } else { !bits })
+        })
+    }
+
+    fn number(self) -> u32 {
+        self[1] as u32
+    }
+
+    fn place(self) -> Self {
+        [self[0], self[1] >> 64]
+    }
+}
+
+/// 96 bits, those of equal weight together.
+fn interleave(bits: [u32; 3]) -> u128 {
+    let [x, y, z] = bits.map(spread);
     x << 2 | y << 1 | z
 }
 
-fn position(key: u128) -> [f32; 3] {
-    [key >> 2, key >> 1, key].map(|key| {
-        let bits = gather(key);
-        f32::from_bits(if bits >> 31 == 1 { bits & !(1 << 31) } else { !bits })
-    })
+fn part(key: u128) -> [u32; 3] {
+    [key >> 2, key >> 1, key].map(gather)
 }
 
 /// Puts two zeros in front of each bit.
@@ -214,43 +292,49 @@ mod tests {
         bytes.extend((facets.len() as u32).to_le_bytes());
         for facet in facets {
             bytes.extend([0; 12]);
-            bytes.extend(facet.as_flattened().iter().flat_map(|x| x.to_le_bytes()));
+            bytes.extend(facet.as_flattened().iter().flat_map(|x| (*x as f32).to_le_bytes()));
             bytes.extend([0; 2]);
         }
         bytes
     }
 
-    fn weld(facets: &[Corners], limit: u64) -> (Vec<[f32; 3]>, Vec<[u32; 3]>, u64) {
+    type Mesh = (Vec<[f64; 3]>, Vec<[u32; 3]>, u64);
+
+    fn weld<C: Corner>(bytes: Vec<u8>, format: Format, limit: u64) -> Mesh {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::create(dir.path(), limit).unwrap();
-        let stream: Stream = Box::new(std::io::Cursor::new(stl(facets)));
-        let reader = StlReader::new(stream, Format::StlBinary, Invalid::Refuse).unwrap();
-        let mut welder = Welder::new(reader, &store);
+        let stream: Stream = Box::new(std::io::Cursor::new(bytes));
+        let reader = StlReader::new(stream, format, Invalid::Refuse).unwrap();
+        let mut welder = Welder::<C>::new(reader, &store);
         let (mut positions, mut triangles, mut batch) = (Vec::new(), Vec::new(), Batch::default());
         loop {
             match welder.next_batch(&mut batch).unwrap_or_else(|_| panic!("a batch")) {
-                BatchKind::Vertices => positions.append(&mut batch.positions),
+                BatchKind::Vertices => {
+                    positions.extend(batch.positions.iter().map(|p| p.map(f64::from)));
+                    positions.append(&mut batch.positions_f64);
+                }
                 BatchKind::Triangles => triangles.append(&mut batch.triangles),
                 BatchKind::End => return (positions, triangles, welder.tally().degenerate_faces),
             }
         }
     }
 
-    #[test]
-    fn corners_of_equal_bits_are_one_vertex_in_any_budget() {
-        // A lattice of 11 by 13 by 7 places, negative ones included, and corners all over it: 90,000 corners are two runs of
-        // a megabyte.
-        let place =
-            |i: u64| [(i % 11) as f32 - 5.0, (i / 11 % 13) as f32 * 0.1 - 0.3, (i / 143 % 7) as f32 * -1e-20];
-        let random = |i: u64| i.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
-        let facets: Vec<Corners> = (0..30_000)
-            .map(|i| std::array::from_fn(|k| place(random(3 * i + k as u64)).map(|x| x + 0.0)))
-            .collect();
-        let (positions, triangles, degenerate) = weld(&facets, 0);
-        assert!(weld(&facets, 1 << 30) == (positions.clone(), triangles.clone(), degenerate));
-        // By a map from bits to vertices.
-        let bits = |p: &[f32; 3]| p.map(f32::to_bits);
-        let vertices: BTreeMap<[u32; 3], usize> =
+    fn text(facets: &[Corners]) -> Vec<u8> {
+        let mut text = "solid\n".to_owned();
+        for facet in facets {
+            text += "facet\n";
+            facet.iter().for_each(|[x, y, z]| text += &format!("vertex {x} {y} {z}\n"));
+            text += "endfacet\n";
+        }
+        (text + "endsolid\n").into_bytes()
+    }
+
+    /// Checks one welding against a map from bits to vertices, in any budget.
+    fn check<C: Corner>(bytes: Vec<u8>, format: Format, facets: &[Corners]) -> Mesh {
+        let (positions, triangles, degenerate) = weld::<C>(bytes.clone(), format, 0);
+        assert!(weld::<C>(bytes, format, 1 << 30) == (positions.clone(), triangles.clone(), degenerate));
+        let bits = |p: &[f64; 3]| p.map(f64::to_bits);
+        let vertices: BTreeMap<[u64; 3], usize> =
             positions.iter().enumerate().map(|(i, p)| (bits(p), i)).collect();
         assert_eq!(vertices.len(), positions.len(), "no position twice");
         let expected: Vec<[u32; 3]> = (facets.iter().map(|facet| facet.map(|p| vertices[&bits(&p)] as u32)))
@@ -258,14 +342,72 @@ mod tests {
             .collect();
         assert_eq!(triangles, expected);
         assert_eq!(degenerate as usize, facets.len() - expected.len());
+        (positions, triangles, degenerate)
+    }
+
+    #[test]
+    fn corners_of_equal_bits_are_one_vertex_in_any_budget() {
+        // A lattice of 11 by 13 by 7 places, negative ones included, and corners all over it: 90,000 corners are two runs of
+        // a megabyte.
+        let place = |i: u64| {
+            let [x, y, z] =
+                [(i % 11) as f32 - 5.0, (i / 11 % 13) as f32 * 0.1 - 0.3, (i / 143 % 7) as f32 * -1e-20];
+            [x, y, z].map(|x| f64::from(x + 0.0))
+        };
+        let random = |i: u64| i.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
+        let facets: Vec<Corners> =
+            (0..30_000).map(|i| std::array::from_fn(|k| place(random(3 * i + k as u64)))).collect();
+        let binary = check::<u128>(stl(&facets), Format::StlBinary, &facets);
+        // The same numbers as text are the same mesh.
+        assert!(check::<[u128; 2]>(text(&facets), Format::StlAscii, &facets) == binary);
+        // Singles could not tell these from one another.
+        let apart: Vec<Corners> =
+            facets.iter().map(|facet| facet.map(|p| p.map(|x| 5e6 + 1e-3 * x))).collect();
+        let (positions, ..) = check::<[u128; 2]>(text(&apart), Format::StlAscii, &apart);
+        assert!(positions.len() > 100, "{}", positions.len());
     }
 
     #[test]
     fn positions_come_back_from_their_place_on_the_curve() {
         for x in [0.0f32, 1.0, -1.0, 1e-42, -3e38, f32::MAX, 0.1] {
-            let p = [x, -x, 7.25];
-            assert_eq!(position(morton(p)).map(f32::to_bits), p.map(f32::to_bits));
+            let p = [x, -x, 7.25].map(f64::from);
+            let corner = <u128 as Corner>::new(p, u32::MAX - 7);
+            assert_eq!(
+                (corner.position().map(f64::to_bits), corner.number()),
+                (p.map(f64::to_bits), u32::MAX - 7)
+            );
+            let p = p.map(|x| x * 1.000_000_000_1);
+            let corner = <[u128; 2] as Corner>::new(p, u32::MAX - 7);
+            assert_eq!(
+                (corner.position().map(f64::to_bits), corner.number()),
+                (p.map(f64::to_bits), u32::MAX - 7)
+            );
         }
-        assert!(morton([-2.0, 0.0, 0.0]) < morton([-1.0, 0.0, 0.0]) && morton([-1.0; 3]) < morton([1.0; 3]));
+        fn order<C: Corner>() {
+            let at = |x: f64| C::new([x, 0.0, 0.0], 9);
+            assert!(at(-2.0) < at(-1.0) && at(-1.0) < at(0.0) && at(0.0) < at(1e-30) && at(1.0) < at(2.0));
+        }
+        order::<u128>();
+        order::<[u128; 2]>();
+    }
+
+    #[test]
+    fn many_corners_in_one_place_come_piece_by_piece() {
+        let facets: Vec<Corners> = vec![[[1.0; 3]; 3]; 40_000];
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::create(dir.path(), 0).unwrap();
+        let stream: Stream = Box::new(std::io::Cursor::new(stl(&facets)));
+        let reader = StlReader::new(stream, Format::StlBinary, Invalid::Refuse).unwrap();
+        let mut welder = Welder::<u128>::new(reader, &store);
+        let (mut batch, mut kinds) = (Batch::default(), [0, 0]);
+        loop {
+            match welder.next_batch(&mut batch).unwrap_or_else(|_| panic!("a batch")) {
+                BatchKind::Vertices => kinds[0] += 1,
+                BatchKind::Triangles => kinds[1] += 1,
+                BatchKind::End => break,
+            }
+        }
+        assert_eq!(welder.tally().degenerate_faces, 40_000);
+        assert!(kinds[0] >= 120_000 / FULL && kinds[1] >= 40_000 / FULL, "{kinds:?}");
     }
 }

@@ -4,6 +4,7 @@ mod bytes;
 mod groups;
 mod looks;
 mod odd;
+mod reading;
 mod resume;
 mod scene;
 mod shapes;

@@ -3,6 +3,7 @@
 
 use super::error::ImportError;
 use super::lines::{Lines, number, words};
+use crate::FAR;
 use crate::ply::excerpt;
 use std::io::Read;
 
@@ -44,7 +45,7 @@ impl Pose {
     pub fn stanford(numbers: [f64; 7]) -> Option<Pose> {
         let [tx, ty, tz, x, y, z, w] = numbers;
         let length = [x, y, z, w].iter().map(|n| n * n).sum::<f64>().sqrt();
-        if !numbers.iter().all(|n| n.is_finite()) || !length.is_normal() {
+        if !numbers.iter().all(|n| n.abs() <= FAR) || !length.is_normal() {
             return None;
         }
         let [x, y, z, w] = [x, y, z, w].map(|n| n / length);

@@ -1,5 +1,6 @@
 //! What can be wrong with a mesh that is no PLY, and where.
 
+use crate::FAR;
 use crate::ply::Place;
 use std::io;
 
@@ -39,6 +40,14 @@ pub enum ImportError {
     )]
     NotFinite {
         /// The vertex or facet.
+        place: Place,
+        /// The coordinate.
+        value: f64,
+    },
+    /// A coordinate that is a number, and too large a one.
+    #[error("{place}: coordinate {value:e} is farther from zero than {FAR:e}; scale the model down")]
+    TooFar {
+        /// The facet.
         place: Place,
         /// The coordinate.
         value: f64,

@@ -2,10 +2,11 @@
 
 use super::error::ImportError;
 use super::lines::{Lines, WINDOW, number, words};
-use crate::Attributes;
 use crate::ply::{
-    Batch, BatchKind, Invalid, MAX_VERTICES, Options, Place, Tally, VertexFormat, VertexSet, excerpt,
+    Batch, BatchKind, Coordinates, Invalid, MAX_VERTICES, Options, Place, Tally, VertexFormat, VertexSet,
+    excerpt,
 };
+use crate::{Attributes, FAR};
 use std::io::Read;
 
 /// Reads an OBJ once, front to back.
@@ -86,7 +87,8 @@ impl<R: Read> ObjReader<R> {
 
     /// What the delivered vertices are made of.
     pub fn vertex_format(&self) -> VertexFormat {
-        VertexFormat { double: true, attributes: Attributes { normals: false, colors: self.colored } }
+        let attributes = Attributes { normals: false, colors: self.colored };
+        VertexFormat { coordinates: Coordinates::Text, attributes }
     }
 
     /// Vertices that were read up to now.
@@ -148,6 +150,7 @@ impl<R: Read> ObjReader<R> {
             std::mem::swap(&mut batch.positions_f64, &mut self.pending.positions_f64);
             std::mem::swap(&mut batch.invalid_vertices, &mut self.pending.invalid_vertices);
             std::mem::swap(&mut batch.colors, &mut self.pending.colors);
+            std::mem::swap(&mut batch.far, &mut self.pending.far);
             batch.first = self.delivered[0];
             self.delivered[0] += vertices as u64;
             Ok(BatchKind::Vertices)
@@ -222,6 +225,9 @@ impl<R: Read> ObjReader<R> {
                     self.invalid.insert(self.vertices);
                     self.tally.dropped_vertices += 1;
                     self.pending.invalid_vertices.push(self.vertices);
+                }
+                if position.iter().any(|x| x.abs() > FAR) {
+                    self.pending.far.push(place());
                 }
                 let is_first = self.vertices == 0;
                 self.pending.positions_f64.push(position);

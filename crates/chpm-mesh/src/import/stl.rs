@@ -3,18 +3,19 @@
 use super::error::ImportError;
 use super::format::Format;
 use super::lines::{Lines, number, words};
+use crate::FAR;
 use crate::ply::{Invalid, Place, Tally};
 use std::io::{self, Read};
 
 /// Positions of a facet's corners, in order.
-pub type Corners = [[f32; 3]; 3];
+pub type Corners = [[f64; 3]; 3];
 
 /// Facets after which a batch is handed over; only a polygon can take it beyond.
 const FULL: usize = 1 << 13;
 const HEADER: usize = 84;
 const RECORD: usize = 50;
 
-/// Reads an STL once, front to back. Coordinates are single precision; minus zero becomes zero, so that equal positions have
+/// Reads an STL once, front to back. Coordinates are those of single precision, or what text says; minus zero becomes zero, so that equal positions have
 /// equal bits. Normals are left out: the corners tell them.
 pub struct StlReader<R: Read> {
     body: Body<R>,
@@ -37,7 +38,7 @@ enum State {
 
 enum Body<R: Read> {
     Binary(Records<R>),
-    Ascii { lines: Lines<R>, inside: bool, corners: Vec<[f32; 3]>, solids: u64, closed: u64 },
+    Ascii { lines: Lines<R>, inside: bool, corners: Vec<[f64; 3]>, solids: u64, closed: u64 },
 }
 
 /// Binary facets, read block by block.
@@ -140,11 +141,11 @@ impl<R: Read> StlReader<R> {
             let record = &records.block[at * RECORD..][..RECORD];
             let corners = corners(record);
             self.attributed += u64::from(record[48..] != [0, 0]);
-            let bad = corners.as_flattened().iter().copied().find(|x| !x.is_finite());
-            match (bad, self.invalid) {
-                (None, _) => batch.push(corners),
-                (Some(_), Invalid::Drop) => self.tally.dropped_faces += 1,
-                (Some(value), Invalid::Refuse) => {
+            let bad = corners.as_flattened().iter().copied().find(|x| x.is_nan() || x.abs() > FAR);
+            match bad {
+                None => batch.push(corners),
+                Some(value) if drops(value, self.invalid) => self.tally.dropped_faces += 1,
+                Some(value) => {
                     let offset = before + (at * RECORD) as u64;
                     let place = Place {
                         element: "facet".to_owned(),
@@ -152,7 +153,7 @@ impl<R: Read> StlReader<R> {
                         offset,
                         line: None,
                     };
-                    return Err(ImportError::NotFinite { place, value: value.into() });
+                    return Err(unusable(place, value));
                 }
             }
         }
@@ -216,9 +217,9 @@ impl<R: Read> StlReader<R> {
                     }
                     (b"outer" | b"loop" | b"endloop", true) => {}
                     (b"vertex", true) => {
-                        let mut position = [0.0f32; 3];
+                        let mut position = [0.0f64; 3];
                         for x in &mut position {
-                            match number::<f32>(words.next()) {
+                            match number::<f64>(words.next()) {
                                 // Adding zero takes the sign from a zero, and changes nothing else.
                                 Ok(value) => *x = value + 0.0,
                                 Err(got) => return wrong("three numbers after 'vertex'", got),
@@ -231,14 +232,15 @@ impl<R: Read> StlReader<R> {
                     }
                     (b"endfacet", true) => {
                         *inside = false;
-                        let bad = corners.as_flattened().iter().copied().find(|x| !x.is_finite());
-                        match (bad, self.invalid) {
-                            (Some(value), Invalid::Refuse) => {
+                        let bad =
+                            corners.as_flattened().iter().copied().find(|x| x.is_nan() || x.abs() > FAR);
+                        match bad {
+                            Some(value) if drops(value, self.invalid) => self.tally.dropped_faces += 1,
+                            Some(value) => {
                                 let place = lines.place("facet", self.facets);
-                                return Err(ImportError::NotFinite { place, value: value.into() });
+                                return Err(unusable(place, value));
                             }
-                            (Some(_), Invalid::Drop) => self.tally.dropped_faces += 1,
-                            (None, _) => {
+                            None => {
                                 self.tally.degenerate_faces += u64::from(corners.len() < 3);
                                 self.tally.polygons_triangulated += u64::from(corners.len() > 3);
                                 let fan =
@@ -285,13 +287,25 @@ impl<R: Read> Records<R> {
     }
 }
 
+/// Whether a facet with such a coordinate is left out. One that is only far says that the units are wrong.
+fn drops(value: f64, invalid: Invalid) -> bool {
+    invalid == Invalid::Drop && !value.is_finite()
+}
+
+fn unusable(place: Place, value: f64) -> ImportError {
+    match value.is_finite() {
+        true => ImportError::TooFar { place, value },
+        false => ImportError::NotFinite { place, value },
+    }
+}
+
 /// The corners of a record, which come after its normal.
 fn corners(record: &[u8]) -> Corners {
     std::array::from_fn(|corner| {
         std::array::from_fn(|axis| {
             let at = 12 + 12 * corner + 4 * axis;
             let bytes = [record[at], record[at + 1], record[at + 2], record[at + 3]];
-            f32::from_le_bytes(bytes) + 0.0
+            f64::from(f32::from_le_bytes(bytes)) + 0.0
         })
     })
 }

@@ -1,5 +1,7 @@
 //! What the reader is asked for, and what it hands over.
 
+use super::error::Place;
+
 /// What to do about data that is invalid.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Invalid {
@@ -58,6 +60,8 @@ pub struct Batch {
     pub colors: Vec<[u8; 4]>,
     /// Indices, in this file, of vertices of this batch that are not finite; always empty with [`Invalid::Refuse`].
     pub invalid_vertices: Vec<u64>,
+    /// Vertices of this batch with a coordinate beyond [`FAR`](crate::FAR): where each is, ascending.
+    pub far: Vec<Place>,
     /// Triangles: three different vertices each, all in range.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -72,6 +76,7 @@ impl Batch {
         self.normals.clear();
         self.colors.clear();
         self.invalid_vertices.clear();
+        self.far.clear();
         self.triangles.clear();
     }
 

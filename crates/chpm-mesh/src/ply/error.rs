@@ -97,9 +97,7 @@ pub enum PlyError {
         element: String,
     },
     /// There are vertices and nothing that connects them.
-    #[error(
-        "this is a point cloud of {vertices} vertices: no 'face' or 'tristrips' elements; reconstruct a surface first"
-    )]
+    #[error("no faces: this is a point cloud of {vertices} vertices; reconstruct a surface first")]
     PointCloud {
         /// Vertices that the header declares.
         vertices: u64,
@@ -186,10 +184,10 @@ pub enum PlyError {
         limit: u64,
     },
     /// A double coordinate that no `f32` can hold.
-    #[error("vertex {vertex}: coordinate {value} is beyond single precision; scale the model down")]
+    #[error("{place}: coordinate {value:e} is beyond single precision; scale the model down")]
     BeyondSingle {
-        /// Which vertex, from 0.
-        vertex: u64,
+        /// The vertex.
+        place: Place,
         /// The coordinate.
         value: f64,
     },

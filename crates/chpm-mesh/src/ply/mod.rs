@@ -15,7 +15,8 @@
 //!   triangles, also where the scanner's view jumps in depth: who wants a surface has to leave those out.
 //!
 //! Coordinates of type `float` or of an integer type of at most 16 bits are delivered as `f32` and are exact; `double`,
-//! `int` and `uint` coordinates are delivered as `f64` and are exact too.
+//! `int` and `uint` coordinates are delivered as `f64` and are exact too. So is text of any real type, since its digits may
+//! say more than the type that the header declares.
 
 mod ascii;
 mod batch;
@@ -36,7 +37,7 @@ pub(crate) use error::excerpt;
 pub use error::{Place, PlyError};
 pub use header::{Element, Encoding, Header, Property, PropertyType, ScalarType};
 pub use read::{PlyReader, read_mesh};
-pub use schema::VertexFormat;
+pub use schema::{Coordinates, VertexFormat};
 pub(crate) use vertices::VertexSet;
 pub use warning::Warning;
 pub use write::{PlyWriter, write_mesh};

@@ -257,8 +257,10 @@ pub fn read_mesh<R: Read>(reader: R, options: Options) -> Result<(TriMesh, Tally
     let mut batch = Batch::default();
     while reader.next_batch(&mut batch)? != BatchKind::End {
         for (vertex, position) in (batch.first..).zip(&batch.positions_f64) {
-            if let Some(&value) = position.iter().find(|x| !(**x as f32).is_finite()) {
-                return Err(PlyError::BeyondSingle { vertex, value });
+            let beyond = position.iter().find(|x| !(**x as f32).is_finite());
+            let place = batch.far.iter().find(|place| place.index == vertex);
+            if let (Some(&value), Some(place)) = (beyond, place) {
+                return Err(PlyError::BeyondSingle { place: place.clone(), value });
             }
         }
         mesh.positions.append(&mut batch.positions);

@@ -3,7 +3,7 @@
 use super::{
     batch::{Invalid, Options},
     error::PlyError,
-    header::{Element, Header, PropertyType, ScalarType},
+    header::{Element, Encoding, Header, PropertyType, ScalarType},
     warning::Warning,
 };
 use crate::Attributes;
@@ -11,10 +11,30 @@ use crate::Attributes;
 /// What the delivered vertices are made of.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct VertexFormat {
-    /// Whether positions are f64, because f32 could not hold the coordinates' types.
-    pub double: bool,
+    /// What coordinates are in the file, and how they are delivered.
+    pub coordinates: Coordinates,
     /// What is delivered with each position.
     pub attributes: Attributes,
+}
+
+/// What the coordinates of a file are.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Coordinates {
+    /// Of types that f32 holds; delivered as f32.
+    Single,
+    /// Of types that f32 does not hold; delivered as f64.
+    Double,
+    /// Text, whose digits may say anything; delivered as f64.
+    Text,
+    /// Text that is declared to be f32; delivered as f64, since its digits may say more all the same.
+    TextOfSingles,
+}
+
+impl Coordinates {
+    /// Whether positions are delivered as f64.
+    pub fn are_double(self) -> bool {
+        self != Coordinates::Single
+    }
 }
 
 /// What the reader does with an element.
@@ -85,7 +105,7 @@ impl Schema {
             let role = match element.name.as_str() {
                 "vertex" => {
                     let plan = vertex_plan(element, options, &mut warnings)?;
-                    format = Some(plan.format());
+                    format = Some(plan.format(header.format));
                     Role::Vertices(Box::new(plan))
                 }
                 "face" | "tristrips" => {
@@ -123,9 +143,17 @@ fn skip(element: &Element, warnings: &mut Vec<Warning>) -> Role {
 }
 
 impl VertexPlan {
-    fn format(&self) -> VertexFormat {
+    fn format(&self, encoding: Encoding) -> VertexFormat {
+        let exceeds_single = self.position.iter().any(|field| field.ty.exceeds_single());
+        let has_reals = self.position.iter().any(|field| !field.ty.is_integer());
         VertexFormat {
-            double: self.position.iter().any(|field| field.ty.exceeds_single()),
+            coordinates: match (encoding, exceeds_single) {
+                // Whole numbers as text say what they say as bytes.
+                (Encoding::Ascii, true) if has_reals => Coordinates::Text,
+                (Encoding::Ascii, false) if has_reals => Coordinates::TextOfSingles,
+                (_, true) => Coordinates::Double,
+                (_, false) => Coordinates::Single,
+            },
             attributes: Attributes { normals: self.normal.is_some(), colors: self.color.is_some() },
         }
     }

@@ -3,11 +3,12 @@
 use super::{
     batch::{Batch, Invalid},
     binary,
-    error::Fault,
-    header::{Element, Encoding, PropertyType},
+    error::{Fault, Place},
+    header::{Element, Encoding, PropertyType, ScalarType},
     read::Body,
     schema::{Slot, VertexFormat, VertexPlan},
 };
+use crate::FAR;
 use std::io::Read;
 
 impl<R: Read> Body<R> {
@@ -52,12 +53,13 @@ impl<R: Read> Body<R> {
         let records = &bytes[..count * stride];
 
         // A column at a time, so that no loop asks what a property is.
-        let finite = if format.double {
+        // Also false for what is not finite.
+        let near = if format.coordinates.are_double() {
             binary::doubles::<BIG>(records, stride, &plan.position, &mut batch.positions_f64);
-            batch.positions_f64[mark..].as_flattened().iter().fold(true, |all, x| all & x.is_finite())
+            batch.positions_f64[mark..].as_flattened().iter().fold(true, |all, x| all & (x.abs() <= FAR))
         } else {
             binary::singles::<BIG>(records, stride, &plan.position, &mut batch.positions);
-            batch.positions[mark..].as_flattened().iter().fold(true, |all, x| all & x.is_finite())
+            batch.positions[mark..].as_flattened().iter().fold(true, |all, x| all & (x.abs() <= FAR as f32))
         };
         if let Some(fields) = &plan.normal {
             binary::singles::<BIG>(records, stride, fields, &mut batch.normals);
@@ -68,7 +70,7 @@ impl<R: Read> Body<R> {
         if let Some(fields) = &plan.color {
             binary::colors::<BIG>(records, stride, fields, plan.alpha, &mut batch.colors);
         }
-        if !finite {
+        if !near {
             self.check_records(element, plan, stride, mark, batch)?;
         }
         self.index += count as u64;
@@ -76,7 +78,7 @@ impl<R: Read> Body<R> {
         Ok(())
     }
 
-    /// Finds the vertices that are not finite among those from `mark` on, whose records are the next in the window.
+    /// Finds the vertices that are not finite, or far, among those from `mark` on, whose records are the next in the window.
     fn check_records(
         &mut self,
         element: &Element,
@@ -91,8 +93,15 @@ impl<R: Read> Body<R> {
                 Some(position) => *position,
                 None => batch.positions[at].map(f64::from),
             };
-            let Some(axis) = position.iter().position(|x| !x.is_finite()) else { continue };
             let record = at - mark;
+            let Some(axis) = position.iter().position(|x| !x.is_finite()) else {
+                if let Some(axis) = position.iter().position(|x| x.abs() > FAR) {
+                    let offset = self.source.offset() + (record * stride + plan.position[axis].offset) as u64;
+                    let (element, index) = (element.name.clone(), first + record as u64);
+                    batch.far.push(Place { element, index, offset, line: None });
+                }
+                continue;
+            };
             if self.invalid_data == Invalid::Refuse {
                 self.index = first + record as u64;
                 let field = plan.position[axis];
@@ -121,6 +130,9 @@ impl<R: Read> Body<R> {
         let mut normal = [0.0; 3];
         let mut color = [0, 0, 0, 255];
         let mut valid = true;
+        let is_text = self.source.encoding == Encoding::Ascii;
+        // Where its first coordinate is that is far from zero.
+        let mut far = None;
         self.source.begin_element()?;
         for (at, (property, slot)) in element.properties.iter().zip(&plan.slots).enumerate() {
             let (ty, slot) = match (property.ty, slot) {
@@ -130,7 +142,13 @@ impl<R: Read> Body<R> {
                     continue;
                 }
             };
+            let is_position = matches!(slot, Slot::Position(_));
+            // Text is rounded once: to the type of the property, or to what coordinates are delivered as.
+            let ty = if is_position && ty == ScalarType::Float && is_text { ScalarType::Double } else { ty };
             let value = self.source.scalar(ty)?;
+            if is_position && value.abs() > FAR && far.is_none() {
+                far = Some((self.source.mark, self.source.line));
+            }
             match slot {
                 Slot::Skip => {}
                 Slot::Position(axis) if value.is_finite() => position[axis] = value,
@@ -146,7 +164,11 @@ impl<R: Read> Body<R> {
             position = [0.0; 3];
             self.invalidate(self.index, batch);
         }
-        if format.double {
+        if valid && let Some((offset, line)) = far {
+            let (element, line) = (element.name.clone(), is_text.then_some(line));
+            batch.far.push(Place { element, index: self.index, offset, line });
+        }
+        if format.coordinates.are_double() {
             batch.positions_f64.push(position);
         } else {
             batch.positions.push(position.map(|x| x as f32));

@@ -21,7 +21,7 @@ pub(crate) fn binary(facets: &[Corners]) -> Vec<u8> {
     bytes.extend((facets.len() as u32).to_le_bytes());
     for facet in facets {
         bytes.extend([0; 12]);
-        bytes.extend(facet.as_flattened().iter().flat_map(|x| x.to_le_bytes()));
+        bytes.extend(facet.as_flattened().iter().flat_map(|x| (*x as f32).to_le_bytes()));
         bytes.extend([0; 2]);
     }
     bytes
@@ -38,7 +38,8 @@ fn ascii(facets: &[Corners]) -> String {
 }
 
 fn soup(count: usize) -> Vec<Corners> {
-    let at = |i: usize, k: usize| [i as f32, k as f32 * 0.1, (i * k) as f32];
+    // Singles, so that both kinds can hold them.
+    let at = |i: usize, k: usize| [i as f32, k as f32 * 0.1, (i * k) as f32].map(f64::from);
     (0..count).map(|i| std::array::from_fn(|k| at(i, k))).collect()
 }
 
@@ -54,7 +55,7 @@ fn both_kinds_tell_the_same_facets() {
 
 #[test]
 fn minus_zero_is_zero() {
-    let soup = [[[-0.0f32; 3]; 3]];
+    let soup = [[[-0.0f64; 3]; 3]];
     let (b, ..) = read(&binary(&soup), Format::StlBinary, Invalid::Refuse).unwrap();
     let (a, ..) = read(ascii(&soup).as_bytes(), Format::StlAscii, Invalid::Refuse).unwrap();
     for facets in [a, b] {
@@ -91,7 +92,7 @@ fn attributes_and_trailing_bytes_are_told() {
 #[test]
 fn errors_name_place_and_reason() {
     let mut bad = soup(2);
-    bad[1][2][0] = f32::NAN;
+    bad[1][2][0] = f64::NAN;
     let (whole, text) = (binary(&soup(2)), ascii(&soup(2)));
     let cases: [(&[u8], Format, &str); 9] = [
         (
@@ -125,7 +126,7 @@ fn errors_name_place_and_reason() {
 #[test]
 fn invalid_data_is_dropped_and_counted_on_request() {
     let mut bad = soup(3);
-    bad[1][0][0] = f32::INFINITY;
+    bad[1][0][0] = f64::INFINITY;
     let bytes = binary(&bad);
     let (facets, tally, _) = read(&bytes[..bytes.len() - 10], Format::StlBinary, Invalid::Drop).unwrap();
     assert_eq!(facets, soup(1));

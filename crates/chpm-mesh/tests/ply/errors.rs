@@ -26,6 +26,7 @@ fn place(error: &PlyError) -> &Place {
     match error {
         PlyError::IndexOutOfRange { place, .. }
         | PlyError::NotFinite { place, .. }
+        | PlyError::BeyondSingle { place, .. }
         | PlyError::Truncated { place, .. }
         | PlyError::Number { place, .. }
         | PlyError::NegativeCount { place, .. }

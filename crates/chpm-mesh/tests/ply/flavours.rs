@@ -2,7 +2,8 @@
 
 use crate::forge::SPECIMENS;
 use chpm_mesh::ply::{
-    Batch, BatchKind, Encoding, Invalid, Options, PlyError, PlyReader, ScalarType, Tally, Warning, read_mesh,
+    Batch, BatchKind, Coordinates, Encoding, Invalid, Options, Place, PlyError, PlyReader, ScalarType, Tally,
+    Warning, read_mesh,
 };
 use chpm_mesh::{Attributes, TriMesh};
 
@@ -49,7 +50,7 @@ fn colours_are_exact_and_opaque() {
 #[test]
 fn small_integers_make_single_coordinates() {
     let reader = PlyReader::new(SPECIMENS[2], Options::default()).unwrap();
-    assert!(!reader.vertex_format().double);
+    assert_eq!(reader.vertex_format().coordinates, Coordinates::Single);
     let (mesh, tally, warnings) = read(SPECIMENS[2]);
     assert_eq!(mesh.positions, [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, -4.0, 0.0], [0.0, 0.0, 5.0]]);
     assert_eq!(mesh.triangles, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]);
@@ -71,7 +72,7 @@ fn strips_alternate_and_restart() {
 #[test]
 fn doubles_stay_doubles_and_faces_may_come_first() {
     let mut reader = PlyReader::new(SPECIMENS[4], Options::default()).unwrap();
-    assert!(reader.vertex_format().double);
+    assert!(reader.vertex_format().coordinates.are_double());
     let mut batch = Batch::default();
     assert_eq!(reader.next_batch(&mut batch).unwrap(), BatchKind::Triangles);
     assert_eq!(batch.triangles, [[0, 1, 2], [2, 1, 3]]);
@@ -84,7 +85,7 @@ fn doubles_stay_doubles_and_faces_may_come_first() {
     assert_eq!(reader.bytes_read(), SPECIMENS[4].len() as u64);
 
     let error = read_mesh(SPECIMENS[4], Options::default()).unwrap_err();
-    assert!(matches!(error, PlyError::BeyondSingle { vertex: 0, .. }), "{error}");
+    assert!(matches!(error, PlyError::BeyondSingle { place: Place { index: 0, .. }, .. }), "{error}");
     let options = Options { invalid: Invalid::Drop, ..Options::default() };
     assert!(matches!(PlyReader::new(SPECIMENS[4], options), Err(PlyError::FacesFirst { .. })));
 }

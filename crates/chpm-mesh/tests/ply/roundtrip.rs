@@ -2,8 +2,8 @@
 
 use crate::forge::{ENCODINGS, Random, TYPES, Table, Trickle, forge};
 use chpm_mesh::ply::{
-    Batch, BatchKind, Encoding, Options, PlyReader, PlyWriter, PropertyType, ScalarType, Tally, read_mesh,
-    write_mesh,
+    Batch, BatchKind, Coordinates, Encoding, Options, PlyReader, PlyWriter, PropertyType, ScalarType, Tally,
+    read_mesh, write_mesh,
 };
 use chpm_mesh::{Attributes, TriMesh};
 use proptest::prelude::*;
@@ -29,7 +29,10 @@ fn read_whole(bytes: &[u8], step: usize) -> Whole {
     let mut batch = Batch::default();
     while reader.next_batch(&mut batch).unwrap() != BatchKind::End {
         whole.positions.extend(batch.positions.iter().map(|position| position.map(f64::from)));
-        whole.positions.append(&mut batch.positions_f64);
+        // Text of singles says what its digits say.
+        let are_singles = reader.vertex_format().coordinates == Coordinates::TextOfSingles;
+        let meant = |x: f64| if are_singles { f64::from(x as f32) } else { x };
+        whole.positions.extend(batch.positions_f64.drain(..).map(|position| position.map(meant)));
         whole.normals.append(&mut batch.normals);
         whole.colors.append(&mut batch.colors);
         whole.triangles.append(&mut batch.triangles);

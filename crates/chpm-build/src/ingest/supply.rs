@@ -1,0 +1,86 @@
+//! Where a source's bytes come from: a file, or a pipe that was read to its end.
+
+use crate::error::BuildError;
+use crate::progress::Cancel;
+use chpm_extmem::Faults;
+use std::fs::{self, File, FileType};
+use std::io;
+use std::os::unix::fs::FileTypeExt;
+use std::path::{Path, PathBuf};
+
+/// A source under its name.
+pub(crate) struct Supply {
+    pub(crate) path: PathBuf,
+    /// What came through a pipe; none if the path is a file.
+    spooled: Option<File>,
+}
+
+impl Supply {
+    /// The file at `path`.
+    ///
+    /// # Errors
+    /// [`BuildError::NotAFile`] for what is none, [`BuildError::Source`] if it is not there.
+    pub(crate) fn file(path: &Path) -> Result<Supply, BuildError> {
+        let kind = kind(path)?;
+        if !kind.is_file() {
+            let (path, what) = (path.to_owned(), name(kind));
+            return Err(BuildError::NotAFile { path, what });
+        }
+        Ok(Supply { path: path.to_owned(), spooled: None })
+    }
+
+    /// Like [`Supply::file`]; what comes through a pipe is copied to a file without a name in `folder` first.
+    ///
+    /// # Errors
+    /// As [`Supply::file`]; also [`BuildError::Cancelled`], and those of the disk.
+    pub(crate) fn take(
+        path: &Path,
+        folder: &Path,
+        faults: &Faults,
+        cancel: &Cancel,
+    ) -> Result<Supply, BuildError> {
+        if !kind(path)?.is_fifo() {
+            return Supply::file(path);
+        }
+        let received = chpm_extmem::receive(path, folder, faults, || cancel.is_cancelled())?;
+        Ok(Supply { path: path.to_owned(), spooled: Some(received.ok_or(BuildError::Cancelled)?) })
+    }
+
+    /// Whether the bytes came through a pipe, so that another run cannot have them.
+    pub(crate) fn is_spooled(&self) -> bool {
+        self.spooled.is_some()
+    }
+
+    /// The bytes from their beginning. What was spooled is handed out to one reader after the other.
+    pub(crate) fn open(&self) -> io::Result<File> {
+        match &self.spooled {
+            None => File::open(&self.path),
+            Some(file) => {
+                let mut file = file.try_clone()?;
+                io::Seek::rewind(&mut file)?;
+                Ok(file)
+            }
+        }
+    }
+
+    /// Bytes of the file, where the system tells.
+    pub(crate) fn len(&self) -> u64 {
+        let found = self.spooled.as_ref().map_or_else(|| fs::metadata(&self.path), File::metadata);
+        found.map_or(0, |metadata| metadata.len())
+    }
+}
+
+fn kind(path: &Path) -> Result<FileType, BuildError> {
+    let found = fs::metadata(path).map(|metadata| metadata.file_type());
+    found.map_err(|source| BuildError::Source { path: path.to_owned(), source })
+}
+
+fn name(kind: FileType) -> &'static str {
+    match () {
+        () if kind.is_dir() => "a folder",
+        () if kind.is_fifo() => "a pipe",
+        () if kind.is_char_device() => "a terminal or device",
+        () if kind.is_block_device() => "a device",
+        () => "a socket",
+    }
+}

@@ -1,0 +1,67 @@
+//! Which vertices faces use: a bit for each.
+
+use super::local::each;
+use crate::context::Context;
+use crate::error::BuildError;
+use chpm_extmem::{Column, Reservation, Store};
+
+/// A set of vertices, as large as there are vertices: what a face names takes no memory.
+pub(super) struct Used {
+    words: Vec<u64>,
+    count: u64,
+    /// Whether a face named a vertex that had not come yet, and was left out.
+    is_partial: bool,
+    share: Reservation,
+}
+
+impl Used {
+    pub(super) fn new(store: &Store) -> Result<Self, BuildError> {
+        let share = store.budget.charge("which vertices are used", 0)?;
+        Ok(Used { words: Vec::new(), count: 0, is_partial: false, share })
+    }
+
+    /// Takes triangles of the vertices up to now.
+    pub(super) fn add(&mut self, triangles: &[[u32; 3]], vertices: usize) -> Result<(), BuildError> {
+        let needed = vertices.div_ceil(64);
+        if needed > self.words.len() && !triangles.is_empty() {
+            // Where vertices and faces take turns, not every batch is to move the set.
+            let len = needed.max(self.words.len() + self.words.len() / 4);
+            self.share.resize(8 * len as u64)?;
+            self.words.reserve_exact(len - self.words.len());
+            self.words.resize(len, 0);
+        }
+        for corner in triangles.as_flattened() {
+            let bit = 1 << (corner % 64);
+            match self.words.get_mut(*corner as usize / 64) {
+                Some(word) => {
+                    self.count += u64::from(*word & bit == 0);
+                    *word |= bit;
+                }
+                None => self.is_partial = true,
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks again at all triangles if some came before their vertices, now that all have come.
+    pub(super) fn complete(
+        &mut self,
+        triangles: &Column<[u32; 3]>,
+        vertices: usize,
+        context: &Context<'_>,
+    ) -> Result<(), BuildError> {
+        if std::mem::take(&mut self.is_partial) {
+            each(triangles, context, |_, triangles| self.add(triangles, vertices))?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn contains(&self, vertex: usize) -> bool {
+        self.words.get(vertex / 64).is_some_and(|word| word >> (vertex % 64) & 1 == 1)
+    }
+
+    /// How many there are.
+    pub(super) fn count(&self) -> u64 {
+        self.count
+    }
+}
