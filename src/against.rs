@@ -4,7 +4,10 @@
 //! numbering of vertices does not. Both sides are streamed and every triangle's 128-bit hash is added to, or
 //! taken from, one of 65,536 sums; equal multisets leave only zeros. A second pass then looks only at a few
 //! sums that are not zero, and names the triangles that remain. Memory is the sums, besides the source's
-//! positions, which the store keeps in memory or on disk.
+//! positions, which the store keeps in memory or on disk. Where the file tells that copies were left out, hashes are compared one by one
+//! instead ([`copies`]).
+
+mod copies;
 
 use crate::progress::Meter;
 use crate::stop;
@@ -15,6 +18,7 @@ use chpm_extmem::{Buffer, BufferWriter, Store};
 use chpm_format::Chpm;
 use chpm_mesh::ClusterId;
 use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options};
+use copies::{Found, Multiset};
 use std::fmt;
 use std::path::Path;
 use xxhash_rust::xxh3::xxh3_128;
@@ -36,12 +40,15 @@ pub(crate) struct Comparison {
     pub(crate) faults: Vec<Fault>,
     /// How many such triangles there are at least.
     pub(crate) fault_count: u64,
+    /// Copies of triangles that the leaves lack, and as how many the file tells of.
+    pub(crate) copies: u64,
+    pub(crate) copies_told: u64,
 }
 
 impl Comparison {
     /// Whether both sides have the same triangles.
     pub(crate) fn is_equal(&self) -> bool {
-        self.fault_count == 0
+        self.fault_count == 0 && self.copies == self.copies_told
     }
 }
 
@@ -84,20 +91,34 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
     let mut sums = vec![0u128; BUCKETS];
     let mut leaf_triangles = 0;
     let mut source_triangles = 0;
+    let told = |name: &str| {
+        Ok::<_, anyhow::Error>(file.metadata()?.repairs.iter().find(|r| r.0 == name).map_or(0, |r| r.1))
+    };
+    let copies_told = told("merged-copies")?;
+    let multiset = |what| (copies_told > 0).then(|| Multiset::new(store, what));
+    let (mut leaf_set, mut source_set) =
+        (multiset("triangles of leaves"), multiset("triangles of the source"));
     each_leaf_triangle(file, meter, cancel, &mut |_, corners| {
         leaf_triangles += 1;
         let hash = hash(corners);
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_add(hash);
+        leaf_set.iter_mut().for_each(|set| set.add(hash));
     })?;
     each_source_triangle(file, source, store, meter, cancel, &mut |_, corners| {
         source_triangles += 1;
         let hash = hash(corners);
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_sub(hash);
+        source_set.iter_mut().for_each(|set| set.add(hash));
     })?;
     meter.finish();
 
-    let different: Vec<usize> = (0..BUCKETS).filter(|b| sums[*b] != 0).collect();
-    let mut comparison = Comparison { leaf_triangles, source_triangles, faults: Vec::new(), fault_count: 0 };
+    let Found { different, missing: copies } = match (leaf_set, source_set) {
+        (Some(leaves), Some(source)) => copies::compare(leaves, source)?,
+        _ => Found { different: (0..BUCKETS).filter(|b| sums[*b] != 0).collect(), missing: 0 },
+    };
+    let (faults, fault_count) = (Vec::new(), 0);
+    let mut comparison =
+        Comparison { leaf_triangles, source_triangles, faults, fault_count, copies, copies_told };
     if !different.is_empty() {
         let mut examined = vec![false; BUCKETS];
         different.iter().take(EXAMINED).for_each(|b| examined[*b] = true);
@@ -106,7 +127,7 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
         each_source_triangle(file, source, store, meter, cancel, &mut |place, corners| {
             suspects.look(place, corners);
         })?;
-        let mut faults = suspects.unmatched();
+        let mut faults = suspects.unmatched(copies_told > 0);
         comparison.fault_count = faults.len().max(different.len()) as u64;
         faults.truncate(NAMED);
         comparison.faults = faults;
@@ -129,13 +150,15 @@ impl Suspects {
     }
 
     /// Those that are left when each of one side has taken away an equal one of the other; ordered by place.
-    fn unmatched(mut self) -> Vec<Fault> {
+    /// With `copies`, the source may have more of what the leaves have.
+    fn unmatched(mut self, copies: bool) -> Vec<Fault> {
         self.found.sort_unstable_by_key(|(hash, place, _)| (*hash, *place));
         let mut faults = Vec::new();
         for equal in self.found.chunk_by(|a, b| a.0 == b.0) {
             let (leaf, source) =
                 equal.split_at(equal.partition_point(|(_, place, _)| matches!(place, Place::Leaf(..))));
             let matched = leaf.len().min(source.len());
+            let source = if copies && matched > 0 { &source[..matched] } else { source };
             let left = leaf[matched..].iter().chain(&source[matched..]);
             faults.extend(left.map(|(_, place, corners)| Fault { place: *place, corners: *corners }));
         }
@@ -264,7 +287,7 @@ mod tests {
         suspects.look(Place::Leaf(3, 1), [B, C, A]);
         suspects.look(Place::Source(7), [C, A, B]);
         suspects.look(Place::Source(8), [A, C, B]);
-        let places: Vec<Place> = suspects.unmatched().iter().map(|fault| fault.place).collect();
+        let places: Vec<Place> = suspects.unmatched(false).iter().map(|fault| fault.place).collect();
         assert_eq!(places, [Place::Leaf(3, 1), Place::Source(8)]);
     }
 

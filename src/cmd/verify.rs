@@ -106,6 +106,13 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
             let compared = against::compare(&file, source, &store, &meter, &cancel)?;
             faults.extend(compared.faults.iter().map(|fault| format!("I1 coverage: {fault}")));
             fault_count += compared.fault_count;
+            if compared.copies != compared.copies_told {
+                let (told, copies) = (count(compared.copies_told), count(compared.copies));
+                faults.push(format!(
+                    "I1 coverage: the file tells of {told} copies of triangles left out, and {copies} are"
+                ));
+                fault_count += 1;
+            }
             Some(compared)
         }
         _ => None,
@@ -146,7 +153,11 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
     }
     if let (Some(compared), Some(source)) = (&findings.compared, &args.against) {
         let triangles = count(compared.leaf_triangles);
-        writeln!(out, "{path}: the leaves are the {triangles} triangles of {}", source.display())?;
+        write!(out, "{path}: the leaves are the {triangles} triangles of {}", source.display())?;
+        match compared.copies {
+            0 => writeln!(out)?,
+            copies => writeln!(out, ", without {} copies", count(copies))?,
+        }
     }
     if let (true, Some(source)) = (findings.trimmed, &args.against) {
         let source = source.display();
@@ -177,6 +188,7 @@ fn as_json(args: &Args, findings: &Findings) -> Value {
             "equal": compared.is_equal(),
             "leaf_triangles": compared.leaf_triangles,
             "source_triangles": compared.source_triangles,
+            "copies_left_out": compared.copies,
         })),
         "cuts": findings.cuts.as_ref().map(|cuts| json!({
             "count": cuts.count,

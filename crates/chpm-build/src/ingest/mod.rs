@@ -264,6 +264,7 @@ fn to_origin(
     let mut bounds = Aabb::EMPTY;
     let (mut local, mut scratch) = (Vec::new(), Vec::new());
     for start in (0..doubles.len()).step_by(STEP) {
+        context.check()?;
         let chunk = doubles.read(start..doubles.len().min(start + STEP), &mut scratch)?;
         local.clear();
         local.extend(chunk.iter().map(|p| {
