@@ -12,6 +12,7 @@ use chpm_mesh::ply::{Encoding, PlyWriter};
 use chpm_mesh::synth::hard::{CASES, Case};
 use chpm_mesh::synth::odd::{ODDS, Odd, Plan};
 use chpm_mesh::synth::{ParseShapeError, Shape, Synth};
+use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -51,11 +52,21 @@ pub(crate) struct Args {
 }
 
 /// A generated mesh by name.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 enum Model {
     Shape(Shape),
     Hard(&'static Case),
     Odd(&'static Odd),
+}
+
+impl fmt::Debug for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Model::Shape(shape) => write!(f, "{shape}"),
+            Model::Hard(case) => write!(f, "hard:{}", case.name),
+            Model::Odd(odd) => write!(f, "odd:{}", odd.name),
+        }
+    }
 }
 
 impl FromStr for Model {

@@ -156,7 +156,8 @@ fn workers(
     context: &Context<'_>,
 ) -> Result<(usize, chpm_extmem::Reservation), BuildError> {
     let cost = |region| {
-        let (triangles, vertices) = (divided.triangle_count(region) as u64, divided.vertex_count(region) as u64);
+        let (triangles, vertices) =
+            (divided.triangle_count(region) as u64, divided.vertex_count(region) as u64);
         let used = vertices.min(3 * triangles);
         TRIANGLE_COST * triangles + VERTEX_COST * used + PASSED_COST * (vertices - used)
     };
