@@ -4,12 +4,14 @@
 //! numbering of vertices does not. Both sides are streamed and every triangle's 128-bit hash is added to, or
 //! taken from, one of 65,536 sums; equal multisets leave only zeros. A second pass then looks only at a few
 //! sums that are not zero, and names the triangles that remain. Memory is the sums, besides the source's
-//! positions, which the store keeps in memory or on disk.
+//! positions, which the store keeps in memory or on disk. Where the file tells that copies were left out, hashes are compared one by one
+//! instead ([`copies`]).
 //!
 //! The source is read by readers of this module's own, which have no line in common with those that files are built by: what
 //! those lose is missed here. They are plain and take any damage for an error.
 
 mod conf;
+mod copies;
 mod mesh;
 mod obj;
 mod ply;
@@ -25,6 +27,7 @@ use chpm_format::Chpm;
 use chpm_mesh::ClusterId;
 use chpm_mesh::import::Format;
 use conf::Motion;
+use copies::{Found, Multiset};
 use mesh::{Mesh, Target};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -55,6 +58,8 @@ pub(crate) struct Comparison {
     pub(crate) faults: Vec<String>,
     /// How many triangles only one side has, at least, and how many other things differ.
     pub(crate) fault_count: u64,
+    /// Copies of triangles that the leaves lack.
+    pub(crate) copies: u64,
 }
 
 impl Comparison {
@@ -131,20 +136,29 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
     meter.start("compare", 2 * file.header().source_triangle_count);
     let mut sums = vec![0u128; BUCKETS];
     let mut leaf_triangles = 0;
+    let copies_told = told(file, "merged-copies").unwrap_or(0);
+    let multiset = |what| (copies_told > 0).then(|| Multiset::new(store, what));
+    let (mut leaf_set, mut source_set) =
+        (multiset("triangles of leaves"), multiset("triangles of the source"));
     each_leaf_triangle(file, meter, cancel, &mut |_, corners| {
         leaf_triangles += 1;
         let hash = hash(corners);
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_add(hash);
+        leaf_set.iter_mut().for_each(|set| set.add(hash));
     })?;
     let counts = each_source_triangle(file, source, store, meter, cancel, &mut |_, corners| {
         let hash = hash(corners);
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_sub(hash);
+        source_set.iter_mut().for_each(|set| set.add(hash));
     })?;
     meter.finish();
 
-    let mut comparison =
-        Comparison { leaf_triangles, source_triangles: counts.triangles, faults: Vec::new(), fault_count: 0 };
-    let different: Vec<usize> = (0..BUCKETS).filter(|b| sums[*b] != 0).collect();
+    let Found { different, missing: copies } = match (leaf_set, source_set) {
+        (Some(leaves), Some(source)) => copies::compare(leaves, source)?,
+        _ => Found { different: (0..BUCKETS).filter(|b| sums[*b] != 0).collect(), missing: 0 },
+    };
+    let (faults, fault_count, source_triangles) = (Vec::new(), 0, counts.triangles);
+    let mut comparison = Comparison { leaf_triangles, source_triangles, faults, fault_count, copies };
     if !different.is_empty() {
         let mut suspects = Suspects { examined: vec![false; BUCKETS], found: BTreeMap::new() };
         let all = leaf_triangles.max(counts.triangles);
@@ -154,24 +168,31 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
         each_source_triangle(file, source, store, meter, cancel, &mut |place, corners| {
             suspects.look(place, corners);
         })?;
-        let faults = suspects.unmatched();
+        let faults = suspects.unmatched(copies_told > 0);
         let known: u64 = faults.iter().map(|fault| fault.copies).sum();
         comparison.fault_count = known.max(different.len() as u64);
         comparison.faults = faults.iter().take(NAMED).map(|fault| format!("I1 coverage: {fault}")).collect();
     }
-    let others = told_otherwise(file, &counts);
+    let mut others = told_otherwise(file, &counts);
+    if copies != copies_told {
+        others.push(format!("I1 coverage: the file counts {copies_told} merged-copies, and the leaves lack {copies}"));
+    }
     comparison.fault_count += others.len() as u64;
     comparison.faults.extend(others);
     Ok(comparison)
 }
 
+/// What the file counts of its source by a name. Metadata that does not decode is a fault of its own.
+fn told<D: AsRef<[u8]>>(file: &Chpm<D>, name: &str) -> Option<u64> {
+    let repairs = file.metadata().ok()?.repairs;
+    repairs.iter().find(|(told, _)| told == name).map(|(_, count)| *count)
+}
+
 /// What the file says about its source that is not so.
 fn told_otherwise<D: AsRef<[u8]>>(file: &Chpm<D>, counts: &Counts) -> Vec<String> {
-    // Metadata that does not decode is a fault of its own.
-    let repairs = file.metadata().map(|metadata| metadata.repairs).unwrap_or_default();
     let mut faults = Vec::new();
     for (name, count) in counts.stored() {
-        let told = repairs.iter().find(|(told, _)| told == name).map_or(count, |(_, told)| *told);
+        let told = told(file, name).unwrap_or(count);
         if told != count {
             faults.push(format!("I1 coverage: the file counts {told} {name}, and the source has {count}"));
         }
@@ -214,14 +235,15 @@ impl Suspects {
         }
     }
 
-    /// Those that one side has more of; ordered by place.
-    fn unmatched(self) -> Vec<Fault> {
+    /// Those that one side has more of; ordered by place. With `copies`, the source may have more of what the leaves have.
+    fn unmatched(self, copies: bool) -> Vec<Fault> {
+        let is_left_out = |suspect: &Suspect| copies && suspect.surplus < 0 && suspect.leaf.is_some();
         let fault = |suspect: Suspect| {
             let place = if suspect.surplus > 0 { suspect.leaf } else { suspect.source };
             let copies = suspect.surplus.unsigned_abs();
             place.filter(|_| copies > 0).map(|place| Fault { place, corners: suspect.corners, copies })
         };
-        let mut faults: Vec<Fault> = self.found.into_values().filter_map(fault).collect();
+        let mut faults: Vec<Fault> = self.found.into_values().filter(|suspect| !is_left_out(suspect)).filter_map(fault).collect();
         faults.sort_unstable_by_key(|fault| fault.place);
         faults
     }
@@ -349,7 +371,7 @@ mod tests {
         suspects.look(Place::Leaf(3, 1), [B, C, A]);
         suspects.look(Place::Source(7), [C, A, B]);
         suspects.look(Place::Source(8), [A, C, B]);
-        let places: Vec<Place> = suspects.unmatched().iter().map(|fault| fault.place).collect();
+        let places: Vec<Place> = suspects.unmatched(false).iter().map(|fault| fault.place).collect();
         assert_eq!(places, [Place::Leaf(3, 1), Place::Source(8)]);
     }
 

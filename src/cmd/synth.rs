@@ -10,8 +10,10 @@ use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_mesh::ply::{Encoding, PlyWriter};
 use chpm_mesh::synth::hard::{CASES, Case};
+use chpm_mesh::synth::odd::{ODDS, Odd, Plan};
 use chpm_mesh::synth::{ParseShapeError, Shape, Synth};
 use chpm_mesh::{Attributes, Counted};
+use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -24,10 +26,10 @@ const BATCH: usize = 8192;
 /// What `chpm synth` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// What to generate: terrain, isosurface, sphere, torus, plates, or one of the hard meshes of --list as hard:NAME
+    /// What to generate: terrain, isosurface, sphere, torus, plates, or one of the meshes of --list as hard:NAME or odd:NAME
     #[arg(value_name = "NAME", required_unless_present = "list")]
     model: Option<Model>,
-    /// List the meshes that are hard to simplify, with their size and what they are
+    /// List the meshes that are hard to simplify, with their size and what they are, and the odd shapes of any size
     #[arg(long, exclusive = true)]
     list: bool,
     /// Triangles to aim for: 100000 if not given, or what --list says. Shapes are within 5 % from 3000 on
@@ -51,16 +53,31 @@ pub(crate) struct Args {
 }
 
 /// A generated mesh by name.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 enum Model {
     Shape(Shape),
     Hard(&'static Case),
+    Odd(&'static Odd),
+}
+
+impl fmt::Debug for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Model::Shape(shape) => write!(f, "{shape}"),
+            Model::Hard(case) => write!(f, "hard:{}", case.name),
+            Model::Odd(odd) => write!(f, "odd:{}", odd.name),
+        }
+    }
 }
 
 impl FromStr for Model {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        if let Some(name) = text.strip_prefix("odd:") {
+            let unknown = || format!("'{name}' is no odd shape: `chpm synth --list` names them");
+            return Odd::find(name).map(Model::Odd).ok_or_else(unknown);
+        }
         let Some(name) = text.strip_prefix("hard:") else {
             return text.parse().map(Model::Shape).map_err(|error: ParseShapeError| error.to_string());
         };
@@ -92,6 +109,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             let (vertices, triangles) = write_case(case, triangles as u32, file, encoding, &meter, &cancel)?;
             report(output, vertices, triangles, &mut out)?;
         }
+        Model::Odd(odd) => {
+            let triangles = args.triangles.unwrap_or(TRIANGLES).min(Odd::MAX_TRIANGLES.into());
+            let plan = odd.plan(triangles as u32);
+            let comment = format!("chpm synth odd:{} --triangles {triangles}", odd.name);
+            write_odd(&plan, file, encoding, &comment, &meter, &cancel)?;
+            report(output, plan.vertices.into(), plan.triangles.into(), &mut out)?;
+        }
     }
     Ok(Verdict::Good)
 }
@@ -100,6 +124,9 @@ fn list() -> Result<Verdict> {
     let mut out = stdout();
     for case in &CASES {
         writeln!(out, "hard:{:<12}{:>10}  {}", case.name, count(case.full.into()), case.is)?;
+    }
+    for odd in &ODDS {
+        writeln!(out, "odd:{:<13}{:>10}  {}", odd.name, count(TRIANGLES), odd.is)?;
     }
     out.flush()?;
     Ok(Verdict::Good)
@@ -165,6 +192,42 @@ fn write_case(
     ply.finish()?.publish()?;
     meter.finish();
     Ok(counts)
+}
+
+/// Streams an odd shape.
+fn write_odd(
+    plan: &Plan,
+    file: Output,
+    encoding: Encoding,
+    comment: &str,
+    meter: &Meter,
+    cancel: &Cancel,
+) -> Result<()> {
+    let (vertices, triangles) = (plan.vertices, plan.triangles);
+    meter.start("synth", u64::from(vertices) + u64::from(triangles));
+    let counts = (vertices.into(), triangles.into());
+    let mut ply =
+        PlyWriter::new(file, encoding, counts.0, counts.1, Attributes::NONE, plan.double, &[comment])?;
+    let batches = |end: u32| (0..end).step_by(BATCH).map(move |first| first..end.min(first + BATCH as u32));
+    for batch in batches(vertices) {
+        stop::check(cancel)?;
+        meter.add(batch.len() as u64);
+        let places: Vec<[f64; 3]> = batch.map(|v| plan.place(v)).collect();
+        if plan.double {
+            ply.vertices_f64(&places, &[], &[])?;
+        } else {
+            let singles: Vec<[f32; 3]> = places.iter().map(|p| p.map(|x| x as f32)).collect();
+            ply.vertices(&singles, &[], &[])?;
+        }
+    }
+    for batch in batches(triangles) {
+        stop::check(cancel)?;
+        meter.add(batch.len() as u64);
+        ply.triangles(&batch.map(|t| plan.corners(t)).collect::<Vec<_>>())?;
+    }
+    ply.finish()?.publish()?;
+    meter.finish();
+    Ok(())
 }
 
 fn report(path: &Path, vertices: u64, triangles: u64, out: &mut dyn Write) -> Result<()> {

@@ -160,7 +160,11 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
     }
     if let (Some(compared), Some(source)) = (&findings.compared, &args.against) {
         let triangles = Counted(compared.leaf_triangles, "triangle");
-        writeln!(out, "{path}: the leaves are the {triangles} of {}", source.display())?;
+        write!(out, "{path}: the leaves are the {triangles} of {}", source.display())?;
+        match compared.copies {
+            0 => writeln!(out)?,
+            copies => writeln!(out, ", without {}", Counted(copies, "copy"))?,
+        }
     }
     if let (true, Some(source)) = (findings.trimmed, &args.against) {
         let source = source.display();
@@ -193,6 +197,7 @@ fn as_json(args: &Args, findings: &Findings) -> Value {
             "equal": compared.is_equal(),
             "leaf_triangles": compared.leaf_triangles,
             "source_triangles": compared.source_triangles,
+            "copies_left_out": compared.copies,
         })),
         "cuts": findings.cuts.as_ref().map(|cuts| json!({
             "count": cuts.count,

@@ -1,7 +1,7 @@
 //! Every verb, its exit codes, and that errors leave nothing behind.
 
 use super::harness::{Folder, text};
-use chpm_mesh::synth::hand;
+use chpm_mesh::synth::{Shape, Synth, hand};
 use serde_json::Value;
 use std::process::Stdio;
 
@@ -196,6 +196,44 @@ fn copies_of_a_triangle_count() {
     folder.stdout("build twice.ply -q");
     folder.stdout("verify twice.chpm --against twice.ply -q");
     folder.chpm("verify twice.chpm --against once.ply -q").code(1);
+}
+
+#[test]
+fn a_copy_is_one_face_with_a_count_that_verify_checks() {
+    let folder = Folder::new();
+    let once = Synth::new(Shape::Terrain, 3000, 1).to_mesh();
+    let mut often = once.clone();
+    often.triangles.extend((0..9).flat_map(|turn| {
+        once.triangles.iter().map(move |[a, b, c]| match turn % 3 {
+            0 => [*a, *b, *c],
+            1 => [*b, *c, *a],
+            _ => [*c, *a, *b],
+        })
+    }));
+    folder.write_mesh("once.ply", &once);
+    folder.write_mesh("often.ply", &often);
+    let built = json(&folder.stdout("build often.ply -q --json --cluster-triangles 256"));
+    folder.stdout("build once.ply -q --cluster-triangles 256");
+    let (n, copies) = (once.triangles.len(), 9 * once.triangles.len());
+    assert_eq!((&built["triangles"], &built["repairs"]["merged-copies"]), (&n.into(), &copies.into()));
+    let out = folder.stdout("verify often.chpm --against often.ply");
+    assert!(out.contains("without 27,") && out.contains(" copies"), "{out}");
+    let of =
+        |against: &str| json(&folder.stdout(&format!("verify often.chpm --against {against} -q --json")));
+    assert_eq!(of("often.ply")["against"]["copies_left_out"], copies);
+    // One copy less, one that is another triangle, none at all: each is noticed.
+    let mut fewer = often.clone();
+    fewer.triangles.pop();
+    folder.write_mesh("fewer.ply", &fewer);
+    let mut other = often.clone();
+    other.triangles.last_mut().unwrap().swap(0, 1);
+    folder.write_mesh("other.ply", &other);
+    for against in ["fewer.ply", "other.ply", "once.ply"] {
+        folder.chpm(&format!("verify often.chpm --against {against} -q")).code(1);
+        folder
+            .chpm(&format!("verify once.chpm --against {against} -q"))
+            .code(i32::from(against != "once.ply"));
+    }
 }
 
 #[test]

@@ -216,7 +216,7 @@ fn attributes_that_are_not_there_take_no_bytes() {
 fn hard_cases_are_listed_and_unknown_ones_refused() {
     let folder = Folder::new();
     let list = folder.stdout("synth --list");
-    assert_eq!(list.lines().count(), CASES.len());
+    assert_eq!(list.lines().filter(|line| line.starts_with("hard:")).count(), CASES.len());
     for case in &CASES {
         assert!(list.contains(&format!("hard:{} ", case.name)) && list.contains(case.is), "{case:?}");
     }

@@ -42,7 +42,11 @@ fn difficult_meshes_come_out_whole() {
         folder.stdout("build in.ply -q --cluster-triangles 16");
         folder.stdout("verify in.chpm --against in.ply -q");
         folder.stdout("extract in.chpm --level 0 -o out.ply -q");
-        assert!(triangles(&mesh) == triangles(&folder.read_mesh("out.ply")), "{name}");
+        let mut expected = triangles(&mesh);
+        if name == "duplicates" {
+            expected.dedup();
+        }
+        assert!(expected == triangles(&folder.read_mesh("out.ply")), "{name}");
     }
 }
 

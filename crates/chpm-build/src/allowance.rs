@@ -2,6 +2,7 @@
 
 use crate::config::Resources;
 use chpm_extmem::MemoryBudget;
+use chpm_mesh::Bytes;
 use std::sync::Arc;
 
 /// The least memory with which a build of any threads promises to stay below what it was given.
@@ -10,7 +11,7 @@ pub const MIN_MEMORY: u64 = 128 << 20;
 /// The program, its tables of small things, and what the allocator has not given back.
 const PROGRAM: u64 = 20 << 20;
 /// Stack and scratch of a thread: one group of clusters with all that simplifying and ordering it takes.
-const THREAD: u64 = 10 << 20;
+pub(crate) const THREAD: u64 = 10 << 20;
 /// What a thread needs for a region of usual size, and what is kept from arrays for that.
 const REGION: u64 = 20 << 20;
 
@@ -31,7 +32,20 @@ pub(crate) fn divide(resources: &Resources, available: usize, source_len: u64) -
     // Arrays come first and stay: what is charged after them has to be kept free from the start.
     let arrays = memory.saturating_sub(beside_arrays);
     let arrays = arrays - (source_len / SOURCE_PER_TABLE).min(arrays);
+    // And no more than half, so that with more memory there is more for work, whatever arrays there are.
+    let arrays = arrays.min(total / 2);
     (threads as usize, MemoryBudget::with_charges(arrays, total - threads * THREAD))
+}
+
+/// The least memory above what was given, in whole MiB, with which `work` bytes can be charged, however large the arrays are.
+pub(crate) fn enough(resources: &Resources, available: usize, source_len: u64, work: u64) -> u64 {
+    let fits = |memory: &u64| {
+        let resources = Resources { memory: Bytes(*memory), ..resources.clone() };
+        let (_, budget) = divide(&resources, available, source_len);
+        budget.chargeable() - budget.limit() >= work
+    };
+    let first = resources.memory.0.max(MIN_MEMORY).next_multiple_of(1 << 20);
+    (first..).step_by(1 << 20).skip(1).find(fits).unwrap_or(u64::MAX)
 }
 
 /// Bytes of the tables of a tree.
@@ -48,7 +62,6 @@ pub(crate) fn disk(vertices: u64, triangles: u64, vertex_len: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chpm_mesh::Bytes;
 
     #[test]
     fn threads_and_arrays_share_the_memory() {
@@ -58,11 +71,32 @@ mod tests {
             (threads, budget.limit() >> 20, budget.chargeable() >> 20)
         };
         assert_eq!(of(2, 128, 0), (2, 48, 88));
-        assert_eq!(of(0, 1024, 0), (8, 764, 924));
+        assert_eq!(of(0, 1024, 0), (8, 502, 924));
         assert_eq!(of(64, 128, 0), (3, 18, 78));
         assert_eq!(of(2, 1, 0), (2, 0, 88));
         // Arrays leave room for the tables of what there is to read, and no more than they have.
         assert_eq!(of(2, 128, 200), (2, 38, 88));
         assert_eq!(of(2, 128, 20_000), (2, 0, 88));
+    }
+
+    #[test]
+    fn what_is_said_to_be_enough_is_and_one_less_is_not() {
+        for (threads, mib, source, work) in
+            [(1, 128, 0, 90), (2, 128, 40, 110), (0, 128, 9000, 600), (3, 1024, 0, 900)]
+        {
+            let resources = Resources { threads, memory: Bytes::mib(mib), ..Resources::default() };
+            let enough = enough(&resources, 8, source << 20, work << 20);
+            let left = |memory| {
+                let resources = Resources { memory: Bytes(memory), ..resources.clone() };
+                let (_, budget) = divide(&resources, 8, source << 20);
+                // Arrays take all that they are granted, and stay.
+                let _arrays = budget.reserve("arrays", budget.limit()).unwrap();
+                budget.charge("work", work << 20).is_ok()
+            };
+            assert!(
+                left(enough) && left(enough + (64 << 20)) && !left(enough - (1 << 20)),
+                "{threads} {mib} {work}"
+            );
+        }
     }
 }

@@ -41,6 +41,8 @@ impl Facts {
     }
 
     pub(crate) fn add_leaves(&mut self, leaves: &Decomposition) {
+        // Copies of triangles have been left out.
+        self.triangles = leaves.triangle_count();
         let shared = &leaves.shared;
         (self.used_vertices, self.shared_vertices) = (shared.used_vertices, shared.len() as u32);
     }

@@ -17,6 +17,7 @@ mod hierarchy;
 mod in_order;
 mod ingest;
 mod layout;
+mod pairs;
 mod pipeline;
 mod point;
 pub mod progress;

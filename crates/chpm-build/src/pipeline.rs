@@ -10,7 +10,7 @@ use crate::progress::{Cancel, Progress, Stage};
 use crate::report::BuildReport;
 use crate::stamp::Stamp;
 use crate::{allowance, decompose, emit, hierarchy, ingest, layout, simplify, trim};
-use chpm_extmem::{AtomicFile, Lock, Store, WorkDir, process};
+use chpm_extmem::{AtomicFile, ExtmemError, Lock, Store, WorkDir, process};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -50,7 +50,12 @@ pub fn build(
             context.checkpoints.finish(dir);
             Ok(report)
         }
-        Err(error) => Err(context.checkpoints.explain(error, dir)),
+        Err(mut error) => {
+            if let BuildError::Extmem(ExtmemError::Budget { work: work @ 1.., enough, .. }) = &mut error {
+                *enough = allowance::enough(&config.resources, available(), stamp.len(), *work);
+            }
+            Err(context.checkpoints.explain(error, dir))
+        }
     }
 }
 
@@ -144,6 +149,10 @@ fn run(
     })
 }
 
+fn available() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
 fn context<'a>(
     output: &Path,
     stamp: &Stamp,
@@ -154,8 +163,7 @@ fn context<'a>(
 ) -> Result<Context<'a>, BuildError> {
     process::return_large_blocks();
     let work_dir = resources.work_dir.as_deref().unwrap_or(beside(output));
-    let available = std::thread::available_parallelism().map_or(1, usize::from);
-    let (threads, budget) = allowance::divide(resources, available, stamp.len);
+    let (threads, budget) = allowance::divide(resources, available(), stamp.len);
     let (checkpoints, dir) = match resources.checkpoint {
         Some(_) => {
             let key = Key::of(output, stamp, settings)?;

@@ -60,8 +60,10 @@ pub struct Repairs {
     pub degenerate_faces: u64,
     /// Triangles kept although they have no area.
     pub zero_area_faces: u64,
-    /// Triangles kept although another has the same three vertices.
-    pub duplicate_faces: u64,
+    /// Triangles left out since another has the same three vertices in the same turn.
+    pub merged_copies: u64,
+    /// Triangles kept although another has the same three vertices, since their turn is the other way: two sides of a sheet.
+    pub two_sided_faces: u64,
     /// Faces of more than three corners, split into triangles.
     pub polygons_triangulated: u64,
     /// Faces left out for an invalid index or vertex (`--drop-invalid`).
@@ -92,7 +94,8 @@ impl Repairs {
         [
             ("degenerate-faces", self.degenerate_faces),
             ("zero-area-faces", self.zero_area_faces),
-            ("duplicate-faces", self.duplicate_faces),
+            ("merged-copies", self.merged_copies),
+            ("two-sided-faces", self.two_sided_faces),
             ("polygons-triangulated", self.polygons_triangulated),
             ("dropped-faces", self.dropped_faces),
             ("dropped-vertices", self.dropped_vertices),

@@ -89,6 +89,33 @@ impl<T: Pod> Buckets<T> {
         Ok(())
     }
 
+    /// How many blocks a sequence has, for [`Self::read_block`].
+    pub fn block_count(&self, sequence: usize) -> usize {
+        self.sequences[sequence].full.len() + 1
+    }
+
+    /// Replaces `out` by a block of a sequence: a way to go over one that is too long for memory.
+    ///
+    /// # Errors
+    /// As [`Spool::read`].
+    pub fn read_block(&self, sequence: usize, block: usize, out: &mut Vec<T>) -> Result<(), ExtmemError> {
+        let from = &self.sequences[sequence];
+        out.clear();
+        match from.full.get(block) {
+            Some(offset) => {
+                out.resize(self.block_len, T::zeroed());
+                self.spool.read_exact(*offset, bytemuck::cast_slice_mut(out))?;
+            }
+            None => out.extend_from_slice(&from.open),
+        }
+        Ok(())
+    }
+
+    /// Forgets the records of a sequence. What they have on disk stays until all is dropped.
+    pub fn clear(&mut self, sequence: usize) {
+        self.sequences[sequence] = Sequence::default();
+    }
+
     /// Lets `change` have the records of a sequence, block by block, and keeps what it makes of them.
     ///
     /// # Errors
@@ -202,6 +229,12 @@ mod tests {
                 buckets.read(sequence, &mut read).unwrap();
                 prop_assert_eq!((&read[..1], &read[1..]), (&[7][..], &expected[..]));
                 let change = |items: &mut [u32]| items.iter_mut().for_each(|x| *x = x.wrapping_mul(3));
+                let mut blocks = Vec::new();
+                for block in 0..buckets.block_count(sequence) {
+                    buckets.read_block(sequence, block, &mut scratch).unwrap();
+                    blocks.extend_from_slice(&scratch);
+                }
+                prop_assert_eq!(&blocks, expected);
                 buckets.update(sequence, &mut scratch, change).unwrap();
                 change(expected);
             }
@@ -212,6 +245,9 @@ mod tests {
                 at[sequence] += 1;
             }
             prop_assert!((0..5).all(|sequence| drain.next(sequence).is_err()));
+            drop(drain);
+            buckets.clear(2);
+            prop_assert!(buckets.is_empty(2));
         }
     }
 }

@@ -1,19 +1,32 @@
 //! The memory budget: whoever keeps a large array asks first and gives back by dropping.
 
 use crate::ExtmemError;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// A limit in bytes on what is reserved at any one time, shared by all threads.
 ///
 /// Arrays, which may also live on disk, *ask* ([`Self::reserve`]) and are granted memory up to a first limit. What work cannot do
-/// without is *charged* ([`Self::charge`]), up to a second, higher one. It counts what it is told of; it measures nothing. See [`crate::process`] for what the process really uses.
+/// without is *charged* ([`Self::charge`]), up to a second, higher one; tasks of many wait for each other ([`Self::charge_task`]). It counts
+/// what it is told of; it measures nothing. See [`crate::process`] for what the process really uses.
 #[derive(Debug)]
 pub struct MemoryBudget {
     limit: u64,
     charge_limit: u64,
     used: AtomicU64,
+    /// What of it is charged.
+    charged: AtomicU64,
     peak: AtomicU64,
+    /// Tasks that hold a charge and will give it back.
+    tasks: Mutex<usize>,
+    given_back: Condvar,
+}
+
+/// Why bytes are taken.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Kind {
+    Array,
+    Work,
 }
 
 impl MemoryBudget {
@@ -28,7 +41,10 @@ impl MemoryBudget {
             limit: limit_bytes,
             charge_limit: charge_limit_bytes,
             used: AtomicU64::new(0),
+            charged: AtomicU64::new(0),
             peak: AtomicU64::new(0),
+            tasks: Mutex::new(0),
+            given_back: Condvar::new(),
         })
     }
 
@@ -37,8 +53,7 @@ impl MemoryBudget {
     /// # Errors
     /// [`ExtmemError::Budget`] when less than `bytes` is left.
     pub fn reserve(self: &Arc<Self>, what: &'static str, bytes: u64) -> Result<Reservation, ExtmemError> {
-        self.take(what, bytes, self.limit)?;
-        Ok(Reservation { budget: Arc::clone(self), what, bytes, limit: self.limit })
+        self.hold(what, bytes, Kind::Array)
     }
 
     /// Counts `bytes` of work that cannot do without them, until the reservation is dropped. Arrays get so much less.
@@ -46,8 +61,40 @@ impl MemoryBudget {
     /// # Errors
     /// [`ExtmemError::Budget`] when that is more than all of the budget.
     pub fn charge(self: &Arc<Self>, what: &'static str, bytes: u64) -> Result<Reservation, ExtmemError> {
-        self.take(what, bytes, self.charge_limit)?;
-        Ok(Reservation { budget: Arc::clone(self), what, bytes, limit: self.charge_limit })
+        self.hold(what, bytes, Kind::Work)
+    }
+
+    /// Charges `bytes` for one of several tasks side by side: where they do not fit beside what the others hold, waits until those have
+    /// given back.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Budget`] when it does not fit although no other task holds anything.
+    pub fn charge_task(self: &Arc<Self>, what: &'static str, bytes: u64) -> Result<TaskShare, ExtmemError> {
+        let mut tasks = self.tasks();
+        loop {
+            match self.charge(what, bytes) {
+                Ok(share) => {
+                    *tasks += 1;
+                    return Ok(TaskShare(Some(share)));
+                }
+                Err(error) if *tasks == 0 => return Err(error),
+                Err(_) => tasks = self.given_back.wait(tasks).unwrap_or_else(PoisonError::into_inner),
+            }
+        }
+    }
+
+    fn tasks(&self) -> MutexGuard<'_, usize> {
+        self.tasks.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn hold(
+        self: &Arc<Self>,
+        what: &'static str,
+        bytes: u64,
+        kind: Kind,
+    ) -> Result<Reservation, ExtmemError> {
+        self.take(what, bytes, kind)?;
+        Ok(Reservation { budget: Arc::clone(self), what, bytes, kind })
     }
 
     /// Bytes that may still be charged.
@@ -80,16 +127,32 @@ impl MemoryBudget {
         self.limit.saturating_sub(self.used())
     }
 
-    fn take(&self, what: &'static str, bytes: u64, limit: u64) -> Result<(), ExtmemError> {
+    fn take(&self, what: &'static str, bytes: u64, kind: Kind) -> Result<(), ExtmemError> {
+        let limit = if kind == Kind::Work { self.charge_limit } else { self.limit };
         // The counters order no other memory, so relaxed operations suffice.
         let fits = |used: u64| used.checked_add(bytes).filter(|&sum| sum <= limit);
         match self.used.fetch_update(Relaxed, Relaxed, fits) {
             Ok(before) => {
                 self.peak.fetch_max(before + bytes, Relaxed);
+                if kind == Kind::Work {
+                    self.charged.fetch_add(bytes, Relaxed);
+                }
                 Ok(())
             }
-            Err(used) => Err(ExtmemError::Budget { what, asked: bytes, used, limit }),
+            Err(used) => {
+                let work =
+                    if kind == Kind::Work { self.charged.load(Relaxed).saturating_add(bytes) } else { 0 };
+                let enough = used.saturating_add(bytes);
+                Err(ExtmemError::Budget { what, asked: bytes, used, limit, work, enough })
+            }
         }
+    }
+
+    fn give(&self, bytes: u64, kind: Kind) {
+        if kind == Kind::Work {
+            self.charged.fetch_sub(bytes, Relaxed);
+        }
+        self.used.fetch_sub(bytes, Relaxed);
     }
 }
 
@@ -99,7 +162,22 @@ pub struct Reservation {
     budget: Arc<MemoryBudget>,
     what: &'static str,
     bytes: u64,
-    limit: u64,
+    kind: Kind,
+}
+
+/// What a task holds of a [`MemoryBudget`]; others may go on when it is dropped.
+#[derive(Debug)]
+pub struct TaskShare(Option<Reservation>);
+
+impl Drop for TaskShare {
+    fn drop(&mut self) {
+        if let Some(share) = self.0.take() {
+            let budget = Arc::clone(&share.budget);
+            drop(share);
+            *budget.tasks() -= 1;
+            budget.given_back.notify_all();
+        }
+    }
 }
 
 impl Reservation {
@@ -114,10 +192,8 @@ impl Reservation {
     /// [`ExtmemError::Budget`] when the budget cannot grant the difference.
     pub fn resize(&mut self, bytes: u64) -> Result<(), ExtmemError> {
         match bytes.checked_sub(self.bytes) {
-            Some(more) => self.budget.take(self.what, more, self.limit)?,
-            None => {
-                self.budget.used.fetch_sub(self.bytes - bytes, Relaxed);
-            }
+            Some(more) => self.budget.take(self.what, more, self.kind)?,
+            None => self.budget.give(self.bytes - bytes, self.kind),
         }
         self.bytes = bytes;
         Ok(())
@@ -126,7 +202,7 @@ impl Reservation {
 
 impl Drop for Reservation {
     fn drop(&mut self) {
-        self.budget.used.fetch_sub(self.bytes, Relaxed);
+        self.budget.give(self.bytes, self.kind);
     }
 }
 
@@ -159,6 +235,29 @@ mod tests {
         assert!(work.resize(71).is_err());
         drop(array);
         assert_eq!((budget.available(), budget.chargeable(), budget.peak()), (30, 80, 150));
+    }
+
+    #[test]
+    fn a_task_waits_for_another_and_fails_where_none_would_give_back() {
+        let budget = MemoryBudget::with_charges(0, 100);
+        let order = Mutex::new(Vec::new());
+        let first = budget.charge_task("task", 70).unwrap();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let second = budget.charge_task("task", 60).unwrap();
+                order.lock().unwrap().push("second began");
+                assert_eq!(budget.used(), 60);
+                drop(second);
+            });
+            order.lock().unwrap().push("first ends");
+            drop(first);
+        });
+        assert_eq!(*order.lock().unwrap(), ["first ends", "second began"]);
+        let _kept = budget.charge("tables", 50).unwrap();
+        match budget.charge_task("task", 60).unwrap_err() {
+            ExtmemError::Budget { asked: 60, used: 50, work: 110, .. } => {}
+            other => panic!("{other}"),
+        }
     }
 
     #[test]

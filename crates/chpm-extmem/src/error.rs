@@ -21,7 +21,7 @@ pub enum ExtmemError {
     /// Memory was asked for beyond the limit.
     #[error(
         "no memory for {what}: {} asked, {} of {} in use; raise --memory to at least {}",
-        mib(*asked), mib(*used), mib(*limit), mib(used.saturating_add(*asked))
+        mib(*asked), mib(*used), mib(*limit), mib(*enough)
     )]
     Budget {
         /// What the memory was for.
@@ -32,6 +32,10 @@ pub enum ExtmemError {
         used: u64,
         /// The budget's limit in bytes.
         limit: u64,
+        /// Bytes that would then be charged for work; 0 if this was asked for an array.
+        work: u64,
+        /// The limit that would do. Whoever divides a larger whole into limits raises it to what that whole has to be.
+        enough: u64,
     },
 
     /// The target of a result exists and was not to be replaced.

@@ -27,7 +27,7 @@ mod target;
 mod workdir;
 
 pub use buckets::{Buckets, Drain};
-pub use budget::{MemoryBudget, Reservation};
+pub use budget::{MemoryBudget, Reservation, TaskShare};
 pub use buffer::{Buffer, BufferWriter};
 pub use column::{Column, Part};
 pub use error::ExtmemError;

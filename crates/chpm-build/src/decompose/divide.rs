@@ -5,7 +5,10 @@
 //! vertex: that region gets a copy of it, and its border number says that both are one. How many regions there are depends
 //! on the source alone, not on the budget.
 
+mod split;
+
 use super::cell_graph::{self, Joints};
+use super::copies::{self, Sieve};
 use super::number::{self, Cells};
 use super::region::Mesh;
 use super::{leaf_count, partition};
@@ -49,6 +52,21 @@ struct Foreign {
     color: [u8; 4],
 }
 
+/// Which regions use the vertices of another, by that: vertex and region. What comes soon again is there once.
+struct Visits {
+    uses: Buckets<[u32; 2]>,
+    known: Sieve,
+}
+
+impl Visits {
+    fn push(&mut self, home: u32, vertex: u32, region: usize) -> Result<(), BuildError> {
+        if self.known.is_new([vertex, region as u32, u32::MAX]) {
+            self.uses.push(home as usize, [vertex, region as u32])?;
+        }
+        Ok(())
+    }
+}
+
 /// The source in regions.
 pub(crate) struct Divided {
     vertices: Vertices,
@@ -58,13 +76,15 @@ pub(crate) struct Divided {
     /// The cells of each region, ascending.
     region_cells: Vec<Vec<u32>>,
     triangles: Buckets<[u32; 3]>,
+    /// By region with vertices: whether its triangles were sent to regions of their own.
+    was_split: Vec<bool>,
     foreign: Buckets<Foreign>,
     /// Border vertices, by border number: in the order of their home regions, ascending within one.
     border: Vec<u32>,
     /// Home region h has the border numbers `border_starts[h]..border_starts[h + 1]`.
     border_starts: Vec<u32>,
-    /// By border number: the last region that uses the vertex.
-    pub(crate) last_region: Vec<u32>,
+    /// Copies of a triangle that were left out on the way to the regions.
+    pub(crate) copies: u64,
     _share: Reservation,
 }
 
@@ -94,8 +114,10 @@ pub(crate) fn run(
         };
         super::join::run(&mut triangles, &mapping, context)?;
         drop(mapping);
-        let graph = cell_graph::build(&cells.list, joints(&triangles, &cells)?, settings.cell_neighbors)?;
-        regions = partition::parts(&graph, wanted.min(cells.list.len() as u32), settings)?;
+        context.check()?;
+        let graph =
+            cell_graph::build(&cells.list, joints(&triangles, &cells, context)?, settings.cell_neighbors)?;
+        regions = partition::parts(&graph, wanted.min(cells.list.len() as u32), settings, context)?;
     }
     context.check()?;
 
@@ -115,16 +137,17 @@ pub(crate) fn run(
         homes,
         region_cells,
         triangles: Buckets::new(store, "triangles by region", home_count, block),
+        was_split: vec![false; home_count],
         foreign: Buckets::new(store, "vertices of other regions", 0, block / 4),
         border: Vec::new(),
         border_starts: vec![0],
-        last_region: Vec::new(),
+        copies: 0,
         _share: store.budget.charge("border vertices", 0)?,
     };
-    let mut visits = Buckets::new(store, "uses of other regions", home_count, block / 4);
-    // With many more triangles than vertices a region is cut: what it has more than twice the average for.
-    let most = 3 * REGION_LEAVES as usize * settings.cluster_triangles.max(16) as usize;
-    divided.route(triangles, most, &mut visits, context)?;
+    let uses = Buckets::new(store, "uses of other regions", home_count, block / 4);
+    let mut visits = Visits { uses, known: Sieve::new() };
+    let uses = divided.route(triangles, &mut visits, context)?;
+    divided.split(split::limit(settings), &uses, &mut visits, context)?;
     divided.exchange(visits, context)?;
     Ok(divided)
 }
@@ -138,9 +161,10 @@ fn region_count(vertices: usize, leaves: u32, settings: &Settings) -> u32 {
 }
 
 /// What a sample of the triangles says about the cells.
-fn joints(triangles: &Column<[u32; 3]>, cells: &Cells) -> Result<Joints, BuildError> {
+fn joints(triangles: &Column<[u32; 3]>, cells: &Cells, context: &Context<'_>) -> Result<Joints, BuildError> {
     let steps = triangles.len().div_ceil(STEP);
     let step = |scratch: &mut Vec<[u32; 3]>, step: usize| {
+        context.check()?;
         let range = step * STEP..triangles.len().min((step + 1) * STEP);
         let mut joints = Joints::default();
         for t in triangles.read(range, scratch)?.iter().step_by(SAMPLE) {
@@ -180,40 +204,40 @@ impl Divided {
         own + self.foreign.len(region)
     }
 
-    /// Sends each triangle to its region, and notes who uses the vertices of another.
+    /// Sends each triangle to its region, and notes who uses the vertices of another. Answers how many corners each region has
+    /// from others.
     fn route(
         &mut self,
         triangles: Column<[u32; 3]>,
-        most: usize,
-        visits: &mut Buckets<[u32; 2]>,
+        visits: &mut Visits,
         context: &Context<'_>,
-    ) -> Result<(), BuildError> {
-        let mut open: Vec<usize> = (0..self.home_count()).collect();
+    ) -> Result<Vec<u64>, BuildError> {
+        let mut uses = vec![0; self.home_count()];
+        let mut sieve = Sieve::new();
         let (mut scratch, mut found) = (Vec::new(), Vec::new());
         for start in (0..triangles.len()).step_by(STEP) {
             context.check()?;
             let batch = triangles.read(start..triangles.len().min(start + STEP), &mut scratch)?;
             let homes = |t: &[u32; 3]| t.map(|v| self.homes[self.cells.of(v) as usize].0);
             batch.par_iter().with_min_len(1 << 12).map(homes).collect_into_vec(&mut found);
-            for (triangle, homes) in batch.iter().zip(&found) {
-                let home = majority(*triangle, *homes) as usize;
-                if self.triangles.len(open[home]) == most {
-                    open[home] = self.triangles.add();
-                }
-                let region = open[home];
+            for (triangle, homes) in batch.iter().zip(&found).filter(|(triangle, _)| sieve.passes(**triangle))
+            {
+                let region = majority(*triangle, *homes) as usize;
                 self.triangles.push(region, *triangle)?;
                 if *homes != [region as u32; 3] {
                     for (vertex, home) in triangle.iter().zip(homes).filter(|(_, h)| **h as usize != region) {
-                        visits.push(*home as usize, [*vertex, region as u32])?;
+                        visits.push(*home, *vertex, region)?;
+                        uses[region] += 1;
                     }
                 }
             }
         }
-        Ok(())
+        self.copies = sieve.dropped;
+        Ok(uses)
     }
 
     /// Numbers the border vertices, and sends copies of them to the regions that use them.
-    fn exchange(&mut self, visits: Buckets<[u32; 2]>, context: &Context<'_>) -> Result<(), BuildError> {
+    fn exchange(&mut self, visits: Visits, context: &Context<'_>) -> Result<(), BuildError> {
         while self.foreign.count() < self.region_count() {
             self.foreign.add();
         }
@@ -222,7 +246,10 @@ impl Divided {
         for home in 0..self.home_count() {
             context.check()?;
             visiting.clear();
-            visits.read(home, &mut visiting)?;
+            let _share =
+                context.store.budget.charge("uses of border vertices", 8 * visits.uses.len(home) as u64)?;
+            visits.uses.read(home, &mut visiting)?;
+            visiting.retain(|[_, region]| self.was_split.get(*region as usize) != Some(&true));
             visiting.par_sort_unstable();
             visiting.dedup();
             for cell in visiting.chunk_by(|a, b| self.cells.of(a[0]) == self.cells.of(b[0])) {
@@ -240,10 +267,8 @@ impl Divided {
                 for [vertex, region] in cell {
                     if self.border.last() != Some(vertex) {
                         self.border.push(*vertex);
-                        self.last_region.push(home as u32);
                     }
                     let border = self.border.len() - 1;
-                    self.last_region[border] = self.last_region[border].max(*region);
                     let at = *vertex as usize - first;
                     let copy = Foreign {
                         vertex: *vertex,
@@ -258,8 +283,7 @@ impl Divided {
             self.border_starts.push(self.border.len() as u32);
         }
         self.border.shrink_to_fit();
-        self.last_region.shrink_to_fit();
-        // Border number, last region, and what the census and the shared vertices keep for each.
+        // Border number, and what the census and the shared vertices keep for each.
         self._share = context.store.budget.charge("border vertices", 24 * self.border.len() as u64)?;
         Ok(())
     }
@@ -273,6 +297,7 @@ impl Divided {
         foreign.sort_unstable_by_key(|f| f.vertex);
         let mut triangles = Vec::new();
         self.triangles.read(region, &mut triangles)?;
+        let copies = copies::drop_all(&mut triangles);
 
         // Where each vertex was looked for, and then which number those have that were found.
         const UNUSED: u32 = u32::MAX;
@@ -305,6 +330,7 @@ impl Divided {
         let runs = Runs { cells: &self.cells, own: own_cells, numbers: &numbers, count: count as usize };
         let foreign = &foreign[..];
         Ok(Mesh {
+            copies,
             triangles,
             border,
             referenced: own_used as u64 + visited_only,
@@ -381,11 +407,11 @@ pub(crate) fn majority(triangle: [u32; 3], of_corners: [u32; 3]) -> u32 {
     }
 }
 
-/// Leaves that a region is cut into.
-pub(crate) fn leaves_of(divided: &Divided, region: usize, leaves: u32, settings: &Settings) -> u32 {
-    if divided.region_count() == divided.home_count() {
+/// Leaves that a region is cut into: an equal share, unless regions were cut or have fewer triangles than it seemed.
+pub(crate) fn leaves_of(divided: &Divided, mesh: &Mesh, leaves: u32, settings: &Settings) -> u32 {
+    if divided.region_count() == divided.home_count() && divided.copies + mesh.copies == 0 {
         leaves.div_ceil(divided.home_count() as u32)
     } else {
-        leaf_count(divided.triangle_count(region), settings)
+        leaf_count(mesh.triangles.len(), settings)
     }
 }

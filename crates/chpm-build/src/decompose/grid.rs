@@ -8,7 +8,7 @@ use crate::error::BuildError;
 use chpm_extmem::Column;
 use chpm_mesh::Aabb;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 /// Times that a cell may be halved along each axis below the uniform grid. What is still dense then lies in one point.
 const MAX_DEPTH: u32 = 20;
@@ -22,9 +22,11 @@ const LINK: u32 = 1 << 31;
 pub(crate) trait Points: Sync {
     /// How many there are.
     fn count(&self) -> usize;
-    /// Shows all of them to `look`, some at a time, in any order.
-    fn each(&self, look: &(dyn Fn(&[[f32; 3]]) + Sync)) -> Result<(), BuildError>;
+    /// Shows all of them to `look`, some at a time, in any order, until it fails.
+    fn each(&self, look: &Look<'_>) -> Result<(), BuildError>;
 }
+
+type Look<'a> = dyn Fn(&[[f32; 3]]) -> Result<(), BuildError> + Sync + 'a;
 
 /// Points that are shown at a time.
 const CHUNK: usize = 1 << 14;
@@ -34,9 +36,8 @@ impl Points for [[f32; 3]] {
         self.len()
     }
 
-    fn each(&self, look: &(dyn Fn(&[[f32; 3]]) + Sync)) -> Result<(), BuildError> {
-        self.par_chunks(CHUNK).for_each(look);
-        Ok(())
+    fn each(&self, look: &Look<'_>) -> Result<(), BuildError> {
+        self.par_chunks(CHUNK).try_for_each(look)
     }
 }
 
@@ -45,12 +46,48 @@ impl Points for Column<[f32; 3]> {
         self.len()
     }
 
-    fn each(&self, look: &(dyn Fn(&[[f32; 3]]) + Sync)) -> Result<(), BuildError> {
+    fn each(&self, look: &Look<'_>) -> Result<(), BuildError> {
         (0..self.len().div_ceil(CHUNK)).into_par_iter().try_for_each_init(Vec::new, |scratch, chunk| {
             let start = chunk * CHUNK;
-            look(self.read(start..self.len().min(start + CHUNK), scratch)?);
-            Ok(())
+            look(self.read(start..self.len().min(start + CHUNK), scratch)?)
         })
+    }
+}
+
+/// Fails where the work is to end.
+pub(crate) type Check<'a> = dyn Fn() -> Result<(), BuildError> + Sync + 'a;
+
+/// The vertices in a slot: how many, and the least and largest of their hashes, which are one where all lie in one point.
+#[derive(Debug)]
+struct Counter {
+    count: AtomicU32,
+    least: AtomicU32,
+    largest: AtomicU32,
+}
+
+impl Default for Counter {
+    fn default() -> Self {
+        Counter { count: AtomicU32::new(0), least: AtomicU32::new(u32::MAX), largest: AtomicU32::new(0) }
+    }
+}
+
+impl Counter {
+    fn add(&self, p: [f32; 3]) {
+        let bits = p.map(|x| u64::from((x + 0.0).to_bits()));
+        let mixed = (bits[0] << 32 ^ bits[1]).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ bits[2];
+        let hash = (mixed.wrapping_mul(0xd6e8_feb8_6659_fd93) >> 32) as u32;
+        self.count.fetch_add(1, Relaxed);
+        // Most do not change them, and looking is cheaper.
+        if hash < self.least.load(Relaxed) {
+            self.least.fetch_min(hash, Relaxed);
+        }
+        if hash > self.largest.load(Relaxed) {
+            self.largest.fetch_max(hash, Relaxed);
+        }
+    }
+
+    fn differ(&self) -> bool {
+        self.least.load(Relaxed) != self.largest.load(Relaxed)
     }
 }
 
@@ -67,18 +104,20 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// Subdivides until no cell holds more than `limit` of the `positions`, all of which lie in `bounds`.
+    /// Subdivides until no cell holds more than `limit` of the `positions`, all of which lie in `bounds`, but in one point. `check` is
+    /// asked between pieces of work whether to go on.
     pub(crate) fn build<P: Points + ?Sized>(
         positions: &P,
         bounds: &Aabb,
         limit: u32,
+        check: &Check<'_>,
     ) -> Result<Self, BuildError> {
         let extent: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.max[a]) - f64::from(bounds.min[a]));
         let longest = extent.into_iter().fold(0.0, f64::max);
         // A surface meets about four n * n of n * n * n cells: start where those would hold twice the limit.
         let wanted = (positions.count() as f64 / (8.0 * f64::from(limit))).sqrt().max(1.0);
         let mut n = 1u32 << (wanted.log2().ceil() as u32).min(MAX_UNIFORM_LOG);
-        let mut grid = loop {
+        let (mut grid, mut apart) = loop {
             let scale = if longest > 0.0 { f64::from(n) / longest } else { 0.0 };
             let dims = extent.map(|e| ((e * scale).ceil() as u32).clamp(1, n));
             let mut grid = Grid {
@@ -88,11 +127,11 @@ impl Grid {
                 slots: vec![0; dims.iter().product::<u32>() as usize],
                 cells: Vec::new(),
             };
-            grid.count(positions, 0)?;
+            let apart = grid.count(positions, 0, check)?;
             // A cloud fills the cells of a volume: begin where they hold a sixteenth of the limit or more.
             let filled = grid.slots.iter().filter(|count| **count > 0).count();
             if n == 1 || filled * limit as usize <= 16 * positions.count() {
-                break grid;
+                break (grid, apart);
             }
             n /= 2;
         };
@@ -100,7 +139,8 @@ impl Grid {
         for _ in 0..MAX_DEPTH {
             let first_block = grid.slots.len();
             for slot in fresh..first_block {
-                if grid.slots[slot] > limit {
+                // What lies in one point stays together, however often its cell is halved.
+                if grid.slots[slot] > limit && apart[slot - fresh] {
                     grid.slots[slot] = LINK | grid.slots.len() as u32;
                     grid.slots.resize(grid.slots.len() + 8, 0);
                 }
@@ -108,28 +148,35 @@ impl Grid {
             if grid.slots.len() == first_block {
                 break;
             }
-            grid.count(positions, first_block)?;
+            apart = grid.count(positions, first_block, check)?;
             fresh = first_block;
         }
         grid.number_cells();
         Ok(grid)
     }
 
-    /// Counts vertices into the slots from `first` on, all of which are zero.
-    fn count<P: Points + ?Sized>(&mut self, positions: &P, first: usize) -> Result<(), BuildError> {
-        let counters: Vec<AtomicU32> = (first..self.slots.len()).map(|_| AtomicU32::new(0)).collect();
+    /// Counts vertices into the slots from `first` on, all of which are zero; answers for each whether its vertices differ.
+    fn count<P: Points + ?Sized>(
+        &mut self,
+        positions: &P,
+        first: usize,
+        check: &Check<'_>,
+    ) -> Result<Vec<bool>, BuildError> {
+        let counters: Vec<Counter> = (first..self.slots.len()).map(|_| Counter::default()).collect();
         positions.each(&|chunk| {
+            check()?;
             for p in chunk {
                 let (slot, _) = self.find(*p);
                 if slot >= first {
-                    counters[slot - first].fetch_add(1, Ordering::Relaxed);
+                    counters[slot - first].add(*p);
                 }
             }
+            Ok(())
         })?;
-        for (slot, counter) in self.slots[first..].iter_mut().zip(counters) {
-            *slot = counter.into_inner();
+        for (slot, counter) in self.slots[first..].iter_mut().zip(&counters) {
+            *slot = counter.count.load(Relaxed);
         }
-        Ok(())
+        Ok(counters.iter().map(Counter::differ).collect())
     }
 
     /// The slot that a point lies in, and how often its cell was halved.
@@ -199,7 +246,7 @@ mod tests {
                 [(h & 1023) as f32, (h >> 10 & 1023) as f32 * 0.1, ((h >> 20) as f32).powi(3) * 1e-6]
             })
             .collect();
-        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16).unwrap();
+        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &|| Ok(())).unwrap();
         let mut counts = vec![0; grid.cells.len()];
         for p in &positions {
             counts[grid.cell_of(*p) as usize] += 1;
@@ -213,7 +260,7 @@ mod tests {
         let at = |i: u32, k: u32| (i.wrapping_mul(2654435761).wrapping_add(k) >> (10 * k)) % 1009;
         let positions: Vec<[f32; 3]> =
             (0..60_000u32).map(|i| [at(i, 0), at(i, 1), at(i / 7, 2)].map(|x| x as f32)).collect();
-        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 48).unwrap();
+        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &|| Ok(())).unwrap();
         assert!(grid.cells.len() < 60_000 / 3, "{} cells", grid.cells.len());
         assert!(grid.cells.iter().all(|cell| cell.count <= 48));
     }
@@ -221,10 +268,39 @@ mod tests {
     #[test]
     fn coincident_vertices_end_in_one_full_cell() {
         let positions = [[1.0, 2.0, 3.0]; 100];
-        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16).unwrap();
+        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &|| Ok(())).unwrap();
         assert_eq!(grid.cells.len(), 1);
         assert_eq!(grid.cells[0].count, 100);
+        assert_eq!(grid.slots.len(), 1, "halving does not tell them apart");
+        // Nor does it where another point keeps the box from being empty.
+        let mut positions = vec![[1.0, 2.0, 3.0]; 1000];
+        positions[17] = [9.0, 2.0, 3.0];
+        let looks = AtomicU32::new(0);
+        let check = || {
+            looks.fetch_add(1, Relaxed);
+            Ok(())
+        };
+        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &check).unwrap();
+        assert_eq!(grid.cells.iter().map(|cell| cell.count).collect::<Vec<_>>(), [999, 1]);
+        assert!(grid.slots.len() < 16 && looks.into_inner() < 8);
         let two = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
-        assert_eq!(Grid::build(&two[..], &Aabb::of_points(&two), 2).unwrap().cells.len(), 2);
+        assert_eq!(Grid::build(&two[..], &Aabb::of_points(&two), 2, &|| Ok(())).unwrap().cells.len(), 2);
+    }
+
+    #[test]
+    fn a_request_to_stop_is_looked_at_between_chunks() {
+        let positions: Vec<[f32; 3]> = (0..8 * CHUNK).map(|i| [i as f32, 0.0, 0.0]).collect();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        for after in [0, 3, 20] {
+            let looks = AtomicU32::new(0);
+            let check = || match looks.fetch_add(1, Relaxed) {
+                n if n < after => Ok(()),
+                _ => Err(BuildError::Cancelled),
+            };
+            let built =
+                pool.install(|| Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &check));
+            assert!(built.is_err_and(|error| error.is_cancelled()));
+            assert_eq!(looks.into_inner(), after + 1, "no chunk is looked at after the request");
+        }
     }
 }

@@ -7,6 +7,7 @@
 
 mod cell_graph;
 mod census;
+mod copies;
 mod divide;
 mod grid;
 mod join;
@@ -28,7 +29,7 @@ use crate::error::BuildError;
 use crate::in_order::in_order;
 use crate::ingest::Source;
 use crate::report::Repairs;
-use census::Ledger;
+use census::Account;
 use chpm_extmem::{SavedFile, Spool, Store};
 use chpm_mesh::Attributes;
 use chpm_qem::Displacement;
@@ -53,6 +54,11 @@ impl Decomposition {
     pub(crate) fn read_leaf(&self, leaf: u32, data: &mut LeafData) -> Result<(), BuildError> {
         let leaf = &self.leaves[leaf as usize];
         data.read(leaf, self.attributes, &self.spool, |code| self.shared.id(code, leaf))
+    }
+
+    /// Triangles of all leaves.
+    pub(crate) fn triangle_count(&self) -> u64 {
+        self.leaves.iter().map(|leaf| u64::from(leaf.triangle_count)).sum()
     }
 
     pub(crate) fn save(&self) -> Result<SavedLeaves<'_>, BuildError> {
@@ -106,33 +112,33 @@ pub(crate) fn run(
 
     let spool = Spool::named(&context.store, LEAVES, LEAVES);
     let border_count = divided.border_count();
-    let mut collector = Collector::new(border_count);
-    let mut ledger = Ledger::new(border_count);
-    let mut taken = 0;
+    let mut collector = Collector::new(border_count, &context.store);
+    let mut account = Account::new(border_count, &context.store);
+    let mut copies = divided.copies;
     let (workers, _share) = workers(&divided, context)?;
     in_order(
         divided.region_count(),
         workers,
         |region| {
             context.check()?;
-            let leaves = divide::leaves_of(&divided, region, wanted, settings);
             let mesh = divided.load(region)?;
+            let leaves = divide::leaves_of(&divided, &mesh, wanted, settings);
             region::run(&mesh, leaves, border_count as u32, settings, &spool, context)
         },
         |done| {
             let inner_before = collector.inner_count();
-            collector.add(&done);
+            collector.add(&done)?;
             let border_count = border_count as u32;
             let census = done.census.renumbered(|id| if id < border_count { id } else { id + inner_before });
-            ledger.enter(census);
-            taken += 1;
-            ledger.settle_when_large(|id| divided.last_region[id as usize] < taken);
-            Ok(())
+            copies += done.copies;
+            Ok(account.enter(census)?)
         },
     )?;
     drop(divided);
-    ledger.close(border_count as u32).add_to(repairs);
-    let (leaves, shared) = collector.finish();
+    account.close()?.add_to(repairs);
+    context.check()?;
+    let (leaves, shared) = collector.finish()?;
+    repairs.merged_copies = copies;
     repairs.unreferenced_vertices = vertex_count - shared.used_vertices;
     Ok(Decomposition { attributes, rounding, spool, leaves, shared })
 }
@@ -150,8 +156,10 @@ fn workers(
     context: &Context<'_>,
 ) -> Result<(usize, chpm_extmem::Reservation), BuildError> {
     let cost = |region| {
-        TRIANGLE_COST * divided.triangle_count(region) as u64
-            + VERTEX_COST * divided.vertex_count(region) as u64
+        let (triangles, vertices) =
+            (divided.triangle_count(region) as u64, divided.vertex_count(region) as u64);
+        let used = vertices.min(3 * triangles);
+        TRIANGLE_COST * triangles + VERTEX_COST * used + PASSED_COST * (vertices - used)
     };
     let largest = (0..divided.region_count()).map(cost).max().unwrap_or(0);
     let budget = &context.store.budget;
@@ -160,6 +168,7 @@ fn workers(
     Ok((fitting as usize, share))
 }
 
-/// Bytes for each triangle and each vertex of a region while it is worked on.
+/// Bytes for each triangle and each vertex of a region while it is worked on, and for each vertex that its triangles cannot have.
 const TRIANGLE_COST: u64 = 48;
 const VERTEX_COST: u64 = 72;
+const PASSED_COST: u64 = 16;

@@ -86,7 +86,7 @@ pub(crate) fn run(
     limit: u32,
     context: &Context<'_>,
 ) -> Result<(Cells, Column<u32>), BuildError> {
-    let grid = Grid::build(positions, bounds, limit)?;
+    let grid = Grid::build(positions, bounds, limit, &|| context.check())?;
     let mut next = Vec::with_capacity(grid.cells.len());
     let mut end = 0;
     for cell in &grid.cells {

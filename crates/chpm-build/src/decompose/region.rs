@@ -25,7 +25,10 @@ pub(crate) struct Mesh {
     pub(crate) normals: Vec<[f32; 3]>,
     /// As many as positions, or none.
     pub(crate) colors: Vec<[u8; 4]>,
+    /// Each there once.
     pub(crate) triangles: Vec<[u32; 3]>,
+    /// Copies of them that were left out.
+    pub(crate) copies: u64,
     /// By vertex: its border number, or [`INNER`].
     pub(crate) border: Vec<u32>,
     /// Vertices at home here that any triangle uses, of this region or another.
@@ -41,6 +44,7 @@ pub(crate) struct Done {
     /// What was counted, with border numbers, and numbers of inner shared vertices above all of those.
     pub(crate) census: Census,
     pub(crate) referenced: u64,
+    pub(crate) copies: u64,
 }
 
 /// Sets of leaves, with the number of vertices that each has to itself. Shared vertices of one region are numbered by these.
@@ -73,9 +77,9 @@ pub(crate) fn run(
     if mesh.triangles.is_empty() {
         let (leaves, interfaces) = (Vec::new(), Interfaces::default());
         let (border_uses, census) = (Vec::new(), Census::default());
-        return Ok(Done { leaves, interfaces, border_uses, census, referenced: mesh.referenced });
+        return Ok(Done { leaves, interfaces, border_uses, census, referenced: mesh.referenced, copies: 0 });
     }
-    let part_of = cut(mesh, parts, settings)?;
+    let part_of = cut(mesh, parts, settings, context)?;
     context.check()?;
     let gathered = gather(mesh, &part_of, parts, context)?;
     let (shared, interfaces, border_uses) = share(mesh, &gathered);
@@ -107,24 +111,28 @@ pub(crate) fn run(
         None => number + border_count,
     };
     let census = ledger.close(shared.inner_count).renumbered(global);
-    Ok(Done { leaves, interfaces, border_uses, census, referenced: mesh.referenced })
+    let (referenced, copies) = (mesh.referenced, mesh.copies);
+    Ok(Done { leaves, interfaces, border_uses, census, referenced, copies })
 }
 
 /// The part of each vertex (Quick-VDR 4.1: cells, cell graph, k-way partition).
-fn cut(mesh: &Mesh, parts: u32, settings: &Settings) -> Result<Vec<u32>, BuildError> {
+fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> Result<Vec<u32>, BuildError> {
     if parts <= 1 {
         return Ok(vec![0; mesh.positions.len()]);
     }
     let positions = &mesh.positions[..];
-    let grid = Grid::build(positions, &Aabb::of_points(positions), settings.cell_vertices)?;
+    let grid =
+        Grid::build(positions, &Aabb::of_points(positions), settings.cell_vertices, &|| context.check())?;
     let mut cells: Vec<u32> = positions.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect();
     let list: Vec<Cell> = grid.cells;
     let mut joints = Joints::default();
     for t in mesh.triangles.iter().step_by(SAMPLE) {
         joints.add(t.map(|v| cells[v as usize]));
     }
+    context.check()?;
     let graph = cell_graph::build(&list, joints, settings.cell_neighbors)?;
-    let assignment = partition::parts(&graph, parts.min(list.len() as u32), settings)?;
+    context.check()?;
+    let assignment = partition::parts(&graph, parts.min(list.len() as u32), settings, context)?;
     cells.iter_mut().for_each(|cell| *cell = assignment[*cell as usize]);
     Ok(cells)
 }

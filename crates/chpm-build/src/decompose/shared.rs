@@ -5,8 +5,9 @@
 
 use super::leaf::{INNER, Leaf};
 use super::region::{Done, Interfaces};
+use chpm_extmem::{Buckets, ExtmemError, Store};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 /// All shared vertices. Memory: 4 bytes for each border vertex, and some dozens for each interface.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -64,6 +65,10 @@ impl SharedVertices {
     }
 }
 
+/// log2 of the border vertices whose uses are looked at together, and the bytes that are gathered of those.
+const SHARE_LOG: u32 = 15;
+const BLOCK: usize = 1 << 13;
+
 /// Takes in regions, in their order.
 #[derive(Debug)]
 pub(crate) struct Collector {
@@ -71,20 +76,20 @@ pub(crate) struct Collector {
     inner: Interfaces,
     inner_count: u32,
     used_vertices: u64,
-    /// By border number: the set of leaves so far.
-    sets: Vec<u32>,
-    known: LeafSets,
+    /// Border number and leaf of every use, by share of the border numbers; leaves ascend.
+    uses: Buckets<[u32; 2]>,
+    border_count: u32,
 }
 
 impl Collector {
-    pub(crate) fn new(border_count: usize) -> Self {
+    pub(crate) fn new(border_count: usize, store: &Store) -> Self {
         Collector {
             leaves: Vec::new(),
             inner: Interfaces { starts: vec![0], ..Interfaces::default() },
             inner_count: 0,
             used_vertices: 0,
-            sets: vec![LeafSets::EMPTY; border_count],
-            known: LeafSets::default(),
+            uses: Buckets::new(store, "uses of border vertices", (border_count >> SHARE_LOG) + 1, BLOCK),
+            border_count: border_count as u32,
         }
     }
 
@@ -94,7 +99,7 @@ impl Collector {
     }
 
     /// Takes in the next region.
-    pub(crate) fn add(&mut self, done: &Done) {
+    pub(crate) fn add(&mut self, done: &Done) -> Result<(), ExtmemError> {
         let first = self.leaves.len() as u32;
         self.leaves.extend_from_slice(&done.leaves);
         self.leaves[first as usize..].iter_mut().for_each(|leaf| leaf.first_inner = self.inner_count);
@@ -104,40 +109,47 @@ impl Collector {
         self.inner.counts.extend_from_slice(&done.interfaces.counts);
         self.inner_count += done.interfaces.counts.iter().sum::<u32>();
         for (border, leaf) in &done.border_uses {
-            let set = &mut self.sets[*border as usize];
-            *set = self.known.with(*set, first + leaf);
+            self.uses.push((border >> SHARE_LOG) as usize, [*border, first + leaf])?;
         }
         self.used_vertices += done.referenced;
+        Ok(())
     }
 
     /// The leaves in order, and what they share.
-    pub(crate) fn finish(self) -> (Vec<Leaf>, SharedVertices) {
+    pub(crate) fn finish(self) -> Result<(Vec<Leaf>, SharedVertices), ExtmemError> {
         let Interfaces { mut users, mut starts, mut counts } = self.inner;
         let inner_interfaces = counts.len();
         let mut holes = Vec::new();
-        let mut border = self.sets;
+        let mut border = Vec::with_capacity(self.border_count as usize);
         // Sets that are used by two leaves and more become interfaces, in the order of their first vertex.
-        let mut interface_of = vec![u32::MAX; self.known.nodes.len() + 1];
-        let mut kept = 0;
-        for number in 0..border.len() {
-            let set = border[number];
-            if self.known.len(set) < 2 {
-                holes.push(number as u32);
-                continue;
+        let mut known = Known::default();
+        let (mut uses, mut leaves) = (Vec::new(), Vec::new());
+        let mut number = 0;
+        for share in 0..self.uses.count() {
+            uses.clear();
+            self.uses.read(share, &mut uses)?;
+            // Uses of a vertex keep their order.
+            uses.sort_by_key(|[border, _]| *border);
+            for about_one in uses.chunk_by(|a, b| a[0] == b[0]) {
+                holes.extend(number..about_one[0][0]);
+                number = about_one[0][0] + 1;
+                leaves.clear();
+                leaves.extend(about_one.iter().map(|[_, leaf]| *leaf));
+                if leaves.len() < 2 {
+                    holes.push(number - 1);
+                    continue;
+                }
+                let interface = known.interface(&leaves, &mut users, &mut starts);
+                if interface as usize == counts.len() {
+                    counts.push(0);
+                }
+                counts[interface as usize] += 1;
+                border.push(interface);
             }
-            let interface = &mut interface_of[set as usize];
-            if *interface == u32::MAX {
-                *interface = counts.len() as u32;
-                counts.push(0);
-                self.known.leaves(set, &mut users);
-                starts.push(users.len() as u32);
-            }
-            counts[*interface as usize] += 1;
-            border[kept] = *interface;
-            kept += 1;
         }
-        border.truncate(kept);
+        holes.extend(number..self.border_count);
         border.shrink_to_fit();
+        let kept = border.len();
         let mut len = kept as u32;
         let mut firsts = Vec::with_capacity(inner_interfaces);
         for (leaf_count, count) in counts[..inner_interfaces].iter().enumerate() {
@@ -148,51 +160,35 @@ impl Collector {
         let mut leaves = self.leaves;
         leaves.iter_mut().for_each(|leaf| leaf.first_inner += kept as u32);
         let used_vertices = self.used_vertices;
-        (leaves, SharedVertices { border, holes, firsts, users, starts, counts, len, used_vertices })
+        Ok((leaves, SharedVertices { border, holes, firsts, users, starts, counts, len, used_vertices }))
     }
 }
 
-/// Sets of leaves that grow one leaf at a time, leaves ascending; equal sets have equal numbers.
-#[derive(Debug, Default)]
-struct LeafSets {
-    /// By set and leaf: the set of both.
-    grown: BTreeMap<(u32, u32), u32>,
-    /// By set, less one for the empty one: what it grew from, and by which leaf.
-    nodes: Vec<(u32, u32)>,
-}
+/// The interfaces of border vertices by a hash of their leaves.
+#[derive(Default)]
+struct Known(HashMap<u64, u32>);
 
-impl LeafSets {
-    const EMPTY: u32 = 0;
-
-    fn with(&mut self, set: u32, leaf: u32) -> u32 {
-        let LeafSets { grown, nodes } = self;
-        *grown.entry((set, leaf)).or_insert_with(|| {
-            nodes.push((set, leaf));
-            nodes.len() as u32
-        })
-    }
-
-    fn parent(&self, set: u32) -> Option<(u32, u32)> {
-        self.nodes.get(set.checked_sub(1)? as usize).copied()
-    }
-
-    fn len(&self, mut set: u32) -> usize {
-        let mut len = 0;
-        while let Some((parent, _)) = self.parent(set) {
-            set = parent;
-            len += 1;
+impl Known {
+    /// The interface of these leaves; appended if there is none.
+    fn interface(&mut self, leaves: &[u32], users: &mut Vec<u32>, starts: &mut Vec<u32>) -> u32 {
+        let fresh = starts.len() as u32 - 1;
+        let mut hash = leaves.iter().fold(0u64, |hash, leaf| {
+            (hash.rotate_left(23) ^ u64::from(*leaf)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+        });
+        loop {
+            let interface = *self.0.entry(hash).or_insert(fresh);
+            if interface == fresh {
+                users.extend_from_slice(leaves);
+                starts.push(users.len() as u32);
+                return fresh;
+            }
+            let range = starts[interface as usize] as usize..starts[interface as usize + 1] as usize;
+            if users[range] == *leaves {
+                return interface;
+            }
+            // Others have the same hash.
+            hash = hash.wrapping_add(1);
         }
-        len
-    }
-
-    /// Appends the leaves of a set, ascending.
-    fn leaves(&self, mut set: u32, out: &mut Vec<u32>) {
-        let first = out.len();
-        while let Some((parent, leaf)) = self.parent(set) {
-            out.push(leaf);
-            set = parent;
-        }
-        out[first..].reverse();
     }
 }
 
@@ -214,16 +210,19 @@ mod tests {
             border_uses: border_uses.to_vec(),
             census: Default::default(),
             referenced: 5,
+            copies: 0,
         }
     }
 
     #[test]
     fn ids_count_border_vertices_without_holes_and_then_interfaces() {
-        let mut collector = Collector::new(4);
-        collector.add(&region(3, &[&[0, 1], &[0, 1, 2]], &[(0, 1), (1, 2), (3, 0), (3, 1)]));
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::create(folder.path(), 1 << 20).unwrap();
+        let mut collector = Collector::new(4, &store);
+        collector.add(&region(3, &[&[0, 1], &[0, 1, 2]], &[(0, 1), (1, 2), (3, 0), (3, 1)])).unwrap();
         assert_eq!(collector.inner_count(), 20);
-        collector.add(&region(2, &[&[0, 1]], &[(0, 1), (2, 0)]));
-        let (leaves, shared) = collector.finish();
+        collector.add(&region(2, &[&[0, 1]], &[(0, 1), (2, 0)])).unwrap();
+        let (leaves, shared) = collector.finish().unwrap();
         // 1 and 2 have one user each.
         assert_eq!((shared.holes.as_slice(), shared.len(), shared.used_vertices), (&[1, 2][..], 32, 10));
         assert_eq!([0, 1, 2, 3].map(|code| shared.id(code, &leaves[0])), [Some(0), None, None, Some(1)]);

@@ -2,6 +2,7 @@
 
 use crate::decompose::{Decomposition, nearest_pairs};
 use crate::error::BuildError;
+use crate::pairs::Pairs;
 use chpm_partition::CsrGraph;
 
 /// Weight of one shared vertex. Nearness adds at most as much, and that for the closest pair of all.
@@ -24,17 +25,17 @@ pub(crate) fn build(decomposition: &Decomposition) -> Result<CsrGraph, BuildErro
 
 /// One edge for each pair of leaves and interface that both are of; the graph adds them up.
 fn shared_edges(decomposition: &Decomposition) -> Vec<(u32, u32, u32)> {
-    let mut edges = Vec::new();
+    let mut edges = Pairs::default();
     for (users, count) in decomposition.shared.interfaces() {
         let weight = SHARED.saturating_mul(count);
         // The apex of a huge fan is shared by everyone: tie such users in a chain, not each to each.
         if users.len() > 16 {
-            edges.extend(users.windows(2).map(|w| (w[0], w[1], weight)));
+            users.windows(2).for_each(|w| edges.add(w[0], w[1], weight));
             continue;
         }
         for (i, a) in users.iter().enumerate() {
-            edges.extend(users[i + 1..].iter().map(|b| (*a, *b, weight)));
+            users[i + 1..].iter().for_each(|b| edges.add(*a, *b, weight));
         }
     }
-    edges
+    edges.sums()
 }

@@ -6,13 +6,18 @@
 //! the interior's, was tried and gained nothing. The papers forbid chains of dependencies, since a split travels along them; a group
 //! here splits by one rule of its own, so a chain costs no more than its length, and that is limited.
 
+use super::cost;
 use crate::config::Settings;
 use crate::decompose::SharedVertices;
 use crate::hierarchy::Tree;
+use crate::pairs::Pairs;
 use std::cmp::Reverse;
 
 /// Members that a seam can tell apart: a bit of a byte each.
 const MAX_MEMBERS: usize = 8;
+
+/// Clusters that have the same shared vertex beyond which it is one that all share, as the apex of a huge fan is.
+const MANY: usize = 64;
 
 /// Who has the shared vertices while the levels are worked off.
 pub(super) struct Seams<'a> {
@@ -45,7 +50,7 @@ impl<'a> Seams<'a> {
     }
 
     /// Groups of the nodes of a level that `finest_error` answers for, each node in one. `left` is how many shared vertices of each
-    /// interface have not collapsed.
+    /// interface have not collapsed, `cost` the bytes that a member takes.
     pub(super) fn groups(
         &self,
         tree: &Tree,
@@ -53,17 +58,22 @@ impl<'a> Seams<'a> {
         left: &[u32],
         settings: &Settings,
         finest_error: impl Fn(u32) -> Option<f32>,
+        cost: impl Fn(u32) -> u64,
     ) -> Vec<Vec<u32>> {
         let nodes = tree.level(level);
         let first = nodes.start as u32;
         let mut group_of: Vec<u32> = (0..nodes.len() as u32).collect();
-        let mut groups: Vec<Vec<u32>> = nodes.map(|n| vec![n as u32]).collect();
+        let mut groups: Vec<Vec<u32>> = nodes.clone().map(|n| vec![n as u32]).collect();
+        let mut costs: Vec<u64> = nodes.map(|n| cost(n as u32)).collect();
         let mut pairs = self.candidates(tree, level, left, settings, finest_error);
         pairs.sort_unstable_by_key(|&(a, b, shared)| (Reverse(shared), a, b));
         for (a, b, _) in pairs {
             let [into, from] = [a, b].map(|node| group_of[(node - first) as usize] as usize);
             let members = groups[into].len() + groups[from].len();
-            if into != from && members <= (settings.dependency_members as usize).min(MAX_MEMBERS) {
+            let fits = members <= (settings.dependency_members as usize).min(MAX_MEMBERS)
+                && costs[into] + costs[from] <= cost::GROUP;
+            if into != from && fits {
+                costs[into] += costs[from];
                 let moved = std::mem::take(&mut groups[from]);
                 moved.iter().for_each(|node| group_of[(node - first) as usize] = into as u32);
                 groups[into].extend(moved);
@@ -85,7 +95,7 @@ impl<'a> Seams<'a> {
     ) -> Vec<(u32, u32, u32)> {
         let at_level =
             |node: &u32| tree.nodes[*node as usize].level == level && finest_error(*node).is_some();
-        let mut pairs: Vec<(u32, u32, u32)> = Vec::new();
+        let mut pairs = Pairs::default();
         let mut having = Vec::new();
         for (interface, (users, _)) in self.shared.interfaces().enumerate() {
             let left = left[interface];
@@ -96,22 +106,21 @@ impl<'a> Seams<'a> {
             having.extend(users.iter().map(|leaf| self.cluster_over[*leaf as usize]).filter(at_level));
             having.sort_unstable();
             having.dedup();
+            // What all share ties neighbours in the list, not each to each: their pairs would be without number.
+            let reach = if having.len() > MANY { 1 } else { having.len() };
             for (i, a) in having.iter().enumerate() {
-                pairs.extend(having[i + 1..].iter().map(|b| (*a, *b, left)));
+                having[i + 1..].iter().take(reach).for_each(|b| pairs.add(*a, *b, left));
             }
         }
-        pairs.sort_unstable();
+        let mut pairs = pairs.sums();
         let alike = |a: u32, b: u32| {
             let (a, b) = (finest_error(a).unwrap_or(0.0), finest_error(b).unwrap_or(0.0));
             a.max(b) <= settings.dependency_error_ratio * a.min(b)
         };
-        let together = pairs.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1));
-        let counted = together.map(|same| (same[0].0, same[0].1, same.iter().map(|pair| pair.2).sum()));
-        counted
-            .filter(|&(a, b, shared)| {
-                let far = u32::from(tree.merge_level(&[a, b])) > level + settings.dependency_levels;
-                shared >= settings.dependency_shared && far && alike(a, b)
-            })
-            .collect()
+        pairs.retain(|&(a, b, shared)| {
+            let far = u32::from(tree.merge_level(&[a, b])) > level + settings.dependency_levels;
+            shared >= settings.dependency_shared && far && alike(a, b)
+        });
+        pairs
     }
 }

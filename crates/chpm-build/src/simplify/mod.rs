@@ -5,6 +5,7 @@
 //! then the members simplify their seams first, all alike, and each its interior after that. The groups of a level (of one
 //! cluster each where boundaries are locked) are independent tasks over the threads. Establishes I3, I4, I6 and I8.
 
+mod cost;
 mod dependency;
 mod group;
 mod levels;
@@ -132,7 +133,10 @@ impl Levels {
         let finest_error =
             |node: u32| finest_error(node, tree, refs, rounding).filter(|error| *error <= range.coarsest);
         let mut formed: Vec<Vec<u32>> = match settings.boundary {
-            BoundaryMode::Dependencies => seams.groups(tree, self.level, &self.left, settings, finest_error),
+            BoundaryMode::Dependencies => {
+                let cost = |node: u32| cost::member(node, tree, inputs.decomposition, refs);
+                seams.groups(tree, self.level, &self.left, settings, finest_error, cost)
+            }
             _ => tree.level(self.level).map(|node| vec![node as u32]).collect(),
         };
         formed.retain(|g| g.iter().all(|n| finest_error(*n).is_some()));
@@ -158,7 +162,13 @@ impl Levels {
         let open = &self.groups()[self.done..];
         let results = while_not_due(open.len(), context, Scratch::default, |scratch, index| {
             let group = &open[index];
-            let done = scratch.run(&task, group)?;
+            let done = match cost::beyond_usual(group, tree, decomposition, &self.built.refs) {
+                0 => scratch.run(&task, group)?,
+                more => {
+                    let _share = context.store.budget.charge_task("a group of clusters", more)?;
+                    Scratch::default().run(&task, group)?
+                }
+            };
             context.progress.advance(group.len() as u64);
             Ok(done)
         })?;
@@ -219,11 +229,16 @@ pub(crate) fn level_reports(
     levels
 }
 
-/// The error that a node's finest mesh comes with; none if its children are not built or do not fit 16-bit indices together.
+/// Most triangles of a union of two base meshes, more than any two have that did not stall: a pile of what nothing can simplify ends
+/// as several roots, each of which fits the memory that a task may take.
+const MAX_MERGED_TRIANGLES: u32 = 1 << 16;
+
+/// The error that a node's finest mesh comes with; none if its children are not built, do not fit 16-bit indices together or stalled.
 fn finest_error(node: u32, tree: &Tree, refs: &[Option<PageRef>], rounding: f32) -> Option<f32> {
     let Some(children) = tree.nodes[node as usize].children else { return Some(rounding) };
     let [Some(a), Some(b)] = children.map(|c| refs[c as usize]) else { return None };
-    let fits = a.base_vertex_count + b.base_vertex_count <= MAX_CLUSTER_VERTICES;
+    let fits = a.base_vertex_count + b.base_vertex_count <= MAX_CLUSTER_VERTICES
+        && a.base_triangle_count + b.base_triangle_count <= MAX_MERGED_TRIANGLES;
     fits.then_some(a.group_error.max(b.group_error))
 }
 

@@ -9,6 +9,7 @@ pub mod hand;
 pub mod hard;
 mod isosurface;
 mod noise;
+pub mod odd;
 mod plates;
 mod sphere;
 

@@ -1,14 +1,16 @@
-//! Puts censuses together: those of leaves to that of a region, those of regions to that of the source.
+//! Puts censuses together: those of leaves to that of a region ([`Ledger`]), those of regions to that of the source ([`Account`]).
 
 use super::local::{Census, EdgeKind, EdgeUse, Fan, LOOSE, hand_over};
 use super::sets::Sets;
 use crate::report::Repairs;
+use chpm_extmem::{Buckets, ExtmemError, Store};
 use rayon::prelude::*;
 
-/// Records that are let gather before settling is worth its sorting.
-const LARGE: usize = 1 << 17;
+/// log2 of the shared vertices whose records an account settles at once, and the bytes that it gathers of those.
+const SHARE_LOG: u32 = 15;
+const BLOCK: usize = 1 << 13;
 
-/// Takes in leaves, or regions, in order. Memory: 9 bytes for each shared vertex, and 12 for each record not settled yet.
+/// Takes in the leaves of a region, in order. Memory: 9 bytes for each shared vertex, and 12 for each record.
 #[derive(Debug)]
 pub(crate) struct Ledger {
     found: Repairs,
@@ -19,8 +21,6 @@ pub(crate) struct Ledger {
     fans: Vec<Fan>,
     /// By shared id: whether the vertex is known to be non-manifold.
     non_manifold: Vec<bool>,
-    /// Records beyond which to settle.
-    limit: usize,
     scratch: FanScratch,
 }
 
@@ -37,7 +37,6 @@ impl Ledger {
             edges: Vec::new(),
             fans: Vec::new(),
             non_manifold: vec![false; shared_count],
-            limit: LARGE,
             scratch: FanScratch::default(),
         }
     }
@@ -56,17 +55,9 @@ impl Ledger {
         self.fans.extend(part.fans);
     }
 
-    /// [`Self::settle`] once many records have come together.
-    pub(crate) fn settle_when_large(&mut self, is_complete: impl Fn(u32) -> bool) {
-        if self.edges.len() + self.fans.len() > self.limit {
-            self.settle(is_complete);
-            self.limit = LARGE + 2 * (self.edges.len() + self.fans.len());
-        }
-    }
-
     /// Decides all edges and vertices that nothing later can add to, and forgets their records. A vertex is complete if
     /// all that use it were entered.
-    pub(super) fn settle(&mut self, is_complete: impl Fn(u32) -> bool) {
+    fn settle(&mut self, is_complete: impl Fn(u32) -> bool) {
         let Ledger { found, border, edges, fans, non_manifold, scratch, .. } = self;
         edges.par_sort_unstable();
         edges.dedup_by(|next, kept| {
@@ -145,5 +136,48 @@ impl FanScratch {
             }
         }
         self.sets.count == 1
+    }
+}
+
+/// Takes in regions, in any order. Memory: 9 bytes for each border vertex; records go to buckets, which are in memory or on disk.
+#[derive(Debug)]
+pub(crate) struct Account {
+    ledger: Ledger,
+    edges: Buckets<EdgeUse>,
+    fans: Buckets<Fan>,
+}
+
+impl Account {
+    /// For border vertices with numbers below `border_count`.
+    pub(crate) fn new(border_count: usize, store: &Store) -> Self {
+        let shares = (border_count >> SHARE_LOG) + 1;
+        Account {
+            ledger: Ledger::new(border_count),
+            edges: Buckets::new(store, "edges between regions", shares, BLOCK),
+            fans: Buckets::new(store, "fans between regions", shares, BLOCK),
+        }
+    }
+
+    /// Takes in what was counted in a region.
+    pub(crate) fn enter(&mut self, mut part: Census) -> Result<(), ExtmemError> {
+        for edge in part.edges.drain(..) {
+            self.edges.push((edge.ends[0] >> SHARE_LOG) as usize, edge)?;
+        }
+        for fan in part.fans.drain(..) {
+            self.fans.push((fan.vertex >> SHARE_LOG) as usize, fan)?;
+        }
+        self.ledger.enter(part);
+        Ok(())
+    }
+
+    /// The counts of everything that was entered.
+    pub(crate) fn close(mut self) -> Result<Census, ExtmemError> {
+        for share in 0..self.edges.count() {
+            self.edges.read(share, &mut self.ledger.edges)?;
+            self.fans.read(share, &mut self.ledger.fans)?;
+            self.ledger.settle(|_| true);
+        }
+        let all = self.ledger.non_manifold.len() as u32;
+        Ok(self.ledger.close(all))
     }
 }

@@ -2,6 +2,7 @@
 
 use super::sets::Sets;
 use crate::report::Repairs;
+use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom;
 
 /// No shared id: the vertex belongs to this leaf alone.
@@ -49,7 +50,8 @@ impl Census {
 }
 
 /// The faces of one leaf on an edge between shared vertices.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct EdgeUse {
     /// Shared ids of its ends, ascending.
     pub(super) ends: [u32; 2],
@@ -57,7 +59,8 @@ pub(super) struct EdgeUse {
 }
 
 /// The faces on an edge by the direction in which they walk it. Counts saturate: beyond two they need not be exact.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Faces {
     pub(super) forward: u16,
     pub(super) backward: u16,
@@ -102,7 +105,8 @@ pub(super) enum EdgeKind {
 }
 
 /// One fan of a leaf's faces about a shared vertex: a run of faces, each of which shares an edge at the vertex with the next.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Fan {
     /// Shared id of the vertex.
     pub(super) vertex: u32,
@@ -189,7 +193,7 @@ impl Surveyor {
                 hand_over(&mut self.border, marked(shared), &mut self.first, &mut leaf.bordering);
         }
         if !self.doubtful.is_empty() {
-            leaf.found.duplicate_faces = self.count_copies(triangles);
+            leaf.found.two_sided_faces = self.count_copies(triangles);
         }
         leaf
     }

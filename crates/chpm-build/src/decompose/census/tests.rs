@@ -1,6 +1,7 @@
-use super::ledger::Ledger;
+use super::ledger::{Account, Ledger};
 use super::local::Surveyor;
 use crate::report::Repairs;
+use chpm_extmem::Store;
 use chpm_mesh::TriMesh;
 use chpm_mesh::synth::{Shape, Synth, hand};
 use proptest::prelude::*;
@@ -18,9 +19,10 @@ fn census(mesh: &TriMesh, leaves: &[usize], step: usize) -> Repairs {
     users.retain(|_, leaves| leaves.len() > 1);
     let regions = |v: u32| users[&v].iter().map(|leaf| leaf / step).collect::<BTreeSet<_>>();
     let (border, inner): (Vec<u32>, Vec<u32>) = users.keys().partition(|v| regions(**v).len() > 1);
-    let last_region: Vec<usize> = border.iter().filter_map(|v| regions(*v).last().copied()).collect();
 
-    let mut whole = Ledger::new(border.len());
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::create(folder.path(), 1 << 20).unwrap();
+    let mut whole = Account::new(border.len(), &store);
     let mut surveyor = Surveyor::default();
     for region in 0..leaf_count.div_ceil(step) {
         // Numbers of a region: its inner vertices, and then border vertices in an order that is not that of the border.
@@ -49,10 +51,9 @@ fn census(mesh: &TriMesh, leaves: &[usize], step: usize) -> Repairs {
             Some(outer_index) => border.partition_point(|v| *v < outer[outer_index as usize]) as u32,
             None => (border.len() + 1000 * region) as u32 + id,
         };
-        whole.enter(ledger.close(inner_count).renumbered(global));
-        whole.settle(|id| last_region[id as usize] <= region);
+        whole.enter(ledger.close(inner_count).renumbered(global)).unwrap();
     }
-    whole.close(border.len() as u32).found
+    whole.close().unwrap().found
 }
 
 fn whole(mesh: &TriMesh) -> Repairs {
@@ -87,7 +88,7 @@ fn naive(mesh: &TriMesh, leaves: &[usize]) -> Repairs {
         let minor = |i: usize, j: usize| (q[i] - p[i]) * (r[j] - p[j]) - (q[j] - p[j]) * (r[i] - p[i]);
         found.zero_area_faces += u64::from([minor(0, 1), minor(1, 2), minor(2, 0)] == [0.0; 3]);
     }
-    found.duplicate_faces = copies.values().map(|n| n - 1).sum();
+    found.two_sided_faces = copies.values().map(|n| n - 1).sum();
     let of_degree = |wanted: fn(u32) -> bool| edges.iter().filter(move |(_, n)| wanted(n[0] + n[1]));
     found.boundary_edges = of_degree(|n| n == 1).count() as u64;
     found.boundary_loops = components(of_degree(|n| n == 1).map(|(ends, _)| *ends));
@@ -173,16 +174,16 @@ fn copies_are_found_in_any_orientation() {
     // The copy gives two edges of the quad a second face in the same direction, and the diagonal a third one.
     let copied = whole(&hand::duplicate_faces());
     let expected = Repairs { boundary_edges: 2, mixed_winding_edges: 2, non_manifold_edges: 1, ..quad };
-    assert_eq!(copied, Repairs { duplicate_faces: 1, non_manifold_vertices: 2, ..expected });
+    assert_eq!(copied, Repairs { two_sided_faces: 1, non_manifold_vertices: 2, ..expected });
     // Two sides of one triangle are a closed surface.
     let mut pillow = hand::fan(3);
     pillow.triangles = vec![[0, 1, 2], [0, 2, 1]];
-    assert_eq!(whole(&pillow), Repairs { duplicate_faces: 1, ..clean() });
+    assert_eq!(whole(&pillow), Repairs { two_sided_faces: 1, ..clean() });
     pillow.triangles = vec![[0, 1, 2], [1, 2, 0], [2, 1, 0]];
-    let expected = Repairs { duplicate_faces: 2, non_manifold_edges: 3, non_manifold_vertices: 3, ..clean() };
+    let expected = Repairs { two_sided_faces: 2, non_manifold_edges: 3, non_manifold_vertices: 3, ..clean() };
     assert_eq!(whole(&pillow), expected);
     // In two leaves they pass for two faces.
-    assert_eq!(census(&pillow, &[0, 1, 1], 1), Repairs { duplicate_faces: 1, ..expected });
+    assert_eq!(census(&pillow, &[0, 1, 1], 1), Repairs { two_sided_faces: 1, ..expected });
 }
 
 #[test]

@@ -1,0 +1,83 @@
+//! Regions that came out too large are cut: those of a vertex that thousands of triangles have, or whose triangles have their corners all over.
+
+use super::super::{TRIANGLE_COST, VERTEX_COST};
+use super::{Divided, REGION_LEAVES, Visits};
+use crate::config::Settings;
+use crate::context::Context;
+use crate::error::BuildError;
+
+/// Ranges that triangles are counted in.
+const BINS: usize = 1 << 16;
+
+/// Bytes that a region may take by its triangles and the vertices that they have from other regions: three times what usual ones take
+/// for triangles.
+pub(super) fn limit(settings: &Settings) -> u64 {
+    3 * TRIANGLE_COST * u64::from(REGION_LEAVES * settings.cluster_triangles.max(16))
+}
+
+impl Divided {
+    /// Sends the triangles of regions that take more than `limit` bytes to regions of their own, which have no vertices at home.
+    /// `uses` are the corners that a region has from others.
+    pub(super) fn split(
+        &mut self,
+        limit: u64,
+        uses: &[u64],
+        visits: &mut Visits,
+        context: &Context<'_>,
+    ) -> Result<(), BuildError> {
+        for (home, uses) in uses.iter().enumerate() {
+            if TRIANGLE_COST * self.triangles.len(home) as u64 + VERTEX_COST * uses > limit {
+                let most = limit / (TRIANGLE_COST + 3 * VERTEX_COST);
+                self.split_home(home, most.max(1), visits, context)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Cuts by the sum of the vertices' numbers: numbers go by place, so that pieces hang together, and copies stay together.
+    fn split_home(
+        &mut self,
+        home: usize,
+        most: u64,
+        visits: &mut Visits,
+        context: &Context<'_>,
+    ) -> Result<(), BuildError> {
+        let end = 3 * self.vertices.positions.len().max(1) as u64;
+        let bin = |triangle: &[u32; 3]| {
+            let sum: u64 = triangle.iter().map(|v| u64::from(*v)).sum();
+            (sum * BINS as u64 / end) as usize
+        };
+        let blocks = self.triangles.block_count(home);
+        let mut block = Vec::new();
+        let mut counts = vec![0u64; BINS];
+        for number in 0..blocks {
+            context.check()?;
+            self.triangles.read_block(home, number, &mut block)?;
+            block.iter().for_each(|triangle| counts[bin(triangle)] += 1);
+        }
+        let (mut held, mut pieces) = (most, Vec::with_capacity(BINS));
+        for count in counts {
+            if count > 0 && held + count > most {
+                self.triangles.add();
+                held = 0;
+            }
+            held += count;
+            pieces.push(self.triangles.count() - 1);
+        }
+        for number in 0..blocks {
+            context.check()?;
+            self.triangles.read_block(home, number, &mut block)?;
+            for triangle in &block {
+                let region = pieces[bin(triangle)];
+                self.triangles.push(region, *triangle)?;
+                for vertex in triangle {
+                    let home = self.homes[self.cells.of(*vertex) as usize].0;
+                    visits.push(home, *vertex, region)?;
+                }
+            }
+        }
+        self.triangles.clear(home);
+        self.was_split[home] = true;
+        Ok(())
+    }
+}
