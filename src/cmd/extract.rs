@@ -11,7 +11,7 @@ use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::Chpm;
 use chpm_mesh::Level;
 use chpm_mesh::ply::{Encoding, PlyWriter};
-use chpm_refine::{Budgeted, Camera, Cut, Extraction, Hierarchy, select};
+use chpm_refine::{Camera, Cut, Extraction, Hierarchy, select, select_triangles};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -48,7 +48,8 @@ pub(crate) struct Args {
 #[derive(clap::Args, Debug)]
 #[group(required = true, multiple = false)]
 struct Wanted {
-    /// The finest mesh of at most N triangles: of one error everywhere, or of one error in the image of the camera
+    /// The finest mesh of at most N triangles: of the least error everywhere, or in the image of the camera, and refined further where it is
+    /// worst until they are used up
     #[arg(long, value_name = "N")]
     triangles: Option<u64>,
     /// The coarsest mesh whose error is at most E, in the model's units
@@ -108,10 +109,7 @@ fn cut(file: &Chpm<MappedFile>, args: &Args) -> Result<Cut> {
         return Ok(select(file, &Hierarchy::new(file), &view(pixels)?)?);
     }
     if let (Some(limit), Some(_)) = (wanted.triangles, args.camera) {
-        let hierarchy = Hierarchy::new(file);
-        let mut budgeted = Budgeted::new(file, &hierarchy, &view(0.0)?)?;
-        budgeted.run(limit)?;
-        return Ok(budgeted.cut());
+        return Ok(select_triangles(file, &Hierarchy::new(file), &view(0.0)?, limit)?);
     }
     Ok(match (wanted.triangles, wanted.error, wanted.level) {
         (Some(limit), ..) => Cut::at_triangles(file, limit)?,

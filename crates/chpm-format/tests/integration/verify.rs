@@ -117,6 +117,9 @@ fn nesting() {
     assert_eq!(retold(|t| t.groups[2].min_error *= 0.5), [Invariant::Nesting]);
     assert_eq!(retold(|t| t.groups[2].max_error *= 2.0), [Invariant::Nesting]);
     assert_eq!(retold(|t| t.groups[2].radius *= 0.5), [Invariant::Nesting]);
+    let less = |radius: &mut f32| *radius = radius.next_down();
+    assert_eq!(retold(|t| less(&mut t.groups[2].radius)), [Invariant::Nesting], "not even by one step");
+    assert_eq!(retold(|t| less(&mut t.clusters[1].radius)), [Invariant::Nesting], "a vertex sticks out");
     assert_eq!(
         retold(|t| t.groups[0].radius *= 4.0),
         [Invariant::Nesting],
