@@ -195,8 +195,8 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
 
 /// The position up to which all that is undone is the cluster's own: no vertex that comes is shared.
 fn own_end(page: &Page<'_>) -> usize {
-    let shared = page.shared().map(|(vertex, _)| usize::from(vertex));
-    shared.filter(|vertex| *vertex >= page.base_vertex_count).next().unwrap_or(page.vertex_count())
+    let mut shared = page.shared().map(|(vertex, _)| usize::from(vertex));
+    shared.find(|vertex| *vertex >= page.base_vertex_count).unwrap_or(page.vertex_count())
 }
 
 /// The last of `from..=to` at which at most `limit` is added, and what is; more is added by what is later. The first adds nothing.

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 /// Tables and pages by their offsets.
 struct Reader(Vec<u8>);
 
-/// Of a group: its ids among the members, its errors, its sphere.
+/// A group's members, level, error and sphere.
 struct Group {
     coarse: Vec<usize>,
     fine: Vec<usize>,
