@@ -15,7 +15,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Counted, Level};
-use chpm_refine::{Budgeted, Camera, Cut, Extraction, Hierarchy, Member, View, is_visible, select};
+use chpm_refine::{Camera, Cut, Extraction, Hierarchy, Member, View, is_visible, select, select_triangles};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -60,8 +60,8 @@ pub(crate) struct Args {
 #[derive(clap::Args, Debug)]
 #[group(required = true, multiple = false)]
 struct Wanted {
-    /// The finest mesh of at most N triangles, as in 20k, or of a share of the model's, as in 1%: of one error everywhere, or of one
-    /// error in the image of the camera
+    /// The finest mesh of at most N triangles, as in 20k, or of a share of the model's, as in 1%: of the least error everywhere, or in
+    /// the image of the camera, and refined further where it is worst until they are used up
     #[arg(long, value_name = "N")]
     triangles: Option<Triangles>,
     /// The coarsest mesh whose error is at most E, in the model's units or, as in 0.1%, of the diagonal of its box
@@ -153,10 +153,7 @@ fn cut(file: &Chpm<MappedFile>, args: &Args) -> Result<Cut> {
     }
     let limit = wanted.triangles.map(|wanted| wanted.of(file.header().source_triangle_count));
     if let (Some(limit), Some(_)) = (limit, args.camera) {
-        let hierarchy = Hierarchy::new(file);
-        let mut budgeted = Budgeted::new(file, &hierarchy, &view(file, args, 0.0)?)?;
-        budgeted.run(limit)?;
-        return Ok(budgeted.cut());
+        return Ok(select_triangles(file, &Hierarchy::new(file), &view(file, args, 0.0)?, limit)?);
     }
     let diagonal = file.header().aabb().diagonal();
     Ok(match (limit, wanted.error, wanted.level) {

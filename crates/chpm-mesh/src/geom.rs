@@ -98,10 +98,9 @@ impl Sphere {
         Sphere { center, radius: round_up(parts.into_iter().map(reach).fold(0.0, f64::max)) }
     }
 
-    /// Whether `other` lies inside, up to the rounding of an f32 radius.
+    /// Whether `other` lies inside.
     pub fn contains(&self, other: &Sphere) -> bool {
-        let reach = distance(self.center, other.center) + f64::from(other.radius);
-        reach <= f64::from(self.radius) * (1.0 + 1e-6)
+        distance(self.center, other.center) + f64::from(other.radius) <= f64::from(self.radius)
     }
 }
 

@@ -1,248 +1,104 @@
-//! The best mesh of at most so many triangles for a view: refinement in the order of what is seen, until the triangles are used up.
+//! The best mesh of at most so many triangles: the least error that all of it can have alike, and then the worst of it first, until
+//! the triangles are used up.
 
-use crate::cut::{Cut, Member};
+use crate::cut::{Cut, count_triangles, position};
 use crate::error::RefineError;
-use crate::front::Front;
+use crate::fill::Fill;
 use crate::hierarchy::Hierarchy;
+use crate::lod::Lod;
+use crate::select::select_by;
+use crate::splits::Splits;
 use crate::view::View;
-use chpm_format::{Chpm, Page};
-use chpm_mesh::{ClusterId, GroupId};
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use chpm_format::{Chpm, ClusterRecord};
+use chpm_mesh::GroupId;
 
-/// A refinement that can be stopped after any step: it starts with the coarsest cut, and every step takes away the error
-/// that covers the most pixels, in all clusters of one dependency group at once. So what is left is the least largest error that this many
-/// triangles can have in steps of whole groups, and every cut on the way is legal and without cracks.
-#[derive(Debug)]
-pub struct Budgeted<'a, D> {
-    file: &'a Chpm<D>,
-    hierarchy: &'a Hierarchy,
-    view: View,
-    front: Front,
-    /// By cluster, those of the cut.
-    members: Vec<Option<Counted>>,
-    triangles: u64,
-    heap: BinaryHeap<Step>,
-}
-
-/// A cluster of the cut.
-#[derive(Clone, Debug)]
-struct Counted {
-    vertices: usize,
-    base_vertex_count: usize,
-    /// By position from the base mesh's: how many triangles it has.
-    triangles: Vec<u32>,
-}
-
-/// The next thing to do in a group: to go below its largest error.
-#[derive(Clone, Copy, Debug)]
-struct Step {
-    pixels: f64,
-    /// Decides between equals.
-    rank: Reverse<u32>,
-    group: GroupId,
-    error: f32,
-}
-
-impl<'a, D: AsRef<[u8]>> Budgeted<'a, D> {
-    /// The coarsest cut.
+impl Cut {
+    /// The mesh of at most `limit` triangles: of the least uniform error that keeps to it, and then refined further, the largest stored
+    /// errors first, as far as triangles are left; so none of it has a larger error, and no more than a few triangles are left where the
+    /// source has enough. It is the roots' base meshes where even those have more, which [`Cut::triangle_count`] tells.
     ///
     /// # Errors
     /// [`RefineError::Format`] for a damaged page.
-    pub fn new(file: &'a Chpm<D>, hierarchy: &'a Hierarchy, view: &View) -> Result<Self, RefineError> {
-        let mut budgeted = Budgeted {
-            file,
-            hierarchy,
-            view: *view,
-            front: Front::new(file),
-            members: vec![None; file.clusters().len()],
-            triangles: 0,
-            heap: BinaryHeap::new(),
-        };
-        for root in file.roots() {
-            let counted = Counted::of(file, root)?;
-            budgeted.enter(root, counted);
-        }
-        for group in budgeted.front.open_groups().to_vec() {
-            budgeted.plan(group)?;
-        }
-        Ok(budgeted)
+    pub fn at_triangles<D: AsRef<[u8]>>(file: &Chpm<D>, limit: u64) -> Result<Self, RefineError> {
+        let hierarchy = Hierarchy::new(file);
+        let search = Search { file, hierarchy: &hierarchy, bound: |_, error| error };
+        search.best(limit, |_, error| Some(f64::from(error)))
     }
+}
 
-    /// Refines once more, unless that would make more than `limit` triangles or the view is content: then answers `false`.
-    ///
-    /// # Errors
-    /// [`RefineError::Format`] for a damaged page, after which the cut is the one before, and no step follows in that group.
-    pub fn step(&mut self, limit: u64) -> Result<bool, RefineError> {
-        let Some(Step { group, error, .. }) = self.heap.peek().copied() else { return Ok(false) };
-        let splits = self.hierarchy.split_error(group).is_some_and(|at| at >= error);
-        let after = if splits { self.fine_triangles(group) } else { self.moved_triangles(group, error)? };
-        let rest = self.triangles - self.coarse_triangles(group);
-        if rest + after > limit {
-            return Ok(false);
+/// The mesh of at most `limit` triangles for a view, whose own pixels of error do not matter: of the fewest pixels everywhere that keep to
+/// the limit, and then refined further where its errors cover most pixels, as far as triangles are left. What the view culls stays as coarse as
+/// it gets.
+///
+/// # Errors
+/// [`RefineError::Format`] for a damaged page.
+pub fn select_triangles<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    hierarchy: &Hierarchy,
+    view: &View,
+    limit: u64,
+) -> Result<Cut, RefineError> {
+    let bound = |group, pixels: f32| hierarchy.bound(group, &view.with_pixels(f64::from(pixels)));
+    let pixels = |group, error| {
+        let region = hierarchy.region(group);
+        (!view.culls(region)).then(|| view.pixels_of(error, region))
+    };
+    Search { file, hierarchy, bound }.best(limit, pixels)
+}
+
+/// Cuts by one number, with which the bounds of all groups grow.
+struct Search<'a, D, B> {
+    file: &'a Chpm<D>,
+    hierarchy: &'a Hierarchy,
+    bound: B,
+}
+
+impl<D: AsRef<[u8]>, B: Fn(GroupId, f32) -> f32> Search<'_, D, B> {
+    /// The cut of the least number that has at most `limit` triangles, refined where `weight` tells until they are used up.
+    fn best(&self, limit: u64, weight: impl Fn(GroupId, f32) -> Option<f64>) -> Result<Cut, RefineError> {
+        let mut lod = Lod::default();
+        // Numbers that are not negative order as their bits do. Triangles fall with the number.
+        let (mut low, mut high) = (0, f32::MAX.to_bits());
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if self.fits(f32::from_bits(middle), limit, &mut lod)? {
+                high = middle;
+            } else {
+                low = middle + 1;
+            }
         }
-        self.heap.pop();
-        if splits {
-            self.split(group)?;
+        let least = f32::from_bits(high);
+        let cut = if self.fits(least, limit, &mut lod)? {
+            select_by(self.file, self.hierarchy, |group| (self.bound)(group, least))?
         } else {
-            self.refine(group, error)?;
-            self.plan(group)?;
-        }
-        Ok(true)
-    }
-
-    /// Refines as long as the limit allows.
-    ///
-    /// # Errors
-    /// As [`Budgeted::step`].
-    pub fn run(&mut self, limit: u64) -> Result<(), RefineError> {
-        while self.step(limit)? {}
-        Ok(())
-    }
-
-    /// Triangles of the cut; more than a limit only where even the coarsest cut has more.
-    pub fn triangles(&self) -> u64 {
-        self.triangles
-    }
-
-    /// Pixels that the largest error which could still be refined covers, wherever it is; `None` where the view is content.
-    pub fn pixels(&self) -> Option<f64> {
-        self.heap.peek().map(|step| step.pixels)
-    }
-
-    /// The cut.
-    pub fn cut(&self) -> Cut {
-        let member = |(cluster, counted): (_, &Option<Counted>)| {
-            counted.as_ref().map(|counted| Member { cluster, vertices: counted.vertices as u32 })
+            // A camera in the middle of it all allows no error there, whatever the number.
+            select_by(self.file, self.hierarchy, |_| f32::INFINITY)?
         };
-        Cut::new((0..).map(ClusterId).zip(&self.members).filter_map(member).collect())
+        Fill::new(self.file, cut, limit, weight)?.run()
     }
 
-    /// The clusters of a group and their pages.
-    fn coarse(
-        &self,
-        group: GroupId,
-    ) -> impl Iterator<Item = (ClusterId, Result<Page<'a>, RefineError>)> + use<'a, D> {
-        let file = self.file;
-        let page = |id| Ok(Page::view(file.page_bytes(id))?);
-        file.coarse(group).iter().copied().map(ClusterId).map(move |id| (id, page(id)))
-    }
-
-    fn counted(&self, cluster: ClusterId) -> impl Iterator<Item = &Counted> {
-        self.members[cluster.index()].iter()
-    }
-
-    fn coarse_triangles(&self, group: GroupId) -> u64 {
-        let coarse = self.file.coarse(group).iter().copied().map(ClusterId);
-        coarse.flat_map(|id| self.counted(id)).map(|counted| counted.at(counted.vertices)).sum()
-    }
-
-    fn fine_triangles(&self, group: GroupId) -> u64 {
-        let fine = self.file.fine(group).iter().map(|id| &self.file.clusters()[*id as usize]);
-        fine.map(|record| u64::from(record.base_triangle_count)).sum()
-    }
-
-    /// Triangles of the clusters of a group below an error.
-    fn moved_triangles(&self, group: GroupId, error: f32) -> Result<u64, RefineError> {
-        let mut sum = 0;
-        for (id, page) in self.coarse(group) {
-            let n = page?.vertices_for(error.next_down());
-            sum += self.counted(id).map(|counted| counted.at(n)).sum::<u64>();
+    /// Whether the cut of a number has at most `limit` triangles.
+    fn fits(&self, number: f32, limit: u64, lod: &mut Lod) -> Result<bool, RefineError> {
+        let (file, bound) = (self.file, |group| (self.bound)(group, number));
+        let wants = |group, _: &_| self.hierarchy.wants(group, bound(group));
+        let splits = Splits::wanted(file, self.hierarchy.top_down(), wants);
+        let total = |count: fn(&ClusterRecord) -> u32| -> u64 {
+            splits.active(file).map(|(_, cluster)| u64::from(count(cluster))).sum()
+        };
+        // The tables alone decide wherever the number selects far more or far fewer triangles.
+        if total(|cluster| cluster.triangle_count) <= limit {
+            return Ok(true);
         }
-        Ok(sum)
-    }
-
-    fn refine(&mut self, group: GroupId, error: f32) -> Result<(), RefineError> {
-        for (id, page) in self.coarse(group) {
-            let n = page?.vertices_for(error.next_down());
-            if let Some(counted) = &mut self.members[id.index()] {
-                self.triangles += counted.at(n);
-                self.triangles -= counted.at(counted.vertices);
-                counted.vertices = n;
+        let mut least = total(|cluster| cluster.base_triangle_count);
+        for (cluster, record) in splits.active(file) {
+            if least > limit {
+                return Ok(false);
             }
+            let group = record.group();
+            let bound = if splits.is_whole(file, group) { bound(group) } else { f32::INFINITY };
+            let count = count_triangles(file, position(file, cluster, bound)?, lod)?;
+            least += count.saturating_sub(u64::from(record.base_triangle_count));
         }
-        Ok(())
-    }
-
-    fn split(&mut self, group: GroupId) -> Result<(), RefineError> {
-        // What may fail comes first.
-        let fine = self.file.fine(group).iter().copied().map(ClusterId);
-        let fine =
-            fine.map(|id| Ok((id, Counted::of(self.file, id)?))).collect::<Result<Vec<_>, RefineError>>()?;
-        fine.into_iter().for_each(|(id, counted)| self.enter(id, counted));
-        for coarse in self.file.coarse(group) {
-            if let Some(counted) = self.members[*coarse as usize].take() {
-                self.triangles -= counted.at(counted.vertices);
-            }
-        }
-        let known = self.front.open_groups().len();
-        self.front.split(self.file, group);
-        for place in known..self.front.open_groups().len() {
-            self.plan(self.front.open_groups()[place])?;
-        }
-        Ok(())
-    }
-
-    fn enter(&mut self, cluster: ClusterId, counted: Counted) {
-        self.triangles += counted.at(counted.vertices);
-        self.members[cluster.index()] = Some(counted);
-    }
-
-    /// Queues the next step in a group, unless the view is content with it.
-    fn plan(&mut self, group: GroupId) -> Result<(), RefineError> {
-        let mut error = self.hierarchy.split_error(group).unwrap_or(0.0);
-        for (id, page) in self.coarse(group) {
-            let page = page?;
-            let refinable = self.counted(id).filter(|counted| counted.vertices < page.vertex_count());
-            error = refinable.map(|counted| page.error_at(counted.vertices)).fold(error, f32::max);
-        }
-        if error > self.hierarchy.bound(group, &self.view) {
-            let pixels = self.view.pixels_of(error, self.hierarchy.region(group));
-            self.heap.push(Step { pixels, rank: Reverse(self.hierarchy.rank(group)), group, error });
-        }
-        Ok(())
+        Ok(least <= limit)
     }
 }
-
-impl Counted {
-    /// A cluster at its base mesh.
-    fn of<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: ClusterId) -> Result<Self, RefineError> {
-        let mesh = file.page(cluster)?.progressive_mesh();
-        let base_vertex_count = mesh.base_vertex_count;
-        let mut triangles = vec![0; mesh.vertex_count - base_vertex_count + 1];
-        for corners in mesh.triangles {
-            triangles[mesh.birth(*corners) - base_vertex_count] += 1;
-        }
-        let mut sum = 0;
-        for count in &mut triangles {
-            sum += *count;
-            *count = sum;
-        }
-        Ok(Counted { vertices: base_vertex_count, base_vertex_count, triangles })
-    }
-
-    fn at(&self, vertices: usize) -> u64 {
-        u64::from(self.triangles[vertices - self.base_vertex_count])
-    }
-}
-
-impl Ord for Step {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        let by_pixels = self.pixels.total_cmp(&other.pixels);
-        by_pixels.then(self.rank.cmp(&other.rank))
-    }
-}
-
-impl PartialOrd for Step {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Step {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Step {}

@@ -1,10 +1,12 @@
 //! A cut of the cluster hierarchy with a PM position for every cluster, and the uniform ways to choose one.
 
 use crate::error::RefineError;
+use crate::hierarchy::Hierarchy;
 use crate::lod::Lod;
+use crate::select::select_by;
 use crate::splits::{Splits, parents, top_down};
 use chpm_format::{Chpm, ClusterRecord, Page};
-use chpm_mesh::{ClusterId, GroupId, Level};
+use chpm_mesh::{ClusterId, Level};
 
 /// One cluster of a cut.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -78,28 +80,7 @@ impl Cut {
         if bound.is_nan() || bound < 0.0 {
             return Err(RefineError::Bound { got: bound });
         }
-        Uniform::new(file).cut(bound)
-    }
-
-    /// The mesh of the least uniform error that has at most `limit` triangles. It is the roots' base meshes where even those
-    /// have more, which [`Cut::triangle_count`] tells.
-    ///
-    /// # Errors
-    /// [`RefineError::Format`] for a damaged page.
-    pub fn at_triangles<D: AsRef<[u8]>>(file: &Chpm<D>, limit: u64) -> Result<Self, RefineError> {
-        let mut uniform = Uniform::new(file);
-        // Errors that are not negative order as their bits do. The count of triangles falls with the error and changes only
-        // at stored errors, so the least f32 that fits is one of those, or 0.
-        let (mut low, mut high) = (0, uniform.largest_error().to_bits());
-        while low < high {
-            let middle = low + (high - low) / 2;
-            if uniform.fits(f32::from_bits(middle), limit)? {
-                high = middle;
-            } else {
-                low = middle + 1;
-            }
-        }
-        uniform.cut(f32::from_bits(high))
+        select_by(file, &Hierarchy::new(file), |_| bound)
     }
 
     /// Triangles of the cut.
@@ -148,59 +129,6 @@ impl Cut {
     }
 }
 
-/// Cuts at one error bound for the whole file.
-struct Uniform<'a, D> {
-    file: &'a Chpm<D>,
-    order: Vec<GroupId>,
-    lod: Lod,
-}
-
-impl<'a, D: AsRef<[u8]>> Uniform<'a, D> {
-    fn new(file: &'a Chpm<D>) -> Self {
-        Uniform { file, order: top_down(file), lod: Lod::default() }
-    }
-
-    /// A bound at which the cut is the roots' base meshes.
-    fn largest_error(&self) -> f32 {
-        let base = self.file.clusters().iter().map(|cluster| cluster.max_error);
-        let finest = self.file.groups().iter().map(|group| group.min_error);
-        // The sign of a zero would spoil the order of the bits.
-        base.chain(finest).fold(0.0, f32::max).abs()
-    }
-
-    fn splits(&self, bound: f32) -> Splits {
-        Splits::wanted(self.file, &self.order, |_, group| group.min_error > bound)
-    }
-
-    fn cut(&self, bound: f32) -> Result<Cut, RefineError> {
-        let splits = self.splits(bound);
-        let members = splits.active(self.file).map(|(cluster, _)| position(self.file, cluster, bound));
-        Ok(Cut { members: members.collect::<Result<_, _>>()? })
-    }
-
-    /// Whether the cut at `bound` has at most `limit` triangles.
-    fn fits(&mut self, bound: f32, limit: u64) -> Result<bool, RefineError> {
-        let splits = self.splits(bound);
-        let total = |count: fn(&ClusterRecord) -> u32| -> u64 {
-            splits.active(self.file).map(|(_, cluster)| u64::from(count(cluster))).sum()
-        };
-        // The tables alone decide wherever the bound selects far more or far fewer triangles.
-        if total(|cluster| cluster.triangle_count) <= limit {
-            return Ok(true);
-        }
-        let mut least = total(|cluster| cluster.base_triangle_count);
-        for (cluster, record) in splits.active(self.file) {
-            if least > limit {
-                return Ok(false);
-            }
-            let member = position(self.file, cluster, bound)?;
-            let count = count_triangles(self.file, member, &mut self.lod)?;
-            least += count.saturating_sub(u64::from(record.base_triangle_count));
-        }
-        Ok(least <= limit)
-    }
-}
-
 /// The cluster with the fewest vertices whose error is at most `bound`.
 pub(crate) fn position<D: AsRef<[u8]>>(
     file: &Chpm<D>,
@@ -211,7 +139,7 @@ pub(crate) fn position<D: AsRef<[u8]>>(
     Ok(Member { cluster, vertices })
 }
 
-fn count_triangles<D: AsRef<[u8]>>(
+pub(crate) fn count_triangles<D: AsRef<[u8]>>(
     file: &Chpm<D>,
     member: Member,
     lod: &mut Lod,

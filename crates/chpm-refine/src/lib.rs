@@ -4,7 +4,7 @@
 //! crack-free mesh of it; a [`PmCursor`] follows one cluster as its position moves from frame to frame.
 //!
 //! What a picture needs, a [`View`] (camera, image, pixels of error) asks of the file's [`Hierarchy`]: [`select()`] gives the cut from
-//! nothing, an [`ActiveList`] the same cut from the last frame's, [`Budgeted`] the best cut within so many triangles. [`Residency`]
+//! nothing, an [`ActiveList`] the same cut from the last frame's, [`select_triangles`] the best cut within so many triangles. [`Residency`]
 //! tells which pages to read and to drop when they do not all fit into memory; a [`CameraPath`] is a view for every frame.
 //!
 //! Why a cut has no cracks: the split groups are closed upward (no group is split before all its clusters are there), all clusters of a group
@@ -19,19 +19,21 @@ pub mod cursor;
 pub mod cut;
 pub mod error;
 pub mod extract;
+mod fill;
 pub mod front;
 pub mod hierarchy;
 mod lod;
 pub mod path;
 pub mod random;
 pub mod residency;
+mod seams;
 pub mod select;
 mod splits;
 mod steps;
 pub mod view;
 
 pub use active::ActiveList;
-pub use budget::Budgeted;
+pub use budget::select_triangles;
 pub use cursor::PmCursor;
 pub use cut::{Cut, Member};
 pub use error::RefineError;

@@ -59,6 +59,11 @@ impl Splits {
         splits
     }
 
+    /// Splits a group that is whole.
+    pub(crate) fn split(&mut self, group: GroupId) {
+        self.split[group.index()] = true;
+    }
+
     /// Whether a group is split.
     pub(crate) fn is_split(&self, group: GroupId) -> bool {
         self.split[group.index()]

@@ -169,6 +169,11 @@ impl View {
         View { culling, ..self }
     }
 
+    /// The same view with other pixels of error, which are not checked.
+    pub(crate) fn with_pixels(self, pixels: f64) -> Self {
+        View { pixels, ..self }
+    }
+
     /// The allowed pixels of error.
     pub fn pixels(&self) -> f64 {
         self.pixels
@@ -203,7 +208,7 @@ impl View {
         sphere.max(to_box).max(self.near)
     }
 
-    fn culls(&self, region: &Region) -> bool {
+    pub(crate) fn culls(&self, region: &Region) -> bool {
         self.culling && self.misses(region)
     }
 

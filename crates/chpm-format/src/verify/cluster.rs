@@ -12,9 +12,6 @@ use chpm_mesh::geom::distance;
 use chpm_mesh::{Aabb, ClusterId};
 use std::mem;
 
-/// Relative slack of a radius, for the rounding of whoever computed it.
-const RADIUS_SLACK: f64 = 1e-6;
-
 /// The most that rounding to f32 can move a point of the box by, and what is lost where that is stored.
 fn rounding(bounds: &Aabb) -> f64 {
     let corners = [bounds.min, bounds.max];
@@ -120,11 +117,10 @@ fn check_bounds<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, page: &Page<'_>, 
     let group = &file.groups()[record.group as usize];
     for (sphere, of) in [(record.sphere(), "the cluster"), (group.sphere(), "its group")] {
         let reach = page.positions.iter().map(|p| distance(sphere.center, *p)).fold(0.0, f64::max);
-        let allowed = f64::from(sphere.radius) * (1.0 + RADIUS_SLACK);
         let message = format_args!(
             "vertices within {} of {:?}, the centre of {of}, expected, one is {reach} away",
             sphere.radius, sphere.center
         );
-        report.expect(reach <= allowed, Invariant::Nesting, place, message);
+        report.expect(reach <= f64::from(sphere.radius), Invariant::Nesting, place, message);
     }
 }

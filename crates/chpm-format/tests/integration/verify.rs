@@ -4,6 +4,7 @@ use chpm_format::{
     BoundaryMode, Chpm, ClusterRecord, Fault, HeaderFields, Invariant, LevelRecord, Place, Tables, verify,
     verify_within,
 };
+use chpm_mesh::geom::distance;
 use chpm_mesh::{Attributes, ClusterId};
 
 /// The invariants that a file breaks, each once.
@@ -133,6 +134,19 @@ fn nesting() {
     assert_eq!(retold(|t| t.groups[2].min_error *= 0.5), [Invariant::Nesting]);
     assert_eq!(retold(|t| t.groups[2].max_error *= 2.0), [Invariant::Nesting]);
     assert_eq!(retold(|t| t.groups[2].radius *= 0.5), [Invariant::Nesting]);
+    // The sphere below just fits in, or sticks out by one step.
+    let touching = |t: &Tables| {
+        let [above, below] = [t.groups[2].sphere(), t.groups[0].sphere()];
+        let room = f64::from(above.radius) - distance(above.center, below.center);
+        let nearest = room as f32;
+        if f64::from(nearest) > room { nearest.next_down() } else { nearest }
+    };
+    assert_eq!(retold(|t| t.groups[0].radius = touching(t)), []);
+    assert_eq!(retold(|t| t.groups[0].radius = touching(t).next_up()), [Invariant::Nesting]);
+    assert_eq!(
+        retold(|t| t.clusters[1].radius = t.clusters[1].radius.next_down().next_down()),
+        [Invariant::Nesting]
+    );
     assert_eq!(
         retold(|t| t.groups[0].radius *= 4.0),
         [Invariant::Nesting],

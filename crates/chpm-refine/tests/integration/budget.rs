@@ -1,81 +1,102 @@
 use crate::extraction::extracted;
 use crate::select::{any_plan, any_view};
-use crate::strips::{File, MORE};
+use crate::strips::{File, LOPSIDED, MORE};
 use chpm_format::Chpm;
-use chpm_refine::{Budgeted, Camera, Cut, Hierarchy, View, select};
+use chpm_mesh::{ClusterId, GroupId};
+use chpm_refine::{Camera, Cut, Hierarchy, View, select, select_triangles};
 use proptest::prelude::*;
+use std::collections::BTreeSet;
 
-/// The largest error of the cut that could be refined, in pixels of its group's nearest point.
-fn worst(file: &File, hierarchy: &Hierarchy, view: &View, cut: &Cut) -> f64 {
-    let pixels = cut.members().iter().map(|member| {
-        let record = &file.clusters()[member.cluster.index()];
-        let group = record.group();
-        let page = file.page(member.cluster).unwrap();
-        let own =
-            if member.vertices < record.vertex_count { page.error_at(member.vertices as usize) } else { 0.0 };
-        let error = own.max(hierarchy.split_error(group).unwrap_or(0.0));
-        let partial = !file.coarse(group).iter().all(|id| cut.members().iter().any(|m| m.cluster.0 == *id));
-        if partial || error <= hierarchy.bound(group, view) {
-            0.0
-        } else {
-            view.pixels_of(error, hierarchy.region(group))
-        }
+/// The most triangles that one vertex of a strip brings, on both sides of a seam.
+const FEWEST: u64 = 8;
+
+/// Every error that the file stores, ascending.
+fn stored_errors(file: &File) -> Vec<f32> {
+    let ids = (0..file.clusters().len() as u32).map(ClusterId);
+    let pages = ids.map(|id| file.page(id).unwrap());
+    let errors = pages.flat_map(|page| {
+        (page.base_vertex_count..=page.vertex_count()).map(move |n| page.error_at(n).to_bits())
     });
-    pixels.fold(0.0, f64::max)
+    errors.collect::<BTreeSet<_>>().into_iter().map(f32::from_bits).collect()
+}
+
+#[test]
+fn all_triangles_are_used_up_at_no_larger_error_than_one_everywhere() {
+    for plan in MORE.into_iter().chain([LOPSIDED]) {
+        let file = plan.build();
+        let uniform: Vec<_> =
+            stored_errors(&file).into_iter().map(|error| Cut::at_error(&file, error).unwrap()).collect();
+        let counts: Vec<_> = uniform.iter().map(|cut| cut.triangle_count(&file).unwrap()).collect();
+        let coarsest = *counts.last().unwrap();
+        let source = file.header().source_triangle_count;
+        for limit in 0..=source + 1 {
+            let cut = Cut::at_triangles(&file, limit).unwrap();
+            let got = cut.triangle_count(&file).unwrap();
+            assert!(got <= limit.max(coarsest), "{plan:?}: {got} of {limit}");
+            assert!(got + FEWEST > limit.min(source), "{plan:?}: {got} of {limit}");
+            let place = counts.iter().position(|count| *count <= limit);
+            let best = uniform[place.unwrap_or(counts.len() - 1)].error(&file).unwrap();
+            assert!(cut.error(&file).unwrap() <= best, "{plan:?}: {limit}");
+            extracted(&file, &cut, &plan);
+        }
+        let finest = extracted(&file, &Cut::at_triangles(&file, u64::MAX).unwrap(), &plan);
+        assert_eq!(finest.triangles.len() as u64, source);
+    }
 }
 
 proptest! {
     #[test]
-    fn every_step_is_a_cut_within_the_limit_and_takes_the_worst_error(
+    fn a_view_is_served_as_well_as_by_the_same_pixels_everywhere(
         plan in any_plan(), view in any_view(), limit in 0..600_u64,
     ) {
         let file = plan.build();
         let hierarchy = Hierarchy::new(&file);
-        let mut budgeted = Budgeted::new(&file, &hierarchy, &view).unwrap();
-        let coarsest = Cut::at_error(&file, f32::INFINITY).unwrap();
-        prop_assert_eq!(&budgeted.cut(), &coarsest);
-        let mut last = f64::INFINITY;
-        loop {
-            let cut = budgeted.cut();
-            prop_assert_eq!(budgeted.triangles(), cut.triangle_count(&file).unwrap());
-            prop_assert!(budgeted.triangles() <= limit || cut == coarsest);
-            extracted(&file, &cut, &plan);
-            let pixels = budgeted.pixels().unwrap_or(0.0);
-            prop_assert_eq!(pixels, worst(&file, &hierarchy, &view, &cut));
-            prop_assert!(pixels <= last);
-            last = pixels;
-            if !budgeted.step(limit).unwrap() {
-                break;
-            }
+        let cut = select_triangles(&file, &hierarchy, &view, limit).unwrap();
+        let got = cut.triangle_count(&file).unwrap();
+        let coarsest = Cut::at_error(&file, f32::INFINITY).unwrap().triangle_count(&file).unwrap();
+        prop_assert!(got <= limit.max(coarsest));
+        extracted(&file, &cut, &plan);
+        // What the view itself asks for is one of the cuts by pixels.
+        let uniform = select(&file, &hierarchy, &view).unwrap();
+        if uniform.triangle_count(&file).unwrap() <= limit {
+            let pixels = |cut: &Cut| {
+                let members = cut.members().iter().map(|member| {
+                    let group = file.clusters()[member.cluster.index()].group();
+                    let error = file.page(member.cluster).unwrap().error_at(member.vertices as usize);
+                    view.pixels_of(error, hierarchy.region(group))
+                });
+                members.fold(0.0, f64::max)
+            };
+            prop_assert!(pixels(&cut) <= pixels(&uniform));
         }
-        // What does not fit now does not fit later.
-        prop_assert!(!budgeted.step(limit).unwrap());
-    }
-
-    #[test]
-    fn without_a_limit_it_is_what_the_view_asks_for(plan in any_plan(), view in any_view()) {
-        let file = plan.build();
-        let hierarchy = Hierarchy::new(&file);
-        let mut budgeted = Budgeted::new(&file, &hierarchy, &view).unwrap();
-        budgeted.run(u64::MAX).unwrap();
-        prop_assert_eq!(budgeted.cut(), select(&file, &hierarchy, &view).unwrap());
-        prop_assert_eq!(budgeted.pixels(), None);
+        // What is seen takes all there is.
+        let seen = |group: u32| hierarchy.bound(GroupId(group), &view) < f32::INFINITY;
+        if (0..file.groups().len() as u32).all(seen) {
+            prop_assert!(got + FEWEST > limit.min(file.header().source_triangle_count), "{} of {}", got, limit);
+        }
     }
 }
 
 #[test]
-fn a_damaged_page_stops_its_group_and_nothing_else() {
+fn what_is_culled_stays_coarse() {
     let file = MORE[0].build();
     let hierarchy = Hierarchy::new(&file);
+    let away = Camera::looking([8.0, 4.0, 50.0], [8.0, 4.0, 99.0]);
+    let view = View::new(&away, [64, 64], 1.0).unwrap().with_culling(true);
+    let cut = select_triangles(&file, &hierarchy, &view, 500).unwrap();
+    assert_eq!(cut, Cut::at_error(&file, f32::INFINITY).unwrap());
+}
+
+#[test]
+fn a_damaged_page_is_an_error() {
+    let file = MORE[0].build();
     let page = file.clusters()[0].page_offset as usize;
     let mut bytes = file.into_inner();
     bytes[page] ^= 1;
     let file = Chpm::open(bytes).unwrap();
+    let hierarchy = Hierarchy::new(&file);
     let view = View::new(&Camera::looking([8.0, 4.0, 0.01], [8.0, 4.0, 0.0]), [64, 64], 0.0).unwrap();
-    let mut budgeted = Budgeted::new(&file, &hierarchy, &view).unwrap();
-    assert!(budgeted.run(u64::MAX).is_err());
-    budgeted.run(u64::MAX).unwrap();
-    let cut = budgeted.cut();
-    cut.check(&file).unwrap();
-    assert_eq!(cut.members().iter().map(|m| m.cluster.0).collect::<Vec<_>>(), [2, 3, 4]);
+    assert!(select_triangles(&file, &hierarchy, &view, u64::MAX).is_err());
+    assert!(Cut::at_triangles(&file, u64::MAX).is_err());
+    assert!(Cut::at_triangles(&file, 40).is_ok(), "pages that are not needed are not read");
 }

@@ -94,24 +94,6 @@ fn error_bounds_select_as_the_naive_rule_does() {
 }
 
 #[test]
-fn a_number_of_triangles_selects_the_least_error_that_keeps_to_it() {
-    for plan in ALL {
-        let file = plan.build();
-        let cuts = stored_errors(&file).into_iter().map(|e| naive_at_error(&file, e));
-        let cuts: Vec<_> = cuts.map(|cut| (cut.triangle_count(&file).unwrap(), cut)).collect();
-        assert!(cuts.is_sorted_by(|a, b| a.0 >= b.0), "coarser is never more");
-        let coarsest = &cuts[cuts.len() - 1];
-        for limit in 0..=file.header().source_triangle_count + 1 {
-            let (count, expected) = cuts.iter().find(|(count, _)| *count <= limit).unwrap_or(coarsest);
-            let cut = Cut::at_triangles(&file, limit).unwrap();
-            assert_eq!(&cut, expected, "{plan:?} with {limit} triangles");
-            assert!(*count <= limit || limit < coarsest.0);
-        }
-        assert_eq!(Cut::at_triangles(&file, u64::MAX).unwrap(), Cut::at_error(&file, 0.0).unwrap());
-    }
-}
-
-#[test]
 fn bounds_that_are_none_are_refused() {
     let file = PAIRS.build();
     for bound in [f32::NAN, -1.0, f32::NEG_INFINITY] {

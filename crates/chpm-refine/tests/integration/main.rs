@@ -1,6 +1,6 @@
 //! Cuts, extraction and cursors over small files with known answers.
 
-/// The best mesh within so many triangles: every step legal, crack-free and the worst error first.
+/// The best mesh within so many triangles: all of them used up, without cracks, at no larger error than one everywhere.
 mod budget;
 /// A cursor is always where playing from scratch is.
 mod cursor;
@@ -8,6 +8,8 @@ mod cursor;
 mod cuts;
 /// Extracted meshes: exactly the cut's triangles, welded, without cracks.
 mod extraction;
+/// A reader written from FORMAT.md alone selects the same.
+mod foreign;
 /// The incremental selection against the stateless one, along random paths.
 mod front;
 /// Camera paths as text, and made.

@@ -1,0 +1,238 @@
+//! Refines a cut until a number of triangles is used up: the worst of it first, in steps as small as they need be.
+//!
+//! Steps smaller than an error-bound's are legal because collapses of vertices that no other cluster has can be undone in one cluster alone,
+//! as long as the seams of its group are as coarse as they get; then the seams follow, vertex by vertex in all members at once; and
+//! then every member is at its finest mesh, which is what the fine clusters' base meshes are, so that a split costs nothing. Where a group
+//! is there in part, its seams stay coarse.
+
+use crate::cut::{Cut, Member};
+use crate::error::RefineError;
+use crate::lod::Lod;
+use crate::seams::Seams;
+use crate::splits::Splits;
+use chpm_format::{Chpm, Page};
+use chpm_mesh::{ClusterId, GroupId};
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap};
+
+/// Steps from a base mesh to the finest one: what is equally bad grows finer together.
+const STRIDES: usize = 32;
+
+/// A cut on its way to a number of triangles.
+pub(crate) struct Fill<'a, D, W> {
+    file: &'a Chpm<D>,
+    /// How bad an error is in a group; `None` where nothing is to be refined.
+    weight: W,
+    splits: Splits,
+    /// By cluster: its vertices; 0 for one that is not in the cut.
+    positions: Vec<u32>,
+    /// Triangles that may still come.
+    rest: u64,
+    heap: BinaryHeap<Step>,
+    lod: Lod,
+}
+
+/// What is refined next, the greatest first.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    weight: f64,
+    /// Levels above the leaves' finest meshes: decides between equal errors, which one outlier gives to whole groups.
+    height: f64,
+    unit: Reverse<Unit>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+enum Unit {
+    /// A cluster, by collapses that are its own.
+    Own(ClusterId),
+    /// The seams of a group whose members have undone their own.
+    Seams(GroupId),
+}
+
+impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
+    /// Starts from a legal cut.
+    pub(crate) fn new(file: &'a Chpm<D>, cut: Cut, limit: u64, weight: W) -> Result<Self, RefineError> {
+        let splits = Splits::that_bring(file, cut.members().iter().map(|member| member.cluster));
+        let rest = limit.saturating_sub(cut.triangle_count(file)?);
+        let positions = vec![0; file.clusters().len()];
+        let mut fill =
+            Fill { file, weight, splits, positions, rest, heap: BinaryHeap::new(), lod: Lod::default() };
+        for member in cut.members() {
+            fill.positions[member.cluster.index()] = member.vertices;
+        }
+        if fill.rest > 0 {
+            fill.plan_all(cut.members().iter().map(|member| member.cluster))?;
+        }
+        Ok(fill)
+    }
+
+    /// Goes on until nothing fits any more; answers the cut.
+    pub(crate) fn run(mut self) -> Result<Cut, RefineError> {
+        while self.rest > 0
+            && let Some(step) = self.heap.pop()
+        {
+            match step.unit.0 {
+                Unit::Own(cluster) => self.refine(cluster)?,
+                Unit::Seams(group) => self.refine_seams(group)?,
+            }
+        }
+        let positions = (0..).map(ClusterId).zip(self.positions).filter(|(_, vertices)| *vertices > 0);
+        Ok(Cut::new(positions.map(|(cluster, vertices)| Member { cluster, vertices }).collect()))
+    }
+
+    /// Queues what can be refined in clusters that have entered.
+    fn plan_all(&mut self, entered: impl Iterator<Item = ClusterId>) -> Result<(), RefineError> {
+        let mut groups = BTreeSet::new();
+        for cluster in entered {
+            groups.insert(self.file.clusters()[cluster.index()].group());
+            let page = self.file.page(cluster)?;
+            if self.vertices(cluster) < own_end(&page) {
+                self.plan(cluster, &page);
+            }
+        }
+        groups.into_iter().try_for_each(|group| self.plan_seams(group))
+    }
+
+    fn vertices(&self, cluster: ClusterId) -> usize {
+        self.positions[cluster.index()] as usize
+    }
+
+    fn step(&self, cluster: ClusterId, page: &Page<'_>, unit: Unit) -> Option<Step> {
+        let (n, record) = (self.vertices(cluster), &self.file.clusters()[cluster.index()]);
+        let collapses = (page.vertex_count() - page.base_vertex_count).max(1) as f64;
+        let height = f64::from(record.level) - (n - page.base_vertex_count) as f64 / collapses;
+        let weight = (self.weight)(record.group(), page.error_at(n))?;
+        Some(Step { weight, height, unit: Reverse(unit) })
+    }
+
+    fn plan(&mut self, cluster: ClusterId, page: &Page<'_>) {
+        self.heap.extend(self.step(cluster, page, Unit::Own(cluster)));
+    }
+
+    /// Queues the seams of a group if it is whole and its members have nothing else left.
+    fn plan_seams(&mut self, group: GroupId) -> Result<(), RefineError> {
+        if !self.splits.is_whole(self.file, group) {
+            return Ok(());
+        }
+        let mut worst = None;
+        for cluster in self.file.coarse(group).iter().copied().map(ClusterId) {
+            let page = self.file.page(cluster)?;
+            if self.vertices(cluster) < own_end(&page) {
+                return Ok(());
+            }
+            worst = worst.max(self.step(cluster, &page, Unit::Seams(group)));
+        }
+        self.heap.extend(worst);
+        Ok(())
+    }
+
+    /// One stride of a cluster's own, or as much of it as fits.
+    fn refine(&mut self, cluster: ClusterId) -> Result<(), RefineError> {
+        let page = self.file.page(cluster)?;
+        let (n, end) = (self.vertices(cluster), own_end(&page));
+        let stride = (page.vertex_count() - page.base_vertex_count).div_ceil(STRIDES);
+        let target = (n + stride).min(end);
+        let mesh = page.progressive_mesh();
+        let before = self.lod.count(&mesh, n);
+        let mut added = |n| (self.lod.count(&mesh, n) - before) as u64;
+        let (reached, used) = farthest(n, target, self.rest, &mut added);
+        self.rest -= used;
+        self.positions[cluster.index()] = reached as u32;
+        match reached {
+            n if n < target => Ok(()),
+            n if n < end => {
+                self.plan(cluster, &page);
+                Ok(())
+            }
+            _ => self.plan_seams(self.file.clusters()[cluster.index()].group()),
+        }
+    }
+
+    /// All seams of a group and its split, or as much as fits.
+    fn refine_seams(&mut self, group: GroupId) -> Result<(), RefineError> {
+        let file = self.file;
+        let coarse = || file.coarse(group).iter().copied().map(ClusterId);
+        let pages =
+            coarse().map(|cluster| Ok(file.page(cluster)?)).collect::<Result<Vec<_>, RefineError>>()?;
+        let mut seams = Seams::new(&pages, coarse().map(|cluster| self.vertices(cluster)).collect());
+        let lod = &mut self.lod;
+        let mut count = |positions: &[usize]| -> u64 {
+            let meshes = pages.iter().map(Page::progressive_mesh).zip(positions);
+            meshes.map(|(mesh, n)| lod.count(&mesh, *n) as u64).sum()
+        };
+        let before = count(seams.positions(0));
+        let steps = seams.undo_all();
+        let mut added = |step| count(seams.positions(step)).saturating_sub(before);
+        let (reached, used) = farthest(0, steps, self.rest, &mut added);
+        self.rest -= used;
+        for (cluster, n) in coarse().zip(seams.positions(reached)) {
+            self.positions[cluster.index()] = *n as u32;
+        }
+        if reached < steps || file.groups()[group.index()].is_leaf() {
+            return Ok(());
+        }
+        self.split(group)
+    }
+
+    /// Replaces the finest meshes of a group by the base meshes below, which are the same.
+    fn split(&mut self, group: GroupId) -> Result<(), RefineError> {
+        let records =
+            |ids: &[u32]| ids.iter().map(|id| &self.file.clusters()[*id as usize]).collect::<Vec<_>>();
+        let (coarse, fine) = (self.file.coarse(group), self.file.fine(group));
+        let before: u64 = records(coarse).iter().map(|record| u64::from(record.triangle_count)).sum();
+        let after: u64 = records(fine).iter().map(|record| u64::from(record.base_triangle_count)).sum();
+        // More only in a file that breaks I4.
+        let Some(rest) = (self.rest + before).checked_sub(after) else { return Ok(()) };
+        self.rest = rest;
+        self.splits.split(group);
+        coarse.iter().for_each(|id| self.positions[*id as usize] = 0);
+        for (id, record) in fine.iter().zip(records(fine)) {
+            self.positions[*id as usize] = record.base_vertex_count;
+        }
+        self.plan_all(fine.iter().copied().map(ClusterId))
+    }
+}
+
+/// The position up to which all that is undone is the cluster's own: no vertex that comes is shared.
+fn own_end(page: &Page<'_>) -> usize {
+    let mut shared = page.shared().map(|(vertex, _)| usize::from(vertex));
+    shared.find(|vertex| *vertex >= page.base_vertex_count).unwrap_or(page.vertex_count())
+}
+
+/// The last of `from..=to` at which at most `limit` is added, and what is; more is added by what is later. The first adds nothing.
+fn farthest(from: usize, to: usize, limit: u64, added: &mut impl FnMut(usize) -> u64) -> (usize, u64) {
+    let all = added(to);
+    if all <= limit {
+        return (to, all);
+    }
+    let (mut good, mut bad) = ((from, 0), to);
+    while bad - good.0 > 1 {
+        let middle = good.0 + (bad - good.0) / 2;
+        match added(middle) {
+            fits if fits <= limit => good = (middle, fits),
+            _ => bad = middle,
+        }
+    }
+    good
+}
+
+impl Ord for Step {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        let by_weight = self.weight.total_cmp(&other.weight);
+        by_weight.then(self.height.total_cmp(&other.height)).then(self.unit.cmp(&other.unit))
+    }
+}
+
+impl PartialOrd for Step {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Step {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Step {}
