@@ -62,6 +62,58 @@ pub(crate) fn disk(vertices: u64, triangles: u64, vertex_len: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{BuildConfig, Cancel, Settings, Silent, build};
+    use chpm_mesh::Bytes;
+    use chpm_mesh::ply::{Encoding, write_mesh};
+    use chpm_mesh::synth::{Shape, Synth};
+    use std::fs::File;
+    use std::process::Command;
+
+    /// Tells the test below to be the build that it measures.
+    const TRIANGLES: &str = "CHPM_TEST_TRIANGLES";
+
+    /// Nodes of the tree of a build in a process of its own, and the most that was resident in it.
+    fn measured(triangles: u64) -> (usize, u64) {
+        let program = std::env::current_exe().unwrap();
+        let name = "allowance::tests::tables_take_no_more_than_they_are_charged";
+        let run = Command::new(program)
+            .args([name, "--exact", "--nocapture"])
+            .env(TRIANGLES, triangles.to_string())
+            .output();
+        let told = String::from_utf8(run.unwrap().stdout).unwrap();
+        let figures = told.split("measured: ").nth(1).unwrap_or_else(|| panic!("{told}"));
+        let (nodes, peak) = figures.lines().next().unwrap().split_once(' ').unwrap();
+        (nodes.parse().unwrap(), peak.parse().unwrap())
+    }
+
+    /// Builds leaves of some four triangles, so that their tables are more than all else.
+    fn tiny_leaves(triangles: u64) {
+        let dir = tempfile::tempdir().unwrap();
+        let (source, output) = (dir.path().join("s.ply"), dir.path().join("s.chpm"));
+        let mesh = Synth::new(Shape::Torus, triangles, 0).to_mesh();
+        write_mesh(File::create(&source).unwrap(), &mesh, Encoding::BinaryLittleEndian).unwrap();
+        drop(mesh);
+        let config = BuildConfig {
+            settings: Settings { cluster_triangles: 4, cell_vertices: 2, ..Settings::default() },
+            resources: Resources { threads: 1, memory: Bytes(0), checkpoint: None, ..Resources::default() },
+            ..BuildConfig::default()
+        };
+        let report = build(&source, &output, &config, &Silent, &Cancel::default()).unwrap();
+        println!("measured: {} {}", report.clusters, report.peak_resident.unwrap());
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn tables_take_no_more_than_they_are_charged() {
+        if let Ok(triangles) = std::env::var(TRIANGLES) {
+            return tiny_leaves(triangles.parse().unwrap());
+        }
+        let ((few, little), (many, much)) = (measured(4_000), measured(64_000));
+        let charged = tables(many) - tables(few);
+        let taken = much.saturating_sub(little);
+        assert!(many > few + 10_000, "{few} and {many} nodes");
+        assert!(taken <= charged, "{} nodes took {taken} bytes, {charged} were charged", many - few);
+    }
 
     #[test]
     fn threads_and_arrays_share_the_memory() {

@@ -48,6 +48,12 @@ impl Displacement {
         round_up(self.norm())
     }
 
+    /// Its least and its greatest corner.
+    #[cfg(test)]
+    pub(crate) fn ends(&self) -> [[f32; 3]; 2] {
+        [self.lo, self.hi]
+    }
+
     /// Grows to hold `other`.
     #[inline]
     pub(crate) fn merge(&mut self, other: &Displacement) {

@@ -7,6 +7,8 @@
 
 mod arrangement;
 mod cells;
+#[cfg(test)]
+mod exact;
 
 use crate::displacement::{Displacement, Reach};
 use crate::fan::MAX_VALENCE;

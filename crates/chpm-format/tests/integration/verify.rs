@@ -54,7 +54,7 @@ fn coverage() {
     assert_eq!(retold(|t| t.header.source_vertex_count -= 1), [Invariant::Coverage]);
     let bytes = two_level().bytes();
     assert_eq!(broken(with(&bytes, 56, &[99])), [Invariant::Coverage], "source_triangle_count");
-    // An id that nobody lists; a leaf vertex that nothing uses; an id listed twice; a shared vertex in two places.
+    // An id that nobody lists; a leaf vertex that nothing uses; an id listed twice.
     assert_eq!(retold(|t| t.header.shared_vertex_count += 1), [Invariant::Coverage]);
     let unused = changed(|s| {
         s.clusters[1].positions.insert(0, [4.0, 2.0, 0.5]);
@@ -65,6 +65,12 @@ fn coverage() {
     });
     assert_eq!(unused, [Invariant::Coverage]);
     assert_eq!(changed(|s| s.clusters[1].shared[1].1 = 0), [Invariant::Coverage]);
+    // Each id once in each leaf, but two of them at each other's place in one.
+    let crossed = changed(|s| {
+        let shared = &mut s.clusters[1].shared;
+        (shared[0].1, shared[1].1) = (shared[1].1, shared[0].1);
+    });
+    assert_eq!(crossed, [Invariant::Coverage], "a shared vertex in two places");
 }
 
 #[test]

@@ -1,0 +1,290 @@
+//! The oracle of the bound: the same map in exact rational arithmetic, with none of its code. Every displacement that the map makes
+//! has to be in the box that was stored, to the last bit.
+
+use super::{NO_FACE, Overlay};
+use crate::displacement::Displacement;
+use dashu_ratio::RBig;
+use nalgebra::{Point3, Vector3};
+use proptest::prelude::*;
+use std::cmp::Ordering;
+
+/// A point along the normal: its place across and its height, so that the point is `(x, y, 0) + height * normal` with the
+/// third axis last.
+#[derive(Clone, Debug)]
+struct Place {
+    x: RBig,
+    y: RBig,
+    height: RBig,
+}
+
+/// A corner of what two faces have in common: how far it goes along the normal, and its share of u.
+struct Corner {
+    along: RBig,
+    of_u: RBig,
+}
+
+fn exact(x: f64) -> RBig {
+    RBig::try_from(x).expect("a finite number")
+}
+
+fn exact3(p: [f64; 3]) -> [RBig; 3] {
+    p.map(exact)
+}
+
+/// The fans about a loop, exactly.
+struct Fans {
+    normal: [RBig; 3],
+    /// What u does before it goes along the normal.
+    slide: [RBig; 3],
+    /// u, once it has slid.
+    foot: Place,
+    ring: Vec<Place>,
+}
+
+impl Fans {
+    fn new(overlay: &Overlay, normal: Vector3<f64>, slide: [RBig; 3]) -> Self {
+        // Across the axis that the normal is nearest to.
+        let third = normal.iamax();
+        let axes = [(third + 1) % 3, (third + 2) % 3, third];
+        let normal = exact3(normal.into());
+        let place = |p: [RBig; 3]| {
+            let height = &p[axes[2]] / &normal[axes[2]];
+            let across = |axis: usize| &p[axis] - &height * &normal[axis];
+            Place { x: across(axes[0]), y: across(axes[1]), height }
+        };
+        let apex = exact3(overlay.apex.coords.into());
+        let foot = place([0, 1, 2].map(|axis| &apex[axis] + &slide[axis]));
+        let ring = overlay.ring.iter().map(|p| place(exact3(p.coords.into()))).collect();
+        Fans { normal, slide, foot, ring }
+    }
+
+    /// The corners of what old face `old` and new face `new` have in common.
+    fn overlap(&self, old: usize, new: usize) -> Vec<Corner> {
+        let before = [&self.foot, &self.ring[old], &self.ring[(old + 1) % self.ring.len()]];
+        let after = [&self.ring[0], &self.ring[new], &self.ring[new + 1]];
+        let mut polygon: Vec<Place> = before.into_iter().cloned().collect();
+        let sense = area(after[0], after[1], after[2]).cmp(&RBig::ZERO);
+        for side in 0..3 {
+            polygon = clip(&polygon, after[side], after[(side + 1) % 3], sense);
+        }
+        let corner = |at: &Place| {
+            let (of_u, from) = height_over(before, at);
+            let (_, to) = height_over(after, at);
+            Corner { along: to - from, of_u }
+        };
+        polygon.iter().map(corner).collect()
+    }
+}
+
+fn area(a: &Place, b: &Place, c: &Place) -> RBig {
+    (&b.x - &a.x) * (&c.y - &a.y) - (&b.y - &a.y) * (&c.x - &a.x)
+}
+
+/// What is left of a convex polygon on the inner side of a line.
+fn clip(polygon: &[Place], a: &Place, b: &Place, sense: Ordering) -> Vec<Place> {
+    let beside: Vec<RBig> = polygon.iter().map(|p| area(a, b, p)).collect();
+    let is_in = |i: usize| beside[i].cmp(&RBig::ZERO) != sense.reverse();
+    let mut left = Vec::new();
+    for i in 0..polygon.len() {
+        let next = (i + 1) % polygon.len();
+        if is_in(i) {
+            left.push(polygon[i].clone());
+        }
+        if is_in(i) != is_in(next) && beside[i] != beside[next] {
+            let share = &beside[i] / (&beside[i] - &beside[next]);
+            let between = |p: &RBig, q: &RBig| p + &share * (q - p);
+            let (p, q) = (&polygon[i], &polygon[next]);
+            left.push(Place {
+                x: between(&p.x, &q.x),
+                y: between(&p.y, &q.y),
+                height: between(&p.height, &q.height),
+            });
+        }
+    }
+    left
+}
+
+/// The share that a triangle's first corner has of a place in it, and the triangle's height there.
+fn height_over([a, b, c]: [&Place; 3], at: &Place) -> (RBig, RBig) {
+    let whole = area(a, b, c);
+    let shares = [area(at, b, c) / &whole, area(a, at, c) / &whole, area(a, b, at) / &whole];
+    let height = &shares[0] * &a.height + &shares[1] * &b.height + &shares[2] * &c.height;
+    let [first, ..] = shares;
+    (first, height)
+}
+
+/// Where u slides to: nowhere inside the mesh; on its boundary to the line that its edges become, at the share that was stored.
+fn slide(overlay: &Overlay) -> [RBig; 3] {
+    let last = overlay.ring.len() - 1;
+    let other = match [overlay.faces[0] == NO_FACE, overlay.faces[last] == NO_FACE] {
+        [false, false] => return [RBig::ZERO, RBig::ZERO, RBig::ZERO],
+        [true, _] => 1,
+        [_, true] => last,
+    };
+    let share = exact(overlay.laid.expect("a bound").share.expect("a share"));
+    let [u, a, b] = [overlay.apex, overlay.ring[0], overlay.ring[other]].map(|p| exact3(p.coords.into()));
+    let along = [0, 1, 2].map(|axis| &b[axis] - &a[axis]);
+    let from = [0, 1, 2].map(|axis| &u[axis] - &a[axis]);
+    let crosses = |i: usize, j: usize| &along[i] * &from[j] == &along[j] * &from[i];
+    // On the line already: it stays, and the stored share only says where about that is.
+    if crosses(0, 1) && crosses(1, 2) && crosses(2, 0) {
+        return [RBig::ZERO, RBig::ZERO, RBig::ZERO];
+    }
+    [0, 1, 2].map(|axis| &share * &along[axis] - &from[axis])
+}
+
+/// Bounds the collapse along a normal and holds every box against the exact map. False if the fans do not lie over each other.
+fn check(overlay: &mut Overlay, normal: Vector3<f64>, before: &[Displacement]) -> bool {
+    let mut bounds = Vec::new();
+    if !overlay.bound_along(normal, before, &mut bounds) {
+        return false;
+    }
+    let unit = normal.try_normalize(0.0).expect("a direction");
+    let fans = Fans::new(overlay, unit, slide(overlay));
+    for new in 1..overlay.ring.len() - 1 {
+        let (face, stored) = bounds[new - 1];
+        assert_eq!(face, overlay.faces[new]);
+        let faces = (0..overlay.ring.len()).filter(|old| overlay.faces[*old] != NO_FACE);
+        for (old, corner) in faces.flat_map(|old| fans.overlap(old, new).into_iter().map(move |c| (old, c))) {
+            let of = before[overlay.faces[old] as usize].ends();
+            let stored = stored.ends();
+            for axis in 0..3 {
+                let by = &corner.of_u * &fans.slide[axis] + &corner.along * &fans.normal[axis];
+                let [least, most] = of.map(|end| exact(end[axis].into()) + &by);
+                let [low, high] = stored.map(|end| exact(end[axis].into()));
+                assert!(
+                    low <= least && most <= high,
+                    "old face {old}, new face {new}, axis {axis}: {} to {} is not in {} to {}",
+                    least.to_f64().value(),
+                    most.to_f64().value(),
+                    stored[0][axis],
+                    stored[1][axis],
+                );
+            }
+        }
+    }
+    true
+}
+
+/// A fan in a plane of any tilt: how flat it is in one direction of the plane, and how far from the plane its vertices are.
+#[derive(Clone, Debug)]
+struct Fan {
+    tilt: [f64; 3],
+    /// Turn to the next vertex and distance from u, both as shares.
+    ring: Vec<(f64, f64)>,
+    squash: f64,
+    heights: Vec<f64>,
+    roughness: f64,
+    /// Displacements that the faces have.
+    before: Vec<([f64; 3], [f64; 3])>,
+    open: Option<bool>,
+}
+
+impl Fan {
+    fn strategy() -> impl Strategy<Value = Fan> {
+        let unit = || prop::array::uniform3(-1.0..1.0f64);
+        let squash = prop_oneof![Just(1.0), Just(1e-4), Just(1e-8), Just(3e-10)];
+        let roughness = prop_oneof![Just(1.0), Just(0.01), Just(1e-7), Just(1e-13), Just(0.0)];
+        let ring = prop::collection::vec((0.2..1.0f64, 0.3..1.0f64), 3..7);
+        (
+            ring,
+            unit(),
+            squash,
+            roughness,
+            prop::collection::vec(-1.0..1.0f64, 8),
+            prop::option::of(any::<bool>()),
+        )
+            .prop_flat_map(move |(ring, tilt, squash, roughness, heights, open)| {
+                let count = ring.len();
+                let before = prop::collection::vec((unit(), unit()), count);
+                (Just((ring, tilt, squash, roughness, heights, open)), before)
+            })
+            .prop_map(|((ring, tilt, squash, roughness, heights, open), before)| Fan {
+                tilt,
+                ring,
+                squash,
+                heights,
+                roughness,
+                before,
+                open,
+            })
+    }
+
+    fn lay(&self) -> (Overlay, Vector3<f64>, Vec<Displacement>) {
+        let normal = Vector3::from(self.tilt).try_normalize(1e-3).unwrap_or(Vector3::z());
+        let axis = Vector3::ith(normal.iamin(), 1.0);
+        let x = normal.cross(&axis).normalize();
+        let y = normal.cross(&x);
+        let count = self.ring.len();
+        let mut overlay = Overlay::default();
+        let apex = Point3::new(0.1, -0.7, 0.4);
+        overlay.begin(apex);
+        let turns: f64 = self.ring.iter().map(|(turn, _)| turn).sum();
+        // An open fan is a half turn, from one end to the other.
+        let whole = if self.open.is_some() { std::f64::consts::PI } else { std::f64::consts::TAU };
+        let scale = whole / (turns - if self.open.is_some() { self.ring[0].0 } else { 0.0 });
+        let mut angle = 0.0;
+        let mut places: Vec<Point3<f64>> = Vec::new();
+        for (i, (turn, reach)) in self.ring.iter().enumerate() {
+            if i > 0 {
+                angle += turn * scale;
+            }
+            let across = x * (angle.cos() * reach) + y * (angle.sin() * reach * self.squash);
+            places.push(apex + across + normal * (self.heights[i] * self.roughness));
+        }
+        // v is the first of the loop. The edge that has no face leads from v, or to it.
+        let no_face = match self.open {
+            None => None,
+            Some(true) => {
+                // v is at the end of the half turn, and the other end follows it.
+                places.rotate_right(1);
+                Some(0)
+            }
+            Some(false) => Some(count - 1),
+        };
+        for (i, place) in places.into_iter().enumerate() {
+            let face = if Some(i) == no_face { NO_FACE } else { i as u32 };
+            overlay.push(i as u16, place, face);
+        }
+        let size = self.roughness.max(1e-13);
+        let boxed = |(a, b): &([f64; 3], [f64; 3])| {
+            let (a, b) = (Vector3::from(*a) * size, Vector3::from(*b) * size);
+            Displacement::default().moved(a.inf(&b), a.sup(&b))
+        };
+        (overlay, normal, self.before.iter().map(boxed).collect())
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn boxes_hold_the_exact_map(fan in Fan::strategy(), displaced in any::<bool>()) {
+        let (mut overlay, normal, mut before) = fan.lay();
+        if !displaced {
+            before.fill(Displacement::default());
+        }
+        check(&mut overlay, normal, &before);
+    }
+}
+
+/// The property above says something: most fans lie over each other, of every kind.
+#[test]
+fn the_oracle_is_asked() {
+    let base = Fan {
+        tilt: [0.3, -0.5, 0.6],
+        ring: vec![(0.5, 0.9), (0.4, 0.6), (0.5, 0.8), (0.6, 0.7), (0.45, 0.75)],
+        squash: 1.0,
+        heights: vec![0.2, -0.7, 0.4, 0.9, -0.3, 0.1, 0.6, -0.2],
+        roughness: 1e-13,
+        before: vec![([0.1; 3], [-0.2; 3]); 5],
+        open: None,
+    };
+    for (squash, roughness) in [(1.0, 1.0), (1.0, 1e-13), (1e-8, 1.0), (1e-8, 1e-7), (3e-10, 0.01)] {
+        for open in [None, Some(true), Some(false)] {
+            let fan = Fan { squash, roughness, open, ..base.clone() };
+            let (mut overlay, normal, before) = fan.lay();
+            assert!(check(&mut overlay, normal, &before), "{squash} {roughness} {open:?}");
+        }
+    }
+}
