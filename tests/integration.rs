@@ -30,12 +30,12 @@ mod integration {
     mod json;
     /// Known distances, and stored errors that hold or do not.
     mod measure;
-    /// What is written, and where: devices, links, streams, names, limits.
-    mod outputs;
-    /// Surfaces that touch, coincide or overlap: no report of what the source has itself.
-    mod odd_cuts;
     /// Verbs that read stay below the memory that they are given.
     mod memory;
+    /// Surfaces that touch, coincide or overlap: no report of what the source has itself.
+    mod odd_cuts;
+    /// What is written, and where: devices, links, streams, names, limits.
+    mod outputs;
     /// Pictures, and camera paths in pictures.
     #[cfg(feature = "viewer")]
     mod render;

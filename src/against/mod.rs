@@ -175,7 +175,9 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
     }
     let mut others = told_otherwise(file, &counts);
     if copies != copies_told {
-        others.push(format!("I1 coverage: the file counts {copies_told} merged-copies, and the leaves lack {copies}"));
+        others.push(format!(
+            "I1 coverage: the file counts {copies_told} merged-copies, and the leaves lack {copies}"
+        ));
     }
     comparison.fault_count += others.len() as u64;
     comparison.faults.extend(others);
@@ -243,7 +245,8 @@ impl Suspects {
             let copies = suspect.surplus.unsigned_abs();
             place.filter(|_| copies > 0).map(|place| Fault { place, corners: suspect.corners, copies })
         };
-        let mut faults: Vec<Fault> = self.found.into_values().filter(|suspect| !is_left_out(suspect)).filter_map(fault).collect();
+        let mut faults: Vec<Fault> =
+            self.found.into_values().filter(|suspect| !is_left_out(suspect)).filter_map(fault).collect();
         faults.sort_unstable_by_key(|fault| fault.place);
         faults
     }
