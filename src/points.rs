@@ -2,6 +2,7 @@
 
 use crate::progress::Meter;
 use anyhow::Result;
+use chpm_build::Cancel;
 use chpm_build::input::Input;
 use chpm_extmem::Store;
 use chpm_mesh::TriMesh;
@@ -18,7 +19,8 @@ impl Points {
     /// Reads a file; `store` is where the corners of an STL are joined.
     pub(crate) fn read(path: &Path, store: &Store, meter: &Meter) -> Result<Self> {
         let options = Options { normals: false, colors: false, ..Options::default() };
-        let mut input = Input::open(path, options, store)?;
+        // The first signal ends the process.
+        let mut input = Input::open(path, options, store, &Cancel::default())?;
         let (mut batch, mut before) = (Batch::default(), 0);
         let mut points = Points { positions: Vec::new(), triangles: Vec::new() };
         meter.start("read", path.metadata().map_or(0, |metadata| metadata.len()));

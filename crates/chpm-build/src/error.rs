@@ -2,7 +2,7 @@
 
 use crate::progress::Stage;
 use crate::report::Reached;
-use chpm_mesh::{Counted, FAR};
+use chpm_mesh::FAR;
 use std::path::PathBuf;
 
 /// What can stop a build. Nothing is left behind when it does, unless it is [`BuildError::Kept`].
@@ -152,6 +152,7 @@ pub enum BuildError {
 fn nothing(faces: u64) -> String {
     match faces {
         0 => "no faces; there is nothing to build from".to_owned(),
+        1 => "its one face is no triangle with three different corners".to_owned(),
         _ => format!("none of its {faces} faces is a triangle with three different corners"),
     }
 }

@@ -52,7 +52,7 @@ pub fn build(
         }
         Err(mut error) => {
             if let BuildError::Extmem(ExtmemError::Budget { work: work @ 1.., enough, .. }) = &mut error {
-                *enough = allowance::enough(&config.resources, available(), stamp.len(), *work);
+                *enough = allowance::enough(&config.resources, available(), stamp.len, *work);
             }
             Err(context.checkpoints.explain(error, dir))
         }

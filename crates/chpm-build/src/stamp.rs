@@ -5,7 +5,7 @@ use crate::ingest::{Supply, input};
 use crate::progress::Cancel;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The program and its version.
 pub(crate) const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
