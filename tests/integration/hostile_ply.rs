@@ -102,7 +102,7 @@ fn an_index_out_of_range() {
         ply.faces[77][2] = index;
         let place = format!("byte {}", ply.face_offset(77) + 1 + 8);
         refused(&ply.bytes(), &["face 77", &place, &index.to_string(), "out of range"]);
-        assert_eq!(dropped(&ply.bytes())["dropped-faces"], 1);
+        assert_eq!(dropped(&ply.bytes())["dropped_faces"], 1);
     }
 }
 
@@ -112,7 +112,7 @@ fn a_file_that_ends_early() {
     let bytes = ply.bytes();
     let cut = ply.face_offset(500) + 6;
     refused(&bytes[..cut], &["face", "500", "722"]);
-    assert_eq!(dropped(&bytes[..cut])["missing-faces"], 722 - 500);
+    assert_eq!(dropped(&bytes[..cut])["missing_faces"], 722 - 500);
     refused(&bytes[..ply.vertex_offset(10) + 1], &["vertex", "10", "400"]);
     refused(&bytes[..ply.header.len() - 5], &["header"]);
     refused(&[], &["PLY"]);

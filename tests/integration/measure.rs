@@ -157,7 +157,7 @@ fn a_stored_error_holds_or_is_a_fault() {
         let told = text(&folder.chpm("measure in.chpm --against in.ply -q").code(code).get_output().stdout);
         let fault = "I5 error: level 0, 100 % collapsed";
         assert_eq!(told.contains(fault), code == 1, "{told}");
-        assert_eq!(told.contains("at 0 0 1, by a distance of 1.000e0"), code == 1, "{told}");
+        assert_eq!(told.contains("at 0 0 1, by a distance of 1.00 units"), code == 1, "{told}");
         assert_eq!(told.contains("every stored error holds"), code == 0, "{told}");
         // Cuts see the same.
         let out = json(&folder, "measure in.chpm --against in.ply --cuts 8 --seed 3 --json -q", code);
