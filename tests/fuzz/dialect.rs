@@ -234,7 +234,7 @@ fn obj(model: &Model, draw: &mut Draw<'_>) -> Vec<u8> {
         }
         text += "f";
         for v in face {
-            let v = if from_end { v - model.positions.len() as i64 } else { v.wrapping_add(1) };
+            let v = if from_end { v.wrapping_sub(model.positions.len() as i64) } else { v.wrapping_add(1) };
             match (normals, shared_normal) {
                 (true, true) => write!(text, " {v}//1"),
                 (true, false) => write!(text, " {v}//{v}"),

@@ -127,7 +127,7 @@ fn specks(size: usize, draw: &mut Draw<'_>) -> Model {
 fn append(model: &mut Model, part: &Model, by: [f64; 3]) {
     let first = model.positions.len() as i64;
     model.positions.extend(part.positions.iter().map(|p| [0, 1, 2].map(|axis| p[axis] + by[axis])));
-    model.faces.extend(part.faces.iter().map(|face| face.iter().map(|v| v + first).collect()));
+    model.faces.extend(part.faces.iter().map(|face| face.iter().map(|v| v.wrapping_add(first)).collect()));
 }
 
 /// One oddity more.
@@ -151,7 +151,7 @@ fn change(model: &mut Model, draw: &mut Draw<'_>) {
             // The same place under another number.
             let first = model.positions.len() as i64;
             model.positions.extend_from_within(..);
-            model.faces.iter_mut().step_by(2).flatten().for_each(|v| *v += first);
+            model.faces.iter_mut().step_by(2).flatten().for_each(|v| *v = v.wrapping_add(first));
         }
         5 => {
             let face = draw.below(faces);
