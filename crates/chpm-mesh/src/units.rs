@@ -52,11 +52,13 @@ impl fmt::Display for Counted<'_> {
         }
         // Of a phrase, the noun is what a preposition follows.
         let (head, tail) = noun.find(" of ").map_or((noun, ""), |at| noun.split_at(at));
-        match (n, head.strip_suffix("vertex"), head.strip_suffix("leaf")) {
-            (1, ..) => write!(f, " {noun}"),
-            (_, Some(lead), _) => write!(f, " {lead}vertices{tail}"),
-            (_, _, Some(lead)) => write!(f, " {lead}leaves{tail}"),
-            _ => write!(f, " {head}s{tail}"),
+        // The endings of the nouns that are counted.
+        let endings = [("vertex", "vertices"), ("leaf", "leaves"), ("copy", "copies")];
+        let irregular = endings.iter().find_map(|(one, many)| Some((head.strip_suffix(one)?, many)));
+        match irregular {
+            _ if n == 1 => write!(f, " {noun}"),
+            Some((lead, many)) => write!(f, " {lead}{many}{tail}"),
+            None => write!(f, " {head}s{tail}"),
         }
     }
 }
@@ -107,6 +109,7 @@ mod tests {
             (1, "cluster", "1 cluster"),
             (0, "shared vertex", "0 shared vertices"),
             (2, "leaf", "2 leaves"),
+            (3, "copy", "3 copies"),
             (999, "normal of corner", "999 normals of corner"),
             (3_664_152, "triangle", "3,664,152 triangles"),
         ] {
