@@ -192,6 +192,8 @@ impl Reservation {
     /// [`ExtmemError::Budget`] when the budget cannot grant the difference.
     pub fn resize(&mut self, bytes: u64) -> Result<(), ExtmemError> {
         match bytes.checked_sub(self.bytes) {
+            // Nothing is asked, also where charges left arrays nothing.
+            Some(0) => {}
             Some(more) => self.budget.take(self.what, more, self.kind)?,
             None => self.budget.give(self.bytes - bytes, self.kind),
         }
@@ -227,8 +229,9 @@ mod tests {
     #[test]
     fn charges_come_first_and_have_a_limit_of_their_own() {
         let budget = MemoryBudget::with_charges(100, 150);
-        let array = budget.reserve("array", 80).unwrap();
+        let mut array = budget.reserve("array", 80).unwrap();
         let mut work = budget.charge("work", 60).unwrap();
+        assert!(array.resize(80).is_ok() && array.resize(81).is_err());
         assert_eq!((budget.used(), budget.available(), budget.chargeable()), (140, 0, 10));
         assert!(budget.try_reserve("array", 1).is_none() && budget.charge("more", 11).is_err());
         work.resize(70).unwrap();
