@@ -513,7 +513,7 @@ mod tests {
         let error = MappedBuffer::<u8>::zeroed(&workdir, "test", 1 << 60).unwrap_err();
         assert!(
             matches!(error, ExtmemError::DiskFull { needed, .. } if needed == 1 << 60)
-                || matches!(error, ExtmemError::Io { .. }),
+                || matches!(error, ExtmemError::FileTooLarge { .. }),
             "{error}"
         );
     }
