@@ -67,7 +67,7 @@ fn worker(
 ) -> Option<u64> {
     let mut child = start(args, first, left);
     let lines = lines_of(&mut child);
-    let (mut running, mut since) = (None, Instant::now());
+    let (mut running, mut last, mut since) = (None, None, Instant::now());
     let why = loop {
         let line = match hang {
             Some(hang) if running.is_some() => lines.recv_timeout(hang),
@@ -77,7 +77,10 @@ fn worker(
             Ok(line) => {
                 let (word, rest) = line.split_once(' ').unwrap_or((&line, ""));
                 match word {
-                    "case" => (running, since) = (rest.parse::<u64>().ok(), Instant::now()),
+                    "case" => {
+                        running = rest.parse::<u64>().ok();
+                        (last, since) = (running, Instant::now());
+                    }
                     "end" => {
                         let (end, process) = rest.rsplit_once(' ').unwrap_or((rest, "0"));
                         *tally.ends.entry(end.to_owned()).or_default() += 1;
@@ -106,8 +109,15 @@ fn worker(
         }
     };
     let status = child.wait().expect("an end");
-    let case = running?;
+    // One that ends well has done all of its cases.
+    if status.success() {
+        return None;
+    }
     tally.failures += 1;
+    let Some(case) = last else {
+        println!("before the first case: {why}, {status}");
+        return None;
+    };
     println!(
         "{case} {why}, {status}\n    again: cargo test --test fuzz -- --seed {} --case {case}",
         args.seed

@@ -58,7 +58,7 @@ impl Fans {
         Fans { normal, slide, foot, ring }
     }
 
-    /// The corners of what old face `old` and new face `new` have in common.
+    /// The corners of what old face `old` and new face `new` have in common; none where that is no more than an edge.
     fn overlap(&self, old: usize, new: usize) -> Vec<Corner> {
         let before = [&self.foot, &self.ring[old], &self.ring[(old + 1) % self.ring.len()]];
         let after = [&self.ring[0], &self.ring[new], &self.ring[new + 1]];
@@ -66,6 +66,14 @@ impl Fans {
         let sense = area(after[0], after[1], after[2]).cmp(&RBig::ZERO);
         for side in 0..3 {
             polygon = clip(&polygon, after[side], after[(side + 1) % 3], sense);
+        }
+        let twice: RBig = polygon
+            .iter()
+            .zip(polygon.iter().cycle().skip(1))
+            .map(|(p, q)| &p.x * &q.y - &p.y * &q.x)
+            .fold(RBig::ZERO, |sum, part| sum + part);
+        if twice == RBig::ZERO {
+            return vec![];
         }
         let corner = |at: &Place| {
             let (of_u, from) = height_over(before, at);
@@ -185,21 +193,18 @@ impl Fan {
         let unit = || prop::array::uniform3(-1.0..1.0f64);
         let squash = prop_oneof![Just(1.0), Just(1e-4), Just(1e-8), Just(3e-10)];
         let roughness = prop_oneof![Just(1.0), Just(0.01), Just(1e-7), Just(1e-13), Just(0.0)];
+        let any = (squash, roughness, prop::option::of(any::<bool>()));
+        // Where areas are so small, what rounding does to a place on an edge is the most.
+        let sliver = (prop_oneof![Just(1e-9), Just(3e-10), Just(1e-10)], Just(1.0), Just(None));
         let ring = prop::collection::vec((0.2..1.0f64, 0.3..1.0f64), 3..7);
-        (
-            ring,
-            unit(),
-            squash,
-            roughness,
-            prop::collection::vec(-1.0..1.0f64, 8),
-            prop::option::of(any::<bool>()),
-        )
-            .prop_flat_map(move |(ring, tilt, squash, roughness, heights, open)| {
+        let kind = prop_oneof![3 => any, 1 => sliver];
+        (ring, unit(), kind, prop::collection::vec(-1.0..1.0f64, 8))
+            .prop_flat_map(move |(ring, tilt, kind, heights)| {
                 let count = ring.len();
                 let before = prop::collection::vec((unit(), unit()), count);
-                (Just((ring, tilt, squash, roughness, heights, open)), before)
+                (Just((ring, tilt, kind, heights)), before)
             })
-            .prop_map(|((ring, tilt, squash, roughness, heights, open), before)| Fan {
+            .prop_map(|((ring, tilt, (squash, roughness, open), heights), before)| Fan {
                 tilt,
                 ring,
                 squash,
@@ -273,14 +278,14 @@ proptest! {
 fn the_oracle_is_asked() {
     let base = Fan {
         tilt: [0.3, -0.5, 0.6],
-        ring: vec![(0.5, 0.9), (0.4, 0.6), (0.5, 0.8), (0.6, 0.7), (0.45, 0.75)],
+        ring: vec![(0.5, 0.8), (0.4, 0.8), (0.5, 0.8), (0.6, 0.8), (0.45, 0.8)],
         squash: 1.0,
         heights: vec![0.2, -0.7, 0.4, 0.9, -0.3, 0.1, 0.6, -0.2],
         roughness: 1e-13,
         before: vec![([0.1; 3], [-0.2; 3]); 5],
         open: None,
     };
-    for (squash, roughness) in [(1.0, 1.0), (1.0, 1e-13), (1e-8, 1.0), (1e-8, 1e-7), (3e-10, 0.01)] {
+    for (squash, roughness) in [(1.0, 1.0), (1.0, 1e-13), (1e-8, 1.0), (1e-8, 1e-7), (1e-9, 0.01)] {
         for open in [None, Some(true), Some(false)] {
             let fan = Fan { squash, roughness, open, ..base.clone() };
             let (mut overlay, normal, before) = fan.lay();
