@@ -234,7 +234,7 @@ mod tests {
                     buckets.read_block(sequence, block, &mut scratch).unwrap();
                     blocks.extend_from_slice(&scratch);
                 }
-                prop_assert_eq!(&blocks, expected);
+                prop_assert_eq!(&blocks, &*expected);
                 buckets.update(sequence, &mut scratch, change).unwrap();
                 change(expected);
             }

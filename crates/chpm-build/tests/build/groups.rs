@@ -1,6 +1,6 @@
 //! Dependency groups and topology changes: whatever the model and the settings, nothing cracks, and both do help.
 
-use crate::site::{ChpmFile, Site, config, leaks, odd_vertices};
+use crate::site::{ChpmFile, Site, config, leaks, odd_vertices, without_copies};
 use chpm_build::config::Topology;
 use chpm_build::{BuildConfig, BuildReport};
 use chpm_format::{BoundaryMode, checksum};
@@ -81,6 +81,7 @@ fn seen(file: &ChpmFile, seed: u64) -> Cut {
 
 /// Draws random cuts and random cameras in turn; answers what the first one that leaks has to say.
 pub(crate) fn first_leak(file: &ChpmFile, source: &TriMesh, cuts: u64) -> Option<String> {
+    let source = &without_copies(source);
     let border = odd_vertices(source);
     (0..cuts).find_map(|seed| {
         let cut = if seed % 2 == 0 { random_cut(file, seed).unwrap() } else { seen(file, seed / 2) };

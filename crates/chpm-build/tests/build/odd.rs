@@ -1,6 +1,8 @@
 //! Sources that are anything but well-behaved.
 
-use crate::site::{Site, check_against, check_height, config, levels_of_detail, triangle_bits};
+use crate::site::{
+    Site, check_against, check_height, config, levels_of_detail, triangle_bits, without_copies,
+};
 use chpm_build::config::Topology;
 use chpm_build::report::Repairs;
 use chpm_build::{BuildError, Cancel, Silent};
@@ -8,7 +10,6 @@ use chpm_format::BoundaryMode;
 use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{Level, TriMesh};
 use chpm_refine::{Cut, extract};
-use std::collections::BTreeSet;
 
 /// Builds and checks that the leaves hold what the source holds; cracks make no sense for some of these.
 fn builds(name: &str, mesh: &TriMesh, cluster_triangles: u32) -> chpm_build::BuildReport {
@@ -23,14 +24,6 @@ fn builds(name: &str, mesh: &TriMesh, cluster_triangles: u32) -> chpm_build::Bui
         assert!(lod.triangles.len() <= mesh.triangles.len(), "{name}");
     }
     report
-}
-
-/// The mesh with each face once.
-fn without_copies(mesh: &TriMesh) -> TriMesh {
-    let mut seen = BTreeSet::new();
-    let turned = |[a, b, c]: [u32; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min();
-    let triangles = mesh.triangles.iter().copied().filter(|t| seen.insert(turned(*t))).collect();
-    TriMesh { triangles, ..mesh.clone() }
 }
 
 #[test]

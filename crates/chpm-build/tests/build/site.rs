@@ -8,6 +8,7 @@ use chpm_measure::{cracks, weld};
 use chpm_mesh::ply::{Encoding, PlyWriter, write_mesh};
 use chpm_mesh::{Bytes, Level, TriMesh};
 use chpm_refine::{Cut, extract, random_cut};
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::path::PathBuf;
 
@@ -112,6 +113,14 @@ pub(crate) fn vertex_bits(mesh: &TriMesh, v: u32) -> VertexBits {
     let v = v as usize;
     let normal = mesh.normals.get(v).map_or([0; 3], |n| n.map(f32::to_bits));
     (mesh.positions[v].map(f32::to_bits), normal, mesh.colors.get(v).copied().unwrap_or_default())
+}
+
+/// The mesh with each face once, as the leaves have it.
+pub(crate) fn without_copies(mesh: &TriMesh) -> TriMesh {
+    let mut seen = BTreeSet::new();
+    let turned = |[a, b, c]: [u32; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min();
+    let triangles = mesh.triangles.iter().copied().filter(|t| seen.insert(turned(*t))).collect();
+    TriMesh { triangles, ..mesh.clone() }
 }
 
 /// The triangles as a sorted multiset of corner bits, each from its least corner in its winding.
