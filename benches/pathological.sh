@@ -55,12 +55,12 @@ row() {
         built=$(cat "$work/built.json")
         line+=,$(jq -r '[.repairs."merged-copies", (.bytes_per_triangle * 10 | round / 10), .clusters, .roots,
             .levels[-1].base_triangles] | map(tostring) | join(",")' <<<"$built")
-        step verify --quiet "$work/shape.chpm"
+        step verify --quiet --memory "$memory" "$work/shape.chpm"
         line+=",$result,$cpu,$rss"
-        step verify --quiet --cuts 100 "$work/shape.chpm"
+        step verify --quiet --memory "$memory" --cuts 100 "$work/shape.chpm"
         times+=("$cpu")
         line+=",$result,$cpu,$(ratio "$cpu" "${plain[1]:-}"),$rss"
-        step measure --quiet --json "$work/shape.chpm" --against "$work/shape.ply"
+        step measure --quiet --json --memory "$memory" "$work/shape.chpm" --against "$work/shape.ply"
         times+=("$cpu")
         line+=",$result,$cpu,$(ratio "$cpu" "${plain[2]:-}"),$rss"
     else
