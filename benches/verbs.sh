@@ -35,7 +35,7 @@ echo "verb,triangles,memory,peak_rss_mib,cpu_s"
 for memory in "$@"; do
     row "$memory" verify "$model" -q
     row "$memory" verify "$model" --against "$source" -q
-    row "$memory" measure "$model" --against "$source" --samples 1 --positions 1 -q
+    row "$memory" measure "$model" --against "$source" --samples 1 --cuts 1 -q
     row "$memory" dump "$model"
     row "$memory" dump "$model" --pages
     row "$memory" info "$model"
