@@ -194,22 +194,20 @@ fn of_group<D: AsRef<[u8]>>(
     local: &mut Local,
 ) -> Result<OfGroup, FormatError> {
     keep_odd(&mut below);
+    let mut taken = vec![false; below.len()];
     let mut found = OfGroup::default();
     for cluster in file.coarse(group).iter().copied().map(ClusterId) {
         let page = Page::view(file.page_bytes(cluster))?;
         local.enter(&page, page.vertex_count());
         let mut seam = local.odd_edges(&page).to_vec();
-        if !below.is_empty() {
-            seam.retain(|edge| match below.binary_search(&local.by_id(*edge)) {
-                Ok(at) => {
-                    below.remove(at);
-                    false
-                }
-                Err(_) => true,
-            });
-        }
+        seam.retain(|edge| {
+            let at = below.binary_search(&local.by_id(*edge));
+            !at.is_ok_and(|at| !std::mem::replace(&mut taken[at], true))
+        });
         found.seams.push((cluster, seam));
     }
+    let mut taken = taken.into_iter();
+    below.retain(|_| !taken.next().unwrap_or(false));
     for (cluster, seam) in &mut found.seams {
         let page = Page::view(file.page_bytes(*cluster))?;
         // Rim and seam of one cluster may be at one edge, and then it is even there.
