@@ -9,7 +9,7 @@ use crate::progress::{Meter, line};
 use crate::report::count;
 use crate::stop::Stop;
 use crate::view;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use chpm_build::{BuildConfig, Cancel, Progress, Stage, input};
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
