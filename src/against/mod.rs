@@ -20,7 +20,7 @@ mod stream;
 
 use crate::progress::Meter;
 use crate::stop;
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_extmem::Store;
 use chpm_format::Chpm;
@@ -133,6 +133,12 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
     meter: &Meter,
     cancel: &Cancel,
 ) -> Result<Comparison> {
+    // It is read again where something differs.
+    ensure!(
+        source.metadata().is_ok_and(|found| found.is_file()),
+        "'{}' is a pipe or no file at all; save what is to be compared as a file and name that",
+        source.display()
+    );
     meter.start("compare", 2 * file.header().source_triangle_count);
     let mut sums = vec![0u128; BUCKETS];
     let mut leaf_triangles = 0;

@@ -215,7 +215,7 @@ fn a_copy_is_one_face_with_a_count_that_verify_checks() {
     let built = json(&folder.stdout("build often.ply -q --json --cluster-triangles 256"));
     folder.stdout("build once.ply -q --cluster-triangles 256");
     let (n, copies) = (once.triangles.len(), 9 * once.triangles.len());
-    assert_eq!((&built["triangles"], &built["repairs"]["merged-copies"]), (&n.into(), &copies.into()));
+    assert_eq!((&built["triangles"], &built["repairs"]["merged_copies"]), (&n.into(), &copies.into()));
     let out = folder.stdout("verify often.chpm --against often.ply");
     assert!(out.contains("without 27,") && out.contains(" copies"), "{out}");
     let of =

@@ -146,7 +146,7 @@ fn text_that_is_no_number() {
 
 #[test]
 fn what_no_mesh_file_is() {
-    refused(b"solid cube\nendsolid cube\n", &["no triangle"]);
+    refused(b"solid cube\nendsolid cube\n", &["no faces"]);
     refused(b"A mesh, they said\n", &["not a PLY"]);
     refused(&[0x89; 5000], &["not a PLY"]);
 }

@@ -94,7 +94,7 @@ fn memory_does_not_change_what_is_found() {
     let folder = Folder::new();
     folder.write_mesh("in.ply", &checkerboard(8));
     folder.stdout("build in.ply -q --cluster-triangles 32");
-    let found = ["64K", "1G"]
+    let found = ["40M", "1G"]
         .map(|memory| folder.stdout(&format!("verify in.chpm --cuts 6 -q --json --memory {memory}")));
     assert_eq!(found[0], found[1]);
 }

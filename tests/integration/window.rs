@@ -172,7 +172,7 @@ fn it_opens_turns_and_quits_and_comes_back_as_it_was() {
     let path: CameraPath =
         fs::read_to_string(folder.path("in-1.path")).expect("a path").parse().expect("a path");
     assert!(!path.cameras.is_empty());
-    assert!(folder.stdout("walk in.chpm in-1.path -q").contains("frames"));
+    assert!(folder.stdout("walk in.chpm in-1.path -q").contains("frame"));
 
     let child = display.spawn(&folder, "view in.chpm --adapter software");
     display.window("in.chpm");
@@ -191,7 +191,7 @@ fn a_script_leaves_the_picture_of_its_last_frame() {
     let picture = |frames: u32| {
         let words = format!("view in.chpm --path orbit.path --frames {frames} --screenshot {frames}.png -f");
         let told = finish(display.spawn(&folder, &words));
-        assert!(told.contains(&format!("{frames} frames in")), "{told}");
+        assert!(told.contains(&format!("{frames} frame")), "{told}");
         let bytes = folder.read(&format!("{frames}.png"));
         let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().expect("a PNG");
         let mut pixels = vec![0; reader.output_buffer_size().expect("a small PNG")];
