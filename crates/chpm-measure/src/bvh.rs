@@ -28,7 +28,7 @@ impl Bvh {
     /// If a triangle names a vertex that is not there.
     pub fn new(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
         let different = different(triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect());
-        let boxes: Vec<Aabb> = different.iter().map(|corners| Aabb::of_points(corners)).collect();
+        let boxes: Vec<Aabb> = different.iter().map(Aabb::of_points).collect();
         let tree = BoxTree::new(&boxes);
         let corners = tree.order().iter().map(|&i| different[i as usize]).collect();
         Bvh { tree, corners }
