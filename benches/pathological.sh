@@ -53,7 +53,7 @@ row() {
     if [[ $result == ok ]]; then
         cp "$work/out" "$work/built.json"
         built=$(cat "$work/built.json")
-        line+=,$(jq -r '[.repairs."merged-copies", (.bytes_per_triangle * 10 | round / 10), .clusters, .roots,
+        line+=,$(jq -r '[.repairs.merged_copies, (.bytes_per_triangle * 10 | round / 10), .clusters, .roots,
             .levels[-1].base_triangles] | map(tostring) | join(",")' <<<"$built")
         step verify --quiet --memory "$memory" "$work/shape.chpm"
         line+=",$result,$cpu,$rss"
