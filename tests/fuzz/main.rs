@@ -52,7 +52,7 @@ struct Args {
     #[arg(long, default_value_t = 8)]
     process: u64,
     /// Random cuts of what the command has built, in which to look for cracks
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 5)]
     cuts: u32,
     /// A case that takes more seconds is ended and told; 0 waits for ever
     #[arg(long)]

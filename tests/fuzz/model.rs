@@ -140,7 +140,9 @@ fn change(model: &mut Model, draw: &mut Draw<'_>) {
     match draw.below(14) {
         0 => (0..some).for_each(|i| model.faces.push(model.faces[i].clone())),
         1 => model.faces.iter_mut().step_by(3).for_each(|face| face.reverse()),
-        2 => model.faces.iter_mut().step_by(5).for_each(|face| face.rotate_left(1)),
+        2 => {
+            model.faces.iter_mut().step_by(5).for_each(|face| face.rotate_left(usize::from(!face.is_empty())))
+        }
         3 => {
             // Nobody uses it.
             let stray = [0, 1, 2].map(|_| draw.pick(&[0.0, 1e6, -1e9, 1e-9]));
