@@ -141,7 +141,8 @@ fn change(model: &mut Model, draw: &mut Draw<'_>) {
         0 => (0..some).for_each(|i| model.faces.push(model.faces[i].clone())),
         1 => model.faces.iter_mut().step_by(3).for_each(|face| face.reverse()),
         2 => {
-            model.faces.iter_mut().step_by(5).for_each(|face| face.rotate_left(usize::from(!face.is_empty())))
+            let turned = model.faces.iter_mut().step_by(5).filter(|face| !face.is_empty());
+            turned.for_each(|face| face.rotate_left(1));
         }
         3 => {
             // Nobody uses it.
