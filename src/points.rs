@@ -5,8 +5,8 @@ use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_build::input::Input;
 use chpm_extmem::Store;
-use chpm_mesh::TriMesh;
 use chpm_mesh::ply::{Batch, BatchKind, Options};
+use chpm_mesh::{TriMesh, Triangulator, polygon};
 use std::path::Path;
 
 /// Positions in double precision, and triangles.
@@ -23,13 +23,23 @@ impl Points {
         let mut input = Input::open(path, options, store, &Cancel::default())?;
         let (mut batch, mut before) = (Batch::default(), 0);
         let mut points = Points { positions: Vec::new(), triangles: Vec::new() };
+        let mut polygons = Vec::new();
         meter.start("read", path.metadata().map_or(0, |metadata| metadata.len()));
         while input.next_batch(&mut batch)? != BatchKind::End {
             points.positions.extend(batch.positions.iter().map(|p| p.map(f64::from)));
             points.positions.append(&mut batch.positions_f64);
             points.triangles.append(&mut batch.triangles);
+            polygons.extend_from_slice(batch.polygons.as_words());
             meter.add(input.bytes_read() - before);
             before = input.bytes_read();
+        }
+        let (mut triangulator, mut places) = (Triangulator::default(), Vec::new());
+        for corners in polygon::each(&polygons) {
+            places.clear();
+            places.extend(corners.iter().filter_map(|corner| points.positions.get(*corner as usize)));
+            if places.len() == corners.len() {
+                triangulator.cut(corners, &places, &mut points.triangles);
+            }
         }
         meter.finish();
         Ok(points)

@@ -1,11 +1,13 @@
 //! One mesh file while it is read: its vertices, as far as memory goes, and each triangle's corners as soon as they are known.
 
 use super::Counts;
+use super::conf::Motion;
 use crate::stop;
 use anyhow::{Result, ensure};
 use bytemuck::Pod;
 use chpm_build::Cancel;
 use chpm_extmem::{BufferWriter, Column, Store};
+use chpm_mesh::Triangulator;
 
 /// The corners of a triangle, as the source has them.
 pub(super) type Corners = [[f64; 3]; 3];
@@ -37,6 +39,8 @@ pub(super) struct Mesh<'a> {
     sink: &'a mut dyn FnMut(Corners, bool),
     calls: u64,
     points: Points,
+    motion: Option<&'a Motion>,
+    triangulator: Triangulator,
     /// Faces that came before the vertices: the number of corners, then these.
     early: Option<BufferWriter<u32>>,
     /// Whether triangles are those of a range grid.
@@ -55,6 +59,7 @@ enum Points {
 impl<'a> Mesh<'a> {
     pub(super) fn new(
         target: &Target<'a>,
+        motion: Option<&'a Motion>,
         counts: &'a mut Counts,
         sink: &'a mut dyn FnMut(Corners, bool),
     ) -> Self {
@@ -67,6 +72,8 @@ impl<'a> Mesh<'a> {
             sink,
             calls: 0,
             points: Points::None,
+            motion,
+            triangulator: Triangulator::default(),
             early: None,
             is_grid: false,
             is_told_single: false,
@@ -133,7 +140,8 @@ impl<'a> Mesh<'a> {
         }
     }
 
-    /// A face of any number of corners: the fan about its first corner. Triangles that name a vertex twice are left out.
+    /// A face of any number of corners, cut as the builder cuts it: which triangles stand for a polygon is not for readers to
+    /// find. Triangles that name a vertex twice are left out.
     pub(super) fn face(&mut self, corners: &[u32]) -> Result<()> {
         if !self.is_known() {
             let early = match &mut self.early {
@@ -143,9 +151,29 @@ impl<'a> Mesh<'a> {
             early.extend_from_slice(&[corners.len() as u32])?;
             return Ok(early.extend_from_slice(corners)?);
         }
-        self.counts.polygons_triangulated += u64::from(corners.len() > 3);
-        self.counts.degenerate_faces += u64::from(corners.len() < 3);
-        corners.windows(2).skip(1).try_for_each(|edge| self.triangle([corners[0], edge[0], edge[1]]))
+        match *corners {
+            [a, b, c] => self.triangle([a, b, c]),
+            [_, _, _, _, ..] => self.polygon(corners),
+            _ => {
+                self.counts.degenerate_faces += 1;
+                Ok(())
+            }
+        }
+    }
+
+    fn polygon(&mut self, corners: &[u32]) -> Result<()> {
+        self.heed()?;
+        let (mut places, mut triangles) = (Vec::new(), Vec::new());
+        if corners.len() <= Triangulator::EARS {
+            for corner in corners {
+                let place = self.point(*corner)?.unwrap_or_default();
+                // Scans are cut where they lie in the model.
+                places.push(self.motion.map_or(place, |motion| motion.of(place)));
+            }
+        }
+        self.counts.polygons_triangulated += 1;
+        self.counts.degenerate_faces += self.triangulator.cut(corners, &places, &mut triangles);
+        triangles.into_iter().try_for_each(|corners| self.triangle(corners))
     }
 
     fn is_known(&self) -> bool {

@@ -8,7 +8,8 @@
 //! instead ([`copies`]).
 //!
 //! The source is read by readers of this module's own, which have no line in common with those that files are built by: what
-//! those lose is missed here. They are plain and take any damage for an error.
+//! those lose is missed here. They are plain and take any damage for an error. Only what triangles a polygon stands for is
+//! decided by the same code, since there are many right ways to cut it.
 
 mod conf;
 mod copies;
@@ -335,10 +336,10 @@ fn each_triangle(
             Ok(())
         }
         (Format::RangeScans, Some(_)) => bail!("'{}' is a list of scans within another", path.display()),
-        (Format::Ply, _) => ply::read(stream, &mut Mesh::new(target, counts, &mut sink)),
-        (Format::Obj, _) => obj::read(stream, &mut Mesh::new(target, counts, &mut sink)),
-        (Format::StlBinary, _) => stl::read_binary(stream, &mut Mesh::new(target, counts, &mut sink)),
-        (Format::StlAscii, _) => stl::read_ascii(stream, &mut Mesh::new(target, counts, &mut sink)),
+        (Format::Ply, _) => ply::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
+        (Format::Obj, _) => obj::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
+        (Format::StlBinary, _) => stl::read_binary(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
+        (Format::StlAscii, _) => stl::read_ascii(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
     }
 }
 

@@ -3,6 +3,7 @@
 use super::mesh::{Corners, Mesh};
 use super::stream::{Stream, real, words};
 use anyhow::{Result, bail, ensure};
+use chpm_mesh::Triangulator;
 
 /// Reads binary facets: a header of 80 bytes, a count, and records of 50 bytes.
 pub(super) fn read_binary(mut stream: Stream, mesh: &mut Mesh<'_>) -> Result<()> {
@@ -71,7 +72,7 @@ pub(super) fn read_ascii(mut stream: Stream, mesh: &mut Mesh<'_>) -> Result<()> 
     Ok(())
 }
 
-/// A facet of any number of corners: the fan about its first.
+/// A facet of any number of corners.
 fn polygon(corners: &[[f64; 3]], stream: &Stream, mesh: &mut Mesh<'_>) -> Result<()> {
     if !corners.as_flattened().iter().all(|x| x.is_finite()) {
         ensure!(mesh.drops, stream.wrong("a coordinate that is not finite"));
@@ -80,7 +81,13 @@ fn polygon(corners: &[[f64; 3]], stream: &Stream, mesh: &mut Mesh<'_>) -> Result
     }
     mesh.counts.degenerate_faces += u64::from(corners.len() < 3);
     mesh.counts.polygons_triangulated += u64::from(corners.len() > 3);
-    corners.windows(2).skip(1).try_for_each(|edge| facet([corners[0], edge[0], edge[1]], stream, mesh))
+    if let &[a, b, c] = corners {
+        return facet([a, b, c], stream, mesh);
+    }
+    let numbers: Vec<u32> = (0..corners.len() as u32).collect();
+    let mut triangles = Vec::new();
+    mesh.counts.degenerate_faces += Triangulator::default().cut(&numbers, corners, &mut triangles);
+    triangles.into_iter().try_for_each(|t| facet(t.map(|corner| corners[corner as usize]), stream, mesh))
 }
 
 fn facet(corners: Corners, stream: &Stream, mesh: &mut Mesh<'_>) -> Result<()> {

@@ -4,6 +4,7 @@ use super::harness::{Folder, triangles};
 use chpm_mesh::TriMesh;
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use nalgebra::Vector3;
 use std::io::Write;
 use std::process::Stdio;
 
@@ -188,6 +189,130 @@ fn obj_keeps_its_triangles() {
     folder.write("bad.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n");
     let error = folder.stderr("build bad.obj -q", 2);
     assert!(error.contains("bad.obj") && error.contains("line 4") && error.contains("index 4"), "{error}");
+}
+
+/// Walls about an L, with its floor and its lid as one polygon each: of 12 sides, some of which lie in one line.
+fn bracket() -> (Vec<[f64; 3]>, Vec<Vec<usize>>) {
+    let outline =
+        [[0, 0], [1, 0], [2, 0], [4, 0], [4, 1], [3, 1], [1, 1], [1, 2], [1, 4], [0, 4], [0, 2], [0, 1]];
+    let n = outline.len();
+    let points = (0..2).flat_map(|z| outline.map(|[x, y]| [x, y, z].map(f64::from))).collect();
+    let walls = (0..n).map(|i| vec![i, (i + 1) % n, n + (i + 1) % n, n + i]);
+    let faces = walls.chain([(0..n).rev().collect(), (n..2 * n).collect()]).collect();
+    (points, faces)
+}
+
+/// Its polygons are tiled, so that the surface is as large as it should be, without a hole and without a fold: the volume is
+/// right and each edge has two triangles.
+#[test]
+fn concave_polygons_are_tiled_in_every_format() {
+    let folder = Folder::new();
+    let (points, faces) = bracket();
+    let vertices: String = points.iter().map(|[x, y, z]| format!("{x} {y} {z}\n")).collect();
+    let lists: String = faces
+        .iter()
+        .map(|face| face.iter().fold(face.len().to_string(), |text, v| text + &format!(" {v}")) + "\n")
+        .collect();
+    let ply = |first_faces: bool| {
+        let of_vertices = format!(
+            "element vertex {}\nproperty float x\nproperty float y\nproperty float z\n",
+            points.len()
+        );
+        let of_faces = format!("element face {}\nproperty list uchar int vertex_indices\n", faces.len());
+        let (head, body) = match first_faces {
+            true => (of_faces + &of_vertices, lists.clone() + &vertices),
+            false => (of_vertices + &of_faces, vertices.clone() + &lists),
+        };
+        format!("ply\nformat ascii 1.0\n{head}end_header\n{body}")
+    };
+    folder.write("bracket.ply", ply(false));
+    folder.write("early.ply", ply(true));
+    let line =
+        |face: &Vec<usize>| face.iter().fold("f".to_owned(), |text, v| text + &format!(" {}", v + 1)) + "\n";
+    let of_points = |(prefix, points): (&str, &[[f64; 3]])| -> String {
+        points.iter().map(|[x, y, z]| format!("{prefix} {x} {y} {z}\n")).collect()
+    };
+    folder.write("bracket.obj", of_points(("v", &points)) + &faces.iter().map(line).collect::<String>());
+    let facet = |face: &Vec<usize>| {
+        let corners: Vec<[f64; 3]> = face.iter().map(|v| points[*v]).collect();
+        format!("facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n", of_points(("vertex", &corners)))
+    };
+    folder.write("bracket.stl", format!("solid\n{}endsolid\n", faces.iter().map(facet).collect::<String>()));
+    folder.write("list.conf", "bmesh bracket.ply 1 2 3 0.5 0.5 0.5 0.5\n");
+    let triangle_count: usize = faces.iter().map(|face| face.len() - 2).sum();
+    for name in ["bracket.ply", "early.ply", "bracket.obj", "bracket.stl", "list.conf"] {
+        let mesh = through(&folder, name);
+        assert_eq!(mesh.triangles.len(), triangle_count, "{name}");
+        let (mut volume, mut area, mut sides) = (0.0, 0.0, Vec::new());
+        for t in &mesh.triangles {
+            let [a, b, c] = mesh.corners(*t).map(|p| Vector3::from(p.map(f64::from)));
+            let cross = (b - a).cross(&(c - a));
+            (volume, area) = (volume + a.dot(&cross) / 6.0, area + 0.5 * cross.norm());
+            let key = |p: Vector3<f64>| <[u64; 3]>::from(p.map(|x| (x + 0.0).to_bits()));
+            sides.extend([[a, b], [b, c], [c, a]].map(|side| side.map(key)));
+        }
+        assert!((volume - 7.0).abs() < 1e-4, "{name}: {volume}");
+        assert!((area - 30.0).abs() < 1e-4, "{name}: {area}");
+        sides.sort_unstable();
+        assert!(sides.iter().all(|[a, b]| sides.binary_search(&[*b, *a]).is_ok()), "{name}");
+    }
+}
+
+#[test]
+fn normals_of_an_obj_are_carried_if_each_vertex_has_one() {
+    let (folder, mesh) = ball();
+    let normals: String = mesh.positions.iter().rev().map(|[x, y, z]| format!("vn {x} {y} {z}\n")).collect();
+    let vertices: String = mesh.positions.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    let count = mesh.positions.len();
+    // The last normal is the first vertex's. Every other corner counts from the end.
+    let corner = |v: &u32| match v % 2 {
+        0 => format!(" {}//{}", v + 1, count - *v as usize),
+        _ => format!(" {}//-{}", v + 1, v + 1),
+    };
+    let faces: Vec<String> = mesh
+        .triangles
+        .iter()
+        .map(|t| "f".to_owned() + &t.iter().map(corner).collect::<String>() + "\n")
+        .collect();
+    let unused = "v 9 9 9\n";
+    let whole = format!("{vertices}{unused}{normals}{}", faces.concat());
+    // The same value under another number is the same normal.
+    let [x, y, z] = mesh.positions[mesh.triangles[0][0] as usize];
+    let [a, b, c] = mesh.triangles[0].map(|v| v + 1);
+    let again = format!(
+        "{whole}vn {x} {y} {z}\nf {a}//-1 {c}//{} {b}//{}\n",
+        count + 1 - c as usize,
+        count + 1 - b as usize
+    );
+    let several = format!(
+        "{whole}vn 1 1 1\nf {a}//-1 {c}//{} {b}//{}\n",
+        count + 1 - c as usize,
+        count + 1 - b as usize
+    );
+    let bare = format!("{whole}f {a} {c} {b}\n");
+    for (name, text, told) in [
+        ("whole.obj", &whole, None),
+        ("again.obj", &again, None),
+        ("several.obj", &several, Some("since there is more than one at 1 vertex")),
+        ("bare.obj", &bare, Some("since some corners of faces name none")),
+    ] {
+        folder.write(name, text);
+        for memory in ["128M", "1G"] {
+            let built = folder
+                .chpm(&format!("build {name} -o out.chpm -f --cluster-triangles 512 --memory {memory}"));
+            let output = built.success();
+            let warned = super::harness::text(&output.get_output().stderr);
+            assert!(told.is_none_or(|told| warned.contains(told)), "{name}: {warned}");
+            folder.stdout("extract out.chpm --level 0 -o out.ply -q -f");
+            let read = folder.read_mesh("out.ply");
+            assert_eq!(read.normals.is_empty(), told.is_some(), "{name}: {warned}");
+            // The ball has its places as its normals.
+            read.positions.iter().zip(&read.normals).for_each(|(p, n)| assert_eq!(p, n, "{name}"));
+        }
+    }
+    folder.stdout(&format!("build whole.obj -o out.chpm {BUILD} --no-normals"));
+    folder.stdout("extract out.chpm --level 0 -o out.ply -q -f");
+    assert!(folder.read_mesh("out.ply").normals.is_empty());
 }
 
 /// Coordinates that single precision cannot hold: what they lose is part of every error, from the leaves up.

@@ -1,5 +1,6 @@
 //! A source of any format, as one stream of batches.
 
+use super::normals::CornerNormals;
 use super::scans::ScanSet;
 use super::steps::Steps;
 use super::stream::{self, Packing, Stream, Tap};
@@ -28,6 +29,8 @@ pub struct Input {
     format: Format,
     /// Of a range grid.
     steps: Option<Steps>,
+    /// Of a format that gives them to corners, if they are asked for.
+    normals: Option<CornerNormals>,
     cancel: Cancel,
     _window: Reservation,
 }
@@ -41,7 +44,6 @@ enum Body {
 }
 
 /// What is known of a source when all of it was read.
-#[derive(Clone, Debug)]
 pub struct Read {
     /// Name, length, hash, encoding and counts. The hash of a list of scans is that of the list's bytes and, in its order, of
     /// each scan's own hash; its length is that of all files.
@@ -52,6 +54,8 @@ pub struct Read {
     pub warnings: Vec<String>,
     /// The scans of a list: each with the number of its first vertex.
     pub(super) scans: Vec<(u64, PathBuf)>,
+    /// Normals of corners, if the format has such and they were asked for.
+    pub(super) normals: Option<CornerNormals>,
 }
 
 impl Input {
@@ -130,8 +134,10 @@ impl Input {
         };
         let has_grid = matches!(&body, Body::Ply(reader) if reader.has_grid());
         let steps = has_grid.then(|| Steps::new(store)).transpose()?;
+        let has_corners = options.normals && format == Format::Obj;
+        let normals = has_corners.then(|| CornerNormals::new(store)).transpose()?;
         let (path, packing, cancel) = (path.to_owned(), opened.packing, cancel.clone());
-        Ok(Input { path, body, tap, packing, format, steps, cancel, _window: window })
+        Ok(Input { path, body, tap, packing, format, steps, normals, cancel, _window: window })
     }
 
     /// What the delivered vertices are made of.
@@ -184,6 +190,9 @@ impl Input {
             Body::StlText(welder) => welder.next_batch(batch).map_err(weld)?,
             Body::Scans(scans) => scans.next_batch(batch)?,
         };
+        if let Some(normals) = &mut self.normals {
+            normals.take(batch)?;
+        }
         if let Some(mut steps) = self.steps.take() {
             steps.vertices(batch)?;
             self.steps = Some(if kind == BatchKind::Triangles { steps.triangles(batch)? } else { steps });
@@ -196,7 +205,7 @@ impl Input {
     /// # Errors
     /// [`BuildError::Source`].
     pub fn finish(self) -> Result<Read, BuildError> {
-        let Input { path, body, tap, packing, format, steps, cancel, .. } = self;
+        let Input { path, body, tap, packing, format, steps, normals, cancel, .. } = self;
         let encoding = match &body {
             Body::Ply(reader) => reader.header().format.to_string(),
             _ => format.to_string(),
@@ -234,7 +243,7 @@ impl Input {
             (provenance.byte_len, provenance.hash) = (len + scans_len, combine(hash, &hashes));
             firsts = scans;
         }
-        Ok(Read { provenance, tally, warnings, scans: firsts })
+        Ok(Read { provenance, tally, warnings, scans: firsts, normals })
     }
 }
 

@@ -3,6 +3,8 @@
 
 pub mod input;
 mod local;
+mod normals;
+mod polygons;
 mod scans;
 mod sorter;
 mod steps;
@@ -24,6 +26,7 @@ use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
 use chpm_mesh::{Aabb, Attributes};
 use input::Input;
 use local::Local;
+use polygons::Faces;
 use serde::{Deserialize, Serialize};
 use std::panic::resume_unwind;
 use std::sync::mpsc;
@@ -135,30 +138,50 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         normals: BufferWriter::new(store, NORMALS, if format.attributes.normals { vertices } else { 0 })?,
         colors: BufferWriter::new(store, COLORS, if format.attributes.colors { vertices } else { 0 })?,
         triangles: BufferWriter::new(store, TRIANGLES, faces)?,
+        polygons: Faces::new(store)?,
         bounds: Aabb::EMPTY,
         used: Used::new(store)?,
         far: BufferWriter::new(store, "vertices far from zero", 0)?,
     };
     arrays.fill(&mut input, context)?;
-    let Arrays { singles, doubles, normals, colors, triangles, bounds, mut used, far } = arrays;
+    let Arrays { singles, doubles, normals, colors, mut triangles, polygons, bounds, mut used, far } = arrays;
 
-    let read = input.finish()?;
+    let mut read = input.finish()?;
+    let (vertices, singles, doubles) =
+        (singles.len() + doubles.len(), singles.finish_column()?, doubles.finish_column()?);
+    let mut take = |more: &[[u32; 3]]| {
+        used.add(more, vertices)?;
+        Ok(triangles.extend_from_slice(more)?)
+    };
+    read.tally.degenerate_faces += match is_double {
+        true => polygons.cut(&doubles, context, &mut take)?,
+        false => polygons.cut(&singles, context, &mut take)?,
+    };
     if triangles.is_empty() {
         return Err(BuildError::Empty { path: supply.path.clone(), faces: read.provenance.face_count });
     }
     let triangles = triangles.finish_column()?;
-    used.complete(&triangles, singles.len() + doubles.len(), context)?;
+    used.complete(&triangles, vertices, context)?;
     refuse_far(&far.finish_column()?, &used, supply, &read, context)?;
-    let input::Read { provenance, tally, mut warnings, .. } = read;
+    let input::Read { provenance, tally, mut warnings, normals: normals_of_corners, .. } = read;
     let Local { positions, bounds, origin, rounding, warning } = if is_double {
-        local::doubles(doubles.finish_column()?, format.coordinates, &used, context)?
+        local::doubles(doubles, format.coordinates, &used, context)?
     } else {
-        local::singles(singles.finish_column()?, bounds, &used, context)?
+        local::singles(singles, bounds, &used, context)?
     };
     warnings.extend(warning);
+    let (corner_normals, warning) = match normals_of_corners {
+        Some(normals) => normals.join(vertices, context)?,
+        None => (None, None),
+    };
+    warnings.extend(warning);
+    let normals = match format.attributes.normals {
+        true => Some(normals.finish_column()?),
+        false => corner_normals,
+    };
     Ok(Source {
         positions,
-        normals: format.attributes.normals.then(|| normals.finish_column()).transpose()?,
+        normals,
         colors: format.attributes.colors.then(|| colors.finish_column()).transpose()?,
         triangles,
         origin,
@@ -177,6 +200,7 @@ struct Arrays {
     normals: BufferWriter<[f32; 3]>,
     colors: BufferWriter<[u8; 4]>,
     triangles: BufferWriter<[u32; 3]>,
+    polygons: Faces,
     /// Of all singles.
     bounds: Aabb,
     used: Used,
@@ -239,6 +263,7 @@ impl Arrays {
         self.doubles.extend_from_slice(&batch.positions_f64)?;
         self.normals.extend_from_slice(&batch.normals)?;
         self.colors.extend_from_slice(&batch.colors)?;
+        self.polygons.add(&batch.polygons)?;
         Ok(self.triangles.extend_from_slice(&batch.triangles)?)
     }
 }

@@ -21,10 +21,10 @@ pub(super) struct ScanSet {
     /// The scan that is being read, and which one it is.
     current: Option<Input>,
     at: usize,
-    /// Vertices and triangles of the scans before.
+    /// Vertices and faces of the scans before.
     base: u64,
     vertices: u64,
-    triangles: u64,
+    faces: u64,
     read: ScansRead,
 }
 
@@ -85,7 +85,7 @@ impl ScanSet {
             at: 0,
             base: 0,
             vertices: 0,
-            triangles: 0,
+            faces: 0,
             read,
         })
     }
@@ -136,15 +136,17 @@ impl ScanSet {
             BatchKind::Triangles => {
                 // A face may come before the vertices that it names: that all of them come is checked at the scan's end.
                 let beyond = |v: u32| u64::from(v) + self.base >= MAX_VERTICES;
-                if let Some(v) = batch.triangles.as_flattened().iter().copied().find(|v| beyond(*v)) {
+                let corners = batch.triangles.as_flattened().iter().chain(batch.polygons.iter().flatten());
+                if let Some(v) = corners.copied().find(|v| beyond(*v)) {
                     let count = u64::from(v) + self.base;
                     let source = PlyError::TooManyVertices { count, limit: MAX_VERTICES };
                     return Err(BuildError::Ply { path: path.clone(), source });
                 }
                 let base = self.base as u32;
                 batch.triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(|v| v + base));
-                batch.first = self.triangles;
-                self.triangles += batch.triangles.len() as u64;
+                batch.polygons.corners_mut().for_each(|corner| *corner += base);
+                batch.first = self.faces;
+                self.faces += (batch.triangles.len() + batch.polygons.iter().count()) as u64;
                 Ok(BatchKind::Triangles)
             }
             BatchKind::End => {

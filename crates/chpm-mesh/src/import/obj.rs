@@ -4,7 +4,7 @@ use super::error::ImportError;
 use super::lines::{Lines, WINDOW, number, words};
 use crate::ply::{
     Batch, BatchKind, Coordinates, Invalid, MAX_VERTICES, Options, Place, Tally, VertexFormat, VertexSet,
-    excerpt,
+    Warning, excerpt,
 };
 use crate::{Attributes, FAR};
 use std::io::Read;
@@ -12,9 +12,9 @@ use std::io::Read;
 /// Reads an OBJ once, front to back.
 ///
 /// Coordinates are text without a type and delivered as `f64`. Corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn`, count from 1 or
-/// from the last vertex backwards (-1), and may name vertices that come later; a polygon becomes the fan about its first corner.
+/// from the last vertex backwards (-1), and may name vertices that come later.
 /// A vertex has a colour if three more numbers follow its position, from 0 to 1, or from 0 to 255 where one of them exceeds 1;
-/// the first vertex decides for all. Normals and texture coordinates belong to corners, not to vertices, and are left out.
+/// the first vertex decides for all. Normals belong to corners and are handed over as such; texture coordinates are left out.
 pub struct ObjReader<R: Read> {
     lines: Lines<R>,
     invalid_data: Invalid,
@@ -23,13 +23,19 @@ pub struct ObjReader<R: Read> {
     /// Vertices and triangles that are read and not handed over yet.
     pending: Batch,
     colored: bool,
+    /// Whether normals are asked for.
+    wants_normals: bool,
+    /// Whether a corner without a normal was told.
+    has_bare_corner: bool,
     vertices: u64,
+    normals: u64,
     faces: u64,
     delivered: [u64; 2],
     /// The greatest index that was beyond the vertices when it was read.
     highest: Option<(i64, Place)>,
     invalid: VertexSet,
     corners: Vec<u32>,
+    corner_normals: Vec<[u32; 2]>,
     tally: Tally,
     left_out: LeftOut,
     state: State,
@@ -46,7 +52,6 @@ enum State {
 #[derive(Default)]
 struct LeftOut {
     texture: u64,
-    normals: u64,
     materials: u64,
     lines_and_points: u64,
     vertex_numbers: u64,
@@ -68,17 +73,21 @@ impl<R: Read> ObjReader<R> {
             joined: Vec::new(),
             pending: Batch::default(),
             colored: options.colors,
+            wants_normals: options.normals,
+            has_bare_corner: false,
             vertices: 0,
+            normals: 0,
             faces: 0,
             delivered: [0; 2],
             highest: None,
             invalid: VertexSet::default(),
             corners: Vec::new(),
+            corner_normals: Vec::new(),
             tally: Tally::default(),
             left_out: LeftOut::default(),
             state: State::Open,
         };
-        while obj.vertices == 0 && obj.state == State::Open && obj.pending.triangles.len() < Batch::FULL {
+        while obj.vertices == 0 && obj.state == State::Open && !obj.pending.is_full_of_faces() {
             obj.line()?;
         }
         obj.colored &= !obj.pending.colors.is_empty();
@@ -108,12 +117,13 @@ impl<R: Read> ObjReader<R> {
 
     /// What is left out; complete when the stream has ended.
     pub fn warnings(&self) -> Vec<String> {
-        let LeftOut { texture, normals, materials, lines_and_points, .. } = self.left_out;
+        let LeftOut { texture, materials, lines_and_points, .. } = self.left_out;
         let LeftOut { vertex_numbers, late_colors, statements, ref names, .. } = self.left_out;
         let mut warnings = Vec::new();
         let mut warn = |count: u64, text: String| warnings.extend((count > 0).then_some(text));
         warn(texture, format!("dropped {texture} texture coordinates"));
-        warn(normals, format!("dropped {normals} normals of corners"));
+        let count = self.tally.zeroed_normals;
+        warn(count, Warning::NormalsZeroed { count }.to_string());
         warn(materials, format!("dropped {materials} references to materials"));
         warn(lines_and_points, format!("skipped {lines_and_points} lines and points"));
         warn(vertex_numbers, format!("ignored further numbers of {vertex_numbers} vertices"));
@@ -122,7 +132,8 @@ impl<R: Read> ObjReader<R> {
         warnings
     }
 
-    /// Refills `batch`, as [`PlyReader::next_batch`](crate::PlyReader::next_batch) does; vertices and triangles come in any order.
+    /// Refills `batch`, as [`PlyReader::next_batch`](crate::PlyReader::next_batch) does; vertices and faces come in any order,
+    /// and a batch of vertices may hold none, but normals of corners.
     ///
     /// # Errors
     /// Where and why the input cannot be read. That a corner is beyond the last vertex is known at the end only.
@@ -139,14 +150,15 @@ impl<R: Read> ObjReader<R> {
     }
 
     fn fill(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
-        let is_full = |pending: &Batch| {
-            pending.positions_f64.len() >= Batch::FULL || pending.triangles.len() >= Batch::FULL
-        };
+        let is_full =
+            |pending: &Batch| pending.positions_f64.len() >= Batch::FULL || pending.is_full_of_faces();
         while self.state == State::Open && !is_full(&self.pending) {
             self.line()?;
         }
-        let (vertices, triangles) = (self.pending.positions_f64.len(), self.pending.triangles.len());
-        if vertices > 0 && vertices >= triangles {
+        std::mem::swap(&mut batch.listed_normals, &mut self.pending.listed_normals);
+        std::mem::swap(&mut batch.corner_normals, &mut self.pending.corner_normals);
+        let vertices = self.pending.positions_f64.len();
+        if vertices > 0 && (vertices >= Batch::FULL || !self.pending.is_full_of_faces()) {
             std::mem::swap(&mut batch.positions_f64, &mut self.pending.positions_f64);
             std::mem::swap(&mut batch.invalid_vertices, &mut self.pending.invalid_vertices);
             std::mem::swap(&mut batch.colors, &mut self.pending.colors);
@@ -154,11 +166,14 @@ impl<R: Read> ObjReader<R> {
             batch.first = self.delivered[0];
             self.delivered[0] += vertices as u64;
             Ok(BatchKind::Vertices)
-        } else if triangles > 0 {
+        } else if self.pending.has_faces() {
             std::mem::swap(&mut batch.triangles, &mut self.pending.triangles);
+            std::mem::swap(&mut batch.polygons, &mut self.pending.polygons);
             batch.first = self.delivered[1];
-            self.delivered[1] += triangles as u64;
+            self.delivered[1] += (batch.triangles.len() + batch.polygons.iter().count()) as u64;
             Ok(BatchKind::Triangles)
+        } else if !batch.listed_normals.is_empty() {
+            Ok(BatchKind::Vertices)
         } else {
             Ok(BatchKind::End)
         }
@@ -242,11 +257,26 @@ impl<R: Read> ObjReader<R> {
                 }
                 self.vertices += 1;
             }
+            Some(b"vn") if self.wants_normals => {
+                let mut normal = [0.0f32; 3];
+                let are_numbers = normal.iter_mut().all(|x| {
+                    number(words.next()).is_ok_and(|value: f64| {
+                        *x = value as f32;
+                        x.is_finite()
+                    })
+                });
+                if !are_numbers {
+                    normal = [0.0; 3];
+                    self.tally.zeroed_normals += 1;
+                }
+                self.pending.listed_normals.push(normal);
+                self.normals += 1;
+            }
             Some(b"f") => {
                 self.corners.clear();
-                let (mut valid, mut count) = (true, 0);
+                self.corner_normals.clear();
+                let mut valid = true;
                 for word in words {
-                    count += 1;
                     let place = || self.lines.place("face", self.faces);
                     let digits = word.split(|byte| *byte == b'/').next();
                     let index: i64 = number(digits).map_err(|got| ImportError::Text {
@@ -269,6 +299,10 @@ impl<R: Read> ObjReader<R> {
                                 self.highest = Some((index, place()));
                             }
                             self.corners.push(vertex as u32);
+                            if self.wants_normals {
+                                let normal = normal(word, self.normals);
+                                self.corner_normals.push([vertex as u32, normal.unwrap_or(u32::MAX)]);
+                            }
                         }
                         None => {
                             let vertices = self.vertices;
@@ -280,20 +314,19 @@ impl<R: Read> ObjReader<R> {
                 if !valid {
                     self.tally.dropped_faces += 1;
                 } else {
-                    self.tally.polygons_triangulated += u64::from(count > 3);
-                    self.tally.degenerate_faces += u64::from(count < 3);
-                    for edge in self.corners.windows(2).skip(1) {
-                        let [a, b, c] = [self.corners[0], edge[0], edge[1]];
-                        if a == b || b == c || c == a {
-                            self.tally.degenerate_faces += 1;
-                        } else {
-                            self.pending.triangles.push([a, b, c]);
+                    let is_delivered = self.pending.push_face(&self.corners, &mut self.tally);
+                    for corner in self.corner_normals.iter().filter(|_| is_delivered) {
+                        // Most files have no normals at all: once is enough to tell this.
+                        let is_bare = corner[1] == u32::MAX;
+                        if !is_bare || !self.has_bare_corner {
+                            self.pending.corner_normals.push(*corner);
                         }
+                        self.has_bare_corner |= is_bare;
                     }
                 }
             }
             Some(b"vt") => left_out.texture += 1,
-            Some(b"vn") => left_out.normals += 1,
+            Some(b"vn") => {}
             Some(b"mtllib" | b"usemtl" | b"usemap" | b"maplib") => left_out.materials += 1,
             Some(b"l" | b"p") => left_out.lines_and_points += 1,
             Some(b"g" | b"o" | b"s" | b"mg") => {}
@@ -318,6 +351,13 @@ impl<R: Read> ObjReader<R> {
             _ => Ok(()),
         }
     }
+}
+
+/// The normal that a corner names, counted from zero, if it names one. `read` are those before it.
+fn normal(corner: &[u8], read: u64) -> Option<u32> {
+    let index: i64 = number(Some(corner.split(|byte| *byte == b'/').nth(2)?)).ok()?;
+    let normal = if index < 0 { read.checked_add_signed(index) } else { (index as u64).checked_sub(1) };
+    u32::try_from(normal?).ok()
 }
 
 /// Eight bits a channel, opaque.

@@ -3,8 +3,8 @@
 use super::error::ImportError;
 use super::format::Format;
 use super::lines::{Lines, number, words};
-use crate::FAR;
 use crate::ply::{Invalid, Place, Tally};
+use crate::{FAR, Triangulator};
 use std::io::{self, Read};
 
 /// Positions of a facet's corners, in order.
@@ -243,9 +243,15 @@ impl<R: Read> StlReader<R> {
                             None => {
                                 self.tally.degenerate_faces += u64::from(corners.len() < 3);
                                 self.tally.polygons_triangulated += u64::from(corners.len() > 3);
-                                let fan =
-                                    corners.windows(2).skip(1).map(|edge| [corners[0], edge[0], edge[1]]);
-                                batch.extend(fan);
+                                if let [a, b, c] = corners[..] {
+                                    batch.push([a, b, c]);
+                                } else {
+                                    let numbers: Vec<u32> = (0..corners.len() as u32).collect();
+                                    let mut triangles = Vec::new();
+                                    self.tally.degenerate_faces +=
+                                        Triangulator::default().cut(&numbers, corners, &mut triangles);
+                                    batch.extend(triangles.iter().map(|t| t.map(|i| corners[i as usize])));
+                                }
                             }
                         }
                         self.facets += 1;

@@ -1,6 +1,7 @@
 //! What the reader is asked for, and what it hands over.
 
 use super::error::Place;
+use crate::Polygons;
 
 /// What to do about data that is invalid.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -39,16 +40,16 @@ impl Default for Options {
 pub enum BatchKind {
     /// At least one vertex.
     Vertices,
-    /// At least one triangle.
+    /// At least one triangle or polygon.
     Triangles,
     /// Nothing: the stream is over.
     End,
 }
 
-/// Some vertices or some triangles; refilled by every call, so that its memory is used again.
+/// Some vertices or some faces; refilled by every call, so that its memory is used again.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Batch {
-    /// Index of the first vertex, or the number of triangles delivered before.
+    /// Index of the first vertex, or the number of faces delivered before.
     pub first: u64,
     /// Positions if the file's coordinates fit single precision, else empty.
     pub positions: Vec<[f32; 3]>,
@@ -62,12 +63,21 @@ pub struct Batch {
     pub invalid_vertices: Vec<u64>,
     /// Vertices of this batch with a coordinate beyond [`FAR`](crate::FAR): where each is, ascending.
     pub far: Vec<Place>,
+    /// Normals that corners of faces name, numbered through the whole file; zero where not finite. For formats that give them to
+    /// corners and not to vertices.
+    pub listed_normals: Vec<[f32; 3]>,
+    /// For each corner of a face its vertex and the number of its normal, which may
+    /// come later; [`u32::MAX`] if it has none. Empty if there are no normals or none are asked for.
+    pub corner_normals: Vec<[u32; 2]>,
     /// Triangles: three different vertices each, all in range.
     pub triangles: Vec<[u32; 3]>,
+    /// Faces of more than three corners, all in range: which triangles they are is known when all vertices are. They come
+    /// after the triangles of the whole file; see [`Triangulator`](crate::Triangulator).
+    pub polygons: Polygons,
 }
 
 impl Batch {
-    /// Vertices or triangles after which a batch is handed over; only a polygon can take it beyond.
+    /// Vertices, triangles or corners of polygons after which a batch is handed over; only a polygon can take it beyond.
     pub(crate) const FULL: usize = 1 << 14;
 
     pub(crate) fn clear(&mut self) {
@@ -77,7 +87,36 @@ impl Batch {
         self.colors.clear();
         self.invalid_vertices.clear();
         self.far.clear();
+        self.listed_normals.clear();
+        self.corner_normals.clear();
         self.triangles.clear();
+        self.polygons.clear();
+    }
+
+    /// Whether there are as many faces as a batch should have.
+    pub(crate) fn is_full_of_faces(&self) -> bool {
+        self.triangles.len() >= Batch::FULL || self.polygons.as_words().len() >= 4 * Batch::FULL
+    }
+
+    /// Whether there is any face.
+    pub(crate) fn has_faces(&self) -> bool {
+        !self.triangles.is_empty() || !self.polygons.is_empty()
+    }
+
+    /// A face: a polygon, a triangle, or one that counts as degenerate. Returns whether it is delivered.
+    pub(crate) fn push_face(&mut self, corners: &[u32], tally: &mut Tally) -> bool {
+        match *corners {
+            [a, b, c] if a != b && b != c && c != a => self.triangles.push([a, b, c]),
+            [_, _, _, _, ..] => {
+                tally.polygons_triangulated += 1;
+                self.polygons.push(corners);
+            }
+            _ => {
+                tally.degenerate_faces += 1;
+                return false;
+            }
+        }
+        true
     }
 
     pub(super) fn vertex_count(&self) -> usize {
@@ -96,9 +135,10 @@ pub struct Tally {
     pub missing_vertices: u64,
     /// Faces and strip lists that the header declares and the file has not, or not whole.
     pub missing_faces: u64,
-    /// Faces of fewer than three corners, and triangles (of faces, fans or strips) with two equal corners. Never delivered.
+    /// Faces of fewer than three corners, and triangles with two equal corners. Never delivered. Those that polygons would have
+    /// are counted by who cuts them.
     pub degenerate_faces: u64,
-    /// Faces of more than three corners that were cut into a fan.
+    /// Faces of more than three corners.
     pub polygons_triangulated: u64,
     /// Triangle strips of at least three corners.
     pub strips: u64,

@@ -1,4 +1,4 @@
-//! Faces and strips: corners checked, polygons cut into fans, strips into triangles.
+//! Faces and strips: corners checked, strips cut into triangles.
 
 use super::{
     MAX_CORNERS,
@@ -32,16 +32,15 @@ impl<R: Read> Body<R> {
         plan: &ListPlan,
         batch: &mut Batch,
     ) -> Result<(), Fault> {
-        while self.index < element.count && batch.triangles.len() < Batch::FULL {
+        while self.index < element.count && !batch.is_full_of_faces() {
             match self.source.encoding {
                 Encoding::Ascii => {}
                 Encoding::BinaryLittleEndian => self.block::<false>(element, plan, batch)?,
                 Encoding::BinaryBigEndian => self.block::<true>(element, plan, batch)?,
             }
             // Whatever stopped the block is one face for the slow way, which says what is wrong with it.
-            if self.index < element.count && batch.triangles.len() < Batch::FULL {
-                let mark = batch.triangles.len();
-                self.face(element, plan, batch).inspect_err(|_| batch.triangles.truncate(mark))?;
+            if self.index < element.count && !batch.is_full_of_faces() {
+                self.face(element, plan, batch)?;
             }
         }
         Ok(())
@@ -80,7 +79,7 @@ impl<R: Read> Body<R> {
         Ok(())
     }
 
-    /// One face of any number of corners, as a fan about the first.
+    /// One face of any number of corners.
     fn face(&mut self, element: &Element, plan: &ListPlan, batch: &mut Batch) -> Result<(), Fault> {
         self.source.begin_element()?;
         self.source.skip_values(types(element, 0..plan.property))?;
@@ -88,29 +87,16 @@ impl<R: Read> Body<R> {
         if count > MAX_CORNERS {
             return Err(Fault::TooManyCorners(count));
         }
-        let mark = batch.triangles.len();
-        let (mut first, mut last, mut valid, mut degenerate) = (0, 0, true, u64::from(count < 3));
-        for at in 0..count {
-            let Some(corner) = self.corner(plan.item)? else {
-                valid = false;
-                continue;
-            };
-            match at {
-                0 => first = corner,
-                1 => {}
-                _ if first != last && last != corner && corner != first => {
-                    batch.triangles.push([first, last, corner]);
-                }
-                _ => degenerate += 1,
+        self.corners.clear();
+        for _ in 0..count {
+            if let Some(corner) = self.corner(plan.item)? {
+                self.corners.push(corner);
             }
-            last = corner;
         }
         self.source.skip_values(types(element, plan.property + 1..element.properties.len()))?;
-        if valid {
-            self.tally.polygons_triangulated += u64::from(count > 3);
-            self.tally.degenerate_faces += degenerate;
+        if self.corners.len() as u64 == count {
+            let _ = batch.push_face(&self.corners, &mut self.tally);
         } else {
-            batch.triangles.truncate(mark);
             self.tally.dropped_faces += 1;
         }
         self.index += 1;

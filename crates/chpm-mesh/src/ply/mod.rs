@@ -8,8 +8,8 @@
 //! - elements in any order, properties in any order and of any scalar type; other elements and properties are skipped, with
 //!   a [`Warning`];
 //! - `vertex`: `x y z`, and if asked for `nx ny nz`, and `red green blue [alpha]` or `diffuse_red ...`;
-//! - `face`: a list `vertex_indices` or `vertex_index`. A polygon becomes the fan about its first corner, which
-//!   is the right surface for convex polygons only;
+//! - `face`: a list `vertex_indices` or `vertex_index`. Faces of more than three corners come as
+//!   [`Polygons`](crate::Polygons);
 //! - `tristrips`: the same lists, as strips of alternating winding that -1 restarts;
 //! - `range_grid`, where an `obj_info num_cols` line gives the length of its rows: lists of one vertex or none. Neighbours become
 //!   triangles, also where the scanner's view jumps in depth: who wants a surface has to leave those out.

@@ -12,7 +12,7 @@ use super::{
     vertices::VertexSet,
     warning::Warning,
 };
-use crate::TriMesh;
+use crate::{TriMesh, Triangulator, polygon};
 use std::io::Read;
 
 /// Reads a PLY file once, front to back. See the [module](super) for what it understands.
@@ -23,7 +23,7 @@ pub struct PlyReader<R: Read> {
     /// Which element of the header is being read.
     element: usize,
     vertices: u64,
-    triangles: u64,
+    faces: u64,
     state: State,
 }
 
@@ -42,6 +42,8 @@ pub(super) struct Body<R> {
     /// How many of the current element were read whole.
     pub(super) index: u64,
     pub(super) strip: Strip,
+    /// Corners of one face.
+    pub(super) corners: Vec<u32>,
     pub(super) grid: Grid,
     /// Vertices that are not finite.
     pub(super) invalid: VertexSet,
@@ -63,11 +65,12 @@ impl<R: Read> PlyReader<R> {
             vertex_count: header.vertex_count,
             index: 0,
             strip: Strip::default(),
+            corners: Vec::new(),
             grid: Grid::default(),
             invalid: VertexSet::default(),
             tally: Tally::default(),
         };
-        Ok(PlyReader { header, schema, body, element: 0, vertices: 0, triangles: 0, state: State::Open })
+        Ok(PlyReader { header, schema, body, element: 0, vertices: 0, faces: 0, state: State::Open })
     }
 
     /// What the file says about itself.
@@ -100,7 +103,7 @@ impl<R: Read> PlyReader<R> {
         self.body.source.offset()
     }
 
-    /// Refills `batch` with what comes next in the file. A batch holds vertices or triangles and never both, some 16 thousand at
+    /// Refills `batch` with what comes next in the file. A batch holds vertices or faces and never both, some 16 thousand at
     /// most, or one polygon more.
     ///
     /// # Errors
@@ -146,9 +149,9 @@ impl<R: Read> PlyReader<R> {
                 self.vertices += batch.vertex_count() as u64;
                 return Ok(BatchKind::Vertices);
             }
-            if !batch.triangles.is_empty() {
-                batch.first = self.triangles;
-                self.triangles += batch.triangles.len() as u64;
+            if batch.has_faces() {
+                batch.first = self.faces;
+                self.faces += (batch.triangles.len() + batch.polygons.iter().count()) as u64;
                 return Ok(BatchKind::Triangles);
             }
         }
@@ -254,7 +257,7 @@ impl<R: Read> Body<R> {
 pub fn read_mesh<R: Read>(reader: R, options: Options) -> Result<(TriMesh, Tally, Vec<Warning>), PlyError> {
     let mut reader = PlyReader::new(reader, options)?;
     let mut mesh = TriMesh::default();
-    let mut batch = Batch::default();
+    let (mut batch, mut words) = (Batch::default(), Vec::new());
     while reader.next_batch(&mut batch)? != BatchKind::End {
         for (vertex, position) in (batch.first..).zip(&batch.positions_f64) {
             let beyond = position.iter().find(|x| !(**x as f32).is_finite());
@@ -268,6 +271,17 @@ pub fn read_mesh<R: Read>(reader: R, options: Options) -> Result<(TriMesh, Tally
         mesh.normals.append(&mut batch.normals);
         mesh.colors.append(&mut batch.colors);
         mesh.triangles.append(&mut batch.triangles);
+        words.extend_from_slice(batch.polygons.as_words());
     }
-    Ok((mesh, reader.tally(), reader.schema.warnings))
+    let mut tally = reader.tally();
+    let (mut triangulator, mut places) = (Triangulator::default(), Vec::new());
+    for corners in polygon::each(&words) {
+        places.clear();
+        places
+            .extend(corners.iter().filter_map(|v| mesh.positions.get(*v as usize)).map(|p| p.map(f64::from)));
+        if places.len() == corners.len() {
+            tally.degenerate_faces += triangulator.cut(corners, &places, &mut mesh.triangles);
+        }
+    }
+    Ok((mesh, tally, reader.schema.warnings))
 }

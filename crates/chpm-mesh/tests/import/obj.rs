@@ -9,6 +9,9 @@ pub(crate) struct Obj {
     pub(crate) positions: Vec<[f64; 3]>,
     pub(crate) colors: Vec<[u8; 4]>,
     pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) polygons: Vec<Vec<u32>>,
+    /// Values, and of each corner its vertex and the number of its normal.
+    pub(crate) normals: (Vec<[f32; 3]>, Vec<[u32; 2]>),
     pub(crate) tally: Tally,
     pub(crate) warnings: Vec<String>,
 }
@@ -16,24 +19,37 @@ pub(crate) struct Obj {
 pub(crate) fn read(text: &[u8], options: Options) -> Result<Obj, ImportError> {
     let mut reader = ObjReader::new(text, options)?;
     let (mut positions, mut colors, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut polygons, mut normals) = (Vec::new(), (Vec::new(), Vec::new()));
     let mut batch = Batch::default();
     loop {
-        match reader.next_batch(&mut batch)? {
+        let kind = reader.next_batch(&mut batch)?;
+        normals.0.append(&mut batch.listed_normals);
+        normals.1.append(&mut batch.corner_normals);
+        match kind {
             BatchKind::Vertices => {
                 assert_eq!(batch.first, positions.len() as u64);
                 positions.append(&mut batch.positions_f64);
                 colors.append(&mut batch.colors);
             }
             BatchKind::Triangles => {
-                assert_eq!(batch.first, triangles.len() as u64);
+                assert_eq!(batch.first as usize, triangles.len() + polygons.len());
                 triangles.append(&mut batch.triangles);
+                polygons.extend(batch.polygons.iter().map(<[u32]>::to_vec));
             }
             BatchKind::End => break,
         }
     }
     assert_eq!(reader.vertex_format().attributes.colors, !colors.is_empty());
     assert_eq!(reader.vertices(), positions.len() as u64);
-    Ok(Obj { positions, colors, triangles, tally: reader.tally(), warnings: reader.warnings() })
+    Ok(Obj {
+        positions,
+        colors,
+        triangles,
+        polygons,
+        normals,
+        tally: reader.tally(),
+        warnings: reader.warnings(),
+    })
 }
 
 fn ok(text: &str) -> Obj {
@@ -47,7 +63,7 @@ fn error(text: &str) -> String {
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
 #[test]
-fn polygons_become_fans_whatever_their_corners_look_like() {
+fn polygons_are_read_whatever_their_corners_look_like() {
     for face in [
         "f 1 2 3 4",
         "f 1/1 2/2 3/3 4/4",
@@ -56,7 +72,7 @@ fn polygons_become_fans_whatever_their_corners_look_like() {
         "f -4 -3 -2 -1",
     ] {
         let obj = ok(&format!("{SQUARE}{face}\n"));
-        assert_eq!(obj.triangles, [[0, 1, 2], [0, 2, 3]], "{face}");
+        assert_eq!(obj.polygons, [[0, 1, 2, 3]], "{face}");
         assert_eq!(obj.tally.polygons_triangulated, 1);
         assert_eq!(obj.positions[2], [1.0, 1.0, 0.0]);
     }
@@ -94,7 +110,6 @@ fn what_is_left_out_is_told() {
     ));
     let expected = [
         "dropped 1 texture coordinates",
-        "dropped 1 normals of corners",
         "dropped 2 references to materials",
         "skipped 1 lines and points",
         "skipped 2 statements that are no mesh: curv",
@@ -103,9 +118,33 @@ fn what_is_left_out_is_told() {
 }
 
 #[test]
+fn normals_are_those_of_corners() {
+    let text = format!(
+        "{SQUARE}vn 0 0 1\nf 1//1 2//-1 3/4/2\nvn 1 0 -0.5\nf 1 3//2 4//2\nf 1 3 4\nf 1//1 1//1 1//2\n"
+    );
+    let obj = ok(&text);
+    assert_eq!(obj.normals.0, [[0.0, 0.0, 1.0], [1.0, 0.0, -0.5]]);
+    let bare = u32::MAX;
+    assert_eq!(
+        obj.normals.1,
+        [[0, 0], [1, 0], [2, 1], [0, bare], [2, 1], [3, 1]],
+        "bare corners are told once"
+    );
+    let without = Options { normals: false, ..Options::default() };
+    assert_eq!(read(text.as_bytes(), without).unwrap().normals, (vec![], vec![]));
+
+    let odd = ok(&format!(
+        "{SQUARE}vn 0 0\nvn 0 nan 1\nvn a b c\nvn 1e99 0 0\nf 1//1 2//2 3//3\nf 1//9 2//0 3//-9\n"
+    ));
+    assert_eq!((odd.normals.0, odd.tally.zeroed_normals), (vec![[0.0; 3]; 4], 4));
+    assert_eq!(odd.normals.1[3..], [[0, 8], [1, bare]]);
+    assert_eq!(odd.warnings, ["replaced by zero 4 normals without finite numbers"]);
+}
+
+#[test]
 fn degenerate_faces_are_counted() {
-    let obj = ok(&format!("{SQUARE}f 1 1 2\nf 1 2\nf 1 2 2 3\n"));
-    assert_eq!((obj.triangles, obj.tally.degenerate_faces), (vec![[0, 1, 3 - 1]], 3));
+    let obj = ok(&format!("{SQUARE}f 1 1 2\nf 1 2\nf 1 2 3\n"));
+    assert_eq!((obj.triangles, obj.tally.degenerate_faces), (vec![[0, 1, 2]], 2));
 }
 
 #[test]

@@ -11,7 +11,7 @@ fn digest(bytes: &[u8]) {
             continue;
         };
         let mut batch = Batch::default();
-        let (mut vertices, mut triangles) = (0, 0);
+        let (mut vertices, mut faces) = (0, 0);
         loop {
             match reader.next_batch(&mut batch) {
                 Ok(BatchKind::End) => {
@@ -32,9 +32,13 @@ fn digest(bytes: &[u8]) {
                     assert!(batch.normals.as_flattened().iter().all(|x| x.is_finite()));
                 }
                 Ok(BatchKind::Triangles) => {
-                    assert_eq!(batch.first, triangles);
-                    assert!(!batch.triangles.is_empty() && batch.positions.is_empty());
-                    triangles += batch.triangles.len() as u64;
+                    assert_eq!(batch.first, faces);
+                    let count = batch.triangles.len() + batch.polygons.iter().count();
+                    assert!(count > 0 && batch.positions.is_empty());
+                    faces += count as u64;
+                    let mut corners = batch.polygons.iter().flatten();
+                    assert!(corners.all(|v| u64::from(*v) < reader.header().vertex_count));
+                    assert!(batch.polygons.iter().all(|polygon| polygon.len() > 3));
                     for [a, b, c] in &batch.triangles {
                         assert!(a != b && b != c && c != a);
                         assert!(u64::from(*a.max(b).max(c)) < reader.header().vertex_count);

@@ -20,6 +20,7 @@ struct Whole {
     normals: Vec<[f32; 3]>,
     colors: Vec<[u8; 4]>,
     triangles: Vec<[u32; 3]>,
+    polygons: Vec<Vec<u32>>,
     tally: Tally,
 }
 
@@ -36,6 +37,7 @@ fn read_whole(bytes: &[u8], step: usize) -> Whole {
         whole.normals.append(&mut batch.normals);
         whole.colors.append(&mut batch.colors);
         whole.triangles.append(&mut batch.triangles);
+        whole.polygons.extend(batch.polygons.iter().map(<[u32]>::to_vec));
     }
     whole.tally = reader.tally();
     whole
@@ -118,15 +120,11 @@ fn scenario(seed: u64) -> (Vec<Table>, Whole) {
         let corners = if only_triangles { 3 } else { random.below(7) };
         let face: Vec<u32> = (0..corners).map(|_| random.below(vertex_count) as u32).collect();
         faces.rows.push(vec![face.iter().map(|v| f64::from(*v)).collect()]);
-        expected.tally.degenerate_faces += u64::from(corners < 3);
         expected.tally.polygons_triangulated += u64::from(corners > 3);
-        for i in 2..corners {
-            let [a, b, c] = [face[0], face[i - 1], face[i]];
-            if a == b || b == c || c == a {
-                expected.tally.degenerate_faces += 1;
-            } else {
-                expected.triangles.push([a, b, c]);
-            }
+        match face[..] {
+            [a, b, c] if a != b && b != c && c != a => expected.triangles.push([a, b, c]),
+            [_, _, _, _, ..] => expected.polygons.push(face),
+            _ => expected.tally.degenerate_faces += 1,
         }
     }
     add_junk(random, &mut faces);

@@ -1,0 +1,129 @@
+//! Normals that a source gives to corners of faces: vertices get them if each has just one.
+
+use super::NORMALS;
+use super::sorter::{Sorted, Sorter};
+use crate::context::Context;
+use crate::error::BuildError;
+use bytemuck::{Pod, Zeroable};
+use chpm_extmem::{BufferWriter, Column, Store};
+use chpm_mesh::Counted;
+use chpm_mesh::ply::Batch;
+
+/// Pairs that are remembered, so that corners of one vertex that lie together count once.
+const RECENT: usize = 1 << 12;
+/// Normals that are read at once.
+const WINDOW: usize = 1 << 14;
+/// Vertices and normals after which a wish to stop is looked for.
+const HEED: u64 = 1 << 14;
+
+/// Normals by vertex, or in words why there are none.
+pub(super) type Joined = (Option<Column<[f32; 3]>>, Option<String>);
+
+/// What corners say, in the order of the source.
+pub(super) struct CornerNormals {
+    values: BufferWriter<[f32; 3]>,
+    /// The number of a normal, and below it that of a vertex.
+    pairs: Sorter<u64>,
+    recent: Vec<u64>,
+}
+
+impl CornerNormals {
+    pub(super) fn new(store: &Store) -> Result<Self, BuildError> {
+        let values = BufferWriter::new(store, "normals of corners", 0)?;
+        let pairs = Sorter::new(store, "normals of corners");
+        Ok(CornerNormals { values, pairs, recent: vec![u64::MAX; RECENT] })
+    }
+
+    pub(super) fn take(&mut self, batch: &Batch) -> Result<(), BuildError> {
+        self.values.extend_from_slice(&batch.listed_normals)?;
+        for [vertex, normal] in &batch.corner_normals {
+            let pair = u64::from(*normal) << 32 | u64::from(*vertex);
+            let recent = &mut self.recent[*vertex as usize % RECENT];
+            if *recent != pair {
+                *recent = pair;
+                self.pairs.push(pair)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The normals of all vertices, zero for those that no face uses; or none, and in words why they cannot be had.
+    pub(super) fn join(self, vertices: usize, context: &Context<'_>) -> Result<Joined, BuildError> {
+        let count = self.values.len() as u64;
+        if count == 0 {
+            return Ok((None, None));
+        }
+        let dropped = |why: String| Ok((None, Some(format!("dropped {}, {why}", Counted(count, "normal")))));
+        let Some(mut looks) = self.looks(context)? else {
+            return dropped("since some corners of faces name none".to_owned());
+        };
+        let mut normals = BufferWriter::new(&context.store, NORMALS, vertices)?;
+        let (mut block, mut next, mut conflicts) = (Vec::with_capacity(WINDOW), looks.next()?, 0);
+        for start in (0..vertices).step_by(WINDOW) {
+            context.check()?;
+            block.clear();
+            for vertex in start..vertices.min(start + WINDOW) {
+                let mut normal = None;
+                let mut several = false;
+                while let Some(look) = next.filter(|look| look.vertex() == vertex) {
+                    several |= normal.is_some_and(|normal| normal != look.bits());
+                    normal = Some(look.bits());
+                    next = looks.next()?;
+                }
+                conflicts += u64::from(several);
+                block.push(normal.unwrap_or_default().map(f32::from_bits));
+            }
+            normals.extend_from_slice(&block)?;
+        }
+        if conflicts > 0 {
+            return dropped(format!("since there is more than one at {}", Counted(conflicts, "vertex")));
+        }
+        Ok((Some(normals.finish_column()?), None))
+    }
+
+    /// What normals vertices have, by vertex; none if a corner has none.
+    fn looks(self, context: &Context<'_>) -> Result<Option<Sorted<Look>>, BuildError> {
+        // By normal first, so that these are read front to back.
+        let values = self.values.finish_column()?;
+        let (mut pairs, mut looks) = (self.pairs.finish()?, Sorter::new(&context.store, "normals by vertex"));
+        let (mut first, mut window, mut scratch) = (0, &[][..], Vec::new());
+        let mut taken = 0u64;
+        while let Some(pair) = pairs.next()? {
+            taken += 1;
+            if taken.is_multiple_of(HEED) {
+                context.check()?;
+            }
+            let normal = (pair >> 32) as usize;
+            if normal >= values.len() {
+                return Ok(None);
+            }
+            if normal >= first + window.len() {
+                first = normal;
+                window = values.read(first..values.len().min(first + WINDOW), &mut scratch)?;
+            }
+            looks.push(Look::new(pair as u32, window[normal - first]))?;
+        }
+        Ok(Some(looks.finish()?))
+    }
+}
+
+/// A vertex, and the bits of a normal that one of its corners has.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+#[repr(transparent)]
+struct Look(u128);
+
+impl Look {
+    fn new(vertex: u32, normal: [f32; 3]) -> Self {
+        // Adding zero takes the sign from a zero, and changes nothing else.
+        let words = normal.map(|x| u128::from((x + 0.0).to_bits()));
+        Look(words.into_iter().fold(u128::from(vertex), |look, word| look << 32 | word))
+    }
+
+    fn vertex(self) -> usize {
+        (self.0 >> 96) as usize
+    }
+
+    fn bits(self) -> [u32; 3] {
+        [(self.0 >> 64) as u32, (self.0 >> 32) as u32, self.0 as u32]
+    }
+}

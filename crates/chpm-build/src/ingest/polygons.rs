@@ -1,0 +1,99 @@
+//! Faces of more than three corners: kept until all vertices are known, and then cut into triangles.
+
+use crate::context::Context;
+use crate::error::BuildError;
+use bytemuck::Pod;
+use chpm_extmem::{BufferWriter, Column, Store};
+use chpm_mesh::{Triangulator, polygon};
+
+/// Numbers of polygons that are read at once; a larger polygon is read by itself.
+const WINDOW: usize = 1 << 16;
+/// Vertices of a block that is read at once where not all are in memory, and how many blocks are kept.
+const BLOCK: usize = 256;
+const BLOCKS: usize = 1 << 10;
+
+/// The polygons of a source, as [`chpm_mesh::Polygons`] has them.
+pub(super) struct Faces(BufferWriter<u32>);
+
+impl Faces {
+    pub(super) fn new(store: &Store) -> Result<Self, BuildError> {
+        Ok(Faces(BufferWriter::new(store, "polygons", 0)?))
+    }
+
+    pub(super) fn add(&mut self, polygons: &chpm_mesh::Polygons) -> Result<(), BuildError> {
+        Ok(self.0.extend_from_slice(polygons.as_words())?)
+    }
+
+    /// Hands the triangles of all polygons to `take`, some at a time. Returns how many triangles have two corners in one vertex
+    /// and are left out.
+    pub(super) fn cut<T: Pod + Into<f64>>(
+        self,
+        positions: &Column<[T; 3]>,
+        context: &Context<'_>,
+        mut take: impl FnMut(&[[u32; 3]]) -> Result<(), BuildError>,
+    ) -> Result<u64, BuildError> {
+        let words = self.0.finish_column()?;
+        let mut positions = Places::new(positions);
+        let (mut triangulator, mut triangles, mut degenerate) = (Triangulator::default(), Vec::new(), 0);
+        let (mut at, mut scratch, mut corner_positions) = (0, Vec::new(), Vec::new());
+        while at < words.len() {
+            context.check()?;
+            let mut window = words.read(at..words.len().min(at + WINDOW), &mut scratch)?;
+            let first = 1 + window[0] as usize;
+            if first > window.len() {
+                window = words.read(at..at + first, &mut scratch)?;
+            }
+            for corners in polygon::each(window) {
+                at += 1 + corners.len();
+                corner_positions.clear();
+                if corners.len() <= Triangulator::EARS {
+                    for corner in corners {
+                        corner_positions.push(positions.get(*corner)?);
+                    }
+                }
+                degenerate += triangulator.cut(corners, &corner_positions, &mut triangles);
+            }
+            take(&triangles)?;
+            triangles.clear();
+        }
+        Ok(degenerate)
+    }
+}
+
+/// Positions by vertex: those of the last faces are likely to be asked for again.
+struct Places<'a, T: Pod> {
+    column: &'a Column<[T; 3]>,
+    /// Which block is held where, and its positions.
+    blocks: Vec<(usize, Vec<[T; 3]>)>,
+}
+
+impl<'a, T: Pod + Into<f64>> Places<'a, T> {
+    fn new(column: &'a Column<[T; 3]>) -> Self {
+        let mut blocks = Vec::new();
+        if column.is_on_disk() {
+            blocks.resize_with(BLOCKS, || (usize::MAX, Vec::new()));
+        }
+        Places { column, blocks }
+    }
+
+    /// The position of a vertex; zero if there is none, as it is for all that comes after.
+    fn get(&mut self, vertex: u32) -> Result<[f64; 3], BuildError> {
+        let at = vertex as usize;
+        if at >= self.column.len() {
+            return Ok([0.0; 3]);
+        }
+        if let Some(all) = self.column.as_slice() {
+            return Ok(all[at].map(Into::into));
+        }
+        let block = at / BLOCK;
+        let (held, places) = &mut self.blocks[block % BLOCKS];
+        if *held != block {
+            // A block that fails to be read must not be taken for one that was.
+            *held = usize::MAX;
+            let range = block * BLOCK..self.column.len().min((block + 1) * BLOCK);
+            self.column.read(range, places)?;
+            *held = block;
+        }
+        Ok(places[at % BLOCK].map(Into::into))
+    }
+}
