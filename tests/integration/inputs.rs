@@ -1,6 +1,6 @@
 //! One mesh in every format that is read: the same triangles come out.
 
-use super::harness::{Folder, triangles};
+use super::harness::{Folder, text, triangles};
 use chpm_mesh::TriMesh;
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -290,18 +290,17 @@ fn normals_of_an_obj_are_carried_if_each_vertex_has_one() {
         count + 1 - b as usize
     );
     let bare = format!("{whole}f {a} {c} {b}\n");
-    for (name, text, told) in [
+    for (name, source, told) in [
         ("whole.obj", &whole, None),
         ("again.obj", &again, None),
         ("several.obj", &several, Some("since there is more than one at 1 vertex")),
         ("bare.obj", &bare, Some("since some corners of faces name none")),
     ] {
-        folder.write(name, text);
+        folder.write(name, source);
         for memory in ["128M", "1G"] {
             let built = folder
                 .chpm(&format!("build {name} -o out.chpm -f --cluster-triangles 512 --memory {memory}"));
-            let output = built.success();
-            let warned = super::harness::text(&output.get_output().stderr);
+            let warned = text(&built.success().get_output().stdout);
             assert!(told.is_none_or(|told| warned.contains(told)), "{name}: {warned}");
             folder.stdout("extract out.chpm --level 0 -o out.ply -q -f");
             let read = folder.read_mesh("out.ply");
