@@ -119,14 +119,12 @@ impl Decimator {
             let w = if a == v { b } else { a };
             let points = moved(&self.displacements[self.fan.faces[i] as usize]);
             let (to_v, to_w) = (go(position(w), position(v)), go(position(v), position(w)));
-            let (to, end) = if let Some(face) = self.face_at(u, v, |(a, b)| a == w || b == w) {
-                (Some(face), None)
-            } else if let Some(face) = self.face_at(u, v, |_| true) {
-                (Some(face), Some(to_v))
-            } else if let Some(face) = self.face_of(u, w) {
-                (Some(face), Some(to_w))
-            } else {
-                (None, Some(to_v))
+            let receiver = self.receiver(u, v, w, true).or_else(|| self.receiver(u, v, w, false));
+            let (to, end) = match receiver {
+                Some((face, Via::Edge)) => (Some(face), None),
+                Some((face, Via::Target)) => (Some(face), Some(to_v)),
+                Some((face, Via::Other)) => (Some(face), Some(to_w)),
+                None => (None, Some(to_v)),
             };
             let points = end.map_or(points, |end| points.moved(end.lo, end.hi));
             match to {
@@ -169,24 +167,52 @@ impl Decimator {
         }
     }
 
-    /// A face that v has after the collapse of u, chosen by its other two corners.
-    fn face_at(&mut self, u: u16, v: u16, accept: impl Fn((u16, u16)) -> bool) -> Option<u32> {
+    /// The face that gets the points on the edge from v to `w` once u has gone to v: one at the edge, else one at v, else one at
+    /// `w`. With `own` only a face of a member that has u: others do not know of the collapse, nor of its error.
+    fn receiver(&mut self, u: u16, v: u16, w: u16, own: bool) -> Option<(u32, Via)> {
+        if let Some(face) = self.face_at(u, v, own, |corners| corners.contains(&w)) {
+            return Some((face, Via::Edge));
+        }
+        if let Some(face) = self.face_at(u, v, own, |_| true) {
+            return Some((face, Via::Target));
+        }
+        let (ids, faces) = self.adjacency.living(w);
+        let is_other = |id: u32| {
+            let corners = faces[id as usize].corners;
+            !corners.contains(&u) && (!own || has_member_of(&self.sides, u, corners))
+        };
+        ids.iter().copied().find(|id| is_other(*id)).map(|face| (face, Via::Other))
+    }
+
+    /// A face that v has after the collapse of u, chosen by its corners before that.
+    fn face_at(&mut self, u: u16, v: u16, own: bool, accept: impl Fn([u16; 3]) -> bool) -> Option<u32> {
+        // Those of u are of its members.
         let wings = self.fan.wings.iter().zip(&self.fan.faces);
         let mut surviving = wings.filter(|((a, b), _)| *a != v && *b != v);
-        if let Some((_, face)) = surviving.find(|(wing, _)| accept(**wing)) {
+        if let Some((_, face)) = surviving.find(|((a, b), _)| accept([u, *a, *b])) {
             return Some(*face);
         }
         let (ids, faces) = self.adjacency.living(v);
-        let other = ids.iter().find(|&&id| {
-            let others = faces[id as usize].others(v);
-            others.0 != u && others.1 != u && accept(others)
-        });
-        other.copied()
+        let is_one = |id: u32| {
+            let corners = faces[id as usize].corners;
+            !corners.contains(&u) && accept(corners) && (!own || has_member_of(&self.sides, u, corners))
+        };
+        ids.iter().copied().find(|id| is_one(*id))
     }
+}
 
-    /// A face of `w` that u has no part in.
-    fn face_of(&mut self, u: u16, w: u16) -> Option<u32> {
-        let (ids, faces) = self.adjacency.living(w);
-        ids.iter().find(|&&id| !faces[id as usize].corners.contains(&u)).copied()
-    }
+/// What a face that gets points has of the edge that they are on.
+enum Via {
+    /// All of it.
+    Edge,
+    /// Its end at v.
+    Target,
+    /// Its other end.
+    Other,
+}
+
+/// Whether a member that has u may have the face: one that has all of its corners. `sides` is empty where there is but one.
+fn has_member_of(sides: &[u8], u: u16, corners: [u16; 3]) -> bool {
+    let common = |all: u8, corner: u16| all & sides[usize::from(corner)];
+    sides.is_empty() || corners.into_iter().fold(sides[usize::from(u)], common) != 0
 }

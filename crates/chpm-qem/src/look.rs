@@ -187,8 +187,8 @@ pub(crate) struct LookTracker {
     largest: [f32; 2],
     /// Differences at the corners of the cells.
     corners: Vec<[f32; 2]>,
-    /// Faces about v, with what they come to.
-    changed: Vec<(u32, FaceLook)>,
+    /// What the faces about v come to.
+    changed: Vec<FaceLook>,
 }
 
 impl LookTracker {
@@ -216,21 +216,24 @@ impl LookTracker {
     /// Carries the looks of the faces about u on over the collapse u -> v, cell by cell.
     pub(crate) fn carry_over(&mut self, overlay: &Overlay, u: u16, v: u16) {
         let mut at = std::mem::take(&mut self.corners);
-        at.clear();
-        at.push([0.0; 2]);
-        overlay.places(|place| at.push(self.differences(u, v, &place)));
         let mut changed = std::mem::take(&mut self.changed);
         changed.clear();
-        overlay.cells(|new, old, corners| {
-            let differences = corners.iter().map(|corner| at[usize::from(*corner)]);
-            let after = self.faces[old as usize].after(differences.fold([0.0; 2], larger));
-            match changed.last_mut() {
-                Some((face, all)) if *face == new => all.merge(&after),
-                _ => changed.push((new, after)),
-            }
-        });
-        for (new, (face, look)) in (1..).zip(&changed) {
-            self.keep(Some(*face), *look, overlay.new_corners(new));
+        for sector in overlay.sectors() {
+            at.clear();
+            at.push([0.0; 2]);
+            overlay.places(sector, |place| at.push(self.differences(u, v, &place)));
+            overlay.cells(sector, |new, old, corners| {
+                let differences = corners.iter().map(|corner| at[usize::from(*corner)]);
+                let after = self.faces[old as usize].after(differences.fold([0.0; 2], larger));
+                match changed.get_mut(new - 1) {
+                    Some(all) => all.merge(&after),
+                    None => changed.push(after),
+                }
+            });
+        }
+        for (new, look) in (1..).zip(&changed) {
+            let (face, corners) = overlay.new_face(new);
+            self.keep(Some(face), *look, corners);
         }
         (self.changed, self.corners) = (changed, at);
     }

@@ -12,7 +12,7 @@ mod exact;
 
 use crate::displacement::{Displacement, Reach};
 use crate::fan::MAX_VALENCE;
-use arrangement::{APEX, Arrangement, CROSSINGS};
+use arrangement::{APEX, Arrangement, CROSSINGS, Cell};
 pub(crate) use cells::Place;
 use nalgebra::{Point3, Vector3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
@@ -65,8 +65,8 @@ struct Laid {
     foot: Projected,
     /// How far that is along the line; of a boundary vertex.
     share: Option<f64>,
-    /// The new face that u lies over.
-    sector: usize,
+    /// The new faces that u may lie over, first and last: several where rounding cannot tell them apart.
+    sectors: [usize; 2],
     size: f64,
 }
 
@@ -171,7 +171,7 @@ impl Overlay {
         if !self.is_one_to_one(foot, on_boundary, least_area) {
             return false;
         }
-        let Some(sector) = self.sector(foot, on_boundary) else { return false };
+        let Some(sectors) = self.find_sectors(foot, on_boundary, size) else { return false };
 
         let heights = self.projected.iter().map(|p| p.height);
         let (low, high) = heights.fold((0f64, 0f64), |(l, h), p| (l.min(p), h.max(p)));
@@ -180,37 +180,63 @@ impl Overlay {
             // A place on an edge is off by the share of the area that it was divided by; twice, for the two edges.
             slope: 4.0 * AREA_LOSS * size * size * (high - low),
         };
-        let flat = high - low <= 256.0 * loss.height && self.is_flat(sector);
-        if !self.find_corners(foot, sector, flat, on_boundary, least_area, &loss) {
-            return false;
-        }
-        let arrangement = Arrangement::of(last + 1, sector);
+        let flat = high - low <= 256.0 * loss.height && self.is_flat(sectors[0]);
         let still = flat && slide.is_still();
-        for new in 1..last {
-            let cells = arrangement.cells(new).iter().map(|cell| (self.faces[usize::from(cell.old)], cell));
-            let cells = cells.filter(|(old, _)| *old != NO_FACE);
-            let after = if still {
-                let mut exact = Displacement::EMPTY;
-                cells.for_each(|(old, _)| exact.merge(&of[old as usize]));
-                exact
-            } else {
-                let mut reach = Reach::EMPTY;
-                for (old, cell) in cells {
-                    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-                    for corner in cell.corners {
-                        let [low, high] = self.corners[usize::from(corner)];
-                        least = if low < least { low } else { least };
-                        most = if high > most { high } else { most };
-                    }
-                    reach.add(&of[old as usize], &slide, normal * least, normal * most);
+        let first = out.len();
+        // Whichever sector it is, its cells are among those that are taken.
+        for sector in sectors[0]..=sectors[1] {
+            if !self.find_corners(foot, sector, flat, on_boundary, least_area, &loss) {
+                out.truncate(first);
+                return false;
+            }
+            let arrangement = Arrangement::of(last + 1, sector);
+            for new in 1..last {
+                let cells = arrangement.cells(new);
+                let after =
+                    if still { self.merged(cells, of) } else { self.displaced(cells, of, &slide, normal) };
+                match out.get_mut(first + new - 1) {
+                    Some((_, all)) => all.merge(&after),
+                    None => out.push((self.faces[new], after)),
                 }
-                reach.outward()
-            };
-            out.push((self.faces[new], after));
+            }
         }
         let share = (on_boundary != [false, false]).then_some(slide.share);
-        self.laid = Some(Laid { foot, share, sector, size });
+        self.laid = Some(Laid { foot, share, sectors, size });
         true
+    }
+
+    /// The box of all old faces of some cells, of which no point moves.
+    fn merged(&self, cells: &[Cell], of: &[Displacement]) -> Displacement {
+        let old = cells.iter().map(|cell| self.faces[usize::from(cell.old)]).filter(|old| *old != NO_FACE);
+        old.fold(Displacement::EMPTY, |mut all, old| {
+            all.merge(&of[old as usize]);
+            all
+        })
+    }
+
+    /// The box of all old faces of some cells, after a slide and what the cells' corners move by.
+    fn displaced(
+        &self,
+        cells: &[Cell],
+        of: &[Displacement],
+        slide: &Sweep,
+        normal: Vector3<f64>,
+    ) -> Displacement {
+        let mut reach = Reach::EMPTY;
+        for cell in cells {
+            let old = self.faces[usize::from(cell.old)];
+            if old == NO_FACE {
+                continue;
+            }
+            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            for corner in cell.corners {
+                let [low, high] = self.corners[usize::from(corner)];
+                least = if low < least { low } else { least };
+                most = if high > most { high } else { most };
+            }
+            reach.add(&of[old as usize], slide, normal * least, normal * most);
+        }
+        reach.outward()
     }
 
     /// Projects the loop; answers the fan's size.
@@ -271,19 +297,31 @@ impl Overlay {
         (slide, foot)
     }
 
-    /// The new face that u lies over.
-    fn sector(&self, foot: Projected, on_boundary: [bool; 2]) -> Option<usize> {
+    /// The new faces that u may lie over, first and last. More than one only where u is so close to an edge from v that rounding
+    /// decides on which side of it.
+    fn find_sectors(&self, foot: Projected, on_boundary: [bool; 2], size: f64) -> Option<[usize; 2]> {
         let p = &self.projected;
         let last = p.len() - 1;
         match on_boundary {
-            [true, _] => Some(1),
-            [_, true] => Some(last - 1),
-            [false, false] => {
-                let apex = foot.minus(p[0]);
-                let beside = |i: usize| p[i].minus(p[0]).cross(apex);
-                (1..last).find(|&i| beside(i) >= 0.0 && beside(i + 1) < 0.0)
-            }
+            [true, _] => return Some([1, 1]),
+            [_, true] => return Some([last - 1, last - 1]),
+            [false, false] => {}
         }
+        let apex = foot.minus(p[0]);
+        let beside = |i: usize| p[i].minus(p[0]).cross(apex);
+        let sector = (1..last).find(|&i| beside(i) >= 0.0 && beside(i + 1) < 0.0)?;
+        let least = AREA_LOSS * size * size;
+        // On the edge itself the cells of either side are right: what is between them has no area.
+        let may_pass =
+            |i: usize| beside(i).abs() <= least && !is_straight(self.ring[0], self.apex, self.ring[i]);
+        let (mut low, mut high) = (sector, sector);
+        while low > 1 && may_pass(low) {
+            low -= 1;
+        }
+        while high + 1 < last && may_pass(high + 1) {
+            high += 1;
+        }
+        Some([low, high])
     }
 
     /// Whether u and the loop are in one plane, exactly.

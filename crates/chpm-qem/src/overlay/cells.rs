@@ -2,10 +2,12 @@
 
 use super::arrangement::Arrangement;
 use super::{AREA_LOSS, Crossing, Laid, NO_FACE, Overlay, crossing};
+use std::ops::RangeInclusive;
 
 /// What a share of an edge can be off by, as a share of the size squared over the area that it was divided by: twice what an area
 /// loses, and as much again for the area's own loss.
 const PLACE_LOSS: f64 = 4.0 * AREA_LOSS;
+
 /// Where a corner is in the old fan and in the new one, by vertices of the patch.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
@@ -18,9 +20,9 @@ pub(crate) struct Place {
 }
 
 impl Overlay {
-    /// The corners of a new face, by vertices of the patch.
-    pub(crate) fn new_corners(&self, new: usize) -> [u16; 3] {
-        [self.vertices[0], self.vertices[new], self.vertices[new + 1]]
+    /// A new face, and its corners by vertices of the patch.
+    pub(crate) fn new_face(&self, new: usize) -> (u32, [u16; 3]) {
+        (self.faces[new], [self.vertices[0], self.vertices[new], self.vertices[new + 1]])
     }
 
     /// Whether the last bound succeeded.
@@ -28,10 +30,15 @@ impl Overlay {
         self.laid.is_some()
     }
 
-    /// Calls `visit` with the places of all corners off the loop, in order: corners are numbered from 1, and 0 is the loop, of both fans,
-    /// so that nothing changes there.
-    pub(crate) fn places(&self, mut visit: impl FnMut(Place)) {
-        let Some(Laid { foot, share, sector, size }) = self.laid else { return };
+    /// The new faces that u may lie over: whoever carries something over takes the cells of all of them.
+    pub(crate) fn sectors(&self) -> RangeInclusive<usize> {
+        self.laid.map_or(1..=0, |laid| laid.sectors[0]..=laid.sectors[1])
+    }
+
+    /// Calls `visit` with the places of all corners off the loop, in order, if u lies over the new face `sector`: corners are
+    /// numbered from 1, and 0 is the loop, of both fans, so that nothing changes there.
+    pub(crate) fn places(&self, sector: usize, mut visit: impl FnMut(Place)) {
+        let Some(Laid { foot, share, size, .. }) = self.laid else { return };
         let (p, vertices) = (&self.projected, &self.vertices);
         let loss = |area: f64| (PLACE_LOSS * size * size / area.abs()).min(1.0);
         let ([of_a, of_b], area) = match share {
@@ -51,16 +58,15 @@ impl Overlay {
         }
     }
 
-    /// Calls `visit` with each new face and each old one that it has a cell in common with, new faces in order, and with the
-    /// cell's corners.
-    pub(crate) fn cells(&self, mut visit: impl FnMut(u32, u32, &[u16])) {
-        let Some(Laid { sector, .. }) = self.laid else { return };
+    /// Calls `visit` with the place in the loop of each new face, and of each old one that it has a cell in common with, and with
+    /// the cell's corners; new faces in order.
+    pub(crate) fn cells(&self, sector: usize, mut visit: impl FnMut(usize, u32, &[u16])) {
         let arrangement = Arrangement::of(self.ring.len(), sector);
         for new in 1..self.ring.len() - 1 {
             for cell in arrangement.cells(new) {
                 let old = self.faces[usize::from(cell.old)];
                 if old != NO_FACE {
-                    visit(self.faces[new], old, &cell.corners);
+                    visit(new, old, &cell.corners);
                 }
             }
         }
