@@ -12,17 +12,14 @@ impl Face {
         self.dead != 0
     }
 
-    /// The two corners that follow `vertex` in the face's winding.
+    /// The two corners that follow `vertex`, which is one of them, in the face's winding. Without a branch: which corner it is
+    /// cannot be foreseen.
     #[inline]
     pub(crate) fn others(&self, vertex: u16) -> (u16, u16) {
-        let [a, b, c] = self.corners;
-        if a == vertex {
-            (b, c)
-        } else if b == vertex {
-            (c, a)
-        } else {
-            (a, b)
-        }
+        let [a, b, c] = self.corners.map(u64::from);
+        let at = 16 * (u32::from(self.corners[1] == vertex) + 2 * u32::from(self.corners[2] == vertex));
+        let (next, before) = (b | c << 16 | a << 32, c | a << 16 | b << 32);
+        ((next >> at) as u16, (before >> at) as u16)
     }
 }
 
@@ -127,6 +124,6 @@ mod tests {
         assert_eq!(adjacency.living(4).0, []);
         assert_eq!(adjacency.living(3).0, [2]);
         assert_eq!(adjacency.faces[1].corners, [1, 2, 0]);
-        assert_eq!(adjacency.faces[2].others(0), (2, 3));
+        assert_eq!([2, 3, 0].map(|v| adjacency.faces[2].others(v)), [(3, 0), (0, 2), (2, 3)]);
     }
 }

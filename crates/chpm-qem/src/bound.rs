@@ -69,25 +69,25 @@ impl Decimator {
 
     /// Fills the overlay with the loop about u, from v on. False if the fan has no such loop.
     fn lay_over(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> bool {
-        let position = |w: u16| to_f64(patch.positions[usize::from(w)]);
-        self.overlay.begin(position(u));
+        self.overlay.begin();
         let first = match fan {
             FanKind::Closed => v,
             FanKind::Open(first, last) if v == first || v == last => first,
             FanKind::Open(..) | FanKind::Broken => return false,
         };
         if fan != FanKind::Closed && v != first {
-            self.overlay.push(v, position(v), NO_FACE);
+            self.overlay.push(v, NO_FACE);
         }
         let mut vertex = first;
         for _ in 0..self.fan.wings.len() {
             let Some((face, next)) = self.fan.after(vertex) else { return false };
-            self.overlay.push(vertex, position(vertex), face);
+            self.overlay.push(vertex, face);
             vertex = next;
         }
         if fan != FanKind::Closed && v == first {
-            self.overlay.push(vertex, position(vertex), NO_FACE);
+            self.overlay.push(vertex, NO_FACE);
         }
+        self.overlay.place(u, |w| to_f64(patch.positions[usize::from(w)]));
         true
     }
 

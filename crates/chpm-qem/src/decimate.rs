@@ -298,30 +298,24 @@ impl Decimator {
         // Without area there is nothing to be far from.
         let per_area = if quadric.area > 0.0 { 1.0 / quadric.area } else { 0.0 };
         let origin = to_f64(patch.positions[usize::from(u)]);
-        let mut least = f32::INFINITY;
-        let sides = &self.sides;
-        let covers = |v: u16| sides.is_empty() || sides[usize::from(u)] & !sides[usize::from(v)] == 0;
-        let mut add = |v: u16| {
-            if !covers(v) {
-                return;
-            }
+        let scale = self.cost_scale;
+        let candidate = |v: u16| {
             let d = to_f64(patch.positions[usize::from(v)]) - origin;
             let cost = quadric.at(d) * per_area + length_term * d.norm_squared();
-            let cost = (cost * self.cost_scale) as f32;
-            least = least.min(cost);
-            self.candidates.push((cost, v));
+            ((cost * scale) as f32, v)
         };
-        for &(a, _) in &self.fan.wings {
-            add(a);
-        }
+        let wings = &self.fan.wings;
+        self.candidates.extend(wings.iter().map(|(a, _)| candidate(*a)));
         if self.kinds[usize::from(u)] == VertexKind::Boundary {
             // The fan is open: its last vertex follows in a wing but leads none.
-            let last = self.fan.wings.iter().find(|(_, b)| self.fan.wings.iter().all(|(a, _)| a != b));
-            if let Some(&(_, last)) = last {
-                add(last);
-            }
+            let last = wings.iter().find(|(_, b)| wings.iter().all(|(a, _)| a != b));
+            self.candidates.extend(last.map(|(_, last)| candidate(*last)));
         }
-        least
+        if let Some(own) = self.sides.get(usize::from(u)) {
+            self.candidates.retain(|(_, v)| own & !self.sides[usize::from(*v)] == 0);
+        }
+        let costs = self.candidates.iter().map(|(cost, _)| *cost);
+        costs.fold(f32::INFINITY, |least, cost| if cost < least { cost } else { least })
     }
 
     /// Answers whether it stalled.

@@ -68,40 +68,67 @@ impl Displacement {
         if lo == hi && lo == Vector3::zeros() {
             return *self;
         }
-        let mut reach = Reach::EMPTY;
-        reach.add(self, &Sweep { lo, hi, share: 0.0 }, Vector3::zeros(), Vector3::zeros());
-        reach.outward()
+        Reach::of(self, &Sweep { lo, hi, share: 0.0 }).outward()
     }
 }
 
-/// A box of displacements in the making. Comparisons are written out: there are no numbers that are none, and each is one instruction.
+/// A box of displacements in the making, in f64. Comparisons are written out: there are no NaNs, and each is one instruction. A
+/// fourth lane that says nothing makes all of it whole registers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
-    lo: [f64; 3],
-    hi: [f64; 3],
+    lo: [f64; 4],
+    hi: [f64; 4],
+}
+
+/// A direction, by the signs of its coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Along {
+    up: [f64; 4],
+    down: [f64; 4],
+}
+
+impl Along {
+    pub(crate) fn new(direction: Vector3<f64>) -> Self {
+        let [x, y, z] = direction.into();
+        let all = [x, y, z, 0.0];
+        Along { up: all.map(|x| x.max(0.0)), down: all.map(|x| x.min(0.0)) }
+    }
 }
 
 impl Reach {
-    pub(crate) const EMPTY: Reach = Reach { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3] };
+    pub(crate) const EMPTY: Reach = Reach { lo: [f64::INFINITY; 4], hi: [f64::NEG_INFINITY; 4] };
 
-    /// Grows by a box after a further displacement: one of `slide` and then one between `a` and `b`, componentwise.
+    /// A box after a slide, with what a sum with it can lose in f64.
     #[inline]
-    pub(crate) fn add(&mut self, of: &Displacement, slide: &Sweep, a: Vector3<f64>, b: Vector3<f64>) {
+    pub(crate) fn of(of: &Displacement, slide: &Sweep) -> Reach {
+        let mut reach = Reach { lo: [0.0; 4], hi: [0.0; 4] };
         for axis in 0..3 {
-            let (least, most) = if a[axis] < b[axis] { (a[axis], b[axis]) } else { (b[axis], a[axis]) };
-            // And what a sum with the box can lose in f64.
             let (lo, hi) = (f64::from(of.lo[axis]), f64::from(of.hi[axis]));
-            let lo = (lo - LOST * lo.abs()) + slide.lo[axis] + least;
-            let hi = (hi + LOST * hi.abs()) + slide.hi[axis] + most;
-            self.lo[axis] = if lo < self.lo[axis] { lo } else { self.lo[axis] };
-            self.hi[axis] = if hi > self.hi[axis] { hi } else { self.hi[axis] };
+            reach.lo[axis] = (lo - LOST * lo.abs()) + slide.lo[axis];
+            reach.hi[axis] = (hi + LOST * hi.abs()) + slide.hi[axis];
+        }
+        reach
+    }
+
+    /// Grows by a box after a further displacement along a direction, by `least` to `most`.
+    #[inline]
+    pub(crate) fn add(&mut self, of: &Reach, along: &Along, least: f64, most: f64) {
+        for lane in 0..4 {
+            let lo = of.lo[lane] + (along.up[lane] * least + along.down[lane] * most);
+            let hi = of.hi[lane] + (along.up[lane] * most + along.down[lane] * least);
+            self.lo[lane] = if lo < self.lo[lane] { lo } else { self.lo[lane] };
+            self.hi[lane] = if hi > self.hi[lane] { hi } else { self.hi[lane] };
         }
     }
 
     /// The smallest box about it, and more than the last operation on it can have lost.
     #[inline]
     pub(crate) fn outward(&self) -> Displacement {
-        Displacement { lo: self.lo.map(|x| step(x as f32, -1)), hi: self.hi.map(|x| step(x as f32, 1)) }
+        let (lo, hi) = (self.lo, self.hi);
+        Displacement {
+            lo: [lo[0], lo[1], lo[2]].map(|x| step(x as f32, -1)),
+            hi: [hi[0], hi[1], hi[2]].map(|x| step(x as f32, 1)),
+        }
     }
 }
 

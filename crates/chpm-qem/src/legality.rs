@@ -8,6 +8,9 @@ use chpm_mesh::geom::area_vector;
 
 /// A collapse is a flip if the cosine between a face's normals before and after is not above this.
 const MIN_COSINE: f64 = 0.25;
+/// What is so much beyond the square of the limit is beyond the limit, whatever rounding does; products above this have all their digits.
+const CLEAR: f64 = 1.000_001;
+const LEAST_SQUARES: f64 = 1e-250;
 
 impl Decimator {
     /// Whether u -> v may be carried out. The tests go from cheap to dear.
@@ -102,6 +105,11 @@ impl Decimator {
                 return Err(Refusal::Degenerate);
             }
             let dot = old.dot(&new);
+            // Most are far from the limit, and need no root to tell.
+            let squares = old_squared * new_squared;
+            if dot > 0.0 && squares > LEAST_SQUARES && dot * dot > CLEAR * MIN_COSINE * MIN_COSINE * squares {
+                continue;
+            }
             // Two roots: the product of the squares could underflow.
             if dot <= MIN_COSINE * old_squared.sqrt() * new_squared.sqrt() {
                 return Err(Refusal::Flip);

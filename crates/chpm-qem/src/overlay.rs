@@ -10,7 +10,7 @@ mod cells;
 #[cfg(test)]
 mod exact;
 
-use crate::displacement::{Displacement, Reach};
+use crate::displacement::{Along, Displacement, Reach};
 use crate::fan::MAX_VALENCE;
 use arrangement::{APEX, Arrangement, CROSSINGS, Cell};
 pub(crate) use cells::Place;
@@ -84,8 +84,10 @@ pub(crate) struct Overlay {
     /// The loop by vertices of the patch.
     vertices: Vec<u16>,
     projected: Vec<Projected>,
-    /// Least and largest displacement by corner of the arrangement.
+    /// By corner of the arrangement, the least displacement and, with its sign turned, the largest: of both, the lesser counts.
     corners: Vec<[f64; 2]>,
+    /// By old face, its box after the slide.
+    slid: Vec<Reach>,
     /// None before a bound, and where it failed.
     laid: Option<Laid>,
 }
@@ -100,28 +102,34 @@ impl Default for Overlay {
             vertices: vec![],
             projected: vec![],
             corners: vec![],
+            slid: vec![],
             laid: None,
         }
     }
 }
 
 impl Overlay {
-    /// Begins with u's place.
-    pub(crate) fn begin(&mut self, apex: Point3<f64>) {
-        self.apex = apex;
-        self.ring.clear();
-        self.arms.clear();
+    /// Begins a loop.
+    pub(crate) fn begin(&mut self) {
         self.faces.clear();
         self.vertices.clear();
         self.laid = None;
     }
 
     /// Appends the next vertex of the loop, and the face that it leads.
-    pub(crate) fn push(&mut self, vertex: u16, place: Point3<f64>, face: u32) {
+    #[inline]
+    pub(crate) fn push(&mut self, vertex: u16, face: u32) {
         self.vertices.push(vertex);
-        self.ring.push(place);
-        self.arms.push(place - self.apex);
         self.faces.push(face);
+    }
+
+    /// Looks up where u and the vertices of the loop are.
+    pub(crate) fn place(&mut self, u: u16, position: impl Fn(u16) -> Point3<f64>) {
+        self.apex = position(u);
+        self.ring.clear();
+        self.ring.extend(self.vertices.iter().map(|v| position(*v)));
+        self.arms.clear();
+        self.arms.extend(self.ring.iter().map(|place| place - self.apex));
     }
 
     /// Appends to `out` every new face with its displacements after the collapse; false if neither of two normals shows both fans
@@ -182,6 +190,14 @@ impl Overlay {
         };
         let flat = high - low <= 256.0 * loss.height && self.is_flat(sectors[0]);
         let still = flat && slide.is_still();
+        if !still {
+            let slid = |old: &u32| {
+                if *old == NO_FACE { Reach::EMPTY } else { Reach::of(&of[*old as usize], &slide) }
+            };
+            self.slid.clear();
+            self.slid.extend(self.faces.iter().map(slid));
+        }
+        let along = Along::new(normal);
         let first = out.len();
         // Whichever sector it is, its cells are among those that are taken.
         for sector in sectors[0]..=sectors[1] {
@@ -192,8 +208,7 @@ impl Overlay {
             let arrangement = Arrangement::of(last + 1, sector);
             for new in 1..last {
                 let cells = arrangement.cells(new);
-                let after =
-                    if still { self.merged(cells, of) } else { self.displaced(cells, of, &slide, normal) };
+                let after = if still { self.merged(cells, of) } else { self.displaced(cells, &along) };
                 match out.get_mut(first + new - 1) {
                     Some((_, all)) => all.merge(&after),
                     None => out.push((self.faces[new], after)),
@@ -214,27 +229,18 @@ impl Overlay {
         })
     }
 
-    /// The box of all old faces of some cells, after a slide and what the cells' corners move by.
-    fn displaced(
-        &self,
-        cells: &[Cell],
-        of: &[Displacement],
-        slide: &Sweep,
-        normal: Vector3<f64>,
-    ) -> Displacement {
+    /// The box of all old faces of some cells, after the slide and what the cells' corners move by.
+    #[inline]
+    fn displaced(&self, cells: &[Cell], along: &Along) -> Displacement {
         let mut reach = Reach::EMPTY;
         for cell in cells {
-            let old = self.faces[usize::from(cell.old)];
-            if old == NO_FACE {
-                continue;
+            let mut range = [f64::INFINITY; 2];
+            for corner in cell.corners() {
+                let ends = self.corners[usize::from(*corner)];
+                range = [0, 1].map(|end| if ends[end] < range[end] { ends[end] } else { range[end] });
             }
-            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-            for corner in cell.corners {
-                let [low, high] = self.corners[usize::from(corner)];
-                least = if low < least { low } else { least };
-                most = if high > most { high } else { most };
-            }
-            reach.add(&of[old as usize], slide, normal * least, normal * most);
+            // No face has an empty box, which stays empty.
+            reach.add(&self.slid[usize::from(cell.old)], along, range[0], -range[1]);
         }
         reach.outward()
     }
@@ -246,11 +252,11 @@ impl Overlay {
         let y = normal.cross(&x);
         self.projected.clear();
         let mut size: f64 = 0.0;
-        for d in &self.arms {
+        self.projected.extend(self.arms.iter().map(|d| {
             let squared = d.norm_squared();
             size = if squared > size { squared } else { size };
-            self.projected.push(Projected { x: x.dot(d), y: y.dot(d), height: normal.dot(d) });
-        }
+            Projected { x: x.dot(d), y: y.dot(d), height: normal.dot(d) }
+        }));
         size.sqrt()
     }
 
@@ -419,10 +425,10 @@ struct Loss {
 }
 
 impl Loss {
-    /// The interval that the true displacement is in.
+    /// The interval that the true displacement is in, its end with the sign turned.
     fn about(&self, displacement: f64, per_area: f64) -> [f64; 2] {
         let loss = self.height + self.slope * per_area.abs();
-        [displacement - loss, displacement + loss]
+        [displacement - loss, -(displacement + loss)]
     }
 }
 

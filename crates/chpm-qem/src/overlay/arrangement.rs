@@ -18,8 +18,16 @@ const MAX_CORNERS: usize = 6;
 pub(super) struct Cell {
     /// The old face.
     pub(super) old: u16,
-    /// Its corners, some of them more than once.
-    pub(super) corners: [u16; MAX_CORNERS],
+    count: u16,
+    corners: [u16; MAX_CORNERS],
+}
+
+impl Cell {
+    /// Its corners, once each.
+    #[inline]
+    pub(super) fn corners(&self) -> &[u16] {
+        &self.corners[..usize::from(self.count).min(MAX_CORNERS)]
+    }
 }
 
 /// The cells of a loop of one length with u over one face.
@@ -60,8 +68,10 @@ impl Arrangement {
                     _ => new >= old.min(sector) && new <= old.max(sector),
                 };
                 if meet {
-                    let corners = arrangement.corners(old, new, sector, last);
-                    arrangement.cells.push(Cell { old: old as u16, corners });
+                    let found = arrangement.corners(old, new, sector, last);
+                    let mut corners = [LOOP; MAX_CORNERS];
+                    corners[..found.len()].copy_from_slice(&found);
+                    arrangement.cells.push(Cell { old: old as u16, count: found.len() as u16, corners });
                 }
             }
             arrangement.ends.push(arrangement.cells.len() as u16);
@@ -69,7 +79,7 @@ impl Arrangement {
         arrangement
     }
 
-    fn corners(&self, old: usize, new: usize, sector: usize, last: usize) -> [u16; MAX_CORNERS] {
+    fn corners(&self, old: usize, new: usize, sector: usize, last: usize) -> Vec<u16> {
         let mut found = Vec::with_capacity(MAX_CORNERS);
         if old == 0 || old == last {
             found.push(LOOP);
@@ -86,7 +96,9 @@ impl Arrangement {
                 found.extend(crossing.map(|at| CROSSINGS + at as u16));
             }
         }
-        std::array::from_fn(|i| found.get(i).or(found.last()).copied().unwrap_or(LOOP))
+        found.sort_unstable();
+        found.dedup();
+        found
     }
 
     /// The cells of a new face.

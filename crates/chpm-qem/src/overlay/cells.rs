@@ -32,7 +32,8 @@ impl Overlay {
 
     /// The new faces that u may lie over: whoever carries something over takes the cells of all of them.
     pub(crate) fn sectors(&self) -> RangeInclusive<usize> {
-        self.laid.map_or(1..=0, |laid| laid.sectors[0]..=laid.sectors[1])
+        let [first, last] = self.laid.map_or([1, 0], |laid| laid.sectors);
+        first..=last
     }
 
     /// Calls `visit` with the places of all corners off the loop, in order, if u lies over the new face `sector`: corners are
@@ -66,7 +67,7 @@ impl Overlay {
             for cell in arrangement.cells(new) {
                 let old = self.faces[usize::from(cell.old)];
                 if old != NO_FACE {
-                    visit(new, old, &cell.corners);
+                    visit(new, old, cell.corners());
                 }
             }
         }

@@ -227,7 +227,7 @@ impl Fan {
         let count = self.ring.len();
         let mut overlay = Overlay::default();
         let apex = Point3::new(0.1, -0.7, 0.4);
-        overlay.begin(apex);
+        overlay.begin();
         let turns: f64 = self.ring.iter().map(|(turn, _)| turn).sum();
         // An open fan is a half turn, from one end to the other.
         let whole = if self.open.is_some() { std::f64::consts::PI } else { std::f64::consts::TAU };
@@ -260,10 +260,13 @@ impl Fan {
             }
             Some(false) => Some(count - 1),
         };
-        for (i, place) in places.into_iter().enumerate() {
+        for i in 0..places.len() {
             let face = if Some(i) == no_face { NO_FACE } else { i as u32 };
-            overlay.push(i as u16, place, face);
+            overlay.push(i as u16, face);
         }
+        let u = places.len() as u16;
+        places.push(apex);
+        overlay.place(u, |vertex| places[usize::from(vertex)]);
         let size = self.roughness.max(1e-13);
         let boxed = |(a, b): &([f64; 3], [f64; 3])| {
             let (a, b) = (Vector3::from(*a) * size, Vector3::from(*b) * size);
