@@ -16,7 +16,8 @@ impl Face {
     /// cannot be foreseen.
     #[inline]
     pub(crate) fn others(&self, vertex: u16) -> (u16, u16) {
-        let [a, b, c] = self.corners.map(u64::from);
+        let [a, b, c] = self.corners;
+        let (a, b, c) = (u64::from(a), u64::from(b), u64::from(c));
         let at = 16 * (u32::from(self.corners[1] == vertex) + 2 * u32::from(self.corners[2] == vertex));
         let (next, before) = (b | c << 16 | a << 32, c | a << 16 | b << 32);
         ((next >> at) as u16, (before >> at) as u16)

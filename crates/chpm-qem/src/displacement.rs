@@ -125,10 +125,8 @@ impl Reach {
     #[inline]
     pub(crate) fn outward(&self) -> Displacement {
         let (lo, hi) = (self.lo, self.hi);
-        Displacement {
-            lo: [lo[0], lo[1], lo[2]].map(|x| step(x as f32, -1)),
-            hi: [hi[0], hi[1], hi[2]].map(|x| step(x as f32, 1)),
-        }
+        let (down, up) = (|x: f64| step(x as f32, -1), |x: f64| step(x as f32, 1));
+        Displacement { lo: [down(lo[0]), down(lo[1]), down(lo[2])], hi: [up(hi[0]), up(hi[1]), up(hi[2])] }
     }
 }
 

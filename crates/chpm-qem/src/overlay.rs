@@ -234,13 +234,14 @@ impl Overlay {
     fn displaced(&self, cells: &[Cell], along: &Along) -> Displacement {
         let mut reach = Reach::EMPTY;
         for cell in cells {
-            let mut range = [f64::INFINITY; 2];
+            let (mut least, mut most) = (f64::INFINITY, f64::INFINITY);
             for corner in cell.corners() {
-                let ends = self.corners[usize::from(*corner)];
-                range = [0, 1].map(|end| if ends[end] < range[end] { ends[end] } else { range[end] });
+                let [low, high] = self.corners[usize::from(*corner)];
+                least = if low < least { low } else { least };
+                most = if high < most { high } else { most };
             }
             // No face has an empty box, which stays empty.
-            reach.add(&self.slid[usize::from(cell.old)], along, range[0], -range[1]);
+            reach.add(&self.slid[usize::from(cell.old)], along, least, -most);
         }
         reach.outward()
     }
