@@ -229,7 +229,8 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
             count(compared.fault_count)
         );
     }
-    let judge = Judge::new(file, args.samples as usize, memory, &meter, &cancel)?;
+    let given = args.storage.memory();
+    let judge = Judge::new(file, args.samples as usize, memory, given, &meter, &cancel)?;
     let mut rows = Vec::new();
     if args.levels || args.cuts.is_none() {
         deviation::levels(&judge, args.positions, &meter, &cancel, |level, part, found| {

@@ -12,9 +12,10 @@ mod levels;
 
 pub(crate) use levels::{LevelDeviation, Spread, levels};
 
+use crate::args::MemorySize;
 use crate::progress::Meter;
 use crate::stop;
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use chpm_build::Cancel;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
@@ -22,15 +23,20 @@ use chpm_measure::box_tree::BoxTree;
 use chpm_measure::hausdorff::chunks;
 use chpm_measure::sample::{Density, Sampler};
 use chpm_measure::{Hit, Tally, Tiles};
-use chpm_mesh::{Aabb, ClusterId, TriMesh};
+use chpm_mesh::{Aabb, Bytes, ClusterId, TriMesh};
 use chpm_refine::{Cut, Member};
 use leftover::{Leftover, Leftovers};
 use nalgebra::Point3;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Positions are singles: distances below a 256th of what these round the largest coordinate by are taken for rounding of the measure.
 const SLACK: f64 = 1.0 / (1u64 << 32) as f64;
+
+/// Bytes that a leftover takes, in a list and once more in the tree of a cut; and what tiles need at least.
+const LEFTOVER: u64 = 192;
+const LEAST_TILES: u64 = 2 << 20;
 
 /// A file and its source, ready to be measured.
 pub(crate) struct Judge<'a> {
@@ -120,24 +126,39 @@ struct Part {
 }
 
 impl<'a> Judge<'a> {
-    /// Reads every page once. `samples` go on each triangle of the source; tiles may take `budget` bytes.
+    /// Reads every page once. `samples` go on each triangle of the source; tiles, and what has vanished, may take `budget` bytes,
+    /// which are what the process has to spare of the memory that it was `given`.
     pub(crate) fn new(
         file: &'a Chpm<MappedFile>,
         samples: usize,
         budget: u64,
+        given: Bytes,
         meter: &Meter,
         cancel: &Cancel,
     ) -> Result<Self> {
         let count = file.clusters().len();
+        let found = AtomicU64::new(0);
         meter.start("pages", count as u64);
         let left = |id: u32| -> Result<Vec<Leftover>> {
             stop::check(cancel)?;
             let page = file.page_checked(ClusterId(id))?;
             meter.add(1);
-            Ok(Leftover::of_page(&page, page.base_vertex_count))
+            let left = Leftover::of_page(&page, page.base_vertex_count);
+            let found = found.fetch_add(left.len() as u64, Relaxed) + left.len() as u64;
+            // Beyond the budget they are only counted.
+            Ok(if LEFTOVER * found > budget { Vec::new() } else { left })
         };
         let base = (0..count as u32).into_par_iter().map(left).collect::<Result<Vec<_>>>()?;
         meter.finish();
+        let needed = LEFTOVER * found.into_inner() + LEAST_TILES;
+        ensure!(
+            needed <= budget,
+            "--memory {} is too little to measure so many components that have vanished: give it {} or more",
+            MemorySize(given),
+            // The other half is for pages of the file.
+            MemorySize(Bytes((given.0 + 2 * needed.saturating_sub(budget)).next_multiple_of(1 << 20)))
+        );
+        let budget = budget - (needed - LEAST_TILES);
         let is_leaf = |id: &ClusterId| file.clusters()[id.index()].is_leaf();
         let leaves: Vec<ClusterId> = (0..count as u32).map(ClusterId).filter(is_leaf).collect();
         let boxes = leaves.iter().map(|id| file.clusters()[id.index()].aabb()).collect();

@@ -286,6 +286,8 @@ mod tests {
             column.write(8, &[1, 2]).unwrap();
             assert_eq!(column.read(7..10, &mut scratch).unwrap(), [0, 1, 2]);
             assert!(column.read(10..10, &mut scratch).unwrap().is_empty());
+            let all = column.as_mut_slice().map(|all| all.to_vec());
+            assert_eq!(all, (limit > 0).then(|| vec![0, 0, 0, 0, 0, 0, 0, 0, 1, 2]));
         }
     }
 

@@ -256,7 +256,8 @@ mod tests {
     fn convex_polygons_are_fans_about_their_first_corner() {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         assert_eq!(cut(&square), [[0, 1, 2], [0, 2, 3]]);
-        let hexagon: Vec<[f64; 2]> = (0..6).map(|i| f64::from(i)).map(|i| [i.cos(), i.sin()]).collect();
+        let hexagon: Vec<[f64; 2]> =
+            (0..6).map(f64::from).map(|angle: f64| [angle.cos(), angle.sin()]).collect();
         assert_eq!(cut(&hexagon), [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]);
     }
 

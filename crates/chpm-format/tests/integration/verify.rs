@@ -71,6 +71,15 @@ fn coverage() {
         (shared[0].1, shared[1].1) = (shared[1].1, shared[0].1);
     });
     assert_eq!(crossed, [Invariant::Coverage], "a shared vertex in two places");
+    // An id that a single leaf lists.
+    let alone = changed(|s| {
+        let listed: Vec<u16> = s.clusters[1].shared.iter().map(|(local, _)| *local).collect();
+        let own = (0..).find(|local| !listed.contains(local)).unwrap();
+        s.clusters[1].shared.push((own, s.header.shared_vertex_count));
+        s.clusters[1].shared.sort_unstable();
+        s.header.shared_vertex_count += 1;
+    });
+    assert_eq!(alone, [Invariant::Coverage], "a shared vertex that nobody else has");
 }
 
 #[test]

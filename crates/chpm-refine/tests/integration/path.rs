@@ -74,6 +74,9 @@ fn a_dive_comes_nearer_and_nearer() {
     assert!(away.is_sorted_by(|a, b| a > b));
     assert!((away[0] / away[49] - 500.0).abs() < 1e-6);
     assert!(distance(path.cameras[49].target, point) < 1e-9);
+    // It turns to the point in the first third of the way.
+    let aside: Vec<f64> = path.cameras.iter().map(|camera| distance(camera.target, point)).collect();
+    assert!(aside[..17].is_sorted_by(|a, b| a > b) && aside[17..].iter().all(|aside| *aside < 1e-9));
 }
 
 #[test]
