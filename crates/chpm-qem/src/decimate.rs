@@ -36,6 +36,10 @@ const BOUND_TERM: f64 = 1.0;
 const GUESS: f32 = 1.0;
 const HASTY_GUESS: f32 = 1.25;
 
+/// Seams are halved so that the next level has less to lock, which is worth something but not any error: once half of what was
+/// asked for is done, a collapse whose bound is so many times the error up to there is left to a level on which it is cheap.
+const STEEP: f64 = 4.0;
+
 /// Share of a forced collapse's cost below which the quadric's says that the vertex would go for nothing if it could.
 const HELD_BACK: f32 = 1e-6;
 
@@ -360,6 +364,9 @@ impl Decimator {
                 }
                 let bound = self.propose(patch, fan, u, v);
                 let cost = cost.max(self.bound_cost(bound));
+                if cost <= next && self.is_steep(goal, bound) {
+                    return true;
+                }
                 if cost > next {
                     self.stale[usize::from(u)] = false;
                     self.queue.push(Entry::bounded(cost, u));
@@ -382,6 +389,9 @@ impl Decimator {
                 if held && least < HELD_BACK * cost {
                     continue;
                 }
+                if cost <= next && self.is_steep(goal, bound) {
+                    return true;
+                }
                 if cost <= next {
                     progress.forced += 1;
                     self.carry_out(patch, u, v, bound, cost, progress);
@@ -392,6 +402,13 @@ impl Decimator {
             }
         }
         false
+    }
+
+    /// Whether a collapse of a seam costs too much.
+    fn is_steep(&self, goal: Goal, bound: f64) -> bool {
+        let Goal::Collapses(count) = goal else { return false };
+        let half = self.collapses.get(count / 2).map_or(0.0, |half| f64::from(half.error));
+        half > 0.0 && bound > STEEP * half
     }
 
     /// What the gathered vertex will cost, whose least half-edge cost is given: its faces keep the displacement that they have.
