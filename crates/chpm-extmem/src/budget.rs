@@ -302,7 +302,8 @@ mod tests {
             }
         });
         assert_eq!(budget.used(), 0);
-        assert!(budget.peak() <= 1000 && budget.peak() >= 700);
+        // Which of them meet is up to the system: that one was let in is certain.
+        assert!((250..=1000).contains(&budget.peak()));
     }
 
     proptest! {
