@@ -87,7 +87,7 @@ impl<R: Read> ObjReader<R> {
             left_out: LeftOut::default(),
             state: State::Open,
         };
-        while obj.vertices == 0 && obj.state == State::Open && !obj.pending.is_full_of_faces() {
+        while obj.vertices == 0 && obj.state == State::Open && !obj.is_full() {
             obj.line()?;
         }
         obj.colored &= !obj.pending.colors.is_empty();
@@ -149,10 +149,14 @@ impl<R: Read> ObjReader<R> {
         result
     }
 
+    /// Whether as much is pending as a batch should have of anything.
+    fn is_full(&self) -> bool {
+        let Batch { positions_f64, listed_normals, .. } = &self.pending;
+        positions_f64.len().max(listed_normals.len()) >= Batch::FULL || self.pending.is_full_of_faces()
+    }
+
     fn fill(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
-        let is_full =
-            |pending: &Batch| pending.positions_f64.len() >= Batch::FULL || pending.is_full_of_faces();
-        while self.state == State::Open && !is_full(&self.pending) {
+        while self.state == State::Open && !self.is_full() {
             self.line()?;
         }
         std::mem::swap(&mut batch.listed_normals, &mut self.pending.listed_normals);

@@ -66,8 +66,8 @@ pub struct Batch {
     /// Normals that corners of faces name, numbered through the whole file; zero where not finite. For formats that give them to
     /// corners and not to vertices.
     pub listed_normals: Vec<[f32; 3]>,
-    /// For each corner of a face its vertex and the number of its normal, which may
-    /// come later; [`u32::MAX`] if it has none. Empty if there are no normals or none are asked for.
+    /// For each corner of a face its vertex and the number of its normal, which may come later; [`u32::MAX`], told once, if it
+    /// has none. Empty if there are no normals or none are asked for.
     pub corner_normals: Vec<[u32; 2]>,
     /// Triangles: three different vertices each, all in range.
     pub triangles: Vec<[u32; 3]>,

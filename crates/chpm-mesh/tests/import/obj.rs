@@ -141,6 +141,20 @@ fn normals_are_those_of_corners() {
     assert_eq!(odd.warnings, ["replaced by zero 4 normals without finite numbers"]);
 }
 
+/// Normals that come in one block, as they mostly do, are handed over bit by bit like all else.
+#[test]
+fn normals_do_not_pile_up() {
+    let text =
+        format!("{}{SQUARE}f 1//1 2//2 3//3\n{}", "vn 0 0 1\n".repeat(50_000), "vn 0 1 0\n".repeat(50_000));
+    let mut reader = ObjReader::new(text.as_bytes(), Options::default()).unwrap();
+    let (mut batch, mut count) = (Batch::default(), 0);
+    while reader.next_batch(&mut batch).unwrap() != BatchKind::End {
+        assert!(batch.listed_normals.len() <= 1 << 14, "{}", batch.listed_normals.len());
+        count += batch.listed_normals.len();
+    }
+    assert_eq!(count, 100_000);
+}
+
 #[test]
 fn degenerate_faces_are_counted() {
     let obj = ok(&format!("{SQUARE}f 1 1 2\nf 1 2\nf 1 2 3\n"));
