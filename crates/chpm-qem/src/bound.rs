@@ -1,20 +1,31 @@
 //! The displacements that a collapse would leave behind: what its error rests on. And, once it is carried out, the looks.
+//!
+//! Where the last faces of a component go, their points go on with the nearest face of another, at the price of the way there; so pieces that
+//! lie beside each other open no hole that the error does not tell. Only what lies apart, by many times its own size, vanishes at a
+//! price by its size, and stays behind as a [`Remnant`].
 
 use crate::decimate::Decimator;
 use crate::displacement::Displacement;
 use crate::fan::FanKind;
 use crate::overlay::{NO_FACE, Place, Sweep};
 use crate::patch::Patch;
+use crate::remnant::Remnant;
 use chpm_mesh::geom::{round_up, to_f64};
 use nalgebra::Point3;
+
+/// A component lies apart if its points would have to go so many times as far as it is large to end on another. It is also what a
+/// component that vanishes costs, as a multiple of its size.
+const APART: f64 = 4.0;
 
 /// What a collapse would do to the faces about it.
 #[derive(Debug, Default)]
 pub(crate) struct Proposal {
     /// Faces that would be displaced, and how far they would then be.
     pub(crate) faces: Vec<(u32, Displacement)>,
-    /// The square of how far points would be that no face is left for.
+    /// The price of what would vanish; 0 if nothing would.
     vanished: f64,
+    /// What would vanish.
+    pub(crate) remnant: Option<Remnant>,
     /// Where the faces that lose their area put their points; only where the fans do not lie over each other.
     pub(crate) handed: Vec<Handed>,
 }
@@ -24,20 +35,23 @@ pub(crate) struct Proposal {
 pub(crate) struct Handed {
     /// The face.
     pub(crate) from: u32,
-    /// The face that has them after that; none if nothing is left for them.
+    /// The face that has them after that; none if they vanish.
     pub(crate) to: Option<u32>,
     pub(crate) other: u16,
     /// u goes to the place of the edge that is so far from v.
     pub(crate) share: f64,
     /// Whether the points go on to an end of the edge.
     pub(crate) to_end: bool,
+    /// The vertex of another component that they go on to from v.
+    pub(crate) beyond: Option<u16>,
 }
 
 impl Proposal {
     /// The longest displacement.
     pub(crate) fn norm(&self) -> f64 {
         let squares = self.faces.iter().map(|(_, d)| d.norm_squared());
-        squares.fold(self.vanished, |most, square| if square > most { square } else { most }).sqrt()
+        let longest = squares.fold(0.0, |most: f64, square| if square > most { square } else { most });
+        longest.sqrt().max(self.vanished)
     }
 
     /// Hands points over to a face; `before` is what the face has now.
@@ -54,17 +68,16 @@ impl Proposal {
 }
 
 impl Decimator {
-    /// Fills the proposal for u -> v, whose fan was classified last; answers the bound on the displacements.
-    pub(crate) fn propose(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> f64 {
+    /// Fills the proposal for u -> v, whose fan was classified last; returns the bound on the displacements, or none if a component
+    /// would vanish that has to stay.
+    pub(crate) fn propose(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> Option<f64> {
         self.proposal.faces.clear();
         self.proposal.vanished = 0.0;
+        self.proposal.remnant = None;
         self.proposal.handed.clear();
         let flattened = self.lay_over(patch, fan, u, v)
             && self.overlay.bound(&self.displacements, &mut self.proposal.faces);
-        if !flattened {
-            self.sweep(patch, fan, u, v);
-        }
-        self.proposal.norm()
+        (flattened || self.sweep(patch, fan, u, v)).then(|| self.proposal.norm())
     }
 
     /// Fills the overlay with the loop about u, from v on. False if the fan has no such loop.
@@ -91,8 +104,9 @@ impl Decimator {
         true
     }
 
-    /// The map that takes every face of u along, linearly, is valid for any fan; nothing goes farther than u.
-    fn sweep(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) {
+    /// The map that takes every face of u along, linearly, is valid for any fan; nothing goes farther than u. False if a component
+    /// would vanish that has to stay.
+    fn sweep(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> bool {
         let position = |w: u16| to_f64(patch.positions[usize::from(w)]);
         let go = |from: Point3<f64>, to: Point3<f64>| Sweep::to_segment(from, to, to);
         let (step, share) = match fan {
@@ -110,7 +124,8 @@ impl Decimator {
             }
         }
         // A face that loses its area becomes an edge from v. Its points go on with a face at that edge; if there is none, they go to one
-        // of its ends and on with any face there; if there is none either, they stay where they are for good.
+        // of its ends and on with any face there; if there is none either, to v and from there to another component, or nowhere.
+        let mut left_over = Displacement::EMPTY;
         for i in 0..self.fan.wings.len() {
             let (a, b) = self.fan.wings[i];
             if a != v && b != v {
@@ -129,11 +144,70 @@ impl Decimator {
             let points = end.map_or(points, |end| points.moved(end.lo, end.hi));
             match to {
                 Some(face) => self.proposal.hand_over(face, &self.displacements[face as usize], &points),
-                None => self.proposal.vanished = self.proposal.vanished.max(points.norm_squared()),
+                // Another cluster may draw more of what hangs on here.
+                None if patch.locked[usize::from(w)] => return false,
+                None => left_over.merge(&points),
             }
             let from = self.fan.faces[i];
-            self.proposal.handed.push(Handed { from, to, other: w, share, to_end: end.is_some() });
+            self.proposal.handed.push(Handed {
+                from,
+                to,
+                other: w,
+                share,
+                to_end: end.is_some(),
+                beyond: None,
+            });
         }
+        left_over == Displacement::EMPTY || self.leave(patch, u, v, &left_over)
+    }
+
+    /// Takes the points that are left at v without a face to another component, or lets them vanish where all others lie apart. False
+    /// if there is no other, or if v is not this patch's alone: what hangs on there may go on elsewhere.
+    fn leave(&mut self, patch: &Patch<'_>, u: u16, v: u16, points: &Displacement) -> bool {
+        if patch.locked[usize::from(v)] || !self.sides.is_empty() {
+            return false;
+        }
+        let Some((face, nearest)) = self.nearest_other(patch, u, v) else { return false };
+        let way = self.offset(patch, v, nearest);
+        let (size, moved) = (points.norm(), points.moved(way, way));
+        if moved.norm() > APART * size {
+            self.proposal.remnant = Some(Remnant::new(to_f64(patch.positions[usize::from(v)]), points));
+            self.proposal.vanished = APART * size;
+            return true;
+        }
+        self.proposal.hand_over(face, &self.displacements[face as usize], &moved);
+        for handed in self.proposal.handed.iter_mut().filter(|handed| handed.to.is_none()) {
+            (handed.to, handed.beyond) = (Some(face), Some(nearest));
+        }
+        true
+    }
+
+    /// The vertex nearest to v of those that have faces when u has gone there, which v has not; and one of its faces.
+    fn nearest_other(&mut self, patch: &Patch<'_>, u: u16, v: u16) -> Option<(u32, u16)> {
+        // Vertices lose faces and get none back: who was nearest still is, as long as it has one.
+        let known = self.others[usize::from(v)];
+        if known != v
+            && let (ids, faces) = self.adjacency.living(known)
+            && let Some(face) = ids.iter().find(|id| !faces[**id as usize].corners.contains(&u))
+        {
+            return Some((*face, known));
+        }
+        let at = to_f64(patch.positions[usize::from(v)]);
+        let mut nearest = None;
+        let mut least = f64::INFINITY;
+        for (id, face) in self.adjacency.faces.iter().enumerate() {
+            if face.is_dead() || face.corners.contains(&u) {
+                continue;
+            }
+            for corner in face.corners {
+                let squared = (to_f64(patch.positions[usize::from(corner)]) - at).norm_squared();
+                if squared < least {
+                    (least, nearest) = (squared, Some((id as u32, corner)));
+                }
+            }
+        }
+        self.others[usize::from(v)] = nearest.map_or(v, |(_, corner)| corner);
+        nearest
     }
 
     /// Carries the looks on over the collapse u -> v that was proposed last and is about to be carried out.
@@ -158,8 +232,11 @@ impl Decimator {
             let mut moved = looks.differences(u, v, &to(handed.other, handed.share));
             if handed.to_end {
                 let end = Place { old: (handed.other, 0.0), new: [(v, 0.0); 2], loss: 0.0 };
-                let more = looks.differences(handed.other, v, &end);
-                moved = [0, 1].map(|i| round_up(f64::from(moved[i]) + f64::from(more[i])));
+                moved = sum(moved, looks.differences(handed.other, v, &end));
+            }
+            if let Some(beyond) = handed.beyond {
+                let there = Place { old: (v, 0.0), new: [(beyond, 0.0); 2], loss: 0.0 };
+                moved = sum(moved, looks.differences(v, beyond, &there));
             }
             let corners =
                 |face: u32| self.adjacency.faces[face as usize].corners.map(|w| if w == u { v } else { w });
@@ -199,6 +276,11 @@ impl Decimator {
         };
         ids.iter().copied().find(|id| is_one(*id))
     }
+}
+
+/// Rounded up.
+fn sum(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    [0, 1].map(|i| round_up(f64::from(a[i]) + f64::from(b[i])))
 }
 
 /// What a face that gets points has of the edge that they are on.

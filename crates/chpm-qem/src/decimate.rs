@@ -15,6 +15,7 @@ use crate::patch::{Collapse, Outcome, Patch, Topology};
 use crate::quadric::Quadric;
 use crate::queue::{Entry, Queue};
 use crate::refusal::{Refusal, Refusals};
+use crate::remnant::Remnant;
 use chpm_mesh::Aabb;
 use chpm_mesh::geom::{area_vector, round_up, to_f64};
 use nalgebra::Vector3;
@@ -104,6 +105,11 @@ pub struct Decimator {
     /// Vertices about the one that may be forced, each with its number of faces.
     pub(crate) ring: Vec<(u16, u32)>,
     collapses: Vec<Collapse>,
+    /// What has vanished, and the error when the first of it did.
+    remnants: Vec<Remnant>,
+    vanishing: f32,
+    /// By vertex without another face: the nearest that has one, as it was last found; the vertex itself before.
+    pub(crate) others: Vec<u16>,
     /// Members that have a vertex, a bit each, while seams are decimated; else empty.
     pub(crate) sides: Vec<u8>,
     /// What costs are multiplied by so that they fit an f32 for a model of any size.
@@ -174,6 +180,8 @@ impl Decimator {
             triangle_count: progress.alive,
             stalled,
             forced: progress.forced,
+            remnants: &self.remnants,
+            vanishing: self.vanishing,
             refusals,
         }
     }
@@ -202,6 +210,10 @@ impl Decimator {
     fn prepare(&mut self, patch: &Patch<'_>) -> Refusals {
         let mut refusals = Refusals::default();
         self.collapses.clear();
+        self.remnants.clear();
+        self.vanishing = f32::INFINITY;
+        self.others.clear();
+        self.others.extend(0..patch.positions.len() as u16);
         self.cost_scale = cost_scale(patch.positions);
         self.adjacency.build(patch.positions.len(), patch.triangles);
         self.fan.reset(patch.positions.len());
@@ -362,7 +374,10 @@ impl Decimator {
                     self.queue.push(Entry::new(due, u));
                     continue;
                 }
-                let bound = self.propose(patch, fan, u, v);
+                let Some(bound) = self.propose(patch, fan, u, v) else {
+                    self.refuse(u, refusals);
+                    continue;
+                };
                 let cost = cost.max(self.bound_cost(bound));
                 if cost <= next && self.is_steep(goal, bound) {
                     return true;
@@ -383,7 +398,10 @@ impl Decimator {
             let held = refusals.of(Refusal::LockedEdge) > locked
                 || (!self.sides.is_empty() && fan != FanKind::Broken);
             if let Some(v) = self.nearest_forced(patch, u) {
-                let bound = self.propose(patch, fan, u, v);
+                let Some(bound) = self.propose(patch, fan, u, v) else {
+                    self.refuse(u, refusals);
+                    continue;
+                };
                 let cost = self.bound_cost(bound);
                 // What is flat and only held back by locks or a seam needs no force: on a higher level it will be free.
                 if held && least < HELD_BACK * cost {
@@ -402,6 +420,12 @@ impl Decimator {
             }
         }
         false
+    }
+
+    /// A component would vanish that has to stay.
+    fn refuse(&mut self, u: u16, refusals: &mut Refusals) {
+        refusals.add(Refusal::Component);
+        self.waiting[usize::from(u)] = true;
     }
 
     /// Whether a collapse of a seam costs too much.
@@ -439,6 +463,10 @@ impl Decimator {
             self.displacements[*face as usize] = *displacement;
         }
         self.carry_looks(u, v);
+        if let Some(remnant) = self.proposal.remnant {
+            self.remnants.push(remnant);
+            self.vanishing = self.vanishing.min(progress.error);
+        }
         self.quadrics[usize::from(v)].add_moved(&quadric, offset);
         progress.alive -= self.adjacency.collapse(u, v);
         self.kinds[usize::from(u)] = VertexKind::Gone;

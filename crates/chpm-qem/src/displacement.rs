@@ -48,6 +48,11 @@ impl Displacement {
         round_up(self.norm())
     }
 
+    /// Its least and its greatest corner, exactly.
+    pub(crate) fn reach(&self) -> (Vector3<f64>, Vector3<f64>) {
+        (Vector3::from(self.lo).map(f64::from), Vector3::from(self.hi).map(f64::from))
+    }
+
     /// Its least and its greatest corner.
     #[cfg(test)]
     pub(crate) fn ends(&self) -> [[f32; 3]; 2] {

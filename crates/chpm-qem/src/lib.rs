@@ -18,6 +18,7 @@ mod quadric;
 mod queue;
 mod record;
 mod refusal;
+mod remnant;
 
 pub use decimate::Decimator;
 pub use displacement::Displacement;
@@ -26,3 +27,4 @@ pub use patch::{Collapse, Outcome, Patch, Topology};
 pub use quadric::Quadric;
 pub use record::Record;
 pub use refusal::{Refusal, Refusals};
+pub use remnant::{Remnant, gap, thin_out};

@@ -3,6 +3,7 @@
 use crate::displacement::Displacement;
 use crate::look::Looks;
 use crate::refusal::Refusals;
+use crate::remnant::Remnant;
 
 /// One cluster's mesh: positions, triangles over local indices, and which vertices must stay.
 #[derive(Clone, Copy, Debug, Default)]
@@ -26,7 +27,7 @@ pub enum Topology {
     #[default]
     Keep,
     /// Where no collapse of a vertex is legal it may be forced: small components vanish, tiny handles close, vertices that are
-    /// not manifold do not stay for ever.
+    /// not manifold do not stay for ever. The last component stays.
     Change,
 }
 
@@ -37,7 +38,8 @@ pub struct Collapse {
     pub from: u16,
     /// The neighbour that it goes to.
     pub to: u16,
-    /// Error of the mesh after this collapse, object units: an upper bound of its distance from the source surface, both ways.
+    /// Error of the mesh after this collapse, object units: an upper bound of its distance from the source surface, both ways, but
+    /// for the points of the source in [`Outcome::remnants`].
     pub error: f32,
 }
 
@@ -52,6 +54,10 @@ pub struct Outcome<'a> {
     pub stalled: bool,
     /// Collapses that changed the topology or turned a face over.
     pub forced: usize,
+    /// Where components were that lay apart and have vanished.
+    pub remnants: &'a [Remnant],
+    /// The least error of a mesh in which one of them is missing; infinite without any.
+    pub vanishing: f32,
     /// Collapses refused, by reason.
     pub refusals: Refusals,
 }

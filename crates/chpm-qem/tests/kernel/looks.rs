@@ -296,15 +296,19 @@ proptest! {
         prop_assert!(said + 1e-9 >= measured, "{} {}", said, measured);
     }
 
-    /// So they do for what vanishes as a whole.
+    /// So they do for what goes on with another component: the speck that is left answers for the colours of both.
     #[test]
-    fn a_speck_that_vanishes_keeps_its_deviation(colors in prop::array::uniform4(any::<u8>())) {
+    fn a_speck_that_goes_elsewhere_keeps_its_deviation(colors in prop::array::uniform4(any::<u8>()), other in any::<u8>()) {
         let mut mesh = hand::tetrahedron();
-        mesh.colors = colors.iter().map(|c| [*c; 4]).collect();
-        let run = run(&mesh, &[], Topology::Change, 0);
-        prop_assert!(run.left.is_empty());
-        let last = colors[usize::from(run.collapses.last().expect("it went").to)];
-        let farthest = colors.iter().map(|c| c.abs_diff(last)).max().unwrap_or(0);
+        let beside = mesh.positions.iter().map(|[x, y, z]| [x + 1.5, *y, *z]).collect::<Vec<_>>();
+        mesh.triangles.extend(mesh.triangles.clone().iter().map(|t| t.map(|v| v + 4)));
+        mesh.positions.extend(beside);
+        // The one beside is locked, so that it is the one that stays.
+        mesh.colors = colors.iter().map(|c| [*c; 4]).chain([[other; 4]; 4]).collect();
+        let locked = std::array::from_fn::<_, 8, _>(|v| v >= 4);
+        let run = run_with(&mesh, &[], &locked, Topology::Change, 4);
+        prop_assert_eq!(run.left.len(), 4);
+        let farthest = colors.iter().map(|c| c.abs_diff(other)).max().unwrap_or(0);
         let said = run.largest.color;
         prop_assert!(said >= f32::from(farthest) && said <= 255.0, "{} {}", said, farthest);
     }

@@ -1,7 +1,7 @@
 //! Decimates a plain mesh, and carries collapses out again without any of the kernel's structures.
 
 use chpm_mesh::TriMesh;
-use chpm_qem::{Collapse, Decimator, Patch, Record, Refusal, Refusals, Topology};
+use chpm_qem::{Collapse, Decimator, Patch, Record, Refusal, Refusals, Remnant, Topology};
 
 /// What a decimation did, with its mesh.
 #[derive(Debug)]
@@ -10,6 +10,8 @@ pub(crate) struct Run {
     pub(crate) triangle_count: usize,
     pub(crate) stalled: bool,
     pub(crate) refusals: Refusals,
+    pub(crate) remnants: Vec<Remnant>,
+    pub(crate) vanishing: f32,
     pub(crate) record: Record,
     pub(crate) mesh: TriMesh,
 }
@@ -26,6 +28,14 @@ impl Run {
     /// The error after so many collapses.
     pub(crate) fn error_after(&self, steps: usize) -> f32 {
         self.collapses[..steps].last().map_or(0.0, |c| c.error)
+    }
+
+    /// How far the source is from the mesh after so many collapses, and the other way round: what vanished is as far as the nearest
+    /// vertex of the last mesh.
+    pub(crate) fn distance_after(&self, steps: usize) -> f32 {
+        let error = self.error_after(steps);
+        let drawn = self.mesh.triangles.as_flattened().iter().map(|v| &self.mesh.positions[*v as usize]);
+        if error < self.vanishing { error } else { error.max(chpm_qem::gap(&self.remnants, drawn)) }
     }
 }
 
@@ -58,6 +68,8 @@ pub(crate) fn run_with(
         triangle_count: outcome.triangle_count,
         stalled: outcome.stalled,
         refusals: outcome.refusals,
+        remnants: outcome.remnants.to_vec(),
+        vanishing: outcome.vanishing,
         record,
         mesh: played(mesh, outcome.collapses),
     }

@@ -1,0 +1,155 @@
+//! Components that vanish apart from everything else: where the points of the source were that nothing stands for any more.
+//!
+//! The error of a mesh counts such a component at its own size, since that is all that a picture misses. Whoever measures needs more: how
+//! far its points are from what is still drawn. So they are kept, as balls, for as long as the hierarchy grows, and the distance to the
+//! nearest vertex is found anew for every mesh; nothing adds up.
+
+use crate::displacement::Displacement;
+use bytemuck::{Pod, Zeroable};
+use chpm_mesh::geom::{round_up, to_f64};
+use nalgebra::{Point3, Vector3};
+
+/// A ball about points of the source that have vanished, object units.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct Remnant {
+    center: [f32; 3],
+    radius: f32,
+}
+
+impl Remnant {
+    /// The points that ended at `at`, after displacements in the box.
+    pub(crate) fn new(at: Point3<f64>, ended: &Displacement) -> Self {
+        let (lo, hi) = ended.reach();
+        let (low, high) = (at - hi, at - lo);
+        let center = nalgebra::center(&low, &high).coords.map(|x| x as f32);
+        let rounded = Point3::from(center.map(f64::from));
+        let farthest = (high - rounded).abs().sup(&(low - rounded).abs());
+        Remnant { center: center.into(), radius: round_up(farthest.norm()) }
+    }
+
+    /// How far its points are from the nearest of some vertices, at most; infinite if there are none.
+    fn gap(&self, vertices: impl Iterator<Item = [f32; 3]>) -> f64 {
+        let center = to_f64(self.center);
+        let squared = |vertex: [f32; 3]| (to_f64(vertex) - center).norm_squared();
+        let nearest = vertices.map(squared).fold(f64::INFINITY, |least, d| if d < least { d } else { least });
+        nearest.sqrt() + f64::from(self.radius)
+    }
+
+    /// A ball about two.
+    fn around(a: &Remnant, b: &Remnant) -> Remnant {
+        let (large, small) = if a.radius < b.radius { (b, a) } else { (a, b) };
+        let way: Vector3<f64> = to_f64(small.center) - to_f64(large.center);
+        let (length, reach) = (way.norm(), f64::from(large.radius));
+        let beyond = length + f64::from(small.radius) - reach;
+        if beyond <= 0.0 {
+            return *large;
+        }
+        let center = (to_f64(large.center) + way * (0.5 * beyond / length)).coords.map(|x| x as f32);
+        let rounded = Point3::from(center.map(f64::from));
+        let far = |ball: &Remnant| (to_f64(ball.center) - rounded).norm() + f64::from(ball.radius);
+        Remnant { center: center.into(), radius: round_up(far(large).max(far(small))) }
+    }
+}
+
+/// How far the points of all remnants are from the nearest of some vertices, at most: 0 without remnants. Rounded up.
+pub fn gap<'a>(remnants: &[Remnant], vertices: impl Iterator<Item = &'a [f32; 3]> + Clone) -> f32 {
+    let gaps = remnants.iter().map(|remnant| remnant.gap(vertices.clone().copied()));
+    round_up(gaps.fold(0.0, f64::max))
+}
+
+/// Puts neighbours together until there are at most `most`.
+pub fn thin_out(remnants: &mut Vec<Remnant>, most: usize) {
+    while remnants.len() > most.max(1) {
+        sort_along_boxes(remnants);
+        let pairs = remnants.chunks(2).map(|pair| match pair {
+            [a, b] => Remnant::around(a, b),
+            _ => pair[0],
+        });
+        *remnants = pairs.collect();
+    }
+}
+
+/// Sorts so that neighbours in the list are neighbours in space: halves across the longest side of the box, and each half again.
+fn sort_along_boxes(remnants: &mut [Remnant]) {
+    if remnants.len() <= 2 {
+        return;
+    }
+    let centers = || remnants.iter().map(|remnant| Vector3::from(remnant.center));
+    let low = centers().fold(Vector3::repeat(f32::INFINITY), |low, center| low.inf(&center));
+    let high = centers().fold(Vector3::repeat(f32::NEG_INFINITY), |high, center| high.sup(&center));
+    let axis = (high - low).imax();
+    let key = |remnant: &Remnant| remnant.center[axis];
+    // A half of an even length, so that no pair is of both.
+    let middle = (remnants.len() / 2).next_multiple_of(2);
+    // All of it decides between equals, so that the order in which they came does not.
+    remnants.sort_unstable_by(|a, b| {
+        let (all_a, all_b) = (a.center.into_iter().chain([a.radius]), b.center.into_iter().chain([b.radius]));
+        let others = || all_a.zip(all_b).map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne());
+        key(a).total_cmp(&key(b)).then_with(|| others().unwrap_or(std::cmp::Ordering::Equal))
+    });
+    let (left, right) = remnants.split_at_mut(middle.min(remnants.len()));
+    sort_along_boxes(left);
+    sort_along_boxes(right);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn ball(center: [f32; 3], radius: f32) -> Remnant {
+        Remnant { center, radius }
+    }
+
+    #[test]
+    fn a_gap_is_to_the_nearest_vertex_and_of_the_farthest_ball() {
+        let vertices = [[0.0; 3], [10.0, 0.0, 0.0]];
+        assert_eq!(gap(&[], vertices.iter()), 0.0);
+        let balls = [ball([0.0, 1.0, 0.0], 0.5), ball([8.0, 0.0, 0.0], 1.0)];
+        let found = f64::from(gap(&balls, vertices.iter()));
+        assert!((3.0..3.0001).contains(&found), "{found}");
+        assert_eq!(gap(&balls, [].iter()), f32::INFINITY);
+    }
+
+    proptest! {
+        /// What the box says of the points that ended somewhere, the ball holds.
+        #[test]
+        fn a_remnant_holds_its_points(
+            at in prop::array::uniform3(-1e3f64..1e3),
+            low in prop::array::uniform3(-9.0f64..0.0),
+            high in prop::array::uniform3(0.0f64..9.0),
+            share in prop::array::uniform3(0.0f64..1.0),
+        ) {
+            let ended = Displacement::default().moved(low.into(), high.into());
+            let ball = Remnant::new(at.into(), &ended);
+            let point: [f64; 3] = std::array::from_fn(|a| at[a] - (low[a] + share[a] * (high[a] - low[a])));
+            let distance = (Point3::from(point) - to_f64(ball.center)).norm();
+            prop_assert!(distance <= f64::from(ball.radius));
+            let size = (Vector3::from(high) - Vector3::from(low)).norm();
+            prop_assert!(f64::from(ball.radius) <= 0.5 * size * 1.0001 + 1e-3);
+        }
+
+        /// Fewer balls hold what all of them held.
+        #[test]
+        fn fewer_balls_hold_the_same(
+            balls in prop::collection::vec((prop::array::uniform3(-9.0f32..9.0), 0.0f32..2.0), 1..60),
+            most in 0usize..20,
+        ) {
+            let all: Vec<Remnant> = balls.iter().map(|(center, radius)| ball(*center, *radius)).collect();
+            let mut fewer = all.clone();
+            thin_out(&mut fewer, most);
+            prop_assert!(fewer.len() <= most.max(1));
+            let holds = |outer: &Remnant, inner: &Remnant| {
+                let way = (to_f64(outer.center) - to_f64(inner.center)).norm();
+                way + f64::from(inner.radius) <= f64::from(outer.radius) * (1.0 + 1e-12)
+            };
+            for one in &all {
+                prop_assert!(fewer.iter().any(|outer| holds(outer, one)), "{one:?}");
+            }
+            let mut turned: Vec<Remnant> = all.iter().rev().copied().collect();
+            thin_out(&mut turned, most);
+            prop_assert!(all.len() <= most || turned == fewer, "the order does not matter");
+        }
+    }
+}
