@@ -140,7 +140,8 @@ fn places(order: &[u32], tree: &Tree) -> Vec<Option<u32>> {
     places
 }
 
-/// The dependency groups with the places of their coarse and fine clusters: the fine ones are the members' children.
+/// The dependency groups with the places of their coarse and fine clusters: the fine ones are the members' children. All members have the
+/// group's gaps.
 fn link_groups(order: &[u32], tree: &Tree, clusters: &Hierarchy) -> (Vec<GroupRecord>, Vec<u32>) {
     let places = places(order, tree);
     let mut members = Vec::new();
@@ -156,6 +157,7 @@ fn link_groups(order: &[u32], tree: &Tree, clusters: &Hierarchy) -> (Vec<GroupRe
                 coarse_count: fine_first - coarse_first,
                 fine_first,
                 fine_count: members.len() as u32 - fine_first,
+                gaps: clusters.page(group[0]).gaps,
                 ..GroupRecord::default()
             }
         })

@@ -1,5 +1,6 @@
 //! How values of other crates are written to a checkpoint.
 
+use chpm_format::Gaps;
 use chpm_mesh::Aabb;
 use chpm_qem::{Deviation, Refusals};
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,14 @@ pub(crate) struct AabbFields {
 pub(crate) struct DeviationFields {
     normal: f32,
     color: f32,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Gaps")]
+pub(crate) struct GapsFields {
+    fine: f32,
+    base: f32,
+    from: f32,
 }
 
 #[derive(Serialize, Deserialize)]

@@ -72,7 +72,8 @@ pub(crate) fn run(
         context.check()?;
         let page = clusters.page(*node);
         // What a leaf starts at; other finest meshes are unions of base meshes below.
-        let finest = range.finest.filter(|_| tree.nodes[*node as usize].children.is_none());
+        let is_leaf = tree.nodes[*node as usize].children.is_none();
+        let finest = range.finest.filter(|_| is_leaf).map(|finest| page.gaps.error_within(finest));
         let coarsest = Some(range.coarsest).filter(|error| page.group_error > *error);
         scratch.clip(clusters, *node, finest, coarsest)
     };
@@ -100,11 +101,12 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// Drops the children of every group whose members' finest meshes have an error of at most `finest`. Errors grow up the groups, so
-/// nothing that is kept loses what is below it.
+/// Drops the children of every group whose members' finest meshes are no farther from the source than `finest`. Errors and gaps grow up the
+/// groups, so nothing that is kept loses what is below it.
 fn drop_below(clusters: &mut Hierarchy, tree: &mut Tree, finest: f32) {
     let Hierarchy { refs, groups, .. } = clusters;
-    let errors: Vec<f32> = refs.iter().map(|page| page.map_or(0.0, |page| page.group_error)).collect();
+    let distance = |page: PageRef| page.group_error.max(page.gaps.base);
+    let errors: Vec<f32> = refs.iter().map(|page| page.map_or(0.0, distance)).collect();
     for group in groups.iter() {
         let below = || group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
         if below().any(|child| errors[child as usize] > finest) {
@@ -160,6 +162,7 @@ impl Scratch {
         coarsest: Option<f32>,
     ) -> Result<Clipped, BuildError> {
         let (mut kept, mut report) = (clusters.page(node), clusters.reports[node as usize]);
+        kept.gaps.fine = finest.map_or(kept.gaps.fine, |error| kept.gaps.at(error));
         let mut bytes = std::mem::take(&mut self.bytes);
         clusters.pages.read(kept.offset, kept.len as usize, &mut bytes)?;
         let mut page = Page::view(&bytes)?;

@@ -1,6 +1,7 @@
 //! The canonical text of a file: equal files give equal texts, and the other way round but for padding.
 
 use crate::error::FormatError;
+use crate::gaps::Gaps;
 use crate::page::Page;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord, REFUSALS};
@@ -81,6 +82,8 @@ fn dump_group(
 ) -> Result<(), FormatError> {
     write!(out, "{id} level {} coarse {coarse:?} fine {fine:?}", group.level)?;
     write!(out, " errors {:?} {:?}", group.min_error, group.max_error)?;
+    let Gaps { fine: below, base, from } = group.gaps;
+    write!(out, " gaps {below:?} {base:?} from {from:?}")?;
     writeln!(out, " center {:?} radius {:?}", group.center, group.radius)?;
     Ok(())
 }

@@ -11,7 +11,7 @@ pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
 /// Minor version that this crate writes.
-pub const VERSION_MINOR: u16 = 0;
+pub const VERSION_MINOR: u16 = 1;
 /// Length of the header, bytes.
 pub const HEADER_LEN: usize = 256;
 
@@ -100,7 +100,7 @@ pub enum BoundaryMode {
 pub enum ErrorKind {
     /// A quadric estimate of the deviation: no bound.
     Quadric = 0,
-    /// At least the symmetric Hausdorff distance to the original surface.
+    /// At least the symmetric Hausdorff distance to the original surface, apart from what has vanished; see [`crate::Gaps`].
     #[default]
     Certified = 1,
 }
@@ -150,6 +150,11 @@ impl Header {
     /// What the errors mean; `None` for a code that [`crate::Chpm::open`] would have refused.
     pub fn error_kind(&self) -> Option<ErrorKind> {
         [ErrorKind::Quadric, ErrorKind::Certified].get(self.error_kind as usize).copied()
+    }
+
+    /// Whether groups tell what has vanished, so that errors and gaps together are distances to the whole source.
+    pub fn has_gaps(&self) -> bool {
+        self.version_minor >= 1
     }
 
     /// The box around everything, relative to the origin.

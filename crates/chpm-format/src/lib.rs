@@ -41,6 +41,7 @@ compile_error!("chpm reads its little-endian records in place and supports littl
 pub mod dump;
 pub mod error;
 pub mod error_code;
+mod gaps;
 pub mod header;
 pub mod metadata;
 pub mod page;
@@ -55,6 +56,7 @@ pub mod writer;
 
 pub use dump::dump;
 pub use error::{FormatError, Place};
+pub use gaps::Gaps;
 pub use header::{BoundaryMode, ErrorKind, Header};
 pub use metadata::{Metadata, Source};
 pub use page::{Page, PageHeader};

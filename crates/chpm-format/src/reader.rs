@@ -1,6 +1,7 @@
 //! Opening a file that is in memory, and reading it in place.
 
 use crate::error::{FormatError, Place, require, require_eq};
+use crate::gaps::Gaps;
 use crate::header::{Header, attribute_bits};
 use crate::metadata::Metadata;
 use crate::page::Page;
@@ -106,6 +107,19 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// The group table; a [`GroupId`] is an index into it.
     pub fn groups(&self) -> &[GroupRecord] {
         self.table(SectionKind::Groups)
+    }
+
+    /// What has vanished from a group; nothing that is known of where [`Header::has_gaps`] is false.
+    ///
+    /// # Panics
+    /// For a group that the file does not have.
+    pub fn gaps(&self, group: GroupId) -> Gaps {
+        if self.header.has_gaps() { self.groups()[group.index()].gaps } else { Gaps::default() }
+    }
+
+    /// Whether errors and gaps together are distances to the whole source.
+    pub fn has_gaps(&self) -> bool {
+        self.header.has_gaps()
     }
 
     /// The cluster ids that groups name by ranges.

@@ -2,6 +2,7 @@
 
 use crate::checksum;
 use crate::error::{FormatError, Place, invalid};
+use crate::gaps::Gaps;
 use crate::page::Page;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::{Aabb, ClusterId, GroupId, Level, Sphere};
@@ -163,11 +164,13 @@ pub struct GroupRecord {
     pub center: [f32; 3],
     /// Its radius.
     pub radius: f32,
+    /// What has vanished, from version 1.1 on; see [`crate::Chpm::gaps`].
+    pub gaps: Gaps,
     /// Zero.
-    pub reserved: [u8; 16],
+    pub reserved: [u8; 4],
 }
 
-const _: () = assert!(mem::size_of::<GroupRecord>() == 64);
+const _: () = assert!(mem::size_of::<GroupRecord>() == 64 && mem::offset_of!(GroupRecord, gaps) == 48);
 
 impl GroupRecord {
     /// The sphere around the group and everything below.

@@ -123,6 +123,15 @@ impl Structure<'_> {
             group.fine_count,
         )?;
         require_errors(place, group.min_error, group.max_error)?;
+        if self.header.has_gaps() {
+            require(
+                group.gaps.are_legal(),
+                place,
+                "gaps",
+                "finite, 0 <= fine <= base",
+                format_args!("{:?}", group.gaps),
+            )?;
+        }
         require_sphere(place, group.center, group.radius)?;
 
         let coarse = self.members_of(place, group.coarse_first, group.coarse_count, used)?;

@@ -167,7 +167,8 @@ impl Decimator {
         if patch.locked[usize::from(v)] || !self.sides.is_empty() {
             return false;
         }
-        let Some((face, nearest)) = self.nearest_other(patch, u, v) else { return false };
+        let other = self.nearest.find(patch.positions, &mut self.adjacency, u, v);
+        let Some((face, nearest)) = other else { return false };
         let way = self.offset(patch, v, nearest);
         let (size, moved) = (points.norm(), points.moved(way, way));
         if moved.norm() > APART * size {
@@ -180,34 +181,6 @@ impl Decimator {
             (handed.to, handed.beyond) = (Some(face), Some(nearest));
         }
         true
-    }
-
-    /// The vertex nearest to v of those that have faces when u has gone there, which v has not; and one of its faces.
-    fn nearest_other(&mut self, patch: &Patch<'_>, u: u16, v: u16) -> Option<(u32, u16)> {
-        // Vertices lose faces and get none back: who was nearest still is, as long as it has one.
-        let known = self.others[usize::from(v)];
-        if known != v
-            && let (ids, faces) = self.adjacency.living(known)
-            && let Some(face) = ids.iter().find(|id| !faces[**id as usize].corners.contains(&u))
-        {
-            return Some((*face, known));
-        }
-        let at = to_f64(patch.positions[usize::from(v)]);
-        let mut nearest = None;
-        let mut least = f64::INFINITY;
-        for (id, face) in self.adjacency.faces.iter().enumerate() {
-            if face.is_dead() || face.corners.contains(&u) {
-                continue;
-            }
-            for corner in face.corners {
-                let squared = (to_f64(patch.positions[usize::from(corner)]) - at).norm_squared();
-                if squared < least {
-                    (least, nearest) = (squared, Some((id as u32, corner)));
-                }
-            }
-        }
-        self.others[usize::from(v)] = nearest.map_or(v, |(_, corner)| corner);
-        nearest
     }
 
     /// Carries the looks on over the collapse u -> v that was proposed last and is about to be carried out.

@@ -10,6 +10,7 @@ use crate::bound::Proposal;
 use crate::displacement::Displacement;
 use crate::fan::{Fan, FanKind, MAX_SPINE, MAX_VALENCE};
 use crate::look::{Deviation, FaceLook, LookTracker};
+use crate::nearest::Nearest;
 use crate::overlay::Overlay;
 use crate::patch::{Collapse, Outcome, Patch, Topology};
 use crate::quadric::Quadric;
@@ -108,8 +109,7 @@ pub struct Decimator {
     /// What has vanished, and the error when the first of it did.
     remnants: Vec<Remnant>,
     vanishing: f32,
-    /// By vertex without another face: the nearest that has one, as it was last found; the vertex itself before.
-    pub(crate) others: Vec<u16>,
+    pub(crate) nearest: Nearest,
     /// Members that have a vertex, a bit each, while seams are decimated; else empty.
     pub(crate) sides: Vec<u8>,
     /// What costs are multiplied by so that they fit an f32 for a model of any size.
@@ -212,8 +212,7 @@ impl Decimator {
         self.collapses.clear();
         self.remnants.clear();
         self.vanishing = f32::INFINITY;
-        self.others.clear();
-        self.others.extend(0..patch.positions.len() as u16);
+        self.nearest.clear();
         self.cost_scale = cost_scale(patch.positions);
         self.adjacency.build(patch.positions.len(), patch.triangles);
         self.fan.reset(patch.positions.len());

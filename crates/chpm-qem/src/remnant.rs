@@ -5,6 +5,7 @@
 //! nearest vertex is found anew for every mesh; nothing adds up.
 
 use crate::displacement::Displacement;
+use crate::kd_tree::KdTree;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::{round_up, to_f64};
 use nalgebra::{Point3, Vector3};
@@ -28,14 +29,6 @@ impl Remnant {
         Remnant { center: center.into(), radius: round_up(farthest.norm()) }
     }
 
-    /// How far its points are from the nearest of some vertices, at most; infinite if there are none.
-    fn gap(&self, vertices: impl Iterator<Item = [f32; 3]>) -> f64 {
-        let center = to_f64(self.center);
-        let squared = |vertex: [f32; 3]| (to_f64(vertex) - center).norm_squared();
-        let nearest = vertices.map(squared).fold(f64::INFINITY, |least, d| if d < least { d } else { least });
-        nearest.sqrt() + f64::from(self.radius)
-    }
-
     /// A ball about two.
     fn around(a: &Remnant, b: &Remnant) -> Remnant {
         let (large, small) = if a.radius < b.radius { (b, a) } else { (a, b) };
@@ -52,10 +45,19 @@ impl Remnant {
     }
 }
 
-/// How far the points of all remnants are from the nearest of some vertices, at most: 0 without remnants. Rounded up.
-pub fn gap<'a>(remnants: &[Remnant], vertices: impl Iterator<Item = &'a [f32; 3]> + Clone) -> f32 {
-    let gaps = remnants.iter().map(|remnant| remnant.gap(vertices.clone().copied()));
-    round_up(gaps.fold(0.0, f64::max))
+/// How far the points of all remnants are from the nearest of some vertices, at most: 0 without remnants, infinite without vertices.
+/// Rounded up.
+pub fn gap(remnants: &[Remnant], positions: &[[f32; 3]], vertices: impl Iterator<Item = u16>) -> f32 {
+    if remnants.is_empty() {
+        return 0.0;
+    }
+    let mut tree = KdTree::default();
+    tree.fill(positions, vertices);
+    let gap = |remnant: &Remnant| {
+        let nearest = tree.nearest(positions, to_f64(remnant.center), |_| true);
+        nearest.map_or(f64::INFINITY, |(squared, _)| squared.sqrt() + f64::from(remnant.radius))
+    };
+    round_up(remnants.iter().map(gap).fold(0.0, f64::max))
 }
 
 /// Puts neighbours together until there are at most `most`.
@@ -105,11 +107,11 @@ mod tests {
     #[test]
     fn a_gap_is_to_the_nearest_vertex_and_of_the_farthest_ball() {
         let vertices = [[0.0; 3], [10.0, 0.0, 0.0]];
-        assert_eq!(gap(&[], vertices.iter()), 0.0);
+        assert_eq!(gap(&[], &vertices, 0..0), 0.0);
         let balls = [ball([0.0, 1.0, 0.0], 0.5), ball([8.0, 0.0, 0.0], 1.0)];
-        let found = f64::from(gap(&balls, vertices.iter()));
+        let found = f64::from(gap(&balls, &vertices, 0..2));
         assert!((3.0..3.0001).contains(&found), "{found}");
-        assert_eq!(gap(&balls, [].iter()), f32::INFINITY);
+        assert_eq!(gap(&balls, &vertices, 1..1), f32::INFINITY);
     }
 
     proptest! {

@@ -31,6 +31,16 @@ impl Member {
         }
     }
 
+    /// How far the source is from what the member draws, where that is nearest, and that from the source, at most; object units.
+    ///
+    /// # Errors
+    /// [`RefineError::Cluster`] or [`RefineError::Position`] if the file lacks it; [`RefineError::Format`] for a damaged page.
+    pub fn distance<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<f32, RefineError> {
+        let record = self.record(file)?;
+        let error = file.page(self.cluster)?.error_at(self.vertices as usize);
+        Ok(file.gaps(record.group()).distance(error))
+    }
+
     /// Answers the page of a cluster that is in the file, at a position that it has.
     pub(crate) fn page<'a, D: AsRef<[u8]>>(&self, file: &'a Chpm<D>) -> Result<Page<'a>, RefineError> {
         self.record(file)?;
@@ -72,7 +82,7 @@ impl Cut {
 
     /// The coarsest mesh whose every part has a stored error of at most `bound`, in object units: a group is split
     /// if its `min_error` is larger, and its clusters have the fewest vertices that keep to the bound. Where even the leaves
-    /// have a larger error, it is their finest meshes.
+    /// have a larger error, it is their finest meshes. What has vanished counts by its size, as in pictures.
     ///
     /// # Errors
     /// [`RefineError::Bound`] unless `bound` is at least 0; [`RefineError::Format`] for a damaged page.
@@ -81,6 +91,19 @@ impl Cut {
             return Err(RefineError::Bound { got: bound });
         }
         select_by(file, &Hierarchy::new(file), |_| bound)
+    }
+
+    /// The coarsest mesh of which no part is farther from the source than `distance`, nor any point of the source from it, in object units;
+    /// nothing is exempt. Where even the leaves are farther, it is their finest meshes.
+    ///
+    /// # Errors
+    /// As [`Cut::at_error`].
+    pub fn at_distance<D: AsRef<[u8]>>(file: &Chpm<D>, distance: f32) -> Result<Self, RefineError> {
+        if distance.is_nan() || distance < 0.0 {
+            return Err(RefineError::Bound { got: distance });
+        }
+        // Gaps grow upward like errors, so that whoever has to be split has only groups above that have to be.
+        select_by(file, &Hierarchy::of_distances(file), |group| file.gaps(group).error_within(distance))
     }
 
     /// Triangles of the cut.
@@ -101,6 +124,15 @@ impl Cut {
         self.members.iter().try_fold(0.0, |largest: f32, member| {
             Ok(largest.max(member.page(file)?.error_at(member.vertices as usize)))
         })
+    }
+
+    /// How far the source is from the cut and the cut from the source, at most: the largest stored error or gap of a member, object units; 0
+    /// for the empty cut.
+    ///
+    /// # Errors
+    /// As [`Cut::triangle_count`].
+    pub fn distance<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<f32, RefineError> {
+        self.members.iter().try_fold(0.0, |largest: f32, member| Ok(largest.max(member.distance(file)?)))
     }
 
     /// Checks that the members are in the file, at positions that they have, and that together they are a cut: every leaf

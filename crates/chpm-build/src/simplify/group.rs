@@ -3,6 +3,7 @@
 use super::PageRef;
 use super::dependency::Seams;
 use super::seam::Seam;
+use super::vanished::Vanished;
 use super::working_set::{Child, WorkingSet};
 use crate::config::Settings;
 use crate::decompose::{Decomposition, LeafData};
@@ -10,9 +11,9 @@ use crate::error::BuildError;
 use crate::hierarchy::Tree;
 use crate::report::LevelReport;
 use chpm_extmem::Spool;
-use chpm_format::PageParts;
+use chpm_format::{Gaps, PageParts};
 use chpm_mesh::Aabb;
-use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Patch, Record};
+use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Patch, Record, Remnant};
 
 /// Triangles that the root goes down to, since no level above it will: a model in the distance.
 const ROOT_TRIANGLES: usize = 100;
@@ -65,6 +66,7 @@ struct Member {
     /// Of the base mesh.
     displacements: Vec<Displacement>,
     looks: Vec<FaceLook>,
+    vanished: Vanished,
     /// The largest of its meshes and of those below.
     deviation: Deviation,
     report: LevelReport,
@@ -103,20 +105,35 @@ impl Scratch {
             }
             self.members[side].halve(&mut self.decimator, &self.seam_collapses, task, min_error);
         }
+        let gaps = self.gaps(group.len());
         let largest = self.members[..group.len()].iter().map(Member::max_error).fold(0.0, f32::max);
         let mut members = Vec::with_capacity(group.len());
         for member in &mut self.members[..group.len()] {
             members.push(member.spool(task, largest, &mut self.page)?);
         }
         let group_error = members.iter().map(|m| m.1.max_error).fold(0.0, f32::max);
-        members.iter_mut().for_each(|m| m.0.group_error = group_error);
+        members.iter_mut().for_each(|m| (m.0.group_error, m.0.gaps) = (group_error, gaps));
         Ok(GroupDone { members, removed })
+    }
+
+    /// How far what has vanished is from the members' meshes, in the worst of them.
+    fn gaps(&mut self, members: usize) -> Gaps {
+        let members = &mut self.members[..members];
+        let vanishing = members.iter().map(|m| m.vanished.from()).fold(f32::INFINITY, f32::min);
+        let gaps = members.iter_mut().map(|m| m.vanished.base_gap(&m.renumbered, &m.record));
+        let base = gaps.fold(0.0, f32::max);
+        // Beside errors that are larger it does not matter.
+        let from = vanishing.min(base);
+        let gaps = members.iter_mut().map(|m| m.vanished.fine_gap(&m.renumbered, &m.record, from));
+        let fine = gaps.fold(0.0, f32::max);
+        Gaps { fine, base: base.max(fine), from }
     }
 
     /// Fills the working set of a node, and the error that it comes with.
     fn load(&mut self, task: &GroupTask<'_>, side: usize, node: u32) -> Result<(), BuildError> {
         let member = &mut self.members[side];
         member.deviation = Deviation::default();
+        member.vanished.clear();
         member.is_root = task.tree.nodes[node as usize].parent.is_none();
         if let Some(children) = task.tree.nodes[node as usize].children {
             member.min_error = 0.0;
@@ -130,6 +147,9 @@ impl Scratch {
                 displacements.read(page.displacements, len, &mut read.displacements)?;
                 let len = page.look_count as usize * size_of::<FaceLook>();
                 displacements.read(page.looks, len, &mut read.looks)?;
+                let len = page.remnant_count as usize * size_of::<Remnant>();
+                displacements.read(page.remnants, len, &mut read.remnants)?;
+                member.vanished.add_child(&read.remnants, page.gaps.base);
                 member.deviation = member.deviation.max(page.deviation);
                 member.min_error = member.min_error.max(page.group_error);
             }
@@ -168,6 +188,7 @@ impl Member {
         let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
         let outcome = decimator.decimate_after(&patch, seam, goal, min_error);
         self.record.renumber(&patch, &outcome);
+        self.vanished.add_own(&outcome);
         self.report = LevelReport {
             level: task.level,
             clusters: 1,
@@ -222,6 +243,7 @@ impl Member {
         }
         .encode(page)?;
         let distances = &task.displacements[task.level as usize];
+        let remnants = self.vanished.bytes();
         let spooled = PageRef {
             offset: task.pages.append(page)?,
             len: page.len() as u32,
@@ -232,6 +254,9 @@ impl Member {
             displacements: distances.append(bytemuck::cast_slice(&self.displacements))?,
             looks: distances.append(bytemuck::cast_slice(&self.looks))?,
             look_count: self.looks.len() as u32,
+            remnants: distances.append(remnants)?,
+            remnant_count: (remnants.len() / size_of::<Remnant>()) as u32,
+            gaps: Gaps::default(),
             deviation: self.deviation,
         };
         Ok((spooled, self.report))

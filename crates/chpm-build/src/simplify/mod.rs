@@ -11,20 +11,21 @@ mod group;
 mod levels;
 mod merge;
 mod seam;
+mod vanished;
 mod working_set;
 
 use crate::config::Settings;
 use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
-use crate::foreign::{AabbFields, DeviationFields};
+use crate::foreign::{AabbFields, DeviationFields, GapsFields};
 use crate::hierarchy::Tree;
 use crate::in_order::while_not_due;
 use crate::range::ErrorRange;
 use crate::report::LevelReport;
 use crate::trim::Trimmed;
 use chpm_extmem::{Spool, Store};
-use chpm_format::{BoundaryMode, MAX_CLUSTER_VERTICES};
+use chpm_format::{BoundaryMode, Gaps, MAX_CLUSTER_VERTICES};
 use chpm_mesh::Aabb;
 use chpm_qem::Deviation;
 use dependency::Seams;
@@ -50,6 +51,12 @@ pub(crate) struct PageRef {
     /// Where their looks are, and how many: none without normals and colours.
     looks: u64,
     look_count: u32,
+    /// Where the remnants of what has vanished are in the same spool, and how many.
+    remnants: u64,
+    remnant_count: u32,
+    /// Those of its group.
+    #[serde(with = "GapsFields")]
+    pub(crate) gaps: Gaps,
     /// The largest of its meshes and of those below.
     #[serde(with = "DeviationFields")]
     pub(crate) deviation: Deviation,

@@ -13,6 +13,7 @@ pub(super) struct Child {
     pub(super) displacements: Vec<u8>,
     /// Likewise; empty without normals and colours.
     pub(super) looks: Vec<u8>,
+    pub(super) remnants: Vec<u8>,
 }
 
 /// One cluster's mesh in flat arrays that are reused from cluster to cluster.

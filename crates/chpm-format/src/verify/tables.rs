@@ -2,6 +2,7 @@
 
 use super::{Invariant, Report};
 use crate::error::Place;
+use crate::header::VERSION_MINOR;
 use crate::reader::Chpm;
 use crate::records::ClusterRecord;
 use crate::tables::{bounds, leaf_triangles, max_error, statistics};
@@ -52,10 +53,10 @@ fn check_levels<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     }
 }
 
-/// Reserved fields are zero in version 1.0; a later minor version may use them.
+/// Reserved fields are zero in the versions that are known; a later minor version may use them.
 fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     let header = file.header();
-    if header.version_minor != 0 {
+    if header.version_minor > VERSION_MINOR {
         return;
     }
     let mut zero = |ok, place| report.expect(ok, Invariant::Bytes, place, "zero expected in reserved fields");
@@ -69,7 +70,8 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
         zero(flags == 0 && absent == [true; 2] && c.reserved == [0; 16], Place::Cluster(id));
     }
     for (id, g) in (0..).map(GroupId).zip(file.groups()) {
-        zero(g.flags == 0 && g.reserved == [0; 16], Place::Group(id));
+        let gaps = if file.has_gaps() { [0; 12] } else { bytemuck::cast(g.gaps) };
+        zero(g.flags == 0 && g.reserved == [0; 4] && gaps == [0; 12], Place::Group(id));
     }
 }
 
@@ -114,6 +116,9 @@ fn check_group<D: AsRef<[u8]>>(file: &Chpm<D>, id: GroupId, report: &mut Report)
         let message =
             format_args!("min_error at least {error} (cluster {fine} below), got {}", group.min_error);
         report.expect(saturated, Invariant::Nesting, place, message);
+        let (gap, gap_below) = (file.gaps(id).fine, file.gaps(cluster.group()).base);
+        let message = format_args!("a fine gap of at least {gap_below} (cluster {fine} below), got {gap}");
+        report.expect(gap >= gap_below, Invariant::Nesting, place, message);
         let nested = group.sphere().contains(&fine_group.sphere());
         let message = format_args!(
             "sphere around that of group {} expected, got {:?} with radius {}",

@@ -1,6 +1,6 @@
 use crate::sample::{entries, reseal, section_ranges, tetrahedron, two_level, with};
 use chpm_format::{
-    Chpm, ClusterRecord, FormatError, GroupRecord, Header, Page, SectionEntry, checksum, verify,
+    Chpm, ClusterRecord, FormatError, Gaps, GroupRecord, Header, Page, SectionEntry, checksum, verify,
 };
 use chpm_mesh::ClusterId;
 use std::mem::offset_of;
@@ -59,7 +59,7 @@ fn what_is_no_chpm_file_is_told_so() {
 fn headers_of_another_kind_are_refused_by_name() {
     let good = tetrahedron().bytes();
     let header = |offset, value: &[u8]| refusal(with(&good, offset, value));
-    assert!(header(offset_of!(Header, version_major), &[2]).contains("version 2.0 is not supported"));
+    assert!(header(offset_of!(Header, version_major), &[2]).contains("version 2.1 is not supported"));
     assert!(header(offset_of!(Header, required_flags), &[0x40]).contains("unknown required feature 0x40"));
     assert_eq!(header(offset_of!(Header, version_minor), &[9]), "opened");
     assert_eq!(header(offset_of!(Header, optional_flags), &[9]), "opened");
@@ -190,6 +190,9 @@ fn tables_that_lie_are_refused() {
         (2, offset_of!(GroupRecord, level), 9, "level"),
         (2, offset_of!(GroupRecord, min_error), 0x7fc0_0000, "errors"),
         (2, offset_of!(GroupRecord, radius), 0x7fc0_0000, "sphere"),
+        (2, offset_of!(GroupRecord, gaps) + offset_of!(Gaps, fine), 0x3f80_0000, "gaps"),
+        (2, offset_of!(GroupRecord, gaps) + offset_of!(Gaps, base), 0x7f80_0000, "gaps"),
+        (2, offset_of!(GroupRecord, gaps) + offset_of!(Gaps, from), 0xbf80_0000, "gaps"),
     ] {
         let text = group(id, field, value);
         assert!(text.contains(expected), "expected '{expected}', got '{text}'");

@@ -1,5 +1,5 @@
 use chpm_format::{
-    BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, GroupRecord, Header, HeaderFields, LevelRecord,
+    BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, Gaps, GroupRecord, Header, HeaderFields, LevelRecord,
     Metadata, PageParts, SectionEntry, Source, Tables, checksum,
 };
 use chpm_mesh::{Aabb, Attributes, GroupId, Level, Sphere};
@@ -80,7 +80,8 @@ impl Sample {
                 max_error: coarse_records.iter().map(|c| c.max_error).fold(0.0, f32::max),
                 center: sphere.center,
                 radius: sphere.radius,
-                reserved: [0; 16],
+                gaps: Gaps::default(),
+                reserved: [0; 4],
             });
         }
         let top = self.clusters.iter().map(|c| c.level).max().unwrap();

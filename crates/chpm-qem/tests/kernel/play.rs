@@ -34,8 +34,9 @@ impl Run {
     /// vertex of the last mesh.
     pub(crate) fn distance_after(&self, steps: usize) -> f32 {
         let error = self.error_after(steps);
-        let drawn = self.mesh.triangles.as_flattened().iter().map(|v| &self.mesh.positions[*v as usize]);
-        if error < self.vanishing { error } else { error.max(chpm_qem::gap(&self.remnants, drawn)) }
+        let drawn = self.mesh.triangles.as_flattened().iter().map(|v| *v as u16);
+        let gap = || chpm_qem::gap(&self.remnants, &self.mesh.positions, drawn);
+        if error < self.vanishing { error } else { error.max(gap()) }
     }
 }
 
