@@ -5,7 +5,7 @@ use chpm_build::BuildReport;
 use chpm_build::report::LevelReport;
 use chpm_format::Chpm;
 use chpm_format::records::{LevelRecord, REFUSALS};
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, GroupId};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -22,6 +22,7 @@ pub(crate) struct LevelRow {
     shared_vertices: u64,
     min_error: f32,
     max_error: f32,
+    max_gap: f32,
     normal_deviation: f32,
     color_deviation: f32,
     stalled_clusters: u32,
@@ -46,6 +47,7 @@ impl From<&LevelReport> for LevelRow {
             shared_vertices: level.shared_vertices,
             min_error: level.min_error,
             max_error: level.max_error,
+            max_gap: level.max_gap,
             normal_deviation: level.normal_deviation,
             color_deviation: level.color_deviation,
             stalled_clusters: level.stalled,
@@ -67,7 +69,8 @@ impl From<&LevelRecord> for LevelRow {
             shared_vertices: level.shared_vertex_count,
             min_error: level.min_error,
             max_error: level.max_error,
-            // Those of the clusters; see `levels_of`.
+            // Those of the groups and clusters; see `levels_of`.
+            max_gap: 0.0,
             normal_deviation: 0.0,
             color_deviation: 0.0,
             stalled_clusters: level.stalled_cluster_count,
@@ -77,13 +80,18 @@ impl From<&LevelRecord> for LevelRow {
     }
 }
 
-/// The levels of a file, with the largest deviations of their clusters.
+/// The levels of a file, with the largest gaps of their groups and deviations of their clusters.
 pub(crate) fn levels_of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<LevelRow> {
     let mut levels: Vec<LevelRow> = file.levels().iter().map(LevelRow::from).collect();
     for cluster in file.clusters() {
         if let Some(level) = levels.get_mut(cluster.level as usize) {
             level.normal_deviation = level.normal_deviation.max(cluster.normal_deviation);
             level.color_deviation = level.color_deviation.max(cluster.color_deviation);
+        }
+    }
+    for (id, group) in (0..).map(GroupId).zip(file.groups()) {
+        if let Some(level) = levels.get_mut(group.level as usize) {
+            level.max_gap = level.max_gap.max(file.gaps(id).base);
         }
     }
     levels
@@ -118,8 +126,10 @@ pub(crate) fn stages_table(report: &BuildReport) -> Table {
 
 /// The levels, leaves first. "Ratio" is to the triangles of the level below; "shared" is the share of vertices that
 /// other clusters have too, which collapse only within dependency groups; "forced" counts collapses that changed the topology
-/// or turned a face over. What normals (in degrees) and colours (of 255) deviate by is shown where they do.
+/// or turned a face over. The "max gap" of what has vanished is shown where something has, and what normals (in degrees) and colours (of 255)
+/// deviate by where they do.
 pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
+    let gaps = levels.iter().any(|level| level.max_gap > 0.0);
     let normals = levels.iter().any(|level| level.normal_deviation > 0.0);
     let colors = levels.iter().any(|level| level.color_deviation > 0.0);
     let mut below = None;
@@ -136,6 +146,7 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
             Units(level.min_error.into()).to_string(),
             Units(level.max_error.into()).to_string(),
         ];
+        row.extend(gaps.then(|| Units(level.max_gap.into()).to_string()));
         row.extend(normals.then(|| format!("{:.1}", level.normal_deviation)));
         row.extend(colors.then(|| format!("{:.1}", level.color_deviation)));
         row.extend([count(level.stalled_clusters.into()), count(level.forced_collapses)]);
@@ -143,6 +154,7 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
     });
     let mut names =
         vec!["level", "clusters", "triangles", "ratio", "kept", "shared", "min error", "max error"];
+    names.extend(gaps.then_some("max gap"));
     names.extend(normals.then_some("normals"));
     names.extend(colors.then_some("colours"));
     names.extend(["stalled", "forced"]);

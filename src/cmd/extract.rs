@@ -64,7 +64,8 @@ struct Wanted {
     /// the image of the camera, and refined further where it is worst until they are used up
     #[arg(long, value_name = "N")]
     triangles: Option<Triangles>,
-    /// The coarsest mesh whose error is at most E, in the model's units or, as in 0.1%, of the diagonal of its box
+    /// The coarsest mesh that is nowhere farther than E from the source, nor the source from it, in the model's units or, as in 0.1%, of the
+    /// diagonal of its box. Nothing is exempt: what has vanished counts by how far it is from what is left
     #[arg(long, value_name = "E")]
     error: Option<Length>,
     /// All clusters of level L at their finest; 0 is the source. Where a file has several roots, what has none of level L is at its root's
@@ -102,20 +103,29 @@ fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
             Counted(least, "triangle")
         );
     }
-    let error = cut.error(file)?;
-    let comment = format!("chpm extract, error {error:e}");
+    let (error, distance) = (cut.error(file)?, cut.distance(file)?);
+    let comment = match file.has_gaps() {
+        true => format!("chpm extract, error {error:e}, distance {distance:e}"),
+        false => format!("chpm extract, error {error:e}"),
+    };
     write(file, &mesh, ply, args, &comment, &cancel)?;
     writeln!(
         out,
-        "{}: {}, {}, error {} units, from {}",
+        "{}: {}, {}, error {} units{}, from {}",
         args.output.display(),
         Counted(mesh.triangle_count(), "triangle"),
         Counted(mesh.vertex_count().into(), "vertex"),
         Units(error.into()),
+        // Only what has vanished is farther.
+        if distance > error {
+            format!(" ({} to what has vanished)", Units(distance.into()))
+        } else {
+            String::new()
+        },
         Counted(cut.members().len() as u64, "cluster"),
     )?;
     out.flush()?;
-    let shortfall = shortfall(file, args, &cut, error)?;
+    let shortfall = shortfall(file, args, &cut, distance)?;
     if let Some(shortfall) = &shortfall {
         line(&format!("warning: {shortfall}"));
     }
@@ -123,12 +133,18 @@ fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
 }
 
 /// What was asked for and the file does not have.
-fn shortfall(file: &Chpm<MappedFile>, args: &Args, cut: &Cut, error: f32) -> Result<Option<String>> {
+fn shortfall(file: &Chpm<MappedFile>, args: &Args, cut: &Cut, distance: f32) -> Result<Option<String>> {
     let (wanted, name) = (&args.wanted, args.file.display());
     let (model, diagonal) = (file.header().source_triangle_count, file.header().aabb().diagonal());
-    if let Some(bound) = wanted.error.filter(|bound| error > bound.of(diagonal) as f32) {
-        let (least, asked) = (Units(error.into()), number::told(bound, diagonal));
+    if let Some(bound) = wanted.error.filter(|bound| distance > bound.of(diagonal) as f32) {
+        let (least, asked) = (Units(distance.into()), number::told(bound, diagonal));
         return Ok(Some(format!("the finest mesh of '{name}' has an error of {least}, more than {asked}")));
+    }
+    if wanted.error.is_some() && !file.has_gaps() {
+        return Ok(Some(format!(
+            "'{name}' is of version 1.0, which does not tell how far what has vanished is: components that are missing may be \
+             farther than was asked; build it again"
+        )));
     }
     if let Some(Triangles::Count(asked)) = wanted.triangles.filter(|wanted| wanted.of(model) > model) {
         let (model, asked) = (Counted(model, "triangle"), count(asked));
@@ -158,7 +174,7 @@ fn cut(file: &Chpm<MappedFile>, args: &Args) -> Result<Cut> {
     let diagonal = file.header().aabb().diagonal();
     Ok(match (limit, wanted.error, wanted.level) {
         (Some(limit), ..) => Cut::at_triangles(file, limit)?,
-        (_, Some(bound), _) => Cut::at_error(file, bound.of(diagonal) as f32)?,
+        (_, Some(bound), _) => Cut::at_distance(file, bound.of(diagonal) as f32)?,
         (_, _, level) => Cut::at_level(file, existing(file, args, level.unwrap_or(0))?),
     })
 }

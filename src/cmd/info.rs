@@ -8,7 +8,7 @@ use crate::report::{self, LevelRow, count, per_triangle};
 use anyhow::Result;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Metadata, SectionKind};
-use chpm_mesh::{Bytes, Counted};
+use chpm_mesh::{Bytes, Counted, GroupId};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -108,9 +108,11 @@ fn print_model<D: AsRef<[u8]>>(
     )?;
     writeln!(
         out,
-        "error      up to {} units ({}); boundary {}",
+        "error      up to {} units ({}); distance up to {}; boundary {}",
         Units(h.max_error.into()),
         error_kind(file),
+        max_distance(file)
+            .map_or("unknown".to_owned(), |distance| format!("{} units", Units(distance.into()))),
         boundary(file)
     )
 }
@@ -198,6 +200,7 @@ fn as_json<D: AsRef<[u8]>>(
         "origin": h.origin,
         "box": { "min": h.aabb_min, "max": h.aabb_max },
         "max_error": h.max_error,
+        "max_distance": max_distance(file),
         "error_kind": error_kind(file),
         "boundary": boundary(file),
         "counts": {
@@ -221,6 +224,12 @@ fn as_json<D: AsRef<[u8]>>(
         "repairs": metadata.map(|metadata| report::object(metadata.repairs.clone())),
         "warnings": metadata.map(|metadata| &metadata.warnings),
     })
+}
+
+/// The largest distance of any mesh of the file to the source; unknown where it does not tell what has vanished.
+fn max_distance<D: AsRef<[u8]>>(file: &Chpm<D>) -> Option<f32> {
+    let gaps = (0..file.groups().len() as u32).map(|id| file.gaps(GroupId(id)).base);
+    file.has_gaps().then(|| gaps.fold(file.header().max_error, f32::max))
 }
 
 fn error_kind<D: AsRef<[u8]>>(file: &Chpm<D>) -> String {

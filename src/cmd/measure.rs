@@ -67,7 +67,7 @@ pub(crate) struct Args {
     storage: StorageArgs,
 }
 
-/// Measures; a stored error that does not hold is a fault.
+/// Measures; a stored distance that does not hold is a fault.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.threads.unwrap_or(0) as usize)
@@ -229,8 +229,7 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
             count(compared.fault_count)
         );
     }
-    let given = args.storage.memory();
-    let judge = Judge::new(file, args.samples as usize, memory, given, &meter, &cancel)?;
+    let judge = Judge::new(file, args.samples as usize, memory, &meter, &cancel)?;
     let mut rows = Vec::new();
     if args.levels || args.cuts.is_none() {
         deviation::levels(&judge, args.positions, &meter, &cancel, |level, part, found| {
@@ -243,8 +242,8 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
     for seed in (0..args.cuts.unwrap_or(0)).map(|i| args.seed.wrapping_add(i.into())) {
         stop::check(&cancel)?;
         let cut = cuts::draw(file, &hierarchy, seed)?;
-        let (members, left) = judge.cut(&cut, &format!("cut {seed}"), &meter, &cancel)?;
-        let found = LevelDeviation::of(&members, left, judge.slack());
+        let members = judge.cut(&cut, &format!("cut {seed}"), &meter, &cancel)?;
+        let found = LevelDeviation::of(&members, judge.slack());
         rows.push(Row { name: format!("cut of seed {seed}"), json: json!({ "seed": seed }), found });
     }
     let origin = file.header().origin;
@@ -254,7 +253,7 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
     if args.json {
         let all: Vec<Value> = rows.iter().map(|row| row_json(row, origin)).collect();
         let value = json!({
-            "schema": "chpm-measure/1",
+            "schema": "chpm-measure/2",
             "file": args.first.display().to_string(),
             "source": source.display().to_string(),
             "diagonal": diagonal,
@@ -280,6 +279,7 @@ fn row_json(row: &Row, origin: [f64; 3]) -> Value {
         "clusters": found.clusters,
         "triangles": found.triangles,
         "stored_error": found.stored,
+        "stored_distance": found.distance,
         "max": found.max(),
         "mean": found.mean(),
         "rms": found.rms(),
@@ -287,7 +287,6 @@ fn row_json(row: &Row, origin: [f64; 3]) -> Value {
         "of_mesh": side_json(&found.of_mesh, origin),
         "stored_by_measured": found.ratio.map(spread),
         "vanished": {
-            "leftovers": found.leftovers,
             "samples": found.vanished.samples,
             "max": found.vanished.max,
         },
@@ -319,6 +318,7 @@ fn print_rows(
             count(found.clusters),
             count(found.triangles),
             Units(found.stored.into()).to_string(),
+            Units(found.distance.into()).to_string(),
             Units(found.max()).to_string(),
             percent(found.max(), diagonal),
             Units(found.mean()).to_string(),
@@ -339,7 +339,8 @@ fn print_rows(
         "",
         "clusters",
         "triangles",
-        "stored",
+        "error",
+        "distance",
         "max",
         "of diagonal",
         "mean",
@@ -355,15 +356,15 @@ fn print_rows(
     writeln!(out, "{}\n", table(&header, rows.iter().map(cells)))?;
     writeln!(
         out,
-        "least to most: stored error by measured distance, over clusters; diagonal {} units",
+        "error and distance: as stored; max: as measured; least to most: stored distance by measured one, over clusters; \
+         diagonal {} units",
         Units(diagonal)
     )?;
     let vanished = rows.iter().map(|row| row.found.vanished).max_by(|a, b| a.max.total_cmp(&b.max));
     if let Some(vanished) = vanished.filter(|v| v.samples > 0) {
         writeln!(
             out,
-            "vanished: samples of components that were contracted to a point or a line within the stored error; \
-             the farthest from what is drawn: {}",
+            "vanished: samples that are farther than the error, and within the distance; the farthest: {}",
             Units(vanished.max)
         )?;
     }
@@ -375,7 +376,7 @@ fn print_rows(
             let samples = Counted(row.found.violations.samples, "sample");
             writeln!(
                 out,
-                "{path}: I5 error: {}: beyond the stored error are {samples} of {clusters}; the worst, \
+                "{path}: I5 error: {}: beyond the stored distance are {samples} of {clusters}; the worst, \
                  at {x} {y} {z}, by a distance of {} units",
                 row.name,
                 Units(distance)
@@ -383,7 +384,7 @@ fn print_rows(
         }
     }
     if violations == 0 {
-        writeln!(out, "{path}: every stored error holds, in all samples")?;
+        writeln!(out, "{path}: every stored distance holds, in all samples")?;
     }
     Ok(())
 }

@@ -17,11 +17,12 @@ pub(crate) struct LevelDeviation {
     pub(crate) triangles: u64,
     /// Largest stored error.
     pub(crate) stored: f32,
+    /// Largest stored distance.
+    pub(crate) distance: f32,
     pub(crate) of_source: Side,
     pub(crate) of_mesh: Side,
-    /// Stored error by measured distance, over the clusters for which there is such a ratio.
+    /// Stored by measured distance, over the clusters for which there is such a ratio.
     pub(crate) ratio: Option<Spread>,
-    pub(crate) leftovers: usize,
     pub(crate) vanished: Vanished,
     pub(crate) violations: Violations,
     /// Clusters with a violation.
@@ -51,7 +52,7 @@ impl Spread {
 
 impl LevelDeviation {
     /// Sums up members. One that deviates by no more than rounding has no ratio.
-    pub(crate) fn of(members: &[MemberDeviation], leftovers: usize, slack: f64) -> Self {
+    pub(crate) fn of(members: &[MemberDeviation], slack: f64) -> Self {
         let (mut of_source, mut of_mesh) = (Tally::default(), Tally::default());
         let (mut vanished, mut violations) = (Vanished::default(), Violations::default());
         for member in members {
@@ -60,15 +61,16 @@ impl LevelDeviation {
             vanished.merge(&member.vanished);
             violations.merge(&member.violations);
         }
-        let ratio = |m: &MemberDeviation| (m.measured() > slack).then(|| f64::from(m.stored) / m.measured());
+        let ratio =
+            |m: &MemberDeviation| (m.measured() > slack).then(|| f64::from(m.distance) / m.measured());
         LevelDeviation {
             clusters: members.len() as u64,
             triangles: members.iter().map(|m| m.triangles).sum(),
             stored: members.iter().map(|m| m.stored).fold(0.0, f32::max),
+            distance: members.iter().map(|m| m.distance).fold(0.0, f32::max),
             of_source: of_source.side(),
             of_mesh: of_mesh.side(),
             ratio: Spread::of(members.iter().filter_map(ratio).collect()),
-            leftovers,
             vanished,
             violations,
             violating: members.iter().filter(|m| m.violations.samples > 0).count() as u64,
@@ -107,9 +109,9 @@ pub(crate) fn levels(
             let part = 1.0 - f64::from(step) / f64::from(positions);
             let cut = at_position(file, level, part)?;
             let label = format!("level {level}, {:.0} %", 100.0 * part);
-            let (mut members, leftovers) = judge.cut(&cut, &label, meter, cancel)?;
+            let mut members = judge.cut(&cut, &label, meter, cancel)?;
             members.retain(|m| file.clusters()[m.member.cluster.index()].level == level);
-            tell(level, part, LevelDeviation::of(&members, leftovers, judge.slack()));
+            tell(level, part, LevelDeviation::of(&members, judge.slack()));
         }
     }
     Ok(())

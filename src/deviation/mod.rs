@@ -4,18 +4,16 @@
 //! A sample of a cluster's mesh must be within the cluster's stored error of the source. A sample of the source must be
 //! within the stored error of *some* cluster of the cut: seams move, so that what was below one cluster may end up on its
 //! neighbour. Distances are to whole surfaces, which can only make them smaller; a cluster alone would be farther
-//! from its part of the source wherever a seam has moved sideways. What has vanished counts as what it was contracted to
-//! ([`leftover`]), and is told apart.
+//! from its part of the source wherever a seam has moved sideways. What has vanished may be farther than the error, but no farther than
+//! the gap that the file states; in a file without gaps nothing may.
 
-mod leftover;
 mod levels;
 
 pub(crate) use levels::{LevelDeviation, Spread, levels};
 
-use crate::args::MemorySize;
 use crate::progress::Meter;
 use crate::stop;
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
@@ -23,28 +21,20 @@ use chpm_measure::box_tree::BoxTree;
 use chpm_measure::hausdorff::chunks;
 use chpm_measure::sample::{Density, Sampler};
 use chpm_measure::{Hit, Tally, Tiles};
-use chpm_mesh::{Aabb, Bytes, ClusterId, TriMesh};
+use chpm_mesh::{Aabb, ClusterId, TriMesh};
 use chpm_refine::{Cut, Member};
-use leftover::{Leftover, Leftovers};
 use nalgebra::Point3;
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Positions are singles: distances below a 256th of what these round the largest coordinate by are taken for rounding of the measure.
 const SLACK: f64 = 1.0 / (1u64 << 32) as f64;
-
-/// Bytes that a leftover takes, in a list and once more in the tree of a cut; and what tiles need at least.
-const LEFTOVER: u64 = 192;
-const LEAST_TILES: u64 = 2 << 20;
 
 /// A file and its source, ready to be measured.
 pub(crate) struct Judge<'a> {
     file: &'a Chpm<MappedFile>,
     source: Tiles<'a>,
     leaves: Vec<ClusterId>,
-    /// By cluster: what its base mesh has left.
-    base: Vec<Vec<Leftover>>,
     samples: usize,
     /// Bytes of tiles of either surface to keep in memory.
     budget: u64,
@@ -58,6 +48,8 @@ pub(crate) struct MemberDeviation {
     pub(crate) triangles: u64,
     /// The error that the file states for the position.
     pub(crate) stored: f32,
+    /// The distance that it states: the error, or the gap of what has vanished if that is larger.
+    pub(crate) distance: f32,
     /// From the source to the cut, where this cluster is what answers for the sample.
     pub(crate) of_source: Tally,
     /// From the cluster's mesh to the source.
@@ -66,15 +58,15 @@ pub(crate) struct MemberDeviation {
     pub(crate) violations: Violations,
 }
 
-/// Samples of the source that no cluster of the cut answers for but a leftover does.
+/// Samples of the source that are farther than any error allows, and no farther than a distance.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Vanished {
     pub(crate) samples: u64,
-    /// The farthest of them from anything that is drawn.
+    /// The farthest of them.
     pub(crate) max: f64,
 }
 
-/// Samples that are farther away than the stored error.
+/// Samples that are farther away than the file states.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Violations {
     pub(crate) samples: u64,
@@ -126,39 +118,24 @@ struct Part {
 }
 
 impl<'a> Judge<'a> {
-    /// Reads every page once. `samples` go on each triangle of the source; tiles, and what has vanished, may take `budget` bytes,
-    /// which are what the process has to spare of the memory that it was `given`.
+    /// Reads every page once. `samples` go on each triangle of the source; tiles may take `budget` bytes.
     pub(crate) fn new(
         file: &'a Chpm<MappedFile>,
         samples: usize,
         budget: u64,
-        given: Bytes,
         meter: &Meter,
         cancel: &Cancel,
     ) -> Result<Self> {
         let count = file.clusters().len();
-        let found = AtomicU64::new(0);
         meter.start("pages", count as u64);
-        let left = |id: u32| -> Result<Vec<Leftover>> {
+        let check = |id: u32| -> Result<()> {
             stop::check(cancel)?;
-            let page = file.page_checked(ClusterId(id))?;
+            file.page_checked(ClusterId(id))?;
             meter.add(1);
-            let left = Leftover::of_page(&page, page.base_vertex_count);
-            let found = found.fetch_add(left.len() as u64, Relaxed) + left.len() as u64;
-            // Beyond the budget they are only counted.
-            Ok(if LEFTOVER * found > budget { Vec::new() } else { left })
+            Ok(())
         };
-        let base = (0..count as u32).into_par_iter().map(left).collect::<Result<Vec<_>>>()?;
+        (0..count as u32).into_par_iter().try_for_each(check)?;
         meter.finish();
-        let needed = LEFTOVER * found.into_inner() + LEAST_TILES;
-        ensure!(
-            needed <= budget,
-            "--memory {} is too little to measure so many components that have vanished: give it {} or more",
-            MemorySize(given),
-            // The other half is for pages of the file.
-            MemorySize(Bytes((given.0 + 2 * needed.saturating_sub(budget)).next_multiple_of(1 << 20)))
-        );
-        let budget = budget - (needed - LEAST_TILES);
         let is_leaf = |id: &ClusterId| file.clusters()[id.index()].is_leaf();
         let leaves: Vec<ClusterId> = (0..count as u32).map(ClusterId).filter(is_leaf).collect();
         let boxes = leaves.iter().map(|id| file.clusters()[id.index()].aabb()).collect();
@@ -168,26 +145,27 @@ impl<'a> Judge<'a> {
         let bounds = file.header().aabb();
         let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |most: f32, x| most.max(x.abs()));
         let slack = SLACK * f64::from(largest);
-        Ok(Judge { file, source, leaves, base, samples, budget, slack })
+        Ok(Judge { file, source, leaves, samples, budget, slack })
     }
 
-    /// Measures a cut, both ways. Answers its members in their order, and the leftovers that were in question.
+    /// Measures a cut, both ways. Returns its members in their order.
     pub(crate) fn cut(
         &self,
         cut: &Cut,
         label: &str,
         meter: &Meter,
         cancel: &Cancel,
-    ) -> Result<(Vec<MemberDeviation>, usize)> {
+    ) -> Result<Vec<MemberDeviation>> {
         let (file, members) = (self.file, cut.members());
-        let leftovers = Leftovers::of_cut(file, members, &self.base, self.slack)?;
         let mut found = Vec::with_capacity(members.len());
         for member in members {
             let stored = file.page(member.cluster)?.error_at(member.vertices as usize);
+            let group = file.clusters()[member.cluster.index()].group();
             found.push(MemberDeviation {
                 member: *member,
                 triangles: 0,
                 stored,
+                distance: file.gaps(group).distance(stored),
                 of_source: Tally::default(),
                 of_mesh: Tally::default(),
                 vanished: Vanished::default(),
@@ -197,8 +175,8 @@ impl<'a> Judge<'a> {
         let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
         let drawn = Tiles::new(boxes.clone(), self.budget, |tile| mesh_of(file, members[tile]));
         meter.start(label, (self.leaves.len() + members.len()) as u64);
-        let near = BoxTree::reaching(&boxes, |index| f64::from(found[index].stored) + self.slack);
-        let view = View { judge: self, drawn: &drawn, near, found: &found, leftovers: &leftovers, cancel };
+        let near = BoxTree::reaching(&boxes, |index| f64::from(found[index].distance) + self.slack);
+        let view = View { judge: self, drawn: &drawn, near, found: &found, cancel };
 
         let of_source = |leaf: usize| -> Result<Vec<(usize, Part)>> {
             stop::check(cancel)?;
@@ -244,7 +222,7 @@ impl<'a> Judge<'a> {
             member.triangles = *triangles;
             member.merge(part);
         }
-        Ok((found, leftovers.count()))
+        Ok(found)
     }
 
     /// The file.
@@ -274,7 +252,6 @@ struct View<'a> {
     /// The members by how far each may answer for.
     near: BoxTree,
     found: &'a [MemberDeviation],
-    leftovers: &'a Leftovers,
     /// Looked at before every sample: thousands may be on one triangle. Whoever asked for them tells.
     cancel: &'a Cancel,
 }
@@ -304,39 +281,31 @@ impl View<'_> {
             hint = hit.or(hint);
             let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
             let nearest = hit.map_or(0, |hit| hit.tile);
-            let (index, answer) = match self.answer(nearest, distance, point) {
-                Answer::Member(index, distance) => (index, Ok(distance)),
-                Answer::Leftover(left) => (nearest, Err(Some(left))),
-                Answer::None => (nearest, Err(None)),
-            };
+            let answer = self.answer(nearest, distance, point);
+            let (index, distance) = answer.unwrap_or((nearest, distance));
             let at = parts.iter().position(|(i, _)| *i == index).unwrap_or_else(|| {
                 parts.push((index, Part::default()));
                 parts.len() - 1
             });
             let part = &mut parts[at].1;
-            match answer {
-                Ok(distance) => part.of_source.add(point, distance, area),
-                Err(Some(left)) => {
-                    part.vanished.merge(&Vanished { samples: 1, max: distance });
-                    part.of_source.add(point, left, area);
-                }
-                Err(None) => {
-                    part.violations.add(distance, point);
-                    part.of_source.add(point, distance, area);
-                }
+            part.of_source.add(point, distance, area);
+            if answer.is_none() {
+                part.violations.add(distance, point);
+            } else if distance > f64::from(self.found[index].stored) + self.judge.slack {
+                part.vanished.merge(&Vanished { samples: 1, max: distance });
             }
         });
         parts
     }
 
     fn bound(&self, index: usize) -> f64 {
-        f64::from(self.found[index].stored) + self.judge.slack
+        f64::from(self.found[index].distance) + self.judge.slack
     }
 
-    /// The nearest member if it keeps its word, else the nearest of those that do.
-    fn answer(&self, nearest: usize, distance: f64, point: Point3<f64>) -> Answer {
+    /// The nearest member if it keeps its word, else the nearest of those that do, each with how far it is.
+    fn answer(&self, nearest: usize, distance: f64, point: Point3<f64>) -> Option<(usize, f64)> {
         if distance <= self.bound(nearest) {
-            return Answer::Member(nearest, distance);
+            return Some((nearest, distance));
         }
         let (mut best, mut found) = (f64::INFINITY, None);
         self.near.search(point, &mut best, |place, best| {
@@ -348,10 +317,7 @@ impl View<'_> {
                 found = Some(index);
             }
         });
-        match found {
-            Some(index) => Answer::Member(index, best.sqrt()),
-            None => self.leftovers.reach(point).map_or(Answer::None, Answer::Leftover),
-        }
+        found.map(|index| (index, best.sqrt()))
     }
 
     fn of_mesh(&self, index: usize, sampler: &Sampler<'_>, range: Range<usize>) -> Part {
@@ -364,19 +330,13 @@ impl View<'_> {
             hint = self.judge.source.nearest(point, hint);
             let distance = hint.map_or(f64::INFINITY, |hit| hit.distance);
             part.of_mesh.add(point, distance, area);
-            if distance > self.bound(index) {
+            // Nothing is drawn that is farther from the source than the error: what has vanished is not there.
+            if distance > f64::from(self.found[index].stored) + self.judge.slack {
                 part.violations.add(distance, point);
             }
         });
         part
     }
-}
-
-/// What a sample of the source is within the stored error of.
-enum Answer {
-    Member(usize, f64),
-    Leftover(f64),
-    None,
 }
 
 fn finest(file: &Chpm<MappedFile>, cluster: ClusterId) -> TriMesh {

@@ -150,7 +150,7 @@ fn stored(model: &Model, cut: &Cut) -> f64 {
 fn stored_errors_bound_what_is_measured() {
     let violations = Mutex::new(Vec::new());
     for_each_case(MEASURED, |case, mode, folder, _| {
-        // Every level, twice, and some cuts; the measure knows what parts that have vanished were contracted to.
+        // Every level, twice, and some cuts, without any allowance.
         let out = folder.chpm("measure in.chpm --against in.ply --levels --cuts 4 --threads 1 -q");
         let output = out.get_output();
         if !output.status.success() {

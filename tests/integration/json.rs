@@ -95,8 +95,8 @@ fn every_key_is_documented_and_appears() {
     for (name, words, code) in &runs {
         let output = folder.chpm(words).code(*code);
         let value: Value = serde_json::from_slice(&output.get_output().stdout).expect("JSON");
-        let schema = format!("chpm-{name}/1");
-        assert_eq!(value["schema"], schema, "{words}");
+        let schema = value["schema"].as_str().expect("a schema").to_owned();
+        assert!(schema.starts_with(&format!("chpm-{name}/")), "{words}: {schema}");
         let known = documented.get(&schema).unwrap_or_else(|| panic!("{schema} is not documented"));
         collect(&value, "", known, found.entry(schema).or_default());
     }

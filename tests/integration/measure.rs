@@ -2,8 +2,8 @@
 
 use super::harness::{Folder, text};
 use chpm_format::{
-    BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata,
-    PageParts, Tables,
+    BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, Gaps, GroupRecord, HeaderFields, LevelRecord,
+    Metadata, PageParts, Tables,
 };
 use chpm_mesh::synth::hand;
 use chpm_mesh::{Attributes, GroupId, Level, TriMesh};
@@ -83,6 +83,10 @@ fn threads_and_memory_do_not_show() {
 
 /// A file of one leaf whose collapses have these errors, finest first.
 fn leaf(mesh: &TriMesh, targets: &[u16], errors: &[f32]) -> Vec<u8> {
+    leaf_with(mesh, targets, errors, Gaps::default())
+}
+
+fn leaf_with(mesh: &TriMesh, targets: &[u16], errors: &[f32], gaps: Gaps) -> Vec<u8> {
     let triangles: Vec<[u16; 3]> = mesh.triangles.iter().map(|t| t.map(|v| v as u16)).collect();
     let coarse_first: Vec<f32> = errors.iter().rev().copied().collect();
     let mut payload = Vec::new();
@@ -114,6 +118,7 @@ fn leaf(mesh: &TriMesh, targets: &[u16], errors: &[f32]) -> Vec<u8> {
             max_error: record.max_error,
             center: record.center,
             radius: record.radius,
+            gaps,
             ..GroupRecord::default()
         }],
         clusters: vec![record],
@@ -153,12 +158,12 @@ fn a_stored_error_holds_or_is_a_fault() {
         assert!(below <= deepest + 1e-12 && below > 0.98 * deepest, "{below}");
         assert_eq!(base["stored_by_measured"]["median"], f64::from(error));
         assert_eq!(base["violations"]["clusters"], violating);
-        assert_eq!(base["vanished"]["leftovers"], 0);
+        assert_eq!((&base["stored_distance"], &base["vanished"]["samples"]), (&error.into(), &0.into()));
         let told = text(&folder.chpm("measure in.chpm --against in.ply -q").code(code).get_output().stdout);
         let fault = "I5 error: level 0, 100 % collapsed";
         assert_eq!(told.contains(fault), code == 1, "{told}");
         assert_eq!(told.contains("at 0 0 1, by a distance of 1.00 units"), code == 1, "{told}");
-        assert_eq!(told.contains("every stored error holds"), code == 0, "{told}");
+        assert_eq!(told.contains("every stored distance holds"), code == 0, "{told}");
         // Cuts see the same.
         let out = json(&folder, "measure in.chpm --against in.ply --cuts 8 --seed 3 --json -q", code);
         assert_eq!((out["levels"].as_array().unwrap().len(), out["cuts"].as_array().unwrap().len()), (0, 8));
@@ -167,7 +172,7 @@ fn a_stored_error_holds_or_is_a_fault() {
 }
 
 #[test]
-fn what_vanished_counts_as_the_point_it_became() {
+fn what_has_vanished_is_as_far_as_the_gap_at_most() {
     // A large triangle that stays, and far above it a tetrahedron of size 1 that becomes its vertex 3.
     let mut mesh = hand::strip(1);
     mesh.positions.truncate(3);
@@ -179,23 +184,26 @@ fn what_vanished_counts_as_the_point_it_became() {
         p[axis] += 1.0;
         mesh.positions.push(p);
     }
-    for (error, code) in [(1.0, 0), (0.5, 1)] {
+    for (base, code) in [(0.0, 1), (50.5, 1), (52.0, 0)] {
         let folder = Folder::new();
         folder.write_mesh("in.ply", &mesh);
-        folder.write("in.chpm", leaf(&mesh, &[3, 3, 3], &[error; 3]));
+        folder.write("in.chpm", leaf_with(&mesh, &[3, 3, 3], &[1.0; 3], Gaps { fine: 0.0, base, from: 1.0 }));
         let out = json(&folder, "measure in.chpm --against in.ply --positions 1 --json -q", code);
-        let base = &out["levels"][0];
-        assert_eq!((&base["triangles"], &base["vanished"]["leftovers"]), (&1.into(), &1.into()), "{out}");
-        assert!(base["vanished"]["samples"].as_u64() > Some(10), "{out}");
-        let far = base["vanished"]["max"].as_f64().unwrap();
+        let coarse = &out["levels"][0];
+        assert_eq!((&coarse["triangles"], &coarse["stored_error"]), (&1.into(), &1.0.into()), "{out}");
+        assert!(coarse["max"].as_f64() >= Some(50.0), "{out}");
         if code == 0 {
-            assert!((50.0..52.0).contains(&far), "{far}");
-            assert_eq!(base["max"], 1.0);
-            assert_eq!(base["stored_by_measured"]["median"], 1.0);
+            assert_eq!(coarse["stored_distance"], base);
+            assert!(coarse["vanished"]["samples"].as_u64() > Some(10), "{out}");
+            assert!((50.0..52.0).contains(&coarse["vanished"]["max"].as_f64().unwrap()), "{out}");
         } else {
-            // Half of the tetrahedron is within half a unit of the corner, its far end is not.
-            assert!(base["violations"]["worst"].as_f64() >= Some(50.0), "{out}");
+            assert!(coarse["violations"]["worst"].as_f64() >= Some(50.0), "{out}");
         }
+        // Who asks for a distance gets the mesh in which nothing is missing.
+        let words = "extract in.chpm --error 2 -qf -o out.ply";
+        folder.stdout(words);
+        let triangles = folder.read_mesh("out.ply").triangles.len();
+        assert_eq!(triangles, if base > 2.0 { 5 } else { 1 });
     }
 }
 

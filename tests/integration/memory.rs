@@ -69,16 +69,3 @@ fn too_little_memory_is_refused_with_a_figure_that_suffices() {
         folder.stdout(&format!("{words} --memory {figure}"));
     }
 }
-
-/// A soup of which most has vanished at the root: what is left of it takes memory, too.
-#[test]
-fn what_has_vanished_is_charged() {
-    let folder = Folder::new();
-    folder.stdout("synth odd:loose --triangles 60000 -o in.ply -q");
-    folder.stdout("build in.ply -q");
-    let words = "measure in.chpm --against in.ply -q --samples 1 --positions 1";
-    let error = folder.stderr(&format!("{words} --memory 40M"), 2);
-    assert!(error.contains("components that have vanished"), "{error}");
-    let figure = error.split("give it ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a figure");
-    folder.stdout(&format!("{words} --memory {figure}"));
-}

@@ -44,6 +44,8 @@ pub struct LevelReport {
     pub min_error: f32,
     /// Largest error of a base mesh.
     pub max_error: f32,
+    /// Largest gap of a group: how far what has vanished may be from the nearest vertex that is drawn.
+    pub max_gap: f32,
     /// Largest deviation of the normals, degrees; 0 without normals.
     pub normal_deviation: f32,
     /// Largest deviation of a colour's channel, of 255; 0 without colours.

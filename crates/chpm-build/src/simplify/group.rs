@@ -112,7 +112,10 @@ impl Scratch {
             members.push(member.spool(task, largest, &mut self.page)?);
         }
         let group_error = members.iter().map(|m| m.1.max_error).fold(0.0, f32::max);
-        members.iter_mut().for_each(|m| (m.0.group_error, m.0.gaps) = (group_error, gaps));
+        for (page, report) in &mut members {
+            (page.group_error, page.gaps) = (group_error, gaps);
+            report.max_gap = gaps.base;
+        }
         Ok(GroupDone { members, removed })
     }
 
@@ -201,6 +204,7 @@ impl Member {
             forced: outcome.forced as u64,
             min_error: self.min_error,
             max_error: 0.0,
+            max_gap: 0.0,
             normal_deviation: 0.0,
             color_deviation: 0.0,
             refusals: outcome.refusals,

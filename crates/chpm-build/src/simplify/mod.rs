@@ -266,6 +266,7 @@ fn add(level: &mut LevelReport, cluster: &LevelReport) {
     level.forced += cluster.forced;
     level.min_error = level.min_error.min(cluster.min_error);
     level.max_error = level.max_error.max(cluster.max_error);
+    level.max_gap = level.max_gap.max(cluster.max_gap);
     level.normal_deviation = level.normal_deviation.max(cluster.normal_deviation);
     level.color_deviation = level.color_deviation.max(cluster.color_deviation);
     level.refusals += cluster.refusals;

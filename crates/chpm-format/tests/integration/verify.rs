@@ -1,8 +1,8 @@
 use crate::sample::{Cluster, Sample, sheet, two_level, with, write};
 use chpm_format::verify::MAX_FAULTS;
 use chpm_format::{
-    BoundaryMode, Chpm, ClusterRecord, Fault, HeaderFields, Invariant, LevelRecord, Place, Tables, verify,
-    verify_within,
+    BoundaryMode, Chpm, ClusterRecord, Fault, Gaps, HeaderFields, Invariant, LevelRecord, Place, Tables,
+    verify, verify_within,
 };
 use chpm_mesh::geom::distance;
 use chpm_mesh::{Attributes, ClusterId};
@@ -149,6 +149,10 @@ fn nesting() {
     assert_eq!(retold(|t| t.groups[2].min_error *= 0.5), [Invariant::Nesting]);
     assert_eq!(retold(|t| t.groups[2].max_error *= 2.0), [Invariant::Nesting]);
     assert_eq!(retold(|t| t.groups[2].radius *= 0.5), [Invariant::Nesting]);
+    // What has vanished stays so.
+    let gaps = |fine, base| Gaps { fine, base, from: 0.0 };
+    assert_eq!(retold(|t| t.groups[1].gaps = gaps(0.0, 1.0)), [Invariant::Nesting]);
+    assert_eq!(retold(|t| (t.groups[1].gaps, t.groups[2].gaps) = (gaps(0.0, 1.0), gaps(1.0, 2.0))), []);
     // The sphere below just fits in, or sticks out by one step.
     let touching = |t: &Tables| {
         let [above, below] = [t.groups[2].sphere(), t.groups[0].sphere()];
