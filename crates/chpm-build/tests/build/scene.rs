@@ -10,8 +10,8 @@ use chpm_build::{BuildConfig, BuildError, Cancel, Silent};
 use chpm_format::{BoundaryMode, ClusterRecord, checksum};
 use chpm_measure::deviation;
 use chpm_mesh::synth::{Shape, Synth, hand};
-use chpm_mesh::{Bytes, GroupId, TriMesh};
-use chpm_refine::{Cut, extract};
+use chpm_mesh::{Bytes, GroupId, Level, TriMesh};
+use chpm_refine::{Cut, extract, random_cut};
 use proptest::prelude::*;
 
 /// Percents of the diagonal.
@@ -269,5 +269,52 @@ proptest! {
         let finest = range.0.map_or(0.0, |percent| asked(&whole, percent));
         prop_assert!(draws_the_same(&file, &whole, finest), "{range:?}");
         prop_assert!(range.1.is_none_or(|percent| file.header().max_error <= asked(&whole, percent)));
+    }
+}
+
+/// A terrain, and specks above it that lie apart from it and from each other.
+fn dusty() -> TriMesh {
+    let mut mesh = of(Shape::Terrain, 8000);
+    let size = chpm_mesh::Aabb::of_points(&mesh.positions).diagonal() as f32;
+    let (speck, low) = (hand::tetrahedron(), mesh.positions[0]);
+    for i in 0..300_u32 {
+        let first = mesh.positions.len() as u32;
+        // Places without a pattern: parts of multiples of irrational numbers.
+        let place = [0.754_877_7, 0.569_840_3, 0.430_159_7].map(|step| (step * i as f32).fract() * size);
+        let at = |p: &[f32; 3]| std::array::from_fn(|axis| low[axis] + place[axis] + 2e-3 * size * p[axis]);
+        mesh.positions.extend(speck.positions.iter().map(at));
+        mesh.triangles.extend(speck.triangles.iter().map(|t| t.map(|v| v + first)));
+    }
+    mesh
+}
+
+#[test]
+fn what_vanished_is_no_farther_than_is_stored() {
+    let mesh = dusty();
+    let all = config(256);
+    for config in [all.clone(), ranged(&all, (Some(0.5), None)), ranged(&all, (Some(3.0), Some(8.0)))] {
+        let (_, file) = Site::of(&mesh).build(&config);
+        let gaps = |of: fn(&chpm_format::Gaps) -> f32| {
+            file.groups().iter().map(|group| of(&group.gaps)).fold(0.0, f32::max)
+        };
+        assert!(gaps(|gaps| gaps.base) > 0.0 && gaps(|gaps| gaps.base) < 1e3, "something vanishes");
+        let levels = (0..file.levels().len() as u32).map(|level| Cut::at_level(&file, Level(level)));
+        let random = (0..12).map(|seed| random_cut(&file, seed).unwrap());
+        let steps = [0.002, 0.01, 0.05, 0.2, 0.5];
+        let size = file.header().aabb().diagonal() as f32;
+        let asked = steps.map(|step| Cut::at_distance(&file, step * size).unwrap());
+        let finest = config.settings.finest_error.map_or(0.0, |length| length.of(size.into()) as f32);
+        for (cut, step) in asked.iter().zip(steps) {
+            let distance = cut.distance(&file).unwrap();
+            assert!(distance <= (step * size).max(finest), "{distance} of {step}");
+        }
+        let mut far = false;
+        for cut in levels.chain(random).chain(asked.clone()) {
+            let measured = deviation(&extract(&file, &cut).unwrap(), &mesh, 10).max();
+            let (error, distance) = (cut.error(&file).unwrap(), cut.distance(&file).unwrap());
+            assert!(measured <= f64::from(distance) * (1.0 + 1e-6), "{measured} {distance}");
+            far |= measured > f64::from(error);
+        }
+        assert!(far, "errors alone would not have told");
     }
 }

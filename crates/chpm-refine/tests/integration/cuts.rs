@@ -93,10 +93,55 @@ fn error_bounds_select_as_the_naive_rule_does() {
     }
 }
 
+/// As above, by what has vanished, too.
+fn naive_at_distance(file: &File, bound: f32) -> Cut {
+    let mut members = Vec::new();
+    for (cluster, record) in (0..).map(ClusterId).zip(file.clusters()) {
+        let split = |group: chpm_mesh::GroupId| {
+            let record = &file.groups()[group.index()];
+            !record.is_leaf() && record.min_error.max(record.gaps.fine) > bound
+        };
+        if (record.is_root() || split(record.parent_group())) && !split(record.group()) {
+            let page = file.page(cluster).unwrap();
+            let gaps = file.gaps(record.group());
+            let mut positions = page.base_vertex_count..=page.vertex_count();
+            let n = positions.find(|n| gaps.distance(page.error_at(*n)) <= bound);
+            members.push(Member { cluster, vertices: n.unwrap_or(page.vertex_count()) as u32 });
+        }
+    }
+    Cut::new(members)
+}
+
+#[test]
+fn distances_select_as_the_naive_rule_does() {
+    for plan in ALL {
+        let file = plan.build_with_gaps();
+        assert!(file.groups().iter().any(|group| group.gaps.base > 0.0));
+        let gaps = file.groups().iter().flat_map(|group| [group.gaps.fine, group.gaps.base, group.gaps.from]);
+        let mut differ = false;
+        for bound in stored_errors(&file).into_iter().chain(gaps) {
+            for bound in [bound, bound.next_up(), bound.next_down().max(0.0)] {
+                let cut = Cut::at_distance(&file, bound).unwrap();
+                assert_eq!(cut, naive_at_distance(&file, bound), "{plan:?} at {bound}");
+                cut.check(&file).unwrap();
+                assert!(cut.distance(&file).unwrap() <= bound);
+                assert!(cut.error(&file).unwrap() <= bound);
+                differ |= cut != Cut::at_error(&file, bound).unwrap();
+            }
+        }
+        assert!(differ, "{plan:?}");
+        // Without gaps both are one.
+        let file = plan.build();
+        let bound = file.header().max_error * 0.5;
+        assert_eq!(Cut::at_distance(&file, bound).unwrap(), Cut::at_error(&file, bound).unwrap());
+    }
+}
+
 #[test]
 fn bounds_that_are_none_are_refused() {
     let file = PAIRS.build();
     for bound in [f32::NAN, -1.0, f32::NEG_INFINITY] {
+        assert!(matches!(Cut::at_distance(&file, bound), Err(RefineError::Bound { .. })), "{bound}");
         assert!(matches!(Cut::at_error(&file, bound), Err(RefineError::Bound { .. })), "{bound}");
     }
 }

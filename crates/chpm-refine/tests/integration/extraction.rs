@@ -181,7 +181,8 @@ fn vertices_without_triangles_are_left_out() {
         max_error: record.max_error,
         center: record.center,
         radius: record.radius,
-        reserved: [0; 16],
+        gaps: Default::default(),
+        reserved: [0; 4],
     };
     let mut tables = Tables {
         header: HeaderFields { source_vertex_count: 6, ..HeaderFields::default() },

@@ -2,7 +2,8 @@
 //! among vertices inside a cluster, so borders and the outline stay; errors are made up, monotone and saturated.
 
 use chpm_format::{
-    BoundaryMode, Chpm, ChpmWriter, ClusterRecord, GroupRecord, HeaderFields, LevelRecord, PageParts, Tables,
+    BoundaryMode, Chpm, ChpmWriter, ClusterRecord, Gaps, GroupRecord, HeaderFields, LevelRecord, PageParts,
+    Tables,
 };
 use chpm_mesh::{Aabb, Attributes, GroupId, Level, Sphere};
 use std::collections::{BTreeMap, BTreeSet};
@@ -237,6 +238,23 @@ impl Plan {
         Chpm::open(self.written([0.0; 3], tamper)).unwrap()
     }
 
+    /// A file in which something vanishes in the middle of the collapses of every second group.
+    pub(crate) fn build_with_gaps(&self) -> File {
+        let file = self.build();
+        let tamper = |groups: &mut [GroupRecord]| {
+            for index in 0..groups.len() {
+                let below = file.fine(GroupId(index as u32)).iter();
+                let fine = below.map(|fine| groups[file.clusters()[*fine as usize].group as usize].gaps.base);
+                let fine = fine.fold(0.0, f32::max);
+                let group = &mut groups[index];
+                let from = 0.5 * (group.min_error + group.max_error);
+                let more = if index % 2 == 0 { 0.75 * group.max_error } else { 0.0 };
+                group.gaps = Gaps { fine, base: fine + more, from };
+            }
+        };
+        Chpm::open(self.written([0.0; 3], tamper)).unwrap()
+    }
+
     /// The bytes of the file.
     pub(crate) fn bytes(&self, origin: [f64; 3]) -> Vec<u8> {
         self.written(origin, |_| ())
@@ -303,7 +321,8 @@ impl Plan {
                 max_error: of(|c| c.max_error),
                 center: sphere.center,
                 radius: sphere.radius,
-                reserved: [0; 16],
+                gaps: Gaps::default(),
+                reserved: [0; 4],
             });
             members.extend(group);
             members.extend(fine);
