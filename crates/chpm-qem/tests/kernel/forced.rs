@@ -1,8 +1,10 @@
 //! Collapses that change the topology: where they are needed, and where waiting does better.
 
-use crate::play::{run, run_in};
+use crate::play::{run, run_in, run_with};
 use chpm_mesh::TriMesh;
-use chpm_qem::{Refusal, Topology};
+use chpm_qem::{Decimator, Refusal, Topology};
+use proptest::prelude::*;
+use std::collections::BTreeSet;
 
 /// Pages of one quad across about a straight spine; the spine's vertices come first.
 fn book(pages: u32, quads: u32) -> TriMesh {
@@ -45,4 +47,34 @@ fn what_locks_hold_back_waits_for_their_release() {
     let run = run(&mesh, &locked, 0);
     assert!(run.stalled && run.collapses.is_empty(), "{:?}", run.collapses);
     assert!(run.refused(Refusal::LockedEdge) > 0 && run.refused(Refusal::Flip) > 0);
+}
+
+/// Edges whose both ends are locked, and triangles whose corners all are.
+fn between_locked(mesh: &TriMesh, locked: &[bool]) -> BTreeSet<Vec<u32>> {
+    let sides = |t: &[u32; 3]| [vec![t[0], t[1]], vec![t[1], t[2]], vec![t[2], t[0]], t.to_vec()];
+    let mut all: Vec<Vec<u32>> = mesh.triangles.iter().flat_map(sides).collect();
+    all.iter_mut().for_each(|corners| corners.sort_unstable());
+    all.into_iter().filter(|corners| corners.iter().all(|v| locked[*v as usize])).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// Another cluster may have, or make, an edge or a triangle of vertices that are locked: no collapse makes one, forced or not.
+    #[test]
+    fn locked_vertices_get_no_new_edge(
+        corners in prop::collection::vec(prop::array::uniform3(0u32..12), 1..40),
+        positions in prop::collection::vec(prop::array::uniform3(-3i8..4), 12),
+        locked in prop::collection::vec(any::<bool>(), 12),
+    ) {
+        let positions: Vec<_> = positions.iter().map(|p| p.map(f32::from)).collect();
+        let triangles: Vec<_> = corners.into_iter().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        prop_assume!(!triangles.is_empty());
+        let mesh = TriMesh::new(positions, triangles);
+        let mut decimator = Decimator::default();
+        decimator.topology = Topology::Change;
+        let run = run_with(&mut decimator, &mesh, &locked, 0, 0.0);
+        let (before, after) = (between_locked(&mesh, &locked), between_locked(&run.mesh, &locked));
+        prop_assert!(after.is_subset(&before), "{:?}", after.difference(&before));
+    }
 }
