@@ -60,7 +60,7 @@ row() {
         step verify --quiet --memory "$memory" --cuts 100 "$work/shape.chpm"
         times+=("$cpu")
         line+=",$result,$cpu,$(ratio "$cpu" "${plain[1]:-}"),$rss"
-        step measure --quiet --json --memory "$memory" "$work/shape.chpm" --against "$work/shape.ply"
+        step measure --quiet --json --memory "$memory" --positions 1 --samples 1 "$work/shape.chpm" --against "$work/shape.ply"
         times+=("$cpu")
         line+=",$result,$cpu,$(ratio "$cpu" "${plain[2]:-}"),$rss"
     else
