@@ -108,11 +108,11 @@ fn print_model<D: AsRef<[u8]>>(
     )?;
     writeln!(
         out,
-        "error      up to {} units ({}); distance up to {}; boundary {}",
+        "error      up to {} units ({}); distance {}; boundary {}",
         Units(h.max_error.into()),
         error_kind(file),
         max_distance(file)
-            .map_or("unknown".to_owned(), |distance| format!("{} units", Units(distance.into()))),
+            .map_or("unknown".to_owned(), |distance| format!("up to {} units", Units(distance.into()))),
         boundary(file)
     )
 }

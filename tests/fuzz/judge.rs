@@ -171,6 +171,7 @@ fn meshes(file: &Chpm<Vec<u8>>) -> Vec<(&'static str, Result<(), String>)> {
         ("level 1", got(Ok(Cut::at_level(file, Level(1))))),
         ("roots", got(Ok(Cut::at_level(file, Level(99))))),
         ("error", got(Cut::at_error(file, file.header().max_error * 0.3))),
+        ("distance", got(Cut::at_distance(file, file.header().max_error * 0.3))),
         ("triangles", got(Cut::at_triangles(file, 50))),
         ("random", got(random_cut(file, 7))),
     ];

@@ -1,11 +1,11 @@
 use crate::sample::{Cluster, Sample, sheet, two_level, with, write};
 use chpm_format::verify::MAX_FAULTS;
 use chpm_format::{
-    BoundaryMode, Chpm, ClusterRecord, Fault, Gaps, HeaderFields, Invariant, LevelRecord, Place, Tables,
-    verify, verify_within,
+    BoundaryMode, Chpm, ClusterRecord, Fault, Gaps, Header, HeaderFields, Invariant, LevelRecord, Place,
+    Tables, verify, verify_within,
 };
 use chpm_mesh::geom::distance;
-use chpm_mesh::{Attributes, ClusterId};
+use chpm_mesh::{Attributes, ClusterId, GroupId};
 
 /// The invariants that a file breaks, each once.
 fn broken(bytes: Vec<u8>) -> Vec<Invariant> {
@@ -142,6 +142,24 @@ fn unions() {
     assert!(changed(twice).contains(&Invariant::Union), "a multiset");
     let dropped = |s: &mut Sample| s.clusters[0].triangles.truncate(4);
     assert!(changed(dropped).contains(&Invariant::Union));
+}
+
+#[test]
+fn a_file_of_version_1_0_is_sound_and_tells_no_gaps() {
+    let minor = |bytes: &[u8], minor: u8| with(bytes, std::mem::offset_of!(Header, version_minor), &[minor]);
+    let old = minor(&two_level().bytes(), 0);
+    let file = Chpm::open(old.clone()).unwrap();
+    assert!(!file.has_gaps() && Chpm::open(two_level().bytes()).unwrap().has_gaps());
+    assert_eq!(broken(old), []);
+    // What has a meaning now had none then.
+    let (mut tables, pages) = two_level().tables();
+    tables.groups[2].gaps = Gaps { fine: 1.0, base: 2.0, from: 0.5 };
+    let told = write(&mut tables, &pages);
+    assert_eq!(Chpm::open(told.clone()).unwrap().gaps(GroupId(2)), tables.groups[2].gaps);
+    assert_eq!(broken(told.clone()), []);
+    let told = minor(&told, 0);
+    assert_eq!(Chpm::open(told.clone()).unwrap().gaps(GroupId(2)), Gaps::default());
+    assert_eq!(broken(told), [Invariant::Bytes]);
 }
 
 #[test]
