@@ -108,9 +108,9 @@ impl BoxTree {
                 (node.first..node.first + node.count).for_each(|place| visit(place as usize, best));
                 continue;
             }
-            let children = [index + 1, node.first as usize];
-            let [near, far] = children.map(|c| (squared_distance_to_box(point, &self.nodes[c].bounds), c));
-            let (near, far) = if far.0 < near.0 { (far, near) } else { (near, far) };
+            let child = |c: usize| (squared_distance_to_box(point, &self.nodes[c].bounds), c);
+            let (left, right) = (child(index + 1), child(node.first as usize));
+            let (near, far) = if right.0 < left.0 { (right, left) } else { (left, right) };
             stack[len] = far;
             stack[len + 1] = near;
             len += 2;
@@ -130,7 +130,7 @@ pub fn squared_distance_to_box(point: Point3<f64>, bounds: &Aabb) -> f64 {
         let (low, high) = (f64::from(bounds.min[a]), f64::from(bounds.max[a]));
         (low - point[a]).max(point[a] - high).max(0.0)
     };
-    let [x, y, z] = [0, 1, 2].map(excess);
+    let (x, y, z) = (excess(0), excess(1), excess(2));
     x * x + y * y + z * z
 }
 

@@ -114,9 +114,10 @@ fn different(mut triangles: Vec<[[f32; 3]; 3]>) -> Vec<[[f32; 3]; 3]> {
 /// otherwise; edges alone are right for a triangle without area. The plane is taken from the two shortest edges, which for
 /// needles is as good as for any triangle; for a flat cap it is off by its aspect ratio times the rounding of f64.
 pub fn squared_distance(point: Point3<f64>, corners: [[f32; 3]; 3]) -> f64 {
-    let corners = corners.map(geom::to_f64);
-    let edges = [0, 1, 2].map(|i| corners[(i + 1) % 3] - corners[i]);
-    let [ab, bc, ca] = edges.map(|e| e.norm_squared());
+    // Written out: a map over an array is a call in here.
+    let corners = [geom::to_f64(corners[0]), geom::to_f64(corners[1]), geom::to_f64(corners[2])];
+    let edges = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
+    let (ab, bc, ca) = (edges[0].norm_squared(), edges[1].norm_squared(), edges[2].norm_squared());
     // The corner between the two shortest edges.
     let apex = if ab >= bc && ab >= ca { 2 } else { usize::from(ca >= bc) };
     let normal = edges[(apex + 2) % 3].cross(&edges[apex]);
@@ -126,9 +127,8 @@ pub fn squared_distance(point: Point3<f64>, corners: [[f32; 3]; 3]) -> f64 {
         let height = normal.dot(&(point - corners[apex]));
         return height * height / area_squared;
     }
-    (0..3)
-        .map(|i| squared_distance_to_segment(point, corners[i], corners[(i + 1) % 3]))
-        .fold(f64::INFINITY, f64::min)
+    let segment = |i: usize| squared_distance_to_segment(point, corners[i], corners[(i + 1) % 3]);
+    segment(0).min(segment(1)).min(segment(2))
 }
 
 fn squared_distance_to_segment(point: Point3<f64>, a: Point3<f64>, b: Point3<f64>) -> f64 {
