@@ -10,6 +10,9 @@ use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::{round_up, to_f64};
 use nalgebra::{Point3, Vector3};
 
+/// What the place of a ball can lose in f64, as a share of its coordinates, and more.
+const LOST: f64 = 1.0 / (1u64 << 50) as f64;
+
 /// A ball about points of the source that have vanished, object units.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
@@ -26,7 +29,9 @@ impl Remnant {
         let center = nalgebra::center(&low, &high).coords.map(|x| x as f32);
         let rounded = Point3::from(center.map(f64::from));
         let farthest = (high - rounded).abs().sup(&(low - rounded).abs());
-        Remnant { center: center.into(), radius: round_up(farthest.norm()) }
+        // Far from zero a small box loses digits in the corners.
+        let lost = LOST * low.coords.amax().max(high.coords.amax());
+        Remnant { center: center.into(), radius: round_up(farthest.norm() + lost) }
     }
 
     /// A ball about two.
@@ -102,6 +107,13 @@ mod tests {
 
     fn ball(center: [f32; 3], radius: f32) -> Remnant {
         Remnant { center, radius }
+    }
+
+    #[test]
+    fn a_small_box_far_away_is_not_lost() {
+        let tiny = Displacement::default().moved(Vector3::repeat(-1e-30), Vector3::repeat(1e-30));
+        let ball = Remnant::new(Point3::new(1e6, 1e6, 1e6), &tiny);
+        assert!(ball.radius > 1e-30 && ball.radius < 1e-8, "{}", ball.radius);
     }
 
     #[test]

@@ -45,6 +45,13 @@ pub(crate) fn local(mesh: &TriMesh) -> Vec<[u16; 3]> {
     mesh.triangles.iter().map(|t| t.map(|v| u16::try_from(v).expect("a small mesh"))).collect()
 }
 
+/// Any triangles over a few vertices, without those that have two corners in one; none if nothing is left.
+pub(crate) fn any_mesh(corners: Vec<[u32; 3]>, positions: &[[i8; 3]]) -> Option<TriMesh> {
+    let triangles: Vec<_> = corners.into_iter().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    let positions = positions.iter().map(|p| p.map(f32::from)).collect();
+    (!triangles.is_empty()).then(|| TriMesh::new(positions, triangles))
+}
+
 /// Decimates with a kernel that may have been used before.
 pub(crate) fn run_with(
     decimator: &mut Decimator,
