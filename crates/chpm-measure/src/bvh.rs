@@ -1,6 +1,7 @@
 //! Nearest distance from a point to a set of triangles, exact up to rounding.
 
 use crate::box_tree::BoxTree;
+use crate::proof::{Corners, Face};
 use chpm_mesh::{Aabb, geom};
 use nalgebra::Point3;
 
@@ -49,6 +50,18 @@ impl Bvh {
         let mut best = f64::INFINITY;
         let place = self.improve(point, hint.map(|h| h.place), &mut best).unwrap_or(0);
         Nearest { distance: best.sqrt(), place }
+    }
+
+    /// Lowers `best`, a squared distance, to what the triangles are away at least, with rounding on the safe side.
+    pub(crate) fn at_least(&self, point: Point3<f64>, best: &mut f64) {
+        self.tree.search(point, best, |place, best| {
+            *best = best.min(Face::new(self.corners[place]).at_least(point).powi(2));
+        });
+    }
+
+    /// The triangle at a place.
+    pub(crate) fn corners(&self, place: usize) -> Corners {
+        self.corners[place]
     }
 
     /// Lowers `best`, a squared distance, to that of the nearest triangle, and answers its place; none if no triangle is nearer.

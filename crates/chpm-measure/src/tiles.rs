@@ -2,6 +2,7 @@
 
 use crate::box_tree::{BoxTree, squared_distance_to_box};
 use crate::bvh::Bvh;
+use crate::proof::Corners;
 use chpm_mesh::{Aabb, TriMesh};
 use nalgebra::Point3;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -115,6 +116,63 @@ impl<'a> Tiles<'a> {
             }
         });
         hit.map(|(tile, place)| Hit { tile, distance: best.sqrt(), place })
+    }
+
+    /// The nearest triangle among the tiles that are no farther than their own distances; none if all are farther. `near` is a tree of
+    /// [`Self::boxes`] that reach as far.
+    pub(crate) fn nearest_of(
+        &self,
+        point: Point3<f64>,
+        near: &BoxTree,
+        of: impl Fn(usize) -> f64,
+    ) -> Option<Hit> {
+        let (mut best, mut hit) = (f64::INFINITY, None);
+        near.search(point, &mut best, |place, best| {
+            let tile = near.order()[place] as usize;
+            let mut own = best.min((of(tile) * of(tile)).next_up());
+            if squared_distance_to_box(point, &self.boxes[tile]) < own
+                && let Some(place) = self.bvh(tile).improve(point, None, &mut own)
+            {
+                *best = own;
+                hit = Some(Hit { tile, distance: own.sqrt(), place });
+            }
+        });
+        hit
+    }
+
+    /// Whether every tile is farther than its own distance, with rounding on the safe side. `near` is a tree of [`Self::boxes`] that reach as
+    /// far, and as rounding.
+    pub(crate) fn is_beyond(&self, point: Point3<f64>, near: &BoxTree, of: impl Fn(usize) -> f64) -> bool {
+        let (mut everything, mut is_beyond) = (f64::INFINITY, true);
+        near.search(point, &mut everything, |place, everything| {
+            let tile = near.order()[place] as usize;
+            let mut best = f64::INFINITY;
+            self.bvh(tile).at_least(point, &mut best);
+            if best.sqrt() <= of(tile) {
+                // Nothing more has to be looked at.
+                (*everything, is_beyond) = (0.0, false);
+            }
+        });
+        is_beyond
+    }
+
+    /// A distance that the point has from all triangles at least, with rounding on the safe side; infinite where there is none.
+    pub(crate) fn at_least(&self, point: Point3<f64>) -> f64 {
+        let mut best = f64::INFINITY;
+        self.tree.search(point, &mut best, |place, best| {
+            self.bvh(self.tree.order()[place] as usize).at_least(point, best);
+        });
+        best.sqrt()
+    }
+
+    /// The triangle of a hit.
+    pub(crate) fn corners(&self, hit: Hit) -> Corners {
+        self.bvh(hit.tile).corners(hit.place)
+    }
+
+    /// The boxes that tiles are in.
+    pub(crate) fn boxes(&self) -> &[Aabb] {
+        &self.boxes
     }
 
     /// Lowers `best`, a squared distance, to that of the nearest triangle of one tile; whether it has one that is nearer.

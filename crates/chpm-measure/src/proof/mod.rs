@@ -1,0 +1,387 @@
+//! Proven distances: whether all points of a triangle, and not samples of them, are near enough to a surface, and how far the farthest is.
+//!
+//! The distance to *one* triangle of the surface is convex. So over a convex piece it is largest at a corner, and a piece whose corners are
+//! all near enough to one triangle is near enough everywhere. A triangle is cut until that is so of all its pieces. Where the middle of a piece lies above the inside of its
+//! nearest triangle, what lies over that triangle and is near enough to its plane is cut out and is proven at once; else pieces are halved. So the pieces are
+//! about as many as the overlaps of triangles, even where nothing may be farther than rounding. A point that is too far from every triangle is a proof of the opposite.
+//!
+//! Rounding is on the safe side by [`LOSS`]: what is proven to be within a distance is within it and twice that share of the largest coordinates; what is
+//! told to be beyond is beyond it without any allowance.
+
+mod piece;
+mod triangle;
+
+pub use triangle::LOSS;
+
+use crate::box_tree::BoxTree;
+use crate::tiles::{Hit, Tiles};
+use nalgebra::Point3;
+use piece::{Piece, Plane};
+pub(crate) use triangle::{Corners, Face};
+use triangle::{Feature, Place};
+
+/// A piece wider than so many of the triangles that it lies on is halved first; else the lines of each would cut all others.
+const WIDE: f64 = 4.0;
+
+/// Pieces after which it is asked whether to stop.
+const ASKED: u64 = 256;
+
+/// How far from a tile is near enough.
+#[derive(Debug)]
+pub enum Allowed {
+    /// From all tiles alike.
+    Same(f64),
+    /// From every tile its own; a point has to be near enough to one of them.
+    Own(OwnDistances),
+}
+
+/// A distance for every tile.
+#[derive(Debug)]
+pub struct OwnDistances {
+    of: Vec<f64>,
+    near: BoxTree,
+}
+
+/// A point that shows that a triangle is too far from a surface.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Witness {
+    /// The point, up to rounding.
+    pub at: [f64; 3],
+    /// How far it is from the whole surface at least; infinite where that has no triangle.
+    pub distance: f64,
+    /// The tile that is nearest; 0 where there is none.
+    pub tile: usize,
+}
+
+/// What was shown of a triangle.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Verdict {
+    /// All of it is near enough.
+    Within,
+    /// Some of it is not.
+    Beyond(Witness),
+    /// Neither was shown with as many pieces as were allowed.
+    Undecided,
+}
+
+/// What is known of a triangle.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Found {
+    /// What was asked.
+    pub verdict: Verdict,
+    /// No point is farther from the surface than this, whatever the verdict.
+    pub reached: f64,
+    /// A point of it that is far, as far as was looked, and how far that is, about.
+    pub far: (f64, [f64; 3]),
+    /// Pieces that were looked at.
+    pub pieces: u64,
+}
+
+/// Proves distances from one triangle after the other to a surface.
+pub struct Prover<'a> {
+    target: &'a Tiles<'a>,
+    is_stopped: &'a (dyn Fn() -> bool + Sync),
+    stack: Vec<Piece>,
+    hint: Option<Hit>,
+}
+
+impl Allowed {
+    /// A distance for each tile of a surface.
+    pub fn own(target: &Tiles<'_>, of: Vec<f64>) -> Self {
+        let boxes = target.boxes();
+        let largest = boxes.iter().flat_map(|b| b.min.into_iter().chain(b.max)).filter(|x| x.is_finite());
+        // What rounding hides must be looked at, too.
+        let loss = 4.0 * LOSS * largest.map(|x| f64::from(x.abs())).fold(0.0, f64::max);
+        let near = BoxTree::reaching(boxes, |tile| of[tile] + loss);
+        Allowed::Own(OwnDistances { of, near })
+    }
+
+    fn of(&self, tile: usize) -> f64 {
+        match self {
+            Allowed::Same(distance) => *distance,
+            Allowed::Own(own) => own.of[tile],
+        }
+    }
+}
+
+/// What a run is to find out.
+enum Goal<'g> {
+    Keep(&'g Allowed),
+    /// The largest distance: what is farther than all before raises what is asked for.
+    Raise {
+        allowed: Allowed,
+        least: f64,
+        at: Option<[f64; 3]>,
+        tolerance: f64,
+    },
+}
+
+impl Goal<'_> {
+    fn allowed(&self) -> &Allowed {
+        match self {
+            Goal::Keep(allowed) => allowed,
+            Goal::Raise { allowed, .. } => allowed,
+        }
+    }
+}
+
+/// Some triangle that is near enough to a point, or the nearest of all.
+struct Candidate {
+    hit: Hit,
+    face: Face,
+    place: Place,
+    keeps: bool,
+}
+
+impl<'a> Prover<'a> {
+    /// To a surface. When `is_stopped`, asked now and then, nothing more is decided.
+    pub fn new(target: &'a Tiles<'a>, is_stopped: &'a (dyn Fn() -> bool + Sync)) -> Self {
+        Prover { target, is_stopped, stack: Vec::new(), hint: None }
+    }
+
+    /// Whether all of a triangle is near enough; gives up after `limit` pieces.
+    pub fn within(&mut self, triangle: [[f32; 3]; 3], allowed: &Allowed, limit: u64) -> Found {
+        self.run(triangle, &mut Goal::Keep(allowed), limit)
+    }
+
+    /// Raises `least`, a distance that some point is known to have from the surface at least, by this triangle's farthest point, to within the
+    /// share `tolerance` of it. The answer tells what no point of the triangle is beyond, and where a point is that is as far as the raised `least`.
+    pub fn farthest(
+        &mut self,
+        triangle: [[f32; 3]; 3],
+        least: &mut f64,
+        tolerance: f64,
+        limit: u64,
+    ) -> (f64, Option<[f64; 3]>) {
+        let allowed = Allowed::Same(*least * (1.0 + tolerance));
+        let mut goal = Goal::Raise { allowed, least: *least, at: None, tolerance };
+        let found = self.run(triangle, &mut goal, limit);
+        let Goal::Raise { least: raised, at, .. } = goal else { return (found.reached, None) };
+        *least = raised;
+        (found.reached, at)
+    }
+
+    fn run(&mut self, triangle: Corners, goal: &mut Goal<'_>, limit: u64) -> Found {
+        let scale = triangle.as_flattened().iter().map(|x| f64::from(x.abs())).fold(0.0, f64::max);
+        let whole = Piece::of(triangle);
+        self.stack.clear();
+        self.stack.push(whole);
+        let middle = whole.middle();
+        let mut found =
+            Found { verdict: Verdict::Within, reached: 0.0, far: (0.0, middle.coords.into()), pieces: 0 };
+        while let Some(piece) = self.stack.pop() {
+            found.pieces += 1;
+            let Some(candidate) = self.candidate(piece.middle(), goal.allowed(), scale) else {
+                found.verdict =
+                    Verdict::Beyond(Witness { at: found.far.1, distance: f64::INFINITY, tile: 0 });
+                (found.reached, found.far.0) = (f64::INFINITY, f64::INFINITY);
+                return found;
+            };
+            self.look(piece.middle(), candidate, &piece, goal, scale, &mut found);
+            if matches!(found.verdict, Verdict::Beyond(_)) {
+                self.stack.push(piece);
+                break;
+            }
+            // What is farthest is most often a corner.
+            if found.pieces == 1 && !self.stack.is_empty() {
+                for corner in whole.corners() {
+                    if let Some(candidate) = self.candidate(*corner, goal.allowed(), scale)
+                        && !candidate.keeps
+                    {
+                        self.refute(*corner, &candidate, goal, scale, &mut found);
+                    }
+                }
+                if matches!(found.verdict, Verdict::Beyond(_)) {
+                    break;
+                }
+            }
+            let is_over = found.pieces >= limit || found.pieces.is_multiple_of(ASKED) && (self.is_stopped)();
+            if is_over && !self.stack.is_empty() {
+                found.verdict = Verdict::Undecided;
+                break;
+            }
+        }
+        // What is left counts by its widest.
+        while let Some(piece) = self.stack.pop() {
+            found.reached = found.reached.max(self.reach(&piece, scale));
+        }
+        found
+    }
+
+    /// Proves a piece, or cuts it, or shows that it cannot be proven.
+    fn look(
+        &mut self,
+        middle: Point3<f64>,
+        candidate: Candidate,
+        piece: &Piece,
+        goal: &mut Goal<'_>,
+        scale: f64,
+        found: &mut Found,
+    ) {
+        if candidate.place.distance > found.far.0 {
+            found.far = (candidate.place.distance, middle.coords.into());
+        }
+        self.hint = Some(candidate.hit);
+        let Candidate { hit, face, place, mut keeps } = candidate;
+        if !keeps {
+            keeps = self.refute(middle, &candidate, goal, scale, found);
+        }
+        if !keeps {
+            if !matches!(found.verdict, Verdict::Beyond(_)) {
+                found.verdict = Verdict::Undecided;
+                found.reached = found.reached.max(self.reach(piece, scale));
+            }
+            return;
+        }
+        let allowed = goal.allowed().of(hit.tile);
+        let loss = LOSS * scale.max(face.largest);
+        if let Some(most) = farthest_corner(piece, &face, allowed + loss) {
+            found.reached = found.reached.max(most + loss);
+            return;
+        }
+        if piece.is_spent() {
+            found.verdict = Verdict::Undecided;
+            found.reached = found.reached.max(self.reach(piece, scale));
+            return;
+        }
+        let ball = (allowed * allowed - place.distance * place.distance).max(0.0).sqrt();
+        let width = face.radius();
+        if ball < width
+            && piece.radius(middle) < WIDE * width
+            && let Some(most) = self.cut_out(piece, &face, place.feature, allowed, loss)
+        {
+            found.reached = found.reached.max(most + loss);
+        } else if let Some(halves) = piece.halves() {
+            self.stack.extend(halves);
+        } else {
+            found.verdict = Verdict::Undecided;
+            found.reached = found.reached.max(self.reach(piece, scale));
+        }
+    }
+
+    /// Takes out what lies over a part of a triangle, near enough, and leaves the rest for later; answers how far that is.
+    fn cut_out(
+        &mut self,
+        piece: &Piece,
+        face: &Face,
+        feature: Feature,
+        allowed: f64,
+        loss: f64,
+    ) -> Option<f64> {
+        let mut planes = [Plane { normal: face.normal, at: face.corners[0] }; 5];
+        let planes = match feature {
+            Feature::Inside => {
+                let up = face.normal.normalize();
+                for (i, plane) in planes[..3].iter_mut().enumerate() {
+                    *plane = Plane { normal: face.edges[i].cross(&up).normalize(), at: face.corners[i] };
+                }
+                planes[3] = Plane { normal: up, at: face.corners[0] + up * allowed };
+                planes[4] = Plane { normal: -up, at: face.corners[0] - up * allowed };
+                &planes[..]
+            }
+            Feature::Edge(i) => {
+                let along = face.edges[i].normalize();
+                planes[0] = Plane { normal: along, at: face.corners[(i + 1) % 3] };
+                planes[1] = Plane { normal: -along, at: face.corners[i] };
+                &planes[..2]
+            }
+            Feature::Corner => return None,
+        };
+        let (mut part, before) = (*piece, self.stack.len());
+        for plane in planes {
+            let Some([Some(inside), outside]) = part.cut(plane, 0.25 * loss) else {
+                self.stack.truncate(before);
+                return None;
+            };
+            part = inside;
+            self.stack.extend(outside);
+        }
+        let most = farthest_corner(&part, face, allowed + loss).filter(|_| self.stack.len() > before);
+        if most.is_none() {
+            self.stack.truncate(before);
+        }
+        most
+    }
+
+    /// What to say of a point that no triangle keeps to: a proof that none does, or a larger distance to ask for, with which it is all
+    /// right after all.
+    fn refute(
+        &self,
+        point: Point3<f64>,
+        candidate: &Candidate,
+        goal: &mut Goal<'_>,
+        scale: f64,
+        found: &mut Found,
+    ) -> bool {
+        let loss = LOSS * scale;
+        match goal {
+            Goal::Keep(allowed) => {
+                let is_beyond = match allowed {
+                    Allowed::Same(distance) => self.target.at_least(point) - loss > *distance,
+                    Allowed::Own(own) => self.target.is_beyond(point, &own.near, |tile| own.of[tile] + loss),
+                };
+                if is_beyond {
+                    let distance = (self.target.at_least(point) - loss).max(0.0);
+                    let witness = Witness { at: point.coords.into(), distance, tile: candidate.hit.tile };
+                    if !matches!(found.verdict, Verdict::Beyond(other) if other.distance >= distance) {
+                        found.verdict = Verdict::Beyond(witness);
+                    }
+                }
+                false
+            }
+            Goal::Raise { allowed, least, at, tolerance } => {
+                let distance = self.target.at_least(point) - loss;
+                if distance > *least {
+                    (*least, *at) = (distance, Some(point.coords.into()));
+                    *allowed = Allowed::Same(distance * (1.0 + *tolerance));
+                }
+                let loss = LOSS * scale.max(candidate.face.largest);
+                candidate.place.distance <= allowed.of(candidate.hit.tile) + loss
+            }
+        }
+    }
+
+    /// A triangle that a point is near enough to, or else the nearest one; none where there is none.
+    fn candidate(&self, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Option<Candidate> {
+        let hit = self.target.nearest(point, self.hint)?;
+        let candidate = |hit: Hit| {
+            let face = Face::new(self.target.corners(hit));
+            let place = face.nearest(point);
+            let keeps = place.distance <= allowed.of(hit.tile) + LOSS * scale.max(face.largest);
+            Candidate { hit, face, place, keeps }
+        };
+        let nearest = candidate(hit);
+        if nearest.keeps {
+            return Some(nearest);
+        }
+        let other = match allowed {
+            Allowed::Same(_) => None,
+            Allowed::Own(own) => self.target.nearest_of(point, &own.near, |tile| own.of[tile]),
+        };
+        Some(other.map(candidate).filter(|other| other.keeps).unwrap_or(nearest))
+    }
+
+    /// What no point of a piece is beyond.
+    fn reach(&self, piece: &Piece, scale: f64) -> f64 {
+        let middle = piece.middle();
+        let Some(hit) = self.target.nearest(middle, self.hint) else { return f64::INFINITY };
+        let face = Face::new(self.target.corners(hit));
+        farthest_corner(piece, &face, f64::INFINITY).unwrap_or(f64::INFINITY) + LOSS * scale.max(face.largest)
+    }
+}
+
+/// How far the corners of a piece are from a triangle; none if that is more than `most`.
+fn farthest_corner(piece: &Piece, face: &Face, most: f64) -> Option<f64> {
+    let mut farthest = 0.0;
+    for corner in piece.corners() {
+        let distance = face.nearest(*corner).distance;
+        if distance.is_nan() || distance > most {
+            return None;
+        }
+        farthest = distance.max(farthest);
+    }
+    Some(farthest)
+}
+
+#[cfg(test)]
+mod tests;

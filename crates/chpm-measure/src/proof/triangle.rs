@@ -1,0 +1,169 @@
+//! How far a point is from a triangle: bounds that hold whatever rounding does.
+//!
+//! The nearest place of a triangle is found as well as f64 can, which for slivers may not be well. Any place of the triangle shows how far
+//! the point is at most; and the triangle lies wholly behind the farthest of its corners along any direction, which shows how far it is at least. So
+//! neither bound rests on how good the place is.
+
+use chpm_mesh::geom;
+use nalgebra::{Point3, Vector3};
+
+/// Corners as they are stored.
+pub(crate) type Corners = [[f32; 3]; 3];
+
+/// What all that is computed here may be off by, as a share of the largest coordinate that took part: 2048 times what f64 rounds by. A place on
+/// a triangle takes 12 roundings and a distance 10 more, each of at most twice the largest coordinate by the root of 3; and the corners of a piece are off
+/// their triangle by 14 roundings for each cut that it comes from, of which there are 90 at most.
+pub const LOSS: f64 = 1.0 / (1u64 << 42) as f64;
+
+/// Which part of a triangle is nearest.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) enum Feature {
+    Inside,
+    /// From this corner to the next one.
+    Edge(usize),
+    Corner,
+}
+
+/// A place of a triangle, meant to be the nearest one to a point.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Place {
+    pub(crate) at: Point3<f64>,
+    pub(crate) distance: f64,
+    pub(crate) feature: Feature,
+}
+
+/// A triangle in f64.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Face {
+    pub(crate) corners: [Point3<f64>; 3],
+    /// Edges, each from its corner to the next one.
+    pub(crate) edges: [Vector3<f64>; 3],
+    /// Of twice the area; zero without one.
+    pub(crate) normal: Vector3<f64>,
+    /// The largest coordinate.
+    pub(crate) largest: f64,
+}
+
+impl Face {
+    pub(crate) fn new(corners: Corners) -> Self {
+        let corners = corners.map(geom::to_f64);
+        let edges = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
+        // Of the two shortest edges, as nothing else is right for needles.
+        let lengths = edges.map(|edge| edge.norm_squared());
+        let longest = (0..3).fold(0, |best, i| if lengths[i] > lengths[best] { i } else { best });
+        let normal = edges[(longest + 1) % 3].cross(&edges[(longest + 2) % 3]);
+        let largest = corners.iter().map(|corner| corner.coords.amax()).fold(0.0, f64::max);
+        Face { corners, edges, normal, largest }
+    }
+
+    /// Half the longest edge, at least: how wide the triangle is.
+    pub(crate) fn radius(&self) -> f64 {
+        0.5 * self.edges.iter().map(Vector3::norm).fold(0.0, f64::max)
+    }
+
+    /// The nearest place to a point, as well as it can be found. It is on the triangle, up to [`LOSS`], in any case.
+    pub(crate) fn nearest(&self, point: Point3<f64>) -> Place {
+        let weight =
+            |i: usize| self.edges[(i + 1) % 3].cross(&(point - self.corners[(i + 1) % 3])).dot(&self.normal);
+        let weights = [weight(0), weight(1), weight(2)];
+        let sum: f64 = weights.iter().sum();
+        if sum > 0.0 && sum.is_finite() && weights.iter().all(|weight| *weight >= 0.0) {
+            let at =
+                self.corners[0] + self.edges[0] * (weights[1] / sum) - self.edges[2] * (weights[2] / sum);
+            return Place { at, distance: (point - at).norm(), feature: Feature::Inside };
+        }
+        let [a, b, c] = [self.on_edge(0, point), self.on_edge(1, point), self.on_edge(2, point)];
+        let nearer = |a: Place, b: Place| if b.distance < a.distance { b } else { a };
+        nearer(nearer(a, b), c)
+    }
+
+    fn on_edge(&self, edge: usize, point: Point3<f64>) -> Place {
+        let (from, along) = (self.corners[edge], self.edges[edge]);
+        let length_squared = along.norm_squared();
+        let part = along.dot(&(point - from)) / length_squared;
+        let (at, feature) = match part {
+            part if part > 0.0 && part < 1.0 => (from + along * part, Feature::Edge(edge)),
+            part if part >= 1.0 => (self.corners[(edge + 1) % 3], Feature::Corner),
+            _ => (from, Feature::Corner),
+        };
+        Place { at, distance: (point - at).norm(), feature }
+    }
+
+    /// A distance that the point has from the triangle at least; what rounding may do is taken off.
+    pub(crate) fn at_least(&self, point: Point3<f64>) -> f64 {
+        let away = point - self.nearest(point).at;
+        let length = away.norm();
+        if length == 0.0 {
+            return 0.0;
+        }
+        let direction = away / length;
+        let behind = |corner: &Point3<f64>| direction.dot(&(point - corner));
+        let least = self.corners.iter().map(behind).fold(f64::INFINITY, f64::min);
+        (least - LOSS * self.largest.max(point.coords.amax())).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::squared_distance;
+    use proptest::prelude::*;
+
+    #[test]
+    fn parts_of_a_triangle_are_told_apart() {
+        let face = Face::new([[0.0; 3], [4.0, 0.0, 0.0], [0.0, 3.0, 0.0]]);
+        for (point, distance, feature) in [
+            ([1.0, 1.0, 2.0], 2.0, Feature::Inside),
+            ([1.0, 1.0, 0.0], 0.0, Feature::Inside),
+            ([2.0, -1.0, 0.0], 1.0, Feature::Edge(0)),
+            ([4.0, 3.0, 0.0], 2.4, Feature::Edge(1)),
+            ([-5.0, 1.0, 0.0], 5.0, Feature::Edge(2)),
+            ([-3.0, -4.0, 0.0], 5.0, Feature::Corner),
+            ([6.0, 0.0, 0.0], 2.0, Feature::Corner),
+        ] {
+            let place = face.nearest(point.into());
+            assert!((place.distance - distance).abs() < 1e-14, "{point:?}: {place:?}");
+            assert_eq!(place.feature, feature, "{point:?}");
+            let least = face.at_least(point.into());
+            assert!(least <= distance && least > distance - 1e-11, "{point:?}: {least}");
+        }
+    }
+
+    #[test]
+    fn what_has_no_area_is_its_edges_or_its_corner() {
+        let line = Face::new([[0.0; 3], [2.0, 0.0, 0.0], [1.0, 0.0, 0.0]]);
+        assert_eq!(line.nearest([1.5, 2.0, 0.0].into()).distance, 2.0);
+        let point = Face::new([[1.0; 3]; 3]);
+        assert_eq!(point.nearest([1.0, 4.0, 5.0].into()).distance, 5.0);
+        assert!(point.at_least([1.0, 4.0, 5.0].into()) > 5.0 - 1e-10);
+    }
+
+    proptest! {
+        /// Slivers of any thinness, near and far: the truth, known to f64, is between both bounds.
+        #[test]
+        fn bounds_enclose_the_distance(
+            corners in prop::array::uniform3(prop::array::uniform3(-1.0f32..1.0)),
+            flatness in prop::array::uniform3(0u32..40),
+            scale in -120i32..120,
+            point in prop::array::uniform3(-2.0f64..2.0),
+        ) {
+            let size = f64::from(scale).exp2();
+            let thin = |c: [f32; 3]| std::array::from_fn(|a| {
+                (f64::from(c[a]) * (-f64::from(flatness[a])).exp2() * size) as f32
+            });
+            let corners: Corners = corners.map(thin);
+            let point = Point3::from(point.map(|x| x * size));
+            let face = Face::new(corners);
+            let loss = LOSS * face.largest.max(point.coords.amax());
+            let (most, least) = (face.nearest(point).distance, face.at_least(point));
+            prop_assert!(least <= most, "{least} {most}");
+            // The other way to find it is right for triangles that are not too flat.
+            let area = face.normal.norm() / face.radius().powi(2).max(f64::MIN_POSITIVE);
+            if area > 1e-3 {
+                let truth = squared_distance(point, corners).sqrt();
+                prop_assert!(least <= truth + loss && truth <= most + loss, "{least} {truth} {most}");
+                prop_assert!(most - least <= 1e-6 * size, "{least} {most}");
+            }
+        }
+    }
+}
