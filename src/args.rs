@@ -94,6 +94,10 @@ pub(crate) struct SettingsArgs {
     /// several roots
     #[arg(long, value_name = "E")]
     target_error: Option<Length>,
+    /// Leave out the dust: connected components whose box has a diagonal below SIZE, in object units or, as in 1%, of the whole
+    /// model's diagonal. Errors are then those of what is kept
+    #[arg(long, value_name = "SIZE")]
+    min_component: Option<Length>,
     /// Seed of the partitioner
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
@@ -243,6 +247,7 @@ pub(crate) fn build_config(
             topology: settings.topology.topology(),
             finest_error: settings.finest_error.or(settings.prune_exact.then_some(Length::Units(0.0))),
             target_error: settings.target_error,
+            min_component: settings.min_component,
             seed: settings.seed,
             normals: !settings.no_normals,
             colors: !settings.no_colors,
@@ -301,6 +306,7 @@ mod tests {
             "--topology=keep",
             "--finest-error=0.01%",
             "--target-error=2.5",
+            "--min-component=3%",
             "--seed=3",
             "--no-normals",
             "--no-colors",
@@ -319,6 +325,7 @@ mod tests {
             (s.finest_error, s.target_error),
             (Some(Length::OfDiagonal(0.01)), Some(Length::Units(2.5)))
         );
+        assert_eq!(s.min_component, Some(Length::OfDiagonal(3.0)));
         assert_eq!(config(&["--prune-exact"]).settings.finest_error, Some(Length::Units(0.0)));
         assert_eq!((s.normals, s.colors, s.drop_invalid, s.layout), (false, false, true, false));
         let expected = Resources {
@@ -344,6 +351,9 @@ mod tests {
             ["--topology=free"],
             ["--finest-error=-1"],
             ["--target-error=nan%"],
+            ["--min-component=-1%"],
+            ["--min-component=inf"],
+            ["--min-component=nan"],
             ["--checkpoint=-1"],
         ] {
             assert!(Build::try_parse_from(["build"].iter().chain(&bad)).is_err(), "{bad:?}");

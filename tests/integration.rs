@@ -49,6 +49,8 @@ mod integration {
     mod scene;
     /// A build that is told to stop leaves nothing.
     mod signals;
+    /// Dust that is left out of what is built, and of what it is compared with.
+    mod small;
     /// The house rules: which crate may use which, where unsafe code may be, how long a file gets.
     mod tidy;
     /// What a camera needs: extracted without cracks, and less where it is far away.

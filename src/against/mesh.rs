@@ -3,7 +3,7 @@
 use super::Counts;
 use super::conf::Motion;
 use crate::stop;
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use bytemuck::Pod;
 use chpm_build::Cancel;
 use chpm_extmem::{BufferWriter, Column, Store};
@@ -11,6 +11,19 @@ use chpm_mesh::Triangulator;
 
 /// The corners of a triangle, as the source has them.
 pub(super) type Corners = [[f64; 3]; 3];
+
+/// A triangle as it is found.
+pub(super) struct Triangle {
+    pub(super) corners: Corners,
+    /// Its vertices, numbered through all files; corners of their own where facets bring them.
+    pub(super) vertices: [u32; 3],
+    /// Whether it is a facet, whose corners are joined with others of its file by position.
+    pub(super) is_facet: bool,
+    /// Whether coordinates are text that the header declares to be of single precision.
+    pub(super) is_told_single: bool,
+    /// The number of its file's first vertex.
+    pub(super) file: u32,
+}
 
 /// Vertices of a block that is read at once where not all are in memory, and how many blocks are kept.
 const BLOCK: usize = 256;
@@ -36,7 +49,9 @@ pub(super) struct Mesh<'a> {
     cancel: &'a Cancel,
     pub(super) drops: bool,
     pub(super) counts: &'a mut Counts,
-    sink: &'a mut dyn FnMut(Corners, bool),
+    sink: &'a mut dyn FnMut(Triangle),
+    /// The number of the file's first vertex.
+    file: u32,
     calls: u64,
     points: Points,
     motion: Option<&'a Motion>,
@@ -45,7 +60,7 @@ pub(super) struct Mesh<'a> {
     early: Option<BufferWriter<u32>>,
     /// Whether triangles are those of a range grid.
     pub(super) is_grid: bool,
-    /// Whether coordinates are text that the header declares to be of single precision: with a triangle the sink is told.
+    /// Whether coordinates are text that the header declares to be of single precision.
     pub(super) is_told_single: bool,
 }
 
@@ -61,15 +76,17 @@ impl<'a> Mesh<'a> {
         target: &Target<'a>,
         motion: Option<&'a Motion>,
         counts: &'a mut Counts,
-        sink: &'a mut dyn FnMut(Corners, bool),
+        sink: &'a mut dyn FnMut(Triangle),
     ) -> Self {
         let &Target { store, drops, cancel } = target;
+        let file = counts.vertices;
         Mesh {
             store,
             cancel,
             drops,
             counts,
             sink,
+            file,
             calls: 0,
             points: Points::None,
             motion,
@@ -97,11 +114,22 @@ impl<'a> Mesh<'a> {
 
     pub(super) fn vertex(&mut self, position: [f64; 3]) -> Result<()> {
         self.heed()?;
+        self.number(1)?;
         match &mut self.points {
             Points::None => Ok(()),
             Points::Single(places) => places.push(position.map(|x| x as f32)),
             Points::Double(places) => places.push(position),
         }
+    }
+
+    /// The number of the next vertex, of which there are so many.
+    fn number(&mut self, count: u32) -> Result<u32> {
+        let first = self.counts.vertices;
+        let Some(next) = first.checked_add(count) else {
+            bail!("the source has more than {} vertices", u32::MAX)
+        };
+        self.counts.vertices = next;
+        Ok(first)
     }
 
     /// All vertices are there: what comes now can be looked up.
@@ -200,7 +228,8 @@ impl<'a> Mesh<'a> {
         if self.is_grid && is_step(places.map(|p| p.map(|x| x as f32))) {
             return Ok(());
         }
-        (self.sink)(places, self.is_told_single);
+        let vertices = corners.map(|vertex| self.file + vertex);
+        self.found(places, vertices, false);
         Ok(())
     }
 
@@ -212,8 +241,14 @@ impl<'a> Mesh<'a> {
             self.counts.degenerate_faces += 1;
             return Ok(());
         }
-        (self.sink)(corners, false);
+        let first = self.number(3)?;
+        self.found(corners, [first, first + 1, first + 2], true);
         Ok(())
+    }
+
+    fn found(&mut self, corners: Corners, vertices: [u32; 3], is_facet: bool) {
+        let (is_told_single, file) = (self.is_told_single, self.file);
+        (self.sink)(Triangle { corners, vertices, is_facet, is_told_single, file });
     }
 }
 

@@ -15,7 +15,9 @@ mod conf;
 mod copies;
 mod mesh;
 mod obj;
+mod paged;
 mod ply;
+mod small;
 mod stl;
 mod stream;
 
@@ -25,11 +27,12 @@ use anyhow::{Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_extmem::Store;
 use chpm_format::Chpm;
-use chpm_mesh::ClusterId;
 use chpm_mesh::import::Format;
+use chpm_mesh::{ClusterId, Counted};
 use conf::Motion;
 use copies::{Found, Multiset};
-use mesh::{Mesh, Target};
+use mesh::{Mesh, Target, Triangle};
+use small::{Search, Size, Small, Window};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
@@ -53,7 +56,7 @@ const NAMED: usize = 20;
 pub(crate) struct Comparison {
     /// Triangles of all leaves' finest meshes.
     pub(crate) leaf_triangles: u64,
-    /// Triangles of the source, without those that have two corners in one vertex.
+    /// Triangles of the source, without those that have two corners in one vertex and those of small components.
     pub(crate) source_triangles: u64,
     /// Some of what differs, in words.
     pub(crate) faults: Vec<String>,
@@ -61,12 +64,22 @@ pub(crate) struct Comparison {
     pub(crate) fault_count: u64,
     /// Copies of triangles that the leaves lack.
     pub(crate) copies: u64,
+    /// Components of the source that are smaller than the file says it has, and their triangles: the leaves lack them.
+    pub(crate) small_components: u64,
+    pub(crate) small_component_triangles: u64,
 }
 
 impl Comparison {
     /// Whether both sides have the same triangles.
     pub(crate) fn is_equal(&self) -> bool {
         self.fault_count == 0
+    }
+
+    /// What the leaves lack since it is small, in words.
+    pub(crate) fn told_small(&self) -> String {
+        let components = Counted(self.small_components, "component");
+        let triangles = Counted(self.small_component_triangles, "triangle");
+        format!("{components} of {triangles} that are smaller than --min-component")
     }
 }
 
@@ -109,6 +122,10 @@ struct Counts {
     dropped_faces: u64,
     dropped_vertices: u64,
     missing_faces: u64,
+    /// Vertices of all files; each corner of a facet is one.
+    vertices: u32,
+    small_components: u64,
+    small_component_triangles: u64,
     /// The most that a coordinate of a triangle was moved by.
     rounding: f64,
 }
@@ -140,6 +157,8 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
         "'{}' is a pipe or no file at all; save what is to be compared as a file and name that",
         source.display()
     );
+    let source = &Source { file, path: source, store, meter, cancel };
+    let small = source.small()?;
     meter.start("compare", 2 * file.header().source_triangle_count);
     let mut sums = vec![0u128; BUCKETS];
     let mut leaf_triangles = 0;
@@ -153,7 +172,7 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_add(hash);
         leaf_set.iter_mut().for_each(|set| set.add(hash));
     })?;
-    let counts = each_source_triangle(file, source, store, meter, cancel, &mut |_, corners| {
+    let counts = source.each_triangle(small.as_ref(), &mut |_, corners| {
         let hash = hash(corners);
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_sub(hash);
         source_set.iter_mut().for_each(|set| set.add(hash));
@@ -165,14 +184,23 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
         _ => Found { different: (0..BUCKETS).filter(|b| sums[*b] != 0).collect(), missing: 0 },
     };
     let (faults, fault_count, source_triangles) = (Vec::new(), 0, counts.triangles);
-    let mut comparison = Comparison { leaf_triangles, source_triangles, faults, fault_count, copies };
+    let Counts { small_components, small_component_triangles, .. } = counts;
+    let mut comparison = Comparison {
+        leaf_triangles,
+        source_triangles,
+        faults,
+        fault_count,
+        copies,
+        small_components,
+        small_component_triangles,
+    };
     if !different.is_empty() {
         let mut suspects = Suspects { examined: vec![false; BUCKETS], found: BTreeMap::new() };
         let all = leaf_triangles.max(counts.triangles);
         let some = (SUSPECTS * BUCKETS as u64 / all.max(1)).clamp(1, EXAMINED);
         different.iter().take(some as usize).for_each(|b| suspects.examined[*b] = true);
         each_leaf_triangle(file, meter, cancel, &mut |place, corners| suspects.look(place, corners))?;
-        each_source_triangle(file, source, store, meter, cancel, &mut |place, corners| {
+        source.each_triangle(small.as_ref(), &mut |place, corners| {
             suspects.look(place, corners);
         })?;
         let faults = suspects.unmatched(copies_told > 0);
@@ -204,6 +232,17 @@ fn told_otherwise<D: AsRef<[u8]>>(file: &Chpm<D>, counts: &Counts) -> Vec<String
         let told = told(file, name).unwrap_or(count);
         if told != count {
             faults.push(format!("I1 coverage: the file counts {told} {name}, and the source has {count}"));
+        }
+    }
+    for (name, count) in [
+        ("small-components", counts.small_components),
+        ("small-component-triangles", counts.small_component_triangles),
+    ] {
+        let told = told(file, name).unwrap_or(0);
+        if told != count {
+            faults.push(format!(
+                "I1 coverage: the file counts {told} {name}, and the source has {count} of that size"
+            ));
         }
     }
     let leaves = file.clusters().iter().filter(|cluster| cluster.is_leaf());
@@ -279,39 +318,83 @@ fn each_leaf_triangle<D: AsRef<[u8]>>(
     Ok(())
 }
 
-fn each_source_triangle<D: AsRef<[u8]>>(
-    file: &Chpm<D>,
-    path: &Path,
-    store: &Store,
-    meter: &Meter,
-    cancel: &Cancel,
-    look: &mut dyn FnMut(Place, Corners),
-) -> Result<Counts> {
-    let settings = file.metadata().map(|metadata| metadata.settings).unwrap_or_default();
-    let drops = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
-    let origin = file.header().origin;
-    let (mut triangles, mut rounding) = (0, 0.0f64);
-    let mut read = |motion: Option<&Motion>, corners: mesh::Corners, is_told_single: bool| {
-        let exact = corners.map(|corner| {
-            let placed = motion.map_or(corner, |motion| motion.of(corner));
-            std::array::from_fn::<f64, 3, _>(|axis| placed[axis] - origin[axis])
-        });
-        let stored = exact.map(|corner| corner.map(|x| x as f32));
-        // Text of declared singles that has no more digits than these is what they are: the file was left without an origin.
-        let is_exact = is_told_single && motion.is_none() && origin == [0.0; 3];
-        for (exact, stored) in exact.as_flattened().iter().zip(stored.as_flattened()).filter(|_| !is_exact) {
-            rounding = rounding.max((f64::from(*stored) - exact).abs());
-        }
-        look(Place::Source(triangles), stored);
-        triangles += 1;
-        if triangles.is_multiple_of(TOLD) {
-            meter.add(TOLD);
-        }
-    };
-    let mut counts = Counts::default();
-    let target = Target { store, drops, cancel };
-    each_triangle(path, None, &target, &mut counts, &mut read)?;
-    Ok(Counts { triangles, rounding, ..counts })
+/// A source that is read more than once.
+struct Source<'a, D> {
+    file: &'a Chpm<D>,
+    path: &'a Path,
+    store: &'a Store,
+    meter: &'a Meter,
+    cancel: &'a Cancel,
+}
+
+impl<D: AsRef<[u8]>> Source<'_, D> {
+    /// What the file is to lack, if it was built so.
+    fn small(&self) -> Result<Option<Small>> {
+        let Some(size) = Size::of(self.file)? else { return Ok(None) };
+        self.meter.start("components", 2 * self.file.header().source_triangle_count);
+        let mut search = Search::new(self.store)?;
+        let counts = self.each(&mut |_, triangle| search.add(&triangle))?;
+        let mut boxes = search.join(counts.vertices, self.cancel)?;
+        self.each(&mut |motion, triangle| boxes.add(placed(motion, triangle.corners)))?;
+        let small = boxes.finish(size, self.store)?;
+        self.meter.finish();
+        Ok(Some(small))
+    }
+
+    /// Shows the triangles as a file stores them, without those that are `small`.
+    fn each_triangle(&self, small: Option<&Small>, look: &mut dyn FnMut(Place, Corners)) -> Result<Counts> {
+        let origin = self.file.header().origin;
+        let (mut index, mut left_out, mut rounding) = (0, 0, 0.0f64);
+        let (mut at, mut failed) = (Window::default(), Ok(()));
+        let counts = self.each(&mut |motion, triangle| {
+            let place = Place::Source(index);
+            index += 1;
+            match small.map_or(Ok(false), |small| small.next(&mut at)) {
+                Ok(false) => {}
+                Ok(true) => return left_out += 1,
+                Err(error) => return failed = Err(error),
+            }
+            let exact = placed(motion, triangle.corners)
+                .map(|corner| std::array::from_fn::<f64, 3, _>(|axis| corner[axis] - origin[axis]));
+            let stored = exact.map(|corner| corner.map(|x| x as f32));
+            // Text of declared singles that has no more digits than these is what they are: the file was left without an origin.
+            let is_exact = triangle.is_told_single && motion.is_none() && origin == [0.0; 3];
+            for (exact, stored) in
+                exact.as_flattened().iter().zip(stored.as_flattened()).filter(|_| !is_exact)
+            {
+                rounding = rounding.max((f64::from(*stored) - exact).abs());
+            }
+            look(place, stored);
+        })?;
+        failed?;
+        Ok(Counts {
+            triangles: index - left_out,
+            small_components: small.map_or(0, |small| small.components),
+            small_component_triangles: left_out,
+            rounding,
+            ..counts
+        })
+    }
+
+    fn each(&self, look: &mut dyn FnMut(Option<&Motion>, Triangle)) -> Result<Counts> {
+        let settings = self.file.metadata().map(|metadata| metadata.settings).unwrap_or_default();
+        let drops = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
+        let target = Target { store: self.store, drops, cancel: self.cancel };
+        let (mut counts, mut done) = (Counts::default(), 0u64);
+        each_triangle(self.path, None, &target, &mut counts, &mut |motion, triangle| {
+            look(motion, triangle);
+            done += 1;
+            if done.is_multiple_of(TOLD) {
+                self.meter.add(TOLD);
+            }
+        })?;
+        Ok(counts)
+    }
+}
+
+/// Corners where they lie in the model.
+fn placed(motion: Option<&Motion>, corners: mesh::Corners) -> mesh::Corners {
+    corners.map(|corner| motion.map_or(corner, |motion| motion.of(corner)))
 }
 
 /// Reads a file, in the frame of a list of scans if it is one of those.
@@ -320,13 +403,13 @@ fn each_triangle(
     motion: Option<&Motion>,
     target: &Target<'_>,
     counts: &mut Counts,
-    look: &mut dyn FnMut(Option<&Motion>, mesh::Corners, bool),
+    look: &mut dyn FnMut(Option<&Motion>, Triangle),
 ) -> Result<()> {
     let opened = Stream::open(path, target.store.budget.limit())?;
     let stream = opened.stream;
     let _window = target.store.budget.charge("the window of a zstd stream", opened.window)?;
     let format = Format::detect(&opened.head, opened.len, stream::extension(path).as_deref());
-    let mut sink = |corners, is_told_single| look(motion, corners, is_told_single);
+    let mut sink = |triangle| look(motion, triangle);
     match (format, motion) {
         (Format::RangeScans, None) => {
             for scan in conf::read(stream)? {

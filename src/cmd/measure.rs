@@ -218,7 +218,7 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
     let cancel = stop.heed();
     let memory = memory::divide(file, args.storage.memory(), MEASURES * file.clusters().len() as u64)?;
     let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
-    {
+    let compared = {
         let store = Store::create(&scratch, memory.saturating_sub(against::OWN))?;
         let compared = against::compare(file, source, &store, &meter, &cancel)?;
         ensure!(
@@ -228,7 +228,8 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
             source.display(),
             count(compared.fault_count)
         );
-    }
+        compared
+    };
     let judge = Judge::new(file, args.samples as usize, memory, &meter, &cancel)?;
     let mut rows = Vec::new();
     if args.levels || args.cuts.is_none() {
@@ -259,6 +260,8 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
             "diagonal": diagonal,
             "samples_per_triangle": args.samples,
             "slack": judge.slack(),
+            "small_components_left_out": compared.small_components,
+            "small_component_triangles_left_out": compared.small_component_triangles,
             "levels": all[..levels],
             "cuts": all[levels..],
             "violations": violations,
@@ -266,6 +269,14 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
         writeln!(out, "{value:#}")?;
     } else {
         print_rows(args, &rows, origin, diagonal, violations, &mut out)?;
+        if compared.small_components > 0 {
+            let (path, source) = (args.first.display(), source.display());
+            writeln!(
+                out,
+                "{path}: measured against what it has of {source}, without {}",
+                compared.told_small()
+            )?;
+        }
     }
     out.flush()?;
     Ok(if violations == 0 { Verdict::Good } else { Verdict::Faulty })

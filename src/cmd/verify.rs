@@ -161,9 +161,16 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
     if let (Some(compared), Some(source)) = (&findings.compared, &args.against) {
         let triangles = Counted(compared.leaf_triangles, "triangle");
         write!(out, "{path}: the leaves are the {triangles} of {}", source.display())?;
-        match compared.copies {
-            0 => writeln!(out)?,
-            copies => writeln!(out, ", without {}", Counted(copies, "copy"))?,
+        let mut without = Vec::new();
+        if compared.copies > 0 {
+            without.push(Counted(compared.copies, "copy").to_string());
+        }
+        if compared.small_components > 0 {
+            without.push(compared.told_small());
+        }
+        match without.is_empty() {
+            true => writeln!(out)?,
+            false => writeln!(out, ", without {}", without.join(" and "))?,
         }
     }
     if let (true, Some(source)) = (findings.trimmed, &args.against) {
@@ -198,6 +205,8 @@ fn as_json(args: &Args, findings: &Findings) -> Value {
             "leaf_triangles": compared.leaf_triangles,
             "source_triangles": compared.source_triangles,
             "copies_left_out": compared.copies,
+            "small_components_left_out": compared.small_components,
+            "small_component_triangles_left_out": compared.small_component_triangles,
         })),
         "cuts": findings.cuts.as_ref().map(|cuts| json!({
             "count": cuts.count,

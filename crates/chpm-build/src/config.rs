@@ -55,6 +55,8 @@ pub struct Settings {
     pub finest_error: Option<Length>,
     /// No mesh has a larger error than this: collapses end there, and what would need more has several roots.
     pub target_error: Option<Length>,
+    /// Components whose box has a smaller diagonal are left out, as if the source did not have them.
+    pub min_component: Option<Length>,
     /// Whether vertex normals of the source are carried along.
     pub normals: bool,
     /// Whether vertex colours of the source are carried along.
@@ -82,6 +84,7 @@ impl Default for Settings {
             topology: Topology::Change,
             finest_error: None,
             target_error: None,
+            min_component: None,
             normals: true,
             colors: true,
             drop_invalid: false,
@@ -90,7 +93,7 @@ impl Default for Settings {
     }
 }
 
-/// An error that is asked for: `0.25` in object units, or `0.1%` of the diagonal of the model's bounding box.
+/// A length that is asked for: `0.25` in object units, or `0.1%` of the diagonal of the model's bounding box.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Length {
     /// Object units.
@@ -137,7 +140,7 @@ impl FromStr for Length {
 /// A text that is no [`Length`].
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
-    "'{got}' is no error: write a number of at least 0 in the model's units, as in 0.25 or 1e-3, or a share of the diagonal, as in 0.1%; a fraction begins with a point"
+    "'{got}' is no length: write a number of at least 0 in the model's units, as in 0.25 or 1e-3, or a share of the diagonal, as in 0.1%; a fraction begins with a point"
 )]
 pub struct LengthError {
     /// The text.
@@ -152,7 +155,7 @@ impl Settings {
     /// Names and values as they are stored in the file and printed by `chpm info`.
     pub fn describe(&self) -> Vec<(String, String)> {
         let entry = |name: &str, value: &dyn ToString| (name.to_owned(), value.to_string());
-        vec![
+        let mut entries = vec![
             entry("cluster-triangles", &self.cluster_triangles),
             entry("cell-vertices", &self.cell_vertices),
             entry("cell-neighbors", &self.cell_neighbors),
@@ -172,7 +175,10 @@ impl Settings {
             entry("colors", &self.colors),
             entry("drop-invalid", &self.drop_invalid),
             entry("layout", &if self.layout { "cache-oblivious" } else { "simplification" }),
-        ]
+        ];
+        // Files of all that is there are as they were before this could be asked for.
+        entries.extend(self.min_component.map(|size| entry("min-component", &size)));
+        entries
     }
 }
 

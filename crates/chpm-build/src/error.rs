@@ -75,6 +75,21 @@ pub enum BuildError {
         /// Faces that the header declares.
         faces: u64,
     },
+    /// All components are smaller than was asked for.
+    #[error(
+        "{path}: {}: nothing was written; give --min-component {largest:?} or less",
+        all_small(*components, *least, *largest)
+    )]
+    AllSmall {
+        /// The source file.
+        path: PathBuf,
+        /// How many there are.
+        components: u64,
+        /// The size that was asked for, object units.
+        least: f64,
+        /// That of the largest component, object units.
+        largest: f64,
+    },
     /// Memory, disk or file system.
     #[error(transparent)]
     Extmem(#[from] chpm_extmem::ExtmemError),
@@ -147,6 +162,15 @@ pub enum BuildError {
         /// How much there may be.
         limit: u64,
     },
+}
+
+fn all_small(components: u64, least: f64, largest: f64) -> String {
+    match components {
+        1 => format!("its only component measures {largest:?} across, less than {least:?}"),
+        _ => format!(
+            "all {components} components are smaller than {least:?}: the largest measures {largest:?} across"
+        ),
+    }
 }
 
 fn nothing(faces: u64) -> String {

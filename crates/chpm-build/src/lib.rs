@@ -16,6 +16,7 @@ mod foreign;
 mod hierarchy;
 mod in_order;
 mod ingest;
+mod join;
 mod layout;
 mod pairs;
 mod pipeline;

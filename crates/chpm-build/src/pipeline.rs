@@ -79,7 +79,7 @@ fn run(
                 let read = || ingest::run(source, settings, context);
                 let source = context.stage(Stage::Ingest, stamp.len, read)?;
                 stamp.check()?;
-                known = Known { facts: emit::Facts::of(&source), repairs: ingest::repairs(&source.tally) };
+                known = Known { facts: emit::Facts::of(&source), repairs: ingest::repairs(&source) };
                 Work::Ingested(Box::new(source))
             }
             Work::Ingested(source) => {

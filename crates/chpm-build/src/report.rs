@@ -74,6 +74,8 @@ pub struct Repairs {
     pub dropped_vertices: u64,
     /// Faces that the header announces and the body lacks (`--drop-invalid`).
     pub missing_faces: u64,
+    /// Components left out since they are smaller than `--min-component`; none if that was not given.
+    pub small_components: Option<SmallComponents>,
     /// Vertices that no triangle uses; left out.
     pub unreferenced_vertices: u64,
     /// Edges with one face: open boundary.
@@ -90,9 +92,21 @@ pub struct Repairs {
     pub components: u64,
 }
 
+/// Components that were left out, and their triangles.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct SmallComponents {
+    /// How many.
+    pub components: u64,
+    /// Triangles of all of them.
+    pub triangles: u64,
+}
+
 impl Repairs {
-    /// Names and counts as they are stored in the file.
+    /// Names and counts as they are stored in the file; those of small components where they were left out.
     pub fn describe(&self) -> Vec<(String, u64)> {
+        let small = self.small_components.map(|small| {
+            [("small-components", small.components), ("small-component-triangles", small.triangles)]
+        });
         [
             ("degenerate-faces", self.degenerate_faces),
             ("zero-area-faces", self.zero_area_faces),
@@ -111,6 +125,7 @@ impl Repairs {
             ("components", self.components),
         ]
         .into_iter()
+        .chain(small.into_iter().flatten())
         .map(|(name, count)| (name.to_owned(), count))
         .collect()
     }

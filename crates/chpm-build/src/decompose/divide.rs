@@ -112,7 +112,7 @@ pub(crate) fn run(
             normals: normals.map(|n| permute(n, "normals by cell")).transpose()?,
             colors: colors.map(|c| number::permute(c, &mapping, "colors by cell", context)).transpose()?,
         };
-        super::join::run(&mut triangles, &mapping, context)?;
+        crate::join::run(&mut triangles, &mapping, context)?;
         drop(mapping);
         context.check()?;
         let graph =

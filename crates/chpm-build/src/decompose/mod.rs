@@ -10,7 +10,6 @@ mod census;
 mod copies;
 mod divide;
 mod grid;
-mod join;
 mod leaf;
 mod number;
 mod partition;

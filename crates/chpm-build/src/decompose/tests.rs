@@ -33,6 +33,7 @@ fn source(mesh: &TriMesh, store: &Store) -> Source {
         bounds: Aabb::of_points(&mesh.positions),
         rounding: 0.0,
         tally: Tally::default(),
+        small: None,
         warnings: Vec::new(),
         provenance: Provenance::default(),
     }

@@ -1,11 +1,13 @@
 //! Ingest: a source becomes arrays of positions, attributes and triangles in which every number is finite and every index is
 //! in range, with bounds and counts. One pass over the file; memory is the arrays, three batches, and a bit for each vertex.
 
+mod components;
 pub mod input;
 mod local;
 mod normals;
 mod polygons;
 mod scans;
+mod small;
 mod sorter;
 mod steps;
 #[cfg(test)]
@@ -20,6 +22,7 @@ use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::foreign::AabbFields;
+use crate::report::SmallComponents;
 use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
 use chpm_format::Source as Provenance;
 use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
@@ -47,6 +50,8 @@ pub(crate) struct Source {
     /// By how much a coordinate was changed at most: what errors start from. Zero for f32 sources.
     pub(crate) rounding: f64,
     pub(crate) tally: Tally,
+    /// What was left out, if that was asked for.
+    pub(crate) small: Option<SmallComponents>,
     pub(crate) warnings: Vec<String>,
     pub(crate) provenance: Provenance,
 }
@@ -103,6 +108,7 @@ impl SavedSource {
             rounding: self.rounding,
             bounds: self.bounds,
             tally: Tally::default(),
+            small: None,
             warnings: Vec::new(),
             provenance: Provenance::default(),
         })
@@ -164,30 +170,40 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     used.complete(&triangles, vertices, context)?;
     refuse_far(&far.finish_column()?, &used, supply, &read, context)?;
     let input::Read { provenance, tally, mut warnings, normals: normals_of_corners, .. } = read;
+    let (corner_normals, of_normals) = match normals_of_corners {
+        Some(normals) => normals.join(vertices, context)?,
+        None => (None, None),
+    };
+    let normals = match format.attributes.normals {
+        true => Some(normals.finish_column()?),
+        false => corner_normals,
+    };
+    let colors = format.attributes.colors.then(|| colors.finish_column()).transpose()?;
+    let mut columns = Columns { singles, doubles, normals, colors, triangles, used, bounds };
+    let mut small = None;
+    if let Some(size) = settings.min_component {
+        let counts;
+        (columns, counts) = small::leave_out(columns, size, &supply.path, context)?;
+        small = Some(counts);
+    }
+    let Columns { singles, doubles, normals, colors, triangles, used, bounds } = columns;
     let Local { positions, bounds, origin, rounding, warning } = if is_double {
         local::doubles(doubles, format.coordinates, &used, context)?
     } else {
         local::singles(singles, bounds, &used, context)?
     };
     warnings.extend(warning);
-    let (corner_normals, warning) = match normals_of_corners {
-        Some(normals) => normals.join(vertices, context)?,
-        None => (None, None),
-    };
-    warnings.extend(warning);
-    let normals = match format.attributes.normals {
-        true => Some(normals.finish_column()?),
-        false => corner_normals,
-    };
+    warnings.extend(of_normals);
     Ok(Source {
         positions,
         normals,
-        colors: format.attributes.colors.then(|| colors.finish_column()).transpose()?,
+        colors,
         triangles,
         origin,
         bounds,
         rounding,
         tally,
+        small,
         warnings,
         provenance,
     })
@@ -205,6 +221,19 @@ struct Arrays {
     bounds: Aabb,
     used: Used,
     far: BufferWriter<Far>,
+}
+
+/// The arrays when all has come.
+struct Columns {
+    /// One of these two is empty.
+    singles: Column<[f32; 3]>,
+    doubles: Column<[f64; 3]>,
+    normals: Option<Column<[f32; 3]>>,
+    colors: Option<Column<[u8; 4]>>,
+    triangles: Column<[u32; 3]>,
+    used: Used,
+    /// Of all singles.
+    bounds: Aabb,
 }
 
 /// A vertex that is far from zero: its number, byte offset, line (0 where there are none) and the bits of its coordinate.
@@ -301,8 +330,10 @@ fn refuse_far(
 }
 
 /// Counts that ingest found, as the repair report wants them.
-pub(crate) fn repairs(tally: &Tally) -> crate::report::Repairs {
+pub(crate) fn repairs(source: &Source) -> crate::report::Repairs {
+    let tally = &source.tally;
     crate::report::Repairs {
+        small_components: source.small,
         degenerate_faces: tally.degenerate_faces,
         polygons_triangulated: tally.polygons_triangulated,
         dropped_faces: tally.dropped_faces,

@@ -20,27 +20,40 @@ impl Used {
         Ok(Used { words: Vec::new(), count: 0, is_partial: false, share })
     }
 
+    /// None of so many vertices.
+    pub(super) fn none(vertices: usize, store: &Store) -> Result<Self, BuildError> {
+        let mut used = Used::new(store)?;
+        used.hold(vertices.div_ceil(64))?;
+        Ok(used)
+    }
+
+    fn hold(&mut self, len: usize) -> Result<(), BuildError> {
+        self.share.resize(8 * len as u64)?;
+        self.words.reserve_exact(len - self.words.len());
+        self.words.resize(len, 0);
+        Ok(())
+    }
+
     /// Takes triangles of the vertices up to now.
     pub(super) fn add(&mut self, triangles: &[[u32; 3]], vertices: usize) -> Result<(), BuildError> {
         let needed = vertices.div_ceil(64);
         if needed > self.words.len() && !triangles.is_empty() {
             // Where vertices and faces take turns, not every batch is to move the set.
-            let len = needed.max(self.words.len() + self.words.len() / 4);
-            self.share.resize(8 * len as u64)?;
-            self.words.reserve_exact(len - self.words.len());
-            self.words.resize(len, 0);
+            self.hold(needed.max(self.words.len() + self.words.len() / 4))?;
         }
         for corner in triangles.as_flattened() {
-            let bit = 1 << (corner % 64);
-            match self.words.get_mut(*corner as usize / 64) {
-                Some(word) => {
-                    self.count += u64::from(*word & bit == 0);
-                    *word |= bit;
-                }
-                None => self.is_partial = true,
-            }
+            self.is_partial |= !self.insert(*corner as usize);
         }
         Ok(())
+    }
+
+    /// Takes a vertex; false if it had not come yet.
+    pub(super) fn insert(&mut self, vertex: usize) -> bool {
+        let bit = 1 << (vertex % 64);
+        let Some(word) = self.words.get_mut(vertex / 64) else { return false };
+        self.count += u64::from(*word & bit == 0);
+        *word |= bit;
+        true
     }
 
     /// Looks again at all triangles if some came before their vertices, now that all have come.

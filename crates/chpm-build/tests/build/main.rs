@@ -9,4 +9,5 @@ mod resume;
 mod scene;
 mod shapes;
 mod site;
+mod small;
 mod stop;

@@ -5,7 +5,7 @@ use chpm_build::config::Length;
 use chpm_build::{BuildConfig, BuildError, Cancel, Faults, Progress, Reached, Silent, Stage};
 use chpm_extmem::ExtmemError;
 use chpm_mesh::Bytes;
-use chpm_mesh::synth::{Shape, Synth};
+use chpm_mesh::synth::{Shape, Synth, hand};
 use std::fs::{self, File};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -21,7 +21,12 @@ fn eager(threads: usize) -> BuildConfig {
 }
 
 fn site() -> Site {
-    Site::of(&with_attributes(Synth::new(Shape::Isosurface, 8_000, 3).to_mesh()))
+    let mut mesh = Synth::new(Shape::Isosurface, 8_000, 3).to_mesh();
+    // A speck of dust.
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend(hand::tetrahedron().positions.iter().map(|p| p.map(|x| 1e-3 * x)));
+    mesh.triangles.extend(hand::tetrahedron().triangles.iter().map(|t| t.map(|v| first + v)));
+    Site::of(&with_attributes(mesh))
 }
 
 impl Site {
@@ -87,8 +92,11 @@ fn a_stopped_build_goes_on_from_everywhere_with_any_resources() {
     let mut settings = [eager(1), eager(1)];
     settings[1].settings.finest_error = Some(Length::OfDiagonal(0.05));
     settings[1].settings.target_error = Some(Length::OfDiagonal(2.0));
+    settings[1].settings.min_component = Some(Length::OfDiagonal(0.5));
     for config in settings {
-        let (_, whole) = site.bytes(&config);
+        let (report, whole) = site.bytes(&config);
+        let left_out = report.repairs.small_components.map_or(0, |small| small.components);
+        assert_eq!(left_out, u64::from(config.settings.min_component.is_some()));
         let mut seen = Vec::new();
         for advances in (1..).step_by(5) {
             let Some(reached) = stopped(&site, &config, Stage::Ingest, advances) else { break };
