@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
-    /// The mesh that it was built from (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set): its triangles must be those of the leaves, unless detail was left out of them
+    /// The mesh that it was built from (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set): its triangles must be those of the leaves, but for small components that the build left out; not compared if detail was left out
     #[arg(long, value_name = "MESH")]
     against: Option<PathBuf>,
     /// Draw N cuts and look for cracks, I7. Half of them are random legal cuts of every depth, half what random cameras

@@ -50,6 +50,11 @@ impl Told {
             words.push(format!("--target-error={percent}%"));
             settings.target_error = Some(Length::OfDiagonal(percent));
         }
+        if draw.once_in(4) {
+            let percent = draw.pick(&[20.0, 0.0, 1.0, 60.0]);
+            words.push(format!("--min-component={percent}%"));
+            settings.min_component = Some(Length::OfDiagonal(percent));
+        }
         let threads = draw.between(1, 2);
         let resources =
             Resources { threads, memory: Bytes(MEMORY), checkpoint: None, ..Resources::default() };
