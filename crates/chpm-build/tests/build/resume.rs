@@ -96,7 +96,7 @@ fn a_stopped_build_goes_on_from_everywhere_with_any_resources() {
     for config in settings {
         let (report, whole) = site.bytes(&config);
         let left_out = report.repairs.small_components.map_or(0, |small| small.components);
-        assert_eq!(left_out, u64::from(config.settings.min_component.is_some()));
+        assert_eq!(left_out > 0, config.settings.min_component.is_some());
         let mut seen = Vec::new();
         for advances in (1..).step_by(5) {
             let Some(reached) = stopped(&site, &config, Stage::Ingest, advances) else { break };
