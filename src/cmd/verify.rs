@@ -1,15 +1,16 @@
-//! `chpm verify`: every byte and invariant of a file, with `--against` its leaves and the source, with `--cuts` random cuts.
+//! `chpm verify`: every byte and invariant of a file, with `--against` its leaves and the source, with `--errors` what it says of distances, with `--cuts` random cuts.
 
 use super::{Verdict, reading, stdout};
 use crate::against::{self, Comparison};
 use crate::args::StorageArgs;
+use crate::certify::{self, Certified, Wanted};
 use crate::cuts::{self, Cuts};
 use crate::memory;
 use crate::number;
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::Stop;
-use anyhow::Result;
+use anyhow::{Context, Result, bail, ensure};
 use chpm_extmem::{Access, ExtmemError, MappedFile, Store};
 use chpm_format::verify::Fault;
 use chpm_format::{Chpm, Report};
@@ -31,6 +32,24 @@ pub(crate) struct Args {
     /// vertices and edges. What is open, or lies at the same place, in the source is no crack
     #[arg(long, value_name = "N", value_parser = number::count(1..=u32::MAX))]
     cuts: Option<u32>,
+    /// Prove that the stored errors and distances hold, I5: of every level with all its collapses done, and of the cuts of --cuts. Triangles are
+    /// cut until each piece is near enough to one triangle of the other surface, with rounding on the safe side; nothing is sampled. What is neither
+    /// proven nor refuted is a fault, too. The largest true distance is told as an interval. (Without its collapses a level is what the
+    /// level below is with them; level 0 is the source.)
+    #[arg(long, requires = "against")]
+    errors: bool,
+    /// Of the levels only this one; may be given several times
+    #[arg(long, value_name = "N", requires = "errors")]
+    level: Vec<u32>,
+    /// Positions of each level's progressive meshes for --errors
+    #[arg(long, value_name = "N", requires = "errors", default_value_t = 1, value_parser = number::count(1_u32..=1000))]
+    positions: u32,
+    /// Pieces that --errors may cut a triangle into for each triangle of the other surface that lies under it, about, before it leaves it undecided
+    #[arg(long, value_name = "N", requires = "errors", default_value_t = 32, value_parser = number::count(1_u32..=1_000_000))]
+    effort: u32,
+    /// Worker threads; one per processor if not given
+    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
+    threads: Option<u32>,
     /// Seed of the first cut; the others follow
     #[arg(long, value_name = "S", requires = "cuts", default_value_t = 0)]
     seed: u64,
@@ -53,12 +72,18 @@ struct Findings {
     /// Whether detail of the source was left out, so that the leaves are not it.
     trimmed: bool,
     compared: Option<Comparison>,
+    errors: Option<Certified>,
     cuts: Option<Cuts>,
+    origin: [f64; 3],
 }
 
 /// Verifies, and prints faults one a line.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let findings = verify(args, stop)?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads.unwrap_or(0) as usize)
+        .build()
+        .context("cannot start the worker threads")?;
+    let findings = pool.install(|| verify(args, stop))?;
     let mut out = stdout();
     if args.json {
         writeln!(out, "{:#}", as_json(args, &findings))?;
@@ -83,7 +108,9 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
                 checked: None,
                 trimmed: false,
                 compared: None,
+                errors: None,
                 cuts: None,
+                origin: [0.0; 3],
             });
         }
     };
@@ -92,7 +119,18 @@ fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
 
 fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     let meter = Meter::new(args.quiet);
-    let memory = memory::divide(file, args.storage.memory(), 0)?;
+    let trimmed = file.is_trimmed();
+    ensure!(
+        !(args.errors && trimmed),
+        "'{}' was built without detail below an error, so its leaves are not the source that --errors could be held against",
+        args.file.display()
+    );
+    let levels = file.levels().len();
+    if let Some(level) = args.level.iter().find(|level| **level as usize >= levels) {
+        bail!("'{}' has no level {level}: its levels are 0 to {}", args.file.display(), levels - 1);
+    }
+    let own = if args.errors { certify::FOUND * file.clusters().len() as u64 } else { 0 };
+    let memory = memory::divide(file, args.storage.memory(), own)?;
     let (mut before, mut is_told) = (0, false);
     let checked = chpm_format::verify_within(file, memory, |done, all| {
         if !std::mem::replace(&mut is_told, true) {
@@ -106,7 +144,6 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     let mut fault_count = checked.fault_count;
     // Pages that cannot be read have been told; what their triangles were cannot be.
     let readable = checked.good_pages == file.clusters().len() as u64;
-    let trimmed = file.is_trimmed();
     // From here on there is a work directory to remove.
     let begin = |memory: u64| {
         let cancel = stop.heed();
@@ -123,6 +160,23 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
         }
         _ => None,
     };
+    let origin = file.header().origin;
+    let errors = match &compared {
+        Some(compared) if args.errors && compared.is_equal() => {
+            let wanted = Wanted {
+                levels: args.level.clone(),
+                positions: args.positions,
+                cuts: (args.seed, args.cuts.unwrap_or(0)),
+                effort: args.effort,
+            };
+            let certified = certify::certify(file, &wanted, memory, &meter, &stop.heed())?;
+            let (told, triangles) = certify::faults(&certified, origin);
+            faults.extend(told);
+            fault_count += triangles;
+            Some(certified)
+        }
+        _ => None,
+    };
     let cuts = match args.cuts {
         Some(count) if readable => {
             let (cancel, store) = begin(memory)?;
@@ -133,7 +187,7 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
         }
         _ => None,
     };
-    Ok(Findings { faults, fault_count, checked: Some(checked), trimmed, compared, cuts })
+    Ok(Findings { faults, fault_count, checked: Some(checked), trimmed, compared, errors, cuts, origin })
 }
 
 /// A fault as it is printed. Where its message names the place already, it is not named twice.
@@ -144,6 +198,9 @@ pub(super) fn told(fault: &Fault) -> String {
 
 fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Result<()> {
     let path = args.file.display();
+    if let Some(errors) = &findings.errors {
+        certify::print(errors, out)?;
+    }
     for fault in &findings.faults {
         writeln!(out, "{path}: {fault}")?;
     }
@@ -172,6 +229,9 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
             true => writeln!(out)?,
             false => writeln!(out, ", without {}", without.join(" and "))?,
         }
+    }
+    if findings.errors.is_some() {
+        writeln!(out, "{path}: every stored distance holds, proven")?;
     }
     if let (true, Some(source)) = (findings.trimmed, &args.against) {
         let source = source.display();
@@ -208,6 +268,7 @@ fn as_json(args: &Args, findings: &Findings) -> Value {
             "small_components_left_out": compared.small_components,
             "small_component_triangles_left_out": compared.small_component_triangles,
         })),
+        "errors": findings.errors.as_ref().map(|errors| certify::as_json(errors, findings.origin)),
         "cuts": findings.cuts.as_ref().map(|cuts| json!({
             "count": cuts.count,
             "seed": cuts.seed,

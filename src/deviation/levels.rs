@@ -119,7 +119,7 @@ pub(crate) fn levels(
 
 /// The cut of a level with `part` of the collapses applied. A group has one error bound: what the member with most collapses has
 /// there. Roots below the level stay at their finest meshes.
-fn at_position(file: &Chpm<MappedFile>, level: u32, part: f64) -> Result<Cut, RefineError> {
+pub(crate) fn at_position(file: &Chpm<MappedFile>, level: u32, part: f64) -> Result<Cut, RefineError> {
     let cut = Cut::at_level(file, Level(level));
     let mut members = Vec::with_capacity(cut.members().len());
     for member in cut.members() {

@@ -9,7 +9,7 @@
 
 mod levels;
 
-pub(crate) use levels::{LevelDeviation, Spread, levels};
+pub(crate) use levels::{LevelDeviation, Spread, at_position, levels};
 
 use crate::progress::Meter;
 use crate::stop;
@@ -339,13 +339,14 @@ impl View<'_> {
     }
 }
 
-fn finest(file: &Chpm<MappedFile>, cluster: ClusterId) -> TriMesh {
+/// A cluster's finest mesh. Its page was read before, as below.
+pub(crate) fn finest(file: &Chpm<MappedFile>, cluster: ClusterId) -> TriMesh {
     let vertices = file.clusters()[cluster.index()].vertex_count;
     mesh_of(file, Member { cluster, vertices })
 }
 
 /// A cluster's mesh at a position.
-fn mesh_of(file: &Chpm<MappedFile>, member: Member) -> TriMesh {
+pub(crate) fn mesh_of(file: &Chpm<MappedFile>, member: Member) -> TriMesh {
     let Ok(page) = file.page(member.cluster) else { unreachable!("all pages were read before") };
     let mut triangles = Vec::with_capacity(page.triangles.len());
     page.progressive_mesh().triangles_at(member.vertices as usize, &mut triangles);

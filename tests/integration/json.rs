@@ -80,6 +80,7 @@ fn every_key_is_documented_and_appears() {
         ("info", "info in.chpm --json", 0),
         ("info", "info odd.chpm --json", 0),
         ("verify", "verify in.chpm --against in.ply --cuts 2 -q --json", 0),
+        ("verify", "verify in.chpm --against in.ply --errors --cuts 1 -q --json", 0),
         ("verify", "verify bad.chpm -q --json", 1),
         ("measure", "measure in.chpm --against in.ply --levels --cuts 1 --samples 1 -q --json", 0),
         ("measure-meshes", "measure in.ply small.ply --samples 1 -q --json", 0),

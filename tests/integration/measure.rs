@@ -86,7 +86,7 @@ fn leaf(mesh: &TriMesh, targets: &[u16], errors: &[f32]) -> Vec<u8> {
     leaf_with(mesh, targets, errors, Gaps::default())
 }
 
-fn leaf_with(mesh: &TriMesh, targets: &[u16], errors: &[f32], gaps: Gaps) -> Vec<u8> {
+pub(super) fn leaf_with(mesh: &TriMesh, targets: &[u16], errors: &[f32], gaps: Gaps) -> Vec<u8> {
     let triangles: Vec<[u16; 3]> = mesh.triangles.iter().map(|t| t.map(|v| v as u16)).collect();
     let coarse_first: Vec<f32> = errors.iter().rev().copied().collect();
     let mut payload = Vec::new();

@@ -58,6 +58,7 @@ fn too_little_memory_is_refused_with_a_figure_that_suffices() {
     for words in [
         "verify in.chpm --against in.ply -q",
         "measure in.chpm --against in.ply -q --samples 1 --positions 1",
+        "verify in.chpm --against in.ply --errors -q",
         "dump in.chpm",
         "info in.chpm",
         "extract in.chpm --level 0 -o out.ply -q",

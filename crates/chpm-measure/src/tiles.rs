@@ -118,23 +118,26 @@ impl<'a> Tiles<'a> {
         hit.map(|(tile, place)| Hit { tile, distance: best.sqrt(), place })
     }
 
-    /// The nearest triangle among the tiles that are no farther than their own distances; none if all are farther. `near` is a tree of
+    /// The triangle that leaves a point most room to the distance that its tile may have; none if all are farther than theirs. `near` is a tree of
     /// [`Self::boxes`] that reach as far.
-    pub(crate) fn nearest_of(
+    pub(crate) fn roomiest(
         &self,
         point: Point3<f64>,
         near: &BoxTree,
         of: impl Fn(usize) -> f64,
     ) -> Option<Hit> {
-        let (mut best, mut hit) = (f64::INFINITY, None);
-        near.search(point, &mut best, |place, best| {
+        let (mut everything, mut room, mut hit) = (f64::INFINITY, 0.0, None);
+        near.search(point, &mut everything, |place, _| {
             let tile = near.order()[place] as usize;
-            let mut own = best.min((of(tile) * of(tile)).next_up());
-            if squared_distance_to_box(point, &self.boxes[tile]) < own
-                && let Some(place) = self.bvh(tile).improve(point, None, &mut own)
+            // What is no nearer leaves no more room.
+            let most = of(tile) - room;
+            let mut best = (most * most).next_up();
+            if most >= 0.0
+                && squared_distance_to_box(point, &self.boxes[tile]) < best
+                && let Some(place) = self.bvh(tile).improve(point, None, &mut best)
             {
-                *best = own;
-                hit = Some(Hit { tile, distance: own.sqrt(), place });
+                room = of(tile) - best.sqrt();
+                hit = Some(Hit { tile, distance: best.sqrt(), place });
             }
         });
         hit

@@ -16,7 +16,7 @@ pub use triangle::LOSS;
 use crate::box_tree::BoxTree;
 use crate::tiles::{Hit, Tiles};
 use nalgebra::Point3;
-use piece::{Piece, Plane};
+use piece::{DEEPEST, Piece, Plane};
 pub(crate) use triangle::{Corners, Face};
 use triangle::{Feature, Place};
 
@@ -71,8 +71,6 @@ pub struct Found {
     pub verdict: Verdict,
     /// No point is farther from the surface than this, whatever the verdict.
     pub reached: f64,
-    /// A point of it that is far, as far as was looked, and how far that is, about.
-    pub far: (f64, [f64; 3]),
     /// Pieces that were looked at.
     pub pieces: u64,
 }
@@ -83,6 +81,8 @@ pub struct Prover<'a> {
     is_stopped: &'a (dyn Fn() -> bool + Sync),
     stack: Vec<Piece>,
     hint: Option<Hit>,
+    /// The farthest point so far of those that were looked at, about how far it is, and the largest coordinate of its triangle.
+    far: Option<(f64, Point3<f64>, f64)>,
 }
 
 impl Allowed {
@@ -133,10 +133,19 @@ struct Candidate {
     keeps: bool,
 }
 
+impl Candidate {
+    fn new(target: &Tiles<'_>, hit: Hit, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Self {
+        let face = Face::new(target.corners(hit));
+        let place = face.nearest(point);
+        let keeps = place.distance <= allowed.of(hit.tile) + LOSS * scale.max(face.largest);
+        Candidate { hit, face, place, keeps }
+    }
+}
+
 impl<'a> Prover<'a> {
     /// To a surface. When `is_stopped`, asked now and then, nothing more is decided.
     pub fn new(target: &'a Tiles<'a>, is_stopped: &'a (dyn Fn() -> bool + Sync)) -> Self {
-        Prover { target, is_stopped, stack: Vec::new(), hint: None }
+        Prover { target, is_stopped, stack: Vec::new(), hint: None, far: None }
     }
 
     /// Whether all of a triangle is near enough; gives up after `limit` pieces.
@@ -161,20 +170,24 @@ impl<'a> Prover<'a> {
         (found.reached, at)
     }
 
+    /// A point of the triangles so far that is far from the surface, and how far it is at least; none if no piece was looked at.
+    pub fn far(&self) -> Option<(f64, [f64; 3])> {
+        let (_, at, scale) = self.far?;
+        Some(((self.target.at_least(at) - LOSS * scale).max(0.0), at.coords.into()))
+    }
+
     fn run(&mut self, triangle: Corners, goal: &mut Goal<'_>, limit: u64) -> Found {
         let scale = triangle.as_flattened().iter().map(|x| f64::from(x.abs())).fold(0.0, f64::max);
         let whole = Piece::of(triangle);
         self.stack.clear();
         self.stack.push(whole);
-        let middle = whole.middle();
-        let mut found =
-            Found { verdict: Verdict::Within, reached: 0.0, far: (0.0, middle.coords.into()), pieces: 0 };
+        let mut found = Found { verdict: Verdict::Within, reached: 0.0, pieces: 0 };
         while let Some(piece) = self.stack.pop() {
             found.pieces += 1;
             let Some(candidate) = self.candidate(piece.middle(), goal.allowed(), scale) else {
-                found.verdict =
-                    Verdict::Beyond(Witness { at: found.far.1, distance: f64::INFINITY, tile: 0 });
-                (found.reached, found.far.0) = (f64::INFINITY, f64::INFINITY);
+                let at = piece.middle().coords.into();
+                found.verdict = Verdict::Beyond(Witness { at, distance: f64::INFINITY, tile: 0 });
+                found.reached = f64::INFINITY;
                 return found;
             };
             self.look(piece.middle(), candidate, &piece, goal, scale, &mut found);
@@ -218,8 +231,8 @@ impl<'a> Prover<'a> {
         scale: f64,
         found: &mut Found,
     ) {
-        if candidate.place.distance > found.far.0 {
-            found.far = (candidate.place.distance, middle.coords.into());
+        if self.far.is_none_or(|(distance, ..)| candidate.place.distance > distance) {
+            self.far = Some((candidate.place.distance, middle, scale));
         }
         self.hint = Some(candidate.hit);
         let Candidate { hit, face, place, mut keeps } = candidate;
@@ -239,20 +252,35 @@ impl<'a> Prover<'a> {
             found.reached = found.reached.max(most + loss);
             return;
         }
-        if piece.is_spent() {
+        // Where another tile has more room, what is nearest may be as far as it may be, all along the border between both.
+        if 2.0 * place.distance > allowed
+            && let Some(other) = self.roomiest(middle, goal.allowed(), scale)
+        {
+            let loss = LOSS * scale.max(other.face.largest);
+            if let Some(most) = farthest_corner(piece, &other.face, goal.allowed().of(other.hit.tile) + loss)
+            {
+                found.reached = found.reached.max(most + loss);
+                return;
+            }
+        }
+        if piece.depth() >= DEEPEST {
             found.verdict = Verdict::Undecided;
             found.reached = found.reached.max(self.reach(piece, scale));
             return;
         }
         let ball = (allowed * allowed - place.distance * place.distance).max(0.0).sqrt();
         let width = face.radius();
-        if ball < width
-            && piece.radius(middle) < WIDE * width
-            && let Some(most) = self.cut_out(piece, &face, place.feature, allowed, loss)
-        {
+        let is_wide = ball >= width || piece.radius(middle) >= WIDE * width;
+        let cut_out = if is_wide { None } else { self.cut_out(piece, &face, place.feature, allowed, loss) };
+        if let Some(most) = cut_out {
             found.reached = found.reached.max(most + loss);
-        } else if let Some(halves) = piece.halves() {
-            self.stack.extend(halves);
+            return;
+        }
+        // Along an edge again and again, a piece would get thinner only.
+        let is_halved = is_wide || !piece.depth().is_multiple_of(2);
+        let parts = if is_halved { None } else { along_edge(piece, &face, &place, middle) };
+        if let Some(parts) = parts.or_else(|| piece.halves()) {
+            self.stack.extend(parts);
         } else {
             found.verdict = Verdict::Undecided;
             found.reached = found.reached.max(self.reach(piece, scale));
@@ -344,21 +372,18 @@ impl<'a> Prover<'a> {
     /// A triangle that a point is near enough to, or else the nearest one; none where there is none.
     fn candidate(&self, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Option<Candidate> {
         let hit = self.target.nearest(point, self.hint)?;
-        let candidate = |hit: Hit| {
-            let face = Face::new(self.target.corners(hit));
-            let place = face.nearest(point);
-            let keeps = place.distance <= allowed.of(hit.tile) + LOSS * scale.max(face.largest);
-            Candidate { hit, face, place, keeps }
-        };
-        let nearest = candidate(hit);
+        let nearest = Candidate::new(self.target, hit, point, allowed, scale);
         if nearest.keeps {
             return Some(nearest);
         }
-        let other = match allowed {
-            Allowed::Same(_) => None,
-            Allowed::Own(own) => self.target.nearest_of(point, &own.near, |tile| own.of[tile]),
-        };
-        Some(other.map(candidate).filter(|other| other.keeps).unwrap_or(nearest))
+        Some(self.roomiest(point, allowed, scale).filter(|other| other.keeps).unwrap_or(nearest))
+    }
+
+    /// Where tiles have distances of their own: the triangle that leaves a point most room to its distance.
+    fn roomiest(&self, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Option<Candidate> {
+        let Allowed::Own(own) = allowed else { return None };
+        let hit = self.target.roomiest(point, &own.near, |tile| own.of[tile])?;
+        Some(Candidate::new(self.target, hit, point, allowed, scale))
     }
 
     /// What no point of a piece is beyond.
@@ -367,6 +392,16 @@ impl<'a> Prover<'a> {
         let Some(hit) = self.target.nearest(middle, self.hint) else { return f64::INFINITY };
         let face = Face::new(self.target.corners(hit));
         farthest_corner(piece, &face, f64::INFINITY).unwrap_or(f64::INFINITY) + LOSS * scale.max(face.largest)
+    }
+}
+
+/// Two parts of a piece whose middle is nearest to an edge: on either side of that, so that each lies on one triangle.
+fn along_edge(piece: &Piece, face: &Face, place: &Place, middle: Point3<f64>) -> Option<[Piece; 2]> {
+    let Feature::Edge(edge) = place.feature else { return None };
+    let up = if place.distance > 0.0 { middle - place.at } else { face.normal };
+    match piece.cut(&Plane { normal: face.edges[edge].cross(&up), at: place.at }, 0.0)? {
+        [Some(inside), Some(outside)] => Some([inside, outside]),
+        _ => None,
     }
 }
 

@@ -45,9 +45,9 @@ impl Piece {
         &self.corners[..usize::from(self.len)]
     }
 
-    /// Whether it may not be cut any more.
-    pub(crate) fn is_spent(&self) -> bool {
-        self.depth >= DEEPEST
+    /// Cuts that it comes from; more than [`DEEPEST`] there must not be.
+    pub(crate) fn depth(&self) -> u8 {
+        self.depth
     }
 
     pub(crate) fn middle(&self) -> Point3<f64> {

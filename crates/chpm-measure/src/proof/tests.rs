@@ -27,7 +27,11 @@ fn triangles(mesh: &TriMesh) -> impl Iterator<Item = Corners> + '_ {
 fn interval(a: &TriMesh, b: &TriMesh) -> ([f64; 2], u64) {
     let target = tiles(b, 5);
     let mut prover = prover(&target);
-    let (mut least, mut most, mut pieces) = (0.0, 0.0f64, 0);
+    for triangle in triangles(a) {
+        prover.within(triangle, &Allowed::Same(f64::MAX), LIMIT);
+    }
+    let mut least = prover.far().map_or(0.0, |(distance, _)| distance);
+    let (mut most, mut pieces) = (0.0f64, 0);
     for triangle in triangles(a) {
         most = most.max(prover.farthest(triangle, &mut least, 0.01, LIMIT).0);
     }
@@ -125,6 +129,24 @@ fn other_triangles_of_the_same_plane_are_no_distance_away() {
 }
 
 #[test]
+fn creases_of_needles_take_a_few_pieces_for_each() {
+    // A million times as long as wide, and a ridge along every second edge.
+    let row = |i: u32| {
+        [[0.0, i as f32 * 1e-6, (i % 2) as f32 * 4e-7], [1.0, i as f32 * 1e-6, (i % 2) as f32 * 4e-7]]
+    };
+    let positions: Vec<[f32; 3]> = (0..=30).flat_map(row).collect();
+    let needles = (0..30).flat_map(|i| [[2 * i, 2 * i + 1, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 2]]);
+    let mesh = TriMesh::new(positions, needles.collect());
+    let target = tiles(&mesh, 7);
+    for y in 8..20 {
+        let middle = y as f32 * 1e-6;
+        let across = [[0.0, middle, 5e-7], [1.0, middle - 6e-6, 6e-7], [1.0, middle + 7e-6, 5e-7]];
+        let found = prover(&target).within(across, &Allowed::Same(5.8e-7), LIMIT);
+        assert!(found.verdict == Verdict::Within && found.pieces < 2000, "{found:?}");
+    }
+}
+
+#[test]
 fn giving_up_is_no_proof() {
     let fine = hand::grid(40, 40);
     let target = tiles(&fine, 64);
@@ -219,6 +241,17 @@ fn tiles_answer_with_their_own_distances() {
     assert_eq!(ask(4.0, [4.0, 0.0]), Verdict::Within);
     let Verdict::Beyond(witness) = ask(4.0, [3.9, 5.9]) else { panic!("it is too far from both") };
     assert!(witness.distance > 3.99 && witness.distance <= 4.0 && witness.tile == 0, "{witness:?}");
+}
+
+#[test]
+fn where_one_tile_allows_too_little_another_answers() {
+    // Up to a wire, to its very distance; what is farther only the far point allows, at twice its distance.
+    let positions = vec![[5.0, -9.0, 0.0], [5.0, 9.0, 0.0], [5.0, 0.0, 0.0], [-60.0, 1.0, 2.0]];
+    let mesh = TriMesh::new(positions, vec![[0, 1, 2], [3, 3, 3]]);
+    let target = tiles(&mesh, 1);
+    let across = [[-1.0, 0.3, 0.1], [4.9, -2.0, 0.2], [4.8, 2.0, 1.7]];
+    let found = prover(&target).within(across, &Allowed::own(&target, vec![2.5, 130.0]), LIMIT);
+    assert!(found.verdict == Verdict::Within && found.pieces < 100, "{found:?}");
 }
 
 proptest! {

@@ -12,7 +12,7 @@ pub(crate) type Corners = [[f32; 3]; 3];
 
 /// What all that is computed here may be off by, as a share of the largest coordinate that took part: 2048 times what f64 rounds by. A place on
 /// a triangle takes 12 roundings and a distance 10 more, each of at most twice the largest coordinate by the root of 3; and the corners of a piece are off
-/// their triangle by 14 roundings for each cut that it comes from, of which there are 90 at most.
+/// their triangle by 14 roundings for each cut that it comes from, of which there are fewer than 96.
 pub const LOSS: f64 = 1.0 / (1u64 << 42) as f64;
 
 /// Which part of a triangle is nearest.
@@ -91,7 +91,17 @@ impl Face {
 
     /// A distance that the point has from the triangle at least; what rounding may do is taken off.
     pub(crate) fn at_least(&self, point: Point3<f64>) -> f64 {
-        let away = point - self.nearest(point).at;
+        let place = self.nearest(point);
+        let away = point - place.at;
+        // Straight away from the plane or the edge; to a needle, that the place is found a little beside the nearest would make a difference.
+        let away = match place.feature {
+            Feature::Inside => self.normal * self.normal.dot(&away).signum(),
+            Feature::Edge(i) => {
+                let along = self.edges[i];
+                away - along * (along.dot(&away) / along.norm_squared())
+            }
+            Feature::Corner => away,
+        };
         let length = away.norm();
         if length == 0.0 {
             return 0.0;

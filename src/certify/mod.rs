@@ -1,0 +1,408 @@
+//! Whether the stored errors of a file hold, proven and not sampled (I5).
+//!
+//! The leaves hold the source's triangles, so a cut is held against them, both as surfaces of tiles of which only some are in memory. Every triangle
+//! that a cluster draws must be within the cluster's *error* of the source; every triangle of the source must, point by point, be within its
+//! *distance* of some cluster that is drawn: seams move, so that what was below one cluster may end up on its neighbour. That is all that the format says
+//! of errors and gaps, and `chpm_measure::proof` proves it or finds a point where it is not so. What it can do neither for within the pieces
+//! that it may cut a triangle into is undecided, which is a fault, too.
+//!
+//! Beside it the true distance of either side is enclosed: some point is at least so far, and none is farther than so much. First by what the proofs of all triangles came
+//! to, and then anew in those clusters that might have a point farther than the farthest that is known.
+
+mod told;
+
+pub(crate) use told::{as_json, faults, print};
+
+use crate::cuts;
+use crate::deviation::{at_position, finest, mesh_of};
+use crate::progress::Meter;
+use crate::stop;
+use anyhow::Result;
+use chpm_build::Cancel;
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_measure::Tiles;
+use chpm_measure::proof::{Allowed, LOSS, Prover, Verdict};
+use chpm_mesh::{Aabb, ClusterId, TriMesh, geom};
+use chpm_refine::{Cut, Hierarchy, Member};
+use rayon::prelude::*;
+
+/// Bytes that are found out about each cluster.
+pub(crate) const FOUND: u64 = 1024;
+
+/// Triangles that one task judges in turn, each search hinting the next one; fixed, so that no result depends on threads.
+const CHUNK: usize = 64;
+/// Triangles of the other surface that a triangle of no area may lie on.
+const LEAST: f64 = 64.0;
+/// How much wider than it need be an interval of the true distance may be, as a share of it.
+const TOLERANCE: f64 = 0.01;
+
+/// What is to be certified.
+#[derive(Clone, Debug)]
+pub(crate) struct Wanted {
+    /// Only these levels; all if there are none.
+    pub(crate) levels: Vec<u32>,
+    /// Positions of each level.
+    pub(crate) positions: u32,
+    /// Seed and number of random cuts.
+    pub(crate) cuts: (u64, u32),
+    /// Pieces that a triangle may be cut into for each triangle of the other surface that may lie under it.
+    pub(crate) effort: u32,
+}
+
+/// What was found.
+#[derive(Debug, Default)]
+pub(crate) struct Certified {
+    pub(crate) levels: Vec<Row>,
+    pub(crate) cuts: Vec<Row>,
+    /// How far the source itself may be from its triangles as singles hold them; the leaves state it.
+    pub(crate) rounding: f64,
+    /// By how much what holds may be beyond what is stored at most: rounding of the proof.
+    pub(crate) slack: f64,
+}
+
+/// Which cut a row is about.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Which {
+    Level { level: u32, collapsed: f64 },
+    Cut { seed: u64 },
+}
+
+/// What was found about the clusters of a level, or about a cut.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    pub(crate) which: Which,
+    pub(crate) clusters: u64,
+    pub(crate) triangles: u64,
+    /// Largest stored error.
+    pub(crate) error: f32,
+    /// Largest stored distance.
+    pub(crate) distance: f32,
+    /// From the mesh to the source, which the errors bound.
+    pub(crate) of_mesh: Side,
+    /// From the source to the mesh, which the distances bound.
+    pub(crate) of_source: Side,
+}
+
+/// What was found one way.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct Side {
+    /// Some point is at least so far.
+    pub(crate) least: f64,
+    /// That point.
+    pub(crate) at: Option<[f64; 3]>,
+    /// No point is farther.
+    pub(crate) most: f64,
+    /// Triangles with a point that is farther than the file states.
+    pub(crate) violations: u64,
+    /// The worst of those points.
+    pub(crate) worst: Option<Violation>,
+    /// Triangles of which nothing was shown.
+    pub(crate) undecided: u64,
+    /// Pieces that were looked at.
+    pub(crate) pieces: u64,
+}
+
+/// A point that is farther than the file states.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Violation {
+    /// How far it is at least.
+    pub(crate) distance: f64,
+    /// What is stored.
+    pub(crate) stored: f64,
+    pub(crate) at: [f64; 3],
+}
+
+impl Row {
+    /// Triangles that violate what is stored, both ways.
+    pub(crate) fn violations(&self) -> u64 {
+        self.of_mesh.violations + self.of_source.violations
+    }
+
+    /// Triangles that are undecided, both ways.
+    pub(crate) fn undecided(&self) -> u64 {
+        self.of_mesh.undecided + self.of_source.undecided
+    }
+}
+
+impl Side {
+    fn merge(&mut self, other: &Side) {
+        if other.least > self.least {
+            (self.least, self.at) = (other.least, other.at);
+        }
+        self.most = self.most.max(other.most);
+        self.violations += other.violations;
+        if other.worst.is_some_and(|w| self.worst.is_none_or(|worst| w.excess() > worst.excess())) {
+            self.worst = other.worst;
+        }
+        self.undecided += other.undecided;
+        self.pieces += other.pieces;
+    }
+
+    /// Widens the interval by what a surface may be from the one that it stands for.
+    fn widen(&mut self, by: f64) {
+        self.least = (self.least - by).max(0.0);
+        self.most += by;
+    }
+}
+
+impl Violation {
+    fn excess(&self) -> f64 {
+        self.distance - self.stored
+    }
+}
+
+/// A file and its source.
+struct Certifier<'a> {
+    file: &'a Chpm<MappedFile>,
+    leaves: Vec<ClusterId>,
+    source: Tiles<'a>,
+    /// Triangles and area of the source.
+    size: Size,
+    /// Bytes of tiles of either surface to keep in memory.
+    budget: u64,
+    effort: f64,
+    meter: &'a Meter,
+    cancel: &'a Cancel,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Size {
+    triangles: f64,
+    area: f64,
+}
+
+/// Certifies what is wanted. All pages must be sound, and the leaves the source's triangles. Tiles may take `budget` bytes.
+pub(crate) fn certify(
+    file: &Chpm<MappedFile>,
+    wanted: &Wanted,
+    budget: u64,
+    meter: &Meter,
+    cancel: &Cancel,
+) -> Result<Certified> {
+    let certifier = Certifier::new(file, wanted.effort, budget, meter, cancel)?;
+    let leaf_error = |id: &ClusterId| f64::from(file.clusters()[id.index()].min_error);
+    let bounds = file.header().aabb();
+    let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |most: f32, x| most.max(x.abs()));
+    let mut found = Certified {
+        rounding: certifier.leaves.iter().map(leaf_error).fold(0.0, f64::max),
+        slack: 2.0 * LOSS * f64::from(largest),
+        ..Certified::default()
+    };
+    for level in
+        (0..file.levels().len() as u32).filter(|l| wanted.levels.is_empty() || wanted.levels.contains(l))
+    {
+        for step in (0..wanted.positions).rev() {
+            let collapsed = 1.0 - f64::from(step) / f64::from(wanted.positions);
+            let cut = at_position(file, level, collapsed)?;
+            let label = format!("level {level}, {:.0} %", 100.0 * collapsed);
+            let which = Which::Level { level, collapsed };
+            let is_of_level = |m: &Member| file.clusters()[m.cluster.index()].level == level;
+            found.levels.push(certifier.cut(&cut, which, &label, found.rounding, is_of_level)?);
+        }
+    }
+    let hierarchy = Hierarchy::new(file);
+    let (first, count) = wanted.cuts;
+    for seed in (0..count).map(|i| first.wrapping_add(i.into())) {
+        let cut = cuts::draw(file, &hierarchy, seed)?;
+        let label = format!("cut {seed}");
+        found.cuts.push(certifier.cut(&cut, Which::Cut { seed }, &label, found.rounding, |_| true)?);
+    }
+    Ok(found)
+}
+
+impl<'a> Certifier<'a> {
+    fn new(
+        file: &'a Chpm<MappedFile>,
+        effort: u32,
+        budget: u64,
+        meter: &'a Meter,
+        cancel: &'a Cancel,
+    ) -> Result<Self> {
+        let all = (0..file.clusters().len() as u32).map(ClusterId);
+        let leaves: Vec<ClusterId> = all.filter(|id| file.clusters()[id.index()].is_leaf()).collect();
+        let boxes = leaves.iter().map(|id| file.clusters()[id.index()].aabb()).collect();
+        let ids = leaves.clone();
+        let budget = budget / 2;
+        let source = Tiles::new(boxes, budget, move |tile| finest(file, ids[tile]));
+        let size = size_of(leaves.len(), |leaf| finest(file, leaves[leaf]), cancel)?;
+        Ok(Certifier { file, leaves, source, size, budget, effort: f64::from(effort), meter, cancel })
+    }
+
+    /// Certifies a cut; of the drawn clusters, those for which `is_asked`.
+    fn cut(
+        &self,
+        cut: &Cut,
+        which: Which,
+        label: &str,
+        rounding: f64,
+        is_asked: impl Fn(&Member) -> bool,
+    ) -> Result<Row> {
+        let (file, members) = (self.file, cut.members());
+        let asked: Vec<Member> = members.iter().filter(|member| is_asked(member)).copied().collect();
+        let error = |m: &Member| Ok(file.page(m.cluster)?.error_at(m.vertices as usize));
+        let errors = asked.iter().map(error).collect::<Result<Vec<f32>>>()?;
+        let distance = |m: &Member| Ok(m.distance(file)?);
+        let distances = members.iter().map(distance).collect::<Result<Vec<f32>>>()?;
+        let own = members.iter().zip(&distances).filter(|(m, _)| is_asked(m)).map(|(_, distance)| *distance);
+
+        let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
+        let drawn = Tiles::new(boxes, self.budget, |tile| mesh_of(file, members[tile]));
+        let allowed = Allowed::own(&drawn, distances.iter().map(|d| f64::from(*d)).collect());
+        let size = size_of(asked.len(), |index| mesh_of(file, asked[index]), self.cancel)?;
+        self.meter.start(label, 2 * (self.leaves.len() + asked.len()) as u64);
+        let each: Vec<Allowed> = errors.iter().map(|error| Allowed::Same(f64::from(*error))).collect();
+        let of_mesh = Way { certifier: self, target: &self.source, limits: self.limits(size, self.size) };
+        let mut of_mesh =
+            of_mesh.go(asked.len(), |i| mesh_of(file, asked[i]), |i| &each[i], |i, _| errors[i].into())?;
+        let all = match asked.len() == members.len() {
+            true => size,
+            false => size_of(members.len(), |index| mesh_of(file, members[index]), self.cancel)?,
+        };
+        let of_source = Way { certifier: self, target: &drawn, limits: self.limits(self.size, all) };
+        let mut of_source = of_source.go(
+            self.leaves.len(),
+            |leaf| finest(file, self.leaves[leaf]),
+            |_| &allowed,
+            |_, tile| distances[tile].into(),
+        )?;
+        self.meter.finish();
+        of_mesh.widen(rounding);
+        of_source.widen(rounding);
+        Ok(Row {
+            which,
+            clusters: asked.len() as u64,
+            triangles: size.triangles as u64,
+            error: errors.iter().copied().fold(0.0, f32::max),
+            distance: own.fold(0.0, f32::max),
+            of_mesh,
+            of_source,
+        })
+    }
+
+    /// Pieces for a triangle of `from`, whatever its area, and for its share of the area.
+    fn limits(&self, from: Size, to: Size) -> [f64; 2] {
+        let by_area = if from.area > 0.0 { to.triangles / from.area } else { 0.0 };
+        [self.effort * LEAST, self.effort * by_area]
+    }
+}
+
+/// One way: from parts of one surface to the whole other one.
+struct Way<'a> {
+    certifier: &'a Certifier<'a>,
+    target: &'a Tiles<'a>,
+    limits: [f64; 2],
+}
+
+impl Way<'_> {
+    /// Judges `count` parts; `stored` is what a part is held to where a tile is nearest.
+    fn go<'g>(
+        &self,
+        count: usize,
+        part: impl Fn(usize) -> TriMesh + Sync,
+        allowed: impl Fn(usize) -> &'g Allowed + Sync,
+        stored: impl Fn(usize, usize) -> f64 + Sync,
+    ) -> Result<Side> {
+        let judge = |index: usize| {
+            self.each_chunk(&part(index), |prover, chunk| {
+                let mut side = Side::default();
+                for triangle in chunk {
+                    let found = prover.within(*triangle, allowed(index), self.limit(triangle));
+                    side.merge(&Side { most: found.reached, pieces: found.pieces, ..Side::default() });
+                    match found.verdict {
+                        Verdict::Within => {}
+                        Verdict::Undecided => side.undecided += 1,
+                        Verdict::Beyond(witness) => {
+                            let stored = stored(index, witness.tile);
+                            let violation = Violation { distance: witness.distance, stored, at: witness.at };
+                            let (worst, at) = (Some(violation), Some(witness.at));
+                            let least = witness.distance;
+                            side.merge(&Side { violations: 1, worst, least, at, ..Side::default() });
+                        }
+                    }
+                }
+                if let Some((least, at)) = prover.far() {
+                    side.merge(&Side { least, at: Some(at), ..Side::default() });
+                }
+                side
+            })
+        };
+        let judged: Vec<Side> = (0..count).into_par_iter().map(judge).collect::<Result<_>>()?;
+        let mut all = Side::default();
+        judged.iter().for_each(|side| all.merge(side));
+        if all.least.is_infinite() {
+            self.certifier.meter.add(count as u64);
+            return Ok(all);
+        }
+
+        let begin = all.least;
+        let enclose = |index: usize| {
+            if judged[index].most <= begin * (1.0 + TOLERANCE) {
+                self.certifier.meter.add(1);
+                return Ok(Side { most: judged[index].most, ..Side::default() });
+            }
+            let mut side = self.each_chunk(&part(index), |prover, chunk| {
+                let mut side = Side { least: begin, ..Side::default() };
+                for triangle in chunk {
+                    let (most, at) =
+                        prover.farthest(*triangle, &mut side.least, TOLERANCE, self.limit(triangle));
+                    side.most = side.most.max(most);
+                    side.at = at.or(side.at);
+                }
+                side
+            })?;
+            // Where it takes too many pieces to come so near, what was proven before still holds.
+            side.most = side.most.min(judged[index].most);
+            Ok(side)
+        };
+        let enclosed: Vec<Side> = (0..count).into_par_iter().map(enclose).collect::<Result<_>>()?;
+        all.most = 0.0;
+        enclosed.iter().for_each(|side| all.merge(side));
+        Ok(all)
+    }
+
+    /// Chunks of a part's triangles, in parallel, and what they come to in their order.
+    fn each_chunk(
+        &self,
+        part: &TriMesh,
+        judge: impl Fn(&mut Prover<'_>, &[[[f32; 3]; 3]]) -> Side + Sync,
+    ) -> Result<Side> {
+        let cancel = self.certifier.cancel;
+        stop::check(cancel)?;
+        let is_stopped = || cancel.is_cancelled();
+        let triangles: Vec<[[f32; 3]; 3]> = part.triangles.iter().map(|t| part.corners(*t)).collect();
+        let sides: Vec<Side> = triangles
+            .par_chunks(CHUNK)
+            .map(|chunk| judge(&mut Prover::new(self.target, &is_stopped), chunk))
+            .collect();
+        stop::check(cancel)?;
+        self.certifier.meter.add(1);
+        let mut all = Side::default();
+        sides.iter().for_each(|side| all.merge(side));
+        Ok(all)
+    }
+
+    fn limit(&self, corners: &[[f32; 3]; 3]) -> u64 {
+        (self.limits[0] + self.limits[1] * area(corners)) as u64
+    }
+}
+
+fn area(&[a, b, c]: &[[f32; 3]; 3]) -> f64 {
+    0.5 * geom::area_vector(a, b, c).norm()
+}
+
+/// Triangles and area of parts.
+fn size_of(count: usize, part: impl Fn(usize) -> TriMesh + Sync, cancel: &Cancel) -> Result<Size> {
+    let size = |index: usize| {
+        stop::check(cancel)?;
+        let part = part(index);
+        let area = part.triangles.iter().map(|t| area(&part.corners(*t))).sum();
+        Ok(Size { triangles: part.triangles.len() as f64, area })
+    };
+    let sizes: Vec<Size> = (0..count).into_par_iter().map(size).collect::<Result<_>>()?;
+    // Sums of floats depend on their order.
+    Ok(sizes.iter().fold(Size::default(), |all, size| Size {
+        triangles: all.triangles + size.triangles,
+        area: all.area + size.area,
+    }))
+}

@@ -1,0 +1,225 @@
+//! `chpm verify --errors`: stored errors that are proven to hold, and false ones that are refuted.
+
+use super::harness::{Folder, text};
+use super::measure::leaf_with;
+use chpm_format::{Gaps, checksum};
+use chpm_mesh::TriMesh;
+use chpm_mesh::synth::hand;
+use serde_json::Value;
+
+fn json(folder: &Folder, words: &str, code: i32) -> Value {
+    let output = folder.chpm(words).code(code);
+    serde_json::from_slice(&output.get_output().stdout).expect("valid JSON")
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().expect("a number")
+}
+
+/// A pyramid of height 1 over the square from -2 to 2 whose apex, vertex 4, falls onto a corner.
+fn pyramid() -> TriMesh {
+    let positions =
+        vec![[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [-2.0, 2.0, 0.0], [0.0, 0.0, 1.0]];
+    TriMesh::new(positions, vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+}
+
+#[test]
+fn an_error_that_is_just_right_holds_and_a_little_less_is_refuted() {
+    // The apex is just so far above the square. The square's middle is so far below the pyramid's sides, and no sample lies just there.
+    let deepest = 2.0 / 5f64.sqrt();
+    for (error, gap, of_mesh, of_source) in
+        [(1.0, 0.0, 0, 0), (0.999, 0.0, 0, 4), (0.895, 1.0, 0, 0), (0.894, 1.0, 2, 0), (0.894, 0.0, 2, 4)]
+    {
+        let folder = Folder::new();
+        let (fine, base, from) = (0.0, gap, 0.0);
+        folder.write_mesh("in.ply", &pyramid());
+        folder.write("in.chpm", leaf_with(&pyramid(), &[0], &[error], Gaps { fine, base, from }));
+        let code = i32::from(of_mesh + of_source > 0);
+        let words = "verify in.chpm --against in.ply --errors -q";
+        let found = json(&folder, &format!("{words} --json"), code);
+        let row = &found["errors"]["levels"][0];
+        // What the page stores is rounded up.
+        assert!(number(&row["stored_error"]) >= f64::from(error), "{found}");
+        assert_eq!(
+            (&row["of_mesh"]["violations"], &row["of_source"]["violations"]),
+            (&of_mesh.into(), &of_source.into()),
+            "{found}"
+        );
+        assert_eq!(found["errors"]["violations"], of_mesh + of_source);
+        assert_eq!(
+            (&found["fault_count"], &found["errors"]["undecided"]),
+            (&(of_mesh + of_source).into(), &0.into())
+        );
+        for (side, expected) in [("of_mesh", deepest), ("of_source", 1.0)] {
+            let [least, most] = ["least", "most"].map(|key| number(&row[side][key]));
+            assert!(
+                least <= expected && expected <= most && most <= 1.0101 * least,
+                "{side}: {least} {most}"
+            );
+        }
+        let told = text(&folder.chpm(words).code(code).get_output().stdout);
+        let fault = "I5 error: level 0, 100 % collapsed";
+        assert_eq!(told.contains(fault), code == 1, "{told}");
+        assert_eq!(told.contains("4 triangles of the source farther from the mesh than the stored distance; the worst point, at 0 0 1, by 1.00 units"), of_source > 0, "{told}");
+        assert_eq!(told.contains("every stored distance holds, proven"), code == 0, "{told}");
+        // Cuts are held to what they store, too.
+        let cuts = json(&folder, &format!("{words} --json --cuts 8 --seed 3"), code);
+        assert_eq!(cuts["errors"]["cuts"].as_array().expect("cuts").len(), 8);
+        assert_eq!(number(&cuts["errors"]["violations"]) > f64::from(of_mesh + of_source), code == 1);
+    }
+}
+
+#[test]
+fn what_has_vanished_is_within_the_gap() {
+    // A large triangle that stays, and far above it a small one that becomes its corner.
+    let mut mesh = hand::strip(1);
+    mesh.positions.truncate(3);
+    mesh.positions.extend([[0.25, 0.25, 50.0], [1.25, 0.25, 50.0], [0.25, 1.25, 50.0]]);
+    mesh.triangles = vec![[0, 1, 2], [3, 4, 5]];
+    for (base, code) in [(0.0, 1), (49.9, 1), (52.0, 0)] {
+        let folder = Folder::new();
+        folder.write_mesh("in.ply", &mesh);
+        folder.write("in.chpm", leaf_with(&mesh, &[3, 3], &[1.0; 2], Gaps { fine: 0.0, base, from: 1.0 }));
+        let found = json(&folder, "verify in.chpm --against in.ply --errors --json -q", code);
+        let row = &found["errors"]["levels"][0];
+        assert_eq!((&row["triangles"], &row["stored_error"]), (&1.into(), &1.0.into()), "{found}");
+        assert_eq!(row["of_source"]["violations"], code);
+        assert!(number(&row["of_source"]["least"]) >= 49.9, "{found}");
+    }
+}
+
+/// Halves every error and gap of a file and makes its checksums right: powers of two, so that nothing else changes.
+fn halve_errors(file: &mut [u8]) {
+    let word = |file: &[u8], at: usize| u32::from_le_bytes(file[at..at + 4].try_into().expect("four bytes"));
+    let long = |file: &[u8], at: usize| u64::from_le_bytes(file[at..at + 8].try_into().expect("eight bytes"));
+    let halve = |file: &mut [u8], at: usize| {
+        let half = 0.5 * f32::from_bits(word(file, at));
+        file[at..at + 4].copy_from_slice(&half.to_le_bytes());
+    };
+    let seal = |file: &mut [u8], at: usize, from: std::ops::Range<usize>| {
+        let sum = checksum(&file[from]);
+        file[at..at + 8].copy_from_slice(&sum.to_le_bytes());
+    };
+    let entries = [0, 1, 2, 3].map(|slot| 256 + 40 * slot);
+    let section = |file: &[u8], entry: usize| {
+        let start = long(file, entry + 8) as usize;
+        start..start + long(file, entry + 16) as usize
+    };
+    halve(file, 144);
+    for record in section(file, entries[0]).step_by(128) {
+        let page = long(file, record) as usize;
+        let end = page + word(file, record + 8) as usize;
+        [record + 48, record + 52, page + 28, page + 32].into_iter().for_each(|at| halve(file, at));
+        seal(file, record + 96, page..end);
+    }
+    for record in section(file, entries[1]).step_by(64) {
+        [24, 28, 48, 52, 56].into_iter().for_each(|at| halve(file, record + at));
+    }
+    for record in section(file, entries[3]).step_by(128) {
+        [48, 52].into_iter().for_each(|at| halve(file, record + at));
+    }
+    for entry in entries {
+        let range = section(file, entry);
+        seal(file, entry + 32, range);
+    }
+    seal(file, 240, 256..256 + 6 * 40);
+    seal(file, 248, 0..248);
+}
+
+#[test]
+fn builds_are_certified_and_half_their_errors_are_refuted() {
+    for (shape, more) in [
+        ("isosurface", ""),
+        ("terrain", "--boundary lock"),
+        ("hard:pages", ""),
+        ("hard:needles", ""),
+        ("odd:soup", ""),
+    ] {
+        let folder = Folder::new();
+        folder.stdout(&format!("synth {shape} --triangles 2000 -o in.ply -q"));
+        folder.stdout(&format!("build in.ply -q --cluster-triangles 256 {more}"));
+        let words = "verify in.chpm --against in.ply --errors --positions 2 --cuts 2 --json -q";
+        let found = json(&folder, words, 0);
+        let levels = found["errors"]["levels"].as_array().expect("levels");
+        assert!(levels.len() >= 6, "{shape}");
+        for row in levels {
+            for (side, stored) in [("of_mesh", "stored_error"), ("of_source", "stored_distance")] {
+                let [least, most] = ["least", "most"].map(|key| number(&row[side][key]));
+                // What is certified is never more than what is stored, and mostly known to a hundredth.
+                let stored = number(&row[stored]) + number(&found["errors"]["slack"]);
+                assert!(least <= most && most <= stored.max(1.0101 * least), "{shape}: {row}");
+            }
+        }
+        let mut file = folder.read("in.chpm");
+        halve_errors(&mut file);
+        folder.write("in.chpm", file);
+        // Nothing that the file alone shows is wrong with it.
+        folder.stdout("verify in.chpm --against in.ply -q");
+        let found = json(&folder, words, 1);
+        assert!(
+            number(&found["errors"]["violations"]) > 0.0 && found["errors"]["undecided"] == 0,
+            "{shape}: {found}"
+        );
+    }
+}
+
+#[test]
+fn threads_and_memory_do_not_show() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 6000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 256");
+    let words = "verify in.chpm --against in.ply --errors --cuts 2 --json -q";
+    let result = |more: &str| folder.stdout(&format!("{words} {more}"));
+    let one = result("--threads 1");
+    assert!(one == result("--threads 3 --memory 40M"));
+}
+
+#[test]
+fn levels_are_those_that_are_asked_for() {
+    let folder = Folder::new();
+    folder.stdout("synth torus --triangles 3000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 256");
+    let found = json(
+        &folder,
+        "verify in.chpm --against in.ply --errors --level 1 --level 3 --positions 2 --json -q",
+        0,
+    );
+    let rows = found["errors"]["levels"].as_array().expect("levels");
+    let of = |row: &Value| (number(&row["level"]), number(&row["collapsed"]));
+    assert_eq!(rows.iter().map(of).collect::<Vec<_>>(), [(1.0, 0.5), (1.0, 1.0), (3.0, 0.5), (3.0, 1.0)]);
+}
+
+#[test]
+fn too_little_effort_is_no_proof() {
+    // Two triangles over thousands, without any distance: every one of them has to be cut out.
+    let folder = Folder::new();
+    folder.stdout("synth hard:plane --triangles 6000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 256");
+    let words = "verify in.chpm --against in.ply --errors -q";
+    let told = text(&folder.chpm(&format!("{words} --effort 1")).code(1).get_output().stdout);
+    assert!(told.contains("neither proven nor refuted; a larger --effort may decide"), "{told}");
+    assert!(!told.contains("proven\n") && !told.contains("sound"), "{told}");
+    assert!(folder.stdout(words).contains("every stored distance holds, proven"));
+}
+
+#[test]
+fn wrong_words_and_files_are_refused() {
+    let folder = Folder::new();
+    folder.stdout("synth torus --triangles 3000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 256 -o in.chpm");
+    folder.stdout("build in.ply -q --cluster-triangles 256 --finest-error 1% -o trimmed.chpm");
+    for (words, told) in [
+        ("verify in.chpm --errors", "--against"),
+        ("verify in.chpm --against in.ply --level 1", "--errors"),
+        ("verify in.chpm --against in.ply --errors --effort 0", "--effort"),
+        ("verify in.chpm --against in.ply --errors --level 9 -q", "its levels are 0 to"),
+        ("verify trimmed.chpm --against in.ply --errors -q", "built without detail below an error"),
+    ] {
+        let error = folder.stderr(words, 2);
+        assert!(error.contains(told), "{words}: {error}");
+    }
+    // Errors of another source are no errors of this file.
+    folder.write_mesh("other.ply", &pyramid());
+    let found = json(&folder, "verify in.chpm --against other.ply --errors --json -q", 1);
+    assert!(found["errors"].is_null() && found["against"]["equal"] == false, "{found}");
+}
