@@ -29,6 +29,7 @@ impl Aabb {
     }
 
     /// Grows to hold `point`.
+    #[inline]
     pub fn add(&mut self, point: [f32; 3]) {
         for (axis, x) in point.into_iter().enumerate() {
             self.min[axis] = self.min[axis].min(x);
@@ -114,17 +115,20 @@ pub fn distance(a: [f32; 3], b: [f32; 3]) -> f64 {
 }
 
 /// A stored position as an f64 point.
+#[inline]
 pub fn to_f64(point: [f32; 3]) -> Point3<f64> {
     Point3::new(f64::from(point[0]), f64::from(point[1]), f64::from(point[2]))
 }
 
 /// Cross product of two edges: twice the area, along the normal.
+#[inline]
 pub fn area_vector(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> Vector3<f64> {
     let a = to_f64(a);
     (to_f64(b) - a).cross(&(to_f64(c) - a))
 }
 
 /// The smallest f32 that is not below a non-negative `value`, with a relative slack for the f64 rounding before it.
+#[inline]
 pub fn round_up(value: f64) -> f32 {
     let value = value * (1.0 + 1e-12);
     let nearest = value as f32;

@@ -1,4 +1,4 @@
-//! Faces of a cluster and the faces about each vertex, in flat arrays that a collapse updates by appending.
+//! Faces of a cluster and the faces about each vertex, in flat arrays that a collapse keeps up to date.
 
 /// A face: three local vertices and a flag.
 #[derive(Clone, Copy, Debug)]
@@ -11,26 +11,30 @@ impl Face {
     pub(crate) fn is_dead(&self) -> bool {
         self.dead != 0
     }
+}
 
-    /// The two corners that follow `vertex`, which is one of them, in the face's winding. Without a branch: which corner it is
-    /// cannot be foreseen.
+/// A face of a vertex, and its two corners that follow the vertex in the face's winding.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub(crate) struct Wing {
+    pub(crate) face: u32,
+    pub(crate) a: u16,
+    pub(crate) b: u16,
+}
+
+impl Wing {
     #[inline]
-    pub(crate) fn others(&self, vertex: u16) -> (u16, u16) {
-        let [a, b, c] = self.corners;
-        let (a, b, c) = (u64::from(a), u64::from(b), u64::from(c));
-        let at = 16 * (u32::from(self.corners[1] == vertex) + 2 * u32::from(self.corners[2] == vertex));
-        let (next, before) = (b | c << 16 | a << 32, c | a << 16 | b << 32);
-        ((next >> at) as u16, (before >> at) as u16)
+    pub(crate) fn has(self, vertex: u16) -> bool {
+        (self.a == vertex) | (self.b == vertex)
     }
 }
 
-/// Faces, and per vertex a slice of an arena of face ids. A collapse appends the merged slice of its target and frees
-/// nothing: the arena grows by a handful of ids per collapse and is reused by the next cluster.
+/// Faces, and per vertex a slice of an arena of wings: those of its faces that are left. A collapse appends the merged slice of its
+/// target and frees nothing: the arena grows by a handful of wings per collapse and is reused by the next cluster.
 #[derive(Debug, Default)]
 pub(crate) struct Adjacency {
     pub(crate) faces: Vec<Face>,
     slices: Vec<(u32, u32)>,
-    arena: Vec<u32>,
+    arena: Vec<Wing>,
 }
 
 impl Adjacency {
@@ -48,66 +52,80 @@ impl Adjacency {
             offset += std::mem::take(&mut slice.1);
         }
         self.arena.clear();
-        self.arena.resize(offset as usize, 0);
-        for (id, triangle) in triangles.iter().enumerate() {
-            for corner in triangle {
-                let slice = &mut self.slices[usize::from(*corner)];
-                self.arena[(slice.0 + slice.1) as usize] = id as u32;
+        self.arena.resize(offset as usize, Wing::default());
+        for (face, &[x, y, z]) in (0..).zip(triangles) {
+            for (vertex, a, b) in [(x, y, z), (y, z, x), (z, x, y)] {
+                let slice = &mut self.slices[usize::from(vertex)];
+                self.arena[(slice.0 + slice.1) as usize] = Wing { face, a, b };
                 slice.1 += 1;
             }
         }
     }
 
-    /// An upper bound of the living faces about `vertex`.
+    /// How many faces there are about `vertex`.
     #[inline]
     pub(crate) fn count(&self, vertex: u16) -> usize {
         self.slices[usize::from(vertex)].1 as usize
     }
 
-    /// Drops dead faces from the slice of `vertex` and returns the living ones' ids, with all faces to look them up in.
+    /// The faces about `vertex`.
     #[inline]
-    pub(crate) fn living(&mut self, vertex: u16) -> (&[u32], &[Face]) {
-        let (offset, count) = &mut self.slices[usize::from(vertex)];
-        let slice = &mut self.arena[*offset as usize..(*offset + *count) as usize];
-        let mut kept = 0;
-        for i in 0..slice.len() {
-            let id = slice[i];
-            slice[kept] = id;
-            kept += usize::from(!self.faces[id as usize].is_dead());
-        }
-        *count = kept as u32;
-        (&slice[..kept], &self.faces)
+    pub(crate) fn wings(&self, vertex: u16) -> &[Wing] {
+        let (offset, count) = self.slices[usize::from(vertex)];
+        &self.arena[offset as usize..(offset + count) as usize]
     }
 
-    /// Moves the faces of `u` to `v`; those that hold both die. Returns how many died.
-    pub(crate) fn collapse(&mut self, u: u16, v: u16) -> usize {
+    /// Moves the faces of `u` to `v`; those that hold both die. Returns how many died. In a closed fan each neighbour of u leads a
+    /// wing.
+    pub(crate) fn collapse(&mut self, u: u16, v: u16, closed: bool) -> usize {
         let merged = self.arena.len();
         let (v_offset, v_count) = self.slices[usize::from(v)];
         let (u_offset, u_count) = self.slices[usize::from(u)];
         let mut died = 0;
         for i in u_offset..u_offset + u_count {
-            let id = self.arena[i as usize];
-            let face = &mut self.faces[id as usize];
-            if face.is_dead() {
-                continue;
-            }
-            if face.corners.contains(&v) {
+            let wing = self.arena[i as usize];
+            let face = &mut self.faces[wing.face as usize];
+            if wing.has(v) {
                 face.dead = 1;
                 died += 1;
             } else {
                 face.corners = face.corners.map(|c| if c == u { v } else { c });
-                self.arena.push(id);
+                self.arena.push(wing);
+            }
+            self.rename(wing.a, u, v);
+            if !closed {
+                self.rename(wing.b, u, v);
             }
         }
         for i in v_offset..v_offset + v_count {
-            let id = self.arena[i as usize];
-            if !self.faces[id as usize].is_dead() {
-                self.arena.push(id);
+            let wing = self.arena[i as usize];
+            if !wing.has(u) {
+                self.arena.push(wing);
             }
         }
         self.slices[usize::from(v)] = (merged as u32, (self.arena.len() - merged) as u32);
         self.slices[usize::from(u)].1 = 0;
         died
+    }
+
+    /// Puts v in the place of u about another vertex, but for faces that have both, which die.
+    #[inline]
+    fn rename(&mut self, vertex: u16, u: u16, v: u16) {
+        if vertex == v {
+            return;
+        }
+        let (offset, count) = &mut self.slices[usize::from(vertex)];
+        let wings = &mut self.arena[*offset as usize..(*offset + *count) as usize];
+        let mut kept = 0;
+        for i in 0..wings.len() {
+            let Wing { face, a, b } = wings[i];
+            let renamed = |w: u16| if w == u { v } else { w };
+            let (a, b) = (renamed(a), renamed(b));
+            wings[kept] = Wing { face, a, b };
+            // Only one that had both has v twice now.
+            kept += usize::from(a != b);
+        }
+        *count = kept as u32;
     }
 }
 
@@ -119,12 +137,23 @@ mod tests {
     fn a_collapse_kills_the_shared_faces_and_hands_over_the_rest() {
         let mut adjacency = Adjacency::default();
         adjacency.build(5, &[[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]);
-        assert_eq!(adjacency.living(4).0, [0, 1, 2, 3]);
-        assert_eq!(adjacency.collapse(4, 0), 2);
-        assert_eq!(adjacency.living(0).0, [1, 2]);
-        assert_eq!(adjacency.living(4).0, []);
-        assert_eq!(adjacency.living(3).0, [2]);
+        let wing = |(face, a, b)| Wing { face, a, b };
+        assert_eq!(adjacency.wings(4), [(0, 0, 1), (1, 1, 2), (2, 2, 3), (3, 3, 0)].map(wing));
+        assert_eq!(adjacency.collapse(4, 0, true), 2);
+        assert_eq!(adjacency.wings(0), [(1, 1, 2), (2, 2, 3)].map(wing));
+        assert_eq!(adjacency.wings(4), []);
+        assert_eq!(adjacency.wings(3), [wing((2, 0, 2))]);
+        assert_eq!(adjacency.wings(2), [(1, 0, 1), (2, 3, 0)].map(wing));
         assert_eq!(adjacency.faces[1].corners, [1, 2, 0]);
-        assert_eq!([2, 3, 0].map(|v| adjacency.faces[2].others(v)), [(3, 0), (0, 2), (2, 3)]);
+        assert!(adjacency.faces[0].is_dead() && !adjacency.faces[2].is_dead());
+    }
+
+    #[test]
+    fn a_face_may_die_at_a_vertex_that_loses_all() {
+        let mut adjacency = Adjacency::default();
+        adjacency.build(4, &[[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(adjacency.collapse(1, 2, false), 1);
+        assert_eq!(adjacency.collapse(3, 0, false), 1);
+        assert_eq!([0, 1, 2, 3].map(|v| adjacency.count(v)), [0; 4]);
     }
 }

@@ -4,13 +4,15 @@
 //! lie beside each other open no hole that the error does not tell. Only what lies apart, by many times its own size, vanishes at a
 //! price by its size, and stays behind as a [`Remnant`].
 
-use crate::decimate::Decimator;
+use crate::adjacency::{Adjacency, Wing};
 use crate::displacement::Displacement;
-use crate::fan::FanKind;
-use crate::overlay::{NO_FACE, Place, Sweep};
-use crate::patch::Patch;
+use crate::fan::{Fan, FanKind};
+use crate::look::LookTracker;
+use crate::nearest::Nearest;
+use crate::overlay::{Overlay, Place, Sweep};
+use crate::patch::Given;
 use crate::remnant::Remnant;
-use chpm_mesh::geom::{round_up, to_f64};
+use chpm_mesh::geom::round_up;
 use nalgebra::Point3;
 
 /// A component lies apart if its points would have to go so many times as far as it is large to end on another. It is also what a
@@ -27,28 +29,34 @@ pub(crate) struct Proposal {
     /// What would vanish.
     pub(crate) remnant: Option<Remnant>,
     /// Where the faces that lose their area put their points; only where the fans do not lie over each other.
-    pub(crate) handed: Vec<Handed>,
+    handed: Vec<Handed>,
 }
 
 /// Points of a face that becomes the edge from v to `other`, or that is folded onto it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Handed {
+struct Handed {
     /// The face.
-    pub(crate) from: u32,
+    from: u32,
     /// The face that has them after that; none if they vanish.
-    pub(crate) to: Option<u32>,
-    pub(crate) other: u16,
+    to: Option<u32>,
+    other: u16,
     /// u goes to the place of the edge that is so far from v.
-    pub(crate) share: f64,
+    share: f64,
     /// Whether the points go on to an end of the edge.
-    pub(crate) to_end: bool,
+    to_end: bool,
     /// The vertex of another component that they go on to from v.
-    pub(crate) beyond: Option<u16>,
+    beyond: Option<u16>,
 }
 
 impl Proposal {
+    fn clear(&mut self) {
+        self.faces.clear();
+        self.handed.clear();
+        (self.vanished, self.remnant) = (0.0, None);
+    }
+
     /// The longest displacement.
-    pub(crate) fn norm(&self) -> f64 {
+    fn norm(&self) -> f64 {
         let squares = self.faces.iter().map(|(_, d)| d.norm_squared());
         let longest = squares.fold(0.0, |most: f64, square| if square > most { square } else { most });
         longest.sqrt().max(self.vanished)
@@ -67,90 +75,87 @@ impl Proposal {
     }
 }
 
-impl Decimator {
-    /// Fills the proposal for u -> v, whose fan was classified last; returns the bound on the displacements, or none if a component
-    /// would vanish that has to stay.
-    pub(crate) fn propose(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> Option<f64> {
-        self.proposal.faces.clear();
-        self.proposal.vanished = 0.0;
-        self.proposal.remnant = None;
-        self.proposal.handed.clear();
-        let flattened = self.lay_over(patch, fan, u, v)
-            && self.overlay.bound(&self.displacements, &mut self.proposal.faces);
-        (flattened || self.sweep(patch, fan, u, v)).then(|| self.proposal.norm())
+/// What a bound is found from: a patch, its faces that are left with their displacements, and the fan of u.
+#[derive(Clone, Copy)]
+pub(crate) struct Scene<'a> {
+    pub(crate) given: &'a Given<'a>,
+    pub(crate) mesh: &'a Adjacency,
+    pub(crate) displacements: &'a [Displacement],
+    pub(crate) fan: &'a Fan,
+}
+
+/// Finds bounds, and keeps what the collapse that was looked at last would do.
+#[derive(Debug, Default)]
+pub(crate) struct Bounder {
+    overlay: Overlay,
+    pub(crate) proposal: Proposal,
+    nearest: Nearest,
+}
+
+impl Bounder {
+    /// Forgets the last patch.
+    pub(crate) fn clear(&mut self) {
+        self.nearest.clear();
     }
 
-    /// Fills the overlay with the loop about u, from v on. False if the fan has no such loop.
-    fn lay_over(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> bool {
-        self.overlay.begin();
-        let first = match fan {
-            FanKind::Closed => v,
-            FanKind::Open(first, last) if v == first || v == last => first,
+    /// Fills the proposal for u -> v; returns the bound on the displacements, or none if a component would vanish that has to stay.
+    pub(crate) fn propose(&mut self, scene: &Scene<'_>, v: u16) -> Option<f64> {
+        self.proposal.clear();
+        let flattened = self.lay_over(scene, v);
+        (flattened || self.sweep(scene, v)).then(|| self.proposal.norm())
+    }
+
+    /// Bounds the map between the fans that lie over each other. False if they do not.
+    fn lay_over(&mut self, scene: &Scene<'_>, v: u16) -> bool {
+        self.overlay.clear();
+        match scene.fan.kind() {
+            FanKind::Closed => {}
+            FanKind::Open(first, last) if v == first || v == last => {}
             FanKind::Open(..) | FanKind::Broken => return false,
-        };
-        if fan != FanKind::Closed && v != first {
-            self.overlay.push(v, NO_FACE);
         }
-        let mut vertex = first;
-        for _ in 0..self.fan.wings.len() {
-            let Some((face, next)) = self.fan.after(vertex) else { return false };
-            self.overlay.push(vertex, face);
-            vertex = next;
-        }
-        if fan != FanKind::Closed && v == first {
-            self.overlay.push(vertex, NO_FACE);
-        }
-        self.overlay.place(u, |w| to_f64(patch.positions[usize::from(w)]));
-        true
+        let Some(ring) = scene.fan.ring.from_vertex(v) else { return false };
+        self.overlay.bound(ring, scene.displacements, &mut self.proposal.faces)
     }
 
     /// The map that takes every face of u along, linearly, is valid for any fan; nothing goes farther than u. False if a component
     /// would vanish that has to stay.
-    fn sweep(&mut self, patch: &Patch<'_>, fan: FanKind, u: u16, v: u16) -> bool {
-        let position = |w: u16| to_f64(patch.positions[usize::from(w)]);
+    fn sweep(&mut self, scene: &Scene<'_>, v: u16) -> bool {
+        let Scene { given, displacements, fan, .. } = *scene;
+        let position = |w: u16| given.position(w);
         let go = |from: Point3<f64>, to: Point3<f64>| Sweep::to_segment(from, to, to);
-        let (step, share) = match fan {
+        let u = fan.vertex();
+        let (step, share) = match fan.kind() {
             // A lone face is folded onto its opposite edge.
-            FanKind::Open(first, last) if self.fan.wings.len() == 1 => {
+            FanKind::Open(first, last) if fan.wings.len() == 1 => {
                 let step = Sweep::to_segment(position(u), position(first), position(last));
                 (step, if v == first { step.share } else { 1.0 - step.share })
             }
             _ => (go(position(u), position(v)), 0.0),
         };
-        let moved = |d: &Displacement| d.moved(step.lo, step.hi);
-        for (&(a, b), &face) in self.fan.wings.iter().zip(&self.fan.faces) {
-            if a != v && b != v {
-                self.proposal.faces.push((face, moved(&self.displacements[face as usize])));
-            }
-        }
+        let moved = |face: u32| displacements[face as usize].moved(step.lo, step.hi);
+        let surviving = fan.wings.iter().filter(|wing| !wing.has(v));
+        self.proposal.faces.extend(surviving.map(|wing| (wing.face, moved(wing.face))));
         // A face that loses its area becomes an edge from v. Its points go on with a face at that edge; if there is none, they go to one
         // of its ends and on with any face there; if there is none either, to v and from there to another component, or nowhere.
         let mut left_over = Displacement::EMPTY;
-        for i in 0..self.fan.wings.len() {
-            let (a, b) = self.fan.wings[i];
-            if a != v && b != v {
-                continue;
-            }
-            let w = if a == v { b } else { a };
-            let points = moved(&self.displacements[self.fan.faces[i] as usize]);
-            let (to_v, to_w) = (go(position(w), position(v)), go(position(v), position(w)));
-            let receiver = self.receiver(u, v, w, true).or_else(|| self.receiver(u, v, w, false));
-            let (to, end) = match receiver {
+        for wing in fan.wings.iter().filter(|wing| wing.has(v)) {
+            let w = wing.a ^ wing.b ^ v;
+            let points = moved(wing.face);
+            let (to, end) = match receiver(scene, v, w) {
                 Some((face, Via::Edge)) => (Some(face), None),
-                Some((face, Via::Target)) => (Some(face), Some(to_v)),
-                Some((face, Via::Other)) => (Some(face), Some(to_w)),
-                None => (None, Some(to_v)),
+                Some((face, Via::Target)) => (Some(face), Some(go(position(w), position(v)))),
+                Some((face, Via::Other)) => (Some(face), Some(go(position(v), position(w)))),
+                None => (None, Some(go(position(w), position(v)))),
             };
             let points = end.map_or(points, |end| points.moved(end.lo, end.hi));
             match to {
-                Some(face) => self.proposal.hand_over(face, &self.displacements[face as usize], &points),
+                Some(face) => self.proposal.hand_over(face, &displacements[face as usize], &points),
                 // Another cluster may draw more of what hangs on here.
-                None if patch.locked[usize::from(w)] => return false,
+                None if given.is_locked(w) => return false,
                 None => left_over.merge(&points),
             }
-            let from = self.fan.faces[i];
             self.proposal.handed.push(Handed {
-                from,
+                from: wing.face,
                 to,
                 other: w,
                 share,
@@ -158,25 +163,26 @@ impl Decimator {
                 beyond: None,
             });
         }
-        left_over == Displacement::EMPTY || self.leave(patch, u, v, &left_over)
+        left_over == Displacement::EMPTY || self.leave(scene, v, &left_over)
     }
 
     /// Takes the points that are left at v without a face to another component, or lets them vanish where all others lie apart. False
     /// if there is no other, or if v is not this patch's alone: what hangs on there may go on elsewhere.
-    fn leave(&mut self, patch: &Patch<'_>, u: u16, v: u16, points: &Displacement) -> bool {
-        if patch.locked[usize::from(v)] || !self.sides.is_empty() {
+    fn leave(&mut self, scene: &Scene<'_>, v: u16, points: &Displacement) -> bool {
+        let Scene { given, mesh, displacements, fan } = *scene;
+        if given.is_locked(v) || !given.sides.is_empty() {
             return false;
         }
-        let other = self.nearest.find(patch.positions, &mut self.adjacency, u, v);
+        let other = self.nearest.find(given.patch.positions, mesh, fan.vertex(), v);
         let Some((face, nearest)) = other else { return false };
-        let way = self.offset(patch, v, nearest);
+        let way = given.offset(v, nearest);
         let (size, moved) = (points.norm(), points.moved(way, way));
         if moved.norm() > APART * size {
-            self.proposal.remnant = Some(Remnant::new(to_f64(patch.positions[usize::from(v)]), points));
+            self.proposal.remnant = Some(Remnant::new(given.position(v), points));
             self.proposal.vanished = APART * size;
             return true;
         }
-        self.proposal.hand_over(face, &self.displacements[face as usize], &moved);
+        self.proposal.hand_over(face, &displacements[face as usize], &moved);
         for handed in self.proposal.handed.iter_mut().filter(|handed| handed.to.is_none()) {
             (handed.to, handed.beyond) = (Some(face), Some(nearest));
         }
@@ -184,22 +190,17 @@ impl Decimator {
     }
 
     /// Carries the looks on over the collapse u -> v that was proposed last and is about to be carried out.
-    pub(crate) fn carry_looks(&mut self, u: u16, v: u16) {
-        let looks = &mut self.looks;
-        if looks.faces.is_empty() {
-            return;
-        }
-        if self.overlay.is_laid() {
-            looks.carry_over(&self.overlay, u, v);
+    pub(crate) fn carry_looks(&self, mesh: &Adjacency, fan: &Fan, v: u16, looks: &mut LookTracker) {
+        let u = fan.vertex();
+        if let Some(ring) = fan.ring.from_vertex(v).filter(|_| self.overlay.is_laid()) {
+            looks.carry_over(&self.overlay, ring, u, v);
             return;
         }
         // u goes to a place on the edge from v to another vertex.
         let to = |other: u16, share: f64| Place { old: (u, 0.0), new: [(other, share), (v, 0.0)], loss: 0.0 };
         let moved = looks.differences(u, v, &to(v, 0.0));
-        for (&(a, b), &face) in self.fan.wings.iter().zip(&self.fan.faces) {
-            if a != v && b != v {
-                looks.sweep(face, moved, [v, a, b]);
-            }
+        for wing in fan.wings.iter().filter(|wing| !wing.has(v)) {
+            looks.sweep(wing.face, moved, [v, wing.a, wing.b]);
         }
         for handed in &self.proposal.handed {
             let mut moved = looks.differences(u, v, &to(handed.other, handed.share));
@@ -211,43 +212,9 @@ impl Decimator {
                 let there = Place { old: (v, 0.0), new: [(beyond, 0.0); 2], loss: 0.0 };
                 moved = sum(moved, looks.differences(v, beyond, &there));
             }
-            let corners =
-                |face: u32| self.adjacency.faces[face as usize].corners.map(|w| if w == u { v } else { w });
+            let corners = |face: u32| mesh.faces[face as usize].corners.map(|w| if w == u { v } else { w });
             looks.hand_over(handed.from, moved, handed.to, handed.to.map_or([v; 3], corners));
         }
-    }
-
-    /// The face that gets the points on the edge from v to `w` once u has gone to v: one at the edge, else one at v, else one at
-    /// `w`. With `own` only a face of a member that has u: others do not know of the collapse, nor of its error.
-    fn receiver(&mut self, u: u16, v: u16, w: u16, own: bool) -> Option<(u32, Via)> {
-        if let Some(face) = self.face_at(u, v, own, |corners| corners.contains(&w)) {
-            return Some((face, Via::Edge));
-        }
-        if let Some(face) = self.face_at(u, v, own, |_| true) {
-            return Some((face, Via::Target));
-        }
-        let (ids, faces) = self.adjacency.living(w);
-        let is_other = |id: u32| {
-            let corners = faces[id as usize].corners;
-            !corners.contains(&u) && (!own || has_member_of(&self.sides, u, corners))
-        };
-        ids.iter().copied().find(|id| is_other(*id)).map(|face| (face, Via::Other))
-    }
-
-    /// A face that v has after the collapse of u, chosen by its corners before that.
-    fn face_at(&mut self, u: u16, v: u16, own: bool, accept: impl Fn([u16; 3]) -> bool) -> Option<u32> {
-        // Those of u are of its members.
-        let wings = self.fan.wings.iter().zip(&self.fan.faces);
-        let mut surviving = wings.filter(|((a, b), _)| *a != v && *b != v);
-        if let Some((_, face)) = surviving.find(|((a, b), _)| accept([u, *a, *b])) {
-            return Some(*face);
-        }
-        let (ids, faces) = self.adjacency.living(v);
-        let is_one = |id: u32| {
-            let corners = faces[id as usize].corners;
-            !corners.contains(&u) && accept(corners) && (!own || has_member_of(&self.sides, u, corners))
-        };
-        ids.iter().copied().find(|id| is_one(*id))
     }
 }
 
@@ -257,6 +224,7 @@ fn sum(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
 }
 
 /// What a face that gets points has of the edge that they are on.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Via {
     /// All of it.
     Edge,
@@ -266,8 +234,17 @@ enum Via {
     Other,
 }
 
-/// Whether a member that has u may have the face: one that has all of its corners. `sides` is empty where there is but one.
-fn has_member_of(sides: &[u8], u: u16, corners: [u16; 3]) -> bool {
-    let common = |all: u8, corner: u16| all & sides[usize::from(corner)];
-    sides.is_empty() || corners.into_iter().fold(sides[usize::from(u)], common) != 0
+/// The face that gets the points on the edge from v to `w` once u has gone to v: one at the edge, else one at v, else one at
+/// `w`. One of a member that has u if there is any: others do not know of the collapse, nor of its error.
+fn receiver(scene: &Scene<'_>, v: u16, w: u16) -> Option<(u32, Via)> {
+    let Scene { given, mesh, fan, .. } = *scene;
+    let u = fan.vertex();
+    let at_v = |wing: &Wing| if wing.has(w) { Via::Edge } else { Via::Target };
+    let is_foreign = |corner: u16, wing: &Wing| !given.has_member_of(u, [corner, wing.a, wing.b]);
+    let own = fan.wings.iter().filter(|wing| !wing.has(v)).map(|wing| (false, at_v(wing), wing.face));
+    let beside = |corner: u16| mesh.wings(corner).iter().filter(move |wing| !wing.has(u));
+    let of_v = beside(v).map(|wing| (is_foreign(v, wing), at_v(wing), wing.face));
+    let of_w = beside(w).map(|wing| (is_foreign(w, wing), Via::Other, wing.face));
+    let best = own.chain(of_v).chain(of_w).min_by_key(|&(foreign, via, _)| (foreign, via));
+    best.map(|(_, via, face)| (face, via))
 }

@@ -1,6 +1,8 @@
 //! The fan of faces about one vertex, and whether they form one.
 
-use crate::adjacency::Adjacency;
+use crate::adjacency::{Adjacency, Wing};
+use crate::patch::Given;
+use crate::ring::{MAX_LOOP, NO_FACE, Ring};
 
 /// Faces about a vertex beyond which it takes no part in collapses: their cost grows with the square of the valence.
 pub(crate) const MAX_VALENCE: usize = 48;
@@ -8,98 +10,124 @@ pub(crate) const MAX_VALENCE: usize = 48;
 pub(crate) const MAX_SPINE: usize = 256;
 
 /// How the faces about a vertex lie together.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub(crate) enum FanKind {
     /// One closed ring: an interior vertex.
     Closed,
     /// One open fan, with its first and last ring vertex: a vertex on the mesh boundary.
     Open(u16, u16),
     /// Anything else, no face at all included.
+    #[default]
     Broken,
 }
 
-/// Scratch that gathers fans; stamps make clearing free.
+/// When a vertex was last seen in a wing.
+#[derive(Clone, Copy, Default, Debug)]
+struct Mark {
+    /// The tick in which it was seen first, and that wing.
+    leaving: u32,
+    wing: u16,
+    /// The tick in which it was seen second.
+    arriving: u32,
+}
+
+/// The faces about one vertex, and the loop of edges about them if they form a single fan. Marks make clearing free.
 #[derive(Debug, Default)]
 pub(crate) struct Fan {
-    /// Per face of the vertex: the two corners that follow it.
-    pub(crate) wings: Vec<(u16, u16)>,
-    /// The wings' faces.
-    pub(crate) faces: Vec<u32>,
-    /// Per vertex: the tick in which it was seen first in a wing, and that wing.
-    leaving: Vec<(u32, u16)>,
-    /// Per vertex: the tick in which it was seen second in a wing.
-    arriving: Vec<u32>,
+    vertex: u16,
+    kind: FanKind,
+    pub(crate) wings: Vec<Wing>,
+    /// The loop of a single fan, if it is not too long, else empty.
+    pub(crate) ring: Ring,
+    /// Per vertex of the patch.
+    marks: Vec<Mark>,
     tick: u32,
 }
 
 impl Fan {
     pub(crate) fn reset(&mut self, vertex_count: usize) {
-        if self.leaving.len() < vertex_count || self.tick > u32::MAX / 2 {
-            self.leaving.clear();
-            self.leaving.resize(vertex_count.max(self.leaving.len()), (0, 0));
-            self.arriving.clear();
-            self.arriving.resize(self.leaving.len(), 0);
+        if self.marks.len() < vertex_count || self.tick > u32::MAX / 2 {
+            self.marks.clear();
+            self.marks.resize(vertex_count.max(self.marks.len()), Mark::default());
             self.tick = 0;
         }
     }
 
-    /// Gathers the wings of `vertex`, without looking at how they hang together.
-    #[inline]
-    pub(crate) fn gather(&mut self, adjacency: &mut Adjacency, vertex: u16) {
+    /// Looks at the faces of a vertex, and finds its loop. Afterwards [`Self::has`] answers for the ring's vertices.
+    pub(crate) fn gather(&mut self, mesh: &Adjacency, vertex: u16) -> FanKind {
+        let wings = mesh.wings(vertex);
         self.wings.clear();
-        self.faces.clear();
-        let (slice, faces) = adjacency.living(vertex);
-        self.faces.extend_from_slice(slice);
-        self.wings.extend(slice.iter().map(|&id| faces[id as usize].others(vertex)));
+        self.wings.extend_from_slice(wings);
+        self.vertex = vertex;
+        self.kind = self.classify(wings);
+        self.kind
     }
 
-    /// Classifies the gathered wings. Afterwards [`Self::has`] answers for the ring's vertices.
-    pub(crate) fn classify(&mut self) -> FanKind {
+    /// The vertex that was looked at last.
+    pub(crate) fn vertex(&self) -> u16 {
+        self.vertex
+    }
+
+    /// How its faces lie together.
+    pub(crate) fn kind(&self) -> FanKind {
+        self.kind
+    }
+
+    fn classify(&mut self, wings: &[Wing]) -> FanKind {
+        self.ring.clear();
         self.tick += 1;
-        let tick = self.tick;
-        let mut manifold = !self.wings.is_empty();
-        for (wing, &(a, b)) in self.wings.iter().enumerate() {
-            manifold &= self.leaving[usize::from(a)].0 != tick && self.arriving[usize::from(b)] != tick;
-            self.leaving[usize::from(a)] = (tick, wing as u16);
-            self.arriving[usize::from(b)] = tick;
+        let (tick, marks) = (self.tick, &mut self.marks[..]);
+        let mut manifold = !wings.is_empty();
+        for (index, wing) in wings.iter().enumerate() {
+            let mark = &mut marks[usize::from(wing.a)];
+            manifold &= mark.leaving != tick;
+            (mark.leaving, mark.wing) = (tick, index as u16);
+            let mark = &mut marks[usize::from(wing.b)];
+            manifold &= mark.arriving != tick;
+            mark.arriving = tick;
         }
         if !manifold {
             return FanKind::Broken;
         }
-        let count = self.wings.len();
         // An open fan starts at the one vertex that nothing arrives at; a closed one may be entered anywhere.
-        let mut starts =
-            self.wings.iter().filter(|(a, _)| self.arriving[usize::from(*a)] != tick).map(|(a, _)| *a);
+        let mut starts = wings.iter().map(|wing| wing.a).filter(|a| marks[usize::from(*a)].arriving != tick);
         let open = starts.next();
         if starts.next().is_some() {
             return FanKind::Broken;
         }
-        let first = open.unwrap_or(self.wings[0].0);
+        let first = open.unwrap_or(wings[0].a);
+        let fits = wings.len() + usize::from(open.is_some()) <= MAX_LOOP;
         let mut vertex = first;
-        for step in 1..=count {
-            vertex = self.wings[usize::from(self.leaving[usize::from(vertex)].1)].1;
-            let ended = self.leaving[usize::from(vertex)].0 != tick || vertex == first;
-            if ended != (step == count) {
+        for step in 1..=wings.len() {
+            let wing = wings[usize::from(marks[usize::from(vertex)].wing)];
+            if fits {
+                self.ring.push(vertex, wing.face);
+            }
+            vertex = wing.b;
+            let ended = marks[usize::from(vertex)].leaving != tick || vertex == first;
+            if ended != (step == wings.len()) {
+                self.ring.clear();
                 return FanKind::Broken;
             }
         }
-        match open {
-            Some(start) => FanKind::Open(start, vertex),
-            None => FanKind::Closed,
+        let Some(start) = open else { return FanKind::Closed };
+        if fits {
+            self.ring.push(vertex, NO_FACE);
         }
+        FanKind::Open(start, vertex)
     }
 
-    /// The face that `vertex` leads in the fan that was classified last, and the vertex that follows.
-    #[inline]
-    pub(crate) fn after(&self, vertex: u16) -> Option<(u32, u16)> {
-        let (tick, wing) = self.leaving[usize::from(vertex)];
-        (tick == self.tick).then(|| (self.faces[usize::from(wing)], self.wings[usize::from(wing)].1))
+    /// Looks up where the loop is.
+    pub(crate) fn place(&mut self, given: &Given<'_>) {
+        let place = |vertex: u16| given.patch.positions[usize::from(vertex)].map(f64::from);
+        self.ring.place(place(self.vertex), place);
     }
 
     /// Whether `vertex` is in the ring that was classified last.
     #[inline]
     pub(crate) fn has(&self, vertex: u16) -> bool {
-        self.leaving[usize::from(vertex)].0 == self.tick || self.arriving[usize::from(vertex)] == self.tick
+        let mark = self.marks[usize::from(vertex)];
+        (mark.leaving == self.tick) | (mark.arriving == self.tick)
     }
 }
 
@@ -112,8 +140,7 @@ mod tests {
         adjacency.build(10, triangles);
         let mut fan = Fan::default();
         fan.reset(10);
-        fan.gather(&mut adjacency, vertex);
-        fan.classify()
+        fan.gather(&adjacency, vertex)
     }
 
     #[test]

@@ -4,27 +4,27 @@
 //! the topology changes, no boundary appears. What remains to be guarded is the mesh boundary itself, where the number is odd,
 //! and what other clusters know.
 
-use crate::decimate::Decimator;
-use crate::fan::{MAX_SPINE, MAX_VALENCE};
-use crate::patch::{Patch, Topology};
+use crate::adjacency::Adjacency;
+use crate::fan::{Fan, MAX_SPINE, MAX_VALENCE};
+use crate::patch::Given;
 
-impl Decimator {
-    /// Where the vertex whose fan was gathered last may be forced to: the nearest, along an edge of three or more faces if it has one.
-    pub(crate) fn nearest_forced(&mut self, patch: &Patch<'_>, u: u16) -> Option<u16> {
-        if self.topology == Topology::Keep {
-            return None;
-        }
-        self.gather_ring();
-        let on_boundary = self.ring.iter().any(|(_, faces)| faces % 2 == 1);
+/// Vertices about one, each with the number of faces that lead there. The scratch of [`Self::nearest`].
+#[derive(Debug, Default)]
+pub(crate) struct Neighbors(Vec<(u16, u32)>);
+
+impl Neighbors {
+    /// Where the vertex of a fan may be forced to: the nearest, along an edge of three or more faces if it has one.
+    pub(crate) fn nearest(&mut self, given: &Given<'_>, mesh: &Adjacency, fan: &Fan) -> Option<u16> {
+        self.gather(fan);
+        let on_boundary = self.0.iter().any(|(_, faces)| faces % 2 == 1);
         let mut best: Option<(bool, f64, u16)> = None;
-        for i in 0..self.ring.len() {
-            let (v, faces) = self.ring[i];
+        for &(v, faces) in &self.0 {
             // A boundary vertex stays on the boundary.
-            if on_boundary && faces % 2 == 0 || !self.may_force(patch, u, v, faces) {
+            if on_boundary && faces % 2 == 0 || !may_force(given, mesh, fan, v, faces) {
                 continue;
             }
             let off_spine = faces < 3;
-            let rank = (off_spine, self.offset(patch, u, v).norm_squared(), v);
+            let rank = (off_spine, given.offset(fan.vertex(), v).norm_squared(), v);
             if best.is_none_or(|nearest| rank < nearest) {
                 best = Some(rank);
             }
@@ -32,39 +32,37 @@ impl Decimator {
         best.map(|(.., v)| v)
     }
 
-    /// The ring's vertices, each with its number of faces.
-    fn gather_ring(&mut self) {
-        self.ring.clear();
-        self.ring.extend(self.fan.wings.iter().flat_map(|&(a, b)| [(a, 1), (b, 1)]));
-        self.ring.sort_unstable();
-        self.ring.dedup_by(|next, kept| {
+    fn gather(&mut self, fan: &Fan) {
+        let all = &mut self.0;
+        all.clear();
+        all.extend(fan.wings.iter().flat_map(|wing| [(wing.a, 1), (wing.b, 1)]));
+        all.sort_unstable();
+        all.dedup_by(|next, kept| {
             let same = next.0 == kept.0;
             kept.1 += if same { next.1 } else { 0 };
             same
         });
     }
+}
 
-    /// Whether u may go to v, to which `faces` faces lead.
-    fn may_force(&mut self, patch: &Patch<'_>, u: u16, v: u16, faces: u32) -> bool {
-        if !self.sides.is_empty() && self.sides[usize::from(u)] & !self.sides[usize::from(v)] != 0 {
-            return false;
-        }
-        // Each page of a book has two or three faces at a vertex of its spine.
-        let most = (MAX_VALENCE + 4).max((5 * faces as usize).min(MAX_SPINE));
-        let dying = if most > MAX_VALENCE + 4 { faces as usize } else { 0 };
-        if self.adjacency.count(v) > 2 * MAX_SPINE
-            || self.adjacency.living(v).0.len() + self.fan.wings.len() > most + 2 * dying
-        {
-            return false;
-        }
-        // Another cluster may have, or make, an edge or a face between locked vertices.
-        let locked = |w: u16| patch.locked[usize::from(w)];
-        let beside_edge =
-            |w: u16| self.fan.wings.iter().any(|&(a, b)| (a == v && b == w) || (a == w && b == v));
-        let mut surviving = self.fan.wings.iter().filter(|(a, b)| *a != v && *b != v);
-        !locked(v)
-            || !surviving.any(|&(a, b)| {
-                (locked(a) && locked(b)) || [a, b].into_iter().any(|w| locked(w) && !beside_edge(w))
-            })
+/// Whether the fan's vertex may go to v, to which `faces` faces lead.
+fn may_force(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: u16, faces: u32) -> bool {
+    if !given.is_known_with(fan.vertex(), v) {
+        return false;
     }
+    // Each page of a book has two or three faces at a vertex of its spine.
+    let most = (MAX_VALENCE + 4).max((5 * faces as usize).min(MAX_SPINE));
+    let dying = if most > MAX_VALENCE + 4 { faces as usize } else { 0 };
+    if mesh.count(v) > 2 * MAX_SPINE || mesh.count(v) + fan.wings.len() > most + 2 * dying {
+        return false;
+    }
+    // Another cluster may have, or make, an edge or a face between locked vertices.
+    let locked = |w: u16| given.is_locked(w);
+    let beside_edge = |w: u16| fan.wings.iter().any(|wing| wing.has(v) && wing.has(w));
+    let mut surviving = fan.wings.iter().filter(|wing| !wing.has(v));
+    !locked(v)
+        || !surviving.any(|wing| {
+            (locked(wing.a) && locked(wing.b))
+                || [wing.a, wing.b].into_iter().any(|w| locked(w) && !beside_edge(w))
+        })
 }

@@ -16,11 +16,14 @@ mod look;
 mod nearest;
 mod overlay;
 mod patch;
+mod price;
 mod quadric;
 mod queue;
 mod record;
 mod refusal;
 mod remnant;
+mod ring;
+mod state;
 
 pub use decimate::Decimator;
 pub use displacement::Displacement;

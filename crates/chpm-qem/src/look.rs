@@ -7,6 +7,7 @@
 
 use crate::overlay::{Overlay, Place};
 use crate::patch::Patch;
+use crate::ring::View;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::round_up;
 use nalgebra::{Vector3, Vector4};
@@ -208,21 +209,26 @@ impl LookTracker {
         }
     }
 
+    /// Whether there is nothing to look at.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.faces.is_empty()
+    }
+
     /// The largest deviation that a collapse of the run left.
     pub(crate) fn largest(&self) -> Deviation {
         FaceLook { deviations: self.largest, ..FaceLook::default() }.deviation()
     }
 
     /// Carries the looks of the faces about u on over the collapse u -> v, cell by cell.
-    pub(crate) fn carry_over(&mut self, overlay: &Overlay, u: u16, v: u16) {
+    pub(crate) fn carry_over(&mut self, overlay: &Overlay, ring: View<'_>, u: u16, v: u16) {
         let mut at = std::mem::take(&mut self.corners);
         let mut changed = std::mem::take(&mut self.changed);
         changed.clear();
         for sector in overlay.sectors() {
             at.clear();
             at.push([0.0; 2]);
-            overlay.places(sector, |place| at.push(self.differences(u, v, &place)));
-            overlay.cells(sector, |new, old, corners| {
+            overlay.places(ring, sector, |place| at.push(self.differences(u, v, &place)));
+            Overlay::cells(ring, sector, |new, old, corners| {
                 let differences = corners.iter().map(|corner| at[usize::from(*corner)]);
                 let after = self.faces[old as usize].after(differences.fold([0.0; 2], larger));
                 match changed.get_mut(new - 1) {
@@ -232,7 +238,7 @@ impl LookTracker {
             });
         }
         for (new, look) in (1..).zip(&changed) {
-            let (face, corners) = overlay.new_face(new);
+            let (face, corners) = Overlay::new_face(ring, new);
             self.keep(Some(face), *look, corners);
         }
         (self.changed, self.corners) = (changed, at);

@@ -9,16 +9,17 @@ mod arrangement;
 mod cells;
 #[cfg(test)]
 mod exact;
+mod seen;
 
 use crate::displacement::{Along, Displacement, Reach};
-use crate::fan::MAX_VALENCE;
+use crate::ring::{NO_FACE, View};
 use arrangement::{APEX, Arrangement, CROSSINGS, Cell};
 pub(crate) use cells::Place;
 use nalgebra::{Point3, Vector3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
+use seen::{Projected, ROOM, Seen};
+use std::ops::Range;
 
-/// Most vertices of a loop: a boundary vertex of the highest valence has one more than faces.
-pub(crate) const MAX_LOOP: usize = MAX_VALENCE + 1;
 /// What f64 can lose of a projected area, as a share of the fan's squared size: coordinates lose at most 3 * 2^-53 of the size, and
 /// a cross product of two of their differences less than 2^-46 of its square.
 const AREA_LOSS: f64 = 1.0 / (1u64 << 46) as f64;
@@ -26,27 +27,6 @@ const AREA_LOSS: f64 = 1.0 / (1u64 << 46) as f64;
 const AREA_SHARE: f64 = 1.0 / (1u64 << 36) as f64;
 /// What f64 can lose of a height, as a share of the fan's size, and more.
 const HEIGHT_LOSS: f64 = 1.0 / (1u64 << 48) as f64;
-
-/// "The loop's edge to or from v has no face": v is the next vertex on the mesh boundary.
-pub(crate) const NO_FACE: u32 = u32::MAX;
-
-/// A point relative to u, seen along the normal.
-#[derive(Clone, Copy, Default, Debug)]
-struct Projected {
-    x: f64,
-    y: f64,
-    height: f64,
-}
-
-impl Projected {
-    fn cross(self, other: Projected) -> f64 {
-        self.x * other.y - self.y * other.x
-    }
-
-    fn minus(self, other: Projected) -> Projected {
-        Projected { x: self.x - other.x, y: self.y - other.y, height: self.height - other.height }
-    }
-}
 
 /// Where an old and a new edge cross, as shares of them.
 struct Crossing {
@@ -61,29 +41,20 @@ struct Crossing {
 /// How the fans of the last bound lie over each other.
 #[derive(Clone, Copy, Debug)]
 struct Laid {
-    /// Where u is, once it is on the line that its boundary edges become.
-    foot: Projected,
-    /// How far that is along the line; of a boundary vertex.
+    /// Of a boundary vertex, how far along the line that its boundary edges become it is, once it is there.
     share: Option<f64>,
     /// The new faces that u may lie over, first and last: several where rounding cannot tell them apart.
     sectors: [usize; 2],
     size: f64,
 }
 
-/// The fans before and after a collapse u -> v. The loop is l_0 = v, l_1, ... in the faces' winding.
-#[derive(Debug)]
+/// The fans before and after a collapse u -> v, seen along a normal.
+#[derive(Debug, Default)]
 pub(crate) struct Overlay {
-    /// Where u is.
-    apex: Point3<f64>,
-    /// The loop.
-    ring: Vec<Point3<f64>>,
-    /// The loop relative to u.
-    arms: Vec<Vector3<f64>>,
-    /// Old face i = (u, l_i, l_i+1), or [`NO_FACE`]; after the collapse face i in 1..=len-2 is (v, l_i, l_i+1).
-    faces: Vec<u32>,
-    /// The loop by vertices of the patch.
-    vertices: Vec<u16>,
-    projected: Vec<Projected>,
+    /// The loop relative to where u is, once it is on the line that its boundary edges become.
+    old: Seen,
+    /// Relative to v.
+    new: Seen,
     /// By corner of the arrangement, the least displacement and, with its sign turned, the largest: of both, the lesser counts.
     corners: Vec<[f64; 2]>,
     /// By old face, its box after the slide.
@@ -92,141 +63,109 @@ pub(crate) struct Overlay {
     laid: Option<Laid>,
 }
 
-impl Default for Overlay {
-    fn default() -> Self {
-        Overlay {
-            apex: Point3::origin(),
-            ring: vec![],
-            arms: vec![],
-            faces: vec![],
-            vertices: vec![],
-            projected: vec![],
-            corners: vec![],
-            slid: vec![],
-            laid: None,
-        }
-    }
-}
-
 impl Overlay {
-    /// Begins a loop.
-    pub(crate) fn begin(&mut self) {
-        self.faces.clear();
-        self.vertices.clear();
+    /// Forgets the last bound.
+    pub(crate) fn clear(&mut self) {
         self.laid = None;
-    }
-
-    /// Appends the next vertex of the loop, and the face that it leads.
-    #[inline]
-    pub(crate) fn push(&mut self, vertex: u16, face: u32) {
-        self.vertices.push(vertex);
-        self.faces.push(face);
-    }
-
-    /// Looks up where u and the vertices of the loop are.
-    pub(crate) fn place(&mut self, u: u16, position: impl Fn(u16) -> Point3<f64>) {
-        self.apex = position(u);
-        self.ring.clear();
-        self.ring.extend(self.vertices.iter().map(|v| position(*v)));
-        self.arms.clear();
-        self.arms.extend(self.ring.iter().map(|place| place - self.apex));
     }
 
     /// Appends to `out` every new face with its displacements after the collapse; false if neither of two normals shows both fans
     /// one-to-one, and then `out` is as it was.
-    pub(crate) fn bound(&mut self, of: &[Displacement], out: &mut Vec<(u32, Displacement)>) -> bool {
-        if !(3..=MAX_LOOP).contains(&self.ring.len()) {
+    pub(crate) fn bound(
+        &mut self,
+        ring: View<'_>,
+        of: &[Displacement],
+        out: &mut Vec<(u32, Displacement)>,
+    ) -> bool {
+        self.laid = None;
+        if ring.len() < 3 {
             return false;
         }
-        let areas = self.area_sum(Vector3::zeros(), |area| area);
-        if self.bound_along(areas, of, out) {
+        let areas = sum_from_last(ring.areas(), |area| area);
+        if self.bound_along(areas, ring, of, out) {
             return true;
         }
         let unit = |area: Vector3<f64>| area.try_normalize(0.0).unwrap_or_default();
-        let both = self.area_sum(Vector3::zeros(), unit) + self.area_sum(self.arms[0], unit);
-        self.bound_along(both, of, out)
-    }
-
-    /// Sum over the faces that the loop makes with a point, which is given relative to u.
-    fn area_sum(&self, from: Vector3<f64>, of: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vector3<f64> {
-        let mut sum = Vector3::zeros();
-        let mut a = self.arms[self.arms.len() - 1] - from;
-        for arm in &self.arms {
-            let b = arm - from;
-            sum += of(a.cross(&b));
-            a = b;
-        }
-        sum
+        let both = sum_from_last(ring.areas(), unit) + unit_areas_about_v(ring, unit);
+        self.bound_along(both, ring, of, out)
     }
 
     fn bound_along(
         &mut self,
         normal: Vector3<f64>,
+        ring: View<'_>,
         of: &[Displacement],
         out: &mut Vec<(u32, Displacement)>,
     ) -> bool {
         let Some(normal) = normal.try_normalize(0.0) else { return false };
-        let last = self.ring.len() - 1;
-        let size = self.project(normal);
+        let (len, faces) = (ring.len(), ring.faces());
+        let last = len - 1;
+        let size = ring.reach().sqrt();
         let least_area = AREA_SHARE * size * size;
+        self.project(normal, ring);
+        let v = self.old.at(0);
+        let (low, high) = self.old.heights(len);
         // u on the mesh boundary first slides to the straight line that its two boundary edges become.
-        let on_boundary = [self.faces[0] == NO_FACE, self.faces[last] == NO_FACE];
-        let (slide, foot) = match on_boundary {
-            [false, false] => (Sweep::default(), Projected::default()),
-            [true, _] => self.foot(1),
-            [_, true] => self.foot(last),
+        let boundary = match [faces[0] == NO_FACE, faces[last] == NO_FACE] {
+            [false, false] => None,
+            [true, _] => Some(1),
+            [_, true] => Some(last),
         };
-        if !self.is_one_to_one(foot, on_boundary, least_area) {
+        let (mut slide, mut foot) = (Sweep::default(), Projected::default());
+        if let Some(other) = boundary {
+            (slide, foot) = self.foot(ring, other);
+        }
+        self.new.relative_to(v, &self.old, len);
+        if boundary.is_some() {
+            self.old.move_to(foot);
+        }
+        if !self.is_one_to_one(boundary, last, least_area) {
             return false;
         }
-        let Some(sectors) = self.find_sectors(foot, on_boundary, size) else { return false };
+        let edge = self.old.at(0);
+        self.old.find_beside(edge, len);
+        self.new.find_beside(edge, len);
+        let Some(sectors) = self.find_sectors(ring, boundary, size) else { return false };
 
-        let heights = self.projected.iter().map(|p| p.height);
-        let (low, high) = heights.fold((0f64, 0f64), |(l, h), p| (l.min(p), h.max(p)));
         let loss = Loss {
             height: HEIGHT_LOSS * size,
             // A place on an edge is off by the share of the area that it was divided by; twice, for the two edges.
             slope: 4.0 * AREA_LOSS * size * size * (high - low),
         };
-        let flat = high - low <= 256.0 * loss.height && self.is_flat(sectors[0]);
+        let flat = high - low <= 256.0 * loss.height && is_flat(ring, sectors[0]);
         let still = flat && slide.is_still();
         if !still {
             let slid = |old: &u32| {
                 if *old == NO_FACE { Reach::EMPTY } else { Reach::of(&of[*old as usize], &slide) }
             };
             self.slid.clear();
-            self.slid.extend(self.faces.iter().map(slid));
+            self.slid.extend(faces.iter().map(slid));
         }
         let along = Along::new(normal);
         let first = out.len();
         // Whichever sector it is, its cells are among those that are taken.
         for sector in sectors[0]..=sectors[1] {
-            if !self.find_corners(foot, sector, flat, on_boundary, least_area, &loss) {
+            let arrangement = Arrangement::of(len, sector);
+            let heights = [v.height, foot.height];
+            let on_face = boundary.is_none().then_some(sector);
+            if flat {
+                self.corners.clear();
+                self.corners.resize(usize::from(CROSSINGS) + arrangement.crossings.len(), [0.0; 2]);
+            } else if !self.find_corners(arrangement, on_face, heights, least_area, &loss) {
                 out.truncate(first);
                 return false;
             }
-            let arrangement = Arrangement::of(last + 1, sector);
             for new in 1..last {
                 let cells = arrangement.cells(new);
-                let after = if still { self.merged(cells, of) } else { self.displaced(cells, &along) };
+                let after = if still { merged(cells, faces, of) } else { self.displaced(cells, &along) };
                 match out.get_mut(first + new - 1) {
                     Some((_, all)) => all.merge(&after),
-                    None => out.push((self.faces[new], after)),
+                    None => out.push((faces[new], after)),
                 }
             }
         }
-        let share = (on_boundary != [false, false]).then_some(slide.share);
-        self.laid = Some(Laid { foot, share, sectors, size });
+        self.laid = Some(Laid { share: boundary.map(|_| slide.share), sectors, size });
         true
-    }
-
-    /// The box of all old faces of some cells, of which no point moves.
-    fn merged(&self, cells: &[Cell], of: &[Displacement]) -> Displacement {
-        let old = cells.iter().map(|cell| self.faces[usize::from(cell.old)]).filter(|old| *old != NO_FACE);
-        old.fold(Displacement::EMPTY, |mut all, old| {
-            all.merge(&of[old as usize]);
-            all
-        })
     }
 
     /// The box of all old faces of some cells, after the slide and what the cells' corners move by.
@@ -234,70 +173,55 @@ impl Overlay {
     fn displaced(&self, cells: &[Cell], along: &Along) -> Displacement {
         let mut reach = Reach::EMPTY;
         for cell in cells {
-            let (mut least, mut most) = (f64::INFINITY, f64::INFINITY);
-            for corner in cell.corners() {
-                let [low, high] = self.corners[usize::from(*corner)];
-                least = if low < least { low } else { least };
-                most = if high < most { high } else { most };
+            let mut ends = [f64::INFINITY; 2];
+            for corner in cell.corners {
+                let at = self.corners[usize::from(corner)];
+                for end in 0..2 {
+                    ends[end] = if at[end] < ends[end] { at[end] } else { ends[end] };
+                }
             }
             // No face has an empty box, which stays empty.
-            reach.add(&self.slid[usize::from(cell.old)], along, least, -most);
+            reach.add(&self.slid[usize::from(cell.old)], along, ends[0], -ends[1]);
         }
         reach.outward()
     }
 
-    /// Projects the loop; answers the fan's size.
-    fn project(&mut self, normal: Vector3<f64>) -> f64 {
+    /// Projects the loop.
+    fn project(&mut self, normal: Vector3<f64>, ring: View<'_>) {
         let axis = Vector3::ith(normal.iamin(), 1.0);
-        let x = normal.cross(&axis).normalize();
-        let y = normal.cross(&x);
-        self.projected.clear();
-        let mut size: f64 = 0.0;
-        self.projected.extend(self.arms.iter().map(|d| {
-            let squared = d.norm_squared();
-            size = if squared > size { squared } else { size };
-            Projected { x: x.dot(d), y: y.dot(d), height: normal.dot(d) }
-        }));
-        size.sqrt()
+        let across = normal.cross(&axis).normalize();
+        let up = normal.cross(&across);
+        let [x, y, z] = ring.arms();
+        let old = &mut self.old;
+        for (i, ((x, y), z)) in x.iter().zip(y).zip(z).enumerate().take(ROOM) {
+            old.x[i] = across.x * x + across.y * y + across.z * z;
+            old.y[i] = up.x * x + up.y * y + up.z * z;
+            old.height[i] = normal.x * x + normal.y * y + normal.z * z;
+        }
     }
 
     /// Whether both fans lie one-to-one over the plane: all faces turn the same way, and the old ones go about their apex once.
-    fn is_one_to_one(&self, foot: Projected, on_boundary: [bool; 2], least_area: f64) -> bool {
-        let p = &self.projected[..];
-        let last = p.len() - 1;
-        let v = p[0];
-        let mut turns = true;
-        let mut rises = 0;
-        let mut a = p[last].minus(foot);
-        for (i, b) in p.iter().enumerate() {
-            let b = b.minus(foot);
-            let leads = if i == 0 { last } else { i - 1 };
-            turns &= (a.cross(b) > least_area) | (self.faces[leads] == NO_FACE);
-            rises += u32::from((a.y < 0.0) & (b.y >= 0.0));
-            a = b;
+    fn is_one_to_one(&self, boundary: Option<usize>, last: usize, least_area: f64) -> bool {
+        let old = &self.old;
+        if self.new.small(1..last, least_area) > 0 {
+            return false;
         }
-        for pair in p[1..].windows(2) {
-            turns &= pair[0].minus(v).cross(pair[1].minus(v)) > least_area;
+        let half_turn = |start: usize, others: Range<usize>| {
+            let start = old.at(start);
+            others.into_iter().all(|i| start.cross(old.at(i)) > least_area)
+        };
+        match boundary {
+            None => old.small(0..last + 1, least_area) == 0 && old.rises(last + 1) == 1,
+            // A half turn from one boundary edge to the other.
+            Some(1) => old.small(1..last + 1, least_area) == 0 && half_turn(1, 2..last + 1),
+            Some(_) => old.small(0..last, least_area) == 0 && half_turn(0, 1..last),
         }
-        turns
-            && match on_boundary {
-                [false, false] => rises == 1,
-                // A half turn from one boundary edge to the other.
-                [true, _] => {
-                    let start = p[1].minus(foot);
-                    (2..=last).all(|i| start.cross(p[i].minus(foot)) > least_area)
-                }
-                [_, true] => {
-                    let start = p[0].minus(foot);
-                    (1..last).all(|i| start.cross(p[i].minus(foot)) > least_area)
-                }
-            }
     }
 
     /// Where u slides on the segment from v to `l_other`, its neighbours on the mesh boundary: how far, and the place.
-    fn foot(&self, other: usize) -> (Sweep, Projected) {
-        let slide = Sweep::to_segment(self.apex, self.ring[0], self.ring[other]);
-        let (a, b) = (self.projected[0], self.projected[other]);
+    fn foot(&self, ring: View<'_>, other: usize) -> (Sweep, Projected) {
+        let slide = Sweep::to_segment(ring.apex(), ring.point(0), ring.point(other));
+        let (a, b) = (self.old.at(0), self.old.at(other));
         let between = |a: f64, b: f64| a + slide.share * (b - a);
         let foot =
             Projected { x: between(a.x, b.x), y: between(a.y, b.y), height: between(a.height, b.height) };
@@ -306,21 +230,19 @@ impl Overlay {
 
     /// The new faces that u may lie over, first and last. More than one only where u is so close to an edge from v that rounding
     /// decides on which side of it.
-    fn find_sectors(&self, foot: Projected, on_boundary: [bool; 2], size: f64) -> Option<[usize; 2]> {
-        let p = &self.projected;
-        let last = p.len() - 1;
-        match on_boundary {
-            [true, _] => return Some([1, 1]),
-            [_, true] => return Some([last - 1, last - 1]),
-            [false, false] => {}
+    fn find_sectors(&self, ring: View<'_>, boundary: Option<usize>, size: f64) -> Option<[usize; 2]> {
+        let last = ring.len() - 1;
+        match boundary {
+            Some(1) => return Some([1, 1]),
+            Some(_) => return Some([last - 1, last - 1]),
+            None => {}
         }
-        let apex = foot.minus(p[0]);
-        let beside = |i: usize| p[i].minus(p[0]).cross(apex);
-        let sector = (1..last).find(|&i| beside(i) >= 0.0 && beside(i + 1) < 0.0)?;
+        let beside = &self.new.beside[..=last];
+        let sector = (1..last).find(|&i| beside[i] >= 0.0 && beside[i + 1] < 0.0)?;
         let least = AREA_LOSS * size * size;
         // On the edge itself the cells of either side are right: what is between them has no area.
         let may_pass =
-            |i: usize| beside(i).abs() <= least && !is_straight(self.ring[0], self.apex, self.ring[i]);
+            |i: usize| beside[i].abs() <= least && !is_straight(ring.point(0), ring.apex(), ring.point(i));
         let (mut low, mut high) = (sector, sector);
         while low > 1 && may_pass(low) {
             low -= 1;
@@ -331,59 +253,91 @@ impl Overlay {
         Some([low, high])
     }
 
-    /// Whether u and the loop are in one plane, exactly.
-    fn is_flat(&self, sector: usize) -> bool {
-        let [a, b, c] = [0, sector, sector + 1].map(|i| coord(self.ring[i]));
-        let on_plane = |p: &Point3<f64>| orient3d(a, b, c, coord(*p)) == 0.0;
-        on_plane(&self.apex) && self.ring.iter().all(on_plane)
-    }
-
     /// What the two vertices of the loop that u lies between have of it, in the new face there, and what was divided by.
     fn apex_shares(&self, sector: usize) -> ([f64; 2], f64) {
-        let p = &self.projected;
-        let (a, b) = (p[sector].minus(p[0]), p[sector + 1].minus(p[0]));
-        let apex = Projected::default().minus(p[0]);
-        let area = a.cross(b);
+        let area = self.new.at(sector).cross(self.new.at(sector + 1));
         let per_area = 1.0 / area;
-        ([(apex.cross(b) * per_area).clamp(0.0, 1.0), (a.cross(apex) * per_area).clamp(0.0, 1.0)], area)
+        let of_a = -self.new.beside[sector + 1] * per_area;
+        ([of_a.clamp(0.0, 1.0), (self.new.beside[sector] * per_area).clamp(0.0, 1.0)], area)
     }
 
-    /// The displacements at the corners of all cells. False if two edges that cross are too close to parallel.
+    /// The displacements at the corners of all cells, given the heights of v and of u, and the new face that u is over; none on the
+    /// mesh boundary. False if two edges that cross are too close to parallel.
     fn find_corners(
         &mut self,
-        foot: Projected,
-        sector: usize,
-        flat: bool,
-        on_boundary: [bool; 2],
+        arrangement: &Arrangement,
+        sector: Option<usize>,
+        [v, foot]: [f64; 2],
         least_area: f64,
         loss: &Loss,
     ) -> bool {
-        let crossings = &Arrangement::of(self.ring.len(), sector).crossings;
-        self.corners.clear();
-        self.corners.resize(usize::from(CROSSINGS) + crossings.len(), [0.0; 2]);
-        if flat {
-            return true;
-        }
-        let p = &self.projected[..];
-        let v = p[0];
-        let from_foot = v.minus(foot);
+        let mut corners = std::mem::take(&mut self.corners);
+        corners.clear();
+        corners.resize(usize::from(CROSSINGS), [0.0; 2]);
         let mut parallel = false;
-        for (&(a, b), at) in crossings.iter().zip(&mut self.corners[usize::from(CROSSINGS)..]) {
-            let (old, new) = (p[usize::from(a)].minus(foot), p[usize::from(b)].minus(v));
-            let Crossing { on_old, on_new, area, per_area } = crossing(old, new, from_foot);
+        corners.extend(arrangement.crossings.iter().map(|&(a, b)| {
+            let Crossing { on_old, on_new, area, per_area } = self.crossing(a, b);
             parallel |= area.abs() <= least_area;
-            let displacement = (v.height + on_new * new.height) - (foot.height + on_old * old.height);
-            *at = loss.about(displacement, per_area);
-        }
-        if on_boundary == [false, false] {
+            let [old, new] = [self.old.height[usize::from(a)], self.new.height[usize::from(b)]];
+            loss.about((v + on_new * new) - (foot + on_old * old), per_area)
+        }));
+        if let Some(sector) = sector {
             // How far the new fan is above u.
             let ([of_a, of_b], area) = self.apex_shares(sector);
-            let (a, b) = (p[sector].minus(v), p[sector + 1].minus(v));
-            let displacement = v.height + of_a * a.height + of_b * b.height;
-            self.corners[usize::from(APEX)] = loss.about(displacement, 1.0 / area);
+            let (a, b) = (self.new.height[sector], self.new.height[sector + 1]);
+            corners[usize::from(APEX)] = loss.about(v + of_a * a + of_b * b, 1.0 / area);
         }
+        self.corners = corners;
         !parallel
     }
+
+    /// Where the old edge to l_a and the new one to l_b cross.
+    #[inline]
+    fn crossing(&self, a: u16, b: u16) -> Crossing {
+        let (a, b) = (usize::from(a), usize::from(b));
+        let area = self.old.at(a).cross(self.new.at(b));
+        // Of parallel edges any place will do, but not one that is no number: their loss covers both edges.
+        let per_area = if area == 0.0 { 0.0 } else { 1.0 / area };
+        let share = |of: f64| (of * per_area).clamp(0.0, 1.0);
+        Crossing { on_old: share(self.new.beside[b]), on_new: share(self.old.beside[a]), area, per_area }
+    }
+}
+
+/// The box of all old faces of some cells, of which no point moves.
+fn merged(cells: &[Cell], faces: &[u32], of: &[Displacement]) -> Displacement {
+    let old = cells.iter().map(|cell| faces[usize::from(cell.old)]).filter(|old| *old != NO_FACE);
+    old.fold(Displacement::EMPTY, |mut all, old| {
+        all.merge(&of[old as usize]);
+        all
+    })
+}
+
+/// Whether u and the loop are in one plane, exactly.
+fn is_flat(ring: View<'_>, sector: usize) -> bool {
+    let [a, b, c] = [0, sector, sector + 1].map(|i| coord(ring.point(i)));
+    let on_plane = |p: Point3<f64>| orient3d(a, b, c, coord(p)) == 0.0;
+    on_plane(ring.apex()) && (0..ring.len()).all(|i| on_plane(ring.point(i)))
+}
+
+/// Sum of something of the areas of a loop, from that before v on.
+#[inline]
+fn sum_from_last([x, y, z]: [&[f64]; 3], of: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vector3<f64> {
+    let len = x.len() - 1;
+    let at = |i: usize| of(Vector3::new(x[i], y[i], z[i]));
+    (0..len - 1).fold(at(len - 1), |sum, i| sum + at(i))
+}
+
+/// The same of the areas of the faces that v makes with the loop.
+fn unit_areas_about_v(ring: View<'_>, of: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vector3<f64> {
+    let (len, v) = (ring.len(), ring.arm(0));
+    let mut sum = Vector3::zeros();
+    let mut a = ring.arm(len - 1) - v;
+    for i in 0..len {
+        let b = ring.arm(i) - v;
+        sum += of(a.cross(&b));
+        a = b;
+    }
+    sum
 }
 
 /// How far points go when one vertex slides to a segment: between nothing and all of it.
@@ -433,16 +387,6 @@ impl Loss {
     }
 }
 
-/// Of the edge `old` from u's place and the edge `new` from v, which is at `from` from there.
-#[inline]
-fn crossing(old: Projected, new: Projected, from: Projected) -> Crossing {
-    let area = old.cross(new);
-    // Of parallel edges any place will do, but not one that is no number: their loss covers both edges.
-    let per_area = if area == 0.0 { 0.0 } else { 1.0 / area };
-    let share = |of: f64| (of * per_area).clamp(0.0, 1.0);
-    Crossing { on_old: share(from.cross(new)), on_new: share(from.cross(old)), area, per_area }
-}
-
 fn coord(p: Point3<f64>) -> Coord3D<f64> {
     Coord3D { x: p.x, y: p.y, z: p.z }
 }
@@ -462,8 +406,11 @@ mod tests {
 
     #[test]
     fn parallel_edges_cross_at_a_number() {
-        let edge = Projected { x: 1.0, y: 2.0, height: 0.0 };
-        let Crossing { on_old, on_new, area, .. } = crossing(edge, edge, edge);
+        let mut overlay = Overlay::default();
+        for seen in [&mut overlay.old, &mut overlay.new] {
+            (seen.x[1], seen.y[1]) = (1.0, 2.0);
+        }
+        let Crossing { on_old, on_new, area, .. } = overlay.crossing(1, 1);
         assert_eq!((on_old, on_new, area), (0.0, 0.0, 0.0));
     }
 }

@@ -4,6 +4,8 @@ use crate::displacement::Displacement;
 use crate::look::Looks;
 use crate::refusal::Refusals;
 use crate::remnant::Remnant;
+use chpm_mesh::geom::to_f64;
+use nalgebra::{Point3, Vector3};
 
 /// One cluster's mesh: positions, triangles over local indices, and which vertices must stay.
 #[derive(Clone, Copy, Debug, Default)]
@@ -60,4 +62,41 @@ pub struct Outcome<'a> {
     pub vanishing: f32,
     /// Collapses refused, by reason.
     pub refusals: Refusals,
+}
+
+/// What a run is given: a patch, and in a seam which members have a vertex.
+#[derive(Clone, Copy)]
+pub(crate) struct Given<'a> {
+    pub(crate) patch: &'a Patch<'a>,
+    /// Members that have a vertex, a bit each, while seams are decimated; else empty.
+    pub(crate) sides: &'a [u8],
+}
+
+impl Given<'_> {
+    #[inline]
+    pub(crate) fn position(&self, vertex: u16) -> Point3<f64> {
+        to_f64(self.patch.positions[usize::from(vertex)])
+    }
+
+    /// The way from u to v.
+    pub(crate) fn offset(&self, u: u16, v: u16) -> Vector3<f64> {
+        self.position(v) - self.position(u)
+    }
+
+    #[inline]
+    pub(crate) fn is_locked(&self, vertex: u16) -> bool {
+        self.patch.locked[usize::from(vertex)]
+    }
+
+    /// Whether all members that have u have v.
+    #[inline]
+    pub(crate) fn is_known_with(&self, u: u16, v: u16) -> bool {
+        self.sides.is_empty() || self.sides[usize::from(u)] & !self.sides[usize::from(v)] == 0
+    }
+
+    /// Whether a member that has u may have the face: one that has all of its corners.
+    pub(crate) fn has_member_of(&self, u: u16, corners: [u16; 3]) -> bool {
+        let common = |all: u8, corner: u16| all & self.sides[usize::from(corner)];
+        self.sides.is_empty() || corners.into_iter().fold(self.sides[usize::from(u)], common) != 0
+    }
 }

@@ -57,14 +57,26 @@ impl Quadric {
     /// Value at an offset from the quadric's own point; never negative.
     #[inline]
     pub fn at(&self, d: Vector3<f64>) -> f64 {
-        let ax = self.xx * d.x + self.xy * d.y + self.xz * d.z;
-        let ay = self.xy * d.x + self.yy * d.y + self.yz * d.z;
-        let az = self.xz * d.x + self.yz * d.y + self.zz * d.z;
-        let value = (ax + 2.0 * self.bx) * d.x
-            + (ay + 2.0 * self.by) * d.y
-            + (az + 2.0 * self.bz) * d.z
-            + self.constant;
-        value.max(0.0)
+        let [value] = self.at_each([d.x], [d.y], [d.z]);
+        value
+    }
+
+    /// Values at some offsets, by coordinate.
+    #[inline]
+    pub(crate) fn at_each<const N: usize>(&self, x: [f64; N], y: [f64; N], z: [f64; N]) -> [f64; N] {
+        let mut values = [0.0; N];
+        for i in 0..N {
+            let (x, y, z) = (x[i], y[i], z[i]);
+            let ax = self.xx * x + self.xy * y + self.xz * z;
+            let ay = self.xy * x + self.yy * y + self.yz * z;
+            let az = self.xz * x + self.yz * y + self.zz * z;
+            let value = (ax + 2.0 * self.bx) * x
+                + (ay + 2.0 * self.by) * y
+                + (az + 2.0 * self.bz) * z
+                + self.constant;
+            values[i] = if value > 0.0 { value } else { 0.0 };
+        }
+        values
     }
 
     /// Adds `other`, whose own point lies at `-offset` from this one's (so `offset` leads from the other's point to this).

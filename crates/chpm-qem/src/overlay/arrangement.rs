@@ -1,7 +1,7 @@
 //! Which cells the two fans over a loop have in common. The loop's length and the new face that u lies over decide that, so it is
 //! found once for each pair of them and then only looked up, by all threads: 0.2 MiB for valences up to 20, 8.4 MiB for all.
 
-use super::MAX_LOOP;
+use crate::ring::MAX_LOOP;
 use std::sync::OnceLock;
 
 /// A corner on the loop: of both fans, so that nothing changes there.
@@ -10,24 +10,16 @@ pub(super) const LOOP: u16 = 0;
 pub(super) const APEX: u16 = 1;
 /// The first crossing of an old edge and a new one; the others follow.
 pub(super) const CROSSINGS: u16 = 2;
-/// Most corners of what two triangles have in common.
-const MAX_CORNERS: usize = 6;
+/// Most corners of what an old and a new face have in common.
+const MAX_CORNERS: usize = 4;
 
 /// What an old and a new face have in common.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
     /// The old face.
     pub(super) old: u16,
-    count: u16,
-    corners: [u16; MAX_CORNERS],
-}
-
-impl Cell {
-    /// Its corners, once each.
-    #[inline]
-    pub(super) fn corners(&self) -> &[u16] {
-        &self.corners[..usize::from(self.count).min(MAX_CORNERS)]
-    }
+    /// The last one again where there are fewer.
+    pub(super) corners: [u16; MAX_CORNERS],
 }
 
 /// The cells of a loop of one length with u over one face.
@@ -69,9 +61,9 @@ impl Arrangement {
                 };
                 if meet {
                     let found = arrangement.corners(old, new, sector, last);
-                    let mut corners = [LOOP; MAX_CORNERS];
+                    let mut corners = [found[found.len() - 1]; MAX_CORNERS];
                     corners[..found.len()].copy_from_slice(&found);
-                    arrangement.cells.push(Cell { old: old as u16, count: found.len() as u16, corners });
+                    arrangement.cells.push(Cell { old: old as u16, corners });
                 }
             }
             arrangement.ends.push(arrangement.cells.len() as u16);

@@ -1,7 +1,8 @@
 //! The cells of an overlay, for what is interpolated over the faces.
 
 use super::arrangement::Arrangement;
-use super::{AREA_LOSS, Crossing, Laid, NO_FACE, Overlay, crossing};
+use super::{AREA_LOSS, Crossing, Laid, Overlay};
+use crate::ring::{NO_FACE, View};
 use std::ops::RangeInclusive;
 
 /// What a share of an edge can be off by, as a share of the size squared over the area that it was divided by: twice what an area
@@ -21,8 +22,9 @@ pub(crate) struct Place {
 
 impl Overlay {
     /// A new face, and its corners by vertices of the patch.
-    pub(crate) fn new_face(&self, new: usize) -> (u32, [u16; 3]) {
-        (self.faces[new], [self.vertices[0], self.vertices[new], self.vertices[new + 1]])
+    pub(crate) fn new_face(ring: View<'_>, new: usize) -> (u32, [u16; 3]) {
+        let vertices = ring.vertices();
+        (ring.faces()[new], [vertices[0], vertices[new], vertices[new + 1]])
     }
 
     /// Whether the last bound succeeded.
@@ -38,22 +40,21 @@ impl Overlay {
 
     /// Calls `visit` with the places of all corners off the loop, in order, if u lies over the new face `sector`: corners are
     /// numbered from 1, and 0 is the loop, of both fans, so that nothing changes there.
-    pub(crate) fn places(&self, sector: usize, mut visit: impl FnMut(Place)) {
-        let Some(Laid { foot, share, size, .. }) = self.laid else { return };
-        let (p, vertices) = (&self.projected, &self.vertices);
+    pub(crate) fn places(&self, ring: View<'_>, sector: usize, mut visit: impl FnMut(Place)) {
+        let Some(Laid { share, size, .. }) = self.laid else { return };
+        let vertices = ring.vertices();
         let loss = |area: f64| (PLACE_LOSS * size * size / area.abs()).min(1.0);
         let ([of_a, of_b], area) = match share {
             None => self.apex_shares(sector),
             // Beside the edge to v that the boundary edges become, which is that to l_1 or that to the last.
-            Some(share) if self.faces[0] == NO_FACE => ([share, 0.0], f64::INFINITY),
+            Some(share) if ring.faces()[0] == NO_FACE => ([share, 0.0], f64::INFINITY),
             Some(share) => ([0.0, share], f64::INFINITY),
         };
         let new = [(vertices[sector], of_a), (vertices[sector + 1], of_b)];
         visit(Place { old: (vertices[0], 0.0), new, loss: loss(area) });
-        let crossings = &Arrangement::of(p.len(), sector).crossings;
-        for (a, b) in crossings.iter().map(|&(a, b)| (usize::from(a), usize::from(b))) {
-            let (old, new) = (p[a].minus(foot), p[b].minus(p[0]));
-            let Crossing { on_old, on_new, area, .. } = crossing(old, new, p[0].minus(foot));
+        for &(a, b) in &Arrangement::of(ring.len(), sector).crossings {
+            let Crossing { on_old, on_new, area, .. } = self.crossing(a, b);
+            let (a, b) = (usize::from(a), usize::from(b));
             let new = [(vertices[b], on_new), (vertices[0], 0.0)];
             visit(Place { old: (vertices[a], on_old), new, loss: loss(area) });
         }
@@ -61,13 +62,13 @@ impl Overlay {
 
     /// Calls `visit` with the place in the loop of each new face, and of each old one that it has a cell in common with, and with
     /// the cell's corners; new faces in order.
-    pub(crate) fn cells(&self, sector: usize, mut visit: impl FnMut(usize, u32, &[u16])) {
-        let arrangement = Arrangement::of(self.ring.len(), sector);
-        for new in 1..self.ring.len() - 1 {
+    pub(crate) fn cells(ring: View<'_>, sector: usize, mut visit: impl FnMut(usize, u32, &[u16])) {
+        let arrangement = Arrangement::of(ring.len(), sector);
+        for new in 1..ring.len() - 1 {
             for cell in arrangement.cells(new) {
-                let old = self.faces[usize::from(cell.old)];
+                let old = ring.faces()[usize::from(cell.old)];
                 if old != NO_FACE {
-                    visit(new, old, cell.corners());
+                    visit(new, old, &cell.corners);
                 }
             }
         }

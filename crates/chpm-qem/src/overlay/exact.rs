@@ -1,8 +1,9 @@
 //! The oracle of the bound: the same map in exact rational arithmetic, with none of its code. Every displacement that the map makes
 //! has to be in the box that was stored, to the last bit.
 
-use super::{NO_FACE, Overlay};
+use super::Overlay;
 use crate::displacement::Displacement;
+use crate::ring::{NO_FACE, Ring, View};
 use dashu_ratio::RBig;
 use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
@@ -42,7 +43,7 @@ struct Fans {
 }
 
 impl Fans {
-    fn new(overlay: &Overlay, normal: Vector3<f64>, slide: [RBig; 3]) -> Self {
+    fn new(ring: View<'_>, normal: Vector3<f64>, slide: [RBig; 3]) -> Self {
         // Across the axis that the normal is nearest to.
         let third = normal.iamax();
         let axes = [(third + 1) % 3, (third + 2) % 3, third];
@@ -52,9 +53,9 @@ impl Fans {
             let across = |axis: usize| &p[axis] - &height * &normal[axis];
             Place { x: across(axes[0]), y: across(axes[1]), height }
         };
-        let apex = exact3(overlay.apex.coords.into());
+        let apex = exact3(ring.apex().coords.into());
         let foot = place([0, 1, 2].map(|axis| &apex[axis] + &slide[axis]));
-        let ring = overlay.ring.iter().map(|p| place(exact3(p.coords.into()))).collect();
+        let ring = (0..ring.len()).map(|i| place(exact3(ring.point(i).coords.into()))).collect();
         Fans { normal, slide, foot, ring }
     }
 
@@ -122,15 +123,15 @@ fn height_over([a, b, c]: [&Place; 3], at: &Place) -> (RBig, RBig) {
 }
 
 /// Where u slides to: nowhere inside the mesh; on its boundary to the line that its edges become, at the share that was stored.
-fn slide(overlay: &Overlay) -> [RBig; 3] {
-    let last = overlay.ring.len() - 1;
-    let other = match [overlay.faces[0] == NO_FACE, overlay.faces[last] == NO_FACE] {
+fn slide(overlay: &Overlay, ring: View<'_>) -> [RBig; 3] {
+    let last = ring.len() - 1;
+    let other = match [ring.faces()[0] == NO_FACE, ring.faces()[last] == NO_FACE] {
         [false, false] => return [RBig::ZERO, RBig::ZERO, RBig::ZERO],
         [true, _] => 1,
         [_, true] => last,
     };
     let share = exact(overlay.laid.expect("a bound").share.expect("a share"));
-    let [u, a, b] = [overlay.apex, overlay.ring[0], overlay.ring[other]].map(|p| exact3(p.coords.into()));
+    let [u, a, b] = [ring.apex(), ring.point(0), ring.point(other)].map(|p| exact3(p.coords.into()));
     let along = [0, 1, 2].map(|axis| &b[axis] - &a[axis]);
     let from = [0, 1, 2].map(|axis| &u[axis] - &a[axis]);
     let crosses = |i: usize, j: usize| &along[i] * &from[j] == &along[j] * &from[i];
@@ -142,19 +143,19 @@ fn slide(overlay: &Overlay) -> [RBig; 3] {
 }
 
 /// Bounds the collapse along a normal and holds every box against the exact map. False if the fans do not lie over each other.
-fn check(overlay: &mut Overlay, normal: Vector3<f64>, before: &[Displacement]) -> bool {
+fn check(overlay: &mut Overlay, ring: View<'_>, normal: Vector3<f64>, before: &[Displacement]) -> bool {
     let mut bounds = Vec::new();
-    if !overlay.bound_along(normal, before, &mut bounds) {
+    if !overlay.bound_along(normal, ring, before, &mut bounds) {
         return false;
     }
     let unit = normal.try_normalize(0.0).expect("a direction");
-    let fans = Fans::new(overlay, unit, slide(overlay));
-    for new in 1..overlay.ring.len() - 1 {
+    let fans = Fans::new(ring, unit, slide(overlay, ring));
+    for new in 1..ring.len() - 1 {
         let (face, stored) = bounds[new - 1];
-        assert_eq!(face, overlay.faces[new]);
-        let faces = (0..overlay.ring.len()).filter(|old| overlay.faces[*old] != NO_FACE);
+        assert_eq!(face, ring.faces()[new]);
+        let faces = (0..ring.len()).filter(|old| ring.faces()[*old] != NO_FACE);
         for (old, corner) in faces.flat_map(|old| fans.overlap(old, new).into_iter().map(move |c| (old, c))) {
-            let of = before[overlay.faces[old] as usize].ends();
+            let of = before[ring.faces()[old] as usize].ends();
             let stored = stored.ends();
             for axis in 0..3 {
                 let by = &corner.of_u * &fans.slide[axis] + &corner.along * &fans.normal[axis];
@@ -219,15 +220,14 @@ impl Fan {
             })
     }
 
-    fn lay(&self) -> (Overlay, Vector3<f64>, Vec<Displacement>) {
+    fn lay(&self) -> (Ring, Vector3<f64>, Vec<Displacement>) {
         let normal = Vector3::from(self.tilt).try_normalize(1e-3).unwrap_or(Vector3::z());
         let axis = Vector3::ith(normal.iamin(), 1.0);
         let x = normal.cross(&axis).normalize();
         let y = normal.cross(&x);
         let count = self.ring.len();
-        let mut overlay = Overlay::default();
+        let mut ring = Ring::default();
         let apex = Point3::new(0.1, -0.7, 0.4);
-        overlay.begin();
         let turns: f64 = self.ring.iter().map(|(turn, _)| turn).sum();
         // An open fan is a half turn, from one end to the other.
         let whole = if self.open.is_some() { std::f64::consts::PI } else { std::f64::consts::TAU };
@@ -262,17 +262,15 @@ impl Fan {
         };
         for i in 0..places.len() {
             let face = if Some(i) == no_face { NO_FACE } else { i as u32 };
-            overlay.push(i as u16, face);
+            ring.push(i as u16, face);
         }
-        let u = places.len() as u16;
-        places.push(apex);
-        overlay.place(u, |vertex| places[usize::from(vertex)]);
+        ring.place(apex.coords.into(), |vertex| places[usize::from(vertex)].coords.into());
         let size = self.roughness.max(1e-13);
         let boxed = |(a, b): &([f64; 3], [f64; 3])| {
             let (a, b) = (Vector3::from(*a) * size, Vector3::from(*b) * size);
             Displacement::default().moved(a.inf(&b), a.sup(&b))
         };
-        (overlay, normal, self.before.iter().map(boxed).collect())
+        (ring, normal, self.before.iter().map(boxed).collect())
     }
 }
 
@@ -281,11 +279,11 @@ proptest! {
 
     #[test]
     fn boxes_hold_the_exact_map(fan in Fan::strategy(), displaced in any::<bool>()) {
-        let (mut overlay, normal, mut before) = fan.lay();
+        let (ring, normal, mut before) = fan.lay();
         if !displaced {
             before.fill(Displacement::default());
         }
-        check(&mut overlay, normal, &before);
+        check(&mut Overlay::default(), ring.from(0), normal, &before);
     }
 }
 
@@ -305,8 +303,11 @@ fn the_oracle_is_asked() {
     for (squash, roughness) in [(1.0, 1.0), (1.0, 1e-13), (1e-8, 1.0), (1e-8, 1e-7), (1e-9, 0.01)] {
         for open in [None, Some(true), Some(false)] {
             let fan = Fan { squash, roughness, open, ..base.clone() };
-            let (mut overlay, normal, before) = fan.lay();
-            assert!(check(&mut overlay, normal, &before), "{squash} {roughness} {open:?}");
+            let (ring, normal, before) = fan.lay();
+            assert!(
+                check(&mut Overlay::default(), ring.from(0), normal, &before),
+                "{squash} {roughness} {open:?}"
+            );
         }
     }
 }
@@ -327,8 +328,9 @@ fn a_vertex_behind_u_is_on_either_side() {
             open: None,
             behind: Some(far),
         };
-        let (mut overlay, normal, before) = fan.lay();
-        assert!(check(&mut overlay, normal, &before), "{far}");
+        let (ring, normal, before) = fan.lay();
+        let mut overlay = Overlay::default();
+        assert!(check(&mut overlay, ring.from(0), normal, &before), "{far}");
         uncertain += u32::from(overlay.sectors().count() > 1);
     }
     assert!(uncertain > 150, "{uncertain}");
