@@ -5,7 +5,7 @@
 //! price by its size, and stays behind as a [`Remnant`].
 
 use crate::adjacency::{Adjacency, Wing};
-use crate::displacement::Displacement;
+use crate::displacement::{Displaced, Displacement};
 use crate::fan::{Fan, FanKind};
 use crate::look::LookTracker;
 use crate::nearest::Nearest;
@@ -23,13 +23,15 @@ const APART: f64 = 4.0;
 #[derive(Debug, Default)]
 pub(crate) struct Proposal {
     /// Faces that would be displaced, and how far they would then be.
-    pub(crate) faces: Vec<(u32, Displacement)>,
+    pub(crate) faces: Vec<Displaced>,
     /// The price of what would vanish; 0 if nothing would.
     vanished: f64,
     /// What would vanish.
     pub(crate) remnant: Option<Remnant>,
     /// Where the faces that lose their area put their points; only where the fans do not lie over each other.
     handed: Vec<Handed>,
+    /// Whether the map is that which is valid for any fan.
+    swept: bool,
 }
 
 /// Points of a face that becomes the edge from v to `other`, or that is folded onto it.
@@ -52,7 +54,18 @@ impl Proposal {
     fn clear(&mut self) {
         self.faces.clear();
         self.handed.clear();
-        (self.vanished, self.remnant) = (0.0, None);
+        (self.vanished, self.remnant, self.swept) = (0.0, None, false);
+    }
+
+    /// Proposes again what fans that lie over each other gave.
+    pub(crate) fn repeat(&mut self, faces: &[Displaced]) {
+        self.clear();
+        self.faces.extend_from_slice(faces);
+    }
+
+    /// Whether faces may be displaced that are not about u, or something would vanish.
+    pub(crate) fn is_swept(&self) -> bool {
+        self.swept
     }
 
     /// The longest displacement.
@@ -113,7 +126,7 @@ impl Bounder {
             FanKind::Open(first, last) if v == first || v == last => {}
             FanKind::Open(..) | FanKind::Broken => return false,
         }
-        let Some(ring) = scene.fan.ring.from_vertex(v) else { return false };
+        let Some(ring) = scene.fan.ring.seen_from(v) else { return false };
         self.overlay.bound(ring, scene.displacements, &mut self.proposal.faces)
     }
 
@@ -121,6 +134,7 @@ impl Bounder {
     /// would vanish that has to stay.
     fn sweep(&mut self, scene: &Scene<'_>, v: u16) -> bool {
         let Scene { given, displacements, fan, .. } = *scene;
+        self.proposal.swept = true;
         let position = |w: u16| given.position(w);
         let go = |from: Point3<f64>, to: Point3<f64>| Sweep::to_segment(from, to, to);
         let u = fan.vertex();
@@ -192,7 +206,7 @@ impl Bounder {
     /// Carries the looks on over the collapse u -> v that was proposed last and is about to be carried out.
     pub(crate) fn carry_looks(&self, mesh: &Adjacency, fan: &Fan, v: u16, looks: &mut LookTracker) {
         let u = fan.vertex();
-        if let Some(ring) = fan.ring.from_vertex(v).filter(|_| self.overlay.is_laid()) {
+        if let Some(ring) = fan.ring.seen_from(v).filter(|_| self.overlay.is_laid()) {
             looks.carry_over(&self.overlay, ring, u, v);
             return;
         }

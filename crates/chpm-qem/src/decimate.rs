@@ -10,6 +10,7 @@ use crate::bound::{Bounder, Scene};
 use crate::displacement::Displacement;
 use crate::fan::{Fan, FanKind, MAX_SPINE, MAX_VALENCE};
 use crate::forced::Neighbors;
+use crate::kept::Kept;
 use crate::legality;
 use crate::look::{Deviation, FaceLook, LookTracker};
 use crate::patch::{Collapse, Given, Outcome, Patch, Topology};
@@ -47,6 +48,7 @@ pub struct Decimator {
     fan: Fan,
     prices: Prices,
     bounder: Bounder,
+    kept: Kept,
     neighbors: Neighbors,
     states: Vec<State>,
     queue: Queue,
@@ -145,6 +147,7 @@ impl<'a, 'd> Run<'a, 'd> {
         all.remnants.clear();
         all.vanishing = f32::INFINITY;
         all.bounder.clear();
+        all.kept.clear(patch.positions.len());
         all.mesh.build(patch.positions.len(), patch.triangles);
         all.fan.reset(patch.positions.len());
         all.prices.begin(patch, all.hasty);
@@ -189,16 +192,17 @@ impl<'a, 'd> Run<'a, 'd> {
             };
             if count > MAX_SPINE {
                 stays(Refusal::Valence);
-            } else {
+            } else if count > MAX_VALENCE
+                || *topology == Topology::Keep
+                || Fan::may_be_open(mesh.wings(vertex))
+            {
                 let kind = fan.gather(mesh, vertex);
                 prices.add_boundary(&self.given, fan);
                 match kind {
                     FanKind::Closed | FanKind::Open(..) if count > MAX_VALENCE => stays(Refusal::Valence),
-                    FanKind::Closed => {}
                     FanKind::Open(..) => state.set(State::BOUNDARY),
                     FanKind::Broken if *topology == Topology::Keep => stays(Refusal::NonManifold),
-                    FanKind::Broken if !locked => self.refusals.add(Refusal::NonManifold),
-                    FanKind::Broken => {}
+                    FanKind::Closed | FanKind::Broken => {}
                 }
             }
             states.push(state);
@@ -250,6 +254,17 @@ impl<'a, 'd> Run<'a, 'd> {
             if state.is(State::GONE) {
                 continue;
             }
+            // It costs what it did when it was put back, and so the least of all.
+            if entry.is_bound()
+                && !state.is(State::STALE)
+                && let Some((v, bound)) = self.recall(u)
+            {
+                if self.is_steep(goal, bound) {
+                    return true;
+                }
+                self.carry_out(v, bound, entry.cost());
+                continue;
+            }
             let all = &mut *self.all;
             let wings = all.mesh.wings(u);
             let on_boundary = state.is(State::BOUNDARY);
@@ -284,6 +299,7 @@ impl<'a, 'd> Run<'a, 'd> {
                 }
                 if cost > next {
                     self.state(u).drop(State::STALE);
+                    self.keep(u, v, bound);
                     self.all.queue.push(Entry::bounded(cost, u));
                 } else {
                     self.carry_out(v, bound, cost);
@@ -332,6 +348,33 @@ impl<'a, 'd> Run<'a, 'd> {
         bounder.propose(&Scene { given: &self.given, mesh, displacements, fan }, v)
     }
 
+    /// Keeps what was proposed last for when u comes up again, if that is all that there is to it.
+    fn keep(&mut self, u: u16, v: u16, bound: f64) {
+        let Decimator { kept, bounder, looks, .. } = &mut *self.all;
+        if !bounder.proposal.is_swept() && looks.is_empty() {
+            kept.keep(u, v, bound, &bounder.proposal.faces);
+        } else {
+            kept.forget(u);
+        }
+    }
+
+    /// Proposes what was kept of u, about which nothing has changed, and answers with the bound. None if there is nothing, or if
+    /// more has come to v than it may have.
+    fn recall(&mut self, u: u16) -> Option<(u16, f64)> {
+        let Decimator { kept, mesh, fan, bounder, displacements: current, .. } = &mut *self.all;
+        let (v, bound, displacements) = kept.of(u)?;
+        fan.gather(mesh, u);
+        legality::check_topology(&self.given, mesh, fan, v).ok()?;
+        if cfg!(debug_assertions) {
+            fan.place(&self.given);
+            let scene = Scene { given: &self.given, mesh, displacements: current, fan };
+            assert_eq!(bounder.propose(&scene, v), Some(bound), "nothing has changed");
+            assert_eq!(bounder.proposal.faces, displacements, "nothing has changed");
+        }
+        bounder.proposal.repeat(displacements);
+        Some((v, bound))
+    }
+
     /// A component would vanish that has to stay.
     fn refuse(&mut self, u: u16) {
         self.refusals.add(Refusal::Component);
@@ -360,6 +403,14 @@ impl<'a, 'd> Run<'a, 'd> {
         if let Some(remnant) = all.bounder.proposal.remnant {
             all.remnants.push(remnant);
             all.vanishing = all.vanishing.min(self.error);
+        }
+        if all.bounder.proposal.is_swept() {
+            // Points may have gone on to a face that is not about u.
+            for corner in
+                all.bounder.proposal.faces.iter().flat_map(|(face, _)| all.mesh.faces[*face as usize].corners)
+            {
+                all.states[usize::from(corner)].set(State::STALE);
+            }
         }
         all.prices.hand_on(u, v, self.given.offset(u, v));
         self.alive -= all.mesh.collapse(u, v, all.fan.kind() == FanKind::Closed);

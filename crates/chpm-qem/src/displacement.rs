@@ -18,6 +18,9 @@ pub struct Displacement {
     hi: [f32; 3],
 }
 
+/// A face, and how far it is after a collapse.
+pub(crate) type Displaced = (u32, Displacement);
+
 impl Displacement {
     /// Holds nothing; the identity of [`Self::merge`].
     pub(crate) const EMPTY: Displacement =

@@ -63,6 +63,11 @@ impl Fan {
         self.kind
     }
 
+    /// Whether the faces of a vertex may form an open fan: of one that is open, the sum does not close.
+    pub(crate) fn may_be_open(wings: &[Wing]) -> bool {
+        wings.iter().map(|wing| i32::from(wing.b) - i32::from(wing.a)).sum::<i32>() != 0
+    }
+
     /// The vertex that was looked at last.
     pub(crate) fn vertex(&self) -> u16 {
         self.vertex

@@ -15,6 +15,15 @@ const LEAST_SQUARES: f64 = 1e-250;
 
 /// Whether u -> v may be carried out, given the fan of u. The tests go from cheap to dear.
 pub(crate) fn check(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: u16) -> Result<(), Refusal> {
+    check_topology(given, mesh, fan, v)?;
+    match fan.ring.seen_from(v) {
+        Some(ring) if is_far_from_flips(ring) => Ok(()),
+        _ => check_flips(given.patch, fan, v),
+    }
+}
+
+/// The tests that do not ask where vertices are. They ask for faces of v that are none of u's.
+pub(crate) fn check_topology(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: u16) -> Result<(), Refusal> {
     match fan.kind() {
         FanKind::Broken => return Err(Refusal::NonManifold),
         FanKind::Open(first, last) if v != first && v != last => return Err(Refusal::Boundary),
@@ -44,10 +53,7 @@ pub(crate) fn check(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: u16) -> R
     if degree == dying && !keeps_apex {
         return Err(Refusal::Component);
     }
-    match fan.ring.from_vertex(v) {
-        Some(ring) if is_far_from_flips(ring) => Ok(()),
-        _ => check_flips(given.patch, fan, v),
-    }
+    Ok(())
 }
 
 /// Whether a new edge at the locked vertex v would end at another locked vertex, or the last of three faces would have

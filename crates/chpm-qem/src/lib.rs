@@ -11,6 +11,7 @@ mod displacement;
 mod fan;
 mod forced;
 mod kd_tree;
+mod kept;
 mod legality;
 mod look;
 mod nearest;

@@ -11,7 +11,7 @@ mod cells;
 mod exact;
 mod seen;
 
-use crate::displacement::{Along, Displacement, Reach};
+use crate::displacement::{Along, Displaced, Displacement, Reach};
 use crate::ring::{NO_FACE, View};
 use arrangement::{APEX, Arrangement, CROSSINGS, Cell};
 pub(crate) use cells::Place;
@@ -71,12 +71,7 @@ impl Overlay {
 
     /// Appends to `out` every new face with its displacements after the collapse; false if neither of two normals shows both fans
     /// one-to-one, and then `out` is as it was.
-    pub(crate) fn bound(
-        &mut self,
-        ring: View<'_>,
-        of: &[Displacement],
-        out: &mut Vec<(u32, Displacement)>,
-    ) -> bool {
+    pub(crate) fn bound(&mut self, ring: View<'_>, of: &[Displacement], out: &mut Vec<Displaced>) -> bool {
         self.laid = None;
         if ring.len() < 3 {
             return false;
@@ -95,7 +90,7 @@ impl Overlay {
         normal: Vector3<f64>,
         ring: View<'_>,
         of: &[Displacement],
-        out: &mut Vec<(u32, Displacement)>,
+        out: &mut Vec<Displaced>,
     ) -> bool {
         let Some(normal) = normal.try_normalize(0.0) else { return false };
         let (len, faces) = (ring.len(), ring.faces());
@@ -203,7 +198,7 @@ impl Overlay {
     /// Whether both fans lie one-to-one over the plane: all faces turn the same way, and the old ones go about their apex once.
     fn is_one_to_one(&self, boundary: Option<usize>, last: usize, least_area: f64) -> bool {
         let old = &self.old;
-        if self.new.small(1..last, least_area) > 0 {
+        if !self.new.are_larger(1..last, least_area) {
             return false;
         }
         let half_turn = |start: usize, others: Range<usize>| {
@@ -211,10 +206,10 @@ impl Overlay {
             others.into_iter().all(|i| start.cross(old.at(i)) > least_area)
         };
         match boundary {
-            None => old.small(0..last + 1, least_area) == 0 && old.rises(last + 1) == 1,
+            None => old.are_larger(0..last + 1, least_area) && old.rises(last + 1) == 1,
             // A half turn from one boundary edge to the other.
-            Some(1) => old.small(1..last + 1, least_area) == 0 && half_turn(1, 2..last + 1),
-            Some(_) => old.small(0..last, least_area) == 0 && half_turn(0, 1..last),
+            Some(1) => old.are_larger(1..last + 1, least_area) && half_turn(1, 2..last + 1),
+            Some(_) => old.are_larger(0..last, least_area) && half_turn(0, 1..last),
         }
     }
 

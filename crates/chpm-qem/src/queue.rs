@@ -39,6 +39,10 @@ impl Entry {
         self.kind() == GUESS
     }
 
+    pub(crate) fn is_bound(self) -> bool {
+        self.kind() == BOUND
+    }
+
     pub(crate) fn is_offer(self) -> bool {
         self.kind() == OFFER
     }
@@ -47,7 +51,7 @@ impl Entry {
         !self.0 as u16
     }
 
-    fn cost(self) -> f32 {
+    pub(crate) fn cost(self) -> f32 {
         f32::from_bits((!self.0 >> 32) as u32)
     }
 }

@@ -88,8 +88,8 @@ impl Ring {
                 z[i] * x[next] - x[i] * z[next],
                 x[i] * y[next] - y[i] * x[next],
             ];
-            for axis in 0..3 {
-                (self.areas[axis][i], self.areas[axis][len + i]) = (area[axis], area[axis]);
+            for (areas, area) in self.areas.iter_mut().zip(area) {
+                (areas[i], areas[len + i]) = (area, area);
             }
             let squared = x[i] * x[i] + y[i] * y[i] + z[i] * z[i];
             reach = if squared > reach { squared } else { reach };
@@ -99,15 +99,15 @@ impl Ring {
 
     /// The loop from its i-th vertex on.
     #[inline]
-    pub(crate) fn from(&self, start: usize) -> View<'_> {
+    pub(crate) fn begun_at(&self, start: usize) -> View<'_> {
         View { ring: self, start }
     }
 
     /// The same, from a vertex on that it has.
     #[inline]
-    pub(crate) fn from_vertex(&self, vertex: u16) -> Option<View<'_>> {
+    pub(crate) fn seen_from(&self, vertex: u16) -> Option<View<'_>> {
         let start = self.vertices[..self.len].iter().position(|v| *v == vertex)?;
-        Some(self.from(start))
+        Some(self.begun_at(start))
     }
 }
 

@@ -283,7 +283,7 @@ proptest! {
         if !displaced {
             before.fill(Displacement::default());
         }
-        check(&mut Overlay::default(), ring.from(0), normal, &before);
+        check(&mut Overlay::default(), ring.begun_at(0), normal, &before);
     }
 }
 
@@ -305,7 +305,7 @@ fn the_oracle_is_asked() {
             let fan = Fan { squash, roughness, open, ..base.clone() };
             let (ring, normal, before) = fan.lay();
             assert!(
-                check(&mut Overlay::default(), ring.from(0), normal, &before),
+                check(&mut Overlay::default(), ring.begun_at(0), normal, &before),
                 "{squash} {roughness} {open:?}"
             );
         }
@@ -330,7 +330,7 @@ fn a_vertex_behind_u_is_on_either_side() {
         };
         let (ring, normal, before) = fan.lay();
         let mut overlay = Overlay::default();
-        assert!(check(&mut overlay, ring.from(0), normal, &before), "{far}");
+        assert!(check(&mut overlay, ring.begun_at(0), normal, &before), "{far}");
         uncertain += u32::from(overlay.sectors().count() > 1);
     }
     assert!(uncertain > 150, "{uncertain}");

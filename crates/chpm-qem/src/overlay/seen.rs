@@ -85,16 +85,15 @@ impl Seen {
         (1..y.len()).map(|i| u32::from((y[i - 1] < 0.0) & (y[i] >= 0.0))).sum()
     }
 
-    /// How many of the given triangles, which each vertex and the next make with the point in the middle, are not larger than an area.
+    /// Whether all of the given triangles, which each vertex and the next make with the point in the middle, are larger than an area.
     #[inline]
-    pub(super) fn small(&self, triangles: Range<usize>, least_area: f64) -> usize {
+    pub(super) fn are_larger(&self, triangles: Range<usize>, least_area: f64) -> bool {
         let (x, y) =
             (&self.x[triangles.start..triangles.end + 1], &self.y[triangles.start..triangles.end + 1]);
-        let mut small = 0;
+        let mut larger = 0;
         for i in 1..x.len() {
-            // What is no number is not larger.
-            small += usize::from(!(x[i - 1] * y[i] - y[i - 1] * x[i] > least_area));
+            larger += usize::from(x[i - 1] * y[i] - y[i - 1] * x[i] > least_area);
         }
-        small
+        larger == triangles.len()
     }
 }

@@ -1,0 +1,53 @@
+//! Proposals of vertices that were put back into the queue, for when they come up unchanged.
+
+use crate::displacement::Displaced;
+
+/// Proposals by vertex: the collapse, and what it leaves behind.
+#[derive(Debug, Default)]
+pub(crate) struct Kept {
+    slots: Vec<Slot>,
+    arena: Vec<Displaced>,
+}
+
+/// A collapse to v within a bound, and where its displacements are in the arena; none are there if it was not kept.
+#[derive(Clone, Copy, Debug, Default)]
+struct Slot {
+    bound: f64,
+    start: u32,
+    count: u16,
+    v: u16,
+}
+
+impl Kept {
+    /// Forgets the last patch.
+    pub(crate) fn clear(&mut self, vertex_count: usize) {
+        self.arena.clear();
+        self.slots.clear();
+        self.slots.resize(vertex_count, Slot::default());
+    }
+
+    /// Keeps the displacements after u -> v. They take the place of those that were kept before, if there is room.
+    pub(crate) fn keep(&mut self, u: u16, v: u16, bound: f64, displacements: &[Displaced]) {
+        let slot = &mut self.slots[usize::from(u)];
+        let room = usize::from(slot.count);
+        if displacements.len() > room {
+            slot.start = self.arena.len() as u32;
+            self.arena.extend_from_slice(displacements);
+        } else {
+            self.arena[slot.start as usize..][..displacements.len()].copy_from_slice(displacements);
+        }
+        (slot.bound, slot.count, slot.v) = (bound, displacements.len() as u16, v);
+    }
+
+    /// Forgets what was kept of u.
+    pub(crate) fn forget(&mut self, u: u16) {
+        self.slots[usize::from(u)].count = 0;
+    }
+
+    /// What was kept of u: where it would go, the bound, and the displacements after that.
+    pub(crate) fn of(&self, u: u16) -> Option<(u16, f64, &[Displaced])> {
+        let Slot { bound, start, count, v } = self.slots[usize::from(u)];
+        let displacements = &self.arena[start as usize..][..usize::from(count)];
+        (count > 0).then_some((v, bound, displacements))
+    }
+}
