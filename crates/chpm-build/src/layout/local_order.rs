@@ -17,6 +17,7 @@ pub(super) struct LocalOrder {
     base_triangles: Vec<[u16; 3]>,
     rank: Vec<u16>,
     position: Vec<u16>,
+    at_position: Vec<u16>,
     old_to_new: Vec<u16>,
     new_to_old: Vec<u16>,
     starts: Vec<u32>,
@@ -102,10 +103,16 @@ impl LocalOrder {
     }
 
     fn number_base(&mut self, page: &Page<'_>) {
+        // In the order of their positions, of which each vertex has another.
+        const NONE: u16 = u16::MAX;
+        self.at_position.clear();
+        self.at_position.resize(page.vertex_count(), NONE);
+        for (vertex, position) in (0..page.base_vertex_count as u16).zip(&self.position) {
+            self.at_position[usize::from(*position)] = vertex;
+        }
         self.new_to_old.clear();
-        self.new_to_old.extend(0..page.vertex_count() as u16);
-        let position = &self.position;
-        self.new_to_old[..page.base_vertex_count].sort_unstable_by_key(|v| position[usize::from(*v)]);
+        self.new_to_old.extend(self.at_position.iter().filter(|vertex| **vertex != NONE));
+        self.new_to_old.extend(page.base_vertex_count as u16..page.vertex_count() as u16);
         self.old_to_new.clear();
         self.old_to_new.resize(page.vertex_count(), 0);
         for (new, old) in self.new_to_old.iter().enumerate() {

@@ -19,28 +19,47 @@ pub fn expected_change(changes: &mut [(u32, i32)]) -> i64 {
     sum
 }
 
-/// The same sum where every span changes by one, as it does when two neighbours in a layout swap: `steps` holds, for each edge
-/// that changes, the shorter of its two spans and +1 if the edge becomes longer, -1 if it becomes shorter. Reorders `steps`.
-pub fn expected_change_of_steps(steps: &mut [(u32, i32)]) -> i64 {
-    steps.sort_unstable_by_key(|s| s.0);
-    let (mut rank, mut sum) = (0, 0);
-    let mut count = |delta: i32| {
-        rank += i64::from(delta != 0);
-        sum += rank * i64::from(delta);
-    };
-    // Edges that grow leave `span` for the next one: the gain of one span is the loss of the span before.
-    let (mut at, mut carried) = (u32::MAX, 0);
-    for same in steps.chunk_by(|a, b| a.0 == b.0) {
-        let (span, grown) = (same[0].0, same.iter().map(|s| s.1).sum::<i32>());
-        if span != at {
-            count(carried);
-            carried = 0;
-        }
-        count(carried - grown);
-        (at, carried) = (span + 1, grown);
+/// The same sum where every span changes by one, as it does when two neighbours in a layout swap.
+///
+/// Edges that grow leave a span for the next one: with g(l) for how many more grow than shrink at the shorter span l, delta |E_l| is
+/// g(l - 1) - g(l), and those of all spans from l on add up to g(l - 1). A span l adds that to the sum over all ranks if its own delta is
+/// not zero, wherever it is in the order; so nothing needs to be sorted.
+#[derive(Debug, Default)]
+pub struct Steps {
+    /// The shorter span of each edge, and +1 if the edge becomes longer, -1 if it becomes shorter.
+    all: Vec<(u32, i32)>,
+    /// g by span, and which edge is its last; g is zero between two sums.
+    grown: Vec<(i32, u32)>,
+}
+
+impl Steps {
+    /// Makes room for layouts of so many nodes.
+    pub fn fit(&mut self, node_count: usize) {
+        self.grown.resize(self.grown.len().max(node_count + 1), (0, 0));
     }
-    count(carried);
-    sum
+
+    /// Adds an edge.
+    #[inline]
+    pub fn push(&mut self, span: u32, sign: i32) {
+        let (grown, last) = &mut self.grown[span as usize];
+        *grown += sign;
+        *last = self.all.len() as u32;
+        self.all.push((span, sign));
+    }
+
+    /// The metric's sum for the edges so far, which are forgotten.
+    pub fn expected_change(&mut self) -> i32 {
+        let mut sum = 0;
+        for (edge, &(span, _)) in (0..).zip(&self.all) {
+            let ((grown, last), (next, _)) = (self.grown[span as usize], self.grown[span as usize + 1]);
+            let counts = (last == edge) & (grown != next);
+            sum += if counts { grown } else { 0 };
+        }
+        for (span, _) in self.all.drain(..) {
+            self.grown[span as usize].0 = 0;
+        }
+        sum
+    }
 }
 
 #[cfg(test)]
@@ -50,8 +69,10 @@ mod tests {
     #[test]
     fn steps_are_changes() {
         let mut state = 1u32;
+        let mut steps = Steps::default();
+        steps.fit(9);
         for _ in 0..1000 {
-            let steps: Vec<(u32, i32)> = (0..8)
+            let all: Vec<(u32, i32)> = (0..8)
                 .map(|_| {
                     state = state.wrapping_mul(1664525).wrapping_add(1013904223);
                     (1 + (state >> 16) % 7, if state >> 31 == 0 { 1 } else { -1 })
@@ -60,12 +81,9 @@ mod tests {
             let longer =
                 |&(span, sign): &(u32, i32)| if sign > 0 { (span, span + 1) } else { (span + 1, span) };
             let mut changes: Vec<_> =
-                steps.iter().map(longer).flat_map(|(from, to)| [(from, -1), (to, 1)]).collect();
-            assert_eq!(
-                expected_change_of_steps(&mut steps.clone()),
-                expected_change(&mut changes),
-                "{steps:?}"
-            );
+                all.iter().map(longer).flat_map(|(from, to)| [(from, -1), (to, 1)]).collect();
+            all.iter().for_each(|(span, sign)| steps.push(*span, *sign));
+            assert_eq!(i64::from(steps.expected_change()), expected_change(&mut changes), "{all:?}");
         }
     }
 

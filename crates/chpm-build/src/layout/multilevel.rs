@@ -4,7 +4,7 @@
 //! A coarse node stands for at most two nodes, so that a local permutation is the choice which of the two comes first. Yoon allows
 //! up to five; pairs cost a fraction and leave the later stage of this project something to gain.
 
-use super::metric::{expected_change, expected_change_of_steps};
+use super::metric::{Steps, expected_change};
 
 const NONE: u32 = u32::MAX;
 /// Nodes of the coarsest graph, all of whose orders are tried.
@@ -97,6 +97,8 @@ pub(super) struct Multilevel {
     order: Vec<u32>,
     expanded: Vec<u32>,
     changes: Vec<(u32, i32)>,
+    /// What a swap would do.
+    spans: Steps,
 }
 
 impl Multilevel {
@@ -142,6 +144,7 @@ impl Multilevel {
     /// Replaces each coarse node by its members and lets each pair swap if the metric wants it.
     fn expand(&mut self, step: usize) {
         let Step { graph, members } = &self.steps[step];
+        self.spans.fit(graph.node_count());
         self.expanded.clear();
         self.position.clear();
         self.position.resize(graph.node_count(), 0);
@@ -159,16 +162,15 @@ impl Multilevel {
                 continue;
             }
             // Only spans of edges to third nodes change, each by one: towards the left for b, towards the right for a.
-            self.changes.clear();
             for (node, other, longer_left) in [(a, b, 1), (b, a, -1)] {
                 for neighbor in graph.neighbors(node).iter().filter(|n| **n != other) {
                     let q = self.position[*neighbor as usize];
                     let left = q < at;
                     let near = if left { at - q } else { q - at - 1 };
-                    self.changes.push((near, if left { longer_left } else { -longer_left }));
+                    self.spans.push(near, if left { longer_left } else { -longer_left });
                 }
             }
-            if expected_change_of_steps(&mut self.changes) < 0 {
+            if self.spans.expected_change() < 0 {
                 self.expanded.swap(at as usize, at as usize + 1);
                 self.position.swap(a as usize, b as usize);
             }
