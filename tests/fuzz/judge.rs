@@ -1,4 +1,4 @@
-//! What must hold whatever comes in: no panic, errors that leave nothing, and files that their own verifier accepts.
+//! What must hold whatever comes in: no panic, errors that leave nothing, files that their own verifier accepts, and stored errors that it proves.
 
 use crate::command::{chpm, names};
 use crate::container;
@@ -35,7 +35,7 @@ impl Failure {
 pub(crate) struct Depth {
     /// By the command as well as by the libraries.
     pub(crate) process: bool,
-    /// Random cuts in which the command looks for cracks.
+    /// Random cuts in which the command looks for cracks, and whose errors it proves.
     pub(crate) cuts: u32,
 }
 
@@ -130,6 +130,11 @@ fn command_on_source(
     let cuts = (cuts > 0).then(|| format!("--cuts={cuts}"));
     let mut verify = vec!["verify", "out.chpm", "-q", "--memory=128M", "--against", &source.name];
     verify.extend(cuts.as_deref());
+    // Where detail was left out, there is nothing that errors could be held against.
+    let is_trimmed = expected.is_some_and(|bytes| Chpm::open(bytes).is_ok_and(|file| file.is_trimmed()));
+    if !is_trimmed {
+        verify.extend(["--errors", "--positions=2"]);
+    }
     chpm(home.path(), &verify, &[0])?;
     chpm(home.path(), &["extract", "out.chpm", "-q", "--level=0", "-o", "fine.ply"], &[0])?;
     chpm(home.path(), &["extract", "out.chpm", "-q", "--error=0.5", "-o", "near.ply"], &[0])?;

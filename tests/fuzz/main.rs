@@ -51,7 +51,7 @@ struct Args {
     /// One source, and one file, in so many goes through the command as well
     #[arg(long, default_value_t = 8)]
     process: u64,
-    /// Random cuts of what the command has built, in which to look for cracks
+    /// Random cuts of what the command has built, in which to look for cracks, and whose errors are proven, as those of all levels are
     #[arg(long, default_value_t = 5)]
     cuts: u32,
     /// A case that takes more seconds is ended and told; 0 waits for ever

@@ -48,7 +48,7 @@ impl Model {
 
 fn shape(draw: &mut Draw<'_>) -> Model {
     let size = draw.pick(&[2, 3, 8, 20, 40]) + draw.below(5) as u32;
-    let mesh = match draw.below(18) {
+    let mesh = match draw.below(20) {
         0 => hand::grid(size, size),
         1 => hand::tetrahedron(),
         2 => hand::fan(size * 9),
@@ -69,6 +69,7 @@ fn shape(draw: &mut Draw<'_>) -> Model {
         14 => return at_random(size as usize, draw),
         15 => return overlapping_sheets(size as usize, draw),
         16 => return polygons(size as usize, draw),
+        17 => return blocks(size.min(9) as usize, draw),
         _ => return specks(size as usize, draw),
     };
     Model::of(&mesh)
@@ -112,6 +113,35 @@ fn polygons(size: usize, draw: &mut Draw<'_>) -> Model {
         model.faces.push((first..first + corners as i64).collect());
     }
     model
+}
+
+/// Cubes of a lattice that are there by chance: they touch in faces, edges and corners, with vertices in common or only in one place, or almost.
+fn blocks(size: usize, draw: &mut Draw<'_>) -> Model {
+    let cube = Model::of(&hand::cube());
+    let (seed, share) = (draw.word(), draw.pick(&[0.5, 0.2, 0.9]));
+    let step = draw.pick(&[1.0, 1.0, 1.0 + 1e-7, 1.001, 0.9]);
+    let mut model = Model::default();
+    for place in 0..size * size * size {
+        if noise(seed, place) < share {
+            let at = [place % size, place / size % size, place / size / size];
+            append(&mut model, &cube, at.map(|i| i as f64 * step));
+        }
+    }
+    if draw.once_in(2) {
+        weld(&mut model);
+    }
+    model
+}
+
+/// Makes one vertex of all in one place.
+fn weld(model: &mut Model) {
+    let mut known = std::collections::BTreeMap::new();
+    let key = |p: &[f64; 3]| p.map(f64::to_bits);
+    let first: Vec<i64> =
+        (0..).zip(&model.positions).map(|(i, p)| *known.entry(key(p)).or_insert(i)).collect();
+    for v in model.faces.iter_mut().flatten() {
+        *v = usize::try_from(*v).ok().and_then(|v| first.get(v).copied()).unwrap_or(*v);
+    }
 }
 
 /// Many small components far from one another.

@@ -15,6 +15,9 @@ pub(crate) type Corners = [[f32; 3]; 3];
 /// their triangle by 14 roundings for each cut that it comes from, of which there are fewer than 96.
 pub const LOSS: f64 = 1.0 / (1u64 << 42) as f64;
 
+/// Times that a place is looked for from where it was found to be.
+const REPAIRS: usize = 3;
+
 /// Which part of a triangle is nearest.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Feature {
@@ -63,18 +66,35 @@ impl Face {
 
     /// The nearest place to a point, as well as it can be found. It is on the triangle, up to [`LOSS`], in any case.
     pub(crate) fn nearest(&self, point: Point3<f64>) -> Place {
-        let weight =
-            |i: usize| self.edges[(i + 1) % 3].cross(&(point - self.corners[(i + 1) % 3])).dot(&self.normal);
-        let weights = [weight(0), weight(1), weight(2)];
+        let weight = |i: usize, way: Vector3<f64>| self.edges[(i + 1) % 3].cross(&way).dot(&self.normal);
+        let mut weights = [0, 1, 2].map(|i| weight(i, point - self.corners[(i + 1) % 3]));
         let sum: f64 = weights.iter().sum();
         if sum > 0.0 && sum.is_finite() && weights.iter().all(|weight| *weight >= 0.0) {
-            let at =
-                self.corners[0] + self.edges[0] * (weights[1] / sum) - self.edges[2] * (weights[2] / sum);
-            return Place { at, distance: (point - at).norm(), feature: Feature::Inside };
+            weights.iter_mut().for_each(|weight| *weight /= sum);
+            let mut place = self.inside(weights, point);
+            // Along a needle, rounding may have missed the foot of the perpendicular by far more than across; what is missing is found by the same way.
+            let most = 0.1 * LOSS * self.largest.max(point.coords.amax()) * self.normal.norm();
+            for _ in 0..REPAIRS {
+                let way = point - place.at;
+                if way.cross(&self.normal).norm() <= most {
+                    break;
+                }
+                let repaired = [0, 1, 2].map(|i| (weights[i] + weight(i, way) / sum).max(0.0));
+                let all: f64 = repaired.iter().sum();
+                weights = repaired.map(|weight| weight / all);
+                let other = self.inside(weights, point);
+                place = if other.distance < place.distance { other } else { place };
+            }
+            return place;
         }
         let [a, b, c] = [self.on_edge(0, point), self.on_edge(1, point), self.on_edge(2, point)];
         let nearer = |a: Place, b: Place| if b.distance < a.distance { b } else { a };
         nearer(nearer(a, b), c)
+    }
+
+    fn inside(&self, weights: [f64; 3], point: Point3<f64>) -> Place {
+        let at = self.corners[0] + self.edges[0] * weights[1] - self.edges[2] * weights[2];
+        Place { at, distance: (point - at).norm(), feature: Feature::Inside }
     }
 
     fn on_edge(&self, edge: usize, point: Point3<f64>) -> Place {
@@ -136,6 +156,26 @@ mod tests {
             assert_eq!(place.feature, feature, "{point:?}");
             let least = face.at_least(point.into());
             assert!(least <= distance && least > distance - 1e-11, "{point:?}: {least}");
+        }
+    }
+
+    #[test]
+    fn a_point_of_a_needle_is_on_it() {
+        // A point inside is a combination of corners up to rounding.
+        for width in [1.0, 1e-3, 1e-6] {
+            let corners: Corners = [[65537.0, 3.0, 0.0], [2.0, 1.0, 7.0], [2.0 - width, 1.0, 7.0 + width]];
+            let face = Face::new(corners);
+            for [a, b] in [[0.3, 0.3], [0.9, 0.05], [0.01, 0.4], [1e-5, 0.5]] {
+                let point = face.corners[0] + face.edges[0] * a - face.edges[2] * b;
+                let distance = face.nearest(point).distance;
+                assert!(distance <= 0.1 * LOSS * face.largest, "{width} {a} {b}: {distance}");
+                let beside = point + face.normal.normalize() * 0.01;
+                let least = face.at_least(beside);
+                assert!(
+                    (0.01 - 2.0 * LOSS * face.largest..=0.01).contains(&least),
+                    "{width} {a} {b}: {least}"
+                );
+            }
         }
     }
 
