@@ -145,6 +145,10 @@ fn every_kind_of_source_is_built_and_checked_without_its_dust() {
     let below = (0..60).filter(|i| f64::from(0.001 + 0.0028 * *i as f32) * 3f64.sqrt() < 0.1).count();
     assert!((10..50).contains(&below));
     check(&folder, "in.ply", "0.1", [below, 12 * below, KEPT + 12 * (60 - below)]);
+    // Nor are errors held against what is not there.
+    let told = folder.stdout("verify out.chpm --against in.ply --errors -q --json");
+    let told: Value = serde_json::from_str(&told).expect("JSON");
+    assert_eq!((&told["sound"], told["errors"]["levels"].is_array()), (&true.into(), true), "{told}");
     check(&folder, "in.stl", "0.1", [below, 12 * below, KEPT + 12 * (60 - below)]);
     // A percent of the box of all, dust included, which is some 18 long.
     check(&folder, "in.obj", "5%", half);
