@@ -181,6 +181,9 @@ mod tests {
         let context = Context::new(store, pool, &Silent, Cancel::default());
         let links = links_by(len, &triangles, vertices, &context).unwrap();
         assert_eq!(links.is_on_disk(), memory == 0 && vertices > 0);
+        context.cancel.cancel();
+        let stopped = links_by(len, &triangles, vertices, &context);
+        assert!(triangles.is_empty() || matches!(stopped, Err(BuildError::Cancelled)), "nobody looks");
         let mut firsts = links.read(0..vertices, &mut Vec::new()).unwrap().to_vec();
         for vertex in 0..vertices {
             assert!(firsts[vertex] <= vertex as u32, "a link leads back");
