@@ -257,8 +257,9 @@ impl<'a, 'd> Run<'a, 'd> {
             // It costs what it did when it was put back, and so the least of all.
             if entry.is_bound()
                 && !state.is(State::STALE)
-                && let Some((v, bound)) = self.recall(u)
+                && let Some((v, bound)) = self.recall(u, entry.cost())
             {
+                debug_assert!(self.all.prices.of_bound(bound) <= entry.cost(), "it costs what it did");
                 if self.is_steep(goal, bound) {
                     return true;
                 }
@@ -299,7 +300,7 @@ impl<'a, 'd> Run<'a, 'd> {
                 }
                 if cost > next {
                     self.state(u).drop(State::STALE);
-                    self.keep(u, v, bound);
+                    self.keep(u, v, bound, cost);
                     self.all.queue.push(Entry::bounded(cost, u));
                 } else {
                     self.carry_out(v, bound, cost);
@@ -349,20 +350,20 @@ impl<'a, 'd> Run<'a, 'd> {
     }
 
     /// Keeps what was proposed last for when u comes up again, if that is all that there is to it.
-    fn keep(&mut self, u: u16, v: u16, bound: f64) {
+    fn keep(&mut self, u: u16, v: u16, bound: f64, price: f32) {
         let Decimator { kept, bounder, looks, .. } = &mut *self.all;
         if !bounder.proposal.is_swept() && looks.is_empty() {
-            kept.keep(u, v, bound, &bounder.proposal.faces);
+            kept.keep(u, v, bound, price, &bounder.proposal.faces);
         } else {
             kept.forget(u);
         }
     }
 
-    /// Proposes what was kept of u, about which nothing has changed, and answers with the bound. None if there is nothing, or if
-    /// more has come to v than it may have.
-    fn recall(&mut self, u: u16) -> Option<(u16, f64)> {
+    /// Proposes what was kept of u at a price, about which nothing has changed, and answers with the bound. None if there is nothing,
+    /// or if more has come to v than it may have.
+    fn recall(&mut self, u: u16, price: f32) -> Option<(u16, f64)> {
         let Decimator { kept, mesh, fan, bounder, displacements: current, .. } = &mut *self.all;
-        let (v, bound, displacements) = kept.of(u)?;
+        let (v, bound, displacements) = kept.at_price(u, price)?;
         fan.gather(mesh, u);
         legality::check_topology(&self.given, mesh, fan, v).ok()?;
         if cfg!(debug_assertions) {

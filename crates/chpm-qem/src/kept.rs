@@ -9,10 +9,11 @@ pub(crate) struct Kept {
     arena: Vec<Displaced>,
 }
 
-/// A collapse to v within a bound, and where its displacements are in the arena; none are there if it was not kept.
+/// A collapse to v within a bound at a price, and where its displacements are in the arena; none are there if it was not kept.
 #[derive(Clone, Copy, Debug, Default)]
 struct Slot {
     bound: f64,
+    price: f32,
     start: u32,
     count: u16,
     v: u16,
@@ -27,7 +28,7 @@ impl Kept {
     }
 
     /// Keeps the displacements after u -> v. They take the place of those that were kept before, if there is room.
-    pub(crate) fn keep(&mut self, u: u16, v: u16, bound: f64, displacements: &[Displaced]) {
+    pub(crate) fn keep(&mut self, u: u16, v: u16, bound: f64, price: f32, displacements: &[Displaced]) {
         let slot = &mut self.slots[usize::from(u)];
         let room = usize::from(slot.count);
         if displacements.len() > room {
@@ -36,7 +37,7 @@ impl Kept {
         } else {
             self.arena[slot.start as usize..][..displacements.len()].copy_from_slice(displacements);
         }
-        (slot.bound, slot.count, slot.v) = (bound, displacements.len() as u16, v);
+        (slot.bound, slot.price, slot.count, slot.v) = (bound, price, displacements.len() as u16, v);
     }
 
     /// Forgets what was kept of u.
@@ -44,10 +45,11 @@ impl Kept {
         self.slots[usize::from(u)].count = 0;
     }
 
-    /// What was kept of u: where it would go, the bound, and the displacements after that.
-    pub(crate) fn of(&self, u: u16) -> Option<(u16, f64, &[Displaced])> {
-        let Slot { bound, start, count, v } = self.slots[usize::from(u)];
-        let displacements = &self.arena[start as usize..][..usize::from(count)];
-        (count > 0).then_some((v, bound, displacements))
+    /// What was kept of u at a price: where it would go, the bound, and the displacements after that. A vertex that is in the queue
+    /// twice may come up at a price that was another proposal's.
+    pub(crate) fn at_price(&self, u: u16, price: f32) -> Option<(u16, f64, &[Displaced])> {
+        let slot = self.slots[usize::from(u)];
+        let displacements = &self.arena[slot.start as usize..][..usize::from(slot.count)];
+        (slot.count > 0 && slot.price == price).then_some((slot.v, slot.bound, displacements))
     }
 }

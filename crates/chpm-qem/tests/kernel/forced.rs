@@ -2,6 +2,7 @@
 
 use crate::play::{any_mesh, run, run_in, run_with};
 use chpm_mesh::TriMesh;
+use chpm_mesh::synth::{Shape, Synth};
 use chpm_qem::{Decimator, Refusal, Topology};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
@@ -34,6 +35,16 @@ fn a_spine_of_any_number_of_pages_goes_along_itself() {
         }
         let off = run.collapses.iter().filter(|c| c.from <= 12 && c.to > 12).count();
         assert_eq!(off, 0, "{pages} pages");
+    }
+}
+
+/// A vertex that may be forced can be in the queue twice; what was kept of it goes at its own price only. The kernel asserts it.
+#[test]
+fn what_was_kept_goes_at_its_own_price() {
+    for seed in 0..4 {
+        let mesh = Synth::new(Shape::Isosurface, 12_000, seed).to_mesh();
+        let run = run_in(Topology::Change, &mesh, 200);
+        assert!(!run.stalled && run.triangle_count <= 200);
     }
 }
 
