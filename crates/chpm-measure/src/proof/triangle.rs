@@ -66,6 +66,11 @@ impl Face {
 
     /// The nearest place to a point, as well as it can be found. It is on the triangle, up to [`LOSS`], in any case.
     pub(crate) fn nearest(&self, point: Point3<f64>) -> Place {
+        let nearer = |a: Place, b: Place| if b.distance < a.distance { b } else { a };
+        let on_edges = || {
+            let edge = |i: usize| self.on_edge(i, point);
+            nearer(nearer(edge(0), edge(1)), edge(2))
+        };
         let weight = |i: usize, way: Vector3<f64>| self.edges[(i + 1) % 3].cross(&way).dot(&self.normal);
         let mut weights = [0, 1, 2].map(|i| weight(i, point - self.corners[(i + 1) % 3]));
         let sum: f64 = weights.iter().sum();
@@ -74,10 +79,10 @@ impl Face {
             let mut place = self.inside(weights, point);
             // Along a needle, rounding may have missed the foot of the perpendicular by far more than across; what is missing is found by the same way.
             let most = 0.1 * LOSS * self.largest.max(point.coords.amax()) * self.normal.norm();
-            for _ in 0..REPAIRS {
+            for _ in 0..=REPAIRS {
                 let way = point - place.at;
                 if way.cross(&self.normal).norm() <= most {
-                    break;
+                    return place;
                 }
                 let repaired = [0, 1, 2].map(|i| (weights[i] + weight(i, way) / sum).max(0.0));
                 let all: f64 = repaired.iter().sum();
@@ -85,11 +90,10 @@ impl Face {
                 let other = self.inside(weights, point);
                 place = if other.distance < place.distance { other } else { place };
             }
-            return place;
+            // It is beside an edge then, by less than can be told.
+            return nearer(place, on_edges());
         }
-        let [a, b, c] = [self.on_edge(0, point), self.on_edge(1, point), self.on_edge(2, point)];
-        let nearer = |a: Place, b: Place| if b.distance < a.distance { b } else { a };
-        nearer(nearer(a, b), c)
+        on_edges()
     }
 
     fn inside(&self, weights: [f64; 3], point: Point3<f64>) -> Place {
@@ -177,6 +181,23 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn a_point_beside_the_edge_of_a_cap_is_on_it() {
+        let face = Face::new([[1.4, 0.8, 0.0], [1.5, 0.9, 0.0], [1.1, 0.5, 0.0]]);
+        let mut asked = 0;
+        for edge in 0..3 {
+            for step in 1..200 {
+                let on = face.corners[edge] + face.edges[edge] * (f64::from(step) / 200.0);
+                for off in [-1e-16, 0.0, 1e-16] {
+                    let distance = face.nearest(on + Vector3::new(off, -off, 0.0)).distance;
+                    assert!(distance <= 0.2 * LOSS * face.largest, "{edge} {step} {off}: {distance}");
+                    asked += 1;
+                }
+            }
+        }
+        assert_eq!(asked, 3 * 199 * 3);
     }
 
     #[test]
