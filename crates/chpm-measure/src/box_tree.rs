@@ -1,5 +1,6 @@
 //! A binary tree of boxes, searched from near to far.
 
+use crate::parting::Parting;
 use chpm_mesh::Aabb;
 use nalgebra::Point3;
 
@@ -7,6 +8,8 @@ use nalgebra::Point3;
 #[derive(Clone, Debug, Default)]
 pub struct BoxTree {
     nodes: Vec<Node>,
+    /// By node, what tells its children apart where their boxes do not; empty where few need it.
+    partings: Vec<Option<Parting>>,
     /// Items in the order of the leaves.
     order: Vec<u32>,
 }
@@ -22,6 +25,10 @@ struct Node {
 }
 
 const LEAF: usize = 4;
+/// Below so many items no parting is looked for: those of ordinary surfaces cost more than they spare.
+const PARTABLE: usize = 4 * LEAF;
+/// Where less than one node in so many has a parting, none is kept: boxes do for such a tree.
+const FEW: usize = 64;
 
 impl BoxTree {
     /// Builds over items `0..boxes.len()`; medians along the longest axis of the boxes' middles, ties by index.
@@ -32,52 +39,27 @@ impl BoxTree {
     /// As [`BoxTree::new`], of items that each matter up to a distance of their own: a search does not come to those that are
     /// farther away than that, but for neighbours in the tree.
     pub fn reaching(boxes: &[Aabb], reach: impl Fn(usize) -> f64) -> Self {
-        let middles: Vec<[f64; 3]> = boxes.iter().map(|b| b.center().coords.into()).collect();
-        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-        let mut tree = BoxTree::default();
-        if !order.is_empty() {
-            tree.build(boxes, &middles, &reach, &mut order, 0);
-        }
-        tree.order = order;
-        tree
+        BoxTree::build(boxes, &[], reach)
     }
 
-    fn build(
-        &mut self,
-        boxes: &[Aabb],
-        middles: &[[f64; 3]],
-        reaches: &impl Fn(usize) -> f64,
-        items: &mut [u32],
-        first: usize,
-    ) {
-        let mut bounds = Aabb::EMPTY;
-        items.iter().for_each(|&i| bounds.merge(&boxes[i as usize]));
-        let farthest = items.iter().map(|&i| reaches(i as usize)).fold(0.0, f64::max);
-        // One step up, or more where it was rounded down, so that a box at exactly the distance is not missed.
-        let reach = (farthest as f32).next_up().next_up();
-        let node = self.nodes.len();
-        self.nodes.push(Node { bounds, reach, first: first as u32, count: items.len() as u32 });
-        if items.len() <= LEAF {
-            return;
+    /// As [`BoxTree::new`], over the boxes of triangles, and with what tells those apart that have their boxes in one another.
+    pub fn of_triangles(triangles: &[[[f32; 3]; 3]]) -> Self {
+        let boxes: Vec<Aabb> = triangles.iter().map(Aabb::of_points).collect();
+        BoxTree::build(&boxes, triangles, |_| f64::INFINITY)
+    }
+
+    fn build(boxes: &[Aabb], triangles: &[[[f32; 3]; 3]], reach: impl Fn(usize) -> f64) -> Self {
+        let middles = boxes.iter().map(|b| b.center().coords.into()).collect();
+        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
+        let mut builder = Builder { boxes, middles, triangles, reach, tree: BoxTree::default() };
+        if !order.is_empty() {
+            builder.build(&mut order, 0);
         }
-        let mut extent = [(f64::INFINITY, f64::NEG_INFINITY); 3];
-        for middle in items.iter().map(|&i| middles[i as usize]) {
-            for (range, c) in extent.iter_mut().zip(middle) {
-                *range = (range.0.min(c), range.1.max(c));
-            }
+        let mut tree = BoxTree { order, ..builder.tree };
+        if tree.partings.iter().flatten().count() * FEW < tree.nodes.len() {
+            tree.partings = Vec::new();
         }
-        let width = |a: &usize| extent[*a].1 - extent[*a].0;
-        let axis = (0..3).max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(0);
-        let half = items.len() / 2;
-        items.select_nth_unstable_by(half, |&a, &b| {
-            let [x, y] = [a, b].map(|i| middles[i as usize][axis]);
-            x.total_cmp(&y).then(a.cmp(&b))
-        });
-        let (low, high) = items.split_at_mut(half);
-        self.build(boxes, middles, reaches, low, first);
-        let right = self.nodes.len() as u32;
-        self.build(boxes, middles, reaches, high, first + half);
-        self.nodes[node] = Node { bounds, reach, first: right, count: 0 };
+        tree
     }
 
     /// Items in the order of the leaves: a place is an index into it.
@@ -87,14 +69,33 @@ impl BoxTree {
 
     /// Bytes of memory.
     pub fn len_bytes(&self) -> usize {
-        size_of_val(&self.nodes[..]) + size_of_val(&self.order[..])
+        size_of_val(&self.nodes[..]) + size_of_val(&self.partings[..]) + size_of_val(&self.order[..])
     }
 
     /// Calls `visit` with the place of every item whose box may be nearer than the square root of `best`, near boxes first; `visit`
     /// lowers `best` as it finds something.
-    pub fn search(&self, point: Point3<f64>, best: &mut f64, mut visit: impl FnMut(usize, &mut f64)) {
+    pub fn search(&self, point: Point3<f64>, best: &mut f64, visit: impl FnMut(usize, &mut f64)) {
+        self.walk::<false>(point, best, visit);
+    }
+
+    /// As [`BoxTree::search`], in a tree of triangles: past those that lie askew in boxes that hold the point.
+    pub fn search_triangles(&self, point: Point3<f64>, best: &mut f64, visit: impl FnMut(usize, &mut f64)) {
+        // Measuring spends its time here, and ordinary surfaces have no partings.
+        if self.partings.is_empty() {
+            self.walk::<false>(point, best, visit);
+        } else {
+            self.walk::<true>(point, best, visit);
+        }
+    }
+
+    fn walk<const PARTED: bool>(
+        &self,
+        point: Point3<f64>,
+        best: &mut f64,
+        mut visit: impl FnMut(usize, &mut f64),
+    ) {
         // Medians halve, so the depth is at most 32; a node leaves one entry behind.
-        let mut stack = [(0.0, 0); 64];
+        let mut stack = [(0.0, 0); 34];
         let mut len = usize::from(!self.nodes.is_empty());
         while len > 0 {
             len -= 1;
@@ -109,7 +110,11 @@ impl BoxTree {
                 continue;
             }
             let child = |c: usize| (squared_distance_to_box(point, &self.nodes[c].bounds), c);
-            let (left, right) = (child(index + 1), child(node.first as usize));
+            let (mut left, mut right) = (child(index + 1), child(node.first as usize));
+            if PARTED && let Some(parting) = &self.partings[index] {
+                let [low, high] = parting.squared_distances(point);
+                (left.0, right.0) = (left.0.max(low), right.0.max(high));
+            }
             let (near, far) = if right.0 < left.0 { (right, left) } else { (left, right) };
             stack[len] = far;
             stack[len + 1] = near;
@@ -121,6 +126,59 @@ impl BoxTree {
     pub fn for_each_reaching(&self, point: Point3<f64>, mut visit: impl FnMut(usize)) {
         let mut everything = f64::INFINITY;
         self.search(point, &mut everything, |place, _| visit(place));
+    }
+}
+
+/// What a tree is built of.
+struct Builder<'a, F> {
+    boxes: &'a [Aabb],
+    middles: Vec<[f64; 3]>,
+    /// None where the items are only boxes.
+    triangles: &'a [[[f32; 3]; 3]],
+    reach: F,
+    tree: BoxTree,
+}
+
+impl<F: Fn(usize) -> f64> Builder<'_, F> {
+    fn build(&mut self, items: &mut [u32], first: usize) {
+        let mut bounds = Aabb::EMPTY;
+        items.iter().for_each(|&i| bounds.merge(&self.boxes[i as usize]));
+        let farthest = items.iter().map(|&i| (self.reach)(i as usize)).fold(0.0, f64::max);
+        // One step up, or more where it was rounded down, so that a box at exactly the distance is not missed.
+        let reach = (farthest as f32).next_up().next_up();
+        let node = self.tree.nodes.len();
+        self.tree.nodes.push(Node { bounds, reach, first: first as u32, count: items.len() as u32 });
+        self.tree.partings.push(None);
+        if items.len() <= LEAF {
+            return;
+        }
+        let middles = &self.middles;
+        let mut extent = [(f64::INFINITY, f64::NEG_INFINITY); 3];
+        for middle in items.iter().map(|&i| middles[i as usize]) {
+            for (range, c) in extent.iter_mut().zip(middle) {
+                *range = (range.0.min(c), range.1.max(c));
+            }
+        }
+        let width = |a: &usize| extent[*a].1 - extent[*a].0;
+        let axis = (0..3).max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(0);
+        let half = items.len() / 2;
+        items.select_nth_unstable_by(half, |&a, &b| {
+            let [x, y] = [a, b].map(|i| middles[i as usize][axis]);
+            x.total_cmp(&y).then(a.cmp(&b))
+        });
+        let between = items[half] as usize;
+        let (low, high) = items.split_at_mut(half);
+        self.build(low, first);
+        let right = self.tree.nodes.len();
+        self.build(high, first + half);
+        self.tree.nodes[node] = Node { bounds, reach, first: right as u32, count: 0 };
+        let children = [&self.tree.nodes[node + 1].bounds, &self.tree.nodes[right].bounds];
+        if low.len() + high.len() >= PARTABLE
+            && let Some(between) = self.triangles.get(between)
+            && Parting::is_needed(children)
+        {
+            self.tree.partings[node] = Parting::find(*between, self.triangles, [low, high]);
+        }
     }
 }
 

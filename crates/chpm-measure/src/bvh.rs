@@ -2,7 +2,7 @@
 
 use crate::box_tree::BoxTree;
 use crate::proof::{Corners, Face};
-use chpm_mesh::{Aabb, geom};
+use chpm_mesh::geom;
 use nalgebra::Point3;
 
 /// A hierarchy of boxes over triangles, with its own copy of their corners.
@@ -29,8 +29,7 @@ impl Bvh {
     /// If a triangle names a vertex that is not there.
     pub fn new(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
         let different = different(triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect());
-        let boxes: Vec<Aabb> = different.iter().map(Aabb::of_points).collect();
-        let tree = BoxTree::new(&boxes);
+        let tree = BoxTree::of_triangles(&different);
         let corners = tree.order().iter().map(|&i| different[i as usize]).collect();
         Bvh { tree, corners }
     }
@@ -54,7 +53,7 @@ impl Bvh {
 
     /// Lowers `best`, a squared distance, to what the triangles are away at least, with rounding on the safe side.
     pub(crate) fn at_least(&self, point: Point3<f64>, best: &mut f64) {
-        self.tree.search(point, best, |place, best| {
+        self.tree.search_triangles(point, best, |place, best| {
             *best = best.min(Face::new(self.corners[place]).at_least(point).powi(2));
         });
     }
@@ -79,7 +78,7 @@ impl Bvh {
         if let Some(hint) = hint.filter(|h| *h < self.corners.len()) {
             visit(hint, best);
         }
-        self.tree.search(point, best, visit);
+        self.tree.search_triangles(point, best, visit);
         found
     }
 }
@@ -136,7 +135,7 @@ pub fn squared_distance(point: Point3<f64>, corners: [[f32; 3]; 3]) -> f64 {
     let normal = edges[(apex + 2) % 3].cross(&edges[apex]);
     let inside = |i: usize| edges[i].cross(&(point - corners[i])).dot(&normal) >= 0.0;
     let area_squared = normal.norm_squared();
-    if area_squared > 0.0 && (0..3).all(inside) {
+    if area_squared > 0.0 && inside(0) && inside(1) && inside(2) {
         let height = normal.dot(&(point - corners[apex]));
         return height * height / area_squared;
     }
@@ -222,11 +221,35 @@ mod tests {
         let bvh = Bvh::new(corners.as_flattened(), &triangles);
         for point in [[1.0, 2.0, f64::from(0.3_f32)], [-3.0, 0.7, f64::from(0.3_f32)]] {
             let (mut visits, mut best) = (0, f64::INFINITY);
-            bvh.tree.search(point.into(), &mut best, |place, best| {
+            bvh.tree.search_triangles(point.into(), &mut best, |place, best| {
                 visits += 1;
                 bvh.improve(point.into(), Some(place), best);
             });
             assert!(best == 0.0 && visits <= 8, "{visits} visits, {best}");
+        }
+    }
+
+    #[test]
+    fn long_triangles_askew_ask_few() {
+        let ring = |i: u32, height: f32| {
+            let angle = 0.2 + 1.2 * f64::from(i) / 2000.0;
+            [angle.cos() as f32, angle.sin() as f32, height]
+        };
+        let blades: Vec<[[f32; 3]; 3]> =
+            (0..2000).map(|i| [[0.0, 0.0, 1.0], ring(i, 0.0), ring(i + 1, 0.0)]).collect();
+        let pages: Vec<[[f32; 3]; 3]> =
+            (0..2000).map(|i| [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], ring(i, 0.1)]).collect();
+        for (corners, point) in [(blades, [0.4, 0.3, 0.5]), (pages, [0.3, 0.2, 0.1])] {
+            let triangles: Vec<[u32; 3]> = (0..2000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let bvh = Bvh::new(corners.as_flattened(), &triangles);
+            let (mut visits, mut best) = (0, f64::INFINITY);
+            bvh.tree.search_triangles(point.into(), &mut best, |place, best| {
+                visits += 1;
+                bvh.improve(point.into(), Some(place), best);
+            });
+            let all = corners.iter().map(|t| squared_distance(point.into(), *t));
+            assert_eq!(best, all.fold(f64::INFINITY, f64::min));
+            assert!(visits <= 40, "{visits} visits");
         }
     }
 

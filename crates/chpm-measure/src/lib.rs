@@ -11,6 +11,7 @@ pub mod cache;
 pub mod crack;
 pub mod hausdorff;
 pub mod naive;
+mod parting;
 pub mod proof;
 pub mod sample;
 pub mod tally;
