@@ -1,37 +1,43 @@
-//! Vertices that are near to a place: a k-d tree (Bentley 1975).
+//! Vertices that are near to a place: a k-d tree (Bentley 1975) with small leaves.
 
-use chpm_mesh::geom::to_f64;
 use nalgebra::Point3;
+use std::ops::Range;
 
-/// Some vertices of a patch. In every part the middle one lies between the two halves, by one coordinate after the other.
+/// Some vertices of a patch. In every part that is no leaf the middle one lies between the two halves, by one coordinate after the
+/// other.
 #[derive(Debug, Default)]
-pub(crate) struct KdTree(Vec<u16>);
+pub(crate) struct KdTree {
+    vertices: Vec<u16>,
+    /// Where they are, in the same order.
+    places: Vec<[f32; 3]>,
+}
+
+/// Most vertices of a leaf, which are looked at one by one.
+const LEAF: usize = 8;
 
 impl KdTree {
     /// Refills it.
     pub(crate) fn fill(&mut self, positions: &[[f32; 3]], vertices: impl Iterator<Item = u16>) {
-        self.0.clear();
-        self.0.extend(vertices);
-        divide(positions, &mut self.0, 0);
+        self.vertices.clear();
+        self.vertices.extend(vertices);
+        divide(positions, &mut self.vertices, 0);
+        self.places.clear();
+        self.places.extend(self.vertices.iter().map(|v| positions[usize::from(*v)]));
     }
 
     /// The vertex nearest to a place of those that are accepted, and the square of its distance. Only what is nearer than all accepted
     /// so far is asked about.
-    pub(crate) fn nearest(
-        &self,
-        positions: &[[f32; 3]],
-        at: Point3<f64>,
-        accept: impl FnMut(u16) -> bool,
-    ) -> Option<(f64, u16)> {
-        let mut search = Search { positions, at, accept, least: f64::INFINITY, nearest: None };
-        search.visit(&self.0, 0);
+    pub(crate) fn nearest(&self, at: Point3<f64>, accept: impl FnMut(u16) -> bool) -> Option<(f64, u16)> {
+        let at = at.coords.into();
+        let mut search = Search { tree: self, at, accept, least: f64::INFINITY, nearest: None };
+        search.visit(0..self.vertices.len(), 0, [0.0; 3]);
         search.nearest.map(|vertex| (search.least, vertex))
     }
 }
 
 /// Puts the middle vertex by a coordinate between the two halves, and so on with the next coordinate in both.
 fn divide(positions: &[[f32; 3]], part: &mut [u16], axis: usize) {
-    if part.len() > 1 {
+    if part.len() > LEAF {
         let middle = part.len() / 2;
         let place = |v: u16| positions[usize::from(v)][axis];
         part.select_nth_unstable_by(middle, |a, b| place(*a).total_cmp(&place(*b)).then(a.cmp(b)));
@@ -42,8 +48,8 @@ fn divide(positions: &[[f32; 3]], part: &mut [u16], axis: usize) {
 }
 
 struct Search<'a, F> {
-    positions: &'a [[f32; 3]],
-    at: Point3<f64>,
+    tree: &'a KdTree,
+    at: [f64; 3],
     accept: F,
     /// The square of the distance to the nearest so far.
     least: f64,
@@ -51,20 +57,64 @@ struct Search<'a, F> {
 }
 
 impl<F: FnMut(u16) -> bool> Search<'_, F> {
-    fn visit(&mut self, part: &[u16], axis: usize) {
-        let middle = part.len() / 2;
-        let Some(&vertex) = part.get(middle) else { return };
-        let place = to_f64(self.positions[usize::from(vertex)]);
-        let squared = (place - self.at).norm_squared();
+    /// Looks through a part that is as far away as `aside`, by coordinate.
+    fn visit(&mut self, part: Range<usize>, axis: usize, aside: [f64; 3]) {
+        if part.len() <= LEAF {
+            part.for_each(|index| self.look(index));
+            return;
+        }
+        let middle = part.start + part.len() / 2;
+        let beyond = self.at[axis] - f64::from(self.tree.places[middle][axis]);
+        let (before, after) = (part.start..middle, middle + 1..part.end);
+        let (near, far) = if beyond < 0.0 { (before, after) } else { (after, before) };
+        self.visit(near, (axis + 1) % 3, aside);
+        // As it is rounded, this is never more than what is found for a vertex there.
+        let mut beside = aside;
+        beside[axis] = beyond;
+        if squared(beside) < self.least {
+            self.look(middle);
+            self.visit(far, (axis + 1) % 3, beside);
+        }
+    }
+
+    fn look(&mut self, index: usize) {
+        let [x, y, z] = self.tree.places[index];
+        let [a, b, c] = self.at;
+        let squared = squared([f64::from(x) - a, f64::from(y) - b, f64::from(z) - c]);
+        let vertex = self.tree.vertices[index];
         if squared < self.least && (self.accept)(vertex) {
             (self.least, self.nearest) = (squared, Some(vertex));
         }
-        let beyond = self.at[axis] - place[axis];
-        let (before, after) = (&part[..middle], &part[middle + 1..]);
-        let (near, far) = if beyond < 0.0 { (before, after) } else { (after, before) };
-        self.visit(near, (axis + 1) % 3);
-        if beyond * beyond < self.least {
-            self.visit(far, (axis + 1) % 3);
+    }
+}
+
+fn squared([x, y, z]: [f64; 3]) -> f64 {
+    x * x + y * y + z * z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_mesh::geom::to_f64;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// What a look at all of them finds, and without asking about most.
+        #[test]
+        fn it_is_the_nearest_and_few_are_asked_about(
+            places in prop::collection::vec(prop::array::uniform3(-1.0f32..1.0), 1..2000),
+            at in prop::array::uniform3(-1.5f64..1.5),
+            passed in 1u16..5,
+        ) {
+            let mut tree = KdTree::default();
+            tree.fill(&places, 0..places.len() as u16);
+            let at = Point3::from(at);
+            let mut asked = 0;
+            let found = tree.nearest(at, |v| { asked += 1; v % passed == 0 });
+            let accepted = places.iter().step_by(passed.into());
+            let least = accepted.map(|p| (to_f64(*p) - at).norm_squared()).fold(f64::INFINITY, f64::min);
+            prop_assert_eq!(found.map(|(squared, _)| squared), Some(least));
+            prop_assert!(asked <= 100, "{}", asked);
         }
     }
 }

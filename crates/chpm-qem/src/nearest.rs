@@ -45,7 +45,7 @@ impl Nearest {
             face = found.or(face);
             found.is_some()
         };
-        let nearest = self.tree.nearest(positions, to_f64(positions[usize::from(v)]), has_face);
+        let nearest = self.tree.nearest(to_f64(positions[usize::from(v)]), has_face);
         self.known[usize::from(v)] = nearest.map_or(v, |(_, vertex)| vertex);
         face.zip(nearest.map(|(_, vertex)| vertex))
     }
