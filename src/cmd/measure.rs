@@ -22,7 +22,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Bytes that are found out about each cluster.
-const MEASURES: u64 = 1536;
+const MEASURES: u64 = 1664;
 
 /// What `chpm measure` is told.
 #[derive(clap::Args, Debug)]

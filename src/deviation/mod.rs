@@ -141,7 +141,11 @@ impl<'a> Judge<'a> {
         let boxes = leaves.iter().map(|id| file.clusters()[id.index()].aabb()).collect();
         let ids = leaves.clone();
         let budget = budget / 2;
-        let source = Tiles::new(boxes, budget, move |tile| finest(file, ids[tile]));
+        // Whoever asked for the stop looks again before any of this is used.
+        let stopped = cancel.clone();
+        let source = Tiles::new(boxes, budget, move |tile| {
+            if stopped.is_cancelled() { TriMesh::default() } else { finest(file, ids[tile]) }
+        });
         let bounds = file.header().aabb();
         let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |most: f32, x| most.max(x.abs()));
         let slack = SLACK * f64::from(largest);
@@ -173,7 +177,9 @@ impl<'a> Judge<'a> {
             });
         }
         let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
-        let drawn = Tiles::new(boxes.clone(), self.budget, |tile| mesh_of(file, members[tile]));
+        let drawn = Tiles::new(boxes.clone(), self.budget, |tile| {
+            if cancel.is_cancelled() { TriMesh::default() } else { mesh_of(file, members[tile]) }
+        });
         meter.start(label, (self.leaves.len() + members.len()) as u64);
         let near = BoxTree::reaching(&boxes, |index| f64::from(found[index].distance) + self.slack);
         let view = View { judge: self, drawn: &drawn, near, found: &found, cancel };

@@ -25,8 +25,12 @@ struct Node {
 }
 
 const LEAF: usize = 4;
-/// Below so many items no parting is looked for: those of ordinary surfaces cost more than they spare.
+/// Below so many items a parting is looked for only under another one: those of ordinary surfaces cost more than they spare.
 const PARTABLE: usize = 4 * LEAF;
+/// Items are split off unevenly only if they are at least this part of all.
+const LEAST_SHARE: usize = 16;
+/// Beyond this depth nodes are halved, so that no tree is deeper.
+const DEEPEST: u32 = 44;
 /// Where less than one node in so many has a parting, none is kept: boxes do for such a tree.
 const FEW: usize = 64;
 
@@ -39,21 +43,33 @@ impl BoxTree {
     /// As [`BoxTree::new`], of items that each matter up to a distance of their own: a search does not come to those that are
     /// farther away than that, but for neighbours in the tree.
     pub fn reaching(boxes: &[Aabb], reach: impl Fn(usize) -> f64) -> Self {
-        BoxTree::build(boxes, &[], reach)
+        BoxTree::build(boxes, reach, |_, _| None)
     }
 
     /// As [`BoxTree::new`], over the boxes of triangles, and with what tells those apart that have their boxes in one another.
     pub fn of_triangles(triangles: &[[[f32; 3]; 3]]) -> Self {
         let boxes: Vec<Aabb> = triangles.iter().map(Aabb::of_points).collect();
-        BoxTree::build(&boxes, triangles, |_| f64::INFINITY)
+        BoxTree::parted(&boxes, |between, sets| {
+            Parting::find(triangles[between], Parting::corners_of(triangles, sets))
+        })
     }
 
-    fn build(boxes: &[Aabb], triangles: &[[[f32; 3]; 3]], reach: impl Fn(usize) -> f64) -> Self {
+    /// As [`BoxTree::new`]; `part` looks for what tells two sets of items apart, given the first of the second set.
+    pub(crate) fn parted(boxes: &[Aabb], part: impl Fn(usize, [&[u32]; 2]) -> Option<Parting>) -> Self {
+        BoxTree::build(boxes, |_| f64::INFINITY, part)
+    }
+
+    fn build(
+        boxes: &[Aabb],
+        reach: impl Fn(usize) -> f64,
+        part: impl Fn(usize, [&[u32]; 2]) -> Option<Parting>,
+    ) -> Self {
         let middles = boxes.iter().map(|b| b.center().coords.into()).collect();
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-        let mut builder = Builder { boxes, middles, triangles, reach, tree: BoxTree::default() };
+        let mut builder = Builder { boxes, middles, reach, part, tree: BoxTree::default() };
         if !order.is_empty() {
-            builder.build(&mut order, 0);
+            let bounds = builder.bounds(&order);
+            builder.build(&mut order, 0, bounds, false, 0);
         }
         let mut tree = BoxTree { order, ..builder.tree };
         if tree.partings.iter().flatten().count() * FEW < tree.nodes.len() {
@@ -65,6 +81,11 @@ impl BoxTree {
     /// Items in the order of the leaves: a place is an index into it.
     pub fn order(&self) -> &[u32] {
         &self.order
+    }
+
+    /// What tells the two halves apart where their boxes do not.
+    pub(crate) fn halves(&self) -> Option<Parting> {
+        self.partings.first().copied().flatten()
     }
 
     /// Bytes of memory.
@@ -94,8 +115,8 @@ impl BoxTree {
         best: &mut f64,
         mut visit: impl FnMut(usize, &mut f64),
     ) {
-        // Medians halve, so the depth is at most 32; a node leaves one entry behind.
-        let mut stack = [(0.0, 0); 34];
+        // A node leaves one entry behind.
+        let mut stack = [(0.0, 0); DEEPEST as usize + 4];
         let mut len = usize::from(!self.nodes.is_empty());
         while len > 0 {
             len -= 1;
@@ -129,20 +150,31 @@ impl BoxTree {
     }
 }
 
+/// Where items are split: at a place in their order by a coordinate.
+struct Half {
+    at: usize,
+    axis: usize,
+}
+
+/// Two sets of items.
+struct Split {
+    boxes: [Aabb; 2],
+    parting: Option<Parting>,
+    is_in_one_another: bool,
+}
+
 /// What a tree is built of.
-struct Builder<'a, F> {
+struct Builder<'a, F, P> {
     boxes: &'a [Aabb],
     middles: Vec<[f64; 3]>,
-    /// None where the items are only boxes.
-    triangles: &'a [[[f32; 3]; 3]],
     reach: F,
+    part: P,
     tree: BoxTree,
 }
 
-impl<F: Fn(usize) -> f64> Builder<'_, F> {
-    fn build(&mut self, items: &mut [u32], first: usize) {
-        let mut bounds = Aabb::EMPTY;
-        items.iter().for_each(|&i| bounds.merge(&self.boxes[i as usize]));
+impl<F: Fn(usize) -> f64, P: Fn(usize, [&[u32]; 2]) -> Option<Parting>> Builder<'_, F, P> {
+    /// Adds the nodes of items in a box; `parted` is whether those above have a parting.
+    fn build(&mut self, items: &mut [u32], first: usize, bounds: Aabb, parted: bool, depth: u32) {
         let farthest = items.iter().map(|&i| (self.reach)(i as usize)).fold(0.0, f64::max);
         // One step up, or more where it was rounded down, so that a box at exactly the distance is not missed.
         let reach = (farthest as f32).next_up().next_up();
@@ -152,33 +184,59 @@ impl<F: Fn(usize) -> f64> Builder<'_, F> {
         if items.len() <= LEAF {
             return;
         }
-        let middles = &self.middles;
         let mut extent = [(f64::INFINITY, f64::NEG_INFINITY); 3];
-        for middle in items.iter().map(|&i| middles[i as usize]) {
+        for middle in items.iter().map(|&i| self.middles[i as usize]) {
             for (range, c) in extent.iter_mut().zip(middle) {
                 *range = (range.0.min(c), range.1.max(c));
             }
         }
         let width = |a: &usize| extent[*a].1 - extent[*a].0;
         let axis = (0..3).max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(0);
-        let half = items.len() / 2;
-        items.select_nth_unstable_by(half, |&a, &b| {
-            let [x, y] = [a, b].map(|i| middles[i as usize][axis]);
+        let looks = parted || items.len() >= PARTABLE;
+        let mut half = Half { at: items.len() / 2, axis };
+        let mut split = self.split(items, &half, looks);
+        if split.is_in_one_another {
+            // Two heaps of different size are told apart between them, not in the middle of the larger one.
+            let between = 0.5 * (extent[axis].0 + extent[axis].1);
+            let count = items.iter().filter(|i| self.middles[**i as usize][axis] < between).count();
+            let is_deep = depth + items.len().ilog2() >= DEEPEST;
+            if !is_deep && count.min(items.len() - count) * LEAST_SHARE >= items.len() {
+                half.at = count;
+                let other = self.split(items, &half, looks);
+                if other.is_in_one_another {
+                    half.at = items.len() / 2;
+                    split = self.split(items, &half, looks);
+                } else {
+                    split = other;
+                }
+            }
+        }
+        let (low, high) = items.split_at_mut(half.at);
+        let is_parted = split.parting.is_some();
+        self.tree.partings[node] = split.parting;
+        self.build(low, first, split.boxes[0], is_parted, depth + 1);
+        let right = self.tree.nodes.len() as u32;
+        self.build(high, first + half.at, split.boxes[1], is_parted, depth + 1);
+        self.tree.nodes[node] = Node { bounds, reach, first: right, count: 0 };
+    }
+
+    /// Puts those before a place, by the coordinate of their middles, in front of the others.
+    fn split(&self, items: &mut [u32], half: &Half, looks: bool) -> Split {
+        items.select_nth_unstable_by(half.at, |&a, &b| {
+            let [x, y] = [a, b].map(|i| self.middles[i as usize][half.axis]);
             x.total_cmp(&y).then(a.cmp(&b))
         });
-        let between = items[half] as usize;
-        let (low, high) = items.split_at_mut(half);
-        self.build(low, first);
-        let right = self.tree.nodes.len();
-        self.build(high, first + half);
-        self.tree.nodes[node] = Node { bounds, reach, first: right as u32, count: 0 };
-        let children = [&self.tree.nodes[node + 1].bounds, &self.tree.nodes[right].bounds];
-        if low.len() + high.len() >= PARTABLE
-            && let Some(between) = self.triangles.get(between)
-            && Parting::is_needed(children)
-        {
-            self.tree.partings[node] = Parting::find(*between, self.triangles, [low, high]);
-        }
+        let (low, high) = items.split_at(half.at);
+        let boxes = [self.bounds(low), self.bounds(high)];
+        let is_needed = looks && Parting::is_needed([&boxes[0], &boxes[1]]);
+        let parting = is_needed.then(|| (self.part)(high[0] as usize, [low, high])).flatten();
+        Split { boxes, parting, is_in_one_another: is_needed && parting.is_none() }
+    }
+
+    fn bounds(&self, items: &[u32]) -> Aabb {
+        let mut bounds = Aabb::EMPTY;
+        items.iter().for_each(|&i| bounds.merge(&self.boxes[i as usize]));
+        bounds
     }
 }
 

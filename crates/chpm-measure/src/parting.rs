@@ -29,33 +29,43 @@ impl Parting {
         (0..3).all(|axis| common(ranges(axis)) >= IN_ONE_ANOTHER)
     }
 
-    /// Looks for a direction among those upright on `between`, a triangle where the sets meet, and on its sides.
+    /// Looks for a direction among those upright on `between`, a triangle where the sets meet, and on its sides. `corners` hands out those
+    /// of either set.
     pub(crate) fn find(
         between: [[f32; 3]; 3],
-        triangles: &[[[f32; 3]; 3]],
-        sets: [&[u32]; 2],
+        corners: impl Fn(usize, &mut dyn FnMut([f32; 3])),
     ) -> Option<Parting> {
         let [a, b, c] = between.map(geom::to_f64);
         let normal = (b - a).cross(&(c - a));
         [normal, normal.cross(&(b - a)), normal.cross(&(c - b)), normal.cross(&(a - c))]
             .into_iter()
-            .filter_map(|across| Parting::along(across, triangles, sets))
+            .filter_map(|across| Parting::along(across, &corners))
             .find(|parting| common(parting.ranges.map(|range| range.map(f64::from))) <= APART)
     }
 
-    fn along(across: Vector3<f64>, triangles: &[[[f32; 3]; 3]], sets: [&[u32]; 2]) -> Option<Parting> {
+    fn along(across: Vector3<f64>, corners: impl Fn(usize, &mut dyn FnMut([f32; 3]))) -> Option<Parting> {
         let across = across.try_normalize(0.0)?.map(|x| (x * (1.0 - 1e-6)) as f32);
-        let range = |set: &[u32]| {
+        let range = |set: usize| {
             let (mut low, mut high, mut largest) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
-            for corner in set.iter().flat_map(|t| &triangles[*t as usize]) {
-                let point = geom::to_f64(*corner);
+            corners(set, &mut |corner| {
+                let point = geom::to_f64(corner);
                 let at = dot(across.into(), point);
                 (low, high, largest) = (low.min(at), high.max(at), largest.max(point.coords.amax()));
-            }
+            });
             let lost = LOST * largest;
             [((low - lost) as f32).next_down(), ((high + lost) as f32).next_up()]
         };
-        Some(Parting { across: across.into(), ranges: sets.map(range) })
+        Some(Parting { across: across.into(), ranges: [0, 1].map(range) })
+    }
+
+    /// Hands out the corners of sets of triangles, for [`Parting::find`].
+    pub(crate) fn corners_of<'a>(
+        triangles: &'a [[[f32; 3]; 3]],
+        sets: [&'a [u32]; 2],
+    ) -> impl Fn(usize, &mut dyn FnMut([f32; 3])) + 'a {
+        move |set, visit| {
+            sets[set].iter().flat_map(|t| triangles[*t as usize]).for_each(&mut *visit);
+        }
     }
 
     /// Squared distances from a point to the two sets, at least.
@@ -105,7 +115,9 @@ mod tests {
         let page = |i: u32| [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], turned(40.0 + i as f32)];
         let blade = |i: u32| [[0.0, 0.0, 1.0], turned(40.0 + i as f32), turned(41.0 + i as f32)];
         for triangles in [(0..8).map(page).collect::<Vec<_>>(), (0..8).map(blade).collect()] {
-            let found = Parting::find(triangles[4], &triangles, [&[0, 1, 2, 3], &[4, 5, 6, 7]]).unwrap();
+            let found =
+                Parting::find(triangles[4], Parting::corners_of(&triangles, [&[0, 1, 2, 3], &[4, 5, 6, 7]]))
+                    .unwrap();
             let middle = |i: usize| {
                 nalgebra::Point3::from(
                     triangles[i].iter().fold(Vector3::zeros(), |sum, c| sum + geom::to_f64(*c).coords / 3.0),
@@ -115,8 +127,10 @@ mod tests {
             assert!(low[0] == 0.0 && low[1] > 1e-4 && high[0] > 1e-4 && high[1] == 0.0, "{low:?} {high:?}");
         }
         let sheet = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        assert_eq!(Parting::find(sheet, &[sheet; 4], [&[0, 1], &[2, 3]]), None);
-        assert_eq!(Parting::find([[1.0; 3]; 3], &[sheet; 4], [&[0, 1], &[2, 3]]), None);
+        let sheets = [sheet; 4];
+        let corners = Parting::corners_of(&sheets, [&[0, 1], &[2, 3]]);
+        assert_eq!(Parting::find(sheet, &corners), None);
+        assert_eq!(Parting::find([[1.0; 3]; 3], &corners), None);
     }
 
     proptest! {
@@ -132,7 +146,7 @@ mod tests {
             let triangles: Vec<_> = corners.iter().map(|t| t.map(|c| c.map(|x| scale * x + away))).collect();
             let point = Point3::from(point.map(|x| f64::from(scale) * x + f64::from(away)));
             let sets: [&[u32]; 2] = [&[0, 1, 2, 3], &[4, 5, 6, 7]];
-            let Some(parting) = Parting::along(Vector3::from(across), &triangles, sets) else { return Ok(()) };
+            let Some(parting) = Parting::along(Vector3::from(across), Parting::corners_of(&triangles, sets)) else { return Ok(()) };
             for (set, told) in sets.iter().zip(parting.squared_distances(point)) {
                 let least = set.iter().map(|t| squared_distance(point, triangles[*t as usize]));
                 let least = least.fold(f64::INFINITY, f64::min).sqrt();

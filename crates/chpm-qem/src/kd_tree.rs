@@ -77,6 +77,7 @@ impl<F: FnMut(u16) -> bool> Search<'_, F> {
         }
     }
 
+    #[inline(always)]
     fn look(&mut self, index: usize) {
         let [x, y, z] = self.tree.places[index];
         let [a, b, c] = self.at;

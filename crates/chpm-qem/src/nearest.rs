@@ -41,6 +41,10 @@ impl Nearest {
         }
         let mut face = None;
         let has_face = |vertex| {
+            // The two that lie nearest have no face without u.
+            if vertex == u || vertex == v {
+                return false;
+            }
             let found = face_without(adjacency, vertex, u);
             face = found.or(face);
             found.is_some()
