@@ -46,9 +46,9 @@ impl Points {
     }
 
     /// In single precision, relative to `origin`.
-    pub(crate) fn relative(&self, origin: [f64; 3]) -> TriMesh {
+    pub(crate) fn relative(self, origin: [f64; 3]) -> TriMesh {
         let local = |p: &[f64; 3]| std::array::from_fn(|axis| (p[axis] - origin[axis]) as f32);
-        TriMesh::new(self.positions.iter().map(local).collect(), self.triangles.clone())
+        TriMesh::new(self.positions.iter().map(local).collect(), self.triangles)
     }
 
     /// Whether single precision holds all of it.
