@@ -14,7 +14,7 @@ if [[ -z ${CHPM:-} ]]; then
 fi
 chpm=$(realpath "$CHPM")
 names=("$@")
-[[ ${#names[@]} -gt 0 ]] || mapfile -t names < <("$chpm" synth --list | sed 's/^hard:\([a-z-]*\).*/\1/')
+[[ ${#names[@]} -gt 0 ]] || mapfile -t names < <("$chpm" synth --list | sed -n 's/^hard:\([a-z-]*\).*/\1/p')
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

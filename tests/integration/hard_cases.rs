@@ -6,7 +6,7 @@ use super::harness::{Folder, root};
 use chpm_format::Chpm;
 use chpm_mesh::synth::hand;
 use chpm_mesh::synth::hard::{CASES, Case};
-use chpm_mesh::{ClusterId, Level, TriMesh};
+use chpm_mesh::{Aabb, ClusterId, Level, TriMesh};
 use chpm_refine::{Cut, Member, extract, random_cut};
 use rayon::prelude::*;
 use std::fs;
@@ -81,6 +81,13 @@ fn hard_cases_hold_numbers_and_meshes_of_the_source() {
             assert!(finite(page.positions.as_flattened()) && finite(page.normals.as_flattened()), "{what}");
             let errors = (page.base_vertex_count..=page.vertex_count()).map(|n| page.error_at(n));
             assert!(errors.into_iter().all(|error| error.is_finite() && error >= 0.0), "{what}");
+        }
+        let all = model.clusters().iter().fold(Aabb::EMPTY, |mut all, cluster| {
+            all.merge(&cluster.aabb());
+            all
+        });
+        for group in model.groups() {
+            assert!(f64::from(group.max_error) <= all.diagonal() * 1.000_001, "{what}: {group:?}");
         }
         let source = case.mesh(SIZE[0]);
         let known = (case.offset == [0.0; 3]).then(|| places(&source));
@@ -186,6 +193,21 @@ fn a_flat_plate_becomes_its_outline_for_nothing() {
     folder.write_mesh("in.ply", &Case::find("plane").expect("a case").mesh(SIZE[0]));
     folder.stdout("build in.ply -qf --cluster-triangles 256");
     assert!(triangles_without_error(&folder) <= 100, "{}", triangles_without_error(&folder));
+}
+
+#[test]
+fn cubes_that_touch_have_a_small_root() {
+    for name in ["cubes", "voxels"] {
+        let (_, model) = built(Case::find(name).expect("a case"), "", [12_000, 512]);
+        let root = Cut::new(
+            model
+                .roots()
+                .map(|id| Member { cluster: id, vertices: model.clusters()[id.index()].base_vertex_count })
+                .collect(),
+        );
+        let triangles = extract(&model, &root).expect("a mesh").triangles.len();
+        assert!(triangles <= 1000, "{name}: {triangles}");
+    }
 }
 
 #[test]

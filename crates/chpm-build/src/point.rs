@@ -20,7 +20,7 @@ use std::collections::BTreeSet;
 use std::io::{self, BufReader};
 
 /// Changes with the meaning of what is written.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Most bytes that decoding may take.
 const LIMIT: usize = 1 << 36;
 

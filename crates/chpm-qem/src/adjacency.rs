@@ -1,5 +1,7 @@
 //! Faces of a cluster and the faces about each vertex, in flat arrays that a collapse keeps up to date.
 
+use crate::fan::MAX_SPINE;
+
 /// A face: three local vertices and a flag.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Face {
@@ -11,7 +13,23 @@ impl Face {
     pub(crate) fn is_dead(&self) -> bool {
         self.dead != 0
     }
+
+    /// What it is about one of its corners, while it lives.
+    fn wing(&self, face: u32, vertex: u16) -> Option<Wing> {
+        let [x, y, z] = self.corners;
+        let (a, b) = if x == vertex {
+            (y, z)
+        } else if y == vertex {
+            (z, x)
+        } else {
+            (x, y)
+        };
+        (!self.is_dead()).then_some(Wing { face, a, b })
+    }
 }
+
+/// A vertex of more faces is not kept up to date: it stays, and is seldom looked at.
+pub(crate) const MANY: usize = 2 * MAX_SPINE;
 
 /// A face of a vertex, and its two corners that follow the vertex in the face's winding.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -62,22 +80,47 @@ impl Adjacency {
         }
     }
 
-    /// How many faces there are about `vertex`.
+    /// How many faces there are about `vertex`; of very many, at most.
     #[inline]
     pub(crate) fn count(&self, vertex: u16) -> usize {
         self.slices[usize::from(vertex)].1 as usize
     }
 
-    /// The faces about `vertex`.
+    /// The faces about `vertex`, if they are not very many.
     #[inline]
     pub(crate) fn wings(&self, vertex: u16) -> &[Wing] {
         let (offset, count) = self.slices[usize::from(vertex)];
         &self.arena[offset as usize..(offset + count) as usize]
     }
 
+    /// The faces about `vertex`, however many.
+    pub(crate) fn all_wings(&self, vertex: u16) -> impl Iterator<Item = Wing> {
+        self.wings(vertex)
+            .iter()
+            .filter_map(move |wing| self.faces[wing.face as usize].wing(wing.face, vertex))
+    }
+
+    /// Brings the faces of a vertex of very many up to date.
+    fn refresh(&mut self, vertex: u16) {
+        let (offset, count) = self.slices[usize::from(vertex)];
+        if count as usize > MANY {
+            let mut kept = offset;
+            for i in offset..offset + count {
+                let face = self.arena[i as usize].face;
+                if let Some(wing) = self.faces[face as usize].wing(face, vertex) {
+                    self.arena[kept as usize] = wing;
+                    kept += 1;
+                }
+            }
+            self.slices[usize::from(vertex)].1 = kept - offset;
+        }
+    }
+
     /// Moves the faces of `u` to `v`; those that hold both die. Returns how many died. In a closed fan each neighbour of u leads a
     /// wing.
     pub(crate) fn collapse(&mut self, u: u16, v: u16, closed: bool) -> usize {
+        self.refresh(u);
+        self.refresh(v);
         let merged = self.arena.len();
         let (v_offset, v_count) = self.slices[usize::from(v)];
         let (u_offset, u_count) = self.slices[usize::from(u)];
@@ -111,10 +154,10 @@ impl Adjacency {
     /// Puts v in the place of u about another vertex, but for faces that have both, which die.
     #[inline]
     fn rename(&mut self, vertex: u16, u: u16, v: u16) {
-        if vertex == v {
+        let (offset, count) = &mut self.slices[usize::from(vertex)];
+        if vertex == v || *count as usize > MANY {
             return;
         }
-        let (offset, count) = &mut self.slices[usize::from(vertex)];
         let wings = &mut self.arena[*offset as usize..(*offset + *count) as usize];
         let mut kept = 0;
         for i in 0..wings.len() {
@@ -146,6 +189,23 @@ mod tests {
         assert_eq!(adjacency.wings(2), [(1, 0, 1), (2, 3, 0)].map(wing));
         assert_eq!(adjacency.faces[1].corners, [1, 2, 0]);
         assert!(adjacency.faces[0].is_dead() && !adjacency.faces[2].is_dead());
+    }
+
+    /// Very many faces about one vertex are told as they are, though they are not kept up to date.
+    #[test]
+    fn a_vertex_of_very_many_faces_is_known_when_it_is_asked_for() {
+        let count = MANY as u16 + 10;
+        let triangles: Vec<_> = (1..=count).map(|i| [0, i, i % count + 1]).collect();
+        let mut adjacency = Adjacency::default();
+        adjacency.build(usize::from(count) + 1, &triangles);
+        for u in (2..count).step_by(2) {
+            assert_eq!(adjacency.collapse(u, u + 1, false), 1);
+        }
+        let wings: Vec<Wing> = adjacency.all_wings(0).collect();
+        assert_eq!(wings.len(), usize::from(count / 2 + 1));
+        assert!(wings.iter().all(|wing| wing.a % 2 == 1 || wing.a == count), "{wings:?}");
+        assert_eq!(adjacency.collapse(0, 1, false), 2);
+        assert_eq!(adjacency.count(1), usize::from(count / 2 - 1));
     }
 
     #[test]

@@ -256,9 +256,9 @@ fn receiver(scene: &Scene<'_>, v: u16, w: u16) -> Option<(u32, Via)> {
     let at_v = |wing: &Wing| if wing.has(w) { Via::Edge } else { Via::Target };
     let is_foreign = |corner: u16, wing: &Wing| !given.has_member_of(u, [corner, wing.a, wing.b]);
     let own = fan.wings.iter().filter(|wing| !wing.has(v)).map(|wing| (false, at_v(wing), wing.face));
-    let beside = |corner: u16| mesh.wings(corner).iter().filter(move |wing| !wing.has(u));
-    let of_v = beside(v).map(|wing| (is_foreign(v, wing), at_v(wing), wing.face));
-    let of_w = beside(w).map(|wing| (is_foreign(w, wing), Via::Other, wing.face));
+    let beside = |corner: u16| mesh.all_wings(corner).filter(move |wing| !wing.has(u));
+    let of_v = beside(v).map(|wing| (is_foreign(v, &wing), at_v(&wing), wing.face));
+    let of_w = beside(w).map(|wing| (is_foreign(w, &wing), Via::Other, wing.face));
     let best = own.chain(of_v).chain(of_w).min_by_key(|&(foreign, via, _)| (foreign, via));
     best.map(|(_, via, face)| (face, via))
 }

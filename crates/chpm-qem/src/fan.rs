@@ -7,7 +7,7 @@ use crate::ring::{MAX_LOOP, NO_FACE, Ring};
 /// Faces about a vertex beyond which it takes no part in collapses: their cost grows with the square of the valence.
 pub(crate) const MAX_VALENCE: usize = 48;
 /// The same for a vertex of several fans, which the pages of a book have in common: it goes along the spine, by force.
-pub(crate) const MAX_SPINE: usize = 256;
+pub(crate) const MAX_SPINE: usize = 1024;
 
 /// How the faces about a vertex lie together.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]

@@ -4,7 +4,7 @@
 //! the topology changes, no boundary appears. What remains to be guarded is the mesh boundary itself, where the number is odd,
 //! and what other clusters know.
 
-use crate::adjacency::Adjacency;
+use crate::adjacency::{Adjacency, MANY};
 use crate::fan::{Fan, MAX_SPINE, MAX_VALENCE};
 use crate::patch::Given;
 
@@ -50,10 +50,10 @@ fn may_force(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: u16, faces: u32)
     if !given.is_known_with(fan.vertex(), v) {
         return false;
     }
-    // Each page of a book has two or three faces at a vertex of its spine.
-    let most = (MAX_VALENCE + 4).max((5 * faces as usize).min(MAX_SPINE));
-    let dying = if most > MAX_VALENCE + 4 { faces as usize } else { 0 };
-    if mesh.count(v) > 2 * MAX_SPINE || mesh.count(v) + fan.wings.len() > most + 2 * dying {
+    // Where more than two faces meet along an edge, its ends may have more in the same measure.
+    let most = ((MAX_VALENCE + 4) * faces as usize / 2).clamp(MAX_VALENCE + 4, MAX_SPINE);
+    let dying = if faces > 2 { 2 * faces as usize } else { 0 };
+    if mesh.count(v) + fan.wings.len() > (most + dying).min(MANY) {
         return false;
     }
     // Another cluster may have, or make, an edge or a face between locked vertices.

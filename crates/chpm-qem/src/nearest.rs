@@ -57,7 +57,7 @@ impl Nearest {
 
 /// A living face of a vertex that u is no corner of.
 fn face_without(adjacency: &Adjacency, vertex: u16, u: u16) -> Option<u32> {
-    adjacency.wings(vertex).iter().find(|wing| vertex != u && !wing.has(u)).map(|wing| wing.face)
+    adjacency.all_wings(vertex).find(|wing| vertex != u && !wing.has(u)).map(|wing| wing.face)
 }
 
 #[cfg(test)]

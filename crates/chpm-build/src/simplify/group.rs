@@ -13,6 +13,7 @@ use crate::report::LevelReport;
 use chpm_extmem::Spool;
 use chpm_format::{Gaps, PageParts};
 use chpm_mesh::Aabb;
+use chpm_mesh::geom::round_up;
 use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Patch, Record, Remnant};
 
 /// Triangles that the root goes down to, since no level above it will: a model in the distance.
@@ -67,6 +68,8 @@ struct Member {
     displacements: Vec<Displacement>,
     looks: Vec<FaceLook>,
     vanished: Vanished,
+    /// Box around its part of the source.
+    source: Aabb,
     /// The largest of its meshes and of those below.
     deviation: Deviation,
     report: LevelReport,
@@ -105,6 +108,8 @@ impl Scratch {
             }
             self.members[side].halve(&mut self.decimator, &self.seam_collapses, task, min_error);
         }
+        let farthest = self.farthest(group.len(), task.decomposition.rounding.error());
+        self.members[..group.len()].iter_mut().for_each(|m| m.limit_errors(farthest, min_error));
         let gaps = self.gaps(group.len());
         let largest = self.members[..group.len()].iter().map(Member::max_error).fold(0.0, f32::max);
         let mut members = Vec::with_capacity(group.len());
@@ -117,6 +122,17 @@ impl Scratch {
             report.max_gap = gaps.base;
         }
         Ok(GroupDone { members, removed })
+    }
+
+    /// What no error exceeds, whatever the collapses say: a cluster draws vertices of its part of the source, so that the two are within one
+    /// box. Infinite if a member draws nothing.
+    fn farthest(&self, members: usize, rounding: f32) -> f32 {
+        let members = &self.members[..members];
+        if members.iter().any(|m| m.report.base_triangles == 0) {
+            return f32::INFINITY;
+        }
+        let diagonals = members.iter().map(|m| m.source.diagonal());
+        round_up(diagonals.fold(0.0, f64::max) * (1.0 + 4.0 * f64::EPSILON) + f64::from(rounding))
     }
 
     /// How far what has vanished is from the members' meshes, in the worst of them.
@@ -137,6 +153,7 @@ impl Scratch {
         let member = &mut self.members[side];
         member.deviation = Deviation::default();
         member.vanished.clear();
+        member.source = Aabb::EMPTY;
         member.is_root = task.tree.nodes[node as usize].parent.is_none();
         if let Some(children) = task.tree.nodes[node as usize].children {
             member.min_error = 0.0;
@@ -153,6 +170,7 @@ impl Scratch {
                 let len = page.remnant_count as usize * size_of::<Remnant>();
                 displacements.read(page.remnants, len, &mut read.remnants)?;
                 member.vanished.add_child(&read.remnants, page.gaps.base);
+                member.source.merge(&page.source);
                 member.deviation = member.deviation.max(page.deviation);
                 member.min_error = member.min_error.max(page.group_error);
             }
@@ -162,6 +180,7 @@ impl Scratch {
             let rounding = task.decomposition.rounding;
             member.set.fill_from_leaf(&self.leaf, rounding);
             member.min_error = rounding.error();
+            member.source = Aabb::of_points(&member.set.positions);
         }
         let shared = &task.decomposition.shared;
         let release = |id: u32| u32::from(task.release[shared.interface_of(id) as usize]);
@@ -221,6 +240,13 @@ impl Member {
         self.report.color_deviation = self.deviation.units();
     }
 
+    /// Lowers errors to what none exceeds, but not below the one that the group came with.
+    fn limit_errors(&mut self, farthest: f32, min_error: f32) {
+        let limited = |error: f32| error.min(farthest).max(min_error);
+        self.record.errors.iter_mut().for_each(|error| *error = limited(*error));
+        self.vanished.limit(limited);
+    }
+
     fn max_error(&self) -> f32 {
         self.record.errors.first().copied().unwrap_or(self.min_error)
     }
@@ -253,6 +279,7 @@ impl Member {
             len: page.len() as u32,
             group_error: self.report.max_error,
             bounds: Aabb::of_points(&set.positions),
+            source: self.source,
             base_vertex_count: self.record.base_vertex_count() as u32,
             base_triangle_count: self.displacements.len() as u32,
             displacements: distances.append(bytemuck::cast_slice(&self.displacements))?,

@@ -43,6 +43,9 @@ pub(crate) struct PageRef {
     /// Box around the finest mesh.
     #[serde(with = "AabbFields")]
     pub(crate) bounds: Aabb,
+    /// Box around its part of the source.
+    #[serde(with = "AabbFields")]
+    source: Aabb,
     /// Vertices of the base mesh: what a merge starts from.
     base_vertex_count: u32,
     base_triangle_count: u32,

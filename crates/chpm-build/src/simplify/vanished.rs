@@ -46,6 +46,13 @@ impl Vanished {
         self.from = outcome.vanishing;
     }
 
+    /// Follows the errors where they are lowered.
+    pub(super) fn limit(&mut self, limited: impl Fn(f32) -> f32) {
+        if self.from < f32::INFINITY {
+            self.from = limited(self.from);
+        }
+    }
+
     /// The error with which something vanished first; infinite if nothing did.
     pub(super) fn from(&self) -> f32 {
         self.from

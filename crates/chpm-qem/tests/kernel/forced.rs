@@ -2,6 +2,7 @@
 
 use crate::play::{any_mesh, run, run_in, run_with};
 use chpm_mesh::TriMesh;
+use chpm_mesh::synth::hard::Case;
 use chpm_mesh::synth::{Shape, Synth};
 use chpm_qem::{Decimator, Refusal, Topology};
 use proptest::prelude::*;
@@ -45,6 +46,16 @@ fn what_was_kept_goes_at_its_own_price() {
         let mesh = Synth::new(Shape::Isosurface, 12_000, seed).to_mesh();
         let run = run_in(Topology::Change, &mesh, 200);
         assert!(!run.stalled && run.triangle_count <= 200);
+    }
+}
+
+/// Every corner inside has 48 faces or so, and more with each collapse.
+#[test]
+fn cubes_that_touch_become_few_triangles() {
+    for name in ["cubes", "voxels"] {
+        let mesh = Case::find(name).expect("a case").mesh(6000);
+        let run = run_in(Topology::Change, &mesh, 100);
+        assert!(!run.stalled, "{name}: {} triangles are left", run.triangle_count);
     }
 }
 

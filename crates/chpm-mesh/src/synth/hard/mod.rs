@@ -70,7 +70,7 @@ impl fmt::Debug for Case {
 }
 
 /// Every case.
-pub const CASES: [Case; 31] = [
+pub const CASES: [Case; 33] = [
     // Numbers.
     Case::new(
         "far",
@@ -206,6 +206,18 @@ pub const CASES: [Case; 31] = [
         touching::pages,
         "books of 3 to 50 pages: edges of 3 to 50 faces",
         "spines that keep whether their number of faces is odd",
+    ),
+    Case::new(
+        "cubes",
+        touching::cubes,
+        "cubes side by side, each with triangles of its own: edges of up to eight faces, every inner face twice",
+        "a root of bounded size, and no edge of an odd number",
+    ),
+    Case::new(
+        "voxels",
+        touching::voxels,
+        "the hull of cells that are full by chance: edges of four faces, corners where parts touch",
+        "a root of bounded size, and no edge of an odd number",
     ),
     Case::new(
         "fan",

@@ -162,6 +162,8 @@ fn edges_have_as_many_faces_as_they_should() {
     assert_eq!(pages.keys().max(), Some(&50));
     let kinds = |name| faces_of_edges(&mesh(name, 10_000)).into_keys().collect::<Vec<_>>();
     assert_eq!(kinds("doubled"), [2, 4]);
+    assert_eq!(kinds("voxels"), [2, 4]);
+    assert_eq!(kinds("cubes"), [2, 4, 8]);
     for closed in ["klein", "crossing", "spikes", "winding", "tiny", "poles", "components"] {
         assert_eq!(kinds(closed), [2], "{closed}");
     }

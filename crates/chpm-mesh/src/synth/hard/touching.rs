@@ -101,6 +101,49 @@ pub(super) fn pages(triangles: u32) -> TriMesh {
     mesh
 }
 
+/// A block of cubes that have their corners in common, each with twelve triangles of its own: between two cubes every triangle is there twice.
+pub(super) fn cubes(triangles: u32) -> TriMesh {
+    let n = (f64::from(triangles) / 12.0).cbrt().round().max(1.0) as u32;
+    let high = (f64::from(triangles) / f64::from(12 * n * n)).round().max(1.0) as u32;
+    faces_of_cells([n, n, high], |_, _| true)
+}
+
+/// Cells of a lattice that are full or not, by chance: their hull touches itself along edges and at corners.
+pub(super) fn voxels(triangles: u32) -> TriMesh {
+    let n = (f64::from(triangles) / 3.0).cbrt().round().max(2.0) as u32;
+    let is_full =
+        |cell: [i64; 3]| cell.iter().all(|c| (0..i64::from(n)).contains(c)) && hash(5, cell) & 1 == 1;
+    compact(faces_of_cells([n; 3], |cell, next| is_full(cell) && !is_full(next)))
+}
+
+/// The faces of a block of cells, of two triangles each, looking from a cell to the next one, where they are wanted.
+fn faces_of_cells(size: [u32; 3], wanted: impl Fn([i64; 3], [i64; 3]) -> bool) -> TriMesh {
+    let [w, h, d] = size;
+    let corners = (0..=d).flat_map(|z| (0..=h).flat_map(move |y| (0..=w).map(move |x| [x, y, z])));
+    let at = |[x, y, z]: [u32; 3]| (z * (h + 1) + y) * (w + 1) + x;
+    let mut mesh = TriMesh::new(corners.map(|corner| corner.map(|c| c as f32)).collect(), Vec::new());
+    for cell in (0..d).flat_map(|z| (0..h).flat_map(move |y| (0..w).map(move |x| [x, y, z]))) {
+        for (axis, side) in [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)] {
+            let mut next = cell.map(i64::from);
+            next[axis] += if side == 1 { 1 } else { -1 };
+            if !wanted(cell.map(i64::from), next) {
+                continue;
+            }
+            let corner = |along: u32, up: u32| {
+                let mut corner = cell;
+                corner[axis] += side;
+                corner[(axis + 1) % 3] += along;
+                corner[(axis + 2) % 3] += up;
+                at(corner)
+            };
+            let [a, b, c, e] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+            let two = if side == 1 { [[a, b, c], [a, c, e]] } else { [[a, c, b], [a, e, c]] };
+            mesh.triangles.extend(two);
+        }
+    }
+    mesh
+}
+
 pub(super) fn fan(triangles: u32) -> TriMesh {
     let mut mesh = hand::fan(triangles);
     let count = f64::from(triangles.max(3));
