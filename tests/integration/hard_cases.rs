@@ -87,7 +87,8 @@ fn hard_cases_hold_numbers_and_meshes_of_the_source() {
             all
         });
         for group in model.groups() {
-            assert!(f64::from(group.max_error) <= all.diagonal() * 1.000_001, "{what}: {group:?}");
+            // Errors are stored in 16 bits, rounded up.
+            assert!(f64::from(group.max_error) <= all.diagonal() * 1.001, "{what}: {group:?}");
         }
         let source = case.mesh(SIZE[0]);
         let known = (case.offset == [0.0; 3]).then(|| places(&source));
