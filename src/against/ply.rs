@@ -479,7 +479,7 @@ fn header(stream: &mut Stream) -> Result<Header> {
                 let property = Property { name: name.to_owned(), of: of.ok_or_else(wrong)?, length };
                 header.elements.last_mut().ok_or_else(wrong)?.properties.push(property);
             }
-            ["end_header"] if has_format => return Ok(header),
+            ["end_header", ..] if has_format => return Ok(header),
             _ => bail!(wrong()),
         }
     }

@@ -141,3 +141,17 @@ fn rounding_that_no_error_tells_is_a_fault() {
     let told = text(&folder.chpm("verify single.chpm --against double.ply -q").code(1).get_output().stdout);
     assert!(told.contains("rounding moved a coordinate") && told.contains("1 fault"), "{told}");
 }
+
+/// Whoever builds looks at the first word alone there.
+#[test]
+fn what_follows_the_end_of_a_header_is_passed_over() {
+    let folder = Folder::new();
+    folder.write_mesh("in.ply", &hand::cube());
+    let bytes = folder.read("in.ply");
+    let end = b"end_header".as_slice();
+    let at = bytes.windows(end.len()).position(|window| window == end).expect("an end") + end.len();
+    let odd = [&bytes[..at], b"\r\0 and more", &bytes[at..]].concat();
+    folder.write("odd.ply", &odd);
+    folder.stdout("build odd.ply -q");
+    folder.stdout("verify odd.chpm --against odd.ply -q");
+}
