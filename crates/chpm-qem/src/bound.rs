@@ -259,6 +259,14 @@ fn receiver(scene: &Scene<'_>, v: u16, w: u16) -> Option<(u32, Via)> {
     let beside = |corner: u16| mesh.all_wings(corner).filter(move |wing| !wing.has(u));
     let of_v = beside(v).map(|wing| (is_foreign(v, &wing), at_v(&wing), wing.face));
     let of_w = beside(w).map(|wing| (is_foreign(w, &wing), Via::Other, wing.face));
-    let best = own.chain(of_v).chain(of_w).min_by_key(|&(foreign, via, _)| (foreign, via));
+    let mut best: Option<(bool, Via, u32)> = None;
+    for one in own.chain(of_v).chain(of_w) {
+        let better = best.filter(|best| (best.0, best.1) <= (one.0, one.1)).unwrap_or(one);
+        best = Some(better);
+        // Nothing is better than an own face at the edge, and nothing at w is better than any other own face.
+        if !better.0 && (better.1 == Via::Edge || one.1 == Via::Other) {
+            break;
+        }
+    }
     best.map(|(_, via, face)| (face, via))
 }
