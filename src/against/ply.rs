@@ -186,7 +186,7 @@ impl Reader {
             return self.stream.skip(count * property.of.size());
         }
         for _ in 0..count {
-            if self.stream.word()?.is_none() {
+            if !self.stream.pass_word()? {
                 return Ok(false);
             }
         }

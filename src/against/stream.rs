@@ -167,6 +167,17 @@ impl Stream {
 
     /// The next word of a text; none at the end.
     pub(super) fn word(&mut self) -> Result<Option<&str>> {
+        if !self.pass_word()? {
+            return Ok(None);
+        }
+        match std::str::from_utf8(&self.word) {
+            Ok(word) => Ok(Some(word)),
+            Err(_) => Err(self.wrong("a word that is no text")),
+        }
+    }
+
+    /// Goes past the next word, whatever it is; false at the end.
+    pub(super) fn pass_word(&mut self) -> Result<bool> {
         self.word.clear();
         loop {
             let here =
@@ -188,13 +199,7 @@ impl Stream {
                 break;
             }
         }
-        if self.word.is_empty() {
-            return Ok(None);
-        }
-        match std::str::from_utf8(&self.word) {
-            Ok(word) => Ok(Some(word)),
-            Err(_) => Err(self.wrong("a word that is no text")),
-        }
+        Ok(!self.word.is_empty())
     }
 }
 

@@ -155,3 +155,16 @@ fn what_follows_the_end_of_a_header_is_passed_over() {
     folder.stdout("build odd.ply -q");
     folder.stdout("verify odd.chpm --against odd.ply -q");
 }
+
+/// What a build was told to leave out is not looked at, damaged or not.
+#[test]
+fn damage_in_normals_that_are_left_out_is_passed_over() {
+    let folder = Folder::new();
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n\
+        property float ny\nproperty float nz\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let body = [b"0 0 0 0 0 1\n1 0 0 0 \xff\xfe 1\n0 1 0 0 0 1\n3 0 1 2\n".as_slice()].concat();
+    folder.write("in.ply", [header.as_bytes(), &body].concat());
+    assert!(folder.stderr("build in.ply -q", 2).contains("in.ply"));
+    folder.stdout("build in.ply -q --no-normals");
+    folder.stdout("verify in.chpm --against in.ply -q");
+}
