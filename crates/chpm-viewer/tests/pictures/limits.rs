@@ -26,11 +26,12 @@ fn budgets_hold_on_every_frame() {
             assert!(stats.gpu_bytes <= budget.0, "frame {frame}: {stats:?}");
             assert!(stats.triangles > 0 || stats.clusters_drawn == 0, "frame {frame}: {stats:?}");
             withheld += stats.withheld;
-            most = most.max(stats.resident_bytes.min(stats.gpu_bytes));
+            most = most.max(stats.resident_bytes);
         }
     }
     assert!(withheld > 0, "not everything fits");
-    assert!(most > budget.0 / 2, "what may be used is used: {most} of {budget}");
+    // A page is larger than its block, so pages are what fills its budget.
+    assert!(most > budget.0 / 4 * 3, "what may be used is used: {most} of {budget}");
 }
 
 /// Pages that have not come yet are replaced by what is coarser, and in the end the picture is what it would have been.
