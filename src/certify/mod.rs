@@ -14,7 +14,7 @@ mod told;
 pub(crate) use told::{as_json, faults, print};
 
 use crate::cuts;
-use crate::deviation::{at_position, finest, mesh_of};
+use crate::deviation::{at_position, drawn_tiles, finest, mesh_of, source_tiles};
 use crate::progress::Meter;
 use crate::stop;
 use anyhow::Result;
@@ -219,12 +219,8 @@ impl<'a> Certifier<'a> {
         meter: &'a Meter,
         cancel: &'a Cancel,
     ) -> Result<Self> {
-        let all = (0..file.clusters().len() as u32).map(ClusterId);
-        let leaves: Vec<ClusterId> = all.filter(|id| file.clusters()[id.index()].is_leaf()).collect();
-        let boxes = leaves.iter().map(|id| file.clusters()[id.index()].aabb()).collect();
-        let ids = leaves.clone();
         let budget = budget / 2;
-        let source = Tiles::new(boxes, budget, move |tile| finest(file, ids[tile]));
+        let (leaves, source) = source_tiles(file, budget, cancel);
         let size = size_of(leaves.len(), |leaf| finest(file, leaves[leaf]), cancel)?;
         Ok(Certifier { file, leaves, source, size, budget, effort: f64::from(effort), meter, cancel })
     }
@@ -247,7 +243,7 @@ impl<'a> Certifier<'a> {
         let own = members.iter().zip(&distances).filter(|(m, _)| is_asked(m)).map(|(_, distance)| *distance);
 
         let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
-        let drawn = Tiles::new(boxes, self.budget, |tile| mesh_of(file, members[tile]));
+        let drawn = drawn_tiles(file, members, boxes, self.budget, self.cancel);
         let allowed = Allowed::own(&drawn, distances.iter().map(|d| f64::from(*d)).collect());
         let size = size_of(asked.len(), |index| mesh_of(file, asked[index]), self.cancel)?;
         self.meter.start(label, 2 * (self.leaves.len() + asked.len()) as u64);

@@ -136,16 +136,8 @@ impl<'a> Judge<'a> {
         };
         (0..count as u32).into_par_iter().try_for_each(check)?;
         meter.finish();
-        let is_leaf = |id: &ClusterId| file.clusters()[id.index()].is_leaf();
-        let leaves: Vec<ClusterId> = (0..count as u32).map(ClusterId).filter(is_leaf).collect();
-        let boxes = leaves.iter().map(|id| file.clusters()[id.index()].aabb()).collect();
-        let ids = leaves.clone();
         let budget = budget / 2;
-        // Whoever asked for the stop looks again before any of this is used.
-        let stopped = cancel.clone();
-        let source = Tiles::new(boxes, budget, move |tile| {
-            if stopped.is_cancelled() { TriMesh::default() } else { finest(file, ids[tile]) }
-        });
+        let (leaves, source) = source_tiles(file, budget, cancel);
         let bounds = file.header().aabb();
         let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |most: f32, x| most.max(x.abs()));
         let slack = SLACK * f64::from(largest);
@@ -177,9 +169,7 @@ impl<'a> Judge<'a> {
             });
         }
         let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
-        let drawn = Tiles::new(boxes.clone(), self.budget, |tile| {
-            if cancel.is_cancelled() { TriMesh::default() } else { mesh_of(file, members[tile]) }
-        });
+        let drawn = drawn_tiles(file, members, boxes.clone(), self.budget, cancel);
         meter.start(label, (self.leaves.len() + members.len()) as u64);
         let near = BoxTree::reaching(&boxes, |index| f64::from(found[index].distance) + self.slack);
         let view = View { judge: self, drawn: &drawn, near, found: &found, cancel };
@@ -349,6 +339,36 @@ impl View<'_> {
 pub(crate) fn finest(file: &Chpm<MappedFile>, cluster: ClusterId) -> TriMesh {
     let vertices = file.clusters()[cluster.index()].vertex_count;
     mesh_of(file, Member { cluster, vertices })
+}
+
+/// The leaves, and the source that they hold, of which about `budget` bytes are in memory. After a stop tiles are empty: whoever asked for it
+/// looks again before anything that was found in them is used.
+pub(crate) fn source_tiles<'a>(
+    file: &'a Chpm<MappedFile>,
+    budget: u64,
+    cancel: &Cancel,
+) -> (Vec<ClusterId>, Tiles<'a>) {
+    let all = (0..file.clusters().len() as u32).map(ClusterId);
+    let leaves: Vec<ClusterId> = all.filter(|id| file.clusters()[id.index()].is_leaf()).collect();
+    let boxes = leaves.iter().map(|id| file.clusters()[id.index()].aabb()).collect();
+    let (ids, cancel) = (leaves.clone(), cancel.clone());
+    let load =
+        move |tile: usize| if cancel.is_cancelled() { TriMesh::default() } else { finest(file, ids[tile]) };
+    (leaves, Tiles::new(boxes, budget, load))
+}
+
+/// What members with these boxes draw, likewise.
+pub(crate) fn drawn_tiles<'a>(
+    file: &'a Chpm<MappedFile>,
+    members: &'a [Member],
+    boxes: Vec<Aabb>,
+    budget: u64,
+    cancel: &'a Cancel,
+) -> Tiles<'a> {
+    let load = move |tile: usize| {
+        if cancel.is_cancelled() { TriMesh::default() } else { mesh_of(file, members[tile]) }
+    };
+    Tiles::new(boxes, budget, load)
 }
 
 /// A cluster's mesh at a position.
