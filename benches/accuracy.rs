@@ -6,11 +6,11 @@
 
 use chpm_build::{BuildConfig, Cancel, Silent, build};
 use chpm_format::Chpm;
+use chpm_import::ply::{self, Encoding};
 use chpm_measure::{Deviation, deviation, naive};
 use chpm_mesh::TriMesh;
-use chpm_mesh::ply::{self, Encoding};
-use chpm_mesh::synth::{Shape, Synth};
 use chpm_refine::{Cut, extract};
+use chpm_synth::{Shape, Synth};
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 use std::fs::File;
 use std::path::Path;

@@ -2,8 +2,8 @@
 //! folder that `CHPM_DATA` names, if it is set.
 
 use chpm_build::{BuildConfig, Cancel, Silent, build};
-use chpm_mesh::ply::{Encoding, write_mesh};
-use chpm_mesh::synth::{Shape, Synth};
+use chpm_import::ply::{Encoding, write_mesh};
+use chpm_synth::{Shape, Synth};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! Halving of leaf-size patches, beside `meshopt`'s simplifier on the same patches with the same vertices locked.
 
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::{Shape, Synth};
 use chpm_qem::{Decimator, Patch};
+use chpm_synth::{Shape, Synth};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 use std::hint::black_box;

@@ -10,7 +10,7 @@ shift
 cd "$(dirname "$0")/.."
 
 cargo build --release --quiet
-cargo build --release --quiet -p chpm-mesh --example shuffle
+cargo build --release --quiet -p chpm-import --example shuffle
 target=$(cargo metadata --no-deps --format-version 1 | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
 chpm=$target/release/chpm
 work=$(mktemp -d)

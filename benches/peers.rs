@@ -6,8 +6,8 @@
 
 use chpm_build::{BuildConfig, Cancel, Silent, build};
 use chpm_extmem::process;
-use chpm_mesh::ply::{self, Encoding};
-use chpm_mesh::synth::{Shape, Synth};
+use chpm_import::ply::{self, Encoding};
+use chpm_synth::{Shape, Synth};
 use meshopt::VertexDataAdapter;
 use meshopt::clusterlod::{ClodMesh, clod_build, clod_default_config};
 use std::fs::File;

@@ -5,8 +5,9 @@ use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_build::input::Input;
 use chpm_extmem::Store;
-use chpm_mesh::ply::{Batch, BatchKind, Options};
-use chpm_mesh::{TriMesh, Triangulator, polygon};
+use chpm_import::ply::{Batch, BatchKind, Options};
+use chpm_import::{Triangulator, polygon};
+use chpm_mesh::TriMesh;
 use std::path::Path;
 
 /// Positions in double precision, and triangles.

@@ -4,7 +4,7 @@ use crate::{median, milliseconds};
 use chpm_build::{BuildConfig, Cancel, Silent, build};
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page};
-use chpm_mesh::ply::{self, Encoding};
+use chpm_import::ply::{self, Encoding};
 use chpm_mesh::{ClusterId, GroupId, TriMesh};
 use chpm_refine::{ActiveList, Camera, Front, Hierarchy, PmCursor, View};
 use std::fs::File;

@@ -11,9 +11,9 @@ mod hierarchy;
 mod simplify;
 
 use anyhow::{Context, ensure};
-use chpm_mesh::synth::{Shape, Synth};
 use chpm_mesh::{Aabb, TriMesh, geom};
 use chpm_refine::Camera;
+use chpm_synth::{Shape, Synth};
 use clusters::Clusters;
 use comfy_table::{CellAlignment, Table, presets};
 use hierarchy::{Hierarchy, Tally, canonical};

@@ -7,7 +7,7 @@ use anyhow::{Result, bail, ensure};
 use bytemuck::Pod;
 use chpm_build::Cancel;
 use chpm_extmem::{BufferWriter, Column, Store};
-use chpm_mesh::Triangulator;
+use chpm_import::Triangulator;
 
 /// The corners of a triangle, as the source has them.
 pub(super) type Corners = [[f64; 3]; 3];

@@ -27,7 +27,7 @@ use anyhow::{Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_extmem::Store;
 use chpm_format::Chpm;
-use chpm_mesh::import::Format;
+use chpm_import::Format;
 use chpm_mesh::{ClusterId, Counted};
 use conf::Motion;
 use copies::{Found, Multiset};

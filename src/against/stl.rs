@@ -3,7 +3,7 @@
 use super::mesh::{Corners, Mesh};
 use super::stream::{Stream, real, words};
 use anyhow::{Result, bail, ensure};
-use chpm_mesh::Triangulator;
+use chpm_import::Triangulator;
 
 /// Reads binary facets: a header of 80 bytes, a count, and records of 50 bytes.
 pub(super) fn read_binary(mut stream: Stream, mesh: &mut Mesh<'_>) -> Result<()> {

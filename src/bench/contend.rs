@@ -8,7 +8,7 @@ use chpm_build::config::Topology;
 use chpm_build::{BuildConfig, Cancel, Resources, Silent, build};
 use chpm_extmem::{MappedFile, Store};
 use chpm_format::{BoundaryMode, Chpm};
-use chpm_mesh::ply::{self, Encoding};
+use chpm_import::ply::{self, Encoding};
 use chpm_mesh::{Bytes, TriMesh};
 use chpm_refine::{Cut, extract};
 use std::fs::File;

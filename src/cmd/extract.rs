@@ -13,7 +13,7 @@ use chpm_build::Cancel;
 use chpm_build::config::Length;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_mesh::ply::{Encoding, PlyWriter};
+use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Counted, Level};
 use chpm_refine::{Camera, Cut, Extraction, Hierarchy, Member, View, is_visible, select, select_triangles};
 use std::io::Write;

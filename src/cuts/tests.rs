@@ -3,11 +3,11 @@ use super::walk::{Found, Walker};
 use super::*;
 use chpm_build::{BuildConfig, Silent, build};
 use chpm_format::{ChpmWriter, HeaderFields, Page, PageParts, Tables, checksum};
-use chpm_mesh::ply::{self, Encoding};
-use chpm_mesh::synth::hard::CASES;
-use chpm_mesh::synth::{Shape, Synth, hand};
+use chpm_import::ply::{self, Encoding};
 use chpm_mesh::{ClusterId, GroupId, Level, TriMesh};
 use chpm_refine::{Member, extract};
+use chpm_synth::hard::CASES;
+use chpm_synth::{Shape, Synth, hand};
 use std::fs::{self, File};
 
 type Model = Chpm<Vec<u8>>;

@@ -2,7 +2,7 @@
 
 use crate::draw::{Draw, noise};
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::{Shape, Synth, hand};
+use chpm_synth::{Shape, Synth, hand};
 use std::f64::consts::TAU;
 
 /// A mesh before it is written: coordinates as doubles, faces of any number of corners, indices that may be out of range.

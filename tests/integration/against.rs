@@ -2,7 +2,7 @@
 
 use super::harness::{Folder, text};
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::hand;
+use chpm_synth::hand;
 
 const FAR: [f64; 3] = [435_112.25, 5_411_907.5, 311.0];
 

@@ -4,7 +4,7 @@ use super::harness::{Folder, text};
 use super::measure::leaf_with;
 use chpm_format::{Gaps, checksum};
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::hand;
+use chpm_synth::hand;
 use serde_json::Value;
 
 fn json(folder: &Folder, words: &str, code: i32) -> Value {

@@ -1,7 +1,7 @@
 //! Every verb, its exit codes, and that errors leave nothing behind.
 
 use super::harness::{Folder, text};
-use chpm_mesh::synth::{Shape, Synth, hand};
+use chpm_synth::{Shape, Synth, hand};
 use serde_json::Value;
 use std::process::Stdio;
 

@@ -2,8 +2,8 @@
 
 use super::harness::{Folder, text};
 use chpm_format::{BoundaryMode, Chpm, ChpmWriter, HeaderFields, PageParts, Tables, checksum};
-use chpm_mesh::synth::hand;
 use chpm_mesh::{ClusterId, TriMesh};
+use chpm_synth::hand;
 use serde_json::Value;
 
 const MODES: [&str; 4] = [

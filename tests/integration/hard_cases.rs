@@ -4,10 +4,10 @@
 
 use super::harness::{Folder, root};
 use chpm_format::Chpm;
-use chpm_mesh::synth::hand;
-use chpm_mesh::synth::hard::{CASES, Case};
 use chpm_mesh::{Aabb, ClusterId, Level, TriMesh};
 use chpm_refine::{Cut, Member, extract, random_cut};
+use chpm_synth::hand;
+use chpm_synth::hard::{CASES, Case};
 use rayon::prelude::*;
 use std::fs;
 use std::sync::Mutex;

@@ -2,8 +2,8 @@
 
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
+use chpm_import::ply::{Encoding, Options, read_mesh, write_mesh};
 use chpm_mesh::TriMesh;
-use chpm_mesh::ply::{Encoding, Options, read_mesh, write_mesh};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use std::fs::{self, File};

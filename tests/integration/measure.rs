@@ -5,8 +5,8 @@ use chpm_format::{
     BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, Gaps, GroupRecord, HeaderFields, LevelRecord,
     Metadata, PageParts, Tables,
 };
-use chpm_mesh::synth::hand;
 use chpm_mesh::{Attributes, GroupId, Level, TriMesh};
+use chpm_synth::hand;
 use serde_json::Value;
 
 fn json(folder: &Folder, words: &str, code: i32) -> Value {

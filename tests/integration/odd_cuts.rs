@@ -3,7 +3,7 @@
 
 use super::harness::Folder;
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::hand;
+use chpm_synth::hand;
 
 /// Copies of a mesh that share no vertex, each moved.
 fn copies(mesh: &TriMesh, count: u32, moved: impl Fn(u32) -> [f32; 3]) -> TriMesh {

@@ -1,10 +1,10 @@
 //! What goes in comes out: all of it at level 0, a crack-free part of it elsewhere.
 
 use super::harness::{Folder, triangles};
+use chpm_import::ply::{Batch, BatchKind, Encoding, Options, PlyReader, PlyWriter};
 use chpm_measure::crack::cracks;
-use chpm_mesh::ply::{Batch, BatchKind, Encoding, Options, PlyReader, PlyWriter};
-use chpm_mesh::synth::hand;
 use chpm_mesh::{Attributes, TriMesh};
+use chpm_synth::hand;
 use std::fs::File;
 
 #[test]

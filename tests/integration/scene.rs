@@ -2,7 +2,7 @@
 
 use super::harness::Folder;
 use chpm_format::Chpm;
-use chpm_mesh::synth::hand;
+use chpm_synth::hand;
 use serde_json::Value;
 
 fn json(text: &str) -> Value {

@@ -2,7 +2,7 @@
 
 use super::harness::{Folder, text};
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::hand;
+use chpm_synth::hand;
 use serde_json::Value;
 
 /// Appends a copy of `part`, scaled and moved.

@@ -5,15 +5,17 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Crates of this workspace that each may depend on; tests may use more.
-const EDGES: [(&str, &[&str]); 9] = [
+const EDGES: [(&str, &[&str]); 11] = [
     ("chpm-mesh", &[]),
     ("chpm-extmem", &[]),
     ("chpm-partition", &[]),
+    ("chpm-import", &["chpm-mesh"]),
+    ("chpm-synth", &["chpm-mesh"]),
     ("chpm-qem", &["chpm-mesh"]),
     ("chpm-format", &["chpm-mesh"]),
     ("chpm-measure", &["chpm-mesh"]),
     ("chpm-refine", &["chpm-mesh", "chpm-format"]),
-    ("chpm-build", &["chpm-mesh", "chpm-extmem", "chpm-partition", "chpm-qem", "chpm-format"]),
+    ("chpm-build", &["chpm-mesh", "chpm-import", "chpm-extmem", "chpm-partition", "chpm-qem", "chpm-format"]),
     ("chpm-viewer", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem"]),
 ];
 

@@ -63,9 +63,9 @@ pub(crate) fn disk(vertices: u64, triangles: u64, vertex_len: u64) -> u64 {
 mod tests {
     use super::*;
     use crate::{BuildConfig, Cancel, Settings, Silent, build};
+    use chpm_import::ply::{Encoding, write_mesh};
     use chpm_mesh::Bytes;
-    use chpm_mesh::ply::{Encoding, write_mesh};
-    use chpm_mesh::synth::{Shape, Synth};
+    use chpm_synth::{Shape, Synth};
     use std::fs::File;
     use std::process::Command;
 

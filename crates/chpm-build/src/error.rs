@@ -47,7 +47,7 @@ pub enum BuildError {
         /// The source file.
         path: PathBuf,
         /// The vertex.
-        place: chpm_mesh::ply::Place,
+        place: chpm_import::ply::Place,
         /// Its coordinate.
         value: f64,
     },
@@ -57,7 +57,7 @@ pub enum BuildError {
         /// The source file.
         path: PathBuf,
         /// What is wrong, and where.
-        source: chpm_mesh::ply::PlyError,
+        source: chpm_import::ply::PlyError,
     },
     /// The source is no valid STL, OBJ or list of range scans.
     #[error("{path}: {source}")]
@@ -65,7 +65,7 @@ pub enum BuildError {
         /// The source file.
         path: PathBuf,
         /// What is wrong, and where.
-        source: Box<chpm_mesh::import::ImportError>,
+        source: Box<chpm_import::ImportError>,
     },
     /// The source has no triangle that could be built.
     #[error("{path}: {}: nothing was written", nothing(*faces))]

@@ -160,7 +160,7 @@ fn squared_distance_to_segment(point: Point3<f64>, a: Point3<f64>, b: Point3<f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chpm_mesh::synth::{Shape, Synth, hand};
+    use chpm_synth::{Shape, Synth, hand};
     use proptest::prelude::*;
 
     #[test]

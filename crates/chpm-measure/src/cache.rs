@@ -125,7 +125,7 @@ fn ratio(a: u64, b: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chpm_mesh::synth::hand;
+    use chpm_synth::hand;
 
     #[test]
     fn a_strip_misses_once_per_vertex() {

@@ -273,7 +273,7 @@ impl Sets {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chpm_mesh::synth::{Shape, Synth, hand};
+    use chpm_synth::{Shape, Synth, hand};
 
     #[test]
     fn hand_meshes_are_what_they_say() {

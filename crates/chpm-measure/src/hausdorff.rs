@@ -108,7 +108,7 @@ pub fn one_sided(samples: &Sampler<'_>, to: &Bvh, progress: &(dyn Fn(u64) + Sync
 mod tests {
     use super::*;
     use crate::bvh::squared_distance;
-    use chpm_mesh::synth::{Shape, Synth, hand};
+    use chpm_synth::{Shape, Synth, hand};
 
     fn moved(mesh: &TriMesh, by: [f32; 3]) -> TriMesh {
         let positions = mesh.positions.iter().map(|p| std::array::from_fn(|a| p[a] + by[a])).collect();

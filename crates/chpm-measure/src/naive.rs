@@ -253,7 +253,7 @@ impl<'a> State<'a> {
 mod tests {
     use super::*;
     use crate::{crack::topology, hausdorff::deviation};
-    use chpm_mesh::synth::{Shape, Synth, hand};
+    use chpm_synth::{Shape, Synth, hand};
 
     #[test]
     fn a_sphere_halves_and_stays_a_sphere() {

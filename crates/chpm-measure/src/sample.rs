@@ -138,7 +138,7 @@ fn scramble(seed: u64, index: u64) -> f64 {
 mod tests {
     use super::*;
     use crate::bvh::squared_distance;
-    use chpm_mesh::synth::hand;
+    use chpm_synth::hand;
 
     #[test]
     fn every_part_is_sampled_once() {

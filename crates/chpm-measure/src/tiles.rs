@@ -226,7 +226,7 @@ fn lock(bvh: &Mutex<Option<Arc<Bvh>>>) -> MutexGuard<'_, Option<Arc<Bvh>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chpm_mesh::synth::{Shape, Synth};
+    use chpm_synth::{Shape, Synth};
     use std::sync::atomic::AtomicUsize;
 
     #[test]

@@ -4,9 +4,9 @@ use super::*;
 use crate::progress::{Cancel, Silent};
 use chpm_extmem::{BufferWriter, Store};
 use chpm_format::Source as Provenance;
-use chpm_mesh::ply::Tally;
-use chpm_mesh::synth::{Shape, Synth, hand};
+use chpm_import::ply::Tally;
 use chpm_mesh::{Aabb, TriMesh};
+use chpm_synth::{Shape, Synth, hand};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A vertex as bits: position, normal, colour.

@@ -6,8 +6,8 @@ use super::used::Used;
 use crate::context::Context;
 use crate::error::BuildError;
 use chpm_extmem::{BufferWriter, Column};
+use chpm_import::ply::Coordinates;
 use chpm_mesh::Aabb;
-use chpm_mesh::ply::Coordinates;
 use std::fmt::Write;
 
 /// Vertices that are looked at in one step.

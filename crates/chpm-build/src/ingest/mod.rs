@@ -25,7 +25,7 @@ use crate::foreign::AabbFields;
 use crate::report::SmallComponents;
 use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
 use chpm_format::Source as Provenance;
-use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
+use chpm_import::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
 use chpm_mesh::{Aabb, Attributes};
 use input::Input;
 use local::Local;

@@ -6,8 +6,8 @@ use crate::context::Context;
 use crate::error::BuildError;
 use bytemuck::{Pod, Zeroable};
 use chpm_extmem::{BufferWriter, Column, Store};
+use chpm_import::ply::Batch;
 use chpm_mesh::Counted;
-use chpm_mesh::ply::Batch;
 
 /// Pairs that are remembered, so that corners of one vertex that lie together count once.
 const RECENT: usize = 1 << 12;

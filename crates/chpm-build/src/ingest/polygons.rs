@@ -4,7 +4,7 @@ use crate::context::Context;
 use crate::error::BuildError;
 use bytemuck::Pod;
 use chpm_extmem::{BufferWriter, Column, Store};
-use chpm_mesh::{Triangulator, polygon};
+use chpm_import::{Triangulator, polygon};
 
 /// Numbers of polygons that are read at once; a larger polygon is read by itself.
 const WINDOW: usize = 1 << 16;
@@ -12,7 +12,7 @@ const WINDOW: usize = 1 << 16;
 const BLOCK: usize = 256;
 const BLOCKS: usize = 1 << 10;
 
-/// The polygons of a source, as [`chpm_mesh::Polygons`] has them.
+/// The polygons of a source, as [`chpm_import::Polygons`] has them.
 pub(super) struct Faces(BufferWriter<u32>);
 
 impl Faces {
@@ -20,7 +20,7 @@ impl Faces {
         Ok(Faces(BufferWriter::new(store, "polygons", 0)?))
     }
 
-    pub(super) fn add(&mut self, polygons: &chpm_mesh::Polygons) -> Result<(), BuildError> {
+    pub(super) fn add(&mut self, polygons: &chpm_import::Polygons) -> Result<(), BuildError> {
         Ok(self.0.extend_from_slice(polygons.as_words())?)
     }
 

@@ -5,9 +5,9 @@ use super::supply::Supply;
 use crate::error::BuildError;
 use crate::progress::Cancel;
 use chpm_extmem::Store;
+use chpm_import::ply::{Batch, BatchKind, Coordinates, MAX_VERTICES, Options, PlyError, Tally, VertexFormat};
+use chpm_import::{Pose, RangeScans};
 use chpm_mesh::Attributes;
-use chpm_mesh::import::{Pose, RangeScans};
-use chpm_mesh::ply::{Batch, BatchKind, Coordinates, MAX_VERTICES, Options, PlyError, Tally, VertexFormat};
 use std::path::{Path, PathBuf};
 
 /// Scans one after the other.

@@ -2,8 +2,8 @@
 
 use crate::error::BuildError;
 use chpm_extmem::{Buffer, BufferWriter, Store};
+use chpm_import::ply::Batch;
 use chpm_mesh::Counted;
-use chpm_mesh::ply::Batch;
 
 /// A triangle whose longest edge is more than so many times its shortest hangs across a step. Samples of a surface that is seen at
 /// 80 degrees from its normal are 5.8 times as far from each other along the slope as across it.

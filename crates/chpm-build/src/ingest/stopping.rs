@@ -7,7 +7,7 @@ use super::supply::Supply;
 use crate::error::BuildError;
 use crate::progress::Cancel;
 use chpm_extmem::{Faults, Store};
-use chpm_mesh::ply::{Batch, BatchKind, Invalid, Options};
+use chpm_import::ply::{Batch, BatchKind, Invalid, Options};
 use std::cell::Cell;
 use std::io::{self, Read, Write};
 use std::path::Path;

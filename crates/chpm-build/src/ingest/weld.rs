@@ -9,9 +9,9 @@ use crate::error::BuildError;
 use bytemuck::Pod;
 use chpm_extmem::Store;
 use chpm_format::Source as Provenance;
+use chpm_import::ply::{Batch, BatchKind, Coordinates, Place, Tally, VertexFormat};
+use chpm_import::{Corners, ImportError, StlReader};
 use chpm_mesh::Attributes;
-use chpm_mesh::import::{Corners, ImportError, StlReader};
-use chpm_mesh::ply::{Batch, BatchKind, Coordinates, Place, Tally, VertexFormat};
 
 /// Vertices or triangles of a batch.
 const FULL: usize = 1 << 14;
@@ -283,8 +283,8 @@ fn gather(bits: u128) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chpm_mesh::import::Format;
-    use chpm_mesh::ply::Invalid;
+    use chpm_import::Format;
+    use chpm_import::ply::Invalid;
     use std::collections::BTreeMap;
 
     fn stl(facets: &[Corners]) -> Vec<u8> {

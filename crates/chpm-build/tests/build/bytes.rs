@@ -3,10 +3,10 @@
 use crate::site::{ChpmFile, Site, config, triangle_bits, with_attributes};
 use chpm_build::BuildConfig;
 use chpm_format::checksum;
-use chpm_mesh::synth::{Shape, Synth};
 use chpm_mesh::{Bytes, Level};
 use chpm_partition::Partitioner;
 use chpm_refine::{Cut, extract, random_cut};
+use chpm_synth::{Shape, Synth};
 
 fn with_resources(config: &BuildConfig, threads: usize, memory: u64) -> BuildConfig {
     let mut config = config.clone();

@@ -4,10 +4,10 @@ use crate::site::{ChpmFile, Site, config, leaks, odd_vertices, without_copies};
 use chpm_build::config::Topology;
 use chpm_build::{BuildConfig, BuildReport};
 use chpm_format::{BoundaryMode, checksum};
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{Bytes, TriMesh};
 use chpm_partition::Partitioner;
 use chpm_refine::{CameraPath, Cut, Hierarchy, View, extract, random_cut, select};
+use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
 const MODES: [(BoundaryMode, Topology); 4] = [

@@ -1,9 +1,9 @@
 //! What the records say of normals and colours, beside what samples find.
 
 use crate::site::{ChpmFile, Site, config};
-use chpm_mesh::synth::hand;
 use chpm_mesh::{Level, TriMesh};
 use chpm_refine::{Cut, extract};
+use chpm_synth::hand;
 
 /// Cells of a plate along each side.
 const CELLS: u32 = 80;

@@ -7,9 +7,9 @@ use chpm_build::config::Topology;
 use chpm_build::report::Repairs;
 use chpm_build::{BuildError, Cancel, Silent};
 use chpm_format::BoundaryMode;
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{Level, TriMesh};
 use chpm_refine::{Cut, extract};
+use chpm_synth::{Shape, Synth, hand};
 
 /// Builds and checks that the leaves hold what the source holds; cracks make no sense for some of these.
 fn builds(name: &str, mesh: &TriMesh, cluster_triangles: u32) -> chpm_build::BuildReport {

@@ -3,8 +3,8 @@
 use crate::site::{ChpmFile, Site, check_against, config};
 use chpm_build::{BuildError, BuildReport, Cancel, Silent, build};
 use chpm_format::{Chpm, verify};
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{FAR, TriMesh};
+use chpm_synth::{Shape, Synth, hand};
 use std::fs;
 use std::path::Path;
 

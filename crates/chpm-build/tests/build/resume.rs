@@ -5,7 +5,7 @@ use chpm_build::config::Length;
 use chpm_build::{BuildConfig, BuildError, Cancel, Faults, Progress, Reached, Silent, Stage};
 use chpm_extmem::ExtmemError;
 use chpm_mesh::Bytes;
-use chpm_mesh::synth::{Shape, Synth, hand};
+use chpm_synth::{Shape, Synth, hand};
 use std::fs::{self, File};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -9,9 +9,9 @@ use chpm_build::config::{Length, Topology};
 use chpm_build::{BuildConfig, BuildError, Cancel, Silent};
 use chpm_format::{BoundaryMode, ClusterRecord, checksum};
 use chpm_measure::deviation;
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{Bytes, GroupId, Level, TriMesh};
 use chpm_refine::{Cut, extract, random_cut};
+use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
 /// Percents of the diagonal.

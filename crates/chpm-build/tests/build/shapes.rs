@@ -3,10 +3,10 @@
 use crate::site::{Site, check_against, check_height, config, levels_of_detail, moved, with_attributes};
 use chpm_build::config::Topology;
 use chpm_measure::{edge_census, topology};
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{Attributes, Level};
 use chpm_partition::Partitioner;
 use chpm_refine::{Cut, extract};
+use chpm_synth::{Shape, Synth, hand};
 
 #[test]
 fn every_shape_builds_and_every_cut_of_it_holds_together() {

@@ -4,8 +4,8 @@ use chpm_build::{
     BuildConfig, BuildError, BuildReport, Cancel, Progress, Resources, Settings, Silent, build,
 };
 use chpm_format::{Chpm, verify};
+use chpm_import::ply::{Encoding, PlyWriter, write_mesh};
 use chpm_measure::{cracks, weld};
-use chpm_mesh::ply::{Encoding, PlyWriter, write_mesh};
 use chpm_mesh::{Bytes, Level, TriMesh};
 use chpm_refine::{Cut, extract, random_cut};
 use std::collections::BTreeSet;

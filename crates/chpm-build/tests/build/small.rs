@@ -5,9 +5,9 @@ use chpm_build::config::Length;
 use chpm_build::report::{Repairs, SmallComponents};
 use chpm_build::{BuildConfig, BuildError, Cancel, Silent};
 use chpm_format::verify;
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{Aabb, Bytes, ClusterId, Level, TriMesh};
 use chpm_refine::{Cut, extract};
+use chpm_synth::{Shape, Synth, hand};
 
 fn config_of(min_component: Option<Length>) -> BuildConfig {
     let mut config = config(512);

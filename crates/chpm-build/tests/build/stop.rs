@@ -2,7 +2,7 @@
 
 use crate::site::{Site, config};
 use chpm_build::{BuildError, Cancel, Progress, Silent, Stage};
-use chpm_mesh::synth::{Shape, Synth};
+use chpm_synth::{Shape, Synth};
 use std::fs;
 use std::sync::Mutex;
 

@@ -1,7 +1,7 @@
 use super::*;
 use crate::bvh::squared_distance;
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{Aabb, TriMesh};
+use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
 const LIMIT: u64 = 100_000;

@@ -2,9 +2,9 @@
 
 use crate::play::{Run, any_mesh, played, run_in, run_with};
 use chpm_measure::deviation;
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{Aabb, TriMesh};
 use chpm_qem::{Decimator, Displacement, Patch, Refusal, Topology};
+use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
 /// Samples for each triangle of the finer mesh.

@@ -2,9 +2,9 @@
 
 use crate::play::{any_mesh, run, run_in, run_with};
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::hard::Case;
-use chpm_mesh::synth::{Shape, Synth};
 use chpm_qem::{Decimator, Refusal, Topology};
+use chpm_synth::hard::Case;
+use chpm_synth::{Shape, Synth};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 

@@ -2,9 +2,9 @@
 
 use crate::play::{corner_sets, free, played, run};
 use chpm_measure::{boundary_vertices, deviation, edge_census, topology};
-use chpm_mesh::synth::hand;
 use chpm_mesh::{TriMesh, geom};
 use chpm_qem::Refusal;
+use chpm_synth::hand;
 use proptest::prelude::*;
 
 fn doubled_area(mesh: &TriMesh, triangle: &[u32; 3]) -> f64 {

@@ -2,9 +2,9 @@
 
 use crate::play::{local, played, went};
 use chpm_measure::deviation;
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{TriMesh, geom};
 use chpm_qem::{Collapse, Decimator, Deviation, FaceLook, Looks, Patch, Topology};
+use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
 /// What a decimation left.

@@ -2,9 +2,9 @@
 
 use crate::play::{Run, corner_sets, local, run, run_with};
 use chpm_measure::{edge_census, topology};
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_mesh::{ProgressiveMesh, TriMesh};
 use chpm_qem::{Collapse, Decimator};
+use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
 /// A consistently oriented manifold; its description is what a failing test prints.

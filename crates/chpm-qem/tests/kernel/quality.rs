@@ -3,7 +3,7 @@
 use crate::play::free;
 use chpm_measure::{deviation, naive};
 use chpm_mesh::Aabb;
-use chpm_mesh::synth::{Shape, Synth};
+use chpm_synth::{Shape, Synth};
 
 /// Distances below this share of the model's size are what single precision rounds.
 const ROUNDING: f64 = 1e-6;

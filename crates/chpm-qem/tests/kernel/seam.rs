@@ -3,8 +3,8 @@
 use crate::play::run;
 use chpm_measure::{cracks, edge_census, topology};
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::{Shape, Synth};
 use chpm_qem::{Collapse, Decimator, Patch, Topology};
+use chpm_synth::{Shape, Synth};
 
 /// Simplifies the triangles of each part apart and puts the results side by side, over the mesh's vertices.
 fn in_parts(mesh: &TriMesh, part_of: impl Fn(&[u32; 3]) -> usize, parts: usize, keep: f64) -> TriMesh {

@@ -14,8 +14,8 @@ mod plain;
 mod queries;
 
 use chpm_build::{BuildConfig, Cancel, Settings, Silent, build};
-use chpm_mesh::ply::{Encoding, PlyWriter};
-use chpm_mesh::synth::{Shape, Synth};
+use chpm_import::ply::{Encoding, PlyWriter};
+use chpm_synth::{Shape, Synth};
 use chpm_viewer::{AdapterChoice, Gpu};
 use std::error::Error;
 use std::fs::File;

@@ -3,8 +3,8 @@
 use crate::models::{self, Model};
 use crate::screen::{PLENTY, exact, ids, open};
 use chpm_mesh::Level;
-use chpm_mesh::synth::Shape;
 use chpm_refine::{Camera, Cut};
+use chpm_synth::Shape;
 use chpm_viewer::raster::Raster;
 
 const VIEWPORT: [u32; 2] = [200, 150];

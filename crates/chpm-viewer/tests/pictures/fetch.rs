@@ -3,8 +3,8 @@
 use crate::models::Model;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_mesh::synth::Shape;
 use chpm_mesh::{Bytes, ClusterId};
+use chpm_synth::Shape;
 use chpm_viewer::fetch::Arrival;
 use chpm_viewer::{Block, Fetch, PageData, ViewerError};
 use std::fs::OpenOptions;

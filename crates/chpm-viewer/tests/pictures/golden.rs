@@ -7,8 +7,8 @@
 use crate::models::{self, Model};
 use crate::screen::{PLENTY, exact, open};
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_refine::Camera;
+use chpm_synth::{Shape, Synth, hand};
 use chpm_viewer::{Coloring, FrameRequest, Image, Look, Shading, headless};
 use std::fs::{self, File};
 use std::io::BufReader;

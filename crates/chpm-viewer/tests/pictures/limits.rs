@@ -3,7 +3,7 @@
 use crate::models::{self, Model};
 use crate::screen::{PLENTY, exact, open};
 use chpm_mesh::Bytes;
-use chpm_mesh::synth::Shape;
+use chpm_synth::Shape;
 use chpm_viewer::{Accuracy, Budgets, FrameRequest, headless};
 
 const VIEWPORT: [u32; 2] = [160, 120];

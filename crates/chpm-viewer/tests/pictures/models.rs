@@ -3,10 +3,10 @@
 use chpm_build::{BuildConfig, Cancel, Settings, Silent, build};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
+use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::TriMesh;
-use chpm_mesh::ply::{Encoding, PlyWriter};
-use chpm_mesh::synth::{Shape, Synth, hand};
 use chpm_refine::{Camera, CameraPath};
+use chpm_synth::{Shape, Synth, hand};
 use std::fs::File;
 use std::path::PathBuf;
 use tempfile::TempDir;

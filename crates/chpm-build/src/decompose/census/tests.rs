@@ -3,7 +3,7 @@ use super::local::Surveyor;
 use crate::report::Repairs;
 use chpm_extmem::Store;
 use chpm_mesh::TriMesh;
-use chpm_mesh::synth::{Shape, Synth, hand};
+use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 

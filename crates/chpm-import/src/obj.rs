@@ -1,0 +1,373 @@
+//! Wavefront OBJ: `v` and `f` lines; whatever else there is, is left out with a warning.
+
+use super::error::ImportError;
+use super::lines::{Lines, WINDOW, number, words};
+use crate::ply::{
+    Batch, BatchKind, Coordinates, Invalid, MAX_VERTICES, Options, Place, Tally, VertexFormat, VertexSet,
+    Warning, excerpt,
+};
+use chpm_mesh::{Attributes, FAR};
+use std::io::Read;
+
+/// Reads an OBJ once, front to back.
+///
+/// Coordinates are text without a type and delivered as `f64`. Corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn`, count from 1 or
+/// from the last vertex backwards (-1), and may name vertices that come later.
+/// A vertex has a colour if three more numbers follow its position, from 0 to 1, or from 0 to 255 where one of them exceeds 1;
+/// the first vertex decides for all. Normals belong to corners and are handed over as such; texture coordinates are left out.
+pub struct ObjReader<R: Read> {
+    lines: Lines<R>,
+    invalid_data: Invalid,
+    /// A line that was joined from several.
+    joined: Vec<u8>,
+    /// Vertices and triangles that are read and not handed over yet.
+    pending: Batch,
+    colored: bool,
+    /// Whether normals are asked for.
+    wants_normals: bool,
+    /// Whether a corner without a normal was told.
+    has_bare_corner: bool,
+    vertices: u64,
+    normals: u64,
+    faces: u64,
+    delivered: [u64; 2],
+    /// The greatest index that was beyond the vertices when it was read.
+    highest: Option<(i64, Place)>,
+    invalid: VertexSet,
+    corners: Vec<u32>,
+    corner_normals: Vec<[u32; 2]>,
+    tally: Tally,
+    left_out: LeftOut,
+    state: State,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum State {
+    Open,
+    Ended,
+    Failed,
+}
+
+/// How much there is that does not reach the mesh.
+#[derive(Default)]
+struct LeftOut {
+    texture: u64,
+    materials: u64,
+    lines_and_points: u64,
+    vertex_numbers: u64,
+    late_colors: u64,
+    statements: u64,
+    /// Names of some of the statements.
+    names: Vec<String>,
+}
+
+impl<R: Read> ObjReader<R> {
+    /// Reads up to the first vertex, which says whether there are colours.
+    ///
+    /// # Errors
+    /// What is wrong up to there.
+    pub fn new(reader: R, options: Options) -> Result<Self, ImportError> {
+        let mut obj = ObjReader {
+            lines: Lines::new(reader),
+            invalid_data: options.invalid,
+            joined: Vec::new(),
+            pending: Batch::default(),
+            colored: options.colors,
+            wants_normals: options.normals,
+            has_bare_corner: false,
+            vertices: 0,
+            normals: 0,
+            faces: 0,
+            delivered: [0; 2],
+            highest: None,
+            invalid: VertexSet::default(),
+            corners: Vec::new(),
+            corner_normals: Vec::new(),
+            tally: Tally::default(),
+            left_out: LeftOut::default(),
+            state: State::Open,
+        };
+        while obj.vertices == 0 && obj.state == State::Open && !obj.is_full() {
+            obj.line()?;
+        }
+        obj.colored &= !obj.pending.colors.is_empty();
+        Ok(obj)
+    }
+
+    /// What the delivered vertices are made of.
+    pub fn vertex_format(&self) -> VertexFormat {
+        let attributes = Attributes { normals: false, colors: self.colored };
+        VertexFormat { coordinates: Coordinates::Text, attributes }
+    }
+
+    /// Vertices that were read up to now.
+    pub fn vertices(&self) -> u64 {
+        self.vertices
+    }
+
+    /// Faces that were read up to now.
+    pub fn faces(&self) -> u64 {
+        self.faces
+    }
+
+    /// What was not delivered up to now.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// What is left out; complete when the stream has ended.
+    pub fn warnings(&self) -> Vec<String> {
+        let LeftOut { texture, materials, lines_and_points, .. } = self.left_out;
+        let LeftOut { vertex_numbers, late_colors, statements, ref names, .. } = self.left_out;
+        let mut warnings = Vec::new();
+        let mut warn = |count: u64, text: String| warnings.extend((count > 0).then_some(text));
+        warn(texture, format!("dropped {texture} texture coordinates"));
+        let count = self.tally.zeroed_normals;
+        warn(count, Warning::NormalsZeroed { count }.to_string());
+        warn(materials, format!("dropped {materials} references to materials"));
+        warn(lines_and_points, format!("skipped {lines_and_points} lines and points"));
+        warn(vertex_numbers, format!("ignored further numbers of {vertex_numbers} vertices"));
+        warn(late_colors, format!("dropped colours of {late_colors} vertices, since the first one has none"));
+        warn(statements, format!("skipped {statements} statements that are no mesh: {}", names.join(", ")));
+        warnings
+    }
+
+    /// Refills `batch`, as [`PlyReader::next_batch`](crate::PlyReader::next_batch) does; vertices and faces come in any order,
+    /// and a batch of vertices may hold none, but normals of corners.
+    ///
+    /// # Errors
+    /// Where and why the input cannot be read. That a corner is beyond the last vertex is known at the end only.
+    pub fn next_batch(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
+        batch.clear();
+        if self.state == State::Failed {
+            return Err(ImportError::Ended);
+        }
+        let result = self.fill(batch);
+        if result.is_err() {
+            self.state = State::Failed;
+        }
+        result
+    }
+
+    /// Whether as much is pending as a batch should have of anything.
+    fn is_full(&self) -> bool {
+        let Batch { positions_f64, listed_normals, .. } = &self.pending;
+        positions_f64.len().max(listed_normals.len()) >= Batch::FULL || self.pending.is_full_of_faces()
+    }
+
+    fn fill(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
+        while self.state == State::Open && !self.is_full() {
+            self.line()?;
+        }
+        std::mem::swap(&mut batch.listed_normals, &mut self.pending.listed_normals);
+        std::mem::swap(&mut batch.corner_normals, &mut self.pending.corner_normals);
+        let vertices = self.pending.positions_f64.len();
+        if vertices > 0 && (vertices >= Batch::FULL || !self.pending.is_full_of_faces()) {
+            std::mem::swap(&mut batch.positions_f64, &mut self.pending.positions_f64);
+            std::mem::swap(&mut batch.invalid_vertices, &mut self.pending.invalid_vertices);
+            std::mem::swap(&mut batch.colors, &mut self.pending.colors);
+            std::mem::swap(&mut batch.far, &mut self.pending.far);
+            batch.first = self.delivered[0];
+            self.delivered[0] += vertices as u64;
+            Ok(BatchKind::Vertices)
+        } else if self.pending.has_faces() {
+            std::mem::swap(&mut batch.triangles, &mut self.pending.triangles);
+            std::mem::swap(&mut batch.polygons, &mut self.pending.polygons);
+            batch.first = self.delivered[1];
+            self.delivered[1] += (batch.triangles.len() + batch.polygons.iter().count()) as u64;
+            Ok(BatchKind::Triangles)
+        } else if !batch.listed_normals.is_empty() {
+            Ok(BatchKind::Vertices)
+        } else {
+            Ok(BatchKind::End)
+        }
+    }
+
+    /// One line, with those that it goes on in.
+    fn line(&mut self) -> Result<(), ImportError> {
+        if !self.lines.advance()? {
+            return self.end();
+        }
+        if self.lines.current().last() != Some(&b'\\') {
+            return self.statement(false);
+        }
+        self.joined.clear();
+        loop {
+            let line = self.lines.current();
+            if self.joined.len() + line.len() > WINDOW {
+                let line = self.lines.place("statement", 0).line.unwrap_or(0);
+                return Err(ImportError::LineTooLong { line, limit: WINDOW });
+            }
+            let body = line.strip_suffix(b"\\");
+            self.joined.extend_from_slice(body.unwrap_or(line));
+            self.joined.push(b' ');
+            if body.is_none() || !self.lines.advance()? {
+                break;
+            }
+        }
+        self.statement(true)
+    }
+
+    fn statement(&mut self, joined: bool) -> Result<(), ImportError> {
+        let line = if joined { &self.joined[..] } else { self.lines.current() };
+        let mut words = words(line);
+        let left_out = &mut self.left_out;
+        match words.next() {
+            None => {}
+            Some(b"v") => {
+                let place = || self.lines.place("vertex", self.vertices);
+                let wrong = |got| ImportError::Text { place: place(), expected: "three coordinates", got };
+                let mut position = [0.0f64; 3];
+                for x in &mut position {
+                    *x = number(words.next()).map_err(wrong)?;
+                }
+                let mut rest = [0.0f64; 3];
+                let mut count = 0;
+                for word in words {
+                    if let Some(x) = rest.get_mut(count) {
+                        *x = number(Some(word)).map_err(wrong)?;
+                    }
+                    count += 1;
+                }
+                if self.vertices == MAX_VERTICES {
+                    return Err(ImportError::TooMany {
+                        place: place(),
+                        what: "vertices",
+                        limit: MAX_VERTICES,
+                    });
+                }
+                if let Some(&value) = position.iter().find(|x| !x.is_finite()) {
+                    if self.invalid_data == Invalid::Refuse {
+                        return Err(ImportError::NotFinite { place: place(), value });
+                    }
+                    position = [0.0; 3];
+                    self.invalid.insert(self.vertices);
+                    self.tally.dropped_vertices += 1;
+                    self.pending.invalid_vertices.push(self.vertices);
+                }
+                if position.iter().any(|x| x.abs() > FAR) {
+                    self.pending.far.push(place());
+                }
+                let is_first = self.vertices == 0;
+                self.pending.positions_f64.push(position);
+                match count {
+                    3 if self.colored => self.pending.colors.push(color(rest)),
+                    3 => left_out.late_colors += 1,
+                    0 | 1 => {}
+                    _ => left_out.vertex_numbers += 1,
+                }
+                if count != 3 && self.colored && !is_first {
+                    self.pending.colors.push([255; 4]);
+                }
+                self.vertices += 1;
+            }
+            Some(b"vn") if self.wants_normals => {
+                let mut normal = [0.0f32; 3];
+                let are_numbers = normal.iter_mut().all(|x| {
+                    number(words.next()).is_ok_and(|value: f64| {
+                        *x = value as f32;
+                        x.is_finite()
+                    })
+                });
+                if !are_numbers {
+                    normal = [0.0; 3];
+                    self.tally.zeroed_normals += 1;
+                }
+                self.pending.listed_normals.push(normal);
+                self.normals += 1;
+            }
+            Some(b"f") => {
+                self.corners.clear();
+                self.corner_normals.clear();
+                let mut valid = true;
+                for word in words {
+                    let place = || self.lines.place("face", self.faces);
+                    let digits = word.split(|byte| *byte == b'/').next();
+                    let index: i64 = number(digits).map_err(|got| ImportError::Text {
+                        place: place(),
+                        expected: "the number of a vertex",
+                        got,
+                    })?;
+                    let vertex = if index < 0 {
+                        self.vertices.checked_add_signed(index)
+                    } else {
+                        (index as u64).checked_sub(1)
+                    };
+                    let is_known = vertex.is_some_and(|vertex| vertex < self.vertices);
+                    match vertex.filter(|vertex| *vertex < MAX_VERTICES) {
+                        _ if self.invalid_data == Invalid::Drop && !is_known => valid = false,
+                        Some(vertex) => {
+                            valid &= !self.invalid.contains(vertex);
+                            if !is_known && self.highest.as_ref().is_none_or(|(highest, _)| index > *highest)
+                            {
+                                self.highest = Some((index, place()));
+                            }
+                            self.corners.push(vertex as u32);
+                            if self.wants_normals {
+                                let normal = normal(word, self.normals);
+                                self.corner_normals.push([vertex as u32, normal.unwrap_or(u32::MAX)]);
+                            }
+                        }
+                        None => {
+                            let vertices = self.vertices;
+                            return Err(ImportError::IndexOutOfRange { place: place(), index, vertices });
+                        }
+                    }
+                }
+                self.faces += 1;
+                if !valid {
+                    self.tally.dropped_faces += 1;
+                } else {
+                    let is_delivered = self.pending.push_face(&self.corners, &mut self.tally);
+                    for corner in self.corner_normals.iter().filter(|_| is_delivered) {
+                        // Most files have no normals at all: once is enough to tell this.
+                        let is_bare = corner[1] == u32::MAX;
+                        if !is_bare || !self.has_bare_corner {
+                            self.pending.corner_normals.push(*corner);
+                        }
+                        self.has_bare_corner |= is_bare;
+                    }
+                }
+            }
+            Some(b"vt") => left_out.texture += 1,
+            Some(b"vn") => {}
+            Some(b"mtllib" | b"usemtl" | b"usemap" | b"maplib") => left_out.materials += 1,
+            Some(b"l" | b"p") => left_out.lines_and_points += 1,
+            Some(b"g" | b"o" | b"s" | b"mg") => {}
+            Some(comment) if comment.starts_with(b"#") => {}
+            Some(name) => {
+                left_out.statements += 1;
+                let name = excerpt(name);
+                if left_out.names.len() < 8 && !left_out.names.contains(&name) {
+                    left_out.names.push(name);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn end(&mut self) -> Result<(), ImportError> {
+        self.state = State::Ended;
+        match self.highest.take() {
+            Some((index, place)) if index as u64 > self.vertices => {
+                Err(ImportError::IndexOutOfRange { place, index, vertices: self.vertices })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The normal that a corner names, counted from zero, if it names one. `read` are those before it.
+fn normal(corner: &[u8], read: u64) -> Option<u32> {
+    let index: i64 = number(Some(corner.split(|byte| *byte == b'/').nth(2)?)).ok()?;
+    let normal = if index < 0 { read.checked_add_signed(index) } else { (index as u64).checked_sub(1) };
+    u32::try_from(normal?).ok()
+}
+
+/// Eight bits a channel, opaque.
+fn color(rgb: [f64; 3]) -> [u8; 4] {
+    let scale = if rgb.iter().any(|x| *x > 1.0) { 1.0 } else { 255.0 };
+    // The cast clamps, and makes NaN zero.
+    let [r, g, b] = rgb.map(|x| (x * scale).round() as u8);
+    [r, g, b, 255]
+}
