@@ -18,14 +18,13 @@ use chpm_build::Cancel;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_measure::box_tree::BoxTree;
-use chpm_measure::hausdorff::chunks;
 use chpm_measure::sample::{Density, Sampler};
-use chpm_measure::{Hit, Tally, Tiles};
+use chpm_measure::sweep::Block;
+use chpm_measure::{Searcher, Tally, Tiles};
 use chpm_mesh::{Aabb, ClusterId, TriMesh};
 use chpm_refine::{Cut, Member};
 use nalgebra::Point3;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Positions are singles: distances below a 256th of what these round the largest coordinate by are taken for rounding of the measure.
 const SLACK: f64 = 1.0 / (1u64 << 32) as f64;
@@ -179,10 +178,10 @@ impl<'a> Judge<'a> {
             let mesh = self.source.mesh(leaf);
             let budget = self.samples * mesh.triangles.len();
             let sampler = Sampler::new(&mesh, Density { per_triangle: self.samples, budget, seed: 0 });
-            let parts: Vec<_> = chunks(&sampler).map(|range| view.of_source(&sampler, range)).collect();
+            let parts: Vec<_> = Block::all(&sampler).map(|block| view.of_source(&sampler, block)).collect();
             stop::check(cancel)?;
             meter.add(1);
-            Ok(together(parts))
+            Ok(together(parts.into_iter().flatten()))
         };
         let from_leaves: Vec<_> =
             (0..self.leaves.len()).into_par_iter().map(of_source).collect::<Result<Vec<_>>>()?;
@@ -198,10 +197,10 @@ impl<'a> Judge<'a> {
             let mesh = drawn.mesh(index);
             let budget = (self.samples as f64 * density * weight(&members[index])) as usize;
             let sampler = Sampler::new(&mesh, Density { per_triangle: self.samples, budget, seed: 0 });
-            let parts: Vec<Part> =
-                chunks(&sampler).map(|range| view.of_mesh(index, &sampler, range)).collect();
+            let parts: Vec<Vec<Part>> =
+                Block::all(&sampler).map(|block| view.of_mesh(index, &sampler, block)).collect();
             let mut all = Part::default();
-            parts.iter().for_each(|part| all.merge(part));
+            parts.iter().flatten().for_each(|part| all.merge(part));
             stop::check(cancel)?;
             meter.add(1);
             Ok((mesh.triangles.len() as u64, all))
@@ -252,10 +251,27 @@ struct View<'a> {
     cancel: &'a Cancel,
 }
 
+/// The largest distances by cluster, of the few that a task comes to.
+#[derive(Default)]
+struct Largest(Vec<(usize, f64)>);
+
+impl Largest {
+    fn of(&self, index: usize) -> f64 {
+        self.0.iter().find(|(i, _)| *i == index).map_or(0.0, |(_, largest)| *largest)
+    }
+
+    fn raise(&mut self, index: usize, distance: f64) {
+        match self.0.iter_mut().find(|(i, _)| *i == index) {
+            Some((_, largest)) => *largest = largest.max(distance),
+            None => self.0.push((index, distance)),
+        }
+    }
+}
+
 /// What the tasks of a leaf found, brought together by member.
-fn together(parts: Vec<Vec<(usize, Part)>>) -> Vec<(usize, Part)> {
+fn together(parts: impl Iterator<Item = Vec<(usize, Part)>>) -> Vec<(usize, Part)> {
     let mut all: Vec<(usize, Part)> = Vec::new();
-    for (index, part) in parts.into_iter().flatten() {
+    for (index, part) in parts.flatten() {
         match all.iter_mut().find(|(i, _)| *i == index) {
             Some((_, known)) => known.merge(&part),
             None => all.push((index, part)),
@@ -266,32 +282,40 @@ fn together(parts: Vec<Vec<(usize, Part)>>) -> Vec<(usize, Part)> {
 
 impl View<'_> {
     /// Samples of the source: credited to who answers for them.
-    fn of_source(&self, sampler: &Sampler<'_>, range: Range<usize>) -> Vec<(usize, Part)> {
-        let mut parts: Vec<(usize, Part)> = Vec::new();
-        let mut hint = None::<Hit>;
-        sampler.samples_of(range, |point, area| {
+    fn of_source(&self, sampler: &Sampler<'_>, block: Block) -> Vec<Vec<(usize, Part)>> {
+        let answer = |(drawn, most): &mut (Searcher<'_>, Largest), point, area| {
+            // Nothing is found any more, nor looked at.
             if self.cancel.is_cancelled() {
-                return;
+                return (0, f64::INFINITY, true);
             }
-            let hit = self.drawn.nearest(point, hint);
-            hint = hit.or(hint);
+            // What only the maximum knows of is not searched for where its cluster has a larger one, and keeps its word.
+            let enough = |index: usize| most.of(index).min(f64::from(self.found[index].stored));
+            let hit = if area == 0.0 { drawn.near_enough(point, true, enough) } else { drawn.nearest(point) };
             let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
             let nearest = hit.map_or(0, |hit| hit.tile);
-            let answer = self.answer(nearest, distance, point);
-            let (index, distance) = answer.unwrap_or((nearest, distance));
-            let at = parts.iter().position(|(i, _)| *i == index).unwrap_or_else(|| {
-                parts.push((index, Part::default()));
-                parts.len() - 1
-            });
-            let part = &mut parts[at].1;
-            part.of_source.add(point, distance, area);
-            if answer.is_none() {
-                part.violations.add(distance, point);
-            } else if distance > f64::from(self.found[index].stored) + self.judge.slack {
-                part.vanished.merge(&Vanished { samples: 1, max: distance });
+            match self.answer(drawn, nearest, distance, point) {
+                Some((index, distance)) => {
+                    most.raise(index, distance);
+                    (index, distance, true)
+                }
+                None => (nearest, distance, false),
             }
-        });
-        parts
+        };
+        let tell =
+            |parts: &mut Vec<(usize, Part)>, point, area, (index, distance, keeps): (usize, f64, bool)| {
+                let at = parts.iter().position(|(i, _)| *i == index).unwrap_or_else(|| {
+                    parts.push((index, Part::default()));
+                    parts.len() - 1
+                });
+                let part = &mut parts[at].1;
+                part.of_source.add(point, distance, area);
+                if !keeps {
+                    part.violations.add(distance, point);
+                } else if distance > f64::from(self.found[index].stored) + self.judge.slack {
+                    part.vanished.merge(&Vanished { samples: 1, max: distance });
+                }
+            };
+        block.sweep(sampler, || (Searcher::new(self.drawn), Largest::default()), answer, tell)
     }
 
     fn bound(&self, index: usize) -> f64 {
@@ -299,7 +323,13 @@ impl View<'_> {
     }
 
     /// The nearest member if it keeps its word, else the nearest of those that do, each with how far it is.
-    fn answer(&self, nearest: usize, distance: f64, point: Point3<f64>) -> Option<(usize, f64)> {
+    fn answer(
+        &self,
+        drawn: &mut Searcher<'_>,
+        nearest: usize,
+        distance: f64,
+        point: Point3<f64>,
+    ) -> Option<(usize, f64)> {
         if distance <= self.bound(nearest) {
             return Some((nearest, distance));
         }
@@ -308,7 +338,7 @@ impl View<'_> {
             let index = self.near.order()[place] as usize;
             let bound = self.bound(index);
             let mut own = best.min((bound * bound).next_up());
-            if self.drawn.improve(index, point, &mut own) && own.sqrt() <= bound {
+            if drawn.improve(index, point, &mut own) && own.sqrt() <= bound {
                 *best = own;
                 found = Some(index);
             }
@@ -316,22 +346,27 @@ impl View<'_> {
         found.map(|index| (index, best.sqrt()))
     }
 
-    fn of_mesh(&self, index: usize, sampler: &Sampler<'_>, range: Range<usize>) -> Part {
-        let mut part = Part::default();
-        let mut hint = None::<Hit>;
-        sampler.samples_of(range, |point, area| {
+    fn of_mesh(&self, index: usize, sampler: &Sampler<'_>, block: Block) -> Vec<Part> {
+        let stored = f64::from(self.found[index].stored);
+        let distance = |(source, most): &mut (Searcher<'_>, f64), point, area| {
             if self.cancel.is_cancelled() {
-                return;
+                return f64::INFINITY;
             }
-            hint = self.judge.source.nearest(point, hint);
-            let distance = hint.map_or(f64::INFINITY, |hit| hit.distance);
+            let enough = |_| most.min(stored);
+            let hit =
+                if area == 0.0 { source.near_enough(point, false, enough) } else { source.nearest(point) };
+            let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
+            *most = most.max(distance);
+            distance
+        };
+        let tell = |part: &mut Part, point, area, distance| {
             part.of_mesh.add(point, distance, area);
             // Nothing is drawn that is farther from the source than the error: what has vanished is not there.
-            if distance > f64::from(self.found[index].stored) + self.judge.slack {
+            if distance > stored + self.judge.slack {
                 part.violations.add(distance, point);
             }
-        });
-        part
+        };
+        block.sweep(sampler, || (Searcher::new(&self.judge.source), 0.0), distance, tell)
     }
 }
 

@@ -3,8 +3,9 @@
 use crate::box_tree::BoxTree;
 use crate::parting::Parting;
 use crate::proof::{Corners, Face};
-use chpm_mesh::geom;
-use nalgebra::Point3;
+use crate::shell::Shell;
+use chpm_mesh::{Aabb, geom};
+use nalgebra::{Point3, Vector3};
 
 /// A hierarchy of boxes over triangles, with its own copy of their corners.
 #[derive(Clone, Debug)]
@@ -12,6 +13,8 @@ pub struct Bvh {
     tree: BoxTree,
     /// Corners, in the order of the leaves.
     corners: Vec<[[f32; 3]; 3]>,
+    /// Of each, where searches come to many triangles for one that is nearest; else none.
+    shells: Vec<Shell>,
 }
 
 /// The nearest triangle that a search has found.
@@ -32,12 +35,34 @@ impl Bvh {
         let different = different(triangles.iter().map(|t| t.map(|v| positions[v as usize])).collect());
         let tree = BoxTree::of_triangles(&different);
         let corners = tree.order().iter().map(|&i| different[i as usize]).collect();
-        Bvh { tree, corners }
+        let mut bvh = Bvh { tree, corners, shells: Vec::new() };
+        if bvh.is_crowded() {
+            bvh.shells = bvh.corners.iter().copied().map(Shell::new).collect();
+        }
+        bvh
+    }
+
+    /// Whether searches come to many triangles in vain, as tried from points near some of them.
+    fn is_crowded(&self) -> bool {
+        let mut bounds = Aabb::EMPTY;
+        self.corners.iter().flatten().for_each(|corner| bounds.add(*corner));
+        let away = bounds.diagonal() / AWAY;
+        let mut visits = 0;
+        for [a, b, c] in self.corners.iter().step_by(self.corners.len() / TRIALS + 1) {
+            let [a, b, c] = [geom::to_f64(*a), geom::to_f64(*b), geom::to_f64(*c)];
+            let up = (b - a).cross(&(c - b)).try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
+            let (point, mut best) = (a + (b - a + (c - a)) / 3.0 + up * away, f64::INFINITY);
+            self.tree.search(point, &mut best, |place, best| {
+                visits += 1;
+                *best = best.min(squared_distance(point, self.corners[place]));
+            });
+        }
+        visits > CROWD * TRIALS
     }
 
     /// Bytes of memory.
     pub fn len_bytes(&self) -> usize {
-        self.tree.len_bytes() + size_of_val(&self.corners[..])
+        self.tree.len_bytes() + size_of_val(&self.corners[..]) + size_of_val(&self.shells[..])
     }
 
     /// What tells its two halves apart where their boxes do not.
@@ -52,16 +77,32 @@ impl Bvh {
 
     /// The nearest triangle. A `hint` from a nearby point changes the time only.
     pub fn nearest(&self, point: Point3<f64>, hint: Option<Nearest>) -> Nearest {
-        let mut best = f64::INFINITY;
-        let place = self.improve(point, hint.map(|h| h.place), &mut best).unwrap_or(0);
+        let hint = hint.map(|hint| hint.place).filter(|place| *place < self.corners.len());
+        let mut best = hint.map_or(f64::INFINITY, |place| self.squared_distance(place, point));
+        let place = self.improve(point, &mut best).or(hint).unwrap_or(0);
         Nearest { distance: best.sqrt(), place }
+    }
+
+    /// Distance of what was nearest to another point; infinite where nothing was.
+    pub(crate) fn distance_of(&self, nearest: Nearest, point: Point3<f64>) -> f64 {
+        let corners = self.corners.get(nearest.place);
+        corners.map_or(f64::INFINITY, |corners| squared_distance(point, *corners).sqrt())
     }
 
     /// Lowers `best`, a squared distance, to what the triangles are away at least, with rounding on the safe side.
     pub(crate) fn at_least(&self, point: Point3<f64>, best: &mut f64) {
-        self.tree.search_triangles(point, best, |place, best| {
-            *best = best.min(Face::new(self.corners[place]).at_least(point).powi(2));
+        self.tree.search(point, best, |place, best| {
+            if !self.is_farther(place, point, *best) {
+                *best = best.min(Face::new(self.corners[place]).at_least(point).powi(2));
+            }
         });
+    }
+
+    /// Whether it is known of a triangle without looking closer that it is no nearer than the root of `best`.
+    #[inline]
+    fn is_farther(&self, place: usize, point: Point3<f64>, best: f64) -> bool {
+        let least = |shell: &Shell| shell.squared_distance_at_least(point, self.corners[place][0]);
+        self.shells.get(place).is_some_and(|shell| least(shell) >= best)
     }
 
     /// The triangle at a place.
@@ -69,25 +110,37 @@ impl Bvh {
         self.corners[place]
     }
 
+    /// Squared distance of the triangle at a place.
+    pub(crate) fn squared_distance(&self, place: usize, point: Point3<f64>) -> f64 {
+        squared_distance(point, self.corners[place])
+    }
+
     /// Lowers `best`, a squared distance, to that of the nearest triangle, and answers its place; none if no triangle is nearer.
-    pub(crate) fn improve(&self, point: Point3<f64>, hint: Option<usize>, best: &mut f64) -> Option<usize> {
+    pub(crate) fn improve(&self, point: Point3<f64>, best: &mut f64) -> Option<usize> {
         let mut found = None;
         // What is on the surface up to rounding is on it: nothing nearer is looked for among triangles that all come there.
-        let rounding = ROUNDING * point.coords.amax();
-        let mut visit = |place: usize, best: &mut f64| {
+        let rounding = (ROUNDING * point.coords.amax()).powi(2);
+        if *best <= rounding {
+            *best = 0.0;
+        }
+        self.tree.search(point, best, |place, best| {
+            if self.is_farther(place, point, *best) {
+                return;
+            }
             let d = squared_distance(point, self.corners[place]);
             if d < *best {
-                *best = if d <= rounding * rounding { 0.0 } else { d };
+                *best = if d <= rounding { 0.0 } else { d };
                 found = Some(place);
             }
-        };
-        if let Some(hint) = hint.filter(|h| *h < self.corners.len()) {
-            visit(hint, best);
-        }
-        self.tree.search_triangles(point, best, visit);
+        });
         found
     }
 }
+
+/// Searches that are tried, from points off some triangles by this part of the diagonal; if they come to more triangles than a crowd each, there are too many.
+const TRIALS: usize = 16;
+const AWAY: f64 = 64.0;
+const CROWD: usize = 32;
 
 /// Distances below this share of a point's largest coordinate are taken for none; 32 times what f64 rounds it by.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
@@ -132,29 +185,45 @@ fn different(mut triangles: Vec<[[f32; 3]; 3]>) -> Vec<[[f32; 3]; 3]> {
 /// otherwise; edges alone are right for a triangle without area. The plane is taken from the two shortest edges, which for
 /// needles is as good as for any triangle; for a flat cap it is off by its aspect ratio times the rounding of f64.
 pub fn squared_distance(point: Point3<f64>, corners: [[f32; 3]; 3]) -> f64 {
-    // Written out: a map over an array is a call in here.
-    let corners = [geom::to_f64(corners[0]), geom::to_f64(corners[1]), geom::to_f64(corners[2])];
-    let edges = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
-    let (ab, bc, ca) = (edges[0].norm_squared(), edges[1].norm_squared(), edges[2].norm_squared());
-    // The corner between the two shortest edges.
-    let apex = if ab >= bc && ab >= ca { 2 } else { usize::from(ca >= bc) };
-    let normal = edges[(apex + 2) % 3].cross(&edges[apex]);
-    let inside = |i: usize| edges[i].cross(&(point - corners[i])).dot(&normal) >= 0.0;
-    let area_squared = normal.norm_squared();
-    if area_squared > 0.0 && inside(0) && inside(1) && inside(2) {
-        let height = normal.dot(&(point - corners[apex]));
-        return height * height / area_squared;
+    let [a, b, c] = [geom::to_f64(corners[0]), geom::to_f64(corners[1]), geom::to_f64(corners[2])];
+    let (ab, bc, ca) = ((b - a).norm_squared(), (c - b).norm_squared(), (a - c).norm_squared());
+    // The corner between the two shortest edges comes first.
+    if ab >= bc && ab >= ca {
+        squared_distance_by_plane(point, [c, a, b])
+    } else if ca >= bc {
+        squared_distance_by_plane(point, [b, c, a])
+    } else {
+        squared_distance_by_plane(point, [a, b, c])
     }
-    let segment = |i: usize| squared_distance_to_segment(point, corners[i], corners[(i + 1) % 3]);
-    segment(0).min(segment(1)).min(segment(2))
 }
 
-fn squared_distance_to_segment(point: Point3<f64>, a: Point3<f64>, b: Point3<f64>) -> f64 {
-    let along = b - a;
-    let length_squared = along.norm_squared();
-    let t =
-        if length_squared > 0.0 { (along.dot(&(point - a)) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
-    (point - (a + t * along)).norm_squared()
+/// As [`squared_distance`], the plane taken from the edges at the first corner.
+#[inline]
+fn squared_distance_by_plane(point: Point3<f64>, [a, b, c]: [Point3<f64>; 3]) -> f64 {
+    let (ab, bc, ca) = (b - a, c - b, a - c);
+    let normal = ca.cross(&ab);
+    let area_squared = normal.norm_squared();
+    let inside = |from: &Point3<f64>, along: &Vector3<f64>| along.cross(&(point - from)).dot(&normal) >= 0.0;
+    if area_squared > 0.0 && inside(&a, &ab) && inside(&b, &bc) && inside(&c, &ca) {
+        let height = normal.dot(&(point - a));
+        return height * height / area_squared;
+    }
+    let segment = squared_distance_to_segment;
+    segment(point, a, ab).min(segment(point, b, bc)).min(segment(point, c, ca))
+}
+
+#[inline]
+fn squared_distance_to_segment(point: Point3<f64>, a: Point3<f64>, along: Vector3<f64>) -> f64 {
+    let away = point - a;
+    let (reach, length_squared) = (along.dot(&away), along.norm_squared());
+    // Also where it has no length.
+    if reach <= 0.0 || length_squared <= 0.0 {
+        return away.norm_squared();
+    }
+    if reach >= length_squared {
+        return (away - along).norm_squared();
+    }
+    (point - (a + along * (reach / length_squared))).norm_squared()
 }
 
 #[cfg(test)]
@@ -227,9 +296,10 @@ mod tests {
         let bvh = Bvh::new(corners.as_flattened(), &triangles);
         for point in [[1.0, 2.0, f64::from(0.3_f32)], [-3.0, 0.7, f64::from(0.3_f32)]] {
             let (mut visits, mut best) = (0, f64::INFINITY);
-            bvh.tree.search_triangles(point.into(), &mut best, |place, best| {
+            bvh.tree.search(point.into(), &mut best, |place, best| {
                 visits += 1;
-                bvh.improve(point.into(), Some(place), best);
+                let d = bvh.squared_distance(place, point.into());
+                *best = if d.sqrt() <= 3.0 * ROUNDING { 0.0 } else { best.min(d) };
             });
             assert!(best == 0.0 && visits <= 8, "{visits} visits, {best}");
         }
@@ -255,9 +325,9 @@ mod tests {
                 (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
             let bvh = Bvh::new(corners.as_flattened(), &triangles);
             let (mut visits, mut best) = (0, f64::INFINITY);
-            bvh.tree.search_triangles(point.into(), &mut best, |place, best| {
+            bvh.tree.search(point.into(), &mut best, |place, best| {
                 visits += 1;
-                bvh.improve(point.into(), Some(place), best);
+                *best = best.min(bvh.squared_distance(place, point.into()));
             });
             let all = corners.iter().map(|t| squared_distance(point.into(), *t));
             assert_eq!(best, all.fold(f64::INFINITY, f64::min));

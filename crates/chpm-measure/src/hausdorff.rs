@@ -3,11 +3,11 @@
 use crate::{
     bvh::{Bvh, Nearest},
     sample::{Density, Sampler},
+    sweep::Block,
     tally::{Side, Tally},
 };
 use chpm_mesh::TriMesh;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// The deviation of two meshes.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
@@ -75,32 +75,36 @@ pub fn deviation_told(
     Deviation { forward: side(&from_a, b), backward: side(&from_b, a) }
 }
 
-/// Parts that one task measures in turn, each search hinting the next one; fixed, so that no result depends on threads.
-const CHUNK: usize = 64;
-
-/// Ranges of a sampler's parts, one for each task.
-pub fn chunks(samples: &Sampler<'_>) -> impl IndexedParallelIterator<Item = Range<usize>> {
-    let count = samples.part_count();
-    (0..count.div_ceil(CHUNK)).into_par_iter().map(move |i| i * CHUNK..count.min((i + 1) * CHUNK))
-}
-
 /// Distances from samples to the triangles of `to`; `progress` hears how many more parts are done.
 pub fn one_sided(samples: &Sampler<'_>, to: &Bvh, progress: &(dyn Fn(u64) + Sync)) -> Side {
-    let chunk = |parts: Range<usize>| {
-        let (mut tally, mut hint) = (Tally::default(), None::<Nearest>);
-        let done = parts.len() as u64;
-        samples.samples_of(parts, |point, area| {
-            let nearest = to.nearest(point, hint);
-            hint = Some(nearest);
-            tally.add(point, nearest.distance, area);
-        });
-        progress(done);
-        tally
+    let distance = |(hint, most): &mut (Option<Nearest>, f64), point, area| {
+        // What only the maximum knows of is not searched for where it is less than another one.
+        if area == 0.0
+            && let Some(hint) = *hint
+            && let distance = to.distance_of(hint, point)
+            && distance < *most
+        {
+            return distance;
+        }
+        let nearest = to.nearest(point, *hint);
+        (*hint, *most) = (Some(nearest), most.max(nearest.distance));
+        nearest.distance
     };
-    let tallies: Vec<Tally> = chunks(samples).map(chunk).collect();
+    let swept = |block: Block| {
+        let parts = block.part_count() as u64;
+        let tallies: Vec<Tally> = block.sweep(
+            samples,
+            || (None, 0.0),
+            distance,
+            |tally: &mut Tally, point, area, distance| tally.add(point, distance, area),
+        );
+        progress(parts);
+        tallies
+    };
+    let tallies: Vec<Vec<Tally>> = Block::all(samples).map(swept).collect();
     // Sums of floats depend on their order, so this one is sequential.
     let mut all = Tally::default();
-    tallies.iter().for_each(|tally| all.merge(tally));
+    tallies.iter().flatten().for_each(|tally| all.merge(tally));
     all.side()
 }
 

@@ -14,11 +14,15 @@ pub mod naive;
 mod parting;
 pub mod proof;
 pub mod sample;
+mod searcher;
+mod shell;
+pub mod sweep;
 pub mod tally;
 pub mod tiles;
 
 pub use bvh::Bvh;
 pub use crack::{Crack, EdgeCensus, Topology, boundary_vertices, cracks, edge_census, topology, weld};
 pub use hausdorff::{Deviation, deviation, deviation_told};
+pub use searcher::{Hit, Searcher};
 pub use tally::{Side, Tally};
-pub use tiles::{Hit, Tiles};
+pub use tiles::Tiles;

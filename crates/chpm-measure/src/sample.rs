@@ -34,13 +34,15 @@ impl<'a> Sampler<'a> {
     /// # Panics
     /// If a triangle names a vertex that is not there.
     pub fn new(mesh: &'a TriMesh, density: Density) -> Self {
-        let mut vertices: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        let sides = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]].map(|[u, v]| [u.min(v), u.max(v)]);
-        let mut edges: Vec<[u32; 2]> = mesh.triangles.iter().flat_map(sides).collect();
+        let mut is_used = vec![false; mesh.positions.len()];
+        mesh.triangles.as_flattened().iter().for_each(|v| is_used[*v as usize] = true);
+        let vertices = (0..).zip(is_used).filter(|(_, used)| *used).map(|(v, _)| v).collect();
+        let sides = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
+        let edge = |(u, v): (u32, u32)| u64::from(u.min(v)) << 32 | u64::from(u.max(v));
+        let mut edges: Vec<u64> = mesh.triangles.iter().flat_map(sides).map(edge).collect();
         edges.sort_unstable();
         edges.dedup();
+        let edges = edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]).collect();
         let mut sampler = Sampler { mesh, density, vertices, edges, total_area: 0.0, total_length: 0.0 };
         sampler.total_area = (0..mesh.triangles.len()).map(|t| sampler.area(t)).sum();
         sampler.total_length = (0..sampler.edges.len()).map(|e| sampler.length(e)).sum();

@@ -3,7 +3,6 @@
 use crate::box_tree::{BoxTree, squared_distance_to_box};
 use crate::bvh::Bvh;
 use crate::parting::Parting;
-use crate::proof::Corners;
 use chpm_mesh::{Aabb, TriMesh, geom};
 use nalgebra::{Point3, Vector3};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -30,16 +29,6 @@ struct Slot {
     used: AtomicU64,
 }
 
-/// The nearest triangle of a surface of tiles.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Hit {
-    /// The tile that it is in.
-    pub tile: usize,
-    /// Its distance.
-    pub distance: f64,
-    place: usize,
-}
-
 impl<'a> Tiles<'a> {
     /// A surface of a tile in each of `boxes`. `load` gives a tile's mesh, the same one every time, inside its box; about
     /// `budget` bytes of loaded tiles are kept, besides those that searches are at.
@@ -60,7 +49,8 @@ impl<'a> Tiles<'a> {
         (self.load)(tile)
     }
 
-    fn bvh(&self, tile: usize) -> Arc<Bvh> {
+    /// The triangles of a tile.
+    pub(crate) fn bvh(&self, tile: usize) -> Arc<Bvh> {
         let slot = &self.slots[tile];
         let now = self.clock.fetch_add(1, Ordering::Relaxed);
         slot.used.store(now, Ordering::Relaxed);
@@ -99,82 +89,9 @@ impl<'a> Tiles<'a> {
         }
     }
 
-    /// The nearest triangle of all tiles; none where there is none. A `hint` from a nearby point saves time; among triangles
-    /// at the same distance it may decide.
-    pub fn nearest(&self, point: Point3<f64>, hint: Option<Hit>) -> Option<Hit> {
-        let mut best = f64::INFINITY;
-        let mut hit = None;
-        let mut look = |tile: usize, place: Option<usize>, best: &mut f64| {
-            if let Some(place) = self.bvh(tile).improve(point, place, best) {
-                hit = Some((tile, place));
-            }
-        };
-        let hinted = hint.map(|hint| {
-            look(hint.tile, Some(hint.place), &mut best);
-            hint.tile
-        });
-        self.tree.search_triangles(point, &mut best, |place, best| {
-            let tile = self.tree.order()[place] as usize;
-            if hinted != Some(tile) && self.may_be_nearer(tile, point, *best) {
-                look(tile, None, best);
-            }
-        });
-        hit.map(|(tile, place)| Hit { tile, distance: best.sqrt(), place })
-    }
-
-    /// The triangle that leaves a point most room to the distance that its tile may have; none if all are farther than theirs. `near` is a tree of
-    /// [`Self::boxes`] that reach as far.
-    pub(crate) fn roomiest(
-        &self,
-        point: Point3<f64>,
-        near: &BoxTree,
-        of: impl Fn(usize) -> f64,
-    ) -> Option<Hit> {
-        let (mut everything, mut room, mut hit) = (f64::INFINITY, 0.0, None);
-        near.search(point, &mut everything, |place, _| {
-            let tile = near.order()[place] as usize;
-            // What is no nearer leaves no more room.
-            let most = of(tile) - room;
-            let mut best = (most * most).next_up();
-            if most >= 0.0
-                && squared_distance_to_box(point, &self.boxes[tile]) < best
-                && let Some(place) = self.bvh(tile).improve(point, None, &mut best)
-            {
-                room = of(tile) - best.sqrt();
-                hit = Some(Hit { tile, distance: best.sqrt(), place });
-            }
-        });
-        hit
-    }
-
-    /// Whether every tile is farther than its own distance, with rounding on the safe side. `near` is a tree of [`Self::boxes`] that reach as
-    /// far, and as rounding.
-    pub(crate) fn is_beyond(&self, point: Point3<f64>, near: &BoxTree, of: impl Fn(usize) -> f64) -> bool {
-        let (mut everything, mut is_beyond) = (f64::INFINITY, true);
-        near.search(point, &mut everything, |place, everything| {
-            let tile = near.order()[place] as usize;
-            let mut best = f64::INFINITY;
-            self.bvh(tile).at_least(point, &mut best);
-            if best.sqrt() <= of(tile) {
-                // Nothing more has to be looked at.
-                (*everything, is_beyond) = (0.0, false);
-            }
-        });
-        is_beyond
-    }
-
-    /// A distance that the point has from all triangles at least, with rounding on the safe side; infinite where there is none.
-    pub(crate) fn at_least(&self, point: Point3<f64>) -> f64 {
-        let mut best = f64::INFINITY;
-        self.tree.search_triangles(point, &mut best, |place, best| {
-            self.bvh(self.tree.order()[place] as usize).at_least(point, best);
-        });
-        best.sqrt()
-    }
-
-    /// The triangle of a hit.
-    pub(crate) fn corners(&self, hit: Hit) -> Corners {
-        self.bvh(hit.tile).corners(hit.place)
+    /// A tree of the boxes.
+    pub(crate) fn tree(&self) -> &BoxTree {
+        &self.tree
     }
 
     /// The boxes that tiles are in.
@@ -182,13 +99,8 @@ impl<'a> Tiles<'a> {
         &self.boxes
     }
 
-    /// Lowers `best`, a squared distance, to that of the nearest triangle of one tile; whether it has one that is nearer.
-    pub fn improve(&self, tile: usize, point: Point3<f64>, best: &mut f64) -> bool {
-        self.may_be_nearer(tile, point, *best) && self.bvh(tile).improve(point, None, best).is_some()
-    }
-
     /// Whether something of a tile can be nearer than the square root of `best`.
-    fn may_be_nearer(&self, tile: usize, point: Point3<f64>, best: f64) -> bool {
+    pub(crate) fn may_be_nearer(&self, tile: usize, point: Point3<f64>, best: f64) -> bool {
         let of_halves = |halves: &Parting| halves.squared_distances(point).into_iter().any(|d| d < best);
         squared_distance_to_box(point, &self.boxes[tile]) < best
             && self.slots[tile].halves.get().and_then(Option::as_ref).is_none_or(of_halves)
@@ -226,6 +138,7 @@ fn lock(bvh: &Mutex<Option<Arc<Bvh>>>) -> MutexGuard<'_, Option<Arc<Bvh>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Searcher;
     use chpm_synth::{Shape, Synth};
     use std::sync::atomic::AtomicUsize;
 
@@ -247,12 +160,11 @@ mod tests {
             loads.fetch_add(1, Ordering::Relaxed);
             part(tile as u32)
         });
-        let mut hint = None;
+        let mut searcher = Searcher::new(&tiles);
         for i in 0..3200 {
             let middle = |sum: Point3<f64>, c: Point3<f64>| sum + c.coords / 3.0;
             let middle = blade(i).map(chpm_mesh::geom::to_f64).into_iter().fold(Point3::origin(), middle);
-            hint = tiles.nearest(middle, hint);
-            assert!(hint.unwrap().distance < 1e-7);
+            assert!(searcher.nearest(middle).unwrap().distance < 1e-7);
         }
         // Each point loads its own tile, as nothing is kept, and at times one beside it; the first ones see what all are like.
         let loads = loads.load(Ordering::Relaxed);
@@ -275,16 +187,15 @@ mod tests {
                 parts[tile].clone()
             });
             assert_eq!(tiles.count(), parts.len());
-            let mut hint = None;
+            let mut searcher = Searcher::new(&tiles);
             for point in mesh.positions.iter().step_by(7) {
                 let point = Point3::from(point.map(|x| 1.05 * f64::from(x) + 0.01));
-                hint = tiles.nearest(point, hint);
-                let hit = hint.unwrap();
+                let hit = searcher.nearest(point).unwrap();
                 assert!((hit.distance - whole.distance(point)).abs() < 1e-14);
                 let mut best = f64::INFINITY;
-                assert!(tiles.improve(hit.tile, point, &mut best));
+                assert!(searcher.improve(hit.tile, point, &mut best));
                 assert!((best.sqrt() - hit.distance).abs() < 1e-14);
-                assert!(!tiles.improve(hit.tile, point, &mut best), "nothing is nearer than the nearest");
+                assert!(!searcher.improve(hit.tile, point, &mut best), "nothing is nearer than the nearest");
             }
             let loads = loads.load(Ordering::Relaxed);
             // Each once for its triangles, and some before that, to see how they lie.
@@ -292,8 +203,8 @@ mod tests {
             assert!(budget > 0 || loads > 8 * parts.len(), "{loads}");
         }
         let none = Tiles::new(vec![Aabb::EMPTY], 0, |_| TriMesh::default());
-        assert_eq!(none.nearest(Point3::origin(), None), None);
+        assert_eq!(Searcher::new(&none).nearest(Point3::origin()), None);
         let mut everything = f64::INFINITY;
-        assert!(!none.improve(0, Point3::origin(), &mut everything));
+        assert!(!Searcher::new(&none).improve(0, Point3::origin(), &mut everything));
     }
 }

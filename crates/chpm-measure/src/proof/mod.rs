@@ -14,7 +14,8 @@ mod triangle;
 pub use triangle::LOSS;
 
 use crate::box_tree::BoxTree;
-use crate::tiles::{Hit, Tiles};
+use crate::searcher::{Hit, Searcher};
+use crate::tiles::Tiles;
 use nalgebra::Point3;
 use piece::{DEEPEST, Piece, Plane};
 pub(crate) use triangle::{Corners, Face};
@@ -77,10 +78,9 @@ pub struct Found {
 
 /// Proves distances from one triangle after the other to a surface.
 pub struct Prover<'a> {
-    target: &'a Tiles<'a>,
+    target: Searcher<'a>,
     is_stopped: &'a (dyn Fn() -> bool + Sync),
     stack: Vec<Piece>,
-    hint: Option<Hit>,
     /// The farthest point so far of those that were looked at, about how far it is, and the largest coordinate of its triangle.
     far: Option<(f64, Point3<f64>, f64)>,
 }
@@ -134,7 +134,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn new(target: &Tiles<'_>, hit: Hit, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Self {
+    fn new(target: &mut Searcher<'_>, hit: Hit, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Self {
         let face = Face::new(target.corners(hit));
         let place = face.nearest(point);
         let keeps = place.distance <= allowed.of(hit.tile) + LOSS * scale.max(face.largest);
@@ -145,7 +145,7 @@ impl Candidate {
 impl<'a> Prover<'a> {
     /// To a surface. When `is_stopped`, asked now and then, nothing more is decided.
     pub fn new(target: &'a Tiles<'a>, is_stopped: &'a (dyn Fn() -> bool + Sync)) -> Self {
-        Prover { target, is_stopped, stack: Vec::new(), hint: None, far: None }
+        Prover { target: Searcher::new(target), is_stopped, stack: Vec::new(), far: None }
     }
 
     /// Whether all of a triangle is near enough; gives up after `limit` pieces.
@@ -171,7 +171,7 @@ impl<'a> Prover<'a> {
     }
 
     /// A point of the triangles so far that is far from the surface, and how far it is at least; none if no piece was looked at.
-    pub fn far(&self) -> Option<(f64, [f64; 3])> {
+    pub fn far(&mut self) -> Option<(f64, [f64; 3])> {
         let (_, at, scale) = self.far?;
         Some(((self.target.at_least(at) - LOSS * scale).max(0.0), at.coords.into()))
     }
@@ -234,7 +234,6 @@ impl<'a> Prover<'a> {
         if self.far.is_none_or(|(distance, ..)| candidate.place.distance > distance) {
             self.far = Some((candidate.place.distance, middle, scale));
         }
-        self.hint = Some(candidate.hit);
         let Candidate { hit, face, place, mut keeps } = candidate;
         if !keeps {
             keeps = self.refute(middle, &candidate, goal, scale, found);
@@ -334,7 +333,7 @@ impl<'a> Prover<'a> {
     /// What to say of a point that no triangle keeps to: a proof that none does, or a larger distance to ask for, with which it is all
     /// right after all.
     fn refute(
-        &self,
+        &mut self,
         point: Point3<f64>,
         candidate: &Candidate,
         goal: &mut Goal<'_>,
@@ -370,9 +369,9 @@ impl<'a> Prover<'a> {
     }
 
     /// A triangle that a point is near enough to, or else the nearest one; none where there is none.
-    fn candidate(&self, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Option<Candidate> {
-        let hit = self.target.nearest(point, self.hint)?;
-        let nearest = Candidate::new(self.target, hit, point, allowed, scale);
+    fn candidate(&mut self, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Option<Candidate> {
+        let hit = self.target.nearest(point)?;
+        let nearest = Candidate::new(&mut self.target, hit, point, allowed, scale);
         if nearest.keeps {
             return Some(nearest);
         }
@@ -380,16 +379,16 @@ impl<'a> Prover<'a> {
     }
 
     /// Where tiles have distances of their own: the triangle that leaves a point most room to its distance.
-    fn roomiest(&self, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Option<Candidate> {
+    fn roomiest(&mut self, point: Point3<f64>, allowed: &Allowed, scale: f64) -> Option<Candidate> {
         let Allowed::Own(own) = allowed else { return None };
         let hit = self.target.roomiest(point, &own.near, |tile| own.of[tile])?;
-        Some(Candidate::new(self.target, hit, point, allowed, scale))
+        Some(Candidate::new(&mut self.target, hit, point, allowed, scale))
     }
 
     /// What no point of a piece is beyond.
-    fn reach(&self, piece: &Piece, scale: f64) -> f64 {
+    fn reach(&mut self, piece: &Piece, scale: f64) -> f64 {
         let middle = piece.middle();
-        let Some(hit) = self.target.nearest(middle, self.hint) else { return f64::INFINITY };
+        let Some(hit) = self.target.nearest(middle) else { return f64::INFINITY };
         let face = Face::new(self.target.corners(hit));
         farthest_corner(piece, &face, f64::INFINITY).unwrap_or(f64::INFINITY) + LOSS * scale.max(face.largest)
     }
