@@ -71,17 +71,9 @@ impl Node {
     /// Squared distances from a point, which is between two singles along each axis, to the boxes, at least.
     fn bounds(&self, point: &[[f32; 2]; 3]) -> [f32; WIDTH] {
         let mut bounds = [0.0; WIDTH];
-        // Written out, so that all children are done at once.
-        for axis in 0..3 {
-            let [below, above] = point[axis];
-            let (low, high) = (&self.low[axis], &self.high[axis]);
-            for lane in 0..WIDTH {
-                let (a, b) = (low[lane] - above, below - high[lane]);
-                let excess = if a > b { a } else { b };
-                let excess = if excess > 0.0 { excess } else { 0.0 };
-                bounds[lane] += excess * excess * SAFE;
-            }
-        }
+        add_squares(&mut bounds, point[0], &self.low[0], &self.high[0]);
+        add_squares(&mut bounds, point[1], &self.low[1], &self.high[1]);
+        add_squares(&mut bounds, point[2], &self.low[2], &self.high[2]);
         bounds
     }
 
@@ -102,6 +94,22 @@ impl Node {
 
     fn count(&self) -> usize {
         self.child.iter().filter(|child| **child != NONE).count()
+    }
+}
+
+/// Adds the squares of what a coordinate, which is between two singles, is beside ranges; written out, so that all are done at once.
+#[inline]
+fn add_squares(
+    squares: &mut [f32; WIDTH],
+    [below, above]: [f32; 2],
+    low: &[f32; WIDTH],
+    high: &[f32; WIDTH],
+) {
+    for lane in 0..WIDTH {
+        let (a, b) = (low[lane] - above, below - high[lane]);
+        let excess = if a > b { a } else { b };
+        let excess = if excess > 0.0 { excess } else { 0.0 };
+        squares[lane] += excess * excess * SAFE;
     }
 }
 

@@ -335,6 +335,43 @@ mod tests {
         }
     }
 
+    #[test]
+    fn crowds_are_seen_and_answer_as_every_triangle_does() {
+        let wave = |x: f32| (0.05 * x).sin();
+        // Needles on a bent sheet, and a hundred rough sheets on one another.
+        let needle = |i: u32| {
+            let end = |i: u32, y: f32| [1e-3 * i as f32, y, wave(i as f32 + 30.0 * y)];
+            let [a, b, c, d] = [end(i, 0.0), end(i + 1, 0.0), end(i, 1.0), end(i + 1, 1.0)];
+            [[a, b, c], [b, d, c]]
+        };
+        let needles: Vec<[[f32; 3]; 3]> = (0..500).flat_map(needle).collect();
+        let sheet = hand::grid(5, 5);
+        let rough = |sheet_at: u32, [x, y, _]: [f32; 3]| {
+            [x, y, 1e-3 * sheet_at as f32 + 0.3 * (7.0 * x + 3.0 * y).sin()]
+        };
+        let sheets: Vec<[[f32; 3]; 3]> = (0..100)
+            .flat_map(|at| sheet.triangles.iter().map(move |t| (at, t)))
+            .map(|(at, t)| t.map(|v| rough(at, sheet.positions[v as usize])))
+            .collect();
+        let plain = hand::grid(30, 30);
+        let plain = plain.triangles.iter().map(|t| t.map(|v| plain.positions[v as usize])).collect();
+        for (corners, is_crowd) in [(needles, true), (sheets, true), (plain, false)] {
+            let triangles: Vec<[u32; 3]> =
+                (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let bvh = Bvh::new(corners.as_flattened(), &triangles);
+            assert_eq!(bvh.shells.len(), if is_crowd { bvh.corners.len() } else { 0 });
+            let mut hint = None;
+            for i in 0..200 {
+                let i = f64::from(i);
+                let point: Point3<f64> = [0.011 * i, 2.0 * (0.3 * i).sin(), 1.5 * (0.17 * i).cos()].into();
+                let all = corners.iter().map(|t| squared_distance(point, *t));
+                let nearest = bvh.nearest(point, hint);
+                assert_eq!(nearest.distance, all.fold(f64::INFINITY, f64::min).sqrt(), "{point:?}");
+                hint = Some(nearest);
+            }
+        }
+    }
+
     proptest! {
         #[test]
         fn agrees_with_looking_at_every_triangle(

@@ -24,6 +24,8 @@ pub struct Sampler<'a> {
     density: Density,
     vertices: Vec<u32>,
     edges: Vec<[u32; 2]>,
+    /// By triangle.
+    areas: Vec<f64>,
     total_area: f64,
     total_length: f64,
 }
@@ -43,8 +45,13 @@ impl<'a> Sampler<'a> {
         edges.sort_unstable();
         edges.dedup();
         let edges = edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]).collect();
-        let mut sampler = Sampler { mesh, density, vertices, edges, total_area: 0.0, total_length: 0.0 };
-        sampler.total_area = (0..mesh.triangles.len()).map(|t| sampler.area(t)).sum();
+        let area = |t: &[u32; 3]| {
+            let [a, b, c] = mesh.corners(*t);
+            0.5 * geom::area_vector(a, b, c).norm()
+        };
+        let areas: Vec<f64> = mesh.triangles.iter().map(area).collect();
+        let total_area = areas.iter().sum();
+        let mut sampler = Sampler { mesh, density, vertices, edges, areas, total_area, total_length: 0.0 };
         sampler.total_length = (0..sampler.edges.len()).map(|e| sampler.length(e)).sum();
         sampler
     }
@@ -88,8 +95,7 @@ impl<'a> Sampler<'a> {
 
     /// Area of a triangle.
     pub fn area(&self, triangle: usize) -> f64 {
-        let [a, b, c] = self.mesh.corners(self.mesh.triangles[triangle]);
-        0.5 * geom::area_vector(a, b, c).norm()
+        self.areas[triangle]
     }
 
     fn length(&self, edge: usize) -> f64 {

@@ -50,7 +50,7 @@ impl Shell {
         let directions = directions.map(|direction| direction.map(|x| x as f32));
         let reach = |direction: Vector3<f32>| {
             let direction = direction.map(f64::from);
-            let ways = [a - a, b - a, c - a];
+            let ways = [Vector3::zeros(), b - a, c - a];
             let lost = 1e-15 * ways.iter().map(|way| way.amax()).fold(0.0, f64::max);
             (ways.iter().map(|way| direction.dot(way)).fold(0.0, f64::max) + lost) as f32
         };

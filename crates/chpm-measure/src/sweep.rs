@@ -12,7 +12,7 @@ const CHUNKS: usize = 128;
 /// Samples that are held and put in order at a time.
 const MOST: usize = 16_384;
 /// Of those, so many are searched from in turn.
-const STRETCH: usize = 2_048;
+const STRETCH: usize = 4_096;
 
 /// Parts of a mesh that are swept together.
 #[derive(Clone, Debug)]
