@@ -19,6 +19,7 @@
 //! a seam and the rim has vanished from one cluster, so that the other side of that seam has become the rim, edges between
 //! its vertices may be without a partner; that these vertices are in one place is looked at there, too.
 
+mod glance;
 mod ledger;
 mod local;
 mod seams;
@@ -58,10 +59,19 @@ pub(crate) struct Cuts {
     pub(crate) fault_count: u64,
 }
 
+/// The file, as the other checks found it.
+#[derive(Clone, Copy)]
+pub(crate) struct Checked<'a, D> {
+    /// Its pages are sound.
+    pub(crate) file: &'a Chpm<D>,
+    /// Whether every shared vertex is in one place wherever it is listed.
+    pub(crate) is_even: bool,
+}
+
 /// Draws `count` cuts from `seed` on and looks at all their seams, several at a time. Even seeds are random
-/// legal cuts, odd ones what random cameras select. The pages of the file must be sound; `memory` is in bytes.
+/// legal cuts, odd ones what random cameras select. `memory` is in bytes.
 pub(crate) fn check<D: AsRef<[u8]> + Sync>(
-    file: &Chpm<D>,
+    Checked { file, is_even }: Checked<'_, D>,
     count: u32,
     seed: u64,
     store: &Store,
@@ -76,7 +86,7 @@ pub(crate) fn check<D: AsRef<[u8]> + Sync>(
     let looked_at: Vec<Looked> = (0..u64::from(count))
         .into_par_iter()
         .map_init(
-            || Walker::new(each),
+            || Walker::new(each, is_even),
             |walker, i| {
                 stop::check(cancel)?;
                 let looked = checker.look(walker, seed.wrapping_add(i));
@@ -94,6 +104,11 @@ pub(crate) fn check<D: AsRef<[u8]> + Sync>(
         }
     }
     Ok(found)
+}
+
+/// Bytes that it takes to look at cuts of a file whatever memory there is.
+pub(crate) fn least<D: AsRef<[u8]>>(file: &Chpm<D>) -> u64 {
+    Seams::least(file)
 }
 
 struct Checker<'a, D> {

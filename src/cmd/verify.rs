@@ -4,7 +4,7 @@ use super::{Verdict, reading, stdout};
 use crate::against::{self, Comparison};
 use crate::args::StorageArgs;
 use crate::certify::{self, Certified, Wanted};
-use crate::cuts::{self, Cuts};
+use crate::cuts::{self, Checked, Cuts};
 use crate::memory;
 use crate::number;
 use crate::progress::Meter;
@@ -129,7 +129,10 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     if let Some(level) = args.level.iter().find(|level| **level as usize >= levels) {
         bail!("'{}' has no level {level}: its levels are 0 to {}", args.file.display(), levels - 1);
     }
-    let own = if args.errors { certify::FOUND * file.clusters().len() as u64 } else { 0 };
+    let mut own = if args.errors { certify::FOUND * file.clusters().len() as u64 } else { 0 };
+    if args.cuts.is_some() {
+        own += cuts::least(file);
+    }
     let memory = memory::divide(file, args.storage.memory(), own)?;
     let (mut before, mut is_told) = (0, false);
     let checked = chpm_format::verify_within(file, memory, |done, all| {
@@ -180,7 +183,8 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     let cuts = match args.cuts {
         Some(count) if readable => {
             let (cancel, store) = begin(memory)?;
-            let cuts = cuts::check(file, count, args.seed, &store, memory, &meter, &cancel)?;
+            let sound = Checked { file, is_even: checked.is_ok() };
+            let cuts = cuts::check(sound, count, args.seed, &store, memory, &meter, &cancel)?;
             faults.extend_from_slice(&cuts.faults);
             fault_count += cuts.fault_count;
             Some(cuts)

@@ -66,24 +66,34 @@ impl Local {
                 [[a, b], [b, c], [c, a]].into_iter().filter(|edge| edge.iter().all(|v| is_shared(*v)));
             odd.extend(between.map(|[u, v]| [u.min(v), u.max(v)]));
         }
-        keep_odd(&mut odd);
+        keep_odd(&mut odd, by_vertices);
         self.odd = odd;
         &self.odd
     }
 }
 
-/// Sorts, and leaves one of each that there is an odd number of.
-pub(super) fn keep_odd<T: Ord + Copy>(items: &mut Vec<T>) {
-    items.sort_unstable();
+/// Sorts by a key, and leaves one of each that there is an odd number of.
+pub(super) fn keep_odd<T: Copy, K: Ord>(items: &mut Vec<T>, key: impl Fn(&T) -> K) {
+    items.sort_unstable_by_key(&key);
     let (mut kept, mut start) = (0, 0);
     while start < items.len() {
         let item = items[start];
-        let same = items[start..].iter().take_while(|other| **other == item).count();
+        let same = items[start..].iter().take_while(|other| key(other) == key(&item)).count();
         items[kept] = item;
         kept += same % 2;
         start += same;
     }
     items.truncate(kept);
+}
+
+/// A number for every edge of a cluster, in the same order, that is quickly compared.
+pub(super) fn by_vertices(edge: &[u16; 2]) -> u32 {
+    u32::from(edge[0]) << 16 | u32::from(edge[1])
+}
+
+/// The same for every edge by shared ids, in the same order, that is quickly compared.
+pub(super) fn key(edge: &[u32; 2]) -> u64 {
+    u64::from(edge[0]) << 32 | u64::from(edge[1])
 }
 
 #[cfg(test)]
@@ -93,10 +103,10 @@ mod tests {
     #[test]
     fn odd_ones_are_left_once() {
         let mut items = vec![3, 1, 2, 3, 3, 1, 5, 5];
-        keep_odd(&mut items);
+        keep_odd(&mut items, |item| *item);
         assert_eq!(items, [2, 3]);
         items.clear();
-        keep_odd(&mut items);
+        keep_odd(&mut items, |item| *item);
         assert!(items.is_empty());
     }
 }

@@ -6,11 +6,11 @@
 //! rim, and what is odd in a base mesh and does not come from its seam is rim. A coarse cluster is the base meshes below it; so its
 //! seam is what is odd in its own triangles less the rim that comes from below.
 
-use super::ledger::{Ledger, Record};
-use super::local::{Local, UNSHARED, keep_odd};
+use super::local::{Local, UNSHARED, by_vertices, keep_odd, key};
 use crate::progress::Meter;
 use crate::stop;
 use anyhow::Result;
+use bytemuck::{Pod, Zeroable};
 use chpm_build::Cancel;
 use chpm_extmem::{Buckets, BufferWriter, Column, Store};
 use chpm_format::{Chpm, FormatError, Page};
@@ -18,12 +18,18 @@ use chpm_mesh::{ClusterId, GroupId};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Groups, or leaves, that are read at a time.
+/// Most groups, or leaves, that are read at a time.
 const BATCH: usize = 64;
-/// Bytes of rim that a group gathers before they go to disk.
+/// Bytes of rim that a group gathers before they go to disk, and of edges that are looked at together.
 const BLOCK: usize = 256;
-/// Share of the memory for the edges of all leaves.
-const LEAVES: u64 = 4;
+const EDGES_BLOCK: usize = 4096;
+/// One part of so many of the memory for what is found in a batch, and as much for edges of leaves that are looked at together.
+const SHARE: u64 = 4;
+/// Bytes that an edge of a rim takes while the group above is looked at, at most, and bytes for the edges of a leaf's triangle.
+const RIM: u64 = 32;
+const TRIANGLE: u64 = 3 * size_of::<OfLeaf>() as u64;
+/// Bytes for every shared vertex while seams are found.
+const VERTEX: u64 = 1 + 2 * size_of::<u32>() as u64;
 
 /// The seam edges of every cluster's finest mesh.
 pub(super) struct Seams {
@@ -35,23 +41,11 @@ pub(super) struct Seams {
 }
 
 /// An edge by its shared ids, and a leaf in which it is odd.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 struct OfLeaf {
     edge: [u32; 2],
     leaf: u32,
-}
-
-impl Record for OfLeaf {
-    fn id(&self) -> u32 {
-        self.edge[0]
-    }
-
-    /// Leaves the last leaf of an odd number.
-    fn settle(records: &mut Vec<Self>) {
-        records.sort_unstable();
-        let odd = records.chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() % 2 == 1);
-        *records = odd.filter_map(|same| same.last().copied()).collect();
-    }
 }
 
 /// What a group adds: the seams of its coarse clusters, and the rims of their base meshes for the groups above.
@@ -76,7 +70,8 @@ impl Seams {
     ) -> Result<Self> {
         let groups = file.groups();
         let mut rims = Buckets::new(store, "rims", groups.len(), BLOCK);
-        rims_of_leaves(file, memory / LEAVES, &mut rims, cancel)?;
+        let share = memory / SHARE;
+        rims_of_leaves(file, store, share, &mut rims, cancel)?;
         let mut order: Vec<GroupId> = (0..groups.len() as u32).map(GroupId).collect();
         order.sort_by_key(|group| groups[group.index()].level);
         meter.start("seams", order.len() as u64);
@@ -87,7 +82,9 @@ impl Seams {
         // By shared id: clusters that have it, of those that nothing coarser has replaced yet.
         let mut listed = vec![0_u32; ids];
         for level in order.chunk_by(|a, b| groups[a.index()].level == groups[b.index()].level) {
-            for batch in level.chunks(BATCH) {
+            let mut left = level;
+            while !left.is_empty() {
+                let batch = first_batch(&mut left, share, |group| RIM * rims.len(group.index()) as u64);
                 let of_group = |local: &mut Local, group: &GroupId| -> Result<OfGroup> {
                     stop::check(cancel)?;
                     let mut below = Vec::new();
@@ -129,6 +126,13 @@ impl Seams {
         Ok(Seams { edges: edges.finish_column()?, ranges, loose })
     }
 
+    /// Bytes that finding the seams of a file takes whatever memory there is.
+    pub(super) fn least<D: AsRef<[u8]>>(file: &Chpm<D>) -> u64 {
+        let by_cluster =
+            (size_of::<Range<usize>>() * file.clusters().len() + BLOCK * file.groups().len()) as u64;
+        VERTEX * u64::from(file.header().shared_vertex_count) + by_cluster
+    }
+
     /// No seam edge in any of `clusters`.
     #[cfg(test)]
     pub(super) fn none(store: &Store, clusters: usize) -> Self {
@@ -152,37 +156,65 @@ impl Seams {
     }
 }
 
-/// Gives every edge that is odd over all leaves to the group of one leaf in which it is.
+/// Takes as many items off as may be looked at together by their weights, at least one.
+fn first_batch<'a, T>(left: &mut &'a [T], most: u64, weight: impl Fn(&T) -> u64) -> &'a [T] {
+    let mut all = 0;
+    let fits = |item: &T| {
+        all += weight(item);
+        all <= most
+    };
+    let count = left.iter().take(BATCH).map(fits).take_while(|fits| *fits).count();
+    let (batch, rest) = left.split_at(count.max(1));
+    *left = rest;
+    batch
+}
+
+/// Gives every edge that is odd over all leaves to the group of the last leaf in which it is. The edges go to disk, side by side by
+/// their hashes, and come back in parts that fit in memory.
 fn rims_of_leaves<D: AsRef<[u8]> + Sync>(
     file: &Chpm<D>,
+    store: &Store,
     memory: u64,
     rims: &mut Buckets<[u32; 2]>,
     cancel: &Cancel,
 ) -> Result<()> {
-    let leaves: Vec<u32> =
-        (0..).zip(file.clusters()).filter(|(_, record)| record.is_leaf()).map(|(id, _)| id).collect();
-    let mut ledger = Ledger::new(memory);
-    loop {
-        for batch in leaves.chunks(BATCH) {
-            let odd = |local: &mut Local, leaf: &u32| -> Result<Vec<[u32; 2]>> {
-                stop::check(cancel)?;
-                let page = Page::view(file.page_bytes(ClusterId(*leaf)))?;
-                local.enter(&page, page.vertex_count());
-                let odd = local.odd_edges(&page).to_vec();
-                Ok(odd.into_iter().map(|edge| local.by_id(edge)).collect())
-            };
-            let found: Vec<_> = batch.par_iter().map_init(Local::default, odd).collect::<Result<_>>()?;
-            for (leaf, edges) in batch.iter().zip(found) {
-                edges.into_iter().for_each(|edge| ledger.add(OfLeaf { edge, leaf: *leaf }));
+    let leaves = || (0..).map(ClusterId).zip(file.clusters()).filter(|(_, record)| record.is_leaf());
+    let bytes = |triangles: u32| TRIANGLE * u64::from(triangles);
+    let most: u64 = leaves().map(|(_, record)| bytes(record.triangle_count)).sum();
+    let parts = most.div_ceil(memory.max(1)).clamp(1, (memory / EDGES_BLOCK as u64).max(1));
+    let mut edges = Buckets::new(store, "edges of leaves", parts as usize, EDGES_BLOCK);
+    let leaves: Vec<ClusterId> = leaves().map(|(leaf, _)| leaf).collect();
+    let mut left = &leaves[..];
+    while !left.is_empty() {
+        let weight = |leaf: &ClusterId| bytes(file.clusters()[leaf.index()].triangle_count);
+        let batch = first_batch(&mut left, memory, weight);
+        let odd = |local: &mut Local, leaf: &ClusterId| -> Result<Vec<[u32; 2]>> {
+            stop::check(cancel)?;
+            let page = Page::view(file.page_bytes(*leaf))?;
+            local.enter(&page, page.vertex_count());
+            let odd = local.odd_edges(&page).to_vec();
+            Ok(odd.into_iter().map(|edge| local.by_id(edge)).collect())
+        };
+        let found: Vec<_> = batch.par_iter().map_init(Local::default, odd).collect::<Result<_>>()?;
+        for (leaf, found) in batch.iter().zip(found) {
+            for edge in found {
+                let part = key(&edge).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
+                edges.push((part * parts >> 32) as usize, OfLeaf { edge, leaf: leaf.0 })?;
             }
         }
-        for OfLeaf { edge, leaf } in ledger.settled() {
-            rims.push(file.clusters()[*leaf as usize].group().index(), *edge)?;
-        }
-        if !ledger.next_pass() {
-            return Ok(());
+    }
+    let mut part = Vec::new();
+    for of_part in 0..edges.count() {
+        stop::check(cancel)?;
+        part.clear();
+        edges.read(of_part, &mut part)?;
+        part.sort_unstable_by_key(|of: &OfLeaf| (key(&of.edge), of.leaf));
+        for same in part.chunk_by(|a, b| a.edge == b.edge).filter(|same| same.len() % 2 == 1) {
+            let leaf = same[same.len() - 1].leaf;
+            rims.push(file.clusters()[leaf as usize].group().index(), same[0].edge)?;
         }
     }
+    Ok(())
 }
 
 /// `below` is the rim of what the group's coarse clusters are made of.
@@ -193,7 +225,7 @@ fn of_group<D: AsRef<[u8]>>(
     listed: &[u32],
     local: &mut Local,
 ) -> Result<OfGroup, FormatError> {
-    keep_odd(&mut below);
+    keep_odd(&mut below, key);
     let mut taken = vec![false; below.len()];
     let mut found = OfGroup::default();
     for cluster in file.coarse(group).iter().copied().map(ClusterId) {
@@ -201,7 +233,7 @@ fn of_group<D: AsRef<[u8]>>(
         local.enter(&page, page.vertex_count());
         let mut seam = local.odd_edges(&page).to_vec();
         seam.retain(|edge| {
-            let at = below.binary_search(&local.by_id(*edge));
+            let at = below.binary_search_by_key(&key(&local.by_id(*edge)), key);
             !at.is_ok_and(|at| !std::mem::replace(&mut taken[at], true))
         });
         found.seams.push((cluster, seam));
@@ -222,7 +254,7 @@ fn of_group<D: AsRef<[u8]>>(
                 }
                 _ => true,
             });
-            keep_odd(seam);
+            keep_odd(seam, by_vertices);
         }
         local.enter(&page, page.base_vertex_count);
         let gone = page.shared().filter(|(vertex, _)| usize::from(*vertex) >= page.base_vertex_count);
@@ -263,6 +295,6 @@ fn rim_of_base(page: &Page<'_>, seam: &[[u16; 2]], local: &mut Local) -> Vec<[u3
     let mut rim = local.odd_edges(page).to_vec();
     let moved = seam.iter().map(|edge| edge.map(|v| local.at(v))).filter(|[a, b]| a != b);
     rim.extend(moved.map(|[a, b]| [a.min(b), a.max(b)]));
-    keep_odd(&mut rim);
+    keep_odd(&mut rim, by_vertices);
     rim.iter().map(|edge| local.by_id(*edge)).filter(|edge| edge[1] != UNSHARED).collect()
 }

@@ -1,8 +1,9 @@
+use super::glance::Glance;
 use super::seams::Seams;
 use super::walk::{Found, Walker};
 use super::*;
 use chpm_build::{BuildConfig, Silent, build};
-use chpm_format::{ChpmWriter, HeaderFields, Page, PageParts, Tables, checksum};
+use chpm_format::{ChpmWriter, HeaderFields, Invariant, Page, PageParts, Tables, checksum};
 use chpm_import::ply::{self, Encoding};
 use chpm_mesh::{ClusterId, GroupId, Level, TriMesh};
 use chpm_refine::{Member, extract};
@@ -31,8 +32,21 @@ fn look<'a>(file: &Model, memory: u64, cuts: impl IntoIterator<Item = &'a Cut>) 
     let folder = tempfile::tempdir().unwrap();
     let store = Store::create(folder.path(), memory).unwrap();
     let seams = Seams::of(file, &store, memory, &Meter::new(true), &Cancel::default()).unwrap();
-    let mut walker = Walker::new(memory);
-    cuts.into_iter().map(|cut| walker.look(file, &seams, cut).unwrap()).collect()
+    let [mut lists, mut quick] = [false, true].map(|is_even| Walker::new(memory, is_even));
+    let faults = chpm_format::verify(file, |_, _| ()).faults;
+    let is_even = faults.iter().all(|fault| fault.invariant != Invariant::Coverage);
+    let look = |cut: &Cut| {
+        let found = lists.look(file, &seams, cut).unwrap();
+        if is_even {
+            // A glance tells the same, and without lists where nothing is wrong.
+            let glance = Glance::new(memory).look(file, &seams, cut).unwrap();
+            assert_eq!((glance.triangles, glance.is_whole), (found.triangles, found.places == 0));
+            let quick = quick.look(file, &seams, cut).unwrap();
+            assert_eq!((quick.places, &quick.first), (found.places, &found.first));
+        }
+        found
+    };
+    cuts.into_iter().map(look).collect()
 }
 
 fn places(file: &Model, cut: &Cut) -> u64 {
@@ -43,7 +57,7 @@ fn places(file: &Model, cut: &Cut) -> u64 {
 fn odd_edges(mesh: &TriMesh) -> usize {
     let sides = |[a, b, c]: &[u32; 3]| [[*a, *b], [*b, *c], [*c, *a]].map(|[u, v]| [u.min(v), u.max(v)]);
     let mut edges: Vec<[u32; 2]> = mesh.triangles.iter().flat_map(sides).collect();
-    local::keep_odd(&mut edges);
+    local::keep_odd(&mut edges, |edge| *edge);
     edges.len()
 }
 
@@ -268,7 +282,7 @@ fn a_vertex_that_is_in_two_places_is_found_where_no_edge_is_odd() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::create(folder.path(), 1 << 20).unwrap();
     let seams = Seams::none(&store, file.clusters().len());
-    let [good, found] = [&file, &bad].map(|file| Walker::new(0).look(file, &seams, &finest).unwrap());
+    let [good, found] = [&file, &bad].map(|file| Walker::new(0, false).look(file, &seams, &finest).unwrap());
     assert_eq!((good.places, good.first), (0, None));
     assert_eq!(found.places, 1);
     let first = found.first.unwrap();

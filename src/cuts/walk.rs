@@ -1,7 +1,8 @@
 //! One cut after the other, member by member: whether what clusters share is one.
 
+use super::glance::Glance;
 use super::ledger::{Ledger, Record};
-use super::local::{Local, keep_odd};
+use super::local::{Local, keep_odd, key};
 use super::seams::Seams;
 use anyhow::Result;
 use chpm_format::{Chpm, Page, checksum};
@@ -32,7 +33,7 @@ impl Record for Side {
     }
 
     fn settle(records: &mut Vec<Self>) {
-        keep_odd(records);
+        keep_odd(records, |side| (key(&side.ids), side.place));
     }
 }
 
@@ -75,6 +76,8 @@ pub(super) struct Found {
 
 /// Walks through cuts in the same memory.
 pub(super) struct Walker {
+    /// For files in which every shared vertex is in one place.
+    glance: Option<Glance>,
     local: Local,
     sides: Ledger<Side>,
     vertices: Ledger<Whereabouts>,
@@ -82,14 +85,25 @@ pub(super) struct Walker {
 }
 
 impl Walker {
-    /// A walker that takes about `memory` bytes, and what one cluster does.
-    pub(super) fn new(memory: u64) -> Self {
-        let (sides, vertices) = (Ledger::new(memory / 2), Ledger::new(memory / 2));
-        Walker { local: Local::default(), sides, vertices, scratch: Vec::new() }
+    /// A walker that takes about `memory` bytes, and what one cluster does. In a file that `is_even` every shared vertex is in one
+    /// place wherever it is listed.
+    pub(super) fn new(memory: u64, is_even: bool) -> Self {
+        let glance = is_even.then(|| Glance::new(memory / 2));
+        let (sides, vertices) = (Ledger::new(memory / 4), Ledger::new(memory / 4));
+        Walker { glance, local: Local::default(), sides, vertices, scratch: Vec::new() }
     }
 
     /// Looks at all seams of a cut whose members are at positions that they have.
     pub(super) fn look<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, seams: &Seams, cut: &Cut) -> Result<Found> {
+        let told = self.glance.as_mut().map(|glance| glance.look(file, seams, cut)).transpose()?;
+        match told.filter(|told| told.is_whole) {
+            Some(told) => Ok(Found { triangles: told.triangles, ..Found::default() }),
+            None => self.list(file, seams, cut),
+        }
+    }
+
+    /// The same by lists of all that clusters share.
+    fn list<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, seams: &Seams, cut: &Cut) -> Result<Found> {
         let mut found = Found::default();
         self.sides.restart();
         self.vertices.restart();
