@@ -22,6 +22,8 @@ pub(super) struct Told {
 pub(super) struct Glance {
     /// By shared id, of the ids that are looked at: what follows from where it has gone; 0 if it has not.
     gone: Vec<u64>,
+    /// The same in a bit each, which is nearer at hand.
+    has_gone: Vec<u64>,
     /// Ids that are looked at together.
     at_once: usize,
     /// By vertex that has gone at the position of a member: where it is.
@@ -34,7 +36,7 @@ impl Glance {
     /// One that takes about `memory` bytes.
     pub(super) fn new(memory: u64) -> Self {
         let at_once = (memory / size_of::<u64>() as u64).clamp(1 << 10, 1 << 32) as usize;
-        Glance { gone: Vec::new(), at_once, resolved: Vec::new(), before: Vec::new() }
+        Glance { gone: Vec::new(), has_gone: Vec::new(), at_once, resolved: Vec::new(), before: Vec::new() }
     }
 
     /// Looks at a cut, whose members are at positions that they have, of a file in which every shared vertex is in one place.
@@ -72,32 +74,39 @@ impl Glance {
         cut: &Cut,
         ids: Range<u32>,
     ) -> Result<bool, FormatError> {
-        let mut gone = std::mem::take(&mut self.gone);
+        let (mut gone, mut has_gone) = (std::mem::take(&mut self.gone), std::mem::take(&mut self.has_gone));
         gone.clear();
         gone.resize(ids.len(), 0);
+        has_gone.clear();
+        has_gone.resize(ids.len().div_ceil(64), 0);
         let (mut is_one, mut any) = (true, false);
         for member in cut.members() {
             let page = Page::view(file.page_bytes(member.cluster))?;
+            if page.vertex_count() == member.vertices as usize {
+                continue;
+            }
             let at = self.enter(&page, member.vertices as usize);
-            for (vertex, id) in at.gone() {
-                if let Some(noted) = gone.get_mut(id.wrapping_sub(ids.start) as usize) {
-                    let place = at.place(at.at(vertex)) | 1;
-                    is_one &= *noted == 0 || *noted == place;
-                    *noted = place;
-                    any = true;
-                }
+            for (vertex, id) in at.gone().filter(|(_, id)| ids.contains(id)) {
+                let id = (id - ids.start) as usize;
+                let place = at.place(at.at(vertex)) | 1;
+                is_one &= gone[id] == 0 || gone[id] == place;
+                gone[id] = place;
+                has_gone[id / 64] |= 1 << (id % 64);
+                any = true;
             }
         }
         if any && is_one {
             for member in cut.members() {
                 let page = Page::view(file.page_bytes(member.cluster))?;
                 let staying = self.enter(&page, member.vertices as usize).staying();
-                let has_gone =
-                    |id: &u32| gone.get(id.wrapping_sub(ids.start) as usize).is_some_and(|g| *g != 0);
+                let has_gone = |id: &u32| {
+                    let id = id.wrapping_sub(ids.start) as usize;
+                    has_gone.get(id / 64).is_some_and(|bits| bits >> (id % 64) & 1 == 1)
+                };
                 is_one &= !staying.iter().any(has_gone);
             }
         }
-        self.gone = gone;
+        (self.gone, self.has_gone) = (gone, has_gone);
         Ok(is_one)
     }
 

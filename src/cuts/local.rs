@@ -13,6 +13,44 @@ pub(super) struct Local {
     /// By vertex: its shared id.
     ids: Vec<u32>,
     odd: Vec<[u16; 2]>,
+    edges: EdgeSort,
+}
+
+/// Sorts edges in time that follows their number.
+#[derive(Default)]
+struct EdgeSort {
+    /// By lesser vertex: where its edges end.
+    ends: Vec<u32>,
+    /// Greater vertices, by lesser one.
+    greater: Vec<u16>,
+}
+
+impl EdgeSort {
+    /// Sorts edges between `count` vertices, and leaves one of each that there is an odd number of.
+    fn keep_odd(&mut self, edges: &mut Vec<[u16; 2]>, count: usize) {
+        let EdgeSort { ends, greater } = self;
+        ends.clear();
+        ends.resize(count + 1, 0);
+        edges.iter().for_each(|[lesser, _]| ends[usize::from(*lesser) + 1] += 1);
+        for vertex in 0..count {
+            ends[vertex + 1] += ends[vertex];
+        }
+        greater.clear();
+        greater.resize(edges.len(), 0);
+        for [lesser, other] in edges.drain(..) {
+            let end = &mut ends[usize::from(lesser)];
+            greater[*end as usize] = other;
+            *end += 1;
+        }
+        let mut start = 0;
+        for (lesser, end) in ends[..count].iter().enumerate() {
+            let others = &mut greater[start..*end as usize];
+            others.sort_unstable();
+            let odd = others.chunk_by(|a, b| a == b).filter(|same| same.len() % 2 == 1);
+            edges.extend(odd.map(|same| [lesser as u16, same[0]]));
+            start = *end as usize;
+        }
+    }
 }
 
 impl Local {
@@ -66,7 +104,7 @@ impl Local {
                 [[a, b], [b, c], [c, a]].into_iter().filter(|edge| edge.iter().all(|v| is_shared(*v)));
             odd.extend(between.map(|[u, v]| [u.min(v), u.max(v)]));
         }
-        keep_odd(&mut odd, by_vertices);
+        self.edges.keep_odd(&mut odd, self.ids.len());
         self.odd = odd;
         &self.odd
     }
@@ -99,6 +137,19 @@ pub(super) fn key(edge: &[u32; 2]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn edges_are_sorted_as_anything_is() {
+        let mut sort = EdgeSort::default();
+        for count in [1, 7, 90] {
+            let ends = |i: u32| [i * 7919 % 89 % count, i * i % 83 % count].map(|v| v as u16);
+            let mut edges: Vec<[u16; 2]> = (0..500).map(ends).collect();
+            let mut expected = edges.clone();
+            keep_odd(&mut expected, by_vertices);
+            sort.keep_odd(&mut edges, count as usize);
+            assert_eq!(edges, expected);
+        }
+    }
 
     #[test]
     fn odd_ones_are_left_once() {

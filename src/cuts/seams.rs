@@ -199,7 +199,7 @@ fn rims_of_leaves<D: AsRef<[u8]> + Sync>(
         for (leaf, found) in batch.iter().zip(found) {
             for edge in found {
                 let part = key(&edge).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
-                edges.push((part * parts >> 32) as usize, OfLeaf { edge, leaf: leaf.0 })?;
+                edges.push(((part * parts) >> 32) as usize, OfLeaf { edge, leaf: leaf.0 })?;
             }
         }
     }
@@ -232,10 +232,9 @@ fn of_group<D: AsRef<[u8]>>(
         let page = Page::view(file.page_bytes(cluster))?;
         local.enter(&page, page.vertex_count());
         let mut seam = local.odd_edges(&page).to_vec();
-        seam.retain(|edge| {
-            let at = below.binary_search_by_key(&key(&local.by_id(*edge)), key);
-            !at.is_ok_and(|at| !std::mem::replace(&mut taken[at], true))
-        });
+        let is_rim = take_rim(&seam, local, &below, &mut taken);
+        let mut is_rim = is_rim.into_iter();
+        seam.retain(|_| !is_rim.next().unwrap_or(false));
         found.seams.push((cluster, seam));
     }
     let mut taken = taken.into_iter();
@@ -284,6 +283,25 @@ fn of_group<D: AsRef<[u8]>>(
     let edges = found.lost.chunks(2).filter(|edge| edge.iter().all(is_outside));
     found.lost = edges.flatten().copied().collect();
     Ok(found)
+}
+
+/// Which of a cluster's edges are the rim's: for each edge of the rim the first that it has, unless it was `taken`.
+fn take_rim(edges: &[[u16; 2]], local: &Local, rim: &[[u32; 2]], taken: &mut [bool]) -> Vec<bool> {
+    let mut is_rim = vec![false; edges.len()];
+    if rim.is_empty() {
+        return is_rim;
+    }
+    // Side by side in one order, which is quicker than a search for each.
+    let mut by_id: Vec<(u64, usize)> = edges.iter().map(|edge| key(&local.by_id(*edge))).zip(0..).collect();
+    by_id.sort_unstable();
+    let mut rest = rim.iter().map(key).zip(taken).peekable();
+    for (id, edge) in by_id {
+        while rest.next_if(|(other, _)| *other < id).is_some() {}
+        if let Some((_, taken)) = rest.peek_mut().filter(|(other, _)| *other == id) {
+            is_rim[edge] = !std::mem::replace(*taken, true);
+        }
+    }
+    is_rim
 }
 
 fn shared_ids<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: u32) -> Result<&[u32], FormatError> {

@@ -8,8 +8,10 @@ use chpm_import::ply::{self, Encoding};
 use chpm_mesh::{ClusterId, GroupId, Level, TriMesh};
 use chpm_refine::{Member, extract};
 use chpm_synth::hard::CASES;
+use chpm_synth::odd::Odd;
 use chpm_synth::{Shape, Synth, hand};
 use std::fs::{self, File};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 type Model = Chpm<Vec<u8>>;
 
@@ -287,4 +289,38 @@ fn a_vertex_that_is_in_two_places_is_found_where_no_edge_is_odd() {
     assert_eq!(found.places, 1);
     let first = found.first.unwrap();
     assert!(first.starts_with("shared vertex ") && first.contains(" in cluster "), "{first}");
+}
+
+/// A file's bytes, and how many of its pages' were asked for.
+struct Counted(Vec<u8>, AtomicU64);
+
+impl AsRef<[u8]> for Counted {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+/// Triangles between vertices by chance, so that nearly every vertex is shared by many clusters and hardly any collapses.
+#[test]
+fn pages_are_read_a_few_times_for_each_cut_in_little_memory() {
+    let plan = Odd::find("random").unwrap().plan(6000);
+    let position = |v: u32| plan.place(v).map(|x| x as f32);
+    let positions = (0..plan.vertices).map(position).collect();
+    let mesh = TriMesh::new(positions, (0..plan.triangles).map(|t| plan.corners(t)).collect());
+    let bytes = built(&mesh).into_inner();
+    let file = Chpm::open(Counted(bytes, AtomicU64::new(0))).unwrap();
+    let file = file.watched(|counted, bytes| {
+        counted.1.fetch_add(bytes, Ordering::Relaxed);
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let memory = 200_000 * rayon::current_num_threads() as u64;
+    let store = Store::create(folder.path(), memory).unwrap();
+    let (meter, cancel, count) = (Meter::new(true), Cancel::default(), 20);
+    let sound = Checked { file: &file, is_even: true };
+    let found = check(sound, count, 0, &store, memory, &meter, &cancel).unwrap();
+    assert_eq!(found.fault_count, 0);
+    let pages: u64 = file.clusters().iter().map(|record| u64::from(record.page_len)).sum();
+    let read = file.get_ref().1.load(Ordering::Relaxed);
+    // Choosing a cut, its triangles and seams, what has gone, what has not; and all of that for fewer pages than there are.
+    assert!(read <= (10 + 5 * u64::from(count)) * pages, "{} times", read / pages);
 }

@@ -38,6 +38,7 @@ fn reading_takes_no_more_memory_than_is_given() {
     assert!(bare + (len >> 10) > given, "the file is large enough to show: {bare} and {len}");
     for words in [
         "verify in.chpm -q",
+        "verify in.chpm --cuts 6 -q",
         "verify in.chpm --against in.ply -q",
         "dump in.chpm --pages",
         "extract in.chpm --level 0 -o out.ply -qf",
@@ -57,6 +58,7 @@ fn too_little_memory_is_refused_with_a_figure_that_suffices() {
     folder.stdout("path orbit in.chpm -o in.path --frames 3");
     for words in [
         "verify in.chpm --against in.ply -q",
+        "verify in.chpm --cuts 3 -q",
         "measure in.chpm --against in.ply -q --samples 1 --positions 1",
         "verify in.chpm --against in.ply --errors -q",
         "dump in.chpm",

@@ -170,6 +170,17 @@ impl<'a> Page<'a> {
         if let Some((j, target)) = later {
             return Err(invalid(place, "target of a collapse", format_args!("less than {}", b + j), target));
         }
+        self.check_errors()?;
+        let ones: usize = self.shared_bits.iter().map(|byte| byte.count_ones() as usize).sum();
+        require_eq(place, "shared bits that are set", self.shared_ids.len(), ones)?;
+        let slack =
+            if v.is_multiple_of(8) { 0 } else { self.shared_bits.last().map_or(0, |byte| byte >> (v % 8)) };
+        require_eq(place, "shared bits behind the last vertex", 0, slack)
+    }
+
+    /// Checks the errors of all positions.
+    pub(crate) fn check_errors(&self) -> Result<(), FormatError> {
+        let place = Place::Page(ClusterId::NONE);
         let largest = self.error_codes.first().copied().unwrap_or(0);
         require(largest <= MAX_CODE, place, "error code", format_args!("at most {MAX_CODE}"), largest)?;
         let monotone = self.error_codes.is_sorted_by(|a, b| a >= b);
@@ -179,11 +190,7 @@ impl<'a> Page<'a> {
             let min = self.min_error;
             require(least >= min, place, "least coded error", format_args!("at least {min}"), least)?;
         }
-        let ones: usize = self.shared_bits.iter().map(|byte| byte.count_ones() as usize).sum();
-        require_eq(place, "shared bits that are set", self.shared_ids.len(), ones)?;
-        let slack =
-            if v.is_multiple_of(8) { 0 } else { self.shared_bits.last().map_or(0, |byte| byte >> (v % 8)) };
-        require_eq(place, "shared bits behind the last vertex", 0, slack)
+        Ok(())
     }
 
     /// V, the vertices of the finest mesh.

@@ -196,8 +196,33 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.page_of(id, self.page_bytes(id))
     }
 
+    /// As [`Chpm::page`], but of what the page holds only the errors of its positions are looked at: to choose a position takes no more. See
+    /// [`Page::view`] about wrong indices.
+    ///
+    /// # Errors
+    /// As [`Chpm::page`], but for indices.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn page_viewed(&self, id: ClusterId) -> Result<Page<'_>, FormatError> {
+        let viewed = Page::view(self.page_bytes(id)).and_then(|page| page.check_errors().map(|()| page));
+        let page = viewed.map_err(|error| error.in_page(id))?;
+        self.compare(id, &page)?;
+        Ok(page)
+    }
+
     fn page_of<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<Page<'b>, FormatError> {
         let page = Page::parse(bytes).map_err(|error| error.in_page(id))?;
+        self.compare(id, &page)?;
+        let (place, ids) = (Place::Page(id), self.header.shared_vertex_count);
+        let largest = page.shared_ids.iter().max();
+        let in_range = largest.is_none_or(|id| *id < ids);
+        require(in_range, place, "shared id", format_args!("less than {ids}"), largest.unwrap_or(&0))?;
+        Ok(page)
+    }
+
+    /// Compares the header of a page with its record.
+    fn compare(&self, id: ClusterId, page: &Page<'_>) -> Result<(), FormatError> {
         let (record, place) = (&self.clusters()[id.index()], Place::Page(id));
         for (field, expected, got) in [
             ("attributes", self.header.attributes, attribute_bits(page.attributes())),
@@ -210,11 +235,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
             require_eq(place, field, expected, got)?;
         }
         require_eq(place, "min_error", record.min_error, page.min_error)?;
-        require_eq(place, "max_error", record.max_error, page.max_error())?;
-        let (ids, largest) = (self.header.shared_vertex_count, page.shared_ids.iter().max());
-        let in_range = largest.is_none_or(|id| *id < ids);
-        require(in_range, place, "shared id", format_args!("less than {ids}"), largest.unwrap_or(&0))?;
-        Ok(page)
+        require_eq(place, "max_error", record.max_error, page.max_error())
     }
 
     /// As [`Chpm::page`], and the checksum first.

@@ -18,6 +18,8 @@ use nalgebra::Point3;
 /// A component lies apart if its points would have to go so many times as far as it is large to end on another. It is also what a
 /// component that vanishes costs, as a multiple of its size.
 const APART: f64 = 4.0;
+/// What is so much beyond a limit is beyond it, whatever rounding does.
+const BEYOND: f64 = 1.000_001;
 
 /// What a collapse would do to the faces about it.
 #[derive(Debug, Default)]
@@ -95,6 +97,8 @@ pub(crate) struct Scene<'a> {
     pub(crate) mesh: &'a Adjacency,
     pub(crate) displacements: &'a [Displacement],
     pub(crate) fan: &'a Fan,
+    /// Faces that are left.
+    pub(crate) alive: usize,
 }
 
 /// Finds bounds, and keeps what the collapse that was looked at last would do.
@@ -183,19 +187,25 @@ impl Bounder {
     /// Takes the points that are left at v without a face to another component, or lets them vanish where all others lie apart. False
     /// if there is no other, or if v is not this patch's alone: what hangs on there may go on elsewhere.
     fn leave(&mut self, scene: &Scene<'_>, v: u16, points: &Displacement) -> bool {
-        let Scene { given, mesh, displacements, fan } = *scene;
-        if given.is_locked(v) || !given.sides.is_empty() {
+        let Scene { given, mesh, displacements, fan, alive } = *scene;
+        let is_last = alive <= fan.wings.len();
+        if given.is_locked(v) || !given.sides.is_empty() || is_last {
             return false;
         }
-        let other = self.nearest.find(given.patch.positions, mesh, fan.vertex(), v);
-        let Some((face, nearest)) = other else { return false };
-        let way = given.offset(v, nearest);
-        let (size, moved) = (points.norm(), points.moved(way, way));
-        if moved.norm() > APART * size {
+        let size = points.norm();
+        // Whatever is farther away than this lies apart: points go no less far than the way less their size.
+        let reach = (APART + 1.0) * size * BEYOND;
+        let within = (reach * reach).max(f64::MIN_POSITIVE);
+        let beside = self.nearest.find(given.patch.positions, mesh, [fan.vertex(), v], within);
+        let moved = beside.map(|(face, nearest)| {
+            let way = given.offset(v, nearest);
+            (face, nearest, points.moved(way, way))
+        });
+        let Some((face, nearest, moved)) = moved.filter(|(.., moved)| moved.norm() <= APART * size) else {
             self.proposal.remnant = Some(Remnant::new(given.position(v), points));
             self.proposal.vanished = APART * size;
             return true;
-        }
+        };
         self.proposal.hand_over(face, &displacements[face as usize], &moved);
         for handed in self.proposal.handed.iter_mut().filter(|handed| handed.to.is_none()) {
             (handed.to, handed.beyond) = (Some(face), Some(nearest));

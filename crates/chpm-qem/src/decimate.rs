@@ -9,7 +9,7 @@ use crate::adjacency::Adjacency;
 use crate::bound::{Bounder, Scene};
 use crate::displacement::Displacement;
 use crate::fan::{Fan, FanKind, MAX_SPINE, MAX_VALENCE};
-use crate::forced::Neighbors;
+use crate::forced::{self, Neighbors};
 use crate::kept::Kept;
 use crate::legality;
 use crate::look::{Deviation, FaceLook, LookTracker};
@@ -251,7 +251,19 @@ impl<'a, 'd> Run<'a, 'd> {
                 self.state(u).drop(State::OFFERED);
             }
             let state = *self.state(u);
-            if state.is(State::GONE) {
+            if state.is(State::GONE) || self.all.mesh.count(u) == 0 {
+                continue;
+            }
+            if self.all.topology == Topology::Change
+                && let Some(v) = forced::alone(&self.given, &self.all.mesh, u)
+            {
+                // Nothing is legal to do with it.
+                (0..2).for_each(|_| self.refusals.add(Refusal::Component));
+                self.state(u).set(State::WAITING);
+                self.all.fan.gather(&self.all.mesh, u);
+                if !self.state(u).is(State::OFFERED) && self.force(goal, v, None) {
+                    return true;
+                }
                 continue;
             }
             // It costs what it did when it was put back, and so the least of all.
@@ -316,26 +328,36 @@ impl<'a, 'd> Run<'a, 'd> {
                 || (!self.given.sides.is_empty() && kind != FanKind::Broken);
             let Decimator { neighbors, mesh, fan, .. } = &mut *self.all;
             let Some(v) = neighbors.nearest(&self.given, mesh, fan) else { continue };
-            let Some(bound) = self.propose(v) else {
-                self.refuse(u);
-                continue;
-            };
-            let cost = self.all.prices.of_bound(bound);
             // What is flat and only held back by locks or a seam needs no force: on a higher level it will be free.
-            if held && least < HELD_BACK * cost {
-                continue;
-            }
-            if cost <= next && self.is_steep(goal, bound) {
+            if self.force(goal, v, held.then_some(least)) {
                 return true;
             }
-            if cost <= next {
-                self.forced += 1;
-                self.carry_out(v, bound, cost);
-            } else {
-                self.state(u).set(State::OFFERED);
-                self.all.queue.push(Entry::offer(cost, u));
-            }
         }
+        false
+    }
+
+    /// Forces the gathered vertex to v if that costs least, or offers to do so at its price; answers whether it is too steep. If it is
+    /// `held` back at a cost by its quadric that is next to nothing, neither is done.
+    fn force(&mut self, goal: Goal, v: u16, held: Option<f32>) -> bool {
+        let (u, next) = (self.all.fan.vertex(), self.all.queue.next_cost());
+        let Some(bound) = self.propose(v) else {
+            self.refuse(u);
+            return false;
+        };
+        let cost = self.all.prices.of_bound(bound);
+        if held.is_some_and(|least| least < HELD_BACK * cost) {
+            return false;
+        }
+        if cost > next {
+            self.state(u).set(State::OFFERED);
+            self.all.queue.push(Entry::offer(cost, u));
+            return false;
+        }
+        if self.is_steep(goal, bound) {
+            return true;
+        }
+        self.forced += 1;
+        self.carry_out(v, bound, cost);
         false
     }
 
@@ -346,7 +368,8 @@ impl<'a, 'd> Run<'a, 'd> {
     /// The bound of the collapse of the gathered vertex.
     fn propose(&mut self, v: u16) -> Option<f64> {
         let Decimator { mesh, fan, displacements, bounder, .. } = &mut *self.all;
-        bounder.propose(&Scene { given: &self.given, mesh, displacements, fan }, v)
+        let alive = self.alive;
+        bounder.propose(&Scene { given: &self.given, mesh, displacements, fan, alive }, v)
     }
 
     /// Keeps what was proposed last for when u comes up again, if that is all that there is to it.
@@ -368,7 +391,8 @@ impl<'a, 'd> Run<'a, 'd> {
         legality::check_topology(&self.given, mesh, fan, v).ok()?;
         if cfg!(debug_assertions) {
             fan.place(&self.given);
-            let scene = Scene { given: &self.given, mesh, displacements: current, fan };
+            let alive = self.alive;
+            let scene = Scene { given: &self.given, mesh, displacements: current, fan, alive };
             assert_eq!(bounder.propose(&scene, v), Some(bound), "nothing has changed");
             assert_eq!(bounder.proposal.faces, displacements, "nothing has changed");
         }

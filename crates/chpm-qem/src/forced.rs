@@ -45,6 +45,16 @@ impl Neighbors {
     }
 }
 
+/// Where a vertex may be forced to whose only face has no corner in common with another: to the nearer of the two, unless one of them has to
+/// stay.
+pub(crate) fn alone(given: &Given<'_>, mesh: &Adjacency, u: u16) -> Option<u16> {
+    let [wing] = mesh.wings(u) else { return None };
+    let is_free = |w: u16| mesh.count(w) == 1 && !given.is_locked(w);
+    let rank = |w: u16| (given.offset(u, w).norm_squared(), w);
+    let nearer = if rank(wing.a) < rank(wing.b) { wing.a } else { wing.b };
+    (given.sides.is_empty() && is_free(wing.a) && is_free(wing.b)).then_some(nearer)
+}
+
 /// Whether the fan's vertex may go to v, to which `faces` faces lead.
 fn may_force(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: u16, faces: u32) -> bool {
     if !given.is_known_with(fan.vertex(), v) {

@@ -8,12 +8,12 @@ use std::ops::Range;
 #[derive(Debug, Default)]
 pub(crate) struct KdTree {
     vertices: Vec<u16>,
-    /// Where they are, in the same order.
+    /// Where they are, in the same order, by coordinate.
     places: Vec<[f32; 3]>,
 }
 
 /// Most vertices of a leaf, which are looked at one by one.
-const LEAF: usize = 8;
+const LEAF: usize = 16;
 
 impl KdTree {
     /// Refills it.
@@ -25,11 +25,16 @@ impl KdTree {
         self.places.extend(self.vertices.iter().map(|v| positions[usize::from(*v)]));
     }
 
-    /// The vertex nearest to a place of those that are accepted, and the square of its distance. Only what is nearer than all accepted
-    /// so far is asked about.
-    pub(crate) fn nearest(&self, at: Point3<f64>, accept: impl FnMut(u16) -> bool) -> Option<(f64, u16)> {
+    /// The vertex nearest to a place of those that are accepted, and the square of its distance, which is less than `within`. Only what
+    /// is nearer than all accepted so far is asked about.
+    pub(crate) fn nearest(
+        &self,
+        at: Point3<f64>,
+        within: f64,
+        accept: impl FnMut(u16) -> bool,
+    ) -> Option<(f64, u16)> {
         let at = at.coords.into();
-        let mut search = Search { tree: self, at, accept, least: f64::INFINITY, nearest: None };
+        let mut search = Search { tree: self, at, accept, least: within, nearest: None };
         search.visit(0..self.vertices.len(), 0, [0.0; 3]);
         search.nearest.map(|vertex| (search.least, vertex))
     }
@@ -60,7 +65,7 @@ impl<F: FnMut(u16) -> bool> Search<'_, F> {
     /// Looks through a part that is as far away as `aside`, by coordinate.
     fn visit(&mut self, part: Range<usize>, axis: usize, aside: [f64; 3]) {
         if part.len() <= LEAF {
-            part.for_each(|index| self.look(index));
+            self.look_through(part);
             return;
         }
         let middle = part.start + part.len() / 2;
@@ -77,14 +82,30 @@ impl<F: FnMut(u16) -> bool> Search<'_, F> {
         }
     }
 
+    /// Looks at the vertices of a leaf: at all distances first, several of which are found together.
+    fn look_through(&mut self, part: Range<usize>) {
+        part.for_each(|index| self.look(index));
+    }
+
     #[inline(always)]
     fn look(&mut self, index: usize) {
-        let [x, y, z] = self.tree.places[index];
+        let square = self.squared_to(self.tree.places[index]);
+        self.take(index, square);
+    }
+
+    #[inline(always)]
+    fn squared_to(&self, [x, y, z]: [f32; 3]) -> f64 {
         let [a, b, c] = self.at;
-        let squared = squared([f64::from(x) - a, f64::from(y) - b, f64::from(z) - c]);
-        let vertex = self.tree.vertices[index];
-        if squared < self.least && (self.accept)(vertex) {
-            (self.least, self.nearest) = (squared, Some(vertex));
+        squared([f64::from(x) - a, f64::from(y) - b, f64::from(z) - c])
+    }
+
+    #[inline(always)]
+    fn take(&mut self, index: usize, square: f64) {
+        if square < self.least {
+            let vertex = self.tree.vertices[index];
+            if (self.accept)(vertex) {
+                (self.least, self.nearest) = (square, Some(vertex));
+            }
         }
     }
 }
@@ -111,11 +132,13 @@ mod tests {
             tree.fill(&places, 0..places.len() as u16);
             let at = Point3::from(at);
             let mut asked = 0;
-            let found = tree.nearest(at, |v| { asked += 1; v % passed == 0 });
+            let found = tree.nearest(at, f64::INFINITY, |v| { asked += 1; v % passed == 0 });
             let accepted = places.iter().step_by(passed.into());
             let least = accepted.map(|p| (to_f64(*p) - at).norm_squared()).fold(f64::INFINITY, f64::min);
             prop_assert_eq!(found.map(|(squared, _)| squared), Some(least));
             prop_assert!(asked <= 100, "{}", asked);
+            // What is no nearer than a limit is not found.
+            prop_assert_eq!(tree.nearest(at, least, |v| v % passed == 0), None);
         }
     }
 }

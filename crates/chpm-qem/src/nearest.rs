@@ -9,8 +9,17 @@ use chpm_mesh::geom::to_f64;
 pub(crate) struct Nearest {
     /// The vertices that have faces when one is first asked for.
     tree: KdTree,
-    /// By vertex: the nearest other one that has faces, as it was last found; the vertex itself before.
-    known: Vec<u16>,
+    /// By vertex.
+    known: Vec<Known>,
+}
+
+/// What was last found about a vertex.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    /// The nearest other one that has faces; the vertex itself if there was none, or none was looked for.
+    nearest: u16,
+    /// The square of how far it is, or of how far there is none.
+    squared: f64,
 }
 
 impl Nearest {
@@ -19,25 +28,28 @@ impl Nearest {
         self.known.clear();
     }
 
-    /// The vertex nearest to v of those that have faces when u has gone there and v has none, and one of its faces.
+    /// The vertex nearest to v of those that have faces when u has gone there and v has none, and one of its faces. Only what is
+    /// nearer than the root of `within` is looked for.
     pub(crate) fn find(
         &mut self,
         positions: &[[f32; 3]],
         adjacency: &Adjacency,
-        u: u16,
-        v: u16,
+        [u, v]: [u16; 2],
+        within: f64,
     ) -> Option<(u32, u16)> {
         if self.known.is_empty() {
-            self.known.extend(0..positions.len() as u16);
-            let used = self.known.iter().copied().filter(|v| adjacency.count(*v) > 0);
-            self.tree.fill(positions, used);
+            let all = 0..positions.len() as u16;
+            self.known.extend(all.clone().map(|v| Known { nearest: v, squared: 0.0 }));
+            self.tree.fill(positions, all.filter(|v| adjacency.count(*v) > 0));
         }
-        // Vertices lose faces and get none back: who was nearest still is, as long as it has one.
+        // Vertices lose faces and get none back: who was nearest still is, as long as it has one, and where there was none there is none.
         let known = self.known[usize::from(v)];
-        if known != v
-            && let Some(face) = face_without(adjacency, known, u)
-        {
-            return Some((face, known));
+        let face = if known.nearest == v { None } else { face_without(adjacency, known.nearest, u) };
+        if within <= known.squared {
+            return None;
+        }
+        if let Some(face) = face {
+            return Some((face, known.nearest));
         }
         let mut face = None;
         let has_face = |vertex| {
@@ -49,8 +61,9 @@ impl Nearest {
             face = found.or(face);
             found.is_some()
         };
-        let nearest = self.tree.nearest(to_f64(positions[usize::from(v)]), has_face);
-        self.known[usize::from(v)] = nearest.map_or(v, |(_, vertex)| vertex);
+        let nearest = self.tree.nearest(to_f64(positions[usize::from(v)]), within, has_face);
+        let (squared, vertex) = nearest.unwrap_or((within, v));
+        self.known[usize::from(v)] = Known { nearest: vertex, squared };
         face.zip(nearest.map(|(_, vertex)| vertex))
     }
 }
@@ -70,7 +83,7 @@ mod tests {
         #[test]
         fn it_is_the_nearest(
             positions in prop::collection::vec(prop::array::uniform3(-4i8..4), 3..90),
-            steps in prop::collection::vec((any::<u16>(), any::<u16>(), any::<u16>()), 1..40),
+            steps in prop::collection::vec((any::<u16>(), any::<u16>(), any::<u16>(), 0u8..60), 1..40),
         ) {
             let positions: Vec<[f32; 3]> = positions.iter().map(|p| p.map(f32::from)).collect();
             let count = positions.len() as u16 / 3 * 3;
@@ -78,19 +91,22 @@ mod tests {
             let mut adjacency = Adjacency::default();
             adjacency.build(positions.len(), &triangles);
             let mut search = Nearest::default();
-            for (pick, corner, other) in steps {
+            for (pick, corner, other, within) in steps {
                 // A triangle that is still there goes from one of its corners to another.
                 let left: Vec<_> = triangles.iter().filter(|t| adjacency.count(t[0]) > 0).collect();
                 let Some(triangle) = left.get(usize::from(pick) % left.len().max(1)) else { break };
                 let u = usize::from(corner) % 3;
                 let v = (u + 1 + usize::from(other) % 2) % 3;
                 let (u, v) = (triangle[u], triangle[v]);
-                let found = search.find(&positions, &adjacency, u, v);
+                // Beyond all others, for some.
+                let within = if within < 40 { f64::from(within) } else { f64::INFINITY };
+                let found = search.find(&positions, &adjacency, [u, v], within);
                 let squared = |w: u16| {
                     (to_f64(positions[usize::from(w)]) - to_f64(positions[usize::from(v)])).norm_squared()
                 };
                 let others = left.iter().filter(|t| t != &triangle).flat_map(|t| **t);
                 let least = others.map(squared).fold(f64::INFINITY, f64::min);
+                let least = if least < within { least } else { f64::INFINITY };
                 prop_assert_eq!(found.map_or(f64::INFINITY, |(_, w)| squared(w)), least);
                 if let Some((face, w)) = found {
                     prop_assert!(adjacency.faces[face as usize].corners.contains(&w));

@@ -167,7 +167,7 @@ pub(crate) fn position<D: AsRef<[u8]>>(
     cluster: ClusterId,
     bound: f32,
 ) -> Result<Member, RefineError> {
-    let vertices = file.page(cluster)?.vertices_for(bound) as u32;
+    let vertices = file.page_viewed(cluster)?.vertices_for(bound) as u32;
     Ok(Member { cluster, vertices })
 }
 

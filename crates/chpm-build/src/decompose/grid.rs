@@ -8,7 +8,7 @@ use crate::error::BuildError;
 use chpm_extmem::Column;
 use chpm_mesh::Aabb;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// Times that a cell may be halved along each axis below the uniform grid. What is still dense then lies in one point.
 const MAX_DEPTH: u32 = 20;
@@ -57,38 +57,78 @@ impl Points for Column<[f32; 3]> {
 /// Fails where the work is to end.
 pub(crate) type Check<'a> = dyn Fn() -> Result<(), BuildError> + Sync + 'a;
 
-/// The vertices in a slot: how many, and the least and largest of their hashes, which are one where all lie in one point.
+/// Halvings ahead that a path tells.
+const AHEAD: u32 = 10;
+
+/// The vertices in a slot: how many, and the least and largest of their paths, with hashes behind. They are one where all lie in one point;
+/// and the children that both paths go through first are those of all vertices.
 #[derive(Debug)]
 struct Counter {
     count: AtomicU32,
-    least: AtomicU32,
-    largest: AtomicU32,
+    least: AtomicU64,
+    largest: AtomicU64,
+}
+
+/// What is known of a slot's vertices once they are counted.
+#[derive(Clone, Copy, Debug)]
+struct Counted {
+    least: u64,
+    largest: u64,
 }
 
 impl Default for Counter {
     fn default() -> Self {
-        Counter { count: AtomicU32::new(0), least: AtomicU32::new(u32::MAX), largest: AtomicU32::new(0) }
+        Counter { count: AtomicU32::new(0), least: AtomicU64::new(u64::MAX), largest: AtomicU64::new(0) }
     }
 }
 
 impl Counter {
-    fn add(&self, p: [f32; 3]) {
+    fn add(&self, p: [f32; 3], within: [f64; 3]) {
         let bits = p.map(|x| u64::from((x + 0.0).to_bits()));
         let mixed = (bits[0] << 32 ^ bits[1]).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ bits[2];
-        let hash = (mixed.wrapping_mul(0xd6e8_feb8_6659_fd93) >> 32) as u32;
+        let hash = mixed.wrapping_mul(0xd6e8_feb8_6659_fd93) >> 32;
+        let key = u64::from(path(within)) << 32 | hash;
         self.count.fetch_add(1, Relaxed);
         // Most do not change them, and looking is cheaper.
-        if hash < self.least.load(Relaxed) {
-            self.least.fetch_min(hash, Relaxed);
+        if key < self.least.load(Relaxed) {
+            self.least.fetch_min(key, Relaxed);
         }
-        if hash > self.largest.load(Relaxed) {
-            self.largest.fetch_max(hash, Relaxed);
+        if key > self.largest.load(Relaxed) {
+            self.largest.fetch_max(key, Relaxed);
         }
     }
 
-    fn differ(&self) -> bool {
-        self.least.load(Relaxed) != self.largest.load(Relaxed)
+    fn counted(&self) -> Counted {
+        Counted { least: self.least.load(Relaxed), largest: self.largest.load(Relaxed) }
     }
+}
+
+impl Counted {
+    /// Whether the vertices are apart.
+    fn differ(self) -> bool {
+        self.least != self.largest
+    }
+
+    /// The children that all of the vertices are in, one in another, as far as it is known.
+    fn children(self) -> impl Iterator<Item = usize> {
+        let path = |level: u32, key: u64| key >> (32 + 3 * (AHEAD - 1 - level));
+        (0..AHEAD)
+            .take_while(move |level| path(*level, self.least) == path(*level, self.largest))
+            .map(move |level| (path(level, self.least) & 7) as usize)
+    }
+}
+
+/// The children that a place in a cell of side 1 is in, one in another, three bits each.
+fn path(within: [f64; 3]) -> u32 {
+    // Three bits further apart, each.
+    let spread = |w: f64| {
+        let mut bits = ((w * f64::from(1 << AHEAD)) as u32).min((1 << AHEAD) - 1);
+        bits = (bits | bits << 16) & 0x0300_00ff;
+        bits = (bits | bits << 8) & 0x0300_f00f;
+        bits = (bits | bits << 4) & 0x030c_30c3;
+        (bits | bits << 2) & 0x0924_9249
+    };
+    spread(within[0]) | spread(within[1]) << 1 | spread(within[2]) << 2
 }
 
 /// The grid. Every vertex has a cell; cells that hold vertices are numbered from 0 in the order of slots.
@@ -135,57 +175,76 @@ impl Grid {
             }
             n /= 2;
         };
+        let mut depths = vec![0; grid.slots.len()];
         let mut fresh = 0;
-        for _ in 0..MAX_DEPTH {
+        loop {
             let first_block = grid.slots.len();
+            let mut below = Vec::new();
             for slot in fresh..first_block {
                 // What lies in one point stays together, however often its cell is halved.
-                if grid.slots[slot] > limit && apart[slot - fresh] {
-                    grid.slots[slot] = LINK | grid.slots.len() as u32;
-                    grid.slots.resize(grid.slots.len() + 8, 0);
+                let (count, counted, depth) = (grid.slots[slot], apart[slot - fresh], depths[slot - fresh]);
+                if count & LINK == 0 && count > limit && counted.differ() && depth < MAX_DEPTH {
+                    grid.divide(slot, counted, depth, &mut below);
                 }
             }
             if grid.slots.len() == first_block {
                 break;
             }
             apart = grid.count(positions, first_block, check)?;
-            fresh = first_block;
+            (fresh, depths) = (first_block, below);
         }
         grid.number_cells();
         Ok(grid)
     }
 
-    /// Counts vertices into the slots from `first` on, all of which are zero; answers for each whether its vertices differ.
+    /// Puts a block in the place of a slot whose cell was halved `depth` times, and as long as one child has all vertices, another in the place
+    /// of that; appends how often each new cell was halved.
+    fn divide(&mut self, mut slot: usize, counted: Counted, mut depth: u32, depths: &mut Vec<u32>) {
+        let mut children = counted.children();
+        loop {
+            let block = self.slots.len();
+            self.slots[slot] = LINK | block as u32;
+            self.slots.resize(block + 8, 0);
+            depth += 1;
+            depths.resize(depths.len() + 8, depth);
+            match children.next() {
+                Some(child) if depth < MAX_DEPTH => slot = block + child,
+                _ => return,
+            }
+        }
+    }
+
+    /// Counts vertices into the slots from `first` on, all of which are zero but for links; answers for each what its vertices are.
     fn count<P: Points + ?Sized>(
         &mut self,
         positions: &P,
         first: usize,
         check: &Check<'_>,
-    ) -> Result<Vec<bool>, BuildError> {
+    ) -> Result<Vec<Counted>, BuildError> {
         let counters: Vec<Counter> = (first..self.slots.len()).map(|_| Counter::default()).collect();
         positions.each(&|chunk| {
             check()?;
             for p in chunk {
-                let (slot, _) = self.find(*p);
+                let (slot, within) = self.find(*p);
                 if slot >= first {
-                    counters[slot - first].add(*p);
+                    counters[slot - first].add(*p, within);
                 }
             }
             Ok(())
         })?;
         for (slot, counter) in self.slots[first..].iter_mut().zip(&counters) {
-            *slot = counter.count.load(Relaxed);
+            // In a link there are none.
+            *slot |= counter.count.load(Relaxed);
         }
-        Ok(counters.iter().map(Counter::differ).collect())
+        Ok(counters.iter().map(Counter::counted).collect())
     }
 
-    /// The slot that a point lies in, and how often its cell was halved.
-    fn find(&self, p: [f32; 3]) -> (usize, u32) {
+    /// The slot that a point lies in, and where in its cell, of side 1, that is.
+    fn find(&self, p: [f32; 3]) -> (usize, [f64; 3]) {
         let at: [f64; 3] = std::array::from_fn(|a| (f64::from(p[a]) - self.origin[a]) * self.scale);
         let cell: [u32; 3] = std::array::from_fn(|a| (at[a] as u32).min(self.dims[a] - 1));
         let mut slot = ((cell[2] * self.dims[1] + cell[1]) * self.dims[0] + cell[0]) as usize;
         let mut within: [f64; 3] = std::array::from_fn(|a| at[a] - f64::from(cell[a]));
-        let mut depth = 0;
         while self.slots[slot] & LINK != 0 {
             let mut child = 0;
             for (axis, w) in within.iter_mut().enumerate() {
@@ -194,9 +253,8 @@ impl Grid {
                 *w = 2.0 * *w - f64::from(u8::from(upper));
             }
             slot = (self.slots[slot] & !LINK) as usize + child;
-            depth += 1;
         }
-        (slot, depth)
+        (slot, within)
     }
 
     /// The number of the cell of one of the counted positions.
@@ -263,6 +321,22 @@ mod tests {
         let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &|| Ok(())).unwrap();
         assert!(grid.cells.len() < 60_000 / 3, "{} cells", grid.cells.len());
         assert!(grid.cells.iter().all(|cell| cell.count <= 48));
+    }
+
+    #[test]
+    fn tiny_things_in_a_large_box_are_found_in_few_looks() {
+        let at = |i: u32, k: u32| (i.wrapping_mul(2654435761) >> (10 * k) & 1023) as f32 * 1e-3;
+        let mut positions: Vec<[f32; 3]> = (0..4000).map(|i| [at(i, 0), at(i, 1), at(i, 2)]).collect();
+        positions.push([3e4, 2e4, 1e4]);
+        let looks = AtomicU32::new(0);
+        let check = || {
+            looks.fetch_add(1, Relaxed);
+            Ok(())
+        };
+        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &check).unwrap();
+        assert!(grid.cells.len() > 80 && grid.cells.iter().all(|cell| cell.count <= 48));
+        let looks = looks.into_inner();
+        assert!(looks < 12, "{looks} looks at all of them");
     }
 
     #[test]

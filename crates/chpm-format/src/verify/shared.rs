@@ -66,17 +66,13 @@ impl SharedIds {
         report: &mut Report,
     ) {
         let Some(entry) = self.entry(id) else { return };
-        let place = Place::Page(cluster);
         if !entry.last.is_some() {
             (entry.position, entry.top) = (position, (level, group));
         }
         let once = entry.last != cluster;
-        report.expect(once, Invariant::Coverage, place, format_args!("shared vertex {id} is listed twice"));
-        let same = entry.position == position;
-        let (here, there) = (position.map(f32::from_bits), entry.position.map(f32::from_bits));
-        let message =
-            format_args!("shared vertex {id} at {there:?} expected (as in {}), got {here:?}", entry.last);
-        report.expect(same, Invariant::Coverage, place, message);
+        if !once || entry.position != position {
+            blame(id, position, cluster, entry, report);
+        }
         entry.last = cluster;
         if level > entry.top.0 {
             (entry.top, entry.mixed) = ((level, group), false);
@@ -119,4 +115,16 @@ impl SharedIds {
             report.expect(alone, Invariant::Boundary, Place::Group(gone), message);
         }
     }
+}
+
+/// Says what is wrong where a cluster lists a vertex that was listed before.
+#[cold]
+fn blame(id: u32, position: [u32; 3], cluster: ClusterId, before: &SharedVertex, report: &mut Report) {
+    let place = Place::Page(cluster);
+    let once = before.last != cluster;
+    report.expect(once, Invariant::Coverage, place, format_args!("shared vertex {id} is listed twice"));
+    let (here, there) = (position.map(f32::from_bits), before.position.map(f32::from_bits));
+    let message =
+        format_args!("shared vertex {id} at {there:?} expected (as in {}), got {here:?}", before.last);
+    report.expect(before.position == position, Invariant::Coverage, place, message);
 }
