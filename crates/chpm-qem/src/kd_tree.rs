@@ -8,9 +8,26 @@ use std::ops::Range;
 #[derive(Debug, Default)]
 pub(crate) struct KdTree {
     vertices: Vec<u16>,
-    /// Where they are, in the same order, by coordinate.
+    /// Where they are, in the same order.
     places: Vec<[f32; 3]>,
+    /// Parts that a search has yet to look through.
+    later: Vec<Part>,
 }
+
+/// A part of the tree as a search sees it.
+#[derive(Clone, Debug)]
+struct Part {
+    range: Range<usize>,
+    /// The vertex between it and the half on this side.
+    middle: usize,
+    /// By which coordinate it is halved.
+    axis: usize,
+    /// How far away it is, by coordinate.
+    aside: [f64; 3],
+}
+
+/// The coordinate after each.
+const NEXT: [usize; 3] = [1, 2, 0];
 
 /// Most vertices of a leaf, which are looked at one by one.
 const LEAF: usize = 16;
@@ -28,15 +45,41 @@ impl KdTree {
     /// The vertex nearest to a place of those that are accepted, and the square of its distance, which is less than `within`. Only what
     /// is nearer than all accepted so far is asked about.
     pub(crate) fn nearest(
-        &self,
+        &mut self,
         at: Point3<f64>,
         within: f64,
         accept: impl FnMut(u16) -> bool,
     ) -> Option<(f64, u16)> {
+        let KdTree { vertices, places, later } = self;
         let at = at.coords.into();
-        let mut search = Search { tree: self, at, accept, least: within, nearest: None };
-        search.visit(0..self.vertices.len(), 0, [0.0; 3]);
-        search.nearest.map(|vertex| (search.least, vertex))
+        let mut search = Search { vertices, places, at, accept, least: within, nearest: None };
+        later.clear();
+        let mut part = Part { range: 0..vertices.len(), middle: 0, axis: 0, aside: [0.0; 3] };
+        loop {
+            // Down to the leaf on this side of everything; what is beyond the middle ones comes later.
+            while part.range.len() > LEAF {
+                let middle = part.range.start + part.range.len() / 2;
+                let beyond = at[part.axis] - f64::from(places[middle][part.axis]);
+                let (before, after) = (part.range.start..middle, middle + 1..part.range.end);
+                let (near, far) = if beyond < 0.0 { (before, after) } else { (after, before) };
+                let mut aside = part.aside;
+                // As it is rounded, this is never more than what is found for a vertex there.
+                aside[part.axis] = beyond;
+                let axis = NEXT[part.axis];
+                later.push(Part { range: far, middle, axis, aside });
+                (part.range, part.axis) = (near, axis);
+            }
+            part.range.for_each(|index| search.look(index));
+            part = loop {
+                let Some(part) = later.pop() else {
+                    return search.nearest.map(|vertex| (search.least, vertex));
+                };
+                if squared(part.aside) < search.least {
+                    break part;
+                }
+            };
+            search.look(part.middle);
+        }
     }
 }
 
@@ -53,7 +96,8 @@ fn divide(positions: &[[f32; 3]], part: &mut [u16], axis: usize) {
 }
 
 struct Search<'a, F> {
-    tree: &'a KdTree,
+    vertices: &'a [u16],
+    places: &'a [[f32; 3]],
     at: [f64; 3],
     accept: F,
     /// The square of the distance to the nearest so far.
@@ -62,49 +106,15 @@ struct Search<'a, F> {
 }
 
 impl<F: FnMut(u16) -> bool> Search<'_, F> {
-    /// Looks through a part that is as far away as `aside`, by coordinate.
-    fn visit(&mut self, part: Range<usize>, axis: usize, aside: [f64; 3]) {
-        if part.len() <= LEAF {
-            self.look_through(part);
-            return;
-        }
-        let middle = part.start + part.len() / 2;
-        let beyond = self.at[axis] - f64::from(self.tree.places[middle][axis]);
-        let (before, after) = (part.start..middle, middle + 1..part.end);
-        let (near, far) = if beyond < 0.0 { (before, after) } else { (after, before) };
-        self.visit(near, (axis + 1) % 3, aside);
-        // As it is rounded, this is never more than what is found for a vertex there.
-        let mut beside = aside;
-        beside[axis] = beyond;
-        if squared(beside) < self.least {
-            self.look(middle);
-            self.visit(far, (axis + 1) % 3, beside);
-        }
-    }
-
-    /// Looks at the vertices of a leaf: at all distances first, several of which are found together.
-    fn look_through(&mut self, part: Range<usize>) {
-        part.for_each(|index| self.look(index));
-    }
-
     #[inline(always)]
     fn look(&mut self, index: usize) {
-        let square = self.squared_to(self.tree.places[index]);
-        self.take(index, square);
-    }
-
-    #[inline(always)]
-    fn squared_to(&self, [x, y, z]: [f32; 3]) -> f64 {
+        let [x, y, z] = self.places[index];
         let [a, b, c] = self.at;
-        squared([f64::from(x) - a, f64::from(y) - b, f64::from(z) - c])
-    }
-
-    #[inline(always)]
-    fn take(&mut self, index: usize, square: f64) {
-        if square < self.least {
-            let vertex = self.tree.vertices[index];
+        let squared = squared([f64::from(x) - a, f64::from(y) - b, f64::from(z) - c]);
+        if squared < self.least {
+            let vertex = self.vertices[index];
             if (self.accept)(vertex) {
-                (self.least, self.nearest) = (square, Some(vertex));
+                (self.least, self.nearest) = (squared, Some(vertex));
             }
         }
     }

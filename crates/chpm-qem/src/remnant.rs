@@ -58,11 +58,11 @@ pub fn gap(remnants: &[Remnant], positions: &[[f32; 3]], vertices: impl Iterator
     }
     let mut tree = KdTree::default();
     tree.fill(positions, vertices);
-    let gap = |remnant: &Remnant| {
+    let mut gap = |remnant: &Remnant| {
         let nearest = tree.nearest(to_f64(remnant.center), f64::INFINITY, |_| true);
         nearest.map_or(f64::INFINITY, |(squared, _)| squared.sqrt() + f64::from(remnant.radius))
     };
-    round_up(remnants.iter().map(gap).fold(0.0, f64::max))
+    round_up(remnants.iter().map(&mut gap).fold(0.0, f64::max))
 }
 
 /// Puts neighbours together until there are at most `most`.
