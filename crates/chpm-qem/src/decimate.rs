@@ -25,6 +25,10 @@ use chpm_mesh::geom::round_up;
 /// asked for is done, a collapse whose bound is so many times the error up to there is left to a level on which it is cheap.
 const STEEP: f64 = 4.0;
 
+/// What was locked on many levels is denser than what lies about it. So beyond what was asked for, a seam goes on as long as that costs
+/// next to nothing: up to so many times the error that its patch came with.
+const CATCH_UP: f64 = 1.2;
+
 /// Share of a forced collapse's cost below which the quadric's says that the vertex would go for nothing if it could.
 const HELD_BACK: f32 = 1e-6;
 
@@ -33,8 +37,8 @@ const HELD_BACK: f32 = 1e-6;
 enum Goal {
     /// At most so many triangles are left.
     Triangles(usize),
-    /// So many collapses were carried out.
-    Collapses(usize),
+    /// So many vertices of the seams have gone, and all others whose bound is at most `beyond`.
+    Seams { count: usize, beyond: f64 },
 }
 
 /// The kernel's scratch: give each thread its own and use it for cluster after cluster.
@@ -85,9 +89,9 @@ impl Decimator {
         run.outcome(stalled)
     }
 
-    /// Collapses at most `count` vertices of the seams of a group of clusters, whose union the patch is. `sides` has a bit for
-    /// each member that has a vertex. A seam vertex has several and goes only to a vertex that all of its members have, so that
-    /// each of them can carry out the same collapse.
+    /// Collapses `count` vertices of the seams of a group of clusters, whose union the patch is; fewer if the last of them cost too
+    /// much, more if they cost next to nothing. `sides` has a bit for each member that has a vertex. A seam vertex has several and goes
+    /// only to a vertex that all of its members have, so that each of them can carry out the same collapse.
     pub fn decimate_seams(
         &mut self,
         patch: &Patch<'_>,
@@ -101,7 +105,7 @@ impl Decimator {
                 state.set(State::FIXED);
             }
         }
-        let stalled = run.until(Goal::Collapses(count));
+        let stalled = run.until(Goal::Seams { count, beyond: CATCH_UP * f64::from(min_error) });
         run.outcome(stalled)
     }
 
@@ -237,15 +241,21 @@ impl<'a, 'd> Run<'a, 'd> {
     fn is_reached(&self, goal: Goal) -> bool {
         match goal {
             Goal::Triangles(target) => self.alive <= target,
-            Goal::Collapses(count) => self.all.collapses.len() >= count,
+            Goal::Seams { count, .. } => self.all.collapses.len() >= count,
         }
+    }
+
+    /// Whether there may be something to do beyond the goal.
+    fn may_catch_up(&self, goal: Goal) -> bool {
+        let Goal::Seams { beyond, .. } = goal else { return false };
+        self.all.queue.next_cost() <= self.all.prices.of_bound(beyond)
     }
 
     /// Collapses until the goal is reached; answers whether it stalled before.
     fn until(&mut self, goal: Goal) -> bool {
         self.fill_queue();
-        while !self.is_reached(goal) {
-            let Some(entry) = self.all.queue.pop() else { return true };
+        while !self.is_reached(goal) || self.may_catch_up(goal) {
+            let Some(entry) = self.all.queue.pop() else { break };
             let u = entry.vertex();
             if entry.is_offer() {
                 self.state(u).drop(State::OFFERED);
@@ -262,7 +272,7 @@ impl<'a, 'd> Run<'a, 'd> {
                 self.state(u).set(State::WAITING);
                 self.all.fan.gather(&self.all.mesh, u);
                 if !self.state(u).is(State::OFFERED) && self.force(goal, v, None) {
-                    return true;
+                    break;
                 }
                 continue;
             }
@@ -273,7 +283,7 @@ impl<'a, 'd> Run<'a, 'd> {
             {
                 debug_assert!(self.all.prices.of_bound(bound) <= entry.cost(), "it costs what it did");
                 if self.is_steep(goal, bound) {
-                    return true;
+                    break;
                 }
                 self.carry_out(v, bound, entry.cost());
                 continue;
@@ -308,7 +318,7 @@ impl<'a, 'd> Run<'a, 'd> {
                 };
                 let cost = cost.max(self.all.prices.of_bound(bound));
                 if cost <= next && self.is_steep(goal, bound) {
-                    return true;
+                    break;
                 }
                 if cost > next {
                     self.state(u).drop(State::STALE);
@@ -330,10 +340,10 @@ impl<'a, 'd> Run<'a, 'd> {
             let Some(v) = neighbors.nearest(&self.given, mesh, fan) else { continue };
             // What is flat and only held back by locks or a seam needs no force: on a higher level it will be free.
             if self.force(goal, v, held.then_some(least)) {
-                return true;
+                break;
             }
         }
-        false
+        !self.is_reached(goal)
     }
 
     /// Forces the gathered vertex to v if that costs least, or offers to do so at its price; answers whether it is too steep. If it is
@@ -408,7 +418,10 @@ impl<'a, 'd> Run<'a, 'd> {
 
     /// Whether a collapse of a seam costs too much.
     fn is_steep(&self, goal: Goal, bound: f64) -> bool {
-        let Goal::Collapses(count) = goal else { return false };
+        let Goal::Seams { count, beyond } = goal else { return false };
+        if self.is_reached(goal) {
+            return bound > beyond;
+        }
         let half = self.all.collapses.get(count / 2).map_or(0.0, |half| f64::from(half.error));
         half > 0.0 && bound > STEEP * half
     }

@@ -76,33 +76,52 @@ fn points_are_not_handed_to_who_does_not_know() {
     assert!(decimator.displacements()[3..].iter().all(|d| d.error() <= error));
 }
 
-/// A seam of two clusters with some spikes in it: nobody asks for so many collapses of a seam that a spike has to go.
-#[test]
-fn seams_are_not_halved_at_any_price() {
-    let columns = 60u16;
+const COLUMNS: u16 = 60;
+const SPIKES: usize = COLUMNS as usize / 6;
+
+/// Collapses of a seam between two clusters that is nearly straight but for some spikes, and how many of them are spikes.
+fn thin_out(count: usize, min_error: f32) -> (Vec<Collapse>, usize) {
     let height = |i: u16| if i % 6 == 3 { 1.0 } else { 0.01 * f32::from(i).sin() };
     let at = |i: u16, row: u16| 3 * i + row;
-    let positions: Vec<[f32; 3]> = (0..columns)
+    let positions: Vec<[f32; 3]> = (0..COLUMNS)
         .flat_map(|i| [[-1.0, 0.0], [0.0, height(i)], [1.0, 0.0]].map(|[y, z]| [f32::from(i), y, z]))
         .collect();
     let mut triangles = Vec::new();
-    for i in 0..columns - 1 {
+    for i in 0..COLUMNS - 1 {
         for row in 0..2 {
             let [a, b, c, d] = [at(i, row), at(i + 1, row), at(i + 1, row + 1), at(i, row + 1)];
             triangles.extend([[a, b, c], [a, c, d]]);
         }
     }
-    let sides: Vec<u8> = (0..3 * columns).map(|v| [1, 3, 2][usize::from(v % 3)]).collect();
+    let sides: Vec<u8> = (0..3 * COLUMNS).map(|v| [1, 3, 2][usize::from(v % 3)]).collect();
     let locked = vec![false; positions.len()];
     let patch = Patch { positions: &positions, triangles: &triangles, locked: &locked, ..Patch::default() };
     let mut decimator = Decimator::default();
-    let spikes = usize::from(columns / 6);
-    let count = usize::from(columns) - spikes + 3;
-    let outcome = decimator.decimate_seams(&patch, &sides, count, 0.0);
-    assert!(outcome.collapses.len() > count / 2, "{}", outcome.collapses.len());
-    let spike = |collapse: &&Collapse| positions[usize::from(collapse.from)][2] == 1.0;
-    assert_eq!(outcome.collapses.iter().filter(spike).count(), 0);
-    assert!(outcome.collapses.iter().all(|collapse| collapse.error < 0.2), "{:?}", outcome.collapses.last());
+    let outcome = decimator.decimate_seams(&patch, &sides, count, min_error);
+    let spikes = outcome.collapses.iter().filter(|c| positions[usize::from(c.from)][2] == 1.0).count();
+    (outcome.collapses.to_vec(), spikes)
+}
+
+/// Nobody asks for so many collapses of a seam that a spike has to go.
+#[test]
+fn seams_are_not_halved_at_any_price() {
+    let count = usize::from(COLUMNS) - SPIKES + 3;
+    let (collapses, spikes) = thin_out(count, 0.0);
+    assert!(collapses.len() > count / 2, "{}", collapses.len());
+    assert_eq!(spikes, 0);
+    assert!(collapses.iter().all(|collapse| collapse.error < 0.2), "{:?}", collapses.last());
+}
+
+/// A seam beside which errors are larger already than what its own vertices stand for: they go, however few were asked for.
+#[test]
+fn seams_catch_up_where_it_costs_nothing() {
+    let few = 5;
+    let (collapses, _) = thin_out(few, 0.0);
+    assert_eq!(collapses.len(), few, "without an error before, as many as were asked for");
+    let (collapses, spikes) = thin_out(few, 0.05);
+    assert!(collapses.len() > usize::from(COLUMNS) / 3, "{}", collapses.len());
+    assert_eq!(spikes, 0);
+    assert!(collapses.iter().all(|collapse| collapse.error <= 0.06), "{:?}", collapses.last());
 }
 
 #[test]
