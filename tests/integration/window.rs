@@ -249,9 +249,9 @@ fn what_cannot_be_shown_is_told() {
 }
 
 #[test]
-fn the_readme_has_every_key() {
-    let readme = fs::read_to_string(root().join("README.md")).expect("a readme");
+fn the_manual_has_every_key() {
+    let manual = fs::read_to_string(root().join("docs/MANUAL.md")).expect("a manual");
     for (key, does) in MOTIONS.iter().copied().chain(KEYS.iter().map(|key| (key.key, key.does))) {
-        assert!(readme.contains(&format!("| {key} | {does} |")), "{key}: {does}");
+        assert!(manual.contains(&format!("| {key} | {does} |")), "{key}: {does}");
     }
 }

@@ -1,4 +1,4 @@
-//! What each key does: the one table that the keyboard, the help and the README agree with.
+//! What each key does: the one table that the keyboard, the help and the manual agree with.
 
 use winit::keyboard::KeyCode;
 
