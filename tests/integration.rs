@@ -20,6 +20,8 @@ mod integration {
     mod cuts;
     /// The same bytes for any number of threads and any memory.
     mod determinism;
+    /// The examples of the libraries run.
+    mod examples;
     /// Every mesh that is hard to simplify, and what its file must be; flat plates and absent attributes.
     mod hard_cases;
     /// Damaged .chpm files: each verb answers, none panics.
