@@ -7,7 +7,7 @@ use crate::cmd::view;
 use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, synth, verify, walk};
 use crate::number;
 use anyhow::{Context, Result, ensure};
-use chpm_build::config::{Length, Topology};
+use chpm_build::config::{Layout, Length, Topology};
 use chpm_build::{BuildConfig, Faults, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
@@ -110,8 +110,11 @@ pub(crate) struct SettingsArgs {
     /// Drop and count invalid vertices and faces instead of refusing the file
     #[arg(long)]
     drop_invalid: bool,
-    /// Keep the simplification's order instead of a cache-oblivious layout
-    #[arg(long)]
+    /// In which order clusters, vertices and triangles are
+    #[arg(long, value_name = "NAME", value_enum, default_value_t = OrderArg::VertexCache)]
+    order: OrderArg,
+    /// Leave the order as it is: the same as --order simplification
+    #[arg(long, conflicts_with = "order")]
     no_layout: bool,
 }
 
@@ -149,6 +152,27 @@ impl TopologyArg {
         match self {
             TopologyArg::Keep => Topology::Keep,
             TopologyArg::Change => Topology::Change,
+        }
+    }
+}
+
+/// [`Layout`].
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum OrderArg {
+    /// Triangles of a cluster for the vertex caches of graphics processors, clusters for caches of any size
+    VertexCache,
+    /// All of it for caches of any size
+    CacheOblivious,
+    /// Clusters from the coarsest to the finest, vertices and triangles as simplification leaves them
+    Simplification,
+}
+
+impl OrderArg {
+    fn layout(self) -> Layout {
+        match self {
+            OrderArg::VertexCache => Layout::VertexCache,
+            OrderArg::CacheOblivious => Layout::CacheOblivious,
+            OrderArg::Simplification => Layout::Simplification,
         }
     }
 }
@@ -252,7 +276,7 @@ pub(crate) fn build_config(
             normals: !settings.no_normals,
             colors: !settings.no_colors,
             drop_invalid: settings.drop_invalid,
-            layout: !settings.no_layout,
+            layout: if settings.no_layout { Layout::Simplification } else { settings.order.layout() },
             ..Settings::default()
         },
         resources: Resources {
@@ -311,7 +335,7 @@ mod tests {
             "--no-normals",
             "--no-colors",
             "--drop-invalid",
-            "--no-layout",
+            "--order=cache-oblivious",
             "--threads=5",
             "--memory=640M",
             "--work-dir=scratch",
@@ -327,7 +351,17 @@ mod tests {
         );
         assert_eq!(s.min_component, Some(Length::OfDiagonal(3.0)));
         assert_eq!(config(&["--prune-exact"]).settings.finest_error, Some(Length::Units(0.0)));
-        assert_eq!((s.normals, s.colors, s.drop_invalid, s.layout), (false, false, true, false));
+        assert_eq!((s.normals, s.colors, s.drop_invalid), (false, false, true));
+        assert_eq!(s.layout, Layout::CacheOblivious);
+        let layout = |argument: &str| config(&[argument]).settings.layout;
+        assert_eq!(layout("--no-layout"), Layout::Simplification);
+        for (name, told) in [
+            ("vertex-cache", Layout::VertexCache),
+            ("cache-oblivious", Layout::CacheOblivious),
+            ("simplification", Layout::Simplification),
+        ] {
+            assert_eq!((layout(&format!("--order={name}")), told.to_string()), (told, name.to_owned()));
+        }
         let expected = Resources {
             threads: 5,
             memory: Bytes::mib(640),
@@ -355,6 +389,7 @@ mod tests {
             ["--min-component=inf"],
             ["--min-component=nan"],
             ["--checkpoint=-1"],
+            ["--order=fastest"],
         ] {
             assert!(Build::try_parse_from(["build"].iter().chain(&bad)).is_err(), "{bad:?}");
         }

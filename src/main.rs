@@ -8,6 +8,7 @@ mod against;
 mod args;
 mod batch;
 mod bench;
+mod caches;
 mod certify;
 mod cmd;
 mod cuts;

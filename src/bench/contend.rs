@@ -4,7 +4,7 @@ use super::{Contender, DIVISORS, clod, in_core};
 use crate::points::Points;
 use crate::progress::Meter;
 use anyhow::Result;
-use chpm_build::config::Topology;
+use chpm_build::config::{Layout, Topology};
 use chpm_build::{BuildConfig, Cancel, Resources, Silent, build};
 use chpm_extmem::{MappedFile, Store};
 use chpm_format::{BoundaryMode, Chpm};
@@ -71,7 +71,7 @@ fn config(contender: Contender, memory: Bytes) -> BuildConfig {
         Contender::ChpmOneThread => config.resources.threads = 1,
         Contender::ChpmLock => config.settings.boundary = BoundaryMode::Lock,
         Contender::ChpmKeep => config.settings.topology = Topology::Keep,
-        Contender::ChpmNoLayout => config.settings.layout = false,
+        Contender::ChpmNoLayout => config.settings.layout = Layout::Simplification,
         _ => {}
     }
     config

@@ -1,6 +1,7 @@
-//! `chpm info`: what a file says about itself, without reading a page.
+//! `chpm info`: what a file says about itself, without reading a page unless asked to.
 
 use super::{Verdict, open, reading, stdout};
+use crate::caches::{self, Drawn};
 use crate::memory::{self, MemoryArgs};
 use crate::number::Units;
 use crate::progress::line;
@@ -18,6 +19,9 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
+    /// Also read every page and tell how often a vertex cache misses for a triangle
+    #[arg(long)]
+    cache: bool,
     /// As JSON
     #[arg(long)]
     json: bool,
@@ -48,13 +52,20 @@ fn show(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
     let metadata = metadata.ok();
     let levels = report::levels_of(file);
     let sizes = Sizes::of(file);
+    let drawn = args.cache.then(|| caches::draw(file)).transpose()?;
     let mut out = stdout();
     if args.json {
-        writeln!(out, "{:#}", as_json(&args.file, file, metadata.as_ref(), &levels, &sizes))?;
+        let mut value = as_json(&args.file, file, metadata.as_ref(), &levels, &sizes);
+        if let Some([all, roots]) = drawn {
+            value["vertex_cache"] =
+                json!({ "size": caches::SIZE, "clusters": all.as_json(), "roots": roots.as_json() });
+        }
+        writeln!(out, "{value:#}")?;
     } else {
         print_model(&args.file, file, metadata.as_ref(), &mut out)?;
         print_tables(&levels, &mut out)?;
         print_sizes(file, &sizes, &mut out)?;
+        drawn.map_or(Ok(()), |drawn| print_caches(drawn, &mut out))?;
         metadata.as_ref().map_or(Ok(()), |metadata| print_provenance(metadata, &mut out))?;
     }
     out.flush()?;
@@ -137,6 +148,17 @@ fn print_sizes<D: AsRef<[u8]>>(file: &Chpm<D>, sizes: &Sizes, out: &mut impl Wri
         100.0 * padding as f64 / whole as f64,
         Bytes(tables),
         per_triangle(whole, file.header().source_triangle_count),
+    )
+}
+
+fn print_caches([all, roots]: [Drawn; 2], out: &mut impl Write) -> io::Result<()> {
+    let told = |drawn: Drawn| drawn.acmr().map(|acmr| format!("{acmr:.3}")).join(", ");
+    writeln!(
+        out,
+        "cache      {} misses a triangle at the finest, middle and base positions; roots {} (first in, first out, {} vertices)",
+        told(all),
+        told(roots),
+        caches::SIZE
     )
 }
 

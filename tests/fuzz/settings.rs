@@ -1,7 +1,7 @@
 //! What a build is told, as the library and as the command take it.
 
 use crate::draw::Draw;
-use chpm_build::config::{Length, Topology};
+use chpm_build::config::{Layout, Length, Topology};
 use chpm_build::{BuildConfig, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
@@ -38,8 +38,12 @@ impl Told {
         }
         settings.normals = !flag(draw.once_in(8), "--no-normals");
         settings.colors = !flag(draw.once_in(8), "--no-colors");
-        settings.layout = !flag(draw.once_in(8), "--no-layout");
         settings.drop_invalid = flag(draw.once_in(2), "--drop-invalid");
+        settings.layout = match draw.once_in(4) {
+            true => draw.pick(&[Layout::CacheOblivious, Layout::Simplification]),
+            false => Layout::VertexCache,
+        };
+        words.push(format!("--order={}", settings.layout));
         if draw.once_in(6) {
             let percent = draw.pick(&[0.0, 0.1, 2.0]);
             words.push(format!("--finest-error={percent}%"));

@@ -63,8 +63,8 @@ pub struct Settings {
     pub colors: bool,
     /// Whether invalid vertices and faces are dropped and counted rather than refused.
     pub drop_invalid: bool,
-    /// Whether clusters, vertices and triangles are put into cache-oblivious order.
-    pub layout: bool,
+    /// In which order clusters, vertices and triangles are.
+    pub layout: Layout,
 }
 
 impl Default for Settings {
@@ -88,8 +88,29 @@ impl Default for Settings {
             normals: true,
             colors: true,
             drop_invalid: false,
-            layout: true,
+            layout: Layout::VertexCache,
         }
+    }
+}
+
+/// In which order a file has what is in it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Layout {
+    /// Clusters in cache-oblivious order, the triangles of each in an order for vertex caches.
+    VertexCache,
+    /// Clusters, and the vertices and triangles of each, in cache-oblivious order (Yoon 6 and 7).
+    CacheOblivious,
+    /// Clusters breadth-first, vertices and triangles as simplification leaves them.
+    Simplification,
+}
+
+impl fmt::Display for Layout {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Layout::VertexCache => "vertex-cache",
+            Layout::CacheOblivious => "cache-oblivious",
+            Layout::Simplification => "simplification",
+        })
     }
 }
 
@@ -174,7 +195,7 @@ impl Settings {
             entry("normals", &self.normals),
             entry("colors", &self.colors),
             entry("drop-invalid", &self.drop_invalid),
-            entry("layout", &if self.layout { "cache-oblivious" } else { "simplification" }),
+            entry("layout", &self.layout),
         ];
         // Files of all that is there are as they were before this could be asked for.
         entries.extend(self.min_component.map(|size| entry("min-component", &size)));

@@ -2,7 +2,7 @@
 
 use std::{
     collections::{BTreeMap, VecDeque},
-    ops::Range,
+    ops::{AddAssign, Range},
 };
 
 /// What a vertex cache had to do.
@@ -25,6 +25,15 @@ impl VertexCache {
     /// Average transforms per vertex: 1 is the best; 0 for nothing.
     pub fn atvr(&self) -> f64 {
         ratio(self.misses, self.vertices)
+    }
+}
+
+impl AddAssign for VertexCache {
+    /// As if the cache had been emptied in between and no vertex were in both.
+    fn add_assign(&mut self, more: VertexCache) {
+        self.triangles += more.triangles;
+        self.vertices += more.vertices;
+        self.misses += more.misses;
     }
 }
 

@@ -129,6 +129,11 @@ impl Decimator {
     pub fn is_left(&self, face: usize) -> bool {
         !self.mesh.faces[face].is_dead()
     }
+
+    /// The vertices of the patch that a face that is left has after the last decimation.
+    pub fn corners(&self, face: usize) -> [u16; 3] {
+        self.mesh.faces[face].corners
+    }
 }
 
 /// One decimation.

@@ -1,14 +1,18 @@
-//! Layout: three orders by the published cache-oblivious metric (Yoon 6 and 7), each a permutation that changes no geometry (I9).
+//! Layout: permutations that change no geometry (I9).
 //!
-//! Clusters in the file (`cluster_order`), and in each cluster the base mesh's vertices and the triangles (`local_order`). The
-//! collapsed vertices keep their order, which is the collapse order.
+//! Clusters in the file are ordered by the published cache-oblivious metric (`cluster_order`; Yoon 6 and 7). So are, if that is asked for,
+//! the base mesh's vertices and the triangles in each cluster (`local_order`). Otherwise the triangles are in an order for vertex caches
+//! (`triangle_order`), which they get while the cluster is simplified, and pages are copied. The collapsed vertices keep their order,
+//! which is the collapse order.
 
+mod cache_walk;
 mod cluster_order;
 mod local_order;
 pub mod metric;
 mod multilevel;
+mod triangle_order;
 
-use crate::config::Settings;
+use crate::config::{Layout, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
@@ -17,10 +21,11 @@ use chpm_format::{ClusterRecord, Page};
 use chpm_mesh::{GroupId, Level};
 use local_order::LocalOrder;
 use rayon::prelude::*;
+pub(crate) use triangle_order::TriangleOrder;
 
 /// The built nodes of the tree in the order of their pages in the file.
 pub(crate) fn order(clusters: &Hierarchy, tree: &Tree, settings: &Settings) -> Vec<u32> {
-    if settings.layout {
+    if settings.layout != Layout::Simplification {
         cluster_order::order(tree, |node| clusters.refs[node as usize].map(|page| page.bounds))
     } else {
         // Breadth first from the root, as Quick-VDR 4.3 stores them.
@@ -28,7 +33,7 @@ pub(crate) fn order(clusters: &Hierarchy, tree: &Tree, settings: &Settings) -> V
     }
 }
 
-/// Reorders every page and hands it to `write` with its place in `order`, from many threads and in any order. Answers the
+/// Hands every page to `write` with its place in `order`, from many threads and in any order. Answers the
 /// clusters' records by place, but for what depends on other clusters.
 pub(crate) fn run(
     order: &[u32],
@@ -40,7 +45,7 @@ pub(crate) fn run(
 ) -> Result<Vec<ClusterRecord>, BuildError> {
     let lay_out = |scratch: &mut Scratch, (place, node): (usize, &u32)| {
         context.check()?;
-        let page = scratch.reorder(*node, clusters, settings)?;
+        let page = scratch.page(*node, clusters, settings)?;
         write(place, page)?;
         context.progress.advance(1);
         let level = Level(tree.nodes[*node as usize].level);
@@ -66,13 +71,14 @@ struct Scratch {
 }
 
 impl Scratch {
-    fn reorder(&mut self, node: u32, clusters: &Hierarchy, settings: &Settings) -> Result<&[u8], BuildError> {
+    /// A node's page as it is written.
+    fn page(&mut self, node: u32, clusters: &Hierarchy, settings: &Settings) -> Result<&[u8], BuildError> {
         let page = clusters.page(node);
         clusters.pages.read(page.offset, page.len as usize, &mut self.bytes)?;
         if let Some(trimmed) = &clusters.trimmed {
             trimmed.renumber(&mut self.bytes)?;
         }
-        if !settings.layout {
+        if settings.layout != Layout::CacheOblivious {
             return Ok(&self.bytes);
         }
         self.reordered.clear();

@@ -5,16 +5,18 @@ use super::dependency::Seams;
 use super::seam::Seam;
 use super::vanished::Vanished;
 use super::working_set::{Child, WorkingSet};
-use crate::config::Settings;
+use crate::config::{Layout, Settings};
 use crate::decompose::{Decomposition, LeafData};
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
+use crate::layout::TriangleOrder;
 use crate::report::LevelReport;
 use chpm_extmem::Spool;
 use chpm_format::{Gaps, PageParts};
-use chpm_mesh::Aabb;
 use chpm_mesh::geom::round_up;
+use chpm_mesh::{Aabb, ProgressiveMesh};
 use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Patch, Record, Remnant};
+use std::mem;
 
 /// Triangles that the root goes down to, since no level above it will: a model in the distance.
 const ROOT_TRIANGLES: usize = 100;
@@ -52,6 +54,8 @@ pub(super) struct Scratch {
     seam: Seam,
     seam_collapses: Vec<Collapse>,
     decimator: Decimator,
+    order: TriangleOrder,
+    ordered: Vec<[u16; 3]>,
     page: Vec<u8>,
 }
 
@@ -65,6 +69,7 @@ struct Member {
     record: Record,
     renumbered: WorkingSet,
     /// Of the base mesh.
+    base_triangles: Vec<[u16; 3]>,
     displacements: Vec<Displacement>,
     looks: Vec<FaceLook>,
     vanished: Vanished,
@@ -114,6 +119,9 @@ impl Scratch {
         let largest = self.members[..group.len()].iter().map(Member::max_error).fold(0.0, f32::max);
         let mut members = Vec::with_capacity(group.len());
         for member in &mut self.members[..group.len()] {
+            if task.settings.layout == Layout::VertexCache {
+                member.order_triangles(&mut self.order, &mut self.ordered);
+            }
             members.push(member.spool(task, largest, &mut self.page)?);
         }
         let group_error = members.iter().map(|m| m.1.max_error).fold(0.0, f32::max);
@@ -163,6 +171,8 @@ impl Scratch {
                 };
                 task.pages.read(page.offset, page.len as usize, &mut read.page)?;
                 let displacements = &task.displacements[task.tree.nodes[child as usize].level as usize];
+                let len = page.base_triangle_count as usize * size_of::<[u16; 3]>();
+                displacements.read(page.base_triangles, len, &mut read.triangles)?;
                 let len = page.base_triangle_count as usize * size_of::<Displacement>();
                 displacements.read(page.displacements, len, &mut read.displacements)?;
                 let len = page.look_count as usize * size_of::<FaceLook>();
@@ -229,12 +239,16 @@ impl Member {
             refusals: outcome.refusals,
         };
         self.renumbered.fill_renumbered(&self.set, &self.record);
+        let left = || (0..self.set.triangles.len()).filter(|face| decimator.is_left(*face));
+        let new = |vertex: u16| self.record.old_to_new[usize::from(vertex)];
+        self.base_triangles.clear();
+        self.base_triangles.extend(left().map(|face| decimator.corners(face).map(new)));
         self.displacements.clear();
-        let all = decimator.displacements().iter().enumerate();
-        self.displacements.extend(all.filter(|(face, _)| decimator.is_left(*face)).map(|(_, d)| *d));
+        self.displacements.extend(left().map(|face| decimator.displacements()[face]));
         self.looks.clear();
-        let all = decimator.face_looks().iter().enumerate();
-        self.looks.extend(all.filter(|(face, _)| decimator.is_left(*face)).map(|(_, look)| *look));
+        if !decimator.face_looks().is_empty() {
+            self.looks.extend(left().map(|face| decimator.face_looks()[face]));
+        }
         self.deviation = self.deviation.max(decimator.deviation());
         self.report.normal_deviation = self.deviation.degrees();
         self.report.color_deviation = self.deviation.units();
@@ -249,6 +263,18 @@ impl Member {
 
     fn max_error(&self) -> f32 {
         self.record.errors.first().copied().unwrap_or(self.min_error)
+    }
+
+    /// Puts the finest mesh's triangles in the order of the page.
+    fn order_triangles(&mut self, order: &mut TriangleOrder, ordered: &mut Vec<[u16; 3]>) {
+        let mesh = ProgressiveMesh {
+            vertex_count: self.renumbered.positions.len(),
+            base_vertex_count: self.record.base_vertex_count(),
+            triangles: &self.renumbered.triangles,
+            targets: &self.record.targets,
+        };
+        order.fill(&mesh, ordered);
+        mem::swap(ordered, &mut self.renumbered.triangles);
     }
 
     /// Spools the member's page. `largest` is the group's largest error, by which all of its pages scale theirs.
@@ -282,6 +308,7 @@ impl Member {
             source: self.source,
             base_vertex_count: self.record.base_vertex_count() as u32,
             base_triangle_count: self.displacements.len() as u32,
+            base_triangles: distances.append(bytemuck::cast_slice(&self.base_triangles))?,
             displacements: distances.append(bytemuck::cast_slice(&self.displacements))?,
             looks: distances.append(bytemuck::cast_slice(&self.looks))?,
             look_count: self.looks.len() as u32,

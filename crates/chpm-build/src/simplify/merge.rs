@@ -14,8 +14,6 @@ pub(super) struct Merger {
     pub(super) fresh: [Vec<u16>; 2],
     /// The parent's shared vertices: local index and shared id, by local index.
     pub(super) shared: Vec<(u16, u32)>,
-    /// Vertex of the base mesh that each of a child's vertices ends in.
-    survivor: Vec<u16>,
     used: Vec<bool>,
     /// The parent's vertex for each of a child's base vertices.
     local: Vec<u16>,
@@ -25,14 +23,14 @@ pub(super) struct Merger {
 impl Merger {
     /// Numbers the parent's vertices: the first child's base vertices in their order, then those of the second that the first
     /// does not have. A vertex that both have is known by its shared id; one that no base triangle uses has vanished.
-    pub(super) fn join(&mut self, pages: &[Page<'_>; 2]) {
+    pub(super) fn join(&mut self, pages: &[Page<'_>; 2], triangles: [&[u8]; 2]) {
         self.triangles.clear();
         self.shared.clear();
         self.known.clear();
         let mut next = 0;
         for (side, page) in pages.iter().enumerate() {
             let first_triangle = self.triangles.len();
-            self.play(page);
+            self.take(triangles[side], page.base_vertex_count);
             self.number(side, page, &mut next);
             for triangle in &mut self.triangles[first_triangle..] {
                 *triangle = triangle.map(|v| self.local[usize::from(v)]);
@@ -44,23 +42,14 @@ impl Merger {
         }
     }
 
-    /// Appends the base mesh's triangles, over the child's own vertices, and notes which of them it uses.
-    fn play(&mut self, page: &Page<'_>) {
-        let base = page.base_vertex_count;
-        self.survivor.clear();
-        self.survivor.extend(0..base as u16);
-        for target in page.targets {
-            self.survivor.push(self.survivor[usize::from(*target)]);
-        }
+    /// Appends a base mesh's triangles, over the child's own vertices, and notes which of these they use.
+    fn take(&mut self, triangles: &[u8], vertex_count: usize) {
+        let first = self.triangles.len();
+        let each = triangles.chunks_exact(size_of::<[u16; 3]>());
+        self.triangles.extend(each.map(bytemuck::pod_read_unaligned::<[u16; 3]>));
         self.used.clear();
-        self.used.resize(base, false);
-        for corners in page.triangles {
-            let [a, b, c] = corners.map(|v| self.survivor[usize::from(v)]);
-            if a != b && b != c && c != a {
-                self.triangles.push([a, b, c]);
-                [a, b, c].into_iter().for_each(|v| self.used[usize::from(v)] = true);
-            }
-        }
+        self.used.resize(vertex_count, false);
+        self.triangles[first..].as_flattened().iter().for_each(|v| self.used[usize::from(*v)] = true);
     }
 
     fn number(&mut self, side: usize, page: &Page<'_>, next: &mut u16) {

@@ -49,7 +49,9 @@ pub(crate) struct PageRef {
     /// Vertices of the base mesh: what a merge starts from.
     base_vertex_count: u32,
     base_triangle_count: u32,
-    /// Where the displacements of the base mesh's triangles are in the spool of the level.
+    /// Where the base mesh's triangles, in the order of simplification, are in the spool of the level.
+    base_triangles: u64,
+    /// Where their displacements are.
     displacements: u64,
     /// Where their looks are, and how many: none without normals and colours.
     looks: u64,

@@ -9,7 +9,9 @@ use chpm_qem::{Displacement, FaceLook, Looks, Record};
 #[derive(Debug, Default)]
 pub(super) struct Child {
     pub(super) page: Vec<u8>,
-    /// Of the base mesh's triangles, in the page's order.
+    /// The base mesh's.
+    pub(super) triangles: Vec<u8>,
+    /// Of these triangles.
     pub(super) displacements: Vec<u8>,
     /// Likewise; empty without normals and colours.
     pub(super) looks: Vec<u8>,
@@ -65,7 +67,7 @@ impl WorkingSet {
         self.clear();
         let pages = [Page::view(&children[0].page)?, Page::view(&children[1].page)?];
         let merger = &mut self.merger;
-        merger.join(&pages);
+        merger.join(&pages, [&children[0].triangles, &children[1].triangles]);
         for (page, fresh) in pages.iter().zip(&merger.fresh) {
             self.positions.extend(fresh.iter().map(|v| page.positions[usize::from(*v)]));
             if !page.normals.is_empty() {

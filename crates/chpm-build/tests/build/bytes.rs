@@ -2,6 +2,7 @@
 
 use crate::site::{ChpmFile, Site, config, triangle_bits, with_attributes};
 use chpm_build::BuildConfig;
+use chpm_build::config::Layout;
 use chpm_format::checksum;
 use chpm_mesh::{Bytes, Level};
 use chpm_partition::Partitioner;
@@ -66,21 +67,24 @@ fn a_layout_changes_order_only() {
     for shape in [Shape::Isosurface, Shape::Plates] {
         let site = Site::of(&with_attributes(Synth::new(shape, 20_000, 6).to_mesh()));
         let mut config = config(512);
-        let (_, laid_out) = site.build(&config);
-        config.settings.layout = false;
+        config.settings.layout = Layout::Simplification;
         let (_, plain) = site.build(&config);
-        assert!(laid_out.bytes() != plain.bytes());
-        assert_eq!(clusters(&laid_out), clusters(&plain), "{shape}");
         let mesh = |file: &ChpmFile, cut: Cut| triangle_bits(&extract(file, &cut).unwrap());
-        for level in 0..plain.levels().len() as u32 {
-            let [a, b] = [&laid_out, &plain].map(|f| mesh(f, Cut::at_level(f, Level(level))));
-            assert!(a == b, "{shape} at level {level}");
+        for layout in [Layout::VertexCache, Layout::CacheOblivious] {
+            config.settings.layout = layout;
+            let (_, laid_out) = site.build(&config);
+            assert!(laid_out.bytes() != plain.bytes());
+            assert_eq!(clusters(&laid_out), clusters(&plain), "{shape}, {layout}");
+            for level in 0..plain.levels().len() as u32 {
+                let [a, b] = [&laid_out, &plain].map(|f| mesh(f, Cut::at_level(f, Level(level))));
+                assert!(a == b, "{shape}, {layout}, level {level}");
+            }
+            let largest = plain.clusters().iter().map(|c| c.max_error).fold(0.0, f32::max);
+            for part in [0.0, 1e-3, 0.03, 0.2, 1.0] {
+                let [a, b] = [&laid_out, &plain].map(|f| mesh(f, Cut::at_error(f, part * largest).unwrap()));
+                assert!(a == b, "{shape}, {layout}, {part} of the largest error");
+            }
+            assert!(random_cut(&laid_out, 3).unwrap().check(&laid_out).is_ok());
         }
-        let largest = plain.clusters().iter().map(|c| c.max_error).fold(0.0, f32::max);
-        for part in [0.0, 1e-3, 0.03, 0.2, 1.0] {
-            let [a, b] = [&laid_out, &plain].map(|f| mesh(f, Cut::at_error(f, part * largest).unwrap()));
-            assert!(a == b, "{shape} at {part} of the largest error");
-        }
-        assert!(random_cut(&laid_out, 3).unwrap().check(&laid_out).is_ok());
     }
 }
