@@ -54,9 +54,9 @@ pub(crate) fn tables(nodes: usize) -> u64 {
 }
 
 /// Bytes that a build may have on disk at one time, beside the output, were no array in memory: at the end of simplify, when
-/// the leaves, all pages and the displacements of a level are there. `vertex_len` is what a vertex has in the file.
+/// the leaves, all pages and the base triangles of a level with their displacements are there. `vertex_len` is what a vertex has in the file.
 pub(crate) fn disk(vertices: u64, triangles: u64, vertex_len: u64) -> u64 {
-    vertices.saturating_mul(4 * vertex_len).saturating_add(triangles.saturating_mul(36))
+    vertices.saturating_mul(4 * vertex_len).saturating_add(triangles.saturating_mul(41))
 }
 
 #[cfg(test)]

@@ -155,8 +155,12 @@ mod tests {
     fn what_is_gone_waits_for_its_corners() {
         // A fan about vertex 4, which collapses to 0; then 3 collapses to 0. At the middle 4 is gone, and with it the first and the last.
         let triangles = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
-        let fan =
-            ProgressiveMesh { vertex_count: 5, base_vertex_count: 3, triangles: &triangles, targets: &[0, 0] };
+        let fan = ProgressiveMesh {
+            vertex_count: 5,
+            base_vertex_count: 3,
+            triangles: &triangles,
+            targets: &[0, 0],
+        };
         let mut out = Vec::new();
         TriangleOrder::default().fill(&fan, &mut out);
         assert_eq!(out, [[1, 2, 4], [0, 1, 4], [2, 3, 4], [3, 0, 4]]);
@@ -171,8 +175,12 @@ mod tests {
         assert!(out.is_empty());
         // All is gone at the middle, and three are one triangle.
         let triangles = [[0, 1, 2], [2, 1, 0], [0, 1, 2], [1, 2, 0]];
-        let gone =
-            ProgressiveMesh { vertex_count: 3, base_vertex_count: 1, triangles: &triangles, targets: &[0, 0] };
+        let gone = ProgressiveMesh {
+            vertex_count: 3,
+            base_vertex_count: 1,
+            triangles: &triangles,
+            targets: &[0, 0],
+        };
         order.fill(&gone, &mut out);
         assert_eq!(out, triangles);
         let whole = ProgressiveMesh { base_vertex_count: 3, targets: &[], ..gone };

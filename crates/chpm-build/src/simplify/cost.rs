@@ -8,9 +8,9 @@ use crate::hierarchy::Tree;
 /// Bytes for each triangle and vertex of a member that is held while its group is worked on.
 const TRIANGLE: u64 = 96;
 const VERTEX: u64 = 80;
-/// Bytes for each triangle and vertex of the one mesh that the kernel works on.
-const KERNEL_TRIANGLE: u64 = 128;
-const KERNEL_VERTEX: u64 = 192;
+/// Bytes for each triangle and vertex of the one mesh that the kernel works on, and that is put in order.
+const KERNEL_TRIANGLE: u64 = 192;
+const KERNEL_VERTEX: u64 = 224;
 
 /// Most that the members of a group of several may take together. Usual ones take a quarter of it.
 pub(super) const GROUP: u64 = 24 << 20;

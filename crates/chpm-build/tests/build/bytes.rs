@@ -4,7 +4,8 @@ use crate::site::{ChpmFile, Site, config, triangle_bits, with_attributes};
 use chpm_build::BuildConfig;
 use chpm_build::config::Layout;
 use chpm_format::checksum;
-use chpm_mesh::{Bytes, Level};
+use chpm_measure::cache::{VertexCache, vertex_cache};
+use chpm_mesh::{Bytes, ClusterId, Level};
 use chpm_partition::Partitioner;
 use chpm_refine::{Cut, extract, random_cut};
 use chpm_synth::{Shape, Synth};
@@ -60,6 +61,34 @@ fn clusters(file: &ChpmFile) -> Vec<[u32; 8]> {
     let mut facts: Vec<_> = facts.collect();
     facts.sort_unstable();
     facts
+}
+
+/// Misses for each triangle when all pages are drawn through a cache, at their finest, middle and base positions.
+fn misses(file: &ChpmFile) -> [f64; 3] {
+    let mut drawn = [VertexCache::default(); 3];
+    for index in 0..file.clusters().len() as u32 {
+        let mesh = file.page(ClusterId(index)).unwrap().progressive_mesh();
+        let (base, finest) = (mesh.base_vertex_count, mesh.vertex_count);
+        for (n, sum) in [finest, base.midpoint(finest), base].into_iter().zip(&mut drawn) {
+            let mut triangles = Vec::new();
+            mesh.triangles_at(n, &mut triangles);
+            *sum += vertex_cache(triangles.iter().map(|corners| corners.map(u32::from)), 16);
+        }
+    }
+    drawn.map(|cache| cache.acmr())
+}
+
+#[test]
+fn pages_serve_vertex_caches_at_every_position() {
+    let site = Site::of(&Synth::new(Shape::Isosurface, 40_000, 2).to_mesh());
+    let mut config = config(4096);
+    let (_, file) = site.build(&config);
+    let [finest, middle, base] = misses(&file);
+    assert!(finest < 0.73 && middle < 0.69 && base < 0.74, "{finest}, {middle}, {base}");
+    config.settings.layout = Layout::CacheOblivious;
+    let (_, other) = site.build(&config);
+    let better = misses(&file).into_iter().zip(misses(&other)).all(|(ours, other)| ours < 0.95 * other);
+    assert!(better, "{:?}", misses(&other));
 }
 
 #[test]
