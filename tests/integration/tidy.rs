@@ -19,6 +19,33 @@ const EDGES: [(&str, &[&str]); 11] = [
     ("chpm-viewer", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem"]),
 ];
 
+/// The modules of chpm-build: each may use those before it.
+const LAYERS: [&str; 23] = [
+    "progress",
+    "foreign",
+    "report",
+    "error",
+    "config",
+    "allowance",
+    "range",
+    "clock",
+    "context",
+    "pairs",
+    "in_order",
+    "join",
+    "ingest",
+    "stamp",
+    "decompose",
+    "hierarchy",
+    "triangle_order",
+    "simplify",
+    "trim",
+    "layout",
+    "emit",
+    "checkpoint",
+    "pipeline",
+];
+
 /// What only the command may use.
 const COMMAND_ONLY: [&str; 5] = ["anyhow", "clap", "comfy-table", "indicatif", "serde_json"];
 
@@ -67,6 +94,34 @@ fn crates_use_only_what_lies_below_them() {
         seen += 1;
     }
     assert_eq!(seen, EDGES.len());
+}
+
+/// Names after `crate::` in a source, of modules and of what the crate's root has.
+fn used_modules(text: &str) -> impl Iterator<Item = &str> {
+    let code = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+    let uses = code.flat_map(|line| line.split("crate::").skip(1));
+    uses.map(|rest| rest.split(|c: char| c != '_' && !c.is_ascii_lowercase()).next().unwrap_or_default())
+}
+
+#[test]
+fn modules_of_the_build_use_only_those_before_them() {
+    let source = root().join("crates/chpm-build/src");
+    let layer = |name: &str| LAYERS.iter().position(|layer| *layer == name);
+    let mut seen = std::collections::BTreeSet::new();
+    let mut files = Vec::new();
+    sources(&source, &mut files);
+    for path in files.iter().filter(|path| **path != source.join("lib.rs")) {
+        let inside = path.strip_prefix(&source).expect("a file below it").with_extension("");
+        let name = inside.iter().next().expect("a name").to_string_lossy().into_owned();
+        let own = layer(&name).unwrap_or_else(|| panic!("{name} is new: give it a place among the layers"));
+        seen.insert(name);
+        let text = fs::read_to_string(path).expect("a source");
+        for used in used_modules(&text) {
+            let below = layer(used).is_none_or(|used| used <= own);
+            assert!(below, "{} must not use {used}", path.display());
+        }
+    }
+    assert_eq!(seen.len(), LAYERS.len(), "{seen:?}");
 }
 
 #[test]

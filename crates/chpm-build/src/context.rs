@@ -1,6 +1,6 @@
 //! What every stage is handed: storage, threads, progress and the request to stop.
 
-use crate::checkpoint::Checkpoints;
+use crate::clock::Clock;
 use crate::error::BuildError;
 use crate::progress::{Cancel, Progress, Stage};
 use crate::report::StageReport;
@@ -18,25 +18,25 @@ pub struct Context<'a> {
     pub progress: &'a dyn Progress,
     /// The request to stop.
     pub cancel: Cancel,
-    /// When the work is saved.
-    pub(crate) checkpoints: Checkpoints,
+    /// When the work is to be saved.
+    pub(crate) clock: Clock,
     stages: Mutex<Vec<StageReport>>,
 }
 
 impl<'a> Context<'a> {
     /// Surroundings with `pool`'s threads, and without checkpoints.
     pub fn new(store: Store, pool: rayon::ThreadPool, progress: &'a dyn Progress, cancel: Cancel) -> Self {
-        Self::with_checkpoints(store, pool, progress, cancel, Checkpoints::off())
+        Self::with_clock(store, pool, progress, cancel, Clock::new(None))
     }
 
-    pub(crate) fn with_checkpoints(
+    pub(crate) fn with_clock(
         store: Store,
         pool: rayon::ThreadPool,
         progress: &'a dyn Progress,
         cancel: Cancel,
-        checkpoints: Checkpoints,
+        clock: Clock,
     ) -> Self {
-        Context { store, pool, progress, cancel, checkpoints, stages: Mutex::new(Vec::new()) }
+        Context { store, pool, progress, cancel, clock, stages: Mutex::new(Vec::new()) }
     }
 
     /// Runs one stage: progress around it, a row of the stage table after it.

@@ -6,14 +6,22 @@ use crate::error::BuildError;
 use crate::hierarchy::Tree;
 use crate::ingest::Source;
 use crate::report::{LevelReport, Repairs};
-use crate::simplify::Hierarchy;
+use crate::simplify::Clusters;
 use crate::stamp::GENERATOR;
+use crate::trim::Built;
 use chpm_extmem::AtomicFile;
 use chpm_format::{
     ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata, Source as Provenance, Tables,
 };
 use chpm_mesh::{Aabb, Attributes, GroupId, Sphere};
 use serde::{Deserialize, Serialize};
+
+/// What is known of a source once it was read.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub(crate) struct Known {
+    pub(crate) facts: Facts,
+    pub(crate) repairs: Repairs,
+}
 
 /// What the file says about its source, kept while the source's arrays are gone.
 #[derive(Clone, Default, Serialize, Deserialize)]
@@ -70,16 +78,16 @@ impl<'a> Output<'a> {
     pub(crate) fn begin(
         out: AtomicFile,
         order: &'a [u32],
-        tree: &'a Tree,
-        clusters: &Hierarchy,
-        facts: &Facts,
-        repairs: &Repairs,
+        built: &'a Built,
+        known: &Known,
         settings: &Settings,
     ) -> Result<Self, BuildError> {
+        let Built { tree, clusters, trimmed } = built;
+        let facts = &known.facts;
         let (groups, members) = link_groups(order, tree, clusters);
         let placed =
             |node: &u32| ClusterRecord { page_len: clusters.page(*node).len, ..ClusterRecord::default() };
-        let (vertices, shared) = match &clusters.trimmed {
+        let (vertices, shared) = match trimmed {
             Some(trimmed) => (trimmed.vertex_count, trimmed.shared_count),
             None => (facts.used_vertices, facts.shared_vertices),
         };
@@ -96,7 +104,7 @@ impl<'a> Output<'a> {
             groups,
             members,
             levels: clusters.levels.iter().map(level_record).collect(),
-            metadata: metadata(facts, repairs, settings),
+            metadata: metadata(known, settings),
         };
         let len = tables.assign_offsets()?;
         out.set_len(len)?;
@@ -121,7 +129,8 @@ impl<'a> Output<'a> {
 }
 
 /// The provenance section.
-fn metadata(facts: &Facts, repairs: &Repairs, settings: &Settings) -> Metadata {
+fn metadata(known: &Known, settings: &Settings) -> Metadata {
+    let Known { facts, repairs } = known;
     Metadata {
         generator: GENERATOR.to_owned(),
         source: facts.provenance.clone(),
@@ -142,7 +151,7 @@ fn places(order: &[u32], tree: &Tree) -> Vec<Option<u32>> {
 
 /// The dependency groups with the places of their coarse and fine clusters: the fine ones are the members' children. All members have the
 /// group's gaps.
-fn link_groups(order: &[u32], tree: &Tree, clusters: &Hierarchy) -> (Vec<GroupRecord>, Vec<u32>) {
+fn link_groups(order: &[u32], tree: &Tree, clusters: &Clusters) -> (Vec<GroupRecord>, Vec<u32>) {
     let places = places(order, tree);
     let mut members = Vec::new();
     let groups = (clusters.groups.iter())

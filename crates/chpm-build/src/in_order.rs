@@ -57,7 +57,7 @@ pub(crate) fn while_not_due<S, R: Send>(
                     return Err(error);
                 }
             }
-            if context.checkpoints.due() {
+            if context.clock.is_due() {
                 return Ok(made);
             }
         }

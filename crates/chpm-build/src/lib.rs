@@ -7,6 +7,7 @@
 
 mod allowance;
 mod checkpoint;
+mod clock;
 pub mod config;
 pub mod context;
 mod decompose;
@@ -20,12 +21,12 @@ mod join;
 mod layout;
 mod pairs;
 mod pipeline;
-mod point;
 pub mod progress;
 mod range;
 pub mod report;
 mod simplify;
 mod stamp;
+mod triangle_order;
 mod trim;
 
 pub use allowance::MIN_MEMORY;

@@ -11,13 +11,21 @@ use crate::error::BuildError;
 use crate::hierarchy::Tree;
 use crate::range::ErrorRange;
 use crate::report::LevelReport;
-use crate::simplify::{Hierarchy, PageRef, level_reports};
+use crate::simplify::{Clusters, PageRef, level_reports};
 use chpm_format::page::PAGE_HEADER_LEN;
 use chpm_format::{FormatError, Page, PageParts};
 use chpm_mesh::Aabb;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+
+/// The hierarchy as it is written.
+pub(crate) struct Built {
+    pub(crate) tree: Tree,
+    pub(crate) clusters: Clusters,
+    /// What is left where detail of the source was left out.
+    pub(crate) trimmed: Option<Trimmed>,
+}
 
 /// What is left where detail of the source was left out.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -55,18 +63,18 @@ impl Trimmed {
 
 /// Takes away what the range of errors does not need, and gives the nodes that are left their levels.
 pub(crate) fn run(
-    clusters: &mut Hierarchy,
-    tree: &mut Tree,
+    mut tree: Tree,
+    mut clusters: Clusters,
     context: &Context<'_>,
-) -> Result<(), BuildError> {
+) -> Result<Built, BuildError> {
     let range = clusters.range;
     if range == ErrorRange::ALL {
-        return Ok(());
+        return Ok(Built { tree, clusters, trimmed: None });
     }
     let was_leaf: Vec<bool> = tree.nodes.iter().map(|node| node.children.is_none()).collect();
     if let Some(finest) = range.finest {
-        drop_below(clusters, tree, finest);
-        set_levels(clusters, tree);
+        drop_below(&mut clusters, &mut tree, finest);
+        set_levels(&clusters, &mut tree);
     }
     let clip = |scratch: &mut Scratch, node: &u32| {
         context.check()?;
@@ -75,7 +83,7 @@ pub(crate) fn run(
         let is_leaf = tree.nodes[*node as usize].children.is_none();
         let finest = range.finest.filter(|_| is_leaf).map(|finest| page.gaps.error_within(finest));
         let coarsest = Some(range.coarsest).filter(|error| page.group_error > *error);
-        scratch.clip(clusters, *node, finest, coarsest)
+        scratch.clip(&clusters, *node, finest, coarsest)
     };
     let nodes: Vec<u32> = clusters.groups.concat();
     let clipped = (nodes.par_iter())
@@ -84,27 +92,25 @@ pub(crate) fn run(
         .collect::<Result<Vec<_>, BuildError>>()?;
 
     let mut leaves = Leaves::default();
-    let mut trimmed = vec![false; tree.nodes.len()];
+    let mut coarser = vec![false; tree.nodes.len()];
     for (node, clipped) in nodes.iter().zip(clipped) {
         let at = *node as usize;
         if tree.nodes[at].children.is_none() {
             leaves.add(&clipped);
-            trimmed[at] = clipped.is_coarser || !was_leaf[at];
+            coarser[at] = clipped.is_coarser || !was_leaf[at];
         }
         clusters.refs[at] = Some(clipped.page);
         clusters.reports[at] = clipped.report;
     }
-    clusters.levels = level_reports(tree, &clusters.refs, &clusters.reports);
-    if range.finest.is_some() {
-        clusters.trimmed = Some(leaves.finish(trimmed));
-    }
-    Ok(())
+    clusters.levels = level_reports(&tree, &clusters.refs, &clusters.reports);
+    let trimmed = range.finest.map(|_| leaves.finish(coarser));
+    Ok(Built { tree, clusters, trimmed })
 }
 
 /// Drops the children of every group whose members' finest meshes are no farther from the source than `finest`. Errors and gaps grow up the
 /// groups, so nothing that is kept loses what is below it.
-fn drop_below(clusters: &mut Hierarchy, tree: &mut Tree, finest: f32) {
-    let Hierarchy { refs, groups, .. } = clusters;
+fn drop_below(clusters: &mut Clusters, tree: &mut Tree, finest: f32) {
+    let Clusters { refs, groups, .. } = clusters;
     let distance = |page: PageRef| page.group_error.max(page.gaps.base);
     let errors: Vec<f32> = refs.iter().map(|page| page.map_or(0.0, distance)).collect();
     for group in groups.iter() {
@@ -120,7 +126,7 @@ fn drop_below(clusters: &mut Hierarchy, tree: &mut Tree, finest: f32) {
 }
 
 /// A group is one level above the highest of its members' children; those without any are the new leaves.
-fn set_levels(clusters: &Hierarchy, tree: &mut Tree) {
+fn set_levels(clusters: &Clusters, tree: &mut Tree) {
     for group in &clusters.groups {
         let children = group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
         let below = children.map(|child| tree.nodes[child as usize].level).max();
@@ -156,7 +162,7 @@ impl Scratch {
     /// error above `coarsest` never.
     fn clip(
         &mut self,
-        clusters: &Hierarchy,
+        clusters: &Clusters,
         node: u32,
         finest: Option<f32>,
         coarsest: Option<f32>,

@@ -2,29 +2,26 @@
 //!
 //! Clusters in the file are ordered by the published cache-oblivious metric (`cluster_order`; Yoon 6 and 7). So are, if that is asked for,
 //! the base mesh's vertices and the triangles in each cluster (`local_order`). Otherwise the triangles are in an order for vertex caches
-//! (`triangle_order`), which they get while the cluster is simplified, and pages are copied. The collapsed vertices keep their order,
+//! ([`triangle_order`](crate::triangle_order)), which they get while the cluster is simplified, and pages are copied. The collapsed vertices keep their order,
 //! which is the collapse order.
 
-mod cache_walk;
 mod cluster_order;
 mod local_order;
 pub mod metric;
 mod multilevel;
-mod triangle_order;
 
 use crate::config::{Layout, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
-use crate::hierarchy::Tree;
-use crate::simplify::Hierarchy;
+use crate::trim::Built;
 use chpm_format::{ClusterRecord, Page};
 use chpm_mesh::{GroupId, Level};
 use local_order::LocalOrder;
 use rayon::prelude::*;
-pub(crate) use triangle_order::TriangleOrder;
 
 /// The built nodes of the tree in the order of their pages in the file.
-pub(crate) fn order(clusters: &Hierarchy, tree: &Tree, settings: &Settings) -> Vec<u32> {
+pub(crate) fn order(built: &Built, settings: &Settings) -> Vec<u32> {
+    let Built { tree, clusters, .. } = built;
     if settings.layout != Layout::Simplification {
         cluster_order::order(tree, |node| clusters.refs[node as usize].map(|page| page.bounds))
     } else {
@@ -37,25 +34,24 @@ pub(crate) fn order(clusters: &Hierarchy, tree: &Tree, settings: &Settings) -> V
 /// clusters' records by place, but for what depends on other clusters.
 pub(crate) fn run(
     order: &[u32],
-    clusters: &Hierarchy,
-    tree: &Tree,
+    built: &Built,
     settings: &Settings,
     context: &Context<'_>,
     write: impl Fn(usize, &[u8]) -> Result<(), BuildError> + Sync,
 ) -> Result<Vec<ClusterRecord>, BuildError> {
     let lay_out = |scratch: &mut Scratch, (place, node): (usize, &u32)| {
         context.check()?;
-        let page = scratch.page(*node, clusters, settings)?;
+        let page = scratch.page(*node, built, settings)?;
         write(place, page)?;
         context.progress.advance(1);
-        let level = Level(tree.nodes[*node as usize].level);
-        let deviation = clusters.page(*node).deviation;
+        let level = Level(built.tree.nodes[*node as usize].level);
+        let deviation = built.clusters.page(*node).deviation;
         let mut record = ClusterRecord {
             normal_deviation: deviation.degrees(),
             color_deviation: deviation.units(),
             ..ClusterRecord::of_page(page, level, GroupId::NONE, GroupId::NONE)?
         };
-        if clusters.trimmed.as_ref().is_some_and(|trimmed| trimmed.is_trimmed(*node)) {
+        if built.trimmed.as_ref().is_some_and(|trimmed| trimmed.is_trimmed(*node)) {
             record.flags |= ClusterRecord::TRIMMED;
         }
         Ok(record)
@@ -72,10 +68,11 @@ struct Scratch {
 
 impl Scratch {
     /// A node's page as it is written.
-    fn page(&mut self, node: u32, clusters: &Hierarchy, settings: &Settings) -> Result<&[u8], BuildError> {
+    fn page(&mut self, node: u32, built: &Built, settings: &Settings) -> Result<&[u8], BuildError> {
+        let Built { clusters, trimmed, .. } = built;
         let page = clusters.page(node);
         clusters.pages.read(page.offset, page.len as usize, &mut self.bytes)?;
-        if let Some(trimmed) = &clusters.trimmed {
+        if let Some(trimmed) = trimmed {
             trimmed.renumber(&mut self.bytes)?;
         }
         if settings.layout != Layout::CacheOblivious {

@@ -1,18 +1,17 @@
 //! The levels while they are worked off, group by group, and how that is saved.
 
-use super::{Hierarchy, PageRef};
+use super::{Clusters, PageRef};
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
 use crate::range::ErrorRange;
 use crate::report::{LevelReport, Reached};
-use crate::trim::Trimmed;
 use chpm_extmem::{SavedFile, Spool, Store};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
 /// Work on the levels, all groups up to one of them done.
 pub(crate) struct Levels {
-    pub(super) built: Hierarchy,
+    pub(super) built: Clusters,
     /// The level that is worked on.
     pub(super) level: u32,
     /// Where its groups begin in the list of all, once they are formed; how many of them are done.
@@ -27,14 +26,13 @@ pub(crate) struct Levels {
 impl Levels {
     /// Before the first level; `left` are all shared vertices by interface.
     pub(super) fn new(tree: &Tree, left: Vec<u32>, store: &Store) -> Self {
-        let built = Hierarchy {
+        let built = Clusters {
             pages: Spool::named(store, "pages", "pages"),
             refs: vec![None; tree.nodes.len()],
             reports: vec![LevelReport::default(); tree.nodes.len()],
             levels: Vec::new(),
             groups: Vec::new(),
             range: ErrorRange::ALL,
-            trimmed: None,
         };
         Levels { built, level: 0, first: None, done: 0, left, displacements: Vec::new() }
     }
@@ -71,7 +69,7 @@ fn name(level: usize) -> String {
 /// [`Levels`] in a checkpoint.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SavedLevels<'a> {
-    built: SavedHierarchy<'a>,
+    built: SavedClusters<'a>,
     level: u32,
     first: Option<usize>,
     done: usize,
@@ -103,40 +101,37 @@ impl SavedLevels<'_> {
     }
 }
 
-/// [`Hierarchy`] in a checkpoint; the sums of its levels are made again.
+/// [`Clusters`] in a checkpoint; the sums of its levels are made again.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct SavedHierarchy<'a> {
+pub(crate) struct SavedClusters<'a> {
     pub(crate) pages: SavedFile,
     refs: Cow<'a, [Option<PageRef>]>,
     reports: Cow<'a, [LevelReport]>,
     groups: Cow<'a, [Vec<u32>]>,
     range: ErrorRange,
-    trimmed: Option<Cow<'a, Trimmed>>,
 }
 
-impl Hierarchy {
-    pub(crate) fn save(&self) -> Result<SavedHierarchy<'_>, BuildError> {
-        Ok(SavedHierarchy {
+impl Clusters {
+    pub(crate) fn save(&self) -> Result<SavedClusters<'_>, BuildError> {
+        Ok(SavedClusters {
             pages: self.pages.save()?,
             refs: Cow::Borrowed(&self.refs),
             reports: Cow::Borrowed(&self.reports),
             groups: Cow::Borrowed(&self.groups),
             range: self.range,
-            trimmed: self.trimmed.as_ref().map(Cow::Borrowed),
         })
     }
 }
 
-impl SavedHierarchy<'_> {
-    pub(crate) fn load(self, store: &Store) -> Result<Hierarchy, BuildError> {
-        Ok(Hierarchy {
+impl SavedClusters<'_> {
+    pub(crate) fn load(self, store: &Store) -> Result<Clusters, BuildError> {
+        Ok(Clusters {
             pages: Spool::load(store, "pages", "pages", &self.pages)?,
             refs: self.refs.into_owned(),
             reports: self.reports.into_owned(),
             levels: Vec::new(),
             groups: self.groups.into_owned(),
             range: self.range,
-            trimmed: self.trimmed.map(Cow::into_owned),
         })
     }
 }

@@ -23,14 +23,13 @@ use crate::hierarchy::Tree;
 use crate::in_order::while_not_due;
 use crate::range::ErrorRange;
 use crate::report::LevelReport;
-use crate::trim::Trimmed;
 use chpm_extmem::{Spool, Store};
 use chpm_format::{BoundaryMode, Gaps, MAX_CLUSTER_VERTICES};
 use chpm_mesh::Aabb;
 use chpm_qem::Deviation;
 use dependency::Seams;
 use group::{GroupDone, GroupTask, Scratch};
-pub(crate) use levels::{Levels, SavedHierarchy, SavedLevels};
+pub(crate) use levels::{Levels, SavedClusters, SavedLevels};
 use serde::{Deserialize, Serialize};
 
 /// A cluster's page in a spool.
@@ -68,7 +67,7 @@ pub(crate) struct PageRef {
 }
 
 /// Pages of all clusters that were built.
-pub(crate) struct Hierarchy {
+pub(crate) struct Clusters {
     pub(crate) pages: Spool,
     /// By node of the tree; none above a merge that would not fit 16-bit indices.
     pub(crate) refs: Vec<Option<PageRef>>,
@@ -80,11 +79,9 @@ pub(crate) struct Hierarchy {
     pub(crate) groups: Vec<Vec<u32>>,
     /// The errors that are asked for.
     pub(crate) range: ErrorRange,
-    /// What is left where detail of the source was left out.
-    pub(crate) trimmed: Option<Trimmed>,
 }
 
-impl Hierarchy {
+impl Clusters {
     /// The page of a node that was built.
     pub(crate) fn page(&self, node: u32) -> PageRef {
         self.refs[node as usize].unwrap_or_else(|| panic!("node {node} was not built"))
@@ -107,7 +104,7 @@ pub(crate) fn run(
     inputs: &Inputs<'_>,
     begun: Option<Box<Levels>>,
     mut keep: impl FnMut(&Levels) -> Result<(), BuildError>,
-) -> Result<Hierarchy, BuildError> {
+) -> Result<Clusters, BuildError> {
     let Inputs { decomposition, tree, release, settings, context } = *inputs;
     let all_left = || decomposition.shared.interfaces().map(|(_, count)| count).collect();
     let mut levels = begun.map_or_else(|| Levels::new(tree, all_left(), &context.store), |begun| *begun);
@@ -121,7 +118,7 @@ pub(crate) fn run(
         }
         while levels.done < levels.groups().len() {
             levels.work(&seams, inputs)?;
-            if context.checkpoints.due() {
+            if context.clock.is_due() {
                 keep(&levels)?;
             }
         }
@@ -141,7 +138,7 @@ impl Levels {
     fn form_groups(&mut self, seams: &Seams<'_>, inputs: &Inputs<'_>) {
         let Inputs { tree, settings, context, .. } = *inputs;
         let rounding = inputs.decomposition.rounding.error();
-        let Hierarchy { refs, range, groups, .. } = &mut self.built;
+        let Clusters { refs, range, groups, .. } = &mut self.built;
         let finest_error =
             |node: u32| finest_error(node, tree, refs, rounding).filter(|error| *error <= range.coarsest);
         let mut formed: Vec<Vec<u32>> = match settings.boundary {
@@ -192,7 +189,7 @@ impl Levels {
 
     /// Takes in the next group.
     fn take(&mut self, done: GroupDone, decomposition: &Decomposition) {
-        let Hierarchy { refs, reports, groups, .. } = &mut self.built;
+        let Clusters { refs, reports, groups, .. } = &mut self.built;
         let group = &groups[self.first.unwrap_or(0) + self.done];
         for (node, (page, cluster)) in group.iter().zip(done.members) {
             refs[*node as usize] = Some(page);

@@ -3,7 +3,9 @@
 //! A page is drawn at any position, but has one order: the one that is good for a cache at the middle position. A triangle that is gone
 //! there comes as soon as its corners have come with others; for a corner that comes with none, the vertex that it went to counts.
 
-use super::cache_walk::CacheWalk;
+mod cache_walk;
+
+use cache_walk::CacheWalk;
 use chpm_mesh::ProgressiveMesh;
 
 const NONE: u32 = u32::MAX;

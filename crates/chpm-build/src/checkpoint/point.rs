@@ -2,15 +2,17 @@
 //!
 //! A point holds the tables, and says in which files the arrays and spools are.
 
+use super::work::{Arranged, Left};
 use crate::context::Context;
-use crate::decompose::{Decomposition, SavedLeaves};
-use crate::emit::Facts;
+use crate::decompose::SavedLeaves;
+use crate::emit::Known;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
-use crate::ingest::{SavedSource, Source};
+use crate::ingest::SavedSource;
 use crate::progress::Stage;
-use crate::report::{Reached, Repairs};
-use crate::simplify::{Hierarchy, Levels, SavedHierarchy, SavedLevels, level_reports};
+use crate::report::Reached;
+use crate::simplify::{Levels, SavedClusters, SavedLevels, level_reports};
+use crate::trim::{Built, Trimmed};
 use bincode::error::{DecodeError, EncodeError};
 use bincode::serde::{decode_from_std_read, encode_into_std_write};
 use chpm_extmem::{ExtmemError, SavedFile, Store, WorkDir};
@@ -20,30 +22,13 @@ use std::collections::BTreeSet;
 use std::io::{self, BufReader};
 
 /// Changes with the meaning of what is written.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Most bytes that decoding may take.
 const LIMIT: usize = 1 << 36;
 
-/// What is known of a source once it was read.
-#[derive(Clone, Default, Serialize, Deserialize)]
-pub(crate) struct Known {
-    pub(crate) facts: Facts,
-    pub(crate) repairs: Repairs,
-}
-
-/// What the stage that ran last has left for the next.
-pub(crate) enum Work {
-    Begin,
-    Ingested(Box<Source>),
-    Decomposed(Decomposition),
-    /// With the level from which each interface is free and, if some groups are simplified, those.
-    Arranged(Decomposition, Tree, Vec<u8>, Option<Box<Levels>>),
-    Simplified(Tree, Hierarchy),
-}
-
 /// A checkpoint.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Point<'a> {
+pub(super) struct Point<'a> {
     known: Cow<'a, Known>,
     work: SavedWork<'a>,
 }
@@ -53,44 +38,40 @@ enum SavedWork<'a> {
     Ingested(SavedSource),
     Decomposed(SavedLeaves<'a>),
     Arranged(SavedLeaves<'a>, Cow<'a, Tree>, Cow<'a, [u8]>, Option<Box<SavedLevels<'a>>>),
-    Simplified(Cow<'a, Tree>, SavedHierarchy<'a>),
+    Simplified(Cow<'a, Tree>, SavedClusters<'a>, Option<Cow<'a, Trimmed>>),
 }
 
 impl<'a> Point<'a> {
-    /// Saves what a stage has left; none if there is nothing yet.
-    pub(crate) fn of(known: &'a Known, work: &'a Work, store: &Store) -> Result<Option<Self>, BuildError> {
-        let work = match work {
-            Work::Begin => return Ok(None),
-            Work::Ingested(source) => SavedWork::Ingested(source.save(store)?),
-            Work::Decomposed(leaves) => SavedWork::Decomposed(leaves.save()?),
-            Work::Arranged(leaves, tree, release, levels) => {
-                let levels = levels.as_ref().map(|levels| levels.save()).transpose()?;
-                return Self::of_levels(known, leaves, tree, release, levels).map(Some);
-            }
-            Work::Simplified(tree, clusters) => SavedWork::Simplified(Cow::Borrowed(tree), clusters.save()?),
+    /// Saves what a stage has left.
+    pub(super) fn of(known: &'a Known, left: &'a Left, store: &Store) -> Result<Self, BuildError> {
+        let work = match left {
+            Left::Nothing => unreachable!("the first stage has run"),
+            Left::Ingested(source) => SavedWork::Ingested(source.save(store)?),
+            Left::Decomposed(leaves) => SavedWork::Decomposed(leaves.save()?),
+            Left::Arranged(arranged, levels) => return Self::of_levels(known, arranged, levels.as_deref()),
+            Left::Simplified(Built { tree, clusters, trimmed }) => SavedWork::Simplified(
+                Cow::Borrowed(tree),
+                clusters.save()?,
+                trimmed.as_ref().map(Cow::Borrowed),
+            ),
         };
-        Ok(Some(Point { known: Cow::Borrowed(known), work }))
+        Ok(Point { known: Cow::Borrowed(known), work })
     }
 
-    /// Saves what belongs to levels that are saved.
-    pub(crate) fn of_levels(
+    /// Saves levels, and what they are built from.
+    pub(super) fn of_levels(
         known: &'a Known,
-        leaves: &'a Decomposition,
-        tree: &'a Tree,
-        release: &'a [u8],
-        levels: Option<SavedLevels<'a>>,
+        arranged: &'a Arranged,
+        levels: Option<&'a Levels>,
     ) -> Result<Self, BuildError> {
-        let work = SavedWork::Arranged(
-            leaves.save()?,
-            Cow::Borrowed(tree),
-            Cow::Borrowed(release),
-            levels.map(Box::new),
-        );
+        let Arranged { leaves, tree, release } = arranged;
+        let levels = levels.map(Levels::save).transpose()?.map(Box::new);
+        let work = SavedWork::Arranged(leaves.save()?, Cow::Borrowed(tree), Cow::Borrowed(release), levels);
         Ok(Point { known: Cow::Borrowed(known), work })
     }
 
     /// Publishes the manifest.
-    pub(crate) fn write(&self, dir: &WorkDir, key: u64) -> Result<(), ExtmemError> {
+    pub(super) fn write(&self, dir: &WorkDir, key: u64) -> Result<(), ExtmemError> {
         dir.publish(self.names(), |mut out| {
             encode_into_std_write((VERSION, key), &mut out, config()).map_err(unwritten)?;
             encode_into_std_write(self, &mut out, config()).map_err(unwritten)?;
@@ -99,7 +80,7 @@ impl<'a> Point<'a> {
     }
 
     /// How far this is.
-    pub(crate) fn reached(&self) -> Reached {
+    pub(super) fn reached(&self) -> Reached {
         match &self.work {
             SavedWork::Ingested(_) => Reached::Stage(Stage::Ingest),
             SavedWork::Decomposed(_) => Reached::Stage(Stage::Decompose),
@@ -118,7 +99,7 @@ impl<'a> Point<'a> {
                 files.push(&leaves.spool);
                 files.extend(levels.iter().flat_map(|levels| levels.files()));
             }
-            SavedWork::Simplified(_, clusters) => files.push(&clusters.pages),
+            SavedWork::Simplified(_, clusters, _) => files.push(&clusters.pages),
         }
         files.into_iter().filter_map(SavedFile::name).map(str::to_owned).collect()
     }
@@ -129,7 +110,7 @@ impl Point<'static> {
     ///
     /// # Errors
     /// [`ExtmemError::Damaged`] if it cannot be used, or is not for `key`.
-    pub(crate) fn read(dir: &WorkDir, key: u64) -> Result<Option<Self>, ExtmemError> {
+    pub(super) fn read(dir: &WorkDir, key: u64) -> Result<Option<Self>, ExtmemError> {
         let Some(content) = dir.manifest()? else { return Ok(None) };
         let mut content = BufReader::new(content);
         let path = || dir.path().join(WorkDir::MANIFEST);
@@ -149,25 +130,27 @@ impl Point<'static> {
     }
 
     /// Opens the files, all of which are checked; what else is in the folder goes.
-    pub(crate) fn restore(self, context: &Context<'_>) -> Result<(Known, Work), BuildError> {
+    pub(super) fn restore(self, context: &Context<'_>) -> Result<(Known, Left), BuildError> {
         let store = &context.store;
         store.workdir.resume(self.names())?;
-        let work = match self.work {
-            SavedWork::Ingested(source) => Work::Ingested(Box::new(source.load(store)?)),
-            SavedWork::Decomposed(leaves) => Work::Decomposed(leaves.load(store)?),
-            SavedWork::Arranged(leaves, tree, release, levels) => Work::Arranged(
-                leaves.load(store)?,
-                tree.into_owned(),
-                release.into_owned(),
+        let left = match self.work {
+            SavedWork::Ingested(source) => Left::Ingested(Box::new(source.load(store)?)),
+            SavedWork::Decomposed(leaves) => Left::Decomposed(leaves.load(store)?),
+            SavedWork::Arranged(leaves, tree, release, levels) => Left::Arranged(
+                Arranged {
+                    leaves: leaves.load(store)?,
+                    tree: tree.into_owned(),
+                    release: release.into_owned(),
+                },
                 levels.map(|levels| levels.load(store).map(Box::new)).transpose()?,
             ),
-            SavedWork::Simplified(tree, clusters) => {
+            SavedWork::Simplified(tree, clusters, trimmed) => {
                 let (tree, mut clusters) = (tree.into_owned(), clusters.load(store)?);
                 clusters.levels = level_reports(&tree, &clusters.refs, &clusters.reports);
-                Work::Simplified(tree, clusters)
+                Left::Simplified(Built { tree, clusters, trimmed: trimmed.map(Cow::into_owned) })
             }
         };
-        Ok((self.known.into_owned(), work))
+        Ok((self.known.into_owned(), left))
     }
 }
 
