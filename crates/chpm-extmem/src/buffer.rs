@@ -38,13 +38,6 @@ impl<T: Pod> Buffer<T> {
     pub fn is_on_disk(&self) -> bool {
         matches!(self.0, Place::Disk(_))
     }
-
-    /// Drops the pages of an array on disk from resident memory; they are read again when touched.
-    pub fn release_pages(&self) {
-        if let Place::Disk(map) = &self.0 {
-            map.release_pages();
-        }
-    }
 }
 
 impl<T: Pod> Deref for Buffer<T> {
@@ -214,7 +207,6 @@ mod tests {
         let mut buffer = Buffer::<[u16; 3]>::zeroed(&store, "triples", 3000).unwrap();
         buffer[2999] = [1, 2, 3];
         buffer.sort_unstable();
-        buffer.release_pages();
         assert!(buffer.is_on_disk());
         assert_eq!((buffer[0], buffer[2999]), ([0; 3], [1, 2, 3]));
     }

@@ -129,7 +129,7 @@ impl MappedFile {
     }
 
     /// Drops the pages from this process's resident memory; they are read again when touched.
-    pub fn release_pages(&self) {
+    fn release_pages(&self) {
         if let Some(map) = &self.map {
             // SAFETY: a read-only map of a file: dropped pages are read back from the file unchanged.
             let _ = unsafe { map.unchecked_advise(UncheckedAdvice::DontNeed) };
@@ -212,14 +212,6 @@ impl<T: Pod> MappedBuffer<T> {
     pub fn advise(&self, access: Access) {
         if let Some(map) = &self.map {
             let _ = map.advise(advice(access));
-        }
-    }
-
-    /// Drops the pages from this process's resident memory; they are read again when touched.
-    pub fn release_pages(&self) {
-        if let Some(map) = &self.map {
-            // SAFETY: a shared map of a file: what was written belongs to the file and is read back from it.
-            let _ = unsafe { map.unchecked_advise(UncheckedAdvice::DontNeed) };
         }
     }
 }
@@ -490,7 +482,7 @@ mod tests {
     }
 
     #[test]
-    fn a_buffer_starts_zeroed_and_keeps_what_is_written_when_its_pages_go() {
+    fn a_buffer_starts_zeroed_and_keeps_what_is_written() {
         let dir = tempfile::tempdir().unwrap();
         let workdir = WorkDir::create(dir.path()).unwrap();
         let mut buffer = MappedBuffer::<u64>::zeroed(&workdir, "test", 5000).unwrap();
@@ -499,7 +491,6 @@ mod tests {
             *x = i as u64 * 3;
         }
         buffer.advise(Access::Random);
-        buffer.release_pages();
         assert!(buffer.iter().enumerate().all(|(i, &x)| x == i as u64 * 3));
         assert!(MappedBuffer::<u32>::zeroed(&workdir, "test", 0).unwrap().is_empty());
         assert!(MappedBuffer::<u64>::zeroed(&workdir, "test", usize::MAX / 4).is_err());

@@ -12,12 +12,6 @@ pub fn resident() -> Option<u64> {
     field(&fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
 }
 
-/// Bytes that new work may take without swapping; at most the process's control-group limit where there is one.
-pub fn available_memory() -> Option<u64> {
-    let free = field(&fs::read_to_string("/proc/meminfo").ok()?, "MemAvailable:")?;
-    Some(group_limit().map_or(free, |limit| free.min(limit)))
-}
-
 /// Has every large block of the heap go back to the system as soon as it is freed, where the C library is GNU's: it
 /// would else keep what was freed between smaller blocks, and its share would grow with every block that did.
 pub fn return_large_blocks() {
@@ -26,13 +20,6 @@ pub fn return_large_blocks() {
 
 /// Bytes from which a block of the heap is one to be returned.
 const LARGE_BLOCK: i32 = 1 << 18;
-
-/// The version-2 control group's `memory.max`; "max" means none.
-fn group_limit() -> Option<u64> {
-    let groups = fs::read_to_string("/proc/self/cgroup").ok()?;
-    let group = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
-    fs::read_to_string(format!("/sys/fs/cgroup/{group}/memory.max")).ok()?.trim().parse().ok()
-}
 
 /// The value of a line `Name:   123 kB`, in bytes.
 fn field(text: &str, name: &str) -> Option<u64> {
@@ -61,7 +48,6 @@ mod tests {
         let during = resident().unwrap();
         assert!(during >= before + (16 << 20), "{before} then {during}");
         assert!(peak_resident().unwrap() >= during);
-        assert!(available_memory().unwrap() > 0);
         assert_eq!(touched[touched.len() / 2], 1);
     }
 }

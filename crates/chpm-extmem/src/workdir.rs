@@ -88,11 +88,6 @@ impl WorkDir {
         self.kept.store(kept, Relaxed);
     }
 
-    /// Whether the directory stays when this is dropped.
-    pub fn is_kept(&self) -> bool {
-        self.kept.load(Relaxed)
-    }
-
     /// Fails unless the file system has `bytes` free, as far as it tells.
     ///
     /// # Errors

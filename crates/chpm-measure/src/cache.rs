@@ -1,9 +1,7 @@
-//! How well a layout is served by a vertex cache and by pages.
+//! How well an order of triangles is served by a vertex cache.
 
-use std::{
-    collections::{BTreeMap, VecDeque},
-    ops::{AddAssign, Range},
-};
+use std::collections::VecDeque;
+use std::ops::AddAssign;
 
 /// What a vertex cache had to do.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -74,59 +72,6 @@ pub fn atvr(triangles: impl IntoIterator<Item = [u32; 3]>, fifo_size: usize) -> 
     vertex_cache(triangles, fifo_size).atvr()
 }
 
-/// What reading byte ranges through a cache of blocks cost.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct PageIns {
-    /// Bytes per block.
-    pub block_len: u64,
-    /// Bytes asked for, as often as asked.
-    pub bytes: u64,
-    /// Different blocks touched.
-    pub touched: u64,
-    /// Blocks read because they were not in the cache.
-    pub misses: u64,
-}
-
-impl PageIns {
-    /// Bytes read per byte asked for; below 1 where ranges repeat, 0 for nothing.
-    pub fn overfetch(&self) -> f64 {
-        ratio(self.misses * self.block_len, self.bytes)
-    }
-}
-
-/// Reads byte ranges in order through a cache of `cached_blocks` blocks of `block_len` bytes (0 is taken as 1) that
-/// forgets the least recently used. Time is logarithmic per block of every range.
-pub fn page_ins(
-    ranges: impl IntoIterator<Item = Range<u64>>,
-    block_len: u64,
-    cached_blocks: usize,
-) -> PageIns {
-    let block_len = block_len.max(1);
-    let mut counts = PageIns { block_len, ..PageIns::default() };
-    // When each block was last used, whether still cached or not, and the cached ones by age.
-    let mut last_use = BTreeMap::new();
-    let mut cached = BTreeMap::new();
-    let mut clock = 0u64;
-    for range in ranges.into_iter().filter(|r| !r.is_empty()) {
-        counts.bytes += range.end - range.start;
-        for block in range.start / block_len..=(range.end - 1) / block_len {
-            clock += 1;
-            let before = last_use.insert(block, clock);
-            if before.and_then(|time| cached.remove(&time)).is_none() {
-                counts.misses += 1;
-                if cached.len() >= cached_blocks {
-                    cached.pop_first();
-                }
-            }
-            if cached_blocks > 0 {
-                cached.insert(clock, block);
-            }
-        }
-    }
-    counts.touched = last_use.len() as u64;
-    counts
-}
-
 fn ratio(a: u64, b: u64) -> f64 {
     if b == 0 { 0.0 } else { a as f64 / b as f64 }
 }
@@ -157,23 +102,5 @@ mod tests {
         // With room for three, 0 is hit in the second triangle and is still the first to go.
         let counts = vertex_cache([[0, 1, 2], [0, 2, 3], [0, 3, 2]], 3);
         assert_eq!(counts, VertexCache { triangles: 3, vertices: 4, misses: 5 });
-    }
-
-    #[test]
-    fn pages_are_read_once_while_they_are_cached() {
-        let counts = page_ins([0..10, 4095..4097, 8192..8192, 0..1], 4096, 2);
-        assert_eq!(counts, PageIns { block_len: 4096, bytes: 13, touched: 2, misses: 2 });
-        assert_eq!(counts.overfetch(), 8192.0 / 13.0);
-    }
-
-    #[test]
-    fn the_least_recently_used_page_goes() {
-        let walk =
-            |blocks: &[u64], room| page_ins(blocks.iter().map(|b| 10 * b..10 * b + 10), 10, room).misses;
-        assert_eq!(walk(&[0, 1, 0, 2, 0, 1], 2), 4);
-        assert_eq!(walk(&[0, 1, 2, 0, 1, 2], 2), 6);
-        assert_eq!(walk(&[0, 1, 2, 0, 1, 2], 3), 3);
-        assert_eq!(walk(&[0, 0, 0], 0), 3);
-        assert_eq!(page_ins([0..95, 95..100], 10, 10).overfetch(), 1.0);
     }
 }

@@ -70,7 +70,10 @@ impl<'a> Work<'a> {
     ) -> Result<(), BuildError> {
         let source = match std::mem::take(&mut self.left) {
             Left::Ingested(source) => *source,
-            later => return Ok(self.left = later),
+            later => {
+                self.left = later;
+                return Ok(());
+            }
         };
         let leaves = stage(source, &mut self.known)?;
         self.known.facts.add_leaves(&leaves);
@@ -84,7 +87,10 @@ impl<'a> Work<'a> {
     ) -> Result<(), BuildError> {
         let leaves = match std::mem::take(&mut self.left) {
             Left::Decomposed(leaves) => leaves,
-            later => return Ok(self.left = later),
+            later => {
+                self.left = later;
+                return Ok(());
+            }
         };
         let (tree, release) = stage(&leaves)?;
         self.leave(Left::Arranged(Arranged { leaves, tree, release }, None))
@@ -107,7 +113,10 @@ impl<'a> Work<'a> {
     ) -> Result<(), BuildError> {
         let (arranged, begun) = match std::mem::take(&mut self.left) {
             Left::Arranged(arranged, begun) => (arranged, begun),
-            later => return Ok(self.left = later),
+            later => {
+                self.left = later;
+                return Ok(());
+            }
         };
         let (known, context, checkpoints) = (&self.known, self.context, &mut *self.checkpoints);
         let mut keep = |arranged: &Arranged, levels: &Levels| {
