@@ -1,6 +1,7 @@
 //! One cluster's mesh at a position: where its vertices are, and which edges are on a seam.
 
 use chpm_format::Page;
+use chpm_mesh::Places;
 
 /// What a vertex that no other cluster has is called instead of a shared id.
 pub(super) const UNSHARED: u32 = u32::MAX;
@@ -9,7 +10,7 @@ pub(super) const UNSHARED: u32 = u32::MAX;
 #[derive(Default)]
 pub(super) struct Local {
     /// By vertex of the finest mesh: where it is.
-    resolved: Vec<u16>,
+    places: Places,
     /// By vertex: its shared id.
     ids: Vec<u32>,
     odd: Vec<[u16; 2]>,
@@ -61,16 +62,12 @@ impl Local {
         for (vertex, id) in page.shared() {
             self.ids[usize::from(vertex)] = id;
         }
-        self.resolved.clear();
-        self.resolved.extend((0..n).map(|v| v as u16));
-        for target in &page.targets[n - page.base_vertex_count..] {
-            self.resolved.push(self.resolved[usize::from(*target)]);
-        }
+        self.places.go_to(&page.progressive_mesh(), n);
     }
 
     /// Where a vertex of the finest mesh is.
     pub(super) fn at(&self, vertex: u16) -> u16 {
-        self.resolved[usize::from(vertex)]
+        self.places.of(vertex)
     }
 
     /// The shared id of a vertex.

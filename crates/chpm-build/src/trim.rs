@@ -14,7 +14,7 @@ use crate::report::LevelReport;
 use crate::simplify::{Clusters, PageRef, level_reports};
 use chpm_format::page::PAGE_HEADER_LEN;
 use chpm_format::{FormatError, Page, PageParts};
-use chpm_mesh::Aabb;
+use chpm_mesh::{Aabb, Places};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -151,7 +151,7 @@ struct Clipped {
 struct Scratch {
     bytes: Vec<u8>,
     out: Vec<u8>,
-    survivor: Vec<u16>,
+    places: Places,
     triangles: Vec<[u16; 3]>,
     errors: Vec<f32>,
     shared: Vec<(u16, u32)>,
@@ -203,14 +203,9 @@ impl Scratch {
     fn encode(&mut self, page: &Page<'_>, positions: Range<usize>) -> Result<(), FormatError> {
         let Range { start, end } = positions;
         let base = page.base_vertex_count;
-        self.survivor.clear();
-        self.survivor.extend(0..end as u16);
-        for target in &page.targets[end - base..] {
-            self.survivor.push(self.survivor[usize::from(*target)]);
-        }
-        let resolved = page.triangles.iter().map(|t| t.map(|v| self.survivor[usize::from(v)]));
+        self.places.go_to(&page.progressive_mesh(), end);
         self.triangles.clear();
-        self.triangles.extend(resolved.filter(|[a, b, c]| a != b && b != c && c != a));
+        self.triangles.extend(self.places.triangles(page.triangles));
         self.errors.clear();
         self.errors.extend((start..end).map(|n| page.error_at(n)));
         self.shared.clear();

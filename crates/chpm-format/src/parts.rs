@@ -5,7 +5,7 @@ use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::error_code::{self, MAX_ERROR};
 use crate::header::attribute_bits;
 use crate::page::{PAGE_HEADER_LEN, PAGE_MAGIC, PAGE_VERSION, PageHeader};
-use chpm_mesh::{Attributes, ClusterId, ProgressiveMesh};
+use chpm_mesh::{Attributes, ClusterId, Places, ProgressiveMesh};
 
 /// The parts of a page, as a builder has them: V vertices, of which the first B are the base mesh.
 #[derive(Clone, Copy, Debug, Default)]
@@ -83,7 +83,7 @@ impl PageParts<'_> {
             triangles: self.triangles,
             targets: self.targets,
         };
-        base_corners(&mesh, &mut Vec::new()).count()
+        count_base_triangles(&mesh, &mut Places::default())
     }
 
     fn check(&self) -> Result<(), FormatError> {
@@ -142,18 +142,8 @@ impl PageParts<'_> {
     }
 }
 
-/// The corners of the base mesh's triangles. One pass over the collapses, where playing them one by one would
-/// follow every chain again.
-pub(crate) fn base_corners<'a>(
-    mesh: &ProgressiveMesh<'a>,
-    survivors: &'a mut Vec<u16>,
-) -> impl Iterator<Item = [u16; 3]> + use<'a> {
-    survivors.clear();
-    survivors.extend(0..mesh.base_vertex_count as u16);
-    for target in mesh.targets {
-        survivors.push(survivors[usize::from(*target)]);
-    }
-    let survivors = &*survivors;
-    let resolved = |corners: &[u16; 3]| corners.map(|v| survivors[usize::from(v)]);
-    mesh.triangles.iter().map(resolved).filter(|[a, b, c]| a != b && b != c && c != a)
+/// Counts the triangles of the base mesh.
+pub(crate) fn count_base_triangles(mesh: &ProgressiveMesh<'_>, places: &mut Places) -> usize {
+    places.go_to(mesh, mesh.base_vertex_count);
+    places.triangles(mesh.triangles).count()
 }

@@ -17,6 +17,6 @@ pub mod units;
 pub use geom::{Aabb, FAR, Sphere};
 pub use ids::{ClusterId, GroupId, Level};
 pub use number::{Number, NumberError};
-pub use pm::ProgressiveMesh;
+pub use pm::{Places, ProgressiveMesh};
 pub use trimesh::{Attributes, TriMesh};
 pub use units::{Bytes, Counted, ObjectError};

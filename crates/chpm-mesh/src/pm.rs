@@ -58,6 +58,45 @@ impl ProgressiveMesh<'_> {
     }
 }
 
+/// Where the vertices of a progressive mesh are at one position, found in one pass; the buffer serves one mesh after the other.
+#[derive(Clone, Debug, Default)]
+pub struct Places(Vec<u16>);
+
+impl Places {
+    /// Goes to the mesh of `n` vertices.
+    pub fn go_to(&mut self, mesh: &ProgressiveMesh<'_>, n: usize) {
+        self.0.clear();
+        self.0.extend((0..n).map(|v| v as u16));
+        // A target has a smaller index, so it is resolved before anything that goes there: no chain is followed twice.
+        for target in &mesh.targets[n - mesh.base_vertex_count..] {
+            self.0.push(self.0[usize::from(*target)]);
+        }
+    }
+
+    /// Where a vertex of the finest mesh is.
+    #[inline]
+    pub fn of(&self, vertex: u16) -> u16 {
+        self.0[usize::from(vertex)]
+    }
+
+    /// The same of every vertex.
+    pub fn as_slice(&self) -> &[u16] {
+        &self.0
+    }
+
+    /// The triangles that are left of those of the finest mesh, in their order.
+    pub fn triangles<'a>(&'a self, finest: &'a [[u16; 3]]) -> impl Iterator<Item = [u16; 3]> + 'a {
+        finest.iter().map(|corners| corners.map(|v| self.of(v))).filter(is_alive)
+    }
+}
+
+/// Whether a triangle has three different corners.
+#[inline]
+pub fn is_alive([a, b, c]: &[u16; 3]) -> bool {
+    // All three are compared: no branch.
+    (a != b) & (b != c) & (c != a)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -80,6 +119,18 @@ mod tests {
         assert_eq!(at(5).len(), 4);
         assert_eq!(at(4), [[1, 2, 0], [2, 3, 0]]);
         assert_eq!(at(3), [[1, 2, 0]]);
+    }
+
+    #[test]
+    fn places_agree_with_playing() {
+        let mut places = Places::default();
+        for n in 3..=5 {
+            places.go_to(&FAN, n);
+            assert!((0..5).all(|v| places.of(v) == FAN.resolve(v, n)), "at {n} vertices");
+            let mut out = Vec::new();
+            FAN.triangles_at(n, &mut out);
+            assert!(places.triangles(FAN.triangles).eq(out), "at {n} vertices");
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 use super::multilevel::{Graph, Multilevel};
 use chpm_format::{FormatError, Page, PageParts};
+use chpm_mesh::Places;
 
 /// Scratch of the reordering.
 #[derive(Debug, Default)]
@@ -13,7 +14,7 @@ pub(super) struct LocalOrder {
     graph: Graph,
     seen: Vec<u32>,
     multilevel: Multilevel,
-    survivor: Vec<u16>,
+    places: Places,
     base_triangles: Vec<[u16; 3]>,
     rank: Vec<u16>,
     position: Vec<u16>,
@@ -68,14 +69,9 @@ impl LocalOrder {
     /// the one that it ended in.
     fn order_vertices(&mut self, page: &Page<'_>) {
         let base = page.base_vertex_count;
-        self.survivor.clear();
-        self.survivor.extend(0..base as u16);
-        for target in page.targets {
-            self.survivor.push(self.survivor[usize::from(*target)]);
-        }
+        self.places.go_to(&page.progressive_mesh(), base);
         self.base_triangles.clear();
-        let resolved = page.triangles.iter().map(|t| t.map(|v| self.survivor[usize::from(v)]));
-        self.base_triangles.extend(resolved.filter(|[a, b, c]| a != b && b != c && c != a));
+        self.base_triangles.extend(self.places.triangles(page.triangles));
         let pairs = self.base_triangles.iter().flat_map(|t| {
             let [a, b, c] = t.map(u32::from);
             [(a, b), (b, c), (c, a)]
@@ -88,14 +84,14 @@ impl LocalOrder {
         for (at, vertex) in self.multilevel.order(&mut self.graph).iter().enumerate() {
             self.rank[*vertex as usize] = at as u16;
         }
-        for survivor in &self.survivor {
+        for survivor in self.places.as_slice() {
             self.starts[usize::from(self.rank[usize::from(*survivor)]) + 1] += 1;
         }
         for i in 1..self.starts.len() {
             self.starts[i] += self.starts[i - 1];
         }
         self.position.clear();
-        for survivor in &self.survivor {
+        for survivor in self.places.as_slice() {
             let start = &mut self.starts[usize::from(self.rank[usize::from(*survivor)])];
             self.position.push(*start as u16);
             *start += 1;

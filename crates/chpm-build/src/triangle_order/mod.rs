@@ -6,7 +6,8 @@
 mod cache_walk;
 
 use cache_walk::CacheWalk;
-use chpm_mesh::ProgressiveMesh;
+use chpm_mesh::pm::is_alive;
+use chpm_mesh::{Places, ProgressiveMesh};
 
 const NONE: u32 = u32::MAX;
 
@@ -14,7 +15,7 @@ const NONE: u32 = u32::MAX;
 #[derive(Debug, Default)]
 pub(crate) struct TriangleOrder {
     /// Where each vertex is at the middle position.
-    survivor: Vec<u16>,
+    places: Places,
     /// The triangles that are there, and their corners there; those that are gone.
     there: Vec<u32>,
     corners: Vec<[u16; 3]>,
@@ -41,7 +42,7 @@ impl TriangleOrder {
             note(&mut self.first, mesh.triangles[self.there[at] as usize], place);
             note(&mut self.first_there, self.corners[at], place);
         }
-        for (first, survivor) in self.first.iter_mut().zip(&self.survivor) {
+        for (first, survivor) in self.first.iter_mut().zip(self.places.as_slice()) {
             if *first == NONE {
                 *first = self.first_there[usize::from(*survivor)];
             }
@@ -67,19 +68,15 @@ impl TriangleOrder {
 
     /// Finds the triangles of the middle position.
     fn play(&mut self, mesh: &ProgressiveMesh<'_>, middle: usize) {
-        self.survivor.clear();
-        self.survivor.extend(0..middle as u16);
-        for target in &mesh.targets[middle - mesh.base_vertex_count..] {
-            self.survivor.push(self.survivor[usize::from(*target)]);
-        }
+        self.places.go_to(mesh, middle);
         self.there.clear();
         self.corners.clear();
         self.gone.clear();
         for (index, triangle) in (0..).zip(mesh.triangles) {
-            let [a, b, c] = triangle.map(|corner| self.survivor[usize::from(corner)]);
-            if a != b && b != c && c != a {
+            let corners = triangle.map(|corner| self.places.of(corner));
+            if is_alive(&corners) {
                 self.there.push(index);
-                self.corners.push([a, b, c]);
+                self.corners.push(corners);
             } else {
                 self.gone.push(index);
             }

@@ -7,10 +7,10 @@ use crate::error::Place;
 use crate::header::BoundaryMode;
 use crate::header::VERSION_MINOR;
 use crate::page::{PAGE_HEADER_LEN, Page};
-use crate::parts::base_corners;
+use crate::parts::count_base_triangles;
 use crate::reader::Chpm;
 use chpm_mesh::geom::distance;
-use chpm_mesh::{Aabb, ClusterId};
+use chpm_mesh::{Aabb, ClusterId, Places};
 use std::mem;
 
 /// The most that rounding to f32 can move a point of the box by, and what is lost where that is stored.
@@ -33,7 +33,7 @@ pub(super) fn check<D: AsRef<[u8]>>(
     check_zeros(file, id, report);
     check_bounds(file, id, page, report);
 
-    let base = base_corners(&page.progressive_mesh(), &mut scratch.survivors).count();
+    let base = count_base_triangles(&page.progressive_mesh(), &mut scratch.places);
     let message =
         format_args!("{} triangles in the base mesh expected, got {base}", page.base_triangle_count);
     report.expect(base == page.base_triangle_count, Invariant::ProgressiveMesh, place, message);
@@ -91,7 +91,7 @@ pub(super) fn list_shared<D: AsRef<[u8]>>(
 /// Buffers that are used again for every page.
 #[derive(Default)]
 pub(super) struct Scratch {
-    pub(super) survivors: Vec<u16>,
+    pub(super) places: Places,
     used: Vec<bool>,
 }
 

@@ -6,7 +6,6 @@ use super::shared::SharedIds;
 use super::{Invariant, Report};
 use crate::error::Place;
 use crate::page::Page;
-use crate::parts::base_corners;
 use crate::reader::Chpm;
 use chpm_mesh::{ClusterId, GroupId};
 
@@ -153,7 +152,9 @@ impl GroupCheck {
         }
         for page in fine {
             let rank = &self.rank[first..];
-            let corners = base_corners(&page.progressive_mesh(), &mut self.scratch.survivors);
+            let places = &mut self.scratch.places;
+            places.go_to(&page.progressive_mesh(), page.base_vertex_count);
+            let corners = places.triangles(page.triangles);
             self.fine_triangles.extend(corners.map(|corners| triangle_key(corners, rank)));
             first += page.base_vertex_count;
         }
