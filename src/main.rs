@@ -27,8 +27,8 @@ mod view;
 use args::Cli;
 use clap::Parser;
 use cmd::Verdict;
-use std::io;
 use std::process::ExitCode;
+use std::{io, iter};
 use stop::Stop;
 
 fn main() -> ExitCode {
@@ -51,16 +51,11 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
 }
 
-/// Prints the error and its causes, one a line, without those that the line above tells already.
+/// Prints the error and its causes, one a line.
 fn failed(error: &anyhow::Error, code: u8) -> ExitCode {
-    let mut told = String::new();
-    for cause in error.chain() {
-        let text = cause.to_string();
-        if !told.ends_with(&text) {
-            let lead = if told.is_empty() { "error" } else { "  because" };
-            progress::line(&format!("{lead}: {text}"));
-            told = text;
-        }
+    let leads = iter::once("error").chain(iter::repeat("  because"));
+    for (lead, cause) in leads.zip(report::causes(error)) {
+        progress::line(&format!("{lead}: {cause}"));
     }
     ExitCode::from(code)
 }

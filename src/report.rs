@@ -272,6 +272,17 @@ fn share(part: u64, whole: u64) -> String {
     if whole == 0 { "-".to_owned() } else { format!("{:.1} %", 100.0 * part as f64 / whole as f64) }
 }
 
+/// An error and its causes, the last of them last, without those that the one before tells already.
+pub(crate) fn causes(error: &anyhow::Error) -> Vec<String> {
+    let mut told: Vec<String> = Vec::new();
+    for cause in error.chain().map(ToString::to_string).filter(|text| !text.is_empty()) {
+        if !told.last().is_some_and(|last| last.ends_with(&cause)) {
+            told.push(cause);
+        }
+    }
+    told
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,7 +4,7 @@ use super::display::Display;
 use super::inputs::Model;
 use super::stamp::{self, Need};
 use super::summary::{Row, Status, Summary};
-use crate::cmd;
+use crate::{cmd, report};
 use anyhow::{Context, Result};
 use chpm_build::{BuildConfig, BuildError, BuildReport, Cancel, Progress, input};
 use chpm_mesh::Bytes;
@@ -143,13 +143,13 @@ fn make(task: &Task, meter: &dyn Progress, cancel: &Cancel) -> Row {
             }
             match row.describe_output() {
                 Ok(()) => (Status::Built, None),
-                Err(error) => failed(causes(&error)),
+                Err(error) => failed(report::causes(&error).join(": ")),
             }
         }
         Ok(Err(error)) if error.downcast_ref().is_some_and(BuildError::is_cancelled) => {
             (Status::Stopped, None)
         }
-        Ok(Err(error)) => failed(causes(&error)),
+        Ok(Err(error)) => failed(report::causes(&error).join(": ")),
         Err(panic) => failed(format!("a fault of this program: {}", told(&*panic))),
     };
     row
@@ -163,20 +163,6 @@ fn build(row: &Row, config: &BuildConfig, meter: &dyn Progress, cancel: &Cancel)
     // What is replaced is an older result of the same name: the plan has looked at it.
     let config = BuildConfig { overwrite: true, ..config.clone() };
     Ok(chpm_build::build(&row.source, &row.output, &config, meter, cancel)?)
-}
-
-/// An error and its causes, without those that are told already.
-fn causes(error: &anyhow::Error) -> String {
-    let mut told = String::new();
-    for cause in error.chain().map(ToString::to_string).filter(|text| !text.is_empty()) {
-        if told.is_empty() {
-            told = cause;
-        } else if !told.ends_with(&cause) {
-            told += ": ";
-            told += &cause;
-        }
-    }
-    told
 }
 
 /// What a panic says.
