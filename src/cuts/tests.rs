@@ -91,10 +91,10 @@ fn a_closed_surface_is_open_where_this_says_so() {
         let mut found = [0; 2];
         let legal: Vec<Cut> = (0..40).map(|seed| random_cut(&file, seed).unwrap()).collect();
         // And positions that no rule gives: where groups come apart, seams open.
-        let shifted = legal.iter().map(|cut| {
+        let shifted = (1..).zip(&legal).map(|(step, cut)| {
             let moved = cut.members().iter().map(|member| {
                 let record = &file.clusters()[member.cluster.index()];
-                let step = 3 * (member.cluster.0 % 3);
+                let step = step * (member.cluster.0 % 3);
                 let vertices = member.vertices.saturating_sub(step).max(record.base_vertex_count);
                 Member { vertices, ..*member }
             });
