@@ -174,8 +174,12 @@ impl Levels {
             let done = match cost::beyond_usual(group, tree, decomposition, &self.built.refs) {
                 0 => scratch.run(&task, group)?,
                 more => {
+                    // What the thread has kept counts as part of it, and goes before the rest is asked for; nothing so large is kept.
+                    *scratch = Scratch::default();
                     let _share = context.store.budget.charge_task("a group of clusters", more)?;
-                    Scratch::default().run(&task, group)?
+                    let done = scratch.run(&task, group)?;
+                    *scratch = Scratch::default();
+                    done
                 }
             };
             context.progress.advance(group.len() as u64);
