@@ -7,6 +7,7 @@
 use super::local::UNSHARED;
 use super::seams::Seams;
 use chpm_format::{Chpm, FormatError, Page};
+use chpm_mesh::pm::is_alive;
 use chpm_refine::Cut;
 use std::ops::Range;
 
@@ -201,8 +202,7 @@ impl<'a> At<'a> {
             if usize::from(a.max(b).max(c)) < self.n {
                 return true;
             }
-            let [a, b, c] = corners.map(|v| self.at(v));
-            (a != b) & (b != c) & (c != a)
+            is_alive(&corners.map(|v| self.at(v)))
         };
         self.page.triangles.iter().filter(is_there).count() as u64
     }

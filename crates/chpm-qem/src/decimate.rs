@@ -272,7 +272,7 @@ impl<'a, 'd> Run<'a, 'd> {
             if self.all.topology == Topology::Change
                 && let Some(v) = forced::alone(&self.given, &self.all.mesh, u)
             {
-                // Nothing is legal to do with it.
+                // Along neither of its two edges may it go: its component would vanish.
                 (0..2).for_each(|_| self.refusals.add(Refusal::Component));
                 self.state(u).set(State::WAITING);
                 self.all.fan.gather(&self.all.mesh, u);

@@ -38,7 +38,7 @@ pub(crate) type Keep<'a> = dyn FnMut(&Arranged, &Levels) -> Result<(), BuildErro
 pub(crate) struct Work<'a> {
     context: &'a Context<'a>,
     checkpoints: &'a mut Checkpoints,
-    pub(crate) known: Known,
+    known: Known,
     left: Left,
 }
 
