@@ -67,6 +67,13 @@ pub(crate) struct Args {
     pictures: picture::walk::RenderArgs,
 }
 
+/// How many runs of pages side by side there are among pages.
+fn runs(pages: &[ClusterId]) -> u64 {
+    let mut places: Vec<u32> = pages.iter().map(|page| page.0).collect();
+    places.sort_unstable();
+    places.chunk_by(|a, b| a + 1 == *b).count() as u64
+}
+
 /// Memory from which on it is the whole process's.
 const PROCESS: Bytes = Bytes::mib(64);
 /// Bytes that selecting takes for each cluster.
@@ -95,12 +102,14 @@ struct Frame {
     resident_bytes: u64,
     /// Groups that the view wants split and that are not.
     withheld: u64,
+    /// Runs of pages side by side that were asked for: reads.
+    requested_runs: u64,
 }
 
 /// A column's name and its value.
 type Column = (&'static str, fn(&Frame) -> f64);
 
-const COLUMNS: [Column; 14] = [
+const COLUMNS: [Column; 15] = [
     ("triangles", |f| f.triangles as f64),
     ("clusters", |f| f.clusters as f64),
     ("visible", |f| f.visible as f64),
@@ -115,6 +124,7 @@ const COLUMNS: [Column; 14] = [
     ("prefetched_bytes", |f| f.prefetched_bytes as f64),
     ("resident_bytes", |f| f.resident_bytes as f64),
     ("withheld", |f| f.withheld as f64),
+    ("requested_runs", |f| f.requested_runs as f64),
 ];
 
 /// Walks and reports.
@@ -258,6 +268,7 @@ impl<'a> Walk<'a> {
         let early = self.read_ahead(ahead);
         let prefetched_bytes = bytes(&early);
         requests.extend(early);
+        let requested_runs = runs(&requests);
         let foreseen = watch.lap();
         self.deliver(requests)?;
         let checked = watch.lap();
@@ -287,6 +298,7 @@ impl<'a> Walk<'a> {
             prefetched_bytes,
             resident_bytes: self.residency.reserved().0,
             withheld: splits(&self.wanted) - splits(self.list.front()),
+            requested_runs,
         })
     }
 

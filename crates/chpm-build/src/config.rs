@@ -96,7 +96,7 @@ impl Default for Settings {
 /// In which order a file has what is in it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Layout {
-    /// Clusters in cache-oblivious order, the triangles of each in an order for vertex caches.
+    /// Clusters that are read together side by side, by falling error; the triangles of each in an order for vertex caches.
     VertexCache,
     /// Clusters, and the vertices and triangles of each, in cache-oblivious order (Yoon 6 and 7).
     CacheOblivious,

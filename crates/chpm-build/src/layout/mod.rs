@@ -1,33 +1,63 @@
 //! Layout: permutations that change no geometry (I9).
 //!
-//! Clusters in the file are ordered by the published cache-oblivious metric (`cluster_order`; Yoon 6 and 7). So are, if that is asked for,
-//! the base mesh's vertices and the triangles in each cluster (`local_order`). Otherwise the triangles are in an order for vertex caches
-//! ([`triangle_order`](crate::triangle_order)), which they get while the cluster is simplified, and pages are copied. The collapsed vertices keep their order,
-//! which is the collapse order.
+//! Pages that a split brings are side by side in the file, by falling error (`page_order`), and are copied: their triangles are in an order for vertex caches
+//! ([`triangle_order`](crate::triangle_order)), which they got while the cluster was simplified. Where it is asked for, clusters, and in each of them the base mesh's
+//! vertices and the triangles, are ordered by the published cache-oblivious metric instead (`cluster_order`, `local_order`; Yoon 6 and 7). The collapsed vertices
+//! keep their order, which is the collapse order.
 
 mod cluster_order;
 mod local_order;
 pub mod metric;
 mod multilevel;
+mod page_order;
 
 use crate::config::{Layout, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::trim::Built;
 use chpm_format::{ClusterRecord, Page};
-use chpm_mesh::{GroupId, Level};
+use chpm_mesh::{Aabb, GroupId, Level};
 use local_order::LocalOrder;
+use page_order::Run;
 use rayon::prelude::*;
 
 /// The built nodes of the tree in the order of their pages in the file.
 pub(crate) fn order(built: &Built, settings: &Settings) -> Vec<u32> {
     let Built { tree, clusters, .. } = built;
-    if settings.layout != Layout::Simplification {
-        cluster_order::order(tree, |node| clusters.refs[node as usize].map(|page| page.bounds))
-    } else {
+    match settings.layout {
+        Layout::VertexCache => page_order::order(runs(built)),
+        Layout::CacheOblivious => {
+            cluster_order::order(tree, |node| clusters.refs[node as usize].map(|page| page.bounds))
+        }
         // Breadth first from the root, as Quick-VDR 4.3 stores them.
-        (0..tree.nodes.len() as u32).rev().filter(|node| clusters.refs[*node as usize].is_some()).collect()
+        Layout::Simplification => {
+            (0..tree.nodes.len() as u32).rev().filter(|node| clusters.is_built(*node)).collect()
+        }
     }
+}
+
+/// Pages that are read together: roots, and the fine clusters of groups.
+fn runs(built: &Built) -> Vec<Run> {
+    let Built { tree, clusters, .. } = built;
+    let run = |error: f32, nodes: Vec<u32>| {
+        let mut bounds = Aabb::EMPTY;
+        nodes.iter().for_each(|node| bounds.merge(&clusters.page(*node).bounds));
+        Run { error, center: bounds.center().coords.map(|x| x as f32).into(), clusters: nodes }
+    };
+    let is_root = |node: &u32| tree.nodes[*node as usize].parent.is_none_or(|p| !clusters.is_built(p));
+    let nodes = (0..tree.nodes.len() as u32).filter(|node| clusters.is_built(*node));
+    let roots = nodes.filter(is_root).map(|root| run(f32::INFINITY, vec![root]));
+
+    let fine = |group: &Vec<u32>| -> Vec<u32> {
+        let children = group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
+        children.filter(|child| clusters.is_built(*child)).collect()
+    };
+    let splits = clusters.groups.iter().map(fine).filter(|fine| !fine.is_empty()).map(|fine| {
+        // A split is asked for where the finest mesh above is too coarse, which is what these have as base meshes.
+        let error = fine.iter().map(|node| clusters.page(*node).group_error).fold(0.0, f32::max);
+        run(error, fine)
+    });
+    roots.chain(splits).collect()
 }
 
 /// Hands every page to `write` with its place in `order`, from many threads and in any order. Answers the

@@ -82,6 +82,11 @@ pub(crate) struct Clusters {
 }
 
 impl Clusters {
+    /// Whether there is a page of a node.
+    pub(crate) fn is_built(&self, node: u32) -> bool {
+        self.refs[node as usize].is_some()
+    }
+
     /// The page of a node that was built.
     pub(crate) fn page(&self, node: u32) -> PageRef {
         self.refs[node as usize].unwrap_or_else(|| panic!("node {node} was not built"))

@@ -5,7 +5,7 @@ use chpm_build::BuildConfig;
 use chpm_build::config::Layout;
 use chpm_format::checksum;
 use chpm_measure::cache::{VertexCache, vertex_cache};
-use chpm_mesh::{Bytes, ClusterId, Level};
+use chpm_mesh::{Bytes, ClusterId, GroupId, Level};
 use chpm_partition::Partitioner;
 use chpm_refine::{Cut, extract, random_cut};
 use chpm_synth::{Shape, Synth};
@@ -116,4 +116,21 @@ fn a_layout_changes_order_only() {
             assert!(random_cut(&laid_out, 3).unwrap().check(&laid_out).is_ok());
         }
     }
+}
+
+/// What a split brings is one run of pages, and what costs more comes first.
+#[test]
+fn a_split_is_one_read() {
+    let site = Site::of(&Synth::new(Shape::Isosurface, 20_000, 6).to_mesh());
+    let (_, file) = site.build(&config(512));
+    let mut runs: Vec<(u32, f32)> = Vec::new();
+    for group in (0..file.groups().len() as u32).map(GroupId) {
+        let mut fine = file.fine(group).to_vec();
+        fine.sort_unstable();
+        assert!(fine.windows(2).all(|pair| pair[1] == pair[0] + 1), "{group:?}: {fine:?}");
+        let base = |id: &u32| file.groups()[file.clusters()[*id as usize].group().index()].max_error;
+        runs.extend(fine.first().map(|first| (*first, fine.iter().map(base).fold(0.0, f32::max))));
+    }
+    runs.sort_by_key(|(first, _)| *first);
+    assert!(runs.len() > 10 && runs.windows(2).all(|pair| pair[1].1 <= pair[0].1), "{runs:?}");
 }

@@ -1,0 +1,115 @@
+//! Order of the pages in the file: those that a split brings are next to each other.
+//!
+//! Clusters are read as groups are split: all fine clusters of a group, or none. So they are one run of pages. Runs follow one another by falling error of what they
+//! replace, as a camera that comes nearer asks for them; those of equal errors along a curve that fills space.
+
+use chpm_mesh::Aabb;
+use std::cmp::Reverse;
+
+/// Pages that are read together: the fine clusters of a group, or a root.
+#[derive(Clone, Debug)]
+pub(crate) struct Run {
+    /// Error of what they replace; infinite for roots.
+    pub(crate) error: f32,
+    /// Centre of what they are about.
+    pub(crate) center: [f32; 3],
+    pub(crate) clusters: Vec<u32>,
+}
+
+/// All clusters of all runs in the order of the file. Those of a run stay in their order.
+pub(crate) fn order(runs: Vec<Run>) -> Vec<u32> {
+    let bounds = Aabb::of_points(runs.iter().map(|run| &run.center));
+    // Numbers that are not negative order as their bits do.
+    let key = |run: &Run| (Reverse(run.error.max(0.0).to_bits()), hilbert(cell(run.center, &bounds)));
+    let mut keyed: Vec<_> = runs.into_iter().map(|run| (key(&run), run.clusters)).collect();
+    keyed.sort_unstable();
+    keyed.into_iter().flat_map(|(_, clusters)| clusters).collect()
+}
+
+/// Bits of a cell along an axis.
+const BITS: u32 = 21;
+
+fn cell(point: [f32; 3], bounds: &Aabb) -> [u32; 3] {
+    let side = |axis: usize| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
+    let widest = (0..3).map(side).fold(f64::MIN_POSITIVE, f64::max);
+    let most = f64::from((1u32 << BITS) - 1);
+    std::array::from_fn(|axis| {
+        ((f64::from(point[axis]) - f64::from(bounds.min[axis])) / widest * most) as u32
+    })
+}
+
+/// Place of a cell along Hilbert's curve in space (Skilling, "Programming the Hilbert curve", 2004).
+fn hilbert(mut cell: [u32; 3]) -> u64 {
+    let top = 1 << (BITS - 1);
+    let mut bit = top;
+    while bit > 1 {
+        let below = bit - 1;
+        for axis in 0..3 {
+            if cell[axis] & bit != 0 {
+                cell[0] ^= below;
+            } else {
+                let swapped = (cell[0] ^ cell[axis]) & below;
+                cell[0] ^= swapped;
+                cell[axis] ^= swapped;
+            }
+        }
+        bit >>= 1;
+    }
+    // What follows is Gray's code of the place, its bits dealt to the axes in turn.
+    cell[1] ^= cell[0];
+    cell[2] ^= cell[1];
+    let mut flip = 0;
+    let mut bit = top;
+    while bit > 1 {
+        if cell[2] & bit != 0 {
+            flip ^= bit - 1;
+        }
+        bit >>= 1;
+    }
+    let dealt = |place: u64, bit: u32| {
+        cell.iter().fold(place, |place, c| place << 1 | u64::from((c ^ flip) >> bit & 1))
+    };
+    (0..BITS).rev().fold(0, dealt)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_goes_from_cell_to_cell_beside_it() {
+        let coarse = |x: u32| x << (BITS - 3);
+        let mut cells: Vec<[u32; 3]> = (0..512).map(|i| [i & 7, i >> 3 & 7, i >> 6]).collect();
+        cells.sort_by_key(|cell| hilbert(cell.map(coarse)));
+        for pair in cells.windows(2) {
+            let steps: u32 = (0..3).map(|axis| pair[0][axis].abs_diff(pair[1][axis])).sum();
+            assert_eq!(steps, 1, "{pair:?}");
+        }
+    }
+
+    #[test]
+    fn runs_fall_by_error_and_equal_ones_are_beside_their_neighbours() {
+        let run =
+            |error, x, clusters: &[u32]| Run { error, center: [x, 0.0, 0.0], clusters: clusters.to_vec() };
+        let runs = vec![
+            run(1.0, 9.0, &[7, 8]),
+            run(2.0, 5.0, &[6, 1]),
+            run(1.0, 0.0, &[3]),
+            run(f32::INFINITY, 4.0, &[5]),
+            run(1.0, 8.0, &[2]),
+            run(0.0, 0.0, &[4]),
+        ];
+        let order = order(runs);
+        assert_eq!(order[..3], [5, 6, 1]);
+        assert_eq!(order[7], 4);
+        // Beside one another, and the far one before or after both.
+        assert!(order[3] == 3 || order[6] == 3, "{order:?}");
+    }
+
+    #[test]
+    fn one_place_and_none_are_no_trouble() {
+        let run = |cluster| Run { error: 1.0, center: [3.0; 3], clusters: vec![cluster] };
+        assert_eq!(order(vec![run(4), run(2)]), [2, 4]);
+        assert!(order(Vec::new()).is_empty());
+    }
+}
