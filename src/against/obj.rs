@@ -1,7 +1,7 @@
 //! Wavefront OBJ: `v` and `f` lines.
 
 use super::mesh::Mesh;
-use super::stream::{Stream, real, words};
+use super::stream::{Stream, raw_words, real, text, words};
 use anyhow::{Result, bail, ensure};
 use std::collections::HashSet;
 
@@ -40,12 +40,14 @@ pub(super) fn read(mut stream: Stream, mesh: &mut Mesh<'_>) -> Result<()> {
             Some("f") => {
                 corners.clear();
                 let mut is_valid = true;
-                for word in words {
-                    let number = word.split('/').next().unwrap_or_default().parse::<i64>();
+                for word in raw_words(&line).skip(1) {
+                    // What is behind the slash is of no concern here, text or not.
+                    let digits = text(word.split(|byte| *byte == b'/').next().unwrap_or_default());
+                    let number = digits.parse::<i64>();
                     let vertex = match number {
                         Ok(number) if number < 0 => vertices.saturating_add(number),
                         Ok(number) => number - 1,
-                        Err(_) => bail!(stream.wrong(format!("no vertex: '{}'", word.escape_default()))),
+                        Err(_) => bail!(stream.wrong(format!("no vertex: '{}'", word.escape_ascii()))),
                     };
                     let is_known = (0..vertices).contains(&vertex) && !invalid.contains(&(vertex as u32));
                     is_valid &= is_known || !mesh.drops;

@@ -220,11 +220,19 @@ pub(super) fn extension(path: &Path) -> Option<String> {
     name.rsplit_once('.').map(|(_, extension)| extension.to_owned())
 }
 
+/// The words of a line, which need not be text.
+pub(super) fn raw_words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    line.split(|byte| is_blank(*byte)).filter(|word| !word.is_empty())
+}
+
 /// The words of a line.
 pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &str> {
-    let words = line.split(|byte| is_blank(*byte)).filter(|word| !word.is_empty());
-    // What is no text is no number and no keyword either.
-    words.map(|word| std::str::from_utf8(word).unwrap_or("\u{fffd}"))
+    raw_words(line).map(text)
+}
+
+/// What is no text is no number and no keyword either.
+pub(super) fn text(word: &[u8]) -> &str {
+    std::str::from_utf8(word).unwrap_or("\u{fffd}")
 }
 
 /// A number, also as C libraries print those that are none.

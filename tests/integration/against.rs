@@ -168,3 +168,17 @@ fn damage_in_normals_that_are_left_out_is_passed_over() {
     folder.stdout("build in.ply -q --no-normals");
     folder.stdout("verify in.chpm --against in.ply -q");
 }
+
+/// Of a corner in an OBJ only the number of its vertex matters here, whatever bytes follow it.
+#[test]
+fn what_is_behind_the_slash_of_a_corner_is_passed_over() {
+    let folder = Folder::new();
+    let (points, triangles) = far(10);
+    let text = obj(&points, &triangles);
+    let mut bytes = text.replacen("f 1 ", "f 1/@ ", 1).into_bytes();
+    let at = bytes.iter().position(|byte| *byte == b'@').expect("a corner with a slash");
+    bytes[at] = 0x80;
+    folder.write("odd.obj", bytes);
+    folder.stdout("build odd.obj --no-normals -q");
+    folder.stdout("verify odd.chpm --against odd.obj -q");
+}

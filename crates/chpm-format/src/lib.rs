@@ -4,6 +4,15 @@
 //! generic over bytes that are already in memory (a map, a vector), the writer over anything that takes bytes
 //! forward. Nothing of a file is trusted before it was checked, and damage is answered by a [`FormatError`] that names it.
 //!
+//! 1. A file is a [`Header`], a table of [sections](SectionEntry), the tables, and a page for each cluster. [`Chpm::open`] checks all but the pages, in
+//!    time proportional to the tables; [`Chpm::page`] checks one page when it is asked for.
+//! 2. A [`ClusterRecord`] says where a cluster's page is, what it holds and where it is in space. A [`Page`] is a progressive mesh: vertices that stay first, then those
+//!    that collapse, in such an order that a mesh of n vertices has the first n; each later one goes to its target. Errors grow as n falls.
+//! 3. A [`GroupRecord`] names the coarse clusters that are replaced together and the fine ones that replace them. The groups are an acyclic graph.
+//! 4. Selecting a mesh by these is `chpm-refine`'s; the rule itself is in `FORMAT.md`, some twenty lines.
+//! 5. A writer hands over [`Tables`] with the lengths of all pages, and then the pages in order ([`ChpmWriter`]); [`verify()`] checks every invariant that a file
+//!    alone can show.
+//!
 //! ```
 //! use chpm_format::{Chpm, ChpmWriter, ClusterRecord, GroupRecord, LevelRecord, PageParts, Tables, verify};
 //! use chpm_mesh::{ClusterId, GroupId, Level};

@@ -7,10 +7,28 @@
 //! nothing, an [`ActiveList`] the same cut from the last frame's, [`select_triangles`] the best cut within so many triangles. [`Residency`]
 //! tells which pages to read and to drop when they do not all fit into memory; a [`CameraPath`] is a view for every frame.
 //!
-//! Why a cut has no cracks: the split groups are closed upward (no group is split before all its clusters are there), all clusters of a group
-//! are positioned by one bound, and where a group is there in part, its clusters are at their base meshes, which
-//! is what the coarser clusters beside them look like. So nothing else has to be forced, whatever the bounds are; errors that
-//! grow and spheres that nest towards the root see to it that nothing that a view asks for is refused.
+//! # The rule of selection
+//!
+//! 1. A *bound* is the error in object units that is allowed in a group's sphere: one number for all, or what a camera allows at the
+//!    sphere's nearest point. It never grows from a group to those of its fine clusters, since spheres nest.
+//! 2. The cut begins with the roots. A group whose coarse clusters are all in the cut is split, all of them replaced by its fine clusters,
+//!    while its bound is below its `min_error`.
+//! 3. A cluster of the cut is drawn at the first position whose error is at most the bound of its group; where the group is there in part
+//!    only, since another group has taken some of its clusters' places, at its base mesh.
+//!
+//! # Why no cut has a crack
+//!
+//! 1. No vertex moves (I8): a vertex that two clusters share is at one place in both, or it is gone in one of them.
+//! 2. A shared vertex collapses in one group only (I7). In all clusters of that group that have it, it goes to the same place and at the
+//!    same error; clusters outside the group do not have it at that level or above.
+//! 3. All clusters of a group have one bound. So by 2 a shared vertex is there in all of the group's clusters, or gone in all of them.
+//! 4. Between clusters of two groups of one level the seam is the same in both, whatever their positions: by 2 neither group may collapse its vertices.
+//! 5. A group's finest meshes together are its fine clusters' base meshes (I4). So a cluster beside a group that is not split meets the same
+//!    seam as before the split, as long as it is at its base mesh; and that is where rule 3 keeps it.
+//! 6. By 3, 4 and 5, in every cut each seam is the same edges on both sides. That holds whatever the bounds are; nested spheres and errors
+//!    that grow (I6) only see to it that no split that a view asks for has to wait for another that it does not.
+//!
+//! The numbers I1 to I12 are those of the format. `chpm verify` checks them, and with `--cuts` the conclusion.
 #![forbid(unsafe_code)]
 
 pub mod active;
