@@ -51,7 +51,7 @@ pub(super) fn read(mut stream: Stream, mesh: &mut Mesh<'_>) -> Result<()> {
                     };
                     let is_known = (0..vertices).contains(&vertex) && !invalid.contains(&(vertex as u32));
                     is_valid &= is_known || !mesh.drops;
-                    let told = || format!("a corner is vertex {}", word.escape_default());
+                    let told = || format!("a corner is vertex {}", word.escape_ascii());
                     match u32::try_from(vertex) {
                         Ok(vertex) => corners.push(vertex),
                         Err(_) => ensure!(mesh.drops, stream.wrong(told())),
