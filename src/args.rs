@@ -159,7 +159,7 @@ impl TopologyArg {
 /// [`Layout`].
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum OrderArg {
-    /// Triangles of a cluster for the vertex caches of graphics processors, clusters for caches of any size
+    /// Triangles of a cluster for the vertex caches of graphics processors, clusters as they are read: those of a split side by side, the largest errors first
     VertexCache,
     /// All of it for caches of any size
     CacheOblivious,

@@ -44,6 +44,10 @@ fn every_way_is_a_path_that_can_be_walked() {
         assert!(columns["withheld"].iter().all(|n| *n == 0.0), "everything is there");
         assert!(columns["splits"][0] > 0.0 && columns["pm_steps"][0] > 0.0);
         assert!(columns["clusters"][0] > columns["splits"][0], "a split brings more than it takes");
+        let (runs, splits) = (&columns["requested_runs"], &columns["splits"]);
+        let sum = |numbers: &[f64]| numbers.iter().sum::<f64>();
+        assert!(runs.iter().zip(splits).all(|(runs, splits)| *runs <= splits + 1.0), "a split is one read");
+        assert!(sum(runs) > 0.0 && sum(runs) < 0.7 * sum(splits), "runs of several splits are one");
     }
     let dive = columns(&folder, "dive.csv");
     assert!(dive["triangles"][19] > dive["triangles"][0]);
