@@ -6,4 +6,6 @@ cd "$(dirname "$0")/.."
 cargo fmt --all --check
 cargo clippy --workspace --all-targets --locked -- -D warnings
 cargo test --workspace --locked
+# The same pictures where there is nothing but OpenGL.
+WGPU_BACKEND=gl cargo test --workspace --locked --test pictures
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked

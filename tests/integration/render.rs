@@ -1,6 +1,6 @@
 //! Pictures, and camera paths in pictures.
 
-use super::harness::Folder;
+use super::harness::{Folder, text};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
@@ -137,6 +137,48 @@ fn what_cannot_be_drawn_is_told_and_leaves_nothing() {
         assert!(error.contains(told), "{words}: {error}");
     }
     assert_eq!(folder.names(), ["bad.chpm", "in.chpm", "in.ply", "short.chpm"]);
+}
+
+/// With environment variables set: what is told, by lines of both streams, and the exit code.
+fn render_in(folder: &Folder, words: &str, environment: &[(&str, &str)]) -> (Option<i32>, String) {
+    let mut command = folder.command(&format!("render in.chpm -f {words}"));
+    let out = command.envs(environment.iter().copied()).output().expect("an end");
+    (out.status.code(), text(&out.stdout) + &text(&out.stderr))
+}
+
+#[test]
+fn every_interface_draws_the_same() {
+    let folder = built();
+    let camera = "--camera 0.3,0.2,1.4,0,0,0 --viewport 200x150 --poe 0.2 --adapter software";
+    for (interface, name) in [("vulkan", ", vulkan,"), ("gl", ", gl,")] {
+        for (culling, file) in [("", "culled"), ("--no-occlusion", "all")] {
+            let words = format!("{camera} --ids {culling} -o {file}.png");
+            let (code, told) = render_in(&folder, &words, &[("WGPU_BACKEND", interface)]);
+            assert!(code == Some(0) && told.contains(name), "{interface} {culling}: {told}");
+        }
+        assert_eq!(folder.read("culled.png"), folder.read("all.png"), "{interface}");
+        std::fs::rename(folder.path("all.png"), folder.path(&format!("{interface}.png"))).expect("renamed");
+    }
+    let (vulkan, gl) = (picture(&folder, "vulkan.png").2, picture(&folder, "gl.png").2);
+    let differ = vulkan.iter().zip(&gl).filter(|(a, b)| a != b).count();
+    // Only where an edge falls on the middle of a pixel.
+    assert!(differ * 200 < vulkan.len(), "{differ} of {}", vulkan.len());
+}
+
+#[test]
+fn no_adapter_is_told_with_a_remedy() {
+    let folder = built();
+    for environment in [
+        &[("WGPU_BACKEND", "nothing")][..],
+        &[("WGPU_BACKEND", "")],
+        &[("WGPU_BACKEND", "metal")],
+        &[("WGPU_BACKEND", "vulkan"), ("VK_ICD_FILENAMES", "/dev/null"), ("VK_DRIVER_FILES", "/dev/null")],
+    ] {
+        let (code, told) = render_in(&folder, "-o none.png", environment);
+        assert!(code == Some(2) && told.contains("WGPU_BACKEND"), "{environment:?}: {told}");
+        assert!(told.contains("mesa-vulkan-drivers") && !told.contains("panicked"), "{told}");
+    }
+    assert_eq!(folder.names(), ["in.chpm", "in.ply"]);
 }
 
 /// Columns by name, for each of the two runs.

@@ -63,7 +63,7 @@ pub enum ViewerError {
     View(#[from] RefineError),
     /// There is no adapter to draw with.
     #[error(
-        "graphics: no adapter found ({wanted} wanted): {reason}; install a driver, or a software adapter such as mesa-vulkan-drivers"
+        "graphics: no adapter found ({wanted} wanted): {reason}; install a driver, or a software adapter such as mesa-vulkan-drivers; WGPU_BACKEND=vulkan or gl asks for one interface"
     )]
     NoAdapter {
         /// What was looked for.
@@ -72,7 +72,9 @@ pub enum ViewerError {
         reason: String,
     },
     /// The adapter cannot do what every picture needs.
-    #[error("graphics: {adapter}: {what} expected; choose another adapter")]
+    #[error(
+        "graphics: {adapter} lacks {what}; choose another adapter, or another interface with WGPU_BACKEND=vulkan or gl"
+    )]
     Unable {
         /// The adapter.
         adapter: String,
@@ -80,8 +82,12 @@ pub enum ViewerError {
         what: String,
     },
     /// The device was lost or refused something.
-    #[error("graphics: {what}: {reason}")]
+    #[error(
+        "graphics: {adapter}: {what}: {reason}; try again, another adapter, another interface with WGPU_BACKEND=vulkan or gl, or a newer driver"
+    )]
     Device {
+        /// The adapter.
+        adapter: String,
         /// During what.
         what: &'static str,
         /// What the driver says.

@@ -7,9 +7,9 @@
 mod paint;
 
 use crate::error::ViewerError;
-use crate::gpu::buffers::{self, Canvas};
+use crate::gpu::buffers::Canvas;
 use crate::gpu::{
-    Answers, Arena, DrawBuffers, DrawList, Gpu, Kind, Lens, Occlusion, Pipelines, TestBox, passes,
+    Answers, Arena, DrawBuffers, DrawList, Gpu, Kind, Lens, Occlusion, Pipelines, Probe, TestBox, passes,
 };
 use crate::request::{Accuracy, Budgets, FrameRequest, Target};
 use crate::scene::visibility::{Sight, Subject};
@@ -33,6 +33,7 @@ pub struct Viewer {
     pipelines: Pipelines,
     arena: Arena,
     occlusion: Occlusion,
+    probe: Probe,
     buffers: DrawBuffers,
     list: DrawList,
     depth: Option<Canvas>,
@@ -66,21 +67,24 @@ impl Viewer {
     /// Opens a file; reads its tables and no page.
     ///
     /// # Errors
-    /// [`ViewerError::Extmem`], [`ViewerError::File`], [`ViewerError::Budget`].
+    /// [`ViewerError::Extmem`], [`ViewerError::File`], [`ViewerError::Budget`], [`ViewerError::Device`].
     pub fn open(gpu: Arc<Gpu>, path: &Path, budgets: Budgets) -> Result<Viewer, ViewerError> {
         let file = Chpm::open(MappedFile::open(path)?)
             .map_err(|source| ViewerError::File { path: path.to_path_buf(), source })?;
         let file = Arc::new(file);
         let colors = file.header().attributes().colors;
         let largest = file.clusters().iter().map(|cluster| gpu_bytes(cluster, colors)).max().unwrap_or(0);
-        let pipelines = Pipelines::new(&gpu, colors);
+        let (pipelines, occlusion, probe) = gpu.attempt("preparing shaders", || {
+            (Pipelines::new(&gpu, colors), Occlusion::new(&gpu), Probe::new(&gpu))
+        })?;
         let clusters = file.clusters().len();
         let arena = Arena::new(&gpu, &pipelines, clusters, budgets.gpu_memory, largest);
         let scene = Scene::new(file, budgets, arena.capacity(largest))?;
         Ok(Viewer {
             scene,
             arena,
-            occlusion: Occlusion::new(&gpu),
+            occlusion,
+            probe,
             buffers: DrawBuffers::new(&gpu, &pipelines),
             pipelines,
             list: DrawList::new(Kind::Depth),
@@ -138,6 +142,7 @@ impl Viewer {
         } else {
             self.flow(request, target)?
         };
+        self.gpu.check("drawing")?;
         stats.times.total = start.elapsed();
         Ok(stats)
     }
@@ -193,7 +198,7 @@ impl Viewer {
         self.scene.look(&view, culling);
         stats.times.refine += watch.lap();
         let colors = self.colors(request, target);
-        self.pipelines.prepare(&self.gpu, colors.kind());
+        self.pipelines.prepare(&self.gpu, colors.kind())?;
         // Without numbered draws, what comes into sight is drawn once the answer is there.
         let at_once = self.gpu.features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
         let plan = if culling.occlusion && at_once { Plan::HiddenToo } else { Plan::Visible };
@@ -243,8 +248,7 @@ impl Viewer {
 
     /// Takes in the answers that have come.
     fn take_answers(&mut self, stats: &mut Stats) {
-        // What a lost device says, the next submission says again.
-        let _ = self.gpu.device.poll(wgpu::PollType::Poll);
+        self.gpu.poll(wgpu::PollType::Poll);
         while let Some((subjects, answers)) = self.asked.pop_front() {
             match self.occlusion.try_take(answers) {
                 Ok(visible) => {
@@ -367,7 +371,7 @@ impl Viewer {
         let from = request.select_from.unwrap_or(request.camera);
         let (lens, view) = self.look_through(&from, request.viewport, poe)?;
         let colors = Colors::depth();
-        self.pipelines.prepare(&self.gpu, colors.kind());
+        self.pipelines.prepare(&self.gpu, colors.kind())?;
         let mut stats = Stats { poe, ..Stats::default() };
         loop {
             stats.rounds += 1;
@@ -410,7 +414,7 @@ impl Viewer {
         self.buffers.draw(&self.gpu, &mut pass, &self.pipelines, &self.arena, &self.list, 0..shown);
         drop(pass);
         self.gpu.queue.submit([encoder.finish()]);
-        buffers::wait(&self.gpu)?;
+        self.gpu.wait()?;
         stats.times.draw += watch.lap();
         let (subjects, boxes) = self.questions(view, culling, false);
         stats.tested += boxes.len() as u64;
@@ -453,9 +457,7 @@ impl Viewer {
         if pixel[0] >= width || pixel[1] >= height {
             return Ok(None);
         }
-        let bytes = depth.read(&self.gpu)?;
-        let place = 4 * (pixel[1] as usize * width as usize + pixel[0] as usize);
-        let depth = f32::from_le_bytes(std::array::from_fn(|byte| bytes[place + byte]));
+        let depth = self.probe.depth(&self.gpu, depth, pixel)?;
         let origin = self.origin();
         let absolute = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] + origin[axis]);
         Ok(lens.point(pixel, depth).map(absolute))

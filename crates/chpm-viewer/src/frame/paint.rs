@@ -1,6 +1,6 @@
 //! From clusters to draws: what is sent to the GPU, what colour it has, and the final picture of a frame that waits.
 
-use super::{Canvas, Instant, Viewer, Watch, buffers, passes};
+use super::{Canvas, Instant, Viewer, Watch, passes};
 use crate::error::ViewerError;
 use crate::gpu::arena::Resident;
 use crate::gpu::{Kind, Mark};
@@ -248,7 +248,7 @@ impl Viewer {
         colors: Colors,
         stats: &mut Stats,
     ) -> Result<(), ViewerError> {
-        self.pipelines.prepare(&self.gpu, colors.kind);
+        self.pipelines.prepare(&self.gpu, colors.kind)?;
         // A frozen selection is shown with all that it leaves out.
         let all = request.select_from.is_some() && colors.look.colors == Coloring::Visibility;
         let plan = if all { Plan::Everything } else { Plan::VisibleById };
@@ -264,7 +264,7 @@ impl Viewer {
         drop(pass);
         self.gpu.queue.submit([encoder.finish()]);
         if request.wait {
-            buffers::wait(&self.gpu)?;
+            self.gpu.wait()?;
         }
         stats.times.draw += start.elapsed();
         stats.triangles = self.list.triangles();
@@ -279,7 +279,7 @@ impl Viewer {
         let format = TextureFormat::Rgba8Unorm;
         let canvas = match self.canvas.take() {
             Some(canvas) if canvas.size() == request.viewport => canvas,
-            _ => Canvas::new(&self.gpu, "image", request.viewport, format),
+            _ => self.canvas_of(request, "image", format)?,
         };
         let stats = self.frame(request, &Target { color: canvas.view(), format })?;
         let pixels = canvas.read(&self.gpu)?;
@@ -287,12 +287,22 @@ impl Viewer {
         Ok((Image { size: request.viewport, pixels }, stats))
     }
 
+    fn canvas_of(
+        &self,
+        request: &FrameRequest,
+        label: &str,
+        format: TextureFormat,
+    ) -> Result<Canvas, ViewerError> {
+        let make = || Canvas::new(&self.gpu, label, request.viewport, format);
+        self.gpu.attempt("making an image", make)
+    }
+
     pub(crate) fn ids(&mut self, request: &FrameRequest) -> Result<(IdImage, Stats), ViewerError> {
         let start = Instant::now();
         self.check_size(request.viewport)?;
         self.number_triangles()?;
         self.pipelines.one_sided = false;
-        let canvas = Canvas::new(&self.gpu, "ids", request.viewport, crate::gpu::pipelines::IDS);
+        let canvas = self.canvas_of(request, "ids", crate::gpu::pipelines::IDS)?;
         let mut stats = self.settle(request)?;
         self.paint(request, Some(canvas.view()), Colors::ids(), &mut stats)?;
         let bytes = canvas.read(&self.gpu)?;

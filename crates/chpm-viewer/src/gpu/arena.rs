@@ -5,6 +5,7 @@
 //! places are too scattered even then, all are given up, and what is drawn is written anew, without gaps.
 
 use super::block::{Block, Layout};
+use super::buffers;
 use super::context::Gpu;
 use super::pipelines::Pipelines;
 use crate::error::ViewerError;
@@ -15,6 +16,9 @@ use wgpu::BufferUsages;
 
 /// Largest slab. A smaller budget makes a smaller one.
 const SLAB: u64 = 64 << 20;
+
+/// What fails where there is less memory than the budget has.
+const TAKING: &str = "taking GPU memory (allow less of it)";
 
 /// A block that is on the GPU.
 #[derive(Clone, Debug)]
@@ -276,22 +280,9 @@ impl Arena {
 
 impl Slab {
     fn new(gpu: &Gpu, layout: &wgpu::BindGroupLayout, bytes: u64, unit: u64) -> Result<Self, ViewerError> {
-        let refused = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("clusters"),
-            size: bytes,
-            usage: BufferUsages::VERTEX
-                | BufferUsages::INDEX
-                | BufferUsages::STORAGE
-                | BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        if let Some(error) = pollster::block_on(refused.pop()) {
-            return Err(ViewerError::Device {
-                what: "taking GPU memory (allow less)",
-                reason: error.to_string(),
-            });
-        }
+        let usage =
+            BufferUsages::VERTEX | BufferUsages::INDEX | BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let buffer = gpu.attempt(TAKING, || buffers::buffer(gpu, "clusters", bytes, usage))?;
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("clusters"),
             layout,

@@ -136,28 +136,22 @@ impl Canvas {
 /// # Errors
 /// [`ViewerError::Device`].
 pub fn read(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, ViewerError> {
-    let failed = |reason: String| ViewerError::Device { what: "reading back", reason };
+    let failed = |reason: &str| gpu.failed("reading back", reason);
     let (sender, receiver) = std::sync::mpsc::channel();
     let slice = staging.slice(..bytes);
     slice.map_async(wgpu::MapMode::Read, move |result| {
         // Nobody listens any more only where reading failed already.
         let _ = sender.send(result);
     });
-    wait(gpu)?;
+    gpu.wait()?;
     // It is done, but who else waits for the same device may be the one that is about to say so.
-    receiver.recv().map_err(|error| failed(error.to_string()))?.map_err(|error| failed(error.to_string()))?;
-    let view = slice.get_mapped_range().map_err(|error| failed(error.to_string()))?;
+    receiver
+        .recv()
+        .map_err(|error| failed(&error.to_string()))?
+        .map_err(|error| failed(&error.to_string()))?;
+    let view = slice.get_mapped_range().map_err(|error| failed(&error.to_string()))?;
     let copy = view.to_vec();
     drop(view);
     staging.unmap();
     Ok(copy)
-}
-
-/// Waits for all that was submitted.
-///
-/// # Errors
-/// [`ViewerError::Device`].
-pub fn wait(gpu: &Gpu) -> Result<(), ViewerError> {
-    let polled = gpu.device.poll(wgpu::PollType::wait_indefinitely());
-    polled.map(|_| ()).map_err(|error| ViewerError::Device { what: "waiting", reason: error.to_string() })
 }

@@ -1,9 +1,10 @@
 //! An adapter and a device on it.
 
+use super::fault::{self, Fault};
 use crate::error::ViewerError;
 use std::fmt;
 use std::str::FromStr;
-use wgpu::{DownlevelFlags, Features, Limits};
+use wgpu::{DownlevelFlags, ErrorFilter, Features, Limits};
 
 /// Which adapter is to draw.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
@@ -50,6 +51,7 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// The optional features that it has and that are used.
     pub features: Features,
+    fault: Fault,
 }
 
 /// Used where they are there.
@@ -92,7 +94,7 @@ impl Gpu {
     }
 
     fn new(adapter: wgpu::Adapter) -> Result<Gpu, ViewerError> {
-        let unable = |what: &str| ViewerError::Unable { adapter: name(&adapter), what: what.to_owned() };
+        let unable = |what: &str| ViewerError::Unable { adapter: describe(&adapter), what: what.to_owned() };
         let can = adapter.get_downlevel_capabilities().flags;
         for (flag, what) in [
             (DownlevelFlags::COMPUTE_SHADERS, "compute shaders"),
@@ -122,20 +124,90 @@ impl Gpu {
             ..Default::default()
         });
         let (device, queue) = pollster::block_on(device)
-            .map_err(|error| ViewerError::Device { what: "opening the device", reason: error.to_string() })?;
-        Ok(Gpu { adapter, device, queue, features })
+            .map_err(|error| failed(&adapter, "opening the device", &error.to_string()))?;
+        let fault = Fault::of(&device);
+        Ok(Gpu { adapter, device, queue, features, fault })
     }
 
     /// Name, kind and interface of the adapter, for people.
     pub fn describe(&self) -> String {
-        let info = self.adapter.get_info();
-        let driver = [info.driver, info.driver_info].join(" ");
-        format!("{} ({:?}, {}, {})", info.name, info.device_type, info.backend, driver.trim())
+        describe(&self.adapter)
     }
+
+    /// Whether shaders have to write depth, since what the rasteriser makes of it is not exact.
+    pub fn writes_depth(&self) -> bool {
+        self.adapter.get_info().backend == wgpu::Backend::Gl
+    }
+
+    /// The module of a shader in several parts.
+    pub fn shader(&self, parts: &[&str]) -> wgpu::ShaderModule {
+        let source = wgpu::ShaderSource::Wgsl(parts.concat().into());
+        self.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
+    }
+
+    /// Does something, of which the device may say only afterwards that it cannot be done.
+    ///
+    /// # Errors
+    /// [`ViewerError::Device`] with what it says.
+    pub fn attempt<T>(&self, what: &'static str, work: impl FnOnce() -> T) -> Result<T, ViewerError> {
+        let all = [ErrorFilter::Internal, ErrorFilter::Validation, ErrorFilter::OutOfMemory];
+        let scopes = all.map(|filter| self.device.push_error_scope(filter));
+        let done = work();
+        // All have to end, the last one first.
+        let mut complaint = None;
+        for scope in scopes.into_iter().rev() {
+            complaint = pollster::block_on(scope.pop()).or(complaint);
+        }
+        match complaint {
+            Some(complaint) => Err(self.failed(what, &complaint.to_string())),
+            None => Ok(done),
+        }
+    }
+
+    /// Whether the device has refused nothing, and is there.
+    ///
+    /// # Errors
+    /// [`ViewerError::Device`] with the first that it complained of.
+    pub fn check(&self, what: &'static str) -> Result<(), ViewerError> {
+        self.fault.get().map_or(Ok(()), |complaint| Err(self.failed(what, complaint)))
+    }
+
+    /// Waits for all that was submitted.
+    ///
+    /// # Errors
+    /// [`ViewerError::Device`].
+    pub fn wait(&self) -> Result<(), ViewerError> {
+        self.poll(wgpu::PollType::wait_indefinitely());
+        self.check("waiting")
+    }
+
+    /// Takes in what has been done. A device that is lost says so at the next [`Gpu::check`].
+    pub fn poll(&self, how: wgpu::PollType) {
+        match fault::catch(|| self.device.poll(how)) {
+            Ok(Ok(_)) => {}
+            Ok(Err(error)) => self.fault.note(&error.to_string()),
+            Err(panic) => self.fault.note(&panic),
+        }
+    }
+
+    /// The error of something that failed.
+    pub fn failed(&self, what: &'static str, reason: &str) -> ViewerError {
+        failed(&self.adapter, what, reason)
+    }
+}
+
+fn failed(adapter: &wgpu::Adapter, what: &'static str, reason: &str) -> ViewerError {
+    ViewerError::Device { adapter: describe(adapter), what, reason: fault::one_line(reason) }
 }
 
 fn name(adapter: &wgpu::Adapter) -> String {
     adapter.get_info().name
+}
+
+fn describe(adapter: &wgpu::Adapter) -> String {
+    let info = adapter.get_info();
+    let driver = [info.driver, info.driver_info].join(" ");
+    format!("{} ({:?}, {}, {})", info.name, info.device_type, info.backend, driver.trim())
 }
 
 fn request(
@@ -147,10 +219,20 @@ fn request(
         compatible_surface: surface,
         ..Default::default()
     };
-    pollster::block_on(instance.request_adapter(&options)).map_err(|error| ViewerError::NoAdapter {
-        wanted: AdapterChoice::Best.to_string(),
-        reason: error.to_string(),
-    })
+    pollster::block_on(instance.request_adapter(&options)).map_err(|error| none(&error.to_string()))
+}
+
+/// No adapter, for what wgpu says of each interface.
+pub fn none(said: &str) -> ViewerError {
+    let said = said.strip_prefix("No suitable graphics adapter found; ").unwrap_or(said);
+    // Of those that nobody asked for, and of the one that draws nothing, there is nothing to say.
+    let is_idle = |part: &&str| part.ends_with("not requested") || part.starts_with("noop ");
+    let said: Vec<&str> = said.trim_end_matches(": {}").split(", ").filter(|part| !is_idle(part)).collect();
+    let asked = std::env::var("WGPU_BACKEND").map(|name| format!(" of WGPU_BACKEND={name}"));
+    ViewerError::NoAdapter {
+        wanted: AdapterChoice::Best.to_string() + &asked.unwrap_or_default(),
+        reason: if said.is_empty() { "no such interface".to_owned() } else { said.join(", ") },
+    }
 }
 
 fn choose(
@@ -177,4 +259,24 @@ fn choose(
             format!("there are only: {}", names.join(", "))
         },
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_was_asked_for_is_told() {
+        let told = |said: &str| match none(said) {
+            ViewerError::NoAdapter { reason, .. } => reason,
+            other => other.to_string(),
+        };
+        let all = "No suitable graphics adapter found; noop not explicitly enabled, vulkan found no adapters, gl not requested";
+        assert_eq!(told(all), "vulkan found no adapters");
+        assert_eq!(
+            told("No suitable graphics adapter found; noop not requested, gl not requested"),
+            "no such interface"
+        );
+        assert_eq!(told("no surface for any: {}"), "no surface for any");
+    }
 }

@@ -1,6 +1,5 @@
 //! A camera as shaders have it.
 
-use super::context::Gpu;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::Aabb;
 use chpm_refine::Camera;
@@ -8,14 +7,6 @@ use nalgebra::{Point3, Vector3};
 
 /// The uniform that all shaders share, and how they look through it.
 pub const WGSL: &str = include_str!("../shaders/lens.wgsl");
-
-/// The module of a shader that looks through a lens.
-pub fn shader(gpu: &Gpu, code: &str) -> wgpu::ShaderModule {
-    gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl([WGSL, code].concat().into()),
-    })
-}
 
 /// The uniform; see `lens.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

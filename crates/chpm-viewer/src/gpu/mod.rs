@@ -4,10 +4,12 @@ pub mod arena;
 pub mod block;
 pub mod buffers;
 pub mod context;
+pub mod fault;
 pub mod lens;
 pub mod occlusion;
 pub mod passes;
 pub mod pipelines;
+pub mod probe;
 
 pub use arena::Arena;
 pub use block::Block;
@@ -16,3 +18,4 @@ pub use lens::Lens;
 pub use occlusion::{Answers, Occlusion, TestBox};
 pub use passes::{DrawBuffers, DrawList, Mark};
 pub use pipelines::{Kind, Pipelines};
+pub use probe::Probe;

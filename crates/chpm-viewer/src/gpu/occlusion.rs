@@ -7,7 +7,7 @@
 use super::buffers::{Canvas, Growing, buffer, read};
 use super::context::Gpu;
 use super::lens;
-use super::pipelines::{DEPTH_TEXTURE, READ, UNIFORM, WRITE, group, layout};
+use super::pipelines::{DEPTH_TEXTURE, READ, UNIFORM, WRITE, compute, group, layout};
 use crate::error::ViewerError;
 use bytemuck::{Pod, Zeroable};
 use chpm_refine::Region;
@@ -92,26 +92,11 @@ pub struct Answers {
 impl Occlusion {
     /// For a device.
     pub fn new(gpu: &Gpu) -> Self {
-        let device = &gpu.device;
-        let shader = lens::shader(gpu, include_str!("../shaders/occlusion.wgsl"));
+        let shader = gpu.shader(&[lens::WGSL, include_str!("../shaders/occlusion.wgsl")]);
         let bindings = [UNIFORM, UNIFORM, DEPTH_TEXTURE, WRITE, READ, WRITE, WRITE];
         let main = layout(gpu, "occlusion", &bindings.map(|binding| (ShaderStages::COMPUTE, binding)));
         let step = layout(gpu, "level", &[(ShaderStages::COMPUTE, UNIFORM)]);
-        let pipelines = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("occlusion"),
-            bind_group_layouts: &[Some(&main), Some(&step)],
-            immediate_size: 0,
-        });
-        let pipeline = |entry_point| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry_point),
-                layout: Some(&pipelines),
-                module: &shader,
-                entry_point: Some(entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
-        };
+        let pipeline = |entry| compute(gpu, &[&main, &step], &shader, entry);
         let steps = (0..LEVELS as u32).map(|level| {
             let uniform = buffer(gpu, "level", 16, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
             gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&[level, 0, 0, 0]));

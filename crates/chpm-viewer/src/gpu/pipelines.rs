@@ -3,6 +3,7 @@
 use super::block::words_of_unit;
 use super::context::Gpu;
 use super::lens;
+use crate::error::ViewerError;
 use wgpu::{BindingType, BufferBindingType, CompareFunction, ShaderStages, TextureFormat, VertexFormat};
 
 /// Format of all depth.
@@ -70,7 +71,11 @@ impl Pipelines {
     /// None yet, for files with or without colours.
     pub fn new(gpu: &Gpu, colors: bool) -> Self {
         let device = &gpu.device;
-        let shader = lens::shader(gpu, include_str!("../shaders/clusters.wgsl"));
+        let kept = match gpu.writes_depth() {
+            true => include_str!("../shaders/depth_written.wgsl"),
+            false => include_str!("../shaders/depth_kept.wgsl"),
+        };
+        let shader = gpu.shader(&[lens::WGSL, kept, include_str!("../shaders/clusters.wgsl")]);
         let both = ShaderStages::VERTEX_FRAGMENT;
         let frame = layout(gpu, "frame", &[(both, UNIFORM), (ShaderStages::VERTEX, READ)]);
         let slab = layout(gpu, "clusters", &[(ShaderStages::VERTEX, READ)]);
@@ -88,18 +93,27 @@ impl Pipelines {
     }
 
     /// Makes a pipeline, if there is none yet.
-    pub fn prepare(&mut self, gpu: &Gpu, kind: Kind) {
-        if self.get(kind).is_some() {
-            return;
+    ///
+    /// # Errors
+    /// [`ViewerError::Device`] where the driver refuses it.
+    pub fn prepare(&mut self, gpu: &Gpu, kind: Kind) -> Result<(), ViewerError> {
+        if self.get(kind).is_none() {
+            let pipeline = gpu.attempt("making a pipeline that draws", || self.make(gpu, kind))?;
+            self.made.push((kind, self.one_sided, pipeline));
         }
+        Ok(())
+    }
+
+    fn make(&self, gpu: &Gpu, kind: Kind) -> wgpu::RenderPipeline {
         let (vertex, fragment) = match kind {
-            Kind::Depth => ("depth_only", None),
+            Kind::Depth => ("depth_only", gpu.writes_depth().then_some("deep")),
             Kind::Bare(_) => ("bare", Some("bared")),
             Kind::Colored(_) => ("indexed", Some("colored")),
             Kind::Wired(_) => ("pulled", Some("wired")),
             Kind::Identified => ("pulled", Some("identified")),
         };
-        let targets = [kind.format().map(wgpu::ColorTargetState::from)];
+        let target = [kind.format().map(wgpu::ColorTargetState::from)];
+        let targets = if kind == Kind::Depth { &[][..] } else { &target };
         // Decided here, since a processor that draws would decide for each pixel, and do both.
         let constants = [
             ("unit", f64::from(words_of_unit(self.colors))),
@@ -119,7 +133,7 @@ impl Pipelines {
             step_mode: wgpu::VertexStepMode::Vertex,
             attributes: &attributes,
         })];
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("clusters"),
             layout: Some(&self.layout),
             vertex: wgpu::VertexState {
@@ -144,12 +158,11 @@ impl Pipelines {
                 module: &self.shader,
                 entry_point: Some(entry_point),
                 compilation_options: options(),
-                targets: &targets,
+                targets,
             }),
             multiview_mask: None,
             cache: None,
-        });
-        self.made.push((kind, self.one_sided, pipeline));
+        })
     }
 
     /// A pipeline that was prepared.
@@ -176,10 +189,34 @@ pub const WRITE: BindingType = BindingType::Buffer {
 };
 /// Depth that is read.
 pub const DEPTH_TEXTURE: BindingType = BindingType::Texture {
-    sample_type: wgpu::TextureSampleType::Depth,
+    // What a depth texture may be bound as, and what every interface can read texel by texel.
+    sample_type: wgpu::TextureSampleType::Float { filterable: false },
     view_dimension: wgpu::TextureViewDimension::D2,
     multisampled: false,
 };
+
+/// A pipeline that computes; `entry` names the function and the pipeline.
+pub fn compute(
+    gpu: &Gpu,
+    groups: &[&wgpu::BindGroupLayout],
+    shader: &wgpu::ShaderModule,
+    entry: &str,
+) -> wgpu::ComputePipeline {
+    let groups: Vec<_> = groups.iter().map(|group| Some(*group)).collect();
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(entry),
+        bind_group_layouts: &groups,
+        immediate_size: 0,
+    });
+    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(entry),
+        layout: Some(&layout),
+        module: shader,
+        entry_point: Some(entry),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}
 
 /// A layout of bindings 0, 1, 2 and so on.
 pub fn layout(gpu: &Gpu, label: &str, bindings: &[(ShaderStages, BindingType)]) -> wgpu::BindGroupLayout {

@@ -1,4 +1,5 @@
-// Clusters, each at a position of its progressive mesh, from blocks of vertices and corners (gpu/block.rs).
+// Clusters, each at a position of its progressive mesh, from blocks of vertices and corners (gpu/block.rs). What a pixel keeps is in
+// depth_kept.wgsl or depth_written.wgsl.
 
 // Words of a vertex: with its colour, or without.
 override unit: u32 = 4u;
@@ -120,7 +121,7 @@ fn shade(at: vec3<f32>, smooth_normal: vec3<f32>, color: vec3<f32>) -> vec3<f32>
     return color * light(normal, at);
 }
 
-fn shown(color: vec3<f32>) -> vec4<f32> {
+fn encoded(color: vec3<f32>) -> vec4<f32> {
     let c = clamp(color, vec3(0.0), vec3(1.0));
     if to_linear {
         return vec4(select(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, c <= vec3(0.04045)), 1.0);
@@ -129,18 +130,18 @@ fn shown(color: vec3<f32>) -> vec4<f32> {
 }
 
 @fragment
-fn bared(seen: Bare) -> @location(0) vec4<f32> {
+fn bared(seen: Bare) -> Shown {
     let color = select(PLAIN, unpack4x8unorm(seen.tint).rgb, frame.look.y == 2u);
-    return shown(shade(seen.at, vec3(0.0), color));
+    return shown(encoded(shade(seen.at, vec3(0.0), color)), seen.position);
 }
 
 @fragment
-fn colored(seen: Seen) -> @location(0) vec4<f32> {
-    return shown(shade(seen.at, seen.normal, seen.color));
+fn colored(seen: Seen) -> Shown {
+    return shown(encoded(shade(seen.at, seen.normal, seen.color)), seen.position);
 }
 
 @fragment
-fn wired(seen: Apart) -> @location(0) vec4<f32> {
+fn wired(seen: Apart) -> Shown {
     var color = seen.color;
     if frame.look.y == 3u {
         var hash = seen.key * 2654435761u;
@@ -151,10 +152,11 @@ fn wired(seen: Apart) -> @location(0) vec4<f32> {
     let lit = shade(seen.at, seen.normal, color);
     let distance = seen.corner / max(fwidth(seen.corner), vec3(1e-20));
     let edge = 1.0 - smoothstep(0.4, 1.2, min(distance.x, min(distance.y, distance.z)));
-    return shown(mix(lit, vec3(0.03, 0.04, 0.06), select(0.0, 0.85 * edge, frame.look.z == 1u)));
+    let color_and_edge = mix(lit, vec3(0.03, 0.04, 0.06), select(0.0, 0.85 * edge, frame.look.z == 1u));
+    return shown(encoded(color_and_edge), seen.position);
 }
 
 @fragment
-fn identified(seen: Apart) -> @location(0) u32 {
-    return seen.key;
+fn identified(seen: Apart) -> Named {
+    return named(seen.key, seen.position);
 }

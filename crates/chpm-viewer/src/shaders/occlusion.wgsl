@@ -24,7 +24,8 @@ struct Step {
 }
 
 @group(0) @binding(1) var<uniform> params: Params;
-@group(0) @binding(2) var depth: texture_depth_2d;
+// Not texture_depth_2d: OpenGL could then only compare with it.
+@group(0) @binding(2) var depth: texture_2d<f32>;
 @group(0) @binding(3) var<storage, read_write> pyramid: array<f32>;
 @group(0) @binding(4) var<storage, read> boxes: array<Box>;
 @group(0) @binding(5) var<storage, read_write> flags: array<u32>;
@@ -35,7 +36,7 @@ const NONE = 0xffffffffu;
 
 fn texel(level: u32, x: u32, y: u32) -> f32 {
     if level == 0u {
-        return textureLoad(depth, vec2(x, y), 0);
+        return textureLoad(depth, vec2(x, y), 0).x;
     }
     let at = params.level[level];
     return pyramid[at.z + y * at.x + x];

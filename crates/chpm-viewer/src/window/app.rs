@@ -149,7 +149,9 @@ impl App {
     }
 
     fn fail(&mut self, error: ViewerError, events: &ActiveEventLoop) {
-        if self.is_scripted() || self.canvas.is_none() {
+        // Without its device, a window cannot even show a note.
+        let is_lost = matches!(error, ViewerError::Device { .. });
+        if self.is_scripted() || self.canvas.is_none() || is_lost {
             self.fault = Some(error);
             events.exit();
         } else {

@@ -1,7 +1,7 @@
 //! The window's surface, and the panel painted over the model.
 
 use crate::error::ViewerError;
-use crate::gpu::{AdapterChoice, Gpu};
+use crate::gpu::{AdapterChoice, Gpu, context};
 use crate::request::Target;
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 use std::sync::Arc;
@@ -31,7 +31,9 @@ impl Canvas {
     ) -> Result<Self, ViewerError> {
         let instance = Gpu::instance(Some(display));
         let refused = |error: &dyn std::fmt::Display| ViewerError::Window(format!("no surface: {error}"));
-        let surface = instance.create_surface(Arc::clone(&window)).map_err(|error| refused(&error))?;
+        // Where no interface has a driver, not even a surface can be made.
+        let surface = instance.create_surface(Arc::clone(&window));
+        let surface = surface.map_err(|error| context::none(&error.to_string()))?;
         let gpu = Gpu::for_surface(&instance, &surface, adapter)?;
         let size = window.inner_size();
         let mut config = surface
@@ -42,8 +44,10 @@ impl Canvas {
         let plain = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];
         config.format = plain.into_iter().find(|f| formats.contains(f)).unwrap_or(config.format);
         config.present_mode = wgpu::PresentMode::AutoVsync;
-        surface.configure(&gpu.device, &config);
-        let painter = Renderer::new(&gpu.device, config.format, RendererOptions::default());
+        let painter = gpu.attempt("preparing a window", || {
+            surface.configure(&gpu.device, &config);
+            Renderer::new(&gpu.device, config.format, RendererOptions::default())
+        })?;
         let longest = gpu.device.limits().max_texture_dimension_2d as usize;
         let context = egui::Context::default();
         crate::window::style::apply(&context);
@@ -123,6 +127,7 @@ impl Canvas {
             }
         };
         gone.iter().for_each(|id| self.painter.free_texture(id));
+        self.gpu.check("showing a frame")?;
         Ok(done)
     }
 

@@ -9,6 +9,8 @@ mod screen;
 mod culling;
 /// How far a picture is from that of the full model.
 mod deviation;
+/// What a device refuses is an error.
+mod faults;
 /// Pages come whole, checked, and within their budget, or with an error that says what is wrong.
 mod fetch;
 /// Pictures as they were.
