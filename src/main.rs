@@ -22,6 +22,7 @@ mod points;
 mod progress;
 mod report;
 mod stop;
+mod svg;
 mod view;
 
 use args::Cli;

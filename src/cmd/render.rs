@@ -68,6 +68,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let png = output::RENDER.create(&args.output, args.force, &[&args.file])?;
     let mut out = output::messages([&png], args.json, false)?;
+
+    // What is drawn, from where, and how fine.
     let mut viewer = args.device.open(&args.file, args.memory)?;
     let camera = args.camera.unwrap_or_else(|| viewer.framing());
     let model = viewer.file().header().source_triangle_count;
@@ -79,15 +81,19 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         wait: true,
         ..FrameRequest::new(camera, args.viewport.0)
     };
+
     let (image, stats) = if args.ids {
         let (ids, stats) = headless::ids(&mut viewer, &request)?;
         (item_buffer(&ids, viewer.file()), stats)
     } else {
         headless::image(&mut viewer, &request)?
     };
+
+    // After the picture is published, nothing may fail but telling of it.
     let shortfall = shortfall(args, model, wanted, &stats, &image);
     stop::check(&cancel)?;
     picture::write_png(&image, png)?;
+
     let adapter = viewer.gpu().describe();
     if args.json {
         let image = json!({ "width": image.size[0], "height": image.size[1] });
@@ -109,6 +115,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 /// What was asked for and is not in the picture.
 fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image: &Image) -> Option<String> {
     let name = args.file.display();
+
+    // Nothing but background.
     let behind = if args.ids { [0.0; 3] } else { args.look.look().background };
     // A colour may be rounded on its way through the GPU.
     let is_behind =
@@ -116,6 +124,8 @@ fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image:
     if stats.triangles == 0 || image.pixels.chunks_exact(4).all(is_behind) {
         return Some(format!("the picture is empty: nothing of '{name}' is in view of the camera"));
     }
+
+    // A number of triangles that the model does not have; else an error that it cannot keep.
     if let Some(asked) = wanted.filter(|asked| *asked > model) {
         let (model, asked) = (Counted(model, "triangle"), count(asked));
         return Some(format!("the finest mesh of '{name}' has {model}, fewer than {asked}"));
@@ -150,12 +160,14 @@ fn print(args: &Args, stats: &Stats, adapter: &str, out: &mut impl Write) -> Res
 
 /// A colour for every triangle: its number in the file, scattered so that neighbours differ.
 fn item_buffer<D: AsRef<[u8]>>(ids: &IdImage, file: &Chpm<D>) -> Image {
+    // Triangles are numbered through, cluster after cluster.
     let mut before = 0_u64;
     let mut first = |count: u32| {
         before += u64::from(count);
         before - u64::from(count)
     };
     let firsts: Vec<u64> = file.clusters().iter().map(|cluster| first(cluster.triangle_count)).collect();
+
     let pixel = |id: &Option<TriangleId>| {
         let number = |id: &TriangleId| firsts[id.cluster.index()] + u64::from(id.triangle) + 1;
         let [red, green, blue] = scattered(id.as_ref().map_or(0, number));

@@ -61,16 +61,20 @@ pub(crate) struct Args {
 
 /// Builds if need be, and shows.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    // What would fail at the end fails now.
     if let Some(path) = &args.screenshot {
         output::SCREENSHOT.check(path)?;
         chpm_extmem::target(path, args.force)?;
     }
     let path = args.path.as_deref().map(read_path).transpose()?;
+
+    // A mesh is built first; a share of triangles is one of the file's.
     let model = match &args.model {
         Some(model) if inputs::is_mesh(model) => Some(prepared(model, args, stop)?),
         model => model.clone(),
     };
     let triangles = args.triangles.map(|wanted| accuracy(wanted, model.as_deref())).transpose()?;
+
     let cancel = stop.heed();
     let options = Options {
         model,
@@ -89,6 +93,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         },
     };
     let outcome = window::run(options)?;
+
+    // A signal closes the window, too, and is no success.
     ensure!(!cancel.is_cancelled(), "the window was closed on request");
     if let Some(why) = &outcome.forgot {
         line(&format!("note: {why}"));

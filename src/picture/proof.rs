@@ -14,6 +14,12 @@ use chpm_viewer::{Accuracy, FrameRequest, IdImage, Viewer, headless};
 use serde_json::json;
 use std::io::Write;
 
+/// The two that are compared: each goes along the whole path, so that what is known of visibility is as old as it would be in a window.
+struct Pair {
+    culled: Viewer,
+    complete: Viewer,
+}
+
 /// What was compared, and what was left out meanwhile.
 #[derive(Default)]
 struct Proof {
@@ -33,14 +39,16 @@ pub(crate) fn run(
     out: &mut impl Write,
 ) -> Result<Verdict> {
     let memory = walk.memory.unwrap_or(Bytes::mib(1024));
-    let (mut culled, mut complete) = (device.open(walk.file, memory)?, device.open(walk.file, memory)?);
-    let adapter = culled.gpu().describe();
+    let open = || device.open(walk.file, memory);
+    let mut pair = Pair { culled: open()?, complete: open()? };
+    let adapter = pair.culled.gpu().describe();
+
     let meter = Meter::new(walk.quiet);
     meter.start("walk", walk.path.cameras.len() as u64);
     let mut proof = Proof::default();
     for (index, camera) in walk.path.cameras.iter().enumerate() {
         stop::check(cancel)?;
-        let compared = frame(walk, camera, &mut culled, &mut complete, &mut proof);
+        let compared = frame(walk, camera, &mut pair, &mut proof);
         let different = compared.with_context(|| format!("frame {index}"))?;
         if different > 0 {
             proof.first.get_or_insert(index);
@@ -49,25 +57,20 @@ pub(crate) fn run(
         meter.add(1);
     }
     meter.finish();
+
     report(walk, &proof, &adapter, out)?;
     Ok(if proof.different == 0 { Verdict::Good } else { Verdict::Faulty })
 }
 
 /// The pixels of one frame that differ.
-fn frame(
-    walk: &Walk<'_>,
-    camera: &Camera,
-    culled: &mut Viewer,
-    complete: &mut Viewer,
-    proof: &mut Proof,
-) -> Result<u64> {
+fn frame(walk: &Walk<'_>, camera: &Camera, pair: &mut Pair, proof: &mut Proof) -> Result<u64> {
     let request = FrameRequest {
         accuracy: Accuracy::PoE(walk.poe),
         wait: true,
         ..FrameRequest::new(*camera, walk.viewport)
     };
-    let (got, stats) = headless::ids(culled, &request)?;
-    let (expected, _) = headless::ids(complete, &request.without_culling())?;
+    let (got, stats) = headless::ids(&mut pair.culled, &request)?;
+    let (expected, _) = headless::ids(&mut pair.complete, &request.without_culling())?;
     proof.pixels += got.pixels.len() as u64;
     proof.hidden += stats.occluded;
     proof.outside += stats.frustum_culled;

@@ -156,6 +156,7 @@ impl Run {
 
 /// Draws and reports.
 pub(crate) fn run(walk: &Walk<'_>, args: &RenderArgs, cancel: &Cancel) -> Result<()> {
+    // All outputs can be written, or nothing is drawn.
     let inputs = [walk.file, walk.path_file];
     let csv = walk.csv.map(|path| output::WALK_CSV.create(path, walk.force, &inputs)).transpose()?;
     let plot = args.plot.as_deref().map(|path| output::WALK_PLOT.create(path, walk.force, &inputs));
@@ -167,6 +168,8 @@ pub(crate) fn run(walk: &Walk<'_>, args: &RenderArgs, cancel: &Cancel) -> Result
             chpm_extmem::target(&image_path(folder, frame), walk.force)?;
         }
     }
+
+    // Each way with a viewer of its own, so that neither finds what the other has read.
     let meter = Meter::new(walk.quiet);
     meter.start("walk", 2 * walk.path.cameras.len() as u64);
     let mut adapter = String::new();
@@ -174,10 +177,12 @@ pub(crate) fn run(walk: &Walk<'_>, args: &RenderArgs, cancel: &Cancel) -> Result
     for culling in [true, false] {
         let mut viewer = args.device.open(walk.file, walk.memory.unwrap_or(Bytes::mib(1024)))?;
         adapter = viewer.gpu().describe();
-        let frames = draw(walk, args, &mut viewer, culling, &meter, cancel)?;
+        let watch = Watch { meter: &meter, cancel };
+        let frames = draw(walk, args, &mut viewer, culling, &watch)?;
         runs.push(Run { culling, frames });
     }
     meter.finish();
+
     if let Some(csv) = csv {
         write_csv(&runs, csv)?;
     }
@@ -196,13 +201,18 @@ pub(crate) fn run(walk: &Walk<'_>, args: &RenderArgs, cancel: &Cancel) -> Result
     Ok(out.flush()?)
 }
 
+/// Who hears of each frame, and may end the walk.
+struct Watch<'a> {
+    meter: &'a Meter,
+    cancel: &'a Cancel,
+}
+
 fn draw(
     walk: &Walk<'_>,
     args: &RenderArgs,
     viewer: &mut Viewer,
     culling: bool,
-    meter: &Meter,
-    cancel: &Cancel,
+    watch: &Watch<'_>,
 ) -> Result<Vec<Frame>> {
     let request = |camera| FrameRequest {
         accuracy: Accuracy::PoE(walk.poe),
@@ -211,13 +221,16 @@ fn draw(
         wait: args.wait,
         ..FrameRequest::new(camera, walk.viewport)
     };
+
     // What the first frame needs is there before it: the walk is about what changes.
     if let Some(first) = walk.path.cameras.first() {
         headless::image(viewer, &FrameRequest { wait: true, ..request(*first) }).context("frame 0")?;
     }
+
     let mut frames = Vec::with_capacity(walk.path.cameras.len());
     for (index, camera) in walk.path.cameras.iter().enumerate() {
-        stop::check(cancel)?;
+        stop::check(watch.cancel)?;
+        // The clock stops before anything is written.
         let start = Instant::now();
         let drawn = headless::image(viewer, &request(*camera));
         let time = start.elapsed();
@@ -226,7 +239,7 @@ fn draw(
         if let Some(folder) = args.images.as_deref().filter(|_| culling) {
             write_image(&image, folder, index, walk.force)?;
         }
-        meter.add(1);
+        watch.meter.add(1);
     }
     Ok(frames)
 }
@@ -260,6 +273,7 @@ fn write_csv(runs: &[Run], file: Output) -> Result<()> {
 fn print(runs: &[Run], adapter: &str, out: &mut impl Write) -> Result<()> {
     let frames = runs.first().map_or(0, |run| run.frames.len());
     writeln!(out, "{} on {adapter}", Counted(frames as u64, "frame"))?;
+
     let means = runs.iter().map(|run| {
         let whole = |of| count(run.mean(of).round() as u64);
         vec![
@@ -274,6 +288,7 @@ fn print(runs: &[Run], adapter: &str, out: &mut impl Write) -> Result<()> {
     });
     let names = ["mean of a frame", "fps", "front", "drawn", "splits + collapses", "PM steps", "triangles"];
     writeln!(out, "{}", table(&names, means))?;
+
     let shares = runs.iter().map(|run| {
         let parts = [Frame::refining, Frame::occlusion, Frame::rendering, Frame::stalling];
         let shares = parts.map(|part| format!("{:.1} %", run.mean(part)));

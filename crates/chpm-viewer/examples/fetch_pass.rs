@@ -1,11 +1,11 @@
 //! How fast pages come: reads all pages of a file, in its order and at random, within a budget.
 //!
-//! `cargo run --release -p chpm-viewer --example fetch_pass -- FILE.chpm [THREADS] [BUDGET]`
+//! `cargo run --release -p chpm-viewer --features internals --example fetch_pass -- FILE.chpm [THREADS] [BUDGET]`
 
 use chpm_extmem::{MappedFile, process};
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, ClusterId};
-use chpm_viewer::Fetch;
+use chpm_viewer::internals::Fetch;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;

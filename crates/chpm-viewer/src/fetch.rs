@@ -131,7 +131,11 @@ impl Fetch {
         }
         queue.take_arrived()
     }
+}
 
+/// What tests and measurements ask.
+#[cfg(feature = "internals")]
+impl Fetch {
     /// Pages asked for that have not arrived.
     pub fn pending(&self) -> usize {
         self.shared.lock().pending()

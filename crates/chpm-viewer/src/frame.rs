@@ -9,7 +9,8 @@ mod paint;
 use crate::error::ViewerError;
 use crate::gpu::buffers::Canvas;
 use crate::gpu::{
-    Answers, Arena, DrawBuffers, DrawList, Gpu, Kind, Lens, Occlusion, Pipelines, Probe, TestBox, passes,
+    Answers, Arena, DrawBuffers, DrawList, Drawn, Gpu, Kind, Lens, Occlusion, Pipelines, Probe, Questions,
+    TestBox, passes,
 };
 use crate::request::{Accuracy, Budgets, FrameRequest, Target};
 use crate::scene::visibility::{Sight, Subject};
@@ -52,6 +53,13 @@ pub struct Viewer {
     keys: Vec<u32>,
 }
 
+/// A camera as a frame has it, in file coordinates.
+struct Eye {
+    view: View,
+    lens: Lens,
+    culling: Culling,
+}
+
 /// Frames that are read ahead.
 const LOOK_AHEAD: f64 = 8.0;
 /// Frames from one look ahead to the next; a page takes longer than that anyway.
@@ -72,6 +80,8 @@ impl Viewer {
         let file = Chpm::open(MappedFile::open(path)?)
             .map_err(|source| ViewerError::File { path: path.to_path_buf(), source })?;
         let file = Arc::new(file);
+
+        // What the GPU can count on decides what the scene may ask for.
         let colors = file.header().attributes().colors;
         let largest = file.clusters().iter().map(|cluster| gpu_bytes(cluster, colors)).max().unwrap_or(0);
         let (pipelines, occlusion, probe) = gpu.attempt("preparing shaders", || {
@@ -80,6 +90,7 @@ impl Viewer {
         let clusters = file.clusters().len();
         let arena = Arena::new(&gpu, &pipelines, clusters, budgets.gpu_memory, largest);
         let scene = Scene::new(file, budgets, arena.capacity(largest))?;
+
         Ok(Viewer {
             scene,
             arena,
@@ -157,16 +168,14 @@ impl Viewer {
         if ok { Ok(()) } else { Err(ViewerError::Size { limit, got }) }
     }
 
-    /// A camera in file coordinates, and what it sees.
-    fn look_through(
-        &self,
-        camera: &Camera,
-        viewport: [u32; 2],
-        poe: f64,
-    ) -> Result<(Lens, View), ViewerError> {
-        let camera = camera.relative_to(self.origin());
-        let view = View::new(&camera, viewport, poe)?;
-        Ok((Lens::new(&camera, viewport, &self.bounds()), view))
+    /// What a frame sees with this camera.
+    fn eye(&self, camera: &Camera, request: &FrameRequest, poe: f64) -> Result<Eye, ViewerError> {
+        let (camera, viewport) = (camera.relative_to(self.origin()), request.viewport);
+        Ok(Eye {
+            view: View::new(&camera, viewport, poe)?,
+            lens: Lens::new(&camera, viewport, &self.bounds()),
+            culling: Culling { frustum: request.frustum_culling, occlusion: request.occlusion_culling },
+        })
     }
 
     fn pixels_of_error(&self, accuracy: Accuracy) -> f64 {
@@ -178,71 +187,79 @@ impl Viewer {
 
     /// One frame that waits for nothing.
     fn flow(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
-        let culling = Culling { frustum: request.frustum_culling, occlusion: request.occlusion_culling };
         let poe = self.pixels_of_error(request.accuracy);
-        let (lens, view) = self.look_through(&request.camera, request.viewport, poe)?;
+        let eye = self.eye(&request.camera, request, poe)?;
         let mut stats = Stats { poe, rounds: 1, ..Stats::default() };
         let mut watch = Watch::start();
+
+        // What frames before have asked, and the cut that follows from it.
         self.take_answers(&mut stats);
         stats.times.occlusion += watch.lap();
-        self.refine(&view, culling, false, &mut stats)?;
+        self.refine(&eye, false, &mut stats)?;
+
+        // Where the camera is going, pages are read before they are wanted.
         if let Some(before) = self.before.replace(request.camera)
             && before != request.camera
             && self.now.is_multiple_of(AHEAD_EVERY)
         {
             let ahead = request.camera.onward(&before, LOOK_AHEAD);
-            if let Ok((_, ahead)) = self.look_through(&ahead, request.viewport, poe) {
-                stats.requested_bytes += self.scene.foresee(&ahead, culling);
+            if let Ok(ahead) = self.eye(&ahead, request, poe) {
+                stats.requested_bytes += self.scene.foresee(&ahead.view, ahead.culling);
             }
         }
-        self.scene.look(&view, culling);
+        self.scene.look(&eye.view, eye.culling);
         stats.times.refine += watch.lap();
+
+        // The draw list: what is visible comes first, then what a test may show.
         let colors = self.colors(request, target);
         self.pipelines.prepare(&self.gpu, colors.kind())?;
         // Without numbered draws, what comes into sight is drawn once the answer is there.
         let at_once = self.gpu.features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
-        let plan = if culling.occlusion && at_once { Plan::HiddenToo } else { Plan::Visible };
+        let plan = if eye.culling.occlusion && at_once { Plan::HiddenToo } else { Plan::Visible };
         let shown = self.gather(&colors, plan, &mut stats)?;
         watch.lap();
-        let uniform = lens.uniform(colors.uniform());
+        let uniform = eye.lens.uniform(colors.uniform());
         self.buffers.write(&self.gpu, &self.pipelines, &self.list, &uniform);
         stats.times.draw += watch.lap();
-        let (subjects, boxes) = match culling.occlusion {
-            true => self.questions(&view, culling, at_once),
+        let (subjects, boxes) = match eye.culling.occlusion {
+            true => self.questions(&eye, at_once),
             false => Default::default(),
         };
         stats.tested += boxes.len() as u64;
         stats.times.occlusion += watch.lap();
+
+        // One submission: what is visible, the tests against its depth, what they show.
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
         let mut pass =
             passes::begin(&mut encoder, Some(target.color), depth.view(), Some(colors.background()));
-        self.buffers.draw(&self.gpu, &mut pass, &self.pipelines, &self.arena, &self.list, 0..shown);
+        let drawn = Drawn { pipelines: &self.pipelines, arena: &self.arena, list: &self.list };
+        self.buffers.draw(&self.gpu, &mut pass, &drawn, 0..shown);
         drop(pass);
         stats.times.draw += watch.lap();
-        let arguments = (self.buffers.arguments(), self.list.kind().stride());
-        let uniform = self.buffers.uniform();
-        let answers = (!boxes.is_empty())
-            .then(|| self.occlusion.record(&self.gpu, &mut encoder, depth, uniform, &boxes, arguments));
+        let questions = Questions { depth, boxes: &boxes, draws: &self.buffers, kind: self.list.kind() };
+        let answers = (!boxes.is_empty()).then(|| self.occlusion.record(&self.gpu, &mut encoder, &questions));
         stats.times.occlusion += watch.lap();
-        if shown < self.list.len() {
+        if shown < self.list.count() {
             let mut pass = passes::begin(&mut encoder, Some(target.color), depth.view(), None);
-            let rest = shown..self.list.len();
-            self.buffers.draw(&self.gpu, &mut pass, &self.pipelines, &self.arena, &self.list, rest);
+            self.buffers.draw(&self.gpu, &mut pass, &drawn, shown..self.list.count());
         }
         self.gpu.queue.submit([encoder.finish()]);
+
+        // The answers are taken in by a frame to come.
         if let Some(answers) = answers {
             answers.send();
             self.asked.push_back((subjects, answers));
         }
         stats.times.draw += watch.lap();
+
         stats.triangles = self.list.triangles();
         stats.clusters_drawn = shown as u64 + stats.newly_visible;
         self.count(&mut stats);
         if let Accuracy::Triangles(limit) = request.accuracy {
             self.found = next_poe(self.found, stats.triangles, limit);
         }
-        self.lens = Some(lens);
+        self.lens = Some(eye.lens);
         Ok(stats)
     }
 
@@ -262,20 +279,16 @@ impl Viewer {
         }
     }
 
-    /// Selects for a view, up to the cut.
-    fn refine(
-        &mut self,
-        view: &View,
-        culling: Culling,
-        wait: bool,
-        stats: &mut Stats,
-    ) -> Result<Changes, ViewerError> {
+    /// Selects for an eye, up to the cut.
+    fn refine(&mut self, eye: &Eye, wait: bool, stats: &mut Stats) -> Result<Changes, ViewerError> {
         if !self.scene.has_roots() {
             // The one thing that a frame cannot do without.
             self.scene.read_roots()?;
         }
+
+        // What has come makes room for what is asked for.
         self.scene.receive(false)?;
-        stats.requested_bytes += self.scene.want(view, culling);
+        stats.requested_bytes += self.scene.want(&eye.view, eye.culling);
         if wait {
             let start = Instant::now();
             let came = self.scene.receive(true)?;
@@ -284,7 +297,8 @@ impl Viewer {
                 stats.times.stall += start.elapsed();
             }
         }
-        let changes = self.scene.refine(view, wait, |cluster| self.arena.get(cluster).is_some())?;
+
+        let changes = self.scene.refine(&eye.view, wait, |cluster| self.arena.get(cluster).is_some())?;
         stats.splits += changes.splits;
         stats.collapses += changes.collapses;
         stats.pm_steps += changes.pm_steps;
@@ -293,10 +307,11 @@ impl Viewer {
 
     /// What is to be tested: the clusters of the draw list, in its order; those that are hidden, unless they are in the list; and the groups
     /// of which nothing is seen.
-    fn questions(&mut self, view: &View, culling: Culling, listed: bool) -> (Vec<Subject>, Vec<TestBox>) {
+    fn questions(&mut self, eye: &Eye, listed: bool) -> (Vec<Subject>, Vec<TestBox>) {
         let clusters = self.scene.file().clusters();
-        let mut subjects = Vec::with_capacity(self.list.len());
-        let mut boxes = Vec::with_capacity(self.list.len());
+        let mut subjects = Vec::with_capacity(self.list.count());
+        let mut boxes = Vec::with_capacity(self.list.count());
+
         // Where nothing is hidden, most frames need not ask at all.
         let calm = self.list.clusters().all(|(_, shown)| shown);
         let every = if calm { ASK_CALMLY } else { ASK_EVERY };
@@ -312,13 +327,14 @@ impl Viewer {
             let draw = (!shown).then_some(draw);
             boxes.push(TestBox::new(record.aabb_min, record.aabb_max, draw));
         }
+
         let hidden = self.scene.members().filter(|(_, sight)| *sight == Sight::Hidden && !listed);
         for (member, _) in hidden {
             let record = &clusters[member.cluster.index()];
             subjects.push(Subject::Cluster(member.cluster));
             boxes.push(TestBox::new(record.aabb_min, record.aabb_max, None));
         }
-        for (subject, bounds) in self.scene.doubtful(view, culling) {
+        for (subject, bounds) in self.scene.doubtful(&eye.view, eye.culling) {
             subjects.push(subject);
             boxes.push(bounds);
         }
@@ -330,12 +346,14 @@ impl Viewer {
         let Accuracy::Triangles(limit) = request.accuracy else {
             return self.settle_at(request, self.pixels_of_error(request.accuracy));
         };
+        // A frozen selection goes on from frame to frame.
         if !request.wait {
             let stats = self.settle_at(request, self.found)?;
             self.found = next_poe(self.found, stats.triangles, limit);
             return Ok(stats);
         }
-        // From one pixel on, so that the answer does not depend on frames before.
+
+        // Between one that is too fine and one that is too coarse; from one pixel on, so that the answer does not depend on frames before.
         let (mut poe, mut fine, mut coarse) = (1.0, None, None);
         let mut stats = Stats::default();
         for _ in 0..SEARCH {
@@ -356,6 +374,7 @@ impl Viewer {
                 (None, None) => poe,
             };
         }
+
         // The last one may have had too many.
         if let Some(coarse) = coarse.filter(|coarse| *coarse != stats.poe) {
             let step = self.settle_at(request, coarse)?;
@@ -367,29 +386,30 @@ impl Viewer {
     fn settle_at(&mut self, request: &FrameRequest, poe: f64) -> Result<Stats, ViewerError> {
         // Answers to questions of frames before would come in between.
         self.asked.clear();
-        let culling = Culling { frustum: request.frustum_culling, occlusion: request.occlusion_culling };
-        let from = request.select_from.unwrap_or(request.camera);
-        let (lens, view) = self.look_through(&from, request.viewport, poe)?;
+        let eye = self.eye(&request.select_from.unwrap_or(request.camera), request, poe)?;
         let colors = Colors::depth();
         self.pipelines.prepare(&self.gpu, colors.kind())?;
         let mut stats = Stats { poe, ..Stats::default() };
+
+        // What comes into sight is refined, and what is refined may hide less.
         loop {
             stats.rounds += 1;
             let mut watch = Watch::start();
             let stalled = stats.times.stall;
-            let changes = self.refine(&view, culling, request.wait, &mut stats)?;
-            self.scene.look(&view, culling);
+            let changes = self.refine(&eye, request.wait, &mut stats)?;
+            self.scene.look(&eye.view, eye.culling);
             stats.times.refine += watch.lap().saturating_sub(stats.times.stall - stalled);
             let mut changed = changes.splits + changes.collapses > 0;
-            if culling.occlusion {
-                let news = self.test(&lens, &view, culling, &colors, &mut stats)?;
+            if eye.culling.occlusion {
+                let news = self.test(&eye, &colors, &mut stats)?;
                 stats.newly_visible += news.clusters;
                 changed |= news != News::default();
             }
-            if !request.wait || !changed || !culling.occlusion || stats.rounds >= ROUNDS {
+            if !request.wait || !changed || !eye.culling.occlusion || stats.rounds >= ROUNDS {
                 break;
             }
         }
+
         let seen = self.scene.members().filter(|(_, sight)| *sight == Sight::Visible);
         let seen: Vec<_> = seen.map(|(member, _)| member).collect();
         stats.triangles = seen.into_iter().map(|member| self.triangles_of(member)).sum();
@@ -397,35 +417,31 @@ impl Viewer {
     }
 
     /// Draws the depth of what is visible and asks the boxes; answers what came into sight.
-    fn test(
-        &mut self,
-        lens: &Lens,
-        view: &View,
-        culling: Culling,
-        colors: &Colors,
-        stats: &mut Stats,
-    ) -> Result<News, ViewerError> {
+    fn test(&mut self, eye: &Eye, colors: &Colors, stats: &mut Stats) -> Result<News, ViewerError> {
         let shown = self.gather(colors, Plan::Visible, stats)?;
+
+        // Depth alone, waited for: its time is not that of the tests.
         let mut watch = Watch::start();
-        self.buffers.write(&self.gpu, &self.pipelines, &self.list, &lens.uniform([0; 4]));
+        self.buffers.write(&self.gpu, &self.pipelines, &self.list, &eye.lens.uniform([0; 4]));
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let depth = Canvas::fit(&mut self.depth, &self.gpu, lens.viewport());
+        let depth = Canvas::fit(&mut self.depth, &self.gpu, eye.lens.viewport());
         let mut pass = passes::begin(&mut encoder, None, depth.view(), Some(wgpu::Color::BLACK));
-        self.buffers.draw(&self.gpu, &mut pass, &self.pipelines, &self.arena, &self.list, 0..shown);
+        let drawn = Drawn { pipelines: &self.pipelines, arena: &self.arena, list: &self.list };
+        self.buffers.draw(&self.gpu, &mut pass, &drawn, 0..shown);
         drop(pass);
         self.gpu.queue.submit([encoder.finish()]);
         self.gpu.wait()?;
         stats.times.draw += watch.lap();
-        let (subjects, boxes) = self.questions(view, culling, false);
+
+        let (subjects, boxes) = self.questions(eye, false);
         stats.tested += boxes.len() as u64;
         if boxes.is_empty() {
             return Ok(News::default());
         }
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let arguments = (self.buffers.arguments(), self.list.kind().stride());
-        let uniform = self.buffers.uniform();
-        let depth = Canvas::fit(&mut self.depth, &self.gpu, lens.viewport());
-        let answers = self.occlusion.record(&self.gpu, &mut encoder, depth, uniform, &boxes, arguments);
+        let depth = Canvas::fit(&mut self.depth, &self.gpu, eye.lens.viewport());
+        let questions = Questions { depth, boxes: &boxes, draws: &self.buffers, kind: self.list.kind() };
+        let answers = self.occlusion.record(&self.gpu, &mut encoder, &questions);
         self.gpu.queue.submit([encoder.finish()]);
         let visible = self.occlusion.wait(&self.gpu, answers)?;
         let news = self.scene.answer(subjects.into_iter().zip(visible));

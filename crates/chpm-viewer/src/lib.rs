@@ -8,20 +8,28 @@
 #![forbid(unsafe_code)]
 
 pub mod error;
-pub mod fetch;
-pub mod frame;
-pub mod gpu;
+#[allow(unreachable_pub, reason = "`internals` shows it")]
+mod fetch;
+mod frame;
+#[allow(unreachable_pub, reason = "`internals` shows it")]
+mod gpu;
 pub mod headless;
-pub mod raster;
 pub mod request;
-pub mod scene;
+#[allow(unreachable_pub, reason = "`gpu` and `frame` use it")]
+mod scene;
 pub mod stats;
 pub mod window;
 
 pub use error::ViewerError;
-pub use fetch::{Fetch, PageData};
 pub use frame::Viewer;
-pub use gpu::{AdapterChoice, Block, Gpu};
+pub use gpu::{AdapterChoice, Gpu};
 pub use headless::{IdImage, Image, TriangleId};
 pub use request::{Accuracy, Budgets, Coloring, FrameRequest, Look, Shading, Target};
 pub use stats::{Stats, Times};
+
+/// What tests and benches look at.
+#[cfg(feature = "internals")]
+pub mod internals {
+    pub use crate::fetch::{Arrival, Fetch, PageData};
+    pub use crate::gpu::{Block, buffers, lens, passes};
+}

@@ -85,6 +85,7 @@ impl Scene {
     /// # Errors
     /// [`ViewerError::Budget`], [`ViewerError::Open`], [`ViewerError::Thread`].
     pub fn new(file: Arc<Chpm<MappedFile>>, budgets: Budgets, gpu_room: Bytes) -> Result<Self, ViewerError> {
+        // The roots are never let go, so they have to fit.
         let colors = file.header().attributes().colors;
         let of_roots = |size: &dyn Fn(&ClusterRecord) -> u64| {
             file.roots().map(|root| size(&file.clusters()[root.index()])).sum::<u64>()
@@ -100,11 +101,14 @@ impl Scene {
             let needed = Bytes(root_bytes + 2 * largest.unwrap_or(0));
             return Err(ViewerError::Budget { what: "GPU memory", needed, got: budgets.gpu_memory });
         }
+
+        // Blocks that readers have made wait in main memory, which leaves less of it for pages.
         let share = |cluster: &ClusterRecord| gpu_bytes(cluster, colors) as f64 / f64::from(cluster.page_len);
         let room = BLOCKS.0.min(budgets.memory.0 / 8).min(budgets.memory.0 - page_bytes.0);
         let memory = Bytes(budgets.memory.0 - room);
         let fetch = Fetch::new(Arc::clone(&file), READERS, memory)?;
         fetch.make_blocks(Bytes(room));
+
         Ok(Scene {
             gpu_share: file.clusters().iter().map(share).fold(0.0, f64::max),
             gpu_has_room: true,
@@ -130,6 +134,8 @@ impl Scene {
         let (file, hierarchy, list) = (&*self.file, &self.hierarchy, self.list.front());
         self.bounds.turn();
         self.visibility.turn();
+
+        // What is split stays so; what is not is split where somebody sees it.
         let visibility = &self.visibility;
         let bound = |group| self.bounds.of(group, hierarchy, view);
         self.wanted.update_by(file, hierarchy, bound, |group| {
@@ -140,6 +146,8 @@ impl Scene {
         for entered in self.wanted.entered() {
             self.visibility.forget(file.clusters()[entered.cluster.index()].group());
         }
+
+        // Main memory first. Where all of that fits on the GPU too, nobody has to choose there.
         let wanted = self.wanted_by_priority(view, culling);
         let traffic = self.residency.update(&self.file, &self.hierarchy, wanted.clone());
         let most = self.residency.reserved().0 as f64 * self.gpu_share;
@@ -182,6 +190,7 @@ impl Scene {
         let is_short = |used: Bytes, all: Bytes| used.0 > all.0 / 4 * 3;
         let short = is_short(self.residency.reserved(), self.budgets.memory)
             || is_short(self.gpu_residency.reserved(), self.budgets.gpu_memory);
+
         let list = self.list.front();
         let asked = |group: &GroupId| match !short && list.is_split(*group) {
             // It is there, and nobody asks which goes first.
@@ -189,6 +198,8 @@ impl Scene {
             false => self.asked(*group, view),
         };
         let mut wanted: Vec<Wanted> = self.wanted.split_groups().iter().map(asked).collect();
+
+        // A group is of use if anything below it is seen.
         if short && culling != (Culling { frustum: false, occlusion: false }) {
             let mut seen = vec![false; self.file.groups().len()];
             for group in self.wanted.open_groups() {
@@ -269,6 +280,8 @@ impl Scene {
         sent: impl Fn(ClusterId) -> bool,
     ) -> Result<Changes, ViewerError> {
         let (file, pages) = (&*self.file, &self.pages);
+
+        // A group may split where all of it is there, and one frame can send what it brings.
         let colors = file.header().attributes().colors;
         let to_send = |clusters: &[u32]| {
             let clusters = clusters.iter().filter(|cluster| !sent(ClusterId(**cluster)));
@@ -292,6 +305,7 @@ impl Scene {
             }
             has_place
         };
+
         let bound = |group| self.bounds.of(group, &self.hierarchy, view);
         let page = |cluster: ClusterId, _| {
             let page = pages[cluster.index()].as_ref();
@@ -303,6 +317,8 @@ impl Scene {
             self.split.fill(Cell::new(false));
         }
         let changes = changes?;
+
+        // Who has entered tells which groups are split now, and is as visible as what it came from.
         let front = self.list.front();
         for entered in front.entered() {
             let record = &file.clusters()[entered.cluster.index()];
@@ -390,11 +406,6 @@ impl Scene {
     /// Number of clusters of the cut.
     pub fn len(&self) -> usize {
         self.list.len()
-    }
-
-    /// Whether nothing was selected yet.
-    pub fn is_empty(&self) -> bool {
-        self.list.is_empty()
     }
 
     /// Bytes of pages that are there or on their way.

@@ -1,7 +1,7 @@
 //! A viewer and what it draws into, frame by frame, each waited for and timed.
 
 use chpm_mesh::Bytes;
-use chpm_viewer::gpu::buffers::{self, Canvas};
+use chpm_viewer::internals::buffers::Canvas;
 use chpm_viewer::{Budgets, FrameRequest, Gpu, Stats, Target, Viewer, ViewerError};
 use nix::sys::resource::{UsageWho, getrusage};
 use nix::sys::time::TimeValLike;
@@ -48,7 +48,7 @@ impl Film {
         };
         let (start, busy) = (Instant::now(), processor_ms());
         let stats = self.viewer.frame(request, &Target { color: canvas.view(), format: FORMAT })?;
-        buffers::wait(self.viewer.gpu())?;
+        self.viewer.gpu().wait()?;
         let shot = Shot { stats, ms: ms(start.elapsed()), processor_ms: processor_ms() - busy };
         self.canvas = Some(canvas);
         Ok(shot)

@@ -3,9 +3,9 @@
 use crate::film::{FORMAT, Film, median, ms};
 use crate::plain::Plain;
 use chpm_refine::{Hierarchy, View, select};
-use chpm_viewer::gpu::Lens;
-use chpm_viewer::gpu::buffers::{self, Canvas};
-use chpm_viewer::gpu::passes;
+use chpm_viewer::internals::buffers::Canvas;
+use chpm_viewer::internals::lens::Lens;
+use chpm_viewer::internals::passes;
 use chpm_viewer::{Accuracy, Coloring, FrameRequest, Gpu, Look, Viewer};
 use std::error::Error;
 use std::path::Path;
@@ -109,7 +109,7 @@ impl Flat {
         pass.draw_indexed(0..3 * self.triangles as u32, 0, 0..1);
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
-        buffers::wait(gpu)?;
+        gpu.wait()?;
         Ok(ms(start.elapsed()))
     }
 }

@@ -11,7 +11,6 @@ mod film;
 mod flat;
 mod moves;
 mod plain;
-mod queries;
 
 use chpm_build::{BuildConfig, Cancel, Settings, Silent, build};
 use chpm_import::ply::{Encoding, PlyWriter};
@@ -24,7 +23,7 @@ use std::sync::Arc;
 
 /// Triangles of a cluster, unless there are to be many clusters.
 const USUAL: u32 = 4096;
-const PARTS: &str = "clusters, flat, moves, calm, queries, cold";
+const PARTS: &str = "clusters, flat, moves, calm, cold";
 
 fn main() -> Result<(), Box<dyn Error>> {
     // Cargo's own arguments start with dashes.
@@ -44,7 +43,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         "calm" => calm::run(&gpu, &file(Shape::Terrain, 1_000_000, USUAL)?),
         "cold" => cold::run(&gpu, &file(Shape::Isosurface, 4_000_000, USUAL)?),
         "moves" => moves::run(&gpu, &file(Shape::Isosurface, 1_000_000, USUAL)?),
-        "queries" => queries::run(&gpu, &file(Shape::Isosurface, 1_400_000, 128)?),
         other => Err(format!("no part '{other}': there are {PARTS}").into()),
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::film::FORMAT;
 use chpm_viewer::Gpu;
-use chpm_viewer::gpu::buffers::buffer;
-use chpm_viewer::gpu::lens::{FrameUniform, shader};
+use chpm_viewer::internals::buffers::buffer;
+use chpm_viewer::internals::lens::{FrameUniform, WGSL};
 use wgpu::BufferUsages;
 
 const SHADER: &str = "
@@ -27,7 +27,7 @@ pub(crate) struct Plain {
 impl Plain {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let device = &gpu.device;
-        let shader = shader(gpu, SHADER);
+        let shader = gpu.shader(&[WGSL, SHADER]);
         let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: None,
             layout: None,

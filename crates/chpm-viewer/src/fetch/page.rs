@@ -74,6 +74,16 @@ impl PageData {
         block
     }
 
+    /// The page. Looks at its header only.
+    pub fn page(&self) -> Page<'_> {
+        let bytes = &bytemuck::cast_slice(&self.words)[..self.len];
+        Page::view(bytes).expect("it was checked when it was read, and nobody can change it")
+    }
+}
+
+/// What tests and measurements ask.
+#[cfg(feature = "internals")]
+impl PageData {
     /// Whose page it is.
     pub fn cluster(&self) -> ClusterId {
         self.cluster
@@ -82,12 +92,6 @@ impl PageData {
     /// Bytes that it takes, those of the file.
     pub fn len_bytes(&self) -> u64 {
         self.len as u64
-    }
-
-    /// The page. Looks at its header only.
-    pub fn page(&self) -> Page<'_> {
-        let bytes = &bytemuck::cast_slice(&self.words)[..self.len];
-        Page::view(bytes).expect("it was checked when it was read, and nobody can change it")
     }
 }
 

@@ -152,21 +152,8 @@ impl Queue {
         !self.closed && (self.reading > 0 || self.next().is_some())
     }
 
-    /// Requests that have not arrived.
-    pub(super) fn pending(&self) -> usize {
-        self.queued.len() + self.reading - self.taken_back
-    }
-
     pub(super) fn give_back(&mut self, bytes: u64) {
         self.held -= bytes;
-    }
-
-    pub(super) fn held(&self) -> u64 {
-        self.held
-    }
-
-    pub(super) fn peak(&self) -> u64 {
-        self.peak
     }
 
     pub(super) fn close(&mut self) {
@@ -175,6 +162,23 @@ impl Queue {
 
     pub(super) fn is_closed(&self) -> bool {
         self.closed
+    }
+}
+
+/// What tests and measurements ask.
+#[cfg(feature = "internals")]
+impl Queue {
+    /// Requests that have not arrived.
+    pub(super) fn pending(&self) -> usize {
+        self.queued.len() + self.reading - self.taken_back
+    }
+
+    pub(super) fn held(&self) -> u64 {
+        self.held
+    }
+
+    pub(super) fn peak(&self) -> u64 {
+        self.peak
     }
 }
 

@@ -1,6 +1,6 @@
 //! From clusters to draws: what is sent to the GPU, what colour it has, and the final picture of a frame that waits.
 
-use super::{Canvas, Instant, Viewer, Watch, passes};
+use super::{Canvas, Drawn, Instant, Viewer, Watch, passes};
 use crate::error::ViewerError;
 use crate::gpu::arena::Resident;
 use crate::gpu::{Kind, Mark};
@@ -133,10 +133,12 @@ fn heat(share: f64) -> [u8; 3] {
 
 impl Viewer {
     fn tint(&self, coloring: Coloring, member: Member, sight: Sight) -> [u8; 3] {
+        // Those that no cluster gives its colour to need no record.
         let record = match coloring {
             Coloring::Plain | Coloring::Vertex | Coloring::Ids => return [255; 3],
             _ => &self.file().clusters()[member.cluster.index()],
         };
+
         match coloring {
             Coloring::Plain | Coloring::Vertex | Coloring::Ids => [255; 3],
             Coloring::Cluster => distinct(member.cluster.0),
@@ -171,18 +173,23 @@ impl Viewer {
     ) -> Result<usize, ViewerError> {
         let mut watch = Watch::start();
         self.now += 1;
+
+        // All of the list is kept from here on, whatever has to make room.
         let items = self.scene.members().filter(|(_, sight)| plan.includes(*sight));
         let mut items: Vec<Item> = items.map(|(member, sight)| Item { place: 0, member, sight }).collect();
         for item in &items {
             self.arena.touch(item.member.cluster, self.now);
         }
         stats.times.pm += watch.lap();
+
         if !self.upload(&items)? {
             // The free places are too scattered: all anew, without gaps.
             self.arena.clear();
             self.upload(&items)?;
         }
         stats.times.upload += watch.lap();
+
+        // The triangles of positions that have moved.
         for Item { member: Member { cluster, vertices }, .. } in &items {
             let is_there = |resident: &Resident| resident.position().vertices == *vertices;
             if !self.arena.get(*cluster).is_some_and(is_there)
@@ -191,12 +198,15 @@ impl Viewer {
                 self.arena.move_to(&self.gpu, *cluster, &page.page().progressive_mesh(), *vertices);
             }
         }
+
+        // Those that are shown in any case first; then by slab, or by id where the order decides what is seen.
         for item in &mut items {
             let slab = || self.arena.get(item.member.cluster).map_or(0, |resident| resident.slab as u64);
             let place = if plan.is_by_id() { u64::from(item.member.cluster.0) } else { slab() };
             item.place = u64::from(!plan.shows(item.sight)) << 32 | place;
         }
         items.sort_unstable_by_key(|item| item.place);
+
         self.list.restart(colors.kind);
         let mut count = 0;
         for Item { member, sight, .. } in items {
@@ -249,24 +259,28 @@ impl Viewer {
         stats: &mut Stats,
     ) -> Result<(), ViewerError> {
         self.pipelines.prepare(&self.gpu, colors.kind)?;
+
         // A frozen selection is shown with all that it leaves out.
         let all = request.select_from.is_some() && colors.look.colors == Coloring::Visibility;
         let plan = if all { Plan::Everything } else { Plan::VisibleById };
         let shown = self.gather(&colors, plan, stats)?;
+
         let start = Instant::now();
-        let (lens, _) = self.look_through(&request.camera, request.viewport, 1.0)?;
+        let lens = self.eye(&request.camera, request, stats.poe)?.lens;
         let uniform = lens.uniform(colors.uniform());
         self.buffers.write(&self.gpu, &self.pipelines, &self.list, &uniform);
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
         let mut pass = passes::begin(&mut encoder, color, depth.view(), Some(colors.background()));
-        self.buffers.draw(&self.gpu, &mut pass, &self.pipelines, &self.arena, &self.list, 0..shown);
+        let drawn = Drawn { pipelines: &self.pipelines, arena: &self.arena, list: &self.list };
+        self.buffers.draw(&self.gpu, &mut pass, &drawn, 0..shown);
         drop(pass);
         self.gpu.queue.submit([encoder.finish()]);
         if request.wait {
             self.gpu.wait()?;
         }
         stats.times.draw += start.elapsed();
+
         stats.triangles = self.list.triangles();
         stats.clusters_drawn = shown as u64;
         self.count(stats);

@@ -192,12 +192,16 @@ impl Arena {
         if let Some(place) = self.find(units) {
             return Ok(Some(place));
         }
+
+        // As long as the budget lasts, nothing has to go.
         if self.room >= self.slab_bytes && self.slab_bytes > 0 {
             self.room -= self.slab_bytes;
             let slab = Slab::new(gpu, &self.layout, self.slab_bytes, self.unit)?;
             self.slabs.push(slab);
             return Ok(self.find(units));
         }
+
+        // What this frame does not draw, the longest unused first.
         let mut idle: Vec<(u64, ClusterId)> = Vec::new();
         for cluster in &self.kept {
             let used = self.residents[cluster.index()].as_ref().map_or(0, |resident| resident.used);
@@ -206,6 +210,7 @@ impl Arena {
             }
         }
         idle.sort();
+
         let mut freed = 0;
         for (_, cluster) in idle {
             freed += self.release(cluster);
@@ -255,16 +260,6 @@ impl Arena {
     /// A slab's buffer, for vertices and indices.
     pub fn buffer(&self, slab: usize) -> &wgpu::Buffer {
         &self.slabs[slab].buffer
-    }
-
-    /// Number of slabs.
-    pub fn slabs(&self) -> usize {
-        self.slabs.len()
-    }
-
-    /// Bytes of slabs that were taken from the system.
-    pub fn taken(&self) -> Bytes {
-        Bytes(self.slabs.len() as u64 * self.slab_bytes)
     }
 
     /// Bytes of blocks that are there.

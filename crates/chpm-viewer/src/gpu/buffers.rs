@@ -92,11 +92,6 @@ impl Canvas {
         &self.view
     }
 
-    /// Its format.
-    pub fn format(&self) -> TextureFormat {
-        self.texture.format()
-    }
-
     /// Width and height.
     pub fn size(&self) -> [u32; 2] {
         [self.texture.width(), self.texture.height()]

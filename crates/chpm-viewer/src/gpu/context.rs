@@ -95,6 +95,8 @@ impl Gpu {
 
     fn new(adapter: wgpu::Adapter) -> Result<Gpu, ViewerError> {
         let unable = |what: &str| ViewerError::Unable { adapter: describe(&adapter), what: what.to_owned() };
+
+        // Without these no picture can be drawn at all.
         let can = adapter.get_downlevel_capabilities().flags;
         for (flag, what) in [
             (DownlevelFlags::COMPUTE_SHADERS, "compute shaders"),
@@ -108,6 +110,8 @@ impl Gpu {
                 return Err(unable(what));
             }
         }
+
+        // The usual limits, but for sizes: of those, all that there is.
         let features = adapter.features() & WELCOME;
         let has = adapter.limits();
         let limits = Limits {
@@ -116,6 +120,7 @@ impl Gpu {
             max_texture_dimension_2d: has.max_texture_dimension_2d,
             ..Limits::default()
         };
+
         let device = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("chpm"),
             required_features: features,

@@ -7,7 +7,8 @@
 use super::buffers::{Canvas, Growing, buffer, read};
 use super::context::Gpu;
 use super::lens;
-use super::pipelines::{DEPTH_TEXTURE, READ, UNIFORM, WRITE, compute, group, layout};
+use super::passes::DrawBuffers;
+use super::pipelines::{DEPTH_TEXTURE, Kind, READ, UNIFORM, WRITE, compute, group, layout};
 use crate::error::ViewerError;
 use bytemuck::{Pod, Zeroable};
 use chpm_refine::Region;
@@ -63,6 +64,23 @@ struct Params {
     level: [[u32; 4]; LEVELS],
 }
 
+impl Params {
+    /// For an image of this size, and the texels of its pyramid.
+    fn new([mut width, mut height]: [u32; 2], boxes: usize, kind: Kind) -> (Self, u32) {
+        let (boxes, stride) = (boxes as u32, kind.stride() as u32);
+        let mut params = Params { boxes, stride, levels: 1, unused: 0, level: [[0; 4]; LEVELS] };
+        params.level[0] = [width, height, 0, 0];
+        let mut texels = 0;
+        while (width > 1 || height > 1) && (params.levels as usize) < LEVELS {
+            (width, height) = (width.div_ceil(2), height.div_ceil(2));
+            params.level[params.levels as usize] = [width, height, texels, 0];
+            params.levels += 1;
+            texels += width * height;
+        }
+        (params, texels)
+    }
+}
+
 /// The test, and the pyramid for images of one size.
 #[derive(Debug)]
 pub struct Occlusion {
@@ -77,6 +95,19 @@ pub struct Occlusion {
     pyramid: Growing,
     /// Buffers for answers, that are not on their way.
     idle: Vec<wgpu::Buffer>,
+}
+
+/// What is asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Questions<'a> {
+    /// What was drawn so far.
+    pub depth: &'a Canvas,
+    /// What may be hidden behind it.
+    pub boxes: &'a [TestBox],
+    /// The camera, and the draws that boxes show.
+    pub draws: &'a DrawBuffers,
+    /// What these draws make.
+    pub kind: Kind,
 }
 
 /// Answers that are on their way.
@@ -116,32 +147,18 @@ impl Occlusion {
         }
     }
 
-    /// Records the tests of boxes against `depth`: what they show is switched on in `arguments` (`stride` words each), and the answers
-    /// are on their way once the encoder was submitted and [`Answers::send`] called.
+    /// Records tests: what boxes show is switched on in the arguments of its draw, and the answers are on their way once the encoder was
+    /// submitted and [`Answers::send`] called.
     pub fn record(
         &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
-        depth: &Canvas,
-        uniform: &wgpu::Buffer,
-        boxes: &[TestBox],
-        (arguments, stride): (&wgpu::Buffer, usize),
+        questions: &Questions<'_>,
     ) -> Answers {
-        let mut params = Params {
-            boxes: boxes.len() as u32,
-            stride: stride as u32,
-            levels: 1,
-            unused: 0,
-            level: [[0; 4]; LEVELS],
-        };
-        let ([mut width, mut height], mut texels) = (depth.size(), 0);
-        params.level[0] = [width, height, 0, 0];
-        while (width > 1 || height > 1) && (params.levels as usize) < LEVELS {
-            (width, height) = (width.div_ceil(2), height.div_ceil(2));
-            params.level[params.levels as usize] = [width, height, texels, 0];
-            params.levels += 1;
-            texels += width * height;
-        }
+        let Questions { depth, boxes, draws, kind } = *questions;
+        let (params, texels) = Params::new(depth.size(), boxes.len(), kind);
+
+        // What the tests read and write, with room for it.
         let bytes = 4 * boxes.len() as u64;
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
         self.boxes.write(gpu, bytemuck::cast_slice(boxes));
@@ -151,15 +168,17 @@ impl Occlusion {
             gpu,
             &self.layout,
             &[
-                uniform.as_entire_binding(),
+                draws.uniform().as_entire_binding(),
                 self.params.as_entire_binding(),
                 wgpu::BindingResource::TextureView(depth.view()),
                 self.pyramid.get().as_entire_binding(),
                 self.boxes.get().as_entire_binding(),
                 self.flags.get().as_entire_binding(),
-                arguments.as_entire_binding(),
+                draws.arguments().as_entire_binding(),
             ],
         );
+
+        // The pyramid, level by level, and then all boxes at once.
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_bind_group(0, &bound, &[]);
         pass.set_pipeline(&self.reduce);
@@ -172,6 +191,8 @@ impl Occlusion {
         pass.set_pipeline(&self.test);
         pass.dispatch_workgroups(params.boxes.div_ceil(64), 1, 1);
         drop(pass);
+
+        // A buffer for the answers that no other answers are on their way in.
         let place = self.idle.iter().position(|idle| idle.size() >= bytes);
         let staging = place.map(|place| self.idle.swap_remove(place)).unwrap_or_else(|| {
             let size = bytes.max(256).next_power_of_two();

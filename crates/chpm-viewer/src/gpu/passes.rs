@@ -70,6 +70,8 @@ impl DrawList {
         let index = self.draws.len() as u32;
         let Position { triangles, .. } = resident.position();
         self.clusters.push((cluster, shown));
+
+        // What shaders look up by the number of the draw.
         let (first, corners) = (resident.first, resident.first_corner());
         let [r, g, b] = mark.tint;
         self.draws.push(Draw {
@@ -78,6 +80,8 @@ impl DrawList {
             key: mark.key,
             tint: u32::from_le_bytes([r, g, b, 255]),
         });
+
+        // One instance where it is shown; a test sets it where not.
         let (count, instances) = (3 * triangles, u32::from(shown));
         if self.kind.is_indexed() {
             self.arguments.extend([count, instances, corners, first, index]);
@@ -87,6 +91,8 @@ impl DrawList {
         if shown {
             self.triangles += u64::from(triangles);
         }
+
+        // Draws of one slab are bound together.
         match self.runs.last_mut() {
             Some((slab, range)) if *slab == resident.slab => range.end = index + 1,
             _ => self.runs.push((resident.slab, index..index + 1)),
@@ -99,13 +105,8 @@ impl DrawList {
     }
 
     /// Number of draws.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.draws.len()
-    }
-
-    /// Whether there is nothing to draw.
-    pub fn is_empty(&self) -> bool {
-        self.draws.is_empty()
     }
 
     /// Triangles of the draws that are shown in any case.
@@ -117,6 +118,17 @@ impl DrawList {
     pub fn kind(&self) -> Kind {
         self.kind
     }
+}
+
+/// What is drawn, and with what.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawn<'a> {
+    /// How.
+    pub pipelines: &'a Pipelines,
+    /// Where clusters are.
+    pub arena: &'a Arena,
+    /// Which.
+    pub list: &'a DrawList,
 }
 
 /// The buffers of a list on the GPU.
@@ -166,15 +178,8 @@ impl DrawBuffers {
     }
 
     /// Draws a part of the list that was sent.
-    pub fn draw(
-        &self,
-        gpu: &Gpu,
-        pass: &mut wgpu::RenderPass<'_>,
-        pipelines: &Pipelines,
-        arena: &Arena,
-        list: &DrawList,
-        part: Range<usize>,
-    ) {
+    pub fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass<'_>, drawn: &Drawn<'_>, part: Range<usize>) {
+        let Drawn { pipelines, arena, list } = *drawn;
         let Some(pipeline) = pipelines.get(list.kind) else { return };
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.group, &[]);
@@ -183,11 +188,14 @@ impl DrawBuffers {
             if start >= end {
                 continue;
             }
+
+            // A slab is read as storage where shaders fetch, else as vertices and indices.
             pass.set_bind_group(1, arena.group(*slab), &[]);
             if list.kind.is_indexed() {
                 pass.set_vertex_buffer(0, arena.buffer(*slab).slice(..));
                 pass.set_index_buffer(arena.buffer(*slab).slice(..), wgpu::IndexFormat::Uint16);
             }
+
             if gpu.features.contains(Features::INDIRECT_FIRST_INSTANCE) {
                 let offset = u64::from(start) * 4 * list.kind.stride() as u64;
                 let (arguments, count) = (self.arguments.get(), end - start);
@@ -237,6 +245,7 @@ pub fn begin<'a>(
         },
     };
     let colors = [color.map(attachment)];
+
     encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some("clusters"),
         color_attachments: if color.is_some() { &colors } else { &[] },

@@ -112,6 +112,7 @@ impl Pipelines {
             Kind::Wired(_) => ("pulled", Some("wired")),
             Kind::Identified => ("pulled", Some("identified")),
         };
+
         let target = [kind.format().map(wgpu::ColorTargetState::from)];
         let targets = if kind == Kind::Depth { &[][..] } else { &target };
         // Decided here, since a processor that draws would decide for each pixel, and do both.
@@ -120,6 +121,8 @@ impl Pipelines {
             ("to_linear", f64::from(u8::from(kind.is_linear()))),
         ];
         let options = || wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+
+        // Vertices as blocks have them, where triangles have indices.
         let attribute =
             |shader_location, format, offset| wgpu::VertexAttribute { format, offset, shader_location };
         // Where there are no colours, nothing looks at them.
@@ -133,6 +136,7 @@ impl Pipelines {
             step_mode: wgpu::VertexStepMode::Vertex,
             attributes: &attributes,
         })];
+
         gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("clusters"),
             layout: Some(&self.layout),

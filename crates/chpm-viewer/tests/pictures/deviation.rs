@@ -1,11 +1,11 @@
 //! How far a picture is from that of the full model: silhouettes move by no more than the pixels of error.
 
 use crate::models::{self, Model};
+use crate::raster::Raster;
 use crate::screen::{PLENTY, exact, ids, open};
 use chpm_mesh::Level;
 use chpm_refine::{Camera, Cut};
 use chpm_synth::Shape;
-use chpm_viewer::raster::Raster;
 
 const VIEWPORT: [u32; 2] = [200, 150];
 

@@ -17,5 +17,7 @@ mod fetch;
 mod golden;
 /// Models much larger than what may be used.
 mod limits;
-/// The same pictures from the processor.
+/// Pictures from the processor, triangle by triangle.
+mod raster;
+/// They are the same.
 mod reference;

@@ -1,11 +1,11 @@
 //! The same pictures from the processor: triangle by triangle, in double precision.
 
 use crate::models::{self, Model};
+use crate::raster::Raster;
 use crate::screen::{PLENTY, exact, ids, open};
 use chpm_format::Chpm;
 use chpm_mesh::ClusterId;
 use chpm_refine::{Camera, Cut, Hierarchy, View, extract, select};
-use chpm_viewer::raster::Raster;
 use chpm_viewer::{FrameRequest, TriangleId};
 
 const VIEWPORT: [u32; 2] = [160, 120];

@@ -9,16 +9,15 @@
 
 mod project;
 
-use crate::ViewerError;
-use crate::headless::{IdImage, TriangleId};
 use chpm_format::Chpm;
 use chpm_mesh::ClusterId;
 use chpm_refine::{Camera, Cut, RefineError};
+use chpm_viewer::{IdImage, TriangleId, ViewerError};
 use project::{Corner, Projection};
 
 /// An item buffer that is filled triangle by triangle.
 #[derive(Clone, Debug)]
-pub struct Raster {
+pub(crate) struct Raster {
     projection: Projection,
     pixels: Vec<Pixel>,
     /// Of the triangle that is being drawn.
@@ -48,7 +47,7 @@ impl Raster {
     ///
     /// # Errors
     /// [`ViewerError::View`] for a camera or an image that none can be.
-    pub fn new(camera: &Camera, viewport: [u32; 2], near: f64) -> Result<Self, ViewerError> {
+    pub(crate) fn new(camera: &Camera, viewport: [u32; 2], near: f64) -> Result<Self, ViewerError> {
         let projection = Projection::new(camera, viewport, near)?;
         let count = viewport[0] as usize * viewport[1] as usize;
         Ok(Raster { projection, pixels: vec![Pixel::default(); count], outline: Vec::new() })
@@ -58,7 +57,7 @@ impl Raster {
     ///
     /// # Errors
     /// As [`Raster::new`], and [`ViewerError::View`] for a damaged page.
-    pub fn of_cut<D: AsRef<[u8]>>(
+    pub(crate) fn of_cut<D: AsRef<[u8]>>(
         file: &Chpm<D>,
         cut: &Cut,
         camera: &Camera,
@@ -91,7 +90,7 @@ impl Raster {
     }
 
     /// Draws a triangle. Of triangles that are equally near the first one is seen.
-    pub fn draw(&mut self, id: TriangleId, corners: [[f64; 3]; 3]) {
+    pub(crate) fn draw(&mut self, id: TriangleId, corners: [[f64; 3]; 3]) {
         let mut outline = std::mem::take(&mut self.outline);
         self.projection.project(corners, &mut outline);
         if let [first, rest @ ..] = &outline[..] {
@@ -116,18 +115,18 @@ impl Raster {
     }
 
     /// Width and height, pixels.
-    pub fn size(&self) -> [u32; 2] {
+    pub(crate) fn size(&self) -> [u32; 2] {
         self.projection.viewport
     }
 
     /// What is seen at each pixel.
-    pub fn ids(&self) -> IdImage {
+    pub(crate) fn ids(&self) -> IdImage {
         let pixels = self.pixels.iter().map(|pixel| pixel.seen.map(|(id, _)| id)).collect();
         IdImage { size: self.size(), pixels }
     }
 
     /// The depths of the pixels, along the line of sight, object units; infinite where nothing is seen.
-    pub fn depths(&self) -> Vec<f64> {
+    pub(crate) fn depths(&self) -> Vec<f64> {
         let depth = |pixel: &Pixel| pixel.seen.map_or(f64::INFINITY, |(_, near)| 1.0 / near);
         self.pixels.iter().map(depth).collect()
     }
@@ -137,7 +136,7 @@ impl Raster {
     ///
     /// # Panics
     /// For a place outside the image.
-    pub fn is_certain(&self, place: usize) -> bool {
+    pub(crate) fn is_certain(&self, place: usize) -> bool {
         let pixel = &self.pixels[place];
         let Some((sure, least)) = pixel.sure else { return pixel.rivals[0].is_none() };
         pixel.rivals.iter().flatten().all(|(id, most)| *id == sure || *most < least)

@@ -1,7 +1,7 @@
 //! From space into the image.
 
-use crate::ViewerError;
 use chpm_refine::{Camera, View};
+use chpm_viewer::ViewerError;
 use nalgebra::{Point3, Vector3};
 
 /// A corner in the image: column and row in pixels from the upper left corner, and one over depth.
