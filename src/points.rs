@@ -27,7 +27,7 @@ impl Points {
         let mut polygons = Vec::new();
         meter.start("read", path.metadata().map_or(0, |metadata| metadata.len()));
         while input.next_batch(&mut batch)? != BatchKind::End {
-            points.positions.extend(batch.positions.iter().map(|p| p.map(f64::from)));
+            points.positions.extend(batch.vertices.positions.iter().map(|p| p.map(f64::from)));
             points.positions.append(&mut batch.positions_f64);
             points.triangles.append(&mut batch.triangles);
             polygons.extend_from_slice(batch.polygons.as_words());

@@ -208,9 +208,9 @@ fn write(
         if let Some(origin) = origin {
             absolute.clear();
             absolute.extend(batch.absolute(origin));
-            ply.vertices_f64(&absolute, batch.normals, batch.colors)?;
+            ply.vertices_f64(&absolute, batch)?;
         } else {
-            ply.vertices(batch.positions, batch.normals, batch.colors)?;
+            ply.vertices(batch)?;
         }
         anyhow::Ok(())
     })?;

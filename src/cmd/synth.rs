@@ -9,7 +9,7 @@ use crate::stop::{self, Stop};
 use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_import::ply::{Encoding, PlyWriter};
-use chpm_mesh::{Attributes, Counted};
+use chpm_mesh::{Attributes, Counted, VertexSlices};
 use chpm_synth::hard::{CASES, Case};
 use chpm_synth::odd::{ODDS, Odd, Plan};
 use chpm_synth::{ParseShapeError, Shape, Synth};
@@ -147,7 +147,7 @@ pub(super) fn write(
     synth.for_each_vertices(&mut |batch| {
         stop::check(cancel)?;
         meter.add(batch.len() as u64);
-        anyhow::Ok(ply.vertices(batch, &[], &[])?)
+        anyhow::Ok(ply.vertices(VertexSlices::new(batch))?)
     })?;
     synth.for_each_triangles(&mut |batch| {
         stop::check(cancel)?;
@@ -179,9 +179,9 @@ fn write_case(
         meter.add(batch.len() as u64);
         if is_double {
             let moved = |p: &[f32; 3]| std::array::from_fn(|axis| f64::from(p[axis]) + case.offset[axis]);
-            ply.vertices_f64(&batch.iter().map(moved).collect::<Vec<_>>(), &[], &[])?;
+            ply.vertices_f64(&batch.iter().map(moved).collect::<Vec<_>>(), VertexSlices::default())?;
         } else {
-            ply.vertices(batch, &[], &[])?;
+            ply.vertices(VertexSlices::new(batch))?;
         }
     }
     for batch in mesh.triangles.chunks(BATCH) {
@@ -214,10 +214,10 @@ fn write_odd(
         meter.add(batch.len() as u64);
         let places: Vec<[f64; 3]> = batch.map(|v| plan.place(v)).collect();
         if plan.double {
-            ply.vertices_f64(&places, &[], &[])?;
+            ply.vertices_f64(&places, VertexSlices::default())?;
         } else {
             let singles: Vec<[f32; 3]> = places.iter().map(|p| p.map(|x| x as f32)).collect();
-            ply.vertices(&singles, &[], &[])?;
+            ply.vertices(VertexSlices::new(&singles))?;
         }
     }
     for batch in batches(triangles) {

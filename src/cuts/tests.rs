@@ -5,7 +5,7 @@ use super::*;
 use chpm_build::{BuildConfig, Silent, build};
 use chpm_format::{ChpmWriter, HeaderFields, Invariant, Page, PageParts, Tables, checksum};
 use chpm_import::ply::{self, Encoding};
-use chpm_mesh::{ClusterId, GroupId, Level, TriMesh};
+use chpm_mesh::{ClusterId, GroupId, Level, TriMesh, VertexSlices};
 use chpm_refine::{Member, extract};
 use chpm_synth::hard::CASES;
 use chpm_synth::odd::Odd;
@@ -195,9 +195,7 @@ fn changed(file: &Model, cluster: ClusterId, change: impl FnOnce(&mut Parts)) ->
     let errors: Vec<f32> = (parts.base..page.vertex_count()).map(|n| page.error_at(n)).collect();
     let mut payload = Vec::new();
     PageParts {
-        positions: &parts.positions,
-        normals: page.normals,
-        colors: page.colors,
+        vertices: VertexSlices { positions: &parts.positions, ..page.vertices },
         triangles: page.triangles,
         targets: &parts.targets,
         errors: &errors,

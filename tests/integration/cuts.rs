@@ -153,9 +153,7 @@ fn with_wrong_errors(bytes: Vec<u8>, changed: &[usize]) -> Vec<u8> {
             let page = file.page(id).expect("a page");
             let shared: Vec<(u16, u32)> = page.shared().collect();
             let parts = PageParts {
-                positions: page.positions,
-                normals: page.normals,
-                colors: page.colors,
+                vertices: page.vertices,
                 triangles: page.triangles,
                 targets: page.targets,
                 errors: &vec![page.max_error(); page.targets.len()],

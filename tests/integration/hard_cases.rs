@@ -142,7 +142,7 @@ fn a_far_model_in_doubles_keeps_its_vertices() {
         all
     };
     for cut in cuts(&model, 2) {
-        for p in extract(&model, &cut).expect("a mesh").positions {
+        for p in extract(&model, &cut).expect("a mesh").vertices.positions {
             assert!(exact.binary_search(&p.map(|x| f64::from(x).to_bits())).is_ok(), "{p:?}");
         }
     }

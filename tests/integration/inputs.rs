@@ -361,7 +361,7 @@ fn range_scans_are_moved_into_one_frame() {
     let (count, half) = (mesh.triangles.len(), mesh.triangles.len() / 2);
     let part = |range: std::ops::Range<usize>, place: fn([f32; 3]) -> [f32; 3]| {
         let positions = mesh.positions.iter().map(|p| place(*p)).collect();
-        TriMesh { positions, triangles: mesh.triangles[range].to_vec(), ..TriMesh::default() }
+        TriMesh::new(positions, mesh.triangles[range].to_vec())
     };
     // The second scan saw the model a half turn about z and one unit of x away: its pose brings it back, exactly.
     folder.write_mesh("one.ply", &part(0..half, |p| p));

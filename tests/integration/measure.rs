@@ -91,9 +91,7 @@ pub(super) fn leaf_with(mesh: &TriMesh, targets: &[u16], errors: &[f32], gaps: G
     let coarse_first: Vec<f32> = errors.iter().rev().copied().collect();
     let mut payload = Vec::new();
     PageParts {
-        positions: &mesh.positions,
-        normals: &[],
-        colors: &[],
+        vertices: mesh.view(),
         triangles: &triangles,
         targets,
         errors: &coarse_first,

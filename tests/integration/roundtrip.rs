@@ -3,7 +3,7 @@
 use super::harness::{Folder, triangles};
 use chpm_import::ply::{Batch, BatchKind, Encoding, Options, PlyReader, PlyWriter};
 use chpm_measure::crack::cracks;
-use chpm_mesh::{Attributes, TriMesh};
+use chpm_mesh::{Attributes, TriMesh, VertexSlices};
 use chpm_synth::hand;
 use std::fs::File;
 
@@ -138,7 +138,7 @@ fn doubles_far_from_the_zero_point_keep_their_detail() {
     let (vertices, triangles) = (positions.len() as u64, mesh.triangles.len() as u64);
     let mut ply = PlyWriter::new(file, Encoding::Ascii, vertices, triangles, Attributes::NONE, true, &[])
         .expect("a header");
-    ply.vertices_f64(&positions, &[], &[]).expect("vertices");
+    ply.vertices_f64(&positions, VertexSlices::default()).expect("vertices");
     ply.triangles(&mesh.triangles).expect("triangles");
     ply.finish().expect("an end");
 

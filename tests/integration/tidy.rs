@@ -20,7 +20,7 @@ const EDGES: [(&str, &[&str]); 11] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 23] = [
+const LAYERS: [&str; 24] = [
     "progress",
     "foreign",
     "report",
@@ -30,6 +30,7 @@ const LAYERS: [&str; 23] = [
     "range",
     "clock",
     "context",
+    "vertex_columns",
     "pairs",
     "in_order",
     "join",

@@ -39,7 +39,7 @@ impl Facts {
     pub(crate) fn of(source: &Source) -> Self {
         Facts {
             triangles: source.triangles.len() as u64,
-            attributes: source.attributes(),
+            attributes: source.vertices.attributes(),
             origin: source.origin,
             used_vertices: 0,
             shared_vertices: 0,

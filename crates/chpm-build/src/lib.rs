@@ -28,6 +28,7 @@ mod simplify;
 mod stamp;
 mod triangle_order;
 mod trim;
+mod vertex_columns;
 
 pub use allowance::MIN_MEMORY;
 pub use chpm_extmem::Faults;

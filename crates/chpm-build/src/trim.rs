@@ -12,7 +12,6 @@ use crate::hierarchy::Tree;
 use crate::range::ErrorRange;
 use crate::report::LevelReport;
 use crate::simplify::{Clusters, PageRef, level_reports};
-use chpm_format::page::PAGE_HEADER_LEN;
 use chpm_format::{FormatError, Page, PageParts};
 use chpm_mesh::{Aabb, Places};
 use rayon::prelude::*;
@@ -48,16 +47,7 @@ impl Trimmed {
 
     /// Gives the shared vertices of a page their new ids.
     pub(crate) fn renumber(&self, bytes: &mut [u8]) -> Result<(), FormatError> {
-        let page = Page::view(bytes)?;
-        let start = PAGE_HEADER_LEN
-            + size_of_val(page.positions)
-            + size_of_val(page.normals)
-            + size_of_val(page.colors);
-        let end = start + size_of_val(page.shared_ids);
-        for id in bytes[start..end].as_chunks_mut().0 {
-            *id = self.new_ids[u32::from_le_bytes(*id) as usize].to_le_bytes();
-        }
-        Ok(())
+        Page::renumber(bytes, |id| self.new_ids[id as usize])
     }
 }
 
@@ -212,9 +202,7 @@ impl Scratch {
         self.shared.extend(page.shared().filter(|(vertex, _)| usize::from(*vertex) < end));
         self.out.clear();
         PageParts {
-            positions: &page.positions[..end],
-            normals: page.normals.get(..end).unwrap_or_default(),
-            colors: page.colors.get(..end).unwrap_or_default(),
+            vertices: page.vertices.first(end),
             triangles: &self.triangles,
             targets: &page.targets[start - base..end - base],
             errors: &self.errors,

@@ -4,13 +4,13 @@
 //! there, and `chpm info`, `verify` and `dump` understand them.
 
 use chpm_format::{Chpm, ChpmWriter, ClusterRecord, GroupRecord, LevelRecord, PageParts, Tables, verify};
-use chpm_mesh::{GroupId, Level};
+use chpm_mesh::{GroupId, Level, VertexSlices};
 use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {
     // The page: vertices in the order in which they come, the last one first to go. It goes to vertex 1, at an error of 0.5.
     let parts = PageParts {
-        positions: &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
+        vertices: VertexSlices::new(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]),
         triangles: &[[0, 1, 2], [1, 3, 2]],
         targets: &[1],
         errors: &[0.5],

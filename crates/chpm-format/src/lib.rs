@@ -15,10 +15,10 @@
 //!
 //! ```
 //! use chpm_format::{Chpm, ChpmWriter, ClusterRecord, GroupRecord, LevelRecord, PageParts, Tables, verify};
-//! use chpm_mesh::{ClusterId, GroupId, Level};
+//! use chpm_mesh::{ClusterId, GroupId, Level, VertexSlices};
 //!
 //! let parts = PageParts {
-//!     positions: &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
+//!     vertices: VertexSlices::new(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]),
 //!     triangles: &[[0, 1, 2], [1, 3, 2]],
 //!     targets: &[1], // The last vertex collapses to vertex 1, which costs an error of 0.5.
 //!     errors: &[0.5],

@@ -5,8 +5,9 @@ use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::error_code::{self, MAX_CODE};
 use crate::header::attributes_of;
 use bytemuck::{Pod, Zeroable};
-use chpm_mesh::{Attributes, ClusterId, ProgressiveMesh};
+use chpm_mesh::{Attributes, ClusterId, ProgressiveMesh, VertexSlices};
 use std::mem;
+use std::ops::Deref;
 
 /// First four bytes of a page, "CPGE".
 pub const PAGE_MAGIC: u32 = u32::from_le_bytes(*b"CPGE");
@@ -80,15 +81,12 @@ impl PageHeader {
     }
 }
 
-/// A page: the finest mesh of a cluster and its collapse order (V vertices, B of them in the base mesh).
+/// A page: the finest mesh of a cluster and its collapse order (V vertices, B of them in the base mesh). The arrays of the vertices are
+/// reached as the page's own: `page.positions`.
 #[derive(Clone, Copy, Debug)]
 pub struct Page<'a> {
-    /// Vertex positions relative to the file's origin, V.
-    pub positions: &'a [[f32; 3]],
-    /// Normals, V or none.
-    pub normals: &'a [[f32; 3]],
-    /// Colours (RGBA), V or none.
-    pub colors: &'a [[u8; 4]],
+    /// Vertices, V; positions are relative to the file's origin.
+    pub vertices: VertexSlices<'a>,
     /// Ids of the shared vertices, in increasing local index.
     pub shared_ids: &'a [u32],
     /// Corners of the finest mesh.
@@ -132,9 +130,11 @@ impl<'a> Page<'a> {
         let v = header.vertex_count as usize;
         let collapses = v - header.base_vertex_count as usize;
         Ok(Page {
-            positions: take(&mut rest, v),
-            normals: take(&mut rest, if attributes.normals { v } else { 0 }),
-            colors: take(&mut rest, if attributes.colors { v } else { 0 }),
+            vertices: VertexSlices {
+                positions: take(&mut rest, v),
+                normals: take(&mut rest, if attributes.normals { v } else { 0 }),
+                colors: take(&mut rest, if attributes.colors { v } else { 0 }),
+            },
             shared_ids: take(&mut rest, header.shared_count as usize),
             triangles: take(&mut rest, header.triangle_count as usize),
             targets: take(&mut rest, collapses),
@@ -193,14 +193,23 @@ impl<'a> Page<'a> {
         Ok(())
     }
 
-    /// V, the vertices of the finest mesh.
-    pub fn vertex_count(&self) -> usize {
-        self.positions.len()
+    /// Gives the shared vertices of a page other ids, in place.
+    ///
+    /// # Errors
+    /// As [`Page::view`].
+    pub fn renumber(bytes: &mut [u8], new: impl Fn(u32) -> u32) -> Result<(), FormatError> {
+        let page = Page::view(bytes)?;
+        let start = PAGE_HEADER_LEN + page.vertex_count() * page.attributes().vertex_len();
+        let end = start + mem::size_of_val(page.shared_ids);
+        for id in bytes[start..end].as_chunks_mut().0 {
+            *id = new(u32::from_le_bytes(*id)).to_le_bytes();
+        }
+        Ok(())
     }
 
-    /// What the vertices carry.
-    pub fn attributes(&self) -> Attributes {
-        Attributes { normals: !self.normals.is_empty(), colors: !self.colors.is_empty() }
+    /// V, the vertices of the finest mesh.
+    pub fn vertex_count(&self) -> usize {
+        self.vertices.positions.len()
     }
 
     /// The mesh and its collapse order, to play.
@@ -248,6 +257,15 @@ impl<'a> Page<'a> {
             (0..8).filter(move |bit| byte >> bit & 1 == 1).map(move |bit| (8 * i + bit) as u16)
         };
         self.shared_bits.iter().copied().enumerate().flat_map(set).zip(self.shared_ids.iter().copied())
+    }
+}
+
+impl<'a> Deref for Page<'a> {
+    type Target = VertexSlices<'a>;
+
+    #[inline]
+    fn deref(&self) -> &VertexSlices<'a> {
+        &self.vertices
     }
 }
 

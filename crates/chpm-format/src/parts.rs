@@ -5,17 +5,13 @@ use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::error_code::{self, MAX_ERROR};
 use crate::header::attribute_bits;
 use crate::page::{PAGE_HEADER_LEN, PAGE_MAGIC, PAGE_VERSION, PageHeader};
-use chpm_mesh::{Attributes, ClusterId, Places, ProgressiveMesh};
+use chpm_mesh::{ClusterId, Places, ProgressiveMesh, VertexSlices};
 
 /// The parts of a page, as a builder has them: V vertices, of which the first B are the base mesh.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PageParts<'a> {
-    /// Vertex positions relative to the file's origin, V.
-    pub positions: &'a [[f32; 3]],
-    /// Normals, V or none.
-    pub normals: &'a [[f32; 3]],
-    /// Colours (RGBA), V or none.
-    pub colors: &'a [[u8; 4]],
+    /// Vertices, V; positions are relative to the file's origin.
+    pub vertices: VertexSlices<'a>,
     /// Corners of the finest mesh; never two equal ones.
     pub triangles: &'a [[u16; 3]],
     /// Where vertex `B + j` collapses to, V - B; less than `B + j`.
@@ -41,13 +37,12 @@ impl PageParts<'_> {
         self.check()?;
         let largest = self.errors.first().copied().unwrap_or(self.min_error).max(self.scale_error);
         let error_scale = error_code::scale_for(largest);
-        let attributes = Attributes { normals: !self.normals.is_empty(), colors: !self.colors.is_empty() };
         let header = PageHeader {
             magic: PAGE_MAGIC,
             version: PAGE_VERSION,
-            attributes: attribute_bits(attributes) as u16,
-            vertex_count: self.positions.len() as u32,
-            base_vertex_count: (self.positions.len() - self.targets.len()) as u32,
+            attributes: attribute_bits(self.vertices.attributes()) as u16,
+            vertex_count: self.vertices.positions.len() as u32,
+            base_vertex_count: (self.vertices.positions.len() - self.targets.len()) as u32,
             triangle_count: self.triangles.len() as u32,
             base_triangle_count: self.base_triangle_count() as u32,
             shared_count: self.shared.len() as u32,
@@ -59,16 +54,16 @@ impl PageParts<'_> {
         out.reserve(header.payload_len() as usize);
         out.extend_from_slice(bytemuck::bytes_of(&header));
         debug_assert_eq!(out.len() - start, PAGE_HEADER_LEN);
-        out.extend_from_slice(bytemuck::cast_slice(self.positions));
-        out.extend_from_slice(bytemuck::cast_slice(self.normals));
-        out.extend_from_slice(bytemuck::cast_slice(self.colors));
+        out.extend_from_slice(bytemuck::cast_slice(self.vertices.positions));
+        out.extend_from_slice(bytemuck::cast_slice(self.vertices.normals));
+        out.extend_from_slice(bytemuck::cast_slice(self.vertices.colors));
         out.extend(self.shared.iter().flat_map(|(_, id)| id.to_le_bytes()));
         out.extend_from_slice(bytemuck::cast_slice(self.triangles));
         out.extend_from_slice(bytemuck::cast_slice(self.targets));
         let code = |error: &f32| error_code::encode(*error, error_scale);
         out.extend(self.errors.iter().flat_map(|error| code(error).to_le_bytes()));
         let bits = out.len();
-        out.resize(bits + self.positions.len().div_ceil(8), 0);
+        out.resize(bits + self.vertices.positions.len().div_ceil(8), 0);
         for (local, _) in self.shared {
             out[bits + usize::from(local / 8)] |= 1 << (local % 8);
         }
@@ -78,8 +73,8 @@ impl PageParts<'_> {
 
     fn base_triangle_count(&self) -> usize {
         let mesh = ProgressiveMesh {
-            vertex_count: self.positions.len(),
-            base_vertex_count: self.positions.len() - self.targets.len(),
+            vertex_count: self.vertices.positions.len(),
+            base_vertex_count: self.vertices.positions.len() - self.targets.len(),
             triangles: self.triangles,
             targets: self.targets,
         };
@@ -88,10 +83,10 @@ impl PageParts<'_> {
 
     fn check(&self) -> Result<(), FormatError> {
         let place = Place::Page(ClusterId::NONE);
-        let v = self.positions.len();
+        let v = self.vertices.positions.len();
         require(v <= MAX_CLUSTER_VERTICES as usize, place, "vertices", "at most 65535", v)?;
-        for (field, len) in [("normals", self.normals.len()), ("colors", self.colors.len())] {
-            require(len == 0 || len == v, place, field, format_args!("none or {v}"), len)?;
+        if let Some((field, len)) = self.vertices.uneven() {
+            return Err(invalid(place, field, format_args!("none or {v}"), len));
         }
         let t = self.triangles.len();
         require(t <= u32::MAX as usize / 8, place, "triangles", "at most 2^29", t)?;

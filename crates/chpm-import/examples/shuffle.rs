@@ -2,7 +2,7 @@
 //! Usage: shuffle IN.ply OUT.ply [SEED]. The mesh is held in memory.
 
 use chpm_import::ply::{Batch, BatchKind, Encoding, Options, PlyReader, PlyWriter};
-use chpm_mesh::Attributes;
+use chpm_mesh::{Attributes, VertexSlices};
 use std::error::Error;
 use std::fs::File;
 use std::io::BufWriter;
@@ -27,8 +27,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut batch = Batch::default();
     loop {
         match reader.next_batch(&mut batch)? {
-            BatchKind::Vertices if batch.positions.is_empty() => return Err("double coordinates".into()),
-            BatchKind::Vertices => positions.extend_from_slice(&batch.positions),
+            BatchKind::Vertices if batch.vertices.positions.is_empty() => {
+                return Err("double coordinates".into());
+            }
+            BatchKind::Vertices => positions.extend_from_slice(&batch.vertices.positions),
             BatchKind::Triangles => triangles.extend_from_slice(&batch.triangles),
             BatchKind::End => break,
         }
@@ -52,7 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let encoding = Encoding::BinaryLittleEndian;
     let mut ply =
         PlyWriter::new(out, encoding, vertex_count, triangle_count, Attributes::NONE, false, &["shuffled"])?;
-    ply.vertices(&shuffled, &[], &[])?;
+    ply.vertices(VertexSlices::new(&shuffled))?;
     ply.triangles(&triangles)?;
     ply.finish()?.into_inner()?.sync_all()?;
     Ok(())

@@ -90,7 +90,7 @@ impl<R: Read> ObjReader<R> {
         while obj.vertices == 0 && obj.state == State::Open && !obj.is_full() {
             obj.line()?;
         }
-        obj.colored &= !obj.pending.colors.is_empty();
+        obj.colored &= !obj.pending.vertices.colors.is_empty();
         Ok(obj)
     }
 
@@ -165,7 +165,7 @@ impl<R: Read> ObjReader<R> {
         if vertices > 0 && (vertices >= Batch::FULL || !self.pending.is_full_of_faces()) {
             std::mem::swap(&mut batch.positions_f64, &mut self.pending.positions_f64);
             std::mem::swap(&mut batch.invalid_vertices, &mut self.pending.invalid_vertices);
-            std::mem::swap(&mut batch.colors, &mut self.pending.colors);
+            std::mem::swap(&mut batch.vertices, &mut self.pending.vertices);
             std::mem::swap(&mut batch.far, &mut self.pending.far);
             batch.first = self.delivered[0];
             self.delivered[0] += vertices as u64;
@@ -251,13 +251,13 @@ impl<R: Read> ObjReader<R> {
                 let is_first = self.vertices == 0;
                 self.pending.positions_f64.push(position);
                 match count {
-                    3 if self.colored => self.pending.colors.push(color(rest)),
+                    3 if self.colored => self.pending.vertices.colors.push(color(rest)),
                     3 => left_out.late_colors += 1,
                     0 | 1 => {}
                     _ => left_out.vertex_numbers += 1,
                 }
                 if count != 3 && self.colored && !is_first {
-                    self.pending.colors.push([255; 4]);
+                    self.pending.vertices.colors.push([255; 4]);
                 }
                 self.vertices += 1;
             }

@@ -3,7 +3,7 @@
 //! Garland and Heckbert's quadrics ("Surface simplification using quadric error metrics", section 5) on half-edge
 //! collapses: vertex `u` goes to its neighbour `v` at the cost that `u`'s quadric gives `v`'s position.
 
-use chpm_mesh::{Aabb, TriMesh, geom};
+use chpm_mesh::{Aabb, TriMesh, Vertices, geom};
 use nalgebra::{Matrix4, Point3, Vector3, Vector4};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -231,9 +231,8 @@ impl<'a> State<'a> {
     }
 
     fn into_mesh(self, mesh: &TriMesh) -> TriMesh {
-        fn keep<T: Copy>(items: &[T], removed: &[bool]) -> Vec<T> {
-            items.iter().zip(removed).filter(|(_, gone)| !**gone).map(|(item, _)| *item).collect()
-        }
+        let mut vertices = Vertices::default();
+        vertices.gather(mesh.view(), (0..self.removed.len()).filter(|v| !self.removed[*v]));
         let mut count = 0;
         let number = |gone: &bool| {
             count += u32::from(!gone);
@@ -241,9 +240,7 @@ impl<'a> State<'a> {
         };
         let numbers: Vec<u32> = self.removed.iter().map(number).collect();
         TriMesh {
-            positions: keep(&mesh.positions, &self.removed),
-            normals: keep(&mesh.normals, &self.removed),
-            colors: keep(&mesh.colors, &self.removed),
+            vertices,
             triangles: self.faces.iter().flatten().map(|f| f.map(|v| numbers[v as usize])).collect(),
         }
     }

@@ -13,10 +13,12 @@ pub mod number;
 pub mod pm;
 pub mod trimesh;
 pub mod units;
+pub mod vertices;
 
 pub use geom::{Aabb, FAR, Sphere};
 pub use ids::{ClusterId, GroupId, Level};
 pub use number::{Number, NumberError};
 pub use pm::{Places, ProgressiveMesh};
-pub use trimesh::{Attributes, TriMesh};
+pub use trimesh::TriMesh;
 pub use units::{Bytes, Counted, ObjectError};
+pub use vertices::{Attributes, Vertex, VertexSlices, Vertices};

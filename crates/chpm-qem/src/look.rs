@@ -9,6 +9,7 @@ use crate::overlay::{Overlay, Place};
 use crate::patch::Patch;
 use crate::ring::View;
 use bytemuck::{Pod, Zeroable};
+use chpm_mesh::VertexSlices;
 use chpm_mesh::geom::round_up;
 use nalgebra::{Vector3, Vector4};
 
@@ -34,7 +35,12 @@ pub struct Looks<'a> {
     pub faces: &'a [FaceLook],
 }
 
-impl Looks<'_> {
+impl<'a> Looks<'a> {
+    /// What vertices and `faces` look like.
+    pub fn new(vertices: VertexSlices<'a>, faces: &'a [FaceLook]) -> Self {
+        Looks { normals: vertices.normals, colors: vertices.colors, faces }
+    }
+
     /// Whether there is nothing to look at.
     pub fn is_empty(&self) -> bool {
         self.normals.is_empty() && self.colors.is_empty()

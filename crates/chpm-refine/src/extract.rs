@@ -4,7 +4,7 @@ use crate::cut::Cut;
 use crate::error::RefineError;
 use crate::lod::Lod;
 use chpm_format::{Chpm, Page};
-use chpm_mesh::{Attributes, TriMesh};
+use chpm_mesh::{Attributes, TriMesh, VertexSlices, Vertices};
 use std::num::NonZeroU32;
 
 /// Extracts the mesh of a legal cut into memory. Positions are relative to the header's origin; vertices that no triangle
@@ -18,9 +18,7 @@ pub fn extract<D: AsRef<[u8]>>(file: &Chpm<D>, cut: &Cut) -> Result<TriMesh, Ref
     mesh.positions.reserve_exact(extraction.vertex_count() as usize);
     mesh.triangles.reserve_exact(extraction.triangle_count() as usize);
     extraction.vertices(|batch| {
-        mesh.positions.extend_from_slice(batch.positions);
-        mesh.normals.extend_from_slice(batch.normals);
-        mesh.colors.extend_from_slice(batch.colors);
+        mesh.extend_from_slices(batch);
         Ok::<_, RefineError>(())
     })?;
     extraction.triangles(|batch| {
@@ -28,24 +26,6 @@ pub fn extract<D: AsRef<[u8]>>(file: &Chpm<D>, cut: &Cut) -> Result<TriMesh, Ref
         Ok::<_, RefineError>(())
     })?;
     Ok(mesh)
-}
-
-/// Vertices of one cluster that no cluster before it had.
-#[derive(Clone, Copy, Debug)]
-pub struct VertexBatch<'a> {
-    /// Positions relative to the header's origin.
-    pub positions: &'a [[f32; 3]],
-    /// Normals, one per position or none.
-    pub normals: &'a [[f32; 3]],
-    /// Colours (RGBA), one per position or none.
-    pub colors: &'a [[u8; 4]],
-}
-
-impl<'a> VertexBatch<'a> {
-    /// The positions of the source: moved back by the `origin` that [`Extraction::origin`] tells.
-    pub fn absolute(&self, origin: [f64; 3]) -> impl Iterator<Item = [f64; 3]> + use<'a> {
-        self.positions.iter().map(move |p| std::array::from_fn(|axis| origin[axis] + f64::from(p[axis])))
-    }
 }
 
 /// The mesh of a cut, handed out cluster by cluster, so that a large one can be written without being held: memory is
@@ -96,20 +76,20 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         Some(self.file.header().origin).filter(|origin| *origin != [0.0; 3])
     }
 
-    /// Hands all vertices to `sink`, in the order of their indices.
+    /// Hands all vertices to `sink`, in the order of their indices: of each cluster those that none before it had. Positions are relative
+    /// to the header's origin.
     ///
     /// # Errors
     /// What `sink` answers; [`RefineError::Format`] for a damaged page.
     pub fn vertices<E: From<RefineError>>(
         &self,
-        mut sink: impl FnMut(VertexBatch<'_>) -> Result<(), E>,
+        mut sink: impl FnMut(VertexSlices<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
-        let (mut positions, mut normals, mut colors) = (Vec::new(), Vec::new(), Vec::new());
+        let mut fresh = Vertices::default();
         self.walk(|page, weld| {
-            gather(page.positions, &weld.fresh, &mut positions);
-            gather(page.normals, &weld.fresh, &mut normals);
-            gather(page.colors, &weld.fresh, &mut colors);
-            sink(VertexBatch { positions: &positions, normals: &normals, colors: &colors })
+            fresh.clear_vertices();
+            fresh.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
+            sink(fresh.view())
         })
     }
 
@@ -143,12 +123,6 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         }
         Ok(())
     }
-}
-
-/// Replaces `out` by what `of` has at the vertices; nothing if `of` has nothing.
-fn gather<T: Copy>(of: &[T], vertices: &[u16], out: &mut Vec<T>) {
-    out.clear();
-    out.extend(vertices.iter().filter_map(|v| of.get(usize::from(*v)).copied()));
 }
 
 /// Index of a vertex that no triangle uses; larger than that of any vertex.

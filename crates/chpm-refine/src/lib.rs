@@ -55,7 +55,7 @@ pub use budget::select_triangles;
 pub use cursor::PmCursor;
 pub use cut::{Cut, Member};
 pub use error::RefineError;
-pub use extract::{Extraction, VertexBatch, extract};
+pub use extract::{Extraction, extract};
 pub use front::{Changes, Entered, Front};
 pub use hierarchy::Hierarchy;
 pub use path::CameraPath;

@@ -16,8 +16,10 @@ use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::ingest::Source;
+use crate::vertex_columns::VertexColumns;
 use bytemuck::{Pod, Zeroable};
 use chpm_extmem::{Buckets, Column, Reservation};
+use chpm_mesh::{Vertex, Vertices};
 use rayon::prelude::*;
 
 /// Leaves of a region: as many as two threads can work on in the least memory.
@@ -34,22 +36,13 @@ const BLOCKS: usize = 8 << 20;
 /// No border number.
 pub(crate) const INNER: u32 = u32::MAX;
 
-/// Vertex data in structure-of-arrays form.
-struct Vertices {
-    positions: Column<[f32; 3]>,
-    normals: Option<Column<[f32; 3]>>,
-    colors: Option<Column<[u8; 4]>>,
-}
-
 /// A vertex of another region.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Foreign {
     vertex: u32,
     border: u32,
-    position: [f32; 3],
-    normal: [f32; 3],
-    color: [u8; 4],
+    data: Vertex,
 }
 
 /// Which regions use the vertices of another, by that: vertex and region. What comes soon again is there once.
@@ -69,7 +62,7 @@ impl Visits {
 
 /// The source in regions.
 pub(crate) struct Divided {
-    vertices: Vertices,
+    vertices: VertexColumns,
     cells: Cells,
     /// By cell: its region, and its first vertex's number there.
     homes: Vec<(u32, u32)>,
@@ -95,23 +88,16 @@ pub(crate) fn run(
     settings: &Settings,
     context: &Context<'_>,
 ) -> Result<Divided, BuildError> {
-    let Source { positions, normals, colors, mut triangles, bounds, .. } = source;
+    let Source { mut vertices, mut triangles, bounds, .. } = source;
     let store = &context.store;
-    let wanted = region_count(positions.len(), leaves, settings);
-    let mut vertices = Vertices { positions, normals, colors };
+    let wanted = region_count(vertices.positions.len(), leaves, settings);
     let mut cells = Cells::single(vertices.positions.len() as u32);
     let mut regions = vec![0];
     if wanted > 1 {
         let limit = (vertices.positions.len() as u32 / (wanted * REGION_CELLS)).max(settings.cell_vertices);
         let mapping;
         (cells, mapping) = number::run(&vertices.positions, &bounds, limit, context)?;
-        let Vertices { positions, normals, colors } = vertices;
-        let permute = |from, what| number::permute(from, &mapping, what, context);
-        vertices = Vertices {
-            positions: permute(positions, "positions by cell")?,
-            normals: normals.map(|n| permute(n, "normals by cell")).transpose()?,
-            colors: colors.map(|c| number::permute(c, &mapping, "colors by cell", context)).transpose()?,
-        };
+        vertices = vertices.map(&number::Permutation { mapping: &mapping, context })?;
         crate::join::run(&mut triangles, &mapping, context)?;
         drop(mapping);
         context.check()?;
@@ -241,8 +227,7 @@ impl Divided {
         while self.foreign.count() < self.region_count() {
             self.foreign.add();
         }
-        let mut visiting = Vec::new();
-        let (mut positions, mut normals, mut colors) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut visiting, mut scratch) = (Vec::new(), Vertices::default());
         for home in 0..self.home_count() {
             context.check()?;
             visiting.clear();
@@ -255,29 +240,14 @@ impl Divided {
             for cell in visiting.chunk_by(|a, b| self.cells.of(a[0]) == self.cells.of(b[0])) {
                 let range = cell[0][0] as usize..cell[cell.len() - 1][0] as usize + 1;
                 let first = range.start;
-                let positions = self.vertices.positions.read(range.clone(), &mut positions)?;
-                let normals = match &self.vertices.normals {
-                    Some(column) => column.read(range.clone(), &mut normals)?,
-                    None => &[],
-                };
-                let colors = match &self.vertices.colors {
-                    Some(column) => column.read(range, &mut colors)?,
-                    None => &[],
-                };
+                let vertices = self.vertices.read(range, &mut scratch)?;
                 for [vertex, region] in cell {
                     if self.border.last() != Some(vertex) {
                         self.border.push(*vertex);
                     }
-                    let border = self.border.len() - 1;
-                    let at = *vertex as usize - first;
-                    let copy = Foreign {
-                        vertex: *vertex,
-                        border: border as u32,
-                        position: positions[at],
-                        normal: normals.get(at).copied().unwrap_or_default(),
-                        color: colors.get(at).copied().unwrap_or_default(),
-                    };
-                    self.foreign.push(*region as usize, copy)?;
+                    let border = self.border.len() as u32 - 1;
+                    let data = vertices.vertex(*vertex as usize - first);
+                    self.foreign.push(*region as usize, Foreign { vertex: *vertex, border, data })?;
                 }
             }
             self.border_starts.push(self.border.len() as u32);
@@ -328,21 +298,12 @@ impl Divided {
         }
         let own_used = numbers[..own].iter().filter(|n| **n != UNUSED).count();
         let runs = Runs { cells: &self.cells, own: own_cells, numbers: &numbers, count: count as usize };
-        let foreign = &foreign[..];
         Ok(Mesh {
             copies,
             triangles,
             border,
             referenced: own_used as u64 + visited_only,
-            positions: runs.gather(&self.vertices.positions, foreign.iter().map(|f| f.position))?,
-            normals: match &self.vertices.normals {
-                Some(column) => runs.gather(column, foreign.iter().map(|f| f.normal))?,
-                None => Vec::new(),
-            },
-            colors: match &self.vertices.colors {
-                Some(column) => runs.gather(column, foreign.iter().map(|f| f.color))?,
-                None => Vec::new(),
-            },
+            vertices: runs.gather(&self.vertices, &foreign)?,
         })
     }
 
@@ -368,25 +329,22 @@ struct Runs<'a> {
 }
 
 impl Runs<'_> {
-    /// What `column` has for the vertices that are used, and what comes from elsewhere.
-    fn gather<T: Pod>(
-        &self,
-        column: &Column<T>,
-        foreign: impl Iterator<Item = T>,
-    ) -> Result<Vec<T>, BuildError> {
-        let mut gathered = Vec::with_capacity(self.count);
-        let mut scratch = Vec::new();
-        let mut numbers = self.numbers.iter();
-        let mut rest = self.own;
+    /// Those of the vertices that are used, and behind them the `foreign` ones.
+    fn gather(&self, vertices: &VertexColumns, foreign: &[Foreign]) -> Result<Vertices, BuildError> {
+        let carried = vertices.attributes();
+        let mut gathered = Vertices::with_capacity(self.count, carried);
+        let mut scratch = Vertices::default();
+        let (mut rest, mut numbers) = (self.own, self.numbers);
         while let [first, ..] = rest {
             // Neighbouring cells lie side by side.
             let run = rest.iter().zip(*first..).take_while(|(cell, next)| **cell == *next).count();
             let range = self.cells.range(*first).start..self.cells.range(rest[run - 1]).end;
-            let used = column.read(range, &mut scratch)?.iter().zip(&mut numbers);
-            gathered.extend(used.filter(|(_, number)| **number != u32::MAX).map(|(item, _)| *item));
-            rest = &rest[run..];
+            let (of_run, further) = numbers.split_at(range.len());
+            let used = (0..).zip(of_run).filter(|(_, number)| **number != u32::MAX).map(|(at, _)| at);
+            gathered.gather(vertices.read(range, &mut scratch)?, used);
+            (rest, numbers) = (&rest[run..], further);
         }
-        gathered.extend(foreign);
+        foreign.iter().for_each(|vertex| gathered.push_vertex(&vertex.data, carried));
         Ok(gathered)
     }
 }

@@ -1,10 +1,11 @@
 //! Leaves: what a cluster's triangles use, numbered locally, and how it is stored until it is simplified.
 
 use super::region::Mesh;
+use super::shared::SharedVertices;
 use crate::error::BuildError;
-use bytemuck::Pod;
 use chpm_extmem::Spool;
-use chpm_mesh::{Aabb, Attributes};
+use chpm_format::{Page, PageParts};
+use chpm_mesh::{Aabb, Vertices};
 use serde::{Deserialize, Serialize};
 
 /// Marks a stored id that counts from the leaf's region's first inner one.
@@ -16,65 +17,40 @@ pub(crate) const ABSENT: u16 = u16::MAX;
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Leaf {
     offset: u64,
+    len: u32,
     pub(crate) vertex_count: u32,
     pub(crate) triangle_count: u32,
-    shared_count: u32,
     /// Id of the first inner shared vertex of its region.
     pub(crate) first_inner: u32,
     /// Middle of its box.
     pub(crate) center: [f32; 3],
 }
 
-/// The data of a leaf, read back.
-#[derive(Debug, Default)]
-pub(crate) struct LeafData {
-    bytes: Vec<u8>,
-    pub(crate) positions: Vec<[f32; 3]>,
-    /// As many as positions, or none.
-    pub(crate) normals: Vec<[f32; 3]>,
-    /// As many as positions, or none.
-    pub(crate) colors: Vec<[u8; 4]>,
-    /// Triangles over local vertices.
-    pub(crate) triangles: Vec<[u16; 3]>,
-    /// Local index and shared id, by local index.
-    pub(crate) shared: Vec<(u16, u32)>,
-    codes: Vec<u32>,
-    marked: Vec<u16>,
+/// A leaf's page, read back. A leaf is spooled as the page of a mesh that nothing has collapsed in; ids are codes.
+pub(crate) struct LeafPage<'a> {
+    pub(crate) page: Page<'a>,
+    leaf: &'a Leaf,
+    ids: &'a SharedVertices,
 }
 
-impl LeafData {
-    /// Refills from the spool; `id` is the shared id of a code, if it has one.
-    pub(super) fn read(
-        &mut self,
-        leaf: &Leaf,
-        attributes: Attributes,
-        spool: &Spool,
-        id: impl Fn(u32) -> Option<u32>,
-    ) -> Result<(), BuildError> {
-        let vertices = leaf.vertex_count as usize;
-        let (shared, triangles) = (leaf.shared_count as usize, leaf.triangle_count as usize);
-        let vertex_len = 12 + if attributes.normals { 12 } else { 0 } + if attributes.colors { 4 } else { 0 };
-        spool.read(leaf.offset, vertices * vertex_len + 6 * shared + 6 * triangles, &mut self.bytes)?;
-        let mut rest = &self.bytes[..];
-        take(&mut rest, vertices, &mut self.positions);
-        take(&mut rest, if attributes.normals { vertices } else { 0 }, &mut self.normals);
-        take(&mut rest, if attributes.colors { vertices } else { 0 }, &mut self.colors);
-        take(&mut rest, shared, &mut self.codes);
-        take(&mut rest, shared, &mut self.marked);
-        take(&mut rest, triangles, &mut self.triangles);
-        let ids = self.marked.iter().zip(&self.codes).filter_map(|(local, code)| Some((*local, id(*code)?)));
-        self.shared.clear();
-        self.shared.extend(ids);
-        Ok(())
+impl LeafPage<'_> {
+    /// Local index and shared id, by local index.
+    pub(crate) fn shared(&self) -> impl Iterator<Item = (u16, u32)> {
+        self.page.shared().filter_map(|(local, code)| Some((local, self.ids.id(code, self.leaf)?)))
     }
 }
 
-/// Makes `out` the next `len` records.
-fn take<T: Pod>(bytes: &mut &[u8], len: usize, out: &mut Vec<T>) {
-    let (records, rest) = bytes.split_at(len * size_of::<T>());
-    *bytes = rest;
-    out.resize(len, T::zeroed());
-    bytemuck::cast_slice_mut(out).copy_from_slice(records);
+impl Leaf {
+    /// Reads the leaf's page into `bytes`.
+    pub(super) fn read<'a>(
+        &'a self,
+        spool: &Spool,
+        ids: &'a SharedVertices,
+        bytes: &'a mut Vec<u8>,
+    ) -> Result<LeafPage<'a>, BuildError> {
+        spool.read(self.offset, self.len as usize, bytes)?;
+        Ok(LeafPage { page: Page::view(bytes)?, leaf: self, ids })
+    }
 }
 
 /// The triangles of a leaf over the vertices that they use.
@@ -108,52 +84,49 @@ impl LeafMesh {
     }
 }
 
-/// Stores a leaf. `ids` are its shared vertices, by local index, with their codes: a border number, or [`INNER`] and a number
-/// in the region.
-pub(super) fn write(
-    mesh: &Mesh,
-    leaf: &LeafMesh,
-    ids: impl Iterator<Item = (u16, u32)> + Clone,
-    blob: &mut Vec<u8>,
-    spool: &Spool,
-) -> Result<Leaf, BuildError> {
-    blob.clear();
-    put(blob, leaf.vertices.iter().map(|v| mesh.positions[*v as usize]));
-    if !mesh.normals.is_empty() {
-        put(blob, leaf.vertices.iter().map(|v| mesh.normals[*v as usize]));
-    }
-    if !mesh.colors.is_empty() {
-        put(blob, leaf.vertices.iter().map(|v| mesh.colors[*v as usize]));
-    }
-    put(blob, ids.clone().map(|(_, code)| code));
-    put(blob, ids.clone().map(|(local, _)| local));
-    blob.extend_from_slice(bytemuck::cast_slice(&leaf.triangles));
-    let bounds = Aabb::of_points(leaf.vertices.iter().map(|v| &mesh.positions[*v as usize]));
-    Ok(Leaf {
-        offset: spool.append(blob)?,
-        vertex_count: leaf.vertices.len() as u32,
-        triangle_count: leaf.triangles.len() as u32,
-        shared_count: ids.count() as u32,
-        first_inner: 0,
-        center: bounds.center().coords.map(|x| x as f32).into(),
-    })
+/// What a thread writes leaves with.
+#[derive(Default)]
+pub(super) struct LeafWriter {
+    vertices: Vertices,
+    page: Vec<u8>,
 }
 
-fn put<T: Pod>(blob: &mut Vec<u8>, records: impl Iterator<Item = T>) {
-    records.for_each(|record| blob.extend_from_slice(bytemuck::bytes_of(&record)));
+impl LeafWriter {
+    /// Spools a leaf. `shared` are its shared vertices, by local index, with their codes: a border number, or [`INNER`] and a number
+    /// in the region.
+    pub(super) fn write(
+        &mut self,
+        mesh: &Mesh,
+        leaf: &LeafMesh,
+        shared: &[(u16, u32)],
+        spool: &Spool,
+    ) -> Result<Leaf, BuildError> {
+        self.vertices.clear_vertices();
+        self.vertices.gather(mesh.vertices.view(), leaf.vertices.iter().map(|v| *v as usize));
+        self.page.clear();
+        PageParts {
+            vertices: self.vertices.view(),
+            triangles: &leaf.triangles,
+            shared,
+            ..PageParts::default()
+        }
+        .encode(&mut self.page)?;
+        let bounds = Aabb::of_points(&self.vertices.positions);
+        Ok(Leaf {
+            offset: spool.append(&self.page)?,
+            len: self.page.len() as u32,
+            vertex_count: leaf.vertices.len() as u32,
+            triangle_count: leaf.triangles.len() as u32,
+            first_inner: 0,
+            center: bounds.center().coords.map(|x| x as f32).into(),
+        })
+    }
 }
 
 #[cfg(test)]
 impl Leaf {
     /// A leaf without anything.
     pub(crate) fn empty() -> Self {
-        Leaf {
-            offset: 0,
-            vertex_count: 0,
-            triangle_count: 0,
-            shared_count: 0,
-            first_inner: 0,
-            center: [0.0; 3],
-        }
+        Leaf { offset: 0, len: 0, vertex_count: 0, triangle_count: 0, first_inner: 0, center: [0.0; 3] }
     }
 }

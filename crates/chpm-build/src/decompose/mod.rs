@@ -19,7 +19,7 @@ mod shared;
 mod tests;
 
 pub(crate) use cell_graph::nearest_pairs;
-pub(crate) use leaf::{Leaf, LeafData};
+pub(crate) use leaf::{Leaf, LeafPage};
 pub(crate) use shared::SharedVertices;
 
 use crate::config::Settings;
@@ -30,7 +30,6 @@ use crate::ingest::Source;
 use crate::report::Repairs;
 use census::Account;
 use chpm_extmem::{SavedFile, Spool, Store};
-use chpm_mesh::Attributes;
 use chpm_qem::Displacement;
 use divide::Divided;
 use serde::{Deserialize, Serialize};
@@ -39,7 +38,6 @@ use std::borrow::Cow;
 
 /// The leaf clusters.
 pub(crate) struct Decomposition {
-    attributes: Attributes,
     /// How far a triangle of a leaf is from the source's own: its coordinates were rounded.
     pub(crate) rounding: Displacement,
     /// The leaves' data.
@@ -49,10 +47,13 @@ pub(crate) struct Decomposition {
 }
 
 impl Decomposition {
-    /// Reads the data of a leaf.
-    pub(crate) fn read_leaf(&self, leaf: u32, data: &mut LeafData) -> Result<(), BuildError> {
-        let leaf = &self.leaves[leaf as usize];
-        data.read(leaf, self.attributes, &self.spool, |code| self.shared.id(code, leaf))
+    /// Reads a leaf's page into `bytes`.
+    pub(crate) fn read_leaf<'a>(
+        &'a self,
+        leaf: u32,
+        bytes: &'a mut Vec<u8>,
+    ) -> Result<LeafPage<'a>, BuildError> {
+        self.leaves[leaf as usize].read(&self.spool, &self.shared, bytes)
     }
 
     /// Triangles of all leaves.
@@ -62,7 +63,6 @@ impl Decomposition {
 
     pub(crate) fn save(&self) -> Result<SavedLeaves<'_>, BuildError> {
         Ok(SavedLeaves {
-            attributes: self.attributes,
             rounding: bytemuck::cast(self.rounding),
             spool: self.spool.save()?,
             leaves: Cow::Borrowed(&self.leaves),
@@ -74,7 +74,6 @@ impl Decomposition {
 /// [`Decomposition`] in a checkpoint.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SavedLeaves<'a> {
-    attributes: Attributes,
     rounding: [f32; 6],
     pub(crate) spool: SavedFile,
     leaves: Cow<'a, [Leaf]>,
@@ -84,7 +83,6 @@ pub(crate) struct SavedLeaves<'a> {
 impl SavedLeaves<'_> {
     pub(crate) fn load(self, store: &Store) -> Result<Decomposition, BuildError> {
         Ok(Decomposition {
-            attributes: self.attributes,
             rounding: bytemuck::cast(self.rounding),
             spool: Spool::load(store, LEAVES, LEAVES, &self.spool)?,
             leaves: self.leaves.into_owned(),
@@ -103,8 +101,7 @@ pub(crate) fn run(
     context: &Context<'_>,
     repairs: &mut Repairs,
 ) -> Result<Decomposition, BuildError> {
-    let attributes = source.attributes();
-    let vertex_count = source.positions.len() as u64;
+    let vertex_count = source.vertices.positions.len() as u64;
     let rounding = Displacement::within(source.rounding);
     let wanted = leaf_count(source.triangles.len(), settings);
     let divided = divide::run(source, wanted, settings, context)?;
@@ -139,7 +136,7 @@ pub(crate) fn run(
     let (leaves, shared) = collector.finish()?;
     repairs.merged_copies = copies;
     repairs.unreferenced_vertices = vertex_count - shared.used_vertices;
-    Ok(Decomposition { attributes, rounding, spool, leaves, shared })
+    Ok(Decomposition { rounding, spool, leaves, shared })
 }
 
 /// Clusters of the leaf level: the power of two for which a leaf comes closest to the wanted size, so that the hierarchy is a

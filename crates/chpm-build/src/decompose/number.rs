@@ -8,6 +8,7 @@ use super::cell_graph::Cell;
 use super::grid::Grid;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::vertex_columns::ColumnMap;
 use bytemuck::Pod;
 use chpm_extmem::{Buckets, BufferWriter, Column, Part};
 use chpm_mesh::Aabb;
@@ -109,8 +110,25 @@ pub(crate) fn run(
     Ok((Cells::new(&grid.cells, limit), mapping.finish_column()?))
 }
 
+/// New places of all vertices.
+pub(crate) struct Permutation<'a> {
+    /// By vertex, its place.
+    pub(crate) mapping: &'a Column<u32>,
+    pub(crate) context: &'a Context<'a>,
+}
+
+impl ColumnMap for Permutation<'_> {
+    fn map<T: Pod + Send + Sync>(
+        &self,
+        from: Column<T>,
+        what: &'static str,
+    ) -> Result<Column<T>, BuildError> {
+        permute(from, self.mapping, what, self.context)
+    }
+}
+
 /// The items, each at its new place.
-pub(crate) fn permute<T: Pod + Send + Sync>(
+fn permute<T: Pod + Send + Sync>(
     from: Column<T>,
     mapping: &Column<u32>,
     what: &'static str,

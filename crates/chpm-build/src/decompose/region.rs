@@ -4,13 +4,13 @@ use super::cell_graph::{self, Cell, Joints};
 use super::census::{Census, Ledger, Surveyor};
 use super::divide::{INNER, majority};
 use super::grid::Grid;
-use super::leaf::{self, Leaf, LeafMesh};
+use super::leaf::{self, Leaf, LeafMesh, LeafWriter};
 use super::partition;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
 use chpm_extmem::Spool;
-use chpm_mesh::Aabb;
+use chpm_mesh::{Aabb, Vertices};
 use rayon::prelude::*;
 
 /// One in so many triangles is looked at: a sample says well enough what a cut would cost.
@@ -20,11 +20,7 @@ const MAX_LEAF_TRIANGLES: usize = u16::MAX as usize / 3;
 
 /// The triangles of a region and all vertices that they use.
 pub(crate) struct Mesh {
-    pub(crate) positions: Vec<[f32; 3]>,
-    /// As many as positions, or none.
-    pub(crate) normals: Vec<[f32; 3]>,
-    /// As many as positions, or none.
-    pub(crate) colors: Vec<[u8; 4]>,
+    pub(crate) vertices: Vertices,
     /// Each there once.
     pub(crate) triangles: Vec<[u32; 3]>,
     /// Copies of them that were left out.
@@ -84,17 +80,18 @@ pub(crate) fn run(
     let gathered = gather(mesh, &part_of, parts, context)?;
     let (shared, interfaces, border_uses) = share(mesh, &gathered);
 
-    let leaf = |(surveyor, blob): &mut (Surveyor, Vec<u8>), gathered: &LeafMesh| {
+    let leaf = |(surveyor, writer): &mut (Surveyor, LeafWriter), gathered: &LeafMesh| {
         context.check()?;
         let numbers = gathered.vertices.iter().map(|v| shared.numbers[*v as usize]);
-        let marks: Vec<(u16, u32)> = (0..).zip(numbers).filter(|(_, number)| *number != INNER).collect();
-        let census = surveyor.survey(&gathered.triangles, &gathered.vertices, &marks, &mesh.positions);
+        let mut marks: Vec<(u16, u32)> = (0..).zip(numbers).filter(|(_, number)| *number != INNER).collect();
+        let census =
+            surveyor.survey(&gathered.triangles, &gathered.vertices, &marks, &mesh.vertices.positions);
         let code = |number: u32| match number.checked_sub(shared.inner_count) {
             Some(border) => shared.border[border as usize],
             None => number | leaf::INNER,
         };
-        let ids = marks.iter().map(|(local, number)| (*local, code(*number)));
-        let leaf = leaf::write(mesh, gathered, ids, blob, spool)?;
+        marks.iter_mut().for_each(|(_, number)| *number = code(*number));
+        let leaf = writer.write(mesh, gathered, &marks, spool)?;
         context.progress.advance(gathered.triangles.len() as u64);
         Ok((leaf, census))
     };
@@ -118,9 +115,9 @@ pub(crate) fn run(
 /// The part of each vertex (Quick-VDR 4.1: cells, cell graph, k-way partition).
 fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> Result<Vec<u32>, BuildError> {
     if parts <= 1 {
-        return Ok(vec![0; mesh.positions.len()]);
+        return Ok(vec![0; mesh.vertices.positions.len()]);
     }
-    let positions = &mesh.positions[..];
+    let positions = &mesh.vertices.positions[..];
     let grid =
         Grid::build(positions, &Aabb::of_points(positions), settings.cell_vertices, &|| context.check())?;
     let mut cells: Vec<u32> = positions.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect();
@@ -167,7 +164,7 @@ fn gather(
         let pieces = triangles.len().div_ceil(MAX_LEAF_TRIANGLES);
         jobs.extend(triangles.chunks(triangles.len().div_ceil(pieces)));
     }
-    let vertex_count = mesh.positions.len();
+    let vertex_count = mesh.vertices.positions.len();
     let one = |locals: &mut Vec<u16>, triangles: &[[u32; 3]]| {
         context.check()?;
         locals.resize(vertex_count, leaf::ABSENT);
@@ -179,7 +176,7 @@ fn gather(
 /// Finds the vertices that several leaves use, and numbers those that no other region has by the set of their leaves.
 fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32)>) {
     // How many leaves use a vertex; two tell as much as more.
-    let mut uses = vec![0u8; mesh.positions.len()];
+    let mut uses = vec![0u8; mesh.vertices.positions.len()];
     for v in leaves.iter().flat_map(|leaf| &leaf.vertices) {
         uses[*v as usize] = (uses[*v as usize] + 1).min(2);
     }
@@ -190,7 +187,7 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
     }
     pairs.sort_unstable();
 
-    let mut numbers = vec![INNER; mesh.positions.len()];
+    let mut numbers = vec![INNER; mesh.vertices.positions.len()];
     let mut inner = Vec::new();
     let mut border = Vec::new();
     let mut border_uses = Vec::new();

@@ -2,20 +2,24 @@
 
 use super::*;
 use crate::progress::{Cancel, Silent};
+use crate::vertex_columns::VertexColumns;
 use chpm_extmem::{BufferWriter, Store};
 use chpm_format::Source as Provenance;
 use chpm_import::ply::Tally;
-use chpm_mesh::{Aabb, TriMesh};
+use chpm_mesh::{Aabb, TriMesh, VertexSlices};
 use chpm_synth::{Shape, Synth, hand};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A vertex as bits: position, normal, colour.
-type Bits = ([u32; 3], [u32; 3], [u8; 4]);
+type Bits = ([u32; 3], ([u32; 3], [u8; 4]));
+
+fn bits_of(vertices: VertexSlices<'_>, v: usize) -> Bits {
+    let vertex = vertices.vertex(v);
+    (vertex.position.map(f32::to_bits), vertex.look())
+}
 
 fn bits(mesh: &TriMesh, v: u32) -> Bits {
-    let normal = mesh.normals.get(v as usize).map_or([0; 3], |n| n.map(f32::to_bits));
-    let color = mesh.colors.get(v as usize).copied().unwrap_or_default();
-    (mesh.positions[v as usize].map(f32::to_bits), normal, color)
+    bits_of(mesh.view(), v as usize)
 }
 
 fn source(mesh: &TriMesh, store: &Store) -> Source {
@@ -25,9 +29,7 @@ fn source(mesh: &TriMesh, store: &Store) -> Source {
         writer.finish_column().unwrap()
     }
     Source {
-        positions: column(store, &mesh.positions),
-        normals: (!mesh.normals.is_empty()).then(|| column(store, &mesh.normals)),
-        colors: (!mesh.colors.is_empty()).then(|| column(store, &mesh.colors)),
+        vertices: VertexColumns::of(mesh.view(), store),
         triangles: column(store, &mesh.triangles),
         origin: [0.0; 3],
         bounds: Aabb::of_points(&mesh.positions),
@@ -57,17 +59,13 @@ fn outcome(mesh: &TriMesh, settings: &Settings, threads: usize, memory: u64) -> 
     let decomposition =
         context.pool.install(|| run(source(mesh, &context.store), settings, &context, &mut repairs)).unwrap();
     let mut outcome = Outcome { leaves: vec![], shared: vec![], users: vec![], repairs };
-    let mut data = LeafData::default();
+    let mut bytes = Vec::new();
     for leaf in 0..decomposition.leaves.len() as u32 {
-        decomposition.read_leaf(leaf, &mut data).unwrap();
-        let vertex = |v: u16| {
-            let v = usize::from(v);
-            let normal = data.normals.get(v).map_or([0; 3], |n| n.map(f32::to_bits));
-            (data.positions[v].map(f32::to_bits), normal, data.colors.get(v).copied().unwrap_or_default())
-        };
-        outcome.leaves.push(data.triangles.iter().map(|t| t.map(vertex)).collect());
-        outcome.shared.push(data.shared.iter().map(|(v, id)| (vertex(*v), *id)).collect());
-        assert!(data.shared.is_sorted_by(|a, b| a.0 < b.0));
+        let leaf = decomposition.read_leaf(leaf, &mut bytes).unwrap();
+        let vertex = |v: u16| bits_of(leaf.page.vertices, usize::from(v));
+        outcome.leaves.push(leaf.page.triangles.iter().map(|t| t.map(vertex)).collect());
+        outcome.shared.push(leaf.shared().map(|(v, id)| (vertex(v), id)).collect());
+        assert!(leaf.shared().is_sorted_by(|a, b| a.0 < b.0));
     }
     let shared = &decomposition.shared;
     outcome.users = (0..shared.len() as u32).map(|id| shared.users(id).to_vec()).collect();

@@ -1,10 +1,10 @@
 //! Positions as they are stored: single precision about a local origin. What decides about it are the vertices that faces use;
 //! a stray one somewhere else costs the others no digits.
 
-use super::POSITIONS;
 use super::used::Used;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::vertex_columns::POSITIONS;
 use chpm_extmem::{BufferWriter, Column};
 use chpm_import::ply::Coordinates;
 use chpm_mesh::Aabb;

@@ -23,10 +23,11 @@ use crate::context::Context;
 use crate::error::BuildError;
 use crate::foreign::AabbFields;
 use crate::report::SmallComponents;
+use crate::vertex_columns::{POSITIONS, SavedVertices, VertexColumns, VertexWriter};
 use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
 use chpm_format::Source as Provenance;
 use chpm_import::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
-use chpm_mesh::{Aabb, Attributes};
+use chpm_mesh::Aabb;
 use input::Input;
 use local::Local;
 use polygons::Faces;
@@ -38,10 +39,8 @@ use used::Used;
 
 /// The validated source.
 pub(crate) struct Source {
-    /// Positions relative to `origin`.
-    pub(crate) positions: Column<[f32; 3]>,
-    pub(crate) normals: Option<Column<[f32; 3]>>,
-    pub(crate) colors: Option<Column<[u8; 4]>>,
+    /// Positions are relative to `origin`.
+    pub(crate) vertices: VertexColumns,
     pub(crate) triangles: Column<[u32; 3]>,
     /// Zero for f32 sources, which keep their bits.
     pub(crate) origin: [f64; 3],
@@ -57,16 +56,10 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    pub(crate) fn attributes(&self) -> Attributes {
-        Attributes { normals: self.normals.is_some(), colors: self.colors.is_some() }
-    }
-
     /// Copies the arrays, which the next stage changes.
     pub(crate) fn save(&self, store: &Store) -> Result<SavedSource, BuildError> {
         Ok(SavedSource {
-            positions: self.positions.save(store, POSITIONS)?,
-            normals: self.normals.as_ref().map(|column| column.save(store, NORMALS)).transpose()?,
-            colors: self.colors.as_ref().map(|column| column.save(store, COLORS)).transpose()?,
+            vertices: self.vertices.save(store)?,
             triangles: self.triangles.save(store, TRIANGLES)?,
             origin: self.origin,
             rounding: self.rounding,
@@ -75,17 +68,12 @@ impl Source {
     }
 }
 
-const POSITIONS: &str = "positions";
-const NORMALS: &str = "normals";
-const COLORS: &str = "colors";
 const TRIANGLES: &str = "triangles";
 
 /// [`Source`] in a checkpoint, without what is only told about it.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SavedSource {
-    positions: SavedFile,
-    normals: Option<SavedFile>,
-    colors: Option<SavedFile>,
+    vertices: SavedVertices,
     triangles: SavedFile,
     origin: [f64; 3],
     rounding: f64,
@@ -95,14 +83,12 @@ pub(crate) struct SavedSource {
 
 impl SavedSource {
     pub(crate) fn files(&self) -> impl Iterator<Item = &SavedFile> {
-        [&self.positions, &self.triangles].into_iter().chain(&self.normals).chain(&self.colors)
+        self.vertices.files().chain([&self.triangles])
     }
 
     pub(crate) fn load(self, store: &Store) -> Result<Source, BuildError> {
         Ok(Source {
-            positions: Column::load(store, POSITIONS, &self.positions)?,
-            normals: self.normals.map(|saved| Column::load(store, NORMALS, &saved)).transpose()?,
-            colors: self.colors.map(|saved| Column::load(store, COLORS, &saved)).transpose()?,
+            vertices: self.vertices.load(store)?,
             triangles: Column::load(store, TRIANGLES, &self.triangles)?,
             origin: self.origin,
             rounding: self.rounding,
@@ -132,17 +118,18 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     // A header may promise more than the file holds: no array starts larger than the source could fill.
     let source_len = supply.len() as usize;
     let (vertices, faces) = (vertices.min(source_len), faces.min(source_len));
-    let vertex_len =
-        12 + if format.attributes.normals { 12 } else { 0 } + if format.attributes.colors { 4 } else { 0 };
-    let disk = allowance::disk(vertices as u64, faces as u64, vertex_len);
+    let disk = allowance::disk(vertices as u64, faces as u64, format.attributes.vertex_len() as u64);
     // Checkpoints have all arrays on disk, also those in memory.
     let in_memory = if store.workdir.is_resumable() { 0 } else { store.budget.limit() };
     store.workdir.require(disk.saturating_sub(in_memory))?;
     let mut arrays = Arrays {
-        singles: BufferWriter::new(store, POSITIONS, if is_double { 0 } else { vertices })?,
+        vertices: VertexWriter::new(
+            store,
+            format.attributes,
+            vertices,
+            if is_double { 0 } else { vertices },
+        )?,
         doubles: BufferWriter::new(store, POSITIONS, if is_double { vertices } else { 0 })?,
-        normals: BufferWriter::new(store, NORMALS, if format.attributes.normals { vertices } else { 0 })?,
-        colors: BufferWriter::new(store, COLORS, if format.attributes.colors { vertices } else { 0 })?,
         triangles: BufferWriter::new(store, TRIANGLES, faces)?,
         polygons: Faces::new(store)?,
         bounds: Aabb::EMPTY,
@@ -150,71 +137,55 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         far: BufferWriter::new(store, "vertices far from zero", 0)?,
     };
     arrays.fill(&mut input, context)?;
-    let Arrays { singles, doubles, normals, colors, mut triangles, polygons, bounds, mut used, far } = arrays;
+    let Arrays { vertices, doubles, mut triangles, polygons, bounds, mut used, far } = arrays;
 
     let mut read = input.finish()?;
-    let (vertices, singles, doubles) =
-        (singles.len() + doubles.len(), singles.finish_column()?, doubles.finish_column()?);
+    let count = vertices.len() + doubles.len();
+    let (mut vertices, doubles) = (vertices.finish()?, doubles.finish_column()?);
     let mut take = |more: &[[u32; 3]]| {
-        used.add(more, vertices)?;
+        used.add(more, count)?;
         Ok(triangles.extend_from_slice(more)?)
     };
     read.tally.degenerate_faces += match is_double {
         true => polygons.cut(&doubles, context, &mut take)?,
-        false => polygons.cut(&singles, context, &mut take)?,
+        false => polygons.cut(&vertices.positions, context, &mut take)?,
     };
     if triangles.is_empty() {
         return Err(BuildError::Empty { path: supply.path.clone(), faces: read.provenance.face_count });
     }
     let triangles = triangles.finish_column()?;
-    used.complete(&triangles, vertices, context)?;
+    used.complete(&triangles, count, context)?;
     refuse_far(&far.finish_column()?, &used, supply, &read, context)?;
     let input::Read { provenance, tally, mut warnings, normals: normals_of_corners, .. } = read;
     let (corner_normals, of_normals) = match normals_of_corners {
-        Some(normals) => normals.join(vertices, context)?,
+        Some(normals) => normals.join(count, context)?,
         None => (None, None),
     };
-    let normals = match format.attributes.normals {
-        true => Some(normals.finish_column()?),
-        false => corner_normals,
-    };
-    let colors = format.attributes.colors.then(|| colors.finish_column()).transpose()?;
-    let mut columns = Columns { singles, doubles, normals, colors, triangles, used, bounds };
+    vertices.normals = vertices.normals.or(corner_normals);
+    let mut columns = Columns { vertices, doubles, triangles, used, bounds };
     let mut small = None;
     if let Some(size) = settings.min_component {
         let counts;
         (columns, counts) = small::leave_out(columns, size, &supply.path, context)?;
         small = Some(counts);
     }
-    let Columns { singles, doubles, normals, colors, triangles, used, bounds } = columns;
+    let Columns { mut vertices, doubles, triangles, used, bounds } = columns;
     let Local { positions, bounds, origin, rounding, warning } = if is_double {
         local::doubles(doubles, format.coordinates, &used, context)?
     } else {
-        local::singles(singles, bounds, &used, context)?
+        local::singles(vertices.positions, bounds, &used, context)?
     };
+    vertices.positions = positions;
     warnings.extend(warning);
     warnings.extend(of_normals);
-    Ok(Source {
-        positions,
-        normals,
-        colors,
-        triangles,
-        origin,
-        bounds,
-        rounding,
-        tally,
-        small,
-        warnings,
-        provenance,
-    })
+    Ok(Source { vertices, triangles, origin, bounds, rounding, tally, small, warnings, provenance })
 }
 
 /// The arrays while they grow.
 struct Arrays {
-    singles: BufferWriter<[f32; 3]>,
+    /// Positions are here or in `doubles`.
+    vertices: VertexWriter,
     doubles: BufferWriter<[f64; 3]>,
-    normals: BufferWriter<[f32; 3]>,
-    colors: BufferWriter<[u8; 4]>,
     triangles: BufferWriter<[u32; 3]>,
     polygons: Faces,
     /// Of all singles.
@@ -225,11 +196,9 @@ struct Arrays {
 
 /// The arrays when all has come.
 struct Columns {
-    /// One of these two is empty.
-    singles: Column<[f32; 3]>,
+    /// Positions are here or in `doubles`.
+    vertices: VertexColumns,
     doubles: Column<[f64; 3]>,
-    normals: Option<Column<[f32; 3]>>,
-    colors: Option<Column<[u8; 4]>>,
     triangles: Column<[u32; 3]>,
     used: Used,
     /// Of all singles.
@@ -275,7 +244,7 @@ impl Arrays {
     fn take(&mut self, batch: &Batch) -> Result<(), BuildError> {
         for place in &batch.far {
             let at = (place.index - batch.first) as usize;
-            let single = || batch.positions.get(at).map(|p| p.map(f64::from));
+            let single = || batch.vertices.positions.get(at).map(|p| p.map(f64::from));
             let position = batch.positions_f64.get(at).copied().or_else(single).unwrap_or_default();
             let value =
                 position.into_iter().fold(0.0, |far: f64, x| if x.abs() > far.abs() { x } else { far });
@@ -286,12 +255,10 @@ impl Arrays {
                 value.to_bits(),
             ]])?;
         }
-        self.used.add(&batch.triangles, self.singles.len() + self.doubles.len())?;
-        self.bounds.merge(&Aabb::of_points(&batch.positions));
-        self.singles.extend_from_slice(&batch.positions)?;
+        self.used.add(&batch.triangles, self.vertices.len() + self.doubles.len())?;
+        self.bounds.merge(&Aabb::of_points(&batch.vertices.positions));
+        self.vertices.extend_from_slices(batch.vertices.view())?;
         self.doubles.extend_from_slice(&batch.positions_f64)?;
-        self.normals.extend_from_slice(&batch.normals)?;
-        self.colors.extend_from_slice(&batch.colors)?;
         self.polygons.add(&batch.polygons)?;
         Ok(self.triangles.extend_from_slice(&batch.triangles)?)
     }

@@ -50,18 +50,13 @@ impl ScanSet {
         store: &Store,
         cancel: &Cancel,
     ) -> Result<Self, BuildError> {
-        let mut attributes = Attributes { normals: true, colors: true };
+        let (mut attributes, mut some) = (Attributes::ALL, Attributes::NONE);
         let mut scans = Vec::new();
-        let mut some = Attributes { normals: false, colors: false };
         for (index, scan) in list.scans.into_iter().enumerate() {
             let file = path.with_file_name(&scan.file);
             let opened = open(&file, options, store, cancel).map_err(|error| named(path, index, error))?;
             let has = opened.vertex_format().attributes;
-            attributes = Attributes {
-                normals: attributes.normals && has.normals,
-                colors: attributes.colors && has.colors,
-            };
-            some = Attributes { normals: some.normals || has.normals, colors: some.colors || has.colors };
+            (attributes, some) = (attributes.common(has), some.joined(has));
             scans.push((file, scan.pose));
         }
         let mut read = ScansRead::default();
@@ -117,12 +112,10 @@ impl ScanSet {
         };
         match input.next_batch(batch)? {
             BatchKind::Vertices => {
-                batch.positions_f64.extend(batch.positions.drain(..).map(|p| p.map(f64::from)));
+                batch.positions_f64.extend(batch.vertices.positions.drain(..).map(|p| p.map(f64::from)));
                 batch.positions_f64.iter_mut().for_each(|p| *p = pose.point(*p));
-                batch
-                    .normals
-                    .iter_mut()
-                    .for_each(|n| *n = pose.direction(n.map(f64::from)).map(|x| x as f32));
+                let normals = &mut batch.vertices.normals;
+                normals.iter_mut().for_each(|n| *n = pose.direction(n.map(f64::from)).map(|x| x as f32));
                 batch.invalid_vertices.iter_mut().for_each(|vertex| *vertex += self.base);
                 batch.far.iter_mut().for_each(|place| place.index += self.base);
                 batch.first = self.vertices;

@@ -6,12 +6,13 @@
 use super::components;
 use super::local::each;
 use super::used::Used;
-use super::{COLORS, Columns, NORMALS, POSITIONS, TRIANGLES};
+use super::{Columns, TRIANGLES};
 use crate::config::Length;
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::join;
 use crate::report::SmallComponents;
+use crate::vertex_columns::{ColumnMap, POSITIONS};
 use bytemuck::{Pod, Zeroable};
 use chpm_extmem::{Buckets, BufferWriter, Column};
 use chpm_mesh::Aabb;
@@ -33,7 +34,8 @@ pub(super) fn leave_out(
     path: &Path,
     context: &Context<'_>,
 ) -> Result<(Columns, SmallComponents), BuildError> {
-    let Columns { singles, doubles, triangles, used, .. } = &columns;
+    let Columns { vertices, doubles, triangles, used, .. } = &columns;
+    let singles = &vertices.positions;
     let before = triangles.len();
     let (numbers, kept, components) = match singles.is_empty() {
         true => Mesh { path, positions: doubles, triangles, used }.sort_out(size, context)?,
@@ -42,7 +44,7 @@ pub(super) fn leave_out(
     if components == 0 {
         return Ok((columns, SmallComponents::default()));
     }
-    let Columns { singles, doubles, normals, colors, triangles, .. } = columns;
+    let Columns { vertices, doubles, triangles, .. } = columns;
     let stays = |[a, _, _]: &[u32; 3]| kept.contains(*a as usize);
     let mut triangles = filtered(triangles, TRIANGLES, context, |_, some, out| {
         out.extend(some.iter().filter(|triangle| stays(triangle)));
@@ -50,34 +52,41 @@ pub(super) fn leave_out(
     })?;
     drop(kept);
     join::run(&mut triangles, &numbers, context)?;
-    let singles = of_vertices(singles, POSITIONS, &numbers, context)?;
-    let doubles = of_vertices(doubles, POSITIONS, &numbers, context)?;
-    let normals = normals.map(|items| of_vertices(items, NORMALS, &numbers, context)).transpose()?;
-    let colors = colors.map(|items| of_vertices(items, COLORS, &numbers, context)).transpose()?;
+    let kept = Kept { numbers: &numbers, context };
+    let vertices = vertices.map(&kept)?;
+    let doubles = kept.map(doubles, POSITIONS)?;
     let (mut bounds, mut used) = (Aabb::EMPTY, Used::new(&context.store)?);
-    each(&singles, context, |_, points| {
+    each(&vertices.positions, context, |_, points| {
         bounds.merge(&Aabb::of_points(points));
         Ok(())
     })?;
-    let vertices = singles.len() + doubles.len();
-    each(&triangles, context, |_, triangles| used.add(triangles, vertices))?;
+    let count = vertices.positions.len() + doubles.len();
+    each(&triangles, context, |_, triangles| used.add(triangles, count))?;
     let counts = SmallComponents { components, triangles: (before - triangles.len()) as u64 };
-    Ok((Columns { singles, doubles, normals, colors, triangles, used, bounds }, counts))
+    Ok((Columns { vertices, doubles, triangles, used, bounds }, counts))
 }
 
-/// What stays of the items that vertices have.
-fn of_vertices<T: Pod>(
-    items: Column<T>,
-    what: &'static str,
-    numbers: &Column<u32>,
-    context: &Context<'_>,
-) -> Result<Column<T>, BuildError> {
-    let mut scratch = Vec::new();
-    filtered(items, what, context, |first, some, out| {
-        let numbers = numbers.read(first..first + some.len(), &mut scratch)?;
-        out.extend(some.iter().zip(numbers).filter(|(_, number)| **number != GONE).map(|(item, _)| *item));
-        Ok(())
-    })
+/// Vertices that stay: those that have a number.
+struct Kept<'a> {
+    numbers: &'a Column<u32>,
+    context: &'a Context<'a>,
+}
+
+impl ColumnMap for Kept<'_> {
+    fn map<T: Pod + Send + Sync>(
+        &self,
+        items: Column<T>,
+        what: &'static str,
+    ) -> Result<Column<T>, BuildError> {
+        let mut scratch = Vec::new();
+        filtered(items, what, self.context, |first, some, out| {
+            let numbers = self.numbers.read(first..first + some.len(), &mut scratch)?;
+            out.extend(
+                some.iter().zip(numbers).filter(|(_, number)| **number != GONE).map(|(item, _)| *item),
+            );
+            Ok(())
+        })
+    }
 }
 
 /// What `choose` takes of the items, some at a time.
@@ -262,7 +271,9 @@ impl Extent {
 mod tests {
     use super::*;
     use crate::progress::{Cancel, Silent};
+    use crate::vertex_columns::VertexColumns;
     use chpm_extmem::Store;
+    use chpm_mesh::Vertices;
     use std::path::Path;
 
     fn column<T: Pod>(store: &Store, items: &[T]) -> Column<T> {
@@ -290,19 +301,23 @@ mod tests {
             triangles.extend((0..8).map(|i| [vertex(i + 2), vertex(i), vertex(i + 1)]));
         }
         triangles.sort_unstable_by_key(|t| t[0].wrapping_mul(0x9e37_79b9));
+        let vertices = Vertices {
+            positions,
+            normals: Vec::new(),
+            colors: (0..VERTICES).map(u32::to_le_bytes).collect(),
+        };
+        let positions = &vertices.positions;
         let dir = tempfile::tempdir().unwrap();
         for memory in [0, 1 << 30] {
             let store = Store::create(dir.path(), memory).unwrap();
             let mut used = Used::new(&store).unwrap();
             used.add(&triangles, VERTICES as usize).unwrap();
             let columns = Columns {
-                singles: column(&store, &positions),
+                vertices: VertexColumns::of(vertices.view(), &store),
                 doubles: column(&store, &[]),
-                normals: None,
-                colors: Some(column(&store, &(0..VERTICES).map(u32::to_le_bytes).collect::<Vec<_>>())),
                 triangles: column(&store, &triangles),
                 used,
-                bounds: Aabb::of_points(&positions),
+                bounds: Aabb::of_points(positions),
             };
             let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
             let context = Context::new(store, pool, &Silent, Cancel::default());
@@ -320,10 +335,10 @@ mod tests {
             }
             let names: Vec<u32> = (0..VERTICES).filter(|v| stays[*v as usize]).collect();
             let (mut items, mut points) = (Vec::new(), Vec::new());
-            let colors = kept.colors.as_ref().unwrap();
+            let colors = kept.vertices.colors.as_ref().unwrap();
             let colors = colors.read(0..colors.len(), &mut Vec::new()).unwrap().to_vec();
             assert!(colors.iter().map(|bytes| u32::from_le_bytes(*bytes)).eq(names.iter().copied()));
-            let points = kept.singles.read(0..names.len(), &mut points).unwrap();
+            let points = kept.vertices.positions.read(0..names.len(), &mut points).unwrap();
             assert!(names.iter().zip(points).all(|(name, point)| positions[*name as usize] == *point));
             assert_eq!(kept.bounds, Aabb::of_points(points));
             let items = kept.triangles.read(0..kept.triangles.len(), &mut items).unwrap();

@@ -23,7 +23,7 @@ impl Steps {
     /// Takes vertices.
     pub(super) fn vertices(&mut self, batch: &Batch) -> Result<(), BuildError> {
         if let Steps::Coming(writer) = self {
-            writer.extend_from_slice(&batch.positions)?;
+            writer.extend_from_slice(&batch.vertices.positions)?;
             let singles: Vec<[f32; 3]> = batch.positions_f64.iter().map(|p| p.map(|x| x as f32)).collect();
             writer.extend_from_slice(&singles)?;
         }

@@ -11,7 +11,7 @@ use chpm_extmem::Store;
 use chpm_format::Source as Provenance;
 use chpm_import::ply::{Batch, BatchKind, Coordinates, Place, Tally, VertexFormat};
 use chpm_import::{Corners, ImportError, StlReader};
-use chpm_mesh::Attributes;
+use chpm_mesh::{Attributes, Vertices};
 
 /// Vertices or triangles of a batch.
 const FULL: usize = 1 << 14;
@@ -63,7 +63,7 @@ impl<C: Corner> Welder<C> {
     }
 
     pub(super) fn vertex_format(&self) -> VertexFormat {
-        VertexFormat { coordinates: C::COORDINATES, attributes: Attributes { normals: false, colors: false } }
+        VertexFormat { coordinates: C::COORDINATES, attributes: Attributes::NONE }
     }
 
     /// What was left out, and in words; the counts go to `provenance`.
@@ -80,7 +80,7 @@ impl<C: Corner> Welder<C> {
     /// Does a piece of work. Vertices may be none, while the facets are read.
     pub(super) fn next_batch(&mut self, batch: &mut Batch) -> Result<BatchKind, WeldError> {
         *batch = Batch {
-            positions: take(&mut batch.positions),
+            vertices: Vertices::new(take(&mut batch.vertices.positions)),
             positions_f64: take(&mut batch.positions_f64),
             triangles: take(&mut batch.triangles),
             ..Batch::default()
@@ -125,7 +125,7 @@ impl<C: Corner> Welder<C> {
                             *last = Some(corner);
                             match C::COORDINATES {
                                 Coordinates::Single => {
-                                    batch.positions.push(corner.position().map(|x| x as f32))
+                                    batch.vertices.positions.push(corner.position().map(|x| x as f32))
                                 }
                                 _ => batch.positions_f64.push(corner.position()),
                             }
@@ -310,7 +310,7 @@ mod tests {
         loop {
             match welder.next_batch(&mut batch).unwrap_or_else(|_| panic!("a batch")) {
                 BatchKind::Vertices => {
-                    positions.extend(batch.positions.iter().map(|p| p.map(f64::from)));
+                    positions.extend(batch.vertices.positions.iter().map(|p| p.map(f64::from)));
                     positions.append(&mut batch.positions_f64);
                 }
                 BatchKind::Triangles => triangles.append(&mut batch.triangles),

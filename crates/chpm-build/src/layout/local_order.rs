@@ -6,7 +6,7 @@
 
 use super::multilevel::{Graph, Multilevel};
 use chpm_format::{FormatError, Page, PageParts};
-use chpm_mesh::Places;
+use chpm_mesh::{Places, Vertices};
 
 /// Scratch of the reordering.
 #[derive(Debug, Default)]
@@ -22,9 +22,7 @@ pub(super) struct LocalOrder {
     old_to_new: Vec<u16>,
     new_to_old: Vec<u16>,
     starts: Vec<u32>,
-    positions: Vec<[f32; 3]>,
-    normals: Vec<[f32; 3]>,
-    colors: Vec<[u8; 4]>,
+    vertices: Vertices,
     triangles: Vec<[u16; 3]>,
     targets: Vec<u16>,
     errors: Vec<f32>,
@@ -38,9 +36,8 @@ impl LocalOrder {
         self.number_base(page);
         self.induce_triangles(page);
 
-        gather(&mut self.positions, page.positions, &self.new_to_old);
-        gather(&mut self.normals, page.normals, &self.new_to_old);
-        gather(&mut self.colors, page.colors, &self.new_to_old);
+        self.vertices.clear_vertices();
+        self.vertices.gather(page.vertices, self.new_to_old.iter().map(|v| usize::from(*v)));
         let new = |v: u16| self.old_to_new[usize::from(v)];
         self.targets.clear();
         self.targets.extend(page.targets.iter().map(|t| new(*t)));
@@ -50,9 +47,7 @@ impl LocalOrder {
         self.errors.clear();
         self.errors.extend((page.base_vertex_count..page.vertex_count()).map(|n| page.error_at(n)));
         PageParts {
-            positions: &self.positions,
-            normals: &self.normals,
-            colors: &self.colors,
+            vertices: self.vertices.view(),
             triangles: &self.triangles,
             targets: &self.targets,
             errors: &self.errors,
@@ -135,12 +130,5 @@ impl LocalOrder {
             self.triangles[*slot as usize] = triangle.map(|v| self.old_to_new[usize::from(v)]);
             *slot += 1;
         }
-    }
-}
-
-fn gather<T: Copy>(out: &mut Vec<T>, from: &[T], order: &[u16]) {
-    out.clear();
-    if !from.is_empty() {
-        out.extend(order.iter().map(|v| from[usize::from(*v)]));
     }
 }

@@ -6,7 +6,7 @@ use super::seam::Seam;
 use super::vanished::Vanished;
 use super::working_set::{Child, WorkingSet};
 use crate::config::{Layout, Settings};
-use crate::decompose::{Decomposition, LeafData};
+use crate::decompose::Decomposition;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
 use crate::report::LevelReport;
@@ -49,7 +49,7 @@ pub(super) struct GroupDone {
 #[derive(Default)]
 pub(super) struct Scratch {
     members: Vec<Member>,
-    leaf: LeafData,
+    leaf: Vec<u8>,
     children: [Child; 2],
     seam: Seam,
     seam_collapses: Vec<Collapse>,
@@ -186,11 +186,11 @@ impl Scratch {
             }
             member.set.fill_from_children(&self.children)?;
         } else {
-            task.decomposition.read_leaf(node, &mut self.leaf)?;
             let rounding = task.decomposition.rounding;
-            member.set.fill_from_leaf(&self.leaf, rounding);
+            let leaf = task.decomposition.read_leaf(node, &mut self.leaf)?;
+            member.set.fill_from_leaf(&leaf, rounding);
             member.min_error = rounding.error();
-            member.source = Aabb::of_points(&member.set.positions);
+            member.source = Aabb::of_points(&member.set.vertices.positions);
         }
         let shared = &task.decomposition.shared;
         let release = |id: u32| u32::from(task.release[shared.interface_of(id) as usize]);
@@ -205,12 +205,12 @@ impl Member {
     fn halve(&mut self, decimator: &mut Decimator, seam: &[Collapse], task: &GroupTask<'_>, min_error: f32) {
         let set = &self.set;
         self.locked.clear();
-        self.locked.resize(set.positions.len(), false);
+        self.locked.resize(set.vertices.positions.len(), false);
         for (vertex, _) in &set.shared {
             self.locked[usize::from(*vertex)] = true;
         }
         let patch = Patch {
-            positions: &set.positions,
+            positions: &set.vertices.positions,
             triangles: &set.triangles,
             displacements: &set.displacements,
             locked: &self.locked,
@@ -224,7 +224,7 @@ impl Member {
         self.report = LevelReport {
             level: task.level,
             clusters: 1,
-            vertices: set.positions.len() as u64,
+            vertices: set.vertices.positions.len() as u64,
             base_vertices: self.record.base_vertex_count() as u64,
             triangles: set.triangles.len() as u64,
             base_triangles: outcome.triangle_count as u64,
@@ -268,7 +268,7 @@ impl Member {
     /// Puts the finest mesh's triangles in the order of the page.
     fn order_triangles(&mut self, order: &mut TriangleOrder, ordered: &mut Vec<[u16; 3]>) {
         let mesh = ProgressiveMesh {
-            vertex_count: self.renumbered.positions.len(),
+            vertex_count: self.renumbered.vertices.vertex_count(),
             base_vertex_count: self.record.base_vertex_count(),
             triangles: &self.renumbered.triangles,
             targets: &self.record.targets,
@@ -287,9 +287,7 @@ impl Member {
         page.clear();
         let set = &self.renumbered;
         self.report.max_error = PageParts {
-            positions: &set.positions,
-            normals: &set.normals,
-            colors: &set.colors,
+            vertices: set.vertices.view(),
             triangles: &set.triangles,
             targets: &self.record.targets,
             errors: &self.record.errors,
@@ -304,7 +302,7 @@ impl Member {
             offset: task.pages.append(page)?,
             len: page.len() as u32,
             group_error: self.report.max_error,
-            bounds: Aabb::of_points(&set.positions),
+            bounds: Aabb::of_points(&set.vertices.positions),
             source: self.source,
             base_vertex_count: self.record.base_vertex_count() as u32,
             base_triangle_count: self.displacements.len() as u32,

@@ -4,14 +4,13 @@
 //! has the vertex: so both sides of a seam always look the same, and the base meshes still fit together.
 
 use super::working_set::WorkingSet;
+use chpm_mesh::Vertices;
 use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Looks, Patch};
 
 /// Scratch of the union.
 #[derive(Debug, Default)]
 pub(super) struct Seam {
-    positions: Vec<[f32; 3]>,
-    normals: Vec<[f32; 3]>,
-    colors: Vec<[u8; 4]>,
+    vertices: Vertices,
     triangles: Vec<[u16; 3]>,
     locked: Vec<bool>,
     sides: Vec<u8>,
@@ -56,11 +55,11 @@ impl Seam {
             self.sides.iter().zip(&self.locked).filter(|(s, locked)| s.count_ones() > 1 && !**locked).count();
         let count = free - (free as f64 * keep) as usize;
         let patch = Patch {
-            positions: &self.positions,
+            positions: &self.vertices.positions,
             triangles: &self.triangles,
             displacements: &self.displacements,
             locked: &self.locked,
-            looks: Looks { normals: &self.normals, colors: &self.colors, faces: &self.face_looks },
+            looks: Looks::new(self.vertices.view(), &self.face_looks),
         };
         let outcome = decimator.decimate_seams(&patch, &self.sides, count, min_error);
         self.collapses.extend_from_slice(outcome.collapses);
@@ -75,9 +74,7 @@ impl Seam {
     /// Fills the union with the triangles that have a shared vertex: no others are about a vertex that may go, or that it may go
     /// to. Answers false if there are too many vertices.
     fn unite(&mut self, members: &[&WorkingSet], inside: impl Fn(u32) -> bool) -> bool {
-        self.positions.clear();
-        self.normals.clear();
-        self.colors.clear();
+        self.vertices.clear_vertices();
         self.triangles.clear();
         self.displacements.clear();
         self.face_looks.clear();
@@ -92,7 +89,7 @@ impl Seam {
         for (side, member) in members.iter().enumerate() {
             self.take_triangles(member);
             self.take_vertices(side, member, &inside);
-            if self.positions.len() > usize::from(NONE) {
+            if self.vertices.vertex_count() > usize::from(NONE) {
                 return false;
             }
             let (start, to_union) = (self.ends.last().copied().unwrap_or(0), &self.to_union[side]);
@@ -103,7 +100,7 @@ impl Seam {
         }
         for (to_local, to_union) in self.to_local.iter_mut().zip(&self.to_union) {
             to_local.clear();
-            to_local.resize(self.positions.len(), NONE);
+            to_local.resize(self.vertices.vertex_count(), NONE);
             for (local, union) in to_union.iter().enumerate().filter(|(_, union)| **union != NONE) {
                 to_local[usize::from(*union)] = local as u16;
             }
@@ -114,7 +111,7 @@ impl Seam {
     /// Appends a member's triangles at shared vertices, with its own numbers of the vertices.
     fn take_triangles(&mut self, member: &WorkingSet) {
         self.used.clear();
-        self.used.resize(member.positions.len(), false);
+        self.used.resize(member.vertices.vertex_count(), false);
         member.shared.iter().for_each(|(v, _)| self.used[usize::from(*v)] = true);
         let first = self.triangles.len();
         for (index, triangle) in member.triangles.iter().enumerate() {
@@ -136,7 +133,8 @@ impl Seam {
         to_union.clear();
         let mut shared = member.shared.iter().peekable();
         let before = self.known.len();
-        for (vertex, position) in member.positions.iter().enumerate() {
+        let (vertices, carried) = (member.vertices.view(), member.vertices.attributes());
+        for vertex in 0..vertices.positions.len() {
             let id = shared.next_if(|(v, _)| usize::from(*v) == vertex).map(|(_, id)| *id);
             if !self.used[vertex] {
                 to_union.push(NONE);
@@ -146,10 +144,8 @@ impl Seam {
             let union = match found {
                 Some(known) => self.known[known].1,
                 None => {
-                    let fresh = self.positions.len() as u16;
-                    self.positions.push(*position);
-                    self.normals.extend(member.normals.get(vertex));
-                    self.colors.extend(member.colors.get(vertex));
+                    let fresh = self.vertices.vertex_count() as u16;
+                    self.vertices.push_vertex(&vertices.vertex(vertex), carried);
                     self.sides.push(0);
                     self.id_of.push(id);
                     self.locked.push(id.is_some_and(|id| !inside(id)));

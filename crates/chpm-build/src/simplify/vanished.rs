@@ -76,7 +76,7 @@ impl Vanished {
             return 0.0;
         }
         let mesh = ProgressiveMesh {
-            vertex_count: set.positions.len(),
+            vertex_count: set.vertices.positions.len(),
             base_vertex_count: record.base_vertex_count(),
             triangles: &set.triangles,
             targets: &record.targets,
@@ -90,7 +90,7 @@ impl Vanished {
         shared.take_while(|vertex| *vertex < n).for_each(|vertex| self.drawn[vertex] = false);
         let drawn = (0..n as u16).filter(|vertex| self.drawn[usize::from(*vertex)]);
         // It is infinite where other clusters have all that is left.
-        gap(&self.all[..count], &set.positions, drawn).min(f32::MAX)
+        gap(&self.all[..count], &set.vertices.positions, drawn).min(f32::MAX)
     }
 
     /// The remnants, as a parent reads them.

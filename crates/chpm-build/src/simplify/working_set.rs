@@ -1,8 +1,9 @@
 //! The mesh of one cluster while it is worked on.
 
 use super::merge::Merger;
-use crate::decompose::LeafData;
+use crate::decompose::LeafPage;
 use chpm_format::{FormatError, Page};
+use chpm_mesh::Vertices;
 use chpm_qem::{Displacement, FaceLook, Looks, Record};
 
 /// What a parent reads of a child.
@@ -21,9 +22,7 @@ pub(super) struct Child {
 /// One cluster's mesh in flat arrays that are reused from cluster to cluster.
 #[derive(Debug, Default)]
 pub(super) struct WorkingSet {
-    pub(super) positions: Vec<[f32; 3]>,
-    pub(super) normals: Vec<[f32; 3]>,
-    pub(super) colors: Vec<[u8; 4]>,
+    pub(super) vertices: Vertices,
     pub(super) triangles: Vec<[u16; 3]>,
     /// Per triangle, how far it is from the source; empty for a leaf that is the source.
     pub(super) displacements: Vec<Displacement>,
@@ -36,9 +35,7 @@ pub(super) struct WorkingSet {
 
 impl WorkingSet {
     fn clear(&mut self) {
-        self.positions.clear();
-        self.normals.clear();
-        self.colors.clear();
+        self.vertices.clear_vertices();
         self.triangles.clear();
         self.displacements.clear();
         self.face_looks.clear();
@@ -46,17 +43,15 @@ impl WorkingSet {
     }
 
     /// The mesh of a leaf.
-    pub(super) fn fill_from_leaf(&mut self, leaf: &LeafData, rounding: Displacement) {
+    pub(super) fn fill_from_leaf(&mut self, leaf: &LeafPage<'_>, rounding: Displacement) {
         self.clear();
-        self.positions.extend_from_slice(&leaf.positions);
-        self.normals.extend_from_slice(&leaf.normals);
-        self.colors.extend_from_slice(&leaf.colors);
-        self.triangles.extend_from_slice(&leaf.triangles);
-        self.shared.extend_from_slice(&leaf.shared);
+        self.vertices.extend_from_slices(leaf.page.vertices);
+        self.triangles.extend_from_slice(leaf.page.triangles);
+        self.shared.extend(leaf.shared());
         if rounding != Displacement::default() {
             self.displacements.resize(self.triangles.len(), rounding);
         }
-        let looks = Looks { normals: &self.normals, colors: &self.colors, faces: &[] };
+        let looks = Looks::new(self.vertices.view(), &[]);
         if !looks.is_empty() {
             self.face_looks.extend(self.triangles.iter().map(|corners| looks.of_source(*corners)));
         }
@@ -69,13 +64,7 @@ impl WorkingSet {
         let merger = &mut self.merger;
         merger.join(&pages, [&children[0].triangles, &children[1].triangles]);
         for (page, fresh) in pages.iter().zip(&merger.fresh) {
-            self.positions.extend(fresh.iter().map(|v| page.positions[usize::from(*v)]));
-            if !page.normals.is_empty() {
-                self.normals.extend(fresh.iter().map(|v| page.normals[usize::from(*v)]));
-            }
-            if !page.colors.is_empty() {
-                self.colors.extend(fresh.iter().map(|v| page.colors[usize::from(*v)]));
-            }
+            self.vertices.gather(page.vertices, fresh.iter().map(|v| usize::from(*v)));
         }
         self.triangles.extend_from_slice(&merger.triangles);
         for child in children {
@@ -90,20 +79,14 @@ impl WorkingSet {
 
     /// What the kernel is told about normals and colours.
     pub(super) fn looks(&self) -> Looks<'_> {
-        Looks { normals: &self.normals, colors: &self.colors, faces: &self.face_looks }
+        Looks::new(self.vertices.view(), &self.face_looks)
     }
 
     /// The same mesh with vertices numbered as the record has it.
     pub(super) fn fill_renumbered(&mut self, from: &WorkingSet, record: &Record) {
         self.clear();
         let order = &record.new_to_old;
-        self.positions.extend(order.iter().map(|v| from.positions[usize::from(*v)]));
-        if !from.normals.is_empty() {
-            self.normals.extend(order.iter().map(|v| from.normals[usize::from(*v)]));
-        }
-        if !from.colors.is_empty() {
-            self.colors.extend(order.iter().map(|v| from.colors[usize::from(*v)]));
-        }
+        self.vertices.gather(from.vertices.view(), order.iter().map(|v| usize::from(*v)));
         let new = |v: u16| record.old_to_new[usize::from(v)];
         self.triangles.extend(from.triangles.iter().map(|t| t.map(new)));
         self.shared.extend(from.shared.iter().map(|(v, id)| (new(*v), *id)));

@@ -11,9 +11,10 @@ const CELLS: u32 = 80;
 /// A flat square, with a normal and a colour for each place.
 fn plate(normal: impl Fn(u32, u32) -> [f32; 3], color: impl Fn(u32, u32) -> [u8; 4]) -> TriMesh {
     let mut mesh = hand::grid(CELLS, CELLS);
-    let places = mesh.positions.iter().map(|p| (p[0] as u32, p[1] as u32));
-    mesh.normals = places.clone().map(|(x, y)| normal(x, y)).collect();
-    mesh.colors = places.map(|(x, y)| color(x, y)).collect();
+    let vertices = &mut mesh.vertices;
+    let places = vertices.positions.iter().map(|p| (p[0] as u32, p[1] as u32));
+    vertices.normals = places.clone().map(|(x, y)| normal(x, y)).collect();
+    vertices.colors = places.map(|(x, y)| color(x, y)).collect();
     mesh
 }
 

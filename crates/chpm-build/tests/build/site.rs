@@ -39,7 +39,7 @@ impl Site {
         let mut ply =
             PlyWriter::new(file, encoding, vertices, triangles, mesh.attributes(), true, &[]).unwrap();
         let moved: Vec<[f64; 3]> = mesh.positions.iter().map(|p| moved(*p, offset)).collect();
-        ply.vertices_f64(&moved, &mesh.normals, &mesh.colors).unwrap();
+        ply.vertices_f64(&moved, mesh.view()).unwrap();
         ply.triangles(&mesh.triangles).unwrap();
         ply.finish().unwrap();
         site

@@ -26,7 +26,8 @@ fn add(mesh: &mut TriMesh, part: &TriMesh, scale: f32, to: [f32; 3]) {
 fn clean_and_dusty() -> (TriMesh, TriMesh, SmallComponents) {
     let mut torus = TriMesh::default();
     add(&mut torus, &Synth::new(Shape::Torus, 20_000, 0).to_mesh(), 1.0, [0.0; 3]);
-    torus.positions.push(torus.positions[0]);
+    let first = torus.positions[0];
+    torus.positions.push(first);
     let speck = hand::icosphere(1);
     let box_of = Aabb::of_points(&torus.positions);
     let mut dusty = TriMesh::default();

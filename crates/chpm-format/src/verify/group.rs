@@ -7,7 +7,7 @@ use super::{Invariant, Report};
 use crate::error::Place;
 use crate::page::Page;
 use crate::reader::Chpm;
-use chpm_mesh::{ClusterId, GroupId};
+use chpm_mesh::{Attributes, ClusterId, GroupId};
 
 /// Normal and colour of a vertex, as bits.
 type Look = ([u32; 3], [u8; 4]);
@@ -105,7 +105,7 @@ impl GroupCheck {
     fn rank_vertices(&mut self, id: GroupId, coarse: &[Page<'_>], fine: &[Page<'_>], report: &mut Report) {
         self.keys.clear();
         self.looks.clear();
-        let attributes = coarse.iter().any(|p| !p.normals.is_empty() || !p.colors.is_empty());
+        let attributes = coarse.iter().any(|p| p.attributes() != Attributes::NONE);
         let coarse_count: usize = coarse.iter().map(Page::vertex_count).sum();
         let all = coarse.iter().map(|p| (p, p.vertex_count()));
         for (page, count) in all.chain(fine.iter().map(|p| (p, p.base_vertex_count))) {
@@ -114,7 +114,7 @@ impl GroupCheck {
                 self.keys.push(x << 96 | y << 64 | z << 32 | self.keys.len() as u128);
             }
             if attributes {
-                self.looks.extend((0..count).map(|v| look(page, v)));
+                self.looks.extend((0..count).map(|v| page.vertex(v).look()));
             }
         }
         self.keys.sort_unstable();
@@ -170,11 +170,6 @@ impl GroupCheck {
             report.expect(false, Invariant::Union, Place::Group(id), message);
         }
     }
-}
-
-fn look(page: &Page<'_>, vertex: usize) -> Look {
-    let normal = page.normals.get(vertex).map_or([0; 3], |n| n.map(f32::to_bits));
-    (normal, page.colors.get(vertex).copied().unwrap_or_default())
 }
 
 /// A triangle by the ranks of its corners; the same for every rotation of them.

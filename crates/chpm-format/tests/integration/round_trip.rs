@@ -1,6 +1,6 @@
 use crate::sample::{metadata, sheet, tetrahedron, two_level};
 use chpm_format::{Chpm, ChpmWriter, FormatError, LevelRecord, Page, PageParts, verify};
-use chpm_mesh::{Attributes, ClusterId, GroupId};
+use chpm_mesh::{Attributes, ClusterId, GroupId, VertexSlices};
 use proptest::prelude::*;
 
 #[test]
@@ -110,7 +110,7 @@ fn the_writer_refuses_what_no_reader_would_take() {
 fn positions_are_chosen_by_error() {
     let positions = [[0.0; 3]; 5];
     let parts = PageParts {
-        positions: &positions,
+        vertices: VertexSlices::new(&positions),
         triangles: &[[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
         targets: &[0, 0, 1],
         errors: &[3.0, 1.0, 1.0],
@@ -135,7 +135,7 @@ fn positions_are_chosen_by_error() {
 #[test]
 fn parts_that_make_no_page_are_refused_and_leave_nothing() {
     let good = PageParts {
-        positions: &[[0.0; 3]; 4],
+        vertices: VertexSlices::new(&[[0.0; 3]; 4]),
         triangles: &[[0, 1, 3]],
         targets: &[0, 2],
         errors: &[2.0, 1.0],
@@ -148,8 +148,11 @@ fn parts_that_make_no_page_are_refused_and_leave_nothing() {
     };
     assert!(!refused(good));
     assert!(refused(PageParts::default()));
-    assert!(refused(PageParts { positions: &vec![[0.0; 3]; 65_536], ..good }));
-    assert!(refused(PageParts { normals: &[[0.0; 3]; 3], ..good }));
+    assert!(refused(PageParts { vertices: VertexSlices::new(&vec![[0.0; 3]; 65_536]), ..good }));
+    assert!(refused(PageParts {
+        vertices: VertexSlices { normals: &[[0.0; 3]; 3], ..good.vertices },
+        ..good
+    }));
     assert!(refused(PageParts { triangles: &[[0, 1, 1]], ..good }));
     assert!(refused(PageParts { triangles: &[[0, 1, 4]], ..good }));
     assert!(refused(PageParts { targets: &[0, 3], ..good }));
@@ -182,7 +185,7 @@ proptest! {
         errors.sort_by(|a, b| b.total_cmp(a));
         let shared: Vec<(u16, u32)> = (0..v as u16).filter(|i| seed[100 + usize::from(*i)] % 3 == 0).map(|i| (i, 7 * u32::from(i))).collect();
         let positions: Vec<[f32; 3]> = (0..v).map(|i| [f32::from(seed[i]), 0.5, -1.0]).collect();
-        let parts = PageParts { positions: &positions, triangles: &triangles, targets: &targets, errors: &errors, shared: &shared, ..PageParts::default() };
+        let parts = PageParts { vertices: VertexSlices::new(&positions), triangles: &triangles, targets: &targets, errors: &errors, shared: &shared, ..PageParts::default() };
         let mut bytes = Vec::new();
         let max_error = parts.encode(&mut bytes).unwrap();
         let page = Page::parse(&bytes).unwrap();

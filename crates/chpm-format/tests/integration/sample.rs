@@ -2,7 +2,7 @@ use chpm_format::{
     BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, Gaps, GroupRecord, Header, HeaderFields, LevelRecord,
     Metadata, PageParts, SectionEntry, Source, Tables, checksum,
 };
-use chpm_mesh::{Aabb, Attributes, GroupId, Level, Sphere};
+use chpm_mesh::{Aabb, Attributes, GroupId, Level, Sphere, VertexSlices};
 use std::collections::BTreeMap;
 
 /// A cluster with the global number of each vertex, which also is its position and look.
@@ -24,9 +24,11 @@ pub(crate) struct Cluster {
 impl Cluster {
     pub(crate) fn payload(&self) -> Vec<u8> {
         let parts = PageParts {
-            positions: &self.positions,
-            normals: &self.normals,
-            colors: &self.colors,
+            vertices: VertexSlices {
+                positions: &self.positions,
+                normals: &self.normals,
+                colors: &self.colors,
+            },
             triangles: &self.triangles,
             targets: &self.targets,
             errors: &self.errors,

@@ -2,6 +2,7 @@
 
 use super::error::Place;
 use crate::Polygons;
+use chpm_mesh::Vertices;
 
 /// What to do about data that is invalid.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -51,14 +52,11 @@ pub enum BatchKind {
 pub struct Batch {
     /// Index of the first vertex, or the number of faces delivered before.
     pub first: u64,
-    /// Positions if the file's coordinates fit single precision, else empty.
-    pub positions: Vec<[f32; 3]>,
+    /// Positions are empty if the file's coordinates need double precision. Normals are as given: not necessarily of unit length; zero where
+    /// not finite.
+    pub vertices: Vertices,
     /// Positions if the file's coordinates need double precision, else empty.
     pub positions_f64: Vec<[f64; 3]>,
-    /// As many normals as positions, or empty. As given: not necessarily of unit length; zero where not finite.
-    pub normals: Vec<[f32; 3]>,
-    /// As many colours (RGBA) as positions, or empty.
-    pub colors: Vec<[u8; 4]>,
     /// Indices, in this file, of vertices of this batch that are not finite; always empty with [`Invalid::Refuse`].
     pub invalid_vertices: Vec<u64>,
     /// Vertices of this batch with a coordinate beyond [`FAR`](chpm_mesh::FAR): where each is, ascending.
@@ -81,10 +79,8 @@ impl Batch {
     pub(crate) const FULL: usize = 1 << 14;
 
     pub(crate) fn clear(&mut self) {
-        self.positions.clear();
+        self.vertices.clear_vertices();
         self.positions_f64.clear();
-        self.normals.clear();
-        self.colors.clear();
         self.invalid_vertices.clear();
         self.far.clear();
         self.listed_normals.clear();
@@ -120,7 +116,7 @@ impl Batch {
     }
 
     pub(super) fn vertex_count(&self) -> usize {
-        self.positions.len().max(self.positions_f64.len())
+        self.vertices.vertex_count().max(self.positions_f64.len())
     }
 }
 

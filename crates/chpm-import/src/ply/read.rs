@@ -267,10 +267,8 @@ pub fn read_mesh<R: Read>(reader: R, options: Options) -> Result<(TriMesh, Tally
                 return Err(PlyError::BeyondSingle { place: place.clone(), value });
             }
         }
-        mesh.positions.append(&mut batch.positions);
+        mesh.append_vertices(&mut batch.vertices);
         mesh.positions.extend(batch.positions_f64.iter().map(|position| position.map(|x| x as f32)));
-        mesh.normals.append(&mut batch.normals);
-        mesh.colors.append(&mut batch.colors);
         mesh.triangles.append(&mut batch.triangles);
         words.extend_from_slice(batch.polygons.as_words());
     }

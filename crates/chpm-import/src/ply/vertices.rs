@@ -58,17 +58,20 @@ impl<R: Read> Body<R> {
             binary::doubles::<BIG>(records, stride, &plan.position, &mut batch.positions_f64);
             batch.positions_f64[mark..].as_flattened().iter().fold(true, |all, x| all & (x.abs() <= FAR))
         } else {
-            binary::singles::<BIG>(records, stride, &plan.position, &mut batch.positions);
-            batch.positions[mark..].as_flattened().iter().fold(true, |all, x| all & (x.abs() <= FAR as f32))
+            binary::singles::<BIG>(records, stride, &plan.position, &mut batch.vertices.positions);
+            batch.vertices.positions[mark..]
+                .as_flattened()
+                .iter()
+                .fold(true, |all, x| all & (x.abs() <= FAR as f32))
         };
         if let Some(fields) = &plan.normal {
-            binary::singles::<BIG>(records, stride, fields, &mut batch.normals);
-            for normal in &mut batch.normals[mark..] {
+            binary::singles::<BIG>(records, stride, fields, &mut batch.vertices.normals);
+            for normal in &mut batch.vertices.normals[mark..] {
                 self.tally.zeroed_normals += u64::from(zero_if_not_finite(normal));
             }
         }
         if let Some(fields) = &plan.color {
-            binary::colors::<BIG>(records, stride, fields, plan.alpha, &mut batch.colors);
+            binary::colors::<BIG>(records, stride, fields, plan.alpha, &mut batch.vertices.colors);
         }
         if !near {
             self.check_records(element, plan, stride, mark, batch)?;
@@ -91,7 +94,7 @@ impl<R: Read> Body<R> {
         for at in mark..batch.vertex_count() {
             let position = match batch.positions_f64.get(at) {
                 Some(position) => *position,
-                None => batch.positions[at].map(f64::from),
+                None => batch.vertices.positions[at].map(f64::from),
             };
             let record = at - mark;
             let Some(axis) = position.iter().position(|x| !x.is_finite()) else {
@@ -111,7 +114,7 @@ impl<R: Read> Body<R> {
             if let Some(position) = batch.positions_f64.get_mut(at) {
                 *position = [0.0; 3];
             } else {
-                batch.positions[at] = [0.0; 3];
+                batch.vertices.positions[at] = [0.0; 3];
             }
             self.invalidate(first + record as u64, batch);
         }
@@ -171,14 +174,14 @@ impl<R: Read> Body<R> {
         if format.coordinates.are_double() {
             batch.positions_f64.push(position);
         } else {
-            batch.positions.push(position.map(|x| x as f32));
+            batch.vertices.positions.push(position.map(|x| x as f32));
         }
         if format.attributes.normals {
             self.tally.zeroed_normals += u64::from(zero_if_not_finite(&mut normal));
-            batch.normals.push(normal);
+            batch.vertices.normals.push(normal);
         }
         if format.attributes.colors {
-            batch.colors.push(color);
+            batch.vertices.colors.push(color);
         }
         self.index += 1;
         Ok(())

@@ -4,7 +4,7 @@ use super::{
     error::PlyError,
     header::{Encoding, ScalarType},
 };
-use chpm_mesh::{Attributes, TriMesh};
+use chpm_mesh::{Attributes, TriMesh, VertexSlices};
 use std::io::Write;
 
 /// Bytes that are gathered before they are written.
@@ -75,39 +75,32 @@ impl<W: Write> PlyWriter<W> {
         Ok(writer)
     }
 
-    /// Writes vertices with their attributes; `normals` and `colors` are as long as `positions`, or empty if the
-    /// header has none of them.
+    /// Writes vertices, which carry what the header says.
     ///
     /// # Errors
-    /// If these are not as many as announced, or if writing fails.
-    pub fn vertices(
-        &mut self,
-        positions: &[[f32; 3]],
-        normals: &[[f32; 3]],
-        colors: &[[u8; 4]],
-    ) -> Result<(), PlyError> {
-        self.write_vertices(positions, normals, colors)
+    /// If these are not as many as announced, if they do not carry what the header says, or if writing fails.
+    pub fn vertices(&mut self, vertices: VertexSlices<'_>) -> Result<(), PlyError> {
+        self.write_vertices(vertices.positions, vertices)
     }
 
-    /// As [`vertices`](Self::vertices); rounds to single precision unless the header says double.
+    /// As [`vertices`](Self::vertices), but at `positions`; rounds to single precision unless the header says double.
     ///
     /// # Errors
     /// As [`vertices`](Self::vertices).
     pub fn vertices_f64(
         &mut self,
         positions: &[[f64; 3]],
-        normals: &[[f32; 3]],
-        colors: &[[u8; 4]],
+        vertices: VertexSlices<'_>,
     ) -> Result<(), PlyError> {
-        self.write_vertices(positions, normals, colors)
+        self.write_vertices(positions, vertices)
     }
 
     fn write_vertices<T: Copy + Into<f64>>(
         &mut self,
         positions: &[[T; 3]],
-        normals: &[[f32; 3]],
-        colors: &[[u8; 4]],
+        vertices: VertexSlices<'_>,
     ) -> Result<(), PlyError> {
+        let VertexSlices { normals, colors, .. } = vertices;
         let given = |wanted: bool| if wanted { positions.len() } else { 0 };
         expect("normals", given(self.attributes.normals) as u64, normals.len() as u64)?;
         expect("colours", given(self.attributes.colors) as u64, colors.len() as u64)?;
@@ -237,7 +230,7 @@ fn expect(what: &'static str, expected: u64, got: u64) -> Result<(), PlyError> {
 pub fn write_mesh<W: Write>(writer: W, mesh: &TriMesh, encoding: Encoding) -> Result<(), PlyError> {
     let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
     let mut writer = PlyWriter::new(writer, encoding, vertices, triangles, mesh.attributes(), false, &[])?;
-    writer.vertices(&mesh.positions, &mesh.normals, &mesh.colors)?;
+    writer.vertices(mesh.view())?;
     writer.triangles(&mesh.triangles)?;
     writer.finish()?;
     Ok(())

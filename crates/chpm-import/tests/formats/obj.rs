@@ -29,7 +29,7 @@ pub(crate) fn read(text: &[u8], options: Options) -> Result<Obj, ImportError> {
             BatchKind::Vertices => {
                 assert_eq!(batch.first, positions.len() as u64);
                 positions.append(&mut batch.positions_f64);
-                colors.append(&mut batch.colors);
+                colors.append(&mut batch.vertices.colors);
             }
             BatchKind::Triangles => {
                 assert_eq!(batch.first as usize, triangles.len() + polygons.len());

@@ -5,7 +5,7 @@ use chpm_import::ply::{
     Batch, BatchKind, Encoding, Invalid, Options, Place, PlyError, PlyReader, PlyWriter, Tally, Warning,
     read_mesh, write_mesh,
 };
-use chpm_mesh::{Attributes, TriMesh};
+use chpm_mesh::{Attributes, TriMesh, VertexSlices};
 
 const DROP: Options = Options { invalid: Invalid::Drop, normals: true, colors: true };
 
@@ -85,7 +85,7 @@ fn tetrahedron() -> TriMesh {
 fn binary(double: bool, encoding: Encoding) -> (Vec<u8>, usize) {
     let mesh = tetrahedron();
     let mut writer = PlyWriter::new(Vec::new(), encoding, 4, 4, Attributes::NONE, double, &[]).unwrap();
-    writer.vertices(&mesh.positions, &[], &[]).unwrap();
+    writer.vertices(mesh.view()).unwrap();
     writer.triangles(&mesh.triangles).unwrap();
     let bytes = writer.finish().unwrap();
     let body = PlyReader::new(&bytes[..], Options::default()).unwrap().header().len as usize;
@@ -279,14 +279,16 @@ fn the_writer_keeps_count() {
     };
     let mut writer = new(2, 1);
     assert!(matches!(writer.triangles(&[[0, 0, 0]]), Err(PlyError::WriteCount { what: "vertices", .. })));
-    assert!(writer.vertices(&[[0.0; 3]], &[[0.0; 3]], &[]).is_err());
-    writer.vertices(&[[0.0; 3], [1.0; 3]], &[], &[]).unwrap();
+    assert!(
+        writer.vertices(VertexSlices { normals: &[[0.0; 3]], ..VertexSlices::new(&[[0.0; 3]]) }).is_err()
+    );
+    writer.vertices(VertexSlices::new(&[[0.0; 3], [1.0; 3]])).unwrap();
     assert!(matches!(
         writer.triangles(&[[0, 1, 2]]),
         Err(PlyError::WriteIndex { triangle: 0, index: 2, vertices: 2 })
     ));
     assert!(matches!(writer.finish(), Err(PlyError::WriteCount { what: "triangles", expected: 1, got: 0 })));
-    assert!(new(0, 0).vertices(&[[0.0; 3]], &[], &[]).is_err());
+    assert!(new(0, 0).vertices(VertexSlices::new(&[[0.0; 3]])).is_err());
     let text = String::from_utf8(new(0, 0).finish().unwrap()).unwrap();
     assert!(text.contains("\ncomment a b\n"));
     assert!(PlyWriter::new(Vec::new(), Encoding::Ascii, 1 << 32, 0, Attributes::NONE, false, &[]).is_err());

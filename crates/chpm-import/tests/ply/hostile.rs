@@ -20,21 +20,21 @@ fn digest(bytes: &[u8]) {
                 }
                 Ok(BatchKind::Vertices) => {
                     assert_eq!(batch.first, vertices);
-                    let count = batch.positions.len() + batch.positions_f64.len();
+                    let count = batch.vertices.positions.len() + batch.positions_f64.len();
                     assert!(count > 0 && batch.triangles.is_empty());
                     vertices += count as u64;
                     let attributes = reader.vertex_format().attributes;
-                    assert_eq!(batch.normals.len(), if attributes.normals { count } else { 0 });
-                    assert_eq!(batch.colors.len(), if attributes.colors { count } else { 0 });
+                    assert_eq!(batch.vertices.normals.len(), if attributes.normals { count } else { 0 });
+                    assert_eq!(batch.vertices.colors.len(), if attributes.colors { count } else { 0 });
                     let (singles, doubles) =
-                        (batch.positions.as_flattened(), batch.positions_f64.as_flattened());
+                        (batch.vertices.positions.as_flattened(), batch.positions_f64.as_flattened());
                     assert!(singles.iter().all(|x| x.is_finite()) && doubles.iter().all(|x| x.is_finite()));
-                    assert!(batch.normals.as_flattened().iter().all(|x| x.is_finite()));
+                    assert!(batch.vertices.normals.as_flattened().iter().all(|x| x.is_finite()));
                 }
                 Ok(BatchKind::Triangles) => {
                     assert_eq!(batch.first, faces);
                     let count = batch.triangles.len() + batch.polygons.iter().count();
-                    assert!(count > 0 && batch.positions.is_empty());
+                    assert!(count > 0 && batch.vertices.positions.is_empty());
                     faces += count as u64;
                     let mut corners = batch.polygons.iter().flatten();
                     assert!(corners.all(|v| u64::from(*v) < reader.header().vertex_count));
@@ -168,7 +168,7 @@ fn a_promise_costs_nothing() {
                 }
                 other => panic!("{other:?}"),
             }
-            assert!(batch.positions.capacity() <= 1 << 14);
+            assert!(batch.vertices.positions.capacity() <= 1 << 14);
             digest(text.as_bytes());
         }
     }

@@ -5,7 +5,7 @@ use chpm_import::ply::{
     Batch, BatchKind, Coordinates, Encoding, Options, PlyReader, PlyWriter, PropertyType, ScalarType, Tally,
     read_mesh, write_mesh,
 };
-use chpm_mesh::{Attributes, TriMesh};
+use chpm_mesh::{Attributes, TriMesh, VertexSlices, Vertices};
 use proptest::prelude::*;
 use serde::Deserialize;
 
@@ -29,13 +29,13 @@ fn read_whole(bytes: &[u8], step: usize) -> Whole {
     let mut whole = Whole::default();
     let mut batch = Batch::default();
     while reader.next_batch(&mut batch).unwrap() != BatchKind::End {
-        whole.positions.extend(batch.positions.iter().map(|position| position.map(f64::from)));
+        whole.positions.extend(batch.vertices.positions.iter().map(|position| position.map(f64::from)));
         // Text of singles says what its digits say.
         let are_singles = reader.vertex_format().coordinates == Coordinates::TextOfSingles;
         let meant = |x: f64| if are_singles { f64::from(x as f32) } else { x };
         whole.positions.extend(batch.positions_f64.drain(..).map(|position| position.map(meant)));
-        whole.normals.append(&mut batch.normals);
-        whole.colors.append(&mut batch.colors);
+        whole.normals.append(&mut batch.vertices.normals);
+        whole.colors.append(&mut batch.vertices.colors);
         whole.triangles.append(&mut batch.triangles);
         whole.polygons.extend(batch.polygons.iter().map(<[u32]>::to_vec));
     }
@@ -164,7 +164,7 @@ proptest! {
         let normals = if attributes.0 { positions.iter().rev().copied().collect() } else { Vec::new() };
         let color = |p: &[f32; 3]| p[0].to_bits().to_le_bytes();
         let colors = if attributes.1 { positions.iter().map(color).collect() } else { Vec::new() };
-        let mesh = TriMesh { positions, normals, colors, triangles };
+        let mesh = TriMesh { vertices: Vertices { positions, normals, colors }, triangles };
         for encoding in ENCODINGS {
             let mut bytes = Vec::new();
             write_mesh(&mut bytes, &mesh, encoding).unwrap();
@@ -195,7 +195,7 @@ fn blocks_and_batches_leave_no_seams() {
         let mut writer =
             PlyWriter::new(Vec::new(), encoding, vertices, faces, attributes, true, &["seams"]).unwrap();
         for (positions, colors) in positions.chunks(999).zip(colors.chunks(999)) {
-            writer.vertices_f64(positions, &[], colors).unwrap();
+            writer.vertices_f64(positions, VertexSlices { colors, ..VertexSlices::default() }).unwrap();
         }
         triangles.chunks(1001).for_each(|triangles| writer.triangles(triangles).unwrap());
         let bytes = writer.finish().unwrap();
@@ -243,16 +243,18 @@ fn another_reader_agrees() {
     let normals: Vec<_> = (0..200).map(|_| three()).collect();
     let colors = (0..200u32).map(|i| (i * 0x0101_0713).to_le_bytes()).collect();
     let triangles = (0..198).map(|i| [i, i + 2, i + 1]).collect();
-    let mesh = TriMesh { positions, normals, colors, triangles };
+    let mesh = TriMesh { vertices: Vertices { positions, normals, colors }, triangles };
     for encoding in [Encoding::Ascii, Encoding::BinaryLittleEndian, Encoding::BinaryBigEndian] {
         let mut bytes = Vec::new();
         write_mesh(&mut bytes, &mesh, encoding).unwrap();
         let oracle: OracleMesh = serde_ply::from_bytes(&bytes).unwrap();
         let (ours, ..) = read_mesh(&bytes[..], Options::default()).unwrap();
         let theirs = TriMesh {
-            positions: oracle.vertex.iter().map(|v| [v.x, v.y, v.z]).collect(),
-            normals: oracle.vertex.iter().map(|v| [v.nx, v.ny, v.nz]).collect(),
-            colors: oracle.vertex.iter().map(|v| [v.red, v.green, v.blue, v.alpha]).collect(),
+            vertices: Vertices {
+                positions: oracle.vertex.iter().map(|v| [v.x, v.y, v.z]).collect(),
+                normals: oracle.vertex.iter().map(|v| [v.nx, v.ny, v.nz]).collect(),
+                colors: oracle.vertex.iter().map(|v| [v.red, v.green, v.blue, v.alpha]).collect(),
+            },
             triangles: oracle
                 .face
                 .iter()

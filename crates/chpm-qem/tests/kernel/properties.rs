@@ -55,7 +55,7 @@ impl Case {
         let mut all = TriMesh::default();
         for piece in &self.pieces {
             let (first, piece) = (all.positions.len() as u32, piece.mesh());
-            all.positions.extend(piece.positions);
+            all.positions.extend(piece.vertices.positions);
             all.triangles.extend(piece.triangles.iter().map(|t| t.map(|v| v + first)));
         }
         let mut order: Vec<u32> = (0..all.positions.len() as u32).collect();

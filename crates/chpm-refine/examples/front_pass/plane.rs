@@ -3,7 +3,7 @@
 use chpm_format::{
     Chpm, ChpmWriter, ClusterRecord, FormatError, GroupRecord, HeaderFields, LevelRecord, PageParts, Tables,
 };
-use chpm_mesh::{GroupId, Level, Sphere};
+use chpm_mesh::{GroupId, Level, Sphere, VertexSlices};
 
 /// Levels above the leaves: halves across and along in turn.
 const LEVELS: u32 = 14;
@@ -25,7 +25,12 @@ fn page(level: u32, at: [u32; 2], out: &mut Vec<u8>) -> Result<(), FormatError> 
     let least = if level == 0 { 0.0 } else { 0.001 * 1.5_f32.powi(level as i32) };
     out.clear();
     PageParts {
-        positions: &[[x, y, 0.0], [x + columns, y, 0.0], [x, y + rows, 0.0], [x + columns, y + rows, 0.0]],
+        vertices: VertexSlices::new(&[
+            [x, y, 0.0],
+            [x + columns, y, 0.0],
+            [x, y + rows, 0.0],
+            [x + columns, y + rows, 0.0],
+        ]),
         triangles: &[[0, 1, 2], [1, 3, 2]],
         targets: &[1],
         errors: &[0.001 * 1.5_f32.powi(level as i32 + 1)],

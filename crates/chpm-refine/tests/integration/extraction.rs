@@ -2,7 +2,7 @@ use crate::strips::{self, ALL, DEPENDENT, File, MORE, PAIRS, Plan, TWINS};
 use chpm_format::{
     Chpm, ChpmWriter, ClusterRecord, GroupRecord, HeaderFields, LevelRecord, PageParts, Tables,
 };
-use chpm_mesh::{GroupId, Level, TriMesh};
+use chpm_mesh::{GroupId, Level, TriMesh, VertexSlices};
 use chpm_refine::{Cut, Extraction, Member, RefineError, extract, random_cut};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -33,8 +33,8 @@ fn played(file: &File, cut: &Cut, plan: &Plan) -> Vec<[u32; 3]> {
         let page = file.page(member.cluster).unwrap();
         let mut triangles = Vec::new();
         page.progressive_mesh().triangles_at(member.vertices as usize, &mut triangles);
-        let (normals, colors) = (page.normals.to_vec(), page.colors.to_vec());
-        let vertices = TriMesh { positions: page.positions.to_vec(), normals, colors, triangles: Vec::new() };
+        let mut vertices = TriMesh::default();
+        vertices.extend_from_slices(page.vertices);
         let numbers = known(&vertices, plan);
         all.extend(triangles.iter().map(|t| t.map(|v| numbers[usize::from(v)])));
     }
@@ -122,7 +122,7 @@ fn batches_are_announced_and_an_error_of_the_sink_ends_them() {
     let extraction = Extraction::new(&file, &cut).unwrap();
     assert_eq!((extraction.attributes().normals, extraction.attributes().colors), (true, true));
     let (mut vertices, mut triangles, mut calls) = (0, 0, 0);
-    let count = |batch: chpm_refine::VertexBatch<'_>| {
+    let count = |batch: VertexSlices<'_>| {
         vertices += batch.positions.len();
         Ok::<_, RefineError>(())
     };
@@ -146,7 +146,7 @@ fn the_origin_is_told_if_it_matters() {
     let file = Chpm::open(PAIRS.bytes(far)).unwrap();
     let extraction = Extraction::new(&file, &cut).unwrap();
     assert_eq!(extraction.origin(), Some(far));
-    let check = |batch: chpm_refine::VertexBatch<'_>| {
+    let check = |batch: VertexSlices<'_>| {
         for (absolute, p) in batch.absolute(far).zip(batch.positions) {
             assert_eq!(absolute, [far[0] + f64::from(p[0]), f64::from(p[1]), f64::from(p[2]) - 3.0]);
         }
@@ -161,7 +161,7 @@ fn the_origin_is_told_if_it_matters() {
 fn vertices_without_triangles_are_left_out() {
     let positions: Vec<[f32; 3]> = (0..6).map(|i| [i as f32, (i * i) as f32, 0.0]).collect();
     let parts = PageParts {
-        positions: &positions,
+        vertices: VertexSlices::new(&positions),
         triangles: &[[3, 4, 5], [2, 0, 1]],
         targets: &[4],
         errors: &[1.0],
@@ -201,7 +201,7 @@ fn vertices_without_triangles_are_left_out() {
     assert_eq!(extract(&file, &base).unwrap(), expected);
     assert_eq!(base.error(&file).unwrap(), 1.0);
     let finest = extract(&file, &Cut::at_error(&file, 0.5).unwrap()).unwrap();
-    assert_eq!((finest.positions, finest.triangles), (positions, vec![[3, 4, 5], [2, 0, 1]]));
+    assert_eq!((finest.vertices.positions, finest.triangles), (positions, vec![[3, 4, 5], [2, 0, 1]]));
 }
 
 #[test]

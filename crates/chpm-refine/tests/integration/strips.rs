@@ -5,7 +5,7 @@ use chpm_format::{
     BoundaryMode, Chpm, ChpmWriter, ClusterRecord, Gaps, GroupRecord, HeaderFields, LevelRecord, PageParts,
     Tables,
 };
-use chpm_mesh::{Aabb, Attributes, GroupId, Level, Sphere};
+use chpm_mesh::{Aabb, Attributes, GroupId, Level, Sphere, VertexSlices};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Cells across a strip, and along it.
@@ -169,9 +169,11 @@ impl Cluster {
         let mut shared: Vec<(u16, u32)> = shared.iter().filter_map(shared_id).collect();
         shared.sort_unstable();
         let parts = PageParts {
-            positions: &vertices.iter().copied().map(position).collect::<Vec<_>>(),
-            normals: &vertices.iter().copied().map(normal).collect::<Vec<_>>(),
-            colors: &vertices.iter().copied().map(color).collect::<Vec<_>>(),
+            vertices: VertexSlices {
+                positions: &vertices.iter().copied().map(position).collect::<Vec<_>>(),
+                normals: &vertices.iter().copied().map(normal).collect::<Vec<_>>(),
+                colors: &vertices.iter().copied().map(color).collect::<Vec<_>>(),
+            },
             triangles: &self.triangles.iter().map(|t| t.each_ref().map(local)).collect::<Vec<_>>(),
             targets: &self.collapses.iter().rev().map(|(_, to, _)| local(to)).collect::<Vec<_>>(),
             errors: &self.collapses.iter().rev().map(|(.., error)| *error).collect::<Vec<_>>(),

@@ -76,7 +76,7 @@ pub(super) fn zeros(triangles: u32) -> TriMesh {
     let mut mesh = half(1.0);
     let first = mesh.positions.len() as u32;
     let other = half(-1.0);
-    mesh.positions.extend(other.positions);
+    mesh.positions.extend(other.vertices.positions);
     // Mirrored, so turned over to look up again.
     mesh.triangles.extend(other.triangles.iter().map(|&[a, b, c]| [a, c, b].map(|v| v + first)));
     mesh

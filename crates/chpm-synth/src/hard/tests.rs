@@ -81,13 +81,15 @@ fn numbers_are_what_they_are_called() {
     for (name, expected) in [("tiny", 1e-9), ("huge", 1e9), ("denormals", 1e-40), ("far", 2000.0)] {
         assert!((extent(name) / expected - 1.0).abs() < 1e-2, "{name}: {}", extent(name));
     }
-    assert!(mesh("far", 10_000).positions.as_flattened().iter().all(|x| *x > 9.9e6 && x.fract() == 0.0));
-    let coordinates = mesh("denormals", 10_000).positions;
+    assert!(
+        mesh("far", 10_000).vertices.positions.as_flattened().iter().all(|x| *x > 9.9e6 && x.fract() == 0.0)
+    );
+    let coordinates = mesh("denormals", 10_000).vertices.positions;
     assert!(coordinates.as_flattened().iter().all(|x| *x == 0.0 || x.is_subnormal()));
-    let heights: Vec<f32> = mesh("orders", 10_000).positions.iter().map(|p| p[2]).collect();
+    let heights: Vec<f32> = mesh("orders", 10_000).vertices.positions.iter().map(|p| p[2]).collect();
     let [low, high] = [f32::min, f32::max].map(|pick| heights.iter().copied().fold(1.0, pick));
     assert!(low < 1e-6 && high > 1e6, "{low} to {high}");
-    let zeros = mesh("zeros", 10_000).positions;
+    let zeros = mesh("zeros", 10_000).vertices.positions;
     let count = |bits: u32| zeros.iter().filter(|p| p[0].to_bits() == bits).count();
     assert_eq!(count(0.0_f32.to_bits()), count((-0.0_f32).to_bits()));
     assert!(count(0.0_f32.to_bits()) > 10);
@@ -95,17 +97,17 @@ fn numbers_are_what_they_are_called() {
 
 #[test]
 fn flat_ones_are_flat_to_the_last_bit() {
-    for [x, y, z] in mesh("plane", 10_000).positions {
+    for [x, y, z] in mesh("plane", 10_000).vertices.positions {
         assert_eq!(f64::from(z), 0.25 * f64::from(x) + 0.5 * f64::from(y));
     }
-    for [x, y, z] in mesh("line", 10_000).positions {
+    for [x, y, z] in mesh("line", 10_000).vertices.positions {
         assert!(y == 2.0 * x && z == 4.0 * x);
     }
     let line = mesh("line", 10_000);
     assert_eq!(distinct(&line), line.positions.len());
     assert!(line.triangles.iter().all(|t| longest_and_area(&line, t).1 == 0.0));
     assert_eq!(distinct(&mesh("point", 10_000)), 1);
-    let tube = mesh("cylinder", 10_000).positions;
+    let tube = mesh("cylinder", 10_000).vertices.positions;
     let mut rulings: Vec<[u32; 2]> = tube.iter().map(|p| [p[0], p[1]].map(f32::to_bits)).collect();
     rulings.sort_unstable();
     rulings.dedup();
@@ -149,7 +151,7 @@ fn pieces_are_as_many_and_as_far_apart_as_they_should() {
     }
     let full = Case::find("components").expect("a case").full;
     assert_eq!(full / 4, 100_000);
-    assert_eq!(mesh("components", 10_000).positions.len(), 10_000);
+    assert_eq!(mesh("components", 10_000).vertices.positions.len(), 10_000);
     let giant = mesh("giant", 10_000);
     let large = giant.triangles.iter().filter(|t| longest_and_area(&giant, t).0 > 1e6).count();
     assert_eq!(large, 1);

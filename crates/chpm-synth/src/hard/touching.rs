@@ -51,7 +51,7 @@ pub(super) fn bow_ties(triangles: u32) -> TriMesh {
     let black = quads.filter(|(_, quad)| (quad % n + quad / n).is_multiple_of(2));
     let black: Vec<[u32; 3]> = black.flat_map(|(two, _)| two.iter().copied()).collect();
     // A corner of the board may belong to a white square alone.
-    compact(TriMesh::new(mesh.positions, black))
+    compact(TriMesh::new(mesh.vertices.positions, black))
 }
 
 /// The mesh without vertices that no triangle uses.

@@ -60,7 +60,7 @@ fn built(
     let encoding = Encoding::BinaryLittleEndian;
     let mut ply =
         PlyWriter::new(File::create(&source)?, encoding, vertices, triangles, mesh.attributes(), false, &[])?;
-    ply.vertices(&mesh.positions, &mesh.normals, &mesh.colors)?;
+    ply.vertices(mesh.view())?;
     ply.triangles(&mesh.triangles)?;
     ply.finish()?;
     let path = folder.join("model.chpm");

@@ -112,14 +112,17 @@ fn encode_normal(normal: [f32; 3]) -> u32 {
 mod tests {
     use super::*;
     use chpm_format::PageParts;
+    use chpm_mesh::VertexSlices;
 
     #[test]
     fn a_unit_is_a_vertex() {
         for (colors, words) in [(&[][..], 4), (&[[1, 2, 3, 255], [4, 5, 6, 255], [7, 8, 9, 255]], 5)] {
             let parts = PageParts {
-                positions: &[[0.0, 0.0, 0.5], [2.0, 0.0, 0.5], [2.0, 2.0, 0.5]],
+                vertices: VertexSlices {
+                    colors,
+                    ..VertexSlices::new(&[[0.0, 0.0, 0.5], [2.0, 0.0, 0.5], [2.0, 2.0, 0.5]])
+                },
                 triangles: &[[0, 1, 2]],
-                colors,
                 ..PageParts::default()
             };
             let mut page = Vec::new();

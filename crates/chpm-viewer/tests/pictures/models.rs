@@ -35,9 +35,9 @@ impl Model {
         if is_far {
             let moved = |p: &[f32; 3]| std::array::from_fn(|axis| offset[axis] + f64::from(p[axis]));
             let positions: Vec<[f64; 3]> = mesh.positions.iter().map(moved).collect();
-            ply.vertices_f64(&positions, &mesh.normals, &mesh.colors).expect("vertices written");
+            ply.vertices_f64(&positions, mesh.view()).expect("vertices written");
         } else {
-            ply.vertices(&mesh.positions, &mesh.normals, &mesh.colors).expect("vertices written");
+            ply.vertices(mesh.view()).expect("vertices written");
         }
         ply.triangles(&mesh.triangles).expect("triangles written");
         ply.finish().expect("a PLY written");

@@ -1,0 +1,150 @@
+//! Vertices that need not fit memory: what [`Vertices`] are, in columns. Whoever adds an attribute to those adds its column here.
+
+use crate::error::BuildError;
+use bytemuck::Pod;
+use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
+use chpm_mesh::{Attributes, VertexSlices, Vertices};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// What the columns are called, here and on disk.
+pub(crate) const POSITIONS: &str = "positions";
+pub(crate) const NORMALS: &str = "normals";
+const COLORS: &str = "colors";
+
+/// Vertices, a column for each attribute that they carry.
+pub(crate) struct VertexColumns {
+    pub(crate) positions: Column<[f32; 3]>,
+    pub(crate) normals: Option<Column<[f32; 3]>>,
+    pub(crate) colors: Option<Column<[u8; 4]>>,
+}
+
+/// What is done to every column of vertices, whatever its items are.
+pub(crate) trait ColumnMap {
+    /// Makes another column of one; `what` is what it is called.
+    fn map<T: Pod + Send + Sync>(
+        &self,
+        column: Column<T>,
+        what: &'static str,
+    ) -> Result<Column<T>, BuildError>;
+}
+
+impl VertexColumns {
+    /// What the vertices carry.
+    pub(crate) fn attributes(&self) -> Attributes {
+        Attributes { normals: self.normals.is_some(), colors: self.colors.is_some() }
+    }
+
+    /// Does the same to all columns, one after the other.
+    pub(crate) fn map(self, by: &impl ColumnMap) -> Result<VertexColumns, BuildError> {
+        Ok(VertexColumns {
+            positions: by.map(self.positions, POSITIONS)?,
+            normals: self.normals.map(|column| by.map(column, NORMALS)).transpose()?,
+            colors: self.colors.map(|column| by.map(column, COLORS)).transpose()?,
+        })
+    }
+
+    /// The vertices of a range: those in memory as they are, those on disk read into `scratch`.
+    pub(crate) fn read<'a>(
+        &'a self,
+        range: Range<usize>,
+        scratch: &'a mut Vertices,
+    ) -> Result<VertexSlices<'a>, BuildError> {
+        let mut slices = VertexSlices::new(self.positions.read(range.clone(), &mut scratch.positions)?);
+        if let Some(normals) = &self.normals {
+            slices.normals = normals.read(range.clone(), &mut scratch.normals)?;
+        }
+        if let Some(colors) = &self.colors {
+            slices.colors = colors.read(range, &mut scratch.colors)?;
+        }
+        Ok(slices)
+    }
+
+    /// Copies the columns to files, since they may change afterwards.
+    pub(crate) fn save(&self, store: &Store) -> Result<SavedVertices, BuildError> {
+        Ok(SavedVertices {
+            positions: self.positions.save(store, POSITIONS)?,
+            normals: self.normals.as_ref().map(|column| column.save(store, NORMALS)).transpose()?,
+            colors: self.colors.as_ref().map(|column| column.save(store, COLORS)).transpose()?,
+        })
+    }
+}
+
+/// [`VertexColumns`] in a checkpoint.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SavedVertices {
+    positions: SavedFile,
+    normals: Option<SavedFile>,
+    colors: Option<SavedFile>,
+}
+
+impl SavedVertices {
+    pub(crate) fn files(&self) -> impl Iterator<Item = &SavedFile> {
+        [&self.positions].into_iter().chain(&self.normals).chain(&self.colors)
+    }
+
+    pub(crate) fn load(self, store: &Store) -> Result<VertexColumns, BuildError> {
+        Ok(VertexColumns {
+            positions: Column::load(store, POSITIONS, &self.positions)?,
+            normals: self.normals.map(|saved| Column::load(store, NORMALS, &saved)).transpose()?,
+            colors: self.colors.map(|saved| Column::load(store, COLORS, &saved)).transpose()?,
+        })
+    }
+}
+
+/// [`VertexColumns`] while vertices come.
+pub(crate) struct VertexWriter {
+    positions: BufferWriter<[f32; 3]>,
+    normals: BufferWriter<[f32; 3]>,
+    colors: BufferWriter<[u8; 4]>,
+    carried: Attributes,
+}
+
+impl VertexWriter {
+    /// Expects `count` vertices, and as many single positions as `singles`; more or fewer may come.
+    pub(crate) fn new(
+        store: &Store,
+        carried: Attributes,
+        count: usize,
+        singles: usize,
+    ) -> Result<Self, BuildError> {
+        let expected = |is_carried: bool| if is_carried { count } else { 0 };
+        Ok(VertexWriter {
+            positions: BufferWriter::new(store, POSITIONS, singles)?,
+            normals: BufferWriter::new(store, NORMALS, expected(carried.normals))?,
+            colors: BufferWriter::new(store, COLORS, expected(carried.colors))?,
+            carried,
+        })
+    }
+
+    /// Positions so far.
+    pub(crate) fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    pub(crate) fn extend_from_slices(&mut self, vertices: VertexSlices<'_>) -> Result<(), BuildError> {
+        self.positions.extend_from_slice(vertices.positions)?;
+        self.normals.extend_from_slice(vertices.normals)?;
+        Ok(self.colors.extend_from_slice(vertices.colors)?)
+    }
+
+    pub(crate) fn finish(self) -> Result<VertexColumns, BuildError> {
+        let VertexWriter { positions, normals, colors, carried } = self;
+        Ok(VertexColumns {
+            positions: positions.finish_column()?,
+            normals: carried.normals.then(|| normals.finish_column()).transpose()?,
+            colors: carried.colors.then(|| colors.finish_column()).transpose()?,
+        })
+    }
+}
+
+#[cfg(test)]
+impl VertexColumns {
+    /// The columns of vertices in memory.
+    pub(crate) fn of(vertices: VertexSlices<'_>, store: &Store) -> VertexColumns {
+        let count = vertices.positions.len();
+        let mut writer = VertexWriter::new(store, vertices.attributes(), count, count).unwrap();
+        writer.extend_from_slices(vertices).unwrap();
+        writer.finish().unwrap()
+    }
+}

@@ -1,0 +1,258 @@
+//! Vertex data: a position for each vertex, and the attributes that a mesh carries besides.
+//!
+//! Every stage copies, gathers and compares vertices by the types of this file, whatever they carry. Whoever adds an attribute adds it here, to
+//! `VertexColumns` of `chpm-build` for what does not fit memory, to the readers and writers of sources, and to the page of the file.
+
+use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
+
+/// Which per-vertex attributes a mesh carries; an attribute that is not there takes no bytes.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub struct Attributes {
+    /// Unit (or as-given) normals, three f32 each.
+    pub normals: bool,
+    /// Colours, four bytes each: red, green, blue, alpha.
+    pub colors: bool,
+}
+
+impl Attributes {
+    /// Positions only.
+    pub const NONE: Attributes = Attributes { normals: false, colors: false };
+    /// Every attribute that there is.
+    pub const ALL: Attributes = Attributes { normals: true, colors: true };
+
+    /// Bytes of a vertex: its position and what it carries.
+    pub fn vertex_len(self) -> usize {
+        12 + if self.normals { 12 } else { 0 } + if self.colors { 4 } else { 0 }
+    }
+
+    /// What both have.
+    pub fn common(self, other: Attributes) -> Attributes {
+        Attributes { normals: self.normals && other.normals, colors: self.colors && other.colors }
+    }
+
+    /// What one of the two has, or both.
+    pub fn joined(self, other: Attributes) -> Attributes {
+        Attributes { normals: self.normals || other.normals, colors: self.colors || other.colors }
+    }
+}
+
+/// One vertex with every attribute; those that its mesh does not carry are zero.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct Vertex {
+    /// Object units.
+    pub position: [f32; 3],
+    /// As given.
+    pub normal: [f32; 3],
+    /// Red, green, blue, alpha.
+    pub color: [u8; 4],
+}
+
+impl Vertex {
+    /// The bits of all attributes, to sort and compare by.
+    pub fn look(&self) -> ([u32; 3], [u8; 4]) {
+        (self.normal.map(f32::to_bits), self.color)
+    }
+}
+
+/// Vertices, an array for each attribute; one that they do not carry is empty, the others are as long as the positions.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Vertices {
+    /// Vertex positions, object units.
+    pub positions: Vec<[f32; 3]>,
+    /// Vertex normals, or empty.
+    pub normals: Vec<[f32; 3]>,
+    /// Vertex colours (RGBA), or empty.
+    pub colors: Vec<[u8; 4]>,
+}
+
+impl Vertices {
+    /// Vertices that carry nothing else.
+    pub fn new(positions: Vec<[f32; 3]>) -> Self {
+        Vertices { positions, ..Vertices::default() }
+    }
+
+    /// No vertices, and room for `count` of them.
+    pub fn with_capacity(count: usize, carried: Attributes) -> Self {
+        let room = |is_carried: bool| if is_carried { count } else { 0 };
+        Vertices {
+            positions: Vec::with_capacity(count),
+            normals: Vec::with_capacity(room(carried.normals)),
+            colors: Vec::with_capacity(room(carried.colors)),
+        }
+    }
+
+    /// All of them, to look at.
+    #[inline]
+    pub fn view(&self) -> VertexSlices<'_> {
+        VertexSlices { positions: &self.positions, normals: &self.normals, colors: &self.colors }
+    }
+
+    /// What they carry.
+    pub fn attributes(&self) -> Attributes {
+        self.view().attributes()
+    }
+
+    /// How many there are.
+    #[inline]
+    pub fn vertex_count(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Drops all vertices and keeps the memory.
+    pub fn clear_vertices(&mut self) {
+        self.positions.clear();
+        self.normals.clear();
+        self.colors.clear();
+    }
+
+    /// Appends a vertex with those of its attributes that are `carried`.
+    #[inline]
+    pub fn push_vertex(&mut self, vertex: &Vertex, carried: Attributes) {
+        self.positions.push(vertex.position);
+        self.normals.extend(carried.normals.then_some(vertex.normal));
+        self.colors.extend(carried.colors.then_some(vertex.color));
+    }
+
+    /// Appends other vertices, which carry the same.
+    pub fn extend_from_slices(&mut self, from: VertexSlices<'_>) {
+        self.positions.extend_from_slice(from.positions);
+        self.normals.extend_from_slice(from.normals);
+        self.colors.extend_from_slice(from.colors);
+    }
+
+    /// Appends those of other vertices that `order` names, in its order.
+    #[inline]
+    pub fn gather(&mut self, from: VertexSlices<'_>, order: impl Iterator<Item = usize> + Clone) {
+        self.positions.extend(order.clone().map(|v| from.positions[v]));
+        if !from.normals.is_empty() {
+            self.normals.extend(order.clone().map(|v| from.normals[v]));
+        }
+        if !from.colors.is_empty() {
+            self.colors.extend(order.map(|v| from.colors[v]));
+        }
+    }
+
+    /// Appends other vertices and leaves none of them behind.
+    pub fn append_vertices(&mut self, other: &mut Vertices) {
+        self.positions.append(&mut other.positions);
+        self.normals.append(&mut other.normals);
+        self.colors.append(&mut other.colors);
+    }
+}
+
+/// [`Vertices`] that lie elsewhere, as in a page of a file.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct VertexSlices<'a> {
+    /// Vertex positions.
+    pub positions: &'a [[f32; 3]],
+    /// Normals, one a vertex or none.
+    pub normals: &'a [[f32; 3]],
+    /// Colours (RGBA), one a vertex or none.
+    pub colors: &'a [[u8; 4]],
+}
+
+impl<'a> VertexSlices<'a> {
+    /// Vertices that carry nothing else.
+    pub fn new(positions: &'a [[f32; 3]]) -> Self {
+        VertexSlices { positions, ..VertexSlices::default() }
+    }
+
+    /// What they carry.
+    pub fn attributes(self) -> Attributes {
+        Attributes { normals: !self.normals.is_empty(), colors: !self.colors.is_empty() }
+    }
+
+    /// One vertex.
+    #[inline]
+    pub fn vertex(self, at: usize) -> Vertex {
+        Vertex {
+            position: self.positions[at],
+            normal: self.normals.get(at).copied().unwrap_or_default(),
+            color: self.colors.get(at).copied().unwrap_or_default(),
+        }
+    }
+
+    /// The first `count` vertices.
+    pub fn first(self, count: usize) -> VertexSlices<'a> {
+        VertexSlices {
+            positions: &self.positions[..count],
+            normals: self.normals.get(..count).unwrap_or_default(),
+            colors: self.colors.get(..count).unwrap_or_default(),
+        }
+    }
+
+    /// An attribute of which there are neither as many as positions nor none: its name, and how many there are.
+    pub fn uneven(self) -> Option<(&'static str, usize)> {
+        let lens = [("normals", self.normals.len()), ("colors", self.colors.len())];
+        lens.into_iter().find(|(_, len)| *len != 0 && *len != self.positions.len())
+    }
+
+    /// Whether every number is finite.
+    pub fn is_finite(self) -> bool {
+        let mut numbers = self.positions.as_flattened().iter().chain(self.normals.as_flattened());
+        numbers.all(|x| x.is_finite())
+    }
+
+    /// The positions as the source has them, where these are relative to `origin`.
+    pub fn absolute(self, origin: [f64; 3]) -> impl Iterator<Item = [f64; 3]> + use<'a> {
+        self.positions.iter().map(move |p| std::array::from_fn(|axis| origin[axis] + f64::from(p[axis])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn some(count: u8, carried: Attributes) -> Vertices {
+        let mut vertices = Vertices::default();
+        for i in 0..count {
+            let x = f32::from(i);
+            let vertex = Vertex { position: [x; 3], normal: [-x, x, 0.5], color: [i, 1, 2, 255] };
+            vertices.push_vertex(&vertex, carried);
+        }
+        vertices
+    }
+
+    #[test]
+    fn every_operation_takes_what_vertices_carry() {
+        for bits in 0..4 {
+            let carried = Attributes { normals: bits & 1 != 0, colors: bits & 2 != 0 };
+            let all = some(5, carried);
+            assert_eq!((all.attributes(), all.vertex_count(), all.view().uneven()), (carried, 5, None));
+
+            let mut gathered = Vertices::default();
+            gathered.gather(all.view(), [4, 0, 4].into_iter());
+            let expected = [4, 0, 4].map(|v| all.view().vertex(v));
+            assert_eq!([0, 1, 2].map(|v| gathered.view().vertex(v)), expected);
+            assert_eq!(gathered.attributes(), carried);
+
+            let mut joined = Vertices::default();
+            joined.extend_from_slices(all.view().first(2));
+            joined.append_vertices(&mut gathered);
+            assert_eq!((joined.vertex_count(), gathered), (5, Vertices::default()));
+            assert_eq!(joined.view().vertex(2), expected[0]);
+            joined.clear_vertices();
+            assert_eq!(joined, Vertices::default());
+        }
+    }
+
+    #[test]
+    fn what_is_uneven_or_not_finite_is_found() {
+        let mut vertices = some(3, Attributes::ALL);
+        assert!(vertices.view().is_finite());
+        vertices.normals[2][1] = f32::NAN;
+        assert!(!vertices.view().is_finite());
+        vertices.colors.pop();
+        assert_eq!(vertices.view().uneven(), Some(("colors", 2)));
+    }
+
+    #[test]
+    fn attributes_join_and_meet() {
+        let (normals, colors) =
+            (Attributes { normals: true, colors: false }, Attributes { normals: false, colors: true });
+        assert_eq!((normals.joined(colors), normals.common(colors)), (Attributes::ALL, Attributes::NONE));
+        assert_eq!((Attributes::NONE.vertex_len(), Attributes::ALL.vertex_len()), (12, size_of::<Vertex>()));
+    }
+}
