@@ -45,7 +45,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", requires = "errors", default_value_t = 1, value_parser = number::count(1_u32..=1000))]
     positions: u32,
     /// Pieces that --errors may cut a triangle into for each triangle of the other surface that lies under it, about, before it leaves it undecided
-    #[arg(long, value_name = "N", requires = "errors", default_value_t = 32, value_parser = number::count(1_u32..=1_000_000))]
+    #[arg(long, value_name = "N", requires = "errors", default_value_t = 256, value_parser = number::count(1_u32..=1_000_000))]
     effort: u32,
     /// Worker threads; one per processor if not given
     #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
