@@ -134,7 +134,7 @@ mod tests {
             assert_eq!(block.bytes().len() as u64, block.layout().vertex_bytes());
             for (vertex, bytes) in block.bytes().chunks_exact(4 * words as usize).enumerate() {
                 let words: &[u32] = bytemuck::cast_slice(bytes);
-                let expected = parts.positions[vertex].map(f32::to_bits);
+                let expected = parts.vertices.positions[vertex].map(f32::to_bits);
                 assert_eq!((&words[..3], words[3]), (&expected[..], encode_normal([0.0, 0.0, 1.0])));
                 assert_eq!(bytes.get(16..), colors.get(vertex).map(|color| &color[..]).or(Some(&[])));
             }
