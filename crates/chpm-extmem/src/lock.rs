@@ -3,10 +3,10 @@
 //! The lock is the kernel's (`flock`), which gives it back when its holder ends, however it ends: what a dead process leaves
 //! behind is a file, and the next one takes it over. The text in it is for people.
 
+use crate::target::are_of_one;
 use crate::{ExtmemError, hidden_name};
 use std::fs::{self, File, TryLockError};
 use std::io::{Read, Seek, Write};
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// The right to make a file, held until it is dropped.
@@ -61,10 +61,7 @@ impl Drop for Lock {
 
 /// Whether `path` names the open `file`.
 fn is_at(file: &File, path: &Path) -> bool {
-    match (file.metadata(), fs::metadata(path)) {
-        (Ok(open), Ok(named)) => (open.dev(), open.ino()) == (named.dev(), named.ino()),
-        _ => false,
-    }
+    are_of_one(file.metadata(), fs::metadata(path))
 }
 
 /// What the holder wrote, shortened to something safe to print.

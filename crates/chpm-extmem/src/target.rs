@@ -2,7 +2,7 @@
 
 use crate::ExtmemError;
 use std::ffi::{OsStr, OsString};
-use std::fs::{self, FileType};
+use std::fs::{self, FileType, Metadata};
 use std::io;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
@@ -60,10 +60,12 @@ fn told(kind: FileType) -> &'static str {
 
 /// Whether two names are of one file, by a link of either kind or by another way to it.
 pub fn same_file(a: &Path, b: &Path) -> bool {
-    match (fs::metadata(a), fs::metadata(b)) {
-        (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
-        _ => false,
-    }
+    are_of_one(fs::metadata(a), fs::metadata(b))
+}
+
+/// Whether two answers of the file system are about one file.
+pub(crate) fn are_of_one(a: io::Result<Metadata>, b: io::Result<Metadata>) -> bool {
+    matches!((a, b), (Ok(a), Ok(b)) if (a.dev(), a.ino()) == (b.dev(), b.ino()))
 }
 
 /// `.NAME` and a tail of at most 23 bytes, for what lies beside a file called `name`. Of a name that is too long for that the end is
