@@ -91,6 +91,8 @@ impl<'a> Output<'a> {
             Some(trimmed) => (trimmed.vertex_count, trimmed.shared_count),
             None => (facts.used_vertices, facts.shared_vertices),
         };
+
+        // Records of clusters are empty but for the lengths of their pages, which is what offsets take.
         let mut tables = Tables {
             header: HeaderFields {
                 attributes: facts.attributes,
@@ -106,6 +108,7 @@ impl<'a> Output<'a> {
             levels: clusters.levels.iter().map(level_record).collect(),
             metadata: metadata(known, settings),
         };
+
         let len = tables.assign_offsets()?;
         out.set_len(len)?;
         Ok(Output { out, tables, order, tree, len })
@@ -181,6 +184,8 @@ fn nest(tables: &mut Tables, order: &[u32], tree: &Tree) {
     for index in 0..groups.len() {
         let mut group = groups[index];
         let range = |first: u32, count: u32| first as usize..(first + count) as usize;
+
+        // Groups go up the tree, so that those of the fine clusters are complete.
         let mut bounds = Aabb::EMPTY;
         let mut spheres = Vec::new();
         for fine in &members[range(group.fine_first, group.fine_count)] {
@@ -190,6 +195,7 @@ fn nest(tables: &mut Tables, order: &[u32], tree: &Tree) {
             bounds.merge(&record.aabb());
             spheres.push(below.sphere());
         }
+
         for coarse in &members[range(group.coarse_first, group.coarse_count)] {
             let node = &tree.nodes[order[*coarse as usize] as usize];
             let children = node.children.into_iter().flatten().filter_map(|c| places[c as usize]);
@@ -204,6 +210,7 @@ fn nest(tables: &mut Tables, order: &[u32], tree: &Tree) {
             group.min_error = group.min_error.max(record.min_error);
             group.max_error = group.max_error.max(record.max_error);
         }
+
         let sphere = Sphere::around(&bounds, spheres);
         (group.center, group.radius) = (sphere.center, sphere.radius);
         groups[index] = group;

@@ -61,11 +61,15 @@ pub(crate) fn run(
     if range == ErrorRange::ALL {
         return Ok(Built { tree, clusters, trimmed: None });
     }
+
+    // The fine end: groups that need nothing below them lose it.
     let was_leaf: Vec<bool> = tree.nodes.iter().map(|node| node.children.is_none()).collect();
     if let Some(finest) = range.finest {
         drop_below(&mut clusters, &mut tree, finest);
         set_levels(&clusters, &mut tree);
     }
+
+    // Both ends of what is left: each cluster keeps the positions of the range.
     let clip = |scratch: &mut Scratch, node: &u32| {
         context.check()?;
         let page = clusters.page(*node);
@@ -159,10 +163,12 @@ impl Scratch {
     ) -> Result<Clipped, BuildError> {
         let (mut kept, mut report) = (clusters.page(node), clusters.reports[node as usize]);
         kept.gaps.fine = finest.map_or(kept.gaps.fine, |error| kept.gaps.at(error));
+
         let mut bytes = std::mem::take(&mut self.bytes);
         clusters.pages.read(kept.offset, kept.len as usize, &mut bytes)?;
         let mut page = Page::view(&bytes)?;
         let all = page.vertex_count();
+
         let end = finest.map_or(all, |error| page.vertices_for(error));
         let start = coarsest.map_or(page.base_vertex_count, |error| page.vertices_for(error));
         if (start, end) != (page.base_vertex_count, all) {
@@ -178,6 +184,7 @@ impl Scratch {
             report.shared_vertices = page.shared_ids.len() as u64;
             (report.min_error, report.max_error) = (page.min_error, page.max_error());
         }
+
         let clipped = Clipped {
             page: kept,
             report,

@@ -124,6 +124,8 @@ impl<'a> Page<'a> {
         let unaligned = FormatError::Alignment { place, expected: mem::align_of::<PageHeader>() };
         let Ok(header) = bytemuck::try_from_bytes::<PageHeader>(head) else { return Err(unaligned) };
         let attributes = header.check()?;
+
+        // The counts are legal and the length is theirs: from here on nothing can lie outside.
         let expected = header.payload_len();
         require_eq(place, "length", expected, got)?;
 
@@ -166,11 +168,13 @@ impl<'a> Page<'a> {
         require(in_range, place, "corner of a triangle", format_args!("less than {v}"), largest)?;
         let same = self.triangles.iter().filter(|[a, b, c]| (a == b) | (b == c) | (c == a)).count();
         require_eq(place, "triangles with equal corners", 0, same)?;
+
         let later = self.targets.iter().enumerate().find(|(j, t)| usize::from(**t) >= b + j);
         if let Some((j, target)) = later {
             return Err(invalid(place, "target of a collapse", format_args!("less than {}", b + j), target));
         }
         self.check_errors()?;
+
         let ones: usize = self.shared_bits.iter().map(|byte| byte.count_ones() as usize).sum();
         require_eq(place, "shared bits that are set", self.shared_ids.len(), ones)?;
         let slack =

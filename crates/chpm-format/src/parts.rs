@@ -50,6 +50,8 @@ impl PageParts<'_> {
             error_scale,
             reserved: [0; 28],
         };
+
+        // Arrays come by falling alignment, so that a reader may view them where they lie.
         let start = out.len();
         out.reserve(header.payload_len() as usize);
         out.extend_from_slice(bytemuck::bytes_of(&header));
@@ -88,11 +90,14 @@ impl PageParts<'_> {
         if let Some((field, len)) = self.vertices.uneven() {
             return Err(invalid(place, field, format_args!("none or {v}"), len));
         }
+
         let t = self.triangles.len();
         require(t <= u32::MAX as usize / 8, place, "triangles", "at most 2^29", t)?;
         require(self.targets.len() < v, place, "collapses", "fewer than vertices", self.targets.len())?;
         require_eq(place, "errors", self.targets.len(), self.errors.len())?;
         let base = v - self.targets.len();
+
+        // A vertex may only collapse to one that is still there.
         let bad_target =
             self.targets.iter().enumerate().find(|(j, target)| usize::from(**target) >= base + j);
         if let Some((j, target)) = bad_target {
@@ -103,6 +108,7 @@ impl PageParts<'_> {
                 target,
             ));
         }
+
         let legal = |[a, b, c]: &[u16; 3]| a != b && b != c && c != a && usize::from(*a.max(b).max(c)) < v;
         let bad = self.triangles.iter().find(|t| !legal(t));
         require(
@@ -112,6 +118,7 @@ impl PageParts<'_> {
             format_args!("three different vertices of {v}"),
             format_args!("{:?}", bad.copied().unwrap_or_default()),
         )?;
+
         let errors = [self.min_error, self.scale_error, self.errors.first().copied().unwrap_or(0.0)];
         let storable = errors.iter().all(|e| (0.0..=MAX_ERROR).contains(e));
         require(storable, place, "errors", "numbers from 0 to 2^127", format_args!("{errors:?}"))?;
@@ -125,6 +132,7 @@ impl PageParts<'_> {
             format_args!("at least {}", self.min_error),
             least,
         )?;
+
         let ascending = self.shared.is_sorted_by(|a, b| a.0 < b.0);
         let last = self.shared.last().map_or(0, |(local, _)| usize::from(*local));
         require(

@@ -131,10 +131,12 @@ impl Sections {
             let range = entry.place_after(end, bytes)?;
             end = range.end;
             last = entry.known();
+            // A later minor version may have sections of other kinds; only their bytes are checked.
             let Some(kind) = last else {
                 check_sum(place, entry.checksum, &bytes[range])?;
                 continue;
             };
+
             entry.check_shape(kind)?;
             match kind {
                 SectionKind::Pages => require_eq(Place::Section(kind), "checksum", 0, entry.checksum)?,
@@ -144,8 +146,10 @@ impl Sections {
             require(slot.is_none(), place, "sections of a kind", "one", format_args!("two of {kind}"))?;
             *slot = Some((range, entry.count));
         }
+
         require(last == Some(SectionKind::Pages), place, "last section", "PAGES", "another")?;
         require_eq(place, "end of the last section", got, end as u64)?;
+
         let mut sections = [const { (0..0, 0) }; 6];
         for (kind, found) in SectionKind::ALL.into_iter().zip(found) {
             sections[kind.slot()] =

@@ -134,12 +134,14 @@ impl Structure<'_> {
         }
         require_sphere(place, group.center, group.radius)?;
 
+        // Both sides know of each other: the group names its members, and each of them the group.
         let coarse = self.members_of(place, group.coarse_first, group.coarse_count, used)?;
         for (member, cluster) in coarse.iter().zip(self.named(place, coarse)?) {
             let member = Place::Cluster(ClusterId(*member));
             require_eq(member, "group of a coarse member", id, cluster.group())?;
             require_eq(member, "level of a coarse member", group.level, cluster.level)?;
         }
+
         let fine = self.members_of(place, group.fine_first, group.fine_count, used)?;
         for (member, cluster) in fine.iter().zip(self.named(place, fine)?) {
             let member = Place::Cluster(ClusterId(*member));

@@ -156,6 +156,8 @@ impl Tables {
         let metadata = self.metadata.encode()?;
         let pages_offset = self.pages_offset(metadata.len() as u64);
         self.complete(pages_offset)?;
+
+        // What is wrong here would be refused by every reader: it is found before a byte is written.
         let mut header = self.header()?;
         let structure = Structure {
             header: &header,
@@ -192,10 +194,14 @@ impl Tables {
                 checksum: checksum(&head[offset as usize..]),
             };
         }
+
+        // The pages come last and carry their own checksums, so that they can be written before these tables.
         let pages = &mut entries[SectionKind::ALL.len() - 1];
         (pages.len, pages.count, pages.checksum) =
             (header.file_len - pages_offset, self.clusters.len() as u64, 0);
         require_eq(Place::File, "offset of the pages", pages_offset, pages.offset)?;
+
+        // From the inside out: each checksum is of bytes that no longer change.
         let table = bytemuck::cast_slice(&entries);
         head[HEADER_LEN..HEADER_LEN + table.len()].copy_from_slice(table);
         header.section_table_checksum = checksum(table);

@@ -229,6 +229,7 @@ impl<R: Read> ObjReader<R> {
                     }
                     count += 1;
                 }
+
                 if self.vertices == MAX_VERTICES {
                     return Err(ImportError::TooMany {
                         place: place(),
@@ -248,6 +249,8 @@ impl<R: Read> ObjReader<R> {
                 if position.iter().any(|x| x.abs() > FAR) {
                     self.pending.far.push(place());
                 }
+
+                // Three numbers behind the position are a colour, a single one is a weight.
                 let is_first = self.vertices == 0;
                 self.pending.positions_f64.push(position);
                 match count {
@@ -293,6 +296,8 @@ impl<R: Read> ObjReader<R> {
                     } else {
                         (index as u64).checked_sub(1)
                     };
+
+                    // A face may name vertices that come later: the highest is looked at when all have come.
                     let is_known = vertex.is_some_and(|vertex| vertex < self.vertices);
                     match vertex.filter(|vertex| *vertex < MAX_VERTICES) {
                         _ if self.invalid_data == Invalid::Drop && !is_known => valid = false,
@@ -314,6 +319,7 @@ impl<R: Read> ObjReader<R> {
                         }
                     }
                 }
+
                 self.faces += 1;
                 if !valid {
                     self.tally.dropped_faces += 1;

@@ -136,6 +136,7 @@ impl<R: Read> StlReader<R> {
             }
             return Ok(false);
         }
+
         let before = records.offset;
         let whole = records.fill(wanted * RECORD)? / RECORD;
         for at in 0..whole {
@@ -159,6 +160,7 @@ impl<R: Read> StlReader<R> {
             }
         }
         self.facets += whole as u64;
+
         if whole < wanted {
             let missing = records.count - self.facets;
             if self.invalid == Invalid::Refuse {

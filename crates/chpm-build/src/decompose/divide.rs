@@ -91,6 +91,8 @@ pub(crate) fn run(
     let Source { mut vertices, mut triangles, bounds, .. } = source;
     let store = &context.store;
     let wanted = region_count(vertices.positions.len(), leaves, settings);
+
+    // One region is one cell, and everything stays where it is. Else vertices get new numbers, by cell, and the graph of cells is cut.
     let mut cells = Cells::single(vertices.positions.len() as u32);
     let mut regions = vec![0];
     if wanted > 1 {
@@ -101,12 +103,14 @@ pub(crate) fn run(
         crate::join::run(&mut triangles, &mapping, context)?;
         drop(mapping);
         context.check()?;
+
         let graph =
             cell_graph::build(&cells.list, joints(&triangles, &cells, context)?, settings.cell_neighbors)?;
         regions = partition::parts(&graph, wanted.min(cells.list.len() as u32), settings, context)?;
     }
     context.check()?;
 
+    // By cell its region, and the number that its first vertex has there: cells of a region follow one another.
     let mut region_cells = vec![Vec::new(); regions.iter().max().map_or(0, |last| *last as usize + 1)];
     let mut counts = vec![0; region_cells.len()];
     let mut homes = Vec::with_capacity(regions.len());
@@ -115,6 +119,7 @@ pub(crate) fn run(
         counts[*region as usize] += cells.list[cell].count;
         region_cells[*region as usize].push(cell as u32);
     }
+
     let block = (BLOCKS / region_cells.len()).clamp(1 << 9, 1 << 15);
     let home_count = region_cells.len();
     let mut divided = Divided {
@@ -130,6 +135,8 @@ pub(crate) fn run(
         copies: 0,
         _share: store.budget.charge("border vertices", 0)?,
     };
+
+    // Triangles go first; regions that got too many are split; then it is known which vertices of others each region has.
     let uses = Buckets::new(store, "uses of other regions", home_count, block / 4);
     let mut visits = Visits { uses, known: Sieve::new() };
     let uses = divided.route(triangles, &mut visits, context)?;
@@ -210,6 +217,7 @@ impl Divided {
             {
                 let region = majority(*triangle, *homes) as usize;
                 self.triangles.push(region, *triangle)?;
+                // Most triangles are within their region, and visit none.
                 if *homes != [region as u32; 3] {
                     for (vertex, home) in triangle.iter().zip(homes).filter(|(_, h)| **h as usize != region) {
                         visits.push(*home, *vertex, region)?;
@@ -224,6 +232,7 @@ impl Divided {
 
     /// Numbers the border vertices, and sends copies of them to the regions that use them.
     fn exchange(&mut self, visits: Visits, context: &Context<'_>) -> Result<(), BuildError> {
+        // A bucket for each region, of which there are more since some were split.
         while self.foreign.count() < self.region_count() {
             self.foreign.add();
         }
@@ -234,9 +243,12 @@ impl Divided {
             let _share =
                 context.store.budget.charge("uses of border vertices", 8 * visits.uses.len(home) as u64)?;
             visits.uses.read(home, &mut visiting)?;
+            // Triangles of a split region have gone to others, which visit for themselves.
             visiting.retain(|[_, region]| self.was_split.get(*region as usize) != Some(&true));
             visiting.par_sort_unstable();
             visiting.dedup();
+
+            // A cell's vertices lie side by side: one read for all that are visited.
             for cell in visiting.chunk_by(|a, b| self.cells.of(a[0]) == self.cells.of(b[0])) {
                 let range = cell[0][0] as usize..cell[cell.len() - 1][0] as usize + 1;
                 let first = range.start;
@@ -265,6 +277,7 @@ impl Divided {
         let mut foreign = Vec::new();
         self.foreign.read(region, &mut foreign)?;
         foreign.sort_unstable_by_key(|f| f.vertex);
+
         let mut triangles = Vec::new();
         self.triangles.read(region, &mut triangles)?;
         let copies = copies::drop_all(&mut triangles);
@@ -276,6 +289,8 @@ impl Divided {
             *v = self.local(*v, region, own, &foreign);
             numbers[*v as usize] = 0;
         }
+
+        // Those that triangles use are numbered in their order.
         let mut count = 0;
         for number in numbers.iter_mut().filter(|n| **n != UNUSED) {
             *number = count;
@@ -283,6 +298,7 @@ impl Divided {
         }
         triangles.as_flattened_mut().iter_mut().for_each(|v| *v = numbers[*v as usize]);
 
+        // Border vertices: those at home here that others visit, used here or not, and the foreign ones.
         let visited = self.border_starts.get(region).zip(self.border_starts.get(region + 1));
         let visited = visited.map_or(0..0, |(start, end)| *start..*end);
         let mut border = vec![INNER; count as usize];
@@ -296,6 +312,7 @@ impl Divided {
         for (number, vertex) in numbers[own..].iter().zip(&foreign) {
             border[*number as usize] = vertex.border;
         }
+
         let own_used = numbers[..own].iter().filter(|n| **n != UNUSED).count();
         let runs = Runs { cells: &self.cells, own: own_cells, numbers: &numbers, count: count as usize };
         Ok(Mesh {

@@ -154,6 +154,7 @@ impl Grid {
     ) -> Result<Self, BuildError> {
         let extent: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.max[a]) - f64::from(bounds.min[a]));
         let longest = extent.into_iter().fold(0.0, f64::max);
+
         // A surface meets about four n * n of n * n * n cells: start where those would hold twice the limit.
         let wanted = (positions.count() as f64 / (8.0 * f64::from(limit))).sqrt().max(1.0);
         let mut n = 1u32 << (wanted.log2().ceil() as u32).min(MAX_UNIFORM_LOG);
@@ -175,6 +176,8 @@ impl Grid {
             }
             n /= 2;
         };
+
+        // Cells of too many vertices are halved, all that there are, and then the new ones, until none is left.
         let mut depths = vec![0; grid.slots.len()];
         let mut fresh = 0;
         loop {

@@ -111,6 +111,8 @@ pub(crate) fn run(
     let mut collector = Collector::new(border_count, &context.store);
     let mut account = Account::new(border_count, &context.store);
     let mut copies = divided.copies;
+
+    // Regions are worked on several at a time, and taken in one after another, in their order: so ids do not depend on who was first.
     let (workers, _share) = workers(&divided, context)?;
     in_order(
         divided.region_count(),
@@ -122,6 +124,7 @@ pub(crate) fn run(
             region::run(&mesh, leaves, border_count as u32, settings, &spool, context)
         },
         |done| {
+            // Border numbers hold everywhere; inner numbers count from those of the regions before.
             let inner_before = collector.inner_count();
             collector.add(&done)?;
             let border_count = border_count as u32;
@@ -131,6 +134,7 @@ pub(crate) fn run(
         },
     )?;
     drop(divided);
+
     account.close()?.add_to(repairs);
     context.check()?;
     let (leaves, shared) = collector.finish()?;

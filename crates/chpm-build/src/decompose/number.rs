@@ -42,12 +42,15 @@ impl Cells {
             let share = |piece: u32| (u64::from(cell.count) * u64::from(piece) / u64::from(pieces)) as u32;
             list.extend((0..pieces).map(|p| Cell { count: share(p + 1) - share(p), ..*cell }));
         }
+
         let mut starts = Vec::with_capacity(list.len() + 1);
         starts.push(0);
         starts.extend(list.iter().scan(0, |end, cell| {
             *end += cell.count;
             Some(*end)
         }));
+
+        // About one hint a cell: so a look-up begins next to its cell.
         let end = starts[list.len()];
         let shift = (end / (list.len() as u32).max(1)).max(1).ilog2();
         let mut hints = vec![0; (end >> shift) as usize + 2];
@@ -94,6 +97,8 @@ pub(crate) fn run(
         next.push(end);
         end += cell.count;
     }
+
+    // A counting sort by cell, of which only the places are kept.
     let mut mapping = BufferWriter::new(&context.store, "vertex mapping", positions.len())?;
     let (mut scratch, mut numbers) = (Vec::new(), Vec::new());
     for start in (0..positions.len()).step_by(STEP) {
@@ -147,6 +152,8 @@ fn permute<T: Pod + Send + Sync>(
         }
         Ok::<(), BuildError>(())
     };
+
+    // In memory each item goes to its place at once.
     if let Some(out) = to.as_mut_slice() {
         each(&mut |place, item| {
             out[place as usize] = item;
@@ -154,6 +161,8 @@ fn permute<T: Pod + Send + Sync>(
         })?;
         return Ok(to);
     }
+
+    // On disk that would be a write for each: items are gathered by bucket, and buckets put in order in memory.
     let count = from.len().div_ceil(PLACES);
     let mut placed = Buckets::new(&context.store, what, count, BLOCK);
     let mut sorted = Buckets::new(&context.store, what, count, BLOCK);
@@ -161,6 +170,7 @@ fn permute<T: Pod + Send + Sync>(
         placed.push(place as usize / PLACES, place)?;
         Ok(sorted.push(place as usize / PLACES, item)?)
     })?;
+
     let place = |(out, items, places): &mut (Vec<T>, Vec<T>, Vec<u32>), part: Part<'_, T>| {
         context.check()?;
         let (start, bucket) = (part.start(), part.start() / PLACES);

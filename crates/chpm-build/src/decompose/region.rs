@@ -97,6 +97,8 @@ pub(crate) fn run(
     };
     let made: Vec<(Leaf, Census)> =
         gathered.par_iter().map_init(Default::default, leaf).collect::<Result<_, BuildError>>()?;
+
+    // What leaves counted about vertices that several have is put together, by their numbers here and then by those that hold everywhere.
     let mut ledger = Ledger::new(shared.inner_count as usize + shared.border.len());
     let mut leaves = Vec::with_capacity(made.len());
     for (leaf, census) in made {
@@ -122,6 +124,7 @@ fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> R
         Grid::build(positions, &Aabb::of_points(positions), settings.cell_vertices, &|| context.check())?;
     let mut cells: Vec<u32> = positions.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect();
     let list: Vec<Cell> = grid.cells;
+
     let mut joints = Joints::default();
     for t in mesh.triangles.iter().step_by(SAMPLE) {
         joints.add(t.map(|v| cells[v as usize]));
@@ -129,6 +132,8 @@ fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> R
     context.check()?;
     let graph = cell_graph::build(&list, joints, settings.cell_neighbors)?;
     context.check()?;
+
+    // From cells to parts, in place.
     let assignment = partition::parts(&graph, parts.min(list.len() as u32), settings, context)?;
     cells.iter_mut().for_each(|cell| *cell = assignment[*cell as usize]);
     Ok(cells)
@@ -151,6 +156,8 @@ fn gather(
     for part in 0..parts as usize {
         starts[part + 1] += starts[part];
     }
+
+    // A counting sort, which keeps the source's order within a part.
     let mut next = starts.clone();
     let mut sorted = vec![[0; 3]; mesh.triangles.len()];
     for (triangle, cluster) in mesh.triangles.iter().zip(clusters) {
@@ -158,12 +165,15 @@ fn gather(
         sorted[*next] = *triangle;
         *next += 1;
     }
+
+    // A part that 16-bit indices cannot number becomes several leaves.
     let mut jobs = Vec::new();
     for range in starts.windows(2).filter(|range| range[0] < range[1]) {
         let triangles = &sorted[range[0]..range[1]];
         let pieces = triangles.len().div_ceil(MAX_LEAF_TRIANGLES);
         jobs.extend(triangles.chunks(triangles.len().div_ceil(pieces)));
     }
+
     let vertex_count = mesh.vertices.positions.len();
     let one = |locals: &mut Vec<u16>, triangles: &[[u32; 3]]| {
         context.check()?;
@@ -180,6 +190,7 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
     for v in leaves.iter().flat_map(|leaf| &leaf.vertices) {
         uses[*v as usize] = (uses[*v as usize] + 1).min(2);
     }
+
     let is_shared = |v: u32| uses[v as usize] > 1 || mesh.border[v as usize] != INNER;
     let mut pairs: Vec<(u32, u32)> = Vec::new();
     for (index, leaf) in (0..).zip(leaves) {
@@ -200,6 +211,8 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
             }
         }
     }
+
+    // Vertices of the same leaves come together: they are one interface, and numbered one after another.
     let users = |same: &&[(u32, u32)]| same.iter().map(|(_, leaf)| *leaf).collect::<Vec<u32>>();
     inner.sort_by(|a, b| a.iter().map(|u| u.1).cmp(b.iter().map(|u| u.1)).then(a[0].0.cmp(&b[0].0)));
     let mut interfaces = Interfaces { starts: vec![0], ..Interfaces::default() };
@@ -213,6 +226,7 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
             next += 1;
         }
     }
+
     border_uses.sort_unstable();
     for ((_, vertex), number) in border.iter().zip(next..) {
         numbers[*vertex as usize] = number;

@@ -121,6 +121,7 @@ impl Collector {
         let inner_interfaces = counts.len();
         let mut holes = Vec::new();
         let mut border = Vec::with_capacity(self.border_count as usize);
+
         // Sets that are used by two leaves and more become interfaces, in the order of their first vertex.
         let mut known = Known::default();
         let (mut uses, mut leaves) = (Vec::new(), Vec::new());
@@ -135,6 +136,7 @@ impl Collector {
                 number = about_one[0][0] + 1;
                 leaves.clear();
                 leaves.extend(about_one.iter().map(|[_, leaf]| *leaf));
+                // Only one leaf uses it after all.
                 if leaves.len() < 2 {
                     holes.push(number - 1);
                     continue;
@@ -148,6 +150,8 @@ impl Collector {
             }
         }
         holes.extend(number..self.border_count);
+
+        // Ids of inner vertices come after those of border vertices, interface by interface.
         border.shrink_to_fit();
         let kept = border.len();
         let mut len = kept as u32;
@@ -157,6 +161,7 @@ impl Collector {
             firsts.push(len);
             len += count;
         }
+
         let mut leaves = self.leaves;
         leaves.iter_mut().for_each(|leaf| leaf.first_inner += kept as u32);
         let used_vertices = self.used_vertices;

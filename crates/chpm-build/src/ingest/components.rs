@@ -37,12 +37,15 @@ fn links_by(
     let _share = store.budget.charge("components", 4 * len as u64)?;
     let last = vertices.saturating_sub(1) / len;
     let of = |vertex: u32| vertex as usize / len;
+
+    // Edges within the last slice are joined as triangles come; those of others wait for their slice.
     let mut edges = Buckets::<[u32; 2]>::new(store, "edges of components", last, BLOCK);
     let mut slice = Slice::new(last * len..vertices);
     each(triangles, context, |_, triangles| {
         for triangle in triangles {
             let mut corners = *triangle;
             corners.sort_unstable();
+            // Two edges join three corners.
             let [low, middle, high] = corners;
             for edge in [[high, low], [middle, low]] {
                 let left = if of(edge[0]) == last { slice.join(edge) } else { Some(edge) };
@@ -51,6 +54,8 @@ fn links_by(
         }
         Ok(())
     })?;
+
+    // From the last slice to the first: what an edge leaves to be joined has its higher end in an earlier one.
     let mut links = Column::zeroed(store, "links of vertices", vertices)?;
     slice.finish(&mut links)?;
     let mut block = Vec::new();

@@ -104,6 +104,8 @@ impl Input {
         let unread = |source| BuildError::Source { path: path.to_owned(), source };
         let opened = stream::open(&tap, Format::HEAD, store.budget.chargeable()).map_err(unread)?;
         let window = store.budget.charge("the window of a zstd stream", opened.window)?;
+
+        // A list in a list is taken for a PLY, and refused since it is none.
         let format = match Format::detect(&opened.head, opened.len, extension(path).as_deref()) {
             Format::RangeScans if !lists => Format::Ply,
             format => format,
@@ -132,6 +134,7 @@ impl Input {
                 Body::Scans(Box::new(ScanSet::open(path, list, options, store, cancel)?))
             }
         };
+
         let has_grid = matches!(&body, Body::Ply(reader) if reader.has_grid());
         let steps = has_grid.then(|| Steps::new(store)).transpose()?;
         let has_corners = options.normals && format == Format::Obj;
@@ -215,6 +218,7 @@ impl Input {
             encoding: format!("{encoding}{packing}"),
             ..Provenance::default()
         };
+
         let (tally, mut warnings, scans): (_, Vec<String>, _) = match body {
             Body::Ply(reader) => {
                 let header = reader.header();
@@ -235,6 +239,8 @@ impl Input {
             }
         };
         warnings.extend(steps.and_then(|steps| steps.warning()));
+
+        // The hash is that of the whole file, so that what lies behind the mesh is read, too.
         let unread = |source| heeded(BuildError::Source { path, source }, &cancel);
         let (len, hash) = tap.finish().map_err(unread)?;
         (provenance.byte_len, provenance.hash) = (len, hash);

@@ -68,9 +68,12 @@ pub(super) fn doubles(
         used.for_each(|(_, point)| extent.add(*point, coordinates));
         Ok(())
     })?;
+
     let origin = extent.origin(coordinates);
     let (mut rounding, mut bounds) = (0.0f64, Aabb::EMPTY);
     let local = |point: &[f64; 3]| std::array::from_fn::<f64, 3, _>(|axis| point[axis] - origin[axis]);
+
+    // Where unused vertices are to be moved must be known before the first of them is stored.
     if used.count() < positions.len() as u64 {
         each(&positions, context, |first, points| {
             let used = (first..).zip(points).filter(|(vertex, _)| used.contains(*vertex));
@@ -78,6 +81,7 @@ pub(super) fn doubles(
             Ok(())
         })?;
     }
+
     let room = bounds;
     let mut stored = BufferWriter::new(&context.store, POSITIONS, positions.len())?;
     let mut singles = Vec::new();
@@ -97,6 +101,7 @@ pub(super) fn doubles(
         }
         Ok(stored.extend_from_slice(&singles)?)
     })?;
+
     // Its digits are those of singles: what they round to is what was meant.
     if coordinates == Coordinates::TextOfSingles && origin == [0.0; 3] && extent.are_singles {
         rounding = 0.0;

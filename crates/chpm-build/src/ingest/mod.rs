@@ -111,34 +111,12 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     let mut input = Input::of(supply, options, &context.store, &context.cancel)?;
     let format = input.vertex_format();
     let is_double = format.coordinates.are_double();
-    let (vertices, faces) =
-        input.declared().map_or((0, 0), |(vertices, faces)| (vertices as usize, faces as usize));
 
-    let store = &context.store;
-    // A header may promise more than the file holds: no array starts larger than the source could fill.
-    let source_len = supply.len() as usize;
-    let (vertices, faces) = (vertices.min(source_len), faces.min(source_len));
-    let disk = allowance::disk(vertices as u64, faces as u64, format.attributes.vertex_len() as u64);
-    // Checkpoints have all arrays on disk, also those in memory.
-    let in_memory = if store.workdir.is_resumable() { 0 } else { store.budget.limit() };
-    store.workdir.require(disk.saturating_sub(in_memory))?;
-    let mut arrays = Arrays {
-        vertices: VertexWriter::new(
-            store,
-            format.attributes,
-            vertices,
-            if is_double { 0 } else { vertices },
-        )?,
-        doubles: BufferWriter::new(store, POSITIONS, if is_double { vertices } else { 0 })?,
-        triangles: BufferWriter::new(store, TRIANGLES, faces)?,
-        polygons: Faces::new(store)?,
-        bounds: Aabb::EMPTY,
-        used: Used::new(store)?,
-        far: BufferWriter::new(store, "vertices far from zero", 0)?,
-    };
+    let mut arrays = Arrays::expecting(&input, supply.len(), &context.store)?;
     arrays.fill(&mut input, context)?;
     let Arrays { vertices, doubles, mut triangles, polygons, bounds, mut used, far } = arrays;
 
+    // Polygons are cut last, since their corners' positions may come after them.
     let mut read = input.finish()?;
     let count = vertices.len() + doubles.len();
     let (mut vertices, doubles) = (vertices.finish()?, doubles.finish_column()?);
@@ -154,14 +132,18 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         return Err(BuildError::Empty { path: supply.path.clone(), faces: read.provenance.face_count });
     }
     let triangles = triangles.finish_column()?;
+
+    // Only now is it known which vertices faces use; the others may lie anywhere.
     used.complete(&triangles, count, context)?;
     refuse_far(&far.finish_column()?, &used, supply, &read, context)?;
+
     let input::Read { provenance, tally, mut warnings, normals: normals_of_corners, .. } = read;
     let (corner_normals, of_normals) = match normals_of_corners {
         Some(normals) => normals.join(count, context)?,
         None => (None, None),
     };
     vertices.normals = vertices.normals.or(corner_normals);
+
     let mut columns = Columns { vertices, doubles, triangles, used, bounds };
     let mut small = None;
     if let Some(size) = settings.min_component {
@@ -169,6 +151,8 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         (columns, counts) = small::leave_out(columns, size, &supply.path, context)?;
         small = Some(counts);
     }
+
+    // From here on positions are singles, relative to the origin.
     let Columns { mut vertices, doubles, triangles, used, bounds } = columns;
     let Local { positions, bounds, origin, rounding, warning } = if is_double {
         local::doubles(doubles, format.coordinates, &used, context)?
@@ -209,6 +193,34 @@ struct Columns {
 type Far = [u64; 4];
 
 impl Arrays {
+    /// Arrays for what the header declares, once it is sure that the disk has room for it.
+    fn expecting(input: &Input, source_len: u64, store: &Store) -> Result<Self, BuildError> {
+        let format = input.vertex_format();
+        // A header may promise more than the file holds: no array starts larger than the source could fill.
+        let (vertices, faces) = input.declared().unwrap_or((0, 0));
+        let (vertices, faces) = (vertices.min(source_len), faces.min(source_len));
+
+        let disk = allowance::disk(vertices, faces, format.attributes.vertex_len() as u64);
+        // Checkpoints have all arrays on disk, also those in memory.
+        let in_memory = if store.workdir.is_resumable() { 0 } else { store.budget.limit() };
+        store.workdir.require(disk.saturating_sub(in_memory))?;
+
+        let (vertices, faces) = (vertices as usize, faces as usize);
+        let (singles, doubles) = match format.coordinates.are_double() {
+            true => (0, vertices),
+            false => (vertices, 0),
+        };
+        Ok(Arrays {
+            vertices: VertexWriter::new(store, format.attributes, vertices, singles)?,
+            doubles: BufferWriter::new(store, POSITIONS, doubles)?,
+            triangles: BufferWriter::new(store, TRIANGLES, faces)?,
+            polygons: Faces::new(store)?,
+            bounds: Aabb::EMPTY,
+            used: Used::new(store)?,
+            far: BufferWriter::new(store, "vertices far from zero", 0)?,
+        })
+    }
+
     /// Takes all that the input has. Reading is this thread's work and storing another's: arrays on disk cost as much time as
     /// the source does.
     fn fill(&mut self, input: &mut Input, context: &Context<'_>) -> Result<(), BuildError> {
@@ -223,6 +235,7 @@ impl Arrays {
                     Ok(())
                 })
             });
+
             let mut read = || -> Result<(), BuildError> {
                 loop {
                     context.check()?;
@@ -234,6 +247,8 @@ impl Arrays {
                     context.progress.advance(input.bytes_read() - before);
                 }
             };
+
+            // Dropping the sender ends the other thread. An error of that comes first: reading ended because of it.
             let read = read();
             drop(full);
             let stored = storing.join().unwrap_or_else(|panic| resume_unwind(panic));
@@ -255,6 +270,7 @@ impl Arrays {
                 value.to_bits(),
             ]])?;
         }
+
         self.used.add(&batch.triangles, self.vertices.len() + self.doubles.len())?;
         self.bounds.merge(&Aabb::of_points(&batch.vertices.positions));
         self.vertices.extend_from_slices(batch.vertices.view())?;

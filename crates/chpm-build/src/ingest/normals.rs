@@ -57,6 +57,8 @@ impl CornerNormals {
         let Some(mut looks) = self.looks(context)? else {
             return dropped("since some corners of faces name none".to_owned());
         };
+
+        // Looks are sorted by vertex, as vertices are: both are gone through side by side.
         let mut normals = BufferWriter::new(&context.store, NORMALS, vertices)?;
         let (mut block, mut next, mut conflicts) = (Vec::with_capacity(WINDOW), looks.next()?, 0);
         for start in (0..vertices).step_by(WINDOW) {
@@ -75,6 +77,7 @@ impl CornerNormals {
             }
             normals.extend_from_slice(&block)?;
         }
+
         if conflicts > 0 {
             return dropped(format!("since there is more than one at {}", Counted(conflicts, "vertex")));
         }
@@ -93,6 +96,8 @@ impl CornerNormals {
             if taken.is_multiple_of(HEED) {
                 context.check()?;
             }
+
+            // That of a corner without any, too, is beyond them all.
             let normal = (pair >> 32) as usize;
             if normal >= values.len() {
                 return Ok(None);

@@ -59,6 +59,7 @@ impl ScanSet {
             (attributes, some) = (attributes.common(has), some.joined(has));
             scans.push((file, scan.pose));
         }
+
         let mut read = ScansRead::default();
         if some.normals && !attributes.normals {
             read.warnings.push("dropped normals, which not all of the scans have".to_owned());
@@ -66,6 +67,7 @@ impl ScanSet {
         if some.colors && !attributes.colors {
             read.warnings.push("dropped colours, which not all of the scans have".to_owned());
         }
+
         let options = Options { normals: attributes.normals, colors: attributes.colors, ..options };
         let format = VertexFormat { coordinates: Coordinates::Double, attributes };
         let (list, store, cancel) = (path.to_owned(), store.clone(), cancel.clone());
@@ -110,12 +112,15 @@ impl ScanSet {
                 none.insert(open(path, self.options, &self.store, &self.cancel)?)
             }
         };
+
         match input.next_batch(batch)? {
             BatchKind::Vertices => {
                 batch.positions_f64.extend(batch.vertices.positions.drain(..).map(|p| p.map(f64::from)));
                 batch.positions_f64.iter_mut().for_each(|p| *p = pose.point(*p));
                 let normals = &mut batch.vertices.normals;
                 normals.iter_mut().for_each(|n| *n = pose.direction(n.map(f64::from)).map(|x| x as f32));
+
+                // Indices count through all scans.
                 batch.invalid_vertices.iter_mut().for_each(|vertex| *vertex += self.base);
                 batch.far.iter_mut().for_each(|place| place.index += self.base);
                 batch.first = self.vertices;
@@ -135,6 +140,7 @@ impl ScanSet {
                     let source = PlyError::TooManyVertices { count, limit: MAX_VERTICES };
                     return Err(BuildError::Ply { path: path.clone(), source });
                 }
+
                 let base = self.base as u32;
                 batch.triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(|v| v + base));
                 batch.polygons.corners_mut().for_each(|corner| *corner += base);

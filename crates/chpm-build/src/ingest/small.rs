@@ -44,6 +44,8 @@ pub(super) fn leave_out(
     if components == 0 {
         return Ok((columns, SmallComponents::default()));
     }
+
+    // Triangles first, by their old corners; then everything gets its new number.
     let Columns { vertices, doubles, triangles, .. } = columns;
     let stays = |[a, _, _]: &[u32; 3]| kept.contains(*a as usize);
     let mut triangles = filtered(triangles, TRIANGLES, context, |_, some, out| {
@@ -55,6 +57,7 @@ pub(super) fn leave_out(
     let kept = Kept { numbers: &numbers, context };
     let vertices = vertices.map(&kept)?;
     let doubles = kept.map(doubles, POSITIONS)?;
+
     let (mut bounds, mut used) = (Aabb::EMPTY, Used::new(&context.store)?);
     each(&vertices.positions, context, |_, points| {
         bounds.merge(&Aabb::of_points(points));
@@ -157,6 +160,8 @@ impl<T: Pod + Into<f64>> Mesh<'_, T> {
                 parts.push(part.vertex as usize / SLICE, *part)?;
                 part.extent = Extent::NONE;
             }
+
+            // The boxes that later slices sent to vertices of this one.
             let first = slice * SLICE;
             let range = first..count.min(first + SLICE);
             extents.clear();
@@ -166,6 +171,9 @@ impl<T: Pod + Into<f64>> Mesh<'_, T> {
                 block.iter().for_each(|part: &Part| extents[part.vertex as usize - first].add(&part.extent));
             }
             parts.clear(slice);
+
+            // From the last vertex to the first, each box goes on to an earlier vertex, in this slice or one to come; a vertex that has none
+            // is the first of its component, and has all of its box.
             let points = self.positions.read(range.clone(), &mut points)?;
             let ups = links.read(range.clone(), &mut ups)?;
             for vertex in range.rev().filter(|vertex| self.used.contains(*vertex)) {
@@ -192,6 +200,7 @@ impl<T: Pod + Into<f64>> Mesh<'_, T> {
                 }
             }
         }
+
         if kept.count() == 0 {
             let (path, largest) = (self.path.to_owned(), largest.unwrap_or(0.0));
             return Err(BuildError::AllSmall { path, components: small, least, largest });

@@ -38,6 +38,7 @@ impl LocalOrder {
 
         self.vertices.clear_vertices();
         self.vertices.gather(page.vertices, self.new_to_old.iter().map(|v| usize::from(*v)));
+
         let new = |v: u16| self.old_to_new[usize::from(v)];
         self.targets.clear();
         self.targets.extend(page.targets.iter().map(|t| new(*t)));
@@ -67,11 +68,14 @@ impl LocalOrder {
         self.places.go_to(&page.progressive_mesh(), base);
         self.base_triangles.clear();
         self.base_triangles.extend(self.places.triangles(page.triangles));
+
         let pairs = self.base_triangles.iter().flat_map(|t| {
             let [a, b, c] = t.map(u32::from);
             [(a, b), (b, c), (c, a)]
         });
         self.graph.fill(base, pairs, &mut self.seen);
+
+        // A counting sort of all vertices by the rank of the base vertex that they end in.
         self.starts.clear();
         self.starts.resize(base + 1, 0);
         self.rank.clear();

@@ -39,6 +39,7 @@ impl Graph {
         pairs: impl Iterator<Item = (u32, u32)> + Clone,
         scratch: &mut Vec<u32>,
     ) {
+        // Rows by a counting sort: offsets are the rows' ends first, and fall to their starts as neighbours are put in.
         self.offsets.clear();
         self.offsets.resize(node_count + 1, 0);
         for (a, b) in pairs.clone() {
@@ -58,6 +59,7 @@ impl Graph {
                 self.neighbors[self.offsets[from as usize] as usize] = to;
             }
         }
+
         // Drop repeats in each row; `scratch` remembers the row in which a node was seen last.
         scratch.clear();
         scratch.resize(node_count, NONE);
@@ -73,6 +75,7 @@ impl Graph {
                 }
             }
         }
+
         self.offsets[node_count] = kept as u32;
         self.neighbors.truncate(kept);
         self.weights.clear();

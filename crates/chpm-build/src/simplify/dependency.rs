@@ -65,6 +65,8 @@ impl<'a> Seams<'a> {
         let mut group_of: Vec<u32> = (0..nodes.len() as u32).collect();
         let mut groups: Vec<Vec<u32>> = nodes.clone().map(|n| vec![n as u32]).collect();
         let mut costs: Vec<u64> = nodes.map(|n| cost(n as u32)).collect();
+
+        // Groups grow from the pairs that share most, as long as they fit.
         let mut pairs = self.candidates(tree, level, left, settings, finest_error);
         pairs.sort_unstable_by_key(|&(a, b, shared)| (Reverse(shared), a, b));
         for (a, b, _) in pairs {
@@ -79,6 +81,7 @@ impl<'a> Seams<'a> {
                 groups[into].extend(moved);
             }
         }
+
         groups.retain(|g| !g.is_empty());
         groups.iter_mut().for_each(|g| g.sort_unstable());
         groups
@@ -98,10 +101,12 @@ impl<'a> Seams<'a> {
         let mut pairs = Pairs::default();
         let mut having = Vec::new();
         for (interface, (users, _)) in self.shared.interfaces().enumerate() {
+            // Seams that are gone, and those that are free at this level anyway, tie nobody.
             let left = left[interface];
             if left == 0 || u32::from(self.release[interface]) <= level {
                 continue;
             }
+
             having.clear();
             having.extend(users.iter().map(|leaf| self.cluster_over[*leaf as usize]).filter(at_level));
             having.sort_unstable();
@@ -112,6 +117,8 @@ impl<'a> Seams<'a> {
                 having[i + 1..].iter().take(reach).for_each(|b| pairs.add(*a, *b, left));
             }
         }
+
+        // Clusters that merge soon need not wait for each other, and errors that differ much would cost the finer one its detail.
         let mut pairs = pairs.sums();
         let alike = |a: u32, b: u32| {
             let (a, b) = (finest_error(a).unwrap_or(0.0), finest_error(b).unwrap_or(0.0));

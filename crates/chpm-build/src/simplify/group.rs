@@ -88,11 +88,14 @@ impl Scratch {
         if self.members.len() < group.len() {
             self.members.resize_with(group.len(), Member::default);
         }
+
         for (side, node) in group.iter().enumerate() {
             self.load(task, side, *node)?;
         }
         // Errors of a group start from one value, so that a seam's error is the same in every member.
         let min_error = self.members[..group.len()].iter().map(|m| m.min_error).fold(0.0, f32::max);
+
+        // The seams of several members are simplified once, for all of them.
         let mut removed = Vec::new();
         let mut has_seam = false;
         if group.len() > 1 {
@@ -103,6 +106,7 @@ impl Scratch {
                 removed.extend(self.seam.removed());
             }
         }
+
         for side in 0..group.len() {
             self.seam_collapses.clear();
             if has_seam {
@@ -113,10 +117,13 @@ impl Scratch {
             }
             self.members[side].halve(&mut self.decimator, &self.seam_collapses, task, min_error);
         }
+
+        // Errors and gaps are the group's: its members are drawn together or not at all.
         let farthest = self.farthest(group.len(), task.decomposition.rounding.error());
         self.members[..group.len()].iter_mut().for_each(|m| m.limit_errors(farthest, min_error));
         let gaps = self.gaps(group.len());
         let largest = self.members[..group.len()].iter().map(Member::max_error).fold(0.0, f32::max);
+
         let mut members = Vec::with_capacity(group.len());
         for member in &mut self.members[..group.len()] {
             if task.settings.layout == Layout::VertexCache {
@@ -124,6 +131,8 @@ impl Scratch {
             }
             members.push(member.spool(task, largest, &mut self.page)?);
         }
+
+        // Known only when all members are encoded, since codes round errors up.
         let group_error = members.iter().map(|m| m.1.max_error).fold(0.0, f32::max);
         for (page, report) in &mut members {
             (page.group_error, page.gaps) = (group_error, gaps);
@@ -192,6 +201,8 @@ impl Scratch {
             member.min_error = rounding.error();
             member.source = Aabb::of_points(&member.set.vertices.positions);
         }
+
+        // Vertices whose clusters have merged by now are inner ones.
         let shared = &task.decomposition.shared;
         let release = |id: u32| u32::from(task.release[shared.interface_of(id) as usize]);
         member.set.shared.retain(|(_, id)| release(*id) > task.level);
@@ -209,6 +220,7 @@ impl Member {
         for (vertex, _) in &set.shared {
             self.locked[usize::from(*vertex)] = true;
         }
+
         let patch = Patch {
             positions: &set.vertices.positions,
             triangles: &set.triangles,
@@ -221,6 +233,7 @@ impl Member {
         let outcome = decimator.decimate_after(&patch, seam, goal, min_error);
         self.record.renumber(&patch, &outcome);
         self.vanished.add_own(&outcome);
+
         self.report = LevelReport {
             level: task.level,
             clusters: 1,
@@ -238,6 +251,8 @@ impl Member {
             color_deviation: 0.0,
             refusals: outcome.refusals,
         };
+
+        // The finest mesh for the page, and for the parent what is left, with how far it is from the source.
         self.renumbered.fill_renumbered(&self.set, &self.record);
         let left = || (0..self.set.triangles.len()).filter(|face| decimator.is_left(*face));
         let new = |vertex: u16| self.record.old_to_new[usize::from(vertex)];
@@ -249,6 +264,7 @@ impl Member {
         if !decimator.face_looks().is_empty() {
             self.looks.extend(left().map(|face| decimator.face_looks()[face]));
         }
+
         self.deviation = self.deviation.max(decimator.deviation());
         self.report.normal_deviation = self.deviation.degrees();
         self.report.color_deviation = self.deviation.units();
@@ -296,6 +312,7 @@ impl Member {
             scale_error: largest,
         }
         .encode(page)?;
+
         let distances = &task.displacements[task.level as usize];
         let remnants = self.vanished.bytes();
         let spooled = PageRef {

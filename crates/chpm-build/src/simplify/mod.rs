@@ -113,9 +113,12 @@ pub(crate) fn run(
     let Inputs { decomposition, tree, release, settings, context } = *inputs;
     let all_left = || decomposition.shared.interfaces().map(|(_, count)| count).collect();
     let mut levels = begun.map_or_else(|| Levels::new(tree, all_left(), &context.store), |begun| *begun);
+
+    // What a saved state does not have: the seams of the levels that are done, which follow from the tree.
     let mut seams = Seams::new(&decomposition.shared, release, decomposition.leaves.len());
     (0..levels.level).for_each(|level| seams.rise(tree, level));
     context.progress.advance(levels.built.refs.iter().flatten().count() as u64);
+
     while levels.level < tree.level_count() {
         seams.rise(tree, levels.level);
         if levels.first.is_none() {
@@ -133,6 +136,7 @@ pub(crate) fn run(
         }
         levels.rise(tree, &context.store);
     }
+
     let mut built = levels.built;
     built.levels = level_reports(tree, &built.refs, &built.reports);
     Ok(built)
@@ -173,6 +177,7 @@ impl Levels {
             seams,
             settings,
         };
+
         let open = &self.groups()[self.done..];
         let results = while_not_due(open.len(), context, Scratch::default, |scratch, index| {
             let group = &open[index];
@@ -190,6 +195,8 @@ impl Levels {
             context.progress.advance(group.len() as u64);
             Ok(done)
         })?;
+
+        // In the order of the groups, whichever thread was done first.
         for done in results {
             self.take(done, decomposition);
         }

@@ -54,6 +54,7 @@ impl Seam {
         let free =
             self.sides.iter().zip(&self.locked).filter(|(s, locked)| s.count_ones() > 1 && !**locked).count();
         let count = free - (free as f64 * keep) as usize;
+
         let patch = Patch {
             positions: &self.vertices.positions,
             triangles: &self.triangles,
@@ -62,6 +63,7 @@ impl Seam {
             looks: Looks::new(self.vertices.view(), &self.face_looks),
         };
         let outcome = decimator.decimate_seams(&patch, &self.sides, count, min_error);
+
         self.collapses.extend_from_slice(outcome.collapses);
         self.displacements.clear();
         self.displacements.extend_from_slice(decimator.displacements());
@@ -84,20 +86,24 @@ impl Seam {
         self.sides.clear();
         self.known.clear();
         self.id_of.clear();
+
         self.to_union.resize_with(members.len(), Vec::new);
         self.to_local.resize_with(members.len(), Vec::new);
         for (side, member) in members.iter().enumerate() {
             self.take_triangles(member);
             self.take_vertices(side, member, &inside);
+            // The union takes 16-bit indices, too: where it does not fit, seams stay as they are.
             if self.vertices.vertex_count() > usize::from(NONE) {
                 return false;
             }
+
             let (start, to_union) = (self.ends.last().copied().unwrap_or(0), &self.to_union[side]);
             for triangle in &mut self.triangles[start..] {
                 *triangle = triangle.map(|v| to_union[usize::from(v)]);
             }
             self.ends.push(self.triangles.len());
         }
+
         for (to_local, to_union) in self.to_local.iter_mut().zip(&self.to_union) {
             to_local.clear();
             to_local.resize(self.vertices.vertex_count(), NONE);
@@ -131,6 +137,8 @@ impl Seam {
     fn take_vertices(&mut self, side: usize, member: &WorkingSet, inside: impl Fn(u32) -> bool) {
         let to_union = &mut self.to_union[side];
         to_union.clear();
+
+        // A shared vertex is known from a member before this one, if at all: none has it twice.
         let mut shared = member.shared.iter().peekable();
         let before = self.known.len();
         let (vertices, carried) = (member.vertices.view(), member.vertices.attributes());
@@ -140,6 +148,7 @@ impl Seam {
                 to_union.push(NONE);
                 continue;
             }
+
             let found = id.and_then(|id| self.known[..before].binary_search_by_key(&id, |k| k.0).ok());
             let union = match found {
                 Some(known) => self.known[known].1,

@@ -117,6 +117,8 @@ impl GroupCheck {
                 self.looks.extend((0..count).map(|v| page.vertex(v).look()));
             }
         }
+
+        // Equal positions are one run, and get one rank.
         self.keys.sort_unstable();
         self.rank.clear();
         self.rank.resize(self.keys.len(), 0);
@@ -150,6 +152,7 @@ impl GroupCheck {
             self.coarse_triangles.extend(page.triangles.iter().map(|corners| triangle_key(*corners, rank)));
             first += page.vertex_count();
         }
+
         for page in fine {
             let rank = &self.rank[first..];
             let places = &mut self.scratch.places;
@@ -158,6 +161,7 @@ impl GroupCheck {
             self.fine_triangles.extend(corners.map(|corners| triangle_key(corners, rank)));
             first += page.base_vertex_count;
         }
+
         self.coarse_triangles.sort_unstable();
         self.fine_triangles.sort_unstable();
         if self.coarse_triangles != self.fine_triangles {

@@ -209,6 +209,8 @@ impl Header {
             let text = String::from_utf8_lossy(line).into_owned();
             let wrong =
                 |expected| PlyError::Header { line: number, expected, got: excerpt(text.trim().as_bytes()) };
+
+            // The format comes before all but comments; what it says decides how the rest is read.
             let mut words = text.split_ascii_whitespace();
             let keyword = words.next();
             match keyword {
@@ -240,6 +242,7 @@ impl Header {
                 _ => return Err(wrong("a format line first, as in 'format ascii 1.0'")),
             }
         }
+
         header.len = source.offset();
         if header.vertex_count > MAX_VERTICES {
             return Err(PlyError::TooManyVertices { count: header.vertex_count, limit: MAX_VERTICES });

@@ -272,6 +272,8 @@ pub fn read_mesh<R: Read>(reader: R, options: Options) -> Result<(TriMesh, Tally
         mesh.triangles.append(&mut batch.triangles);
         words.extend_from_slice(batch.polygons.as_words());
     }
+
+    // Polygons are cut last, since their corners' positions may come after them.
     let mut tally = reader.tally();
     let (mut triangulator, mut places) = (Triangulator::default(), Vec::new());
     for corners in polygon::each(&words) {

@@ -73,6 +73,8 @@ impl<R: Read> Body<R> {
         if let Some(fields) = &plan.color {
             binary::colors::<BIG>(records, stride, fields, plan.alpha, &mut batch.vertices.colors);
         }
+
+        // Rare, so that only then each vertex is looked at.
         if !near {
             self.check_records(element, plan, stride, mark, batch)?;
         }
@@ -105,6 +107,7 @@ impl<R: Read> Body<R> {
                 }
                 continue;
             };
+
             if self.invalid_data == Invalid::Refuse {
                 self.index = first + record as u64;
                 let field = plan.position[axis];
@@ -148,6 +151,7 @@ impl<R: Read> Body<R> {
             let is_position = matches!(slot, Slot::Position(_));
             // Text is rounded once: to the type of the property, or to what coordinates are delivered as.
             let ty = if is_position && ty == ScalarType::Float && is_text { ScalarType::Double } else { ty };
+
             let value = self.source.scalar(ty)?;
             if is_position && value.abs() > FAR && far.is_none() {
                 far = Some((self.source.mark, self.source.line));
@@ -163,6 +167,7 @@ impl<R: Read> Body<R> {
                 Slot::Color(channel) => color[channel] = binary::channel(value, ty),
             }
         }
+
         if !valid {
             position = [0.0; 3];
             self.invalidate(self.index, batch);
@@ -171,6 +176,7 @@ impl<R: Read> Body<R> {
             let (element, line) = (element.name.clone(), is_text.then_some(line));
             batch.far.push(Place { element, index: self.index, offset, line });
         }
+
         if format.coordinates.are_double() {
             batch.positions_f64.push(position);
         } else {

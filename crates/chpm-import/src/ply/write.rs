@@ -42,6 +42,7 @@ impl<W: Write> PlyWriter<W> {
         if vertex_count > limit {
             return Err(PlyError::TooManyVertices { count: vertex_count, limit });
         }
+
         let mut header = format!("ply\nformat {encoding} 1.0\n");
         for comment in comments {
             header += &format!("comment {}\n", comment.replace(['\r', '\n'], " "));
@@ -60,6 +61,7 @@ impl<W: Write> PlyWriter<W> {
         let index = if vertex_count > 1 << 31 { ScalarType::UInt } else { ScalarType::Int };
         header += &format!("element face {triangle_count}\nproperty list uchar {index} vertex_indices\n");
         header += "end_header\n";
+
         let mut writer = PlyWriter {
             writer,
             buffer: header.into_bytes(),
@@ -108,6 +110,7 @@ impl<W: Write> PlyWriter<W> {
         if self.vertices > self.vertex_count {
             expect("vertices", self.vertex_count, self.vertices)?;
         }
+
         for (at, position) in positions.iter().enumerate() {
             for &x in position {
                 if self.double { self.put_f64(x.into()) } else { self.put_f32(x.into() as f32) }

@@ -67,6 +67,7 @@ impl Ledger {
             }
             same
         });
+
         edges.retain(|edge| {
             let [a, b] = edge.ends;
             // Whoever has a face on an edge uses both its ends.
@@ -85,6 +86,8 @@ impl Ledger {
             }
             false
         });
+
+        // The fans of a vertex from several leaves are one surface, or it is no manifold there.
         fans.par_sort_unstable();
         for about_one in fans.chunk_by(|x, y| x.vertex == y.vertex) {
             if is_complete(about_one[0].vertex) && !scratch.are_one(about_one) {

@@ -47,6 +47,8 @@ impl Divided {
             let sum: u64 = triangle.iter().map(|v| u64::from(*v)).sum();
             (sum * BINS as u64 / end) as usize
         };
+
+        // How many triangles each bin has, from a first look at all of them.
         let blocks = self.triangles.block_count(home);
         let mut block = Vec::new();
         let mut counts = vec![0u64; BINS];
@@ -55,6 +57,8 @@ impl Divided {
             self.triangles.read_block(home, number, &mut block)?;
             block.iter().for_each(|triangle| counts[bin(triangle)] += 1);
         }
+
+        // Bins that follow one another make up a piece, as many as fit; a piece is a region.
         let (mut held, mut pieces) = (most, Vec::with_capacity(BINS));
         for count in counts {
             if count > 0 && held + count > most {
@@ -64,6 +68,8 @@ impl Divided {
             held += count;
             pieces.push(self.triangles.count() - 1);
         }
+
+        // Regions of this kind have no vertices of their own: every corner is a visit.
         for number in 0..blocks {
             context.check()?;
             self.triangles.read_block(home, number, &mut block)?;
@@ -76,6 +82,7 @@ impl Divided {
                 }
             }
         }
+
         self.triangles.clear(home);
         self.was_split[home] = true;
         Ok(())
