@@ -22,6 +22,8 @@ mod points;
 mod progress;
 mod report;
 mod stop;
+// Plots of camera paths, which the viewer draws, use more of it than those of `bench`.
+#[cfg_attr(not(feature = "viewer"), allow(dead_code))]
 mod svg;
 mod view;
 

@@ -15,10 +15,8 @@ use crate::view::{self, ImageArgs};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page};
-use chpm_mesh::{Bytes, ClusterId, Counted, GroupId};
-use chpm_refine::{
-    ActiveList, CameraPath, Changes, Front, Hierarchy, PmCursor, Residency, View, Wanted, is_visible,
-};
+use chpm_mesh::{Bytes, ClusterId, Counted};
+use chpm_refine::{ActiveList, CameraPath, Changes, Front, Hierarchy, Pager, PmCursor, View, is_visible};
 use serde_json::{Map, Value, json};
 use std::collections::VecDeque;
 use std::fs;
@@ -214,12 +212,8 @@ fn read_path(args: &Args) -> Result<CameraPath> {
 struct Walk<'a> {
     file: &'a Chpm<MappedFile>,
     hierarchy: Hierarchy,
-    /// What the view wants, in memory or not.
-    wanted: Front,
-    /// What the view will want.
-    foreseen: Front,
+    pager: Pager,
     prefetch: Option<Bytes>,
-    residency: Residency,
     /// Pages on their way, by the frames that they were asked for in.
     requests: VecDeque<Vec<ClusterId>>,
     latency: usize,
@@ -245,10 +239,8 @@ impl<'a> Walk<'a> {
         Ok(Walk {
             file,
             hierarchy: Hierarchy::new(file),
-            wanted: Front::new(file),
-            foreseen: Front::new(file),
+            pager: Pager::new(file, pages),
             prefetch: args.prefetch,
-            residency: Residency::new(file, pages),
             requests: VecDeque::new(),
             latency: args.latency as usize,
             list: ActiveList::of_checked_pages(file),
@@ -262,7 +254,7 @@ impl<'a> Walk<'a> {
         let bytes =
             |pages: &[ClusterId]| pages.iter().map(|id| u64::from(clusters[id.index()].page_len)).sum();
         let mut watch = Watch(Instant::now());
-        let mut requests = self.request(view);
+        let mut requests = self.pager.want(self.file, &self.hierarchy, view).requests;
         let requested_bytes = bytes(&requests);
         let asked = watch.lap();
         let early = self.read_ahead(ahead);
@@ -272,8 +264,8 @@ impl<'a> Walk<'a> {
         let foreseen = watch.lap();
         self.deliver(requests)?;
         let checked = watch.lap();
-        let changes = if self.residency.has_roots() {
-            let ready = |group| self.residency.is_ready(group);
+        let changes = if self.pager.has_roots() {
+            let ready = |group| self.pager.is_ready(group);
             self.list.update(self.file, &self.hierarchy, view, ready)?
         } else {
             Changes::default()
@@ -296,33 +288,16 @@ impl<'a> Walk<'a> {
             prefetch_ms: milliseconds(foreseen),
             requested_bytes,
             prefetched_bytes,
-            resident_bytes: self.residency.reserved().0,
-            withheld: splits(&self.wanted) - splits(self.list.front()),
+            resident_bytes: self.pager.reserved().0,
+            withheld: splits(self.pager.wanted()) - splits(self.list.front()),
             requested_runs,
         })
-    }
-
-    /// What is to be read for a view.
-    fn request(&mut self, view: &View) -> Vec<ClusterId> {
-        self.wanted.update(self.file, &self.hierarchy, view, |_| true);
-        let wanted = self.wanted.split_groups().iter().map(|group| self.asked(*group, view)).collect();
-        self.residency.update(self.file, &self.hierarchy, wanted).requests
     }
 
     /// What is to be read for a view to come: all that it splits, and what it would split next.
     fn read_ahead(&mut self, ahead: &View) -> Vec<ClusterId> {
         let Some(limit) = self.prefetch else { return Vec::new() };
-        self.foreseen.update(self.file, &self.hierarchy, ahead, |_| true);
-        let next = self.foreseen.open_groups().iter().filter(|group| !self.file.fine(**group).is_empty());
-        let groups = self.foreseen.split_groups().iter().chain(next);
-        let wanted = groups.map(|group| self.asked(*group, ahead)).collect();
-        self.residency.prefetch(self.file, &self.hierarchy, wanted, limit).requests
-    }
-
-    /// A group in the order of what is seen.
-    fn asked(&self, group: GroupId, view: &View) -> Wanted {
-        let error = self.hierarchy.split_error(group).unwrap_or(0.0);
-        Wanted { group, priority: view.pixels_of(error, self.hierarchy.region(group)) }
+        self.pager.foresee(self.file, &self.hierarchy, ahead, limit, |_| true, |_| true).requests
     }
 
     /// Lets the pages arrive whose time has come, and checks them: whoever uses one later need not.
@@ -331,7 +306,7 @@ impl<'a> Walk<'a> {
         if self.requests.len() > self.latency {
             for page in self.requests.pop_front().into_iter().flatten() {
                 self.file.page(page)?;
-                self.residency.arrive(self.file, page);
+                self.pager.arrive(self.file, page);
             }
         }
         Ok(())

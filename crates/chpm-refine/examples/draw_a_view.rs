@@ -5,7 +5,7 @@
 
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, ClusterId};
-use chpm_refine::{ActiveList, Camera, Front, Hierarchy, PmCursor, Residency, View, Wanted};
+use chpm_refine::{ActiveList, Camera, Hierarchy, Pager, PmCursor, View};
 use std::collections::BTreeMap;
 use std::error::Error;
 
@@ -21,9 +21,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Any bytes will do: a vector as here, or a memory map, from which the system reads what is touched.
     let file = Chpm::open(std::fs::read(path)?)?;
     let hierarchy = Hierarchy::new(&file);
-    // What the view wants; which pages are there; what is drawn.
-    let mut wanted = Front::new(&file);
-    let mut residency = Residency::new(&file, budget);
+    // Which pages are there, and which the view wants; what is drawn.
+    let mut pager = Pager::new(&file, budget);
     let mut list = ActiveList::new(&file);
     // By cluster: its progressive mesh at the position that was drawn last.
     let mut engine: BTreeMap<ClusterId, PmCursor> = BTreeMap::new();
@@ -37,18 +36,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         let view = View::new(&Camera::looking(position, center.into()), VIEWPORT, pixels)?;
 
         // Ask for pages, most urgent first. A real engine reads them on other threads, and tells when they are there.
-        wanted.update(&file, &hierarchy, &view, |_| true);
-        let ask = |group: &_| {
-            let error = hierarchy.split_error(*group).unwrap_or(0.0);
-            Wanted { group: *group, priority: view.pixels_of(error, hierarchy.region(*group)) }
-        };
-        let traffic = residency.update(&file, &hierarchy, wanted.split_groups().iter().map(ask).collect());
+        let traffic = pager.want(&file, &hierarchy, &view);
         for page in &traffic.requests {
-            residency.arrive(&file, *page);
+            pager.arrive(&file, *page);
         }
 
         // Select among what is there.
-        let changes = list.update(&file, &hierarchy, &view, |group| residency.is_ready(group))?;
+        let changes = list.update(&file, &hierarchy, &view, |group| pager.is_ready(group))?;
         for left in list.left() {
             engine.remove(left);
         }

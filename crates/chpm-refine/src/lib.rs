@@ -4,7 +4,7 @@
 //! crack-free mesh of it; a [`PmCursor`] follows one cluster as its position moves from frame to frame.
 //!
 //! What a picture needs, a [`View`] (camera, image, pixels of error) asks of the file's [`Hierarchy`]: [`select()`] gives the cut from
-//! nothing, an [`ActiveList`] the same cut from the last frame's, [`select_triangles`] the best cut within so many triangles. [`Residency`]
+//! nothing, an [`ActiveList`] the same cut from the last frame's, [`select_triangles`] the best cut within so many triangles. A [`Pager`]
 //! tells which pages to read and to drop when they do not all fit into memory; a [`CameraPath`] is a view for every frame.
 //!
 //! # The rule of selection
@@ -41,6 +41,7 @@ mod fill;
 pub mod front;
 pub mod hierarchy;
 mod lod;
+pub mod pager;
 pub mod path;
 pub mod random;
 pub mod residency;
@@ -58,6 +59,7 @@ pub use error::RefineError;
 pub use extract::{Extraction, extract};
 pub use front::{Changes, Entered, Front};
 pub use hierarchy::Hierarchy;
+pub use pager::Pager;
 pub use path::CameraPath;
 pub use random::random_cut;
 pub use residency::{Residency, Traffic, Wanted};

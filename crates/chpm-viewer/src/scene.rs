@@ -16,7 +16,8 @@ use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, ClusterRecord};
 use chpm_mesh::{Bytes, ClusterId, GroupId};
 use chpm_refine::{
-    ActiveList, Changes, Front, Hierarchy, Member, RefineError, Residency, Traffic, View, Wanted, is_visible,
+    ActiveList, Changes, Front, Hierarchy, Member, Pager, RefineError, Residency, Traffic, View, Wanted,
+    is_visible,
 };
 use std::cell::Cell;
 use std::sync::Arc;
@@ -36,15 +37,13 @@ pub struct Culling {
 pub struct Scene {
     file: Arc<Chpm<MappedFile>>,
     hierarchy: Hierarchy,
-    wanted: Front,
-    foreseen: Front,
     list: ActiveList,
     /// By group: whether the cut has split it, or is about to.
     split: Vec<Cell<bool>>,
     /// By group: the bound of the last view that it was asked for.
     bounds: Bounds,
-    residency: Residency,
-    /// The same for what the GPU has room for; nothing is on its way there.
+    pager: Pager,
+    /// Which blocks the GPU would have, of what the GPU has room for; nothing is on its way there.
     gpu_residency: Residency,
     /// Most bytes on the GPU for a byte of a page.
     gpu_share: f64,
@@ -115,10 +114,8 @@ impl Scene {
             split: vec![Cell::new(false); file.groups().len()],
             bounds: Bounds::new(file.groups().len()),
             hierarchy: Hierarchy::new(&file),
-            wanted: Front::new(&file),
-            foreseen: Front::new(&file),
             list: ActiveList::of_checked_pages(&file),
-            residency: Residency::new(&file, memory),
+            pager: Pager::new(&file, memory),
             gpu_residency: Residency::of_sizes(&file, gpu_room, |cluster| gpu_bytes(cluster, colors)),
             fetch,
             pages: file.clusters().iter().map(|_| None).collect(),
@@ -138,19 +135,19 @@ impl Scene {
         // What is split stays so; what is not is split where somebody sees it.
         let visibility = &self.visibility;
         let bound = |group| self.bounds.of(group, hierarchy, view);
-        self.wanted.update_by(file, hierarchy, bound, |group| {
+        self.pager.follow(file, hierarchy, bound, |group| {
             let in_image = || !culling.frustum || !view.misses(hierarchy.region(group));
             let seen = || !culling.occlusion || visibility.sees(file, group);
             list.is_split(group) || in_image() && seen()
         });
-        for entered in self.wanted.entered() {
+        for entered in self.pager.wanted().entered() {
             self.visibility.forget(file.clusters()[entered.cluster.index()].group());
         }
 
         // Main memory first. Where all of that fits on the GPU too, nobody has to choose there.
         let wanted = self.wanted_by_priority(view, culling);
-        let traffic = self.residency.update(&self.file, &self.hierarchy, wanted.clone());
-        let most = self.residency.reserved().0 as f64 * self.gpu_share;
+        let traffic = self.pager.request(&self.file, &self.hierarchy, wanted.clone());
+        let most = self.pager.reserved().0 as f64 * self.gpu_share;
         self.gpu_has_room = most <= self.budgets.gpu_memory.0 as f64;
         if !self.gpu_has_room {
             let on_gpu = self.gpu_residency.update(&self.file, &self.hierarchy, wanted);
@@ -164,45 +161,31 @@ impl Scene {
     /// Asks for what a view to come will want, after [`Scene::want`]: all that it splits, and what it would split next. Answers bytes.
     pub fn foresee(&mut self, ahead: &View, culling: Culling) -> u64 {
         let (file, hierarchy, visibility) = (&*self.file, &self.hierarchy, &self.visibility);
-        let known = &self.wanted;
-        self.foreseen.update(file, hierarchy, ahead, |group| {
-            let in_image = || !culling.frustum || !ahead.misses(hierarchy.region(group));
-            let seen = || !culling.occlusion || visibility.sees(file, group);
-            known.is_split(group) || in_image() && seen()
-        });
-        let open = self.foreseen.open_groups().iter();
-        let next = open.filter(|group| {
-            !file.fine(**group).is_empty() && (!culling.occlusion || visibility.sees(file, **group))
-        });
-        let groups = self.foreseen.split_groups().iter().chain(next);
-        let ahead = groups.map(|group| self.asked(*group, ahead)).collect();
-        let traffic = self.residency.prefetch(file, hierarchy, ahead, AHEAD);
+        let seen = |group| !culling.occlusion || visibility.sees(file, group);
+        let in_image = |group| !culling.frustum || !ahead.misses(hierarchy.region(group));
+        let allowed = |group| in_image(group) && seen(group);
+        let traffic = self.pager.foresee(file, hierarchy, ahead, AHEAD, allowed, seen);
         self.dispatch(traffic, true)
-    }
-
-    fn asked(&self, group: GroupId, view: &View) -> Wanted {
-        let error = self.hierarchy.split_error(group).unwrap_or(0.0);
-        Wanted { group, priority: view.pixels_of(error, self.hierarchy.region(group)) }
     }
 
     /// The groups that are wanted split; where memory may be short, those of which nothing is seen come last.
     fn wanted_by_priority(&self, view: &View, culling: Culling) -> Vec<Wanted> {
         let is_short = |used: Bytes, all: Bytes| used.0 > all.0 / 4 * 3;
-        let short = is_short(self.residency.reserved(), self.budgets.memory)
+        let short = is_short(self.pager.reserved(), self.budgets.memory)
             || is_short(self.gpu_residency.reserved(), self.budgets.gpu_memory);
 
         let list = self.list.front();
         let asked = |group: &GroupId| match !short && list.is_split(*group) {
             // It is there, and nobody asks which goes first.
             true => Wanted { group: *group, priority: f64::INFINITY },
-            false => self.asked(*group, view),
+            false => Wanted::by(view, &self.hierarchy, *group),
         };
-        let mut wanted: Vec<Wanted> = self.wanted.split_groups().iter().map(asked).collect();
+        let mut wanted: Vec<Wanted> = self.pager.wanted().split_groups().iter().map(asked).collect();
 
         // A group is of use if anything below it is seen.
         if short && culling != (Culling { frustum: false, occlusion: false }) {
             let mut seen = vec![false; self.file.groups().len()];
-            for group in self.wanted.open_groups() {
+            for group in self.pager.wanted().open_groups() {
                 let in_image = !culling.frustum || !view.misses(self.hierarchy.region(*group));
                 seen[group.index()] =
                     in_image && (!culling.occlusion || self.visibility.sees(&self.file, *group));
@@ -246,7 +229,7 @@ impl Scene {
         let count = arrived.len();
         for (cluster, page) in arrived {
             let page = page?;
-            if self.residency.arrive(&self.file, cluster) {
+            if self.pager.arrive(&self.file, cluster) {
                 self.pages[cluster.index()] = Some(page);
             }
         }
@@ -255,7 +238,7 @@ impl Scene {
 
     /// Whether something can be drawn.
     pub fn has_roots(&self) -> bool {
-        self.residency.has_roots()
+        self.pager.has_roots()
     }
 
     /// Reads the roots, and waits for them.
@@ -263,7 +246,7 @@ impl Scene {
     /// # Errors
     /// Those of reading a page.
     pub fn read_roots(&mut self) -> Result<(), ViewerError> {
-        let traffic = self.residency.update(&self.file, &self.hierarchy, Vec::new());
+        let traffic = self.pager.request(&self.file, &self.hierarchy, Vec::new());
         self.dispatch(traffic, false);
         self.receive(true).map(drop)
     }
@@ -290,7 +273,7 @@ impl Scene {
         let brought = Cell::new(0);
         let ready = |group: GroupId| {
             let is_there =
-                self.residency.is_ready(group) && (self.gpu_has_room || self.gpu_residency.is_ready(group));
+                self.pager.is_ready(group) && (self.gpu_has_room || self.gpu_residency.is_ready(group));
             if !is_there || all || self.split[group.index()].get() {
                 return is_there;
             }
@@ -364,7 +347,7 @@ impl Scene {
             let is_wanted = is_new && hierarchy.wants(group, bounds.of(group, hierarchy, view));
             is_wanted && (!culling.frustum || !view.misses(hierarchy.region(group)))
         };
-        let open = self.wanted.open_groups().iter().copied();
+        let open = self.pager.wanted().open_groups().iter().copied();
         let mut groups: Vec<GroupId> = open.filter(|group| asks(*group)).collect();
         let mut next = 0;
         while let Some(&group) = groups.get(next)
@@ -410,13 +393,13 @@ impl Scene {
 
     /// Bytes of pages that are there or on their way.
     pub fn resident(&self) -> Bytes {
-        self.residency.reserved()
+        self.pager.reserved()
     }
 
     /// Groups that are wanted split and are not.
     pub fn withheld(&self) -> u64 {
         let splits = |front: &Front| front.split_groups().len() as u64;
-        splits(&self.wanted).saturating_sub(splits(self.list.front()))
+        splits(self.pager.wanted()).saturating_sub(splits(self.list.front()))
     }
 }
 
