@@ -1,8 +1,9 @@
 //! The house rules: which crate may use which, where unsafe code may be, how long a file gets.
 
-use super::harness::root;
+use super::harness::{root, text};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Crates of this workspace that each may depend on; tests may use more.
 const EDGES: [(&str, &[&str]); 11] = [
@@ -78,6 +79,21 @@ fn all_sources() -> Vec<PathBuf> {
     }
     assert!(found.len() > 50, "the sources are here");
     found
+}
+
+/// What is built in the root folder, without naming a package, is the command alone; and without its features, without the viewer.
+#[test]
+fn who_leaves_the_viewer_out_does_not_compile_it() {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let crates = |words: &str| {
+        let mut tree = Command::new(&cargo);
+        tree.args(["tree", "--locked", "--offline", "--edges", "normal", "--prefix", "none"]);
+        let out = tree.args(words.split_whitespace()).current_dir(root()).output().expect("cargo runs");
+        assert!(out.status.success(), "{}", text(&out.stderr));
+        text(&out.stdout)
+    };
+    let draws = |crates: &str| crates.lines().any(|line| line.starts_with("wgpu "));
+    assert!(draws(&crates("")) && !draws(&crates("--no-default-features")));
 }
 
 #[test]

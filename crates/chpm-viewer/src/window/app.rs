@@ -160,6 +160,7 @@ impl App {
     }
 
     fn begin(&mut self, events: &ActiveEventLoop) -> Result<(), ViewerError> {
+        // The window is as large as it was for this model.
         let model = self.options.model.clone();
         let remembered = model.as_deref().and_then(|model| self.recall(model));
         let [width, height] = remembered.as_ref().map_or(SIZE, |remembered| remembered.window);
@@ -174,6 +175,8 @@ impl App {
             Box::new(events.owned_display_handle()),
             &self.options.adapter,
         )?);
+
+        // What was asked for goes before what was remembered.
         if let Some(accuracy) = self.options.accuracy {
             self.settings = self.settings.clone().with_accuracy(accuracy);
         }
@@ -250,6 +253,7 @@ impl App {
             Command::Open => self.browse(None),
             Command::Back => self.back(),
             Command::Quit => events.exit(),
+            // These are about a model.
             Command::Home | Command::Fit | Command::Up | Command::Freeze | Command::Replay => {
                 let Some(session) = &mut self.session else { return };
                 match command {
@@ -283,10 +287,12 @@ impl App {
 
     /// One frame.
     fn redraw(&mut self, events: &ActiveEventLoop) -> Result<(), ViewerError> {
+        // Taken out meanwhile: the panel is laid out by what else is in here.
         let Some(mut canvas) = self.canvas.take() else { return Ok(()) };
         let now = Instant::now();
         let since = self.before.map_or(FRAME.0, |before| (now - before).as_secs_f64());
         let seconds = since.min(FRAME.1);
+
         let before = self.settings.clone();
         let (mut asked, mut chosen) = (Vec::new(), None);
         let size = canvas.size();
@@ -295,6 +301,8 @@ impl App {
             asked.extend(self.lay_out(context, size));
             chosen = chosen.take().or(self.choose(context));
         });
+
+        // The camera moves by what is held, and the model is drawn below the panel.
         let shown = match &mut self.session {
             Some(session) => {
                 session.navigator.set_pivot(if self.settings.fly { Pivot::Eye } else { Pivot::Focus });
@@ -318,12 +326,15 @@ impl App {
         let repaint = canvas.repaint;
         self.canvas = Some(canvas);
         let shown = shown?;
+
         for command in asked {
             self.obey(command, events);
         }
         if let Some(path) = chosen {
             self.take(&path);
         }
+
+        // When the next frame is due: at once, or when a note ends, something may have come, or the panel moves by itself.
         let next = match (&shown, &self.session) {
             // The window cannot be drawn into: it is hidden.
             (None, _) => Next::Look,
@@ -340,6 +351,7 @@ impl App {
         let until = self.note.as_ref().map(|(_, since)| *since + NOTE);
         let repaint = now.checked_add(repaint).filter(|_| repaint < Duration::from_secs(3600));
         self.due = [self.due, until, repaint].into_iter().flatten().min();
+
         if shown.is_some() {
             self.count(now, events)?;
         }

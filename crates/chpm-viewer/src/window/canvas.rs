@@ -35,6 +35,7 @@ impl Canvas {
         let surface = instance.create_surface(Arc::clone(&window));
         let surface = surface.map_err(|error| context::none(&error.to_string()))?;
         let gpu = Gpu::for_surface(&instance, &surface, adapter)?;
+
         let size = window.inner_size();
         let mut config = surface
             .get_default_config(&gpu.adapter, size.width.max(1), size.height.max(1))
@@ -48,6 +49,7 @@ impl Canvas {
             surface.configure(&gpu.device, &config);
             Renderer::new(&gpu.device, config.format, RendererOptions::default())
         })?;
+
         let longest = gpu.device.limits().max_texture_dimension_2d as usize;
         let context = egui::Context::default();
         crate::window::style::apply(&context);
@@ -115,6 +117,7 @@ impl Canvas {
             }
         }
         let gone: Vec<egui::TextureId> = over.textures_delta.free.drain().collect();
+
         let done = match self.acquire()? {
             None => None,
             Some(texture) => {
@@ -126,6 +129,7 @@ impl Canvas {
                 Some(done)
             }
         };
+
         gone.iter().for_each(|id| self.painter.free_texture(id));
         self.gpu.check("showing a frame")?;
         Ok(done)
@@ -157,6 +161,7 @@ impl Canvas {
         let jobs = self.input.egui_ctx().tessellate(over.shapes.clone(), scale);
         let mut encoder =
             device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("over the model") });
+
         let mut orders = self.painter.update_buffers(device, queue, &mut encoder, &jobs, &screen);
         let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("over the model"),
@@ -168,6 +173,7 @@ impl Canvas {
             })],
             ..Default::default()
         });
+        // The painter wants one that outlives its encoder's borrow.
         let mut pass = pass.forget_lifetime();
         self.painter.render(&mut pass, &jobs, &screen);
         drop(pass);

@@ -84,6 +84,7 @@ pub(super) fn browse(context: &egui::Context, browser: &Browser, typed: &mut Str
     let window = window.default_size(vec2(460.0, 360.0)).pivot(Align2::CENTER_CENTER);
     let middle = context.content_rect().center();
     window.default_pos(middle).frame(style::frame()).show(context, |ui| {
+        // A path that is typed, taken from the folder that is shown.
         ui.horizontal(|ui| {
             let field = egui::TextEdit::singleline(typed).hint_text("a path").desired_width(360.0);
             let done = ui.add(field).lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
@@ -92,10 +93,12 @@ pub(super) fn browse(context: &egui::Context, browser: &Browser, typed: &mut Str
                 choice = if path.is_dir() { Choice::Folder(path) } else { Choice::File(path) };
             }
         });
+
         ui.label(RichText::new(browser.folder().display().to_string()).small().color(QUIET));
         if let Some(fault) = browser.fault() {
             ui.label(RichText::new(fault).color(WARNING));
         }
+
         egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
             for entry in browser.entries() {
                 let color = if entry.is_folder { QUIET } else { CLEAR };

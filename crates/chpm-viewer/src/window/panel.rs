@@ -37,6 +37,7 @@ pub(super) fn show(
     about: &About<'_>,
 ) -> Vec<Command> {
     let mut commands = Vec::new();
+    // A low window scrolls it.
     let room = (context.content_rect().height() - 46.0).max(100.0);
     let area = egui::Area::new(Id::unique("panel")).anchor(Align2::LEFT_TOP, vec2(10.0, 10.0));
     area.default_size(vec2(WIDTH, room)).show(context, |ui| {
@@ -87,6 +88,8 @@ fn frame_time(ui: &mut Ui, figures: &Figures) {
         let rate = figures.rate().map_or("at rest".to_owned(), |rate| format!("{rate:.0} frames/s"));
         ui.label(RichText::new(rate).color(QUIET));
     });
+
+    // The parts beside each other, by their share.
     let parts = figures.parts();
     let sum: f64 = parts.iter().map(|(_, ms)| ms).sum();
     let (bar, _) = ui.allocate_exact_size(vec2(WIDTH, 7.0), Sense::hover());
@@ -97,6 +100,7 @@ fn frame_time(ui: &mut Ui, figures: &Figures) {
         ui.painter().rect_filled(piece, 0.0, color);
         left += width;
     }
+
     curve(ui, figures);
     egui::Grid::new("parts").num_columns(4).min_col_width(46.0).spacing(vec2(10.0, 2.0)).show(ui, |ui| {
         for (place, ((name, time), color)) in parts.iter().zip(style::PARTS).enumerate() {
@@ -196,6 +200,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut 
             commands.push(Command::Up);
         }
     });
+
     ui.horizontal(|ui| {
         ui.label(RichText::new("colours").color(QUIET));
         let chosen =
@@ -206,6 +211,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut 
             }
         });
     });
+
     ui.horizontal(|ui| {
         ui.label(RichText::new("culling").color(QUIET));
         ui.toggle_value(&mut settings.frustum_culling, "frustum");
@@ -222,6 +228,7 @@ fn camera(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mu
             commands.push(command);
         }
     };
+
     ui.horizontal(|ui| {
         ui.selectable_value(&mut settings.fly, false, "orbit");
         ui.selectable_value(&mut settings.fly, true, "fly");
@@ -230,6 +237,8 @@ fn camera(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mu
         button(ui, "fit", false, Command::Fit);
         button(ui, if about.frozen { "unfreeze" } else { "freeze" }, about.frozen, Command::Freeze);
     });
+
+    // What goes on is ended by the button that began it.
     ui.horizontal(|ui| {
         let recording = about.recording.map(|seconds| format!("stop {seconds:.1} s"));
         button(ui, recording.as_deref().unwrap_or("record"), recording.is_some(), Command::Record);
@@ -239,6 +248,7 @@ fn camera(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mu
         });
         button(ui, "screenshot", false, Command::Screenshot);
     });
+
     ui.horizontal(|ui| {
         button(ui, "open ...", false, Command::Open);
         button(ui, "keys", false, Command::Help);

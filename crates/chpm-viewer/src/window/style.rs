@@ -38,16 +38,20 @@ pub(super) fn apply(context: &egui::Context) {
             (TextStyle::Small, font(10.5, FontFamily::Proportional)),
         ]
         .into();
+
+        // Close together: all of the panel is to be seen at once.
         style.spacing.item_spacing = egui::vec2(6.0, 3.0);
         style.spacing.interact_size.y = 17.0;
         style.spacing.button_padding = egui::vec2(7.0, 2.0);
         style.spacing.slider_width = 150.0;
+
         let visuals = &mut style.visuals;
         visuals.panel_fill = BACK;
         visuals.window_fill = BACK;
         visuals.window_stroke = Stroke::new(1.0, Color32::from_white_alpha(18));
         visuals.window_shadow = Shadow::NONE;
         visuals.window_corner_radius = CornerRadius::same(8);
+
         visuals.selection.bg_fill = Color32::from_rgb(38, 92, 148);
         visuals.selection.stroke = Stroke::new(1.0, CLEAR);
         visuals.slider_trailing_fill = true;

@@ -3,7 +3,7 @@
 use super::App;
 use crate::window::gesture::{Button, Finger, Motion, Scroll};
 use crate::window::keys;
-use winit::event::{ElementState, MouseButton, MouseScrollDelta, TouchPhase, WindowEvent};
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, TouchPhase, WindowEvent};
 use winit::event_loop::ActiveEventLoop;
 use winit::keyboard::PhysicalKey;
 
@@ -15,6 +15,7 @@ impl App {
         if repaint {
             canvas.window.request_redraw();
         }
+
         match event {
             WindowEvent::Resized(size) => {
                 canvas.resize(size.width, size.height);
@@ -33,42 +34,17 @@ impl App {
             }
             WindowEvent::DroppedFile(path) => self.take(path),
             WindowEvent::KeyboardInput { event: key, is_synthetic: false, .. } => {
-                let PhysicalKey::Code(code) = key.physical_key else { return };
-                let down = key.state == ElementState::Pressed;
-                // A key that goes up is up, whoever saw it go down.
-                let typing = consumed || self.canvas.as_ref().is_some_and(|canvas| canvas.is_typing());
-                if self.flight.hold(code, down && !typing && !self.ctrl) && !self.ctrl {
-                    return self.stir_camera();
-                }
-                if !down || typing {
-                    return;
-                }
-                if let Some(share) = keys::arrow(code) {
-                    let height = f64::from(self.size()[1]);
-                    return self.go(Motion::Turn(share.map(|share| share * height)));
-                }
-                if let (Some(command), false) = (keys::command(code, self.ctrl), key.repeat) {
-                    self.obey(command, events);
-                }
+                self.hear_key(key, consumed, events);
             }
-            WindowEvent::MouseInput { state, button, .. } => {
-                let button = match button {
-                    MouseButton::Left => Button::Left,
-                    MouseButton::Middle => Button::Middle,
-                    MouseButton::Right => Button::Right,
-                    _ => return,
-                };
-                if *state == ElementState::Released {
-                    self.gestures.release(button);
-                } else if !consumed {
-                    let seconds = self.started.elapsed().as_secs_f64();
-                    let motion = self.gestures.press(button, seconds);
-                    motion.into_iter().for_each(|motion| self.go(motion));
-                }
+            // What is pressed over the panel is the panel's; what is released ends here wherever it is.
+            WindowEvent::MouseInput { state, button, .. }
+                if !consumed || *state == ElementState::Released =>
+            {
+                self.hear_button(*state, *button);
             }
             WindowEvent::CursorMoved { position, .. } => {
                 let motion = self.gestures.go([position.x, position.y]);
-                motion.into_iter().for_each(|motion| self.go(motion));
+                self.go_all(motion);
             }
             WindowEvent::MouseWheel { delta, .. } if !consumed => {
                 let scroll = match *delta {
@@ -76,22 +52,66 @@ impl App {
                     MouseScrollDelta::PixelDelta(by) => Scroll::Pixels([by.x, by.y]),
                 };
                 let motion = self.gestures.scroll(scroll);
-                motion.into_iter().for_each(|motion| self.go(motion));
+                self.go_all(motion);
             }
             WindowEvent::PinchGesture { delta, .. } if !consumed => {
                 let motion = self.gestures.pinch(*delta);
-                motion.into_iter().for_each(|motion| self.go(motion));
+                self.go_all(motion);
             }
             WindowEvent::Touch(touch) if !consumed => {
                 let finger = match touch.phase {
                     TouchPhase::Started | TouchPhase::Moved => Finger::Down,
                     TouchPhase::Ended | TouchPhase::Cancelled => Finger::Up,
                 };
-                let at = [touch.location.x, touch.location.y];
-                self.gestures.touch(touch.id, finger, at).into_iter().for_each(|motion| self.go(motion));
+                let motion = self.gestures.touch(touch.id, finger, [touch.location.x, touch.location.y]);
+                self.go_all(motion);
             }
             _ => {}
         }
+    }
+
+    fn hear_key(&mut self, key: &KeyEvent, consumed: bool, events: &ActiveEventLoop) {
+        let PhysicalKey::Code(code) = key.physical_key else { return };
+        let down = key.state == ElementState::Pressed;
+
+        // A key that goes up is up, whoever saw it go down.
+        let typing = consumed || self.canvas.as_ref().is_some_and(|canvas| canvas.is_typing());
+        if self.flight.hold(code, down && !typing && !self.ctrl) && !self.ctrl {
+            return self.stir_camera();
+        }
+        // What is typed is no command.
+        if !down || typing {
+            return;
+        }
+
+        if let Some(share) = keys::arrow(code) {
+            let height = f64::from(self.size()[1]);
+            return self.go(Motion::Turn(share.map(|share| share * height)));
+        }
+        // A key that is held would switch to and fro.
+        if let (Some(command), false) = (keys::command(code, self.ctrl), key.repeat) {
+            self.obey(command, events);
+        }
+    }
+
+    fn hear_button(&mut self, state: ElementState, button: MouseButton) {
+        let button = match button {
+            MouseButton::Left => Button::Left,
+            MouseButton::Middle => Button::Middle,
+            MouseButton::Right => Button::Right,
+            _ => return,
+        };
+        match state {
+            ElementState::Released => self.gestures.release(button),
+            ElementState::Pressed => {
+                let motion = self.gestures.press(button, self.started.elapsed().as_secs_f64());
+                self.go_all(motion);
+            }
+        }
+    }
+
+    fn go_all(&mut self, motions: impl IntoIterator<Item = Motion>) {
+        motions.into_iter().for_each(|motion| self.go(motion));
     }
 
     fn go(&mut self, motion: Motion) {
