@@ -235,7 +235,10 @@ fn a_seam_vertex_that_goes_elsewhere_in_one_member_is_found() {
             changed(&file, first.cluster, |parts| parts.targets[usize::from(vertex) - parts.base] = inner);
         let found = &look(&bad, 1 << 24, [&legal])[0];
         assert!(found.places > 0, "{shape:?}");
-        assert!(found.first.as_ref().unwrap().contains("has no partner in the cluster beside it"));
+        // Which of both shows first depends on where the vertex goes.
+        let told = found.first.as_ref().unwrap();
+        let is_open = told.contains("has no partner in the cluster beside it");
+        assert!(is_open || told.starts_with("shared vertex ") && told.contains(" and at "), "{told}");
         // In the finest meshes nothing has gone anywhere yet.
         assert_eq!(places(&bad, &Cut::at_level(&bad, Level(0))), 0);
     }
