@@ -53,6 +53,7 @@ pub mod error_code;
 mod gaps;
 pub mod header;
 pub mod metadata;
+pub mod packed;
 pub mod page;
 pub mod parts;
 pub mod reader;

@@ -60,7 +60,7 @@ impl PageHeader {
             + v.div_ceil(8)
     }
 
-    fn check(&self) -> Result<Attributes, FormatError> {
+    pub(crate) fn check(&self) -> Result<Attributes, FormatError> {
         let place = Place::Page(ClusterId::NONE);
         require(self.magic == PAGE_MAGIC, place, "magic", "\"CPGE\"", format_args!("{:08x}", self.magic))?;
         if self.version != PAGE_VERSION {
