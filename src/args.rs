@@ -4,7 +4,7 @@
 use crate::cmd::render;
 #[cfg(feature = "viewer")]
 use crate::cmd::view;
-use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, synth, verify, walk};
+use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, relayout, synth, verify, walk};
 use crate::number;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Layout, Length, Topology};
@@ -46,6 +46,8 @@ pub(crate) enum Command {
     /// What `bench` runs in processes of their own
     #[command(hide = true)]
     Contend(bench::ContendArgs),
+    /// Write a .chpm file anew with its pages stored otherwise: packed, or as they are used
+    Relayout(relayout::Args),
     /// Write a .chpm file as text
     Dump(dump::Args),
     /// Take one crack-free mesh out of a .chpm file

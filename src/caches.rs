@@ -34,7 +34,8 @@ impl Drawn {
 /// Draws all clusters, and the roots among them.
 pub(crate) fn draw(file: &Chpm<MappedFile>) -> Result<[Drawn; 2]> {
     let drawn = file.clusters().par_iter().enumerate().map_init(Vec::new, |triangles, (index, _)| {
-        let mesh = file.page(ClusterId(index as u32))?.progressive_mesh();
+        let page = file.page(ClusterId(index as u32))?;
+        let mesh = page.view().progressive_mesh();
         let (base, finest) = (mesh.base_vertex_count, mesh.vertex_count);
         let at = |n: usize| {
             triangles.clear();

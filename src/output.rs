@@ -22,6 +22,7 @@ const fn writes(by: &'static str, format: &'static str) -> Writes {
 }
 
 pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
+pub(crate) const RELAYOUT: Writes = Writes { streams: false, ..writes("relayout", "CHPM") };
 pub(crate) const EXTRACT: Writes = writes("extract", "PLY");
 pub(crate) const SYNTH: Writes = writes("synth", "PLY");
 pub(crate) const PATH: Writes = writes("path", "a camera path");

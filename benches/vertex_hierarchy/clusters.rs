@@ -3,7 +3,7 @@
 use crate::{median, milliseconds};
 use chpm_build::{BuildConfig, Cancel, Silent, build};
 use chpm_extmem::MappedFile;
-use chpm_format::{Chpm, Page};
+use chpm_format::Chpm;
 use chpm_import::ply::{self, Encoding};
 use chpm_mesh::{ClusterId, GroupId, TriMesh};
 use chpm_refine::{ActiveList, Camera, Front, Hierarchy, PmCursor, View};
@@ -162,16 +162,16 @@ impl Clusters {
     /// checked when the selection met them.
     fn play(&self, members: &[(ClusterId, usize)]) -> anyhow::Result<(u64, Meshes)> {
         let mut times = Meshes::default();
-        let page = |id: ClusterId| Page::view(self.file.page_bytes(id));
+        let page = |id: ClusterId| self.file.page_known(id);
         let start = Instant::now();
-        let cursor = |(id, _): &(ClusterId, usize)| Ok(PmCursor::new(&page(*id)?.progressive_mesh()));
+        let cursor = |(id, _): &(ClusterId, usize)| Ok(PmCursor::new(&page(*id)?.view().progressive_mesh()));
         let mut cursors = members.iter().map(cursor).collect::<anyhow::Result<Vec<_>>>()?;
         times.load = milliseconds(start);
         times.place = played(&mut cursors, members);
 
         let start = Instant::now();
         for (cursor, (id, _)) in cursors.iter_mut().zip(members) {
-            cursor.load(&page(*id)?.progressive_mesh());
+            cursor.load(&page(*id)?.view().progressive_mesh());
         }
         times.reload = milliseconds(start);
         times.replace = played(&mut cursors, members);

@@ -310,6 +310,7 @@ fn each_leaf_triangle<D: AsRef<[u8]>>(
         }
         stop::check(cancel)?;
         let page = file.page(id)?;
+        let page = page.view();
         for (index, triangle) in (0..).zip(page.triangles) {
             look(Place::Leaf(id.0, index), triangle.map(|v| page.positions[usize::from(v)]));
         }

@@ -236,7 +236,7 @@ impl<'a> Certifier<'a> {
     ) -> Result<Row> {
         let (file, members) = (self.file, cut.members());
         let asked: Vec<Member> = members.iter().filter(|member| is_asked(member)).copied().collect();
-        let error = |m: &Member| Ok(file.page(m.cluster)?.error_at(m.vertices as usize));
+        let error = |m: &Member| Ok(file.page(m.cluster)?.view().error_at(m.vertices as usize));
         let errors = asked.iter().map(error).collect::<Result<Vec<f32>>>()?;
         let distance = |m: &Member| Ok(m.distance(file)?);
         let distances = members.iter().map(distance).collect::<Result<Vec<f32>>>()?;

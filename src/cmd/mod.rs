@@ -9,6 +9,7 @@ pub(crate) mod extract;
 pub(crate) mod info;
 pub(crate) mod measure;
 pub(crate) mod path;
+pub(crate) mod relayout;
 #[cfg(feature = "viewer")]
 pub(crate) mod render;
 pub(crate) mod synth;
@@ -47,6 +48,7 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
         Command::Measure(args) => measure::run(&args, stop),
         Command::Bench(args) => bench::run(&args, stop),
         Command::Contend(args) => bench::contend(&args, stop),
+        Command::Relayout(args) => relayout::run(&args, stop),
         Command::Dump(args) => dump::run(&args),
         Command::Extract(args) => extract::run(&args, stop),
         Command::Path(args) => path::run(&args, stop),

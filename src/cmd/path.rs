@@ -81,6 +81,7 @@ fn front(file: &Chpm<MappedFile>) -> Result<[f64; 3]> {
     let mut front = [0.0, 0.0, f32::NEG_INFINITY];
     for root in file.roots() {
         let page = file.page(root)?;
+        let page = page.view();
         let base = page.positions.get(..page.base_vertex_count).unwrap_or_default();
         front = base.iter().fold(front, |front, p| if p[2] > front[2] { *p } else { front });
     }

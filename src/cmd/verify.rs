@@ -1,6 +1,6 @@
 //! `chpm verify`: every byte and invariant of a file, with `--against` its leaves and the source, with `--errors` what it says of distances, with `--cuts` random cuts.
 
-use super::{Verdict, reading, stdout};
+use super::{Verdict, open, reading, stdout};
 use crate::against::{self, Comparison};
 use crate::args::StorageArgs;
 use crate::certify::{self, Certified, Wanted};
@@ -12,6 +12,7 @@ use crate::report::count;
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};
 use chpm_extmem::{Access, ExtmemError, MappedFile, Store};
+use chpm_format::same::{self, Differences};
 use chpm_format::verify::Fault;
 use chpm_format::{Chpm, Report};
 use chpm_mesh::Counted;
@@ -27,6 +28,10 @@ pub(crate) struct Args {
     /// The mesh that it was built from (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set): its triangles must be those of the leaves, but for small components that the build left out; not compared if detail was left out
     #[arg(long, value_name = "MESH")]
     against: Option<PathBuf>,
+    /// Another .chpm file that must hold the same: the same clusters, errors and groups, bit for bit, and with them the same cuts. In which order they
+    /// are, and how pages are stored, may differ
+    #[arg(long, value_name = "FILE")]
+    same_as: Option<PathBuf>,
     /// Draw N cuts and look for cracks, I7. Half of them are random legal cuts of every depth, half what random cameras
     /// select. All seams of every cut are looked at, cluster by cluster and on all processors: both sides must have the same
     /// vertices and edges. What is open, or lies at the same place, in the source is no crack
@@ -153,6 +158,12 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
         let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
         Ok::<_, ExtmemError>((cancel, Store::create(&scratch, memory)?))
     };
+    if let Some(other) = args.same_as.as_deref().filter(|_| readable) {
+        let differences = same(file, other, &meter)?;
+        let other = other.display();
+        faults.extend(differences.told.iter().map(|told| format!("I9 not the same as '{other}': {told}")));
+        fault_count += differences.count;
+    }
     let compared = match &args.against {
         Some(source) if readable && !trimmed => {
             let (cancel, store) = begin(memory.saturating_sub(against::OWN))?;
@@ -194,6 +205,16 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     Ok(Findings { faults, fault_count, checked: Some(checked), trimmed, compared, errors, cuts, origin })
 }
 
+/// What differs from another file.
+fn same(file: &Chpm<MappedFile>, other: &Path, meter: &Meter) -> Result<Differences> {
+    let other = open(other)?;
+    let clusters = file.clusters().len() + other.clusters().len();
+    meter.start("compare", clusters as u64);
+    let differences = reading(&other, || Ok(same::compare(file, &other, || meter.add(1))?));
+    meter.finish();
+    differences
+}
+
 /// A fault as it is printed. Where its message names the place already, it is not named twice.
 pub(super) fn told(fault: &Fault) -> String {
     let names_place = fault.message.starts_with(&fault.place.to_string());
@@ -218,6 +239,9 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
         let (pages, triangles) =
             (Counted(report.good_pages, "cluster"), Counted(report.triangles, "triangle"));
         writeln!(out, "{path}: sound; {pages} with {triangles} checked")?;
+    }
+    if let Some(other) = &args.same_as {
+        writeln!(out, "{path}: holds the same as {}", other.display())?;
     }
     if let (Some(compared), Some(source)) = (&findings.compared, &args.against) {
         let triangles = Counted(compared.leaf_triangles, "triangle");
@@ -263,6 +287,7 @@ fn as_json(args: &Args, findings: &Findings) -> Value {
         "clusters": findings.checked.as_ref().map(|report| report.good_pages),
         "triangles": findings.checked.as_ref().map(|report| report.triangles),
         "trimmed": findings.trimmed,
+        "same_as": args.same_as.as_deref().map(display),
         "against": findings.compared.as_ref().map(|compared| json!({
             "source": args.against.as_deref().map(display),
             "equal": compared.is_equal(),

@@ -14,7 +14,7 @@ use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::MappedFile;
-use chpm_format::{Chpm, Page};
+use chpm_format::Chpm;
 use chpm_mesh::{Bytes, ClusterId, Counted};
 use chpm_refine::{ActiveList, CameraPath, Changes, Front, Hierarchy, Pager, PmCursor, View, is_visible};
 use serde_json::{Map, Value, json};
@@ -324,7 +324,8 @@ impl<'a> Walk<'a> {
                 Some(cursor) => cursor,
                 None => {
                     let mut cursor = self.free.pop().unwrap_or_default();
-                    let page = Page::view(self.file.page_bytes(member.cluster))?;
+                    let page = self.file.page_known(member.cluster)?;
+                    let page = page.view();
                     cursor.load(&page.progressive_mesh());
                     slot.insert(cursor)
                 }

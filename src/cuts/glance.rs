@@ -50,7 +50,8 @@ impl Glance {
         let mut scratch = Vec::new();
         let (mut triangles, mut sides) = (0, 0);
         for member in cut.members() {
-            let page = Page::view(file.page_bytes(member.cluster))?;
+            let page = file.page_known(member.cluster)?;
+            let page = page.view();
             let at = self.enter(&page, member.vertices as usize);
             triangles += at.triangle_count();
             for edge in seams.of_cluster(member.cluster, &mut scratch)? {
@@ -82,7 +83,8 @@ impl Glance {
         has_gone.resize(ids.len().div_ceil(64), 0);
         let (mut is_one, mut any) = (true, false);
         for member in cut.members() {
-            let page = Page::view(file.page_bytes(member.cluster))?;
+            let page = file.page_known(member.cluster)?;
+            let page = page.view();
             if page.vertex_count() == member.vertices as usize {
                 continue;
             }
@@ -98,7 +100,8 @@ impl Glance {
         }
         if any && is_one {
             for member in cut.members() {
-                let page = Page::view(file.page_bytes(member.cluster))?;
+                let page = file.page_known(member.cluster)?;
+                let page = page.view();
                 let staying = self.enter(&page, member.vertices as usize).staying();
                 let has_gone = |id: &u32| {
                     let id = id.wrapping_sub(ids.start) as usize;

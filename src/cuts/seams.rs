@@ -190,7 +190,8 @@ fn rims_of_leaves<D: AsRef<[u8]> + Sync>(
         let batch = first_batch(&mut left, memory, weight);
         let odd = |local: &mut Local, leaf: &ClusterId| -> Result<Vec<[u32; 2]>> {
             stop::check(cancel)?;
-            let page = Page::view(file.page_bytes(*leaf))?;
+            let page = file.page_known(*leaf)?;
+            let page = page.view();
             local.enter(&page, page.vertex_count());
             let odd = local.odd_edges(&page).to_vec();
             Ok(odd.into_iter().map(|edge| local.by_id(edge)).collect())
@@ -229,7 +230,8 @@ fn of_group<D: AsRef<[u8]>>(
     let mut taken = vec![false; below.len()];
     let mut found = OfGroup::default();
     for cluster in file.coarse(group).iter().copied().map(ClusterId) {
-        let page = Page::view(file.page_bytes(cluster))?;
+        let page = file.page_known(cluster)?;
+        let page = page.view();
         local.enter(&page, page.vertex_count());
         let mut seam = local.odd_edges(&page).to_vec();
         let is_rim = take_rim(&seam, local, &below, &mut taken);
@@ -240,7 +242,8 @@ fn of_group<D: AsRef<[u8]>>(
     let mut taken = taken.into_iter();
     below.retain(|_| !taken.next().unwrap_or(false));
     for (cluster, seam) in &mut found.seams {
-        let page = Page::view(file.page_bytes(*cluster))?;
+        let page = file.page_known(*cluster)?;
+        let page = page.view();
         // Rim and seam of one cluster may be at one edge, and then it is even there.
         if !below.is_empty() {
             let mut vertices: Vec<(u32, u16)> = page.shared().map(|(vertex, id)| (id, vertex)).collect();
@@ -304,8 +307,8 @@ fn take_rim(edges: &[[u16; 2]], local: &Local, rim: &[[u32; 2]], taken: &mut [bo
     is_rim
 }
 
-fn shared_ids<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: u32) -> Result<&[u32], FormatError> {
-    Ok(Page::view(file.page_bytes(ClusterId(cluster)))?.shared_ids)
+fn shared_ids<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: u32) -> Result<Vec<u32>, FormatError> {
+    Ok(file.page_known(ClusterId(cluster))?.view().shared_ids.to_vec())
 }
 
 /// What is odd in the base mesh, which was entered, and does not come from the seam; by shared ids.

@@ -184,7 +184,8 @@ fn changed(file: &Model, cluster: ClusterId, change: impl FnOnce(&mut Parts)) ->
         levels: file.levels().to_vec(),
         metadata: file.metadata().unwrap(),
     };
-    let page: Page<'_> = file.page(cluster).unwrap();
+    let page = file.page(cluster).unwrap();
+    let page = page.view();
     let mut parts = Parts {
         positions: page.positions.to_vec(),
         targets: page.targets.to_vec(),
@@ -219,6 +220,7 @@ fn changed(file: &Model, cluster: ClusterId, change: impl FnOnce(&mut Parts)) ->
 /// A shared vertex of a page that collapses, and a vertex that is not shared and comes before it.
 fn on_seam(file: &Model, cluster: ClusterId) -> (u16, u16) {
     let page = file.page(cluster).unwrap();
+    let page = page.view();
     let shared = page.shared().map(|(vertex, _)| vertex).find(|v| usize::from(*v) >= page.base_vertex_count);
     let inner = (0..page.base_vertex_count as u16).find(|v| !page.is_shared(*v));
     (shared.expect("a collapse on the seam"), inner.expect("an inner vertex"))

@@ -5,7 +5,7 @@ use super::ledger::{Ledger, Record};
 use super::local::{Local, keep_odd, key};
 use super::seams::Seams;
 use anyhow::Result;
-use chpm_format::{Chpm, Page, checksum};
+use chpm_format::{Chpm, Page, PageBuf, checksum};
 use chpm_refine::{Cut, Member};
 
 type Position = [f32; 3];
@@ -111,6 +111,7 @@ impl Walker {
         for pass in 0.. {
             for member in cut.members() {
                 let page = self.enter(file, *member)?;
+                let page = page.view();
                 if pass == 0 {
                     found.triangles += self.local.triangle_count(&page);
                 }
@@ -146,9 +147,9 @@ impl Walker {
         Ok(found)
     }
 
-    fn enter<'a, D: AsRef<[u8]>>(&mut self, file: &'a Chpm<D>, member: Member) -> Result<Page<'a>> {
-        let page = Page::view(file.page_bytes(member.cluster))?;
-        self.local.enter(&page, member.vertices as usize);
+    fn enter<'a, D: AsRef<[u8]>>(&mut self, file: &'a Chpm<D>, member: Member) -> Result<PageBuf<'a>> {
+        let page = file.page_known(member.cluster)?;
+        self.local.enter(&page.view(), member.vertices as usize);
         Ok(page)
     }
 
@@ -167,6 +168,7 @@ impl Walker {
     ) -> Result<Option<String>> {
         for member in cut.members() {
             let page = self.enter(file, *member)?;
+            let page = page.view();
             let edges = seams.of_cluster(member.cluster, &mut self.scratch)?;
             let same = edges.iter().find(|edge| side(&self.local, &page, **edge) == Some(open));
             if let Some(edge) = same {
@@ -184,6 +186,7 @@ impl Walker {
         let mut first = None;
         for member in cut.members() {
             let page = self.enter(file, *member)?;
+            let page = page.view();
             let Some((vertex, _)) = page.shared().find(|(_, other)| *other == id) else { continue };
             let here = self.whereabouts(&page, vertex, id);
             let at = told(file, page.positions[usize::from(self.local.at(vertex))]);

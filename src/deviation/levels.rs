@@ -128,7 +128,7 @@ pub(crate) fn at_position(file: &Chpm<MappedFile>, level: u32, part: f64) -> Res
             members.push(*member);
             continue;
         }
-        let vertices = file.page(member.cluster)?.vertices_for(bound(file, record.group(), part)?) as u32;
+        let vertices = file.page(member.cluster)?.view().vertices_for(bound(file, record.group(), part)?) as u32;
         members.push(Member { vertices, ..*member });
     }
     Ok(Cut::new(members))
@@ -144,6 +144,7 @@ fn bound(file: &Chpm<MappedFile>, group: GroupId, part: f64) -> Result<f32, Refi
     };
     let Some(&most) = file.coarse(group).iter().max_by_key(|id| collapses(id)) else { return Ok(0.0) };
     let page = file.page(chpm_mesh::ClusterId(most))?;
+    let page = page.view();
     Ok(page.error_at(page.vertex_count() - (part * f64::from(collapses(&most))) as usize))
 }
 

@@ -154,7 +154,7 @@ impl<'a> Judge<'a> {
         let (file, members) = (self.file, cut.members());
         let mut found = Vec::with_capacity(members.len());
         for member in members {
-            let stored = file.page(member.cluster)?.error_at(member.vertices as usize);
+            let stored = file.page(member.cluster)?.view().error_at(member.vertices as usize);
             let group = file.clusters()[member.cluster.index()].group();
             found.push(MemberDeviation {
                 member: *member,
@@ -409,6 +409,7 @@ pub(crate) fn drawn_tiles<'a>(
 /// A cluster's mesh at a position.
 pub(crate) fn mesh_of(file: &Chpm<MappedFile>, member: Member) -> TriMesh {
     let Ok(page) = file.page(member.cluster) else { unreachable!("all pages were read before") };
+    let page = page.view();
     let mut triangles = Vec::with_capacity(page.triangles.len());
     page.progressive_mesh().triangles_at(member.vertices as usize, &mut triangles);
     let triangles = triangles.iter().map(|t| t.map(u32::from)).collect();

@@ -129,28 +129,14 @@ fn cuts_follow_from_their_seed() {
 /// The file with the clusters at `changed` refined later than their groups are: every error is that of the base mesh.
 fn with_wrong_errors(bytes: Vec<u8>, changed: &[usize]) -> Vec<u8> {
     let file = Chpm::open(bytes).expect("a file");
-    let header = file.header();
-    let mut tables = Tables {
-        header: HeaderFields {
-            attributes: header.attributes(),
-            source_vertex_count: header.source_vertex_count,
-            boundary_mode: BoundaryMode::Dependencies,
-            error_kind: header.error_kind().expect("a kind of error"),
-            shared_vertex_count: header.shared_vertex_count,
-            origin: header.origin,
-        },
-        clusters: file.clusters().to_vec(),
-        groups: file.groups().to_vec(),
-        members: file.members().to_vec(),
-        levels: file.levels().to_vec(),
-        metadata: file.metadata().expect("metadata"),
-    };
+    let mut tables = Tables::of(&file).expect("tables");
     let mut payloads = Vec::new();
     for index in 0..file.clusters().len() {
         let id = ClusterId(index as u32);
         let mut payload = file.page_bytes(id).to_vec();
         if changed.contains(&index) {
             let page = file.page(id).expect("a page");
+            let page = page.view();
             let shared: Vec<(u16, u32)> = page.shared().collect();
             let parts = PageParts {
                 vertices: page.vertices,

@@ -78,6 +78,7 @@ fn hard_cases_hold_numbers_and_meshes_of_the_source() {
         }
         for id in (0..model.clusters().len() as u32).map(ClusterId) {
             let page = model.page_checked(id).expect("a page");
+            let page = page.view();
             assert!(finite(page.positions.as_flattened()) && finite(page.normals.as_flattened()), "{what}");
             let errors = (page.base_vertex_count..=page.vertex_count()).map(|n| page.error_at(n));
             assert!(errors.into_iter().all(|error| error.is_finite() && error >= 0.0), "{what}");
@@ -150,7 +151,7 @@ fn a_far_model_in_doubles_keeps_its_vertices() {
 
 /// The error that a cut promises.
 fn stored(model: &Model, cut: &Cut) -> f64 {
-    let of = |m: &Member| model.page(m.cluster).expect("a page").error_at(m.vertices as usize);
+    let of = |m: &Member| model.page(m.cluster).expect("a page").view().error_at(m.vertices as usize);
     cut.members().iter().map(of).fold(0.0, f32::max).into()
 }
 

@@ -101,6 +101,7 @@ impl<'a> Output<'a> {
                 error_kind: ErrorKind::Certified,
                 shared_vertex_count: shared,
                 origin: facts.origin,
+                packed: false,
             },
             clusters: order.iter().map(placed).collect(),
             groups,

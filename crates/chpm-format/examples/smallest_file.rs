@@ -45,6 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     assert!(verify(&file, |_, _| ()).is_ok());
     for root in file.roots() {
         let page = file.page(root)?;
+        let page = page.view();
         println!("cluster {}: {} vertices, {} triangles", root.0, page.vertex_count(), page.triangles.len());
         for bound in [0.0, 0.4, 0.5] {
             println!("  within {bound}: {} vertices", page.vertices_for(bound));

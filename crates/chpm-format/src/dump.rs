@@ -25,7 +25,7 @@ pub fn dump<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write, pages: bool) -
         dump_cluster(id, record, out)?;
         match pages.then(|| file.page(id)) {
             None => {}
-            Some(Ok(page)) => dump_page(&page, out)?,
+            Some(Ok(page)) => dump_page(&page.view(), out)?,
             Some(Err(error)) => writeln!(out, "  unreadable {error}")?,
         }
     }

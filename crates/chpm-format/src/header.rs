@@ -1,7 +1,7 @@
 //! The 256 bytes at the start of a file.
 
 use crate::error::{FormatError, Place, require, require_eq};
-use crate::{PAGE_ALIGN, checksum};
+use crate::{PACKED_ALIGN, PAGE_ALIGN, checksum};
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::{Aabb, Attributes};
 use std::{fmt, mem};
@@ -10,8 +10,10 @@ use std::{fmt, mem};
 pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
-/// Minor version that this crate writes.
-pub const VERSION_MINOR: u16 = 1;
+/// The last minor version that this crate knows, which it writes where pages are packed; else it writes the one before.
+pub const VERSION_MINOR: u16 = 2;
+/// Required flag: pages may be packed, and lie at multiples of [`PACKED_ALIGN`].
+pub const PACKED_PAGES: u32 = 1;
 /// Length of the header, bytes.
 pub const HEADER_LEN: usize = 256;
 
@@ -27,7 +29,7 @@ pub struct Header {
     pub version_minor: u16,
     /// [`HEADER_LEN`].
     pub header_len: u32,
-    /// Features that a reader must know; none are defined.
+    /// Features that a reader must know: [`PACKED_PAGES`].
     pub required_flags: u32,
     /// Features that a reader may ignore; none are defined.
     pub optional_flags: u32,
@@ -37,7 +39,7 @@ pub struct Header {
     pub section_count: u32,
     /// Where the section table starts; [`HEADER_LEN`].
     pub section_table_offset: u32,
-    /// [`PAGE_ALIGN`].
+    /// [`PAGE_ALIGN`], or [`PACKED_ALIGN`] where pages are packed.
     pub page_align: u32,
     /// Bit 0: normals; bit 1: colours.
     pub attributes: u32,
@@ -134,6 +136,11 @@ pub(crate) fn attributes_of(bits: u32) -> Option<Attributes> {
     (bits < 4).then_some(Attributes { normals: bits & 1 != 0, colors: bits & 2 != 0 })
 }
 
+/// What pages are aligned to.
+pub(crate) fn page_align(packed: bool) -> u64 {
+    if packed { PACKED_ALIGN } else { PAGE_ALIGN }
+}
+
 impl Header {
     /// What the vertices carry.
     pub fn attributes(&self) -> Attributes {
@@ -155,6 +162,11 @@ impl Header {
     /// Whether groups tell what has vanished, so that errors and gaps together are distances to the whole source.
     pub fn has_gaps(&self) -> bool {
         self.version_minor >= 1
+    }
+
+    /// Whether pages may be packed.
+    pub fn is_packed(&self) -> bool {
+        self.required_flags & PACKED_PAGES != 0
     }
 
     /// The box around everything, relative to the origin.
@@ -196,12 +208,13 @@ impl Header {
         if expected != found {
             return Err(FormatError::Checksum { place, expected: found, got: expected });
         }
-        if self.required_flags != 0 {
-            return Err(FormatError::Feature { place, got: self.required_flags });
+        let unknown = self.required_flags & !PACKED_PAGES;
+        if unknown != 0 {
+            return Err(FormatError::Feature { place, got: unknown });
         }
         require_eq(place, "header_len", HEADER_LEN as u32, self.header_len)?;
         require_eq(place, "section_table_offset", HEADER_LEN as u32, self.section_table_offset)?;
-        require_eq(place, "page_align", PAGE_ALIGN as u32, self.page_align)?;
+        require_eq(place, "page_align", page_align(self.is_packed()), self.page_align.into())?;
         if self.file_len > got {
             return Err(FormatError::Truncated { place: Place::File, expected: self.file_len, got });
         }

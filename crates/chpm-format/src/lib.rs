@@ -39,7 +39,7 @@
 //!
 //! let file = Chpm::open(writer.finish()?)?;
 //! assert!(verify(&file, |_, _| ()).is_ok());
-//! assert_eq!(file.page(ClusterId(0))?.vertices_for(0.5), 3);
+//! assert_eq!(file.page(ClusterId(0))?.view().vertices_for(0.5), 3);
 //! # Ok::<(), chpm_format::FormatError>(())
 //! ```
 #![forbid(unsafe_code)]
@@ -55,9 +55,11 @@ pub mod header;
 pub mod metadata;
 pub mod packed;
 pub mod page;
+pub mod page_buf;
 pub mod parts;
 pub mod reader;
 pub mod records;
+pub mod same;
 pub mod section;
 mod structure;
 pub mod tables;
@@ -70,6 +72,7 @@ pub use gaps::Gaps;
 pub use header::{BoundaryMode, ErrorKind, Header};
 pub use metadata::{Metadata, Source};
 pub use page::{Page, PageHeader};
+pub use page_buf::PageBuf;
 pub use parts::PageParts;
 pub use reader::Chpm;
 pub use records::{ClusterRecord, GroupRecord, LevelRecord};
@@ -80,6 +83,8 @@ pub use writer::ChpmWriter;
 
 /// Alignment of cluster pages in the file, bytes.
 pub const PAGE_ALIGN: u64 = 4096;
+/// Alignment of cluster pages where they may be packed, bytes.
+pub const PACKED_ALIGN: u64 = 8;
 /// Alignment of the tables in the file, bytes.
 pub const TABLE_ALIGN: u64 = 64;
 /// Alignment that [`Chpm::open`] needs of the bytes in memory.

@@ -160,7 +160,7 @@ impl<'a> Page<'a> {
         Ok(page)
     }
 
-    fn check(&self) -> Result<(), FormatError> {
+    pub(crate) fn check(&self) -> Result<(), FormatError> {
         let place = Place::Page(ClusterId::NONE);
         let (v, b) = (self.vertex_count(), self.base_vertex_count);
         let largest = self.triangles.as_flattened().iter().copied().max().unwrap_or(0);

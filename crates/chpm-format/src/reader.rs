@@ -5,6 +5,7 @@ use crate::gaps::Gaps;
 use crate::header::{Header, attribute_bits};
 use crate::metadata::Metadata;
 use crate::page::Page;
+use crate::page_buf::PageBuf;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::section::{SectionKind, Sections, check_sum};
 use crate::structure::{Structure, member_range, place_pages};
@@ -58,7 +59,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
             self.sections.count(SectionKind::Pages),
         )?;
         let lens = self.clusters().iter().map(|c| c.page_len);
-        let pages_end = place_pages(start as u64, lens, |index, offset| {
+        let pages_end = place_pages(start as u64, self.header.page_align.into(), lens, |index, offset| {
             let id = ClusterId(index as u32);
             require_eq(Place::Cluster(id), "page_offset", offset, self.clusters()[index].page_offset)
         })?;
@@ -174,7 +175,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.clusters().iter().any(ClusterRecord::is_trimmed)
     }
 
-    /// The bytes of a cluster's page, without padding.
+    /// The bytes of a cluster's page as it is stored, without padding.
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
@@ -185,14 +186,30 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         &self.data.as_ref()[start..start + record.page_len as usize]
     }
 
-    /// A cluster's page, its structure checked and its header compared with the record; see [`Page::parse`].
-    ///
-    /// # Errors
-    /// What [`Page::parse`] refuses, or a page that contradicts its record.
+    /// Whether a cluster's page is packed.
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
-    pub fn page(&self, id: ClusterId) -> Result<Page<'_>, FormatError> {
+    pub fn is_packed(&self, id: ClusterId) -> bool {
+        self.header.is_packed() && self.clusters()[id.index()].flags & ClusterRecord::PACKED != 0
+    }
+
+    /// Bytes of a cluster's page in memory: when it is not packed.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn page_len(&self, id: ClusterId) -> u64 {
+        self.clusters()[id.index()].unpacked_len(self.header.attributes())
+    }
+
+    /// A cluster's page, its structure checked and its header compared with the record; see [`Page::parse`]. In place, or unpacked.
+    ///
+    /// # Errors
+    /// What [`Page::parse`] and [`crate::packed::unpack`] refuse, or a page that contradicts its record.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn page(&self, id: ClusterId) -> Result<PageBuf<'_>, FormatError> {
         self.page_of(id, self.page_bytes(id))
     }
 
@@ -204,21 +221,43 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
-    pub fn page_viewed(&self, id: ClusterId) -> Result<Page<'_>, FormatError> {
-        let viewed = Page::view(self.page_bytes(id)).and_then(|page| page.check_errors().map(|()| page));
-        let page = viewed.map_err(|error| error.in_page(id))?;
-        self.compare(id, &page)?;
+    pub fn page_viewed(&self, id: ClusterId) -> Result<PageBuf<'_>, FormatError> {
+        let page = self.page_known(id)?;
+        page.view().check_errors().map_err(|error| error.in_page(id))?;
+        self.compare(id, &page.view())?;
         Ok(page)
     }
 
-    fn page_of<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<Page<'b>, FormatError> {
-        let page = Page::parse(bytes).map_err(|error| error.in_page(id))?;
+    /// As [`Chpm::page`] for a page that was checked before: only its header is looked at. See [`Page::view`] about wrong indices.
+    ///
+    /// # Errors
+    /// What [`Page::view`] and [`crate::packed::unpack`] refuse.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn page_known(&self, id: ClusterId) -> Result<PageBuf<'_>, FormatError> {
+        self.loaded(id, self.page_bytes(id))
+    }
+
+    fn loaded<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<PageBuf<'b>, FormatError> {
+        let page = if self.is_packed(id) {
+            PageBuf::unpacked(bytes, self.page_len(id))
+        } else {
+            Page::view(bytes).map(PageBuf::from)
+        };
+        page.map_err(|error| error.in_page(id))
+    }
+
+    fn page_of<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<PageBuf<'b>, FormatError> {
+        let loaded = self.loaded(id, bytes)?;
+        let page = loaded.view();
+        page.check().map_err(|error| error.in_page(id))?;
         self.compare(id, &page)?;
         let (place, ids) = (Place::Page(id), self.header.shared_vertex_count);
         let largest = page.shared_ids.iter().max();
         let in_range = largest.is_none_or(|id| *id < ids);
         require(in_range, place, "shared id", format_args!("less than {ids}"), largest.unwrap_or(&0))?;
-        Ok(page)
+        Ok(loaded)
     }
 
     /// Compares the header of a page with its record.
@@ -245,7 +284,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
-    pub fn page_checked(&self, id: ClusterId) -> Result<Page<'_>, FormatError> {
+    pub fn page_checked(&self, id: ClusterId) -> Result<PageBuf<'_>, FormatError> {
         self.page_checked_in(id, self.page_bytes(id))
     }
 
@@ -256,7 +295,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
-    pub fn page_checked_in<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<Page<'b>, FormatError> {
+    pub fn page_checked_in<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<PageBuf<'b>, FormatError> {
         check_sum(Place::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
         self.page_of(id, bytes)
     }

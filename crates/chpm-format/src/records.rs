@@ -3,18 +3,19 @@
 use crate::checksum;
 use crate::error::{FormatError, Place, invalid};
 use crate::gaps::Gaps;
-use crate::page::Page;
+use crate::header::attribute_bits;
+use crate::page::{Page, PageHeader};
 use bytemuck::{Pod, Zeroable};
-use chpm_mesh::{Aabb, ClusterId, GroupId, Level, Sphere};
+use chpm_mesh::{Aabb, Attributes, ClusterId, GroupId, Level, Sphere};
 use std::mem;
 
 /// A cluster: where its page is and what a selection needs to know without reading it. Table order is file order.
 #[derive(Clone, Copy, PartialEq, Pod, Zeroable, Debug, Default)]
 #[repr(C)]
 pub struct ClusterRecord {
-    /// First byte of the page in the file; a multiple of 4096. The writer fills it in.
+    /// First byte of the page in the file; a multiple of the header's `page_align`. The writer fills it in.
     pub page_offset: u64,
-    /// Bytes of the page, without padding.
+    /// Bytes of the page as it is stored, without padding.
     pub page_len: u32,
     /// Height above the leaves.
     pub level: u32,
@@ -32,7 +33,7 @@ pub struct ClusterRecord {
     pub group: u32,
     /// The group in which this cluster is fine: whose split brings it; `u32::MAX` for a root.
     pub parent_group: u32,
-    /// [`ClusterRecord::TRIMMED`] or zero.
+    /// [`ClusterRecord::TRIMMED`], [`ClusterRecord::PACKED`].
     pub flags: u32,
     /// Error of the finest mesh, object units.
     pub min_error: f32,
@@ -62,6 +63,8 @@ const _: () = assert!(mem::offset_of!(ClusterRecord, page_checksum) == 96);
 impl ClusterRecord {
     /// Flag of a leaf whose triangles are not the source's own: finer ones were left out.
     pub const TRIMMED: u32 = 1;
+    /// Flag of a cluster whose page is packed; means nothing where [`crate::Header::is_packed`] is false.
+    pub const PACKED: u32 = 2;
 
     /// The record of a page: counts, errors, a box and a sphere around its vertices, and the checksum.
     /// `page_offset` stays 0 until the writer knows it; the deviations, which no page tells, stay 0.
@@ -117,6 +120,19 @@ impl ClusterRecord {
     /// Whether this is a leaf whose triangles are not the source's own.
     pub fn is_trimmed(&self) -> bool {
         self.flags & Self::TRIMMED != 0
+    }
+
+    /// Bytes of the page when it is not packed, for clusters that carry these attributes.
+    pub fn unpacked_len(&self, attributes: Attributes) -> u64 {
+        let counts = PageHeader {
+            attributes: attribute_bits(attributes) as u16,
+            vertex_count: self.vertex_count,
+            base_vertex_count: self.base_vertex_count,
+            triangle_count: self.triangle_count,
+            shared_count: self.shared_count,
+            ..PageHeader::zeroed()
+        };
+        counts.payload_len()
     }
 
     /// The group that splits it.

@@ -3,10 +3,9 @@
 
 use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::header::Header;
-use crate::page::PageHeader;
+use crate::packed::MOST_TIMES;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
-use crate::{MAX_CLUSTER_VERTICES, PAGE_ALIGN, align_up};
-use bytemuck::Zeroable;
+use crate::{MAX_CLUSTER_VERTICES, align_up};
 use chpm_mesh::{ClusterId, GroupId};
 use std::ops::Range;
 
@@ -81,7 +80,14 @@ impl Structure<'_> {
         let base = c.base_triangle_count;
         require(base <= t, place, "base_triangle_count", format_args!("at most {t}"), base)?;
         require(c.shared_count <= v, place, "shared_count", format_args!("at most {v}"), c.shared_count)?;
-        require_eq(place, "page_len", page_len(self.header, c), u64::from(c.page_len))?;
+        let (unpacked, len) = (c.unpacked_len(self.header.attributes()), u64::from(c.page_len));
+        if self.header.is_packed() && c.flags & ClusterRecord::PACKED != 0 {
+            let least = unpacked.div_ceil(MOST_TIMES as u64);
+            let told = format_args!("{least} to {unpacked} less 1");
+            require(least <= len && len < unpacked, place, "page_len of a packed page", told, len)?;
+        } else {
+            require_eq(place, "page_len", unpacked, len)?;
+        }
         let less = format_args!("less than {groups}");
         require((c.group as usize) < groups, place, "group", less, c.group)?;
         let parent = (c.parent_group as usize) < groups || c.is_root();
@@ -187,29 +193,17 @@ pub(crate) fn member_range(first: u32, count: u32) -> Range<usize> {
     first as usize..(first as usize).saturating_add(count as usize)
 }
 
-/// The length that a cluster's page must have by its counts, bytes.
-fn page_len(header: &Header, c: &ClusterRecord) -> u64 {
-    PageHeader {
-        attributes: header.attributes as u16,
-        vertex_count: c.vertex_count,
-        base_vertex_count: c.base_vertex_count,
-        triangle_count: c.triangle_count,
-        shared_count: c.shared_count,
-        ..PageHeader::zeroed()
-    }
-    .payload_len()
-}
-
 /// Gives every page its place, in table order from `start`, and answers where the last one's padding ends.
 pub(crate) fn place_pages(
     start: u64,
+    align: u64,
     page_lens: impl IntoIterator<Item = u32>,
     mut place: impl FnMut(usize, u64) -> Result<(), FormatError>,
 ) -> Result<u64, FormatError> {
     let mut offset = start;
     for (index, len) in page_lens.into_iter().enumerate() {
         place(index, offset)?;
-        let end = offset.checked_add(u64::from(len)).and_then(|end| align_up(end, PAGE_ALIGN));
+        let end = offset.checked_add(u64::from(len)).and_then(|end| align_up(end, align));
         offset = end.ok_or_else(|| invalid(Place::File, "length", "less than 2^64", "more"))?;
     }
     Ok(offset)

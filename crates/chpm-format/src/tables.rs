@@ -1,14 +1,18 @@
 //! Everything of a file but its pages, as a builder hands it to the writer.
 
 use crate::error::{FormatError, Place, invalid, require, require_eq};
-use crate::header::{BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};
+use crate::header::{
+    BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, PACKED_PAGES, VERSION_MAJOR, VERSION_MINOR, page_align,
+};
+use crate::gaps::Gaps;
 use crate::metadata::Metadata;
+use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::section::{SectionEntry, SectionKind};
 use crate::structure::{Structure, member_range, place_pages};
 use crate::{PAGE_ALIGN, TABLE_ALIGN, align_up, checksum};
 use bytemuck::Zeroable;
-use chpm_mesh::{Aabb, Attributes};
+use chpm_mesh::{Aabb, Attributes, GroupId};
 use std::mem;
 
 /// What the header says that the tables do not.
@@ -26,6 +30,8 @@ pub struct HeaderFields {
     pub shared_vertex_count: u32,
     /// Stored positions are relative to this point.
     pub origin: [f64; 3],
+    /// Pages may be packed.
+    pub packed: bool,
 }
 
 /// The tables of a file to be. [`crate::ChpmWriter::begin`] completes and checks them.
@@ -46,13 +52,48 @@ pub struct Tables {
 }
 
 impl Tables {
+    /// The tables of a file, to write it anew. The source's detail that vanished is unknown to a file of version 1.0, and stays so.
+    ///
+    /// # Errors
+    /// [`FormatError::Metadata`] where the metadata does not decode; a header that [`Chpm::open`] would have refused.
+    pub fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Result<Self, FormatError> {
+        let header = file.header();
+        let known = |field| move || invalid(Place::Header, field, "a code that is known", "another");
+        let groups = (0..).map(GroupId).zip(file.groups());
+        Ok(Tables {
+            header: HeaderFields {
+                attributes: header.attributes(),
+                source_vertex_count: header.source_vertex_count,
+                boundary_mode: header.boundary_mode().ok_or_else(known("boundary_mode"))?,
+                error_kind: header.error_kind().ok_or_else(known("error_kind"))?,
+                shared_vertex_count: header.shared_vertex_count,
+                origin: header.origin,
+                packed: header.is_packed(),
+            },
+            clusters: file.clusters().to_vec(),
+            groups: groups.map(|(id, group)| GroupRecord { gaps: known_gaps(file, id), ..*group }).collect(),
+            members: file.members().to_vec(),
+            levels: file.levels().to_vec(),
+            metadata: file.metadata()?,
+        })
+    }
+
+    /// Where the first page starts, for whoever writes pages before their lengths are known: each then follows at the next multiple of
+    /// the alignment.
+    ///
+    /// # Errors
+    /// Metadata above the limit.
+    pub fn first_page_offset(&self) -> Result<u64, FormatError> {
+        Ok(self.pages_offset(self.metadata.encode()?.len() as u64))
+    }
+
     /// Length of the file to be, bytes.
     ///
     /// # Errors
     /// Metadata above the limit, or a file of 2^64 bytes.
     pub fn file_len(&self) -> Result<u64, FormatError> {
         let mut end = self.pages_offset(self.metadata.encode()?.len() as u64);
-        end = place_pages(end, self.clusters.iter().map(|c| c.page_len), |_, _| Ok(()))?;
+        end = place_pages(end, page_align(self.header.packed), self.clusters.iter().map(|c| c.page_len), |_, _| Ok(()))?;
         Ok(end)
     }
 
@@ -64,7 +105,7 @@ impl Tables {
     pub fn assign_offsets(&mut self) -> Result<u64, FormatError> {
         let start = self.pages_offset(self.metadata.encode()?.len() as u64);
         let lens: Vec<u32> = self.clusters.iter().map(|c| c.page_len).collect();
-        place_pages(start, lens, |index, offset| {
+        place_pages(start, page_align(self.header.packed), lens, |index, offset| {
             self.clusters[index].page_offset = offset;
             Ok(())
         })
@@ -112,7 +153,7 @@ impl Tables {
         }
         self.levels = statistics(&self.clusters, &self.levels);
         let lens: Vec<u32> = self.clusters.iter().map(|c| c.page_len).collect();
-        place_pages(pages_offset, lens, |index, offset| {
+        place_pages(pages_offset, page_align(self.header.packed), lens, |index, offset| {
             self.clusters[index].page_offset = offset;
             Ok(())
         })?;
@@ -127,11 +168,12 @@ impl Tables {
         Ok(Header {
             magic: MAGIC,
             version_major: VERSION_MAJOR,
-            version_minor: VERSION_MINOR,
+            version_minor: if self.header.packed { VERSION_MINOR } else { VERSION_MINOR - 1 },
+            required_flags: if self.header.packed { PACKED_PAGES } else { 0 },
             header_len: HEADER_LEN as u32,
             section_count: SectionKind::ALL.len() as u32,
             section_table_offset: HEADER_LEN as u32,
-            page_align: PAGE_ALIGN as u32,
+            page_align: page_align(self.header.packed) as u32,
             attributes: crate::header::attribute_bits(self.header.attributes),
             source_vertex_count: self.header.source_vertex_count,
             source_triangle_count: leaf_triangles(&self.clusters),
@@ -214,6 +256,11 @@ impl Tables {
 fn aligned(end: u64, kind: SectionKind) -> u64 {
     let align = if kind == SectionKind::Pages { PAGE_ALIGN } else { TABLE_ALIGN };
     align_up(end, align).unwrap_or(u64::MAX)
+}
+
+/// The gaps of a group; the largest where nothing is known.
+pub(crate) fn known_gaps<D: AsRef<[u8]>>(file: &Chpm<D>, group: GroupId) -> Gaps {
+    if file.has_gaps() { file.gaps(group) } else { Gaps { fine: f32::MAX, base: f32::MAX, from: 0.0 } }
 }
 
 /// The level table that belongs to `clusters`, with what a builder supplies taken from `given`.

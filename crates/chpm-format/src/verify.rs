@@ -144,7 +144,7 @@ pub fn verify_within<D: AsRef<[u8]>>(
         for (id, group) in (0..).map(GroupId).zip(file.groups()) {
             for cluster in file.coarse(id).iter().copied().map(ClusterId) {
                 if let Ok(page) = file.page(cluster) {
-                    cluster::list_shared(file, cluster, &page, &mut shared, &mut report);
+                    cluster::list_shared(file, cluster, &page.view(), &mut shared, &mut report);
                 }
             }
             done += u64::from(group.coarse_count);

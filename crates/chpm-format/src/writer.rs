@@ -1,6 +1,7 @@
 //! Writing a file in one forward pass.
 
 use crate::error::{FormatError, Place, require_eq};
+use crate::header::page_align;
 use crate::section::check_sum;
 use crate::tables::Tables;
 use crate::{PAGE_ALIGN, align_up};
@@ -16,6 +17,7 @@ pub struct ChpmWriter<W> {
     pages: Vec<(u32, u64)>,
     written: usize,
     offset: u64,
+    align: u64,
     file_len: u64,
 }
 
@@ -28,7 +30,8 @@ impl<W: Write> ChpmWriter<W> {
         let (head, file_len) = tables.head()?;
         out.write_all(&head)?;
         let pages = tables.clusters.iter().map(|c| (c.page_len, c.page_checksum)).collect();
-        Ok(ChpmWriter { out, pages, written: 0, offset: head.len() as u64, file_len })
+        let align = page_align(tables.header.packed);
+        Ok(ChpmWriter { out, pages, written: 0, offset: head.len() as u64, align, file_len })
     }
 
     /// Writes the next page and its padding.
@@ -45,7 +48,7 @@ impl<W: Write> ChpmWriter<W> {
         check_sum(Place::Page(id), *checksum, payload)?;
         self.out.write_all(payload)?;
         let end = self.offset + payload.len() as u64;
-        self.offset = align_up(end, PAGE_ALIGN).unwrap_or(end);
+        self.offset = align_up(end, self.align).unwrap_or(end);
         self.out.write_all(&[0; PAGE_ALIGN as usize][..(self.offset - end) as usize])?;
         self.written += 1;
         Ok(())

@@ -51,6 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut triangles = 0;
         for member in list.members() {
             let page = file.page(member.cluster)?;
+            let page = page.view();
             let cursor =
                 engine.entry(member.cluster).or_insert_with(|| PmCursor::new(&page.progressive_mesh()));
             cursor.move_to(member.vertices as usize);

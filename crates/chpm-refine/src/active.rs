@@ -5,7 +5,7 @@ use crate::error::RefineError;
 use crate::front::{Changes, Front};
 use crate::hierarchy::Hierarchy;
 use crate::view::View;
-use chpm_format::{Chpm, Page};
+use chpm_format::{Chpm, Page, PageBuf};
 use chpm_mesh::{ClusterId, GroupId};
 
 /// The incremental selection (Quick-VDR 5.1, 5.3): the same cut and the same positions as [`crate::select()`], for the price of what
@@ -60,7 +60,7 @@ impl ActiveList {
             allowed,
             |cluster, enters| {
                 let checks = enters && !trusting;
-                Ok(if checks { file.page(cluster)? } else { Page::view(file.page_bytes(cluster))? })
+                Ok(if checks { file.page(cluster)? } else { file.page_known(cluster)? })
             },
         )
     }
@@ -76,7 +76,7 @@ impl ActiveList {
         hierarchy: &Hierarchy,
         bound_of: impl FnMut(GroupId) -> f32,
         allowed: impl Fn(GroupId) -> bool,
-        page: impl Fn(ClusterId, bool) -> Result<Page<'p>, RefineError>,
+        page: impl Fn(ClusterId, bool) -> Result<PageBuf<'p>, RefineError>,
     ) -> Result<Changes, RefineError> {
         // No change brings them.
         let roots: Vec<_> = if self.members.is_empty() { file.roots().collect() } else { Vec::new() };
@@ -95,7 +95,7 @@ impl ActiveList {
         file: &Chpm<D>,
         roots: &[ClusterId],
         changed: bool,
-        page: impl Fn(ClusterId, bool) -> Result<Page<'p>, RefineError>,
+        page: impl Fn(ClusterId, bool) -> Result<PageBuf<'p>, RefineError>,
     ) -> Result<u64, RefineError> {
         let (front, left) = (&self.front, &mut self.left);
         let clusters = file.clusters();
@@ -116,7 +116,7 @@ impl ActiveList {
             if !active.is_right_for(bound) {
                 let before = active.member.vertices;
                 let cluster = active.member.cluster;
-                *active = Active::new(cluster, active.group, &page(cluster, false)?, bound);
+                *active = Active::new(cluster, active.group, &page(cluster, false)?.view(), bound);
                 steps += u64::from(before.abs_diff(active.member.vertices));
             }
         }
@@ -125,7 +125,7 @@ impl ActiveList {
             let record = &clusters[cluster.index()];
             if front.is_active(record) {
                 let group = record.group();
-                let active = Active::new(cluster, group, &page(cluster, true)?, front.bound(group));
+                let active = Active::new(cluster, group, &page(cluster, true)?.view(), front.bound(group));
                 let before = if finest { record.vertex_count } else { record.base_vertex_count };
                 steps += u64::from(before.abs_diff(active.member.vertices));
                 self.members.push(active);

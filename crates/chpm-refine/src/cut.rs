@@ -5,7 +5,7 @@ use crate::hierarchy::Hierarchy;
 use crate::lod::Lod;
 use crate::select::select_by;
 use crate::splits::{Splits, parents, top_down};
-use chpm_format::{Chpm, ClusterRecord, Page};
+use chpm_format::{Chpm, ClusterRecord, PageBuf};
 use chpm_mesh::{ClusterId, Level};
 
 /// One cluster of a cut.
@@ -37,12 +37,12 @@ impl Member {
     /// [`RefineError::Cluster`] or [`RefineError::Position`] if the file lacks it; [`RefineError::Format`] for a damaged page.
     pub fn distance<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<f32, RefineError> {
         let record = self.record(file)?;
-        let error = file.page(self.cluster)?.error_at(self.vertices as usize);
+        let error = file.page(self.cluster)?.view().error_at(self.vertices as usize);
         Ok(file.gaps(record.group()).distance(error))
     }
 
     /// Answers the page of a cluster that is in the file, at a position that it has.
-    pub(crate) fn page<'a, D: AsRef<[u8]>>(&self, file: &'a Chpm<D>) -> Result<Page<'a>, RefineError> {
+    pub(crate) fn page<'a, D: AsRef<[u8]>>(&self, file: &'a Chpm<D>) -> Result<PageBuf<'a>, RefineError> {
         self.record(file)?;
         Ok(file.page(self.cluster)?)
     }
@@ -122,7 +122,7 @@ impl Cut {
     /// As [`Cut::triangle_count`].
     pub fn error<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<f32, RefineError> {
         self.members.iter().try_fold(0.0, |largest: f32, member| {
-            Ok(largest.max(member.page(file)?.error_at(member.vertices as usize)))
+            Ok(largest.max(member.page(file)?.view().error_at(member.vertices as usize)))
         })
     }
 
@@ -167,7 +167,7 @@ pub(crate) fn position<D: AsRef<[u8]>>(
     cluster: ClusterId,
     bound: f32,
 ) -> Result<Member, RefineError> {
-    let vertices = file.page_viewed(cluster)?.vertices_for(bound) as u32;
+    let vertices = file.page_viewed(cluster)?.view().vertices_for(bound) as u32;
     Ok(Member { cluster, vertices })
 }
 
@@ -181,5 +181,5 @@ pub(crate) fn count_triangles<D: AsRef<[u8]>>(
         return Ok(u64::from(record.triangle_count));
     }
     let page = file.page(member.cluster)?;
-    Ok(lod.count(&page.progressive_mesh(), member.vertices as usize) as u64)
+    Ok(lod.count(&page.view().progressive_mesh(), member.vertices as usize) as u64)
 }

@@ -118,6 +118,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         let mut weld = Weld::new(self.file.header().shared_vertex_count);
         for member in self.cut.members() {
             let page = member.page(self.file)?;
+            let page = page.view();
             weld.enter(&page, member.vertices as usize)?;
             visit(&page, &weld)?;
         }

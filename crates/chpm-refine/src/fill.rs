@@ -10,7 +10,7 @@ use crate::error::RefineError;
 use crate::lod::Lod;
 use crate::seams::Seams;
 use crate::splits::Splits;
-use chpm_format::{Chpm, Page};
+use chpm_format::{Chpm, Page, PageBuf};
 use chpm_mesh::{ClusterId, GroupId};
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -86,6 +86,7 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
         for cluster in entered {
             groups.insert(self.file.clusters()[cluster.index()].group());
             let page = self.file.page(cluster)?;
+            let page = page.view();
             if self.vertices(cluster) < own_end(&page) {
                 self.plan(cluster, &page);
             }
@@ -117,6 +118,7 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
         let mut worst = None;
         for cluster in self.file.coarse(group).iter().copied().map(ClusterId) {
             let page = self.file.page(cluster)?;
+            let page = page.view();
             if self.vertices(cluster) < own_end(&page) {
                 return Ok(());
             }
@@ -129,6 +131,7 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
     /// One stride of a cluster's own, or as much of it as fits.
     fn refine(&mut self, cluster: ClusterId) -> Result<(), RefineError> {
         let page = self.file.page(cluster)?;
+        let page = page.view();
         let (n, end) = (self.vertices(cluster), own_end(&page));
         let stride = (page.vertex_count() - page.base_vertex_count).div_ceil(STRIDES);
         let target = (n + stride).min(end);
@@ -154,6 +157,7 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
         let coarse = || file.coarse(group).iter().copied().map(ClusterId);
         let pages =
             coarse().map(|cluster| Ok(file.page(cluster)?)).collect::<Result<Vec<_>, RefineError>>()?;
+        let pages: Vec<_> = pages.iter().map(PageBuf::view).collect();
         let mut seams = Seams::new(&pages, coarse().map(|cluster| self.vertices(cluster)).collect());
         let lod = &mut self.lod;
         let mut count = |positions: &[usize]| -> u64 {

@@ -68,7 +68,8 @@ struct Unit {
 impl Residency {
     /// Nothing is there. The pages of the roots count, and stay even if they are more than `budget`; nothing else exceeds it.
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>, budget: Bytes) -> Self {
-        Residency::of_sizes(file, budget, |cluster| u64::from(cluster.page_len))
+        let attributes = file.header().attributes();
+        Residency::of_sizes(file, budget, |cluster| cluster.unpacked_len(attributes))
     }
 
     /// The same for something else than pages, that takes `size` bytes of a cluster: what is made of them, for example.

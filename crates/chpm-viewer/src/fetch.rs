@@ -58,7 +58,7 @@ impl Fetch {
         let path = file.get_ref().path();
         let pages =
             File::open(path).map_err(|source| ViewerError::Open { path: path.to_path_buf(), source })?;
-        let lens: Vec<u64> = file.clusters().iter().map(|cluster| u64::from(cluster.page_len)).collect();
+        let lens: Vec<u64> = (0..file.header().cluster_count).map(|id| file.page_len(ClusterId(id))).collect();
         let roots = file.roots().map(|root| lens[root.index()]).sum();
         let (room, blocks) = (AtomicU64::new(0), AtomicU64::new(0));
         let queue = Mutex::new(Queue::new(lens, budget.0.max(roots)));
@@ -211,7 +211,7 @@ impl Shared {
         match page {
             Ok(page) => Ok(Arc::new(page.charged_to(Arc::clone(self)))),
             Err(error) => {
-                self.give_back(u64::from(self.file.clusters()[cluster.index()].page_len));
+                self.give_back(self.file.page_len(cluster));
                 Err(error)
             }
         }

@@ -85,11 +85,12 @@ impl Scene {
     /// [`ViewerError::Budget`], [`ViewerError::Open`], [`ViewerError::Thread`].
     pub fn new(file: Arc<Chpm<MappedFile>>, budgets: Budgets, gpu_room: Bytes) -> Result<Self, ViewerError> {
         // The roots are never let go, so they have to fit.
-        let colors = file.header().attributes().colors;
+        let attributes = file.header().attributes();
+        let colors = attributes.colors;
         let of_roots = |size: &dyn Fn(&ClusterRecord) -> u64| {
             file.roots().map(|root| size(&file.clusters()[root.index()])).sum::<u64>()
         };
-        let page_bytes = Bytes(of_roots(&|cluster| u64::from(cluster.page_len)));
+        let page_bytes = Bytes(of_roots(&|cluster| cluster.unpacked_len(attributes)));
         if page_bytes > budgets.memory {
             return Err(ViewerError::Budget { what: "memory", needed: page_bytes, got: budgets.memory });
         }
@@ -102,7 +103,9 @@ impl Scene {
         }
 
         // Blocks that readers have made wait in main memory, which leaves less of it for pages.
-        let share = |cluster: &ClusterRecord| gpu_bytes(cluster, colors) as f64 / f64::from(cluster.page_len);
+        let share = |cluster: &ClusterRecord| {
+            gpu_bytes(cluster, colors) as f64 / cluster.unpacked_len(attributes) as f64
+        };
         let room = BLOCKS.0.min(budgets.memory.0 / 8).min(budgets.memory.0 - page_bytes.0);
         let memory = Bytes(budgets.memory.0 - room);
         let fetch = Fetch::new(Arc::clone(&file), READERS, memory)?;
@@ -292,7 +295,7 @@ impl Scene {
         let bound = |group| self.bounds.of(group, &self.hierarchy, view);
         let page = |cluster: ClusterId, _| {
             let page = pages[cluster.index()].as_ref();
-            page.map(|page| page.page()).ok_or(RefineError::Cluster { cluster, count: pages.len() })
+            page.map(|page| page.page().into()).ok_or(RefineError::Cluster { cluster, count: pages.len() })
         };
         let changes = self.list.update_with(file, &self.hierarchy, bound, ready, page);
         if changes.is_err() {

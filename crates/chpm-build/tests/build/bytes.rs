@@ -67,7 +67,8 @@ fn clusters(file: &ChpmFile) -> Vec<[u32; 8]> {
 fn misses(file: &ChpmFile) -> [f64; 3] {
     let mut drawn = [VertexCache::default(); 3];
     for index in 0..file.clusters().len() as u32 {
-        let mesh = file.page(ClusterId(index)).unwrap().progressive_mesh();
+        let page = file.page(ClusterId(index)).unwrap();
+        let mesh = page.view().progressive_mesh();
         let (base, finest) = (mesh.base_vertex_count, mesh.vertex_count);
         for (n, sum) in [finest, base.midpoint(finest), base].into_iter().zip(&mut drawn) {
             let mut triangles = Vec::new();

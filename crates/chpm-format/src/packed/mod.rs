@@ -16,14 +16,15 @@ use chpm_mesh::{Attributes, ClusterId};
 use connect::{NONE, Writer};
 use follow::Follower;
 use std::cell::RefCell;
-use std::fmt;
 use std::io;
 use std::mem;
 use view::{View, turned};
-use zstd::stream::raw::{Encoder, InBuffer, Operation, OutBuffer};
+use zstd::stream::raw::{CParameter, Encoder, InBuffer, Operation, OutBuffer};
 
 /// First four bytes of a packed page, "CPGP".
 pub const PACKED_MAGIC: u32 = u32::from_le_bytes(*b"CPGP");
+/// A page is at most so many times as long as it is packed, so that what a reader allocates has a bound by the file's length.
+pub(crate) const MOST_TIMES: usize = 64;
 /// The head of a packed page: that of the page up to what is reserved, the view of the positions, and the lengths of the open bits.
 const HEAD_LEN: usize = 48;
 const KEPT: usize = mem::offset_of!(PageHeader, reserved);
@@ -101,7 +102,8 @@ pub fn pack(raw: &[u8], out: &mut Vec<u8>) -> Result<bool, FormatError> {
         };
         packer.pack(raw, &page, out)
     })?;
-    let shorter = out.len() - start < raw.len();
+    let len = out.len() - start;
+    let shorter = len < raw.len() && raw.len() <= MOST_TIMES * len;
     if !shorter {
         out.truncate(start);
     }
@@ -123,6 +125,13 @@ pub fn unpack(packed: &[u8], raw: &mut [u8]) -> Result<(), FormatError> {
     })
 }
 
+/// Short repetitions in symbols are chance, and take longer to decode than they save.
+fn encoder() -> io::Result<Encoder<'static>> {
+    let mut encoder = Encoder::new(LEVEL)?;
+    encoder.set_parameter(CParameter::MinMatch(7))?;
+    Ok(encoder)
+}
+
 impl Packer {
     fn new() -> io::Result<Self> {
         Ok(Packer {
@@ -132,7 +141,7 @@ impl Packer {
             symbols: Vec::new(),
             parts: Vec::new(),
             numbers: Vec::new(),
-            zstd: Encoder::new(LEVEL)?,
+            zstd: encoder()?,
         })
     }
 
@@ -478,10 +487,4 @@ impl<'a> Streams<'a> {
 /// Splits off what the caller knows to be there.
 fn take<'a>(bytes: &mut &'a mut [u8], len: usize) -> &'a mut [u8] {
     bytes.split_off_mut(..len).unwrap_or_default()
-}
-
-impl fmt::Debug for Packer {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Packer")
-    }
 }

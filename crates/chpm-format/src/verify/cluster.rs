@@ -98,8 +98,9 @@ pub(super) struct Scratch {
 fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, report: &mut Report) {
     let place = Place::Page(id);
     let reserved = mem::offset_of!(crate::PageHeader, reserved)..PAGE_HEADER_LEN;
-    let zero =
-        file.header().version_minor > VERSION_MINOR || file.page_bytes(id)[reserved].iter().all(|b| *b == 0);
+    let zero = file.header().version_minor > VERSION_MINOR
+        || file.is_packed(id)
+        || file.page_bytes(id)[reserved].iter().all(|b| *b == 0);
     report.expect(zero, Invariant::Bytes, place, "zero expected in reserved fields");
     report.expect(page_padding_is_zero(file, id), Invariant::Bytes, place, "zeros expected behind the page");
 }

@@ -6,6 +6,7 @@ use super::shared::SharedIds;
 use super::{Invariant, Report};
 use crate::error::Place;
 use crate::page::Page;
+use crate::page_buf::PageBuf;
 use crate::reader::Chpm;
 use chpm_mesh::{Attributes, ClusterId, GroupId};
 
@@ -42,9 +43,9 @@ impl GroupCheck {
         for cluster in file.coarse(id).iter().copied().map(ClusterId) {
             match file.page_checked(cluster) {
                 Ok(page) => {
-                    cluster::check(file, cluster, &page, &mut self.scratch, shared, report);
+                    cluster::check(file, cluster, &page.view(), &mut self.scratch, shared, report);
                     report.good_pages += 1;
-                    report.triangles += page.triangles.len() as u64;
+                    report.triangles += page.view().triangles.len() as u64;
                     coarse.push(page);
                 }
                 Err(error) => report.expect(false, Invariant::Bytes, Place::Page(cluster), error),
@@ -53,6 +54,7 @@ impl GroupCheck {
         if coarse.len() < file.coarse(id).len() {
             return;
         }
+        let coarse: Vec<_> = coarse.iter().map(PageBuf::view).collect();
         if coarse.len() > 1 {
             self.check_boundary(id, &coarse, report);
         }
@@ -60,6 +62,7 @@ impl GroupCheck {
         let fine: Result<Vec<_>, _> =
             file.fine(id).iter().map(|fine| file.page_checked(ClusterId(*fine))).collect();
         let Ok(fine) = fine else { return };
+        let fine: Vec<_> = fine.iter().map(PageBuf::view).collect();
         let vertices: usize = coarse.iter().chain(&fine).map(Page::vertex_count).sum();
         let countable = u32::try_from(vertices).is_ok();
         report.expect(countable, Invariant::Bytes, Place::Group(id), "fewer than 2^32 vertices expected");

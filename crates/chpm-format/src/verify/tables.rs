@@ -7,7 +7,7 @@ use crate::header::VERSION_MINOR;
 use crate::reader::Chpm;
 use crate::records::ClusterRecord;
 use crate::tables::{bounds, leaf_triangles, max_error, statistics};
-use crate::{PAGE_ALIGN, align_up};
+use crate::align_up;
 use chpm_mesh::{ClusterId, GroupId};
 use std::fmt::Debug;
 
@@ -67,7 +67,8 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
             (header.attributes().normals || c.normal_deviation.to_bits() == 0),
             (header.attributes().colors || c.color_deviation.to_bits() == 0),
         ];
-        let flags = c.flags & !ClusterRecord::TRIMMED;
+        let known = if header.is_packed() { ClusterRecord::PACKED } else { 0 } | ClusterRecord::TRIMMED;
+        let flags = c.flags & !known;
         zero(flags == 0 && absent == [true; 2] && c.reserved == [0; 16], Place::Cluster(id));
     }
     for (id, g) in (0..).map(GroupId).zip(file.groups()) {
@@ -150,7 +151,7 @@ pub(super) fn check_source_vertices<D: AsRef<[u8]>>(file: &Chpm<D>, leaf_ids: u6
 pub(super) fn page_padding_is_zero<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId) -> bool {
     let record = &file.clusters()[id.index()];
     let end = record.page_offset + u64::from(record.page_len);
-    let padded = align_up(end, PAGE_ALIGN).unwrap_or(end);
+    let padded = align_up(end, file.header().page_align.into()).unwrap_or(end);
     file.bytes().get(end as usize..padded as usize).is_some_and(|padding| padding.iter().all(|b| *b == 0))
 }
 

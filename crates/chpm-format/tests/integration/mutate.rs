@@ -16,6 +16,7 @@ fn use_all(bytes: Vec<u8>) -> bool {
     let Ok(file) = Chpm::open(bytes) else { return false };
     for id in (0..file.clusters().len() as u32).map(ClusterId) {
         if let Ok(page) = file.page(id) {
+            let page = page.view();
             let mut mesh = Vec::new();
             page.progressive_mesh().triangles_at(page.vertices_for(0.02), &mut mesh);
             assert!(page.shared().all(|(local, _)| page.is_shared(local)));

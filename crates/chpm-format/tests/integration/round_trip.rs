@@ -14,6 +14,7 @@ fn a_tetrahedron_comes_back() {
     assert_eq!(file.metadata().unwrap(), metadata());
     assert_eq!(file.roots().collect::<Vec<_>>(), [ClusterId(0)]);
     let page = file.page_checked(ClusterId(0)).unwrap();
+    let page = page.view();
     assert_eq!(page.triangles, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]);
     assert_eq!((page.vertex_count(), page.base_vertex_count, page.base_triangle_count), (4, 3, 2));
     let report = verify(&file, |_, _| ());
@@ -31,7 +32,9 @@ fn two_levels_come_back() {
     assert_eq!((level.cluster_count, level.vertex_count, level.triangle_count), (2, 18, 16));
     assert_eq!((level.shared_vertex_count, level.refusals), (6, [7; 8]));
     let left = file.page(ClusterId(2)).unwrap();
+    let left = left.view();
     let right = file.page(ClusterId(1)).unwrap();
+    let right = right.view();
     let ids = |page: &Page<'_>| page.shared().map(|(_, id)| id).collect::<Vec<_>>();
     assert_eq!((ids(&left), ids(&right)), (vec![0, 1, 2], vec![0, 1, 2]));
     for ((a, _), (b, _)) in left.shared().zip(right.shared()) {
@@ -53,6 +56,7 @@ fn attributes_and_many_levels_come_back() {
     assert_eq!(verify(&file, |_, _| ()).faults, []);
     for (id, cluster) in sample.clusters.iter().enumerate() {
         let page = file.page(ClusterId(id as u32)).unwrap();
+        let page = page.view();
         assert_eq!(page.positions, cluster.positions);
         assert_eq!(page.normals, cluster.normals);
         assert_eq!(page.colors, cluster.colors);

@@ -15,7 +15,9 @@ fn stored_errors(file: &File) -> Vec<f32> {
     let ids = (0..file.clusters().len() as u32).map(ClusterId);
     let pages = ids.map(|id| file.page(id).unwrap());
     let errors = pages.flat_map(|page| {
-        (page.base_vertex_count..=page.vertex_count()).map(move |n| page.error_at(n).to_bits())
+        let page = page.view();
+        let positions = page.base_vertex_count..=page.vertex_count();
+        positions.map(|n| page.error_at(n).to_bits()).collect::<Vec<_>>()
     });
     errors.collect::<BTreeSet<_>>().into_iter().map(f32::from_bits).collect()
 }
@@ -62,7 +64,7 @@ proptest! {
             let pixels = |cut: &Cut| {
                 let members = cut.members().iter().map(|member| {
                     let group = file.clusters()[member.cluster.index()].group();
-                    let error = file.page(member.cluster).unwrap().error_at(member.vertices as usize);
+                    let error = file.page(member.cluster).unwrap().view().error_at(member.vertices as usize);
                     view.pixels_of(error, hierarchy.region(group))
                 });
                 members.fold(0.0, f64::max)

@@ -58,7 +58,8 @@ fn one_cursor_serves_every_cluster() {
     let mut cursor = PmCursor::default();
     for file in ALL.iter().map(|plan| plan.build()) {
         for id in (0..file.clusters().len() as u32).map(ClusterId) {
-            let mesh = File::page(&file, id).unwrap().progressive_mesh();
+            let page = File::page(&file, id).unwrap();
+            let mesh = page.view().progressive_mesh();
             cursor.load(&mesh);
             for n in (mesh.base_vertex_count..=mesh.vertex_count).rev() {
                 cursor.move_to(n);

@@ -23,6 +23,7 @@ fn stored_errors(file: &File) -> Vec<f32> {
     bits.extend(file.groups().iter().flat_map(|group| [group.min_error, group.max_error]).map(f32::to_bits));
     for id in (0..file.clusters().len() as u32).map(ClusterId) {
         let page = file.page(id).unwrap();
+        let page = page.view();
         bits.extend((page.base_vertex_count..=page.vertex_count()).map(|n| page.error_at(n).to_bits()));
     }
     bits.into_iter().map(f32::from_bits).collect()
@@ -35,6 +36,7 @@ fn naive_at_error(file: &File, bound: f32) -> Cut {
         let split = |group: chpm_mesh::GroupId| file.groups()[group.index()].min_error > bound;
         if (record.is_root() || split(record.parent_group())) && !split(record.group()) {
             let page = file.page(cluster).unwrap();
+            let page = page.view();
             let mut positions = page.base_vertex_count..=page.vertex_count();
             let n = positions.find(|n| page.error_at(*n) <= bound).unwrap();
             members.push(Member { cluster, vertices: n as u32 });
@@ -103,6 +105,7 @@ fn naive_at_distance(file: &File, bound: f32) -> Cut {
         };
         if (record.is_root() || split(record.parent_group())) && !split(record.group()) {
             let page = file.page(cluster).unwrap();
+            let page = page.view();
             let gaps = file.gaps(record.group());
             let mut positions = page.base_vertex_count..=page.vertex_count();
             let n = positions.find(|n| gaps.distance(page.error_at(*n)) <= bound);

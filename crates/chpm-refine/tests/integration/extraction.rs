@@ -31,6 +31,7 @@ fn played(file: &File, cut: &Cut, plan: &Plan) -> Vec<[u32; 3]> {
     let mut all = Vec::new();
     for member in cut.members() {
         let page = file.page(member.cluster).unwrap();
+        let page = page.view();
         let mut triangles = Vec::new();
         page.progressive_mesh().triangles_at(member.vertices as usize, &mut triangles);
         let mut vertices = TriMesh::default();
@@ -110,6 +111,7 @@ fn the_order_is_that_of_the_file() {
     let file = PAIRS.build();
     let mesh = extract(&file, &Cut::at_level(&file, Level(0))).unwrap();
     let page = file.page(chpm_mesh::ClusterId(0)).unwrap();
+    let page = page.view();
     assert_eq!(&mesh.positions[..page.vertex_count()], page.positions);
     let first: Vec<_> = page.triangles.iter().map(|t| t.map(u32::from)).collect();
     assert_eq!(&mesh.triangles[..first.len()], first);

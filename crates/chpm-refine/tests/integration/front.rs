@@ -119,7 +119,9 @@ fn bounds_that_are_stored_errors_are_kept_to_exactly() {
         let hierarchy = Hierarchy::new(&file);
         let pages = || (0..file.clusters().len() as u32).map(|id| file.page(ClusterId(id)).unwrap());
         let errors = pages().flat_map(|page| {
-            (page.base_vertex_count..=page.vertex_count()).map(move |n| page.error_at(n).to_bits())
+            let page = page.view();
+            let positions = page.base_vertex_count..=page.vertex_count();
+            positions.map(|n| page.error_at(n).to_bits()).collect::<Vec<_>>()
         });
         let errors: Vec<u32> = errors.collect::<BTreeSet<_>>().into_iter().collect();
         let mut list = ActiveList::new(&file);

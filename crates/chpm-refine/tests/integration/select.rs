@@ -33,7 +33,7 @@ fn naive(file: &File, hierarchy: &Hierarchy, view: &View) -> Cut {
     let mut members = Vec::new();
     for (cluster, record) in (0..).map(ClusterId).zip(file.clusters()) {
         if (record.is_root() || split(record.parent_group())) && !split(record.group()) {
-            let vertices = file.page(cluster).unwrap().vertices_for(bound(record.group())) as u32;
+            let vertices = file.page(cluster).unwrap().view().vertices_for(bound(record.group())) as u32;
             members.push(Member { cluster, vertices });
         }
     }

@@ -37,7 +37,7 @@ impl Film {
     pub(crate) fn point(&self) -> Result<[f64; 3], Box<dyn Error>> {
         let file = self.viewer.file();
         let root = file.roots().next().ok_or("no root")?;
-        Ok(file.page(root)?.positions[0].map(f64::from))
+        Ok(file.page(root)?.view().positions[0].map(f64::from))
     }
 
     pub(crate) fn shoot(&mut self, request: &FrameRequest) -> Result<Shot, ViewerError> {

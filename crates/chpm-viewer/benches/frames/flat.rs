@@ -77,6 +77,7 @@ impl Flat {
         let mut triangles = Vec::new();
         for member in select(file, &Hierarchy::new(file), &view)?.members() {
             let (page, first) = (file.page(member.cluster)?, positions.len() as u32);
+            let page = page.view();
             triangles.clear();
             page.progressive_mesh().triangles_at(member.vertices as usize, &mut triangles);
             positions.extend_from_slice(&page.positions[..member.vertices as usize]);

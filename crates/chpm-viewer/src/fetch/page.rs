@@ -33,7 +33,7 @@ impl PageData {
         cluster: ClusterId,
     ) -> Result<Self, ViewerError> {
         let record = &file.clusters()[cluster.index()];
-        let len = record.page_len as usize;
+        let mut len = record.page_len as usize;
         let mut words = vec![0; len.div_ceil(size_of::<u32>())];
         let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];
         let path = || file.get_ref().path().to_path_buf();
@@ -44,7 +44,11 @@ impl PageData {
             len: record.page_len,
             source,
         })?;
-        file.page_checked_in(cluster, bytes).map_err(|source| ViewerError::Page { path: path(), source })?;
+        let page = file.page_checked_in(cluster, bytes);
+        let page = page.map_err(|source| ViewerError::Page { path: path(), source })?;
+        if let Some(unpacked) = page.into_words() {
+            (words, len) = (unpacked, file.page_len(cluster) as usize);
+        }
         Ok(PageData { cluster, words, len, charged: None, block: Mutex::new(None) })
     }
 
@@ -89,7 +93,7 @@ impl PageData {
         self.cluster
     }
 
-    /// Bytes that it takes, those of the file.
+    /// Bytes that it takes: those of the page when it is not packed.
     pub fn len_bytes(&self) -> u64 {
         self.len as u64
     }

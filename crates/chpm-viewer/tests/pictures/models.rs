@@ -119,6 +119,7 @@ pub(crate) fn cameras(file: &Chpm<MappedFile>, each: usize) -> Vec<Camera> {
     let header = file.header();
     let bounds = header.aabb();
     let page = file.page(file.roots().next().expect("a root")).expect("a sound page");
+    let page = page.view();
     let point = page.positions[page.base_vertex_count / 2].map(f64::from);
     let mut all = CameraPath::orbit(&bounds, each).cameras;
     all.extend(CameraPath::dive(&bounds, point, each).cameras);

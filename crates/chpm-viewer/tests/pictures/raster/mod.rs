@@ -78,6 +78,7 @@ impl Raster {
         vertices: usize,
     ) -> Result<(), RefineError> {
         let page = file.page(cluster)?;
+        let page = page.view();
         let mesh = page.progressive_mesh();
         for (triangle, corners) in (0..).zip(page.triangles) {
             let [a, b, c] = corners.map(|corner| mesh.resolve(corner, vertices));

@@ -1,0 +1,161 @@
+//! Whether two files hold the same, in whatever order and however packed.
+
+use crate::error::FormatError;
+use crate::page::Page;
+use crate::reader::Chpm;
+use crate::records::{ClusterRecord, GroupRecord};
+use crate::tables::known_gaps;
+use chpm_mesh::{ClusterId, GroupId};
+use std::collections::BTreeMap;
+use std::fmt::Debug;
+use xxhash_rust::xxh3::Xxh3;
+
+/// Differences that are told in full.
+const TOLD: usize = 20;
+
+/// What the content of two files differs in; nothing if both have the same clusters, errors and groups, and with them the same cuts. The
+/// order of clusters, groups and triangles, how pages are stored, and provenance do not count.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Differences {
+    /// The first of them, one a line.
+    pub told: Vec<String>,
+    /// How many there are.
+    pub count: u64,
+}
+
+impl Differences {
+    fn tell(&mut self, message: impl FnOnce() -> String) {
+        self.count += 1;
+        if self.told.len() < TOLD {
+            self.told.push(message());
+        }
+    }
+
+    fn compare<T: PartialEq + Debug>(&mut self, what: &str, [a, b]: [T; 2]) {
+        if a != b {
+            self.tell(|| format!("{what}: {a:?} here, {b:?} there"));
+        }
+    }
+}
+
+/// Compares the content of two files. `progress` is told each cluster.
+///
+/// # Errors
+/// The first page that is damaged.
+pub fn compare<A: AsRef<[u8]>, B: AsRef<[u8]>>(
+    here: &Chpm<A>,
+    there: &Chpm<B>,
+    mut progress: impl FnMut(),
+) -> Result<Differences, FormatError> {
+    let mut differences = Differences::default();
+    let (a, b) = (here.header(), there.header());
+    differences.compare("attributes", [a.attributes, b.attributes]);
+    differences.compare("vertices of the source", [a.source_vertex_count, b.source_vertex_count]);
+    differences.compare("treatment of boundaries", [a.boundary_mode, b.boundary_mode]);
+    differences.compare("meaning of errors", [a.error_kind, b.error_kind]);
+    differences.compare("shared vertices", [a.shared_vertex_count, b.shared_vertex_count]);
+    differences.compare("origin", [a.origin.map(f64::to_bits), b.origin.map(f64::to_bits)]);
+    differences.compare("levels", [here.levels(), there.levels()]);
+    let clusters_here = clusters(here, &mut progress)?;
+    let clusters_there = clusters(there, &mut progress)?;
+    let groups = [groups(here, &clusters_here), groups(there, &clusters_there)];
+    compare_sets("cluster", [clusters_here, clusters_there], &mut differences);
+    let [here, there] = groups;
+    compare_sets("group", [here, there], &mut differences);
+    Ok(differences)
+}
+
+/// Tells what only one of two has, by what it holds.
+fn compare_sets(what: &str, [here, there]: [Vec<u128>; 2], differences: &mut Differences) {
+    let mut counts: BTreeMap<u128, (i64, usize)> = BTreeMap::new();
+    for (id, held) in here.iter().enumerate() {
+        counts.entry(*held).or_insert((0, id)).0 += 1;
+    }
+    let mut only_there = Vec::new();
+    for (id, held) in there.iter().enumerate() {
+        match counts.get_mut(held) {
+            Some((count, _)) if *count > 0 => *count -= 1,
+            _ => only_there.push(id),
+        }
+    }
+    let mut only_here: Vec<usize> = counts.values().filter(|left| left.0 > 0).map(|left| left.1).collect();
+    only_here.sort_unstable();
+    for id in only_here {
+        differences.tell(|| format!("{what} {id} here has no equal there"));
+    }
+    for id in only_there {
+        differences.tell(|| format!("{what} {id} there has no equal here"));
+    }
+}
+
+/// What each cluster holds, as a number.
+fn clusters<D: AsRef<[u8]>>(file: &Chpm<D>, progress: &mut impl FnMut()) -> Result<Vec<u128>, FormatError> {
+    let mut triangles = Vec::new();
+    (0..)
+        .map(ClusterId)
+        .zip(file.clusters())
+        .map(|(id, record)| {
+            let page = file.page_checked(id)?;
+            let mut hash = Xxh3::new();
+            let alike = ClusterRecord {
+                page_offset: 0,
+                page_len: 0,
+                page_checksum: 0,
+                group: 0,
+                parent_group: 0,
+                flags: record.flags & ClusterRecord::TRIMMED,
+                ..*record
+            };
+            hash.update(bytemuck::bytes_of(&alike));
+            add_page(&page.view(), &mut triangles, &mut hash);
+            progress();
+            Ok(hash.digest128())
+        })
+        .collect()
+}
+
+fn add_page(page: &Page<'_>, triangles: &mut Vec<[u16; 3]>, hash: &mut Xxh3) {
+    triangles.clear();
+    triangles.extend(page.triangles.iter().map(|[a, b, c]| {
+        // Turned so that its least corner is the first.
+        if a < b && a < c {
+            [*a, *b, *c]
+        } else if b < c {
+            [*b, *c, *a]
+        } else {
+            [*c, *a, *b]
+        }
+    }));
+    triangles.sort_unstable();
+    hash.update(bytemuck::cast_slice(triangles));
+    hash.update(bytemuck::cast_slice(page.positions));
+    hash.update(bytemuck::cast_slice(page.normals));
+    hash.update(bytemuck::cast_slice(page.colors));
+    hash.update(bytemuck::cast_slice(page.shared_ids));
+    hash.update(bytemuck::cast_slice(page.targets));
+    hash.update(bytemuck::cast_slice(page.error_codes));
+    hash.update(page.shared_bits);
+    hash.update(bytemuck::bytes_of(&page.error_scale));
+}
+
+/// What each group holds: what its clusters hold, and its own errors, gaps and sphere.
+fn groups<D: AsRef<[u8]>>(file: &Chpm<D>, clusters: &[u128]) -> Vec<u128> {
+    let mut held = Vec::new();
+    (0..)
+        .map(GroupId)
+        .zip(file.groups())
+        .map(|(id, record)| {
+            let mut hash = Xxh3::new();
+            let gaps = known_gaps(file, id);
+            let alike = GroupRecord { coarse_first: 0, fine_first: 0, flags: 0, gaps, ..*record };
+            hash.update(bytemuck::bytes_of(&alike));
+            for members in [file.coarse(id), file.fine(id)] {
+                held.clear();
+                held.extend(members.iter().map(|cluster| clusters[*cluster as usize]));
+                held.sort_unstable();
+                hash.update(bytemuck::cast_slice(&held));
+            }
+            hash.digest128()
+        })
+        .collect()
+}

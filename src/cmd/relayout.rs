@@ -1,0 +1,127 @@
+//! `chpm relayout`: the same file with its pages stored otherwise.
+
+use super::{Verdict, open, reading, stdout};
+use crate::memory::{self, MemoryArgs};
+use crate::number;
+use crate::output;
+use crate::progress::Meter;
+use crate::stop::Stop;
+use anyhow::{Context, Result, ensure};
+use chpm_extmem::{AtomicFile, MappedFile, same_file};
+use chpm_format::{Chpm, ClusterRecord, FormatError, Tables, checksum, packed};
+use chpm_mesh::{Bytes, ClusterId};
+use clap::ValueEnum;
+use rayon::prelude::*;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Pages that are worked on before they are written.
+const BATCH: usize = 64;
+
+/// What `chpm relayout` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The .chpm file
+    file: PathBuf,
+    /// The file to write
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// How pages are stored
+    #[arg(long, value_name = "HOW", value_enum)]
+    pages: Pages,
+    /// Replace the output if it exists
+    #[arg(short, long)]
+    force: bool,
+    /// Worker threads; one per processor if not given
+    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
+    threads: Option<u32>,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+    #[command(flatten)]
+    memory: MemoryArgs,
+}
+
+/// How pages are stored.
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum Pages {
+    /// As they are used: read in place, at multiples of 4096 bytes
+    Raw,
+    /// Every bit of them in less than half of the bytes, to be unpacked when they are read
+    Packed,
+}
+
+/// Writes the file, and says how long it is.
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    output::RELAYOUT.check(&args.output)?;
+    let is_input = same_file(&args.file, &args.output);
+    ensure!(!is_input, "the output '{}' is the input itself; choose another name", args.output.display());
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads.unwrap_or(0) as usize)
+        .build()
+        .context("cannot start the worker threads")?;
+    let file = open(&args.file)?;
+    memory::divide(&file, args.memory.memory(), BATCH as u64 * largest(&file))?;
+    let len = reading(&file, || pool.install(|| write(&file, args, stop)))?;
+    let (from, triangles) = (file.header().file_len, file.header().source_triangle_count.max(1) as f64);
+    let mut out = stdout();
+    writeln!(
+        out,
+        "{}: {}, {:.2} bytes a source triangle ({}, {:.2}, before)",
+        args.output.display(),
+        Bytes(len),
+        len as f64 / triangles,
+        Bytes(from),
+        from as f64 / triangles,
+    )?;
+    out.flush()?;
+    Ok(Verdict::Good)
+}
+
+/// Bytes of memory for the largest page and its packed form.
+fn largest(file: &Chpm<MappedFile>) -> u64 {
+    let pages = (0..file.header().cluster_count).map(|id| file.page_len(ClusterId(id)));
+    2 * pages.max().unwrap_or(0)
+}
+
+/// Pages first, each behind the one before; then the tables, which say where these are.
+fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
+    let (meter, cancel) = (Meter::new(args.quiet), stop.heed());
+    let mut tables = Tables::of(file)?;
+    tables.header.packed = args.pages == Pages::Packed;
+    let out = AtomicFile::create(&args.output, args.force)?;
+    let align = if tables.header.packed { chpm_format::PACKED_ALIGN } else { chpm_format::PAGE_ALIGN };
+    let mut offset = tables.first_page_offset()?;
+    let ids: Vec<ClusterId> = (0..file.header().cluster_count).map(ClusterId).collect();
+    meter.start("relayout", ids.len() as u64);
+    for batch in ids.chunks(BATCH) {
+        crate::stop::check(&cancel)?;
+        let stored = batch.par_iter().map(|id| store(file, *id, args.pages)).collect::<Result<Vec<_>, _>>()?;
+        for (id, (bytes, flag)) in batch.iter().zip(stored) {
+            out.write_all_at(&bytes, offset)?;
+            offset = (offset + bytes.len() as u64).next_multiple_of(align);
+            let record = &mut tables.clusters[id.index()];
+            record.page_len = bytes.len() as u32;
+            record.page_checksum = checksum(&bytes);
+            record.flags = record.flags & ClusterRecord::TRIMMED | flag;
+        }
+        meter.add(batch.len() as u64);
+    }
+    meter.finish();
+    let head = tables.encode()?;
+    out.set_len(tables.file_len()?)?;
+    out.write_all_at(&head, 0)?;
+    out.publish()?;
+    Ok(tables.file_len()?)
+}
+
+/// A page as it is to be stored, and the flag that says so. A page that packing does not make shorter stays as it is.
+fn store(file: &Chpm<MappedFile>, id: ClusterId, pages: Pages) -> Result<(Vec<u8>, u32), FormatError> {
+    let page = file.page_checked(id)?;
+    let raw = page.bytes_or(file.page_bytes(id));
+    let mut bytes = Vec::new();
+    if pages == Pages::Packed && packed::pack(raw, &mut bytes)? {
+        return Ok((bytes, ClusterRecord::PACKED));
+    }
+    Ok((raw.to_vec(), 0))
+}
