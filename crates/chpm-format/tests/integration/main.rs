@@ -4,6 +4,8 @@
 mod hostile;
 /// Random damage under right checksums never panics.
 mod mutate;
+/// Every bit of a page comes back from its packed form, and damage is refused.
+mod packed;
 /// What is written is what is read.
 mod round_trip;
 /// Small files to test with.
