@@ -4,7 +4,9 @@
 use crate::cmd::render;
 #[cfg(feature = "viewer")]
 use crate::cmd::view;
-use crate::cmd::{batch, bench, build, demo, dump, extract, info, measure, path, relayout, synth, verify, walk};
+use crate::cmd::{
+    batch, bench, build, demo, dump, extract, info, measure, path, relayout, synth, verify, walk,
+};
 use crate::number;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Layout, Length, Topology};

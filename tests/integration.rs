@@ -40,6 +40,8 @@ mod integration {
     mod odd_cuts;
     /// What is written, and where: devices, links, streams, names, limits.
     mod outputs;
+    /// Pages stored otherwise, and proof that they hold the same.
+    mod relayout;
     /// Pictures, and camera paths in pictures.
     #[cfg(feature = "viewer")]
     mod render;

@@ -96,7 +96,8 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     meter.start("relayout", ids.len() as u64);
     for batch in ids.chunks(BATCH) {
         crate::stop::check(&cancel)?;
-        let stored = batch.par_iter().map(|id| store(file, *id, args.pages)).collect::<Result<Vec<_>, _>>()?;
+        let stored =
+            batch.par_iter().map(|id| store(file, *id, args.pages)).collect::<Result<Vec<_>, _>>()?;
         for (id, (bytes, flag)) in batch.iter().zip(stored) {
             out.write_all_at(&bytes, offset)?;
             offset = (offset + bytes.len() as u64).next_multiple_of(align);

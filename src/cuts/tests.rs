@@ -3,7 +3,7 @@ use super::seams::Seams;
 use super::walk::{Found, Walker};
 use super::*;
 use chpm_build::{BuildConfig, Silent, build};
-use chpm_format::{ChpmWriter, HeaderFields, Invariant, Page, PageParts, Tables, checksum};
+use chpm_format::{ChpmWriter, Invariant, PageParts, Tables, checksum};
 use chpm_import::ply::{self, Encoding};
 use chpm_mesh::{ClusterId, GroupId, Level, TriMesh, VertexSlices};
 use chpm_refine::{Member, extract};
@@ -168,22 +168,7 @@ struct Parts {
 
 /// The file with the page of one cluster changed, and everything else as it must be for that.
 fn changed(file: &Model, cluster: ClusterId, change: impl FnOnce(&mut Parts)) -> Model {
-    let header = file.header();
-    let mut tables = Tables {
-        header: HeaderFields {
-            attributes: header.attributes(),
-            source_vertex_count: header.source_vertex_count,
-            boundary_mode: header.boundary_mode().unwrap(),
-            error_kind: header.error_kind().unwrap(),
-            shared_vertex_count: header.shared_vertex_count,
-            origin: header.origin,
-        },
-        clusters: file.clusters().to_vec(),
-        groups: file.groups().to_vec(),
-        members: file.members().to_vec(),
-        levels: file.levels().to_vec(),
-        metadata: file.metadata().unwrap(),
-    };
+    let mut tables = Tables::of(file).unwrap();
     let page = file.page(cluster).unwrap();
     let page = page.view();
     let mut parts = Parts {

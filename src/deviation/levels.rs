@@ -128,7 +128,8 @@ pub(crate) fn at_position(file: &Chpm<MappedFile>, level: u32, part: f64) -> Res
             members.push(*member);
             continue;
         }
-        let vertices = file.page(member.cluster)?.view().vertices_for(bound(file, record.group(), part)?) as u32;
+        let vertices =
+            file.page(member.cluster)?.view().vertices_for(bound(file, record.group(), part)?) as u32;
         members.push(Member { vertices, ..*member });
     }
     Ok(Cut::new(members))

@@ -1,7 +1,7 @@
 //! Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
 
 use super::harness::{Folder, text};
-use chpm_format::{BoundaryMode, Chpm, ChpmWriter, HeaderFields, PageParts, Tables, checksum};
+use chpm_format::{Chpm, ChpmWriter, PageParts, Tables, checksum};
 use chpm_mesh::{ClusterId, TriMesh};
 use chpm_synth::hand;
 use serde_json::Value;

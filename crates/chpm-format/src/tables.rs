@@ -1,10 +1,11 @@
 //! Everything of a file but its pages, as a builder hands it to the writer.
 
 use crate::error::{FormatError, Place, invalid, require, require_eq};
-use crate::header::{
-    BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, PACKED_PAGES, VERSION_MAJOR, VERSION_MINOR, page_align,
-};
 use crate::gaps::Gaps;
+use crate::header::{
+    BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, PACKED_PAGES, VERSION_MAJOR, VERSION_MINOR,
+    page_align,
+};
 use crate::metadata::Metadata;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
@@ -93,7 +94,12 @@ impl Tables {
     /// Metadata above the limit, or a file of 2^64 bytes.
     pub fn file_len(&self) -> Result<u64, FormatError> {
         let mut end = self.pages_offset(self.metadata.encode()?.len() as u64);
-        end = place_pages(end, page_align(self.header.packed), self.clusters.iter().map(|c| c.page_len), |_, _| Ok(()))?;
+        end = place_pages(
+            end,
+            page_align(self.header.packed),
+            self.clusters.iter().map(|c| c.page_len),
+            |_, _| Ok(()),
+        )?;
         Ok(end)
     }
 

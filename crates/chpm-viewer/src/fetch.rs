@@ -58,7 +58,8 @@ impl Fetch {
         let path = file.get_ref().path();
         let pages =
             File::open(path).map_err(|source| ViewerError::Open { path: path.to_path_buf(), source })?;
-        let lens: Vec<u64> = (0..file.header().cluster_count).map(|id| file.page_len(ClusterId(id))).collect();
+        let lens: Vec<u64> =
+            (0..file.header().cluster_count).map(|id| file.page_len(ClusterId(id))).collect();
         let roots = file.roots().map(|root| lens[root.index()]).sum();
         let (room, blocks) = (AtomicU64::new(0), AtomicU64::new(0));
         let queue = Mutex::new(Queue::new(lens, budget.0.max(roots)));

@@ -153,7 +153,11 @@ impl<'a> BitReader<'a> {
 
     /// All was read, and no more than there was.
     pub(super) fn finish(self) -> Result<(), Damage> {
-        if self.at.div_ceil(8) == self.bytes.len() { Ok(()) } else { Err(Damage("as many open bits as symbols need")) }
+        if self.at.div_ceil(8) == self.bytes.len() {
+            Ok(())
+        } else {
+            Err(Damage("as many open bits as symbols need"))
+        }
     }
 }
 

@@ -217,7 +217,9 @@ impl Writer {
             let place = if a == NONE || b == NONE { None } else { self.finder.find(a, b) };
             place.map(|place| (place, turn))
         });
-        let Some((place, turn)) = found.max_by_key(|(place, _)| *place) else { return self.apart(corners, bits) };
+        let Some((place, turn)) = found.max_by_key(|(place, _)| *place) else {
+            return self.apart(corners, bits);
+        };
         let back = self.walk.edges.len() as u32 - 1 - place;
         let (symbol, len, open) = EDGES.split(back);
         self.symbols.edges.push((1 + 3 * symbol + turn as u32) as u8);
@@ -279,4 +281,3 @@ impl Writer {
         symbol
     }
 }
-

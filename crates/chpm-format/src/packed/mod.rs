@@ -159,7 +159,10 @@ impl Packer {
         }
         let view = self.put_positions(page.positions);
         if !page.normals.is_empty() {
-            self.put_array(page.normals.iter().map(|n| n.map(|x| View::Binary.integer(x).unwrap_or_default())), middle);
+            self.put_array(
+                page.normals.iter().map(|n| n.map(|x| View::Binary.integer(x).unwrap_or_default())),
+                middle,
+            );
         }
         if !page.colors.is_empty() {
             self.put_array(page.colors.iter().map(|c| c.map(u32::from)), middle);
@@ -222,7 +225,11 @@ impl Packer {
             let (a, b, c) = if rank == 0 { ([0; N], [0; N], [0; N]) } else { (at(g.a), at(g.b), at(g.c)) };
             let own = vertices[usize::from(*vertex)];
             for i in 0..N {
-                put_difference(own[i].wrapping_sub(guess(a[i], b[i], c[i])), &mut self.symbols, &mut self.bits);
+                put_difference(
+                    own[i].wrapping_sub(guess(a[i], b[i], c[i])),
+                    &mut self.symbols,
+                    &mut self.bits,
+                );
             }
         }
         self.parts.push(self.symbols.len());
@@ -393,7 +400,9 @@ impl Unpacker {
         symbols.clear();
         symbols.reserve(most);
         let expanded = self.zstd.decompress_to_buffer(frame, symbols);
-        expanded.map_err(|error| invalid(PLACE, "packed page", "a frame of zstd that holds its symbols", error))?;
+        expanded.map_err(|error| {
+            invalid(PLACE, "packed page", "a frame of zstd that holds its symbols", error)
+        })?;
         Ok(())
     }
 

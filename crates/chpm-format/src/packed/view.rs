@@ -20,8 +20,8 @@ pub(super) const MOST_DIGITS: u8 = 7;
 pub(super) const MOST_PLACES: u8 = 22;
 
 const TENS: [f64; MOST_PLACES as usize + 1] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21,
-    1e22,
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
+    1e19, 1e20, 1e21, 1e22,
 ];
 
 impl View {
@@ -61,7 +61,10 @@ impl View {
             }
         }
         let view = View::Decimal { digits: digits as u8, places: places as u8 };
-        let same = |number: &f32| view.integer(*number).is_some_and(|i| view.float(i).is_some_and(|f| f.to_bits() == number.to_bits()));
+        let same = |number: &f32| {
+            view.integer(*number)
+                .is_some_and(|i| view.float(i).is_some_and(|f| f.to_bits() == number.to_bits()))
+        };
         numbers.iter().all(same).then_some(view)
     }
 

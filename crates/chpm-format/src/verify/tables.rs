@@ -1,13 +1,13 @@
 //! What the tables alone show: statistics, balance, errors and spheres over the groups.
 
 use super::{Invariant, Report};
+use crate::align_up;
 use crate::error::Place;
 use crate::gaps::Gaps;
 use crate::header::VERSION_MINOR;
 use crate::reader::Chpm;
 use crate::records::ClusterRecord;
 use crate::tables::{bounds, leaf_triangles, max_error, statistics};
-use crate::align_up;
 use chpm_mesh::{ClusterId, GroupId};
 use std::fmt::Debug;
 

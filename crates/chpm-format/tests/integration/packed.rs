@@ -2,8 +2,10 @@
 
 use crate::sample::{Sample, sheet, tetrahedron};
 use chpm_format::page::PAGE_HEADER_LEN;
-use chpm_format::{Chpm, ChpmWriter, ClusterRecord, FormatError, Page, PageParts, Tables, checksum, packed, same, verify};
-use chpm_mesh::{Attributes, ClusterId};
+use chpm_format::{
+    Chpm, ChpmWriter, ClusterRecord, FormatError, Page, PageParts, Tables, checksum, packed, same, verify,
+};
+use chpm_mesh::{Attributes, ClusterId, VertexSlices};
 use proptest::prelude::*;
 
 const ALL: Attributes = Attributes { normals: true, colors: true };
@@ -55,7 +57,12 @@ fn a_packed_file_is_sound_shorter_and_the_same() {
     for attributes in [Attributes::NONE, ALL] {
         let sample = sheet(64, 40, 4, attributes);
         let (raw, packed) = (Chpm::open(sample.bytes()).unwrap(), Chpm::open(packed_file(&sample)).unwrap());
-        assert!(packed.bytes().len() * 2 < raw.bytes().len(), "{} of {}", packed.bytes().len(), raw.bytes().len());
+        assert!(
+            packed.bytes().len() * 2 < raw.bytes().len(),
+            "{} of {}",
+            packed.bytes().len(),
+            raw.bytes().len()
+        );
         let report = verify(&packed, |_, _| ());
         assert!(report.is_ok(), "{:?}", report.faults);
         assert!((0..raw.clusters().len() as u32).all(|id| packed.is_packed(ClusterId(id))));
@@ -111,7 +118,9 @@ fn lengths_of_packed_pages_have_bounds() {
     let (mut tables, mut pages) = sample.tables();
     let unpacked = tables.clusters[1].page_len;
     pack_all(&mut tables, &mut pages);
-    for (len, legal) in [(unpacked, false), (unpacked - 1, true), (unpacked / 64, false), (unpacked / 64 + 1, true)] {
+    for (len, legal) in
+        [(unpacked, false), (unpacked - 1, true), (unpacked / 64, false), (unpacked / 64 + 1, true)]
+    {
         tables.clusters[1].page_len = len;
         assert_eq!(tables.encode().is_ok(), legal, "{len} of {unpacked}");
     }
@@ -125,7 +134,10 @@ fn lengths_of_packed_pages_have_bounds() {
 fn small_pages_come_back_or_stay_as_they_are() {
     let (_, pages) = tetrahedron().tables();
     assert_eq!(comes_back(&pages[0]), 110, "a whole frame of zstd, and yet shorter");
-    let point = PageParts { positions: &[[1.0, 2.0, 3.0]], ..PageParts::default() };
+    let point = PageParts {
+        vertices: VertexSlices { positions: &[[1.0, 2.0, 3.0]], ..VertexSlices::default() },
+        ..PageParts::default()
+    };
     let mut page = Vec::new();
     point.encode(&mut page).unwrap();
     comes_back(&page);
@@ -140,9 +152,11 @@ fn small_pages_come_back_or_stay_as_they_are() {
 /// Coordinates of many kinds: of a text, of a grid, of any bits.
 fn coordinate() -> impl Strategy<Value = Vec<f32>> {
     let bits = any::<u32>().prop_map(f32::from_bits);
-    let text = (-99_999_i32..99_999, 0_u32..7).prop_map(|(n, places)| (f64::from(n) / 10f64.powi(places as i32)) as f32);
+    let text = (-99_999_i32..99_999, 0_u32..7)
+        .prop_map(|(n, places)| (f64::from(n) / 10f64.powi(places as i32)) as f32);
     let fixed = (-9_999_999_i32..9_999_999).prop_map(|n| (f64::from(n) / 1000.0) as f32);
-    let small = prop_oneof![Just(0.0f32), Just(-0.0), Just(1e-45), Just(f32::MAX), Just(f32::NAN), 0.0f32..1.0];
+    let small =
+        prop_oneof![Just(0.0f32), Just(-0.0), Just(1e-45), Just(f32::MAX), Just(f32::NAN), 0.0f32..1.0];
     let many = |one: BoxedStrategy<f32>| proptest::collection::vec(one, 3..900).boxed();
     prop_oneof![many(bits.boxed()), many(text.boxed()), many(fixed.boxed()), many(small.boxed())]
 }
@@ -171,14 +185,19 @@ fn any_page() -> impl Strategy<Value = Vec<u8>> {
         let targets: Vec<u16> = (base..v).map(|i| next(i) as u16).collect();
         let mut errors: Vec<f32> = targets.iter().map(|_| next(1000) as f32 / 64.0).collect();
         errors.sort_by(|a, b| b.total_cmp(a));
-        let shared: Vec<(u16, u32)> =
-            (0..v as u16).filter(|_| seed % 3 == 0).map(|i| (i, (seed >> 20) as u32 ^ u32::from(i))).collect();
+        let shared: Vec<(u16, u32)> = (0..v as u16)
+            .filter(|_| seed % 3 == 0)
+            .map(|i| (i, (seed >> 20) as u32 ^ u32::from(i)))
+            .collect();
         let normals: Vec<[f32; 3]> = positions.iter().map(|p| p.map(|x| x * 0.1)).collect();
-        let colors: Vec<[u8; 4]> = positions.iter().map(|_| [next(256) as u8, 7, 255, next(2) as u8]).collect();
+        let colors: Vec<[u8; 4]> =
+            positions.iter().map(|_| [next(256) as u8, 7, 255, next(2) as u8]).collect();
         let parts = PageParts {
-            positions: &positions,
-            normals: if attributes & 1 == 1 { &normals } else { &[] },
-            colors: if attributes & 2 == 2 { &colors } else { &[] },
+            vertices: VertexSlices {
+                positions: &positions,
+                normals: if attributes & 1 == 1 { &normals } else { &[] },
+                colors: if attributes & 2 == 2 { &colors } else { &[] },
+            },
             triangles: &corners,
             targets: &targets,
             errors: &errors,

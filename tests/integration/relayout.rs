@@ -1,0 +1,92 @@
+//! The same file with its pages stored otherwise.
+
+use super::harness::Folder;
+use chpm_format::{Chpm, ClusterRecord};
+use chpm_mesh::{Attributes, ClusterId};
+use chpm_synth::{Shape, Synth};
+
+fn built(attributes: Attributes, triangles: u64) -> Folder {
+    let folder = Folder::new();
+    let mut mesh = Synth::new(Shape::Isosurface, triangles, 1).to_mesh();
+    let vertices = 0..mesh.positions.len();
+    if attributes.normals {
+        mesh.normals = mesh.positions.clone();
+    }
+    if attributes.colors {
+        mesh.colors = vertices.map(|v| [v as u8, (v / 7) as u8, 9, 255]).collect();
+    }
+    folder.write_mesh("in.ply", &mesh);
+    folder.stdout("build in.ply -q --cluster-triangles 512");
+    folder
+}
+
+#[test]
+fn packed_pages_hold_the_same_in_less_than_half_and_go_back() {
+    for attributes in [Attributes::NONE, Attributes { normals: true, colors: true }] {
+        let folder = built(attributes, 12_000);
+        let said = folder.stdout("relayout in.chpm -o packed.chpm --pages packed -q");
+        assert!(said.contains("bytes a source triangle"), "{said}");
+        let [raw, packed] = ["in.chpm", "packed.chpm"].map(|name| folder.read(name));
+        assert!(2 * packed.len() < raw.len(), "{} of {}", packed.len(), raw.len());
+        let same = folder.stdout("verify packed.chpm --same-as in.chpm --against in.ply --cuts 3 -q");
+        assert!(same.contains("packed.chpm: holds the same as in.chpm"), "{same}");
+        folder.stdout("verify in.chpm --same-as packed.chpm -q");
+        folder.stdout("relayout packed.chpm -o back.chpm --pages raw -q");
+        assert!(folder.read("back.chpm") == raw, "every byte comes back");
+        folder.stdout("relayout packed.chpm -o again.chpm --pages packed -q --threads 1");
+        assert!(
+            folder.read("again.chpm") == packed,
+            "the same bytes, whatever it is made from, by any threads"
+        );
+    }
+}
+
+#[test]
+fn verbs_answer_of_packed_pages_what_they_answer_of_raw_ones() {
+    let folder = built(Attributes { normals: true, colors: true }, 12_000);
+    folder.stdout("relayout in.chpm -o packed.chpm --pages packed -q");
+    for how in ["--triangles 3000", "--error 0.5%", "--level 1", "--level 0"] {
+        folder.stdout(&format!("extract in.chpm {how} -o a.ply -f"));
+        folder.stdout(&format!("extract packed.chpm {how} -o b.ply -f"));
+        assert!(folder.read("a.ply") == folder.read("b.ply"), "{how}");
+    }
+    folder.stdout("path dive in.chpm --frames 10 -o dive.path");
+    folder.stdout("walk in.chpm dive.path --csv a.csv -q");
+    folder.stdout("walk packed.chpm dive.path --csv b.csv -q");
+    let columns = |name: &str| {
+        let text = String::from_utf8(folder.read(name)).expect("text");
+        // Times and reads of the file differ.
+        let lines = text.lines().map(|line| line.split(',').take(5).collect::<Vec<_>>().join(","));
+        lines.collect::<Vec<_>>()
+    };
+    assert_eq!(columns("a.csv"), columns("b.csv"));
+    let pages = |name: &str| {
+        let text = folder.stdout(&format!("dump --pages {name}"));
+        text.lines().filter(|line| line.starts_with("  ")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert!(pages("in.chpm") == pages("packed.chpm"));
+}
+
+#[test]
+fn what_is_not_the_same_is_a_fault() {
+    let folder = built(Attributes::NONE, 4_000);
+    folder.stdout("build in.ply -o other.chpm -q --cluster-triangles 256");
+    folder.chpm("verify in.chpm --same-as other.chpm -q").code(1);
+    let said =
+        String::from_utf8(folder.chpm("verify in.chpm --same-as other.chpm -q").get_output().stdout.clone());
+    assert!(said.expect("text").contains("I9 not the same as 'other.chpm': "));
+    // One coordinate, under right checksums.
+    let mut bytes = folder.read("in.chpm");
+    let (offset, len) = {
+        let file = Chpm::open(bytes.clone()).expect("a file");
+        let record: &ClusterRecord = &file.clusters()[ClusterId(0).index()];
+        (record.page_offset as usize, record.page_len as usize)
+    };
+    bytes[offset + len - 1] ^= 0x80;
+    folder.write("bent.chpm", &bytes);
+    let said = folder.stderr("relayout bent.chpm -o out.chpm --pages packed -q", 2);
+    assert!(said.contains("page of cluster 0") && said.contains("checksum"), "{said}");
+    assert!(!folder.names().iter().any(|name| name.starts_with("out")), "nothing is left");
+    let said = folder.stderr("relayout in.chpm -o in.chpm --pages packed -f", 2);
+    assert!(said.contains("is the input itself"), "{said}");
+}
