@@ -8,8 +8,9 @@ use crate::progress::line;
 use crate::report::{self, LevelRow, count, per_triangle};
 use anyhow::Result;
 use chpm_extmem::MappedFile;
+use chpm_format::packed::{self, PARTS};
 use chpm_format::{Chpm, Metadata, SectionKind};
-use chpm_mesh::{Bytes, Counted, GroupId};
+use chpm_mesh::{Bytes, ClusterId, Counted, GroupId};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -22,6 +23,9 @@ pub(crate) struct Args {
     /// Also read every page and tell how often a vertex cache misses for a triangle
     #[arg(long)]
     cache: bool,
+    /// Also read every page and tell what its bytes are for
+    #[arg(long)]
+    parts: bool,
     /// As JSON
     #[arg(long)]
     json: bool,
@@ -53,9 +57,15 @@ fn show(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
     let levels = report::levels_of(file);
     let sizes = Sizes::of(file);
     let drawn = args.cache.then(|| caches::draw(file)).transpose()?;
+    let parts = args.parts.then(|| parts(file)).transpose()?;
     let mut out = stdout();
     if args.json {
         let mut value = as_json(&args.file, file, metadata.as_ref(), &levels, &sizes);
+        if let Some(parts) = parts {
+            let name = |part: &str| part.replace(' ', "_");
+            let bytes = parts.map(|bytes| bytes.round() as u64);
+            value["bytes"]["parts"] = PARTS.map(name).into_iter().zip(bytes).collect();
+        }
         if let Some([all, roots]) = drawn {
             value["vertex_cache"] =
                 json!({ "size": caches::SIZE, "clusters": all.as_json(), "roots": roots.as_json() });
@@ -65,6 +75,7 @@ fn show(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
         print_model(&args.file, file, metadata.as_ref(), &mut out)?;
         print_tables(&levels, &mut out)?;
         print_sizes(file, &sizes, &mut out)?;
+        parts.map_or(Ok(()), |parts| print_parts(file, &sizes, parts, &mut out))?;
         drawn.map_or(Ok(()), |drawn| print_caches(drawn, &mut out))?;
         metadata.as_ref().map_or(Ok(()), |metadata| print_provenance(metadata, &mut out))?;
     }
@@ -149,6 +160,33 @@ fn print_sizes<D: AsRef<[u8]>>(file: &Chpm<D>, sizes: &Sizes, out: &mut impl Wri
         Bytes(tables),
         per_triangle(whole, file.header().source_triangle_count),
     )
+}
+
+/// Bytes of all pages by [`PARTS`]. Those of packed pages are found by packing them once more.
+fn parts(file: &Chpm<MappedFile>) -> Result<[f64; PARTS.len()]> {
+    let mut sums = [0; PARTS.len()];
+    for id in (0..file.header().cluster_count).map(ClusterId) {
+        let page = file.page(id)?;
+        let sizes = match file.is_packed(id) {
+            true => packed::sizes(page.bytes_or(&[]))?,
+            false => page.view().sizes(),
+        };
+        sums.iter_mut().zip(sizes).for_each(|(sum, bits)| *sum += bits);
+    }
+    Ok(sums.map(|bits| bits as f64 / 8.0))
+}
+
+fn print_parts<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    sizes: &Sizes,
+    parts: [f64; PARTS.len()],
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let triangles = file.header().source_triangle_count.max(1) as f64;
+    let rest = [("tables", sizes.tables as f64), ("padding", sizes.padding as f64)];
+    let all = PARTS.into_iter().zip(parts).chain(rest);
+    let told = all.map(|(part, bytes)| format!("{part} {:.3}", bytes / triangles));
+    writeln!(out, "parts      {} bytes a source triangle", told.collect::<Vec<_>>().join(", "))
 }
 
 fn print_caches([all, roots]: [Drawn; 2], out: &mut impl Write) -> io::Result<()> {

@@ -78,7 +78,7 @@ fn every_key_is_documented_and_appears() {
         ("build", "build in.ply -qf --json --cluster-triangles 256", 0),
         ("build", "build odd.obj -qf --json", 0),
         ("info", "info in.chpm --json", 0),
-        ("info", "info odd.chpm --cache --json", 0),
+        ("info", "info odd.chpm --cache --parts --json", 0),
         ("verify", "verify in.chpm --against in.ply --cuts 2 -q --json", 0),
         ("verify", "verify in.chpm --against in.ply --errors --cuts 1 -q --json", 0),
         ("verify", "verify bad.chpm -q --json", 1),

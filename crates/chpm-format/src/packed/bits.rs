@@ -82,6 +82,11 @@ impl BitWriter {
         }
     }
 
+    /// Bits that were written.
+    pub(super) fn count(&self) -> u64 {
+        8 * self.bytes.len() as u64 + u64::from(self.len)
+    }
+
     /// Fills the last byte with zeros.
     pub(super) fn finish(&mut self) {
         if self.len > 0 {

@@ -57,14 +57,22 @@ fn most_symbols(header: &PageHeader, attributes: Attributes) -> usize {
     4 * t + v * (1 + 3 + numbers) + 2 * collapses + header.shared_count as usize + v.div_ceil(8)
 }
 
+/// The end of a stream.
+#[derive(Clone, Copy, Default)]
+struct Part {
+    symbols: usize,
+    bits: u64,
+    written: usize,
+}
+
 /// What packing works with, kept from page to page.
 struct Packer {
     writer: Writer,
     walk_bits: BitWriter,
     bits: BitWriter,
     symbols: Vec<u8>,
-    /// Where zstd begins anew, with statistics of its own.
-    parts: Vec<usize>,
+    /// Where zstd begins anew, with statistics of its own; the open bits up to there; the bytes that zstd had written.
+    parts: Vec<Part>,
     numbers: Vec<u32>,
     zstd: Encoder<'static>,
 }
@@ -95,19 +103,39 @@ pub fn pack(raw: &[u8], out: &mut Vec<u8>) -> Result<bool, FormatError> {
         return Ok(false);
     }
     let start = out.len();
-    PACKER.with_borrow_mut(|packer| {
-        let packer = match packer {
-            Some(packer) => packer,
-            None => packer.insert(Packer::new()?),
-        };
-        packer.pack(raw, &page, out)
-    })?;
+    with_packer(|packer| packer.pack(raw, &page, out))?;
     let len = out.len() - start;
     let shorter = len < raw.len() && raw.len() <= MOST_TIMES * len;
     if !shorter {
         out.truncate(start);
     }
     Ok(shorter)
+}
+
+/// Bits of a page's packed form by what they are for, in the order of [`PARTS`].
+///
+/// # Errors
+/// As [`pack`].
+pub fn sizes(raw: &[u8]) -> Result<[u64; PARTS.len()], FormatError> {
+    let page = Page::parse(raw)?;
+    with_packer(|packer| {
+        packer.pack(raw, &page, &mut Vec::new())?;
+        Ok(packer.sizes(page.attributes()))
+    })
+}
+
+/// What the bytes of a page are for; [`Page::sizes`] has those of one that is not packed.
+pub const PARTS: [&str; 8] =
+    ["positions", "connectivity", "order of vertices", "collapses", "error codes", "shared vertices", "attributes", "heads"];
+
+fn with_packer<T>(work: impl FnOnce(&mut Packer) -> io::Result<T>) -> Result<T, FormatError> {
+    PACKER.with_borrow_mut(|packer| {
+        let packer = match packer {
+            Some(packer) => packer,
+            None => packer.insert(Packer::new()?),
+        };
+        Ok(work(packer)?)
+    })
 }
 
 /// Fills `raw` with the page of a packed one, which must be as long as the packed page's counts say.
@@ -155,7 +183,7 @@ impl Packer {
         let written = &self.writer.symbols;
         for stream in [&written.edges, &written.thirds, &written.corners] {
             self.symbols.extend_from_slice(stream);
-            self.parts.push(self.symbols.len());
+            self.parts.push(Part { symbols: self.symbols.len(), bits: self.bits.count(), written: 0 });
         }
         let view = self.put_positions(page.positions);
         if !page.normals.is_empty() {
@@ -185,6 +213,26 @@ impl Packer {
         self.compress(out)
     }
 
+    /// Ends a stream of symbols.
+    fn end_part(&mut self) {
+        self.parts.push(Part { symbols: self.symbols.len(), bits: self.bits.count(), written: 0 });
+    }
+
+    /// Bits of the page that was packed last, by [`PARTS`].
+    fn sizes(&self, attributes: Attributes) -> [u64; PARTS.len()] {
+        let mut sizes = [0; PARTS.len()];
+        let arrays = arrays(attributes).map(|_| 6);
+        let kinds = [2, 1, 1, 1, 0].into_iter().chain(arrays).chain([3, 4, 5, 5]);
+        let mut before = Part::default();
+        for (part, kind) in self.parts.iter().zip(kinds) {
+            sizes[kind] += part.bits - before.bits + 8 * (part.written - before.written) as u64;
+            before = *part;
+        }
+        sizes[1] += 8 * self.walk_bits.bytes.len() as u64;
+        sizes[7] = 8 * HEAD_LEN as u64;
+        sizes
+    }
+
     /// The vertex of each rank: one of the base mesh by the difference to the last of these, another as it is.
     fn put_order(&mut self, base: usize) {
         let len = index_len(self.writer.order.len() - base);
@@ -201,7 +249,7 @@ impl Packer {
                 }
             }
         }
-        self.parts.push(self.symbols.len());
+        self.end_part();
     }
 
     fn put_positions(&mut self, positions: &[[f32; 3]]) -> View {
@@ -232,7 +280,7 @@ impl Packer {
                 );
             }
         }
-        self.parts.push(self.symbols.len());
+        self.end_part();
     }
 
     fn put_collapses(&mut self, page: &Page<'_>) {
@@ -241,21 +289,21 @@ impl Packer {
             let difference = u32::from(ranks[usize::from(*to)]).wrapping_sub((*from).into());
             put_difference(difference, &mut self.symbols, &mut self.bits);
         }
-        self.parts.push(self.symbols.len());
+        self.end_part();
         let mut last = 0;
         for code in page.error_codes.iter().rev().copied().map(u32::from) {
             put_difference(code.wrapping_sub(last), &mut self.symbols, &mut self.bits);
             last = code;
         }
-        self.parts.push(self.symbols.len());
+        self.end_part();
         let mut last = 0;
         for id in page.shared_ids {
             put_difference(id.wrapping_sub(last), &mut self.symbols, &mut self.bits);
             last = *id;
         }
-        self.parts.push(self.symbols.len());
+        self.end_part();
         self.symbols.extend_from_slice(page.shared_bits);
-        self.parts.push(self.symbols.len());
+        self.end_part();
     }
 
     fn compress(&mut self, out: &mut Vec<u8>) -> io::Result<()> {
@@ -265,17 +313,20 @@ impl Packer {
         self.zstd.set_pledged_src_size(Some(total as u64))?;
         let mut buffer = OutBuffer::around(&mut out[start..]);
         let mut from = 0;
-        for (index, to) in self.parts.iter().copied().enumerate() {
-            let mut input = InBuffer::around(&self.symbols[from..to]);
-            while input.pos() < to - from {
+        let last = self.parts.len() - 1;
+        for (index, part) in self.parts.iter_mut().enumerate() {
+            let mut input = InBuffer::around(&self.symbols[from..part.symbols]);
+            while input.pos() < part.symbols - from {
                 self.zstd.run(&mut input, &mut buffer)?;
             }
-            from = to;
-            if index + 1 < self.parts.len() {
+            from = part.symbols;
+            if index < last {
                 while self.zstd.flush(&mut buffer)? > 0 {}
+            } else {
+                while self.zstd.finish(&mut buffer, true)? > 0 {}
             }
+            part.written = buffer.pos();
         }
-        while self.zstd.finish(&mut buffer, true)? > 0 {}
         let len = buffer.pos();
         out.truncate(start + len);
         Ok(())
