@@ -221,7 +221,16 @@ impl<'a> Page<'a> {
         let (v, collapses) = (self.vertex_count() as u64, self.targets.len() as u64);
         let own = self.attributes().vertex_len() as u64 - 12;
         let shared = 32 * self.shared_ids.len() as u64 + 8 * self.shared_bits.len() as u64;
-        [96 * v, 48 * self.triangles.len() as u64, 0, 16 * collapses, 16 * collapses, shared, 8 * own * v, 512]
+        [
+            96 * v,
+            48 * self.triangles.len() as u64,
+            0,
+            16 * collapses,
+            16 * collapses,
+            shared,
+            8 * own * v,
+            512,
+        ]
     }
 
     /// The mesh and its collapse order, to play.

@@ -115,7 +115,7 @@ impl<'a> BitReader<'a> {
         value
     }
 
-    #[inline]
+    #[inline(always)]
     fn word(&self) -> u64 {
         let first = self.at / 8;
         let word = match self.bytes.get(first..first + 8) {
@@ -133,7 +133,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// The differences of some symbols.
-    #[inline]
+    #[inline(always)]
     pub(super) fn differences<const N: usize>(&mut self, symbols: &[u8; N]) -> [u32; N] {
         let mut differences = [0; N];
         let (mut word, mut left) = (self.word(), 57);

@@ -125,8 +125,16 @@ pub fn sizes(raw: &[u8]) -> Result<[u64; PARTS.len()], FormatError> {
 }
 
 /// What the bytes of a page are for; [`Page::sizes`] has those of one that is not packed.
-pub const PARTS: [&str; 8] =
-    ["positions", "connectivity", "order of vertices", "collapses", "error codes", "shared vertices", "attributes", "heads"];
+pub const PARTS: [&str; 8] = [
+    "positions",
+    "connectivity",
+    "order of vertices",
+    "collapses",
+    "error codes",
+    "shared vertices",
+    "attributes",
+    "heads",
+];
 
 fn with_packer<T>(work: impl FnOnce(&mut Packer) -> io::Result<T>) -> Result<T, FormatError> {
     PACKER.with_borrow_mut(|packer| {

@@ -1,0 +1,65 @@
+//! Packs all pages of a file in memory, and unpacks them again and again: what packing costs and gives, in this thread's time alone.
+//!
+//! `cargo run --release -p chpm-format --example unpack_speed -- scan.chpm`, a file of raw pages. Processor time is counted, not time on the wall, in steps of a
+//! hundredth of a second.
+
+use chpm_format::{Chpm, packed};
+use chpm_mesh::ClusterId;
+use std::error::Error;
+use std::fs;
+
+/// Triangles to unpack at least.
+const TRIANGLES: u64 = 40_000_000;
+
+/// Seconds of the processor that this process has used, outside of the system.
+fn user_time() -> Result<f64, Box<dyn Error>> {
+    let stat = fs::read_to_string("/proc/self/stat")?;
+    let behind_name = stat.rsplit(") ").next().unwrap_or_default();
+    Ok(behind_name.split(' ').nth(11).unwrap_or_default().parse::<f64>()? / 100.0)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let name = std::env::args().nth(1).ok_or("name a .chpm file")?;
+    let bytes = fs::read(&name)?;
+    let mut words = vec![0u64; bytes.len().div_ceil(8)];
+    bytemuck::cast_slice_mut(&mut words)[..bytes.len()].copy_from_slice(&bytes);
+    let file = Chpm::open(&bytemuck::cast_slice(&words)[..bytes.len()])?;
+    let ids = || (0..file.header().cluster_count).map(ClusterId);
+    let source = file.header().source_triangle_count as f64;
+    let triangles: u64 = file.clusters().iter().map(|cluster| u64::from(cluster.triangle_count)).sum();
+
+    let start = user_time()?;
+    let mut pages = Vec::new();
+    for id in ids() {
+        let mut page = Vec::new();
+        if packed::pack(file.page_bytes(id), &mut page)? {
+            pages.push((id, page));
+        }
+    }
+    let packing = user_time()? - start;
+
+    let mut raw = vec![0; ids().map(|id| file.page_len(id)).max().unwrap_or(0) as usize];
+    for (id, page) in &pages {
+        let raw = &mut raw[..file.page_len(*id) as usize];
+        packed::unpack(page, raw)?;
+        assert_eq!(raw, file.page_bytes(*id), "every bit comes back");
+    }
+    let times = TRIANGLES.div_ceil(triangles.max(1));
+    let start = user_time()?;
+    for (id, page) in (0..times).flat_map(|_| &pages) {
+        packed::unpack(page, &mut raw[..file.page_len(*id) as usize])?;
+    }
+    let unpacking = (user_time()? - start) / times as f64;
+
+    let of = |bytes: usize| bytes as f64 / source;
+    let before = of(ids().map(|id| file.page_bytes(id).len()).sum());
+    let after = of(pages.iter().map(|(_, page)| page.len()).sum());
+    println!("{name}: {} of {} pages packed", pages.len(), ids().count());
+    println!("pages: {before:.2} bytes a source triangle, packed {after:.2}");
+    println!(
+        "packing: {packing:.2} s, {:.1} million stored triangles a second",
+        triangles as f64 / packing / 1e6
+    );
+    println!("unpacking: {unpacking:.3} s, {:.1} million", triangles as f64 / unpacking / 1e6);
+    Ok(())
+}
