@@ -13,7 +13,7 @@ use crate::gpu::TestBox;
 use crate::gpu::block::Layout;
 use crate::request::Budgets;
 use chpm_extmem::MappedFile;
-use chpm_format::{Chpm, ClusterRecord};
+use chpm_format::{Chpm, ClusterRecord, PageBuf};
 use chpm_mesh::{Bytes, ClusterId, GroupId};
 use chpm_refine::{
     ActiveList, Changes, Front, Hierarchy, Member, Pager, RefineError, Residency, Traffic, View, Wanted,
@@ -295,7 +295,8 @@ impl Scene {
         let bound = |group| self.bounds.of(group, &self.hierarchy, view);
         let page = |cluster: ClusterId, _| {
             let page = pages[cluster.index()].as_ref();
-            page.map(|page| page.page().into()).ok_or(RefineError::Cluster { cluster, count: pages.len() })
+            page.map(|page| PageBuf::from(page.page()))
+                .ok_or(RefineError::Cluster { cluster, count: pages.len() })
         };
         let changes = self.list.update_with(file, &self.hierarchy, bound, ready, page);
         if changes.is_err() {
