@@ -1,4 +1,4 @@
-//! `chpm relayout`: the same file with its pages stored otherwise.
+//! `chpm relayout`: the same file with its pages stored otherwise, or in another order.
 
 use super::{Verdict, open, reading, stdout};
 use crate::memory::{self, MemoryArgs};
@@ -7,11 +7,13 @@ use crate::output;
 use crate::progress::Meter;
 use crate::stop::Stop;
 use anyhow::{Context, Result, ensure};
+use chpm_build::page_order::{self, Run};
 use chpm_extmem::{AtomicFile, MappedFile, same_file};
 use chpm_format::{Chpm, ClusterRecord, FormatError, Tables, checksum, packed};
-use chpm_mesh::{Bytes, ClusterId};
+use chpm_mesh::{Aabb, Bytes, ClusterId, GroupId};
 use clap::ValueEnum;
 use rayon::prelude::*;
+use std::cmp::Reverse;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -26,9 +28,12 @@ pub(crate) struct Args {
     /// The file to write
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// How pages are stored
-    #[arg(long, value_name = "HOW", value_enum)]
-    pages: Pages,
+    /// How pages are stored; as they are if not given
+    #[arg(long, value_name = "HOW", value_enum, required_unless_present = "order")]
+    pages: Option<Pages>,
+    /// In which order pages are; as they are if not given
+    #[arg(long, value_name = "NAME", value_enum)]
+    order: Option<Order>,
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
@@ -49,6 +54,15 @@ enum Pages {
     Raw,
     /// Every bit of them in less than half of the bytes, to be unpacked when they are read
     Packed,
+}
+
+/// In which order pages are.
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum Order {
+    /// Those of a split side by side, the largest errors first, as a build has them
+    Splits,
+    /// From the coarsest level to the finest
+    Levels,
 }
 
 /// Writes the file, and says how long it is.
@@ -88,20 +102,21 @@ fn largest(file: &Chpm<MappedFile>) -> u64 {
 fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     let (meter, cancel) = (Meter::new(args.quiet), stop.heed());
     let mut tables = Tables::of(file)?;
-    tables.header.packed = args.pages == Pages::Packed;
+    let was = if tables.header.packed { Pages::Packed } else { Pages::Raw };
+    let pages = args.pages.unwrap_or(was);
+    tables.header.packed = pages == Pages::Packed;
+    let ids = order(file, args.order);
+    tables.reorder(&ids);
     let out = AtomicFile::create(&args.output, args.force)?;
     let align = if tables.header.packed { chpm_format::PACKED_ALIGN } else { chpm_format::PAGE_ALIGN };
     let mut offset = tables.first_page_offset()?;
-    let ids: Vec<ClusterId> = (0..file.header().cluster_count).map(ClusterId).collect();
     meter.start("relayout", ids.len() as u64);
-    for batch in ids.chunks(BATCH) {
+    for (batch, records) in ids.chunks(BATCH).zip(tables.clusters.chunks_mut(BATCH)) {
         crate::stop::check(&cancel)?;
-        let stored =
-            batch.par_iter().map(|id| store(file, *id, args.pages)).collect::<Result<Vec<_>, _>>()?;
-        for (id, (bytes, flag)) in batch.iter().zip(stored) {
+        let stored = batch.par_iter().map(|id| store(file, *id, pages)).collect::<Result<Vec<_>, _>>()?;
+        for (record, (bytes, flag)) in records.iter_mut().zip(stored) {
             out.write_all_at(&bytes, offset)?;
             offset = (offset + bytes.len() as u64).next_multiple_of(align);
-            let record = &mut tables.clusters[id.index()];
             record.page_len = bytes.len() as u32;
             record.page_checksum = checksum(&bytes);
             record.flags = record.flags & ClusterRecord::TRIMMED | flag;
@@ -114,6 +129,35 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     out.write_all_at(&head, 0)?;
     out.publish()?;
     Ok(tables.file_len()?)
+}
+
+/// The clusters in the order that their pages are to have.
+fn order(file: &Chpm<MappedFile>, order: Option<Order>) -> Vec<ClusterId> {
+    let mut ids: Vec<ClusterId> = (0..file.header().cluster_count).map(ClusterId).collect();
+    match order {
+        None => ids,
+        Some(Order::Levels) => {
+            ids.sort_by_key(|id| Reverse(file.clusters()[id.index()].level));
+            ids
+        }
+        Some(Order::Splits) => page_order::order(runs(file)).into_iter().map(ClusterId).collect(),
+    }
+}
+
+/// Pages that are read together: roots, and the fine clusters of groups.
+fn runs(file: &Chpm<MappedFile>) -> Vec<Run> {
+    let run = |error: f32, clusters: Vec<u32>| {
+        let mut bounds = Aabb::EMPTY;
+        clusters.iter().for_each(|id| bounds.merge(&file.clusters()[*id as usize].aabb()));
+        Run { error, center: bounds.center().coords.map(|x| x as f32).into(), clusters }
+    };
+    let roots = file.roots().map(|root| run(f32::INFINITY, vec![root.0]));
+    let groups = (0..file.groups().len() as u32).map(|group| file.fine(GroupId(group)));
+    let splits = groups.filter(|fine| !fine.is_empty()).map(|fine| {
+        let own_group = |id: &u32| &file.groups()[file.clusters()[*id as usize].group().index()];
+        run(fine.iter().map(|id| own_group(id).max_error).fold(0.0, f32::max), fine.to_vec())
+    });
+    roots.chain(splits).collect()
 }
 
 /// A page as it is to be stored, and the flag that says so. A page that packing does not make shorter stays as it is.

@@ -2,7 +2,7 @@
 
 use super::harness::Folder;
 use chpm_format::{Chpm, ClusterRecord};
-use chpm_mesh::{Attributes, ClusterId};
+use chpm_mesh::{Attributes, ClusterId, GroupId};
 use chpm_synth::{Shape, Synth};
 
 fn built(attributes: Attributes, triangles: u64) -> Folder {
@@ -65,6 +65,30 @@ fn verbs_answer_of_packed_pages_what_they_answer_of_raw_ones() {
         text.lines().filter(|line| line.starts_with("  ")).map(str::to_owned).collect::<Vec<_>>()
     };
     assert!(pages("in.chpm") == pages("packed.chpm"));
+}
+
+#[test]
+fn an_order_changes_places_only() {
+    let folder = built(Attributes { normals: true, colors: true }, 12_000);
+    folder.stdout("build in.ply -o plain.chpm -q --cluster-triangles 512 --order simplification");
+    let open = |name: &str| Chpm::open(folder.read(name)).expect("a file");
+    // Whether all that a split brings lies side by side.
+    let is_by_splits = |name: &str| {
+        let file = open(name);
+        let groups = (0..file.groups().len() as u32).map(GroupId);
+        groups.map(|group| file.fine(group)).all(|fine| fine.windows(2).all(|pair| pair[1] == pair[0] + 1))
+    };
+    assert!(!is_by_splits("plain.chpm"));
+    folder.stdout("relayout plain.chpm -o splits.chpm --order splits -q");
+    assert!(is_by_splits("splits.chpm"));
+    folder.stdout("verify splits.chpm --same-as plain.chpm --against in.ply --cuts 3 -q");
+    folder.stdout("relayout splits.chpm -o levels.chpm --order levels -q");
+    assert!(open("levels.chpm").clusters().iter().map(|record| record.level).is_sorted_by(|a, b| a >= b));
+    // Packing and ordering do not get in each other's way.
+    folder.stdout("relayout plain.chpm -o packed.chpm --pages packed --order splits -q");
+    folder.stdout("relayout packed.chpm -o unpacked.chpm --pages raw -q");
+    assert!(folder.read("splits.chpm") == folder.read("unpacked.chpm"));
+    assert!(folder.stderr("relayout in.chpm -o out.chpm", 2).contains("--pages"));
 }
 
 #[test]

@@ -46,6 +46,19 @@ fn a_picture_shows_the_model_before_its_background() {
 }
 
 #[test]
+fn packed_pages_draw_what_raw_ones_draw() {
+    let folder = built();
+    folder.stdout("relayout in.chpm -o packed.chpm --pages packed --order levels -q");
+    for how in ["--poe 0.5", "--poe 8 --smooth", "--triangles 3000 --memory 1M"] {
+        let draw = |name: &str| {
+            folder.stdout(&format!("render {name} --viewport 200x120 {how} -o a.png -f"));
+            folder.read("a.png")
+        };
+        assert!(draw("in.chpm") == draw("packed.chpm"), "{how}");
+    }
+}
+
+#[test]
 fn looks_look_different() {
     let folder = built();
     let looks = ["", "--smooth", "--wireframe", "--color cluster", "--color level", "--color error", "--ids"];

@@ -13,7 +13,7 @@ use crate::section::{SectionEntry, SectionKind};
 use crate::structure::{Structure, member_range, place_pages};
 use crate::{PAGE_ALIGN, TABLE_ALIGN, align_up, checksum};
 use bytemuck::Zeroable;
-use chpm_mesh::{Aabb, Attributes, GroupId};
+use chpm_mesh::{Aabb, Attributes, ClusterId, GroupId};
 use std::mem;
 
 /// What the header says that the tables do not.
@@ -77,6 +77,26 @@ impl Tables {
             levels: file.levels().to_vec(),
             metadata: file.metadata()?,
         })
+    }
+
+    /// Puts the clusters in another order: `order` has the ids of today, each once, in the order to come. Their pages are to follow.
+    ///
+    /// # Panics
+    /// If an id is not that of a cluster.
+    pub fn reorder(&mut self, order: &[ClusterId]) {
+        let mut place = vec![0; self.clusters.len()];
+        for (new, old) in (0..).zip(order) {
+            place[old.index()] = new;
+        }
+        self.clusters = order.iter().map(|old| self.clusters[old.index()]).collect();
+        self.members.iter_mut().for_each(|id| *id = place[*id as usize]);
+        for group in &self.groups {
+            for (first, count) in
+                [(group.coarse_first, group.coarse_count), (group.fine_first, group.fine_count)]
+            {
+                self.members[first as usize..][..count as usize].sort_unstable();
+            }
+        }
     }
 
     /// Where the first page starts, for whoever writes pages before their lengths are known: each then follows at the next multiple of

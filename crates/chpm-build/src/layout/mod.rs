@@ -9,7 +9,7 @@ mod cluster_order;
 mod local_order;
 pub mod metric;
 mod multilevel;
-mod page_order;
+pub mod page_order;
 
 use crate::config::{Layout, Settings};
 use crate::context::Context;

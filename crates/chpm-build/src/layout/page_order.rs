@@ -8,16 +8,17 @@ use std::cmp::Reverse;
 
 /// Pages that are read together: the fine clusters of a group, or a root.
 #[derive(Clone, Debug)]
-pub(crate) struct Run {
+pub struct Run {
     /// Error of what they replace; infinite for roots.
-    pub(crate) error: f32,
+    pub error: f32,
     /// Centre of what they are about.
-    pub(crate) center: [f32; 3],
-    pub(crate) clusters: Vec<u32>,
+    pub center: [f32; 3],
+    /// Numbers of the clusters.
+    pub clusters: Vec<u32>,
 }
 
 /// All clusters of all runs in the order of the file. Those of a run stay in their order.
-pub(crate) fn order(runs: Vec<Run>) -> Vec<u32> {
+pub fn order(runs: Vec<Run>) -> Vec<u32> {
     let bounds = Aabb::of_points(runs.iter().map(|run| &run.center));
     // Numbers that are not negative order as their bits do.
     let key = |run: &Run| (Reverse(run.error.max(0.0).to_bits()), hilbert(cell(run.center, &bounds)));
