@@ -52,7 +52,7 @@ pub(crate) struct Args {
 enum Pages {
     /// As they are used: read in place, at multiples of 4096 bytes
     Raw,
-    /// Every bit of them in less than half of the bytes, to be unpacked when they are read
+    /// Every bit of them in fewer bytes, on scans less than half, to be unpacked when they are read
     Packed,
 }
 
