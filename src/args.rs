@@ -1,5 +1,6 @@
 //! The command line as it is typed, and how it becomes a build's configuration.
 
+use crate::cmd::relayout::Pages;
 #[cfg(feature = "viewer")]
 use crate::cmd::render;
 #[cfg(feature = "viewer")]
@@ -120,6 +121,9 @@ pub(crate) struct SettingsArgs {
     /// Leave the order as it is: the same as --order simplification
     #[arg(long, conflicts_with = "order")]
     no_layout: bool,
+    /// How pages are stored
+    #[arg(long, value_name = "HOW", value_enum, default_value_t = Pages::Raw)]
+    pages: Pages,
 }
 
 /// [`BoundaryMode`], as far as it can be built.
@@ -281,6 +285,7 @@ pub(crate) fn build_config(
             colors: !settings.no_colors,
             drop_invalid: settings.drop_invalid,
             layout: if settings.no_layout { Layout::Simplification } else { settings.order.layout() },
+            packed: settings.pages == Pages::Packed,
             ..Settings::default()
         },
         resources: Resources {
@@ -340,6 +345,7 @@ mod tests {
             "--no-colors",
             "--drop-invalid",
             "--order=cache-oblivious",
+            "--pages=packed",
             "--threads=5",
             "--memory=640M",
             "--work-dir=scratch",
@@ -356,7 +362,7 @@ mod tests {
         assert_eq!(s.min_component, Some(Length::OfDiagonal(3.0)));
         assert_eq!(config(&["--prune-exact"]).settings.finest_error, Some(Length::Units(0.0)));
         assert_eq!((s.normals, s.colors, s.drop_invalid), (false, false, true));
-        assert_eq!(s.layout, Layout::CacheOblivious);
+        assert_eq!((s.layout, s.packed), (Layout::CacheOblivious, true));
         let layout = |argument: &str| config(&[argument]).settings.layout;
         assert_eq!(layout("--no-layout"), Layout::Simplification);
         for (name, told) in [

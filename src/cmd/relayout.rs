@@ -49,7 +49,7 @@ pub(crate) struct Args {
 
 /// How pages are stored.
 #[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-enum Pages {
+pub(crate) enum Pages {
     /// As they are used: read in place, at multiples of 4096 bytes
     Raw,
     /// Every bit of them in fewer bytes, on scans less than half, to be unpacked when they are read

@@ -42,6 +42,27 @@ fn packed_pages_hold_the_same_in_less_than_half_and_go_back() {
 }
 
 #[test]
+fn a_build_packs_as_relayout_does() {
+    let folder = built(Attributes { normals: true, colors: true }, 12_000);
+    folder.stdout("relayout in.chpm -o packed.chpm --pages packed -q");
+    for resources in ["", "--threads 1 --memory 128M"] {
+        folder.stdout(&format!(
+            "build in.ply -o built.chpm -qf --cluster-triangles 512 --pages packed {resources}"
+        ));
+        let [built, packed] = ["built.chpm", "packed.chpm"].map(|name| folder.read(name));
+        // The built one says so in its settings.
+        assert!(built.len().abs_diff(packed.len()) < 128, "{} {}", built.len(), packed.len());
+        let [built, packed] = [built, packed].map(|bytes| Chpm::open(bytes).expect("a file"));
+        for id in (0..built.clusters().len() as u32).map(ClusterId) {
+            assert!(built.page_bytes(id) == packed.page_bytes(id), "{id}");
+        }
+    }
+    folder.stdout("verify built.chpm --same-as in.chpm --against in.ply -q");
+    folder.stdout("build in.ply -o trimmed.chpm -q --cluster-triangles 512 --pages packed --finest-error 1%");
+    folder.stdout("verify trimmed.chpm --against in.ply -q");
+}
+
+#[test]
 fn verbs_answer_of_packed_pages_what_they_answer_of_raw_ones() {
     let folder = built(Attributes { normals: true, colors: true }, 12_000);
     folder.stdout("relayout in.chpm -o packed.chpm --pages packed -q");

@@ -65,6 +65,8 @@ pub struct Settings {
     pub drop_invalid: bool,
     /// In which order clusters, vertices and triangles are.
     pub layout: Layout,
+    /// Whether pages are packed: the same bits in fewer bytes, to be unpacked when they are read.
+    pub packed: bool,
 }
 
 impl Default for Settings {
@@ -89,6 +91,7 @@ impl Default for Settings {
             colors: true,
             drop_invalid: false,
             layout: Layout::VertexCache,
+            packed: false,
         }
     }
 }
@@ -199,6 +202,7 @@ impl Settings {
         ];
         // Files of all that is there are as they were before this could be asked for.
         entries.extend(self.min_component.map(|size| entry("min-component", &size)));
+        entries.extend(self.packed.then(|| entry("pages", &"packed")));
         entries
     }
 }

@@ -1,6 +1,7 @@
 //! Emit: the file, published by rename when it is whole. Establishes I10 and I11.
 
 use crate::config::Settings;
+use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
@@ -11,7 +12,8 @@ use crate::stamp::GENERATOR;
 use crate::trim::Built;
 use chpm_extmem::AtomicFile;
 use chpm_format::{
-    ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata, Source as Provenance, Tables,
+    ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata, PACKED_ALIGN,
+    Source as Provenance, Tables,
 };
 use chpm_mesh::{Aabb, Attributes, GroupId, Sphere};
 use serde::{Deserialize, Serialize};
@@ -101,7 +103,7 @@ impl<'a> Output<'a> {
                 error_kind: ErrorKind::Certified,
                 shared_vertex_count: shared,
                 origin: facts.origin,
-                packed: false,
+                packed: settings.packed,
             },
             clusters: order.iter().map(placed).collect(),
             groups,
@@ -120,9 +122,32 @@ impl<'a> Output<'a> {
         Ok(self.out.write_all_at(payload, self.tables.clusters[place].page_offset)?)
     }
 
+    /// Moves packed pages together: before they were packed, only their full lengths were known. None comes to lie on one that has not been moved.
+    fn close_up(&mut self, places: &[u64], context: &Context<'_>) -> Result<(), BuildError> {
+        self.len = self.tables.assign_offsets()?;
+        let mut page = Vec::new();
+        for (record, place) in self.tables.clusters.iter().zip(places) {
+            context.check()?;
+            page.resize(record.page_len as usize, 0);
+            self.out.read_exact_at(&mut page, *place)?;
+            // What was there before must not show between pages.
+            page.resize(page.len().next_multiple_of(PACKED_ALIGN as usize), 0);
+            self.out.write_all_at(&page, record.page_offset)?;
+        }
+        Ok(self.out.set_len(self.len)?)
+    }
+
     /// Writes the tables and publishes the file.
-    pub(crate) fn finish(mut self, records: Vec<ClusterRecord>) -> Result<Written, BuildError> {
+    pub(crate) fn finish(
+        mut self,
+        records: Vec<ClusterRecord>,
+        context: &Context<'_>,
+    ) -> Result<Written, BuildError> {
+        let places: Vec<u64> = self.tables.clusters.iter().map(|record| record.page_offset).collect();
         self.tables.clusters = records;
+        if self.tables.header.packed {
+            self.close_up(&places, context)?;
+        }
         nest(&mut self.tables, self.order, self.tree);
         let roots = self.tables.clusters.iter().filter(|c| c.is_root()).count() as u32;
         let head = self.tables.encode()?;

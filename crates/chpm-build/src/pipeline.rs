@@ -111,8 +111,8 @@ fn run(
     let records = context
         .stage(Stage::Layout, order.len() as u64, || layout::run(&order, &built, settings, context, write))?;
 
-    let written =
-        context.stage(Stage::Emit, 1, || file.finish(records).inspect(|_| context.progress.advance(1)))?;
+    let written = context
+        .stage(Stage::Emit, 1, || file.finish(records, context).inspect(|_| context.progress.advance(1)))?;
     Ok(BuildReport {
         source_vertices: known.facts.provenance.vertex_count,
         triangles: known.facts.triangles,

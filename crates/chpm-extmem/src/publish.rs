@@ -97,6 +97,15 @@ impl AtomicFile {
         written.map_err(|source| ExtmemError::io("write", &self.target, bytes.len() as u64, source))
     }
 
+    /// Reads what was written at a place, to write it elsewhere.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Io`].
+    pub fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> Result<(), ExtmemError> {
+        let read = self.faults.access().and_then(|()| self.file.get_ref().read_exact_at(bytes, offset));
+        read.map_err(|source| ExtmemError::io("read", &self.target, bytes.len() as u64, source))
+    }
+
     /// Flushes, syncs to disk, renames to the target and syncs the directory.
     ///
     /// # Errors

@@ -90,13 +90,6 @@ impl Tables {
         }
         self.clusters = order.iter().map(|old| self.clusters[old.index()]).collect();
         self.members.iter_mut().for_each(|id| *id = place[*id as usize]);
-        for group in &self.groups {
-            for (first, count) in
-                [(group.coarse_first, group.coarse_count), (group.fine_first, group.fine_count)]
-            {
-                self.members[first as usize..][..count as usize].sort_unstable();
-            }
-        }
     }
 
     /// Where the first page starts, for whoever writes pages before their lengths are known: each then follows at the next multiple of

@@ -15,7 +15,7 @@ use crate::config::{Layout, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::trim::Built;
-use chpm_format::{ClusterRecord, Page};
+use chpm_format::{ClusterRecord, Page, checksum, packed};
 use chpm_mesh::{Aabb, GroupId, Level};
 use local_order::LocalOrder;
 use page_order::Run;
@@ -69,11 +69,9 @@ pub(crate) fn run(
     context: &Context<'_>,
     write: impl Fn(usize, &[u8]) -> Result<(), BuildError> + Sync,
 ) -> Result<Vec<ClusterRecord>, BuildError> {
-    let lay_out = |scratch: &mut Scratch, (place, node): (usize, &u32)| {
+    let lay_out = |(scratch, packed): &mut (Scratch, Vec<u8>), (place, node): (usize, &u32)| {
         context.check()?;
         let page = scratch.page(*node, built, settings)?;
-        write(place, page)?;
-        context.progress.advance(1);
         let level = Level(built.tree.nodes[*node as usize].level);
         let deviation = built.clusters.page(*node).deviation;
         let mut record = ClusterRecord {
@@ -84,9 +82,20 @@ pub(crate) fn run(
         if built.trimmed.as_ref().is_some_and(|trimmed| trimmed.is_trimmed(*node)) {
             record.flags |= ClusterRecord::TRIMMED;
         }
+
+        // Pages that packing does not make shorter stay as they are.
+        packed.clear();
+        let is_packed = settings.packed && packed::pack(page, packed)?;
+        let stored = if is_packed { &packed[..] } else { page };
+        if is_packed {
+            record.flags |= ClusterRecord::PACKED;
+            (record.page_len, record.page_checksum) = (stored.len() as u32, checksum(stored));
+        }
+        write(place, stored)?;
+        context.progress.advance(1);
         Ok(record)
     };
-    order.par_iter().enumerate().with_max_len(4).map_init(Scratch::default, lay_out).collect()
+    order.par_iter().enumerate().with_max_len(4).map_init(Default::default, lay_out).collect()
 }
 
 #[derive(Default)]
