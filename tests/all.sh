@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Everything that has to pass: format, lints, tests, documentation.
+# Everything that has to pass: format, lints, documentation, tests.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 cargo fmt --all --check
 cargo clippy --workspace --all-targets --locked -- -D warnings
+RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 cargo test --workspace --locked
 # The same pictures where there is nothing but OpenGL.
 WGPU_BACKEND=gl cargo test --workspace --locked --test pictures
-RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked

@@ -1,6 +1,6 @@
 //! Packed pages: every bit of a page in less than half of its bytes. FORMAT.md, "Packed page", says what each byte means.
 //!
-//! Triangles come first, as a walk from each to the next ([`connect`]). Numbers that belong to vertices are then told in the order of the
+//! Triangles come first, as a walk from each to the next (`connect`). Numbers that belong to vertices are then told in the order of the
 //! walk, as differences from what the vertices before make likely. zstd makes the symbols short.
 
 mod bits;
