@@ -17,9 +17,17 @@ use std::io::Read;
 /// the first vertex decides for all. Normals belong to corners and are handed over as such; texture coordinates are left out.
 pub struct ObjReader<R: Read> {
     lines: Lines<R>,
-    invalid_data: Invalid,
     /// A line that was joined from several.
     joined: Vec<u8>,
+    read: Statements,
+    delivered: [u64; 2],
+    state: State,
+}
+
+/// What the statements up to now have said.
+#[derive(Default)]
+struct Statements {
+    invalid_data: Invalid,
     /// Vertices and triangles that are read and not handed over yet.
     pending: Batch,
     colored: bool,
@@ -30,7 +38,6 @@ pub struct ObjReader<R: Read> {
     vertices: u64,
     normals: u64,
     faces: u64,
-    delivered: [u64; 2],
     /// The greatest index that was beyond the vertices when it was read.
     highest: Option<(i64, Place)>,
     invalid: VertexSet,
@@ -38,8 +45,10 @@ pub struct ObjReader<R: Read> {
     corner_normals: Vec<[u32; 2]>,
     tally: Tally,
     left_out: LeftOut,
-    state: State,
 }
+
+/// Where a statement is: the element that it tells of, and that one's number.
+type PlaceOf<'a> = &'a dyn Fn(&str, u64) -> Place;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum State {
@@ -67,62 +76,50 @@ impl<R: Read> ObjReader<R> {
     /// # Errors
     /// What is wrong up to there.
     pub fn new(reader: R, options: Options) -> Result<Self, ImportError> {
+        let Options { invalid: invalid_data, colors: colored, normals: wants_normals, .. } = options;
         let mut obj = ObjReader {
             lines: Lines::new(reader),
-            invalid_data: options.invalid,
             joined: Vec::new(),
-            pending: Batch::default(),
-            colored: options.colors,
-            wants_normals: options.normals,
-            has_bare_corner: false,
-            vertices: 0,
-            normals: 0,
-            faces: 0,
+            read: Statements { invalid_data, colored, wants_normals, ..Statements::default() },
             delivered: [0; 2],
-            highest: None,
-            invalid: VertexSet::default(),
-            corners: Vec::new(),
-            corner_normals: Vec::new(),
-            tally: Tally::default(),
-            left_out: LeftOut::default(),
             state: State::Open,
         };
-        while obj.vertices == 0 && obj.state == State::Open && !obj.is_full() {
+        while obj.read.vertices == 0 && obj.state == State::Open && !obj.read.is_full() {
             obj.line()?;
         }
-        obj.colored &= !obj.pending.vertices.colors.is_empty();
+        obj.read.colored &= !obj.read.pending.vertices.colors.is_empty();
         Ok(obj)
     }
 
     /// What the delivered vertices are made of.
     pub fn vertex_format(&self) -> VertexFormat {
-        let attributes = Attributes { normals: false, colors: self.colored };
+        let attributes = Attributes { normals: false, colors: self.read.colored };
         VertexFormat { coordinates: Coordinates::Text, attributes }
     }
 
     /// Vertices that were read up to now.
     pub fn vertices(&self) -> u64 {
-        self.vertices
+        self.read.vertices
     }
 
     /// Faces that were read up to now.
     pub fn faces(&self) -> u64 {
-        self.faces
+        self.read.faces
     }
 
     /// What was not delivered up to now.
     pub fn tally(&self) -> Tally {
-        self.tally
+        self.read.tally
     }
 
     /// What is left out; complete when the stream has ended.
     pub fn warnings(&self) -> Vec<String> {
-        let LeftOut { texture, materials, lines_and_points, .. } = self.left_out;
-        let LeftOut { vertex_numbers, late_colors, statements, ref names, .. } = self.left_out;
+        let LeftOut { texture, materials, lines_and_points, .. } = self.read.left_out;
+        let LeftOut { vertex_numbers, late_colors, statements, ref names, .. } = self.read.left_out;
         let mut warnings = Vec::new();
         let mut warn = |count: u64, text: String| warnings.extend((count > 0).then_some(text));
         warn(texture, format!("dropped {texture} texture coordinates"));
-        let count = self.tally.zeroed_normals;
+        let count = self.read.tally.zeroed_normals;
         warn(count, Warning::NormalsZeroed { count }.to_string());
         warn(materials, format!("dropped {materials} references to materials"));
         warn(lines_and_points, format!("skipped {lines_and_points} lines and points"));
@@ -149,30 +146,24 @@ impl<R: Read> ObjReader<R> {
         result
     }
 
-    /// Whether as much is pending as a batch should have of anything.
-    fn is_full(&self) -> bool {
-        let Batch { positions_f64, listed_normals, .. } = &self.pending;
-        positions_f64.len().max(listed_normals.len()) >= Batch::FULL || self.pending.is_full_of_faces()
-    }
-
     fn fill(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
-        while self.state == State::Open && !self.is_full() {
+        while self.state == State::Open && !self.read.is_full() {
             self.line()?;
         }
-        std::mem::swap(&mut batch.listed_normals, &mut self.pending.listed_normals);
-        std::mem::swap(&mut batch.corner_normals, &mut self.pending.corner_normals);
-        let vertices = self.pending.positions_f64.len();
-        if vertices > 0 && (vertices >= Batch::FULL || !self.pending.is_full_of_faces()) {
-            std::mem::swap(&mut batch.positions_f64, &mut self.pending.positions_f64);
-            std::mem::swap(&mut batch.invalid_vertices, &mut self.pending.invalid_vertices);
-            std::mem::swap(&mut batch.vertices, &mut self.pending.vertices);
-            std::mem::swap(&mut batch.far, &mut self.pending.far);
+        std::mem::swap(&mut batch.listed_normals, &mut self.read.pending.listed_normals);
+        std::mem::swap(&mut batch.corner_normals, &mut self.read.pending.corner_normals);
+        let vertices = self.read.pending.positions_f64.len();
+        if vertices > 0 && (vertices >= Batch::FULL || !self.read.pending.is_full_of_faces()) {
+            std::mem::swap(&mut batch.positions_f64, &mut self.read.pending.positions_f64);
+            std::mem::swap(&mut batch.invalid_vertices, &mut self.read.pending.invalid_vertices);
+            std::mem::swap(&mut batch.vertices, &mut self.read.pending.vertices);
+            std::mem::swap(&mut batch.far, &mut self.read.pending.far);
             batch.first = self.delivered[0];
             self.delivered[0] += vertices as u64;
             Ok(BatchKind::Vertices)
-        } else if self.pending.has_faces() {
-            std::mem::swap(&mut batch.triangles, &mut self.pending.triangles);
-            std::mem::swap(&mut batch.polygons, &mut self.pending.polygons);
+        } else if self.read.pending.has_faces() {
+            std::mem::swap(&mut batch.triangles, &mut self.read.pending.triangles);
+            std::mem::swap(&mut batch.polygons, &mut self.read.pending.polygons);
             batch.first = self.delivered[1];
             self.delivered[1] += (batch.triangles.len() + batch.polygons.iter().count()) as u64;
             Ok(BatchKind::Triangles)
@@ -189,7 +180,8 @@ impl<R: Read> ObjReader<R> {
             return self.end();
         }
         if self.lines.current().last() != Some(&b'\\') {
-            return self.statement(false);
+            let lines = &self.lines;
+            return self.read.statement(lines.current(), &|element, index| lines.place(element, index));
         }
         self.joined.clear();
         loop {
@@ -205,136 +197,36 @@ impl<R: Read> ObjReader<R> {
                 break;
             }
         }
-        self.statement(true)
+        let lines = &self.lines;
+        self.read.statement(&self.joined, &|element, index| lines.place(element, index))
     }
 
-    fn statement(&mut self, joined: bool) -> Result<(), ImportError> {
-        let line = if joined { &self.joined[..] } else { self.lines.current() };
+    fn end(&mut self) -> Result<(), ImportError> {
+        self.state = State::Ended;
+        match self.read.highest.take() {
+            Some((index, place)) if index as u64 > self.read.vertices => {
+                Err(ImportError::IndexOutOfRange { place, index, vertices: self.read.vertices })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Statements {
+    /// Whether as much is pending as a batch should have of anything.
+    fn is_full(&self) -> bool {
+        let Batch { positions_f64, listed_normals, .. } = &self.pending;
+        positions_f64.len().max(listed_normals.len()) >= Batch::FULL || self.pending.is_full_of_faces()
+    }
+
+    fn statement(&mut self, line: &[u8], place: PlaceOf) -> Result<(), ImportError> {
         let mut words = words(line);
         let left_out = &mut self.left_out;
         match words.next() {
             None => {}
-            Some(b"v") => {
-                let place = || self.lines.place("vertex", self.vertices);
-                let wrong = |got| ImportError::Text { place: place(), expected: "three coordinates", got };
-                let mut position = [0.0f64; 3];
-                for x in &mut position {
-                    *x = number(words.next()).map_err(wrong)?;
-                }
-                let mut rest = [0.0f64; 3];
-                let mut count = 0;
-                for word in words {
-                    if let Some(x) = rest.get_mut(count) {
-                        *x = number(Some(word)).map_err(wrong)?;
-                    }
-                    count += 1;
-                }
-
-                if self.vertices == MAX_VERTICES {
-                    return Err(ImportError::TooMany {
-                        place: place(),
-                        what: "vertices",
-                        limit: MAX_VERTICES,
-                    });
-                }
-                if let Some(&value) = position.iter().find(|x| !x.is_finite()) {
-                    if self.invalid_data == Invalid::Refuse {
-                        return Err(ImportError::NotFinite { place: place(), value });
-                    }
-                    position = [0.0; 3];
-                    self.invalid.insert(self.vertices);
-                    self.tally.dropped_vertices += 1;
-                    self.pending.invalid_vertices.push(self.vertices);
-                }
-                if position.iter().any(|x| x.abs() > FAR) {
-                    self.pending.far.push(place());
-                }
-
-                // Three numbers behind the position are a colour, a single one is a weight.
-                let is_first = self.vertices == 0;
-                self.pending.positions_f64.push(position);
-                match count {
-                    3 if self.colored => self.pending.vertices.colors.push(color(rest)),
-                    3 => left_out.late_colors += 1,
-                    0 | 1 => {}
-                    _ => left_out.vertex_numbers += 1,
-                }
-                if count != 3 && self.colored && !is_first {
-                    self.pending.vertices.colors.push([255; 4]);
-                }
-                self.vertices += 1;
-            }
-            Some(b"vn") if self.wants_normals => {
-                let mut normal = [0.0f32; 3];
-                let are_numbers = normal.iter_mut().all(|x| {
-                    number(words.next()).is_ok_and(|value: f64| {
-                        *x = value as f32;
-                        x.is_finite()
-                    })
-                });
-                if !are_numbers {
-                    normal = [0.0; 3];
-                    self.tally.zeroed_normals += 1;
-                }
-                self.pending.listed_normals.push(normal);
-                self.normals += 1;
-            }
-            Some(b"f") => {
-                self.corners.clear();
-                self.corner_normals.clear();
-                let mut valid = true;
-                for word in words {
-                    let place = || self.lines.place("face", self.faces);
-                    let digits = word.split(|byte| *byte == b'/').next();
-                    let index: i64 = number(digits).map_err(|got| ImportError::Text {
-                        place: place(),
-                        expected: "the number of a vertex",
-                        got,
-                    })?;
-                    let vertex = if index < 0 {
-                        self.vertices.checked_add_signed(index)
-                    } else {
-                        (index as u64).checked_sub(1)
-                    };
-
-                    // A face may name vertices that come later: the highest is looked at when all have come.
-                    let is_known = vertex.is_some_and(|vertex| vertex < self.vertices);
-                    match vertex.filter(|vertex| *vertex < MAX_VERTICES) {
-                        _ if self.invalid_data == Invalid::Drop && !is_known => valid = false,
-                        Some(vertex) => {
-                            valid &= !self.invalid.contains(vertex);
-                            if !is_known && self.highest.as_ref().is_none_or(|(highest, _)| index > *highest)
-                            {
-                                self.highest = Some((index, place()));
-                            }
-                            self.corners.push(vertex as u32);
-                            if self.wants_normals {
-                                let normal = normal(word, self.normals);
-                                self.corner_normals.push([vertex as u32, normal.unwrap_or(u32::MAX)]);
-                            }
-                        }
-                        None => {
-                            let vertices = self.vertices;
-                            return Err(ImportError::IndexOutOfRange { place: place(), index, vertices });
-                        }
-                    }
-                }
-
-                self.faces += 1;
-                if !valid {
-                    self.tally.dropped_faces += 1;
-                } else {
-                    let is_delivered = self.pending.push_face(&self.corners, &mut self.tally);
-                    for corner in self.corner_normals.iter().filter(|_| is_delivered) {
-                        // Most files have no normals at all: once is enough to tell this.
-                        let is_bare = corner[1] == u32::MAX;
-                        if !is_bare || !self.has_bare_corner {
-                            self.pending.corner_normals.push(*corner);
-                        }
-                        self.has_bare_corner |= is_bare;
-                    }
-                }
-            }
+            Some(b"v") => self.vertex(words, place)?,
+            Some(b"vn") if self.wants_normals => self.normal(words),
+            Some(b"f") => self.face(words, place)?,
             Some(b"vt") => left_out.texture += 1,
             Some(b"vn") => {}
             Some(b"mtllib" | b"usemtl" | b"usemap" | b"maplib") => left_out.materials += 1,
@@ -352,14 +244,132 @@ impl<R: Read> ObjReader<R> {
         Ok(())
     }
 
-    fn end(&mut self) -> Result<(), ImportError> {
-        self.state = State::Ended;
-        match self.highest.take() {
-            Some((index, place)) if index as u64 > self.vertices => {
-                Err(ImportError::IndexOutOfRange { place, index, vertices: self.vertices })
-            }
-            _ => Ok(()),
+    /// A position, and a colour or a weight if numbers follow it.
+    fn vertex<'a>(
+        &mut self,
+        mut words: impl Iterator<Item = &'a [u8]>,
+        place: PlaceOf,
+    ) -> Result<(), ImportError> {
+        let place = || place("vertex", self.vertices);
+        let wrong = |got| ImportError::Text { place: place(), expected: "three coordinates", got };
+        let mut position = [0.0f64; 3];
+        for x in &mut position {
+            *x = number(words.next()).map_err(wrong)?;
         }
+        let mut rest = [0.0f64; 3];
+        let mut count = 0;
+        for word in words {
+            if let Some(x) = rest.get_mut(count) {
+                *x = number(Some(word)).map_err(wrong)?;
+            }
+            count += 1;
+        }
+
+        if self.vertices == MAX_VERTICES {
+            let limit = MAX_VERTICES;
+            return Err(ImportError::TooMany { place: place(), what: "vertices", limit });
+        }
+        if let Some(&value) = position.iter().find(|x| !x.is_finite()) {
+            if self.invalid_data == Invalid::Refuse {
+                return Err(ImportError::NotFinite { place: place(), value });
+            }
+            // It stays as a vertex at zero, so that the others keep their numbers. Its faces go.
+            position = [0.0; 3];
+            self.invalid.insert(self.vertices);
+            self.tally.dropped_vertices += 1;
+            self.pending.invalid_vertices.push(self.vertices);
+        }
+        if position.iter().any(|x| x.abs() > FAR) {
+            self.pending.far.push(place());
+        }
+        self.pending.positions_f64.push(position);
+
+        // Three numbers behind the position are a colour, a single one is a weight.
+        let is_first = self.vertices == 0;
+        match count {
+            3 if self.colored => self.pending.vertices.colors.push(color(rest)),
+            3 => self.left_out.late_colors += 1,
+            0 | 1 => {}
+            _ => self.left_out.vertex_numbers += 1,
+        }
+        if count != 3 && self.colored && !is_first {
+            self.pending.vertices.colors.push([255; 4]);
+        }
+        self.vertices += 1;
+        Ok(())
+    }
+
+    /// A normal that corners may name. One that is no three numbers is zero, and counted.
+    fn normal<'a>(&mut self, mut words: impl Iterator<Item = &'a [u8]>) {
+        let mut normal = [0.0f32; 3];
+        let are_numbers = normal.iter_mut().all(|x| {
+            number(words.next()).is_ok_and(|value: f64| {
+                *x = value as f32;
+                x.is_finite()
+            })
+        });
+        if !are_numbers {
+            normal = [0.0; 3];
+            self.tally.zeroed_normals += 1;
+        }
+        self.pending.listed_normals.push(normal);
+        self.normals += 1;
+    }
+
+    fn face<'a>(&mut self, words: impl Iterator<Item = &'a [u8]>, place: PlaceOf) -> Result<(), ImportError> {
+        self.corners.clear();
+        self.corner_normals.clear();
+        let mut valid = true;
+        for word in words {
+            valid &= self.corner(word, place)?;
+        }
+
+        self.faces += 1;
+        if !valid {
+            self.tally.dropped_faces += 1;
+            return Ok(());
+        }
+        let is_delivered = self.pending.push_face(&self.corners, &mut self.tally);
+        for corner in self.corner_normals.iter().filter(|_| is_delivered) {
+            // Most files have no normals at all: once is enough to tell this.
+            let is_bare = corner[1] == u32::MAX;
+            if !is_bare || !self.has_bare_corner {
+                self.pending.corner_normals.push(*corner);
+            }
+            self.has_bare_corner |= is_bare;
+        }
+        Ok(())
+    }
+
+    /// A corner of the face that is read; false if the face has to go because of it.
+    fn corner(&mut self, word: &[u8], place: PlaceOf) -> Result<bool, ImportError> {
+        let place = || place("face", self.faces);
+        let digits = word.split(|byte| *byte == b'/').next();
+        let index: i64 = number(digits).map_err(|got| {
+            let expected = "the number of a vertex";
+            ImportError::Text { place: place(), expected, got }
+        })?;
+        let vertex =
+            if index < 0 { self.vertices.checked_add_signed(index) } else { (index as u64).checked_sub(1) };
+
+        // A face may name vertices that come later: the highest is looked at when all have come.
+        let is_known = vertex.is_some_and(|vertex| vertex < self.vertices);
+        if !is_known && self.invalid_data == Invalid::Drop {
+            return Ok(false);
+        }
+        let Some(vertex) = vertex.filter(|vertex| *vertex < MAX_VERTICES) else {
+            return Err(ImportError::IndexOutOfRange { place: place(), index, vertices: self.vertices });
+        };
+        if !is_known && self.highest.as_ref().is_none_or(|(highest, _)| index > *highest) {
+            self.highest = Some((index, place()));
+        }
+
+        self.corners.push(vertex as u32);
+        if self.wants_normals {
+            let normal = normal(word, self.normals);
+            self.corner_normals.push([vertex as u32, normal.unwrap_or(u32::MAX)]);
+        }
+        Ok(!self.invalid.contains(vertex))
     }
 }
 

@@ -182,7 +182,6 @@ impl<R: Read> StlReader<R> {
         let Body::Ascii { lines, inside, corners, solids, closed } = &mut self.body else { return Ok(false) };
         while batch.len() < FULL {
             if !lines.advance()? {
-                let left = u64::from(*inside);
                 let expected = match () {
                     () if *inside => "the rest of the facet",
                     () if closed < solids => "'endsolid'",
@@ -192,10 +191,11 @@ impl<R: Read> StlReader<R> {
                     let place = lines.place("facet", self.facets);
                     return Err(ImportError::Truncated { place, expected: expected.to_owned() });
                 }
-                self.tally.missing_faces += left;
+                self.tally.missing_faces += u64::from(*inside);
                 (*inside, *closed) = (false, *solids);
                 return Ok(!batch.is_empty());
             }
+            // Statements may share a line, and be in any case.
             let mut words = words(lines.current());
             while let Some(word) = words.next() {
                 let mut word = word.to_owned();
@@ -243,19 +243,7 @@ impl<R: Read> StlReader<R> {
                                 let place = lines.place("facet", self.facets);
                                 return Err(unusable(place, value));
                             }
-                            None => {
-                                self.tally.degenerate_faces += u64::from(corners.len() < 3);
-                                self.tally.polygons_triangulated += u64::from(corners.len() > 3);
-                                if let [a, b, c] = corners[..] {
-                                    batch.push([a, b, c]);
-                                } else {
-                                    let numbers: Vec<u32> = (0..corners.len() as u32).collect();
-                                    let mut triangles = Vec::new();
-                                    self.tally.degenerate_faces +=
-                                        Triangulator::default().cut(&numbers, corners, &mut triangles);
-                                    batch.extend(triangles.iter().map(|t| t.map(|i| corners[i as usize])));
-                                }
-                            }
+                            None => push_facet(corners, &mut self.tally, batch),
                         }
                         self.facets += 1;
                     }
@@ -294,6 +282,20 @@ impl<R: Read> Records<R> {
         self.offset += len as u64;
         Ok(len)
     }
+}
+
+/// A facet of any number of corners, as triangles.
+fn push_facet(corners: &[[f64; 3]], tally: &mut Tally, batch: &mut Vec<Corners>) {
+    tally.degenerate_faces += u64::from(corners.len() < 3);
+    tally.polygons_triangulated += u64::from(corners.len() > 3);
+    if let [a, b, c] = *corners {
+        batch.push([a, b, c]);
+        return;
+    }
+    let numbers: Vec<u32> = (0..corners.len() as u32).collect();
+    let mut triangles = Vec::new();
+    tally.degenerate_faces += Triangulator::default().cut(&numbers, corners, &mut triangles);
+    batch.extend(triangles.iter().map(|t| t.map(|i| corners[i as usize])));
 }
 
 /// Whether a facet with such a coordinate is left out. One that is only far says that the units are wrong.

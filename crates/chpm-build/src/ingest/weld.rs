@@ -86,89 +86,98 @@ impl<C: Corner> Welder<C> {
             ..Batch::default()
         };
         loop {
-            match &mut self.phase {
-                Phase::Reading { soup, corners } => {
-                    if self.reader.next_batch(soup)? {
-                        if self.facets + soup.len() as u64 > MAX_FACETS {
-                            let place = Place {
-                                element: "facet".to_owned(),
-                                index: MAX_FACETS,
-                                offset: 0,
-                                line: None,
-                            };
-                            return Err(
-                                ImportError::TooMany { place, what: "facets", limit: MAX_FACETS }.into()
-                            );
-                        }
-                        for facet in soup.iter() {
-                            for (corner, position) in (3 * self.facets..).zip(facet) {
-                                corners.push(C::new(*position, corner as u32))?;
-                            }
-                            self.facets += 1;
-                        }
+            match std::mem::replace(&mut self.phase, Phase::Ended) {
+                Phase::Reading { mut soup, mut corners } => {
+                    if self.read_facets(&mut soup, &mut corners)? {
+                        self.phase = Phase::Reading { soup, corners };
                         return Ok(BatchKind::Vertices);
                     }
-                    let Phase::Reading { corners, .. } = std::mem::replace(&mut self.phase, Phase::Ended)
-                    else {
-                        return Ok(BatchKind::End);
-                    };
                     let back = Sorter::new(&self.store, "corners");
                     self.phase = Phase::Vertices { corners: corners.finish()?, last: None, back };
                 }
-                Phase::Vertices { corners, last, back } => {
-                    batch.first = self.vertices;
-                    let mut taken = 0;
-                    while taken < FULL
-                        && let Some(corner) = corners.next()?
-                    {
-                        if last.is_none_or(|last| last.place() != corner.place()) {
-                            *last = Some(corner);
-                            match C::COORDINATES {
-                                Coordinates::Single => {
-                                    batch.vertices.positions.push(corner.position().map(|x| x as f32))
-                                }
-                                _ => batch.positions_f64.push(corner.position()),
-                            }
-                            self.vertices += 1;
-                        }
-                        back.push(u64::from(corner.number()) << 32 | (self.vertices - 1))?;
-                        taken += 1;
-                    }
-                    // Many corners may be one vertex.
-                    if taken > 0 {
+                Phase::Vertices { mut corners, mut last, mut back } => {
+                    if self.join_corners(&mut corners, &mut last, &mut back, batch)? {
+                        self.phase = Phase::Vertices { corners, last, back };
                         return Ok(BatchKind::Vertices);
                     }
-                    let Phase::Vertices { corners, back, .. } =
-                        std::mem::replace(&mut self.phase, Phase::Ended)
-                    else {
-                        return Ok(BatchKind::End);
-                    };
                     drop(corners);
                     self.phase = Phase::Triangles { back: back.finish()? };
                 }
-                Phase::Triangles { back } => {
-                    batch.first = self.triangles;
-                    let mut taken = 0;
-                    while taken < FULL
-                        && let (Some(a), Some(b), Some(c)) = (back.next()?, back.next()?, back.next()?)
-                    {
-                        taken += 1;
-                        let [a, b, c] = [a, b, c].map(|item| item as u32);
-                        if a == b || b == c || c == a {
-                            self.degenerate += 1;
-                        } else {
-                            batch.triangles.push([a, b, c]);
-                        }
-                    }
-                    if taken > 0 {
-                        self.triangles += batch.triangles.len() as u64;
+                Phase::Triangles { mut back } => {
+                    if self.take_triangles(&mut back, batch)? {
+                        self.phase = Phase::Triangles { back };
                         return Ok(BatchKind::Triangles);
                     }
-                    self.phase = Phase::Ended;
                 }
                 Phase::Ended => return Ok(BatchKind::End),
             }
         }
+    }
+
+    /// Hands the corners of the facets that come next to the sort; false if there are none.
+    fn read_facets(&mut self, soup: &mut Vec<Corners>, corners: &mut Sorter<C>) -> Result<bool, WeldError> {
+        if !self.reader.next_batch(soup)? {
+            return Ok(false);
+        }
+        if self.facets + soup.len() as u64 > MAX_FACETS {
+            let place = Place { element: "facet".to_owned(), index: MAX_FACETS, offset: 0, line: None };
+            return Err(ImportError::TooMany { place, what: "facets", limit: MAX_FACETS }.into());
+        }
+        for facet in soup.iter() {
+            for (corner, position) in (3 * self.facets..).zip(facet) {
+                corners.push(C::new(*position, corner as u32))?;
+            }
+            self.facets += 1;
+        }
+        Ok(true)
+    }
+
+    /// Gives equal corners, which now follow one another, the number of one vertex, and sends the numbers back by corner; false if
+    /// no corner is left. Many corners may be one vertex, so that there may be none for the batch.
+    fn join_corners(
+        &mut self,
+        corners: &mut Sorted<C>,
+        last: &mut Option<C>,
+        back: &mut Sorter<u64>,
+        batch: &mut Batch,
+    ) -> Result<bool, WeldError> {
+        batch.first = self.vertices;
+        let mut taken = 0;
+        while taken < FULL
+            && let Some(corner) = corners.next()?
+        {
+            if last.is_none_or(|last| last.place() != corner.place()) {
+                *last = Some(corner);
+                let position = corner.position();
+                match C::COORDINATES {
+                    Coordinates::Single => batch.vertices.positions.push(position.map(|x| x as f32)),
+                    _ => batch.positions_f64.push(position),
+                }
+                self.vertices += 1;
+            }
+            back.push(u64::from(corner.number()) << 32 | (self.vertices - 1))?;
+            taken += 1;
+        }
+        Ok(taken > 0)
+    }
+
+    /// Three numbers are a facet again; those with two equal ones are counted. False if none are left.
+    fn take_triangles(&mut self, back: &mut Sorted<u64>, batch: &mut Batch) -> Result<bool, WeldError> {
+        batch.first = self.triangles;
+        let mut taken = 0;
+        while taken < FULL
+            && let (Some(a), Some(b), Some(c)) = (back.next()?, back.next()?, back.next()?)
+        {
+            taken += 1;
+            let [a, b, c] = [a, b, c].map(|item| item as u32);
+            if a == b || b == c || c == a {
+                self.degenerate += 1;
+            } else {
+                batch.triangles.push([a, b, c]);
+            }
+        }
+        self.triangles += batch.triangles.len() as u64;
+        Ok(taken > 0)
     }
 }
 
