@@ -160,6 +160,9 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
     let source = &Source { file, path: source, store, meter, cancel };
     let small = source.small()?;
     meter.start("compare", 2 * file.header().source_triangle_count);
+
+    // Triangles of leaves add their hash to one of many sums, those of the source subtract it: what is in both leaves nothing
+    // behind.
     let mut sums = vec![0u128; BUCKETS];
     let mut leaf_triangles = 0;
     let copies_told = told(file, "merged-copies").unwrap_or(0);
@@ -183,6 +186,7 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
         (Some(leaves), Some(source)) => copies::compare(leaves, source)?,
         _ => Found { different: (0..BUCKETS).filter(|b| sums[*b] != 0).collect(), missing: 0 },
     };
+
     let (faults, fault_count, source_triangles) = (Vec::new(), 0, counts.triangles);
     let Counts { small_components, small_component_triangles, .. } = counts;
     let mut comparison = Comparison {
@@ -194,6 +198,8 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
         small_components,
         small_component_triangles,
     };
+
+    // Where a sum is not zero, the triangles of that sum are read again, and told by name.
     if !different.is_empty() {
         let mut suspects = Suspects { examined: vec![false; BUCKETS], found: BTreeMap::new() };
         let all = leaf_triangles.max(counts.triangles);
@@ -208,6 +214,8 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
         comparison.fault_count = known.max(different.len() as u64);
         comparison.faults = faults.iter().take(NAMED).map(|fault| format!("I1 coverage: {fault}")).collect();
     }
+
+    // Counts of the file that the source contradicts.
     let mut others = told_otherwise(file, &counts);
     if copies != copies_told {
         others.push(format!(

@@ -20,6 +20,7 @@ pub(super) fn read(mut stream: Stream, mesh: &mut Mesh<'_>) -> Result<()> {
             }
             line.append(&mut next);
         }
+
         let mut words = words(&line);
         match words.next() {
             Some("v") => {

@@ -242,11 +242,14 @@ impl<'a> Certifier<'a> {
         let distances = members.iter().map(distance).collect::<Result<Vec<f32>>>()?;
         let own = members.iter().zip(&distances).filter(|(m, _)| is_asked(m)).map(|(_, distance)| *distance);
 
+        // What is drawn, and how far each of its tiles may be from the source.
         let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
         let drawn = drawn_tiles(file, members, boxes, self.budget, self.cancel);
         let allowed = Allowed::own(&drawn, distances.iter().map(|d| f64::from(*d)).collect());
         let size = size_of(asked.len(), |index| mesh_of(file, asked[index]), self.cancel)?;
         self.meter.start(label, 2 * (self.leaves.len() + asked.len()) as u64);
+
+        // From the mesh to the source, then from the source to all that is drawn.
         let each: Vec<Allowed> = errors.iter().map(|error| Allowed::Same(f64::from(*error))).collect();
         let of_mesh = Way { certifier: self, target: &self.source, limits: self.limits(size, self.size) };
         let mut of_mesh =
@@ -262,6 +265,7 @@ impl<'a> Certifier<'a> {
             |_| &allowed,
             |_, tile| distances[tile].into(),
         )?;
+
         self.meter.finish();
         of_mesh.widen(rounding);
         of_source.widen(rounding);
@@ -299,6 +303,8 @@ impl Way<'_> {
         allowed: impl Fn(usize) -> &'g Allowed + Sync,
         stored: impl Fn(usize, usize) -> f64 + Sync,
     ) -> Result<Side> {
+        // First every triangle is judged: within what is allowed, beyond it, or undecided. This also gives a distance that is
+        // reached at least.
         let judge = |index: usize| {
             self.each_chunk(&part(index), |prover, chunk| {
                 let mut side = Side::default();
@@ -331,6 +337,7 @@ impl Way<'_> {
             return Ok(all);
         }
 
+        // Then the largest distance is enclosed, looking only where it may exceed what is known to be reached.
         let begin = all.least;
         let enclose = |index: usize| {
             if judged[index].most <= begin * (1.0 + TOLERANCE) {

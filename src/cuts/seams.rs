@@ -72,6 +72,8 @@ impl Seams {
         let mut rims = Buckets::new(store, "rims", groups.len(), BLOCK);
         let share = memory / SHARE;
         rims_of_leaves(file, store, share, &mut rims, cancel)?;
+
+        // Levels from below: what a group leaves open goes to the group above it.
         let mut order: Vec<GroupId> = (0..groups.len() as u32).map(GroupId).collect();
         order.sort_by_key(|group| groups[group.index()].level);
         meter.start("seams", order.len() as u64);
@@ -81,6 +83,7 @@ impl Seams {
         let (mut loose, mut targets) = (vec![false; ids], vec![UNSHARED; ids]);
         // By shared id: clusters that have it, of those that nothing coarser has replaced yet.
         let mut listed = vec![0_u32; ids];
+
         for level in order.chunk_by(|a, b| groups[a.index()].level == groups[b.index()].level) {
             let mut left = level;
             while !left.is_empty() {
@@ -93,6 +96,7 @@ impl Seams {
                 };
                 let found: Vec<OfGroup> =
                     batch.par_iter().map_init(Local::default, of_group).collect::<Result<_>>()?;
+
                 for (cluster, seam) in found.iter().flat_map(|group| &group.seams) {
                     ranges[cluster.index()] = edges.len()..edges.len() + seam.len();
                     edges.extend_from_slice(seam)?;
@@ -106,6 +110,7 @@ impl Seams {
                 }
                 meter.add(batch.len() as u64);
             }
+
             for group in level {
                 for fine in file.fine(*group) {
                     shared_ids(file, *fine)?.iter().for_each(|id| listed[*id as usize] -= 1);
@@ -226,6 +231,8 @@ fn of_group<D: AsRef<[u8]>>(
     listed: &[u32],
     local: &mut Local,
 ) -> Result<OfGroup, FormatError> {
+    // What the fine clusters left open along this group is matched with the rims of its coarse ones; what remains of these is
+    // their seams.
     keep_odd(&mut below, key);
     let mut taken = vec![false; below.len()];
     let mut found = OfGroup::default();
@@ -241,6 +248,7 @@ fn of_group<D: AsRef<[u8]>>(
     }
     let mut taken = taken.into_iter();
     below.retain(|_| !taken.next().unwrap_or(false));
+
     for (cluster, seam) in &mut found.seams {
         let page = file.page_known(*cluster)?;
         let page = page.view();
@@ -258,6 +266,7 @@ fn of_group<D: AsRef<[u8]>>(
             });
             keep_odd(seam, by_vertices);
         }
+
         local.enter(&page, page.base_vertex_count);
         let gone = page.shared().filter(|(vertex, _)| usize::from(*vertex) >= page.base_vertex_count);
         found.moved.extend(gone.map(|(vertex, id)| (id, local.id(local.at(vertex)))));
@@ -282,6 +291,7 @@ fn of_group<D: AsRef<[u8]>>(
             }
         }
     }
+
     let is_outside = |id: &u32| ends.binary_search(id).is_ok_and(|at| outside[at] > 0);
     let edges = found.lost.chunks(2).filter(|edge| edge.iter().all(is_outside));
     found.lost = edges.flatten().copied().collect();

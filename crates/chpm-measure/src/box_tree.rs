@@ -202,6 +202,7 @@ impl BoxTree {
         let between =
             [[down(scaled.x), up(scaled.x)], [down(scaled.y), up(scaled.y)], [down(scaled.z), up(scaled.z)]];
         let (mut known, mut most) = (*best, up(*best * square));
+
         let mut stack = [(0.0f32, 0u32); WAITING];
         let mut len = usize::from(!self.nodes.is_empty());
         // Nothing is nearer than at no distance at all.
@@ -218,6 +219,8 @@ impl BoxTree {
                 }
                 continue;
             }
+
+            // A node: bounds of what its children are away at least.
             let node = &self.nodes[child as usize];
             let mut bounds = node.bounds(&between);
             // Ordinary surfaces have no partings.

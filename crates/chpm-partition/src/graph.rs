@@ -63,6 +63,8 @@ impl CsrGraph {
             edge_weights: Vec::with_capacity(ends.len()),
             node_weights,
         };
+
+        // Several edges between the same two nodes become one.
         graph.offsets.push(0);
         for row in starts.windows(2) {
             let row = &mut ends[row[0] as usize..row[1] as usize];

@@ -25,6 +25,8 @@ pub fn rebalance_bisection(
     if max_nodes[0].saturating_add(max_nodes[1]) < nodes {
         return Err(PartitionError::Capacity { nodes, max_nodes });
     }
+
+    // One side may have too many; as many as are too many leave it.
     let on_one = side.iter().filter(|&&side| side == 1).count();
     let counts = [nodes - on_one, on_one];
     let from: u8 = if counts[0] > max_nodes[0] { 0 } else { 1 };
@@ -33,6 +35,7 @@ pub fn rebalance_bisection(
         return Ok(0);
     }
 
+    // Those at the border go first, then those that save most weight of cut edges.
     let rank = |side: &[u8], node: u32| {
         let mut gain = 0i64;
         let mut boundary = false;

@@ -129,11 +129,13 @@ fn reconnect(
             queue.push_back(id);
         }
     }
+
     let mut seen = vec![false; graph.node_count()];
     let mut connection = vec![0u64; part_count as usize];
     let mut touched = Vec::new();
     let mut nodes = Vec::new();
     while let Some(id) = queue.pop_front() {
+        // The nodes of this piece, and how it is joined to pieces that are settled.
         let Fragment { part: from, weight, first } = list[id];
         nodes.clear();
         nodes.push(first);
@@ -158,6 +160,8 @@ fn reconnect(
                 }
             }
         }
+
+        // It goes where it has most weight of edges, to parts that have room first.
         weights[from as usize] -= weight;
         let rank = |&part: &u32| {
             let has_room = weights[part as usize] + weight <= max_part_weight;
@@ -281,6 +285,8 @@ fn half_of(graph: &CsrGraph, members: &[u32], parts: &[u32]) -> Vec<u32> {
     let mut weights: Vec<u64> =
         order.iter().map(|&(member, _)| u64::from(graph.node_weight(members[member]))).collect();
     let total: u64 = weights.iter().sum();
+
+    // The weight of a subtree is that of all below it; the one nearest to half of all is cut off.
     for place in (0..order.len()).rev() {
         if order[place].1 != ROOT {
             weights[order[place].1] += weights[place];

@@ -269,6 +269,8 @@ impl<'a, 'd> Run<'a, 'd> {
             if state.is(State::GONE) || self.all.mesh.count(u) == 0 {
                 continue;
             }
+
+            // A vertex of a face that is all that is left of its component.
             if self.all.topology == Topology::Change
                 && let Some(v) = forced::alone(&self.given, &self.all.mesh, u)
             {
@@ -293,6 +295,9 @@ impl<'a, 'd> Run<'a, 'd> {
                 self.carry_out(v, bound, entry.cost());
                 continue;
             }
+
+            // What its half-edges would cost by the quadric alone. If that says that others come first, nothing more is looked
+            // at.
             let all = &mut *self.all;
             let wings = all.mesh.wings(u);
             let on_boundary = state.is(State::BOUNDARY);
@@ -307,6 +312,9 @@ impl<'a, 'd> Run<'a, 'd> {
                     continue;
                 }
             }
+
+            // The cheapest collapse that the legality tests leave, at the price of its bound, is carried out, or comes up again
+            // at that price.
             let kind = all.fan.gather(&all.mesh, u);
             all.fan.place(&self.given);
             let locked = self.refusals.of(Refusal::LockedEdge);
@@ -334,6 +342,8 @@ impl<'a, 'd> Run<'a, 'd> {
                 }
                 continue;
             }
+
+            // Nothing is legal: it waits for a change nearby, or is offered at the price of force.
             self.state(u).set(State::WAITING);
             // An offer that is in the queue already is looked at again when it comes up.
             if self.all.topology == Topology::Keep || self.state(u).is(State::OFFERED) {

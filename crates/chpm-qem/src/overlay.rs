@@ -97,6 +97,8 @@ impl Overlay {
         let last = len - 1;
         let size = ring.reach().sqrt();
         let least_area = AREA_SHARE * size * size;
+
+        // Old and new faces are seen along the normal, as loops in a plane.
         self.project(normal, ring);
         let v = self.old.at(0);
         let (low, high) = self.old.heights(len);
@@ -114,6 +116,8 @@ impl Overlay {
         if boundary.is_some() {
             self.old.move_to(foot);
         }
+
+        // Both loops have to be one to one, or a point would have several images.
         if !self.is_one_to_one(boundary, last, least_area) {
             return false;
         }
@@ -122,6 +126,7 @@ impl Overlay {
         self.new.find_beside(edge, len);
         let Some(sectors) = self.find_sectors(ring, boundary, size) else { return false };
 
+        // What rounding may have lost. Where the fan is flat, heights are within that, and only displacements matter.
         let loss = Loss {
             height: HEIGHT_LOSS * size,
             // A place on an edge is off by the share of the area that it was divided by; twice, for the two edges.
@@ -136,6 +141,8 @@ impl Overlay {
             self.slid.clear();
             self.slid.extend(faces.iter().map(slid));
         }
+
+        // Each new face gets what the old faces displace that it lies on, in the cells that both have in common.
         let along = Along::new(normal);
         let first = out.len();
         // Whichever sector it is, its cells are among those that are taken.

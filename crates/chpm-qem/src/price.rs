@@ -124,6 +124,7 @@ impl Prices {
             }
             costs
         };
+
         out.clear();
         let mut chunks = wings.chunks_exact(LANES);
         for chunk in &mut chunks {
@@ -131,6 +132,7 @@ impl Prices {
             let costs = costs(vertices);
             out.extend_from_slice(&[0, 1, 2, 3].map(|lane| (costs[lane], vertices[lane])));
         }
+
         // The fan is open: its last vertex follows in a wing but leads none.
         let is_last = |wing: &&Wing| on_boundary && wings.iter().all(|other| other.a != wing.b);
         let last = if on_boundary { wings.iter().find(is_last).map(|wing| wing.b) } else { None };
@@ -144,6 +146,8 @@ impl Prices {
             let costs = costs(vertices);
             out.extend_from_slice(&[0, 1, 2, 3].map(|lane| (costs[lane], vertices[lane]))[..count]);
         }
+
+        // Across a seam it goes only where all members can follow.
         if !given.sides.is_empty() {
             out.retain(|(_, v)| given.is_known_with(u, *v));
         }

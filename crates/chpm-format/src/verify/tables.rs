@@ -111,6 +111,7 @@ fn check_group<D: AsRef<[u8]>>(file: &Chpm<D>, id: GroupId, report: &mut Report)
                 format_args!("a {name}_deviation of at least {least} (cluster {fine} below), got {got}");
             report.expect(got >= least, Invariant::Nesting, place, message);
         }
+
         let fine_group = &file.groups()[cluster.group as usize];
         below = below.max(Some(cluster.level));
         let error = cluster.max_error.max(fine_group.max_error);
@@ -128,6 +129,7 @@ fn check_group<D: AsRef<[u8]>>(file: &Chpm<D>, id: GroupId, report: &mut Report)
         );
         report.expect(nested, Invariant::Nesting, place, message);
     }
+
     let level = below.map_or(0, |level| level + 1);
     equal(
         report,

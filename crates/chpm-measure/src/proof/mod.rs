@@ -234,6 +234,8 @@ impl<'a> Prover<'a> {
         if self.far.is_none_or(|(distance, ..)| candidate.place.distance > distance) {
             self.far = Some((candidate.place.distance, middle, scale));
         }
+
+        // Does the middle keep to what is allowed? If not, it is a witness, or nobody can tell.
         let Candidate { hit, face, place, mut keeps } = candidate;
         if !keeps {
             keeps = self.refute(middle, &candidate, goal, scale, found);
@@ -245,6 +247,8 @@ impl<'a> Prover<'a> {
             }
             return;
         }
+
+        // Are all corners within reach of the same face? A face is convex, so all between them is, too.
         let allowed = goal.allowed().of(hit.tile);
         let loss = LOSS * scale.max(face.largest);
         if let Some(most) = farthest_corner(piece, &face, allowed + loss) {
@@ -262,6 +266,8 @@ impl<'a> Prover<'a> {
                 return;
             }
         }
+
+        // The piece is cut: what a ball about the middle proves goes, the rest is looked at again.
         if piece.depth() >= DEEPEST {
             found.verdict = Verdict::Undecided;
             found.reached = found.reached.max(self.reach(piece, scale));
