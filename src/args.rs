@@ -6,7 +6,8 @@ use crate::cmd::render;
 #[cfg(feature = "viewer")]
 use crate::cmd::view;
 use crate::cmd::{
-    batch, bench, build, demo, dump, extract, info, measure, path, relayout, synth, verify, walk,
+    batch, bench, build, completions, config, demo, dump, extract, info, measure, path, relayout, report,
+    stats, synth, verify, walk,
 };
 use crate::number;
 use anyhow::{Context, Result, ensure};
@@ -38,8 +39,12 @@ pub(crate) enum Command {
     Build(build::Args),
     /// Build many meshes into one folder: what is missing, changed or failed before
     Batch(batch::Args),
-    /// Show what a .chpm file holds: counts, levels, sizes, settings, provenance
+    /// Show what a .chpm file is, how big and how good, and what to do next
     Info(info::Args),
+    /// Tell how good a .chpm file is, level by level, and which clusters are worst
+    Stats(stats::Args),
+    /// Show a .chpm file as one page of HTML: pictures, plots, a map of the hierarchy, settings, findings
+    Report(report::Args),
     /// Check every byte and invariant of a .chpm file; the source's triangles with --against, cracks with --cuts
     Verify(verify::Args),
     /// Measure how far two meshes are from each other, or the levels and cuts of a .chpm file from its source
@@ -69,6 +74,12 @@ pub(crate) enum Command {
     Synth(synth::Args),
     /// Generate a model, build it, verify it and say what to try next
     Demo(demo::Args),
+    /// Print the settings that a build would have, and where each is from
+    Config(config::Args),
+    /// Write a script that completes this command line in a shell
+    Completions(completions::Args),
+    /// Write manual pages into a folder
+    Man(completions::ManArgs),
 }
 
 /// What decides the bytes of the output.

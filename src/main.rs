@@ -10,32 +10,37 @@ mod batch;
 mod bench;
 mod caches;
 mod certify;
+mod chart;
 mod cmd;
+mod config;
 mod cuts;
 mod deviation;
+mod digest;
+mod examples;
+mod forecast;
 mod memory;
 mod number;
 mod output;
+mod page;
 #[cfg(feature = "viewer")]
 mod picture;
 mod points;
+mod presets;
 mod progress;
 mod report;
+mod stats;
 mod stop;
-// Plots of camera paths, which the viewer draws, use more of it than those of `bench`.
-#[cfg_attr(not(feature = "viewer"), allow(dead_code))]
-mod svg;
 mod view;
 
 use args::Cli;
-use clap::Parser;
+use clap::FromArgMatches;
 use cmd::Verdict;
 use std::process::ExitCode;
 use std::{io, iter};
 use stop::Stop;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::from_arg_matches(&examples::command().get_matches()).unwrap_or_else(|error| error.exit());
     let stop = match Stop::listen() {
         Ok(stop) => stop,
         Err(error) => return failed(&error, 2),

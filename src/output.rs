@@ -27,6 +27,8 @@ pub(crate) const EXTRACT: Writes = writes("extract", "PLY");
 pub(crate) const SYNTH: Writes = writes("synth", "PLY");
 pub(crate) const PATH: Writes = writes("path", "a camera path");
 pub(crate) const WALK_CSV: Writes = writes("walk --csv", "CSV");
+pub(crate) const REPORT: Writes = writes("report", "HTML");
+pub(crate) const STATS_CSV: Writes = writes("stats --csv", "CSV");
 pub(crate) const BENCH_CSV: Writes = writes("bench --csv", "CSV");
 pub(crate) const BENCH_SVG: Writes = writes("bench --svg", "SVG");
 #[cfg(feature = "viewer")]
@@ -37,7 +39,7 @@ pub(crate) const RENDER: Writes = writes("render", "PNG");
 pub(crate) const SCREENSHOT: Writes = Writes { streams: false, ..writes("view --screenshot", "PNG") };
 
 /// Extensions that promise a format. One that is not here promises nothing.
-const EXTENSIONS: [(&str, &str); 23] = [
+const EXTENSIONS: [(&str, &str); 25] = [
     ("chpm", "CHPM"),
     ("ply", "PLY"),
     ("stl", "STL"),
@@ -49,6 +51,8 @@ const EXTENSIONS: [(&str, &str); 23] = [
     ("conf", "a list of range scans"),
     ("path", "a camera path"),
     ("csv", "CSV"),
+    ("html", "HTML"),
+    ("htm", "HTML"),
     ("json", "JSON"),
     ("svg", "SVG"),
     ("png", "PNG"),

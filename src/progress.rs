@@ -1,11 +1,14 @@
-//! Progress on stderr: a bar for each stage on a terminal, plain lines elsewhere, nothing with `--quiet`.
+//! Progress on stderr: on a terminal a bar for a whole build, or for each other work, plain lines elsewhere, nothing with `--quiet`.
 
+use crate::forecast::Forecast;
 use chpm_build::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{self, IsTerminal, Write};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
+/// Steps of the bar of a whole build.
+const PARTS: u64 = 1000;
 /// Between two lines of the same stage.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
@@ -13,6 +16,8 @@ const LINE_INTERVAL: Duration = Duration::from_secs(5);
 pub(crate) struct Meter {
     face: Face,
     running: Mutex<Option<Running>>,
+    /// Of the build, and when it began.
+    build: Mutex<Option<(Forecast, Instant)>>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -24,6 +29,8 @@ enum Face {
 
 struct Running {
     label: String,
+    /// What is known of the whole build; nothing where it is none.
+    forecast: Option<(Forecast, Instant)>,
     total: u64,
     done: u64,
     started: Instant,
@@ -39,18 +46,25 @@ impl Meter {
             (false, true) => Face::Bars,
             (false, false) => Face::Lines,
         };
-        Meter { face, running: Mutex::new(None) }
+        Meter { face, running: Mutex::new(None), build: Mutex::new(None) }
     }
 
     /// Something of `total` units begins.
     pub(crate) fn start(&self, label: &str, total: u64) {
-        let bar = (self.face == Face::Bars).then(|| bar(label, total));
+        self.set_out(label, total, None);
+    }
+
+    fn set_out(&self, label: &str, total: u64, forecast: Option<(Forecast, Instant)>) {
+        let bar = (self.face == Face::Bars).then(|| match forecast {
+            Some((_, begun)) => whole_bar(label, begun),
+            None => bar(label, total),
+        });
         if self.face == Face::Lines {
             line(&format!("{label} ..."));
         }
         let now = Instant::now();
         let label = label.to_owned();
-        *self.running() = Some(Running { label, total, done: 0, started: now, told: now, bar });
+        *self.running() = Some(Running { label, forecast, total, done: 0, started: now, told: now, bar });
     }
 
     /// `done` more units are done.
@@ -61,12 +75,14 @@ impl Meter {
         let mut running = self.running();
         let Some(stage) = running.as_mut() else { return };
         stage.done = stage.done.saturating_add(done);
-        if let Some(bar) = &stage.bar {
+        if let (Some(bar), Some((forecast, begun))) = (&stage.bar, stage.forecast) {
+            bar.set_position((PARTS as f64 * forecast.share(stage.share())) as u64);
+            bar.set_message(forecast.told(stage.share(), begun.elapsed()));
+        } else if let Some(bar) = &stage.bar {
             bar.set_position(stage.done);
         } else if stage.told.elapsed() >= LINE_INTERVAL {
             stage.told = Instant::now();
-            let percent = 100.0 * stage.done as f64 / stage.total.max(1) as f64;
-            line(&format!("{} {:.0} %", stage.label, percent.min(100.0)));
+            line(&format!("{} {:.0} %{}", stage.label, 100.0 * stage.share(), stage.whole()));
         }
     }
 
@@ -85,17 +101,39 @@ impl Meter {
     }
 }
 
+impl Running {
+    /// What is done of it, 0 to 1.
+    fn share(&self) -> f64 {
+        (self.done as f64 / self.total.max(1) as f64).min(1.0)
+    }
+
+    /// `; 62 % of all, 758 k triangles/s, 12 s left`, where there is a whole.
+    fn whole(&self) -> String {
+        let Some((forecast, begun)) = self.forecast else { return String::new() };
+        let told = forecast.told(self.share(), begun.elapsed());
+        let comma = if told.is_empty() { "" } else { ", " };
+        format!("; {:.0} % of all{comma}{told}", 100.0 * forecast.share(self.share()))
+    }
+}
+
 impl Progress for Meter {
     fn begin(&self, stage: Stage, total: u64) {
-        self.start(&stage.to_string(), total);
+        let mut build = self.build.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let (forecast, _) = build.get_or_insert_with(|| (Forecast::default(), Instant::now()));
+        forecast.begin(stage, total);
+        self.set_out(&stage.to_string(), total, *build);
     }
 
     fn advance(&self, done: u64) {
         self.add(done);
     }
 
-    fn end(&self, _: Stage) {
+    fn end(&self, stage: Stage) {
         self.finish();
+        // The next build is another one.
+        if stage == Stage::Emit {
+            *self.build.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = None;
+        }
     }
 
     fn note(&self, text: &str) {
@@ -105,9 +143,20 @@ impl Progress for Meter {
     }
 }
 
-fn bar(label: &str, total: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{prefix:<10} {wide_bar} {percent:>3} % {elapsed:>5}")
+/// The bar of a whole build while a stage of it runs.
+fn whole_bar(label: &str, begun: Instant) -> ProgressBar {
+    let style = ProgressStyle::with_template("{prefix:<10} {wide_bar} {percent:>3} % {msg}")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::with_draw_target(Some(PARTS), ProgressDrawTarget::stderr())
+        .with_style(style)
+        .with_prefix(label.to_owned())
+        .with_elapsed(begun.elapsed())
+}
+
+fn bar(label: &str, total: u64) -> ProgressBar {
+    let style =
+        ProgressStyle::with_template("{prefix:<10} {wide_bar} {percent:>3} % {elapsed:>5}, {eta} left")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr())
         .with_style(style)
         .with_prefix(label.to_owned())

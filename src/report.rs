@@ -1,32 +1,32 @@
 //! Results as tables for people and as JSON for programs. Both show the same numbers.
 
-use crate::number::Units;
+use crate::number::{Short, Units};
 use chpm_build::BuildReport;
 use chpm_build::report::LevelReport;
 use chpm_format::Chpm;
 use chpm_format::records::{LevelRecord, REFUSALS};
 use chpm_mesh::{Bytes, GroupId};
-use comfy_table::{Cell, CellAlignment, Table, presets};
+use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 /// One level of the hierarchy, from a build or from a file.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct LevelRow {
-    level: u32,
-    clusters: u32,
-    vertices: u64,
-    base_vertices: u64,
-    triangles: u64,
-    base_triangles: u64,
-    shared_vertices: u64,
-    min_error: f32,
-    max_error: f32,
-    max_gap: f32,
-    normal_deviation: f32,
-    color_deviation: f32,
-    stalled_clusters: u32,
-    forced_collapses: u64,
+    pub(crate) level: u32,
+    pub(crate) clusters: u32,
+    pub(crate) vertices: u64,
+    pub(crate) base_vertices: u64,
+    pub(crate) triangles: u64,
+    pub(crate) base_triangles: u64,
+    pub(crate) shared_vertices: u64,
+    pub(crate) min_error: f32,
+    pub(crate) max_error: f32,
+    pub(crate) max_gap: f32,
+    pub(crate) normal_deviation: f32,
+    pub(crate) color_deviation: f32,
+    pub(crate) stalled_clusters: u32,
+    pub(crate) forced_collapses: u64,
     #[serde(serialize_with = "by_reason")]
     refusals: [u64; REFUSALS.len()],
 }
@@ -98,18 +98,14 @@ pub(crate) fn levels_of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<LevelRow> {
 }
 
 /// The stages of a build: time, throughput in triangles of the source, memory.
-pub(crate) fn stages_table(report: &BuildReport) -> Table {
+pub(crate) fn stages_table(report: &BuildReport) -> String {
     let memory = |bytes: Option<u64>| bytes.map_or("?".to_owned(), |n| Bytes(n).to_string());
-    let rate = |seconds: f64| match report.triangles as f64 / seconds {
-        rate if rate.is_finite() => count(rate as u64),
-        _ => "-".to_owned(),
-    };
     let mut rows: Vec<Vec<String>> = Vec::new();
     for row in &report.stages {
         rows.push(vec![
             row.stage.to_string(),
             format!("{:.2}", row.seconds),
-            rate(row.seconds),
+            rate(report.triangles, row.seconds),
             memory(row.peak_resident),
             Bytes(row.budget_used).to_string(),
         ]);
@@ -117,18 +113,26 @@ pub(crate) fn stages_table(report: &BuildReport) -> Table {
     rows.push(vec![
         "all".to_owned(),
         format!("{:.2}", report.seconds()),
-        rate(report.seconds()),
+        rate(report.triangles, report.seconds()),
         memory(report.peak_resident),
         Bytes(report.budget_peak).to_string(),
     ]);
     table(&["stage", "seconds", "triangles/s", "peak memory", "arrays"], rows)
 }
 
+/// So many a second.
+pub(crate) fn rate(n: u64, seconds: f64) -> String {
+    match n as f64 / seconds {
+        rate if rate.is_finite() => Short(rate as u64).to_string(),
+        _ => "-".to_owned(),
+    }
+}
+
 /// The levels, leaves first. "Ratio" is to the triangles of the level below; "shared" is the share of vertices that
 /// other clusters have too, which collapse only within dependency groups; "forced" counts collapses that changed the topology
 /// or turned a face over. The "max gap" of what has vanished is shown where something has, and what normals (in degrees) and colours (of 255)
 /// deviate by where they do.
-pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
+pub(crate) fn levels_table(levels: &[LevelRow]) -> String {
     let gaps = levels.iter().any(|level| level.max_gap > 0.0);
     let normals = levels.iter().any(|level| level.normal_deviation > 0.0);
     let colors = levels.iter().any(|level| level.color_deviation > 0.0);
@@ -138,8 +142,8 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
         below = Some(level.triangles);
         let mut row = vec![
             level.level.to_string(),
-            count(level.clusters.into()),
-            count(level.triangles),
+            Short(level.clusters.into()).to_string(),
+            Short(level.triangles).to_string(),
             ratio,
             share(level.base_triangles, level.triangles),
             share(level.shared_vertices, level.vertices),
@@ -149,7 +153,9 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
         row.extend(gaps.then(|| Units(level.max_gap.into()).to_string()));
         row.extend(normals.then(|| format!("{:.1}", level.normal_deviation)));
         row.extend(colors.then(|| format!("{:.1}", level.color_deviation)));
-        row.extend([count(level.stalled_clusters.into()), count(level.forced_collapses)]);
+        row.extend(
+            [Short(level.stalled_clusters.into()), Short(level.forced_collapses)].map(|n| n.to_string()),
+        );
         row
     });
     let mut names =
@@ -162,7 +168,7 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> Table {
 }
 
 /// Refused collapses by level and reason; reasons that never occurred are left out, and the table if none did.
-pub(crate) fn refusals_table(levels: &[LevelRow]) -> Option<Table> {
+pub(crate) fn refusals_table(levels: &[LevelRow]) -> Option<String> {
     let occurred =
         |reason: &usize| levels.iter().any(|level| level.refusals.get(*reason).is_some_and(|n| *n > 0));
     let reasons: Vec<usize> = (0..REFUSALS.len()).filter(occurred).collect();
@@ -174,7 +180,7 @@ pub(crate) fn refusals_table(levels: &[LevelRow]) -> Option<Table> {
     header.extend(names.iter().map(String::as_str));
     let rows = levels.iter().map(|level| {
         let mut row = vec![format!("level {}", level.level)];
-        row.extend(reasons.iter().map(|r| count(level.refusals[*r])));
+        row.extend(reasons.iter().map(|r| Short(level.refusals[*r]).to_string()));
         row
     });
     Some(table(&header, rows))
@@ -236,23 +242,64 @@ pub(crate) fn per_triangle(bytes: u64, triangles: u64) -> f64 {
     bytes as f64 / triangles.max(1) as f64
 }
 
-/// A table whose columns but the first are aligned to the right. No terminal is asked, so pipes get the same text.
-pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Table {
-    let cells = |texts: Vec<String>| {
-        let aligned = texts.into_iter().enumerate().map(|(column, text)| {
-            Cell::new(text).set_alignment(if column == 0 {
-                CellAlignment::Left
-            } else {
-                CellAlignment::Right
-            })
+/// A point for people.
+pub(crate) fn point(at: [f64; 3]) -> String {
+    let [x, y, z] = at.map(Units);
+    format!("({x}, {y}, {z})")
+}
+
+/// Columns of the terminal that results go to; none where they go elsewhere, so that pipes get the same text everywhere.
+fn width() -> Option<u16> {
+    terminal_size::terminal_size_of(std::io::stdout()).map(|(width, _)| width.0)
+}
+
+/// A table whose columns but the first are aligned to the right. What is too wide for the terminal becomes several tables, each with the first
+/// column.
+pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    table_within(width(), header, &rows.into_iter().collect::<Vec<_>>())
+}
+
+fn table_within(width: Option<u16>, header: &[&str], rows: &[Vec<String>]) -> String {
+    let cell = |row: &Vec<String>, column: usize| row.get(column).map_or(0, |text| text.chars().count());
+    // With a blank on either side.
+    let needed = |column: usize| {
+        2 + rows
+            .iter()
+            .map(|row| cell(row, column))
+            .chain([header[column].chars().count()])
+            .max()
+            .unwrap_or(0)
+    };
+    let mut tables: Vec<Vec<usize>> = vec![vec![0]];
+    let mut used = needed(0);
+    for column in 1..header.len() {
+        if used + needed(column) > width.map_or(usize::MAX, usize::from) && used > needed(0) {
+            tables.push(vec![0]);
+            used = needed(0);
+        }
+        used += needed(column);
+        tables.last_mut().into_iter().for_each(|columns| columns.push(column));
+    }
+    let tables = tables.iter().map(|columns| one_table(width, header, rows, columns));
+    tables.collect::<Vec<_>>().join("\n\n")
+}
+
+fn one_table(width: Option<u16>, header: &[&str], rows: &[Vec<String>], columns: &[usize]) -> String {
+    let cells = |text: &dyn Fn(usize) -> String| {
+        let aligned = columns.iter().map(|column| {
+            let side = if *column == 0 { CellAlignment::Left } else { CellAlignment::Right };
+            Cell::new(text(*column)).set_alignment(side)
         });
         aligned.collect::<Vec<_>>()
     };
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
-    table.set_header(cells(header.iter().map(ToString::to_string).collect()));
-    table.add_rows(rows.into_iter().map(cells));
-    table
+    if let Some(width) = width {
+        table.set_content_arrangement(ContentArrangement::Dynamic).set_width(width);
+    }
+    table.set_header(cells(&|column| header[column].to_owned()));
+    table.add_rows(rows.iter().map(|row| cells(&|column| row.get(column).cloned().unwrap_or_default())));
+    table.to_string()
 }
 
 /// A count with its thousands set apart: `3,664,152`.
@@ -300,6 +347,23 @@ mod tests {
             ..LevelRecord::default()
         };
         LevelRow::from(&record)
+    }
+
+    #[test]
+    fn what_is_too_wide_becomes_several_tables() {
+        let rows = [vec!["a".to_owned(), "1,000,000".to_owned(), "2".to_owned(), "30".to_owned()]];
+        let of = |width| table_within(width, &["name", "first", "second", "third"], &rows);
+        assert_eq!(of(None).lines().count(), 2);
+        assert_eq!(of(Some(80)), of(None));
+        let narrow = of(Some(26));
+        assert!(narrow.lines().all(|line| line.chars().count() <= 26), "{narrow}");
+        assert_eq!(
+            (narrow.matches(" name ").count(), narrow.matches("1,000,000").count()),
+            (2, 1),
+            "{narrow}"
+        );
+        // Nothing can be done about this but to wrap it.
+        assert!(of(Some(12)).lines().all(|line| line.chars().count() <= 12), "{}", of(Some(12)));
     }
 
     #[test]

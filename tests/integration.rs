@@ -16,10 +16,14 @@ mod integration {
     mod changing;
     /// Every verb, its exit codes, and that errors leave nothing behind.
     mod cli;
+    /// Settings of presets and files.
+    mod config;
     /// Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
     mod cuts;
     /// The same bytes for any number of threads and any memory.
     mod determinism;
+    /// A file in one screen, and what a build says at its end.
+    mod digest;
     /// The examples of the libraries run.
     mod examples;
     /// Every mesh that is hard to simplify, and what its file must be; flat plates and absent attributes.
@@ -40,11 +44,15 @@ mod integration {
     mod odd_cuts;
     /// What is written, and where: devices, links, streams, names, limits.
     mod outputs;
+    /// A file's bytes, read without the reader under test.
+    mod raw;
     /// Pages stored otherwise, and proof that they hold the same.
     mod relayout;
     /// Pictures, and camera paths in pictures.
     #[cfg(feature = "viewer")]
     mod render;
+    /// A file as a page, and what a browser makes of it.
+    mod report;
     /// A build that is killed at any moment goes on where it was.
     mod resume;
     /// What goes in comes out: all of it at level 0, a crack-free part of it elsewhere.
@@ -57,6 +65,10 @@ mod integration {
     mod signals;
     /// Dust that is left out of what is built, and of what it is compared with.
     mod small;
+    /// Statistics, found anew in the bytes of the file.
+    mod stats;
+    /// The command line as people meet it.
+    mod terminal;
     /// The house rules: which crate may use which, where unsafe code may be, how long a file gets.
     mod tidy;
     /// What a camera needs: extracted without cracks, and less where it is far away.

@@ -25,11 +25,12 @@ struct Entry {
     settings: Settings,
 }
 
-type Settings = BTreeMap<String, Value>;
+/// Names of options and their values.
+pub(crate) type Settings = BTreeMap<String, Value>;
 
 #[derive(Deserialize, Clone, Debug)]
 #[serde(untagged)]
-enum Value {
+pub(crate) enum Value {
     Switch(bool),
     Whole(i64),
     Number(f64),
@@ -71,7 +72,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Listed>> {
 }
 
 /// `name = value` as it is typed; a switch that is off is not typed.
-fn arguments(settings: &Settings) -> Vec<String> {
+pub(crate) fn arguments(settings: &Settings) -> Vec<String> {
     let argument = |(name, value): (&String, &Value)| match value {
         Value::Switch(true) => Some(format!("--{name}")),
         Value::Switch(false) => None,

@@ -5,7 +5,7 @@ mod display;
 /// What was typed becomes models with names.
 pub(crate) mod inputs;
 /// Lists of models with settings of their own.
-mod manifest;
+pub(crate) mod manifest;
 /// Models side by side.
 pub(crate) mod run;
 /// Which models belong to which machine.

@@ -5,7 +5,6 @@ use crate::report::{self, count, per_triangle};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::AtomicFile;
 use chpm_mesh::{Bytes, Counted};
-use comfy_table::Table;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -67,7 +66,7 @@ pub(crate) enum Status {
 }
 
 impl Status {
-    fn word(self) -> &'static str {
+    pub(crate) fn word(self) -> &'static str {
         match self {
             Status::Built => "built",
             Status::Current => "current",
@@ -140,7 +139,7 @@ impl Summary {
     }
 
     /// A row for each model.
-    pub(crate) fn table(&self) -> Table {
+    pub(crate) fn table(&self) -> String {
         let known = |n: u64, text: String| if n == 0 { "-".to_owned() } else { text };
         let rows = self.models.iter().map(|row| {
             let triangles = known(row.triangles, count(row.triangles));

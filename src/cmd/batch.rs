@@ -6,11 +6,13 @@ use crate::batch::inputs::{self, Model};
 use crate::batch::run;
 use crate::batch::shard::Shard;
 use crate::batch::summary::{self, Status, Summary};
+use crate::config::{self, ConfigArgs};
 use crate::number;
+use crate::page;
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::{BuildConfig, Cancel, MIN_MEMORY};
-use chpm_extmem::Lock;
+use chpm_extmem::{AtomicFile, Lock};
 use chpm_mesh::{Bytes, Counted};
 use clap::Parser;
 use std::ffi::OsString;
@@ -38,6 +40,9 @@ pub(crate) struct Args {
     /// Merge the summaries of all parts into one
     #[arg(long, conflicts_with_all = ["shard", "dry_run", "force"])]
     merge: bool,
+    /// Also write index.html into the folder: a picture of each model, failures first
+    #[arg(long, conflicts_with = "dry_run")]
+    report: bool,
     /// Say what would be built, and why
     #[arg(long)]
     dry_run: bool,
@@ -50,6 +55,8 @@ pub(crate) struct Args {
     /// The summary as JSON on stdout
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
     #[command(flatten)]
     settings: SettingsArgs,
     #[command(flatten)]
@@ -64,7 +71,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let config = build_config(&args.settings, &args.resources, true)?;
     let models = inputs::collect(&args.inputs, io::stdin().lock())?;
     let mine = models.into_iter().filter(|model| args.shard.is_none_or(|shard| shard.has(&model.name)));
-    let models = mine.map(|model| own_config(&model, &config).map(|config| (model, config)));
+    let models = mine.map(|model| own_config(args, &model, &config).map(|config| (model, config)));
     let models = models.collect::<Result<Vec<(Model, BuildConfig)>>>()?;
 
     let path = Summary::path(&args.output, args.shard);
@@ -82,6 +89,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let tasks = run::plan(models, &args.output, &earlier, args.force, &cancel);
     let summary = Summary::new(args.shard, run::run(tasks, jobs(args, &config), args.quiet, &cancel));
     summary.write(&args.output)?;
+    write_index(args, &summary)?;
     let verdict = print(args, &summary)?;
     let stopped = summary.count(Status::Stopped);
     ensure!(
@@ -115,7 +123,19 @@ fn merge(args: &Args) -> Result<Verdict> {
     fs::create_dir_all(&args.output)
         .with_context(|| format!("cannot make the folder '{}'", args.output.display()))?;
     summary.write(&args.output)?;
+    write_index(args, &summary)?;
     print(args, &summary)
+}
+
+/// The page, if it is wanted.
+fn write_index(args: &Args, summary: &Summary) -> Result<()> {
+    if args.report {
+        let mut file = AtomicFile::create(&args.output.join("index.html"), true)?;
+        let text = page::index(summary, &args.output)?;
+        file.write_all(text.as_bytes()).map_err(|error| file.error(error))?;
+        file.publish()?;
+    }
+    Ok(())
 }
 
 fn print(args: &Args, summary: &Summary) -> Result<Verdict> {
@@ -133,10 +153,12 @@ fn print(args: &Args, summary: &Summary) -> Result<Verdict> {
     Ok(if summary.count(Status::Failed) == 0 { Verdict::Good } else { Verdict::Faulty })
 }
 
-/// The command line's configuration with the model's own settings in place of what they name.
-fn own_config(model: &Model, config: &BuildConfig) -> Result<BuildConfig> {
-    if model.settings.is_empty() {
-        return Ok(config.clone());
+/// The command line's configuration with the model's own settings in place of what they name, and with those of a preset and of a file
+/// beside the model where nothing else names them.
+fn own_config(args: &Args, model: &Model, common: &BuildConfig) -> Result<BuildConfig> {
+    let layers = config::layers(&args.config, Some(&model.source))?;
+    if model.settings.is_empty() && layers.is_empty() {
+        return Ok(common.clone());
     }
     /// Nothing but what decides the bytes of an output.
     #[derive(Parser)]
@@ -146,23 +168,17 @@ fn own_config(model: &Model, config: &BuildConfig) -> Result<BuildConfig> {
         _settings: SettingsArgs,
     }
     let told = || format!("settings of model '{}'", model.name);
-    Own::try_parse_from(&model.settings).map_err(flat).with_context(told)?;
+    Own::try_parse_from(&model.settings).map_err(config::flat).with_context(told)?;
     // Read once more with these at its end, where they win.
     let mut words: Vec<OsString> = std::env::args_os().collect();
     let end = words.iter().position(|word| word == "--").unwrap_or(words.len());
     words.splice(end..end, model.settings.iter().map(OsString::from));
-    match Cli::try_parse_from(words).map_err(flat).with_context(told)?.command {
+    let (words, _) = config::merged(&words, &layers).with_context(told)?;
+    match Cli::try_parse_from(words).map_err(config::flat).with_context(told)?.command {
         Command::Batch(args) => {
             ensure!(!args.merge, "settings cannot merge");
             build_config(&args.settings, &args.resources, true)
         }
         _ => bail!("{}: not understood", told()),
     }
-}
-
-/// The first line of what clap says; the rest is about the command line that nobody typed.
-fn flat(error: clap::Error) -> anyhow::Error {
-    let text = error.to_string();
-    let line = text.lines().next().unwrap_or_default();
-    anyhow::anyhow!("{}", line.strip_prefix("error: ").unwrap_or(line))
 }

@@ -117,7 +117,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     if let Some(mut plot) = plot {
         let name = args.source.file_stem().unwrap_or_default().to_string_lossy();
         let title = format!("Speed against error: {name}, {} triangles", count(triangles));
-        plot.write_all(svg(&result.figures, result.diagonal, &title, &machine()).as_bytes())?;
+        plot.write_all(svg(&result.figures, result.diagonal, &title, &machine())?.as_bytes())?;
         plot.publish()?;
     }
     result.print(args, &mut out)?;

@@ -1,15 +1,18 @@
 //! `chpm build`: from a PLY to a file, and the tables at the end.
 
 use super::{Verdict, open, stdout};
-use crate::args::{ResourceArgs, SettingsArgs, build_config};
+use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
+use crate::config::{self, ConfigArgs};
+use crate::number::Short;
 use crate::output;
-use crate::progress::Meter;
+use crate::progress::{Meter, line};
 use crate::report::{self, LevelRow, count, per_triangle};
 use crate::stop::Stop;
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use chpm_build::{BuildConfig, BuildError, BuildReport};
 use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, ClusterId, Counted};
+use clap::Parser;
 use std::fs;
 use std::io::{self, Write};
 use std::os::unix::fs::FileTypeExt;
@@ -30,17 +33,41 @@ pub(crate) struct Args {
     /// No progress
     #[arg(short, long)]
     quiet: bool,
+    /// Also tell the stages, the levels and the refused collapses
+    #[arg(short, long)]
+    verbose: bool,
     /// The report as JSON on stdout
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
     #[command(flatten)]
     settings: SettingsArgs,
     #[command(flatten)]
     resources: ResourceArgs,
 }
 
-/// Builds, and reports on stdout.
+/// Builds, with the settings of a file and a preset where there are any.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    let source = Some(args.source.as_path()).filter(|source| *source != Path::new("-"));
+    let layers = config::layers(&args.config, source)?;
+    if layers.is_empty() {
+        return run_with(args, stop);
+    }
+    if !args.quiet {
+        let from: Vec<&str> = layers.iter().map(|layer| layer.from.as_str()).collect();
+        line(&format!("settings from {}", from.join(", ")));
+    }
+    let words: Vec<_> = std::env::args_os().collect();
+    let (words, _) = config::merged(&words, &layers)?;
+    match Cli::try_parse_from(words).map_err(config::flat)?.command {
+        Command::Build(args) => run_with(&args, stop),
+        _ => bail!("settings from a file: not understood"),
+    }
+}
+
+/// Builds, and reports on stdout.
+fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     let config = build_config(&args.settings, &args.resources, args.force)?;
     let source = if args.source == Path::new("-") { Path::new("/dev/stdin") } else { &args.source };
     let is_pipe = fs::metadata(source).is_ok_and(|found| found.file_type().is_fifo());
@@ -58,7 +85,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         value["source"]["path"] = args.source.display().to_string().into();
         writeln!(out, "{value:#}")?;
     } else {
-        print(&report, &output, &mut out)?;
+        print(&report, &output, args.verbose, &mut out)?;
         print_next((!is_pipe).then_some(source), &output, &mut out)?;
     }
     out.flush()?;
@@ -78,24 +105,35 @@ pub(super) fn build(
     Ok(chpm_build::build(source, output, config, meter, &stop.heed())?)
 }
 
-/// The tables, the size, warnings and repairs.
-pub(super) fn print(report: &BuildReport, output: &Path, out: &mut impl Write) -> io::Result<()> {
+/// What came of it, how long it took, warnings and repairs; tables, if they are wanted.
+pub(super) fn print(
+    report: &BuildReport,
+    output: &Path,
+    verbose: bool,
+    out: &mut impl Write,
+) -> io::Result<()> {
     let levels: Vec<LevelRow> = report.levels.iter().map(LevelRow::from).collect();
-    writeln!(out, "{}\n\n{}", report::stages_table(report), report::levels_table(&levels))?;
-    if let Some(refusals) = report::refusals_table(&levels) {
-        writeln!(out, "\n{refusals}")?;
+    if verbose {
+        writeln!(out, "{}\n\n{}", report::stages_table(report), report::levels_table(&levels))?;
+        if let Some(refusals) = report::refusals_table(&levels) {
+            writeln!(out, "\n{refusals}")?;
+        }
+        writeln!(out)?;
     }
     writeln!(
         out,
-        "\n{}: {}, {:.1} bytes for each of {}; {} in {}, {} at the top",
+        "{}: {}, {:.1} bytes for each of {}; {} in {}, {} at the top",
         output.display(),
         Bytes(report.output_len),
         per_triangle(report.output_len, report.triangles),
-        Counted(report.triangles, "triangle"),
-        Counted(report.clusters.into(), "cluster"),
+        Short(report.triangles).of("triangle"),
+        Short(report.clusters.into()).of("cluster"),
         Counted(levels.len() as u64, "level"),
         count(report.roots.into()),
     )?;
+    let (seconds, rate) = (report.seconds(), report::rate(report.triangles, report.seconds()));
+    let memory = report.peak_resident.map_or(String::new(), |bytes| format!(", {} of memory", Bytes(bytes)));
+    writeln!(out, "built in {seconds:.2} s, {rate} triangles/s{memory}")?;
     for note in &report.notes {
         writeln!(out, "{note}")?;
     }
@@ -115,6 +153,7 @@ fn print_next(source: Option<&Path>, output: &Path, out: &mut impl Write) -> Res
     let against = source.map_or_else(String::new, |source| format!(" --against '{}'", source.display()));
     let output = output.display();
     writeln!(out, "next:")?;
+    writeln!(out, "  chpm info '{output}'")?;
     writeln!(out, "  chpm verify '{output}'{against}")?;
     writeln!(out, "  chpm extract '{output}' --triangles {triangles} -o small.ply")?;
     Ok(())

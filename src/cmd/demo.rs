@@ -65,7 +65,7 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
     let compared = against::compare(&chpm, &source, &store, &meter, &cancel)?;
 
     let mut out = stdout();
-    build::print(&report, &output, &mut out)?;
+    build::print(&report, &output, false, &mut out)?;
     let sound = checked.is_ok() && compared.is_equal();
     if sound {
         let triangles = Counted(compared.leaf_triangles, "triangle");

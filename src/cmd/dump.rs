@@ -2,7 +2,9 @@
 
 use super::{Verdict, open, reading, stdout};
 use crate::memory::{self, MemoryArgs};
-use anyhow::Result;
+use crate::number;
+use anyhow::{Result, bail};
+use chpm_mesh::ClusterId;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -14,6 +16,9 @@ pub(crate) struct Args {
     /// The clusters' vertices, triangles and collapses as well
     #[arg(long)]
     pages: bool,
+    /// Only cluster ID, with its contents; may be given several times
+    #[arg(long, value_name = "ID", value_parser = number::count(0..=u32::MAX))]
+    cluster: Vec<u32>,
     #[command(flatten)]
     memory: MemoryArgs,
 }
@@ -24,7 +29,16 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     memory::divide(&file, args.memory.memory(), 0)?;
     reading(&file, || {
         let mut out = stdout();
-        chpm_format::dump(&file, &mut out, args.pages)?;
+        let count = file.header().cluster_count;
+        if let Some(id) = args.cluster.iter().find(|id| **id >= count) {
+            bail!("'{}' has no cluster {id}: the last is {}", args.file.display(), count - 1);
+        }
+        if args.cluster.is_empty() {
+            chpm_format::dump(&file, &mut out, args.pages)?;
+        }
+        for id in &args.cluster {
+            chpm_format::dump::cluster(&file, ClusterId(*id), &mut out)?;
+        }
         out.flush()?;
         Ok(Verdict::Good)
     })

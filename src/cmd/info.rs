@@ -1,16 +1,17 @@
 //! `chpm info`: what a file says about itself, without reading a page unless asked to.
 
+use super::build::small;
 use super::{Verdict, open, reading, stdout};
 use crate::caches::{self, Drawn};
+use crate::digest::{self, Sizes, boundary, error_kind, max_distance};
 use crate::memory::{self, MemoryArgs};
-use crate::number::Units;
 use crate::progress::line;
-use crate::report::{self, LevelRow, count, per_triangle};
+use crate::report::{self, LevelRow, per_triangle};
 use anyhow::Result;
 use chpm_extmem::MappedFile;
 use chpm_format::packed::{self, PARTS};
-use chpm_format::{Chpm, Metadata, SectionKind};
-use chpm_mesh::{Bytes, ClusterId, Counted, GroupId};
+use chpm_format::{Chpm, Metadata};
+use chpm_mesh::{Bytes, ClusterId, Counted};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -20,10 +21,19 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
-    /// Also read every page and tell how often a vertex cache misses for a triangle
+    /// A row for each level: clusters, triangles, shared vertices, errors
+    #[arg(long)]
+    levels: bool,
+    /// Collapses that were refused, by level and reason
+    #[arg(long)]
+    refusals: bool,
+    /// What it was built from and how, warnings, and what was found in the source
+    #[arg(long)]
+    settings: bool,
+    /// Read every page and tell how often a vertex cache misses for a triangle
     #[arg(long)]
     cache: bool,
-    /// Also read every page and tell what its bytes are for
+    /// Read every page and tell what its bytes are for
     #[arg(long)]
     parts: bool,
     /// As JSON
@@ -31,14 +41,6 @@ pub(crate) struct Args {
     json: bool,
     #[command(flatten)]
     memory: MemoryArgs,
-}
-
-/// Where the bytes of a file are.
-struct Sizes {
-    file: u64,
-    tables: u64,
-    pages: u64,
-    padding: u64,
 }
 
 /// Prints the tables, or the JSON.
@@ -71,95 +73,35 @@ fn show(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
                 json!({ "size": caches::SIZE, "clusters": all.as_json(), "roots": roots.as_json() });
         }
         writeln!(out, "{value:#}")?;
-    } else {
-        print_model(&args.file, file, metadata.as_ref(), &mut out)?;
-        print_tables(&levels, &mut out)?;
-        print_sizes(file, &sizes, &mut out)?;
-        parts.map_or(Ok(()), |parts| print_parts(file, &sizes, parts, &mut out))?;
-        drawn.map_or(Ok(()), |drawn| print_caches(drawn, &mut out))?;
+        out.flush()?;
+        return Ok(Verdict::Good);
+    }
+    if !(args.levels || args.refusals || args.settings || args.parts || args.cache) {
+        digest::print(&args.file, file, metadata.as_ref(), &levels, &mut out)?;
+        let mut repairs = metadata.iter().flat_map(|metadata| &metadata.repairs).filter(|(_, n)| *n > 0);
+        let warnings = metadata.as_ref().map_or(0, |metadata| metadata.warnings.len());
+        if warnings > 0 || repairs.next().is_some() {
+            let (warnings, repairs) = (Counted(warnings as u64, "warning"), repairs.count() + 1);
+            writeln!(out, "\n{warnings}, {} of the source: --settings", Counted(repairs as u64, "finding"))?;
+        }
+        print_next(&args.file, &mut out)?;
+    }
+    if args.levels {
+        writeln!(out, "{}", report::levels_table(&levels))?;
+    }
+    if args.refusals {
+        match report::refusals_table(&levels) {
+            Some(refusals) => writeln!(out, "{refusals}")?,
+            None => writeln!(out, "no collapse was refused")?,
+        }
+    }
+    if args.settings {
         metadata.as_ref().map_or(Ok(()), |metadata| print_provenance(metadata, &mut out))?;
     }
+    parts.map_or(Ok(()), |parts| print_parts(file, &sizes, parts, &mut out))?;
+    drawn.map_or(Ok(()), |drawn| print_caches(drawn, &mut out))?;
     out.flush()?;
     Ok(Verdict::Good)
-}
-
-impl Sizes {
-    fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
-        let pages: u64 = file.clusters().iter().map(|cluster| u64::from(cluster.page_len)).sum();
-        let section = file.sections().find(|(kind, _)| *kind == SectionKind::Pages);
-        let padded = section.map_or(pages, |(_, range)| range.len() as u64);
-        let whole = file.header().file_len;
-        Sizes { file: whole, tables: whole - padded, pages, padding: padded - pages }
-    }
-}
-
-fn print_model<D: AsRef<[u8]>>(
-    path: &Path,
-    file: &Chpm<D>,
-    metadata: Option<&Metadata>,
-    out: &mut impl Write,
-) -> io::Result<()> {
-    let h = file.header();
-    let attributes = match (h.attributes().normals, h.attributes().colors) {
-        (false, false) => "positions only",
-        (true, false) => "with normals",
-        (false, true) => "with colours",
-        (true, true) => "with normals and colours",
-    };
-    writeln!(
-        out,
-        "{}: CHPM {}.{}, by {}",
-        path.display(),
-        h.version_major,
-        h.version_minor,
-        metadata.map_or("unknown", |metadata| &metadata.generator)
-    )?;
-    let (vertices, triangles) =
-        (Counted(h.source_vertex_count, "vertex"), Counted(h.source_triangle_count, "triangle"));
-    writeln!(out, "model      {triangles}, {vertices}, {attributes}")?;
-    writeln!(out, "box        {:?} to {:?}, origin {:?}", h.aabb_min, h.aabb_max, h.origin)?;
-    writeln!(
-        out,
-        "hierarchy  {} ({}, {} at the top) in {}, {}, {}",
-        Counted(h.cluster_count.into(), "cluster"),
-        Counted(h.leaf_count.into(), "leaf"),
-        count(h.root_count.into()),
-        Counted(h.level_count.into(), "level"),
-        Counted(h.group_count.into(), "group"),
-        Counted(h.shared_vertex_count.into(), "shared vertex"),
-    )?;
-    writeln!(
-        out,
-        "error      up to {} units ({}); distance {}; boundary {}",
-        Units(h.max_error.into()),
-        error_kind(file),
-        max_distance(file)
-            .map_or("unknown".to_owned(), |distance| format!("up to {} units", Units(distance.into()))),
-        boundary(file)
-    )
-}
-
-fn print_tables(levels: &[LevelRow], out: &mut impl Write) -> io::Result<()> {
-    writeln!(out, "\n{}", report::levels_table(levels))?;
-    if let Some(refusals) = report::refusals_table(levels) {
-        writeln!(out, "\n{refusals}")?;
-    }
-    Ok(())
-}
-
-fn print_sizes<D: AsRef<[u8]>>(file: &Chpm<D>, sizes: &Sizes, out: &mut impl Write) -> io::Result<()> {
-    let Sizes { file: whole, tables, pages, padding } = *sizes;
-    writeln!(
-        out,
-        "\nsize       {} ({} bytes): pages {}, padding {} ({:.1} %), tables {}; {:.1} bytes a source triangle",
-        Bytes(whole),
-        count(whole),
-        Bytes(pages),
-        Bytes(padding),
-        100.0 * padding as f64 / whole as f64,
-        Bytes(tables),
-        per_triangle(whole, file.header().source_triangle_count),
-    )
 }
 
 /// Bytes of all pages by [`PARTS`]. Those of packed pages are found by packing them once more.
@@ -189,6 +131,24 @@ fn print_parts<D: AsRef<[u8]>>(
     writeln!(out, "parts      {} bytes a source triangle", told.collect::<Vec<_>>().join(", "))
 }
 
+fn print_next(path: &Path, out: &mut impl Write) -> Result<()> {
+    let triangles = small(path)?;
+    let path = path.display();
+    let mut next = Vec::new();
+    if cfg!(feature = "viewer") {
+        next.push((format!("chpm view '{path}'"), "look at it"));
+    }
+    next.push((format!("chpm stats '{path}'"), "where it is good, and where not"));
+    next.push((format!("chpm extract '{path}' --triangles {triangles} -o small.ply"), "one mesh of it"));
+    next.push((format!("chpm info '{path}' --levels --refusals --settings"), "all that it says of itself"));
+    let width = next.iter().map(|(command, _)| command.len()).max().unwrap_or(0);
+    writeln!(out, "\nnext:")?;
+    for (command, does) in next {
+        writeln!(out, "  {command:<width$}  {does}")?;
+    }
+    Ok(())
+}
+
 fn print_caches([all, roots]: [Drawn; 2], out: &mut impl Write) -> io::Result<()> {
     let told = |drawn: Drawn| drawn.acmr().map(|acmr| format!("{acmr:.3}")).join(", ");
     writeln!(
@@ -215,9 +175,10 @@ fn print_provenance(metadata: &Metadata, out: &mut impl Write) -> io::Result<()>
     for comment in &source.comments {
         writeln!(out, "           {comment}")?;
     }
-    let settings: Vec<String> =
-        metadata.settings.iter().map(|(name, value)| format!("{name} {value}")).collect();
-    writeln!(out, "settings   {}", settings.join(", "))?;
+    writeln!(out, "settings")?;
+    for (name, value) in &metadata.settings {
+        writeln!(out, "  {name} {value}")?;
+    }
     for warning in &metadata.warnings {
         writeln!(out, "warning: {warning}")?;
     }
@@ -284,18 +245,4 @@ fn as_json<D: AsRef<[u8]>>(
         "repairs": metadata.map(|metadata| report::object(metadata.repairs.clone())),
         "warnings": metadata.map(|metadata| &metadata.warnings),
     })
-}
-
-/// The largest distance of any mesh of the file to the source; unknown where it does not tell what has vanished.
-fn max_distance<D: AsRef<[u8]>>(file: &Chpm<D>) -> Option<f32> {
-    let gaps = (0..file.groups().len() as u32).map(|id| file.gaps(GroupId(id)).base);
-    file.has_gaps().then(|| gaps.fold(file.header().max_error, f32::max))
-}
-
-fn error_kind<D: AsRef<[u8]>>(file: &Chpm<D>) -> String {
-    file.header().error_kind().map_or_else(|| "unknown".to_owned(), |kind| kind.to_string())
-}
-
-fn boundary<D: AsRef<[u8]>>(file: &Chpm<D>) -> String {
-    file.header().boundary_mode().map_or_else(|| "unknown".to_owned(), |mode| mode.to_string())
 }

@@ -3,6 +3,8 @@
 pub(crate) mod batch;
 pub(crate) mod bench;
 pub(crate) mod build;
+pub(crate) mod completions;
+pub(crate) mod config;
 pub(crate) mod demo;
 pub(crate) mod dump;
 pub(crate) mod extract;
@@ -12,6 +14,8 @@ pub(crate) mod path;
 pub(crate) mod relayout;
 #[cfg(feature = "viewer")]
 pub(crate) mod render;
+pub(crate) mod report;
+pub(crate) mod stats;
 pub(crate) mod synth;
 pub(crate) mod verify;
 #[cfg(feature = "viewer")]
@@ -44,6 +48,11 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
         Command::Build(args) => build::run(&args, stop),
         Command::Batch(args) => batch::run(&args, stop),
         Command::Info(args) => info::run(&args),
+        Command::Report(args) => report::run(&args),
+        Command::Config(args) => config::run(&args),
+        Command::Completions(args) => completions::run(&args),
+        Command::Man(args) => completions::man(&args),
+        Command::Stats(args) => stats::run(&args),
         Command::Verify(args) => verify::run(&args, stop),
         Command::Measure(args) => measure::run(&args, stop),
         Command::Bench(args) => bench::run(&args, stop),

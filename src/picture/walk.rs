@@ -190,7 +190,7 @@ pub(crate) fn run(walk: &Walk<'_>, args: &RenderArgs, cancel: &Cancel) -> Result
         let [width, height] = walk.viewport;
         let name = walk.file.file_name().unwrap_or_default().to_string_lossy();
         let title = format!("{name}, {width}x{height}, {} pixels of error", walk.poe);
-        plot.write_all(plot::svg(&runs, &title, &adapter).as_bytes())?;
+        plot.write_all(plot::svg(&runs, &title, &adapter)?.as_bytes())?;
         plot.publish()?;
     }
     if walk.json {

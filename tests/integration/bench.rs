@@ -25,7 +25,7 @@ fn figures_are_told_written_and_drawn() {
         "kernel",
         "plain",
     ] {
-        assert!(told.contains(name) && svg.contains(&format!(">{name}</text>")), "{name}: {told}");
+        assert!(told.contains(name) && svg.contains(&format!("\n{name}\n")), "{name}: {told}");
         let of_name: Vec<_> = rows.iter().filter(|row| row[column("contender")] == name).collect();
         assert!(of_name.len() >= 4, "{name}: {csv}");
         let mut last = f64::INFINITY;

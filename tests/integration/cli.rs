@@ -131,7 +131,7 @@ fn an_empty_mesh_is_refused() {
 #[test]
 fn progress_goes_to_stderr_and_results_to_stdout() {
     let folder = ball();
-    let output = folder.chpm("build ball.ply --force").success();
+    let output = folder.chpm("build ball.ply --force --verbose").success();
     let (out, err) = (text(&output.get_output().stdout), text(&output.get_output().stderr));
     let begun = |stage: &str| err.find(&format!("{stage} ...")).unwrap_or_else(|| panic!("{stage}: {err}"));
     let stages = ["ingest", "decompose", "hierarchy", "simplify", "layout", "emit"];
@@ -164,7 +164,8 @@ fn reports_are_json_and_agree() {
 #[test]
 fn info_shows_counts_sizes_and_provenance() {
     let folder = ball();
-    let info = folder.stdout("info ball.chpm");
+    let info =
+        folder.stdout("info ball.chpm --levels --refusals --settings") + &folder.stdout("info ball.chpm");
     for words in ["clusters", "padding", "ball.ply", "cluster-triangles 512", "locked", "stalled", "xxh3"] {
         assert!(info.contains(words), "{words}: {info}");
     }

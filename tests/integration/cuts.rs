@@ -32,7 +32,7 @@ fn no_mode_cracks_and_each_is_stored() {
             folder.stdout(&format!("build in.ply -qf --cluster-triangles 128 {mode}"));
             let out = folder.stdout("verify in.chpm --against in.ply --cuts 300 -q");
             assert!(out.contains("no crack in 300 random cuts"), "{shape} {mode}: {out}");
-            let info = folder.stdout("info in.chpm");
+            let info = folder.stdout("info in.chpm --settings");
             let words: Vec<&str> = mode.split_whitespace().collect();
             for setting in [format!("boundary {}", words[1]), format!("topology {}", words[3])] {
                 assert!(info.contains(&setting), "{setting}: {info}");
@@ -60,7 +60,7 @@ fn levels_tell_what_was_forced() {
         let forced: u64 =
             levels.iter().map(|level| level["forced_collapses"].as_u64().expect("a count")).sum();
         assert_eq!(forced > 0, is_forced, "{topology}: {forced}");
-        assert!(folder.stdout("info in.chpm").contains("forced"));
+        assert!(folder.stdout("info in.chpm --levels").contains("forced"));
     }
 }
 

@@ -143,7 +143,7 @@ fn stl_is_welded_to_the_mesh_that_it_was_made_of() {
         assert_eq!(triangles(&out), triangles(&mesh), "{name}");
         assert_eq!(out.positions.len(), mesh.positions.len(), "{name}");
     }
-    let report = folder.stdout("info out.chpm");
+    let report = folder.stdout("info out.chpm --settings");
     assert!(!report.contains("boundary edges"), "{report}");
 }
 
@@ -172,7 +172,7 @@ fn zeros_of_both_signs_are_one_place() {
     };
     folder.write("a.stl", format!("solid\n{}endsolid\n", facet(["0", "-0.0"])));
     folder.stdout("build a.stl -q");
-    let out = folder.stdout("info a.chpm");
+    let out = folder.stdout("info a.chpm --settings");
     assert!(out.contains("boundary edges"), "{out}");
     folder.stdout("extract a.chpm --level 0 -o out.ply -q");
     assert_eq!(folder.read_mesh("out.ply").positions.len(), 4);
@@ -372,7 +372,7 @@ fn range_scans_are_moved_into_one_frame() {
     );
     let out = through(&folder, "ball.conf");
     assert_eq!(triangles(&out), triangles(&mesh));
-    let info = folder.stdout("info out.chpm");
+    let info = folder.stdout("info out.chpm --settings");
     assert!(info.contains("range scans"), "{info}");
 
     folder.write("lost.conf", "bmesh one.ply 0 0 0 0 0 0 1\nbmesh three.ply 0 0 0 0 0 0 1\n");
@@ -420,7 +420,7 @@ fn range_grids_are_surfaces_without_curtains() {
     }
     let both = through(&folder, "set.conf");
     assert!(both.triangles.len() > one.triangles.len());
-    let info = folder.stdout("info out.chpm");
+    let info = folder.stdout("info out.chpm --settings");
     assert!(info.contains("one.ply: left out") && info.contains("two.ply.gz: left out"), "{info}");
 }
 

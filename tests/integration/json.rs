@@ -70,6 +70,9 @@ fn every_key_is_documented_and_appears() {
     folder.stdout("path orbit in.chpm --frames 2 -o in.path");
     folder.stdout("extract in.chpm --triangles 500 -o small.ply -q");
 
+    let measured = folder.stdout("measure in.chpm --against in.ply --samples 1 -q --json");
+    folder.write("measured.json", measured);
+
     let documented = documented();
     let mut found = Keys::new();
     #[allow(unused_mut)]
@@ -79,6 +82,9 @@ fn every_key_is_documented_and_appears() {
         ("build", "build odd.obj -qf --json", 0),
         ("info", "info in.chpm --json", 0),
         ("info", "info odd.chpm --cache --parts --json", 0),
+        ("stats", "stats in.chpm --json --measured measured.json", 0),
+        ("stats", "stats odd.chpm --json", 0),
+        ("config", "config in.ply --json", 0),
         ("verify", "verify in.chpm --against in.ply --cuts 2 -q --json", 0),
         ("verify", "verify in.chpm --against in.ply --errors --cuts 1 -q --json", 0),
         ("verify", "verify bad.chpm -q --json", 1),

@@ -53,13 +53,13 @@ fn both_ends_hold_and_nothing_cracks() {
 fn options_are_told_by_the_file() {
     let folder = model("torus");
     folder.stdout("build in.ply -q --cluster-triangles 256 --finest-error 0.05% --target-error 1.5");
-    let info = folder.stdout("info in.chpm");
+    let info = folder.stdout("info in.chpm --settings");
     assert!(info.contains("finest-error 0.05%") && info.contains("target-error 1.5"), "{info}");
     let verified = json(&folder.stdout("verify in.chpm --against in.ply -q --json"));
     assert_eq!((&verified["trimmed"], &verified["sound"]), (&true.into(), &true.into()));
     assert!(verified["against"].is_null());
     folder.stdout("build in.ply -qf --cluster-triangles 256");
-    let info = folder.stdout("info in.chpm");
+    let info = folder.stdout("info in.chpm --settings");
     assert!(info.contains("finest-error none") && info.contains("target-error none"), "{info}");
     let verified = json(&folder.stdout("verify in.chpm --against in.ply -q --json"));
     assert_eq!((&verified["trimmed"], &verified["against"]["equal"]), (&false.into(), &true.into()));

@@ -117,7 +117,7 @@ fn check(folder: &Folder, source: &str, size: &str, [components, triangles, left
     let measured = json(folder, &format!("measure out.chpm --against {source} -q --json --samples 2"));
     assert_eq!(measured["violations"], 0, "{source}");
     assert_eq!(measured["small_components_left_out"], components);
-    let info = folder.stdout("info out.chpm");
+    let info = folder.stdout("info out.chpm --settings");
     let told = info.replace(',', "");
     let lines: Vec<&str> = told.lines().map(str::trim).collect();
     let line = |name: &str, n: usize| {

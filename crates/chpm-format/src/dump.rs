@@ -22,12 +22,31 @@ pub fn dump<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write, pages: bool) -
         dump_group(id, group, file.coarse(id), file.fine(id), out)?;
     }
     for (id, record) in (0..).map(ClusterId).zip(file.clusters()) {
-        dump_cluster(id, record, out)?;
-        match pages.then(|| file.page(id)) {
-            None => {}
-            Some(Ok(page)) => dump_page(&page.view(), out)?,
-            Some(Err(error)) => writeln!(out, "  unreadable {error}")?,
+        if pages {
+            cluster(file, id, out)?;
+        } else {
+            dump_cluster(id, record, out)?;
         }
+    }
+    Ok(())
+}
+
+/// Writes one cluster and its page as [`dump`] does.
+///
+/// # Errors
+/// As [`dump`].
+///
+/// # Panics
+/// For a cluster that the file does not have.
+pub fn cluster<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    id: ClusterId,
+    out: &mut impl Write,
+) -> Result<(), FormatError> {
+    dump_cluster(id, &file.clusters()[id.index()], out)?;
+    match file.page(id) {
+        Ok(page) => dump_page(&page.view(), out)?,
+        Err(error) => writeln!(out, "  unreadable {error}")?,
     }
     Ok(())
 }

@@ -1,0 +1,44 @@
+//! `chpm config`: which settings a build would have, and from where.
+
+use super::{Verdict, stdout};
+use crate::args::{ResourceArgs, SettingsArgs};
+use crate::config::{self, ConfigArgs};
+use crate::report;
+use anyhow::Result;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// What `chpm config` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The mesh that would be built, for the chpm.toml beside it
+    source: Option<PathBuf>,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
+    #[command(flatten)]
+    _settings: SettingsArgs,
+    #[command(flatten)]
+    _resources: ResourceArgs,
+}
+
+/// Prints each setting with its origin.
+pub(crate) fn run(args: &Args) -> Result<Verdict> {
+    let layers = config::layers(&args.config, args.source.as_deref())?;
+    let words: Vec<_> = std::env::args_os().collect();
+    let all = config::effective(&words, &layers)?;
+    let mut out = stdout();
+    if args.json {
+        let setting = |s: &config::Effective| json!({ "name": s.name, "value": s.value, "from": s.from });
+        let settings: Vec<Value> = all.iter().map(setting).collect();
+        writeln!(out, "{:#}", json!({ "schema": "chpm-config/1", "settings": settings }))?;
+    } else {
+        let rows = all.into_iter().map(|setting| vec![setting.name, setting.value, setting.from]);
+        writeln!(out, "{}", report::table(&["setting", "value", "from"], rows))?;
+    }
+    out.flush()?;
+    Ok(Verdict::Good)
+}

@@ -1,0 +1,88 @@
+//! `chpm report`: a file as one page of HTML.
+
+use super::{Verdict, open, reading};
+use crate::memory::{self, MemoryArgs};
+use crate::output;
+use crate::page::{self, Shown};
+use crate::stats;
+use anyhow::{Context, Result, ensure};
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use serde_json::Value;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What `chpm report` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The .chpm file
+    file: PathBuf,
+    /// The page; - is standard output
+    #[arg(short, long, value_name = "HTML")]
+    output: PathBuf,
+    /// Another .chpm file, whose numbers and curves stand beside
+    #[arg(long, value_name = "FILE")]
+    compare: Option<PathBuf>,
+    /// What `chpm build --json` printed: time and memory of the stages are shown, too
+    #[arg(long, value_name = "JSON")]
+    built: Option<PathBuf>,
+    /// Replace the page if it exists
+    #[arg(short, long)]
+    force: bool,
+    /// Say nothing
+    #[arg(short, long)]
+    quiet: bool,
+    #[command(flatten)]
+    memory: MemoryArgs,
+}
+
+/// Writes the page.
+pub(crate) fn run(args: &Args) -> Result<Verdict> {
+    let file = open(&args.file)?;
+    let other = args.compare.as_deref().map(open).transpose()?;
+    let own: u64 = std::iter::once(&file).chain(&other).map(memory_of).sum();
+    memory::divide(&file, args.memory.memory(), own)?;
+    if let Some(other) = &other {
+        memory::divide(other, args.memory.memory(), own)?;
+    }
+    let mut inputs = vec![args.file.as_path()];
+    inputs.extend(args.compare.as_deref().into_iter().chain(args.built.as_deref()));
+    let mut html = output::REPORT.create(&args.output, args.force, &inputs)?;
+    let mut out = output::messages([&html], false, args.quiet)?;
+    let built = args.built.as_deref().map(built).transpose()?;
+    let other = match (&args.compare, &other) {
+        (Some(path), Some(file)) => Some(reading(file, || Shown::new(name(path), file))?),
+        _ => None,
+    };
+    let text = reading(&file, || {
+        let shown = Shown::new(name(&args.file), &file)?;
+        page::html(&shown, other.as_ref(), built.as_ref())
+    })?;
+    html.write_all(text.as_bytes())?;
+    html.publish()?;
+    if !args.quiet {
+        writeln!(out, "{}: open it in a browser", args.output.display())?;
+    }
+    out.flush()?;
+    Ok(Verdict::Good)
+}
+
+/// Rows and shared vertices as for `stats`, and the map of the clusters.
+fn memory_of(file: &Chpm<MappedFile>) -> u64 {
+    let [shared, cluster] = stats::page::MEMORY;
+    let h = file.header();
+    shared * u64::from(h.shared_vertex_count) + 2 * cluster * u64::from(h.cluster_count) + (32 << 20)
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+fn built(path: &Path) -> Result<Value> {
+    let text = fs::read(path).with_context(|| format!("cannot read '{}'", path.display()))?;
+    let told = || format!("'{}' is no document of `chpm build --json`", path.display());
+    let value: Value = serde_json::from_slice(&text).with_context(told)?;
+    ensure!(value["schema"] == "chpm-build/1", told());
+    Ok(value)
+}

@@ -1,0 +1,212 @@
+//! Settings that are not typed: those of a preset, and of a `chpm.toml`. What is typed wins over the file, the file over the preset.
+
+use crate::args::{Cli, ResourceArgs, SettingsArgs};
+use crate::batch::manifest::{self, Settings};
+use crate::presets::Preset;
+use anyhow::{Context, Result, anyhow};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, CommandFactory, Parser, ValueEnum};
+use serde::Deserialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The name of a file beside the models.
+const NAME: &str = "chpm.toml";
+/// Options of which one takes the other's place.
+const RIVALS: [[&str; 2]; 3] =
+    [["finest-error", "prune-exact"], ["order", "no-layout"], ["no-resume", "keep-work"]];
+
+/// Where settings may come from besides.
+#[derive(clap::Args, Debug)]
+pub(crate) struct ConfigArgs {
+    /// Settings for a kind of model; what is typed besides wins
+    #[arg(long, value_name = "KIND", value_enum)]
+    preset: Option<Preset>,
+    /// A TOML file with a [settings] table of options, and a preset or none; chpm.toml beside the source if not given
+    #[arg(long, value_name = "TOML")]
+    config: Option<PathBuf>,
+    /// Leave a chpm.toml beside the source alone
+    #[arg(long, conflicts_with = "config")]
+    no_config: bool,
+}
+
+/// The file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    preset: Option<String>,
+    #[serde(default)]
+    settings: Settings,
+}
+
+/// Settings of one origin: names of options with what is typed for them.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Layer {
+    pub(crate) from: String,
+    settings: BTreeMap<String, String>,
+}
+
+/// Nothing but settings and resources.
+#[derive(Parser)]
+#[command(no_binary_name = true)]
+struct Own {
+    #[command(flatten)]
+    _settings: SettingsArgs,
+    #[command(flatten)]
+    _resources: ResourceArgs,
+}
+
+/// What is set for a source besides what is typed; what wins comes first.
+pub(crate) fn layers(args: &ConfigArgs, source: Option<&Path>) -> Result<Vec<Layer>> {
+    let mut layers = Vec::new();
+    let mut preset = args.preset;
+    let beside =
+        source.map(|source| source.with_file_name(NAME)).filter(|path| !args.no_config && path.is_file());
+    if let Some(path) = args.config.clone().or(beside) {
+        let told = || format!("'{}' is no valid configuration", path.display());
+        let text = fs::read_to_string(&path).with_context(|| format!("cannot read '{}'", path.display()))?;
+        let file: File = toml::from_str(&text).with_context(told)?;
+        let own = |name: &String| Preset::from_str(name, false).map_err(|error| anyhow!("preset: {error}"));
+        let named = file.preset.as_ref().map(own).transpose().with_context(told)?;
+        preset = preset.or(named);
+        let words = manifest::arguments(&file.settings);
+        Own::try_parse_from(&words).map_err(flat).with_context(told)?;
+        layers.push(Layer { from: path.display().to_string(), settings: split(&words) });
+    }
+    if let Some(preset) = preset {
+        let settings =
+            preset.settings().iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+        layers.push(Layer { from: format!("preset {}", preset.name()), settings: settings.collect() });
+    }
+    Ok(layers)
+}
+
+/// `--name=value` and `--name` as names and values.
+fn split(words: &[String]) -> BTreeMap<String, String> {
+    let pair = |word: &String| {
+        let word = word.trim_start_matches('-');
+        let (name, value) = word.split_once('=').unwrap_or((word, ""));
+        (name.to_owned(), value.to_owned())
+    };
+    words.iter().map(pair).collect()
+}
+
+/// A command line with what the layers add to it, and from where each of these options comes.
+pub(crate) fn merged(
+    words: &[OsString],
+    layers: &[Layer],
+) -> Result<(Vec<OsString>, BTreeMap<String, String>)> {
+    let matches = Cli::command().try_get_matches_from(words)?;
+    let mut taken = matches.subcommand().map(|(_, verb)| typed(verb)).unwrap_or_default();
+    let (mut added, mut origins) = (Vec::new(), BTreeMap::new());
+    for layer in layers {
+        let is_free = |name: &str, taken: &BTreeSet<String>| {
+            let rivals = RIVALS.iter().filter(|rivals| rivals.contains(&name)).flatten();
+            !taken.contains(name) && !rivals.into_iter().any(|rival| taken.contains(*rival))
+        };
+        let free: Vec<_> = layer.settings.iter().filter(|(name, _)| is_free(name, &taken)).collect();
+        for (name, value) in free {
+            let equals = if value.is_empty() { "" } else { "=" };
+            added.push(OsString::from(format!("--{name}{equals}{value}")));
+            origins.insert(name.clone(), layer.from.clone());
+            taken.insert(name.clone());
+        }
+    }
+    let mut words = words.to_vec();
+    // Behind the verb.
+    words.splice(2..2, added);
+    Ok((words, origins))
+}
+
+/// Names of options that were typed.
+fn typed(matches: &ArgMatches) -> BTreeSet<String> {
+    let is_typed = |id: &&str| matches.value_source(id) == Some(ValueSource::CommandLine);
+    matches.ids().map(clap::Id::as_str).filter(is_typed).map(|id| id.replace('_', "-")).collect()
+}
+
+/// A setting as it is, and from where.
+pub(crate) struct Effective {
+    pub(crate) name: String,
+    pub(crate) value: String,
+    pub(crate) from: String,
+}
+
+/// All settings and resources of a command line.
+pub(crate) fn effective(words: &[OsString], layers: &[Layer]) -> Result<Vec<Effective>> {
+    let (words, origins) = merged(words, layers)?;
+    let matches = Cli::command().try_get_matches_from(words)?;
+    let (_, verb) = matches.subcommand().context("a verb is missing")?;
+    let own = Own::command();
+    let shown = own
+        .get_arguments()
+        .filter(|arg| !arg.is_hide_set() && arg.get_long().is_some_and(|long| long != "help"));
+    let all = shown.map(|arg| {
+        let (id, name) = (arg.get_id().as_str(), arg.get_long().unwrap_or_default());
+        let value = match arg.get_action() {
+            clap::ArgAction::SetTrue => verb.get_flag(id).to_string(),
+            _ => verb
+                .get_raw(id)
+                .and_then(Iterator::last)
+                .map_or("none".to_owned(), |raw| raw.to_string_lossy().into_owned()),
+        };
+        let from = match (origins.get(name), verb.value_source(id)) {
+            (Some(origin), _) => origin.clone(),
+            (None, Some(ValueSource::CommandLine)) => "command line".to_owned(),
+            _ => "default".to_owned(),
+        };
+        Effective { name: name.to_owned(), value, from }
+    });
+    Ok(all.collect())
+}
+
+/// The first line of what clap says; the rest is about a command line that nobody typed.
+pub(crate) fn flat(error: clap::Error) -> anyhow::Error {
+    let text = error.to_string();
+    let line = text.lines().next().unwrap_or_default();
+    anyhow!("{}", line.strip_prefix("error: ").unwrap_or(line))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(text: &str) -> Vec<OsString> {
+        text.split(' ').map(OsString::from).collect()
+    }
+
+    fn layer(from: &str, settings: &[(&str, &str)]) -> Layer {
+        let settings =
+            settings.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+        Layer { from: from.to_owned(), settings }
+    }
+
+    #[test]
+    fn what_is_typed_wins_over_the_file_and_that_over_the_preset() {
+        let layers = [
+            layer("file", &[("seed", "3"), ("prune-exact", "")]),
+            layer("preset", &[("seed", "4"), ("pages", "packed"), ("topology", "keep")]),
+        ];
+        let of =
+            |text: &str| merged(&words(text), &layers).unwrap().0.join(" ".as_ref()).into_string().unwrap();
+        assert_eq!(
+            of("chpm build x.ply --topology change"),
+            "chpm build --prune-exact --seed=3 --pages=packed x.ply --topology change"
+        );
+        assert_eq!(
+            of("chpm build x.ply --finest-error 1% --seed 9 --pages raw"),
+            "chpm build --topology=keep x.ply --finest-error 1% --seed 9 --pages raw"
+        );
+    }
+
+    #[test]
+    fn presets_are_settings_that_there_are() {
+        for preset in Preset::value_variants() {
+            let layers = [layer("preset", preset.settings())];
+            let (words, _) = merged(&words("chpm build x.ply"), &layers).unwrap();
+            assert!(Cli::try_parse_from(words).is_ok(), "{preset:?}");
+            assert_eq!(Preset::from_str(preset.name(), false), Ok(*preset));
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! The command line with an example or more for each verb, as `chpm help VERB` and the man pages show them.
+
+use crate::args::Cli;
+use clap::{Command, CommandFactory};
+use std::fmt::Write;
+
+/// What is typed, and what it does. Tests run each of them beside `scan.ply`, what is built of it, and a folder `scans`.
+type Example = (&'static str, &'static str);
+
+const EXAMPLES: &[(&str, &[Example])] = &[
+    (
+        "build",
+        &[
+            ("chpm build scan.ply", "scan.chpm, beside it"),
+            ("chpm build scan.ply -o clean.chpm --min-component 1%", "without the dust"),
+            ("chpm build scan.ply -o first.chpm --preset preview", "a small file for a first look"),
+            ("zcat scan.ply.gz | chpm build - -o piped.chpm", "what comes through a pipe"),
+        ],
+    ),
+    (
+        "batch",
+        &[
+            ("chpm batch scans -o built --dry-run", "what would be built, and why"),
+            ("chpm batch scans -o built --report", "all of them, and built/index.html"),
+            ("chpm batch 'scans/*.ply' -o built --jobs 2 --memory 512M", "two at a time"),
+        ],
+    ),
+    (
+        "info",
+        &[
+            ("chpm info scan.chpm", "one screen"),
+            ("chpm info scan.chpm --levels --refusals", "the levels, and what was refused"),
+            ("chpm info scan.chpm --json", "all of it, for programs"),
+        ],
+    ),
+    (
+        "stats",
+        &[
+            ("chpm stats scan.chpm", "level by level, and the worst clusters"),
+            (
+                "chpm stats scan.chpm -q --assert 'acmr24<0.9' --assert 'roots==1'",
+                "exit code 1 where that is not so",
+            ),
+            ("chpm stats scan.chpm --csv clusters.csv", "with a row for each cluster"),
+        ],
+    ),
+    (
+        "report",
+        &[
+            ("chpm report scan.chpm -o report.html", "a page for a browser"),
+            ("chpm report scan.chpm --compare clean.chpm -o both.html", "beside another file"),
+            ("chpm report scan.chpm -o - > page.html", "to a pipe or a file"),
+        ],
+    ),
+    (
+        "verify",
+        &[
+            ("chpm verify scan.chpm --against scan.ply", "every byte, and every triangle of the source"),
+            ("chpm verify scan.chpm --cuts 100", "no crack in a hundred random cuts"),
+        ],
+    ),
+    (
+        "measure",
+        &[
+            ("chpm measure scan.chpm --against scan.ply --samples 1", "each level and the source"),
+            ("chpm measure scan.ply small.ply", "two meshes"),
+        ],
+    ),
+    ("bench", &[("chpm bench scan.ply --only chpm --runs 1 --csv speed.csv", "time, memory and deviation")]),
+    ("relayout", &[("chpm relayout scan.chpm -o packed.chpm --pages packed", "the same in fewer bytes")]),
+    (
+        "dump",
+        &[
+            ("chpm dump scan.chpm | head -20", "the tables"),
+            ("chpm dump scan.chpm --cluster 3 | head", "one cluster with its triangles"),
+        ],
+    ),
+    (
+        "extract",
+        &[
+            ("chpm extract scan.chpm --triangles 10% -o tenth.ply", "by triangles"),
+            ("chpm extract scan.chpm --error 0.1% -o near.ply", "by distance from the source"),
+            ("chpm extract scan.chpm --level 1 -o - > level.ply", "to a pipe or a file"),
+        ],
+    ),
+    ("path", &[("chpm path orbit scan.chpm --frames 60 -o orbit.path", "once around it")]),
+    (
+        "render",
+        &[(
+            "chpm render scan.chpm -o clusters.png --color cluster --viewport 320x240",
+            "a picture of the clusters",
+        )],
+    ),
+    ("view", &[("chpm view scan.chpm", "a window"), ("chpm view scan.ply", "a mesh, which is built first")]),
+    (
+        "walk",
+        &[
+            ("chpm walk scan.chpm dive.path", "what selection does along a path"),
+            ("chpm walk scan.chpm dive.path --csv frames.csv", "frame by frame"),
+        ],
+    ),
+    (
+        "synth",
+        &[
+            ("chpm synth terrain --triangles 100k -o terrain.ply", "a terrain"),
+            ("chpm synth --list", "what there is"),
+        ],
+    ),
+    (
+        "demo",
+        &[
+            ("chpm demo --triangles 20k", "all of it once"),
+            ("chpm demo --triangles 20k --keep demo", "the same, and the files stay"),
+        ],
+    ),
+    (
+        "config",
+        &[
+            ("chpm config scan.ply", "what a build of it would have, and from where"),
+            ("chpm config --preset isosurface --pages raw", "a preset, and what is typed besides"),
+        ],
+    ),
+    ("completions", &[("chpm completions bash > chpm.bash", "to be sourced; zsh, fish, elvish, powershell")]),
+    ("man", &[("chpm man man1", "a page for each verb: man -l man1/chpm-build.1")]),
+];
+
+/// The command line.
+pub(crate) fn command() -> Command {
+    EXAMPLES.iter().fold(Cli::command(), |command, (verb, examples)| {
+        // Without the viewer two of them are not there.
+        if command.find_subcommand(verb).is_none() {
+            return command;
+        }
+        command.mut_subcommand(*verb, |verb| verb.after_help(told(examples)))
+    })
+}
+
+fn told(examples: &[Example]) -> String {
+    let mut text = "Examples:".to_owned();
+    for (typed, does) in examples {
+        let _ = write!(text, "\n  # {does}\n  {typed}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_verb_has_examples_that_are_understood() {
+        command().debug_assert();
+        for verb in command().get_subcommands().filter(|verb| !verb.is_hide_set()) {
+            let found = EXAMPLES.iter().find(|(name, _)| *name == verb.get_name());
+            let (_, examples) = found.unwrap_or_else(|| panic!("{} has no example", verb.get_name()));
+            for (typed, _) in *examples {
+                let own = typed.split(['|', '&', '>']).map(str::trim).find(|part| part.starts_with("chpm "));
+                let words =
+                    own.expect("a call of chpm").split_whitespace().map(|word| word.trim_matches('\''));
+                command().try_get_matches_from(words).unwrap_or_else(|error| panic!("{typed}: {error}"));
+            }
+        }
+    }
+}

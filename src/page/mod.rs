@@ -1,0 +1,233 @@
+//! A file as one page of HTML that needs nothing else: pictures, plots, a map of the hierarchy, settings, findings.
+
+mod plots;
+pub(crate) mod raster;
+mod tree;
+
+use crate::batch::summary::{Status, Summary};
+use crate::digest;
+use crate::number::{Short, Units};
+use crate::report;
+use crate::stats::{self, Row, Stats, worst};
+use anyhow::Result;
+use askama::Template;
+use chpm_extmem::MappedFile;
+use chpm_format::{Chpm, Metadata};
+use chpm_mesh::Bytes;
+use raster::Colors;
+use serde_json::Value;
+
+/// Pixels of a picture.
+const PICTURE: [usize; 2] = [640, 480];
+
+const STYLE: &str = include_str!("../../templates/style.css");
+const SCRIPT: &str = include_str!("../../templates/treemap.js");
+
+/// A file that is shown, or compared with.
+pub(crate) struct Shown<'a> {
+    pub(crate) name: String,
+    pub(crate) file: &'a Chpm<MappedFile>,
+    pub(crate) rows: Vec<Row<'a>>,
+    pub(crate) stats: Stats,
+}
+
+impl<'a> Shown<'a> {
+    /// Reads every page.
+    pub(crate) fn new(name: String, file: &'a Chpm<MappedFile>) -> Result<Self> {
+        let (rows, borders) = stats::rows(file)?;
+        let stats = Stats::new(name.clone(), file, &rows, &borders);
+        Ok(Shown { name, file, rows, stats })
+    }
+}
+
+/// A picture and what it shows.
+struct Picture {
+    data: String,
+    caption: &'static str,
+}
+
+struct Finding {
+    words: &'static str,
+    clusters: Vec<(u32, String)>,
+}
+
+#[derive(Template)]
+#[template(path = "report.html")]
+struct Page<'a> {
+    style: &'a str,
+    script: &'a str,
+    title: &'a str,
+    facts: Vec<(&'static str, String)>,
+    remarks: Vec<String>,
+    praise: Option<String>,
+    pictures: Vec<Picture>,
+    note: String,
+    plots: Vec<String>,
+    tree: String,
+    drawables: Vec<[String; 5]>,
+    worst: Vec<Finding>,
+    compared: Vec<(String, String, String)>,
+    other: Option<&'a str>,
+    settings: Vec<(String, String)>,
+    source: Vec<(&'static str, String)>,
+    repairs: Vec<(String, String)>,
+    warnings: Vec<String>,
+}
+
+/// The page of a file; `built` is what `chpm build --json` printed.
+pub(crate) fn html(shown: &Shown<'_>, other: Option<&Shown<'_>>, built: Option<&Value>) -> Result<String> {
+    let file = shown.file;
+    let metadata = file.metadata().unwrap_or_default();
+    let levels = report::levels_of(file);
+    let even = raster::look(file, PICTURE, false)?;
+    let beside = raster::look(file, PICTURE, true)?;
+    let mut pictures = Vec::new();
+    for (seen, colors, caption) in [
+        (&even, Colors::Cluster, "Clusters: each is stored, loaded and refined on its own"),
+        (
+            &beside,
+            Colors::Level,
+            "Levels, as an eye at the right needs them: blue is the source, red the top",
+        ),
+        (&beside, Colors::Error, "Errors of the same: blue is the least, red the largest"),
+    ] {
+        pictures.push(Picture { data: seen.picture(colors)?, caption });
+    }
+    let drawn = |shown: &Shown<'_>| {
+        let all = digest::drawables(shown.file).into_iter();
+        all.map(|row| [row.triangles as f64, row.distance]).collect::<Vec<_>>()
+    };
+    let files = std::iter::once(shown).chain(other);
+    let files: Vec<_> = files.map(|shown| (shown.name.clone(), &shown.stats, drawn(shown))).collect();
+    let remarks = digest::remarks(file, Some(&metadata), &levels);
+    let page = Page {
+        style: STYLE,
+        script: SCRIPT,
+        title: &shown.name,
+        facts: facts(file, &metadata),
+        praise: remarks.is_empty().then(|| digest::praise(file, &levels)),
+        remarks,
+        pictures,
+        note: format!(
+            "Clusters: {}, an error of {} units. Drawn on the processor.",
+            Short(even.triangles).of("triangle"),
+            Units(even.error.into())
+        ),
+        plots: plots::all(&files, built)?,
+        tree: tree::json(file, &shown.rows)?.to_string(),
+        drawables: drawables(file),
+        worst: shown.stats.worst.iter().map(finding).collect(),
+        compared: other.map_or_else(Vec::new, |other| compared(&shown.stats, &other.stats)),
+        other: other.map(|other| other.name.as_str()),
+        source: source(&metadata),
+        repairs: occurred(&metadata),
+        settings: metadata.settings,
+        warnings: metadata.warnings,
+    };
+    Ok(page.render()?)
+}
+
+fn facts(file: &Chpm<MappedFile>, metadata: &Metadata) -> Vec<(&'static str, String)> {
+    let h = file.header();
+    vec![
+        ("Source", metadata.source.name.clone()),
+        ("Triangles", Short(h.source_triangle_count).to_string()),
+        ("Vertices", Short(h.source_vertex_count).to_string()),
+        ("Clusters", Short(h.cluster_count.into()).to_string()),
+        ("Levels", h.level_count.to_string()),
+        ("Size", Bytes(h.file_len).to_string()),
+        ("Bytes a triangle", format!("{:.1}", report::per_triangle(h.file_len, h.source_triangle_count))),
+        ("Largest error", format!("{} units", Units(h.max_error.into()))),
+        ("Built by", metadata.generator.clone()),
+    ]
+}
+
+fn drawables(file: &Chpm<MappedFile>) -> Vec<[String; 5]> {
+    let diagonal = file.header().aabb().diagonal();
+    let row = |row: digest::Drawable| {
+        [
+            row.level.map_or_else(|| "the coarsest".to_owned(), |level| format!("level {level}")),
+            Short(row.clusters).to_string(),
+            Short(row.triangles).to_string(),
+            Units(row.distance).to_string(),
+            format!("{} %", Units(if diagonal > 0.0 { 100.0 * row.distance / diagonal } else { 0.0 })),
+        ]
+    };
+    digest::drawables(file).into_iter().map(row).collect()
+}
+
+fn finding(worst: &worst::Worst) -> Finding {
+    let named =
+        |named: &worst::Named| (named.cluster, format!("{} (level {})", Units(named.value), named.level));
+    Finding { words: worst::words(worst.measure), clusters: worst.clusters.iter().map(named).collect() }
+}
+
+fn compared(own: &Stats, other: &Stats) -> Vec<(String, String, String)> {
+    let told = |value: Option<&Value>| match value.and_then(Value::as_f64) {
+        Some(value) if value.fract() == 0.0 && value >= 0.0 => Short(value as u64).to_string(),
+        Some(value) => Units(value).to_string(),
+        None => "-".to_owned(),
+    };
+    let names = own.measures.keys();
+    names
+        .map(|name| (name.replace('_', " "), told(own.measures.get(name)), told(other.measures.get(name))))
+        .collect()
+}
+
+fn source(metadata: &Metadata) -> Vec<(&'static str, String)> {
+    let source = &metadata.source;
+    let mut rows = vec![
+        ("Name", source.name.clone()),
+        ("Size", Bytes(source.byte_len).to_string()),
+        ("Format", source.encoding.clone()),
+        ("Vertices", report::count(source.vertex_count)),
+        ("Faces", report::count(source.face_count)),
+        ("XXH3", format!("{:016x}", source.hash)),
+    ];
+    rows.extend(source.comments.iter().map(|comment| ("Comment", comment.clone())));
+    rows
+}
+
+fn occurred(metadata: &Metadata) -> Vec<(String, String)> {
+    let occurred = metadata.repairs.iter().filter(|(_, n)| *n > 0);
+    occurred.map(|(name, n)| (name.replace('-', " "), report::count(*n))).collect()
+}
+
+/// A model of a batch.
+struct Card<'a> {
+    name: &'a str,
+    status: &'static str,
+    error: Option<&'a str>,
+    warnings: &'a [String],
+    picture: Option<String>,
+    facts: String,
+    link: String,
+}
+
+#[derive(Template)]
+#[template(path = "batch.html")]
+struct Index<'a> {
+    style: &'a str,
+    line: String,
+    cards: Vec<Card<'a>>,
+}
+
+/// The page of a batch, failures first; a model of which there is no picture has none.
+pub(crate) fn index(summary: &Summary, folder: &std::path::Path) -> Result<String> {
+    let mut cards: Vec<Card<'_>> = Vec::new();
+    for row in &summary.models {
+        let is_there = matches!(row.status, Status::Built | Status::Current);
+        let seconds = if row.seconds > 0.0 { format!(", {:.1} s", row.seconds) } else { String::new() };
+        cards.push(Card {
+            name: &row.name,
+            status: row.status.word(),
+            error: row.error.as_deref(),
+            warnings: &row.warnings,
+            picture: is_there.then(|| raster::thumbnail(&row.output).ok()).flatten(),
+            facts: format!("{}, {}{seconds}", Short(row.triangles).of("triangle"), Bytes(row.output_bytes)),
+            link: row.output.strip_prefix(folder).unwrap_or(&row.output).display().to_string(),
+        });
+    }
+    cards.sort_by_key(|card| (card.error.is_none(), card.picture.is_some(), card.name));
+    Ok(Index { style: STYLE, line: summary.line(), cards }.render()?)
+}

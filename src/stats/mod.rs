@@ -1,0 +1,264 @@
+//! A file in numbers: of its levels, its groups and its bytes, and the clusters that stand out.
+
+mod boxes;
+pub(crate) mod claim;
+pub(crate) mod measured;
+pub(crate) mod page;
+pub(crate) mod show;
+mod spread;
+pub(crate) mod worst;
+
+use crate::digest::Sizes;
+use crate::report;
+use anyhow::Result;
+use chpm_extmem::MappedFile;
+use chpm_format::packed::PARTS;
+use chpm_format::{Chpm, ClusterRecord};
+use page::{Borders, CACHES, PageStats};
+use serde::Serialize;
+use serde_json::{Map, Value};
+pub(crate) use spread::Spread;
+use worst::Worst;
+
+/// All of it, as `--json` has it.
+#[derive(Serialize, Debug)]
+pub(crate) struct Stats {
+    schema: &'static str,
+    file: String,
+    /// One number each for the whole file, by name: what can be asserted.
+    pub(crate) measures: Map<String, Value>,
+    pub(crate) levels: Vec<LevelStats>,
+    pub(crate) groups: GroupStats,
+    pub(crate) bytes: ByteStats,
+    /// How many levels a vertex is shared for, over all shared vertices.
+    border_levels: Option<Spread>,
+    pub(crate) worst: Vec<Worst>,
+}
+
+/// A level.
+#[derive(Serialize, Debug)]
+pub(crate) struct LevelStats {
+    pub(crate) level: u32,
+    pub(crate) clusters: u32,
+    /// Of the finest mesh of a cluster, and of its base mesh.
+    pub(crate) triangles: Option<Spread>,
+    base_triangles: Option<Spread>,
+    /// What `info` has, too.
+    #[serde(skip)]
+    pub(crate) total_triangles: u64,
+    /// Vertices that other clusters have, too, by vertices.
+    pub(crate) shared: f64,
+    pub(crate) border_levels: Option<Spread>,
+    min_error: Option<Spread>,
+    pub(crate) max_error: Option<Spread>,
+    pub(crate) aspect: Option<Spread>,
+    pub(crate) overlap: Option<Spread>,
+    pub(crate) groups: u32,
+    pub(crate) group_size: Option<Spread>,
+    pub(crate) collapses: Option<Spread>,
+    pub(crate) page_bytes: u64,
+    parts: Map<String, Value>,
+    acmr16: f64,
+    pub(crate) acmr24: f64,
+    acmr32: f64,
+    pub(crate) edge_span: f64,
+    /// Stored by measured distance; with `--measured` alone.
+    pub(crate) tightness: Option<Value>,
+}
+
+/// The groups.
+#[derive(Serialize, Debug)]
+pub(crate) struct GroupStats {
+    count: u32,
+    /// Coarse clusters of a group.
+    size: Option<Spread>,
+    /// The first of those that have the most.
+    largest: u32,
+    /// Groups one below the other, at most.
+    longest_path: u32,
+}
+
+/// The bytes.
+#[derive(Serialize, Debug)]
+pub(crate) struct ByteStats {
+    file: u64,
+    tables: u64,
+    pages: u64,
+    padding: u64,
+    per_triangle: f64,
+    parts: Map<String, Value>,
+}
+
+/// A cluster in numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row<'a> {
+    pub(crate) id: u32,
+    pub(crate) record: &'a ClusterRecord,
+    pub(crate) page: PageStats,
+    pub(crate) aspect: Option<f64>,
+    pub(crate) overlap: Option<f64>,
+}
+
+impl ByteStats {
+    /// What the bytes of the file are for, by name.
+    pub(crate) fn all(&self) -> impl Iterator<Item = (String, f64)> {
+        let parts =
+            self.parts.iter().map(|(part, bytes)| (part.replace('_', " "), bytes.as_f64().unwrap_or(0.0)));
+        parts.chain([("tables".to_owned(), self.tables as f64), ("padding".to_owned(), self.padding as f64)])
+    }
+}
+
+impl Row<'_> {
+    /// Misses for each triangle, by [`CACHES`].
+    pub(crate) fn acmr(&self) -> [f64; CACHES.len()] {
+        self.page.misses.map(|misses| by(misses, self.record.triangle_count.into()))
+    }
+
+    /// The mean over the edges of all triangles.
+    pub(crate) fn edge_span(&self) -> f64 {
+        by(self.page.span, 3 * u64::from(self.record.triangle_count))
+    }
+
+    pub(crate) fn collapses(&self) -> u32 {
+        self.record.vertex_count - self.record.base_vertex_count
+    }
+}
+
+fn by(part: u64, whole: u64) -> f64 {
+    if whole == 0 { 0.0 } else { part as f64 / whole as f64 }
+}
+
+/// Reads every page of a file.
+pub(crate) fn rows(file: &Chpm<MappedFile>) -> Result<(Vec<Row<'_>>, Borders)> {
+    let (pages, borders) = page::read(file)?;
+    let clusters = (0..).zip(file.clusters()).zip(pages).zip(boxes::overlaps(file));
+    let rows = clusters.map(|(((id, record), page), overlap)| {
+        let aspect = boxes::aspect(&record.aabb());
+        Row { id, record, page, aspect, overlap }
+    });
+    Ok((rows.collect(), borders))
+}
+
+impl Stats {
+    /// From what was read.
+    pub(crate) fn new(path: String, file: &Chpm<MappedFile>, rows: &[Row<'_>], borders: &Borders) -> Self {
+        let (lives, all) = borders.lives(file.levels().len());
+        let levels: Vec<LevelStats> =
+            (0..).zip(&lives).map(|(level, lives)| LevelStats::new(file, rows, level, lives)).collect();
+        let sizes = Sizes::of(file);
+        let bytes = ByteStats {
+            file: sizes.file,
+            tables: sizes.tables,
+            pages: sizes.pages,
+            padding: sizes.padding,
+            per_triangle: report::per_triangle(sizes.file, file.header().source_triangle_count),
+            parts: parts(rows.iter()),
+        };
+        let sizes = || file.groups().iter().map(|group| group.coarse_count);
+        let most = sizes().max().unwrap_or(0);
+        let groups = GroupStats {
+            count: file.header().group_count,
+            size: Spread::of(sizes().map(f64::from)),
+            largest: sizes().position(|size| size == most).unwrap_or(0) as u32,
+            longest_path: boxes::longest_path(file),
+        };
+        let mut stats = Stats {
+            schema: "chpm-stats/1",
+            file: path,
+            measures: Map::new(),
+            levels,
+            groups,
+            bytes,
+            border_levels: Spread::of_counts(&all),
+            worst: worst::of(rows, file.levels().len()),
+        };
+        stats.measures = stats.measured(file, rows);
+        stats
+    }
+
+    fn measured(&self, file: &Chpm<MappedFile>, rows: &[Row<'_>]) -> Map<String, Value> {
+        let h = file.header();
+        let height = h.level_count - 1;
+        let least = h.leaf_count.max(1).next_power_of_two().ilog2();
+        let diagonal = h.aabb().diagonal();
+        let roots = || rows.iter().filter(|row| row.record.is_root());
+        let median =
+            |of: fn(&Row<'_>) -> Option<f64>| Spread::of(rows.iter().filter_map(of)).map(|s| s.median);
+        let triangles = || file.levels().iter().map(|level| level.triangle_count);
+        let ratios = triangles().zip(triangles().skip(1)).map(|(below, level)| by(level, below));
+        let all: u64 = triangles().sum();
+        let misses = |cache: usize| rows.iter().map(|row| row.page.misses[cache]).sum();
+        let mut measures = Map::new();
+        let mut put = |name: &str, value: Option<f64>| {
+            if let Some(value) = value {
+                measures.insert(name.to_owned(), value.into());
+            }
+        };
+        put("triangles", Some(h.source_triangle_count as f64));
+        put("clusters", Some(h.cluster_count.into()));
+        put("levels", Some(h.level_count.into()));
+        put("height", Some(height.into()));
+        put("least_height", Some(least.into()));
+        put("roots", Some(h.root_count.into()));
+        put("top_triangles", Some(roots().map(|row| f64::from(row.record.base_triangle_count)).sum()));
+        put("worst_ratio", ratios.reduce(f64::max));
+        put("stalled", Some(file.levels().iter().map(|level| f64::from(level.stalled_cluster_count)).sum()));
+        put("forced", Some(file.levels().iter().map(|level| f64::from(level.forced_collapse_count)).sum()));
+        put("max_error", Some(h.max_error.into()));
+        put("max_error_percent", (diagonal > 0.0).then(|| 100.0 * f64::from(h.max_error) / diagonal));
+        put("shared", self.levels.iter().map(|level| level.shared).reduce(f64::max));
+        put("border_levels", self.border_levels.map(|spread| spread.median));
+        put("groups", Some(h.group_count.into()));
+        put("largest_group", self.groups.size.map(|spread| spread.max));
+        put("longest_path", Some(self.groups.longest_path.into()));
+        put("aspect", median(|row| row.aspect));
+        put("overlap", median(|row| row.overlap));
+        put("bytes", Some(h.file_len as f64));
+        put("bytes_per_triangle", Some(self.bytes.per_triangle));
+        for (cache, size) in CACHES.into_iter().enumerate() {
+            put(&format!("acmr{size}"), Some(by(misses(cache), all)));
+        }
+        put("edge_span", Some(by(rows.iter().map(|row| row.page.span).sum(), 3 * all)));
+        measures
+    }
+}
+
+impl LevelStats {
+    fn new(file: &Chpm<MappedFile>, rows: &[Row<'_>], level: u32, lives: &[u64]) -> Self {
+        let own = || rows.iter().filter(move |row| row.record.level == level);
+        let spread = |of: fn(&Row<'_>) -> f64| Spread::of(own().map(of));
+        let groups = || file.groups().iter().filter(|group| group.level == level);
+        let record = &file.levels()[level as usize];
+        let acmr = |cache: usize| by(own().map(|row| row.page.misses[cache]).sum(), record.triangle_count);
+        LevelStats {
+            level,
+            clusters: record.cluster_count,
+            triangles: spread(|row| row.record.triangle_count.into()),
+            total_triangles: record.triangle_count,
+            base_triangles: spread(|row| row.record.base_triangle_count.into()),
+            shared: by(record.shared_vertex_count, record.vertex_count),
+            border_levels: Spread::of_counts(lives),
+            min_error: spread(|row| row.record.min_error.into()),
+            max_error: spread(|row| row.record.max_error.into()),
+            aspect: Spread::of(own().filter_map(|row| row.aspect)),
+            overlap: Spread::of(own().filter_map(|row| row.overlap)),
+            groups: groups().count() as u32,
+            group_size: Spread::of(groups().map(|group| group.coarse_count.into())),
+            collapses: spread(|row| row.collapses().into()),
+            page_bytes: own().map(|row| u64::from(row.record.page_len)).sum(),
+            parts: parts(own()),
+            acmr16: acmr(0),
+            acmr24: acmr(1),
+            acmr32: acmr(2),
+            edge_span: by(own().map(|row| row.page.span).sum(), 3 * record.triangle_count),
+            tightness: None,
+        }
+    }
+}
+
+/// Bytes by what they are for.
+fn parts<'a>(rows: impl Iterator<Item = &'a Row<'a>>) -> Map<String, Value> {
+    let mut sums = [0; PARTS.len()];
+    rows.for_each(|row| sums.iter_mut().zip(row.page.parts).for_each(|(sum, bits)| *sum += bits));
+    PARTS.iter().zip(sums).map(|(part, bits)| (part.replace(' ', "_"), (bits as f64 / 8.0).into())).collect()
+}

@@ -1,0 +1,258 @@
+//! The page of a file: what is in it, and what a browser makes of it.
+
+use super::harness::{Folder, text};
+use super::raw::Raw;
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::process::{Command, Output};
+
+/// A model, its file, another file of it and a page of both.
+fn page() -> Folder {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 30k -o in.ply -q");
+    let built = folder.stdout("build in.ply -q --json --cluster-triangles 512");
+    folder.write("built.json", built);
+    folder.stdout("build in.ply -q --cluster-triangles 1024 --boundary lock -o other.chpm");
+    folder.stdout("report in.chpm -o page.html --compare other.chpm --built built.json");
+    folder
+}
+
+/// What is between two texts.
+fn between<'a>(text: &'a str, from: &str, to: &str) -> &'a str {
+    let rest = text.split_once(from).unwrap_or_else(|| panic!("{from}")).1;
+    rest.split_once(to).unwrap_or_else(|| panic!("{to}")).0
+}
+
+/// Colours of the opaque pixels of a picture, and how many these are.
+fn colors(base64: &str) -> (BTreeSet<[u8; 3]>, usize) {
+    let digit = |c: u8| {
+        b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/".iter().position(|d| *d == c)
+    };
+    let digits: Vec<u32> = base64.bytes().filter_map(digit).map(|d| d as u32).collect();
+    let mut bytes = Vec::new();
+    for four in digits.chunks(4) {
+        let word = four.iter().fold(0, |word, digit| word << 6 | digit) << (6 * (4 - four.len()));
+        bytes.extend(&word.to_be_bytes()[1..four.len()]);
+    }
+    let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a picture");
+    let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+    reader.next_frame(&mut pixels).expect("pixels");
+    let opaque = pixels.as_chunks::<4>().0.iter().filter(|pixel| pixel[3] == 255);
+    let opaque: Vec<[u8; 3]> = opaque.map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    (opaque.iter().copied().collect(), opaque.len())
+}
+
+#[test]
+fn the_page_is_whole_and_needs_nothing_else() {
+    let folder = page();
+    let html = text(&folder.read("page.html"));
+    assert!(!html.contains("src=\"http") && !html.contains("href=\"http") && !html.contains("@import"));
+    assert_eq!(html.matches("<svg").count(), 6, "plots");
+    let pictures: Vec<&str> = html
+        .split("src=\"data:image/png;base64,")
+        .skip(1)
+        .filter_map(|rest| rest.split('"').next())
+        .collect();
+    let seen: Vec<_> = pictures.iter().map(|picture| colors(picture)).collect();
+    assert_eq!(seen.len(), 3);
+    // The same model in three ways.
+    assert!(
+        seen.iter().all(|(colors, pixels)| colors.len() > 50
+            && pixels.abs_diff(seen[0].1) < 2000
+            && *pixels > 20_000),
+        "{:?}",
+        seen[0].1
+    );
+    assert!(seen[0].0 != seen[1].0 && seen[1].0 != seen[2].0 && seen[1].1 == seen[2].1);
+    for word in [
+        "in.ply",
+        "Compared with other.chpm",
+        "cluster-triangles",
+        "xxh3",
+        "Time by stage",
+        "Bytes by part",
+        "acmr24",
+    ] {
+        assert!(html.to_lowercase().contains(&word.to_lowercase()), "{word}");
+    }
+    let streamed = folder.stdout("report in.chpm -o - --compare other.chpm --built built.json");
+    assert!(streamed == html, "the same page as a stream");
+    assert!(folder.stderr("report in.chpm -o page.html", 2).contains("--force"));
+    assert!(folder.stderr("report in.chpm -o page.html -f --built in.ply", 2).contains("chpm build --json"));
+    assert!(folder.stderr("report in.chpm -o page.png", 2).contains("HTML"));
+}
+
+#[test]
+fn the_map_is_of_the_hierarchy() {
+    let folder = page();
+    let html = text(&folder.read("page.html"));
+    let tree: Value =
+        serde_json::from_str(between(&html, "type=\"application/json\">", "</script>")).expect("JSON");
+    let raw = Raw(folder.read("in.chpm"));
+    let (clusters, groups) = (raw.clusters(), raw.groups());
+    let nodes = tree["nodes"].as_array().expect("nodes");
+    assert_eq!(nodes.len(), clusters.len());
+    let number = |node: &Value, place: usize| node[place].as_i64().expect("a number");
+    let mut below = vec![0; clusters.len()];
+    for (id, node) in nodes.iter().enumerate() {
+        let (c, parent) = (&clusters[id], number(node, 1));
+        assert_eq!(
+            [0, 2, 4, 10].map(|place| number(node, place)),
+            [id as i64, c.level.into(), c.triangle_count.into(), c.page_len.into()]
+        );
+        assert_eq!(node[5].as_f64().map(|error| error as f32), Some(c.errors[1]));
+        match usize::try_from(parent) {
+            Ok(parent) => {
+                assert_eq!(clusters[parent].group, c.parent, "a parent is of the group that it came from");
+                below[parent] += number(node, 3);
+            }
+            Err(_) => assert_eq!(c.parent, u32::MAX),
+        }
+    }
+    for (node, below) in nodes.iter().zip(&below) {
+        let leaf = number(node, 2) == 0;
+        assert_eq!(number(node, 3), if leaf { number(node, 4) } else { *below });
+    }
+    let roots: i64 = nodes.iter().filter(|node| number(node, 1) < 0).map(|node| number(node, 3)).sum();
+    assert_eq!(roots, raw.u64(56) as i64);
+    // Where a group has as many coarse clusters as pairs of fine ones, each has its two children.
+    for group in groups.iter().filter(|group| group.fine.len() == 2 * group.coarse as usize) {
+        let parents: Vec<i64> = group.fine.iter().map(|id| number(&nodes[*id as usize], 1)).collect();
+        assert!(
+            parents.iter().all(|parent| parents.iter().filter(|other| *other == parent).count() == 2),
+            "{parents:?}"
+        );
+    }
+}
+
+#[test]
+fn odd_models_have_a_page() {
+    let folder = Folder::new();
+    for (name, words) in [
+        ("one", "sphere --triangles 20"),
+        ("far", "hard:far-double --triangles 5000"),
+        ("huge", "hard:huge --triangles 5000"),
+    ] {
+        folder.stdout(&format!("synth {words} -o {name}.ply -q"));
+        folder.stdout(&format!("build {name}.ply -q --cluster-triangles 512 --pages packed"));
+        folder.stdout(&format!("report {name}.chpm -o {name}.html -q"));
+        let html = text(&folder.read(&format!("{name}.html")));
+        let (_, pixels) = colors(between(&html, "base64,", "\""));
+        assert!(pixels > 10_000 && !html.contains("NaN"), "{name}: {pixels}");
+    }
+}
+
+#[test]
+fn a_batch_has_an_index_with_failures_first() {
+    let folder = Folder::new();
+    std::fs::create_dir_all(folder.path("in/deep")).expect("a folder");
+    folder.stdout("synth terrain --triangles 3000 -o in/a.ply -q");
+    folder.stdout("synth sphere --triangles 3000 -o in/deep/c.ply -q");
+    folder.write("in/b<b>.ply", "no mesh");
+    folder.chpm("batch in -o out -q --report").code(1);
+    let html = text(&folder.read("out/index.html"));
+    let cards: Vec<&str> = html.split("<div class=\"card").skip(2).collect();
+    assert_eq!(cards.len(), 3, "{html}");
+    assert!(cards[0].starts_with(" failed") && cards[0].contains("b&#60;b&#62;") && !html.contains("b<b>"));
+    for (card, link) in cards[1..].iter().zip(["a.chpm", "deep/c.chpm"]) {
+        assert!(
+            card.contains(&format!("href=\"{link}\"")) && colors(between(card, "base64,", "\"")).1 > 5000
+        );
+    }
+    folder.chpm("batch in -o plain -q").code(1);
+    assert!(!folder.path("plain/index.html").exists());
+}
+
+/// Runs Chromium on a page of the folder; none where it is not installed.
+fn chromium(folder: &Folder, page: &str, options: &[&str]) -> Option<Output> {
+    let fixed = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-quic",
+        "--no-first-run",
+        "--disable-background-networking",
+    ];
+    let more = [
+        "--disable-component-update",
+        "--disable-sync",
+        "--enable-logging=stderr",
+        "--window-size=1200,2600",
+        "--virtual-time-budget=4000",
+    ];
+    let mut command = Command::new("chromium");
+    command.args(fixed).args(more).arg(format!("--user-data-dir={}", folder.path("profile").display()));
+    command.args(options).arg(format!("file://{}", folder.path(page).display()));
+    match command.env("HOME", folder.path("")).output() {
+        Ok(output) => Some(output),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            println!("skipped: chromium is not installed (apt-get install chromium)");
+            None
+        }
+        Err(error) => panic!("chromium: {error}"),
+    }
+}
+
+/// What somebody does with the page, and what came of it.
+const VISIT: &str = r#"<script>
+window.addEventListener("load", () => {
+  const map = document.getElementById("map"), under = document.getElementById("under"), told = {};
+  const send = (type, of) => {
+    const { left, top, width, height } = map.getBoundingClientRect();
+    map.dispatchEvent(new PointerEvent(type, { bubbles: true, clientX: left + width / of, clientY: top + height / of }));
+  };
+  const pixels = () => map.toDataURL();
+  told.before = under.textContent; told.root = map.dataset.root; told.boxes = Number(map.dataset.boxes);
+  send("pointermove", 3); told.pointed = under.textContent;
+  const first = pixels(); send("click", 3); told.inside = map.dataset.root; told.place = document.getElementById("place").textContent;
+  told.changed = first !== pixels();
+  const colored = pixels(); document.getElementById("measure").value = "shared";
+  document.getElementById("measure").dispatchEvent(new Event("change")); told.recolored = colored !== pixels();
+  document.getElementById("up").click(); told.out = map.dataset.root;
+  for (let n = 0; n < 20; n++) document.getElementById("up").click();
+  told.top = map.dataset.root; told.still = document.getElementById("up").disabled;
+  send("click", 2); for (let n = 0; n < 20; n++) document.dispatchEvent(new KeyboardEvent("keydown", { key: "Escape" })); told.escaped = map.dataset.root;
+  told.pictures = [...document.images].map((image) => image.naturalWidth);
+  told.plots = [...document.querySelectorAll(".plots svg")].map((plot) => [plot.getBoundingClientRect().width, plot.querySelectorAll("polyline,circle,rect").length]);
+  told.ink = getComputedStyle(document.querySelector(".plots svg text")).fill;
+  told.wide = document.documentElement.scrollWidth > window.innerWidth;
+  document.body.dataset.told = JSON.stringify(told);
+});
+</script>"#;
+
+#[test]
+fn a_browser_shows_plots_and_a_map_that_reacts() {
+    let folder = page();
+    let html = text(&folder.read("page.html"));
+    folder.write("visit.html", html.replace("</body>", &format!("{VISIT}</body>")));
+    let mut inks = BTreeSet::new();
+    // Dark and light.
+    for scheme in ["--blink-settings=preferredColorScheme=0", "--blink-settings=preferredColorScheme=1"] {
+        let Some(output) = chromium(&folder, "visit.html", &["--dump-dom", scheme]) else { return };
+        let (dom, log) = (text(&output.stdout), text(&output.stderr));
+        assert!(!log.contains("CONSOLE"), "{log}");
+        let told = between(&dom, "data-told=\"", "\"").replace("&quot;", "\"");
+        let told: Value = serde_json::from_str(&told).expect("JSON");
+        for name in ["root", "top", "escaped"] {
+            assert_eq!(told[name], "-1", "{name}: {told:#}");
+        }
+        assert!(told["out"] != told["inside"] && told["still"] == true, "{told:#}");
+        assert!(told["boxes"].as_u64() > Some(10) && told["inside"] != "-1", "{told:#}");
+        assert!(
+            told["pointed"] != told["before"]
+                && told["pointed"].as_str().is_some_and(|text| text.contains("triangles"))
+        );
+        assert!(told["place"].as_str().is_some_and(|text| text.starts_with("cluster ")), "{told:#}");
+        assert_eq!(
+            (&told["changed"], &told["recolored"], &told["wide"]),
+            (&true.into(), &true.into(), &false.into()),
+            "{told:#}"
+        );
+        assert_eq!(told["pictures"], serde_json::json!([640, 640, 640]));
+        let plots = told["plots"].as_array().expect("plots");
+        let is_drawn = |plot: &Value| plot[0].as_f64() > Some(300.0) && plot[1].as_u64() > Some(2);
+        assert!(plots.len() == 6 && plots.iter().all(is_drawn), "{told:#}");
+        inks.insert(told["ink"].as_str().expect("a colour").to_owned());
+    }
+    assert_eq!(inks.len(), 2, "an ink for each theme: {inks:?}");
+}

@@ -1,0 +1,200 @@
+//! The command line as people meet it: examples, completions, manual pages, a terminal's width, colours, slips of the finger.
+
+use super::harness::{CHPM, Folder, root, text};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// The verbs that the command itself names.
+fn verbs(folder: &Folder) -> Vec<String> {
+    let help = folder.stdout("--help");
+    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let listed = listed
+        .take_while(|line| !line.is_empty())
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    listed
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|verb| *verb != "help")
+        .map(str::to_owned)
+        .collect()
+}
+
+/// A shell in the folder that finds `chpm`.
+fn shell(folder: &Folder, line: &str) -> std::process::Output {
+    let path = format!(
+        "{}:{}",
+        Path::new(CHPM).parent().expect("a folder").display(),
+        std::env::var("PATH").unwrap_or_default()
+    );
+    let mut command = Command::new("sh");
+    command.current_dir(folder.path("")).env("PATH", path).args(["-c", line]);
+    command.output().expect("a shell")
+}
+
+/// What the examples are about.
+fn scan() -> Folder {
+    let folder = Folder::new();
+    folder.stdout("synth terrain --triangles 6000 -o scan.ply -q");
+    folder.stdout("build scan.ply -q --cluster-triangles 512");
+    folder.stdout("extract scan.chpm --triangles 50% -o small.ply -q");
+    folder.stdout("path dive scan.chpm --frames 3 -o dive.path");
+    fs::create_dir(folder.path("scans")).expect("a folder");
+    for seed in [1, 2] {
+        folder.stdout(&format!("synth terrain --triangles 2000 --seed {seed} -o scans/{seed}.ply -q"));
+    }
+    let packed = shell(&folder, "gzip -k scan.ply");
+    assert!(packed.status.success(), "{packed:?}");
+    folder
+}
+
+#[test]
+fn every_example_of_the_help_runs() {
+    let folder = scan();
+    let verbs = verbs(&folder);
+    assert!(verbs.len() >= 17, "{verbs:?}");
+    for verb in &verbs {
+        let help = folder.stdout(&format!("help {verb}"));
+        let (_, examples) = help.split_once("Examples:\n").unwrap_or_else(|| panic!("{verb}: {help}"));
+        let commands = examples.lines().filter(|line| !line.starts_with("  # "));
+        let commands: Vec<&str> = commands.collect();
+        assert!(
+            !commands.is_empty()
+                && commands.iter().all(|line| line.starts_with("  chpm ") || line.starts_with("  zcat ")),
+            "{help}"
+        );
+        if verb == "build" {
+            fs::remove_file(folder.path("scan.chpm")).expect("a file");
+        }
+        // A window is opened by the tests of the viewer.
+        for example in commands.into_iter().filter(|_| verb != "view") {
+            let run = shell(&folder, example);
+            let told = text(&run.stderr);
+            assert!(
+                run.status.success() && !told.lines().any(|line| line.starts_with("error")),
+                "{example}: {told}"
+            );
+        }
+        if verb == "build" {
+            folder.stdout("build scan.ply -q -f --cluster-triangles 512");
+        }
+    }
+    let made = [
+        "piped.chpm",
+        "clean.chpm",
+        "packed.chpm",
+        "level.ply",
+        "clusters.csv",
+        "chpm.bash",
+        "report.html",
+        "built/index.html",
+    ];
+    for name in made {
+        assert!(!folder.read(name).is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn shells_complete_every_verb() {
+    let folder = Folder::new();
+    for (name, word) in [("bash", "complete -F"), ("zsh", "#compdef chpm"), ("fish", "complete -c chpm")] {
+        let script = folder.stdout(&format!("completions {name}"));
+        assert!(script.contains(word), "{name}");
+        for verb in verbs(&folder) {
+            assert!(script.contains(&verb), "{name}: {verb}");
+        }
+    }
+    folder.write("chpm.bash", folder.stdout("completions bash"));
+    let typed = "source ./chpm.bash && COMP_WORDS=(chpm ver) && COMP_CWORD=1 && _chpm chpm ver chpm && echo ${COMPREPLY[@]}";
+    let run = Command::new("bash").current_dir(folder.path("")).args(["-c", typed]).output().expect("bash");
+    assert_eq!(text(&run.stdout).trim(), "verify", "{}", text(&run.stderr));
+    assert!(folder.stderr("completions tcsh", 2).contains("zsh"));
+}
+
+#[test]
+fn every_verb_has_a_manual_page_that_is_not_replaced() {
+    let folder = Folder::new();
+    folder.stdout("man pages");
+    let expected: BTreeSet<String> =
+        verbs(&folder).iter().map(|verb| format!("chpm-{verb}.1")).chain(["chpm.1".to_owned()]).collect();
+    let names: BTreeSet<String> = fs::read_dir(folder.path("pages"))
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
+        .collect();
+    assert_eq!(names, expected);
+    let page = text(&folder.read("pages/chpm-stats.1"));
+    assert!(page.contains(".SH NAME") && page.contains("assert") && page.contains("Examples"), "{page}");
+    assert!(folder.stderr("man pages", 2).contains("--force"));
+    folder.stdout("man pages --force");
+}
+
+#[test]
+fn a_table_fits_a_narrow_terminal_and_a_pipe_gets_all_of_it() {
+    let folder = scan();
+    let lines = |columns: u32| {
+        let line = format!(
+            "script -qec 'stty rows 24 cols {columns}; chpm info scan.chpm --levels --refusals; chpm stats scan.chpm' /dev/null"
+        );
+        let run = shell(&folder, &line);
+        assert!(run.status.success(), "{}", text(&run.stderr));
+        text(&run.stdout).lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>()
+    };
+    let is_table = |line: &&String| line.starts_with(' ');
+    for columns in [60, 80] {
+        let widest = lines(columns).iter().filter(is_table).map(|line| line.chars().count()).max();
+        assert!(widest.is_some_and(|widest| widest <= columns as usize), "{widest:?} of {columns}");
+    }
+    let wide = lines(400);
+    let piped = folder.stdout("info scan.chpm --levels --refusals") + &folder.stdout("stats scan.chpm");
+    let piped: Vec<&str> = piped.lines().map(str::trim_end).collect();
+    assert_eq!(wide, piped);
+}
+
+#[test]
+fn colours_are_for_terminals_that_want_them() {
+    let folder = Folder::new();
+    let run = |before: &str| {
+        let run = shell(&folder, &format!("script -qec '{before} chpm info; true' /dev/null"));
+        text(&run.stdout)
+    };
+    assert!(run("env -u NO_COLOR TERM=xterm").contains('\u{1b}'), "{}", run(""));
+    assert!(!run("NO_COLOR=1 TERM=xterm").contains('\u{1b}'));
+    assert!(!folder.stderr("info", 2).contains('\u{1b}'), "a pipe has none");
+}
+
+#[test]
+fn a_slip_of_the_finger_is_answered() {
+    let folder = Folder::new();
+    for (typed, meant) in [
+        ("biuld x.ply", "'build'"),
+        ("stat x.chpm", "'stats'"),
+        ("build x.ply --cluster-triangle 3", "'--cluster-triangles'"),
+        ("build x.ply --partitioner mettis", "metis"),
+        ("completions bsh", "bash"),
+    ] {
+        let error = folder.stderr(typed, 2);
+        assert!(error.contains(meant), "{typed}: {error}");
+    }
+}
+
+#[test]
+fn a_build_tells_how_far_it_is_on_a_terminal() {
+    let folder = Folder::new();
+    folder.stdout("synth terrain --triangles 60000 -o scan.ply -q");
+    let run = shell(&folder, "script -qec 'stty rows 24 cols 100; chpm build scan.ply' /dev/null");
+    let told = text(&run.stdout);
+    assert!(run.status.success() && told.contains("simplify") && told.contains(" left"), "{told}");
+    assert!(told.contains("triangles/s, "), "{told}");
+}
+
+#[test]
+fn the_readme_gets_to_a_picture_in_three_commands() {
+    let readme = fs::read_to_string(root().join("README.md")).expect("the page");
+    let (start, _) = readme.split_once("The method is").expect("the beginning");
+    let commands = start.lines().filter(|line| line.starts_with("cargo run --release -- "));
+    let commands: Vec<&str> = commands.collect();
+    assert!((1..=3).contains(&commands.len()), "{commands:?}");
+    assert!(
+        commands.iter().any(|line| line.contains("-- build scan.ply")) && start.contains("-- view scan.chpm")
+    );
+}
