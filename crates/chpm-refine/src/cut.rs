@@ -3,7 +3,7 @@
 use crate::error::RefineError;
 use crate::hierarchy::Hierarchy;
 use crate::lod::Lod;
-use crate::select::select_by;
+use crate::select::{select_by, select_where};
 use crate::splits::{Splits, parents, top_down};
 use chpm_format::{Chpm, ClusterRecord, PageBuf};
 use chpm_mesh::{ClusterId, Level};
@@ -102,8 +102,12 @@ impl Cut {
         if distance.is_nan() || distance < 0.0 {
             return Err(RefineError::Bound { got: distance });
         }
-        // Gaps grow upward like errors, so that whoever has to be split has only groups above that have to be.
-        select_by(file, &Hierarchy::of_distances(file), |group| file.gaps(group).error_within(distance))
+        let hierarchy = Hierarchy::new(file);
+        let bound = |group| file.gaps(group).error_within(distance);
+        // What has vanished below a group comes back by a split only, what vanishes in it by a smaller error, if it has that. Gaps grow upward
+        // like errors, so that whoever has to be split has only groups above that have to be.
+        let wants = |group| file.gaps(group).fine > distance || hierarchy.wants(group, bound(group));
+        select_where(file, &hierarchy, wants, bound)
     }
 
     /// Triangles of the cut.

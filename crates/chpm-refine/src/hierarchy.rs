@@ -26,24 +26,11 @@ struct Node {
 impl Hierarchy {
     /// Reads the tables of a file, once for all views. O(groups).
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
-        Self::by(file, |_| 0.0)
-    }
-
-    /// The same, but a group is split for what has vanished below it, too: for selections by distance.
-    pub(crate) fn of_distances<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
-        Self::by(file, |group| file.gaps(group).fine)
-    }
-
-    /// Groups are split below their errors, and below the numbers given.
-    fn by<D: AsRef<[u8]>>(file: &Chpm<D>, gap: impl Fn(GroupId) -> f32) -> Self {
         let order = top_down(file);
         let mut nodes: Vec<Node> = file.groups().iter().map(Node::new).collect();
         for (rank, id) in (0..order.len() as u32).zip(&order).rev() {
             let mut node = nodes[id.index()];
             node.rank = rank;
-            if node.split_error >= 0.0 {
-                node.split_error = node.split_error.max(gap(*id));
-            }
             for coarse in file.coarse(*id) {
                 let record = &file.clusters()[*coarse as usize];
                 node.region.widen(record.aabb_min.map(f64::from), record.aabb_max.map(f64::from));

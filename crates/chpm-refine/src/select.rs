@@ -33,7 +33,17 @@ pub fn select_by<D: AsRef<[u8]>>(
     hierarchy: &Hierarchy,
     bound: impl Fn(GroupId) -> f32,
 ) -> Result<Cut, RefineError> {
-    let splits = Splits::wanted(file, hierarchy.top_down(), |group, _| hierarchy.wants(group, bound(group)));
+    select_where(file, hierarchy, |group| hierarchy.wants(group, bound(group)), &bound)
+}
+
+/// The same, with the groups that want to be split named apart from the bounds that the others are drawn by.
+pub(crate) fn select_where<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    hierarchy: &Hierarchy,
+    wants: impl Fn(GroupId) -> bool,
+    bound: impl Fn(GroupId) -> f32,
+) -> Result<Cut, RefineError> {
+    let splits = Splits::wanted(file, hierarchy.top_down(), |group, _| wants(group));
     let members = splits.active(file).map(|(cluster, record)| {
         let group = record.group();
         let bound = if splits.is_whole(file, group) { bound(group) } else { f32::INFINITY };

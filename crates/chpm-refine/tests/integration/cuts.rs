@@ -101,7 +101,7 @@ fn naive_at_distance(file: &File, bound: f32) -> Cut {
     for (cluster, record) in (0..).map(ClusterId).zip(file.clusters()) {
         let split = |group: chpm_mesh::GroupId| {
             let record = &file.groups()[group.index()];
-            !record.is_leaf() && record.min_error.max(record.gaps.fine) > bound
+            !record.is_leaf() && record.gaps.fine.max(record.gaps.distance(record.min_error)) > bound
         };
         if (record.is_root() || split(record.parent_group())) && !split(record.group()) {
             let page = file.page(cluster).unwrap();

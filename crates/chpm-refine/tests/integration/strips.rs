@@ -249,8 +249,10 @@ impl Plan {
                 let fine = below.map(|fine| groups[file.clusters()[*fine as usize].group as usize].gaps.base);
                 let fine = fine.fold(0.0, f32::max);
                 let group = &mut groups[index];
-                let from = 0.5 * (group.min_error + group.max_error);
-                let more = if index % 2 == 0 { 0.75 * group.max_error } else { 0.0 };
+                // At the finest already, or half way; gaps below and above the error at which they begin.
+                let at_once = index % 3 == 0 && !group.is_leaf();
+                let from = if at_once { group.min_error } else { 0.5 * (group.min_error + group.max_error) };
+                let more = [3.0, 0.0, 0.75, 0.0][index % 4] * group.max_error;
                 group.gaps = Gaps { fine, base: fine + more, from };
             }
         };
