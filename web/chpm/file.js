@@ -1,0 +1,290 @@
+// A .chpm file that is somewhere else: tables come chunk by chunk and pages run by run, each checked before it is used.
+
+import { readPage } from "./page.js";
+import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, expect, readCluster, readGroup, readHeader, readSections, viewOf } from "./records.js";
+import { ChpmError, readExactly } from "./source.js";
+import { xxh3 } from "./xxh3.js";
+
+/** What is fetched first: with the chunks that writers make, all that leads to the roots. */
+const FIRST = 32768;
+/** Pages that are next to each other come in one request, up to this. */
+const LONGEST_RUN = 4 << 20;
+/** So many bytes between two pages cost less than another request. */
+const NEAR = 16384;
+
+/** One table of records, of which chunks are there. */
+class Table {
+  constructor(source, section, chunkLength, sums) {
+    Object.assign(this, { source, section, chunkLength, sums });
+    this.chunks = new Array(sums.length).fill(null);
+    this.coming = new Map();
+  }
+
+  /** The chunks of records `first` to `first + count` that are not there. */
+  missing(first, count) {
+    const { recordLength } = this.section;
+    if (count === 0) return [];
+    const last = Math.floor(((first + count) * recordLength - 1) / this.chunkLength);
+    const missing = [];
+    for (let k = Math.floor((first * recordLength) / this.chunkLength); k <= last; k++) {
+      if (!this.chunks[k]) missing.push(k);
+    }
+    return missing;
+  }
+
+  take(k, bytes) {
+    expect(xxh3(bytes) === this.sums[k], () => `section kind ${this.section.kind} is damaged at chunk ${k}: its checksum is another one`);
+    this.chunks[k] = viewOf(bytes);
+  }
+
+  lengthOf(k) {
+    return Math.min(this.chunkLength, this.section.length - k * this.chunkLength);
+  }
+
+  /** Fetches chunks, neighbours in one request. */
+  async fetch(wanted, signal) {
+    const absent = [...new Set(wanted)].filter((k) => !this.chunks[k] && !this.coming.has(k)).sort((a, b) => a - b);
+    while (absent.length > 0) {
+      let count = 1;
+      while (absent[count] === absent[0] + count) count++;
+      const run = absent.splice(0, count);
+      const end = run[count - 1] * this.chunkLength + this.lengthOf(run[count - 1]);
+      const start = run[0] * this.chunkLength;
+      const what = `section kind ${this.section.kind}`;
+      const all = readExactly(this.source, this.section.offset + start, end - start, what, signal).then((bytes) => {
+        for (const k of run) {
+          const at = k * this.chunkLength - start;
+          this.take(k, bytes.slice(at, at + this.lengthOf(k)));
+        }
+      });
+      const done = all.finally(() => run.forEach((k) => this.coming.delete(k)));
+      // Whoever waits for a chunk gets the error; nobody may be waiting.
+      done.catch(() => {});
+      run.forEach((k) => this.coming.set(k, done));
+    }
+    await Promise.all(wanted.map((k) => this.coming.get(k)));
+  }
+
+  /** A record as a view, or null if its chunk is not there. */
+  record(index) {
+    const { recordLength } = this.section;
+    const at = index * recordLength;
+    const chunk = this.chunks[Math.floor(at / this.chunkLength)];
+    return chunk && new DataView(chunk.buffer, chunk.byteOffset + (at % this.chunkLength), recordLength);
+  }
+}
+
+/** An open file. Make one with {@link open}. */
+export class ChpmFile {
+  #source;
+  #tables;
+  #pages;
+  #clusters = new Map();
+  #groups = new Map();
+  #zstd;
+
+  /** @private */
+  constructor(source, header, sections, tables, zstd) {
+    this.#source = source;
+    this.#tables = tables;
+    this.#pages = sections.get(6);
+    this.#zstd = zstd;
+    this.header = header;
+  }
+
+  get source() {
+    return this.#source;
+  }
+
+  /** Fetches what is missing of these clusters' records. */
+  async needClusters(ids, signal) {
+    const table = this.#tables.clusters;
+    await table.fetch([...ids].flatMap((id) => table.missing(id, 1)), signal);
+  }
+
+  /** Fetches what is missing of these groups' records. */
+  async needGroups(ids, signal) {
+    const table = this.#tables.groups;
+    await table.fetch([...ids].flatMap((id) => table.missing(id, 1)), signal);
+  }
+
+  /** Fetches the lists of these groups' coarse and fine clusters. */
+  async needMembers(groups, signal) {
+    const table = this.#tables.members;
+    const chunks = ({ coarseFirst, coarseCount, fineFirst, fineCount }) => [
+      ...table.missing(coarseFirst, coarseCount),
+      ...table.missing(fineFirst, fineCount),
+    ];
+    await table.fetch([...groups].flatMap(chunks), signal);
+  }
+
+  /** A cluster's record, checked; null if it has not been fetched. */
+  cluster(id) {
+    return this.#known(this.#clusters, this.#tables.clusters, id, (view) => readCluster(this.header, this.#pages, view, id));
+  }
+
+  /** A group's record, checked; null if it has not been fetched. */
+  group(id) {
+    const members = this.#tables.members.section;
+    return this.#known(this.#groups, this.#tables.groups, id, (view) => readGroup(this.header, members, view, id));
+  }
+
+  #known(known, table, id, read) {
+    let record = known.get(id);
+    if (!record) {
+      const view = table.record(id);
+      if (!view) return null;
+      record = read(view);
+      known.set(id, record);
+    }
+    return record;
+  }
+
+  /** Whether the lists of a group's clusters have been fetched. */
+  hasMembers({ coarseFirst, coarseCount, fineFirst, fineCount }) {
+    const table = this.#tables.members;
+    return table.missing(coarseFirst, coarseCount).length + table.missing(fineFirst, fineCount).length === 0;
+  }
+
+  /** The ids of a group's coarse clusters. */
+  coarse(group) {
+    return this.#members(group, group.coarseFirst, group.coarseCount);
+  }
+
+  /** The ids of a group's fine clusters. */
+  fine(group) {
+    return this.#members(group, group.fineFirst, group.fineCount);
+  }
+
+  #members(group, first, count) {
+    const ids = Array.from({ length: count }, (_, i) => this.#tables.members.record(first + i).getUint32(0, true));
+    const increase = ids.every((id, i) => id < this.header.clusterCount && (i === 0 || id > ids[i - 1]));
+    expect(increase, () => `group ${group.id}: its clusters are ${ids.join(", ")}`);
+    return ids;
+  }
+
+  /**
+   * Fetches the pages of clusters, neighbours in one request, and hands each to `take` as it comes.
+   * @param {Iterable<number>} ids whose records are there
+   */
+  async eachPage(ids, take, signal) {
+    const clusters = [...ids].map((id) => this.cluster(id)).sort((a, b) => a.pageOffset - b.pageOffset);
+    while (clusters.length > 0) {
+      const start = clusters[0].pageOffset;
+      let end = start + clusters[0].pageLength;
+      let count = 1;
+      for (; count < clusters.length; count++) {
+        const { pageOffset, pageLength } = clusters[count];
+        if (pageOffset - end > NEAR || pageOffset + pageLength - start > LONGEST_RUN) break;
+        end = pageOffset + pageLength;
+      }
+      const run = clusters.splice(0, count);
+      const bytes = await readExactly(this.#source, start, end - start, "a page", signal);
+      for (const cluster of run) {
+        const at = cluster.pageOffset - start;
+        take(this.#page(cluster, bytes.subarray(at, at + cluster.pageLength)));
+      }
+    }
+  }
+
+  /** The pages of clusters, by id. */
+  async pages(ids, signal) {
+    const pages = new Map();
+    await this.eachPage(ids, (page) => pages.set(page.cluster.id, page), signal);
+    return pages;
+  }
+
+  #page(cluster, bytes) {
+    const { id, pageChecksum } = cluster;
+    expect(xxh3(bytes) === pageChecksum, () => `the page of cluster ${id} is damaged: its checksum is another one`);
+    if (!cluster.isPacked) return readPage(this.header, cluster, bytes);
+    expect(this.#zstd, () => `cluster ${id} has a packed page, and no decoder of zstd was given; 'chpm relayout --pages raw' unpacks files`);
+    throw new ChpmError(`cluster ${id} has a packed page, which this reader does not unpack yet; 'chpm relayout --pages raw' does`);
+  }
+
+  /** Ids of the clusters that nothing coarser stands for. */
+  async roots(signal) {
+    const { rootCount, clusterCount } = this.header;
+    const roots = [];
+    if (this.#tables.isOrdered) {
+      for (let id = 0; id < rootCount; id++) roots.push(id);
+      await this.needClusters(roots, signal);
+    } else {
+      for (let id = 0; id < clusterCount; id++) {
+        if (this.cluster(id).parentGroup === 0xffffffff) roots.push(id);
+      }
+    }
+    const are = roots.length === rootCount && roots.every((id) => this.cluster(id).parentGroup === 0xffffffff);
+    expect(are, () => `the header says that ${rootCount} clusters are roots, and they are not`);
+    return roots;
+  }
+}
+
+/**
+ * Opens a file: its header, and what leads to its tables.
+ * @param source {@link httpSource}, {@link blobSource}, {@link memorySource} or anything alike
+ */
+export async function open(source, { signal, first = FIRST, zstd } = {}) {
+  try {
+    return await begin(source, signal, Math.max(first, 4096), zstd);
+  } catch (error) {
+    if (error instanceof ChpmError && !error.message.startsWith(source.name)) {
+      throw new ChpmError(`${source.name}: ${error.message}`, { cause: error });
+    }
+    throw error;
+  }
+}
+
+async function begin(source, signal, first, zstd) {
+  const bytes = await source.read(0, first, signal);
+  const header = readHeader(bytes, xxh3);
+  const size = await source.size();
+  const complete = size === undefined || size === header.fileLength;
+  expect(complete, () => `the file has ${size} bytes, and should have ${header.fileLength}: it is cut short or has something behind it`);
+  const sections = readSections(header, bytes, xxh3);
+
+  const chunks = sections.get(CHUNKS);
+  const tables = { isOrdered: Boolean(chunks) };
+  const kinds = [["clusters", CLUSTERS], ["groups", GROUPS], ["members", MEMBERS]];
+  if (chunks) {
+    const { chunkLength, sums } = await readChunks(source, chunks, kinds.map(([, kind]) => sections.get(kind)), bytes, signal);
+    for (const [name, kind] of kinds) {
+      const section = sections.get(kind);
+      tables[name] = new Table(source, section, chunkLength, sums.splice(0, Math.ceil(section.length / chunkLength)));
+    }
+  } else {
+    // Whoever wrote the file did not provide for this: the tables come in full.
+    for (const [name, kind] of kinds) {
+      const section = sections.get(kind);
+      const table = new Table(source, section, Math.max(section.length, 1), section.length > 0 ? [section.checksum] : []);
+      tables[name] = table;
+      await table.fetch(table.missing(0, section.count), signal);
+    }
+  }
+  for (const [name] of kinds) takeWhatCame(tables[name], bytes);
+  return new ChpmFile(source, header, sections, tables, zstd);
+}
+
+/** Chunks that were among the first bytes. */
+function takeWhatCame(table, bytes) {
+  table.chunks.forEach((chunk, k) => {
+    const start = table.section.offset + k * table.chunkLength;
+    const end = start + table.lengthOf(k);
+    if (!chunk && end <= bytes.byteLength) table.take(k, bytes.slice(start, end));
+  });
+}
+
+async function readChunks(source, section, of, bytes, signal) {
+  const { offset, length, count } = section;
+  expect(count >= 1 && length === 8 * count && length <= 64 << 20, () => `a list of chunks of ${length} bytes`);
+  const there = offset + length <= bytes.byteLength;
+  const list = there ? bytes.slice(offset, offset + length) : await readExactly(source, offset, length, "the list of chunks", signal);
+  expect(xxh3(list) === section.checksum, () => "the list of chunks is damaged: its checksum is another one");
+  const numbers = new BigUint64Array(list.buffer, list.byteOffset, count);
+  const chunkLength = Number(numbers[0]);
+  const isPower = Number.isInteger(Math.log2(chunkLength)) && chunkLength >= 4096 && chunkLength <= 1 << 20;
+  expect(isPower, () => `chunks of ${numbers[0]} bytes`);
+  const expected = of.reduce((sum, { length }) => sum + Math.ceil(length / chunkLength), 1);
+  expect(count === expected, () => `${count - 1} chunks where the tables have ${expected - 1}`);
+  return { chunkLength, sums: Array.from(numbers.subarray(1)) };
+}

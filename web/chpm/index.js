@@ -1,0 +1,7 @@
+// A reader of .chpm files for browsers and for Node.js: plain modules, nothing to build.
+
+export { ChpmFile, open } from "./file.js";
+export { extract } from "./mesh.js";
+export { Page } from "./page.js";
+export { camera, distance, level, select, selectFromMemory, uniform } from "./select.js";
+export { ChpmError, blobSource, httpSource, memorySource } from "./source.js";

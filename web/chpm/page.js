@@ -1,0 +1,144 @@
+// One cluster's page: a progressive mesh in typed arrays that are views of the bytes that came.
+
+import { expect, viewOf } from "./records.js";
+
+const FLOAT = new Float32Array(1);
+const BITS = new Uint32Array(FLOAT.buffer);
+
+function bitsOf(x) {
+  FLOAT[0] = x;
+  return BITS[0];
+}
+
+const LEAST = bitsOf(2 ** -31);
+const LARGEST_CODE = 63489;
+
+function decoded(code, scale) {
+  if (code === 0) return 0;
+  BITS[0] = LEAST + (code - 1) * 4096;
+  return Math.fround(scale * FLOAT[0]);
+}
+
+/** A cluster's progressive mesh. */
+export class Page {
+  /** @private */
+  constructor(parts) {
+    Object.assign(this, parts);
+  }
+
+  /** The error of the mesh of `n` vertices, in units of the model. */
+  errorAt(n) {
+    const { baseVertexCount: b, vertexCount: v, minError } = this.cluster;
+    return n >= v ? minError : decoded(this.errorCodes[n - b], this.errorScale);
+  }
+
+  /** The fewest vertices with an error of at most `bound`. */
+  position(bound) {
+    let [low, high] = [this.cluster.baseVertexCount, this.cluster.vertexCount];
+    // Errors fall as vertices are added.
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.errorAt(middle) <= bound) high = middle;
+      else low = middle + 1;
+    }
+    return low;
+  }
+
+  /** Three corners for each triangle of the mesh of `n` vertices, all of them below `n`. */
+  indices(n) {
+    const { baseVertexCount: b, vertexCount: v, triangleCount } = this.cluster;
+    if (n >= v) return this.triangles;
+    const map = new Uint16Array(v);
+    for (let i = 0; i < v; i++) map[i] = i < n ? i : map[this.targets[i - b]];
+    const indices = new Uint16Array(3 * triangleCount);
+    let length = 0;
+    for (let i = 0; i < 3 * triangleCount; i += 3) {
+      const x = map[this.triangles[i]];
+      const y = map[this.triangles[i + 1]];
+      const z = map[this.triangles[i + 2]];
+      if (x === y || y === z || z === x) continue;
+      indices[length] = x;
+      indices[length + 1] = y;
+      indices[length + 2] = z;
+      length += 3;
+    }
+    return indices.subarray(0, length);
+  }
+
+  /** The ids of shared vertices, by vertex, and -1 for the others. */
+  ids() {
+    const ids = new Float64Array(this.cluster.vertexCount).fill(-1);
+    let next = 0;
+    for (let i = 0; i < ids.length; i++) {
+      if ((this.sharedBits[i >> 3] >> (i & 7)) & 1) ids[i] = this.sharedIds[next++];
+    }
+    return ids;
+  }
+}
+
+/** Reads and checks a page that is not packed. */
+export function readPage(header, cluster, bytes) {
+  const what = `the page of cluster ${cluster.id}`;
+  // Views of typed arrays begin at multiples of four.
+  if (bytes.byteOffset % 4 !== 0) bytes = bytes.slice();
+  const view = viewOf(bytes);
+  const u32 = (at) => view.getUint32(at, true);
+  expect(u32(0) === 0x45475043 && view.getUint16(4, true) === 1, () => `${what} does not begin like one`);
+  const attributes = (header.hasNormals ? 1 : 0) | (header.hasColors ? 2 : 0);
+  expect(view.getUint16(6, true) === attributes, () => `${what} has other attributes than the file`);
+  const counts = [cluster.vertexCount, cluster.baseVertexCount, cluster.triangleCount, cluster.baseTriangleCount, cluster.sharedCount];
+  expect(counts.every((count, i) => u32(8 + 4 * i) === count), () => `${what} has other counts than its record`);
+  const errorScale = view.getFloat32(32, true);
+  expect(view.getFloat32(28, true) === cluster.minError && errorScale >= cluster.minError, () => `${what} has other errors than its record`);
+
+  const [v, b, t, , s] = counts;
+  let at = bytes.byteOffset + 64;
+  const take = (Type, count) => {
+    const array = new Type(bytes.buffer, at, count);
+    at += array.byteLength;
+    return array;
+  };
+  const page = new Page({
+    cluster,
+    errorScale,
+    positions: take(Float32Array, 3 * v),
+    normals: header.hasNormals ? take(Float32Array, 3 * v) : null,
+    colors: header.hasColors ? take(Uint8Array, 4 * v) : null,
+    sharedIds: take(Uint32Array, s),
+    triangles: take(Uint16Array, 3 * t),
+    targets: take(Uint16Array, v - b),
+    errorCodes: take(Uint16Array, v - b),
+    sharedBits: take(Uint8Array, Math.ceil(v / 8)),
+  });
+  check(header, page, what);
+  return page;
+}
+
+function check(header, page, what) {
+  const { vertexCount: v, baseVertexCount: b, sharedCount, minError, maxError } = page.cluster;
+  const { triangles, targets, errorCodes, sharedIds, sharedBits } = page;
+  expect(page.positions.every(Number.isFinite), () => `${what}: a coordinate is not finite`);
+  expect(page.normals === null || page.normals.every(Number.isFinite), () => `${what}: a normal is not finite`);
+  for (let i = 0; i < triangles.length; i += 3) {
+    const [x, y, z] = [triangles[i], triangles[i + 1], triangles[i + 2]];
+    expect(x < v && y < v && z < v && x !== y && y !== z && z !== x, () => `${what}: triangle ${i / 3} has corners ${x}, ${y}, ${z} of ${v} vertices`);
+  }
+  for (let j = 0; j < targets.length; j++) {
+    expect(targets[j] < b + j, () => `${what}: vertex ${b + j} collapses to ${targets[j]}`);
+    expect(errorCodes[j] <= (j === 0 ? LARGEST_CODE : errorCodes[j - 1]), () => `${what}: errors do not fall with more vertices`);
+  }
+  if (targets.length > 0) {
+    expect(decoded(errorCodes[targets.length - 1], page.errorScale) >= minError, () => `${what}: errors below that of its finest mesh`);
+  }
+  expect(page.errorAt(b) === maxError, () => `${what}: an error of ${page.errorAt(b)} at its base mesh, not ${maxError}`);
+
+  let shared = 0;
+  for (let i = 0; i < 8 * sharedBits.length; i++) {
+    if (!((sharedBits[i >> 3] >> (i & 7)) & 1)) continue;
+    expect(i < v, () => `${what}: bits behind the last vertex`);
+    shared += 1;
+  }
+  expect(shared === sharedCount, () => `${what}: ${shared} shared vertices, not ${sharedCount}`);
+  expect(sharedIds.every((id) => id < header.sharedVertexCount), () => `${what}: an id of a shared vertex is out of range`);
+  expect(new Set(sharedIds).size === sharedCount, () => `${what}: two vertices have one id`);
+}

@@ -1,0 +1,147 @@
+// The page: opens a model, draws it when something changes, and tells what is drawn.
+
+import { blobSource, httpSource } from "../chpm/index.js";
+import { Model } from "./model.js";
+import { Orbit } from "./orbit.js";
+import { Renderer } from "./renderer.js";
+
+const $ = (id) => document.getElementById(id);
+const numbers = new Intl.NumberFormat("en", { maximumSignificantDigits: 3 });
+const whole = new Intl.NumberFormat("en", { maximumFractionDigits: 0 });
+
+let renderer;
+let model = null;
+let scheduled = false;
+let last = null;
+
+/** For tests, and for whoever embeds the page: what happens, and what is drawn. */
+const state = { status: "empty", message: "", get drawn() { return last; }, get model() { return model; }, orbit: null };
+globalThis.chpmView = state;
+
+function tell(status, message = "") {
+  Object.assign(state, { status, message });
+  document.documentElement.dataset.status = status;
+  $("message").textContent = message;
+  $("message").classList.toggle("error", status === "failed" || status === "damaged");
+}
+
+function bytes(count) {
+  const unit = count >= 1 << 20 ? [1 << 20, "MiB"] : [1 << 10, "KiB"];
+  return `${numbers.format(count / unit[0])} ${unit[1]}`;
+}
+
+// Levels from one colour to another, clusters by a turn about the circle of colours, errors from blue to red.
+function hue(turn, lightness = 0.62) {
+  const channel = (shift) => lightness + 0.3 * Math.cos(2 * Math.PI * (turn - shift));
+  return [channel(0), channel(1 / 3), channel(2 / 3), 1];
+}
+
+const COLORS = {
+  surface: () => null,
+  level: ({ level }, _, { levelCount }) => hue((0.7 * level) / Math.max(levelCount - 1, 1)),
+  cluster: ({ id }) => hue((id * 0.618034) % 1),
+  error: (_, error, __, largest) => hue(0.66 * (1 - Math.min(1, Math.sqrt(error / (largest || 1))))),
+};
+
+const settings = () => ({ pixels: 2 ** Number($("pixels").value), budget: 10 ** Number($("budget").value), colors: $("colors").value });
+
+function draw() {
+  scheduled = false;
+  if (!model?.file) return;
+  const { pixels, budget, colors } = settings();
+  const largest = last?.error ?? 0;
+  const colorOf = (cluster, error) => COLORS[colors](cluster, error, model.file.header, largest);
+  last = model.draw(state.orbit, { pixels, budget, colorOf });
+  if (state.status === "loading" || state.status === "settled") tell(last.settled ? "settled" : "loading");
+  if (last.settling || (colors === "error" && largest !== last.error)) changed();
+  statistics();
+}
+
+function changed() {
+  if (scheduled) return;
+  scheduled = true;
+  if (state.status === "settled") tell("loading");
+  requestAnimationFrame(draw);
+}
+
+function statistics() {
+  const { pixels, budget } = settings();
+  $("pixels-told").value = `${numbers.format(pixels)} px`;
+  $("budget-told").value = numbers.format(budget / 1e6) + " M";
+  if (!last || !model?.file) return;
+  const { header } = model.file;
+  const { statistics: traffic } = model.source;
+  const rows = {
+    source: `${whole.format(header.sourceTriangleCount)} triangles`,
+    drawn: `${whole.format(last.triangles)} triangles`,
+    clusters: `${last.clusters} of ${whole.format(header.clusterCount)}`,
+    error: `${numbers.format(last.error)} units`,
+    ...(last.relaxed > 1 && { allowed: `${numbers.format(pixels * last.relaxed)} px, to keep the budget` }),
+    ...(traffic && { fetched: `${bytes(traffic.bytes)}, ${traffic.requests} requests` }),
+    file: bytes(header.fileLength),
+  };
+  $("statistics").replaceChildren(
+    ...Object.entries(rows).flatMap(([name, value]) => {
+      const [term, told] = [document.createElement("dt"), document.createElement("dd")];
+      [term.textContent, told.textContent] = [name, value];
+      return [term, told];
+    }),
+  );
+}
+
+async function show(source, name) {
+  model?.close();
+  last = null;
+  $("title").textContent = name;
+  document.title = `${name} - chpm`;
+  tell("loading", `opening ${name}`);
+  const opened = new Model(source, renderer, changed, (error) => tell("damaged", `${error.message}. The rest of the model is drawn.`));
+  model = opened;
+  try {
+    await opened.open();
+    if (model !== opened) return;
+    tell("loading");
+    state.orbit.frame(opened.center, opened.radius);
+  } catch (error) {
+    if (model === opened) tell("failed", error.message);
+  }
+}
+
+function start() {
+  try {
+    renderer = new Renderer($("canvas"));
+  } catch (error) {
+    tell("failed", error.message);
+    return;
+  }
+  state.orbit = new Orbit($("canvas"), changed);
+  $("canvas").addEventListener("webglcontextlost", (event) => {
+    event.preventDefault();
+    tell("failed", "the graphics driver was reset; load the page again");
+  });
+  for (const id of ["pixels", "budget", "colors"]) $(id).addEventListener("input", () => (statistics(), changed()));
+  $("up").addEventListener("input", () => {
+    state.orbit.up = $("up").value;
+    changed();
+  });
+  $("home").addEventListener("click", () => model?.file && state.orbit.frame(model.center, model.radius));
+  new ResizeObserver(changed).observe($("canvas"));
+  const take = (file) => file && show(blobSource(file), file.name);
+  $("file").addEventListener("input", () => take($("file").files[0]));
+  addEventListener("dragover", (event) => event.preventDefault());
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    take(event.dataTransfer.files[0]);
+  });
+
+  statistics();
+  const query = new URLSearchParams(location.search);
+  const up = query.get("up");
+  if ([...$("up").options].some((option) => option.value === up)) $("up").value = state.orbit.up = up;
+  // A page that was made for one model names it.
+  const name = query.get("file") ?? document.body.dataset.file;
+  if (name) show(httpSource(new URL(name, location.href)), name);
+  else tell("empty", "Open a .chpm file, or drop one here. A page's address may name one: view.html?file=model.chpm");
+}
+
+start();

@@ -1,0 +1,90 @@
+// An open model: what of it is drawn for a camera, and what is fetched next.
+
+import { camera as cameraRule, open, selectFromMemory } from "../chpm/index.js";
+
+/** Requests that are under way at once. */
+const AT_ONCE = 4;
+const GPU_BYTES = 512 << 20;
+
+export class Model {
+  constructor(source, renderer, onChange, onError) {
+    Object.assign(this, { source, renderer, onChange, onError, stopped: new AbortController(), coming: new Set(), failed: new Set() });
+    this.relaxed = 1;
+  }
+
+  /** Opens the file and draws the roots. */
+  async open() {
+    const { signal } = this.stopped;
+    this.file = await open(this.source, { signal });
+    this.roots = await this.file.roots(signal);
+    await this.file.needGroups(this.roots.map((id) => this.file.cluster(id).group), signal);
+    const { boxMin, boxMax } = this.file.header;
+    this.center = boxMin.map((x, axis) => (x + boxMax[axis]) / 2);
+    this.radius = Math.hypot(...boxMin.map((x, axis) => boxMax[axis] - x)) / 2;
+    await this.file.eachPage(this.roots, (page) => this.renderer.add(page, this.center), signal);
+    this.kept = new Set(this.roots);
+  }
+
+  close() {
+    this.stopped.abort();
+    this.renderer.clear();
+  }
+
+  /**
+   * Draws what is there, and fetches what the view wants beside it.
+   * @returns what was drawn, and whether anything is still to come
+   */
+  draw(orbit, { pixels, budget, colorOf }) {
+    const { file, renderer } = this;
+    const height = renderer.canvas.clientHeight;
+    const view = (pixels) => cameraRule({ eye: orbit.eye(), fov: orbit.fov, near: orbit.range()[0], height, pixels });
+    const rule = view(pixels * this.relaxed);
+    const { cut, waiting } = selectFromMemory(file, this.roots, rule, (id) => renderer.has(id));
+    const drawn = renderer.draw(cut, orbit, this.center, colorOf);
+
+    // Where a view asks for more triangles than are allowed, all of it gets coarser until it fits.
+    const before = this.relaxed;
+    if (drawn.triangles > budget) this.relaxed = Math.min(this.relaxed * 1.25, 1e6);
+    else if (this.relaxed > 1 && drawn.triangles < 0.7 * budget) this.relaxed = Math.max(1, this.relaxed / 1.1);
+    const settling = this.relaxed !== before;
+
+    const wanted = waiting.filter(({ group }) => !this.failed.has(group.id));
+    wanted.sort((a, b) => this.#urgency(b.group, rule) - this.#urgency(a.group, rule));
+    for (const { group } of wanted) {
+      if (this.coming.size >= AT_ONCE) break;
+      if (!this.coming.has(group.id)) this.#fetch(group);
+    }
+    renderer.shrink(GPU_BYTES, this.kept);
+    return { ...drawn, clusters: cut.length, cut, settled: wanted.length === 0 && !settling, relaxed: this.relaxed, settling };
+  }
+
+  #urgency(group, rule) {
+    if (group.minError === undefined) return Infinity;
+    const bound = rule.bound(group);
+    return bound > 0 ? group.minError / bound : Infinity;
+  }
+
+  /** Fetches what the split of a group brings. */
+  async #fetch({ id }) {
+    const { signal } = this.stopped;
+    this.coming.add(id);
+    try {
+      await this.file.needGroups([id], signal);
+      const group = this.file.group(id);
+      await this.file.needMembers([group], signal);
+      const fine = this.file.fine(group);
+      await this.file.needClusters(fine, signal);
+      await this.file.needGroups(fine.map((cluster) => this.file.cluster(cluster).group), signal);
+      const absent = fine.filter((cluster) => !this.renderer.has(cluster));
+      await this.file.eachPage(absent, (page) => this.renderer.has(page.cluster.id) || this.renderer.add(page, this.center), signal);
+    } catch (error) {
+      if (signal.aborted) return;
+      // The rest of the model stays as it is.
+      this.failed.add(id);
+      this.onError(error);
+    } finally {
+      this.coming.delete(id);
+    }
+    if (!signal.aborted) this.onChange();
+  }
+}

@@ -1,0 +1,126 @@
+// A camera that goes around a point: drag to turn, shift or the right button to move, wheel or two fingers to come nearer.
+
+const AXES = { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] };
+
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const scaled = (a, s) => a.map((x) => x * s);
+const added = (a, b) => a.map((x, axis) => x + b[axis]);
+const normalized = (a) => scaled(a, 1 / Math.hypot(...a));
+
+export class Orbit {
+  constructor(canvas, onChange) {
+    Object.assign(this, { canvas, onChange, fov: 45, turn: 0.6, rise: 0.35, up: "y" });
+    this.target = [0, 0, 0];
+    this.distance = 1;
+    this.size = 1;
+    this.#listen();
+  }
+
+  /** Shows all of a ball. */
+  frame(center, radius) {
+    this.target = [...center];
+    this.size = radius || 1;
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const half = Math.tan((this.fov * Math.PI) / 360) * Math.min(1, width / Math.max(height, 1));
+    this.distance = this.size / Math.sin(Math.atan(half));
+    this.onChange();
+  }
+
+  /** Right, up and backwards, of unit length. */
+  axes() {
+    const up = scaled(AXES[this.up.at(-1)], this.up.startsWith("-") ? -1 : 1);
+    const side = this.up.at(-1) === "x" ? AXES.y : AXES.x;
+    const forth = cross(side, up);
+    const level = added(scaled(side, Math.sin(this.turn)), scaled(forth, Math.cos(this.turn)));
+    const back = normalized(added(scaled(level, Math.cos(this.rise)), scaled(up, Math.sin(this.rise))));
+    const right = normalized(cross(up, back));
+    return [right, cross(back, right), back];
+  }
+
+  eye() {
+    return added(this.target, scaled(this.axes()[2], this.distance));
+  }
+
+  /** Nearest and farthest distances that are drawn. */
+  range() {
+    const near = Math.max(this.distance - 2 * this.size, this.distance * 1e-3, this.size * 1e-5);
+    return [near, this.distance + 4 * this.size];
+  }
+
+  /** From points relative to `center` to the image, by columns. */
+  matrix(center, aspect) {
+    const [right, up, back] = this.axes();
+    const eye = this.eye().map((x, axis) => x - center[axis]);
+    const [near, far] = this.range();
+    const f = 1 / Math.tan((this.fov * Math.PI) / 360);
+    const rows = [
+      [...right, -dot(right, eye)].map((x) => (x * f) / aspect),
+      [...up, -dot(up, eye)].map((x) => x * f),
+      [...back, -dot(back, eye)].map((x) => (x * (far + near)) / (near - far)),
+      [...back, -dot(back, eye)].map((x) => -x),
+    ];
+    rows[2][3] += (2 * far * near) / (near - far);
+    return new Float32Array([0, 1, 2, 3].flatMap((column) => rows.map((row) => row[column])));
+  }
+
+  #turn(dx, dy) {
+    this.turn -= dx * 0.008;
+    this.rise = Math.min(1.55, Math.max(-1.55, this.rise + dy * 0.008));
+    this.onChange();
+  }
+
+  #move(dx, dy) {
+    const [right, up] = this.axes();
+    const unit = (2 * this.distance * Math.tan((this.fov * Math.PI) / 360)) / this.canvas.clientHeight;
+    this.target = added(this.target, added(scaled(right, -dx * unit), scaled(up, dy * unit)));
+    this.onChange();
+  }
+
+  #zoom(factor) {
+    this.distance = Math.min(50 * this.size, Math.max(1e-4 * this.size, this.distance * factor));
+    this.onChange();
+  }
+
+  #listen() {
+    const { canvas } = this;
+    const fingers = new Map();
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    });
+    const up = (event) => fingers.delete(event.pointerId);
+    canvas.addEventListener("pointerup", up);
+    canvas.addEventListener("pointercancel", up);
+    canvas.addEventListener("pointermove", (event) => {
+      const before = fingers.get(event.pointerId);
+      if (!before) return;
+      const now = [event.clientX, event.clientY];
+      const [dx, dy] = [now[0] - before[0], now[1] - before[1]];
+      const other = [...fingers].find(([id]) => id !== event.pointerId)?.[1];
+      fingers.set(event.pointerId, now);
+      if (other) {
+        const away = (point) => Math.hypot(point[0] - other[0], point[1] - other[1]) || 1;
+        this.#zoom(away(before) / away(now));
+        this.#move(dx / 2, dy / 2);
+      } else if (event.shiftKey || event.buttons & 2) {
+        this.#move(dx, dy);
+      } else {
+        this.#turn(dx, dy);
+      }
+    });
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.#zoom(Math.exp(Math.sign(event.deltaY) * Math.min(Math.abs(event.deltaY), 100) * 0.0015));
+    }, { passive: false });
+    canvas.addEventListener("keydown", (event) => {
+      const turns = { ArrowLeft: [-20, 0], ArrowRight: [20, 0], ArrowUp: [0, -20], ArrowDown: [0, 20] };
+      const zooms = { "+": 0.9, "=": 0.9, "-": 1.1 };
+      if (turns[event.key]) this.#turn(...turns[event.key]);
+      else if (zooms[event.key]) this.#zoom(zooms[event.key]);
+      else return;
+      event.preventDefault();
+    });
+  }
+}

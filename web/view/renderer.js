@@ -1,0 +1,157 @@
+// Draws pages by WebGL 2. A page's vertices are uploaded once; the corners of its triangles whenever its position changes.
+
+const VERTEX = `#version 300 es
+uniform mat4 matrix;
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec4 color;
+out vec3 at;
+out vec3 across;
+out vec4 tint;
+void main() {
+  at = position;
+  across = normal;
+  tint = color;
+  gl_Position = matrix * vec4(position, 1.0);
+}`;
+
+const FRAGMENT = `#version 300 es
+precision highp float;
+uniform vec3 eye;
+uniform vec3 light;
+uniform vec4 flat_color;
+in vec3 at;
+in vec3 across;
+in vec4 tint;
+out vec4 color;
+void main() {
+  vec3 to_eye = normalize(eye - at);
+  vec3 normal = cross(dFdx(at), dFdy(at));
+  if (dot(across, across) > 0.0) normal = across;
+  normal = normalize(normal);
+  // Both sides of a surface are lit.
+  if (dot(normal, to_eye) < 0.0) normal = -normal;
+  vec3 base = mix(tint.rgb, flat_color.rgb, flat_color.a);
+  float shade = 0.35 + 0.65 * max(dot(normal, light), 0.0);
+  color = vec4(base * shade, 1.0);
+}`;
+
+function program(gl) {
+  const program = gl.createProgram();
+  for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, text);
+    gl.compileShader(shader);
+    gl.attachShader(program, shader);
+  }
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(gl.getProgramInfoLog(program));
+  return program;
+}
+
+export class Renderer {
+  constructor(canvas) {
+    const gl = canvas.getContext("webgl2", { antialias: true, alpha: true });
+    if (!gl) throw new Error("this browser has no WebGL 2, which the page draws with");
+    Object.assign(this, { gl, canvas, blocks: new Map(), bytes: 0, frame: 0 });
+    this.program = program(gl);
+    this.places = Object.fromEntries(["matrix", "eye", "light", "flat_color"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
+    gl.enable(gl.DEPTH_TEST);
+  }
+
+  has(id) {
+    return this.blocks.has(id);
+  }
+
+  /** Uploads a page. Positions become relative to `center`, the same way for all pages, so that shared vertices stay one. */
+  add(page, center) {
+    const { gl } = this;
+    const vao = gl.createVertexArray();
+    gl.bindVertexArray(vao);
+    const buffers = [];
+    const attribute = (place, data, size, type, normalized) => {
+      const buffer = gl.createBuffer();
+      buffers.push(buffer);
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribPointer(place, size, type, normalized, 0, 0);
+      return data.byteLength;
+    };
+    const positions = page.positions.map((x, i) => x - center[i % 3]);
+    let bytes = attribute(0, positions, 3, gl.FLOAT, false);
+    if (page.normals) bytes += attribute(1, page.normals, 3, gl.FLOAT, false);
+    if (page.colors) bytes += attribute(2, page.colors, 4, gl.UNSIGNED_BYTE, true);
+    const index = gl.createBuffer();
+    buffers.push(index);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, index);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, page.triangles.byteLength, gl.DYNAMIC_DRAW);
+    gl.bindVertexArray(null);
+    bytes += page.triangles.byteLength;
+    this.bytes += bytes;
+    this.blocks.set(page.cluster.id, { page, vao, buffers, bytes, position: -1, corners: 0, used: this.frame });
+  }
+
+  remove(id) {
+    const { gl, blocks } = this;
+    const block = blocks.get(id);
+    block.buffers.forEach((buffer) => gl.deleteBuffer(buffer));
+    gl.deleteVertexArray(block.vao);
+    this.bytes -= block.bytes;
+    blocks.delete(id);
+  }
+
+  clear() {
+    [...this.blocks.keys()].forEach((id) => this.remove(id));
+  }
+
+  /** Draws a cut; how many triangles that were, and the largest error. */
+  draw(cut, camera, center, colorOf) {
+    const { gl, canvas, places } = this;
+    this.frame += 1;
+    const ratio = Math.min(globalThis.devicePixelRatio || 1, 2);
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((x) => Math.max(1, Math.round(x * ratio)));
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.useProgram(this.program);
+    gl.uniformMatrix4fv(places.matrix, false, camera.matrix(center, width / height));
+    const eye = camera.eye().map((x, axis) => x - center[axis]);
+    gl.uniform3fv(places.eye, eye);
+    const [right, up, back] = camera.axes();
+    const light = [0, 1, 2].map((axis) => back[axis] + 0.5 * up[axis] + 0.4 * right[axis]);
+    gl.uniform3fv(places.light, light.map((x) => x / Math.hypot(...light)));
+
+    let [triangles, error] = [0, 0];
+    for (const { cluster, bound } of cut) {
+      const block = this.blocks.get(cluster);
+      const position = block.page.position(bound);
+      gl.bindVertexArray(block.vao);
+      if (block.position !== position) {
+        const corners = block.page.indices(position);
+        gl.bufferSubData(gl.ELEMENT_ARRAY_BUFFER, 0, corners);
+        Object.assign(block, { position, corners: corners.length });
+      }
+      block.used = this.frame;
+      error = Math.max(error, block.page.errorAt(position));
+      const color = colorOf(block.page.cluster, block.page.errorAt(position));
+      // Without colours of its own a page has one all over.
+      gl.uniform4fv(places.flat_color, color ?? (block.page.colors ? [0, 0, 0, 0] : [0.78, 0.76, 0.72, 1]));
+      gl.drawElements(gl.TRIANGLES, block.corners, gl.UNSIGNED_SHORT, 0);
+      triangles += block.corners / 3;
+    }
+    gl.bindVertexArray(null);
+    return { triangles, error };
+  }
+
+  /** Lets go of what was not drawn for longest, but not of `kept`, until at most `bytes` are used. */
+  shrink(bytes, kept) {
+    const oldest = [...this.blocks].filter(([id, block]) => block.used < this.frame && !kept.has(id));
+    oldest.sort((a, b) => a[1].used - b[1].used);
+    for (const [id] of oldest) {
+      if (this.bytes <= bytes) break;
+      this.remove(id);
+    }
+  }
+}
