@@ -9,6 +9,8 @@ use crate::cmd::{
     batch, bench, build, completions, config, demo, dump, extract, info, measure, path, relayout, report,
     stats, synth, verify, walk,
 };
+#[cfg(feature = "web")]
+use crate::cmd::{serve, share};
 use crate::number;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Layout, Length, Topology};
@@ -70,6 +72,12 @@ pub(crate) enum Command {
     View(view::Args),
     /// Select along a camera path, frame by frame, and count what changes; with --render, draw it
     Walk(walk::Args),
+    /// Show .chpm files in a browser: serves them and a page, on this machine
+    #[cfg(feature = "web")]
+    Serve(serve::Args),
+    /// Write a folder with a model and a page that shows it, for any host of static files
+    #[cfg(feature = "web")]
+    Share(share::Args),
     /// Generate a mesh of any size
     Synth(synth::Args),
     /// Generate a model, build it, verify it and say what to try next

@@ -31,6 +31,8 @@ mod report;
 mod stats;
 mod stop;
 mod view;
+#[cfg(feature = "web")]
+mod web;
 
 use args::Cli;
 use clap::FromArgMatches;

@@ -12,7 +12,7 @@ const PROGRAM: u64 = 24 << 20;
 const LEAST: u64 = 8 << 20;
 
 /// The memory of a verb that only reads.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, Clone, Debug)]
 pub(crate) struct MemoryArgs {
     /// Memory that the whole process stays below, as in 64M; refused if the file's tables alone take more
     #[arg(long, value_name = "SIZE", default_value = "1G")]

@@ -75,6 +75,9 @@ mod integration {
     mod view;
     /// Camera paths and walks along them.
     mod walk;
+    /// A browser gets what it needs, and nothing else.
+    #[cfg(feature = "web")]
+    mod web;
     /// A real window, on a display without a screen.
     #[cfg(feature = "viewer")]
     mod window;

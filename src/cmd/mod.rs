@@ -16,6 +16,10 @@ pub(crate) mod relayout;
 pub(crate) mod render;
 pub(crate) mod report;
 pub(crate) mod stats;
+#[cfg(feature = "web")]
+pub(crate) mod serve;
+#[cfg(feature = "web")]
+pub(crate) mod share;
 pub(crate) mod synth;
 pub(crate) mod verify;
 #[cfg(feature = "viewer")]
@@ -65,6 +69,10 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
         Command::Render(args) => render::run(&args, stop),
         #[cfg(feature = "viewer")]
         Command::View(args) => view::run(&args, stop),
+        #[cfg(feature = "web")]
+        Command::Serve(args) => serve::run(&args),
+        #[cfg(feature = "web")]
+        Command::Share(args) => share::run(&args, stop),
         Command::Walk(args) => walk::run(&args, stop),
         Command::Synth(args) => synth::run(&args, stop),
         Command::Demo(args) => demo::run(&args, stop),

@@ -15,6 +15,8 @@ use clap::ValueEnum;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::io::Write;
+#[cfg(feature = "web")]
+use std::path::Path;
 use std::path::PathBuf;
 
 /// Pages that are worked on before they are written.
@@ -65,19 +67,28 @@ enum Order {
     Levels,
 }
 
+/// Writes a file's pages as they are used.
+#[cfg(feature = "web")]
+pub(super) fn unpack(
+    file: &Path,
+    output: &Path,
+    force: bool,
+    quiet: bool,
+    memory: MemoryArgs,
+    stop: &Stop,
+) -> Result<u64> {
+    let (file, output) = (file.to_owned(), output.to_owned());
+    rewrite(
+        &Args { file, output, pages: Some(Pages::Raw), order: None, force, threads: None, quiet, memory },
+        stop,
+    )
+}
+
 /// Writes the file, and says how long it is.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    output::RELAYOUT.check(&args.output)?;
-    let is_input = same_file(&args.file, &args.output);
-    ensure!(!is_input, "the output '{}' is the input itself; choose another name", args.output.display());
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(args.threads.unwrap_or(0) as usize)
-        .build()
-        .context("cannot start the worker threads")?;
-    let file = open(&args.file)?;
-    memory::divide(&file, args.memory.memory(), BATCH as u64 * largest(&file))?;
-    let len = reading(&file, || pool.install(|| write(&file, args, stop)))?;
-    let (from, triangles) = (file.header().file_len, file.header().source_triangle_count.max(1) as f64);
+    let before = open(&args.file)?;
+    let len = rewrite(args, stop)?;
+    let (from, triangles) = (before.header().file_len, before.header().source_triangle_count.max(1) as f64);
     let mut out = stdout();
     writeln!(
         out,
@@ -90,6 +101,20 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     )?;
     out.flush()?;
     Ok(Verdict::Good)
+}
+
+/// Bytes of the file that is written.
+fn rewrite(args: &Args, stop: &Stop) -> Result<u64> {
+    output::RELAYOUT.check(&args.output)?;
+    let is_input = same_file(&args.file, &args.output);
+    ensure!(!is_input, "the output '{}' is the input itself; choose another name", args.output.display());
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads.unwrap_or(0) as usize)
+        .build()
+        .context("cannot start the worker threads")?;
+    let file = open(&args.file)?;
+    memory::divide(&file, args.memory.memory(), BATCH as u64 * largest(&file))?;
+    reading(&file, || pool.install(|| write(&file, args, stop)))
 }
 
 /// Bytes of memory for the largest page and its packed form.

@@ -253,25 +253,38 @@ async function begin(source, signal, first, zstd) {
       tables[name] = new Table(source, section, chunkLength, sums.splice(0, Math.ceil(section.length / chunkLength)));
     }
   } else {
-    // Whoever wrote the file did not provide for this: the tables come in full.
     for (const [name, kind] of kinds) {
       const section = sections.get(kind);
-      const table = new Table(source, section, Math.max(section.length, 1), section.length > 0 ? [section.checksum] : []);
-      tables[name] = table;
-      await table.fetch(table.missing(0, section.count), signal);
+      tables[name] = new Table(source, section, Math.max(section.length, 1), section.length > 0 ? [section.checksum] : []);
     }
   }
-  for (const [name] of kinds) takeWhatCame(tables[name], bytes);
+  for (const [name] of kinds) takeWhatCame(tables[name], 0, bytes);
+  if (!chunks) await takeAll(source, kinds.map(([name]) => tables[name]), signal);
   return new ChpmFile(source, header, sections, tables, zstd);
 }
 
-/** Chunks that were among the first bytes. */
-function takeWhatCame(table, bytes) {
-  table.chunks.forEach((chunk, k) => {
-    const start = table.section.offset + k * table.chunkLength;
+/** Chunks that are among some bytes of the file. */
+function takeWhatCame(table, offset, bytes) {
+  for (let k = 0; k < table.chunks.length; k++) {
+    const start = table.section.offset + k * table.chunkLength - offset;
     const end = start + table.lengthOf(k);
-    if (!chunk && end <= bytes.byteLength) table.take(k, bytes.slice(start, end));
-  });
+    if (!table.chunks[k] && start >= 0 && end <= bytes.byteLength) table.take(k, bytes.slice(start, end));
+  }
+}
+
+/** Whoever wrote the file made no chunks: the tables come in full, in one request if they lie side by side. */
+async function takeAll(source, tables, signal) {
+  const absent = tables.filter((table) => table.chunks.includes(null));
+  if (absent.length === 0) return;
+  const start = Math.min(...absent.map(({ section }) => section.offset));
+  const end = Math.max(...absent.map(({ section }) => section.offset + section.length));
+  const bytes = absent.reduce((sum, { section }) => sum + section.length, 0);
+  if (end - start > bytes + NEAR) {
+    await Promise.all(absent.map((table) => table.fetch(table.missing(0, table.section.count), signal)));
+    return;
+  }
+  const all = await readExactly(source, start, end - start, "the tables", signal);
+  absent.forEach((table) => takeWhatCame(table, start, all));
 }
 
 async function readChunks(source, section, of, bytes, signal) {

@@ -134,8 +134,10 @@ function start() {
     take(event.dataTransfer.files[0]);
   });
 
-  statistics();
   const query = new URLSearchParams(location.search);
+  const asked = Number(query.get("pixels"));
+  if (asked > 0) $("pixels").value = Math.log2(asked);
+  statistics();
   const up = query.get("up");
   if ([...$("up").options].some((option) => option.value === up)) $("up").value = state.orbit.up = up;
   // A page that was made for one model names it.

@@ -1,0 +1,155 @@
+//! `chpm serve`: files and the page that shows them, to a browser.
+
+use super::{Verdict, open, stdout};
+use crate::web::{FILES, PAGE};
+use anyhow::{Context, Result, ensure};
+use axum::Router;
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::response::{Html, IntoResponse, Redirect, Response};
+use percent_encoding::{NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
+use std::fs;
+use std::io::Write;
+use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tower_http::services::ServeFile;
+
+/// What `chpm serve` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// A .chpm file, or a folder of them
+    path: PathBuf,
+    /// Port to listen at; 0 takes any that is free
+    #[arg(long, value_name = "PORT", default_value_t = 8017)]
+    port: u16,
+    /// Address to listen at; whoever reaches another one than the default can read the files
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
+    address: IpAddr,
+    /// Show a list of a folder's .chpm files
+    #[arg(long)]
+    list: bool,
+}
+
+/// What may be read.
+struct Served {
+    /// The folder, without links.
+    folder: PathBuf,
+    /// The only file, where one was named.
+    only: Option<String>,
+    list: bool,
+}
+
+/// Serves until it is stopped.
+pub(crate) fn run(args: &Args) -> Result<Verdict> {
+    let served = Arc::new(Served::new(args)?);
+    let address = SocketAddr::new(args.address, args.port);
+    let listener = TcpListener::bind(address)
+        .with_context(|| format!("cannot listen at {address}; choose another --port, or 0 for any"))?;
+    listener.set_nonblocking(true)?;
+    let address = listener.local_addr()?;
+    let mut out = stdout();
+    let page = served.only.as_ref().map_or(String::new(), |name| page_of(name));
+    writeln!(out, "http://{address}/{page}")?;
+    if !args.address.is_loopback() {
+        writeln!(out, "not only this machine: whoever reaches {} can read these files", args.address)?;
+    }
+    writeln!(out, "Ctrl-C ends it")?;
+    out.flush()?;
+    drop(out);
+
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    runtime.block_on(async {
+        let listener = tokio::net::TcpListener::from_std(listener)?;
+        let router = Router::new().fallback(answer).with_state(served);
+        axum::serve(listener, router).await
+    })?;
+    Ok(Verdict::Good)
+}
+
+impl Served {
+    fn new(args: &Args) -> Result<Self> {
+        let path =
+            fs::canonicalize(&args.path).with_context(|| format!("cannot find '{}'", args.path.display()))?;
+        if path.is_dir() {
+            return Ok(Served { folder: path, only: None, list: args.list });
+        }
+        ensure!(!args.list, "--list is for a folder, and '{}' is a file", args.path.display());
+        let file = open(&path)?;
+        ensure!(
+            !file.header().is_packed(),
+            "'{}' has packed pages, which the page does not read; unpack them with 'chpm relayout --pages raw'",
+            args.path.display()
+        );
+        let name = path.file_name().and_then(|name| name.to_str());
+        let name = name.with_context(|| format!("the name '{}' is no text", path.display()))?.to_owned();
+        let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
+        Ok(Served { folder, only: Some(name), list: false })
+    }
+
+    /// A .chpm file in the folder, also if the way there has links, but not if it leads out of the folder.
+    fn find(&self, path: &str) -> Option<PathBuf> {
+        if self.only.as_ref().is_some_and(|only| only != path) || !path.ends_with(".chpm") {
+            return None;
+        }
+        let found = fs::canonicalize(self.folder.join(path)).ok()?;
+        (found.starts_with(&self.folder) && found.is_file()).then_some(found)
+    }
+
+    /// Paths of the .chpm files at the top of the folder.
+    fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
+        let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+        let mut names: Vec<String> = names.filter(|name| self.find(name).is_some()).collect();
+        names.sort_unstable();
+        names
+    }
+}
+
+/// The page's address for a file.
+fn page_of(name: &str) -> String {
+    format!("{PAGE}?file={}", utf8_percent_encode(name, NON_ALPHANUMERIC))
+}
+
+async fn answer(State(served): State<Arc<Served>>, request: Request) -> Response {
+    if request.method() != Method::GET && request.method() != Method::HEAD {
+        return StatusCode::METHOD_NOT_ALLOWED.into_response();
+    }
+    let Ok(path) = percent_decode_str(request.uri().path().trim_start_matches('/')).decode_utf8() else {
+        return StatusCode::NOT_FOUND.into_response();
+    };
+    let path = path.into_owned();
+    if path.is_empty() {
+        return front(&served);
+    }
+    if let Some(file) = FILES.iter().find(|file| file.path == path) {
+        // A newer program has newer files at the same address.
+        let headers = [(header::CONTENT_TYPE, file.media_type), (header::CACHE_CONTROL, "no-cache")];
+        return (headers, file.text).into_response();
+    }
+    let Some(found) = served.find(&path) else {
+        return (StatusCode::NOT_FOUND, "no .chpm file of that name is served\n").into_response();
+    };
+    let Ok(answer) = ServeFile::new(found).try_call(request).await else {
+        return (StatusCode::INTERNAL_SERVER_ERROR, "the file cannot be read\n").into_response();
+    };
+    let mut answer = answer.map(Body::new);
+    // Pages of other origins may not read what is on this machine.
+    answer.headers_mut().insert("Cross-Origin-Resource-Policy", HeaderValue::from_static("same-origin"));
+    answer
+}
+
+/// What is at the root: the only file's page, a list if that was asked for, else the page without a model.
+fn front(served: &Served) -> Response {
+    if let Some(only) = &served.only {
+        return Redirect::temporary(&page_of(only)).into_response();
+    }
+    if !served.list {
+        return Redirect::temporary(PAGE).into_response();
+    }
+    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+    let row = |name: &String| format!("<li><a href=\"{}\">{}</a></li>", page_of(name), escaped(name));
+    let rows: String = served.names().iter().map(row).collect();
+    Html(format!("<!doctype html><meta charset=\"utf-8\"><title>chpm</title><ul>{rows}</ul>")).into_response()
+}

@@ -1,0 +1,157 @@
+//! `chpm serve` and `chpm share`, the reader in JavaScript, and the page.
+
+use super::harness::{CHPM, Folder};
+use chpm_synth::{Shape, Synth};
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::os::unix::fs::symlink;
+use std::process::{Child, Command, Stdio};
+
+/// `chpm serve` at work; ended when it is dropped.
+struct Host {
+    child: Child,
+    address: String,
+}
+
+impl Host {
+    fn start(folder: &Folder, words: &str) -> Self {
+        let mut command = folder.command(&format!("serve {words} --port 0"));
+        let mut child = command.stdout(Stdio::piped()).spawn().expect("a process");
+        let mut said = String::new();
+        BufReader::new(child.stdout.take().expect("a pipe")).read_line(&mut said).expect("an address");
+        let address = said.trim().trim_start_matches("http://");
+        let address = address.split_once('/').expect("an address").0.to_owned();
+        Host { child, address }
+    }
+
+    /// Status, headers and body of what is answered.
+    fn get(&self, path: &str, headers: &str) -> (u16, String, Vec<u8>) {
+        let mut stream = TcpStream::connect(&self.address).expect("a connection");
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: here\r\nConnection: close\r\n{headers}\r\n")
+            .expect("a request");
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).expect("an answer");
+        let end = answer.windows(4).position(|four| four == b"\r\n\r\n").expect("a header");
+        let head = String::from_utf8_lossy(&answer[..end]).to_ascii_lowercase();
+        let status = head.split_whitespace().nth(1).and_then(|code| code.parse().ok()).expect("a status");
+        (status, head, answer[end + 4..].to_vec())
+    }
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn built() -> Folder {
+    let folder = Folder::new();
+    folder.write_mesh("in.ply", &Synth::new(Shape::Isosurface, 6_000, 1).to_mesh());
+    folder.stdout("build in.ply -o a.chpm -q --cluster-triangles 512 --pages raw");
+    folder
+}
+
+#[test]
+fn ranges_of_one_file_are_served_and_nothing_else() {
+    let folder = built();
+    fs::copy(folder.path("a.chpm"), folder.path("b.chpm")).expect("a copy");
+    let host = Host::start(&folder, "a.chpm");
+    let whole = folder.read("a.chpm");
+    let (status, head, body) = host.get("/a.chpm", "Range: bytes=100-299\r\n");
+    assert_eq!(status, 206);
+    assert!(head.contains(&format!("content-range: bytes 100-299/{}", whole.len())), "{head}");
+    assert_eq!(body, whole[100..300]);
+    let (status, head, _) = host.get("/", "");
+    assert!(status == 307 && head.contains("view.html?file=a%2echpm"), "{head}");
+    for (path, kind) in [("/view.html", "text/html"), ("/chpm/index.js", "text/javascript")] {
+        let (status, head, _) = host.get(path, "");
+        assert!(status == 200 && head.contains(kind), "{path}: {head}");
+    }
+    for path in ["/b.chpm", "/in.ply", "/../a.chpm", "/%2e%2e/a.chpm", "/%2fetc%2fpasswd", "/%ff", "/chpm/"] {
+        assert_eq!(host.get(path, "").0, 404, "{path}");
+    }
+}
+
+#[test]
+fn a_folder_shows_no_list_unless_asked_and_lets_nobody_out() {
+    let folder = built();
+    fs::create_dir(folder.path("inner")).expect("a folder");
+    fs::copy(folder.path("a.chpm"), folder.path("inner/a <b>.chpm")).expect("a copy");
+    symlink(folder.path("a.chpm"), folder.path("inner/out.chpm")).expect("a link");
+    symlink(folder.path("inner/a <b>.chpm"), folder.path("inner/within.chpm")).expect("a link");
+    folder.write("inner/notes.txt", "private");
+    let quiet = Host::start(&folder, "inner");
+    let (status, head, _) = quiet.get("/", "");
+    assert!(status == 307 && head.ends_with("view.html") || head.contains("location: view.html\r"), "{head}");
+    assert_eq!(quiet.get("/a%20%3Cb%3E.chpm", "").0, 200);
+    assert_eq!(quiet.get("/within.chpm", "").0, 200);
+    for path in ["/out.chpm", "/notes.txt", "/../a.chpm", "/inner/../../a.chpm"] {
+        assert_eq!(quiet.get(path, "").0, 404, "{path}");
+    }
+
+    let list = Host::start(&folder, "inner --list");
+    let page = String::from_utf8(list.get("/", "").2).expect("text");
+    assert!(page.contains("a &lt;b&gt;.chpm") && page.contains("within.chpm"), "{page}");
+    assert!(!page.contains("out.chpm") && !page.contains("notes"), "{page}");
+}
+
+#[test]
+fn what_cannot_be_served_is_said_at_once() {
+    let folder = built();
+    folder.stdout("relayout a.chpm -o packed.chpm --pages packed -q");
+    let said = folder.stderr("serve packed.chpm --port 0", 2);
+    assert!(said.contains("relayout --pages raw"), "{said}");
+    assert!(folder.stderr("serve absent.chpm --port 0", 2).contains("absent.chpm"));
+    assert!(folder.stderr("serve in.ply --port 0", 2).contains("in.ply"));
+    assert!(folder.stderr("serve a.chpm --list --port 0", 2).contains("--list is for a folder"));
+    let host = Host::start(&folder, "a.chpm");
+    let port = host.address.rsplit(':').next().expect("a port");
+    let said = folder.stderr(&format!("serve a.chpm --port {port}"), 2);
+    assert!(said.contains("--port"), "{said}");
+}
+
+#[test]
+fn a_folder_to_share_has_all_that_its_page_loads() {
+    let folder = built();
+    folder.stdout("relayout a.chpm -o packed.chpm --pages packed -q");
+    folder.stdout("share packed.chpm -o site -q");
+    folder.stdout("verify site/model.chpm --same-as a.chpm -q");
+    let index = String::from_utf8(folder.read("site/index.html")).expect("text");
+    assert!(index.contains("data-file=\"model.chpm\""), "{index}");
+    // Whatever a file of the page names is there.
+    for name in
+        ["index.html", "view/main.js", "view/model.js", "view/renderer.js", "chpm/index.js", "chpm/file.js"]
+    {
+        let text = String::from_utf8(folder.read(&format!("site/{name}"))).expect("text");
+        let base = folder.path(&format!("site/{name}"));
+        let quoted = text.split('"').filter(|word| word.ends_with(".js") || word.ends_with(".css"));
+        for word in quoted.filter(|word| !word.contains(' ')) {
+            assert!(base.parent().expect("a folder").join(word).exists(), "{name} names {word}");
+        }
+    }
+    let again = folder.stderr("share packed.chpm -o site -q", 2);
+    assert!(again.contains("--force"), "{again}");
+    folder.stdout("share packed.chpm -o site -q --force");
+}
+
+#[test]
+fn the_reader_and_the_page_pass_their_tests() {
+    let node = Command::new("node").arg("--version").output();
+    let version = node.map(|out| String::from_utf8_lossy(&out.stdout).trim().to_owned()).unwrap_or_default();
+    let major: u32 =
+        version.trim_start_matches('v').split('.').next().and_then(|n| n.parse().ok()).unwrap_or(0);
+    if major < 20 {
+        eprintln!("skipped: no Node.js 20 or newer ({version:?})");
+        return;
+    }
+    let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/web/test");
+    let names = ["reader.test.mjs", "page.test.mjs"];
+    let out = Command::new("node").current_dir(tests).env("CHPM", CHPM).arg("--test").args(names).output();
+    let out = out.expect("a process");
+    let said = String::from_utf8_lossy(&out.stdout);
+    assert!(out.status.success(), "{said}");
+    // What was skipped, and why.
+    said.lines().filter(|line| line.contains("# SKIP")).for_each(|line| eprintln!("{line}"));
+}

@@ -1,0 +1,170 @@
+/** What is wrong with a file or with the way to it, in words for people. */
+export class ChpmError extends Error {}
+
+/** Where bytes come from. */
+export interface Source {
+  /** How messages call it. */
+  readonly name: string;
+  /** Bytes of the whole file, if they are known. */
+  size(): Promise<number | undefined>;
+  /** Bytes from `offset` on; fewer only where the file ends. */
+  read(offset: number, length: number, signal?: AbortSignal): Promise<Uint8Array>;
+}
+
+export interface HttpSource extends Source {
+  readonly statistics: { requests: number; bytes: number };
+}
+
+/** A file on a host that answers range requests. */
+export function httpSource(url: string | URL, options?: { fetch?: typeof fetch; headers?: Record<string, string> }): HttpSource;
+/** A file that somebody picked or dropped. */
+export function blobSource(blob: Blob): Source;
+export function memorySource(bytes: ArrayBuffer | ArrayBufferView): Source;
+
+/** Lengths are in units of the model; positions, boxes and spheres are relative to `origin`. */
+export interface Header {
+  readonly versionMinor: number;
+  readonly isPacked: boolean;
+  readonly fileLength: number;
+  readonly hasNormals: boolean;
+  readonly hasColors: boolean;
+  readonly sourceVertexCount: number;
+  readonly sourceTriangleCount: number;
+  readonly clusterCount: number;
+  readonly groupCount: number;
+  readonly levelCount: number;
+  readonly rootCount: number;
+  readonly leafCount: number;
+  /** Whether errors are proven bounds. */
+  readonly isCertified: boolean;
+  readonly origin: number[];
+  readonly boxMin: number[];
+  readonly boxMax: number[];
+  readonly maxError: number;
+}
+
+export interface Sphere {
+  readonly center: number[];
+  readonly radius: number;
+}
+
+/** A cluster: the vertices and triangles of its finest mesh, and those of its base mesh. */
+export interface Cluster {
+  readonly id: number;
+  /** Height above the leaves. */
+  readonly level: number;
+  readonly vertexCount: number;
+  readonly baseVertexCount: number;
+  readonly triangleCount: number;
+  readonly baseTriangleCount: number;
+  readonly sharedCount: number;
+  readonly group: number;
+  readonly parentGroup: number;
+  readonly minError: number;
+  readonly maxError: number;
+  readonly boxMin: number[];
+  readonly boxMax: number[];
+  readonly sphere: Sphere;
+}
+
+/** Clusters that are replaced, all together, by finer ones. */
+export interface Group {
+  readonly id: number;
+  readonly level: number;
+  readonly coarseCount: number;
+  readonly fineCount: number;
+  readonly minError: number;
+  readonly maxError: number;
+  /** Holds the coarse clusters and all below them. */
+  readonly sphere: Sphere;
+  readonly fineGap: number;
+  readonly baseGap: number;
+  readonly gapError: number;
+}
+
+/** A cluster's progressive mesh. Arrays are views of the bytes that came. */
+export class Page {
+  readonly cluster: Cluster;
+  /** Three singles a vertex, relative to the file's origin. */
+  readonly positions: Float32Array;
+  readonly normals: Float32Array | null;
+  /** Red, green, blue, alpha. */
+  readonly colors: Uint8Array | null;
+  /** Three corners a triangle, of the finest mesh. */
+  readonly triangles: Uint16Array;
+  /** The error of the mesh of the first `n` vertices. */
+  errorAt(n: number): number;
+  /** The fewest vertices with an error of at most `bound`. */
+  position(bound: number): number;
+  /** Three corners for each triangle of the mesh of the first `n` vertices. */
+  indices(n: number): Uint16Array;
+  /** Ids of shared vertices by vertex, and -1 for the others. */
+  ids(): Float64Array;
+}
+
+export class ChpmFile {
+  readonly header: Header;
+  readonly source: Source;
+  needClusters(ids: Iterable<number>, signal?: AbortSignal): Promise<void>;
+  needGroups(ids: Iterable<number>, signal?: AbortSignal): Promise<void>;
+  needMembers(groups: Iterable<Group>, signal?: AbortSignal): Promise<void>;
+  /** A record, checked; null if it has not been fetched. */
+  cluster(id: number): Cluster | null;
+  group(id: number): Group | null;
+  hasMembers(group: Group): boolean;
+  coarse(group: Group): number[];
+  fine(group: Group): number[];
+  roots(signal?: AbortSignal): Promise<number[]>;
+  /** Pages of clusters whose records are there; neighbours come in one request. */
+  eachPage(ids: Iterable<number>, take: (page: Page) => void, signal?: AbortSignal): Promise<void>;
+  pages(ids: Iterable<number>, signal?: AbortSignal): Promise<Map<number, Page>>;
+}
+
+/** Opens a file. `first` bytes are fetched at once, 32 KiB if not told otherwise. */
+export function open(source: Source, options?: { signal?: AbortSignal; first?: number }): Promise<ChpmFile>;
+
+/** Which groups are split, and the error that the clusters of the others are drawn with. */
+export interface Rule {
+  wants(group: Group): boolean;
+  bound(group: Group): number;
+}
+
+/** A cluster of a cut, and the error that it is drawn with; infinite for its base mesh. */
+export interface Member {
+  cluster: number;
+  bound: number;
+}
+
+/** The same error everywhere; components that lie apart may have vanished. */
+export function uniform(error: number): Rule;
+/** No point of the source is farther from what is drawn, nor the other way round; nothing is exempt. */
+export function distance(most: number): Rule;
+/** The clusters of a level at their finest; 0 is the source. */
+export function level(number: number): Rule;
+/** At most `pixels` of error in an image of `height` rows; `eye` in the model's coordinates, less `origin`; `fov` in degrees, vertical. */
+export function camera(view: { eye: number[]; fov: number; near?: number; height: number; pixels: number; origin?: number[] }): Rule;
+
+/** The cut that a rule gives; tables are fetched as far as it goes. */
+export function select(file: ChpmFile, rule: Rule, options?: { signal?: AbortSignal }): Promise<Member[]>;
+/** The cut from what is in memory. Where a cluster cannot be drawn yet, coarser ones stay; no cut has cracks. */
+export function selectFromMemory(
+  file: ChpmFile,
+  roots: number[],
+  rule: Rule,
+  mayDraw?: (cluster: number) => boolean,
+): { cut: Member[]; waiting: { group: Group | { id: number }; fine: number[] | null }[] };
+
+/** A cut as one mesh: vertices that clusters share are one. */
+export function extract(
+  file: ChpmFile,
+  cut: Member[],
+  options?: { signal?: AbortSignal },
+): Promise<{
+  /** Three doubles a vertex, in the model's coordinates. */
+  positions: Float64Array;
+  triangles: Uint32Array;
+  normals: Float32Array | null;
+  colors: Uint8Array | null;
+  /** The largest error of a part. */
+  error: number;
+}>;

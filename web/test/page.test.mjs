@@ -1,0 +1,163 @@
+// The page in a browser. Skipped where there is no Chromium, or its driver was not installed (`npm ci` in this folder).
+
+import assert from "node:assert/strict";
+import { existsSync, readFileSync, writeFileSync } from "node:fs";
+import path from "node:path";
+import { after, before, test } from "node:test";
+import { fileURLToPath } from "node:url";
+import { memorySource, open } from "../chpm/index.js";
+import { serve } from "./server.mjs";
+import { CHPM, chpm, temporary } from "./tools.mjs";
+
+const CHROMIUM = "/usr/bin/chromium";
+const playwright = await import("playwright-core").catch(() => null);
+const reasons = [[CHPM, "CHPM names no command"], [existsSync(CHROMIUM), "no Chromium"], [playwright, "no playwright-core"]];
+const skip = reasons.find(([is]) => !is)?.[1] ?? false;
+// The driver looks up its maker's hosts unless it is told not to.
+const OPTIONS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+
+const folder = temporary();
+const web = fileURLToPath(new URL("..", import.meta.url));
+let browser;
+let host;
+
+before(async () => {
+  if (skip) return;
+  chpm("synth", "isosurface", "--triangles", "60000", "-o", path.join(folder, "iso.ply"), "-f", "-q");
+  chpm("build", path.join(folder, "iso.ply"), "-o", path.join(folder, "iso.chpm"), "-f", "-q", "--pages", "raw", "--cluster-triangles", "1024");
+  browser = await playwright.chromium.launch({ executablePath: CHROMIUM, args: OPTIONS });
+  host = await serve([web, folder]);
+});
+
+after(async () => {
+  await browser?.close();
+  host?.close();
+});
+
+/** Opens the page, and waits until nothing more is to come. */
+async function show(query, use) {
+  const page = await browser.newPage({ viewport: { width: 900, height: 600 } });
+  const said = [];
+  page.on("console", (message) => said.push(message.text()));
+  page.on("pageerror", (error) => said.push(error.stack));
+  try {
+    await page.goto(`${host.url}/view.html${query}`);
+    await rest(page);
+    await use(page, said);
+  } finally {
+    await page.close();
+  }
+}
+
+const rest = (page) => page.waitForFunction(() => !["loading", undefined].includes(document.documentElement.dataset.status), null, { timeout: 120000 });
+const state = (page) => page.evaluate(() => ({ status: chpmView.status, message: chpmView.message, triangles: chpmView.drawn?.triangles, clusters: chpmView.drawn?.clusters }));
+
+/** The share of the image that is drawn on. */
+async function drawnPixels(page) {
+  return page.evaluate(() => {
+    const { canvas } = chpmView.model.renderer;
+    chpmView.orbit.onChange();
+    return new Promise((done) => requestAnimationFrame(() => {
+      const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
+      copy.drawImage(canvas, 0, 0);
+      const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
+      let count = 0;
+      for (let i = 3; i < data.length; i += 4) count += data[i] > 0 ? 1 : 0;
+      done(count / (canvas.width * canvas.height));
+    }));
+  });
+}
+
+test("a model is drawn, finer with less error, and within a budget", { skip }, async () => {
+  await show("?file=iso.chpm", async (page, said) => {
+    const first = await state(page);
+    assert.equal(first.status, "settled", first.message);
+    assert.ok(first.triangles > 1000);
+    await page.locator("#pixels").fill("4");
+    await rest(page);
+    const coarse = await state(page);
+    assert.ok(coarse.triangles < first.triangles, `${coarse.triangles} of ${first.triangles}`);
+    await page.locator("#pixels").fill("-1");
+    await page.locator("#budget").fill("4.5");
+    await page.waitForFunction(() => chpmView.status === "settled" && chpmView.drawn.triangles <= 10 ** 4.5 && chpmView.drawn.relaxed > 1);
+    for (const colors of ["level", "cluster", "error"]) await page.selectOption("#colors", colors);
+    await page.selectOption("#up", "z");
+    await page.mouse.move(600, 300);
+    await page.mouse.down();
+    await page.mouse.move(680, 340);
+    await page.mouse.up();
+    await page.mouse.wheel(0, -300);
+    await rest(page);
+    assert.equal((await state(page)).status, "settled");
+    assert.deepEqual(said, []);
+  });
+});
+
+test("the first picture takes few requests", { skip }, async () => {
+  host.state.requests.length = 0;
+  await show("?file=iso.chpm", async () => {
+    const file = await open(memorySource(readFileSync(path.join(folder, "iso.chpm"))));
+    const roots = await file.roots();
+    const first = Math.min(...roots.map((id) => file.cluster(id).pageOffset));
+    const before = host.state.requests.findIndex(({ first: from }) => from >= first);
+    assert.ok(before >= 1 && before <= 3, JSON.stringify(host.state.requests.slice(0, 6)));
+    const bytes = host.state.requests.slice(0, before).reduce((sum, { length }) => sum + length, 0);
+    assert.ok(bytes <= 512 << 10, `${bytes} bytes`);
+  });
+});
+
+test("what goes wrong is a message on the page", { skip }, async () => {
+  const whole = readFileSync(path.join(folder, "iso.chpm"));
+  const file = await open(memorySource(whole));
+  const damaged = Buffer.from(whole);
+  for (let id = 0; id < file.header.clusterCount; id++) {
+    await file.needClusters([id]);
+    if (file.cluster(id).level === 0) damaged[file.cluster(id).pageOffset + 80] ^= 1;
+  }
+  writeFileSync(path.join(folder, "damaged.chpm"), damaged);
+  writeFileSync(path.join(folder, "short.chpm"), whole.subarray(0, whole.length >> 1));
+  writeFileSync(path.join(folder, "other.chpm"), "ply\nformat ascii 1.0\n".repeat(100));
+
+  const cases = [
+    ["short.chpm", "failed", /cut short/],
+    ["other.chpm", "failed", /no \.chpm file/],
+    ["absent.chpm", "failed", /not there/],
+    ["damaged.chpm", "damaged", /damaged.*The rest/s],
+  ];
+  for (const [name, status, message] of cases) {
+    await show(`?file=${name}`, async (page, said) => {
+      const told = await state(page);
+      assert.equal(told.status, status, told.message);
+      assert.match(told.message, message);
+      // The browser itself tells of an answer of 404.
+      assert.deepEqual(said.filter((text) => !text.includes("404")), []);
+      if (status === "damaged") assert.ok((await drawnPixels(page)) > 0.02);
+    });
+  }
+});
+
+test("a host without ranges is told, and so is a file that vanishes", { skip }, async () => {
+  host.state.ranges = false;
+  await show("?file=iso.chpm", async (page) => assert.match((await state(page)).message, /whole files only/));
+  host.state.ranges = true;
+  await show("?file=iso.chpm&pixels=32", async (page, said) => {
+    host.state.gone.add("iso.chpm");
+    // Nearer, so that something has to be fetched.
+    await page.evaluate(() => { chpmView.orbit.distance *= 0.2; chpmView.orbit.onChange(); });
+    await page.locator("#pixels").fill("-1");
+    await page.waitForFunction(() => chpmView.status === "damaged");
+    assert.match((await state(page)).message, /not there/);
+    assert.ok((await drawnPixels(page)) > 0.02);
+    assert.deepEqual(said.filter((text) => !text.includes("404")), []);
+    host.state.gone.clear();
+  });
+});
+
+test("without a model the page says what to do", { skip }, async () => {
+  await show("", async (page, said) => {
+    assert.match((await state(page)).message, /Open a \.chpm file/);
+    await page.setInputFiles("#file", path.join(folder, "iso.chpm"));
+    await page.waitForFunction(() => chpmView.status === "settled");
+    assert.deepEqual(said, []);
+  });
+});
