@@ -24,6 +24,8 @@ const TOP: u64 = 1000;
 pub(crate) struct Sizes {
     pub(crate) file: u64,
     pub(crate) tables: u64,
+    /// Of the tables: what tells chunks of them.
+    pub(crate) chunks: u64,
     pub(crate) pages: u64,
     pub(crate) padding: u64,
 }
@@ -31,10 +33,12 @@ pub(crate) struct Sizes {
 impl Sizes {
     pub(crate) fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
         let pages: u64 = file.clusters().iter().map(|cluster| u64::from(cluster.page_len)).sum();
-        let section = file.sections().find(|(kind, _)| *kind == SectionKind::Pages);
-        let padded = section.map_or(pages, |(_, range)| range.len() as u64);
+        let len =
+            |wanted| file.sections().find(|(kind, _)| *kind == wanted).map(|(_, range)| range.len() as u64);
+        let padded = len(SectionKind::Pages).unwrap_or(pages);
+        let chunks = len(SectionKind::Chunks).unwrap_or(0);
         let whole = file.header().file_len;
-        Sizes { file: whole, tables: whole - padded, pages, padding: padded - pages }
+        Sizes { file: whole, tables: whole - padded, chunks, pages, padding: padded - pages }
     }
 }
 
@@ -254,7 +258,9 @@ pub(crate) fn praise<D: AsRef<[u8]>>(file: &Chpm<D>, levels: &[LevelRow]) -> Str
 /// The largest distance of any mesh of the file to the source; unknown where it does not tell what has vanished.
 pub(crate) fn max_distance<D: AsRef<[u8]>>(file: &Chpm<D>) -> Option<f32> {
     let gaps = (0..file.groups().len() as u32).map(|id| file.gaps(GroupId(id)).base);
-    file.has_gaps().then(|| gaps.fold(file.header().max_error, f32::max))
+    // The largest number is written where a file of before has told nothing.
+    let distance = gaps.fold(file.header().max_error, f32::max);
+    (file.has_gaps() && distance < f32::MAX).then_some(distance)
 }
 
 pub(crate) fn error_kind<D: AsRef<[u8]>>(file: &Chpm<D>) -> String {

@@ -125,7 +125,8 @@ fn print_parts<D: AsRef<[u8]>>(
     out: &mut impl Write,
 ) -> io::Result<()> {
     let triangles = file.header().source_triangle_count.max(1) as f64;
-    let rest = [("tables", sizes.tables as f64), ("padding", sizes.padding as f64)];
+    let tables = (sizes.tables - sizes.chunks) as f64;
+    let rest = [("tables", tables), ("chunks", sizes.chunks as f64), ("padding", sizes.padding as f64)];
     let all = PARTS.into_iter().zip(parts).chain(rest);
     let told = all.map(|(part, bytes)| format!("{part} {:.3}", bytes / triangles));
     writeln!(out, "parts      {} bytes a source triangle", told.collect::<Vec<_>>().join(", "))
@@ -236,6 +237,7 @@ fn as_json<D: AsRef<[u8]>>(
         "bytes": {
             "file": sizes.file,
             "tables": sizes.tables,
+            "chunks": sizes.chunks,
             "pages": sizes.pages,
             "padding": sizes.padding,
             "per_triangle": per_triangle(sizes.file, h.source_triangle_count),

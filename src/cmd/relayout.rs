@@ -130,6 +130,7 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     let was = if tables.header.packed { Pages::Packed } else { Pages::Raw };
     let pages = args.pages.unwrap_or(was);
     tables.header.packed = pages == Pages::Packed;
+    tables.header.chunked = true;
     let ids = order(file, args.order);
     tables.reorder(&ids);
     let out = AtomicFile::create(&args.output, args.force)?;
@@ -156,17 +157,17 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     Ok(tables.file_len()?)
 }
 
-/// The clusters in the order that their pages are to have.
+/// The clusters in the order that their pages are to have, the roots first in any.
 fn order(file: &Chpm<MappedFile>, order: Option<Order>) -> Vec<ClusterId> {
+    let record = |id: &ClusterId| &file.clusters()[id.index()];
     let mut ids: Vec<ClusterId> = (0..file.header().cluster_count).map(ClusterId).collect();
     match order {
-        None => ids,
-        Some(Order::Levels) => {
-            ids.sort_by_key(|id| Reverse(file.clusters()[id.index()].level));
-            ids
-        }
-        Some(Order::Splits) => page_order::order(runs(file)).into_iter().map(ClusterId).collect(),
+        None => {}
+        Some(Order::Levels) => ids.sort_by_key(|id| Reverse(record(id).level)),
+        Some(Order::Splits) => ids = page_order::order(runs(file)).into_iter().map(ClusterId).collect(),
     }
+    ids.sort_by_key(|id| !record(id).is_root());
+    ids
 }
 
 /// Pages that are read together: roots, and the fine clusters of groups.

@@ -5,10 +5,15 @@ use crate::draw::Draw;
 use chpm_format::checksum;
 use std::ops::Range;
 
-/// Bytes of a record of CLUSTERS, GROUPS, MEMBERS and LEVELS.
-const RECORDS: [usize; 4] = [128, 64, 4, 128];
-const CLUSTERS: usize = 0;
-const METADATA: usize = 4;
+const CLUSTERS: u32 = 1;
+const GROUPS: u32 = 2;
+const MEMBERS: u32 = 3;
+const LEVELS: u32 = 4;
+const METADATA: u32 = 5;
+const PAGES: u32 = 6;
+const CHUNKS: u32 = 0x8000_0001;
+/// Bytes of a record of CLUSTERS.
+const RECORD: usize = 128;
 const ENTRY: usize = 40;
 // Where the offset, the length and the checksum are in an entry of the section table.
 const OFFSET: usize = 8;
@@ -20,7 +25,10 @@ pub(crate) fn damage(bytes: &mut Vec<u8>, draw: &mut Draw<'_>) {
     for _ in 0..draw.between(1, 4) {
         match draw.below(16) {
             0 => number(bytes, 0..248, draw),
-            1 => number(bytes, 256..256 + 6 * ENTRY, draw),
+            1 => {
+                let end = 256 + entries(bytes) * ENTRY;
+                number(bytes, 256..end, draw);
+            }
             2..=7 => record(bytes, draw),
             8 => metadata(bytes, draw),
             9 => pages_change_places(bytes, draw),
@@ -45,9 +53,22 @@ fn set_long(bytes: &mut [u8], at: usize, value: u64) {
     }
 }
 
+/// Entries of the section table.
+fn entries(bytes: &[u8]) -> usize {
+    word(bytes, 32).unwrap_or(0).min(64) as usize
+}
+
+/// Where the entry of a section is.
+fn entry(bytes: &[u8], kind: u32) -> Option<usize> {
+    (256..).step_by(ENTRY).take(entries(bytes)).find(|entry| word(bytes, *entry) == Some(kind))
+}
+
 /// Where a section is, as far as that is in the file.
-fn section(bytes: &[u8], slot: usize) -> Option<Range<usize>> {
-    let entry = 256 + slot * ENTRY;
+fn section(bytes: &[u8], kind: u32) -> Option<Range<usize>> {
+    place(bytes, entry(bytes, kind)?)
+}
+
+fn place(bytes: &[u8], entry: usize) -> Option<Range<usize>> {
     let start = usize::try_from(long(bytes, entry + OFFSET)?).ok()?;
     let end = start.checked_add(usize::try_from(long(bytes, entry + LEN)?).ok()?)?;
     (end <= bytes.len()).then_some(start..end)
@@ -56,8 +77,8 @@ fn section(bytes: &[u8], slot: usize) -> Option<Range<usize>> {
 /// Where the page of some cluster is.
 fn some_page(bytes: &[u8], draw: &mut Draw<'_>) -> Option<(usize, Range<usize>)> {
     let clusters = section(bytes, CLUSTERS)?;
-    let count = clusters.len() / RECORDS[CLUSTERS];
-    let record = clusters.start + draw.below(count.max(1)) * RECORDS[CLUSTERS];
+    let count = clusters.len() / RECORD;
+    let record = clusters.start + draw.below(count.max(1)) * RECORD;
     let start = usize::try_from(long(bytes, record)?).ok()?;
     let end = start.checked_add(word(bytes, record + 8)? as usize)?;
     (count > 0 && end <= bytes.len()).then_some((record, start..end))
@@ -87,9 +108,15 @@ fn number(bytes: &mut [u8], range: Range<usize>, draw: &mut Draw<'_>) {
 
 /// A field of a record, two records that change places, or one that comes twice.
 fn record(bytes: &mut [u8], draw: &mut Draw<'_>) {
-    let slot = draw.pick(&[0, 0, 1, 1, 2, 3]);
-    let Some(table) = section(bytes, slot) else { return };
-    let len = RECORDS[slot];
+    let (kind, len) = draw.pick(&[
+        (CLUSTERS, RECORD),
+        (GROUPS, 64),
+        (MEMBERS, 4),
+        (LEVELS, 128),
+        (CLUSTERS, RECORD),
+        (CHUNKS, 8),
+    ]);
+    let Some(table) = section(bytes, kind) else { return };
     let count = table.len() / len;
     if count == 0 {
         return;
@@ -138,7 +165,8 @@ fn metadata(bytes: &mut [u8], draw: &mut Draw<'_>) {
     if draw.once_in(3) {
         // Behind it is the padding before the pages.
         let len = (body.len() + draw.below(40)).saturating_sub(20);
-        set_long(bytes, 256 + METADATA * ENTRY + LEN, len as u64);
+        let entry = entry(bytes, METADATA).unwrap_or(bytes.len());
+        set_long(bytes, entry + LEN, len as u64);
     }
 }
 
@@ -161,7 +189,7 @@ fn cut_or_grow(bytes: &mut Vec<u8>, draw: &mut Draw<'_>) {
 
 /// Makes every checksum right, as far as offsets lead into the file.
 fn seal(bytes: &mut [u8]) {
-    for at in section(bytes, CLUSTERS).unwrap_or_default().step_by(RECORDS[CLUSTERS]) {
+    for at in section(bytes, CLUSTERS).unwrap_or_default().step_by(RECORD) {
         let (Some(start), Some(len)) = (long(bytes, at), word(bytes, at + 8)) else { continue };
         let end = start.saturating_add(len.into());
         if let Some(page) = bytes.get(start as usize..end as usize) {
@@ -169,15 +197,16 @@ fn seal(bytes: &mut [u8]) {
             set_long(bytes, at + 96, sum);
         }
     }
-    let entries = word(bytes, 32).unwrap_or(0).min(64) as usize;
-    for slot in 0..entries {
-        let (Some(range), Some(kind)) = (section(bytes, slot), word(bytes, 256 + slot * ENTRY)) else {
+    seal_chunks(bytes);
+    let entries = entries(bytes);
+    for entry in (256..).step_by(ENTRY).take(entries) {
+        let (Some(range), Some(kind)) = (place(bytes, entry), word(bytes, entry)) else {
             continue;
         };
         // Pages have their own.
-        if kind != 6 {
+        if kind != PAGES {
             let sum = checksum(&bytes[range]);
-            set_long(bytes, 256 + slot * ENTRY + SUM, sum);
+            set_long(bytes, entry + SUM, sum);
         }
     }
     if let Some(table) = bytes.get(256..256 + entries * ENTRY) {
@@ -187,5 +216,16 @@ fn seal(bytes: &mut [u8]) {
     if bytes.len() >= 256 {
         let sum = checksum(&bytes[..248]);
         set_long(bytes, 248, sum);
+    }
+}
+
+/// Makes the checksums of the tables' chunks right.
+fn seal_chunks(bytes: &mut [u8]) {
+    let Some(list) = section(bytes, CHUNKS) else { return };
+    let chunk = long(bytes, list.start).unwrap_or(0).clamp(64, 1 << 20) as usize;
+    let tables = [CLUSTERS, GROUPS, MEMBERS].into_iter().filter_map(|kind| section(bytes, kind));
+    let sums: Vec<u64> = tables.flat_map(|table| bytes[table].chunks(chunk)).map(checksum).collect();
+    for (at, sum) in list.step_by(8).skip(1).zip(sums) {
+        set_long(bytes, at, sum);
     }
 }

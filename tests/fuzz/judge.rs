@@ -8,11 +8,12 @@ use crate::model::Model;
 use crate::settings::Told;
 use crate::spoil::spoil;
 use chpm_build::{Cancel, Silent, build};
-use chpm_format::{Chpm, dump, verify};
+use chpm_format::{Chpm, FormatError, RemoteChpm, dump, verify};
 use chpm_mesh::{Level, TriMesh};
 use chpm_refine::{Camera, Cut, Hierarchy, RefineError, View, extract, random_cut, select};
 use chpm_synth::{Shape, Synth};
 use std::fs;
+use std::io;
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -147,9 +148,13 @@ fn command_on_source(
 
 /// Opens, verifies, dumps and extracts; a file that is sound must give every mesh.
 fn use_file(bytes: Vec<u8>) -> Result<Ended, Failure> {
+    let from_afar = use_ranges(&bytes);
     let Ok(file) = Chpm::open(bytes) else { return Ok(Ended::Refused) };
     let report = verify(&file, |_, _| ());
     let sound = report.is_ok();
+    if sound && !from_afar.as_ref().is_ok_and(|clusters| *clusters == file.clusters().len()) {
+        return Err(Failure::new("sound and not to be read in ranges", format!("{from_afar:?}")));
+    }
     let mut told = Vec::new();
     let all =
         [("dump", dump(&file, &mut told, true).map_err(|e| e.to_string()))].into_iter().chain(meshes(&file));
@@ -161,6 +166,26 @@ fn use_file(bytes: Vec<u8>) -> Result<Ended, Failure> {
     // A body of text that cannot be decoded is a fault that leaves the geometry as it is.
     let _ = file.metadata();
     Ok(if sound { Ended::Accepted } else { Ended::Refused })
+}
+
+/// Reads all pages that ranges of the file lead to from the roots; how many.
+fn use_ranges(bytes: &[u8]) -> Result<usize, FormatError> {
+    let mut file = RemoteChpm::open(bytes.len() as u64, |offset, out: &mut [u8]| {
+        let range = offset as usize..offset as usize + out.len();
+        out.copy_from_slice(bytes.get(range).ok_or(io::ErrorKind::UnexpectedEof)?);
+        Ok(())
+    })?;
+    let mut met = file.roots()?;
+    let mut next = 0;
+    while let Some(id) = met.get(next).copied() {
+        next += 1;
+        file.page(id)?;
+        let group = file.cluster(id)?.group();
+        if file.coarse(group)?.first() == Some(&id) {
+            met.extend(file.fine(group)?);
+        }
+    }
+    Ok(met.len())
 }
 
 /// Meshes of every way to choose one.

@@ -110,7 +110,7 @@ pub(super) fn leaf_with(mesh: &TriMesh, targets: &[u16], errors: &[f32], gaps: G
             error_kind: ErrorKind::Quadric,
             shared_vertex_count: 0,
             origin: [0.0; 3],
-            packed: false,
+            ..HeaderFields::default()
         },
         groups: vec![GroupRecord {
             coarse_count: 1,

@@ -1,7 +1,7 @@
 //! The same file with its pages stored otherwise.
 
 use super::harness::Folder;
-use chpm_format::{Chpm, ClusterRecord};
+use chpm_format::{Chpm, ChpmWriter, ClusterRecord, Gaps, Tables, checksum};
 use chpm_mesh::{Attributes, ClusterId, GroupId};
 use chpm_synth::{Shape, Synth};
 
@@ -110,6 +110,46 @@ fn an_order_changes_places_only() {
     folder.stdout("relayout packed.chpm -o unpacked.chpm --pages raw -q");
     assert!(folder.read("splits.chpm") == folder.read("unpacked.chpm"));
     assert!(folder.stderr("relayout in.chpm -o out.chpm", 2).contains("--pages"));
+}
+
+/// The file as version 1.0 has it: no gaps, no chunks, in the order of before.
+fn of_version_0(file: &Chpm<Vec<u8>>) -> Vec<u8> {
+    let mut tables = Tables::of(file).expect("tables");
+    tables.header.chunked = false;
+    let by_level = |id: &ClusterId| file.clusters()[id.index()].level;
+    let mut order: Vec<ClusterId> = (0..file.header().cluster_count).map(ClusterId).collect();
+    order.sort_by_key(by_level);
+    tables.reorder(&order);
+    tables.groups.iter_mut().for_each(|group| group.gaps = Gaps::default());
+    let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).expect("tables");
+    order.iter().for_each(|id| writer.page(file.page_bytes(*id)).expect("a page"));
+    let mut bytes = writer.finish().expect("a file");
+    bytes[10] = 0;
+    let sum = checksum(&bytes[..248]).to_le_bytes();
+    bytes[248..256].copy_from_slice(&sum);
+    bytes
+}
+
+#[test]
+fn a_file_of_version_0_goes_both_ways() {
+    let folder = built(Attributes { normals: true, colors: true }, 12_000);
+    let old = of_version_0(&Chpm::open(folder.read("in.chpm")).expect("a file"));
+    folder.write("old.chpm", &old);
+    assert!(
+        folder.stdout("info old.chpm").contains("CHPM 1.0") && !Chpm::open(old).expect("a file").is_chunked()
+    );
+    folder.stdout("relayout old.chpm -o packed.chpm --pages packed -q");
+    folder.stdout("relayout packed.chpm -o raw.chpm --pages raw -q");
+    folder.stdout("relayout old.chpm -o splits.chpm --order splits -q");
+    for name in ["packed.chpm", "raw.chpm", "splits.chpm"] {
+        folder.stdout(&format!("verify {name} --same-as old.chpm --against in.ply --cuts 3 -q"));
+        let told = folder.stdout(&format!("info {name}"));
+        assert!(told.contains("CHPM 1.3") && told.contains("distance unknown"), "{told}");
+        let file = Chpm::open(folder.read(name)).expect("a file");
+        assert!(file.is_chunked() && file.roots().eq([ClusterId(0)]), "{name}: the top comes first");
+    }
+    folder.stdout("relayout old.chpm -o straight.chpm --pages raw -q");
+    assert!(folder.read("raw.chpm") == folder.read("straight.chpm"), "every byte comes back");
 }
 
 #[test]

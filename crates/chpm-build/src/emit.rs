@@ -104,6 +104,7 @@ impl<'a> Output<'a> {
                 shared_vertex_count: shared,
                 origin: facts.origin,
                 packed: settings.packed,
+                chunked: true,
             },
             clusters: order.iter().map(placed).collect(),
             groups,

@@ -121,6 +121,9 @@ pub enum FormatError {
     /// The metadata section does not decode.
     #[error("metadata: {0}; the geometry may still be read")]
     Metadata(String),
+    /// Bytes that lie elsewhere could not be had.
+    #[error("reading: {0}")]
+    Read(#[source] std::io::Error),
     /// The output refused bytes.
     #[error("writing: {0}")]
     Write(#[from] std::io::Error),
@@ -153,7 +156,10 @@ impl FormatError {
                     *place = Place::Page(id);
                 }
             }
-            FormatError::Magic { .. } | FormatError::Metadata(_) | FormatError::Write(_) => {}
+            FormatError::Magic { .. }
+            | FormatError::Metadata(_)
+            | FormatError::Read(_)
+            | FormatError::Write(_) => {}
         }
         self
     }

@@ -1,6 +1,7 @@
 //! The 256 bytes at the start of a file.
 
 use crate::error::{FormatError, Place, require, require_eq};
+use crate::section::SectionEntry;
 use crate::{PACKED_ALIGN, PAGE_ALIGN, checksum};
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::{Aabb, Attributes};
@@ -10,8 +11,8 @@ use std::{fmt, mem};
 pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
-/// The last minor version that this crate knows, which it writes where pages are packed; else it writes the one before.
-pub const VERSION_MINOR: u16 = 2;
+/// The last minor version that this crate knows. It writes the first that has all that a file needs.
+pub const VERSION_MINOR: u16 = 3;
 /// Required flag: pages may be packed, and lie at multiples of [`PACKED_ALIGN`].
 pub const PACKED_PAGES: u32 = 1;
 /// Length of the header, bytes.
@@ -169,6 +170,11 @@ impl Header {
         self.required_flags & PACKED_PAGES != 0
     }
 
+    /// Where the section table ends.
+    pub(crate) fn section_table_end(&self) -> usize {
+        HEADER_LEN + self.section_count as usize * mem::size_of::<SectionEntry>()
+    }
+
     /// The box around everything, relative to the origin.
     pub fn aabb(&self) -> Aabb {
         Aabb { min: self.aabb_min, max: self.aabb_max }
@@ -179,11 +185,10 @@ impl Header {
         checksum(&bytemuck::bytes_of(self)[..mem::offset_of!(Header, header_checksum)])
     }
 
-    /// Reads the header and checks what can be checked without the rest of the file.
-    pub(crate) fn read(bytes: &[u8]) -> Result<Header, FormatError> {
-        let got = bytes.len() as u64;
+    /// Reads the header of a file of `got` bytes, of which these are the first, and checks what can be checked without the rest of the file.
+    pub(crate) fn read(bytes: &[u8], got: u64) -> Result<Header, FormatError> {
         let mut magic = [0; 8];
-        let known = got.min(8) as usize;
+        let known = bytes.len().min(8);
         magic[..known].copy_from_slice(&bytes[..known]);
         if magic != MAGIC {
             return Err(FormatError::Magic { got: magic });

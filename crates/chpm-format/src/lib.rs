@@ -47,6 +47,7 @@
 #[cfg(target_endian = "big")]
 compile_error!("chpm reads its little-endian records in place and supports little-endian hosts only");
 
+mod chunks;
 pub mod dump;
 pub mod error;
 pub mod error_code;
@@ -59,6 +60,7 @@ pub mod page_buf;
 pub mod parts;
 pub mod reader;
 pub mod records;
+pub mod remote;
 pub mod same;
 pub mod section;
 mod structure;
@@ -76,6 +78,7 @@ pub use page_buf::PageBuf;
 pub use parts::PageParts;
 pub use reader::Chpm;
 pub use records::{ClusterRecord, GroupRecord, LevelRecord};
+pub use remote::RemoteChpm;
 pub use section::{SectionEntry, SectionKind};
 pub use tables::{HeaderFields, Tables};
 pub use verify::{Fault, Invariant, Report, verify, verify_within};

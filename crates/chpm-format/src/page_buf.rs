@@ -33,7 +33,12 @@ impl PageBuf<'_> {
         let mut words = vec![0; len.div_ceil(size_of::<u32>())];
         let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];
         packed::unpack(packed, bytes)?;
-        Page::view(bytes)?;
+        Self::in_words(words, len)
+    }
+
+    /// A page in words, of which it has `len` bytes.
+    pub(crate) fn in_words(words: Vec<u32>, len: usize) -> Result<Self, FormatError> {
+        Page::view(&bytemuck::cast_slice(&words)[..len])?;
         Ok(PageBuf(Kept::Own(words, len)))
     }
 

@@ -1,5 +1,6 @@
 //! Opening a file that is in memory, and reading it in place.
 
+use crate::MEMORY_ALIGN;
 use crate::error::{FormatError, Place, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{Header, attribute_bits};
@@ -9,7 +10,6 @@ use crate::page_buf::PageBuf;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::section::{SectionKind, Sections, check_sum};
 use crate::structure::{Structure, member_range, place_pages};
-use crate::{MEMORY_ALIGN, section};
 use bytemuck::Pod;
 use chpm_mesh::{ClusterId, GroupId};
 use std::ops::Range;
@@ -31,7 +31,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// The [`FormatError`] that names the damage; [`FormatError::Alignment`] if the bytes do not start at a multiple of 8.
     pub fn open(data: D) -> Result<Self, FormatError> {
         let bytes = data.as_ref();
-        let header = Header::read(bytes)?;
+        let header = Header::read(bytes, bytes.len() as u64)?;
         if !bytes.as_ptr().addr().is_multiple_of(MEMORY_ALIGN) {
             return Err(FormatError::Alignment { place: Place::File, expected: MEMORY_ALIGN });
         }
@@ -135,7 +135,8 @@ impl<D: AsRef<[u8]>> Chpm<D> {
 
     /// The known sections: kind and byte range in the file.
     pub fn sections(&self) -> impl Iterator<Item = (SectionKind, Range<usize>)> + '_ {
-        section::SectionKind::ALL.into_iter().map(|kind| (kind, self.sections.range(kind)))
+        let there = SectionKind::ALL.into_iter().filter(|kind| self.sections.has(*kind));
+        there.map(|kind| (kind, self.sections.range(kind)))
     }
 
     /// Decodes the metadata.
@@ -168,6 +169,16 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     pub fn roots(&self) -> impl Iterator<Item = ClusterId> + '_ {
         let roots = self.clusters().iter().enumerate().filter(|(_, cluster)| cluster.is_root());
         roots.map(|(index, _)| ClusterId(index as u32))
+    }
+
+    /// Whether chunks of the tables have checksums of their own; see [`crate::RemoteChpm`].
+    pub fn is_chunked(&self) -> bool {
+        self.sections.has(SectionKind::Chunks)
+    }
+
+    /// The bytes of a section; none if it is absent.
+    pub(crate) fn section(&self, kind: SectionKind) -> &[u8] {
+        &self.data.as_ref()[self.sections.range(kind)]
     }
 
     /// Whether detail of the source was left out, so that the leaves are not the source. O(clusters).
@@ -224,7 +235,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     pub fn page_viewed(&self, id: ClusterId) -> Result<PageBuf<'_>, FormatError> {
         let page = self.page_known(id)?;
         page.view().check_errors().map_err(|error| error.in_page(id))?;
-        self.compare(id, &page.view())?;
+        compare(&self.header, id, &self.clusters()[id.index()], &page.view())?;
         Ok(page)
     }
 
@@ -250,31 +261,8 @@ impl<D: AsRef<[u8]>> Chpm<D> {
 
     fn page_of<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<PageBuf<'b>, FormatError> {
         let loaded = self.loaded(id, bytes)?;
-        let page = loaded.view();
-        page.check().map_err(|error| error.in_page(id))?;
-        self.compare(id, &page)?;
-        let (place, ids) = (Place::Page(id), self.header.shared_vertex_count);
-        let largest = page.shared_ids.iter().max();
-        let in_range = largest.is_none_or(|id| *id < ids);
-        require(in_range, place, "shared id", format_args!("less than {ids}"), largest.unwrap_or(&0))?;
+        check_page(&self.header, id, &self.clusters()[id.index()], &loaded.view())?;
         Ok(loaded)
-    }
-
-    /// Compares the header of a page with its record.
-    fn compare(&self, id: ClusterId, page: &Page<'_>) -> Result<(), FormatError> {
-        let (record, place) = (&self.clusters()[id.index()], Place::Page(id));
-        for (field, expected, got) in [
-            ("attributes", self.header.attributes, attribute_bits(page.attributes())),
-            ("vertex_count", record.vertex_count, page.vertex_count() as u32),
-            ("base_vertex_count", record.base_vertex_count, page.base_vertex_count as u32),
-            ("triangle_count", record.triangle_count, page.triangles.len() as u32),
-            ("base_triangle_count", record.base_triangle_count, page.base_triangle_count as u32),
-            ("shared_count", record.shared_count, page.shared_ids.len() as u32),
-        ] {
-            require_eq(place, field, expected, got)?;
-        }
-        require_eq(place, "min_error", record.min_error, page.min_error)?;
-        require_eq(place, "max_error", record.max_error, page.max_error())
     }
 
     /// As [`Chpm::page`], and the checksum first.
@@ -299,4 +287,41 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         check_sum(Place::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
         self.page_of(id, bytes)
     }
+}
+
+/// Checks a page and compares it with its record.
+pub(crate) fn check_page(
+    header: &Header,
+    id: ClusterId,
+    record: &ClusterRecord,
+    page: &Page<'_>,
+) -> Result<(), FormatError> {
+    page.check().map_err(|error| error.in_page(id))?;
+    compare(header, id, record, page)?;
+    let (place, ids) = (Place::Page(id), header.shared_vertex_count);
+    let largest = page.shared_ids.iter().max();
+    let in_range = largest.is_none_or(|id| *id < ids);
+    require(in_range, place, "shared id", format_args!("less than {ids}"), largest.unwrap_or(&0))
+}
+
+/// Compares the header of a page with its record.
+fn compare(
+    header: &Header,
+    id: ClusterId,
+    record: &ClusterRecord,
+    page: &Page<'_>,
+) -> Result<(), FormatError> {
+    let place = Place::Page(id);
+    for (field, expected, got) in [
+        ("attributes", header.attributes, attribute_bits(page.attributes())),
+        ("vertex_count", record.vertex_count, page.vertex_count() as u32),
+        ("base_vertex_count", record.base_vertex_count, page.base_vertex_count as u32),
+        ("triangle_count", record.triangle_count, page.triangles.len() as u32),
+        ("base_triangle_count", record.base_triangle_count, page.base_triangle_count as u32),
+        ("shared_count", record.shared_count, page.shared_ids.len() as u32),
+    ] {
+        require_eq(place, field, expected, got)?;
+    }
+    require_eq(place, "min_error", record.min_error, page.min_error)?;
+    require_eq(place, "max_error", record.max_error, page.max_error())
 }

@@ -3,7 +3,7 @@
 use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::header::{HEADER_LEN, Header};
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
-use crate::{PAGE_ALIGN, TABLE_ALIGN, align_up, checksum};
+use crate::{PAGE_ALIGN, TABLE_ALIGN, align_up, checksum, chunks};
 use bytemuck::{Pod, Zeroable};
 use std::{fmt, mem, ops::Range};
 
@@ -12,7 +12,7 @@ pub const MAX_SECTIONS: u32 = 64;
 /// Set in the kinds that a reader may skip without knowing them.
 pub const OPTIONAL_KIND: u32 = 1 << 31;
 
-/// The sections that every file has, each once.
+/// The sections that are known: every file has each once, but for CHUNKS, which may be absent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[repr(u32)]
 pub enum SectionKind {
@@ -28,11 +28,17 @@ pub enum SectionKind {
     Metadata = 5,
     /// Cluster pages; the last section.
     Pages = 6,
+    /// Checksums of the tables' chunks; the first section where it is there.
+    Chunks = OPTIONAL_KIND | 1,
 }
+
+/// Number of kinds that are known.
+const KINDS: usize = SectionKind::ALL.len();
 
 impl SectionKind {
     /// All of them, in the order in which the writer lays them out.
-    pub const ALL: [SectionKind; 6] = [
+    pub const ALL: [SectionKind; 7] = [
+        SectionKind::Chunks,
         SectionKind::Clusters,
         SectionKind::Groups,
         SectionKind::Members,
@@ -49,11 +55,26 @@ impl SectionKind {
             SectionKind::Members => mem::size_of::<u32>() as u32,
             SectionKind::Levels => mem::size_of::<LevelRecord>() as u32,
             SectionKind::Metadata | SectionKind::Pages => 0,
+            SectionKind::Chunks => chunks::WORD as u32,
         }
     }
 
+    /// Whether every file has it.
+    fn is_needed(self) -> bool {
+        self as u32 & OPTIONAL_KIND == 0
+    }
+
+    /// Where it is in [`SectionKind::ALL`].
     fn slot(self) -> usize {
-        self as usize - 1
+        match self {
+            SectionKind::Chunks => 0,
+            kind => kind as usize,
+        }
+    }
+
+    /// What it is aligned to in the file.
+    pub(crate) fn align(self) -> u64 {
+        if self == SectionKind::Pages { PAGE_ALIGN } else { TABLE_ALIGN }
     }
 }
 
@@ -66,6 +87,7 @@ impl fmt::Display for SectionKind {
             SectionKind::Levels => "LEVELS",
             SectionKind::Metadata => "METADATA",
             SectionKind::Pages => "PAGES",
+            SectionKind::Chunks => "CHUNKS",
         })
     }
 }
@@ -92,70 +114,100 @@ const _: () = assert!(mem::size_of::<SectionEntry>() == 40);
 
 /// Where the known sections are, checked: ranges lie in the file and do not overlap.
 #[derive(Clone, Debug)]
-pub(crate) struct Sections([(Range<usize>, u64); 6]);
+pub(crate) struct Sections([Option<Placed>; KINDS]);
+
+/// An entry of the section table, and where its bytes are.
+#[derive(Clone, Debug)]
+struct Placed {
+    entry: SectionEntry,
+    range: Range<usize>,
+}
+
+/// Where the section table is.
+pub(crate) fn table_range(header: &Header) -> Result<Range<usize>, FormatError> {
+    let count = header.section_count;
+    let most = format_args!("at most {MAX_SECTIONS}");
+    require(count <= MAX_SECTIONS, Place::SectionTable, "section_count", most, count)?;
+    Ok(HEADER_LEN..header.section_table_end())
+}
 
 impl Sections {
+    /// Where a section is; nowhere if it is absent.
     pub(crate) fn range(&self, kind: SectionKind) -> Range<usize> {
-        self.0[kind.slot()].0.clone()
+        self.0[kind.slot()].as_ref().map_or(0..0, |placed| placed.range.clone())
     }
 
     pub(crate) fn count(&self, kind: SectionKind) -> u64 {
-        self.0[kind.slot()].1
+        self.0[kind.slot()].as_ref().map_or(0, |placed| placed.entry.count)
+    }
+
+    pub(crate) fn has(&self, kind: SectionKind) -> bool {
+        self.0[kind.slot()].is_some()
+    }
+
+    /// The checksum that a section must have.
+    pub(crate) fn checksum(&self, kind: SectionKind) -> u64 {
+        self.0[kind.slot()].as_ref().map_or(0, |placed| placed.entry.checksum)
     }
 
     /// Reads the section table of a file whose header was checked; checks bounds, order, padding and checksums.
     pub(crate) fn read(header: &Header, bytes: &[u8]) -> Result<Sections, FormatError> {
-        let place = Place::SectionTable;
-        let count = header.section_count;
-        require(
-            count <= MAX_SECTIONS,
-            place,
-            "section_count",
-            format_args!("at most {MAX_SECTIONS}"),
-            count,
-        )?;
-        let table_end = HEADER_LEN + count as usize * mem::size_of::<SectionEntry>();
-        let got = bytes.len() as u64;
-        let table = bytes.get(HEADER_LEN..table_end).ok_or(FormatError::Truncated {
-            place,
-            expected: table_end as u64,
-            got,
-        })?;
-        check_sum(place, header.section_table_checksum, table)?;
+        let range = table_range(header)?;
+        let (place, expected, got) = (Place::SectionTable, range.end as u64, bytes.len() as u64);
+        let table = bytes.get(range.clone()).ok_or(FormatError::Truncated { place, expected, got })?;
+        let mut end = range.end;
+        Self::place(header, table, |Placed { entry, range }| {
+            let zero = bytes[end..range.start].iter().all(|b| *b == 0);
+            require(zero, place, "padding between sections", "zeros", "other bytes")?;
+            end = range.end;
+            match entry.known() {
+                Some(SectionKind::Pages) => Ok(()),
+                // A later minor version may have sections of other kinds; only their bytes are checked.
+                kind => check_sum(kind.map_or(place, Place::Section), entry.checksum, &bytes[range.clone()]),
+            }
+        })
+    }
 
-        let mut found: [Option<(Range<usize>, u64)>; 6] = [const { None }; 6];
-        let mut end = table_end;
+    /// As [`Sections::read`], by the section table alone: no bytes of sections are looked at.
+    pub(crate) fn read_places(header: &Header, table: &[u8]) -> Result<Sections, FormatError> {
+        Self::place(header, table, |_| Ok(()))
+    }
+
+    /// Hands each entry on once its place is known to be in the file.
+    fn place(
+        header: &Header,
+        table: &[u8],
+        mut placed: impl FnMut(&Placed) -> Result<(), FormatError>,
+    ) -> Result<Sections, FormatError> {
+        let place = Place::SectionTable;
+        check_sum(place, header.section_table_checksum, table)?;
+        let mut found = [const { None }; KINDS];
+        let mut end = HEADER_LEN + table.len();
         let mut last = None;
         for entry in table.chunks_exact(mem::size_of::<SectionEntry>()) {
             let entry: SectionEntry = bytemuck::pod_read_unaligned(entry);
-            let range = entry.place_after(end, bytes)?;
+            let range = entry.place_after(end, header.file_len)?;
             end = range.end;
             last = entry.known();
-            // A later minor version may have sections of other kinds; only their bytes are checked.
-            let Some(kind) = last else {
-                check_sum(place, entry.checksum, &bytes[range])?;
-                continue;
-            };
-
-            entry.check_shape(kind)?;
-            match kind {
-                SectionKind::Pages => require_eq(Place::Section(kind), "checksum", 0, entry.checksum)?,
-                _ => check_sum(Place::Section(kind), entry.checksum, &bytes[range.clone()])?,
+            if let Some(kind) = last {
+                entry.check_shape(kind)?;
             }
+            let here = Placed { entry, range };
+            placed(&here)?;
+            let Some(kind) = last else { continue };
             let slot = &mut found[kind.slot()];
             require(slot.is_none(), place, "sections of a kind", "one", format_args!("two of {kind}"))?;
-            *slot = Some((range, entry.count));
+            *slot = Some(here);
         }
 
         require(last == Some(SectionKind::Pages), place, "last section", "PAGES", "another")?;
-        require_eq(place, "end of the last section", got, end as u64)?;
-
-        let mut sections = [const { (0..0, 0) }; 6];
-        for (kind, found) in SectionKind::ALL.into_iter().zip(found) {
-            sections[kind.slot()] =
-                found.ok_or_else(|| invalid(place, "sections", kind, "none of that kind"))?;
+        require_eq(place, "end of the last section", header.file_len, end as u64)?;
+        let lacks =
+            SectionKind::ALL.into_iter().find(|kind| kind.is_needed() && found[kind.slot()].is_none());
+        match lacks {
+            Some(kind) => Err(invalid(place, "sections", kind, "none of that kind")),
+            None => Ok(Sections(found)),
         }
-        Ok(Sections(sections))
     }
 }
 
@@ -165,24 +217,20 @@ impl SectionEntry {
     }
 
     /// The byte range of the section, which must start at the first aligned place after `previous_end`.
-    fn place_after(&self, previous_end: usize, bytes: &[u8]) -> Result<Range<usize>, FormatError> {
+    fn place_after(&self, previous_end: usize, file_len: u64) -> Result<Range<usize>, FormatError> {
         let place = Place::SectionTable;
         let known = self.known();
         if known.is_none() && self.kind & OPTIONAL_KIND == 0 {
             return Err(FormatError::Feature { place, got: self.kind });
         }
-        let align = if known == Some(SectionKind::Pages) { PAGE_ALIGN } else { TABLE_ALIGN };
+        let align = known.map_or(TABLE_ALIGN, SectionKind::align);
         let expected = align_up(previous_end as u64, align).unwrap_or(u64::MAX);
         require_eq(place, "offset of a section", expected, self.offset)?;
-        let got = bytes.len() as u64;
         let end = self.offset.saturating_add(self.len);
-        if end > got {
-            return Err(FormatError::Truncated { place, expected: end, got });
+        if end > file_len {
+            return Err(FormatError::Truncated { place, expected: end, got: file_len });
         }
-        let range = self.offset as usize..end as usize;
-        let zero = bytes[previous_end..range.start].iter().all(|b| *b == 0);
-        require(zero, place, "padding between sections", "zeros", "other bytes")?;
-        Ok(range)
+        Ok(self.offset as usize..end as usize)
     }
 
     fn check_shape(&self, kind: SectionKind) -> Result<(), FormatError> {
@@ -190,7 +238,7 @@ impl SectionEntry {
         require_eq(place, "record_len", kind.record_len(), self.record_len)?;
         match kind {
             SectionKind::Metadata => require_eq(place, "count", 1, self.count),
-            SectionKind::Pages => Ok(()),
+            SectionKind::Pages => require_eq(place, "checksum", 0, self.checksum),
             _ => {
                 let len = self.count.checked_mul(u64::from(self.record_len));
                 require(len == Some(self.len), place, "len", "count * record_len", self.len)

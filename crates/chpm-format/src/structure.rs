@@ -24,7 +24,7 @@ impl Structure<'_> {
     pub(crate) fn check(&self) -> Result<(), FormatError> {
         self.check_counts()?;
         for (id, cluster) in (0..).map(ClusterId).zip(self.clusters) {
-            self.check_cluster(Place::Cluster(id), cluster)?;
+            check_cluster(self.header, Place::Cluster(id), cluster)?;
         }
         let mut used = vec![false; self.members.len()];
         let (mut coarse, mut fine) = (0, 0);
@@ -70,75 +70,9 @@ impl Structure<'_> {
         Ok(())
     }
 
-    fn check_cluster(&self, place: Place, cluster: &ClusterRecord) -> Result<(), FormatError> {
-        let c = cluster;
-        let (v, t, levels, groups) = (c.vertex_count, c.triangle_count, self.levels.len(), self.groups.len());
-        require((c.level as usize) < levels, place, "level", format_args!("less than {levels}"), c.level)?;
-        require(v <= MAX_CLUSTER_VERTICES, place, "vertex_count", "at most 65535", v)?;
-        let base = c.base_vertex_count;
-        require(1 <= base && base <= v, place, "base_vertex_count", format_args!("1 to {v}"), base)?;
-        let base = c.base_triangle_count;
-        require(base <= t, place, "base_triangle_count", format_args!("at most {t}"), base)?;
-        require(c.shared_count <= v, place, "shared_count", format_args!("at most {v}"), c.shared_count)?;
-        let (unpacked, len) = (c.unpacked_len(self.header.attributes()), u64::from(c.page_len));
-        if self.header.is_packed() && c.flags & ClusterRecord::PACKED != 0 {
-            let least = unpacked.div_ceil(MOST_TIMES as u64);
-            let told = format_args!("{least} to {unpacked} less 1");
-            require(least <= len && len < unpacked, place, "page_len of a packed page", told, len)?;
-        } else {
-            require_eq(place, "page_len", unpacked, len)?;
-        }
-        let less = format_args!("less than {groups}");
-        require((c.group as usize) < groups, place, "group", less, c.group)?;
-        let parent = (c.parent_group as usize) < groups || c.is_root();
-        require(parent, place, "parent_group", format_args!("less than {groups}, or none"), c.parent_group)?;
-        require_errors(place, c.min_error, c.max_error)?;
-        let (normal, color) = (c.normal_deviation, c.color_deviation);
-        require((0.0..=180.0).contains(&normal), place, "normal_deviation", "0 to 180", normal)?;
-        require((0.0..=255.0).contains(&color), place, "color_deviation", "0 to 255", color)?;
-        let boxed = (0..3).all(|a| {
-            c.aabb_min[a].is_finite() && c.aabb_max[a].is_finite() && c.aabb_min[a] <= c.aabb_max[a]
-        });
-        require(
-            boxed,
-            place,
-            "box",
-            "finite, min <= max",
-            format_args!("{:?} {:?}", c.aabb_min, c.aabb_max),
-        )?;
-        require_sphere(place, c.center, c.radius)
-    }
-
     fn check_group(&self, id: GroupId, group: &GroupRecord, used: &mut [bool]) -> Result<(), FormatError> {
         let place = Place::Group(id);
-        let levels = self.levels.len();
-        require(
-            (group.level as usize) < levels,
-            place,
-            "level",
-            format_args!("less than {levels}"),
-            group.level,
-        )?;
-        require(group.coarse_count >= 1, place, "coarse_count", "at least 1", group.coarse_count)?;
-        let leaf = group.level == 0;
-        require(
-            leaf == group.is_leaf(),
-            place,
-            "fine_count",
-            "0 at level 0 and only there",
-            group.fine_count,
-        )?;
-        require_errors(place, group.min_error, group.max_error)?;
-        if self.header.has_gaps() {
-            require(
-                group.gaps.are_legal(),
-                place,
-                "gaps",
-                "finite, 0 <= fine <= base",
-                format_args!("{:?}", group.gaps),
-            )?;
-        }
-        require_sphere(place, group.center, group.radius)?;
+        check_group(self.header, place, group)?;
 
         // Both sides know of each other: the group names its members, and each of them the group.
         let coarse = self.members_of(place, group.coarse_first, group.coarse_count, used)?;
@@ -186,6 +120,58 @@ impl Structure<'_> {
         require((last as usize) < clusters.len(), place, "member", below, last)?;
         Ok(ids.iter().map(|id| &clusters[*id as usize]))
     }
+}
+
+/// What a cluster's record must be by itself, in a file with this header.
+pub(crate) fn check_cluster(header: &Header, place: Place, c: &ClusterRecord) -> Result<(), FormatError> {
+    let (v, t, levels, groups) = (c.vertex_count, c.triangle_count, header.level_count, header.group_count);
+    require(c.level < levels, place, "level", format_args!("less than {levels}"), c.level)?;
+    require(v <= MAX_CLUSTER_VERTICES, place, "vertex_count", "at most 65535", v)?;
+    let base = c.base_vertex_count;
+    require(1 <= base && base <= v, place, "base_vertex_count", format_args!("1 to {v}"), base)?;
+    let base = c.base_triangle_count;
+    require(base <= t, place, "base_triangle_count", format_args!("at most {t}"), base)?;
+    require(c.shared_count <= v, place, "shared_count", format_args!("at most {v}"), c.shared_count)?;
+    let (unpacked, len) = (c.unpacked_len(header.attributes()), u64::from(c.page_len));
+    if header.is_packed() && c.flags & ClusterRecord::PACKED != 0 {
+        let least = unpacked.div_ceil(MOST_TIMES as u64);
+        let told = format_args!("{least} to {unpacked} less 1");
+        require(least <= len && len < unpacked, place, "page_len of a packed page", told, len)?;
+    } else {
+        require_eq(place, "page_len", unpacked, len)?;
+    }
+    let less = format_args!("less than {groups}");
+    require(c.group < groups, place, "group", less, c.group)?;
+    let parent = c.parent_group < groups || c.is_root();
+    require(parent, place, "parent_group", format_args!("less than {groups}, or none"), c.parent_group)?;
+    require_errors(place, c.min_error, c.max_error)?;
+    let (normal, color) = (c.normal_deviation, c.color_deviation);
+    require((0.0..=180.0).contains(&normal), place, "normal_deviation", "0 to 180", normal)?;
+    require((0.0..=255.0).contains(&color), place, "color_deviation", "0 to 255", color)?;
+    let boxed = (0..3)
+        .all(|a| c.aabb_min[a].is_finite() && c.aabb_max[a].is_finite() && c.aabb_min[a] <= c.aabb_max[a]);
+    require(boxed, place, "box", "finite, min <= max", format_args!("{:?} {:?}", c.aabb_min, c.aabb_max))?;
+    require_sphere(place, c.center, c.radius)
+}
+
+/// What a group's record must be by itself, in a file with this header.
+pub(crate) fn check_group(header: &Header, place: Place, group: &GroupRecord) -> Result<(), FormatError> {
+    let levels = header.level_count;
+    require(group.level < levels, place, "level", format_args!("less than {levels}"), group.level)?;
+    require(group.coarse_count >= 1, place, "coarse_count", "at least 1", group.coarse_count)?;
+    let leaf = group.level == 0;
+    require(leaf == group.is_leaf(), place, "fine_count", "0 at level 0 and only there", group.fine_count)?;
+    require_errors(place, group.min_error, group.max_error)?;
+    if header.has_gaps() {
+        require(
+            group.gaps.are_legal(),
+            place,
+            "gaps",
+            "finite, 0 <= fine <= base",
+            format_args!("{:?}", group.gaps),
+        )?;
+    }
+    require_sphere(place, group.center, group.radius)
 }
 
 /// A range of MEMBERS as indices; no overflow, since `usize` has 64 bits or the file would not fit in memory.

@@ -1,5 +1,6 @@
 //! Everything of a file but its pages, as a builder hands it to the writer.
 
+use crate::chunks::{self, CHUNKED};
 use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{
@@ -11,7 +12,7 @@ use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::section::{SectionEntry, SectionKind};
 use crate::structure::{Structure, member_range, place_pages};
-use crate::{PAGE_ALIGN, TABLE_ALIGN, align_up, checksum};
+use crate::{align_up, checksum};
 use bytemuck::Zeroable;
 use chpm_mesh::{Aabb, Attributes, ClusterId, GroupId};
 use std::mem;
@@ -33,6 +34,8 @@ pub struct HeaderFields {
     pub origin: [f64; 3],
     /// Pages may be packed.
     pub packed: bool,
+    /// Chunks of the tables have checksums of their own, for [`crate::RemoteChpm`]. The roots must then be the first clusters.
+    pub chunked: bool,
 }
 
 /// The tables of a file to be. [`crate::ChpmWriter::begin`] completes and checks them.
@@ -70,6 +73,7 @@ impl Tables {
                 shared_vertex_count: header.shared_vertex_count,
                 origin: header.origin,
                 packed: header.is_packed(),
+                chunked: file.is_chunked(),
             },
             clusters: file.clusters().to_vec(),
             groups: groups.map(|(id, group)| GroupRecord { gaps: known_gaps(file, id), ..*group }).collect(),
@@ -145,21 +149,35 @@ impl Tables {
             SectionKind::Members => self.members.len(),
             SectionKind::Levels => self.levels.len(),
             SectionKind::Metadata => return metadata_len,
+            SectionKind::Chunks => return chunks::section_len(CHUNKED.map(|kind| self.section_len(kind, 0))),
             SectionKind::Pages => 0,
         };
         count as u64 * u64::from(kind.record_len())
     }
 
     fn pages_offset(&self, metadata_len: u64) -> u64 {
-        let table_end = HEADER_LEN + SectionKind::ALL.len() * mem::size_of::<SectionEntry>();
-        let tables_end = SectionKind::ALL
-            .into_iter()
-            .fold(table_end as u64, |end, kind| aligned(end, kind) + self.section_len(kind, metadata_len));
+        let tables_end = self.kinds().fold(self.table_end() as u64, |end, kind| {
+            aligned(end, kind) + self.section_len(kind, metadata_len)
+        });
         aligned(tables_end, SectionKind::Pages)
     }
 
-    /// Fills in what follows from other fields: order of members, statistics of levels, places of pages.
+    /// The sections, in the order in which they are laid out.
+    fn kinds(&self) -> impl Iterator<Item = SectionKind> + use<> {
+        let chunked = self.header.chunked;
+        SectionKind::ALL.into_iter().filter(move |kind| chunked || *kind != SectionKind::Chunks)
+    }
+
+    /// Where the section table ends.
+    fn table_end(&self) -> usize {
+        HEADER_LEN + self.kinds().count() * mem::size_of::<SectionEntry>()
+    }
+
+    /// Fills in what follows from other fields: order of groups and members, statistics of levels, places of pages.
     fn complete(&mut self, pages_offset: u64) -> Result<(), FormatError> {
+        if self.header.chunked {
+            chunks::sort(&mut self.clusters, &mut self.groups, &mut self.members);
+        }
         for group in &self.groups {
             for (first, count) in
                 [(group.coarse_first, group.coarse_count), (group.fine_first, group.fine_count)]
@@ -187,10 +205,14 @@ impl Tables {
         Ok(Header {
             magic: MAGIC,
             version_major: VERSION_MAJOR,
-            version_minor: if self.header.packed { VERSION_MINOR } else { VERSION_MINOR - 1 },
+            version_minor: match self.header {
+                HeaderFields { chunked: true, .. } => VERSION_MINOR,
+                HeaderFields { packed: true, .. } => 2,
+                _ => 1,
+            },
             required_flags: if self.header.packed { PACKED_PAGES } else { 0 },
             header_len: HEADER_LEN as u32,
-            section_count: SectionKind::ALL.len() as u32,
+            section_count: self.kinds().count() as u32,
             section_table_offset: HEADER_LEN as u32,
             page_align: page_align(self.header.packed) as u32,
             attributes: crate::header::attribute_bits(self.header.attributes),
@@ -228,19 +250,28 @@ impl Tables {
             levels: &self.levels,
         };
         structure.check()?;
+        if self.header.chunked {
+            chunks::check_order(&self.clusters, &self.groups, &self.members)?;
+        }
         let origin = self.header.origin.iter().all(|x| x.is_finite());
         require(origin, Place::Header, "origin", "finite numbers", format_args!("{:?}", self.header.origin))?;
         header.file_len = self.file_len()?;
 
-        let mut head = vec![0; HEADER_LEN + SectionKind::ALL.len() * mem::size_of::<SectionEntry>()];
-        let mut entries = [SectionEntry::zeroed(); 6];
-        for (kind, entry) in SectionKind::ALL.into_iter().zip(&mut entries) {
+        let tables: [&[u8]; 3] = [
+            bytemuck::cast_slice(&self.clusters),
+            bytemuck::cast_slice(&self.groups),
+            bytemuck::cast_slice(&self.members),
+        ];
+        let mut head = vec![0; self.table_end()];
+        let mut entries = vec![SectionEntry::zeroed(); self.kinds().count()];
+        for (kind, entry) in self.kinds().zip(&mut entries) {
             let offset = aligned(head.len() as u64, kind);
             head.resize(offset as usize, 0);
             match kind {
-                SectionKind::Clusters => head.extend_from_slice(bytemuck::cast_slice(&self.clusters)),
-                SectionKind::Groups => head.extend_from_slice(bytemuck::cast_slice(&self.groups)),
-                SectionKind::Members => head.extend_from_slice(bytemuck::cast_slice(&self.members)),
+                SectionKind::Chunks => head.extend_from_slice(bytemuck::cast_slice(&chunks::encode(tables))),
+                SectionKind::Clusters => head.extend_from_slice(tables[0]),
+                SectionKind::Groups => head.extend_from_slice(tables[1]),
+                SectionKind::Members => head.extend_from_slice(tables[2]),
                 SectionKind::Levels => head.extend_from_slice(bytemuck::cast_slice(&self.levels)),
                 SectionKind::Metadata => head.extend_from_slice(&metadata),
                 SectionKind::Pages => {}
@@ -257,13 +288,14 @@ impl Tables {
         }
 
         // The pages come last and carry their own checksums, so that they can be written before these tables.
-        let pages = &mut entries[SectionKind::ALL.len() - 1];
-        (pages.len, pages.count, pages.checksum) =
-            (header.file_len - pages_offset, self.clusters.len() as u64, 0);
-        require_eq(Place::File, "offset of the pages", pages_offset, pages.offset)?;
+        if let Some(pages) = entries.last_mut() {
+            (pages.len, pages.count, pages.checksum) =
+                (header.file_len - pages_offset, self.clusters.len() as u64, 0);
+            require_eq(Place::File, "offset of the pages", pages_offset, pages.offset)?;
+        }
 
         // From the inside out: each checksum is of bytes that no longer change.
-        let table = bytemuck::cast_slice(&entries);
+        let table: &[u8] = bytemuck::cast_slice(&entries);
         head[HEADER_LEN..HEADER_LEN + table.len()].copy_from_slice(table);
         header.section_table_checksum = checksum(table);
         header.header_checksum = header.own_checksum();
@@ -273,8 +305,7 @@ impl Tables {
 }
 
 fn aligned(end: u64, kind: SectionKind) -> u64 {
-    let align = if kind == SectionKind::Pages { PAGE_ALIGN } else { TABLE_ALIGN };
-    align_up(end, align).unwrap_or(u64::MAX)
+    align_up(end, kind.align()).unwrap_or(u64::MAX)
 }
 
 /// The gaps of a group; the largest where nothing is known.

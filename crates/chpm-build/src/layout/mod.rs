@@ -21,10 +21,10 @@ use local_order::LocalOrder;
 use page_order::Run;
 use rayon::prelude::*;
 
-/// The built nodes of the tree in the order of their pages in the file.
+/// The built nodes of the tree in the order of their pages in the file: roots first, so that whoever reads from its start can begin to draw.
 pub(crate) fn order(built: &Built, settings: &Settings) -> Vec<u32> {
     let Built { tree, clusters, .. } = built;
-    match settings.layout {
+    let mut order: Vec<u32> = match settings.layout {
         Layout::VertexCache => page_order::order(runs(built)),
         Layout::CacheOblivious => {
             cluster_order::order(tree, |node| clusters.refs[node as usize].map(|page| page.bounds))
@@ -33,7 +33,13 @@ pub(crate) fn order(built: &Built, settings: &Settings) -> Vec<u32> {
         Layout::Simplification => {
             (0..tree.nodes.len() as u32).rev().filter(|node| clusters.is_built(*node)).collect()
         }
-    }
+    };
+    order.sort_by_key(|node| !is_root(built, *node));
+    order
+}
+
+fn is_root(Built { tree, clusters, .. }: &Built, node: u32) -> bool {
+    tree.nodes[node as usize].parent.is_none_or(|parent| !clusters.is_built(parent))
 }
 
 /// Pages that are read together: roots, and the fine clusters of groups.
@@ -44,9 +50,8 @@ fn runs(built: &Built) -> Vec<Run> {
         nodes.iter().for_each(|node| bounds.merge(&clusters.page(*node).bounds));
         Run { error, center: bounds.center().coords.map(|x| x as f32).into(), clusters: nodes }
     };
-    let is_root = |node: &u32| tree.nodes[*node as usize].parent.is_none_or(|p| !clusters.is_built(p));
     let nodes = (0..tree.nodes.len() as u32).filter(|node| clusters.is_built(*node));
-    let roots = nodes.filter(is_root).map(|root| run(f32::INFINITY, vec![root]));
+    let roots = nodes.filter(|node| is_root(built, *node)).map(|root| run(f32::INFINITY, vec![root]));
 
     let fine = |group: &Vec<u32>| -> Vec<u32> {
         let children = group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();

@@ -1,13 +1,15 @@
 //! What the tables alone show: statistics, balance, errors and spheres over the groups.
 
 use super::{Invariant, Report};
-use crate::align_up;
+use crate::chunks::{self, CHUNKED};
 use crate::error::Place;
 use crate::gaps::Gaps;
 use crate::header::VERSION_MINOR;
 use crate::reader::Chpm;
 use crate::records::ClusterRecord;
+use crate::section::SectionKind;
 use crate::tables::{bounds, leaf_triangles, max_error, statistics};
+use crate::{TABLE_ALIGN, align_up, checksum};
 use chpm_mesh::{ClusterId, GroupId};
 use std::fmt::Debug;
 
@@ -15,6 +17,7 @@ pub(super) fn check<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     check_header(file, report);
     check_levels(file, report);
     check_zeros(file, report);
+    check_chunks(file, report);
     for id in (0..file.groups().len() as u32).map(GroupId) {
         check_group(file, id, report);
     }
@@ -74,6 +77,36 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     for (id, g) in (0..).map(GroupId).zip(file.groups()) {
         let told = file.has_gaps() || bytemuck::bytes_of(&g.gaps) == [0; size_of::<Gaps>()];
         zero(g.flags == 0 && g.reserved == [0; 4] && told, Place::Group(id));
+    }
+}
+
+/// Checksums of chunks, and the order that lets a reader do with the first of them.
+fn check_chunks<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
+    if !file.is_chunked() {
+        return;
+    }
+    let place = Place::Section(SectionKind::Chunks);
+    let first = file.header().section_table_end().next_multiple_of(TABLE_ALIGN as usize);
+    let list = file.sections().find(|(kind, _)| *kind == SectionKind::Chunks);
+    let is_first = list.is_some_and(|(_, range)| range.start == first);
+    report.expect(is_first, Invariant::Bytes, place, "the first section expected");
+    let tables = CHUNKED.map(|kind| file.section(kind));
+    match chunks::decode(file.section(SectionKind::Chunks), tables.map(|table| table.len() as u64)) {
+        Err(error) => report.expect(false, Invariant::Bytes, place, error),
+        Ok((chunk_len, sums)) => {
+            for ((kind, table), sums) in CHUNKED.into_iter().zip(tables).zip(sums) {
+                for ((number, chunk), sum) in table.chunks(chunk_len as usize).enumerate().zip(sums) {
+                    let got = checksum(chunk);
+                    let message = format_args!(
+                        "checksum {sum:016x} of chunk {number} of {kind} expected, got {got:016x}"
+                    );
+                    report.expect(sum == got, Invariant::Bytes, place, message);
+                }
+            }
+        }
+    }
+    if let Err(error) = chunks::check_order(file.clusters(), file.groups(), file.members()) {
+        report.expect(false, Invariant::Bytes, place, error);
     }
 }
 

@@ -303,7 +303,7 @@ pub(crate) fn entries(bytes: &[u8]) -> Vec<SectionEntry> {
 /// Makes every checksum right again, pages' included, as far as offsets still lead into the file.
 pub(crate) fn reseal(bytes: &mut [u8]) {
     let mut entries = entries(bytes);
-    if let [clusters, ..] = &entries[..]
+    if let Some(clusters) = entries.iter().find(|entry| entry.kind == 1)
         && let Some(table) =
             bytes.get(clusters.offset as usize..clusters.offset.saturating_add(clusters.len) as usize)
     {
@@ -318,6 +318,7 @@ pub(crate) fn reseal(bytes: &mut [u8]) {
         let start = clusters.offset as usize;
         bytes[start..start + records.len() * 128].copy_from_slice(bytemuck::cast_slice(&records));
     }
+    reseal_chunks(bytes, &entries);
     for entry in &mut entries {
         let end = entry.offset.saturating_add(entry.len) as usize;
         if let Some(section) = bytes.get(entry.offset as usize..end)
@@ -332,6 +333,21 @@ pub(crate) fn reseal(bytes: &mut [u8]) {
     bytes[240..248].copy_from_slice(&sum);
     let sum = checksum(&bytes[..248]).to_le_bytes();
     bytes[248..256].copy_from_slice(&sum);
+}
+
+/// Makes the checksums of the tables' chunks right again.
+fn reseal_chunks(bytes: &mut [u8], entries: &[SectionEntry]) {
+    let range = |kind: u32| {
+        let entry = entries.iter().find(|entry| entry.kind == kind)?;
+        let range = entry.offset as usize..entry.offset.saturating_add(entry.len) as usize;
+        bytes.get(range.clone()).map(|_| range)
+    };
+    let Some(list) = range(0x8000_0001).filter(|list| list.len() >= 8) else { return };
+    let chunk_len: u64 = bytemuck::pod_read_unaligned(&bytes[list.start..list.start + 8]);
+    let tables: Vec<_> =
+        (1..=3).filter_map(range).flat_map(|table| bytes[table].chunks(chunk_len.max(1) as usize)).collect();
+    let sums: Vec<u64> = tables.into_iter().take(list.len() / 8 - 1).map(checksum).collect();
+    bytes[list.start + 8..][..8 * sums.len()].copy_from_slice(bytemuck::cast_slice(&sums));
 }
 
 /// A copy of a file with the bytes at `offset` changed and all checksums right.

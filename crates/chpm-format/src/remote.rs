@@ -1,0 +1,268 @@
+//! Reading a file of which only ranges can be had: one on a server, for instance.
+//!
+//! [`crate::Chpm`] has checked all tables before it says anything. Here a record is checked when it is asked for, and the chunk of the table that it lies in; what was
+//! not asked for is not known to be sound. A file without checksums of chunks is read in the same way, each table as one chunk.
+
+use crate::chunks::{self, CHUNKED};
+use crate::error::{FormatError, Place, require, require_eq};
+use crate::header::Header;
+use crate::page_buf::PageBuf;
+use crate::reader::check_page;
+use crate::records::{ClusterRecord, GroupRecord};
+use crate::section::{SectionKind, Sections, check_sum, table_range};
+use crate::structure::{check_cluster, check_group, member_range};
+use bytemuck::Pod;
+use chpm_mesh::{ClusterId, GroupId};
+use std::collections::BTreeMap;
+use std::io;
+use std::ops::Range;
+
+/// Bytes that are read first: they hold the header, the list of chunks and, unless the file is very large, the records of the coarsest clusters.
+pub const FIRST_BYTES: u64 = 32 << 10;
+
+/// A CHPM file that is read in ranges: `R` fills a buffer with the bytes from an offset on. Each chunk is read once, and kept.
+#[derive(Clone, Debug)]
+pub struct RemoteChpm<R> {
+    source: Source<R>,
+    header: Header,
+    sections: Sections,
+    chunked: bool,
+    tables: [Table; 3],
+}
+
+#[derive(Clone, Debug)]
+struct Source<R> {
+    read: R,
+    first: Vec<u8>,
+}
+
+impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> Source<R> {
+    fn fill(&mut self, offset: usize, bytes: &mut [u8]) -> Result<(), FormatError> {
+        match self.first.get(offset..offset + bytes.len()) {
+            Some(here) => {
+                bytes.copy_from_slice(here);
+                Ok(())
+            }
+            None => (self.read)(offset as u64, bytes).map_err(FormatError::Read),
+        }
+    }
+
+    fn bytes(&mut self, range: Range<usize>) -> Result<Vec<u8>, FormatError> {
+        let mut bytes = vec![0; range.len()];
+        self.fill(range.start, &mut bytes)?;
+        Ok(bytes)
+    }
+}
+
+/// A table by its chunks.
+#[derive(Clone, Debug)]
+struct Table {
+    kind: SectionKind,
+    range: Range<usize>,
+    chunk_len: usize,
+    sums: Vec<u64>,
+    /// Those that were asked for.
+    here: BTreeMap<usize, Vec<u8>>,
+}
+
+impl Table {
+    /// Every table as one chunk.
+    fn whole(sections: &Sections) -> [Table; 3] {
+        CHUNKED.map(|kind| {
+            let range = sections.range(kind);
+            let (chunk_len, sums) = (range.len().max(1), vec![sections.checksum(kind)]);
+            Table { kind, range, chunk_len, sums, here: BTreeMap::new() }
+        })
+    }
+
+    /// Record `index`, which must be in the table. Records are not cut by chunks.
+    fn record<T: Pod, R: FnMut(u64, &mut [u8]) -> io::Result<()>>(
+        &mut self,
+        source: &mut Source<R>,
+        index: usize,
+    ) -> Result<T, FormatError> {
+        let at = index * size_of::<T>();
+        let (chunk, start) = (at / self.chunk_len, at % self.chunk_len);
+        if !self.here.contains_key(&chunk) {
+            let first = self.range.start + chunk * self.chunk_len;
+            let bytes = source.bytes(first..self.range.end.min(first + self.chunk_len))?;
+            check_sum(Place::Section(self.kind), self.sums[chunk], &bytes)?;
+            self.here.insert(chunk, bytes);
+        }
+        Ok(bytemuck::pod_read_unaligned(&self.here[&chunk][start..start + size_of::<T>()]))
+    }
+}
+
+impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
+    /// Opens a file of `len` bytes: reads the first [`FIRST_BYTES`] of it, and what of the list of chunks is not in them.
+    ///
+    /// # Errors
+    /// The [`FormatError`] that names the damage; [`FormatError::Read`] with what `read` answered.
+    pub fn open(len: u64, read: R) -> Result<Self, FormatError> {
+        let mut source = Source { read, first: Vec::new() };
+        source.first = source.bytes(0..len.min(FIRST_BYTES) as usize)?;
+        let header = Header::read(&source.first, len)?;
+        let range = table_range(&header)?;
+        let (place, expected) = (Place::SectionTable, range.end as u64);
+        if expected > len {
+            return Err(FormatError::Truncated { place, expected, got: len });
+        }
+        let sections = Sections::read_places(&header, &source.bytes(range)?)?;
+        for (kind, expected) in [
+            (SectionKind::Clusters, header.cluster_count),
+            (SectionKind::Groups, header.group_count),
+            (SectionKind::Levels, header.level_count),
+            (SectionKind::Pages, header.cluster_count),
+        ] {
+            require_eq(Place::Section(kind), "count", u64::from(expected), sections.count(kind))?;
+        }
+        let (roots, clusters) = (header.root_count, header.cluster_count);
+        let told = format_args!("1 to {clusters}");
+        require((1..=clusters).contains(&roots), Place::Header, "root_count", told, roots)?;
+
+        let mut tables = Table::whole(&sections);
+        let chunked = sections.has(SectionKind::Chunks);
+        if chunked {
+            let list = source.bytes(sections.range(SectionKind::Chunks))?;
+            let place = Place::Section(SectionKind::Chunks);
+            check_sum(place, sections.checksum(SectionKind::Chunks), &list)?;
+            let lens = CHUNKED.map(|kind| sections.range(kind).len() as u64);
+            let (chunk_len, sums) = chunks::decode(&list, lens)?;
+            for (table, sums) in tables.iter_mut().zip(sums) {
+                (table.chunk_len, table.sums) = (chunk_len as usize, sums);
+            }
+        }
+        Ok(RemoteChpm { source, header, sections, chunked, tables })
+    }
+
+    /// The header.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// Whether tables are read in chunks, and not as a whole.
+    pub fn is_chunked(&self) -> bool {
+        self.chunked
+    }
+
+    /// A cluster's record.
+    ///
+    /// # Errors
+    /// A cluster that the file does not have, a chunk that is damaged, a record that no file may have, and [`FormatError::Read`].
+    pub fn cluster(&mut self, id: ClusterId) -> Result<ClusterRecord, FormatError> {
+        let (place, count) = (Place::Cluster(id), self.header.cluster_count);
+        require(id.0 < count, place, "id", format_args!("less than {count}"), id.0)?;
+        let record: ClusterRecord = self.tables[0].record(&mut self.source, id.index())?;
+        check_cluster(&self.header, place, &record)?;
+        if self.chunked {
+            let (is_first, first) = (id.0 < self.header.root_count, self.header.root_count);
+            let told = format_args!("of the first {first} clusters, and of no others, none");
+            require(record.is_root() == is_first, place, "parent_group", told, record.parent_group)?;
+        }
+        let Range { start, end } = self.sections.range(SectionKind::Pages);
+        let page = record.page_offset..record.page_offset.saturating_add(record.page_len.into());
+        let lies = page.start.is_multiple_of(self.header.page_align.into())
+            && start as u64 <= page.start
+            && page.end <= end as u64;
+        let told = format_args!("aligned, and within {start} to {end}");
+        require(lies, place, "page", told, format_args!("{page:?}"))?;
+        Ok(record)
+    }
+
+    /// A group's record. Its gaps mean something where [`Header::has_gaps`] is true.
+    ///
+    /// # Errors
+    /// As [`RemoteChpm::cluster`].
+    pub fn group(&mut self, id: GroupId) -> Result<GroupRecord, FormatError> {
+        let (place, count) = (Place::Group(id), self.header.group_count);
+        require(id.0 < count, place, "id", format_args!("less than {count}"), id.0)?;
+        let record: GroupRecord = self.tables[1].record(&mut self.source, id.index())?;
+        check_group(&self.header, place, &record)?;
+        Ok(record)
+    }
+
+    /// The clusters that no split brings, ascending. Without [chunks](RemoteChpm::is_chunked) it takes all records to find them.
+    ///
+    /// # Errors
+    /// As [`RemoteChpm::cluster`].
+    pub fn roots(&mut self) -> Result<Vec<ClusterId>, FormatError> {
+        let (roots, clusters) = (self.header.root_count, self.header.cluster_count);
+        let mut found = Vec::new();
+        for id in (0..if self.chunked { roots } else { clusters }).map(ClusterId) {
+            if self.cluster(id)?.is_root() {
+                found.push(id);
+            }
+        }
+        require_eq(Place::Header, "root_count", found.len(), roots as usize)?;
+        Ok(found)
+    }
+
+    /// A group's coarse clusters, ascending.
+    ///
+    /// # Errors
+    /// As [`RemoteChpm::cluster`], and clusters that contradict their group.
+    pub fn coarse(&mut self, id: GroupId) -> Result<Vec<ClusterId>, FormatError> {
+        let group = self.group(id)?;
+        let members = self.members(id, group.coarse_first, group.coarse_count)?;
+        for member in &members {
+            let (place, cluster) = (Place::Cluster(*member), self.cluster(*member)?);
+            require_eq(place, "group of a coarse member", id, cluster.group())?;
+            require_eq(place, "level of a coarse member", group.level, cluster.level)?;
+        }
+        Ok(members)
+    }
+
+    /// A group's fine clusters, ascending; none for a group of leaves. Their levels are lower, so that going down comes to an end.
+    ///
+    /// # Errors
+    /// As [`RemoteChpm::coarse`].
+    pub fn fine(&mut self, id: GroupId) -> Result<Vec<ClusterId>, FormatError> {
+        let group = self.group(id)?;
+        let members = self.members(id, group.fine_first, group.fine_count)?;
+        for member in &members {
+            let (place, cluster) = (Place::Cluster(*member), self.cluster(*member)?);
+            require_eq(place, "parent group of a fine member", id, cluster.parent_group())?;
+            let below = format_args!("less than {}", group.level);
+            require(cluster.level < group.level, place, "level of a fine member", below, cluster.level)?;
+        }
+        Ok(members)
+    }
+
+    /// A range of MEMBERS.
+    fn members(&mut self, id: GroupId, first: u32, count: u32) -> Result<Vec<ClusterId>, FormatError> {
+        let (place, range) = (Place::Group(id), member_range(first, count));
+        let len = self.sections.count(SectionKind::Members) as usize;
+        let told = format_args!("within {len}");
+        require(range.end <= len, place, "range of members", told, format_args!("{range:?}"))?;
+        let mut members: Vec<ClusterId> = Vec::new();
+        for index in range {
+            let member = ClusterId(self.tables[2].record(&mut self.source, index)?);
+            let ascends = members.last().is_none_or(|last| *last < member);
+            require(ascends, place, "members", "ascending", member.0)?;
+            members.push(member);
+        }
+        Ok(members)
+    }
+
+    /// A cluster's page, its checksum and its structure checked.
+    ///
+    /// # Errors
+    /// As [`RemoteChpm::cluster`], and as [`crate::Chpm::page_checked`].
+    pub fn page(&mut self, id: ClusterId) -> Result<PageBuf<'static>, FormatError> {
+        let record = self.cluster(id)?;
+        let (place, len) = (Place::Page(id), record.page_len as usize);
+        // A page is read in place and needs the alignment of words.
+        let mut words = vec![0_u32; len.div_ceil(size_of::<u32>())];
+        let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];
+        self.source.fill(record.page_offset as usize, bytes)?;
+        check_sum(place, record.page_checksum, bytes)?;
+        let page = if self.header.is_packed() && record.flags & ClusterRecord::PACKED != 0 {
+            PageBuf::unpacked(bytes, record.unpacked_len(self.header.attributes()))
+        } else {
+            PageBuf::in_words(words, len)
+        };
+        let page = page.map_err(|error| error.in_page(id))?;
+        check_page(&self.header, id, &record, &page.view())?;
+        Ok(page)
+    }
+}
