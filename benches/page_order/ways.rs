@@ -46,7 +46,9 @@ pub(super) fn cameras(
         let mut frames = Vec::new();
         for camera in &path.cameras {
             let requests = pager.want(file, &hierarchy, &View::new(camera, VIEWPORT, 1.0)?).requests;
-            requests.iter().for_each(|page| drop(pager.arrive(file, *page)));
+            for page in &requests {
+                pager.arrive(file, *page);
+            }
             frames.push(requests);
         }
         ways.push((name, frames));
