@@ -36,6 +36,8 @@ mod integration {
     mod inputs;
     /// What `--json` prints, held against the page that documents it.
     mod json;
+    /// Positions on a lattice.
+    mod lattice;
     /// Known distances, and stored errors that hold or do not.
     mod measure;
     /// Verbs that read stay below the memory that they are given.

@@ -353,6 +353,7 @@ impl<D: AsRef<[u8]>> Source<'_, D> {
     /// Shows the triangles as a file stores them, without those that are `small`.
     fn each_triangle(&self, small: Option<&Small>, look: &mut dyn FnMut(Place, Corners)) -> Result<Counts> {
         let origin = self.file.header().origin;
+        let step = self.file.metadata().unwrap_or_default().lattice_step()?;
         let (mut index, mut left_out, mut rounding) = (0, 0, 0.0f64);
         let (mut at, mut failed) = (Window::default(), Ok(()));
         let counts = self.each(&mut |motion, triangle| {
@@ -365,9 +366,16 @@ impl<D: AsRef<[u8]>> Source<'_, D> {
             }
             let exact = placed(motion, triangle.corners)
                 .map(|corner| std::array::from_fn::<f64, 3, _>(|axis| corner[axis] - origin[axis]));
-            let stored = exact.map(|corner| corner.map(|x| x as f32));
+            let stored = exact.map(|corner| {
+                corner.map(|x| match step {
+                    // There is one zero on a lattice.
+                    Some(step) => ((x / step).round_ties_even() * step) as f32 + 0.0,
+                    None => x as f32,
+                })
+            });
             // Text of declared singles that has no more digits than these is what they are: the file was left without an origin.
-            let is_exact = triangle.is_told_single && motion.is_none() && origin == [0.0; 3];
+            let is_exact =
+                step.is_none() && triangle.is_told_single && motion.is_none() && origin == [0.0; 3];
             for (exact, stored) in
                 exact.as_flattened().iter().zip(stored.as_flattened()).filter(|_| !is_exact)
             {

@@ -6,6 +6,7 @@ use chpm_mesh::{Bytes, Number};
 use chpm_partition::Partitioner;
 pub use chpm_qem::Topology;
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
@@ -67,6 +68,8 @@ pub struct Settings {
     pub layout: Layout,
     /// Whether pages are packed: the same bits in fewer bytes, to be unpacked when they are read.
     pub packed: bool,
+    /// Whether positions keep all digits that singles hold, or lie on a lattice.
+    pub positions: Positions,
 }
 
 impl Default for Settings {
@@ -92,6 +95,7 @@ impl Default for Settings {
             drop_invalid: false,
             layout: Layout::VertexCache,
             packed: false,
+            positions: Positions::Exact,
         }
     }
 }
@@ -115,6 +119,54 @@ impl fmt::Display for Layout {
             Layout::Simplification => "simplification",
         })
     }
+}
+
+/// What becomes of the source's coordinates.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Positions {
+    /// Singles keep their bits, what has more digits is rounded to singles.
+    Exact,
+    /// All go to the nearest point of one lattice, whose step is the least power of two of which the longest side of the model's box has
+    /// at most 2 to this power. By how much they move is part of all errors.
+    Lattice(u8),
+}
+
+impl Positions {
+    /// Fewer bits would leave no shape; more are not singles.
+    pub const BITS: RangeInclusive<u8> = 8..=24;
+}
+
+impl fmt::Display for Positions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Positions::Exact => write!(f, "exact"),
+            Positions::Lattice(bits) => write!(f, "lattice:{bits}"),
+        }
+    }
+}
+
+impl FromStr for Positions {
+    type Err = PositionsError;
+
+    fn from_str(text: &str) -> Result<Self, PositionsError> {
+        let bits = |text: &str| text.parse().ok().filter(|bits| Positions::BITS.contains(bits));
+        match text.strip_prefix("lattice:") {
+            None if text == "exact" => Some(Positions::Exact),
+            None => None,
+            Some(text) => bits(text).map(Positions::Lattice),
+        }
+        .ok_or_else(|| PositionsError { got: text.to_owned() })
+    }
+}
+
+/// A text that is no [`Positions`].
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(
+    "'{got}' says nothing of positions: write exact, or lattice:BITS with BITS from 8 to 24, as in lattice:16"
+)]
+pub struct PositionsError {
+    /// The text.
+    pub got: String,
 }
 
 /// A length that is asked for: `0.25` in object units, or `0.1%` of the diagonal of the model's bounding box.
@@ -203,6 +255,7 @@ impl Settings {
         // Files of all that is there are as they were before this could be asked for.
         entries.extend(self.min_component.map(|size| entry("min-component", &size)));
         entries.extend(self.packed.then(|| entry("pages", &"packed")));
+        entries.extend((self.positions != Positions::Exact).then(|| entry("positions", &self.positions)));
         entries
     }
 }
@@ -244,7 +297,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lengths_are_read_as_they_are_told() {
+    fn lengths_and_positions_are_read_as_they_are_told() {
         for (text, length, units) in [
             ("0", Length::Units(0.0), 0.0),
             ("2.5e-3", Length::Units(0.0025), 0.0025),
@@ -254,6 +307,12 @@ mod tests {
             let read: Length = text.parse().unwrap();
             assert_eq!((read, read.of(4.0)), (length, units), "{text}");
             assert_eq!(read.to_string().parse(), Ok(length));
+        }
+        for text in ["exact", "lattice:8", "lattice:24"] {
+            assert_eq!(text.parse::<Positions>().map(|positions| positions.to_string()), Ok(text.to_owned()));
+        }
+        for bad in ["", "lattice", "lattice:", "lattice:7", "lattice:25", "lattice:-8", "lattice:16 ", "16"] {
+            assert_eq!(bad.parse::<Positions>(), Err(PositionsError { got: bad.to_owned() }));
         }
         for bad in ["", "%", "-1", "-1%", "nan", "inf", "1e999", "1 mm", "1%%"] {
             assert_eq!(bad.parse::<Length>(), Err(LengthError { got: bad.to_owned() }));

@@ -12,7 +12,7 @@ use crate::stamp::GENERATOR;
 use crate::trim::Built;
 use chpm_extmem::AtomicFile;
 use chpm_format::{
-    ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LevelRecord, Metadata, PACKED_ALIGN,
+    ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LATTICE_STEP, LevelRecord, Metadata, PACKED_ALIGN,
     Source as Provenance, Tables,
 };
 use chpm_mesh::{Aabb, Attributes, GroupId, Sphere};
@@ -31,6 +31,7 @@ pub(crate) struct Facts {
     pub(crate) triangles: u64,
     attributes: Attributes,
     origin: [f64; 3],
+    lattice_step: Option<f64>,
     used_vertices: u64,
     shared_vertices: u32,
     pub(crate) warnings: Vec<String>,
@@ -43,6 +44,7 @@ impl Facts {
             triangles: source.triangles.len() as u64,
             attributes: source.vertices.attributes(),
             origin: source.origin,
+            lattice_step: source.lattice_step,
             used_vertices: 0,
             shared_vertices: 0,
             warnings: source.warnings.clone(),
@@ -161,10 +163,12 @@ impl<'a> Output<'a> {
 /// The provenance section.
 fn metadata(known: &Known, settings: &Settings) -> Metadata {
     let Known { facts, repairs } = known;
+    let mut settings = settings.describe();
+    settings.extend(facts.lattice_step.map(|step| (LATTICE_STEP.to_owned(), step.to_string())));
     Metadata {
         generator: GENERATOR.to_owned(),
         source: facts.provenance.clone(),
-        settings: settings.describe(),
+        settings,
         repairs: repairs.describe(),
         warnings: facts.warnings.clone(),
     }

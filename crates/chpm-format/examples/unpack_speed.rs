@@ -44,6 +44,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         packed::unpack(page, raw)?;
         assert_eq!(raw, file.page_bytes(*id), "every bit comes back");
     }
+    let mut parts = [0; packed::PARTS.len()];
+    for id in ids() {
+        let sizes = packed::sizes(file.page_bytes(id))?;
+        parts.iter_mut().zip(sizes).for_each(|(sum, bits)| *sum += bits);
+    }
     let times = TRIANGLES.div_ceil(triangles.max(1));
     let start = user_time()?;
     for (id, page) in (0..times).flat_map(|_| &pages) {
@@ -56,6 +61,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let after = of(pages.iter().map(|(_, page)| page.len()).sum());
     println!("{name}: {} of {} pages packed", pages.len(), ids().count());
     println!("pages: {before:.2} bytes a source triangle, packed {after:.2}");
+    let told = packed::PARTS
+        .iter()
+        .zip(parts)
+        .map(|(part, bits)| format!("{part} {:.3}", bits as f64 / 8.0 / source));
+    println!("parts: {}", told.collect::<Vec<_>>().join(", "));
     println!(
         "packing: {packing:.2} s, {:.1} million stored triangles a second",
         triangles as f64 / packing / 1e6

@@ -72,7 +72,7 @@ pub use dump::dump;
 pub use error::{FormatError, Place};
 pub use gaps::Gaps;
 pub use header::{BoundaryMode, ErrorKind, Header};
-pub use metadata::{Metadata, Source};
+pub use metadata::{LATTICE_STEP, Metadata, Source};
 pub use page::{Page, PageHeader};
 pub use page_buf::PageBuf;
 pub use parts::PageParts;

@@ -10,6 +10,9 @@ pub const METADATA_VERSION: u16 = 1;
 /// Most bytes of the metadata, and most that decoding may allocate.
 pub const METADATA_LIMIT: usize = 16 << 20;
 
+/// The setting that tells [`Metadata::lattice_step`].
+pub const LATTICE_STEP: &str = "lattice-step";
+
 /// Provenance of a file. Nothing in it is needed to draw the model.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Metadata {
@@ -49,6 +52,21 @@ fn config() -> impl bincode::config::Config {
 }
 
 impl Metadata {
+    /// What all coordinates of the file are whole multiples of, if it says that its positions are on a lattice.
+    ///
+    /// # Errors
+    /// [`FormatError::Metadata`] where it is no power of two.
+    pub fn lattice_step(&self) -> Result<Option<f64>, FormatError> {
+        let Some((_, told)) = self.settings.iter().find(|(name, _)| name == LATTICE_STEP) else {
+            return Ok(None);
+        };
+        // A power of two has no other bits than those of its exponent.
+        let is_power = |step: &f64| step.is_normal() && *step > 0.0 && step.to_bits().trailing_zeros() >= 52;
+        let step = told.parse().ok().filter(is_power);
+        step.map(Some)
+            .ok_or_else(|| wrong(format_args!("a power of two expected as {LATTICE_STEP}, got '{told}'")))
+    }
+
     /// The bytes of the section.
     pub(crate) fn encode(&self) -> Result<Vec<u8>, FormatError> {
         let body = bincode::serde::encode_to_vec(self, config()).map_err(wrong)?;

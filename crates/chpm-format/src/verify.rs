@@ -122,7 +122,7 @@ pub fn verify_within<D: AsRef<[u8]>>(
     let at_once = (memory / shared::ENTRY as u64).clamp(1, u64::from(u32::MAX)) as u32;
     let part = |first: u32| SharedIds::new(first..count.min(first.saturating_add(at_once)));
     let mut shared = part(0);
-    let mut check = GroupCheck::default();
+    let mut check = GroupCheck::of(file);
     let clusters = file.clusters().len() as u64;
     let total = clusters * u64::from(count.div_ceil(at_once).max(1));
     let mut done = 0;

@@ -34,6 +34,7 @@ fn source(mesh: &TriMesh, store: &Store) -> Source {
         origin: [0.0; 3],
         bounds: Aabb::of_points(&mesh.positions),
         rounding: 0.0,
+        lattice_step: None,
         tally: Tally::default(),
         small: None,
         warnings: Vec::new(),

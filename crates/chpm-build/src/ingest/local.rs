@@ -24,6 +24,8 @@ pub(super) struct Local {
     pub(super) origin: [f64; 3],
     /// By how much a coordinate of a used vertex was changed at most.
     pub(super) rounding: f64,
+    /// What all coordinates are multiples of, if they lie on a lattice.
+    pub(super) lattice_step: Option<f64>,
     pub(super) warning: Option<String>,
 }
 
@@ -52,7 +54,7 @@ pub(super) fn singles(
         }
     }
     let (positions, bounds) = all;
-    Ok(Local { positions, bounds, origin: [0.0; 3], rounding: 0.0, warning: None })
+    Ok(Local { positions, bounds, origin: [0.0; 3], rounding: 0.0, lattice_step: None, warning: None })
 }
 
 /// Doubles are rounded about an origin, unless singles hold them as they are.
@@ -107,7 +109,7 @@ pub(super) fn doubles(
         rounding = 0.0;
     }
     let warning = (rounding > 0.0).then(|| told(rounding, origin, extent.diagonal()));
-    Ok(Local { positions: stored.finish_column()?, bounds, origin, rounding, warning })
+    Ok(Local { positions: stored.finish_column()?, bounds, origin, rounding, lattice_step: None, warning })
 }
 
 /// What rounding did, and why if it can be seen.
@@ -194,7 +196,7 @@ fn half_a_digit(x: f64, digits: &mut String) -> f64 {
 }
 
 /// The nearest place in the box.
-fn within(point: [f32; 3], bounds: &Aabb) -> [f32; 3] {
+pub(super) fn within(point: [f32; 3], bounds: &Aabb) -> [f32; 3] {
     std::array::from_fn(|axis| point[axis].max(bounds.min[axis]).min(bounds.max[axis]))
 }
 

@@ -3,6 +3,7 @@
 
 mod components;
 pub mod input;
+mod lattice;
 mod local;
 mod normals;
 mod polygons;
@@ -18,7 +19,7 @@ mod used;
 mod weld;
 
 use crate::allowance;
-use crate::config::Settings;
+use crate::config::{Positions, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::foreign::AabbFields;
@@ -42,12 +43,14 @@ pub(crate) struct Source {
     /// Positions are relative to `origin`.
     pub(crate) vertices: VertexColumns,
     pub(crate) triangles: Column<[u32; 3]>,
-    /// Zero for f32 sources, which keep their bits.
+    /// Zero for f32 sources, which keep their bits, but on a lattice far from zero.
     pub(crate) origin: [f64; 3],
     /// Of the vertices that faces use, as all that follows.
     pub(crate) bounds: Aabb,
-    /// By how much a coordinate was changed at most: what errors start from. Zero for f32 sources.
+    /// By how much a coordinate was changed at most: what errors start from. Zero for f32 sources that are on no lattice.
     pub(crate) rounding: f64,
+    /// What all coordinates are multiples of, if they lie on a lattice.
+    pub(crate) lattice_step: Option<f64>,
     pub(crate) tally: Tally,
     /// What was left out, if that was asked for.
     pub(crate) small: Option<SmallComponents>,
@@ -92,6 +95,8 @@ impl SavedSource {
             triangles: Column::load(store, TRIANGLES, &self.triangles)?,
             origin: self.origin,
             rounding: self.rounding,
+            // It is told to the file when the source has been read.
+            lattice_step: None,
             bounds: self.bounds,
             tally: Tally::default(),
             small: None,
@@ -154,15 +159,28 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
 
     // From here on positions are singles, relative to the origin.
     let Columns { mut vertices, doubles, triangles, used, bounds } = columns;
-    let Local { positions, bounds, origin, rounding, warning } = if is_double {
-        local::doubles(doubles, format.coordinates, &used, context)?
-    } else {
-        local::singles(vertices.positions, bounds, &used, context)?
-    };
+    let Local { positions, bounds, origin, rounding, lattice_step, warning } =
+        match (settings.positions, is_double) {
+            (Positions::Exact, true) => local::doubles(doubles, format.coordinates, &used, context)?,
+            (Positions::Exact, false) => local::singles(vertices.positions, bounds, &used, context)?,
+            (Positions::Lattice(bits), true) => lattice::round(&doubles, bits, &used, context)?,
+            (Positions::Lattice(bits), false) => lattice::round(&vertices.positions, bits, &used, context)?,
+        };
     vertices.positions = positions;
     warnings.extend(warning);
     warnings.extend(of_normals);
-    Ok(Source { vertices, triangles, origin, bounds, rounding, tally, small, warnings, provenance })
+    Ok(Source {
+        vertices,
+        triangles,
+        origin,
+        bounds,
+        rounding,
+        lattice_step,
+        tally,
+        small,
+        warnings,
+        provenance,
+    })
 }
 
 /// The arrays while they grow.

@@ -6,6 +6,7 @@
 //! keep their order, which is the collapse order.
 
 mod cluster_order;
+mod first_use;
 mod local_order;
 pub mod metric;
 mod multilevel;
@@ -17,6 +18,7 @@ use crate::error::BuildError;
 use crate::trim::Built;
 use chpm_format::{ClusterRecord, Page, checksum, packed};
 use chpm_mesh::{Aabb, GroupId, Level};
+use first_use::FirstUse;
 use local_order::LocalOrder;
 use page_order::Run;
 use rayon::prelude::*;
@@ -108,6 +110,7 @@ struct Scratch {
     bytes: Vec<u8>,
     reordered: Vec<u8>,
     order: LocalOrder,
+    first_use: FirstUse,
 }
 
 impl Scratch {
@@ -119,11 +122,14 @@ impl Scratch {
         if let Some(trimmed) = trimmed {
             trimmed.renumber(&mut self.bytes)?;
         }
-        if settings.layout != Layout::CacheOblivious {
-            return Ok(&self.bytes);
-        }
         self.reordered.clear();
-        self.order.reorder(&Page::view(&self.bytes)?, &mut self.reordered)?;
+        match settings.layout {
+            Layout::Simplification => return Ok(&self.bytes),
+            Layout::VertexCache => self.first_use.reorder(&self.bytes, &mut self.reordered)?,
+            Layout::CacheOblivious => {
+                self.order.reorder(&Page::view(&self.bytes)?, &mut self.reordered)?;
+            }
+        }
         debug_assert_eq!(self.reordered.len(), self.bytes.len());
         Ok(&self.reordered)
     }

@@ -2,6 +2,7 @@
 
 mod bytes;
 mod groups;
+mod lattice;
 mod looks;
 mod odd;
 mod reading;

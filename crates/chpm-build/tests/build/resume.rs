@@ -1,7 +1,7 @@
 //! A build that ended early goes on where it was, to the same bytes; what does not fit is not used.
 
 use crate::site::{Site, config, with_attributes};
-use chpm_build::config::Length;
+use chpm_build::config::{Length, Positions};
 use chpm_build::{BuildConfig, BuildError, Cancel, Faults, Progress, Reached, Silent, Stage};
 use chpm_extmem::ExtmemError;
 use chpm_mesh::Bytes;
@@ -93,6 +93,7 @@ fn a_stopped_build_goes_on_from_everywhere_with_any_resources() {
     settings[1].settings.finest_error = Some(Length::OfDiagonal(0.05));
     settings[1].settings.target_error = Some(Length::OfDiagonal(2.0));
     settings[1].settings.min_component = Some(Length::OfDiagonal(0.5));
+    settings[1].settings.positions = Positions::Lattice(12);
     for config in settings {
         let (report, whole) = site.bytes(&config);
         let left_out = report.repairs.small_components.map_or(0, |small| small.components);

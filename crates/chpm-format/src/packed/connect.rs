@@ -9,7 +9,7 @@ pub(super) const NONE: u16 = u16::MAX;
 /// How far back an edge is, and a vertex.
 pub(super) const EDGES: Near = Near(16);
 pub(super) const VERTICES: Near = Near(32);
-/// Third corners: a new vertex, the next along the border from the second corner, that before the first; then a vertex met before.
+/// Third corners: a new vertex, the next along the border from the second corner, that before the first; another one that was met before.
 pub(super) const NEW: u32 = 0;
 pub(super) const AFTER: u32 = 1;
 pub(super) const BEFORE: u32 = 2;
@@ -101,14 +101,26 @@ impl Walk {
     }
 }
 
+/// The symbol of an edge and of what the third corner is: one, since the one foretells the other. 0 is that of a triangle without an edge.
+pub(super) fn joined(edge: u32, third: u32) -> u8 {
+    (1 + 4 * edge + third.min(MET)) as u8
+}
+
+/// How many corners are told of a triangle with this symbol.
+#[inline]
+pub(super) fn told(symbol: u8) -> usize {
+    let met = symbol.is_multiple_of(4) & (symbol != 0);
+    usize::from(met) + 3 * usize::from(symbol == 0)
+}
+
 /// Symbols of the triangles, in three streams.
 #[derive(Default, Debug)]
 pub(super) struct Symbols {
-    /// Of each triangle: 0 for one without an edge, or how far back its edge is, and which corner it starts at.
+    /// Of each triangle: [`joined`].
     pub(super) edges: Vec<u8>,
-    /// Of each triangle with an edge.
-    pub(super) thirds: Vec<u8>,
-    /// Of each corner of the others.
+    /// Of each triangle with an edge, which corner it starts at; none where all start at the least.
+    pub(super) turns: Vec<u8>,
+    /// Of each vertex that was met before and is none of the border's, and of each corner of a triangle without an edge.
     pub(super) corners: Vec<u8>,
 }
 
@@ -178,6 +190,8 @@ impl Finder {
 /// Writes triangles.
 #[derive(Default, Debug)]
 pub(super) struct Writer {
+    /// Whether it tells at which corner each triangle starts.
+    pub(super) turns: bool,
     pub(super) walk: Walk,
     pub(super) symbols: Symbols,
     finder: Finder,
@@ -196,8 +210,9 @@ impl Writer {
         self.ranks.resize(vertex_count, NONE);
         self.order.clear();
         self.last.clear();
-        let Symbols { edges, thirds, corners } = &mut self.symbols;
-        [edges, thirds, corners].into_iter().for_each(Vec::clear);
+        let Symbols { edges, turns, corners } = &mut self.symbols;
+        [edges, turns, corners].into_iter().for_each(Vec::clear);
+        self.turns = !triangles.iter().all(|[a, b, c]| a < b && a < c);
         for corners in triangles {
             self.triangle(*corners, bits);
         }
@@ -222,7 +237,9 @@ impl Writer {
         };
         let back = self.walk.edges.len() as u32 - 1 - place;
         let (symbol, len, open) = EDGES.split(back);
-        self.symbols.edges.push((1 + 3 * symbol + turn as u32) as u8);
+        if self.turns {
+            self.symbols.turns.push(turn as u8);
+        }
         bits.put(open, len);
         self.finder.remove(&self.walk.edges, place);
         let [a, b, across] = self.walk.edges.swap_remove(place as usize);
@@ -237,9 +254,11 @@ impl Writer {
         } else if self.walk.before[usize::from(a)] == rank {
             BEFORE
         } else {
-            MET + self.known(rank, bits)
+            let known = self.known(rank, bits);
+            self.symbols.corners.push(known as u8);
+            MET
         };
-        self.symbols.thirds.push(third as u8);
+        self.symbols.edges.push(joined(symbol, third));
         self.walk.follow([a, b, self.ranks[usize::from(vertex)]], third);
         self.finder.see(&self.walk.edges);
     }

@@ -3,13 +3,14 @@
 //! What comes next can hardly be foretold, least of all by a processor: so all that may be written is written, and counts say what stays.
 
 use super::Damage;
+use super::around::Around;
 use super::bits::BitReader;
 use super::connect::{AFTER, BEFORE, EDGES, MET, NEW, NONE, VERTICES};
 
 /// By any number that 16 bits hold, so that none is out of range.
-type ByVertex<T> = Box<[T; 1 << 16]>;
+pub(super) type ByVertex<T> = Box<[T; 1 << 16]>;
 
-fn by_vertex<T: Copy + Default>() -> ByVertex<T> {
+pub(super) fn by_vertex<T: Copy + Default>() -> ByVertex<T> {
     let all: Box<[T]> = vec![T::default(); 1 << 16].into();
     all.try_into().unwrap_or_else(|_| unreachable!("it has that length"))
 }
@@ -22,6 +23,7 @@ pub(super) struct Follower {
     before: ByVertex<u16>,
     /// By rank: a vertex, and three that it is guessed from.
     guesses: ByVertex<[u16; 4]>,
+    pub(super) around: Around,
 }
 
 /// How much of these is in use.
@@ -40,6 +42,7 @@ impl Follower {
             after: by_vertex(),
             before: by_vertex(),
             guesses: by_vertex(),
+            around: Around::new(),
         }
     }
 
@@ -61,34 +64,36 @@ impl Follower {
         }
         self.after[..vertex_count].fill(NONE);
         self.before[..vertex_count].fill(NONE);
+        self.around.clear(vertex_count);
     }
 
-    /// Reads as many triangles as there is room for in `out`. `order` are the vertices by rank; `edges` has a symbol for each triangle,
-    /// `rest` those of third corners, and behind them those of all corners of the `apart` triangles that no edge leads to.
-    pub(super) fn read(
+    /// Reads as many triangles as there is room for in `out`. `order` are the vertices by rank; `edges` has a symbol for each triangle, `turns`
+    /// one for each that an edge leads to, or none at all, and `corners` those that [`super::connect::told`] counts.
+    pub(super) fn read<const TURNS: bool>(
         &mut self,
         order: &[u16],
-        (edges, apart, rest): (&[u8], usize, &[u8]),
+        (edges, turns, mut corners): (&[u8], &[u8], &[u8]),
         bits: &mut BitReader<'_>,
         out: &mut [[u8; 6]],
     ) -> Result<(), Damage> {
+        let apart = edges.iter().filter(|symbol| **symbol == 0).count();
         self.clear(order.len(), edges.len(), apart);
-        let (thirds, corners) =
-            rest.split_at_checked(edges.len() - apart).ok_or(Damage("symbols of all corners"))?;
-        let (mut thirds, mut corners) = (thirds.iter(), corners.as_chunks().0.iter());
+        let mut turns = turns.iter();
         let mut counts = Counts { edges: 0, met: 0, vertices: 0 };
         let mut legal = true;
         for (symbol, out) in edges.iter().zip(out) {
             let Some(symbol) = symbol.checked_sub(1) else {
-                let symbols = corners.next().ok_or(Damage("three corners"))?;
+                let (symbols, rest) = corners.split_first_chunk().ok_or(Damage("three corners"))?;
+                corners = rest;
                 let corners = self.start(*symbols, order, &mut counts, bits)?;
                 *out = bytes_of(corners, 0);
                 continue;
             };
             // Each by itself, so that the processor need not look for one where another was written.
-            let Follower { edges, met, after, before, guesses } = self;
+            let Follower { edges, met, after, before, guesses, around } = self;
             let (edges, met) = (&mut edges[..], &mut met[..]);
-            let back = EDGES.join(u32::from(symbol / 3), bits)? as usize;
+            let (edge, third) = (symbol / 4, u32::from(symbol % 4));
+            let back = EDGES.join(edge.into(), bits)? as usize;
             let last = counts.edges.wrapping_sub(1);
             let place = last.wrapping_sub(back);
             if place >= counts.edges || counts.edges + 1 >= edges.len() {
@@ -97,10 +102,11 @@ impl Follower {
             let [a, b, across, _] = edges[place];
             edges[place] = edges[last];
 
-            let third = u32::from(*thirds.next().ok_or(Damage("a third corner"))?);
             let new = order.get(counts.vertices).copied().unwrap_or(NONE);
-            let vertex = if third >= MET {
-                again(met, third - MET, &mut counts, bits)?
+            let vertex = if third == MET {
+                let (symbol, rest) = corners.split_first().ok_or(Damage("a third corner"))?;
+                corners = rest;
+                again(met, (*symbol).into(), &mut counts, bits)?
             } else {
                 let (after, before) = (after[usize::from(b)], before[usize::from(a)]);
                 let border = if third == AFTER { after } else { before };
@@ -121,7 +127,11 @@ impl Follower {
             after[usize::from(if two { a } else { NONE })] = vertex;
             before[usize::from(if two { vertex } else { NONE })] = a;
             counts.edges = last + usize::from(one) + usize::from(two);
-            *out = bytes_of([a, b, vertex], symbol % 3);
+            around.add([a, b, vertex]);
+            // Where nothing is told, the least corner comes first.
+            let least = if vertex < a.min(b) { 1 } else { 2 * u8::from(b < a) };
+            let turn = if TURNS { *turns.next().ok_or(Damage("the turn of a triangle"))? % 3 } else { least };
+            *out = bytes_of([a, b, vertex], turn);
         }
         if !legal {
             return Err(Damage("a border at the corner"));
@@ -157,6 +167,7 @@ impl Follower {
             };
             before = *corner;
         }
+        self.around.add(corners);
         let [a, b, c] = corners;
         for (from, to, across) in [(b, a, c), (c, b, a), (a, c, b)] {
             self.edges[counts.edges] = [from, to, across, 0];

@@ -3,6 +3,7 @@
 //! Triangles come first, as a walk from each to the next (`connect`). Numbers that belong to vertices are then told in the order of the
 //! walk, as differences from what the vertices before make likely. zstd makes the symbols short.
 
+mod around;
 mod bits;
 mod connect;
 mod follow;
@@ -10,10 +11,11 @@ mod view;
 
 use crate::error::{FormatError, Place, invalid, require_eq};
 use crate::page::{PAGE_HEADER_LEN, Page, PageHeader};
+use around::{Around, NEIGHBORS};
 use bits::{BitReader, BitWriter, difference_of, put_difference, unfold};
 use bytemuck::Zeroable;
 use chpm_mesh::{Attributes, ClusterId};
-use connect::{NONE, Writer};
+use connect::{NONE, Writer, told};
 use follow::Follower;
 use std::cell::RefCell;
 use std::io;
@@ -25,9 +27,13 @@ use zstd::stream::raw::{CParameter, Encoder, InBuffer, Operation, OutBuffer};
 pub const PACKED_MAGIC: u32 = u32::from_le_bytes(*b"CPGP");
 /// A page is at most so many times as long as it is packed, so that what a reader allocates has a bound by the file's length.
 pub(crate) const MOST_TIMES: usize = 64;
-/// The head of a packed page: that of the page up to what is reserved, the view of the positions, and the lengths of the open bits.
+/// The head of a packed page: that of the page up to what is reserved, the view of the positions, how corners are told, the lengths of the
+/// open bits.
 const HEAD_LEN: usize = 48;
 const KEPT: usize = mem::offset_of!(PageHeader, reserved);
+/// How a page says at which corners triangles start: each by itself, or at the least.
+const TOLD: u8 = 1;
+const LEAST_FIRST: u8 = 2;
 /// Higher ones find next to nothing more in symbols.
 const LEVEL: i32 = 1;
 
@@ -74,6 +80,7 @@ struct Packer {
     /// Where zstd begins anew, with statistics of its own; the open bits up to there; the bytes that zstd had written.
     parts: Vec<Part>,
     numbers: Vec<u32>,
+    around: Around,
     zstd: Encoder<'static>,
 }
 
@@ -177,6 +184,7 @@ impl Packer {
             symbols: Vec::new(),
             parts: Vec::new(),
             numbers: Vec::new(),
+            around: Around::new(),
             zstd: encoder()?,
         })
     }
@@ -189,7 +197,7 @@ impl Packer {
         self.writer.write(page.triangles, page.vertex_count(), &mut self.walk_bits);
         self.put_order(page.base_vertex_count);
         let written = &self.writer.symbols;
-        for stream in [&written.edges, &written.thirds, &written.corners] {
+        for stream in [&written.edges, &written.turns, &written.corners] {
             self.symbols.extend_from_slice(stream);
             self.parts.push(Part { symbols: self.symbols.len(), bits: self.bits.count(), written: 0 });
         }
@@ -209,7 +217,7 @@ impl Packer {
         out.extend_from_slice(&PACKED_MAGIC.to_le_bytes());
         out.extend_from_slice(&raw[4..KEPT]);
         out.extend_from_slice(&view.bytes());
-        out.extend_from_slice(&[0; 2]);
+        out.extend_from_slice(&[if self.writer.turns { TOLD } else { LEAST_FIRST }, 0]);
         let open = [&mut self.walk_bits, &mut self.bits];
         for bits in open {
             bits.finish();
@@ -244,7 +252,7 @@ impl Packer {
     /// The vertex of each rank: one of the base mesh by the difference to the last of these, another as it is.
     fn put_order(&mut self, base: usize) {
         let len = index_len(self.writer.order.len() - base);
-        let mut last = 0;
+        let mut next = 0;
         for vertex in self.writer.order.iter().copied().map(u32::from) {
             match vertex.checked_sub(base as u32) {
                 Some(index) => {
@@ -252,8 +260,8 @@ impl Packer {
                     self.bits.put(index, len);
                 }
                 None => {
-                    put_difference(vertex.wrapping_sub(last), &mut self.symbols, &mut self.bits);
-                    last = vertex;
+                    put_difference(vertex.wrapping_sub(next), &mut self.symbols, &mut self.bits);
+                    next = vertex + 1;
                 }
             }
         }
@@ -261,7 +269,8 @@ impl Packer {
     }
 
     fn put_positions(&mut self, positions: &[[f32; 3]]) -> View {
-        let view = View::decimal_of(positions.as_flattened()).unwrap_or(View::Binary);
+        let numbers = positions.as_flattened();
+        let view = View::lattice_of(numbers).or_else(|| View::decimal_of(numbers)).unwrap_or(View::Binary);
         self.put_array(positions.iter().map(|p| p.map(|x| view.integer(x).unwrap_or_default())), across);
         view
     }
@@ -293,9 +302,18 @@ impl Packer {
 
     fn put_collapses(&mut self, page: &Page<'_>) {
         let ranks = &self.writer.ranks;
-        for (from, to) in ranks[page.base_vertex_count..].iter().zip(page.targets) {
-            let difference = u32::from(ranks[usize::from(*to)]).wrapping_sub((*from).into());
+        self.around.clear(page.vertex_count());
+        page.triangles.iter().for_each(|triangle| self.around.add(*triangle));
+        for (vertex, to) in (page.base_vertex_count..).zip(page.targets) {
+            if let Some(place) = self.around.of(vertex).iter().position(|next| next == to) {
+                self.symbols.push(place as u8);
+                continue;
+            }
+            let difference = u32::from(ranks[usize::from(*to)]).wrapping_sub(ranks[vertex].into());
             put_difference(difference, &mut self.symbols, &mut self.bits);
+            if let Some(symbol) = self.symbols.last_mut() {
+                *symbol += NEIGHBORS as u8;
+            }
         }
         self.end_part();
         let mut last = 0;
@@ -381,8 +399,10 @@ impl Unpacker {
         let attributes = header.check()?;
         require_eq(PLACE, "length of the page", header.payload_len(), raw.len() as u64)?;
         let (how, lens) = head[KEPT..].split_at(4);
-        let view = View::of_bytes([how[0], how[1]]).filter(|_| how[2..] == [0; 2]);
-        let view = view.ok_or(Damage("a view that is known"))?;
+        let view = View::of_bytes([how[0], how[1]]).ok_or(Damage("a view that is known"))?;
+        if !matches!(how[2..], [TOLD | LEAST_FIRST, 0]) {
+            return Err(Damage("a way of telling corners that is known").into());
+        }
         let len = |i: usize| u32::from_le_bytes(lens.as_chunks().0[i]) as usize;
         let (walk_bits, rest) = rest.split_at_checked(len(0)).ok_or(Damage("open bits within the page"))?;
         let (bits, frame) = rest.split_at_checked(len(1)).ok_or(Damage("open bits within the page"))?;
@@ -398,15 +418,20 @@ impl Unpacker {
         let collapses = v - base;
         self.read_order(streams.next(v)?, base, &mut bits)?;
         let edges = streams.next(t)?;
-        let apart = edges.iter().filter(|symbol| **symbol == 0).count();
-        let corners = streams.next(t + 2 * apart)?;
+        let with_edge = edges.iter().filter(|symbol| **symbol != 0).count();
+        let turns = streams.next(if how[2] == TOLD { with_edge } else { 0 })?;
+        let corners = streams.next(edges.iter().map(|symbol| told(*symbol)).sum())?;
 
         let positions = take(&mut body, 12 * v);
         let mut others: Vec<_> =
             arrays(attributes).map(|(count, size)| (count, take(&mut body, count * size * v))).collect();
         let ids = take(&mut body, 4 * shared);
         let triangles = take(&mut body, 6 * t).as_chunks_mut().0;
-        self.walk.read(&self.order, (edges, apart, corners), &mut walk_bits, triangles)?;
+        let symbols_of_walk = (edges, turns, corners);
+        match how[2] {
+            TOLD => self.walk.read::<true>(&self.order, symbols_of_walk, &mut walk_bits, triangles)?,
+            _ => self.walk.read::<false>(&self.order, symbols_of_walk, &mut walk_bits, triangles)?,
+        }
         walk_bits.finish()?;
         self.read_array::<3>(streams.next(3 * v)?, across, &mut bits);
         self.put_floats(positions, view)?;
@@ -471,15 +496,15 @@ impl Unpacker {
         self.ranks.clear();
         self.ranks.resize(count, NONE);
         self.order.clear();
-        let mut last = 0u32;
+        let mut next = 0u32;
         for (rank, symbol) in (0..).zip(symbols) {
             // Either of the two is as likely.
             let elsewhere = *symbol == ELSEWHERE;
             let (open, high) = difference_of(*symbol);
             let open = bits.take(if elsewhere { len } else { open });
-            let next = last.wrapping_add(unfold(open | high));
-            let vertex = if elsewhere { base as u32 + open } else { next };
-            last = if elsewhere { last } else { next };
+            let own = next.wrapping_add(unfold(open | high));
+            let vertex = if elsewhere { base as u32 + open } else { own };
+            next = if elsewhere { next } else { own.wrapping_add(1) };
             match self.ranks.get_mut(vertex as usize) {
                 Some(place) if *place == NONE => *place = rank,
                 _ => return Err(Damage("every vertex once")),
@@ -514,6 +539,13 @@ impl Unpacker {
 
     fn put_floats(&self, out: &mut [u8], view: View) -> Result<(), Damage> {
         let out: &mut [[u8; 4]] = out.as_chunks_mut().0;
+        if let View::Lattice { .. } = view {
+            // A loop of its own for each view.
+            for (number, bytes) in self.numbers.iter().zip(out) {
+                *bytes = view.float(*number).unwrap_or_default().to_le_bytes();
+            }
+            return Ok(());
+        }
         if view == View::Binary {
             for (number, bytes) in self.numbers.iter().zip(out) {
                 *bytes = turned(*number).to_le_bytes();
@@ -534,10 +566,15 @@ impl Unpacker {
         bits: &mut BitReader<'_>,
     ) -> Result<(), Damage> {
         let out: &mut [[u8; 2]] = out.as_chunks_mut().0;
-        for ((symbol, from), target) in symbols.iter().zip(&self.ranks[base..]).zip(out) {
-            let rank = u32::from(*from).wrapping_add(bits.difference(*symbol));
-            let vertex = self.order.get(rank as usize).ok_or(Damage("a target that there is"))?;
-            *target = vertex.to_le_bytes();
+        for ((vertex, symbol), target) in (base..).zip(symbols).zip(out) {
+            if let Some(next) = self.walk.around.of(vertex).get(usize::from(*symbol)) {
+                *target = next.to_le_bytes();
+                continue;
+            }
+            let difference = bits.difference(*symbol - NEIGHBORS as u8);
+            let rank = u32::from(self.ranks[vertex]).wrapping_add(difference);
+            let to = self.order.get(rank as usize).ok_or(Damage("a target that there is"))?;
+            *target = to.to_le_bytes();
         }
         Ok(())
     }

@@ -5,6 +5,11 @@
 pub(super) enum View {
     /// The bits, with those of negative numbers turned over.
     Binary,
+    /// Multiples of two to this power, each as how many.
+    Lattice {
+        /// [`LEAST_POWER`] to [`LEAST_POWER`] + 255.
+        power: i16,
+    },
     /// Decimal numbers of at most so many digits, of which at most so many behind the point: what a text had.
     Decimal {
         /// 1 to [`MOST_DIGITS`].
@@ -14,6 +19,11 @@ pub(super) enum View {
     },
 }
 
+/// The first byte of a lattice, and the least power, that of the least float above 0.
+const LATTICE: u8 = 8;
+const LEAST_POWER: i16 = -149;
+/// Multiples up to this many are floats.
+const MOST_MULTIPLES: u32 = 1 << 24;
 /// More digits would be no shorter than bits.
 pub(super) const MOST_DIGITS: u8 = 7;
 /// Ten to this power and all below are f64 values.
@@ -29,6 +39,7 @@ impl View {
     pub(super) fn of_bytes([digits, places]: [u8; 2]) -> Option<Self> {
         match (digits, places) {
             (0, 0) => Some(View::Binary),
+            (LATTICE, power) => Some(View::Lattice { power: i16::from(power) + LEAST_POWER }),
             (1..=MOST_DIGITS, 0..=MOST_PLACES) => Some(View::Decimal { digits, places }),
             _ => None,
         }
@@ -37,8 +48,41 @@ impl View {
     pub(super) fn bytes(self) -> [u8; 2] {
         match self {
             View::Binary => [0, 0],
+            View::Lattice { power } => [LATTICE, (power - LEAST_POWER) as u8],
             View::Decimal { digits, places } => [digits, places],
         }
+    }
+
+    /// The lattice with the largest step that has all these numbers, if they are few enough multiples of it.
+    pub(super) fn lattice_of(numbers: &[f32]) -> Option<Self> {
+        let (mut size, mut power) = (0, i16::MAX);
+        for number in numbers {
+            let whole = number.to_bits();
+            // Other zeros than the one of a lattice have the highest bit alone.
+            if whole == 1 << 31 {
+                return None;
+            }
+            let (exponent, mantissa) = ((whole >> 23 & 0xff) as i16, whole & 0x7f_ffff);
+            size = size.max(whole << 1);
+            let (least, significant) = match exponent {
+                0 => (LEAST_POWER, mantissa),
+                _ => (exponent - 1 + LEAST_POWER, mantissa | 0x80_0000),
+            };
+            if significant != 0 {
+                power = power.min(least + significant.trailing_zeros() as i16);
+            }
+        }
+        let view = View::Lattice { power: power.clamp(LEAST_POWER, LEAST_POWER + 255) };
+        let largest = f32::from_bits(size >> 1);
+        view.multiples(largest).map(|_| view)
+    }
+
+    /// How many steps of a lattice a float is.
+    fn multiples(self, number: f32) -> Option<u32> {
+        let View::Lattice { power } = self else { return None };
+        let multiples = f64::from(number) * power_of_two(-power);
+        let whole = multiples as i32;
+        (f64::from(whole) == multiples && whole.unsigned_abs() <= MOST_MULTIPLES).then_some(whole as u32)
     }
 
     /// The decimal view of all these numbers, if they have one.
@@ -70,7 +114,11 @@ impl View {
 
     /// The integer of a float; none where a decimal view has no such number near it.
     pub(super) fn integer(self, number: f32) -> Option<u32> {
-        let View::Decimal { digits, places } = self else { return Some(turned(number.to_bits())) };
+        let (digits, places) = match self {
+            View::Binary => return Some(turned(number.to_bits())),
+            View::Lattice { .. } => return self.multiples(number),
+            View::Decimal { digits, places } => (digits, places),
+        };
         // All numbers with as many places as there can be come first, then decade by decade those with one place less.
         let all = TENS[usize::from(digits)];
         let (mut size, mut decade) = (f64::from(number.abs()) * TENS[usize::from(places)], 0);
@@ -87,7 +135,11 @@ impl View {
     /// The float of an integer; none where a decimal view ends.
     #[inline]
     pub(super) fn float(self, integer: u32) -> Option<f32> {
-        let View::Decimal { digits, places } = self else { return Some(f32::from_bits(turned(integer))) };
+        let (digits, places) = match self {
+            View::Binary => return Some(f32::from_bits(turned(integer))),
+            View::Lattice { power } => return Some((f64::from(integer as i32) * power_of_two(power)) as f32),
+            View::Decimal { digits, places } => (digits, places),
+        };
         let negative = (integer as i32) < 0;
         let size = if negative { !integer } else { integer };
         let all = TENS[usize::from(digits)] as u32;
@@ -102,6 +154,11 @@ impl View {
         };
         Some(if negative { -(number as f32) } else { number as f32 })
     }
+}
+
+/// Two to a power that a double has.
+fn power_of_two(power: i16) -> f64 {
+    f64::from_bits(((1023 + i64::from(power)) as u64) << 52)
 }
 
 /// Bits of a float as an integer of the same order; and the other way.

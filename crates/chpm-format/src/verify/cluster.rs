@@ -20,6 +20,11 @@ fn rounding(bounds: &Aabb) -> f64 {
     reach * f64::from(f32::EPSILON) + 8.0 * f64::from(f32::from_bits(1))
 }
 
+/// The most that going to a lattice moves a point by, besides what [`rounding`] does.
+fn half_step(step: Option<f64>) -> f64 {
+    step.map_or(0.0, |step| 3f64.sqrt() / 2.0 * step * (1.0 + f64::EPSILON * 4.0))
+}
+
 /// Checks a cluster by itself and takes its shared vertices in.
 pub(super) fn check<D: AsRef<[u8]>>(
     file: &Chpm<D>,
@@ -32,6 +37,12 @@ pub(super) fn check<D: AsRef<[u8]>>(
     let place = Place::Page(id);
     check_zeros(file, id, report);
     check_bounds(file, id, page, report);
+    if let Some(step) = scratch.lattice_step {
+        let off = page.positions.as_flattened().iter().find(|x| (f64::from(**x) / step).fract() != 0.0);
+        let message =
+            format_args!("multiples of the lattice's step {step:e} expected, one coordinate is {off:?}");
+        report.expect(off.is_none(), Invariant::Coverage, place, message);
+    }
 
     let base = count_base_triangles(&page.progressive_mesh(), &mut scratch.places);
     let message =
@@ -47,7 +58,7 @@ pub(super) fn check<D: AsRef<[u8]>>(
         scratch.used.clear();
         scratch.used.resize(page.vertex_count(), false);
         page.triangles.as_flattened().iter().for_each(|v| scratch.used[usize::from(*v)] = true);
-        let most = rounding(&file.header().aabb());
+        let most = rounding(&file.header().aabb()) + half_step(scratch.lattice_step);
         let message = format_args!(
             "no error in the source's own triangles but that of rounding, at most {most:e}, expected, got {:e}",
             record.min_error
@@ -92,7 +103,9 @@ pub(super) fn list_shared<D: AsRef<[u8]>>(
 #[derive(Default)]
 pub(super) struct Scratch {
     pub(super) places: Places,
-    used: Vec<bool>,
+    pub(super) used: Vec<bool>,
+    /// As the file tells it.
+    pub(super) lattice_step: Option<f64>,
 }
 
 fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, report: &mut Report) {

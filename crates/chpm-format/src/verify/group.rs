@@ -32,6 +32,12 @@ pub(super) struct GroupCheck {
 type BoundaryVertex = (u32, bool, u32, [u32; 3]);
 
 impl GroupCheck {
+    pub(super) fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
+        // Metadata that is wrong is told of by itself.
+        let lattice_step = file.metadata().and_then(|metadata| metadata.lattice_step()).unwrap_or_default();
+        GroupCheck { scratch: Scratch { lattice_step, ..Scratch::default() }, ..GroupCheck::default() }
+    }
+
     pub(super) fn run<D: AsRef<[u8]>>(
         &mut self,
         file: &Chpm<D>,

@@ -21,7 +21,7 @@ pub(super) fn check<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     for id in (0..file.groups().len() as u32).map(GroupId) {
         check_group(file, id, report);
     }
-    if let Err(error) = file.metadata() {
+    if let Err(error) = file.metadata().and_then(|metadata| metadata.lattice_step()) {
         report.expect(false, Invariant::Bytes, Place::File, error);
     }
 }

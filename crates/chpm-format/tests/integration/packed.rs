@@ -77,6 +77,30 @@ fn a_packed_file_is_sound_shorter_and_the_same() {
     }
 }
 
+/// The bytes of a sheet's first page, packed, with its positions times `scale` and its triangles as told or from their least corners on.
+fn packed_len(scale: f32, least: bool) -> usize {
+    let mut sample = sheet(64, 40, 4, Attributes::NONE);
+    let cluster = &mut sample.clusters[0];
+    cluster.positions.as_flattened_mut().iter_mut().for_each(|x| *x *= scale);
+    for (i, triangle) in cluster.triangles.iter_mut().enumerate() {
+        *triangle = least_first(*triangle);
+        triangle.rotate_left(if least { 0 } else { i * i % 7 % 3 });
+    }
+    comes_back(&sample.tables().1[0])
+}
+
+#[test]
+fn lattices_and_least_corners_are_shorter() {
+    let [exact, lattice] = [0.371_246_8, 0.5].map(|scale| packed_len(scale, true));
+    assert!(2 * lattice < exact, "{lattice} of {exact}");
+    // The step counts for nothing, as long as all are multiples of it.
+    for scale in [2f32.powi(-140), 2f32.powi(100), 1.0] {
+        assert_eq!(packed_len(scale, true), lattice);
+    }
+    let turned = packed_len(0.5, false);
+    assert!(lattice + 100 < turned, "{lattice} {turned}");
+}
+
 #[test]
 fn what_differs_between_two_files_is_told() {
     let sample = sheet(16, 8, 2, ALL);
@@ -158,7 +182,24 @@ fn coordinate() -> impl Strategy<Value = Vec<f32>> {
     let small =
         prop_oneof![Just(0.0f32), Just(-0.0), Just(1e-45), Just(f32::MAX), Just(f32::NAN), 0.0f32..1.0];
     let many = |one: BoxedStrategy<f32>| proptest::collection::vec(one, 3..900).boxed();
-    prop_oneof![many(bits.boxed()), many(text.boxed()), many(fixed.boxed()), many(small.boxed())]
+    // Multiples of one power of two, from the least to more than there are.
+    let most = 1 << 24;
+    let multiples = proptest::collection::vec(prop_oneof![-most..=most, -300..300], 3..900);
+    let lattice = (-149..125i32, multiples).prop_map(|(power, multiples)| {
+        multiples.into_iter().map(|n| (f64::from(n) * 2f64.powi(power)) as f32).collect()
+    });
+    prop_oneof![
+        many(bits.boxed()),
+        many(text.boxed()),
+        many(fixed.boxed()),
+        many(small.boxed()),
+        lattice.boxed()
+    ]
+}
+
+/// The triangle from its least corner on.
+fn least_first([a, b, c]: [u16; 3]) -> [u16; 3] {
+    [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap()
 }
 
 /// Any page that a reader takes: triangles over a strip, or of any three vertices.
@@ -177,6 +218,9 @@ fn any_page() -> impl Strategy<Value = Vec<u8>> {
             let at = |k: usize| (k % v) as u16;
             let mut t = if strip { [at(i), at(i + 1), at(i + 2)] } else { any.map(|k| at(k.into())) };
             t.rotate_left(next(3));
+            if seed % 2 == 0 {
+                t = least_first(t);
+            }
             if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] {
                 corners.push(t);
             }
@@ -221,7 +265,15 @@ proptest! {
 
 /// Pages to damage, packed, with the length of each when it is not.
 fn goods() -> Vec<(Vec<u8>, usize)> {
-    let samples = [sheet(16, 8, 2, Attributes::NONE), sheet(24, 12, 2, ALL)];
+    let on_lattice = sheet(16, 8, 2, Attributes::NONE);
+    let [mut decimal, mut binary] = [on_lattice.clone(), on_lattice.clone()];
+    for (sample, scale) in [(&mut decimal, 0.1), (&mut binary, 0.371_246_8)] {
+        for cluster in &mut sample.clusters {
+            cluster.positions.as_flattened_mut().iter_mut().for_each(|x| *x *= scale);
+            cluster.triangles.iter_mut().for_each(|t| *t = least_first(*t));
+        }
+    }
+    let samples = [on_lattice, decimal, binary, sheet(24, 12, 2, ALL)];
     let pages = samples.iter().flat_map(|sample| sample.tables().1);
     let packed = pages.filter_map(|page| {
         let mut packed = Vec::new();
