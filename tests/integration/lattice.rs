@@ -55,7 +55,7 @@ fn stored_errors_hold_of_what_the_source_was() {
             // Some coordinate is about half a step off, and none more.
             let most = step(&file) * 3f64.sqrt() / 2.0;
             assert!((0.9 * most..1.001 * most).contains(&least), "{least} of {most}");
-            let info = folder.stdout("info out.chpm");
+            let info = folder.stdout("info out.chpm --settings");
             assert!(info.contains(&format!("positions lattice:{bits}")), "{info}");
             lens.push(file.bytes().len());
         }
