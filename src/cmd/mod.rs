@@ -15,11 +15,11 @@ pub(crate) mod relayout;
 #[cfg(feature = "viewer")]
 pub(crate) mod render;
 pub(crate) mod report;
-pub(crate) mod stats;
 #[cfg(feature = "web")]
 pub(crate) mod serve;
 #[cfg(feature = "web")]
 pub(crate) mod share;
+pub(crate) mod stats;
 pub(crate) mod synth;
 pub(crate) mod verify;
 #[cfg(feature = "viewer")]

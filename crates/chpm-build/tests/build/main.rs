@@ -4,6 +4,7 @@ mod bytes;
 mod groups;
 mod lattice;
 mod looks;
+mod normals;
 mod odd;
 mod reading;
 mod resume;
