@@ -129,6 +129,12 @@ fn tell(outcome: &Outcome) -> Result<()> {
     let mut out = stdout();
     let rate = *frames as f64 / seconds.max(1e-9);
     writeln!(out, "{} in {seconds:.2} s, {rate:.1} a second, on {adapter}", Counted(*frames, "frame"))?;
+    if let Some([median, most]) = outcome.moving {
+        writeln!(out, "moving: {median:.1} ms a frame, 95 of 100 within {most:.1} ms")?;
+    }
+    if let Some(seconds) = outcome.complete {
+        writeln!(out, "at rest: complete after {seconds:.2} s")?;
+    }
     Ok(out.flush()?)
 }
 

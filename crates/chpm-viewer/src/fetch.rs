@@ -21,6 +21,7 @@ use std::fs::File;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
 /// A page that came, or why it cannot.
 pub type Arrival = (ClusterId, Result<Arc<PageData>, ViewerError>);
@@ -129,6 +130,20 @@ impl Fetch {
         let mut queue = self.shared.lock();
         while queue.is_moving() {
             queue = self.shared.news.wait(queue).unwrap_or_else(PoisonError::into_inner);
+        }
+        queue.take_arrived()
+    }
+
+    /// The same, but no longer than this.
+    pub fn wait_arrived_for(&mut self, patience: Duration) -> Vec<Arrival> {
+        let until = Instant::now() + patience;
+        let mut queue = self.shared.lock();
+        while queue.is_moving() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            queue = self.shared.news.wait_timeout(queue, left).unwrap_or_else(PoisonError::into_inner).0;
         }
         queue.take_arrived()
     }

@@ -4,7 +4,9 @@
 //! show drawn, all in one submission: nothing is read back before a later frame. A frame that waits repeats refining and testing, in
 //! depth alone and with the answers at once, until nothing changes any more, and then draws what is visible.
 
+mod flow;
 mod paint;
+mod rate;
 mod samples;
 
 use crate::error::ViewerError;
@@ -22,7 +24,10 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Aabb;
 use chpm_refine::{Camera, Changes, Outline, RefineError, Stance, View, Window};
+use flow::Picture;
+pub(crate) use paint::heat;
 use paint::{Colors, Plan};
+use rate::Rate;
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
@@ -51,6 +56,9 @@ pub struct Viewer {
     asked: VecDeque<(Vec<Subject>, Answers)>,
     /// Of the last frame that flowed.
     before: Option<Camera>,
+    /// What the last frame that flowed drew.
+    drawn: Option<Picture>,
+    rate: Rate,
     /// Pixels of error that a number of triangles has led to.
     found: f64,
     /// By cluster: number of its first triangle; empty until ids are asked for.
@@ -64,10 +72,21 @@ struct Eye {
     culling: Culling,
 }
 
-/// Frames that are read ahead.
-const LOOK_AHEAD: f64 = 8.0;
-/// Frames from one look ahead to the next; a page takes longer than that anyway.
-const AHEAD_EVERY: u64 = 4;
+/// How far a refinement goes: how long it waits for pages, and how many bytes it brings for the GPU; none for all.
+#[derive(Clone, Copy, Debug)]
+struct Haste {
+    wait: Option<Duration>,
+    most: Option<u64>,
+}
+
+impl Haste {
+    const NONE: Haste = Haste { wait: None, most: None };
+
+    fn of(most: u64) -> Self {
+        Haste { wait: Some(Duration::ZERO), most: Some(most) }
+    }
+}
+
 /// Frames from one test of what is visible to the next.
 const ASK_EVERY: u64 = 4;
 /// The same where nothing is hidden.
@@ -110,6 +129,8 @@ impl Viewer {
             now: 0,
             asked: VecDeque::new(),
             before: None,
+            drawn: None,
+            rate: Rate::default(),
             found: 1.0,
             keys: Vec::new(),
             gpu,
@@ -181,6 +202,7 @@ impl Viewer {
         self.check_size(request.viewport)?;
         self.pipelines.one_sided = request.look.one_sided;
         let mut stats = if request.wait || request.select_from.is_some() {
+            self.drawn = None;
             let mut stats = self.settle(request)?;
             let colors = self.colors(request, target);
             let samples = if request.wait { request.samples.max(1) } else { 1 };
@@ -222,120 +244,27 @@ impl Viewer {
         }
     }
 
-    /// One frame that waits for nothing.
-    fn flow(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
-        let poe = self.pixels_of_error(request.accuracy);
-        let eye = self.eye(&request.camera, request, poe)?;
-        let mut stats = Stats { poe, rounds: 1, ..Stats::default() };
-        let mut watch = Watch::start();
-
-        // What frames before have asked, and the cut that follows from it.
-        self.take_answers(&mut stats);
-        stats.times.occlusion += watch.lap();
-        self.refine(&eye, false, &mut stats)?;
-
-        // Where the camera is going, pages are read before they are wanted.
-        if let Some(before) = self.before.replace(request.camera)
-            && before != request.camera
-            && self.now.is_multiple_of(AHEAD_EVERY)
-        {
-            let ahead = request.camera.onward(&before, LOOK_AHEAD);
-            if let Ok(ahead) = self.eye(&ahead, request, poe) {
-                stats.requested_bytes += self.scene.foresee(&ahead.view, ahead.culling);
-            }
-        }
-        self.scene.look(&eye.view, eye.culling);
-        stats.times.refine += watch.lap();
-
-        // The draw list: what is visible comes first, then what a test may show.
-        let colors = self.colors(request, target);
-        self.pipelines.prepare(&self.gpu, colors.kind())?;
-        // Without numbered draws, what comes into sight is drawn once the answer is there.
-        let at_once = self.gpu.features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
-        let plan = if eye.culling.occlusion && at_once { Plan::HiddenToo } else { Plan::Visible };
-        let shown = self.gather(&colors, plan, &mut stats)?;
-        watch.lap();
-        let uniform = eye.lens.uniform(colors.uniform());
-        self.buffers.write(&self.gpu, &self.pipelines, &self.list, &uniform);
-        stats.times.draw += watch.lap();
-        let (subjects, boxes) = match eye.culling.occlusion {
-            true => self.questions(&eye, at_once),
-            false => Default::default(),
-        };
-        stats.tested += boxes.len() as u64;
-        stats.times.occlusion += watch.lap();
-
-        // One submission: what is visible, the tests against its depth, what they show.
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
-        let mut pass =
-            passes::begin(&mut encoder, Some(target.color), depth.view(), Some(colors.background()));
-        let drawn = Drawn { pipelines: &self.pipelines, arena: &self.arena, list: &self.list };
-        self.buffers.draw(&self.gpu, &mut pass, &drawn, 0..shown);
-        drop(pass);
-        stats.times.draw += watch.lap();
-        let questions = Questions { depth, boxes: &boxes, draws: &self.buffers, kind: self.list.kind() };
-        let answers = (!boxes.is_empty()).then(|| self.occlusion.record(&self.gpu, &mut encoder, &questions));
-        stats.times.occlusion += watch.lap();
-        if shown < self.list.count() {
-            let mut pass = passes::begin(&mut encoder, Some(target.color), depth.view(), None);
-            self.buffers.draw(&self.gpu, &mut pass, &drawn, shown..self.list.count());
-        }
-        self.gpu.queue.submit([encoder.finish()]);
-
-        // The answers are taken in by a frame to come.
-        if let Some(answers) = answers {
-            answers.send();
-            self.asked.push_back((subjects, answers));
-        }
-        stats.times.draw += watch.lap();
-
-        stats.triangles = self.list.triangles();
-        stats.clusters_drawn = shown as u64 + stats.newly_visible;
-        self.count(&mut stats);
-        if let Accuracy::Triangles(limit) = request.accuracy {
-            self.found = next_poe(self.found, stats.triangles, limit);
-        }
-        self.lens = Some(eye.lens);
-        Ok(stats)
-    }
-
-    /// Takes in the answers that have come.
-    fn take_answers(&mut self, stats: &mut Stats) {
-        self.gpu.poll(wgpu::PollType::Poll);
-        while let Some((subjects, answers)) = self.asked.pop_front() {
-            match self.occlusion.try_take(answers) {
-                Ok(visible) => {
-                    stats.newly_visible += self.scene.answer(subjects.into_iter().zip(visible)).clusters;
-                }
-                Err(answers) => {
-                    self.asked.push_front((subjects, answers));
-                    break;
-                }
-            }
-        }
-    }
-
     /// Selects for an eye, up to the cut.
-    fn refine(&mut self, eye: &Eye, wait: bool, stats: &mut Stats) -> Result<Changes, ViewerError> {
+    fn refine(&mut self, eye: &Eye, haste: Haste, stats: &mut Stats) -> Result<Changes, ViewerError> {
         if !self.scene.has_roots() {
             // The one thing that a frame cannot do without.
             self.scene.read_roots()?;
         }
 
         // What has come makes room for what is asked for.
-        self.scene.receive(false)?;
+        self.scene.receive(Some(Duration::ZERO))?;
         stats.requested_bytes += self.scene.want(&eye.view, eye.culling);
-        if wait {
+        if haste.wait != Some(Duration::ZERO) {
             let start = Instant::now();
-            let came = self.scene.receive(true)?;
+            let came = self.scene.receive(haste.wait)?;
             if came > 0 {
                 stats.stalls += 1;
                 stats.times.stall += start.elapsed();
             }
         }
 
-        let changes = self.scene.refine(&eye.view, wait, |cluster| self.arena.get(cluster).is_some())?;
+        let sent = |cluster| self.arena.get(cluster).is_some();
+        let changes = self.scene.refine(&eye.view, haste.most, sent)?;
         stats.splits += changes.splits;
         stats.collapses += changes.collapses;
         stats.pm_steps += changes.pm_steps;
@@ -433,7 +362,8 @@ impl Viewer {
             stats.rounds += 1;
             let mut watch = Watch::start();
             let stalled = stats.times.stall;
-            let changes = self.refine(&eye, request.wait, &mut stats)?;
+            let haste = if request.wait { Haste::NONE } else { Haste::of(self.rate.bytes(request.patience)) };
+            let changes = self.refine(&eye, haste, &mut stats)?;
             self.scene.look(&eye.view, eye.culling);
             stats.times.refine += watch.lap().saturating_sub(stats.times.stall - stalled);
             let mut changed = changes.splits + changes.collapses > 0;

@@ -2,6 +2,7 @@
 
 use chpm_mesh::Bytes;
 use chpm_refine::Camera;
+use std::time::Duration;
 
 /// What a viewer may use; both hold on models that are many times larger.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -48,9 +49,9 @@ pub enum Coloring {
     Vertex,
     /// A colour for each cluster.
     Cluster,
-    /// Its height above the leaves.
+    /// Its height above the leaves, from the least that is shown (blue) to the most (red).
     Level,
-    /// Where between its coarsest and its finest mesh a cluster is: from blue (finest) to red.
+    /// The error of what is drawn of a cluster, from the least that is shown (blue) to the most (red).
     Error,
     /// How long a cluster's data has been on the GPU: new ones are red, old ones green.
     Residency,
@@ -68,8 +69,12 @@ impl Coloring {
         (Coloring::Plain, "plain", "one colour"),
         (Coloring::Vertex, "vertex", "the model's own colours, where it has some"),
         (Coloring::Cluster, "cluster", "a colour for each cluster"),
-        (Coloring::Level, "level", "height above the leaves"),
-        (Coloring::Error, "error", "from finest (blue) to coarsest (red)"),
+        (Coloring::Level, "level", "height above the leaves, from the least shown (blue) to the most (red)"),
+        (
+            Coloring::Error,
+            "error",
+            "the error of what is drawn, from the least shown (blue) to the most (red)",
+        ),
         (Coloring::Residency, "residency", "new on the GPU (red) to old (green)"),
         (
             Coloring::Visibility,
@@ -146,7 +151,15 @@ pub struct FrameRequest {
     pub wait: bool,
     /// Pictures, each moved by a part of a pixel, whose mean a picture without a window is that waits; 1 has hard edges.
     pub samples: u32,
+    /// How long a frame that does not wait may take to refine: to send what splits bring to the GPU, and, where the camera rests, to wait
+    /// for pages that are on their way.
+    pub patience: Duration,
+    /// The target still has the last frame that did not wait. Nothing is drawn where this one would be the same.
+    pub kept: bool,
 }
+
+/// What a frame may take to refine, if nothing else is told.
+const PATIENCE: Duration = Duration::from_millis(10);
 
 impl FrameRequest {
     /// One pixel of error, with culling, not waiting.
@@ -161,6 +174,8 @@ impl FrameRequest {
             select_from: None,
             wait: false,
             samples: 1,
+            patience: PATIENCE,
+            kept: false,
         }
     }
 

@@ -21,6 +21,7 @@ use chpm_refine::{
 };
 use std::cell::Cell;
 use std::sync::Arc;
+use std::time::Duration;
 use visibility::{Sight, Subject, Visibility};
 
 /// What is culled.
@@ -68,9 +69,6 @@ pub struct News {
 
 /// Threads that read pages.
 const READERS: usize = 2;
-/// Bytes for the GPU that the splits of a frame may bring if it does not wait: what exceeds it is split in the next one. One split is
-/// always possible.
-const BROUGHT: u64 = 4 << 20;
 /// Most bytes of blocks that readers have made and no frame has sent; at most an eighth of the memory.
 const BLOCKS: Bytes = Bytes::mib(64);
 /// Groups that are asked in a frame, beyond which none is asked before its turn.
@@ -223,12 +221,16 @@ impl Scene {
         requested_bytes
     }
 
-    /// Takes in the pages that have come; waits for all that is on its way if told to.
+    /// Takes in the pages that have come, and before that waits for what is on its way: as long as it takes if no patience is told.
     ///
     /// # Errors
     /// Those of reading a page.
-    pub fn receive(&mut self, wait: bool) -> Result<usize, ViewerError> {
-        let arrived = if wait { self.fetch.wait_arrived() } else { self.fetch.try_arrived() };
+    pub fn receive(&mut self, patience: Option<Duration>) -> Result<usize, ViewerError> {
+        let arrived = match patience {
+            None => self.fetch.wait_arrived(),
+            Some(patience) if patience.is_zero() => self.fetch.try_arrived(),
+            Some(patience) => self.fetch.wait_arrived_for(patience),
+        };
         let count = arrived.len();
         for (cluster, page) in arrived {
             let page = page?;
@@ -251,18 +253,19 @@ impl Scene {
     pub fn read_roots(&mut self) -> Result<(), ViewerError> {
         let traffic = self.pager.request(&self.file, &self.hierarchy, Vec::new());
         self.dispatch(traffic, false);
-        self.receive(true).map(drop)
+        self.receive(None).map(drop)
     }
 
-    /// Brings the cut to what is wanted and there; unless `all` of it is asked for, in steps that a frame can send to the GPU: `sent` is
-    /// whether it has the block of a cluster.
+    /// Brings the cut to what is wanted and there, all of it or as far as what splits bring for the GPU is at most so many bytes; what
+    /// exceeds them is split by a later frame, but for one split, which is always possible. `sent` is whether the GPU has the block of a
+    /// cluster.
     ///
     /// # Errors
     /// None that a page which was checked could cause.
     pub fn refine(
         &mut self,
         view: &View,
-        all: bool,
+        most: Option<u64>,
         sent: impl Fn(ClusterId) -> bool,
     ) -> Result<Changes, ViewerError> {
         let (file, pages) = (&*self.file, &self.pages);
@@ -277,13 +280,13 @@ impl Scene {
         let ready = |group: GroupId| {
             let is_there =
                 self.pager.is_ready(group) && (self.gpu_has_room || self.gpu_residency.is_ready(group));
-            if !is_there || all || self.split[group.index()].get() {
+            let Some(most) = most.filter(|_| is_there && !self.split[group.index()].get()) else {
                 return is_there;
-            }
+            };
             // What has entered with this update and leaves again is never sent.
             let bytes =
                 (brought.get() + to_send(file.fine(group))).saturating_sub(to_send(file.coarse(group)));
-            let has_place = brought.get() == 0 || bytes <= BROUGHT;
+            let has_place = brought.get() == 0 || bytes <= most;
             if has_place {
                 brought.set(bytes);
                 // It is asked about once more, whether it is to stay.

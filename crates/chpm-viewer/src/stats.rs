@@ -42,6 +42,12 @@ pub struct Stats {
     pub stalls: u64,
     /// Refine-draw-test rounds: one, unless the frame waits.
     pub rounds: u64,
+    /// Where colours show levels or errors: the least (blue) and the most (red) of what is shown.
+    pub scale: Option<[f32; 2]>,
+    /// The last picture is still the right one, and was not drawn again.
+    pub kept: bool,
+    /// Tests of frames before whose answers have not come.
+    pub unanswered: u64,
     /// How long the parts took.
     pub times: Times,
 }

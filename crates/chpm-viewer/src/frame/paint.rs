@@ -129,12 +129,38 @@ fn hsv(hue: f64, saturation: f64, value: f64) -> [u8; 3] {
 }
 
 /// From blue for 0 over green to red for 1.
-fn heat(share: f64) -> [u8; 3] {
+pub(crate) fn heat(share: f64) -> [u8; 3] {
     hsv((1.0 - share.clamp(0.0, 1.0)) * 2.0 / 3.0, 0.75, 0.95)
 }
 
+/// The least and the most of some numbers.
+fn span(values: impl Iterator<Item = f32>) -> Option<[f32; 2]> {
+    values.fold(None, |span, value| match span {
+        None => Some([value; 2]),
+        Some([least, most]) => Some([f32::min(least, value), f32::max(most, value)]),
+    })
+}
+
+/// Where between the ends of a scale a number is.
+fn share(value: f32, [least, most]: [f32; 2]) -> f64 {
+    let width = f64::from(most) - f64::from(least);
+    if width > 0.0 { (f64::from(value) - f64::from(least)) / width } else { 0.0 }
+}
+
 impl Viewer {
-    fn tint(&self, coloring: Coloring, member: Member, sight: Sight) -> [u8; 3] {
+    /// What a scale of colours shows of a cluster.
+    fn measure(&self, coloring: Coloring, member: Member) -> Option<f32> {
+        match coloring {
+            Coloring::Level => Some(self.file().clusters()[member.cluster.index()].level as f32),
+            Coloring::Error => {
+                let page = self.scene.page(member.cluster)?;
+                Some(page.page().error_at(member.vertices as usize))
+            }
+            _ => None,
+        }
+    }
+
+    fn tint(&self, coloring: Coloring, member: Member, sight: Sight, scale: [f32; 2]) -> [u8; 3] {
         // Those that no cluster gives its colour to need no record.
         let record = match coloring {
             Coloring::Plain | Coloring::Vertex | Coloring::Ids => return [255; 3],
@@ -145,13 +171,9 @@ impl Viewer {
             Coloring::Plain | Coloring::Vertex | Coloring::Ids => [255; 3],
             Coloring::Cluster => distinct(member.cluster.0),
             Coloring::Group => distinct(record.group),
-            Coloring::Level => {
-                let levels = self.file().levels().len().max(2) - 1;
-                heat(f64::from(record.level) / levels as f64)
-            }
-            Coloring::Error => {
-                let steps = record.vertex_count - record.base_vertex_count;
-                heat(f64::from(record.vertex_count - member.vertices) / f64::from(steps.max(1)))
+            Coloring::Level | Coloring::Error => {
+                let value = self.measure(coloring, member).unwrap_or(scale[0]);
+                heat(share(value, scale))
             }
             Coloring::Residency => {
                 let since = self.arena.get(member.cluster).map_or(0, |resident| resident.since());
@@ -209,6 +231,10 @@ impl Viewer {
         }
         items.sort_unstable_by_key(|item| item.place);
 
+        let coloring = colors.look.colors;
+        let seen = items.iter().filter(|item| item.sight == Sight::Visible);
+        stats.scale = span(seen.filter_map(|item| self.measure(coloring, item.member)));
+
         self.list.restart(colors.kind);
         let mut count = 0;
         for Item { member, sight, .. } in items {
@@ -216,8 +242,8 @@ impl Viewer {
             let Some(resident) = self.arena.get(member.cluster) else { continue };
             let key = self.keys.get(member.cluster.index()).copied().unwrap_or(0);
             let shown = plan.shows(sight);
-            let mut tint = self.tint(colors.look.colors, member, sight);
-            if !shown && colors.look.colors == Coloring::Visibility {
+            let mut tint = self.tint(coloring, member, sight, stats.scale.unwrap_or_default());
+            if !shown && coloring == Coloring::Visibility {
                 // It is drawn only if it comes into sight.
                 tint = [240, 210, 70];
             }
@@ -395,6 +421,14 @@ impl Viewer {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scales_go_from_the_least_to_the_most_that_is_shown() {
+        assert_eq!(span([].into_iter()), None);
+        let scale = span([3.0, 1.0, 2.0].into_iter()).unwrap();
+        assert_eq!((scale, [1.0, 2.0, 3.0].map(|value| share(value, scale))), ([1.0, 3.0], [0.0, 0.5, 1.0]));
+        assert_eq!(share(5.0, [5.0, 5.0]), 0.0);
+    }
 
     #[test]
     fn colours_run_from_blue_to_red() {

@@ -97,6 +97,15 @@ impl Canvas {
         [self.texture.width(), self.texture.height()]
     }
 
+    /// Copies it into a texture of the same size and format.
+    pub fn copy(&self, encoder: &mut wgpu::CommandEncoder, to: &wgpu::Texture) {
+        encoder.copy_texture_to_texture(
+            self.texture.as_image_copy(),
+            to.as_image_copy(),
+            self.texture.size(),
+        );
+    }
+
     /// Waits for all that was drawn and brings the pixels back, four bytes each, rows from the top.
     ///
     /// # Errors

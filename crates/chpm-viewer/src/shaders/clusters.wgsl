@@ -163,8 +163,11 @@ fn wired(seen: Apart) -> Shown {
         color = 0.25 + 0.75 * unpack4x8unorm(hash).rgb;
     }
     let lit = shade(seen.at, seen.normal, color);
-    let distance = seen.corner / max(fwidth(seen.corner), vec3(1e-20));
-    let edge = 1.0 - smoothstep(0.4, 1.2, min(distance.x, min(distance.y, distance.z)));
+    let steps = max(fwidth(seen.corner), vec3(1e-20));
+    let distance = seen.corner / steps;
+    // Where triangles come down to a few pixels, edges would hide what they are the edges of.
+    let fade = 1.0 - smoothstep(0.15, 0.6, max(steps.x, max(steps.y, steps.z)));
+    let edge = fade * (1.0 - smoothstep(0.4, 1.2, min(distance.x, min(distance.y, distance.z))));
     let color_and_edge = mix(lit, vec3(0.03, 0.04, 0.06), select(0.0, 0.85 * edge, frame.look.z == 1u));
     return shown(encoded(color_and_edge), seen.position);
 }

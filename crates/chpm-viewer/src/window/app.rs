@@ -15,6 +15,7 @@ use crate::window::record::{Pace, Recorder};
 use crate::window::remember::Remembered;
 use crate::window::session::{Next, Session, Whole};
 use crate::window::settings::Settings;
+use crate::window::tally::Tally;
 use crate::window::{Options, Outcome, save};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -67,6 +68,7 @@ pub(super) struct App {
     due: Option<Instant>,
     first: Option<Instant>,
     frames: u64,
+    tally: Tally,
     forgot: Option<String>,
     fault: Option<ViewerError>,
 }
@@ -92,6 +94,7 @@ impl App {
             due: None,
             first: None,
             frames: 0,
+            tally: Tally::default(),
             forgot: None,
             fault: None,
         }
@@ -110,6 +113,8 @@ impl App {
         Ok(Outcome {
             frames: self.frames,
             seconds: self.first.map_or(0.0, |first| first.elapsed().as_secs_f64()),
+            moving: self.tally.moving(),
+            complete: self.tally.complete(),
             adapter: self.canvas.map(|canvas| canvas.gpu.describe()).unwrap_or_default(),
             forgot: self.forgot,
         })
@@ -224,6 +229,9 @@ impl App {
             }
         }
         self.keep();
+        if let Some(canvas) = &mut self.canvas {
+            canvas.forget();
+        }
         self.session = Some(session);
         self.before = None;
         self.stir();
@@ -313,18 +321,28 @@ impl App {
                     session.stir();
                 }
                 session.step(seconds, size);
-                let request = session.request(&self.settings, size);
-                let shown = canvas.show(over, |target| session.draw(&request, target));
-                shown.map(|stats| stats.map(|stats| session.shown(&stats, now.elapsed(), since)))
+                let request = session.request(&self.settings, size, self.before.map(|_| since));
+                let shown = canvas.show(over, |target, kept| session.draw(&request, target, kept));
+                shown.map(|drawn| {
+                    drawn.map(|stats| {
+                        if let Some(stats) = stats {
+                            session.shown(&stats, now.elapsed(), since);
+                        }
+                    })
+                })
             }
             None => {
                 let gpu = Arc::clone(&canvas.gpu);
-                canvas.show(over, |target| {
+                canvas.show(over, |target, _| {
                     clear(&gpu, target.color);
                     Ok(())
                 })
             }
         };
+        if let (Some(session), true) = (&self.session, self.options.frames.is_some()) {
+            let since = self.before.map(|_| since);
+            self.tally.take(since, session.is_moving(), session.next() == Next::Rest);
+        }
         let repaint = canvas.repaint;
         self.canvas = Some(canvas);
         let shown = shown?;

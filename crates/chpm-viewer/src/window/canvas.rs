@@ -1,11 +1,13 @@
 //! The window's surface, and the panel painted over the model.
 
 use crate::error::ViewerError;
+use crate::gpu::buffers;
 use crate::gpu::{AdapterChoice, Gpu, context};
 use crate::request::Target;
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 use std::sync::Arc;
 use wgpu::CurrentSurfaceTexture::{Lost, Occluded, Outdated, Suboptimal, Success, Timeout, Validation};
+use wgpu::util::TextureBlitter;
 use wgpu::wgt::WgpuHasDisplayHandle;
 use winit::event::WindowEvent;
 use winit::window::Window;
@@ -17,6 +19,9 @@ pub(super) struct Canvas {
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     painter: Renderer,
+    /// What the model is drawn into, if that has its picture.
+    picture: Option<buffers::Canvas>,
+    blitter: TextureBlitter,
     input: egui_winit::State,
     /// Something painted over the model wants the next frame after so long.
     pub(super) repaint: std::time::Duration,
@@ -45,9 +50,16 @@ impl Canvas {
         let plain = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];
         config.format = plain.into_iter().find(|f| formats.contains(f)).unwrap_or(config.format);
         config.present_mode = wgpu::PresentMode::AutoVsync;
-        let painter = gpu.attempt("preparing a window", || {
+        // The picture gets there by a copy, where the window takes one.
+        config.usage |= surface.get_capabilities(&gpu.adapter).usages & wgpu::TextureUsages::COPY_DST;
+        // What a hand does is to be seen in the next frame, not in the one after it.
+        config.desired_maximum_frame_latency = 1;
+        let (painter, blitter) = gpu.attempt("preparing a window", || {
             surface.configure(&gpu.device, &config);
-            Renderer::new(&gpu.device, config.format, RendererOptions::default())
+            // Nothing in the panel is shaded.
+            let options = RendererOptions { dithering: false, ..RendererOptions::default() };
+            let painter = Renderer::new(&gpu.device, config.format, options);
+            (painter, TextureBlitter::new(&gpu.device, config.format))
         })?;
 
         let longest = gpu.device.limits().max_texture_dimension_2d as usize;
@@ -63,12 +75,17 @@ impl Canvas {
         );
         let gpu = Arc::new(gpu);
         let repaint = std::time::Duration::MAX;
-        Ok(Canvas { window, gpu, surface, config, painter, input, repaint })
+        Ok(Canvas { window, gpu, surface, config, painter, picture: None, blitter, input, repaint })
     }
 
     /// Width and height of the picture, pixels.
     pub(super) fn size(&self) -> [u32; 2] {
         [self.config.width, self.config.height]
+    }
+
+    /// Another model is to be drawn, or none: the picture is nobody's.
+    pub(super) fn forget(&mut self) {
+        self.picture = None;
     }
 
     /// The window has another size.
@@ -103,11 +120,12 @@ impl Canvas {
         output
     }
 
-    /// Draws the model, then what is over it, and shows both. Answers what `model` did; `None` if the window cannot be drawn into now.
+    /// Draws the model into a picture of its own, shows that, and what is over it. `model` is told whether the picture is still the one that
+    /// it drew last. Answers what it did; `None` if the window cannot be drawn into now.
     pub(super) fn show<T>(
         &mut self,
         mut over: egui::FullOutput,
-        model: impl FnOnce(&Target<'_>) -> Result<T, ViewerError>,
+        model: impl FnOnce(&Target<'_>, bool) -> Result<T, ViewerError>,
     ) -> Result<Option<T>, ViewerError> {
         let Gpu { device, queue, .. } = &*self.gpu;
         // They have to be taken in whether the frame is shown or not.
@@ -122,8 +140,14 @@ impl Canvas {
             None => None,
             Some(texture) => {
                 let view = texture.texture.create_view(&wgpu::TextureViewDescriptor::default());
-                let done = model(&Target { color: &view, format: self.config.format })?;
-                self.paint(&over, &view);
+                let (size, format) = (self.size(), self.config.format);
+                let kept = self.picture.take().filter(|picture| picture.size() == size);
+                let is_kept = kept.is_some();
+                let picture =
+                    kept.unwrap_or_else(|| buffers::Canvas::new(&self.gpu, "picture", size, format));
+                let done = model(&Target { color: picture.view(), format }, is_kept)?;
+                self.paint(&over, &picture, &texture.texture, &view);
+                self.picture = Some(picture);
                 self.window.pre_present_notify();
                 self.gpu.queue.present(texture);
                 Some(done)
@@ -151,7 +175,13 @@ impl Canvas {
         }
     }
 
-    fn paint(&mut self, over: &egui::FullOutput, view: &wgpu::TextureView) {
+    fn paint(
+        &mut self,
+        over: &egui::FullOutput,
+        picture: &buffers::Canvas,
+        texture: &wgpu::Texture,
+        view: &wgpu::TextureView,
+    ) {
         let Gpu { device, queue, .. } = &*self.gpu;
         let scale = over.pixels_per_point;
         let screen = ScreenDescriptor {
@@ -161,6 +191,10 @@ impl Canvas {
         let jobs = self.input.egui_ctx().tessellate(over.shapes.clone(), scale);
         let mut encoder =
             device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("over the model") });
+        match texture.usage().contains(wgpu::TextureUsages::COPY_DST) {
+            true => picture.copy(&mut encoder, texture),
+            false => self.blitter.copy(device, &mut encoder, picture.view(), view),
+        }
 
         let mut orders = self.painter.update_buffers(device, queue, &mut encoder, &jobs, &screen);
         let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {

@@ -7,6 +7,7 @@
 mod app;
 pub mod browse;
 mod canvas;
+pub mod detail;
 pub mod figures;
 pub mod frustum;
 pub mod gesture;
@@ -21,6 +22,7 @@ mod save;
 mod session;
 pub mod settings;
 mod style;
+mod tally;
 
 use crate::error::ViewerError;
 use crate::gpu::AdapterChoice;
@@ -84,6 +86,10 @@ pub struct Outcome {
     pub frames: u64,
     /// From the first to the last of them, seconds.
     pub seconds: f64,
+    /// Milliseconds from one frame to the next while the camera moved: the median, and what nineteen of twenty keep to.
+    pub moving: Option<[f64; 2]>,
+    /// Seconds from the end of the motion until the picture was complete.
+    pub complete: Option<f64>,
     /// What drew them.
     pub adapter: String,
     /// Why what was set was not remembered, if it was not.

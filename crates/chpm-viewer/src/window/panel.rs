@@ -1,10 +1,11 @@
 //! The panel: what the last frames did, and what can be set.
 
+use crate::frame::heat;
 use crate::request::Coloring;
 use crate::stats::Stats;
-use crate::window::figures::{Figures, count, ms, percent};
+use crate::window::figures::{Figures, count, digits, ms, percent};
 use crate::window::keys::Command;
-use crate::window::settings::{POE, Settings, TRIANGLES};
+use crate::window::settings::{FRAME, POE, Settings, TRIANGLES};
 use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET};
 use chpm_mesh::Bytes;
 use chpm_refine::Up;
@@ -48,13 +49,14 @@ pub(super) fn show(
             ui.set_width(WIDTH);
             egui::ScrollArea::vertical().max_height(room).min_scrolled_height(room).show(ui, |ui| {
                 ui.set_width(WIDTH);
+                // What a visitor needs, then what a developer looks at.
                 header(ui, about);
+                detail(ui, settings, &figures.last);
+                look(ui, settings, about, &figures.last, &mut commands);
+                camera(ui, settings, about, &mut commands);
                 frame_time(ui, figures);
                 drawn(ui, figures);
                 memory(ui, figures, about);
-                detail(ui, settings, &figures.last);
-                look(ui, settings, about, &mut commands);
-                camera(ui, settings, about, &mut commands);
             });
         });
     });
@@ -75,9 +77,12 @@ fn title(ui: &mut Ui, text: &str) {
 /// A name to the left, a value to the right.
 fn row(ui: &mut Ui, name: &str, value: &str) {
     ui.horizontal(|ui| {
-        ui.label(RichText::new(name).color(QUIET));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             ui.label(RichText::new(value).monospace().color(CLEAR));
+            // The name has what is left.
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                ui.add(egui::Label::new(RichText::new(name).color(QUIET)).truncate());
+            });
         });
     });
 }
@@ -156,8 +161,8 @@ fn memory(ui: &mut Ui, figures: &Figures, about: &About<'_>) {
     title(ui, "Memory");
     meter(ui, "main", last.resident_bytes, about.memory);
     meter(ui, "GPU", last.gpu_bytes, about.gpu_memory);
-    let (asked, sent) = (Bytes(last.requested_bytes), Bytes(last.uploaded_bytes));
-    row(ui, "requested / uploaded", &format!("{asked} / {sent}"));
+    row(ui, "requested", &Bytes(last.requested_bytes).to_string());
+    row(ui, "uploaded", &Bytes(last.uploaded_bytes).to_string());
     let counts = "pages, and clusters on the GPU; tables, image and panel come on top";
     ui.label(RichText::new(counts).small().color(QUIET));
 }
@@ -184,13 +189,20 @@ fn detail(ui: &mut Ui, settings: &mut Settings, last: &Stats) {
                 .logarithmic(true)
                 .custom_formatter(|n, _| count(n as u64)),
         );
-        row(ui, "pixels of error", &format!("{:.2}", last.poe));
     } else {
         ui.add(egui::Slider::new(&mut settings.poe, POE).logarithmic(true).max_decimals(2).suffix(" px"));
     }
+    ui.horizontal(|ui| {
+        let does = "coarser while something moves, so that a frame takes no longer than this; and never more triangles than pixels";
+        ui.toggle_value(&mut settings.adaptive, "fluid").on_hover_text(does);
+        let slider = egui::Slider::new(&mut settings.frame, FRAME).logarithmic(true).max_decimals(0);
+        ui.spacing_mut().slider_width = 110.0;
+        ui.add_enabled(settings.adaptive, slider.suffix(" ms"));
+    });
+    row(ui, "shown", &format!("{} triangles, {} px", count(last.triangles), digits(last.poe)));
 }
 
-fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut Vec<Command>) {
+fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, commands: &mut Vec<Command>) {
     title(ui, "Look");
     ui.horizontal(|ui| {
         ui.selectable_value(&mut settings.smooth, false, "flat");
@@ -213,12 +225,38 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut 
             }
         });
     });
+    if let Some(range) = last.scale {
+        legend(ui, settings.colors, range);
+    }
 
     ui.horizontal(|ui| {
         ui.label(RichText::new("culling").color(QUIET));
         ui.toggle_value(&mut settings.frustum_culling, "frustum");
         ui.toggle_value(&mut settings.occlusion_culling, "occlusion");
         ui.toggle_value(&mut settings.one_sided, "back sides");
+    });
+}
+
+/// What the colours of a scale stand for.
+fn legend(ui: &mut Ui, colors: Coloring, [least, most]: [f32; 2]) {
+    let (bar, _) = ui.allocate_exact_size(vec2(WIDTH, 7.0), Sense::hover());
+    let steps = 32;
+    for step in 0..steps {
+        let [from, to] = [step, step + 1].map(|x| bar.left() + bar.width() * x as f32 / steps as f32);
+        let [r, g, b] = heat(f64::from(step) / f64::from(steps - 1));
+        let piece = Rect::from_min_max(egui::pos2(from, bar.top()), egui::pos2(to, bar.bottom()));
+        ui.painter().rect_filled(piece, 0.0, Color32::from_rgb(r, g, b));
+    }
+    let (name, number): (&str, fn(f32) -> String) = match colors {
+        Coloring::Level => ("level", |level| format!("{level:.0}")),
+        _ => ("error, units", |error| format!("{error:.3e}")),
+    };
+    ui.horizontal(|ui| {
+        ui.label(RichText::new(number(least)).monospace().color(CLEAR));
+        ui.label(RichText::new(name).small().color(QUIET));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(RichText::new(number(most)).monospace().color(CLEAR));
+        });
     });
 }
 
@@ -256,4 +294,93 @@ fn camera(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mu
         button(ui, "keys", false, Command::Help);
         ui.label(RichText::new("P hides the panel").small().color(QUIET));
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where texts of the panel are painted, in a window of this size.
+    fn texts(size: egui::Vec2, settings: &mut Settings, last: Stats) -> Vec<(String, Rect)> {
+        let context = egui::Context::default();
+        style::apply(&context);
+        let mut figures = Figures::default();
+        figures.take(&last, std::time::Duration::from_millis(364), 0.016, true);
+        let about = About {
+            model: "a model with a name that is longer than any panel is wide.chpm",
+            triangles: 372_000_000,
+            adapter: "an adapter",
+            memory: Bytes::mib(1024),
+            gpu_memory: Bytes::mib(512),
+            z_up: false,
+            frozen: true,
+            recording: Some(1234.5),
+            replaying: Some(0.5),
+            can_replay: true,
+        };
+        let raw = egui::RawInput {
+            screen_rect: Some(Rect::from_min_size(egui::Pos2::ZERO, size)),
+            ..Default::default()
+        };
+        let mut shapes = Vec::new();
+        // Places settle in the second pass.
+        for _ in 0..3 {
+            let mut output = context.run_pass(raw.clone(), |context| {
+                show(context, settings, &figures, &about);
+            });
+            output.textures_delta.clear();
+            shapes = output.shapes;
+        }
+        let text = |shape: &egui::epaint::ClippedShape| match &shape.shape {
+            egui::Shape::Text(text) => {
+                let rect = text.visual_bounding_rect().intersect(shape.clip_rect);
+                rect.is_positive().then(|| (text.galley.text().to_owned(), rect))
+            }
+            _ => None,
+        };
+        shapes.iter().filter_map(text).collect()
+    }
+
+    fn full() -> Stats {
+        let bytes = 987 << 20;
+        Stats {
+            poe: 12.34,
+            triangles: 999_000_000,
+            requested_bytes: bytes,
+            uploaded_bytes: bytes,
+            resident_bytes: bytes,
+            scale: Some([1.234e-5, 5.678e-2]),
+            ..Stats::default()
+        }
+    }
+
+    #[test]
+    fn no_text_lies_over_another() {
+        let mut settings = Settings { colors: Coloring::Error, ..Settings::default() };
+        for size in [vec2(1280.0, 1400.0), vec2(800.0, 600.0), vec2(320.0, 240.0)] {
+            let texts = texts(size, &mut settings, full());
+            assert!(texts.len() > 5, "{texts:?}");
+            for (place, (a, one)) in texts.iter().enumerate() {
+                for (b, other) in &texts[place + 1..] {
+                    let both = one.intersect(*other).shrink(1.0);
+                    assert!(!both.is_positive(), "{a:?} {one} and {b:?} {other}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_visitor_needs_comes_first_and_all_of_it_is_reached() {
+        let mut settings = Settings::default();
+        let low = texts(vec2(800.0, 600.0), &mut settings, full());
+        let top = |texts: &[(String, Rect)], name: &str| {
+            texts.iter().find(|(text, _)| text == name).map(|(_, rect)| rect.top())
+        };
+        let order = ["DETAIL", "LOOK", "CAMERA"].map(|name| top(&low, name));
+        assert!(order.iter().all(Option::is_some) && order.is_sorted(), "{order:?}");
+        assert!(low.iter().all(|(_, rect)| rect.bottom() <= 600.0), "{low:?}");
+        let high = texts(vec2(800.0, 1400.0), &mut settings, full());
+        assert!(top(&high, "CAMERA") < top(&high, "FRAME") && top(&high, "FRAME") < top(&high, "MEMORY"));
+        assert!(high.iter().any(|(text, _)| text == "uploaded"));
+    }
 }

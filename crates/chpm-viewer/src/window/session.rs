@@ -4,8 +4,9 @@ use crate::error::ViewerError;
 use crate::frame::Viewer;
 use crate::gpu::Gpu;
 use crate::headless::{self, Image};
-use crate::request::{Budgets, FrameRequest, Target};
+use crate::request::{Accuracy, Budgets, FrameRequest, Target};
 use crate::stats::Stats;
+use crate::window::detail::{Detail, Took};
 use crate::window::figures::Figures;
 use crate::window::frustum;
 use crate::window::gesture::Motion;
@@ -78,6 +79,13 @@ pub(super) struct Session {
     moving: bool,
     /// Frames since something changed.
     quiet: u32,
+    detail: Detail,
+    /// The frame that was drawn last, if nobody has taken notice of what it took.
+    took: Option<Took>,
+    /// The last frame drew nothing new.
+    idle: bool,
+    /// What the last frame was asked for.
+    asked: Option<FrameRequest>,
 }
 
 impl Session {
@@ -111,6 +119,10 @@ impl Session {
             measured: f64::NEG_INFINITY,
             moving: false,
             quiet: 0,
+            detail: Detail::default(),
+            took: None,
+            idle: false,
+            asked: None,
         })
     }
 
@@ -145,20 +157,58 @@ impl Session {
         }
     }
 
-    /// What the next frame is asked for.
-    pub(super) fn request(&self, settings: &Settings, size: [u32; 2]) -> FrameRequest {
-        settings.request(self.camera, size, self.frozen.map(|(camera, _)| camera))
+    /// What the next frame is asked for; `since` is what the last one took, if this one follows it at once.
+    pub(super) fn request(
+        &mut self,
+        settings: &Settings,
+        size: [u32; 2],
+        since: Option<f64>,
+    ) -> FrameRequest {
+        let wish = settings.wish(size);
+        let ms = since.map(|seconds| 1e3 * seconds);
+        if let (true, Some(ms)) = (self.idle, ms) {
+            self.detail.take_empty(ms);
+        }
+        let took = self.took.take().map(|took| Took { ms, ..took });
+        let poe = self.detail.next(&wish, took.as_ref(), self.moving);
+        // At rest, a picture that takes long is worth waiting for what belongs into it.
+        let patience =
+            if self.moving { wish.ms.min(100.0) / 4.0 } else { self.figures.total().clamp(30.0, 250.0) };
+        FrameRequest {
+            accuracy: Accuracy::PoE(poe),
+            patience: Duration::from_secs_f64(1e-3 * patience),
+            ..settings.request(self.camera, size, self.frozen.map(|(camera, _)| camera))
+        }
     }
 
-    /// Draws a frame.
-    pub(super) fn draw(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
-        self.viewer.frame(request, target)
+    /// Draws a frame, unless the picture that there is is final, and what was asked for.
+    pub(super) fn draw(
+        &mut self,
+        request: &FrameRequest,
+        target: &Target<'_>,
+        kept: bool,
+    ) -> Result<Option<Stats>, ViewerError> {
+        let request = FrameRequest { kept, ..*request };
+        let before =
+            self.asked.replace(request).map(|before| FrameRequest { patience: request.patience, ..before });
+        if kept && before == Some(request) && self.next() == Next::Rest {
+            return Ok(None);
+        }
+        self.viewer.frame(&request, target).map(Some)
     }
 
     /// A frame is shown: it took so long, and came so many seconds after the last one.
     pub(super) fn shown(&mut self, stats: &Stats, whole: Duration, seconds: f64) {
-        self.quiet = if self.moving || changed(&self.figures.last, stats) { 0 } else { self.quiet + 1 };
-        self.figures.take(stats, whole, seconds, self.quiet == 0);
+        let changes = self.moving || changed(&self.figures.last, stats);
+        // Nothing is final before all answers are there.
+        self.quiet = if changes { 0 } else { self.quiet + u32::from(stats.unanswered == 0) };
+        self.idle = stats.kept;
+        if stats.kept {
+            self.figures.keep(stats);
+        } else {
+            self.took = Some(Took { poe: stats.poe, triangles: stats.triangles, ms: None });
+            self.figures.take(stats, whole, seconds, changes);
+        }
         // What was below the pointer is somewhere else now.
         if self.moving {
             self.picked = None;
@@ -167,8 +217,15 @@ impl Session {
 
     /// The picture, complete and without a panel.
     pub(super) fn image(&mut self, settings: &Settings, size: [u32; 2]) -> Result<Image, ViewerError> {
-        let request = FrameRequest { wait: true, samples: SAMPLES, ..self.request(settings, size) };
+        let frozen = self.frozen.map(|(camera, _)| camera);
+        let request =
+            FrameRequest { wait: true, samples: SAMPLES, ..settings.request(self.camera, size, frozen) };
         Ok(headless::image(&mut self.viewer, &request)?.0)
+    }
+
+    /// Whether the camera moves.
+    pub(super) fn is_moving(&self) -> bool {
+        self.moving
     }
 
     /// Whether there is more to draw.

@@ -1,6 +1,7 @@
 //! What a person can set in the panel; what a frame is asked for follows from it.
 
 use crate::request::{Accuracy, Coloring, FrameRequest, Look, Shading};
+use crate::window::detail::Wish;
 use chpm_refine::Camera;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -9,6 +10,9 @@ use std::ops::RangeInclusive;
 pub const POE: RangeInclusive<f64> = 0.1..=64.0;
 /// Triangle budgets that the panel offers.
 pub const TRIANGLES: RangeInclusive<u64> = 1_000..=100_000_000;
+
+/// Milliseconds of a frame in motion that the panel offers.
+pub const FRAME: RangeInclusive<f64> = 8.0..=500.0;
 
 /// All of it. Fields that a file does not have are as by default.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -20,6 +24,10 @@ pub struct Settings {
     pub triangles: u64,
     /// Whether the budget decides.
     pub budgeted: bool,
+    /// Milliseconds that a frame may take while something moves, at the cost of detail.
+    pub frame: f64,
+    /// Whether motion costs detail, and no more triangles are drawn than the image has pixels.
+    pub adaptive: bool,
     /// Smooth shading.
     pub smooth: bool,
     /// What colours show.
@@ -45,6 +53,8 @@ impl Default for Settings {
             poe: 1.0,
             triangles: 1_000_000,
             budgeted: false,
+            frame: 30.0,
+            adaptive: true,
             smooth: false,
             colors: Coloring::Vertex,
             wireframe: false,
@@ -67,9 +77,19 @@ impl Settings {
         self
     }
 
-    /// How fine the mesh is.
+    /// How fine the mesh is at rest.
     pub fn accuracy(&self) -> Accuracy {
         if self.budgeted { Accuracy::Triangles(self.triangles) } else { Accuracy::PoE(self.poe) }
+    }
+
+    /// What decides how fine the next frame is, for an image of this size.
+    pub fn wish(&self, [width, height]: [u32; 2]) -> Wish {
+        let pixels = if self.adaptive { u64::from(width) * u64::from(height) } else { u64::MAX };
+        Wish {
+            poe: if self.budgeted { 0.0 } else { self.poe },
+            triangles: if self.budgeted { self.triangles } else { pixels },
+            ms: if self.adaptive { self.frame } else { f64::INFINITY },
+        }
     }
 
     /// One frame with these settings, not waiting.
@@ -112,6 +132,9 @@ impl Settings {
         if !(self.poe >= 0.0 && self.poe.is_finite()) {
             return Err(format!("poe: a number of pixels expected, got {}", self.poe));
         }
+        if !(self.frame > 0.0 && self.frame.is_finite()) {
+            return Err(format!("frame: a number of milliseconds above 0 expected, got {}", self.frame));
+        }
         if self.triangles == 0 {
             return Err("triangles: at least 1 expected, got 0".to_owned());
         }
@@ -150,6 +173,7 @@ mod tests {
         assert!(toml::from_str::<Settings>("poe = -1.0").unwrap().check().is_err());
         assert!(toml::from_str::<Settings>("poe = inf").unwrap().check().is_err());
         assert!(toml::from_str::<Settings>("triangles = 0").unwrap().check().is_err());
+        assert!(toml::from_str::<Settings>("frame = 0.0").unwrap().check().is_err());
     }
 
     #[test]
@@ -168,6 +192,16 @@ mod tests {
         assert!(request.look.wireframe && request.frustum_culling && !request.occlusion_culling);
         assert!(request.select_from == Some(camera) && !request.wait);
         assert_eq!(settings.with_accuracy(Accuracy::PoE(0.5)).accuracy(), Accuracy::PoE(0.5));
+    }
+
+    #[test]
+    fn a_picture_has_no_more_triangles_than_pixels_unless_that_is_asked_for() {
+        let settings = Settings { poe: 0.5, frame: 20.0, ..Settings::default() };
+        assert_eq!(settings.wish([640, 480]), Wish { poe: 0.5, triangles: 307_200, ms: 20.0 });
+        let budgeted = Settings { budgeted: true, triangles: 5_000_000, ..settings.clone() };
+        assert_eq!(budgeted.wish([640, 480]), Wish { poe: 0.0, triangles: 5_000_000, ms: 20.0 });
+        let all = Settings { adaptive: false, ..settings }.wish([640, 480]);
+        assert_eq!((all.poe, all.triangles, all.ms), (0.5, u64::MAX, f64::INFINITY));
     }
 
     #[test]
