@@ -409,6 +409,20 @@ impl<D: AsRef<[u8]>> Source<'_, D> {
     }
 }
 
+/// The corners of all triangles of a source, where they lie in the model, in no more memory than the store has.
+#[cfg_attr(not(feature = "viewer"), allow(dead_code))]
+pub(crate) fn each_corners(
+    source: &Path,
+    store: &Store,
+    cancel: &Cancel,
+    mut look: impl FnMut([[f64; 3]; 3]),
+) -> Result<()> {
+    let target = Target { store, drops: true, cancel };
+    each_triangle(source, None, &target, &mut Counts::default(), &mut |motion, triangle| {
+        look(placed(motion, triangle.corners));
+    })
+}
+
 /// Corners where they lie in the model.
 fn placed(motion: Option<&Motion>, corners: mesh::Corners) -> mesh::Corners {
     corners.map(|corner| motion.map_or(corner, |motion| motion.of(corner)))

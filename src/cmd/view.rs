@@ -1,26 +1,31 @@
 //! `chpm view`: a window on a model, which is built first if need be.
 
 use super::{Verdict, build, open, stdout};
+use crate::against;
 use crate::batch::inputs;
 use crate::number::{self, Triangles};
 use crate::output;
+use crate::picture::sketch::Sketch;
 use crate::picture::{DeviceArgs, StanceArgs};
 use crate::progress::{Meter, line};
 use crate::report::count;
 use crate::stop::Stop;
 use crate::view;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::{BuildConfig, Cancel, Progress, Stage, input};
+use chpm_build::{BuildConfig, Cancel, Progress, Silent, Stage, input};
+use chpm_extmem::Store;
+use chpm_import::ply::{Encoding, write_mesh};
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
 use chpm_viewer::window::remember::Memory;
 use chpm_viewer::window::{self, Options, Outcome, Prepare};
 use chpm_viewer::{Accuracy, Budgets};
-use std::fs;
-use std::io::Write;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use tempfile::TempDir;
 
 /// What `chpm view` is told.
 #[derive(clap::Args, Debug)]
@@ -70,12 +75,16 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     }
     let path = args.path.as_deref().map(read_path).transpose()?;
 
-    // A mesh is built first; a share of triangles is one of the file's.
+    // A mesh is built in the window, but first where a script or a share of its triangles needs it.
+    let share = matches!(args.triangles, Some(Triangles::Percent(_)));
     let model = match &args.model {
-        Some(model) if inputs::is_mesh(model) => Some(prepared(model, args, stop)?),
+        Some(model) if inputs::is_mesh(model) && (share || args.frames.is_some() || args.path.is_some()) => {
+            Some(prepared(model, args, stop)?)
+        }
         model => model.clone(),
     };
-    let triangles = args.triangles.map(|wanted| accuracy(wanted, model.as_deref())).transpose()?;
+    let built = model.as_deref().filter(|model| !inputs::is_mesh(model));
+    let triangles = args.triangles.map(|wanted| accuracy(wanted, built)).transpose()?;
 
     let cancel = stop.heed();
     let options = Options {
@@ -90,7 +99,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         screenshot: args.screenshot.clone(),
         memory: Memory::of_user(),
         recall: !args.fresh,
-        prepare: Arc::new(Builder::default()),
+        prepare: Arc::new(Builder { overwrite: args.force, ..Builder::default() }),
         stop: {
             let cancel = cancel.clone();
             Box::new(move || cancel.is_cancelled())
@@ -189,10 +198,40 @@ fn prepared(source: &Path, args: &Args, stop: &Stop) -> Result<PathBuf> {
     Ok(output)
 }
 
-/// Builds what is dropped on the window.
+/// Builds what the window is given.
 #[derive(Default)]
 struct Builder {
-    cancel: Cancel,
+    overwrite: bool,
+    /// Of the build that runs.
+    cancel: Mutex<Cancel>,
+    /// What is looked at meanwhile; gone with it.
+    previews: Mutex<Vec<TempDir>>,
+}
+
+impl Builder {
+    /// A coarse model of a source, built in a folder of its own.
+    fn preview(&self, source: &Path, cancel: &Cancel) -> Result<PathBuf> {
+        let folder = tempfile::tempdir()?;
+        let store = Store::create(folder.path(), PREVIEW.0)?;
+        let mut sketch = Sketch::default();
+        against::each_corners(source, &store, cancel, |corners| sketch.push(corners))?;
+        let mesh = sketch.finish().context("nothing to show")?;
+        let (ply, output) = (folder.path().join("preview.ply"), folder.path().join("preview.chpm"));
+        write_mesh(BufWriter::new(File::create(&ply)?), &mesh, Encoding::BinaryLittleEndian)?;
+        chpm_build::build(&ply, &output, &config(false), &Silent, cancel)?;
+        self.previews.lock().unwrap_or_else(PoisonError::into_inner).push(folder);
+        Ok(output)
+    }
+}
+
+/// Memory for reading what a preview is made of.
+const PREVIEW: Bytes = Bytes::mib(512);
+
+/// A build that leaves nothing behind if it is stopped.
+fn config(overwrite: bool) -> BuildConfig {
+    let mut config = BuildConfig { overwrite, ..BuildConfig::default() };
+    config.resources.checkpoint = None;
+    config
 }
 
 impl Prepare for Builder {
@@ -200,15 +239,28 @@ impl Prepare for Builder {
         inputs::is_mesh(path)
     }
 
-    fn prepare(&self, source: &Path, tell: &(dyn Fn(&str, f32) + Sync)) -> Result<PathBuf, String> {
+    fn prepare(
+        &self,
+        source: &Path,
+        tell: &(dyn Fn(&str, f32) + Sync),
+        show: &dyn Fn(PathBuf),
+    ) -> Result<PathBuf, String> {
+        let cancel = Cancel::default();
+        *self.cancel.lock().unwrap_or_else(PoisonError::into_inner) = cancel.clone();
         let output = beside(source).map_err(|error| error.to_string())?;
+        tell("reading", 0.0);
         match is_current(source, &output) {
             Some(true) => return Ok(output),
-            Some(false) => return Err(stale(source, &output)),
-            None => {}
+            Some(false) if !self.overwrite => return Err(stale(source, &output)),
+            _ => {}
+        }
+        // What cannot be shown early is told of by the build.
+        tell("a first look", 0.0);
+        if let Ok(preview) = self.preview(source, &cancel) {
+            show(preview);
         }
         let teller = Teller { tell, stage: Mutex::default(), done: AtomicU64::new(0) };
-        match chpm_build::build(source, &output, &BuildConfig::default(), &teller, &self.cancel) {
+        match chpm_build::build(source, &output, &config(self.overwrite), &teller, &cancel) {
             Ok(_) => Ok(output),
             Err(error) if error.is_cancelled() => Err("stopped".to_owned()),
             Err(error) => Err(error.to_string()),
@@ -216,7 +268,7 @@ impl Prepare for Builder {
     }
 
     fn cancel(&self) {
-        self.cancel.cancel();
+        self.cancel.lock().unwrap_or_else(PoisonError::into_inner).cancel();
     }
 }
 

@@ -3,6 +3,7 @@
 pub(crate) mod plot;
 pub(crate) mod proof;
 pub(crate) mod sheet;
+pub(crate) mod sketch;
 pub(crate) mod walk;
 
 use crate::number;

@@ -231,6 +231,51 @@ fn a_mesh_is_built_once() {
 }
 
 #[test]
+fn a_mesh_is_seen_while_it_is_built() {
+    let Some(display) = Display::open() else { return };
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 200000 -o in.ply -q");
+    let child = display.spawn(&folder, "view in.ply");
+    // The window is there before the file is, and has a picture of its own meanwhile.
+    display.window("in.ply");
+    display.wait_for_a_picture(0.1);
+    display.window("in.chpm");
+    display.hand("key ctrl+q");
+    finish(child);
+    folder.stdout("verify in.chpm --against in.ply -q");
+    assert!(remembered(&folder, "position").len() == 3, "of the model, and of no preview");
+}
+
+#[test]
+fn a_build_that_nobody_waits_for_leaves_nothing() {
+    let Some(display) = Display::open() else { return };
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 1000000 -o in.ply -q");
+    let child = display.spawn(&folder, "view in.ply");
+    display.window("in.ply");
+    display.hand("key ctrl+q");
+    finish(child);
+    assert_eq!(folder.names(), ["in.ply"]);
+}
+
+#[test]
+fn a_path_is_typed_into_the_open_dialog() {
+    let Some(display) = Display::open() else { return };
+    let folder = built();
+    // Every letter of it is a shortcut elsewhere.
+    fs::copy(folder.path("in.chpm"), folder.path("pluncorb.chpm")).expect("a copy");
+    let child = display.spawn(&folder, "view in.chpm");
+    display.window("in.chpm");
+    display.wait_for_a_picture(0.2);
+    display.hand("key ctrl+o");
+    display.hand("type --delay 60 pluncorb.chpm");
+    display.hand("key Return");
+    display.window("pluncorb.chpm");
+    display.hand("key ctrl+q");
+    finish(child);
+}
+
+#[test]
 fn what_cannot_be_shown_is_told() {
     let Some(display) = Display::open() else { return };
     let folder = built();

@@ -117,6 +117,9 @@ pub enum ViewerError {
         /// Triangles of all clusters.
         got: u64,
     },
+    /// The model could not be made.
+    #[error("{0}")]
+    Model(String),
     /// The window system refused something.
     #[error("window: {0}")]
     Window(String),

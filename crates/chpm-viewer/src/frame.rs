@@ -147,6 +147,11 @@ impl Viewer {
         self.scene.file()
     }
 
+    /// Why some of the model stays coarser than frames that do not wait want it: the first of its pages that could not be read.
+    pub fn damage(&self) -> Option<&ViewerError> {
+        self.scene.damage()
+    }
+
     /// The box around the model, relative to [`Viewer::origin`].
     pub fn bounds(&self) -> Aabb {
         self.file().header().aabb()

@@ -56,6 +56,8 @@ pub struct Scene {
     visibility: Visibility,
     /// By group: the last frame that it was asked in.
     asked: Vec<u32>,
+    /// The first page that could not be read by a frame that did not wait.
+    damage: Option<ViewerError>,
 }
 
 /// What came into sight.
@@ -122,6 +124,7 @@ impl Scene {
             pages: file.clusters().iter().map(|_| None).collect(),
             visibility: Visibility::new(&file),
             asked: vec![0; file.groups().len()],
+            damage: None,
             budgets: Budgets { memory, gpu_memory: gpu_room },
             file,
         })
@@ -233,7 +236,15 @@ impl Scene {
         };
         let count = arrived.len();
         for (cluster, page) in arrived {
-            let page = page?;
+            let page = match page {
+                Ok(page) => page,
+                // Who waits wants all of it. Who does not is shown what there is: the group above stays as it is.
+                Err(error) if patience.is_none() => return Err(error),
+                Err(error) => {
+                    self.damage.get_or_insert(error);
+                    continue;
+                }
+            };
             if self.pager.arrive(&self.file, cluster) {
                 self.pages[cluster.index()] = Some(page);
             }
@@ -381,6 +392,11 @@ impl Scene {
             *count += u64::from(self.visibility.answer(subject, visible));
         }
         news
+    }
+
+    /// Why some of the model stays coarser than it is wanted, if anything of the file could not be read.
+    pub fn damage(&self) -> Option<&ViewerError> {
+        self.damage.as_ref()
     }
 
     /// The page of a cluster of the cut.

@@ -41,6 +41,8 @@ const NOTE: Duration = Duration::from_secs(6);
 pub(super) enum Event {
     /// A build does this, and has done this share of it.
     Progress(String, f32),
+    /// A build has something to look at meanwhile.
+    Preview(PathBuf),
     /// A build is done: the CHPM, or what to tell.
     Built(Result<PathBuf, String>),
 }
@@ -70,6 +72,10 @@ pub(super) struct App {
     frames: u64,
     tally: Tally,
     forgot: Option<String>,
+    /// The model that is shown is a preview of what is built.
+    preview: bool,
+    /// What is built is the model that the window was opened for.
+    is_first: bool,
     fault: Option<ViewerError>,
 }
 
@@ -96,6 +102,8 @@ impl App {
             frames: 0,
             tally: Tally::default(),
             forgot: None,
+            preview: false,
+            is_first: false,
             fault: None,
         }
     }
@@ -189,7 +197,10 @@ impl App {
         if let Some(accuracy) = self.options.accuracy {
             self.settings = self.settings.clone().with_accuracy(accuracy);
         }
-        if let Some(model) = model {
+        if let Some(model) = model.as_deref().filter(|model| self.options.prepare.takes(model)) {
+            self.build(model);
+            self.is_first = true;
+        } else if let Some(model) = model {
             self.open(&model, remembered)?;
             if let (Some(path), Some(session)) = (self.options.path.take(), &mut self.session) {
                 session.follow(&path, Pace::Frames);
@@ -232,6 +243,7 @@ impl App {
         if let Some(canvas) = &mut self.canvas {
             canvas.forget();
         }
+        self.preview = false;
         self.session = Some(session);
         self.before = None;
         self.stir();
@@ -241,7 +253,7 @@ impl App {
     /// Remembers the model that is open.
     fn keep(&mut self) {
         let (Some(session), Some(canvas)) = (&self.session, &self.canvas) else { return };
-        if self.remembers() {
+        if self.remembers() && !self.preview {
             let size = canvas.window.inner_size().into();
             let camera = session.navigator.destination();
             let remembered = Remembered::new(&session.path, size, &camera, &self.settings);
@@ -288,7 +300,11 @@ impl App {
     }
 
     fn back(&mut self) {
-        let closes = self.help || self.browser.is_some();
+        let mut closes = self.help || self.browser.is_some();
+        if !closes && self.building.is_some() {
+            self.options.prepare.cancel();
+            closes = true;
+        }
         (self.help, self.browser) = (false, None);
         if let (false, Some(session)) = (closes, &mut self.session) {
             session.stop_replay();
@@ -406,8 +422,13 @@ impl App {
         if self.help && overlay::keys(context) {
             commands.push(Command::Help);
         }
-        if let Some((what, share, _)) = &self.building {
-            overlay::progress(context, what, *share);
+        if let Some((what, share, _)) = &self.building
+            && overlay::progress(context, what, *share, self.preview)
+        {
+            self.options.prepare.cancel();
+        }
+        if let Some(damage) = self.session.as_ref().and_then(|session| session.viewer.damage()) {
+            overlay::damage(context, &damage.to_string());
         }
         self.note = self.note.take().filter(|(_, since)| since.elapsed() < NOTE);
         if let Some((note, _)) = &self.note {
@@ -471,17 +492,31 @@ impl ApplicationHandler<Event> for App {
         }
     }
 
-    fn user_event(&mut self, _: &ActiveEventLoop, event: Event) {
+    fn user_event(&mut self, events: &ActiveEventLoop, event: Event) {
         match event {
             Event::Progress(what, share) => {
                 if let Some(building) = &mut self.building {
                     (building.0, building.1) = (what, share);
                 }
             }
+            Event::Preview(path) => {
+                // What cannot be drawn early need not be.
+                if self.building.is_some() && self.open(&path, None).is_ok() {
+                    self.preview = true;
+                    if let Some(canvas) = &self.canvas {
+                        canvas.window.set_title("preview - chpm");
+                    }
+                }
+            }
             Event::Built(built) => {
                 self.building = None;
+                let is_first = std::mem::take(&mut self.is_first);
                 match built {
-                    Ok(path) => self.take(&path),
+                    Ok(path) => self.take_built(&path),
+                    Err(told) if is_first => {
+                        self.fault = Some(ViewerError::Model(told));
+                        events.exit();
+                    }
                     Err(told) => self.tell(told, true),
                 }
             }

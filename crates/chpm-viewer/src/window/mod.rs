@@ -36,7 +36,7 @@ use winit::event_loop::{ControlFlow, EventLoop};
 
 /// What a window is opened with.
 pub struct Options {
-    /// The model, a CHPM; one can be opened later.
+    /// The model, a CHPM or what one is made of; one can be opened later.
     pub model: Option<PathBuf>,
     /// What it may use.
     pub budgets: Budgets,
@@ -58,7 +58,7 @@ pub struct Options {
     pub memory: Memory,
     /// Whether what is known is used.
     pub recall: bool,
-    /// Makes a CHPM of a mesh that is dropped on the window.
+    /// Makes a CHPM of a mesh that is the model, or dropped on the window.
     pub prepare: Arc<dyn Prepare>,
     /// Whether the process was told to end.
     pub stop: Box<dyn Fn() -> bool>,
@@ -69,11 +69,17 @@ pub trait Prepare: Send + Sync {
     /// Whether a file is, by its name, a mesh that can be built.
     fn takes(&self, path: &Path) -> bool;
 
-    /// Builds, and answers the CHPM. `tell` hears what is done, and which share of it, from any thread.
+    /// Builds, and answers the CHPM. `tell` hears what is done, and which share of it, from any thread; `show` is given a coarse CHPM of
+    /// the same model, if there is one before.
     ///
     /// # Errors
     /// What to tell the user.
-    fn prepare(&self, source: &Path, tell: &(dyn Fn(&str, f32) + Sync)) -> Result<PathBuf, String>;
+    fn prepare(
+        &self,
+        source: &Path,
+        tell: &(dyn Fn(&str, f32) + Sync),
+        show: &dyn Fn(PathBuf),
+    ) -> Result<PathBuf, String>;
 
     /// Asks a build that runs to end early.
     fn cancel(&self);

@@ -53,13 +53,35 @@ pub(super) fn nothing(context: &egui::Context) {
     });
 }
 
-/// How far a build is.
-pub(super) fn progress(context: &egui::Context, what: &str, share: f32) {
-    let area = egui::Area::new(Id::unique("progress")).anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0));
+/// How far a build is; below the model, if there is a preview of it. Answers whether it is to end.
+pub(super) fn progress(context: &egui::Context, what: &str, share: f32, has_preview: bool) -> bool {
+    let area = egui::Area::new(Id::unique("progress")).order(Order::Foreground);
+    let area = match has_preview {
+        true => area.anchor(Align2::CENTER_BOTTOM, vec2(0.0, -14.0)),
+        false => area.anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0)),
+    };
+    let shown = area.show(context, |ui| {
+        let inner = style::frame().show(ui, |ui| {
+            let what = if has_preview { format!("preview; building: {what}") } else { what.to_owned() };
+            ui.label(RichText::new(what).color(CLEAR));
+            ui.horizontal(|ui| {
+                ui.add(egui::ProgressBar::new(share).desired_width(320.0).show_percentage());
+                ui.button("cancel").clicked()
+            })
+        });
+        inner.inner.inner
+    });
+    shown.inner
+}
+
+/// What of the model cannot be shown as it should be; it stays.
+pub(super) fn damage(context: &egui::Context, text: &str) {
+    let area = egui::Area::new(Id::unique("damage")).anchor(Align2::RIGHT_TOP, vec2(-10.0, 10.0));
     area.interactable(false).order(Order::Foreground).show(context, |ui| {
         style::frame().show(ui, |ui| {
-            ui.label(RichText::new(what).color(CLEAR));
-            ui.add(egui::ProgressBar::new(share).desired_width(320.0).show_percentage());
+            ui.set_max_width(420.0);
+            ui.label(RichText::new("part of the model stays coarse:").color(WARNING));
+            ui.label(RichText::new(text).small().color(CLEAR));
         });
     });
 }
@@ -87,7 +109,12 @@ pub(super) fn browse(context: &egui::Context, browser: &Browser, typed: &mut Str
         // A path that is typed, taken from the folder that is shown.
         ui.horizontal(|ui| {
             let field = egui::TextEdit::singleline(typed).hint_text("a path").desired_width(360.0);
-            let done = ui.add(field).lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+            let field = ui.add(field);
+            let done = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+            // Who opens the dialog can type.
+            if ui.memory(|memory| memory.focused().is_none()) {
+                field.request_focus();
+            }
             if (ui.button("open").clicked() || done) && !typed.is_empty() {
                 let path = browser.folder().join(typed.trim());
                 choice = if path.is_dir() { Choice::Folder(path) } else { Choice::File(path) };

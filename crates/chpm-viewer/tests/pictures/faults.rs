@@ -1,7 +1,8 @@
 //! What a device refuses, and a device that goes, are errors that name the adapter and a remedy.
 
 use crate::models;
-use crate::screen::{PLENTY, exact};
+use crate::screen::{PLENTY, exact, open};
+use chpm_format::Chpm;
 use chpm_viewer::{AdapterChoice, FrameRequest, Gpu, Viewer, ViewerError, headless};
 use std::sync::Arc;
 
@@ -53,6 +54,35 @@ fn what_is_refused_meanwhile_is_the_error_of_the_frame() {
         let error = headless::image(&mut viewer, &FrameRequest { wait, ..request }).expect_err("refused");
         tells(&error, &gpu, "too large");
     }
+}
+
+/// A page that is damaged costs the detail below its group, and nothing else; who waits for all of it is told.
+#[test]
+fn a_damaged_page_keeps_the_rest_on_screen() {
+    let model = models::Model::synth(chpm_synth::Shape::Terrain, 8000, 256);
+    let file = Chpm::open(std::fs::read(model.path()).expect("a file")).expect("a file");
+    let leaf = file.clusters().iter().find(|cluster| cluster.level == 0 && !cluster.is_root());
+    let at = leaf.expect("a leaf").page_offset as usize + 64;
+    drop(file);
+    let mut bytes = std::fs::read(model.path()).expect("a file");
+    bytes[at] ^= 0xff;
+    std::fs::write(model.path(), bytes).expect("written");
+
+    let mut viewer = open(&model, PLENTY);
+    let all = exact(viewer.framing(), [64, 64], 0.01);
+    let request = FrameRequest { wait: false, ..all };
+    let mut triangles = 0;
+    for _ in 0..100 {
+        let (_, stats) = headless::image(&mut viewer, &request).expect("a picture");
+        triangles = stats.triangles;
+        if viewer.damage().is_some() && stats.withheld > 0 && stats.splits == 0 && triangles > 4000 {
+            break;
+        }
+    }
+    assert!((4001..8000).contains(&triangles), "{triangles} are drawn");
+    let damage = viewer.damage().expect("it is told").to_string();
+    assert!(damage.contains("cluster") || damage.contains("page"), "{damage}");
+    assert!(headless::image(&mut viewer, &all).is_err());
 }
 
 #[test]

@@ -28,6 +28,18 @@ impl App {
         }
     }
 
+    /// Opens what was built; seen as its preview was, if that is what is shown.
+    pub(super) fn take_built(&mut self, path: &Path) {
+        let seen = self.session.as_ref().filter(|_| self.preview).map(|session| *session.camera());
+        let remembered = if seen.is_some() { None } else { self.recall(path) };
+        if let Err(error) = self.open(path, remembered) {
+            return self.tell(error.to_string(), true);
+        }
+        if let (Some(session), Some(camera)) = (&mut self.session, seen) {
+            session.navigator.jump(&camera);
+        }
+    }
+
     fn replay(&mut self, path: CameraPath) {
         match &mut self.session {
             Some(session) => {
@@ -39,7 +51,7 @@ impl App {
         }
     }
 
-    fn build(&mut self, source: &Path) {
+    pub(super) fn build(&mut self, source: &Path) {
         if self.building.is_some() {
             return self.tell("a build runs already", true);
         }
@@ -49,10 +61,15 @@ impl App {
             // A window that is closed hears nothing more.
             let tell =
                 |what: &str, share: f32| drop(proxy.send_event(Event::Progress(what.to_owned(), share)));
-            let built = prepare.prepare(&path, &tell);
+            let show = |preview: PathBuf| drop(proxy.send_event(Event::Preview(preview)));
+            let built = prepare.prepare(&path, &tell, &show);
             let _ = proxy.send_event(Event::Built(built));
         };
         let what = format!("building {}", source.display());
+        if let Some(canvas) = &self.canvas {
+            let name = source.file_name().unwrap_or_default().to_string_lossy();
+            canvas.window.set_title(&format!("{name} - chpm"));
+        }
         match thread::Builder::new().name("build".to_owned()).spawn(work) {
             Ok(thread) => self.building = Some((what, 0.0, thread)),
             Err(error) => self.tell(format!("cannot start a build: {error}"), true),

@@ -2,7 +2,7 @@
 
 use super::App;
 use crate::window::gesture::{Button, Finger, Motion, Scroll};
-use crate::window::keys;
+use crate::window::keys::{self, Command};
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, TouchPhase, WindowEvent};
 use winit::event_loop::ActiveEventLoop;
 use winit::keyboard::PhysicalKey;
@@ -75,12 +75,19 @@ impl App {
         let down = key.state == ElementState::Pressed;
 
         // A key that goes up is up, whoever saw it go down.
-        let typing = consumed || self.canvas.as_ref().is_some_and(|canvas| canvas.is_typing());
+        let dialog = self.browser.is_some();
+        let typing = consumed || dialog || self.canvas.as_ref().is_some_and(|canvas| canvas.is_typing());
         if self.flight.hold(code, down && !typing && !self.ctrl) && !self.ctrl {
             return self.stir_camera();
         }
         // What is typed is no command.
         if !down || typing {
+            // But for what closes the dialog.
+            if let (true, true, Some(command @ (Command::Back | Command::Quit))) =
+                (down, dialog, keys::command(code, self.ctrl))
+            {
+                self.obey(command, events);
+            }
             return;
         }
 
