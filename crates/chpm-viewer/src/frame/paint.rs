@@ -364,12 +364,19 @@ impl Viewer {
         self.gpu.attempt("making an image", make)
     }
 
+    /// The position of a cluster of the cut, and its error.
+    pub(crate) fn drawn(&self, cluster: ClusterId) -> Option<(Member, f32)> {
+        let (member, _) = self.scene.members().find(|(member, _)| member.cluster == cluster)?;
+        Some((member, self.measure(Coloring::Error, member)?))
+    }
+
     pub(crate) fn ids(&mut self, request: &FrameRequest) -> Result<(IdImage, Stats), ViewerError> {
         let start = Instant::now();
         self.check_size(request.viewport)?;
         self.number_triangles()?;
         self.pipelines.one_sided = false;
         let canvas = self.canvas_of(request, "ids", crate::gpu::pipelines::IDS)?;
+        self.drawn = None;
         let mut stats = self.settle(request)?;
         self.paint(request, Some(canvas.view()), Colors::ids(), [0.0; 2], &mut stats)?;
         let bytes = canvas.read(&self.gpu)?;

@@ -278,6 +278,17 @@ impl App {
             Command::Open => self.browse(None),
             Command::Back => self.back(),
             Command::Quit => events.exit(),
+            Command::Measure | Command::Inspect => {
+                let at = self.gestures.pointer();
+                let Some(session) = &mut self.session else { return };
+                let done = match command {
+                    Command::Measure => session.measure(at, size),
+                    _ => session.inspect(at, size),
+                };
+                if let Err(error) = done {
+                    self.tell(error.to_string(), true);
+                }
+            }
             // These are about a model.
             Command::Home | Command::Fit | Command::Up | Command::Freeze | Command::Replay => {
                 let Some(session) = &mut self.session else { return };
@@ -413,7 +424,13 @@ impl App {
     /// What lies over the model; answers what its buttons ask for.
     fn lay_out(&mut self, context: &egui::Context, size: [u32; 2]) -> Vec<Command> {
         if let Some(session) = &self.session {
-            overlay::borders(context, &session.frozen_lines(size), context.pixels_per_point());
+            let scale = context.pixels_per_point();
+            overlay::borders(context, &session.frozen_lines(size), scale);
+            if self.settings.rulers {
+                overlay::rulers(context, session.camera(), size, scale);
+            }
+            overlay::marks(context, &session.marks, session.camera(), size, scale);
+            overlay::record(context, &session.inspected);
         }
         let mut commands = self.show_panel(context);
         if self.session.is_none() && self.building.is_none() {

@@ -24,7 +24,7 @@ pub fn lines(seen: &Camera, aspect: f64, by: &Camera, viewport: [u32; 2]) -> Vec
 }
 
 /// A line as a camera sees it, if any of it is before the camera.
-fn project(line: [Point3<f64>; 2], by: &Camera, viewport: [u32; 2]) -> Option<Line> {
+pub(super) fn project(line: [Point3<f64>; 2], by: &Camera, viewport: [u32; 2]) -> Option<Line> {
     let (axes, distance) = axes(by);
     let near = NEAR * distance;
     let [mut a, mut b] = line.map(|point| {

@@ -39,6 +39,10 @@ pub enum Command {
     Replay,
     /// Writes the picture.
     Screenshot,
+    /// Measures from the point below the pointer, or to it, or ends that.
+    Measure,
+    /// Tells of the cluster below the pointer, or of none.
+    Inspect,
     /// Asks for a file.
     Open,
     /// Closes what is open over the model.
@@ -69,7 +73,7 @@ const fn ctrl(code: KeyCode, key: &'static str, command: Command, does: &'static
 }
 
 /// All keys, but for those of flight.
-pub const KEYS: [Binding; 20] = [
+pub const KEYS: [Binding; 22] = [
     key(KeyCode::Home, "Home", Command::Home, "the whole model, from the front"),
     key(KeyCode::KeyF, "F", Command::Fit, "the whole model, from this side"),
     key(KeyCode::KeyG, "G", Command::Fly, "drags look around (fly) or go around (orbit)"),
@@ -84,6 +88,18 @@ pub const KEYS: [Binding; 20] = [
     key(KeyCode::KeyX, "X", Command::Freeze, "freeze the selection and look at it from elsewhere"),
     key(KeyCode::KeyR, "R", Command::Record, "record a camera path; again: write it"),
     key(KeyCode::KeyT, "T", Command::Replay, "replay the last path; again: stop"),
+    key(
+        KeyCode::KeyM,
+        "M",
+        Command::Measure,
+        "measure from the point below the pointer; again: to this one; again: end",
+    ),
+    key(
+        KeyCode::KeyI,
+        "I",
+        Command::Inspect,
+        "the record of the cluster below the pointer; beside the model: none",
+    ),
     key(KeyCode::F12, "F12", Command::Screenshot, "screenshot, without the panel"),
     ctrl(KeyCode::KeyO, "Ctrl+O", Command::Open, "open a file; dropping one works, too"),
     key(KeyCode::KeyP, "P", Command::Panel, "panel"),

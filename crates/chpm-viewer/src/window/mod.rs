@@ -18,6 +18,7 @@ mod panel;
 mod pose;
 pub mod record;
 pub mod remember;
+pub mod rulers;
 mod save;
 mod session;
 pub mod settings;

@@ -1,11 +1,21 @@
 //! What lies over the model beside the panel: keys, notes, the open dialog, progress, the frozen camera's borders.
 
 use crate::window::browse::Browser;
-use crate::window::frustum::Line;
+use crate::window::frustum::{Line, project};
 use crate::window::keys::{KEYS, MOTIONS};
+use crate::window::rulers::{Mark, distance, scale_bar, triad};
 use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET, WARNING};
-use egui::{Align2, Id, LayerId, Order, RichText, Stroke, vec2};
+use chpm_refine::Camera;
+use egui::{Align2, Color32, FontId, Id, LayerId, Order, RichText, Stroke, pos2, vec2};
+use nalgebra::Point3;
 use std::path::PathBuf;
+
+/// The model's axes, and their colours.
+const AXES: [(&str, Color32); 3] = [
+    ("x", Color32::from_rgb(255, 105, 97)),
+    ("y", Color32::from_rgb(119, 221, 119)),
+    ("z", Color32::from_rgb(120, 170, 255)),
+];
 
 /// Something to tell the user.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -137,6 +147,83 @@ pub(super) fn browse(context: &egui::Context, browser: &Browser, typed: &mut Str
         });
     });
     if open { choice } else { Choice::Closed }
+}
+
+/// A scale bar and the axes of the model, at the lower edge.
+pub(super) fn rulers(context: &egui::Context, camera: &Camera, size: [u32; 2], scale: f32) {
+    let painter = context.layer_painter(LayerId::new(Order::Background, Id::unique("rulers")));
+    let corner = context.content_rect().right_bottom();
+    if let Some((length, pixels)) = scale_bar(camera, size[1], 160.0 * f64::from(scale)) {
+        let (right, y) = (corner.x - 84.0, corner.y - 22.0);
+        let left = right - pixels as f32 / scale;
+        let line = |from, to| painter.line_segment([from, to], Stroke::new(1.5, CLEAR));
+        line(pos2(left, y), pos2(right, y));
+        for x in [left, right] {
+            line(pos2(x, y - 4.0), pos2(x, y + 4.0));
+        }
+        let text = format!("{} units", number(length));
+        painter.text(
+            pos2(0.5 * (left + right), y - 6.0),
+            Align2::CENTER_BOTTOM,
+            text,
+            FontId::proportional(11.0),
+            CLEAR,
+        );
+    }
+
+    // What points away comes first, so that what points at the viewer lies over it.
+    let middle = corner - vec2(42.0, 42.0);
+    let mut axes: Vec<_> = triad(camera).into_iter().zip(AXES).collect();
+    axes.sort_by(|([.., a], _), ([.., b], _)| b.total_cmp(a));
+    for ([x, y, _], (name, color)) in axes {
+        let way = vec2(x as f32, y as f32);
+        painter.line_segment([middle, middle + 24.0 * way], Stroke::new(2.0, color));
+        painter.text(middle + 33.0 * way, Align2::CENTER_CENTER, name, FontId::proportional(11.0), color);
+    }
+}
+
+/// A length as people write it.
+fn number(length: f64) -> String {
+    if (1e-3..1e5).contains(&length) { format!("{length}") } else { format!("{length:e}") }
+}
+
+/// What is measured: points, the line between them, its length.
+pub(super) fn marks(context: &egui::Context, marks: &[Mark], camera: &Camera, size: [u32; 2], scale: f32) {
+    let painter = context.layer_painter(LayerId::new(Order::Background, Id::unique("marks")));
+    let point = |[x, y]: [f64; 2]| pos2(x as f32 / scale, y as f32 / scale);
+    let seen = |from: &Mark, to: &Mark| project([from.point, to.point].map(Point3::from), camera, size);
+    for mark in marks {
+        if let Some([at, _]) = seen(mark, mark) {
+            painter.circle_stroke(point(at), 4.0, Stroke::new(1.5, LIVE));
+        }
+    }
+    let [a, b] = marks else { return };
+    let (length, differs) = distance(a, b);
+    if let Some(line) = seen(a, b) {
+        painter.line_segment(line.map(point), Stroke::new(1.5, LIVE));
+        let middle = point([0, 1].map(|axis| 0.5 * (line[0][axis] + line[1][axis])));
+        let text = format!("{length:.6} \u{b1} {differs:.2e} units");
+        let galley = painter.layout_no_wrap(text, FontId::monospace(12.0), CLEAR);
+        let place = Align2::CENTER_BOTTOM.anchor_size(middle - vec2(0.0, 8.0), galley.size());
+        painter.rect_filled(place.expand(4.0), 4.0, style::BACK);
+        painter.galley(place.min, galley, CLEAR);
+    }
+}
+
+/// What is known of a cluster.
+pub(super) fn record(context: &egui::Context, lines: &[String]) {
+    if lines.is_empty() {
+        return;
+    }
+    let area = egui::Area::new(Id::unique("record")).anchor(Align2::RIGHT_TOP, vec2(-10.0, 120.0));
+    area.interactable(false).show(context, |ui| {
+        style::frame().show(ui, |ui| {
+            ui.set_max_width(420.0);
+            for line in lines {
+                ui.label(RichText::new(line).monospace().color(CLEAR));
+            }
+        });
+    });
 }
 
 /// The borders of what a frozen camera sees; `scale` is pixels of the image for one of the panel's points.

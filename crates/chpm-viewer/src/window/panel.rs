@@ -234,6 +234,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
         ui.toggle_value(&mut settings.frustum_culling, "frustum");
         ui.toggle_value(&mut settings.occlusion_culling, "occlusion");
         ui.toggle_value(&mut settings.one_sided, "back sides");
+        ui.toggle_value(&mut settings.rulers, "rulers");
     });
 }
 

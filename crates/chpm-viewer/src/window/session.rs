@@ -12,8 +12,9 @@ use crate::window::frustum;
 use crate::window::gesture::Motion;
 use crate::window::navigate::{Navigator, Pivot};
 use crate::window::record::{Pace, Recorder, Replay};
+use crate::window::rulers::Mark;
 use crate::window::settings::Settings;
-use chpm_refine::{Camera, CameraPath, Side, Stance, Up};
+use chpm_refine::{Camera, CameraPath, Member, Side, Stance, Up};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -80,6 +81,10 @@ pub(super) struct Session {
     /// Frames since something changed.
     quiet: u32,
     detail: Detail,
+    /// Points that are measured, two at most.
+    pub(super) marks: Vec<Mark>,
+    /// A cluster, as lines of text.
+    pub(super) inspected: Vec<String>,
     /// The frame that was drawn last, if nobody has taken notice of what it took.
     took: Option<Took>,
     /// The last frame drew nothing new.
@@ -120,6 +125,8 @@ impl Session {
             moving: false,
             quiet: 0,
             detail: Detail::default(),
+            marks: Vec::new(),
+            inspected: Vec::new(),
             took: None,
             idle: false,
             asked: None,
@@ -325,6 +332,52 @@ impl Session {
         let point = self.viewer.pick(at.map(|x| x as u32)).ok().flatten();
         self.picked = Some((self.time, at, point));
         point
+    }
+
+    /// The point of the next mark, or the end of measuring.
+    pub(super) fn measure(&mut self, at: [f64; 2], size: [u32; 2]) -> Result<(), ViewerError> {
+        if self.marks.len() > 1 {
+            self.marks.clear();
+        } else if let (Some(point), Some((_, error))) = (self.pick(at, size), self.cluster_at(at, size)?) {
+            self.marks.push(Mark { point, error: f64::from(error) });
+        } else {
+            self.marks.clear();
+        }
+        Ok(())
+    }
+
+    /// Tells of the cluster at a pixel.
+    pub(super) fn inspect(&mut self, at: [f64; 2], size: [u32; 2]) -> Result<(), ViewerError> {
+        self.inspected.clear();
+        let Some((member, error)) = self.cluster_at(at, size)? else { return Ok(()) };
+        let file = self.viewer.file();
+        let record = &file.clusters()[member.cluster.index()];
+        let group = if record.is_root() {
+            "a root".to_owned()
+        } else {
+            format!("below group {}", record.parent_group)
+        };
+        self.inspected = vec![
+            format!("{} of level {}, in group {}, {group}", member.cluster, record.level, record.group),
+            format!("drawn with {} of {} vertices", member.vertices, record.vertex_count),
+            format!("triangles {} to {}", record.base_triangle_count, record.triangle_count),
+            format!("error as drawn {error:.4e} units"),
+            format!("page {} at {}", chpm_mesh::Bytes(u64::from(record.page_len)), record.page_offset),
+        ];
+        Ok(())
+    }
+
+    /// The cluster that is seen at a pixel, its position, and the error of that.
+    fn cluster_at(&mut self, at: [f64; 2], size: [u32; 2]) -> Result<Option<(Member, f32)>, ViewerError> {
+        let inside = (0..2).all(|axis| at[axis] >= 0.0 && at[axis] < f64::from(size[axis]));
+        let Some(request) = self.asked.filter(|_| inside) else { return Ok(None) };
+        let (ids, _) =
+            self.viewer.ids(&FrameRequest { viewport: size, wait: false, kept: false, ..request })?;
+        // The picture was drawn over, in the depth that picking looks at.
+        (self.asked, self.quiet) = (None, 0);
+        let [x, y] = at.map(|x| x as usize);
+        let seen = ids.pixels[y * size[0] as usize + x];
+        Ok(seen.and_then(|seen| self.viewer.drawn(seen.cluster)))
     }
 
     /// Flight is as fast as what is ahead is far away.

@@ -45,6 +45,8 @@ pub struct Settings {
     pub fly: bool,
     /// Whether the panel is shown.
     pub panel: bool,
+    /// Whether scale bar and axes are.
+    pub rulers: bool,
 }
 
 impl Default for Settings {
@@ -63,6 +65,7 @@ impl Default for Settings {
             occlusion_culling: true,
             fly: false,
             panel: true,
+            rulers: true,
         }
     }
 }
