@@ -6,8 +6,8 @@ use crate::cmd::render;
 #[cfg(feature = "viewer")]
 use crate::cmd::view;
 use crate::cmd::{
-    batch, bench, build, completions, config, demo, dump, export, extract, info, measure, path, relayout,
-    report, simplify, stats, synth, verify, walk,
+    batch, bench, build, clearance, compare, completions, config, contacts, demo, distance, dump, export,
+    extract, info, measure, path, relayout, report, simplify, stats, synth, verify, walk,
 };
 #[cfg(feature = "web")]
 use crate::cmd::{serve, share};
@@ -51,6 +51,14 @@ pub(crate) enum Command {
     Verify(verify::Args),
     /// Measure how far two meshes are from each other, or the levels and cuts of a .chpm file from its source
     Measure(measure::Args),
+    /// How near two models are: an interval that is proven, from as little of their files as it takes
+    Distance(distance::Args),
+    /// Prove that two models are apart by more than a distance, or show where they are not; exit code 0 or 1
+    Clearance(clearance::Args),
+    /// Find everywhere that two models come near, or that one meets itself
+    Contacts(contacts::Args),
+    /// How far each vertex of a scan is from a reference: summary, colours, histogram
+    Compare(compare::Args),
     /// Speed against error: builds and simplifies a mesh in several ways, and measures time, memory and deviation
     Bench(bench::Args),
     /// What `bench` runs in processes of their own

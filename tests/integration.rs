@@ -50,6 +50,8 @@ mod integration {
     mod odd_cuts;
     /// What is written, and where: devices, links, streams, names, limits.
     mod outputs;
+    /// How near two models are, and what is refused.
+    mod proximity;
     /// A file's bytes, read without the reader under test.
     mod raw;
     /// Pages stored otherwise, and proof that they hold the same.

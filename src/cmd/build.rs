@@ -93,7 +93,7 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
 }
 
 /// Builds, unless the output's name is that of something else.
-pub(super) fn build(
+pub(crate) fn build(
     source: &Path,
     output: &Path,
     config: &BuildConfig,

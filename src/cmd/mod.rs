@@ -3,9 +3,13 @@
 pub(crate) mod batch;
 pub(crate) mod bench;
 pub(crate) mod build;
+pub(crate) mod clearance;
+pub(crate) mod compare;
 pub(crate) mod completions;
 pub(crate) mod config;
+pub(crate) mod contacts;
 pub(crate) mod demo;
+pub(crate) mod distance;
 pub(crate) mod dump;
 pub(crate) mod export;
 pub(crate) mod extract;
@@ -34,6 +38,7 @@ use anyhow::{Context, Result, anyhow};
 use chpm_export::ExportError;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, FormatError};
+use chpm_proximity::ProximityError;
 use chpm_refine::RefineError;
 use std::error::Error;
 use std::io::{self, BufWriter, StdoutLock};
@@ -62,6 +67,10 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
         Command::Stats(args) => stats::run(&args),
         Command::Verify(args) => verify::run(&args, stop),
         Command::Measure(args) => measure::run(&args, stop),
+        Command::Distance(args) => distance::run(&args, stop),
+        Command::Clearance(args) => clearance::run(&args, stop),
+        Command::Contacts(args) => contacts::run(&args, stop),
+        Command::Compare(args) => compare::run(&args, stop),
         Command::Bench(args) => bench::run(&args, stop),
         Command::Contend(args) => bench::contend(&args, stop),
         Command::Relayout(args) => relayout::run(&args, stop),
@@ -99,6 +108,7 @@ pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<
         cause.is::<FormatError>()
             || matches!(cause.downcast_ref(), Some(RefineError::Format(_)))
             || matches!(cause.downcast_ref(), Some(ExportError::Format(_) | ExportError::Orphan { .. }))
+            || matches!(cause.downcast_ref(), Some(ProximityError::Format(_)))
     };
     result.map_err(|error| match error.chain().any(is_of_file) {
         true => error.context(format!("cannot read '{}'", file.get_ref().path().display())),
@@ -107,7 +117,7 @@ pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<
 }
 
 /// A folder that is removed at the end.
-fn temporary() -> Result<TempDir> {
+pub(crate) fn temporary() -> Result<TempDir> {
     // What `tempfile` says names a folder that is not there.
     tempfile::tempdir().map_err(|error| {
         let place = std::env::temp_dir();

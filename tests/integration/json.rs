@@ -90,6 +90,11 @@ fn every_key_is_documented_and_appears() {
         ("verify", "verify bad.chpm -q --json", 1),
         ("measure", "measure in.chpm --against in.ply --levels --cuts 1 --samples 1 -q --json", 0),
         ("measure-meshes", "measure in.ply small.ply --samples 1 -q --json", 0),
+        ("distance", "distance in.chpm small.ply --pose 3,0,0 -q --json", 0),
+        ("clearance", "clearance in.chpm small.ply --above 1% -q --json", 1),
+        ("contacts", "contacts in.chpm small.ply --within 1% -q --json", 0),
+        ("contacts-self", "contacts in.chpm --self -q --json", 0),
+        ("compare", "compare in.chpm small.ply -q --json", 0),
         ("walk", "walk in.chpm in.path -q --json", 0),
         ("batch", "batch in.ply odd.obj bad.ply -o out --shard 1/1 -q --json", 1),
     ];

@@ -17,6 +17,7 @@ const EDGES: [(&str, &[&str]); 12] = [
     ("chpm-measure", &["chpm-mesh"]),
     ("chpm-export", &["chpm-mesh", "chpm-format"]),
     ("chpm-refine", &["chpm-mesh", "chpm-format"]),
+    ("chpm-proximity", &["chpm-mesh", "chpm-format", "chpm-refine"]),
     ("chpm-build", &["chpm-mesh", "chpm-import", "chpm-extmem", "chpm-partition", "chpm-qem", "chpm-format"]),
     ("chpm-viewer", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem"]),
 ];

@@ -1,0 +1,331 @@
+//! Everywhere that two models come near, by regions: nothing that is within a distance is missed, and nothing much beyond it is told.
+
+use crate::error::ProximityError;
+use crate::model::{Model, Reads};
+use crate::pose::{Between, Pose};
+use crate::search::{Witness, since, witness_of};
+use crate::triangle::{self, Corners};
+use chpm_mesh::{ClusterId, GroupId};
+use nalgebra::Vector3;
+use std::collections::{HashMap, HashSet};
+
+/// What is asked.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Near {
+    /// All that is within this distance is to be found.
+    pub within: f64,
+    /// What is farther than `within` by more than this is not to be told.
+    pub error: f64,
+    /// Most triangles that may be near, and most pairs of groups that may be.
+    pub most: usize,
+}
+
+/// Triangles that hang together, by edges and by what they are near to.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Region {
+    /// The sources are nowhere nearer in it.
+    pub least: f64,
+    /// Somewhere in it they are as near.
+    pub most: f64,
+    /// Where.
+    pub witness: Witness,
+    /// Triangles of each model.
+    pub triangles: [u64; 2],
+    /// Their area.
+    pub area: [f64; 2],
+    /// How far triangles that meet reach through each other's planes: an estimate of how deep the models are in each other, 0 where none meet.
+    pub depth: f64,
+    /// The coarsest level of each model that a triangle is of.
+    pub levels: [u32; 2],
+    /// A box about the triangles, where their poses put them.
+    pub low: [f64; 3],
+    /// Its largest corner.
+    pub high: [f64; 3],
+}
+
+/// All regions.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Contacts {
+    /// The nearest first.
+    pub regions: Vec<Region>,
+    /// Whether nothing is missed; not, where the caller had enough.
+    pub complete: bool,
+    /// What was read, of each model.
+    pub reads: [Reads; 2],
+    /// Pairs of triangles that are near.
+    pub pairs: u64,
+    /// How much f64 may have lost, the poses included.
+    pub margin: f64,
+}
+
+/// Finds where two models in their poses are near. `go_on` is asked before every pair of groups.
+///
+/// # Errors
+/// A damaged page; lengths that are none; more triangles than may be.
+pub fn contacts<D: AsRef<[u8]>, E: AsRef<[u8]>>(
+    a: &mut Model<'_, D>,
+    b: &mut Model<'_, E>,
+    poses: [&Pose; 2],
+    near: &Near,
+    go_on: &mut dyn FnMut(Reads) -> bool,
+) -> Result<Contacts, ProximityError> {
+    for (what, got) in [("distance", near.within), ("error", near.error)] {
+        if got.is_nan() || got < 0.0 {
+            return Err(ProximityError::Length { what, got });
+        }
+    }
+    let between = Between::new(&a.frame(poses[0]), &b.frame(poses[1]));
+    let before = [a.reads(), b.reads()];
+    let mut search =
+        Search { between, near, found: Found::default(), pairs: 0, known: HashSet::new(), a, b, poses };
+    let complete = search.run(before, go_on)?;
+    let regions = search.found.regions();
+    let reads = [since(search.a.reads(), before[0]), since(search.b.reads(), before[1])];
+    Ok(Contacts { regions, complete, reads, pairs: search.pairs, margin: between.margin })
+}
+
+struct Search<'s, 'a, 'b, D, E> {
+    a: &'s mut Model<'a, D>,
+    b: &'s mut Model<'b, E>,
+    poses: [&'s Pose; 2],
+    between: Between,
+    near: &'s Near,
+    known: HashSet<(GroupId, GroupId)>,
+    found: Found,
+    pairs: u64,
+}
+
+impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
+    fn run(
+        &mut self,
+        before: [Reads; 2],
+        go_on: &mut dyn FnMut(Reads) -> bool,
+    ) -> Result<bool, ProximityError> {
+        let mut open: Vec<(GroupId, GroupId)> = Vec::new();
+        for a in self.a.top() {
+            open.extend(self.b.top().into_iter().map(|b| (a, b)));
+        }
+        while let Some((a, b)) = open.pop() {
+            let [x, y] = [since(self.a.reads(), before[0]), since(self.b.reads(), before[1])];
+            if !go_on(x.plus(y)) {
+                return Ok(false);
+            }
+            if !self.known.insert((a, b)) || self.apart(a, b) > self.near.within {
+                continue;
+            }
+            if self.known.len() > self.near.most {
+                return Err(ProximityError::TooMany { what: "pairs of groups", limit: self.near.most });
+            }
+            if self.is_coarse(self.a, a) {
+                open.extend(self.a.below(a).into_iter().map(|fine| (fine, b)));
+            } else if self.is_coarse(self.b, b) {
+                open.extend(self.b.below(b).into_iter().map(|fine| (a, fine)));
+            } else {
+                self.compare(a, b)?;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Whether the meshes of a group are wrong by more than half of what is allowed, and there are finer ones.
+    fn is_coarse<F: AsRef<[u8]>>(&self, model: &Model<'_, F>, group: GroupId) -> bool {
+        let allowed = 0.5 * self.near.error - self.between.margin;
+        !model.is_leaf(group) && model.wrong(group).both() > allowed
+    }
+
+    /// How far two groups are apart at least, by the tables.
+    fn apart(&self, a: GroupId, b: GroupId) -> f64 {
+        self.between.squared(&self.a.block(a), &self.b.block(b)).sqrt() - self.between.margin
+    }
+
+    /// Whether a cluster's part of the surface is not told by coarser ones, too.
+    fn counts<F: AsRef<[u8]>>(&self, model: &Model<'_, F>, cluster: ClusterId) -> bool {
+        let parent = model.file().clusters()[cluster.index()].parent_group();
+        !parent.is_some() || self.is_coarse(model, parent)
+    }
+
+    fn compare(&mut self, a: GroupId, b: GroupId) -> Result<(), ProximityError> {
+        let wrong = [self.a.wrong(a), self.b.wrong(b)];
+        let errors = wrong.map(|wrong| wrong.error);
+        let lost = wrong[0].distance + wrong[1].distance + self.between.margin;
+        let reach = (self.near.within + lost) * (1.0 + 4.0 * f64::EPSILON);
+        let levels = [self.a.level(a), self.b.level(b)];
+        let (origin, pose) = (Vector3::from(self.a.file().header().origin), *self.poses[0]);
+        let place_in_world = move |point: Vector3<f64>| pose.apply((point + origin).into());
+        for x in self.a.coarse(a) {
+            for y in self.b.coarse(b) {
+                let apart = self.between.squared(&self.a.cluster_block(x), &self.b.cluster_block(y));
+                if apart.sqrt() > reach {
+                    continue;
+                }
+                let (p, q) = (self.a.patch(x)?, self.b.patch(y)?);
+                let counts = [self.counts(self.a, x), self.counts(self.b, y)];
+                let mut pairs = Vec::new();
+                p.pairs_within(&q, &self.between, reach, &mut |i, j| pairs.push((i, j)));
+                for (i, j) in pairs {
+                    let ((t, place), (u, other)) = (p.triangle(i), q.moved(j, &self.between));
+                    let near = triangle::distance(&t, &u);
+                    if near.least > reach {
+                        continue;
+                    }
+                    self.pairs += 1;
+                    let first = self.found.mark(0, (x, place), levels[0], counts[0], &t, &place_in_world);
+                    let second = self.found.mark(1, (y, other), levels[1], counts[1], &u, &place_in_world);
+                    if self.found.marks.len() > self.near.most {
+                        let what = "triangles that are near";
+                        return Err(ProximityError::TooMany { what, limit: self.near.most });
+                    }
+                    let root = self.found.join(first, second);
+                    let best = &mut self.found.best[root];
+                    best.depth = best.depth.max(if near.least <= 0.0 { depth(&t, &u) } else { 0.0 });
+                    best.least = best.least.min((near.least - lost).max(0.0));
+                    let most = near.most + errors[0] + errors[1] + self.between.margin;
+                    if most < best.most || best.witness.is_none() {
+                        best.most = most;
+                        let witness = witness_of(self.a, self.poses[0], &near);
+                        best.witness = Some(Witness {
+                            points: witness,
+                            errors,
+                            levels,
+                            clusters: [x, y],
+                            triangles: [place, other],
+                        });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How far a triangle that meets another reaches behind it, the less far of both.
+fn depth(t: &Corners, u: &Corners) -> f64 {
+    let behind = |of: &Corners, plane: &Corners| {
+        let normal = (plane[1] - plane[0]).cross(&(plane[2] - plane[0]));
+        let normal = normal.try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
+        of.iter().map(|p| normal.dot(&(plane[0] - p))).fold(0.0, f64::max)
+    };
+    behind(t, u).min(behind(u, t))
+}
+
+/// What is known of a region, kept at its first triangle.
+#[derive(Clone, Copy, Debug)]
+struct Best {
+    least: f64,
+    most: f64,
+    depth: f64,
+    witness: Option<Witness>,
+}
+
+/// A triangle that is near.
+#[derive(Clone, Copy, Debug)]
+struct Mark {
+    side: usize,
+    level: u32,
+    area: f64,
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
+/// Triangles that are near, and which of them hang together.
+#[derive(Default)]
+struct Found {
+    index: HashMap<(usize, ClusterId, u32), usize>,
+    /// By side and position: who has a corner there.
+    corners: HashMap<(usize, [u64; 3]), usize>,
+    marks: Vec<Mark>,
+    parent: Vec<usize>,
+    best: Vec<Best>,
+}
+
+impl Found {
+    /// The number of a triangle; it joins those with a corner in the same place.
+    fn mark(
+        &mut self,
+        side: usize,
+        (cluster, place): (ClusterId, u32),
+        level: u32,
+        counts: bool,
+        corners: &Corners,
+        world: &impl Fn(Vector3<f64>) -> [f64; 3],
+    ) -> usize {
+        let new = self.marks.len();
+        let id = *self.index.entry((side, cluster, place)).or_insert(new);
+        if id < new {
+            return id;
+        }
+        let area = 0.5 * (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).norm();
+        let at = corners.map(world);
+        let fold = |f: fn(f64, f64) -> f64| [0, 1, 2].map(|axis| f(f(at[0][axis], at[1][axis]), at[2][axis]));
+        let (low, high) = (fold(f64::min), fold(f64::max));
+        self.marks.push(Mark { side, level, area: if counts { area } else { 0.0 }, low, high });
+        self.parent.push(new);
+        self.best.push(Best { least: f64::INFINITY, most: f64::INFINITY, depth: 0.0, witness: None });
+        for corner in corners {
+            let bits: [u64; 3] = (corner + Vector3::zeros()).map(f64::to_bits).into();
+            let other = *self.corners.entry((side, bits)).or_insert(new);
+            self.join(other, new);
+        }
+        new
+    }
+
+    fn root(&mut self, mut id: usize) -> usize {
+        while self.parent[id] != id {
+            self.parent[id] = self.parent[self.parent[id]];
+            id = self.parent[id];
+        }
+        id
+    }
+
+    /// Makes one region of two; the first triangle of both keeps what is known of them.
+    fn join(&mut self, a: usize, b: usize) -> usize {
+        let (a, b) = (self.root(a), self.root(b));
+        if a == b {
+            return a;
+        }
+        let (keep, drop) = (a.min(b), a.max(b));
+        self.parent[drop] = keep;
+        let (one, two) = (self.best[keep], self.best[drop]);
+        self.best[keep] = Best {
+            least: one.least.min(two.least),
+            most: one.most.min(two.most),
+            depth: one.depth.max(two.depth),
+            witness: if two.most < one.most { two.witness } else { one.witness },
+        };
+        keep
+    }
+
+    fn regions(mut self) -> Vec<Region> {
+        let mut order: Vec<usize> = Vec::new();
+        let mut regions: HashMap<usize, Region> = HashMap::new();
+        for id in 0..self.marks.len() {
+            let root = self.root(id);
+            let (best, mark) = (self.best[root], self.marks[id]);
+            let Some(witness) = best.witness else { continue };
+            let region = regions.entry(root).or_insert_with(|| {
+                order.push(root);
+                Region {
+                    least: best.least,
+                    most: best.most,
+                    witness,
+                    triangles: [0; 2],
+                    area: [0.0; 2],
+                    depth: best.depth,
+                    levels: [0; 2],
+                    low: mark.low,
+                    high: mark.high,
+                }
+            });
+            region.triangles[mark.side] += 1;
+            region.area[mark.side] += mark.area;
+            region.levels[mark.side] = region.levels[mark.side].max(mark.level);
+            for axis in 0..3 {
+                region.low[axis] = region.low[axis].min(mark.low[axis]);
+                region.high[axis] = region.high[axis].max(mark.high[axis]);
+            }
+        }
+        let mut regions: Vec<Region> = order.iter().filter_map(|root| regions.remove(root)).collect();
+        regions.sort_by(|a, b| a.least.total_cmp(&b.least).then(b.depth.total_cmp(&a.depth)));
+        regions
+    }
+}

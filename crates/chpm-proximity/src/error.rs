@@ -1,0 +1,48 @@
+//! What can be wrong with a question about two models.
+
+use chpm_format::FormatError;
+
+/// Why a question has no answer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProximityError {
+    /// A page that is needed is damaged.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// Nothing is known of how far the model's coarse meshes are from its source.
+    #[error(
+        "{expected} expected, got {got}: nothing can be proven with it; build the file again with this version of chpm"
+    )]
+    Unproven {
+        /// What would be right.
+        expected: &'static str,
+        /// What is there.
+        got: &'static str,
+    },
+    /// A motion that changes distances, or is none.
+    #[error("pose: {expected} expected, got {got}; scale the model before it is built, not in the pose")]
+    Pose {
+        /// What would be right.
+        expected: &'static str,
+        /// What is there.
+        got: String,
+    },
+    /// A length that nothing can be compared with.
+    #[error("{what}: a number that is at least 0 expected, got {got}")]
+    Length {
+        /// Which.
+        what: &'static str,
+        /// What is there.
+        got: f64,
+    },
+    /// More is in contact than there is memory for.
+    #[error(
+        "contacts: {what} do not fit into {limit} of them; ask for a smaller distance or a larger error, or give more memory"
+    )]
+    TooMany {
+        /// What there is too much of.
+        what: &'static str,
+        /// Most that fit.
+        limit: usize,
+    },
+}

@@ -1,0 +1,175 @@
+//! How far points are from a model, each within a tolerance.
+
+use crate::boxes::Block;
+use crate::error::ProximityError;
+use crate::model::Model;
+use crate::patch::{Patch, Spot};
+use crate::pose::{Between, Pose};
+use chpm_mesh::{ClusterId, GroupId};
+use nalgebra::Vector3;
+use std::collections::{BTreeSet, BinaryHeap};
+use std::rc::Rc;
+
+/// Measures points of one model against another, the reference.
+pub struct Gauge<'m, 'a, D> {
+    reference: &'m mut Model<'a, D>,
+    between: Between,
+    tolerance: f64,
+}
+
+/// A group of the reference that may be nearest to a point.
+struct Waiting {
+    least: f64,
+    group: GroupId,
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Waiting {}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Waiting {
+    /// The nearest is the greatest.
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        other.least.total_cmp(&self.least).then(other.group.cmp(&self.group))
+    }
+}
+
+impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
+    /// Points are positions of `scan`, relative to its origin; poses are the scan's and the reference's.
+    ///
+    /// # Errors
+    /// A tolerance that is no length.
+    pub fn new<E: AsRef<[u8]>>(
+        scan: &Model<'_, E>,
+        reference: &'m mut Model<'a, D>,
+        poses: [&Pose; 2],
+        tolerance: f64,
+    ) -> Result<Self, ProximityError> {
+        if tolerance.is_nan() || tolerance < 0.0 {
+            return Err(ProximityError::Length { what: "tolerance", got: tolerance });
+        }
+        let between = Between::new(&reference.frame(poses[1]), &scan.frame(poses[0]));
+        Ok(Gauge { reference, between, tolerance })
+    }
+
+    /// How much of a distance f64 may have lost, the poses included.
+    pub fn margin(&self) -> f64 {
+        self.between.margin
+    }
+
+    /// Appends the distance of each point to `out`: negative on the side that the nearest triangle turns its back to. Its size is within the tolerance, or within
+    /// the rounding of the reference's leaves and the [margin](Self::margin) where that is less.
+    ///
+    /// # Errors
+    /// A damaged page.
+    pub fn measure(&mut self, points: &[[f32; 3]], out: &mut Vec<f64>) -> Result<(), ProximityError> {
+        let points: Vec<Vector3<f64>> = points.iter().map(|point| self.between.apply(*point)).collect();
+        // In runs that are near each other, each with the patches that it may be near to.
+        for run in points.chunks(RUN) {
+            let patches = self.candidates(run)?;
+            let mut last: Option<(Vector3<f64>, f64)> = None;
+            let mut order: Vec<(f64, usize)> = Vec::with_capacity(patches.len());
+            for point in run {
+                // No farther than the way to the last one and its distance.
+                let most = last.map_or(f64::INFINITY, |(at, away)| {
+                    ((point - at).norm() + away) * (1.0 + 1e-9) + self.between.margin
+                });
+                let mut spot = Spot::beyond(most);
+                order.clear();
+                order
+                    .extend(patches.iter().enumerate().map(|(i, (block, _))| (block.squared_from(point), i)));
+                order.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+                for (away, i) in &order {
+                    if *away > spot.reach() {
+                        break;
+                    }
+                    patches[*i].1.nearest_to(point, &mut spot);
+                }
+                let distance = spot.distance();
+                last = Some((*point, distance.abs()));
+                out.push(distance);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the meshes of a group are as near to the source as they have to be.
+    fn is_fine(&self, group: GroupId) -> bool {
+        let wrong = self.reference.wrong(group);
+        self.reference.is_leaf(group)
+            || wrong.error.max(wrong.distance) <= self.tolerance - self.between.margin
+    }
+
+    /// Patches of which one is nearest to each point of a run.
+    fn candidates(&mut self, run: &[Vector3<f64>]) -> Result<Vec<(Block, Rc<Patch>)>, ProximityError> {
+        let (mut low, mut high) = (run[0], run[0]);
+        for point in run {
+            (low, high) = (low.inf(point), high.sup(point));
+        }
+        let center = (low + high) * 0.5;
+        let radius = run.iter().map(|point| (point - center).norm()).fold(0.0, f64::max);
+        let mut most = f64::INFINITY;
+        let mut waiting = BinaryHeap::new();
+        let mut known = BTreeSet::new();
+        let mut found: Vec<(f64, ClusterId)> = Vec::new();
+        for group in self.reference.top() {
+            self.put(group, &center, &mut known, &mut waiting);
+        }
+        while let Some(Waiting { least, group }) = waiting.pop() {
+            // The middle's nearest point is this near to all others, but for twice the way to them.
+            if least > most + 2.0 * radius {
+                break;
+            }
+            if !self.is_fine(group) {
+                for fine in self.reference.below(group) {
+                    self.put(fine, &center, &mut known, &mut waiting);
+                }
+                continue;
+            }
+            for cluster in self.reference.coarse(group) {
+                let away = self.reference.cluster_block(cluster).squared_from(&center).sqrt();
+                if away > most + 2.0 * radius {
+                    continue;
+                }
+                found.push((away, cluster));
+                if away < most {
+                    let mut spot = Spot::beyond(most);
+                    self.reference.patch(cluster)?.nearest_to(&center, &mut spot);
+                    most = most.min(spot.distance().abs() * (1.0 + 1e-9));
+                }
+            }
+        }
+        let near = found.iter().filter(|(away, _)| *away <= most + 2.0 * radius);
+        let mut patches = Vec::new();
+        for (_, cluster) in near {
+            patches.push((self.reference.cluster_block(*cluster), self.reference.patch(*cluster)?));
+        }
+        Ok(patches)
+    }
+
+    fn put(
+        &self,
+        group: GroupId,
+        center: &Vector3<f64>,
+        known: &mut BTreeSet<GroupId>,
+        waiting: &mut BinaryHeap<Waiting>,
+    ) {
+        if known.insert(group) {
+            let least = self.reference.block(group).squared_from(center).sqrt();
+            waiting.push(Waiting { least, group });
+        }
+    }
+}
+
+/// Points that look for the patches that they may be near to together.
+const RUN: usize = 512;

@@ -1,0 +1,182 @@
+//! A file as a question sees it: groups with the space that they hold, what they are wrong by, and the pages that were read.
+
+use crate::boxes::Block;
+use crate::error::ProximityError;
+use crate::patch::Patch;
+use crate::pose::{Frame, Pose};
+use chpm_format::{Chpm, ErrorKind};
+use chpm_mesh::{Bytes, ClusterId, GroupId};
+use chpm_refine::Hierarchy;
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+/// What was read to answer.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Reads {
+    /// Pages.
+    pub pages: u64,
+    /// Their bytes in the file.
+    pub bytes: Bytes,
+}
+
+impl Reads {
+    /// Both together.
+    pub fn plus(self, other: Reads) -> Reads {
+        Reads { pages: self.pages + other.pages, bytes: Bytes(self.bytes.0 + other.bytes.0) }
+    }
+}
+
+/// One of the two models of a question. It keeps pages, within a number of bytes, for the next question.
+#[derive(Debug)]
+pub struct Model<'a, D> {
+    file: &'a Chpm<D>,
+    hierarchy: Hierarchy,
+    budget: u64,
+    used: u64,
+    clock: u64,
+    shelf: BTreeMap<ClusterId, Kept>,
+    reads: Reads,
+}
+
+#[derive(Debug)]
+struct Kept {
+    patch: Rc<Patch>,
+    bytes: u64,
+    last: u64,
+}
+
+/// How wrong the finest meshes of a group's clusters are.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Wrong {
+    /// No point of what is drawn is farther from the source.
+    pub(crate) error: f64,
+    /// No point of the source is farther from what is drawn.
+    pub(crate) distance: f64,
+}
+
+impl Wrong {
+    pub(crate) fn both(&self) -> f64 {
+        self.error + self.distance
+    }
+}
+
+impl<'a, D: AsRef<[u8]>> Model<'a, D> {
+    /// Reads the tables of a file. Pages are kept up to `budget`, and one at least.
+    ///
+    /// # Errors
+    /// A file that bounds no distances: of estimated errors, or of version 1.0.
+    pub fn new(file: &'a Chpm<D>, budget: Bytes) -> Result<Self, ProximityError> {
+        let certified = file.header().error_kind() == Some(ErrorKind::Certified);
+        if !certified || !file.has_gaps() {
+            let got = if certified { "version 1.0, which has no gaps" } else { "estimated errors" };
+            return Err(ProximityError::Unproven { expected: "a file with proven distances", got });
+        }
+        Ok(Model {
+            file,
+            hierarchy: Hierarchy::new(file),
+            budget: budget.0,
+            used: 0,
+            clock: 0,
+            shelf: BTreeMap::new(),
+            reads: Reads::default(),
+        })
+    }
+
+    /// The file.
+    pub fn file(&self) -> &'a Chpm<D> {
+        self.file
+    }
+
+    /// What was read so far.
+    pub fn reads(&self) -> Reads {
+        self.reads
+    }
+
+    pub(crate) fn frame(&self, pose: &Pose) -> Frame {
+        let header = self.file.header();
+        let corner = |axis: usize| f64::from(header.aabb_min[axis].abs().max(header.aabb_max[axis].abs()));
+        let reach = Vector3::from_fn(|axis, _| corner(axis)).norm() * (1.0 + 1e-15);
+        Frame { origin: header.origin, reach, pose: *pose }
+    }
+
+    pub(crate) fn is_leaf(&self, group: GroupId) -> bool {
+        self.file.fine(group).is_empty()
+    }
+
+    pub(crate) fn level(&self, group: GroupId) -> u32 {
+        self.file.groups()[group.index()].level
+    }
+
+    /// A box about all of the source that the group stands for.
+    pub(crate) fn block(&self, group: GroupId) -> Block {
+        let region = self.hierarchy.region(group);
+        Block::wide(region.low, region.high)
+    }
+
+    /// The box of a cluster's own vertices.
+    pub(crate) fn cluster_block(&self, cluster: ClusterId) -> Block {
+        let record = &self.file.clusters()[cluster.index()];
+        Block::new(record.aabb_min, record.aabb_max)
+    }
+
+    pub(crate) fn wrong(&self, group: GroupId) -> Wrong {
+        let record = &self.file.groups()[group.index()];
+        let is_trimmed = |id: &u32| self.file.clusters()[*id as usize].is_trimmed();
+        let error = record.min_error;
+        // Leaves are the source: nothing has vanished, whatever their collapses will cost.
+        let is_source = record.is_leaf() && !self.file.coarse(group).iter().any(is_trimmed);
+        let distance = if is_source { error } else { self.file.gaps(group).distance(error) };
+        Wrong { error: error.into(), distance: distance.into() }
+    }
+
+    pub(crate) fn coarse(&self, group: GroupId) -> impl Iterator<Item = ClusterId> + use<'a, D> {
+        self.file.coarse(group).iter().map(|id| ClusterId(*id))
+    }
+
+    /// The groups that stand for the same part of the source together, finer; ascending.
+    pub(crate) fn below(&self, group: GroupId) -> Vec<GroupId> {
+        self.groups_of(self.file.fine(group).iter().copied())
+    }
+
+    /// The groups that stand for all.
+    pub(crate) fn top(&self) -> Vec<GroupId> {
+        self.groups_of(self.file.roots().map(|id| id.0))
+    }
+
+    fn groups_of(&self, clusters: impl Iterator<Item = u32>) -> Vec<GroupId> {
+        let mut groups: Vec<GroupId> = clusters.map(|id| self.file.clusters()[id as usize].group()).collect();
+        groups.sort_unstable();
+        groups.dedup();
+        groups
+    }
+
+    /// The finest mesh of a cluster: kept, or read.
+    pub(crate) fn patch(&mut self, cluster: ClusterId) -> Result<Rc<Patch>, ProximityError> {
+        self.clock += 1;
+        let clock = self.clock;
+        if let Some(kept) = self.shelf.get_mut(&cluster) {
+            kept.last = clock;
+            return Ok(Rc::clone(&kept.patch));
+        }
+        let record = &self.file.clusters()[cluster.index()];
+        let bytes = Patch::bytes_of(record);
+        while self.used + bytes > self.budget && !self.shelf.is_empty() {
+            self.forget_oldest();
+        }
+        let page = self.file.page(cluster)?;
+        let patch = Rc::new(Patch::new(&page.view()));
+        self.reads.pages += 1;
+        self.reads.bytes.0 += u64::from(record.page_len);
+        self.used += bytes;
+        self.shelf.insert(cluster, Kept { patch: Rc::clone(&patch), bytes, last: clock });
+        Ok(patch)
+    }
+
+    fn forget_oldest(&mut self) {
+        let oldest = self.shelf.iter().min_by_key(|(_, kept)| kept.last).map(|(cluster, _)| *cluster);
+        if let Some(kept) = oldest.and_then(|cluster| self.shelf.remove(&cluster)) {
+            self.used -= kept.bytes;
+        }
+    }
+}

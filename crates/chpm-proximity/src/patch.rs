@@ -1,0 +1,337 @@
+//! The finest mesh of one cluster, and boxes over it.
+
+use crate::boxes::Block;
+use crate::pose::Between;
+use crate::triangle::{self, Corners, Near};
+use chpm_format::{ClusterRecord, Page};
+use chpm_mesh::Aabb;
+use nalgebra::Vector3;
+
+/// No shared id.
+const NONE: u32 = u32::MAX;
+
+/// Triangles of a box that is not divided.
+const FEW: usize = 4;
+
+/// Triangles in an order in which each box has a run of them.
+#[derive(Clone, Debug)]
+pub(crate) struct Patch {
+    corners: Vec<[[f32; 3]; 3]>,
+    /// Their places in the page.
+    places: Vec<u32>,
+    nodes: Vec<Node>,
+    /// Their corners as vertices of the page.
+    vertices: Vec<[u16; 3]>,
+    /// By vertex of the page: its shared id, or none.
+    shared: Vec<u32>,
+}
+
+/// A box. Those of a divided one lie behind it: the first at once, the second at `other`.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    min: [f32; 3],
+    max: [f32; 3],
+    first: u32,
+    count: u32,
+    /// 0 where it is not divided.
+    other: u32,
+}
+
+impl Node {
+    fn block(&self) -> Block {
+        Block::new(self.min, self.max)
+    }
+
+    fn triangles(&self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
+}
+
+/// What a search among the triangles of two patches has found.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Found {
+    /// No triangles of the patches are nearer.
+    pub(crate) least: f64,
+    /// The nearest points found, and the places of their triangles in their pages.
+    pub(crate) near: Option<(Near, [u32; 2])>,
+}
+
+impl Patch {
+    pub(crate) fn new(page: &Page<'_>) -> Self {
+        let corner = |v: u16| page.positions[usize::from(v)];
+        let corners: Vec<[[f32; 3]; 3]> = page.triangles.iter().map(|t| t.map(corner)).collect();
+        let mut places: Vec<u32> = (0..corners.len() as u32).collect();
+        let mut nodes = Vec::with_capacity(corners.len());
+        if !corners.is_empty() {
+            divide(&corners, &mut places, 0, &mut nodes);
+        }
+        let corners = places.iter().map(|place| corners[*place as usize]).collect();
+        let vertices = places.iter().map(|place| page.triangles[*place as usize]).collect();
+        let mut shared = vec![NONE; page.vertex_count()];
+        for (vertex, id) in page.shared() {
+            shared[usize::from(vertex)] = id;
+        }
+        Patch { corners, places, nodes, vertices, shared }
+    }
+
+    /// Bytes of memory that the patch of a cluster takes at most.
+    pub(crate) fn bytes_of(record: &ClusterRecord) -> u64 {
+        let triangle =
+            size_of::<[[f32; 3]; 3]>() + size_of::<u32>() + size_of::<Node>() + size_of::<[u16; 3]>();
+        u64::from(record.triangle_count) * triangle as u64 + 4 * u64::from(record.vertex_count)
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.corners.is_empty()
+    }
+
+    /// The corners of the triangle at a place of the boxes' order.
+    pub(crate) fn corners_of(&self, index: usize) -> &[[f32; 3]; 3] {
+        &self.corners[index]
+    }
+
+    /// Its place in the page.
+    pub(crate) fn place(&self, index: usize) -> u32 {
+        self.places[index]
+    }
+
+    /// Whether a triangle has a vertex that one of another cluster, or of the same one, has too.
+    pub(crate) fn has_common_vertex(&self, index: usize, other: &Patch, at: usize, is_one: bool) -> bool {
+        let same = |v: u16, w: u16| match is_one {
+            true => v == w,
+            false => {
+                let id = self.shared[usize::from(v)];
+                id != NONE && id == other.shared[usize::from(w)]
+            }
+        };
+        self.vertices[index].iter().any(|v| other.vertices[at].iter().any(|w| same(*v, *w)))
+    }
+
+    /// The nearest triangles of two patches, if they are nearer than `below`; found to `slack`.
+    pub(crate) fn nearest(&self, other: &Patch, between: &Between, below: f64, slack: f64) -> Found {
+        let mut search = Search { a: self, b: other, between, slack, most: below, least: below, near: None };
+        if !self.is_empty() && !other.is_empty() {
+            search.descend(0, 0);
+        }
+        Found { least: search.least, near: search.near }
+    }
+
+    /// Goes to the nearest point of the patch, if it is nearer than what was found.
+    pub(crate) fn nearest_to(&self, point: &Vector3<f64>, spot: &mut Spot) {
+        if self.is_empty() {
+            return;
+        }
+        let away = |at: usize| self.nodes[at].block().squared_from(point);
+        let mut open = [(0.0, 0); DEEP];
+        let mut count = 1;
+        open[0] = (away(0), 0);
+        while count > 0 {
+            count -= 1;
+            let (least, at) = open[count];
+            if least > spot.reach() {
+                continue;
+            }
+            let node = &self.nodes[at];
+            if node.other == 0 {
+                node.triangles().for_each(|index| spot.take(point, &self.triangle(index).0));
+                continue;
+            }
+            let (first, second) = (at + 1, node.other as usize);
+            let (x, y) = (away(first), away(second));
+            // The nearer one is taken first.
+            let pair = if x <= y { [(y, second), (x, first)] } else { [(x, first), (y, second)] };
+            open[count..count + 2].copy_from_slice(&pair);
+            count += 2;
+        }
+    }
+
+    /// Calls `found` for every pair of triangles that may be within `reach`.
+    pub(crate) fn pairs_within(
+        &self,
+        other: &Patch,
+        between: &Between,
+        reach: f64,
+        found: &mut dyn FnMut(usize, usize),
+    ) {
+        if self.is_empty() || other.is_empty() {
+            return;
+        }
+        let squared = reach * reach;
+        let mut open = vec![(0, 0)];
+        while let Some((a, b)) = open.pop() {
+            let (x, y) = (&self.nodes[a], &other.nodes[b]);
+            if between.squared(&x.block(), &y.block()) > squared {
+                continue;
+            }
+            match further(x, y) {
+                None => x.triangles().for_each(|i| y.triangles().for_each(|j| found(i, j))),
+                Some(true) => open.extend([(a + 1, b), (x.other as usize, b)]),
+                Some(false) => open.extend([(a, b + 1), (a, y.other as usize)]),
+            }
+        }
+    }
+
+    /// The triangle at a place of the boxes' order, in f64, and its place in the page.
+    pub(crate) fn triangle(&self, index: usize) -> (Corners, u32) {
+        let corners = self.corners[index].map(|corner| Vector3::from(corner.map(f64::from)));
+        (corners, self.places[index])
+    }
+
+    /// The same in the frame of another model.
+    pub(crate) fn moved(&self, index: usize, between: &Between) -> (Corners, u32) {
+        (self.corners[index].map(|corner| between.apply(corner)), self.places[index])
+    }
+}
+
+/// Boxes that can wait for a point: halves of halves of 65,536 triangles, one of each, and room.
+const DEEP: usize = 32;
+
+/// The nearest point that was found, and which side of the surface a point is on there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spot {
+    squared: f64,
+    /// Along the normal, as a share of the distance: of all triangles that are nearest, the one that is seen least aslant.
+    upright: f64,
+}
+
+impl Spot {
+    /// Nothing but what is nearer than `most` is looked for.
+    pub(crate) fn beyond(most: f64) -> Self {
+        Spot { squared: most * most, upright: 0.0 }
+    }
+
+    /// Squared distances up to this are of interest.
+    pub(crate) fn reach(&self) -> f64 {
+        self.squared * (1.0 + 1e-12)
+    }
+
+    /// Negative behind the surface.
+    pub(crate) fn distance(&self) -> f64 {
+        if self.upright < 0.0 { -self.squared.sqrt() } else { self.squared.sqrt() }
+    }
+
+    fn take(&mut self, point: &Vector3<f64>, corners: &Corners) {
+        let way = point - triangle::nearest_point(point, corners);
+        let squared = way.norm_squared();
+        if squared > self.reach() {
+            return;
+        }
+        let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+        let lengths = normal.norm_squared() * squared;
+        let upright = if lengths > 0.0 { normal.dot(&way) / lengths.sqrt() } else { 0.0 };
+        if squared < self.squared * (1.0 - 1e-12) || upright.abs() > self.upright.abs() {
+            self.upright = upright;
+        }
+        self.squared = self.squared.min(squared);
+    }
+}
+
+/// Whether to divide the first box (or the second); none where neither is divided.
+fn further(x: &Node, y: &Node) -> Option<bool> {
+    match (x.other > 0, y.other > 0) {
+        (false, false) => None,
+        (true, true) => Some(x.block().size() >= y.block().size()),
+        (first, _) => Some(first),
+    }
+}
+
+/// Appends the box of a run of triangles and all below it; halves by the middles along the longest axis.
+fn divide(corners: &[[[f32; 3]; 3]], places: &mut [u32], first: usize, nodes: &mut Vec<Node>) {
+    let (mut bounds, mut middles) = (Aabb::EMPTY, Aabb::EMPTY);
+    let middle = |place: u32| {
+        let [a, b, c] = corners[place as usize];
+        [0, 1, 2].map(|axis| a[axis] / 3.0 + b[axis] / 3.0 + c[axis] / 3.0)
+    };
+    for place in places.iter() {
+        corners[*place as usize].iter().for_each(|corner| bounds.add(*corner));
+        middles.add(middle(*place));
+    }
+    let at = nodes.len();
+    let count = places.len() as u32;
+    nodes.push(Node { min: bounds.min, max: bounds.max, first: first as u32, count, other: 0 });
+    if places.len() <= FEW {
+        return;
+    }
+    let size = |axis: usize| middles.max[axis] - middles.min[axis];
+    let axis = (1..3).fold(0, |best, axis| if size(axis) > size(best) { axis } else { best });
+    let half = places.len() / 2;
+    let key = |place: &u32| (middle(*place)[axis], *place);
+    places.select_nth_unstable_by(half, |x, y| {
+        let (x, y) = (key(x), key(y));
+        x.0.total_cmp(&y.0).then(x.1.cmp(&y.1))
+    });
+    let (low, high) = places.split_at_mut(half);
+    divide(corners, low, first, nodes);
+    nodes[at].other = nodes.len() as u32;
+    divide(corners, high, first + half, nodes);
+}
+
+struct Search<'a> {
+    a: &'a Patch,
+    b: &'a Patch,
+    between: &'a Between,
+    slack: f64,
+    /// What is at least so far away is of no interest.
+    most: f64,
+    least: f64,
+    near: Option<(Near, [u32; 2])>,
+}
+
+impl Search<'_> {
+    /// Whether boxes that are so far apart have nothing to add; then they are not nearer than what is told.
+    fn is_done(&mut self, away: f64) -> bool {
+        let done = away >= self.most - self.slack;
+        if done {
+            self.least = self.least.min(away);
+        }
+        done
+    }
+
+    fn descend(&mut self, a: usize, b: usize) {
+        let (x, y) = (self.a.nodes[a], self.b.nodes[b]);
+        let pairs = match further(&x, &y) {
+            None => return self.compare(&x, &y),
+            Some(true) => [(a + 1, b), (x.other as usize, b)],
+            Some(false) => [(a, b + 1), (a, y.other as usize)],
+        };
+        let away = pairs
+            .map(|(a, b)| self.between.squared(&self.a.nodes[a].block(), &self.b.nodes[b].block()).sqrt());
+        // The nearer one first.
+        let order = if away[1] < away[0] { [1, 0] } else { [0, 1] };
+        for i in order {
+            if !self.is_done(away[i]) {
+                self.descend(pairs[i].0, pairs[i].1);
+            }
+        }
+    }
+
+    fn compare(&mut self, x: &Node, y: &Node) {
+        let mut moved = [([Vector3::zeros(); 3], 0); FEW];
+        for (slot, j) in moved.iter_mut().zip(y.triangles()) {
+            *slot = self.b.moved(j, self.between);
+        }
+        for i in x.triangles() {
+            let (t, place) = self.a.triangle(i);
+            for (u, other) in &moved[..y.count as usize] {
+                let away = boxes_apart(&t, u);
+                if self.is_done(away) {
+                    continue;
+                }
+                let near = triangle::distance(&t, u);
+                self.least = self.least.min(near.least);
+                if near.most < self.most {
+                    self.most = near.most;
+                    self.near = Some((near, [place, *other]));
+                }
+            }
+        }
+    }
+}
+
+/// The distance of the boxes of two triangles.
+fn boxes_apart(t: &Corners, u: &Corners) -> f64 {
+    let low = |c: &Corners| c[0].inf(&c[1]).inf(&c[2]);
+    let high = |c: &Corners| c[0].sup(&c[1]).sup(&c[2]);
+    let away = (low(u) - high(t)).sup(&(low(t) - high(u)));
+    away.map(|x| x.max(0.0)).norm()
+}

@@ -1,0 +1,139 @@
+//! How far two triangles are from each other: a bound from below and one from above, whatever the arithmetic loses.
+
+use nalgebra::Vector3;
+
+/// The corners of a triangle, which may have no area.
+pub(crate) type Corners = [Vector3<f64>; 3];
+
+/// Two points, one of each triangle, and what their distance proves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Near {
+    /// No two points of the triangles are nearer, but for rounding.
+    pub(crate) least: f64,
+    /// The points' distance.
+    pub(crate) most: f64,
+    pub(crate) a: Vector3<f64>,
+    pub(crate) b: Vector3<f64>,
+}
+
+/// Finds points that are nearest, and proves it: whatever direction is taken, the triangles are at least as far apart as they are along it. Where
+/// the search is off by rounding, the bounds are apart, and still hold.
+pub(crate) fn distance(t: &Corners, u: &Corners) -> Near {
+    let mut best = (f64::INFINITY, t[0], u[0]);
+    let mut take = |a: Vector3<f64>, b: Vector3<f64>| {
+        let d = (a - b).norm_squared();
+        if d < best.0 {
+            best = (d, a, b);
+        }
+    };
+    for corner in u {
+        take(nearest_point(corner, t), *corner);
+    }
+    for corner in t {
+        take(*corner, nearest_point(corner, u));
+    }
+    for i in 0..3 {
+        for j in 0..3 {
+            if let Some((a, b)) = cross_points(t[i], t[(i + 1) % 3], u[j], u[(j + 1) % 3]) {
+                take(a, b);
+            }
+        }
+    }
+    for i in 0..3 {
+        if let Some(at) = pierce(t[i], t[(i + 1) % 3], u) {
+            take(at, nearest_point(&at, u));
+        }
+        if let Some(at) = pierce(u[i], u[(i + 1) % 3], t) {
+            take(nearest_point(&at, t), at);
+        }
+    }
+    let (squared, a, b) = best;
+    let most = squared.sqrt();
+    let mut least = apart_along(a - b, t, u);
+    if most - least > 1e-9 * most {
+        least = separations(t, u).map(|direction| apart_along(direction, t, u)).fold(least, f64::max);
+    }
+    Near { least: least.min(most), most, a, b }
+}
+
+/// Directions along which triangles that are apart are, too: upright on one, or on an edge of each.
+fn separations(t: &Corners, u: &Corners) -> impl Iterator<Item = Vector3<f64>> {
+    let edges = |c: &Corners| [c[1] - c[0], c[2] - c[1], c[0] - c[2]];
+    let (e, f) = (edges(t), edges(u));
+    let faces = [e[0].cross(&e[1]), f[0].cross(&f[1])];
+    let pairs = e.into_iter().flat_map(move |e| f.into_iter().map(move |f| e.cross(&f)));
+    faces.into_iter().chain(pairs).flat_map(|direction| [direction, -direction])
+}
+
+/// How far all of `t` is beyond all of `u` in a direction; 0 where it is not.
+fn apart_along(direction: Vector3<f64>, t: &Corners, u: &Corners) -> f64 {
+    let Some(direction) = direction.try_normalize(f64::MIN_POSITIVE) else { return 0.0 };
+    let low = t.iter().map(|x| direction.dot(x)).fold(f64::INFINITY, f64::min);
+    let high = u.iter().map(|x| direction.dot(x)).fold(f64::NEG_INFINITY, f64::max);
+    (low - high).max(0.0)
+}
+
+/// The point of a triangle that is nearest to a point.
+pub(crate) fn nearest_point(point: &Vector3<f64>, [a, b, c]: &Corners) -> Vector3<f64> {
+    let (ab, ac, ap) = (b - a, c - a, point - a);
+    let normal = ab.cross(&ac);
+    let area = normal.norm_squared();
+    if area > 0.0 {
+        // Shares of the corners b and c at the foot of the perpendicular.
+        let (v, w) = (ap.cross(&ac).dot(&normal) / area, ab.cross(&ap).dot(&normal) / area);
+        if v >= 0.0 && w >= 0.0 && v + w <= 1.0 {
+            return a + ab * v + ac * w;
+        }
+    }
+    let on = [on_segment(point, a, b), on_segment(point, b, c), on_segment(point, c, a)];
+    let [x, y, z] = on.map(|on| (on - point).norm_squared());
+    if x <= y && x <= z {
+        on[0]
+    } else if y <= z {
+        on[1]
+    } else {
+        on[2]
+    }
+}
+
+fn on_segment(point: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> Vector3<f64> {
+    let along = b - a;
+    let length = along.norm_squared();
+    let reach = along.dot(&(point - a));
+    // Also where it has no length.
+    if reach <= 0.0 || length <= 0.0 {
+        *a
+    } else if reach >= length {
+        *b
+    } else {
+        a + along * (reach / length)
+    }
+}
+
+/// The points inside two segments where the lines are nearest; ends are left to those who ask for corners.
+fn cross_points(
+    a: Vector3<f64>,
+    b: Vector3<f64>,
+    c: Vector3<f64>,
+    d: Vector3<f64>,
+) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    let (u, v, w) = (b - a, d - c, a - c);
+    let (uu, uv, vv, uw, vw) = (u.dot(&u), u.dot(&v), v.dot(&v), u.dot(&w), v.dot(&w));
+    let det = uu * vv - uv * uv;
+    if det <= 0.0 {
+        return None;
+    }
+    let s = ((uv * vw - vv * uw) / det).clamp(0.0, 1.0);
+    let t = ((uv * s + vw) / vv).clamp(0.0, 1.0);
+    Some((a + u * s, c + v * t))
+}
+
+/// Where a segment goes through the plane of a triangle.
+fn pierce(from: Vector3<f64>, to: Vector3<f64>, [a, b, c]: &Corners) -> Option<Vector3<f64>> {
+    let normal = (b - a).cross(&(c - a));
+    let (above, below) = (normal.dot(&(from - a)), normal.dot(&(to - a)));
+    if above * below > 0.0 || above == below {
+        return None;
+    }
+    Some(from + (to - from) * (above / (above - below)).clamp(0.0, 1.0))
+}

@@ -1,0 +1,7 @@
+//! Proximity against looking at every pair of triangles, and against another library.
+
+mod brute;
+mod distances;
+mod gauges;
+mod site;
+mod touching;

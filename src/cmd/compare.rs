@@ -1,0 +1,338 @@
+//! `chpm compare`: how far each vertex of a scan is from a reference, as numbers, colours and a histogram.
+
+use super::{Verdict, reading};
+use crate::compare::{Colors, Summary, plot};
+use crate::memory::{self, MemoryArgs};
+use crate::number::{self, Units};
+use crate::output::{self, Output};
+use crate::progress::Meter;
+use crate::proximity::{GROUP, Opened, PoseArgs};
+use crate::report::table;
+use crate::stop::{self, Stop};
+use anyhow::{Context, Result};
+use chpm_build::Cancel;
+use chpm_build::config::Length;
+use chpm_extmem::MappedFile;
+use chpm_format::{Chpm, Page};
+use chpm_import::ply::{Encoding, PlyWriter};
+use chpm_mesh::{Attributes, Bytes, ClusterId, Counted, VertexSlices};
+use chpm_proximity::{Gauge, Model, Pose};
+use rayon::prelude::*;
+use serde_json::json;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What `chpm compare` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The scan: a .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), which is built into a temporary one first
+    scan: PathBuf,
+    /// What it is compared with, likewise
+    reference: PathBuf,
+    /// How far a distance may be from the true one, in the models' units or, as in 0.1%, of the diagonal of the reference's box. 0 goes to the triangles of
+    /// the reference's source
+    #[arg(long, value_name = "T", default_value = "0.01%")]
+    tolerance: Length,
+    #[command(flatten)]
+    poses: PoseArgs,
+    /// Distances that the first and the last colour stand for; the 99th percentile if not given, from 0, or where distances are signed from as far on the
+    /// other side
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
+    /// Distances without a sign. They have one where the reference is closed and turns one way: negative behind its surface
+    #[arg(long)]
+    unsigned: bool,
+    /// Write the scan with its distances as colours, evenly spaced for the eye; a PLY, - for standard output
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Write a histogram as SVG; - for standard output
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Replace outputs that exist
+    #[arg(short, long)]
+    force: bool,
+    /// Worker threads; one per processor if not given
+    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
+    threads: Option<u32>,
+    /// The summary as JSON on stdout
+    #[arg(long)]
+    json: bool,
+    /// No progress, no notes
+    #[arg(short, long)]
+    quiet: bool,
+    #[command(flatten)]
+    memory: MemoryArgs,
+}
+
+fn range(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|n| n.trim().parse().ok().filter(|n: &f64| n.is_finite())).collect();
+    match numbers.as_deref() {
+        Some([low, high]) if low < high => Ok([*low, *high]),
+        _ => Err(format!("'{text}' is no range: write two numbers, the smaller one first, as in -0.5,0.5")),
+    }
+}
+
+/// Bytes of a vertex: its distance as measured, as summed up and as sorted.
+const VERTEX: u64 = 16;
+
+/// Measures, and writes what is asked for.
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    let inputs = [args.scan.as_path(), args.reference.as_path()];
+    let create = |writes: output::Writes, path: &Option<PathBuf>| {
+        path.as_deref().map(|path| writes.create(path, args.force, &inputs)).transpose()
+    };
+    let mut outputs = [create(output::COMPARE, &args.output)?, create(output::COMPARE_SVG, &args.svg)?];
+    let mut out = output::messages(outputs.iter().flatten(), args.json, args.quiet)?;
+    let [scan, reference] = inputs.map(|path| Opened::new(path, args.memory.memory(), args.quiet, stop));
+    let (scan, reference) = (scan?, reference?);
+    let memory = Bytes(args.memory.memory().0 / 2);
+    let header = scan.file.header();
+    let own = VERTEX * header.source_vertex_count + 4 * u64::from(header.shared_vertex_count);
+    memory::divide(&scan.file, memory, own)?;
+    let pages = memory::divide(&reference.file, memory, GROUP * reference.file.groups().len() as u64)?;
+    let cancel = stop.heed();
+    let meter = Meter::new(args.quiet);
+
+    let tolerance = args.tolerance.of(reference.diagonal());
+    let signed = !args.unsigned && is_closed(&reference.file);
+    let work = Work { args, scan: &scan, reference: &reference, pages, tolerance, signed };
+    let (values, margin) =
+        reading(&reference.file, || reading(&scan.file, || work.measure(&meter, &cancel)))?;
+    let parts = reading(&scan.file, || Parts::new(&scan.file, &values))?;
+    let summary = Summary::new(&parts.values, signed, args.range);
+    if let Some(ply) = outputs[0].take() {
+        let colors = Colors::new(summary.range, signed);
+        reading(&scan.file, || write(&scan.file, &parts, &colors, ply, &cancel))?;
+    }
+    if let Some(mut svg) = outputs[1].take() {
+        let title = format!("{} from {}", name(&args.scan), name(&args.reference));
+        let note = format!("{}, each within {} units", Counted(summary.count, "vertex"), Units(tolerance));
+        svg.write_all(plot(&summary, &title, &note)?.as_bytes())?;
+        svg.publish()?;
+    }
+    if args.json {
+        let mut value = json!({
+            "schema": "chpm-compare/1",
+            "scan": scan.json(),
+            "reference": reference.json(),
+            "tolerance": tolerance,
+            "rounding": margin,
+            "signed": signed,
+        });
+        if let (Some(value), serde_json::Value::Object(found)) = (value.as_object_mut(), summary.json()) {
+            value.extend(found);
+        }
+        writeln!(out, "{value:#}")?;
+    } else {
+        print(&summary, signed, &scan, &reference, tolerance, &mut out)?;
+    }
+    out.flush()?;
+    Ok(Verdict::Good)
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Whether a source is closed and all of it turns one way, as its file tells.
+fn is_closed(file: &Chpm<MappedFile>) -> bool {
+    let Ok(metadata) = file.metadata() else { return false };
+    let is_none = |wanted: &str| metadata.repairs.iter().any(|(name, count)| name == wanted && *count == 0);
+    ["boundary-edges", "non-manifold-edges", "mixed-winding-edges"].into_iter().all(is_none)
+}
+
+struct Work<'w> {
+    args: &'w Args,
+    scan: &'w Opened,
+    reference: &'w Opened,
+    /// Bytes for pages of the reference.
+    pages: u64,
+    tolerance: f64,
+    signed: bool,
+}
+
+impl Work<'_> {
+    /// The distances of the vertices of each leaf, in the order of the file, and what rounding may lose.
+    fn measure(&self, meter: &Meter, cancel: &Cancel) -> Result<(Vec<Vec<f32>>, f64)> {
+        let leaves = leaves(&self.scan.file);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(self.args.threads.unwrap_or(0) as usize)
+            .build()
+            .context("cannot start the worker threads")?;
+        meter.start("compare", leaves.len() as u64);
+        let threads = pool.current_num_threads();
+        // Each part reads the reference anew; leaves beside each other in the file are so in space.
+        let part = leaves.len().div_ceil(2 * threads).max(1);
+        let pages = Bytes(self.pages / threads as u64);
+        let done = pool.install(|| {
+            leaves
+                .par_chunks(part)
+                .map(|leaves| self.part(leaves, pages, meter, cancel))
+                .collect::<Result<Vec<_>>>()
+        })?;
+        meter.finish();
+        stop::check(cancel)?;
+        let margin = done.iter().map(|(_, margin)| *margin).fold(0.0, f64::max);
+        Ok((done.into_iter().flat_map(|(values, _)| values).collect(), margin))
+    }
+
+    fn part(
+        &self,
+        leaves: &[ClusterId],
+        pages: Bytes,
+        meter: &Meter,
+        cancel: &Cancel,
+    ) -> Result<(Vec<Vec<f32>>, f64)> {
+        let unproven = |path: &Path| format!("cannot use '{}'", path.display());
+        let scan = Model::new(&self.scan.file, Bytes(0)).with_context(|| unproven(&self.scan.path))?;
+        let mut reference =
+            Model::new(&self.reference.file, pages).with_context(|| unproven(&self.reference.path))?;
+        let poses: [Pose; 2] = self.args.poses.poses();
+        let mut gauge = Gauge::new(&scan, &mut reference, [&poses[0], &poses[1]], self.tolerance)?;
+        let mut all = Vec::with_capacity(leaves.len());
+        let mut found = Vec::new();
+        for leaf in leaves {
+            stop::check(cancel)?;
+            found.clear();
+            gauge.measure(self.scan.file.page(*leaf)?.view().positions, &mut found)?;
+            let plain = |x: &f64| if self.signed { *x as f32 } else { x.abs() as f32 };
+            all.push(found.iter().map(plain).collect());
+            meter.add(1);
+        }
+        Ok((all, gauge.margin()))
+    }
+}
+
+fn leaves(file: &Chpm<MappedFile>) -> Vec<ClusterId> {
+    (0..)
+        .map(ClusterId)
+        .zip(file.clusters())
+        .filter(|(_, record)| record.is_leaf())
+        .map(|(id, _)| id)
+        .collect()
+}
+
+/// The leaves as one mesh: a vertex that several have is that of the first.
+struct Parts {
+    /// Distances by vertex.
+    values: Vec<f32>,
+    /// The first new vertex of each leaf.
+    starts: Vec<u32>,
+    /// Vertices by shared id.
+    shared: Vec<u32>,
+}
+
+impl Parts {
+    fn new(file: &Chpm<MappedFile>, measured: &[Vec<f32>]) -> Result<Self> {
+        let shared = vec![u32::MAX; file.header().shared_vertex_count as usize];
+        let mut parts = Parts { values: Vec::new(), starts: Vec::new(), shared };
+        for (leaf, distances) in leaves(file).into_iter().zip(measured) {
+            let page = file.page(leaf)?;
+            let start = parts.values.len() as u32;
+            parts.starts.push(start);
+            let mut ids = page.view().shared().peekable();
+            for (vertex, distance) in (0..=u16::MAX).zip(distances) {
+                let next = parts.values.len() as u32;
+                if let Some((_, id)) = ids.next_if(|(at, _)| *at == vertex) {
+                    let known = &mut parts.shared[id as usize];
+                    if *known != u32::MAX {
+                        continue;
+                    }
+                    *known = next;
+                }
+                parts.values.push(*distance);
+            }
+        }
+        Ok(parts)
+    }
+
+    /// The vertices of a leaf in the whole mesh; those from its start on are new.
+    fn numbers(&self, page: &Page<'_>, start: u32, out: &mut Vec<u32>) {
+        out.clear();
+        let mut next = start;
+        let mut ids = page.shared().peekable();
+        for vertex in (0..=u16::MAX).take(page.vertex_count()) {
+            let known = ids.next_if(|(at, _)| *at == vertex).map(|(_, id)| self.shared[id as usize]);
+            match known.filter(|known| *known < start) {
+                Some(known) => out.push(known),
+                None => {
+                    out.push(next);
+                    next += 1;
+                }
+            }
+        }
+    }
+}
+
+fn write(
+    file: &Chpm<MappedFile>,
+    parts: &Parts,
+    colors: &Colors,
+    mut output: Output,
+    cancel: &Cancel,
+) -> Result<()> {
+    let leaves = leaves(file);
+    let origin = file.header().origin;
+    let double = origin != [0.0; 3];
+    let triangles = leaves.iter().map(|leaf| u64::from(file.clusters()[leaf.index()].triangle_count)).sum();
+    let attributes = Attributes { normals: false, colors: true };
+    let comment = format!("chpm compare, colours from {} to {}", colors.range()[0], colors.range()[1]);
+    let (encoding, count) = (Encoding::BinaryLittleEndian, parts.values.len() as u64);
+    let mut ply = PlyWriter::new(&mut output, encoding, count, triangles, attributes, double, &[&comment])?;
+    let mut numbers = Vec::new();
+    for (leaf, start) in leaves.iter().zip(&parts.starts) {
+        stop::check(cancel)?;
+        let page = file.page(*leaf)?;
+        parts.numbers(&page.view(), *start, &mut numbers);
+        let page = page.view();
+        let new = || numbers.iter().zip(page.positions).filter(|(number, _)| *number >= start);
+        let positions: Vec<[f32; 3]> = new().map(|(_, position)| *position).collect();
+        let colors: Vec<[u8; 4]> =
+            new().map(|(number, _)| colors.of(parts.values[*number as usize].into())).collect();
+        let slices = VertexSlices { positions: &positions, normals: &[], colors: &colors };
+        if double {
+            let moved = |p: &[f32; 3]| [0, 1, 2].map(|axis| f64::from(p[axis]) + origin[axis]);
+            ply.vertices_f64(&positions.iter().map(moved).collect::<Vec<_>>(), slices)?;
+        } else {
+            ply.vertices(slices)?;
+        }
+    }
+    for (leaf, start) in leaves.iter().zip(&parts.starts) {
+        stop::check(cancel)?;
+        let page = file.page(*leaf)?;
+        parts.numbers(&page.view(), *start, &mut numbers);
+        let corners = |t: &[u16; 3]| t.map(|v| numbers[usize::from(v)]);
+        ply.triangles(&page.view().triangles.iter().map(corners).collect::<Vec<_>>())?;
+    }
+    ply.finish()?;
+    output.publish()
+}
+
+fn print(
+    summary: &Summary,
+    signed: bool,
+    scan: &Opened,
+    reference: &Opened,
+    tolerance: f64,
+    out: &mut impl Write,
+) -> Result<()> {
+    let told = |x: f64| format!("{}{}", if x < 0.0 { "-" } else { "" }, Units(x.abs()));
+    let kind = if signed { "signed, negative behind the reference" } else { "without a sign" };
+    writeln!(
+        out,
+        "{} from {}: {}, each within {} units; {kind}",
+        scan.path.display(),
+        reference.path.display(),
+        Counted(summary.count, "vertex"),
+        Units(tolerance)
+    )?;
+    let [p50, p90, p95, p99, p999] = summary.percentiles;
+    let row = [summary.min, summary.max, summary.mean, summary.rms, p50, p90, p95, p99, p999];
+    let header = ["", "least", "most", "mean", "rms", "50 %", "90 %", "95 %", "99 %", "99.9 %"];
+    let mut cells = vec!["units".to_owned()];
+    cells.extend(row.map(told));
+    writeln!(out, "{}", table(&header, [cells]))?;
+    writeln!(out, "percentages: of the vertices, that are no farther by size")?;
+    Ok(())
+}

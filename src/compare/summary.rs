@@ -1,0 +1,100 @@
+//! Distances of all vertices, summed up.
+
+use serde_json::{Value, json};
+
+/// What a set of distances is like.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct Summary {
+    pub(crate) count: u64,
+    pub(crate) min: f64,
+    pub(crate) max: f64,
+    pub(crate) mean: f64,
+    pub(crate) rms: f64,
+    /// Of the sizes, in [`PERCENTS`].
+    pub(crate) percentiles: [f64; 5],
+    /// Numbers of vertices in bins of one width, from `range[0]` to `range[1]`; what is out of the range is in the first or last.
+    pub(crate) bins: Vec<u64>,
+    pub(crate) range: [f64; 2],
+}
+
+/// Percent of the vertices that have no larger distance, by size.
+pub(crate) const PERCENTS: [f64; 5] = [50.0, 90.0, 95.0, 99.0, 99.9];
+
+/// Bins of a histogram.
+const BINS: usize = 64;
+
+impl Summary {
+    /// Without a range, it goes to the 99th percentile: from 0, or where distances are signed as far to the other side.
+    pub(crate) fn new(values: &[f32], signed: bool, range: Option<[f64; 2]>) -> Self {
+        let mut sizes: Vec<f32> = values.iter().map(|x| x.abs()).collect();
+        let mut percentile = |percent: f64| {
+            let rank = (percent / 100.0 * sizes.len() as f64).ceil() as usize;
+            let at = rank.clamp(1, sizes.len().max(1)) - 1;
+            if at < sizes.len() {
+                f64::from(*sizes.select_nth_unstable_by(at, f32::total_cmp).1)
+            } else {
+                0.0
+            }
+        };
+        let percentiles = PERCENTS.map(&mut percentile);
+        let range = range.unwrap_or(match percentiles[3] {
+            most if signed => [-most, most],
+            most => [0.0, most],
+        });
+        let mut found = Summary {
+            count: values.len() as u64,
+            min: f64::INFINITY,
+            max: f64::NEG_INFINITY,
+            mean: 0.0,
+            rms: 0.0,
+            percentiles,
+            bins: vec![0; BINS],
+            range,
+        };
+        let width = range[1] - range[0];
+        for value in values.iter().map(|x| f64::from(*x)) {
+            found.min = found.min.min(value);
+            found.max = found.max.max(value);
+            found.mean += value;
+            found.rms += value * value;
+            let share = if width > 0.0 { (value - range[0]) / width } else { 0.0 };
+            found.bins[((share * BINS as f64).max(0.0) as usize).min(BINS - 1)] += 1;
+        }
+        let count = values.len().max(1) as f64;
+        (found.mean, found.rms) = (found.mean / count, (found.rms / count).sqrt());
+        found
+    }
+
+    pub(crate) fn json(&self) -> Value {
+        let [p50, p90, p95, p99, p999] = self.percentiles;
+        json!({
+            "vertices": self.count,
+            "min": self.min,
+            "max": self.max,
+            "mean": self.mean,
+            "rms": self.rms,
+            "percentiles": { "p50": p50, "p90": p90, "p95": p95, "p99": p99, "p99_9": p999 },
+            "range": self.range,
+            "histogram": self.bins,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_summed_up_by_size_and_sign() {
+        let values: Vec<f32> = (1..=1000).map(|i| if i % 2 == 0 { i as f32 } else { -(i as f32) }).collect();
+        let found = Summary::new(&values, true, None);
+        assert_eq!((found.count, found.min, found.max), (1000, -999.0, 1000.0));
+        assert_eq!(found.percentiles, [500.0, 900.0, 950.0, 990.0, 999.0]);
+        assert_eq!(found.range, [-990.0, 990.0]);
+        assert!((found.mean - 0.5).abs() < 1e-12 && (found.rms - 577.78).abs() < 0.01, "{found:?}");
+        assert_eq!(found.bins.iter().sum::<u64>(), 1000);
+        let given = Summary::new(&values, true, Some([0.0, 10.0]));
+        assert_eq!((given.range, given.bins.iter().sum::<u64>()), ([0.0, 10.0], 1000));
+        assert_eq!(Summary::new(&[0.0; 3], false, None).bins[0], 3);
+    }
+}

@@ -1,0 +1,154 @@
+//! How near two models are, and what is refused.
+
+use super::harness::Folder;
+use serde_json::Value;
+
+/// A sphere of radius 1, as a file, packed, and as a mesh.
+fn site() -> Folder {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 3000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 256");
+    folder.stdout("relayout in.chpm -o packed.chpm --pages packed -q");
+    folder
+}
+
+fn answer(folder: &Folder, words: &str, code: i32) -> Value {
+    let output = folder.chpm(words).code(code);
+    serde_json::from_slice(&output.get_output().stdout).expect("JSON")
+}
+
+#[test]
+fn a_distance_is_an_interval_whatever_the_files_are() {
+    let folder = site();
+    for second in ["in.chpm", "packed.chpm", "in.ply"] {
+        let value =
+            answer(&folder, &format!("distance in.chpm {second} --pose 0,0,3 --error 0 -q --json"), 0);
+        let found = &value["answers"][0];
+        let (least, most) = (found["least"].as_f64().unwrap(), found["most"].as_f64().unwrap());
+        // Both have a vertex at the pole.
+        assert!(least <= 1.0 && most >= 1.0 && most - least < 1e-6, "{second}: {found}");
+        assert_eq!(found["levels"], serde_json::json!([0, 0]));
+    }
+    // The other way about, and with the first one moved away.
+    for poses in ["--pose 0,0,-3", "--pose-a 0,0,3", "--pose-a 0,0,1.5 --pose-b 0,0,-1.5,0,0,0,2"] {
+        let text = folder.stdout(&format!("distance in.chpm packed.chpm {poses} --error 0.5%"));
+        assert!(text.contains("units apart") && text.contains("as narrow as was asked for"), "{text}");
+    }
+    let note = folder.stderr("distance in.chpm in.ply --pose 0,0,3", 0);
+    assert!(note.contains("'in.ply' is built into a temporary .chpm first"), "{note}");
+    assert_eq!(folder.names(), ["in.chpm", "in.ply", "packed.chpm"]);
+}
+
+#[test]
+fn a_limit_leaves_what_is_proven() {
+    let folder = site();
+    let words = "distance in.chpm in.chpm --pose 0.2,0.1,3 --error 0 --max-pages 0 -q";
+    let found = &answer(&folder, &format!("{words} --json"), 0)["answers"][0];
+    assert_eq!(found["ended"], "stopped");
+    assert!(found["least"].as_f64().unwrap() <= 1.0 + 0.05 && found["most"].is_null(), "{found}");
+    assert!(folder.stdout(words).contains("undecided"), "it says so");
+}
+
+#[test]
+fn clearance_is_a_proof_or_a_fault() {
+    let folder = site();
+    let clear = folder.stdout("clearance in.chpm packed.chpm --above 0.9 --pose 0,0,3");
+    assert!(clear.starts_with("clear:"), "{clear}");
+    let words = "clearance in.chpm packed.chpm --above 1.1 --pose 0,0,3";
+    let output = folder.chpm(words).code(1);
+    let text = super::harness::text(&output.get_output().stdout);
+    assert!(text.starts_with("not clear:") && text.contains("within"), "{text}");
+    let value = answer(&folder, "clearance in.chpm in.chpm --above 0.5 --pose 1.8,1.8,0 --time 0 --json", 1);
+    assert!(value["answers"][0]["clear"].is_null(), "{value}");
+}
+
+#[test]
+fn a_path_has_an_answer_for_each_pose() {
+    let folder = site();
+    folder.write("a.poses", "# along z\n0,0,3\n\n0 0 2.5\n0,0,0,0,0,0,1\n");
+    let text = folder.stdout("distance in.chpm in.chpm --path a.poses --error 0.01 --csv - -q");
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(lines.len() == 4 && lines[0].starts_with("step,least,most,ended,ax"), "{text}");
+    for (line, truth) in lines[1..].iter().zip([1.0, 0.5, 0.0]) {
+        let numbers: Vec<f64> = line.split(',').skip(1).take(2).map(|n| n.parse().unwrap()).collect();
+        assert!(numbers[0] <= truth && truth <= numbers[1] && numbers[1] - numbers[0] <= 0.01, "{line}");
+    }
+    let table = folder.stdout("distance in.chpm in.chpm --poses a.poses");
+    assert!(table.contains("step") && table.lines().count() >= 4, "{table}");
+    folder.write("bad.poses", "3,0,0\n1,2\n");
+    assert!(folder.stderr("distance in.chpm in.chpm --path bad.poses", 2).contains("'bad.poses', line 2"));
+}
+
+#[test]
+fn what_is_not_rigid_or_not_proven_is_refused() {
+    let folder = site();
+    let scaled = folder.stderr("distance in.chpm in.chpm --pose 2,0,0,0,0,2,0,0,0,0,2,0", 2);
+    assert!(scaled.contains("changes lengths"), "{scaled}");
+    assert!(folder.stderr("distance in.chpm missing.chpm", 2).contains("missing.chpm"));
+    assert!(folder.stderr("distance in.chpm in.chpm --memory 1M", 2).contains("--memory"));
+    assert!(folder.stderr("distance in.chpm in.chpm --error=-1", 2).contains("--error"));
+}
+
+#[test]
+fn contacts_are_told_by_region() {
+    let folder = site();
+    let value = answer(&folder, "contacts in.chpm packed.chpm --pose 0,0,2.1 --within 0.1001 --json -q", 0);
+    assert_eq!(value["regions"].as_array().map(Vec::len), Some(1), "{value}");
+    let least = value["regions"][0]["least"].as_f64().unwrap();
+    assert!((0.0999..=0.1).contains(&least) && value["complete"] == true, "{value}");
+    // With a tolerance, from coarser meshes.
+    let value =
+        answer(&folder, "contacts in.chpm packed.chpm --pose 0,0,2.1 --within 0.2 --error 0.5 --json -q", 0);
+    assert!(value["regions"][0]["levels"][0].as_u64().unwrap() > 0, "{value}");
+    let none = folder.stdout("contacts in.chpm packed.chpm --pose 0,0,2.1 --within 0.09");
+    assert!(none.contains("0 regions within 0.0900 units"), "{none}");
+    // Through each other, a ring of crossing triangles.
+    let csv = folder.stdout("contacts in.chpm packed.chpm --pose 1,0.01,0.02 --csv - -q");
+    assert_eq!(csv.lines().count(), 2, "{csv}");
+    let depth: f64 = csv.lines().nth(1).unwrap().split(',').nth(13).unwrap().parse().unwrap();
+    assert!(depth > 0.0, "{csv}");
+}
+
+#[test]
+fn a_model_that_meets_itself_is_told() {
+    let folder = site();
+    assert!(folder.stdout("contacts in.chpm --self").contains(": 0 pairs of triangles that meet"));
+    folder
+        .write("cross.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv .2 .2 -1\nv .2 .2 1\nv 3 3 1\nf 1 2 3\nf 4 5 6\n");
+    let text = folder.stdout("contacts cross.obj --self --csv - -q");
+    assert_eq!(text.lines().count(), 2, "{text}");
+    assert!(folder.stderr("contacts in.chpm", 2).contains("SECOND"));
+    assert!(folder.stderr("contacts in.chpm --self --within 1", 2).contains("--within"));
+}
+
+#[test]
+fn a_scan_is_compared_with_a_reference() {
+    let folder = site();
+    // Moved along z by a tenth: the sphere's ends are a tenth outside and inside.
+    let words =
+        "compare in.chpm packed.chpm --pose-a 0,0,0.1 --tolerance 0.001 -o out.ply --svg out.svg -q --json";
+    let value = answer(&folder, words, 0);
+    assert_eq!(value["signed"], true, "{value}");
+    let number = |key: &str| value[key].as_f64().unwrap();
+    assert!((number("max") - 0.1).abs() < 0.005 && (number("min") + 0.1).abs() < 0.005, "{value}");
+    assert!(number("mean").abs() < 0.01);
+    let (scan, source) = (folder.read_mesh("out.ply"), folder.read_mesh("in.ply"));
+    assert_eq!(super::harness::triangles(&scan), super::harness::triangles(&source));
+    assert_eq!(value["vertices"].as_u64(), Some(scan.positions.len() as u64));
+    let extreme = |least: bool| {
+        let ends = scan.positions.iter().zip(&scan.colors);
+        let end =
+            ends.max_by(|a, b| if least { b.0[2].total_cmp(&a.0[2]) } else { a.0[2].total_cmp(&b.0[2]) });
+        *end.unwrap().1
+    };
+    let ([r, _, b, _], [s, _, c, _]) = (extreme(false), extreme(true));
+    assert!(r > b && s < c, "outside is red, inside blue");
+    assert!(super::harness::text(&folder.read("out.svg")).contains("<polyline"));
+    // The same whatever the threads and the memory; against itself, nothing.
+    let colored = folder.read("out.ply");
+    folder.stdout(&words.replace("-q --json", "-qf --threads 1 --memory 100M"));
+    assert!(folder.read("out.ply") == colored);
+    let own = answer(&folder, "compare in.ply in.chpm --tolerance 0 --unsigned -q --json", 0);
+    assert!(own["signed"] == false && own["max"].as_f64().unwrap() < 1e-6, "{own}");
+    assert!(folder.stderr("compare in.chpm in.chpm -o out.chpm", 2).contains("PLY"));
+}
