@@ -261,7 +261,7 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
     match log {
         _ if low > high => 1.0..10.0,
         true => low / 1.3..high * 1.3,
-        false if high > 0.0 => 0.0..high * 1.05,
+        false if low < 0.0 || high > 0.0 => 1.05 * low.min(0.0)..1.05 * high,
         false => 0.0..1.0,
     }
 }

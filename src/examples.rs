@@ -66,6 +66,34 @@ const EXAMPLES: &[(&str, &[Example])] = &[
             ("chpm measure scan.ply small.ply", "two meshes"),
         ],
     ),
+    (
+        "distance",
+        &[
+            ("chpm distance scan.chpm small.ply --pose 20,0,0", "with the second one moved along x"),
+            (
+                "chpm distance scan.chpm scan.chpm --pose 20,0,0,0,0,1,1 --error 0",
+                "turned about z, and exact",
+            ),
+        ],
+    ),
+    (
+        "clearance",
+        &[("chpm clearance scan.chpm scan.chpm --above 1% --pose 20,0,0", "exit code 0 where it is proven")],
+    ),
+    (
+        "contacts",
+        &[
+            ("chpm contacts scan.chpm scan.chpm --within 0.1% --pose 0,0,0.1", "where they are near"),
+            ("chpm contacts scan.chpm --self", "where it meets itself"),
+        ],
+    ),
+    (
+        "compare",
+        &[(
+            "chpm compare small.ply scan.chpm -o colored.ply --svg histogram.svg",
+            "in colours, with a histogram",
+        )],
+    ),
     ("bench", &[("chpm bench scan.ply --only chpm --runs 1 --csv speed.csv", "time, memory and deviation")]),
     ("relayout", &[("chpm relayout scan.chpm -o packed.chpm --pages packed", "the same in fewer bytes")]),
     (
