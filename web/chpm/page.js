@@ -76,6 +76,27 @@ export class Page {
   }
 }
 
+/** Normals of three bytes each as singles; one without a direction is zero. */
+function unfolded(bytes) {
+  const normals = new Float32Array(bytes.length);
+  for (let at = 0; at < bytes.length; at += 3) {
+    const number = bytes[at] | (bytes[at + 1] << 8) | (bytes[at + 2] << 16);
+    if (number === 0) continue;
+    let u = (Math.max(number & 0xfff, 1) - 2048) / 2047;
+    let v = (Math.max(number >> 12, 1) - 2048) / 2047;
+    const z = 1 - Math.abs(u) - Math.abs(v);
+    if (z < 0) {
+      u += u >= 0 ? z : -z;
+      v += v >= 0 ? z : -z;
+    }
+    const length = Math.hypot(u, v, z);
+    normals[at] = u / length;
+    normals[at + 1] = v / length;
+    normals[at + 2] = z / length;
+  }
+  return normals;
+}
+
 /** Reads and checks a page that is not packed. */
 export function readPage(header, cluster, bytes) {
   const what = `the page of cluster ${cluster.id}`;
@@ -84,7 +105,7 @@ export function readPage(header, cluster, bytes) {
   const view = viewOf(bytes);
   const u32 = (at) => view.getUint32(at, true);
   expect(u32(0) === 0x45475043 && view.getUint16(4, true) === 1, () => `${what} does not begin like one`);
-  const attributes = (header.hasNormals ? 1 : 0) | (header.hasColors ? 2 : 0);
+  const attributes = (header.hasFloatNormals ? 1 : 0) | (header.hasColors ? 2 : 0) | (header.hasOctahedralNormals ? 4 : 0);
   expect(view.getUint16(6, true) === attributes, () => `${what} has other attributes than the file`);
   const counts = [cluster.vertexCount, cluster.baseVertexCount, cluster.triangleCount, cluster.baseTriangleCount, cluster.sharedCount];
   expect(counts.every((count, i) => u32(8 + 4 * i) === count), () => `${what} has other counts than its record`);
@@ -102,7 +123,7 @@ export function readPage(header, cluster, bytes) {
     cluster,
     errorScale,
     positions: take(Float32Array, 3 * v),
-    normals: header.hasNormals ? take(Float32Array, 3 * v) : null,
+    normals: header.hasFloatNormals ? take(Float32Array, 3 * v) : null,
     colors: header.hasColors ? take(Uint8Array, 4 * v) : null,
     sharedIds: take(Uint32Array, s),
     triangles: take(Uint16Array, 3 * t),
@@ -110,6 +131,7 @@ export function readPage(header, cluster, bytes) {
     errorCodes: take(Uint16Array, v - b),
     sharedBits: take(Uint8Array, Math.ceil(v / 8)),
   });
+  if (header.hasOctahedralNormals) page.normals = unfolded(take(Uint8Array, 3 * v));
   check(header, page, what);
   return page;
 }

@@ -14,8 +14,9 @@ const ENTRY_LEN = 40;
 const MAX_SECTIONS = 64;
 const KINDS = { 1: 128, 2: 64, 3: 4, 4: 128, 5: 0, 6: 0 };
 const MAGIC = [0x89, 0x43, 0x48, 0x50, 0x4d, 0x0d, 0x0a, 0x1a];
-/** Features that this reader knows: packed pages, if it is given a decoder. */
+/** Features that a reader has to know. */
 const PACKED = 1;
+const OCTAHEDRAL = 2;
 
 export function expect(is, message) {
   if (!is) throw new ChpmError(message());
@@ -45,7 +46,7 @@ export function readHeader(bytes, xxh3) {
   const sum = view.getBigUint64(248, true);
   expect(xxh3(bytes.subarray(0, 248)) === sum, () => "the header is damaged: its checksum is another one");
   const required = view.getUint32(16, true);
-  expect((required & ~PACKED) === 0, () => `the file uses features that this reader does not know (${required})`);
+  expect((required & ~(PACKED | OCTAHEDRAL)) === 0, () => `the file uses features that this reader does not know (${required})`);
 
   const header = {
     versionMinor: view.getUint16(10, true),
@@ -53,7 +54,10 @@ export function readHeader(bytes, xxh3) {
     fileLength: u64(view, 24),
     sectionCount: view.getUint32(32, true),
     pageAlign: view.getUint32(40, true),
-    hasNormals: (view.getUint32(44, true) & 1) !== 0,
+    /** Normals as three singles, or as three bytes. */
+    hasFloatNormals: (view.getUint32(44, true) & 1) !== 0,
+    hasOctahedralNormals: (view.getUint32(44, true) & 4) !== 0,
+    hasNormals: (view.getUint32(44, true) & 5) !== 0,
     hasColors: (view.getUint32(44, true) & 2) !== 0,
     sourceVertexCount: u64(view, 48),
     sourceTriangleCount: u64(view, 56),
@@ -71,7 +75,9 @@ export function readHeader(bytes, xxh3) {
   };
   expect(view.getUint32(12, true) === HEADER_LEN, () => "header_len is not 256");
   expect(view.getUint32(36, true) === HEADER_LEN, () => "section_table_offset is not 256");
-  expect(view.getUint32(44, true) <= 3, () => "the file has attributes that this reader does not know");
+  const isOctahedral = (required & OCTAHEDRAL) !== 0;
+  const areKnown = view.getUint32(44, true) <= 7 && header.hasOctahedralNormals === isOctahedral && !(isOctahedral && header.hasFloatNormals);
+  expect(areKnown, () => "the file has attributes that this reader does not know");
   expect(header.sectionCount <= MAX_SECTIONS, () => `${header.sectionCount} sections; at most ${MAX_SECTIONS} are allowed`);
   expect(header.pageAlign >= 4 && header.pageAlign <= 4096, () => `pages aligned to ${header.pageAlign}`);
   expect([...header.origin, ...header.boxMin, ...header.boxMax, header.maxError].every(Number.isFinite), () => "a number of the header is not finite");
@@ -132,7 +138,7 @@ function errors(view, at, what) {
 /** Bytes of a page that is not packed. */
 export function pageLength(header, cluster) {
   const { vertexCount: v, baseVertexCount: b, triangleCount: t, sharedCount: s } = cluster;
-  const attributes = (header.hasNormals ? 12 : 0) + (header.hasColors ? 4 : 0);
+  const attributes = (header.hasFloatNormals ? 12 : 0) + (header.hasOctahedralNormals ? 3 : 0) + (header.hasColors ? 4 : 0);
   return 64 + (12 + attributes) * v + 4 * s + 6 * t + 4 * (v - b) + Math.ceil(v / 8);
 }
 

@@ -17,6 +17,7 @@ const MODELS = {
   isosurface: () => generated("isosurface", 30000),
   parts: () => generated("hard:components", 4000),
   far: () => generated("hard:far-double", 8000),
+  computed: () => generated("hard:cylinder", 6000),
   colored: () => waves(60),
 };
 
@@ -48,9 +49,12 @@ function waves(side) {
 function build(model) {
   const source = MODELS[model]();
   const file = source.replace(/ply$/, "chpm");
-  chpm("build", source, "-o", file, "-f", "-q", "--pages", "raw", "--cluster-triangles", "256");
+  const normals = model === "computed" ? ["--normals", "computed"] : [];
+  chpm("build", source, "-o", file, "-f", "-q", "--pages", "raw", "--cluster-triangles", "256", ...normals);
   return file;
 }
+
+const norms = (normals) => Array.from({ length: normals.length / 3 }, (_, i) => Math.hypot(...normals.subarray(3 * i, 3 * i + 3)));
 
 test("sums are those of XXH3", () => {
   // Made with another implementation.
@@ -115,7 +119,9 @@ for (const model in MODELS) {
       chpm("extract", name, ...args, "-o", out, "-f", "-q");
       const mesh = await extract(file, await select(file, rule));
       assert.deepEqual(trianglesOfMesh(mesh), trianglesOfPly(out), args.join(" "));
-      assert.equal(mesh.normals !== null && mesh.colors !== null, model === "colored");
+      assert.equal(mesh.colors !== null, model === "colored");
+      assert.equal(mesh.normals !== null, model === "colored" || model === "computed");
+      if (model === "computed") assert.ok(norms(mesh.normals).every((norm) => Math.abs(norm - 1) < 1e-5));
     }
   });
 }
