@@ -6,8 +6,8 @@ use crate::cmd::render;
 #[cfg(feature = "viewer")]
 use crate::cmd::view;
 use crate::cmd::{
-    batch, bench, build, completions, config, demo, dump, extract, info, measure, path, relayout, report,
-    stats, synth, verify, walk,
+    batch, bench, build, completions, config, demo, dump, export, extract, info, measure, path, relayout,
+    report, simplify, stats, synth, verify, walk,
 };
 use crate::number;
 use anyhow::{Context, Result, ensure};
@@ -60,6 +60,10 @@ pub(crate) enum Command {
     Dump(dump::Args),
     /// Take one crack-free mesh out of a .chpm file
     Extract(extract::Args),
+    /// Make tiles of a .chpm file for programs that stream them: 3D Tiles
+    Export(export::Args),
+    /// Make a mesh smaller and prove how near it stays: build and extract in one
+    Simplify(simplify::Args),
     /// Make a camera path for a .chpm file
     Path(path::Args),
     /// Draw a picture of a .chpm file, without a window

@@ -80,7 +80,28 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         &[
             ("chpm extract scan.chpm --triangles 10% -o tenth.ply", "by triangles"),
             ("chpm extract scan.chpm --error 0.1% -o near.ply", "by distance from the source"),
+            ("chpm extract scan.chpm --triangles 20k -o small.glb --meshopt", "for the web, compressed"),
             ("chpm extract scan.chpm --level 1 -o - > level.ply", "to a pipe or a file"),
+        ],
+    ),
+    (
+        "simplify",
+        &[
+            (
+                "chpm simplify scan.ply --within 0.1% -o near.glb",
+                "neither is farther from the other than that",
+            ),
+            ("chpm simplify scan.ply --within 1mm --unit m -o near.stl", "of a model in metres"),
+        ],
+    ),
+    (
+        "export",
+        &[
+            ("chpm export scan.chpm --3dtiles tiles", "for CesiumJS and 3d-tiles-renderer"),
+            (
+                "chpm export scan.chpm --3dtiles placed --origin 13.4,52.5,34 --meshopt",
+                "somewhere in Berlin, compressed",
+            ),
         ],
     ),
     ("path", &[("chpm path orbit scan.chpm --frames 60 -o orbit.path", "once around it")]),

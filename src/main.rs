@@ -17,19 +17,23 @@ mod cuts;
 mod deviation;
 mod digest;
 mod examples;
+mod folder;
 mod forecast;
 mod memory;
+mod mesh_file;
 mod number;
 mod output;
 mod page;
 #[cfg(feature = "viewer")]
 mod picture;
+mod place;
 mod points;
 mod presets;
 mod progress;
 mod report;
 mod stats;
 mod stop;
+mod tolerance;
 mod view;
 
 use args::Cli;

@@ -23,7 +23,6 @@ const fn writes(by: &'static str, format: &'static str) -> Writes {
 
 pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
 pub(crate) const RELAYOUT: Writes = Writes { streams: false, ..writes("relayout", "CHPM") };
-pub(crate) const EXTRACT: Writes = writes("extract", "PLY");
 pub(crate) const SYNTH: Writes = writes("synth", "PLY");
 pub(crate) const PATH: Writes = writes("path", "a camera path");
 pub(crate) const WALK_CSV: Writes = writes("walk --csv", "CSV");
@@ -45,7 +44,7 @@ const EXTENSIONS: [(&str, &str); 25] = [
     ("stl", "STL"),
     ("obj", "OBJ"),
     ("off", "OFF"),
-    ("glb", "glTF"),
+    ("glb", "GLB"),
     ("gltf", "glTF"),
     ("3mf", "3MF"),
     ("conf", "a list of range scans"),
@@ -67,7 +66,21 @@ const EXTENSIONS: [(&str, &str); 25] = [
     ("zst", "zstd"),
 ];
 
+/// The format that a name promises, if it does.
+pub(crate) fn promised(path: &Path) -> Option<&'static str> {
+    if is_stdout(path) {
+        return None;
+    }
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    EXTENSIONS.iter().find(|(known, _)| *known == extension).map(|(_, format)| *format)
+}
+
 impl Writes {
+    /// A mesh in a format that may be chosen.
+    pub(crate) fn mesh(by: &'static str, format: &'static str) -> Self {
+        writes(by, format)
+    }
+
     /// Refuses a name that promises another format, and standard output where the file cannot be streamed.
     pub(crate) fn check(self, path: &Path) -> Result<()> {
         let Writes { by, format, streams } = self;
@@ -75,9 +88,7 @@ impl Writes {
             ensure!(streams, "{by} cannot write to standard output ('{}'): name a file", path.display());
             return Ok(());
         }
-        let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-        let promised = EXTENSIONS.iter().find(|(known, _)| *known == extension).map(|(_, format)| *format);
-        if let Some(promised) = promised.filter(|promised| *promised != format) {
+        if let Some(promised) = promised(path).filter(|promised| *promised != format) {
             let own = EXTENSIONS.iter().find(|(_, known)| *known == format).map_or("", |(own, _)| *own);
             bail!(
                 "{by} writes {format}, and '{}' is a name for {promised}: call it .{own}, or leave the extension out",
@@ -120,7 +131,8 @@ impl Output {
         Ok(())
     }
 
-    fn is_stream(&self) -> bool {
+    /// Whether it is standard output.
+    pub(crate) fn is_stream(&self) -> bool {
         matches!(self, Output::Stdout(_))
     }
 }
@@ -171,7 +183,11 @@ mod tests {
     fn a_name_promises_at_most_what_is_written() {
         for (writes, good, bad) in [
             (BUILD, "a.chpm a.CHPM a a.v2 .ply a.chpm.old", "a.ply a.obj a.stl a.glb a.png a.PLY a.chpm.gz"),
-            (EXTRACT, "a.ply a a.ply.1 a.txt a.", "a.glb a.obj a.stl a.chpm a.png a.ply.gz a.ply.zst"),
+            (
+                Writes::mesh("extract", "PLY"),
+                "a.ply a a.ply.1 a.txt a.",
+                "a.glb a.obj a.stl a.chpm a.png a.ply.gz a.ply.zst",
+            ),
             (SYNTH, "a.ply a", "a.chpm a.stl"),
             (PATH, "a.path a.txt", "a.csv a.chpm"),
             (WALK_CSV, "a.csv a.tsv", "a.json a.ply"),
@@ -190,7 +206,7 @@ mod tests {
     #[test]
     fn standard_output_has_four_names() {
         for name in STDOUT {
-            assert!(EXTRACT.check(Path::new(name)).is_ok() && is_stdout(Path::new(name)));
+            assert!(SYNTH.check(Path::new(name)).is_ok() && is_stdout(Path::new(name)));
             assert!(BUILD.check(Path::new(name)).unwrap_err().to_string().contains("name a file"));
         }
         assert!(!["./-", "-.ply", "/dev/stderr", "/dev/null"].iter().any(|name| is_stdout(Path::new(name))));

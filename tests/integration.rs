@@ -26,6 +26,10 @@ mod integration {
     mod digest;
     /// The examples of the libraries run.
     mod examples;
+    /// The same mesh in every format that is written, and simplified in one go.
+    mod formats;
+    /// A reader of GLB.
+    pub(crate) mod glb;
     /// Every mesh that is hard to simplify, and what its file must be; flat plates and absent attributes.
     mod hard_cases;
     /// Damaged .chpm files: each verb answers, none panics.
@@ -71,6 +75,8 @@ mod integration {
     mod terminal;
     /// The house rules: which crate may use which, where unsafe code may be, how long a file gets.
     mod tidy;
+    /// Tilesets, walked as viewers do.
+    mod tiles;
     /// What a camera needs: extracted without cracks, and less where it is far away.
     mod view;
     /// Camera paths and walks along them.

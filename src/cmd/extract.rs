@@ -1,26 +1,22 @@
-//! `chpm extract`: one crack-free mesh out of a file, as a PLY.
+//! `chpm extract`: one crack-free mesh out of a file, as a file of another program.
 
 use super::{Verdict, open, reading};
 use crate::memory::{self, MemoryArgs};
+use crate::mesh_file::{self, MeshArgs};
 use crate::number::{self, Triangles, Units};
-use crate::output::{self, Output};
+use crate::output;
 use crate::progress::{Meter, line};
 use crate::report::count;
-use crate::stop::{self, Stop};
+use crate::stop::Stop;
 use crate::view::{self, ImageArgs};
 use anyhow::{Result, ensure};
-use chpm_build::Cancel;
 use chpm_build::config::Length;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Counted, Level};
 use chpm_refine::{Camera, Cut, Extraction, Hierarchy, Member, View, is_visible, select, select_triangles};
 use std::io::Write;
 use std::path::PathBuf;
-
-/// Bytes that choosing a cut takes for each cluster.
-const SELECTION: u64 = 256;
 
 /// What `chpm extract` is told.
 #[derive(clap::Args, Debug)]
@@ -37,15 +33,8 @@ pub(crate) struct Args {
     camera: Option<Camera>,
     #[command(flatten)]
     image: ImageArgs,
-    /// The PLY to write; - for standard output
-    #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
-    /// Write text instead of binary little endian
-    #[arg(long)]
-    ascii: bool,
-    /// Replace the output if it exists
-    #[arg(short, long)]
-    force: bool,
+    #[command(flatten)]
+    mesh: MeshArgs,
     /// Exit with 1 where the file gives less than was asked for; it is a warning if not given
     #[arg(long)]
     strict: bool,
@@ -80,18 +69,16 @@ struct Wanted {
 /// Selects and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
-    let header = file.header();
-    let own = 4 * u64::from(header.shared_vertex_count) + SELECTION * u64::from(header.cluster_count);
-    memory::divide(&file, args.memory.memory(), own)?;
+    memory::divide(&file, args.memory.memory(), args.mesh.memory("extract", &file)?)?;
     reading(&file, || take(&file, args, stop))
 }
 
 fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     // Created before the selection, which may take a while: a place that cannot be written is told at once.
-    let ply = output::EXTRACT.create(&args.output, args.force, &[&args.file])?;
-    let mut out = output::messages([&ply], false, args.quiet)?;
-    let cut = cut(file, args)?;
+    let target = args.mesh.create("extract", &[&args.file])?;
+    let mut out = output::messages([&target.output], false, args.quiet)?;
+    let cut = cut(file, args, target.rounding(file))?;
     let mesh = Extraction::new(file, &cut)?;
     let model = file.header().source_triangle_count;
     if let Some(limit) = args.wanted.triangles.map(|wanted| wanted.of(model)) {
@@ -103,29 +90,15 @@ fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
             Counted(least, "triangle")
         );
     }
-    let (error, distance) = (cut.error(file)?, cut.distance(file)?);
-    let comment = match file.has_gaps() {
-        true => format!("chpm extract, error {error:e}, distance {distance:e}"),
-        false => format!("chpm extract, error {error:e}"),
-    };
-    write(file, &mesh, ply, args, &comment, &cancel)?;
-    writeln!(
-        out,
-        "{}: {}, {}, error {} units{}, from {}",
-        args.output.display(),
-        Counted(mesh.triangle_count(), "triangle"),
-        Counted(mesh.vertex_count().into(), "vertex"),
-        Units(error.into()),
-        // Only what has vanished is farther.
-        if distance > error {
-            format!(" ({} to what has vanished)", Units(distance.into()))
-        } else {
-            String::new()
-        },
-        Counted(cut.members().len() as u64, "cluster"),
-    )?;
+    let bounds = target.bounds(file, &cut)?;
+    if let Some(warning) = target.warning(file) {
+        line(&format!("warning: {warning}"));
+    }
+    target.write(file, &mesh, bounds, &Meter::new(args.quiet), &cancel)?;
+    let told = mesh_file::told(&args.mesh.output, &mesh, bounds, "units");
+    writeln!(out, "{told}, from {}", Counted(cut.members().len() as u64, "cluster"))?;
     out.flush()?;
-    let shortfall = shortfall(file, args, &cut, distance)?;
+    let shortfall = shortfall(file, args, &cut, bounds.distance)?;
     if let Some(shortfall) = &shortfall {
         line(&format!("warning: {shortfall}"));
     }
@@ -162,7 +135,8 @@ fn view(file: &Chpm<MappedFile>, args: &Args, pixels: f64) -> Result<View> {
     args.image.view(file, &camera, pixels)
 }
 
-fn cut(file: &Chpm<MappedFile>, args: &Args) -> Result<Cut> {
+/// What was asked for; where it is a distance, what the output rounds is a part of it.
+fn cut(file: &Chpm<MappedFile>, args: &Args, rounding: f64) -> Result<Cut> {
     let wanted = &args.wanted;
     if let Some(pixels) = wanted.poe {
         return Ok(select(file, &Hierarchy::new(file), &view(file, args, pixels)?)?);
@@ -174,7 +148,7 @@ fn cut(file: &Chpm<MappedFile>, args: &Args) -> Result<Cut> {
     let diagonal = file.header().aabb().diagonal();
     Ok(match (limit, wanted.error, wanted.level) {
         (Some(limit), ..) => Cut::at_triangles(file, limit)?,
-        (_, Some(bound), _) => Cut::at_distance(file, bound.of(diagonal) as f32)?,
+        (_, Some(bound), _) => Cut::at_distance(file, mesh_file::less(bound.of(diagonal), rounding))?,
         (_, _, level) => Cut::at_level(file, existing(file, args, level.unwrap_or(0))?),
     })
 }
@@ -183,45 +157,4 @@ fn existing(file: &Chpm<MappedFile>, args: &Args, level: u32) -> Result<Level> {
     let (highest, name) = (file.header().level_count - 1, args.file.display());
     ensure!(level <= highest, "'{name}' has no level {level}: the highest is {highest}, the coarsest mesh");
     Ok(Level(level))
-}
-
-/// Streams the mesh, in doubles if the model is far from the zero point: single precision would move vertices there.
-fn write(
-    chpm: &Chpm<MappedFile>,
-    mesh: &Extraction<'_, MappedFile>,
-    file: Output,
-    args: &Args,
-    comment: &str,
-    cancel: &Cancel,
-) -> Result<()> {
-    let encoding = if args.ascii { Encoding::Ascii } else { Encoding::BinaryLittleEndian };
-    let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
-    let origin = mesh.origin();
-    let meter = Meter::new(args.quiet);
-    meter.start("extract", vertices + triangles);
-    let mut ply =
-        PlyWriter::new(file, encoding, vertices, triangles, mesh.attributes(), origin.is_some(), &[comment])?;
-    let mut absolute = Vec::new();
-    mesh.vertices(|batch| {
-        stop::check(cancel)?;
-        meter.add(batch.positions.len() as u64);
-        if let Some(origin) = origin {
-            absolute.clear();
-            absolute.extend(batch.absolute(origin));
-            ply.vertices_f64(&absolute, batch)?;
-        } else {
-            ply.vertices(batch)?;
-        }
-        anyhow::Ok(())
-    })?;
-    mesh.triangles(|batch| {
-        stop::check(cancel)?;
-        meter.add(batch.len() as u64);
-        anyhow::Ok(ply.triangles(batch)?)
-    })?;
-    let ply = ply.finish()?;
-    chpm.get_ref().check_unchanged()?;
-    ply.publish()?;
-    meter.finish();
-    Ok(())
 }

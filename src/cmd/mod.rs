@@ -7,6 +7,7 @@ pub(crate) mod completions;
 pub(crate) mod config;
 pub(crate) mod demo;
 pub(crate) mod dump;
+pub(crate) mod export;
 pub(crate) mod extract;
 pub(crate) mod info;
 pub(crate) mod measure;
@@ -15,6 +16,7 @@ pub(crate) mod relayout;
 #[cfg(feature = "viewer")]
 pub(crate) mod render;
 pub(crate) mod report;
+pub(crate) mod simplify;
 pub(crate) mod stats;
 pub(crate) mod synth;
 pub(crate) mod verify;
@@ -25,6 +27,7 @@ pub(crate) mod walk;
 use crate::args::Command;
 use crate::stop::Stop;
 use anyhow::{Context, Result, anyhow};
+use chpm_export::ExportError;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, FormatError};
 use chpm_refine::RefineError;
@@ -60,6 +63,8 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
         Command::Relayout(args) => relayout::run(&args, stop),
         Command::Dump(args) => dump::run(&args),
         Command::Extract(args) => extract::run(&args, stop),
+        Command::Export(args) => export::run(&args, stop),
+        Command::Simplify(args) => simplify::run(&args, stop),
         Command::Path(args) => path::run(&args, stop),
         #[cfg(feature = "viewer")]
         Command::Render(args) => render::run(&args, stop),
@@ -83,7 +88,9 @@ pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<
     let result = work();
     file.get_ref().check_unchanged()?;
     let is_of_file = |cause: &(dyn Error + 'static)| {
-        cause.is::<FormatError>() || matches!(cause.downcast_ref(), Some(RefineError::Format(_)))
+        cause.is::<FormatError>()
+            || matches!(cause.downcast_ref(), Some(RefineError::Format(_)))
+            || matches!(cause.downcast_ref(), Some(ExportError::Format(_) | ExportError::Orphan { .. }))
     };
     result.map_err(|error| match error.chain().any(is_of_file) {
         true => error.context(format!("cannot read '{}'", file.get_ref().path().display())),

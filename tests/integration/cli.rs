@@ -5,7 +5,8 @@ use chpm_synth::{Shape, Synth, hand};
 use serde_json::Value;
 use std::process::Stdio;
 
-const VERBS: [&str; 9] = ["build", "info", "verify", "dump", "extract", "path", "walk", "synth", "demo"];
+const VERBS: [&str; 11] =
+    ["build", "info", "verify", "dump", "extract", "export", "simplify", "path", "walk", "synth", "demo"];
 
 fn json(text: &str) -> Value {
     serde_json::from_str(text).expect("valid JSON")

@@ -2,12 +2,15 @@
 
 use super::harness::{Folder, text};
 
-const VERBS: [&str; 8] = [
+const VERBS: [&str; 11] = [
     "verify bad.chpm -q",
     "info bad.chpm",
     "dump bad.chpm --pages",
     "extract bad.chpm --triangles 2000 -o out.ply -qf",
     "extract bad.chpm --level 0 -o out.ply -qf",
+    "extract bad.chpm --level 0 -o out.stl -qf",
+    "extract bad.chpm --level 0 -o out.glb -qf --meshopt",
+    "export bad.chpm --3dtiles tiles -qf",
     "path dive bad.chpm --frames 5 -o out.path -f",
     "walk bad.chpm good.path --poe 0.1 -q",
     "walk bad.chpm good.path --poe 0.1 --latency 1 --prefetch 1M --memory 200K -q",

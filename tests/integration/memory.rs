@@ -44,9 +44,20 @@ fn reading_takes_no_more_memory_than_is_given() {
         "extract in.chpm --level 0 -o out.ply -qf",
         "extract in.chpm --triangles 300000 -o out.ply -qf",
         "extract in.chpm --error 0 -o out.ply -qf",
+        "extract in.chpm --level 0 -o out.glb -qf",
+        "extract in.chpm --level 0 -o out.obj -qf",
     ] {
         let peak = peak(&folder, &format!("{words} --memory 36M"));
         assert!(peak <= given, "{words}: {peak} kB");
+    }
+    // These hold a piece of the mesh.
+    for words in [
+        "extract in.chpm --level 0 -o out.stl -qf --memory 40M",
+        "extract in.chpm --level 0 -o out.glb -qf --meshopt --memory 48M",
+    ] {
+        let peak = peak(&folder, words);
+        let given: u64 = words[words.len() - 3..words.len() - 1].parse().expect("MiB");
+        assert!(peak <= given << 10, "{words}: {peak} kB");
     }
 }
 

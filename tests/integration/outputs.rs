@@ -174,7 +174,7 @@ fn names_of_other_formats_are_refused() {
     let before = folder.names();
     for (words, names) in [
         (WRITERS[0].0, "q.ply q.obj q.stl q.glb q.png q.OBJ q.chpm.gz"),
-        (WRITERS[1].0, "q.glb q.obj q.stl q.chpm q.png q.ply.gz"),
+        (WRITERS[1].0, "q.off q.gltf q.chpm q.png q.ply.gz"),
         (WRITERS[2].0, "q.chpm q.stl q.jpg"),
         (WRITERS[3].0, "q.csv q.chpm"),
         (WRITERS[4].0, "q.json q.svg"),

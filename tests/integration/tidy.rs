@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Crates of this workspace that each may depend on; tests may use more.
-const EDGES: [(&str, &[&str]); 11] = [
+const EDGES: [(&str, &[&str]); 12] = [
     ("chpm-mesh", &[]),
     ("chpm-extmem", &[]),
     ("chpm-partition", &[]),
@@ -15,6 +15,7 @@ const EDGES: [(&str, &[&str]); 11] = [
     ("chpm-qem", &["chpm-mesh"]),
     ("chpm-format", &["chpm-mesh"]),
     ("chpm-measure", &["chpm-mesh"]),
+    ("chpm-export", &["chpm-mesh", "chpm-format"]),
     ("chpm-refine", &["chpm-mesh", "chpm-format"]),
     ("chpm-build", &["chpm-mesh", "chpm-import", "chpm-extmem", "chpm-partition", "chpm-qem", "chpm-format"]),
     ("chpm-viewer", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem"]),
@@ -48,7 +49,7 @@ const LAYERS: [&str; 24] = [
     "pipeline",
 ];
 
-/// What only the command may use.
+/// What only the command may use; but chpm-export writes files that are JSON.
 const COMMAND_ONLY: [&str; 5] = ["anyhow", "clap", "comfy-table", "indicatif", "serde_json"];
 
 const LONGEST: usize = 600;
@@ -106,7 +107,8 @@ fn crates_use_only_what_lies_below_them() {
         for used in dependencies(&entry.path().join("Cargo.toml")) {
             let is_ours = used.starts_with("chpm-");
             assert!(!is_ours || allowed.contains(&used.as_str()), "{name} must not use {used}");
-            assert!(!COMMAND_ONLY.contains(&used.as_str()), "{name} must not use {used}");
+            let is_content = (name.as_str(), used.as_str()) == ("chpm-export", "serde_json");
+            assert!(is_content || !COMMAND_ONLY.contains(&used.as_str()), "{name} must not use {used}");
         }
         seen += 1;
     }

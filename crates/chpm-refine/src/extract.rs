@@ -110,6 +110,37 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         })
     }
 
+    /// Hands the mesh to `sink` in pieces of whole clusters, each with at most `limit` vertices of its own where clusters are no larger; corners
+    /// count from the piece's first vertex. What several pieces share, each of them has, bit for bit. One pass over the pages does it.
+    ///
+    /// # Errors
+    /// As [`Extraction::vertices`].
+    pub fn pieces<E: From<RefineError>>(
+        &self,
+        limit: usize,
+        mut sink: impl FnMut(VertexSlices<'_>, &[[u32; 3]]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut weld = Weld::new(self.file.header().shared_vertex_count);
+        let (mut piece, mut shared) = (TriMesh::default(), Vec::new());
+        for member in self.cut.members() {
+            let page = member.page(self.file)?;
+            let page = page.view();
+            let before = piece.positions.len();
+            if before > 0 && before + member.vertices as usize > limit {
+                sink(piece.view(), &piece.triangles)?;
+                piece.clear_vertices();
+                piece.triangles.clear();
+                weld.forget(shared.drain(..));
+            }
+            weld.enter(&page, member.vertices as usize)?;
+            shared.extend_from_slice(page.shared_ids);
+            piece.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
+            let welded = |corners: &[u16; 3]| corners.map(|v| weld.index[usize::from(v)]);
+            piece.triangles.extend(weld.triangles.iter().map(welded));
+        }
+        if piece.triangles.is_empty() { Ok(()) } else { sink(piece.view(), &piece.triangles) }
+    }
+
     /// Every pass takes the same walk, so that all number the vertices alike.
     fn walk<E: From<RefineError>>(
         &self,
@@ -154,6 +185,14 @@ impl Weld {
             index: Vec::new(),
             fresh: Vec::new(),
         }
+    }
+
+    /// Begins to number anew; `ids` are those of all clusters since the last time.
+    fn forget(&mut self, ids: impl Iterator<Item = u32>) {
+        for id in ids {
+            self.shared[id as usize] = None;
+        }
+        self.count = 0;
     }
 
     /// Goes on to the mesh of `n` vertices of a page.

@@ -42,6 +42,29 @@ fn played(file: &File, cut: &Cut, plan: &Plan) -> Vec<[u32; 3]> {
     canonical(all)
 }
 
+/// The pieces of a cut are its mesh, each of them welded and no larger than it may be.
+fn in_pieces(file: &File, cut: &Cut, plan: &Plan, limit: usize, mesh: &TriMesh) {
+    let (mut all, mut pieces) = (Vec::new(), 0);
+    let largest = cut.members().iter().map(|member| member.vertices as usize).max().unwrap_or(0);
+    let taken = Extraction::new(file, cut).unwrap().pieces(limit, |vertices, triangles| {
+        let mut piece = TriMesh { triangles: triangles.to_vec(), ..TriMesh::default() };
+        piece.extend_from_slices(vertices);
+        let numbers = known(&piece, plan);
+        assert_eq!(numbers.iter().collect::<BTreeSet<_>>().len(), numbers.len(), "a vertex is there twice");
+        assert!(numbers.len() <= limit.max(largest));
+        all.extend(triangles.iter().map(|t| t.map(|v| numbers[v as usize])));
+        pieces += 1;
+        Ok::<_, RefineError>(())
+    });
+    taken.unwrap();
+    assert_eq!(canonical(all), played(file, cut, plan));
+    match limit {
+        0 => assert_eq!(pieces, cut.members().len()),
+        usize::MAX => assert_eq!(pieces, usize::from(!mesh.triangles.is_empty())),
+        _ => {}
+    }
+}
+
 /// Extracts and checks everything that must hold for any cut.
 pub(crate) fn extracted(file: &File, cut: &Cut, plan: &Plan) -> TriMesh {
     let mesh = extract(file, cut).unwrap();
@@ -53,6 +76,9 @@ pub(crate) fn extracted(file: &File, cut: &Cut, plan: &Plan) -> TriMesh {
     let triangles: Vec<_> = mesh.triangles.iter().map(|t| t.map(|v| numbers[v as usize])).collect();
     assert_eq!(canonical(triangles.iter().copied()), played(file, cut, plan));
     assert_eq!(cut.triangle_count(file).unwrap(), mesh.triangles.len() as u64);
+    for limit in [0, 12, 40, usize::MAX] {
+        in_pieces(file, cut, plan, limit, &mesh);
+    }
     // No cracks: every edge has its partner, but for the outline of the grid; no edge is there twice.
     let edges: BTreeSet<_> = triangles.iter().flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]).collect();
     assert_eq!(edges.len(), 3 * triangles.len());

@@ -1,0 +1,70 @@
+//! What can be wrong with an export.
+
+use chpm_format::FormatError;
+use chpm_mesh::{ClusterId, GroupId};
+use std::io;
+
+/// Why a mesh or a hierarchy could not be exported.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// The output could not be written.
+    #[error("writing {format} failed: {source}")]
+    Write {
+        /// What was written.
+        format: &'static str,
+        /// What the output said.
+        source: io::Error,
+    },
+    /// More of something than the format has room for.
+    #[error("{format} has room for {limit} {what}, and this mesh takes {got}; {remedy}")]
+    TooLarge {
+        /// What was to be written.
+        format: &'static str,
+        /// What there is too much of.
+        what: &'static str,
+        /// How much there may be.
+        limit: u64,
+        /// How much there is.
+        got: u64,
+        /// What helps.
+        remedy: &'static str,
+    },
+    /// A mesh that is not as it was announced.
+    #[error("{what}: {expected} announced, {got} given")]
+    Count {
+        /// What was counted.
+        what: &'static str,
+        /// How many were announced.
+        expected: u64,
+        /// How many came.
+        got: u64,
+    },
+    /// A vertex buffer or an index buffer that could not be compressed.
+    #[error("compressing a buffer of {bytes} bytes failed: {reason}")]
+    Compression {
+        /// Its length.
+        bytes: usize,
+        /// What the library said.
+        reason: String,
+    },
+    /// A page that is damaged.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// A cluster of which no triangle is in what replaces it.
+    #[error(
+        "{cluster} has no triangle in common with the coarse clusters of {group}, which replaces it; expected some: \
+         `chpm verify` tells what is wrong with the file"
+    )]
+    Orphan {
+        /// The cluster.
+        cluster: ClusterId,
+        /// The group in which it is fine.
+        group: GroupId,
+    },
+}
+
+/// An error if these are not the same.
+pub(crate) fn expect(what: &'static str, expected: u64, got: u64) -> Result<(), ExportError> {
+    if expected == got { Ok(()) } else { Err(ExportError::Count { what, expected, got }) }
+}

@@ -1,0 +1,155 @@
+//! GLB, written front to back as one mesh that is welded throughout.
+
+use crate::error::{ExportError, expect};
+use crate::gltf::{Facts, Part, front, padded};
+use crate::vertex::Interleave;
+use chpm_mesh::{Aabb, Attributes, VertexSlices};
+use std::io::Write;
+
+/// Writes vertices and then triangles.
+pub struct GlbWriter<W: Write> {
+    writer: W,
+    buffer: Vec<u8>,
+    interleave: Interleave,
+    part: Part,
+    vertices: u64,
+    triangles: u64,
+}
+
+impl<W: Write> GlbWriter<W> {
+    /// Writes all that is in front of the vertices. `bounds` is the box around the vertices, exactly; the format asks for it.
+    ///
+    /// # Errors
+    /// [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
+    pub fn new(
+        mut writer: W,
+        facts: &Facts,
+        attributes: Attributes,
+        vertices: u64,
+        triangles: u64,
+        bounds: &Aabb,
+    ) -> Result<Self, ExportError> {
+        let part = Part { vertices, triangles, low: bounds.min, high: bounds.max, packed: None };
+        let parts = if triangles > 0 { &[part][..] } else { &[] };
+        writer.write_all(&front(facts, attributes, parts)?).map_err(failed)?;
+        let interleave = Interleave::new(attributes);
+        Ok(GlbWriter { writer, buffer: Vec::new(), interleave, part, vertices: 0, triangles: 0 })
+    }
+
+    /// Writes vertices.
+    ///
+    /// # Errors
+    /// [`ExportError::Count`] for more than were announced; [`ExportError::Write`].
+    pub fn vertices(&mut self, vertices: VertexSlices<'_>) -> Result<(), ExportError> {
+        self.vertices += vertices.positions.len() as u64;
+        if self.vertices > self.part.vertices {
+            return expect("vertices", self.part.vertices, self.vertices);
+        }
+        self.interleave.append(vertices, &mut self.buffer);
+        self.flush()
+    }
+
+    /// Writes triangles, after all vertices.
+    ///
+    /// # Errors
+    /// As [`GlbWriter::vertices`].
+    pub fn triangles(&mut self, triangles: &[[u32; 3]]) -> Result<(), ExportError> {
+        expect("vertices", self.part.vertices, self.vertices)?;
+        self.triangles += triangles.len() as u64;
+        if self.triangles > self.part.triangles {
+            return expect("triangles", self.part.triangles, self.triangles);
+        }
+        let corners = triangles.as_flattened();
+        match self.part.index_len() {
+            2 => self.buffer.extend(corners.iter().flat_map(|v| (*v as u16).to_le_bytes())),
+            _ => self.buffer.extend(corners.iter().flat_map(|v| v.to_le_bytes())),
+        }
+        self.flush()
+    }
+
+    /// Ends the file and gives the output back.
+    ///
+    /// # Errors
+    /// [`ExportError::Count`] if something is missing; [`ExportError::Write`].
+    pub fn finish(mut self) -> Result<W, ExportError> {
+        expect("vertices", self.part.vertices, self.vertices)?;
+        expect("triangles", self.part.triangles, self.triangles)?;
+        let len = 3 * self.triangles * self.part.index_len();
+        self.buffer.resize((padded(len) - len) as usize, 0);
+        self.flush()?;
+        self.writer.flush().map_err(failed)?;
+        Ok(self.writer)
+    }
+
+    fn flush(&mut self) -> Result<(), ExportError> {
+        self.writer.write_all(&self.buffer).map_err(failed)?;
+        self.buffer.clear();
+        Ok(())
+    }
+}
+
+pub(crate) fn failed(source: std::io::Error) -> ExportError {
+    ExportError::Write { format: "GLB", source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{PackedGlb, Placement};
+    use serde_json::{Map, Value};
+
+    fn facts(placement: Placement) -> Facts {
+        let extras = Map::from_iter([("error".to_owned(), 0.5.into())]);
+        Facts { generator: "test".to_owned(), placement, extras }
+    }
+
+    fn json(glb: &[u8]) -> Value {
+        let len = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+        assert_eq!((&glb[..4], &glb[16..20], len % 4), (&b"glTF"[..], &b"JSON"[..], 0));
+        serde_json::from_slice(&glb[20..20 + len]).unwrap()
+    }
+
+    #[test]
+    fn nothing_is_a_node_without_a_mesh() {
+        let empty = GlbWriter::new(Vec::new(), &facts(Placement::Here), Attributes::ALL, 0, 0, &Aabb::EMPTY);
+        let empty = json(&empty.unwrap().finish().unwrap());
+        let packed = PackedGlb::new(facts(Placement::Here), Attributes::ALL).begin(Vec::new());
+        assert_eq!(json(&packed.unwrap().finish().unwrap()), empty);
+        assert_eq!((&empty["nodes"][0]["extras"]["error"], empty.get("meshes")), (&0.5.into(), None));
+    }
+
+    #[test]
+    fn what_no_glb_can_hold_is_refused_before_a_byte() {
+        let mut out = Vec::new();
+        let bounds = Aabb { min: [0.0; 3], max: [1.0; 3] };
+        let new = |out, vertices, triangles| {
+            GlbWriter::new(out, &facts(Placement::Here), Attributes::NONE, vertices, triangles, &bounds)
+                .map(drop)
+        };
+        // 12 bytes a vertex and 12 a triangle.
+        new(&mut out, 119_000_000, 238_000_000).unwrap();
+        out.clear();
+        let error = new(&mut out, 120_000_000, 240_000_000).unwrap_err().to_string();
+        assert!(error.contains("4294967295 bytes") && error.contains("PLY") && out.is_empty(), "{error}");
+    }
+
+    #[test]
+    fn indices_are_as_short_as_they_can_be_and_lengths_even_out() {
+        let bounds = Aabb { min: [0.0; 3], max: [0.0; 3] };
+        for (vertices, component, len) in [(65_535_u64, 5123, 8), (65_536, 5125, 12)] {
+            let placement = Placement::At([1e7, 0.1, -3.0]);
+            let mut glb =
+                GlbWriter::new(Vec::new(), &facts(placement), Attributes::NONE, vertices, 1, &bounds)
+                    .unwrap();
+            assert!(matches!(glb.triangles(&[[0; 3]]), Err(ExportError::Count { what: "vertices", .. })));
+            glb.vertices(VertexSlices::new(&vec![[0.0; 3]; vertices as usize])).unwrap();
+            glb.triangles(&[[0; 3]]).unwrap();
+            let bytes = glb.finish().unwrap();
+            let json = json(&bytes);
+            assert_eq!(u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize, bytes.len());
+            assert_eq!(json["accessors"][1]["componentType"], component);
+            assert_eq!(json["buffers"][0]["byteLength"], 12 * vertices + len);
+            assert_eq!(json["nodes"][0]["translation"], serde_json::json!([1e7, 0.1, -3.0]));
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! The JSON of a GLB, and the frame around it.
+
+use crate::error::ExportError;
+use crate::vertex::Stride;
+use chpm_mesh::Attributes;
+use serde_json::{Map, Value, json};
+
+/// What readers know `EXT_meshopt_compression` as.
+const MESHOPT: &str = "EXT_meshopt_compression";
+
+/// Where a mesh stands.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Placement {
+    /// At its coordinates.
+    Here,
+    /// Moved: what positions are relative to.
+    At([f64; 3]),
+    /// Turned so that a reader that takes glTF's y axis for its own z axis, as those of 3D Tiles do, finds all coordinates as they are here.
+    ZUp,
+}
+
+/// What a GLB tells besides its mesh.
+#[derive(Clone, Debug)]
+pub struct Facts {
+    /// The program that wrote it.
+    pub generator: String,
+    /// Where the mesh stands.
+    pub placement: Placement,
+    /// Further numbers and words about the mesh, by name.
+    pub extras: Map<String, Value>,
+}
+
+/// A stretch of vertices and the triangles over them.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Part {
+    pub(crate) vertices: u64,
+    pub(crate) triangles: u64,
+    pub(crate) low: [f32; 3],
+    pub(crate) high: [f32; 3],
+    /// Bytes of its vertices and of its indices where they are compressed.
+    pub(crate) packed: Option<[u64; 2]>,
+}
+
+impl Part {
+    /// Bytes of a corner's index.
+    pub(crate) fn index_len(&self) -> u64 {
+        // The greatest index of 16 bits has a meaning of its own.
+        if self.vertices <= 0xffff { 2 } else { 4 }
+    }
+
+    /// Bytes of the vertices and of the indices, not compressed; each begins at a multiple of four.
+    pub(crate) fn plain(&self, stride: Stride) -> [u64; 2] {
+        [self.vertices * stride.bytes as u64, 3 * self.triangles * self.index_len()]
+    }
+
+    /// Bytes in the file.
+    fn stored(&self, stride: Stride) -> [u64; 2] {
+        self.packed.unwrap_or_else(|| self.plain(stride))
+    }
+}
+
+/// The length up to which zeros go.
+pub(crate) fn padded(len: u64) -> u64 {
+    len.next_multiple_of(4)
+}
+
+/// Everything of a GLB that comes before the vertices.
+pub(crate) fn front(facts: &Facts, attributes: Attributes, parts: &[Part]) -> Result<Vec<u8>, ExportError> {
+    let stride = Stride::of(attributes);
+    let body: u64 = parts.iter().flat_map(|part| part.stored(stride)).map(padded).sum();
+    let mut text = root(facts, stride, parts, body).to_string().into_bytes();
+    text.resize(padded(text.len() as u64) as usize, b' ');
+    let chunk = if body > 0 { 8 + body } else { 0 };
+    let len = 12 + 8 + text.len() as u64 + chunk;
+    let whole = u32::try_from(len).map_err(|_| ExportError::TooLarge {
+        format: "GLB",
+        what: "bytes",
+        limit: u32::MAX.into(),
+        got: len,
+        remedy: "write a PLY, ask for fewer triangles, or compress it with --meshopt",
+    })?;
+    let mut front = Vec::with_capacity(28 + text.len());
+    front.extend(b"glTF");
+    front.extend(2_u32.to_le_bytes());
+    front.extend(whole.to_le_bytes());
+    front.extend((text.len() as u32).to_le_bytes());
+    front.extend(b"JSON");
+    front.extend(text);
+    if body > 0 {
+        front.extend((body as u32).to_le_bytes());
+        front.extend(b"BIN\0");
+    }
+    Ok(front)
+}
+
+fn root(facts: &Facts, stride: Stride, parts: &[Part], body: u64) -> Value {
+    let mut node = match facts.placement {
+        Placement::Here => json!({}),
+        Placement::At(origin) => json!({ "translation": origin }),
+        // Columns: what x, y and z become.
+        Placement::ZUp => {
+            json!({ "matrix": [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1] })
+        }
+    };
+    let asset = json!({ "version": "2.0", "generator": facts.generator });
+    let mut root = json!({ "asset": asset, "scene": 0, "scenes": [{ "nodes": [0] }] });
+    if parts.is_empty() {
+        // glTF has no empty meshes.
+        node["extras"] = facts.extras.clone().into();
+        root["nodes"] = json!([node]);
+        return root;
+    }
+    node["mesh"] = 0.into();
+    root["nodes"] = json!([node]);
+    root["materials"] = json!([{ "doubleSided": true, "pbrMetallicRoughness": { "metallicFactor": 0 } }]);
+    let mut tables = Tables { stride, ..Tables::default() };
+    let primitives: Vec<Value> = parts.iter().map(|part| tables.primitive(part)).collect();
+    root["meshes"] = json!([{ "primitives": primitives, "extras": facts.extras }]);
+    root["accessors"] = tables.accessors.into();
+    root["bufferViews"] = tables.views.into();
+    let mut buffers = vec![json!({ "byteLength": body })];
+    if parts.iter().any(|part| part.packed.is_some()) {
+        // What a reader would have that unpacks nothing; it is not there.
+        buffers.push(json!({ "byteLength": tables.plain, "extensions": { MESHOPT: { "fallback": true } } }));
+        root["extensionsUsed"] = json!([MESHOPT]);
+        root["extensionsRequired"] = json!([MESHOPT]);
+    }
+    root["buffers"] = buffers.into();
+    root
+}
+
+#[derive(Default)]
+struct Tables {
+    accessors: Vec<Value>,
+    views: Vec<Value>,
+    /// Bytes of all views up to now, as they are in the file and unpacked.
+    stored: u64,
+    plain: u64,
+    stride: Stride,
+}
+
+impl Tables {
+    fn primitive(&mut self, part: &Part) -> Value {
+        let (stride, [vertices, indices]) = (self.stride, part.plain(self.stride));
+        let [packed_vertices, packed_indices] = part.packed.map_or([None; 2], |packed| packed.map(Some));
+        let view = self.view(vertices, packed_vertices, stride.bytes as u64, part.vertices, true);
+        let wide = |numbers: [f32; 3]| numbers.map(f64::from);
+        let mut attributes = Map::new();
+        let position = json!({
+            "bufferView": view, "componentType": 5126, "type": "VEC3", "count": part.vertices,
+            "min": wide(part.low), "max": wide(part.high),
+        });
+        attributes.insert("POSITION".to_owned(), self.accessor(position));
+        if let Some(offset) = stride.normal {
+            let normal = json!({
+                "bufferView": view, "byteOffset": offset, "componentType": 5126, "type": "VEC3", "count": part.vertices,
+            });
+            attributes.insert("NORMAL".to_owned(), self.accessor(normal));
+        }
+        if let Some(offset) = stride.color {
+            let color = json!({
+                "bufferView": view, "byteOffset": offset, "componentType": 5123, "normalized": true, "type": "VEC4",
+                "count": part.vertices,
+            });
+            attributes.insert("COLOR_0".to_owned(), self.accessor(color));
+        }
+        let (len, count) = (part.index_len(), 3 * part.triangles);
+        let view = self.view(indices, packed_indices, len, count, false);
+        let component = if len == 2 { 5123 } else { 5125 };
+        let indices =
+            json!({ "bufferView": view, "componentType": component, "type": "SCALAR", "count": count });
+        json!({ "attributes": attributes, "indices": self.accessor(indices), "material": 0 })
+    }
+
+    fn accessor(&mut self, accessor: Value) -> Value {
+        self.accessors.push(accessor);
+        (self.accessors.len() - 1).into()
+    }
+
+    /// A view of `len` bytes in steps of `step`, or of so many packed ones.
+    fn view(&mut self, len: u64, packed: Option<u64>, step: u64, count: u64, of_vertices: bool) -> usize {
+        let target = if of_vertices { 34962 } else { 34963 };
+        let offset = if packed.is_some() { self.plain } else { self.stored };
+        let mut view = json!({
+            "buffer": u8::from(packed.is_some()), "byteOffset": offset, "byteLength": len, "target": target,
+        });
+        if of_vertices {
+            view["byteStride"] = step.into();
+        }
+        if let Some(packed) = packed {
+            let mode = if of_vertices { "ATTRIBUTES" } else { "TRIANGLES" };
+            view["extensions"] = json!({ MESHOPT: {
+                "buffer": 0, "byteOffset": self.stored, "byteLength": packed, "byteStride": step, "count": count, "mode": mode,
+            } });
+        }
+        self.stored += padded(packed.unwrap_or(len));
+        self.plain += padded(len);
+        self.views.push(view);
+        self.views.len() - 1
+    }
+}

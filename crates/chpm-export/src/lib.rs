@@ -1,0 +1,22 @@
+//! Meshes and hierarchies for other programs: STL, OBJ, GLB (glTF 2.0) and 3D Tiles 1.1.
+//!
+//! [`StlWriter`], [`ObjWriter`] and [`GlbWriter`] take a mesh in batches and write it front to back, so that none has to be in memory;
+//! [`PackedGlb`] does the same in two passes, with `EXT_meshopt_compression`. [`tiles`] makes a tree of tiles of a whole `.chpm`. Nothing here
+//! opens a file or starts a thread. PLY is written by `chpm-import`, beside its reader.
+#![forbid(unsafe_code)]
+
+mod error;
+mod glb;
+mod gltf;
+mod obj;
+mod packed_glb;
+mod stl;
+pub mod tiles;
+mod vertex;
+
+pub use error::ExportError;
+pub use glb::GlbWriter;
+pub use gltf::{Facts, Placement};
+pub use obj::ObjWriter;
+pub use packed_glb::{PIECE_VERTICES, PackedGlb, PackedGlbWriter};
+pub use stl::{StlWriter, rounding};

@@ -1,0 +1,133 @@
+//! GLB with `EXT_meshopt_compression`, in pieces. How long a piece becomes is known when it is compressed, and comes in front of all of them: so
+//! a first pass over the mesh measures, and a second one writes.
+
+use crate::error::{ExportError, expect};
+use crate::glb::failed;
+use crate::gltf::{Facts, Part, front, padded};
+use crate::vertex::{Interleave, Stride};
+use bytemuck::Pod;
+use chpm_mesh::{Aabb, Attributes, VertexSlices};
+use std::io::Write;
+
+/// Vertices that a piece has at most, so that its indices have 16 bits.
+pub const PIECE_VERTICES: usize = 0xffff;
+
+/// The extension knows the codec's first version only.
+const CODEC: i32 = 0;
+
+/// Measures the pieces of a mesh.
+pub struct PackedGlb {
+    facts: Facts,
+    attributes: Attributes,
+    parts: Vec<Part>,
+}
+
+/// Writes the pieces that were measured.
+pub struct PackedGlbWriter<W: Write> {
+    writer: W,
+    attributes: Attributes,
+    parts: std::vec::IntoIter<Part>,
+}
+
+impl PackedGlb {
+    /// No piece yet.
+    pub fn new(facts: Facts, attributes: Attributes) -> Self {
+        PackedGlb { facts, attributes, parts: Vec::new() }
+    }
+
+    /// Takes the next piece into account.
+    ///
+    /// # Errors
+    /// [`ExportError::Compression`].
+    pub fn measure(&mut self, vertices: VertexSlices<'_>, triangles: &[[u32; 3]]) -> Result<(), ExportError> {
+        let packed = compressed(self.attributes, vertices, triangles)?.map(|bytes| bytes.len() as u64);
+        self.parts.push(part(vertices, triangles, packed));
+        Ok(())
+    }
+
+    /// Writes all that is in front of the pieces.
+    ///
+    /// # Errors
+    /// [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
+    pub fn begin<W: Write>(self, mut writer: W) -> Result<PackedGlbWriter<W>, ExportError> {
+        let front = front(&self.facts, self.attributes, &self.parts)?;
+        writer.write_all(&front).map_err(failed)?;
+        Ok(PackedGlbWriter { writer, attributes: self.attributes, parts: self.parts.into_iter() })
+    }
+}
+
+impl<W: Write> PackedGlbWriter<W> {
+    /// Writes the next piece, the same as it was measured.
+    ///
+    /// # Errors
+    /// [`ExportError::Count`] if it is another one; [`ExportError::Compression`]; [`ExportError::Write`].
+    pub fn write(&mut self, vertices: VertexSlices<'_>, triangles: &[[u32; 3]]) -> Result<(), ExportError> {
+        let measured = self.parts.next().and_then(|part| part.packed).unwrap_or_default();
+        let packed = compressed(self.attributes, vertices, triangles)?;
+        for (mut bytes, measured) in packed.into_iter().zip(measured) {
+            expect("bytes of a piece", measured, bytes.len() as u64)?;
+            bytes.resize(padded(measured) as usize, 0);
+            self.writer.write_all(&bytes).map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    /// Ends the file and gives the output back.
+    ///
+    /// # Errors
+    /// [`ExportError::Count`] if pieces are missing; [`ExportError::Write`].
+    pub fn finish(mut self) -> Result<W, ExportError> {
+        expect("pieces", 0, self.parts.len() as u64)?;
+        self.writer.flush().map_err(failed)?;
+        Ok(self.writer)
+    }
+}
+
+/// A GLB of one piece, in memory.
+pub(crate) fn whole(
+    facts: &Facts,
+    attributes: Attributes,
+    vertices: VertexSlices<'_>,
+    triangles: &[[u32; 3]],
+) -> Result<Vec<u8>, ExportError> {
+    let packed = compressed(attributes, vertices, triangles)?;
+    let part = part(vertices, triangles, packed.each_ref().map(|bytes| bytes.len() as u64));
+    let mut glb = front(facts, attributes, &[part])?;
+    for bytes in packed {
+        glb.extend_from_slice(&bytes);
+        glb.resize(padded(glb.len() as u64) as usize, 0);
+    }
+    Ok(glb)
+}
+
+fn part(vertices: VertexSlices<'_>, triangles: &[[u32; 3]], packed: [u64; 2]) -> Part {
+    let bounds = Aabb::of_points(vertices.positions);
+    let (vertices, triangles) = (vertices.positions.len() as u64, triangles.len() as u64);
+    Part { vertices, triangles, low: bounds.min, high: bounds.max, packed: Some(packed) }
+}
+
+/// Vertices and indices.
+fn compressed(
+    attributes: Attributes,
+    vertices: VertexSlices<'_>,
+    triangles: &[[u32; 3]],
+) -> Result<[Vec<u8>; 2], ExportError> {
+    let mut plain = Vec::new();
+    Interleave::new(attributes).append(vertices, &mut plain);
+    let packed = match Stride::of(attributes).bytes {
+        12 => of_vertices::<[u8; 12]>(&plain),
+        20 => of_vertices::<[u8; 20]>(&plain),
+        24 => of_vertices::<[u8; 24]>(&plain),
+        _ => of_vertices::<[u8; 32]>(&plain),
+    };
+    let indices = meshopt::encode_index_buffer(triangles.as_flattened(), vertices.positions.len());
+    Ok([named(plain.len(), packed)?, named(12 * triangles.len(), indices)?])
+}
+
+fn of_vertices<T: Pod>(bytes: &[u8]) -> meshopt::Result<Vec<u8>> {
+    meshopt::encode_vertex_buffer_level(bytemuck::cast_slice::<u8, T>(bytes), 2, Some(CODEC))
+}
+
+fn named(bytes: usize, packed: meshopt::Result<Vec<u8>>) -> Result<Vec<u8>, ExportError> {
+    packed.map_err(|error| ExportError::Compression { bytes, reason: error.to_string() })
+}

@@ -1,0 +1,93 @@
+//! The mesh of a tile.
+
+use super::Options;
+use crate::error::ExportError;
+use crate::glb::GlbWriter;
+use crate::gltf::Facts;
+use crate::packed_glb;
+use chpm_format::{Chpm, ErrorKind, Page};
+use chpm_mesh::{Aabb, ClusterId, Places, TriMesh};
+use serde_json::{Map, Value};
+
+/// One end of a cluster's progressive mesh.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum Mesh {
+    /// The coarsest.
+    Base,
+    /// The finest.
+    Finest,
+}
+
+impl Mesh {
+    /// The meshes of a cluster that are tiles: of a leaf both, unless they are the same.
+    pub fn of<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: ClusterId) -> &'static [Mesh] {
+        let record = &file.clusters()[cluster.index()];
+        let is_leaf = file.groups()[record.group().index()].is_leaf();
+        let collapses = record.base_vertex_count < record.vertex_count;
+        if is_leaf && collapses { &[Mesh::Base, Mesh::Finest] } else { &[Mesh::Base] }
+    }
+}
+
+/// A tile as a GLB; positions are relative to the file's origin. Answers its triangles, too.
+///
+/// # Errors
+/// [`ExportError::Format`] for a damaged page; what the writer of GLB refuses.
+pub fn tile<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    cluster: ClusterId,
+    mesh: Mesh,
+    options: &Options,
+) -> Result<(Vec<u8>, u64), ExportError> {
+    let page = file.page(cluster)?;
+    let page = page.view();
+    let n = if mesh == Mesh::Base { page.base_vertex_count } else { page.vertex_count() };
+    let mesh = compact(&page, n);
+    let error = page.error_at(n);
+    let facts = Facts {
+        generator: options.generator.clone(),
+        placement: options.placement(),
+        extras: facts(file, cluster, error),
+    };
+    let (attributes, count) = (file.header().attributes(), mesh.triangles.len() as u64);
+    if options.packed && count > 0 {
+        return Ok((packed_glb::whole(&facts, attributes, mesh.view(), &mesh.triangles)?, count));
+    }
+    let bounds = Aabb::of_points(&mesh.positions);
+    let vertices = mesh.positions.len() as u64;
+    let mut glb = GlbWriter::new(Vec::new(), &facts, attributes, vertices, count, &bounds)?;
+    glb.vertices(mesh.view())?;
+    glb.triangles(&mesh.triangles)?;
+    Ok((glb.finish()?, count))
+}
+
+/// The bounds that a cluster's mesh keeps.
+fn facts<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: ClusterId, error: f32) -> Map<String, Value> {
+    let mut facts = Map::new();
+    facts.insert("cluster".to_owned(), cluster.0.into());
+    facts.insert("error".to_owned(), f64::from(error).into());
+    if file.has_gaps() {
+        let distance = file.gaps(file.clusters()[cluster.index()].group()).distance(error);
+        facts.insert("distance".to_owned(), f64::from(distance).into());
+    }
+    facts.insert("certified".to_owned(), (file.header().error_kind() == Some(ErrorKind::Certified)).into());
+    facts
+}
+
+/// The mesh of `n` vertices, without those that no triangle uses.
+fn compact(page: &Page<'_>, n: usize) -> TriMesh {
+    const UNUSED: u32 = u32::MAX;
+    let mut places = Places::default();
+    places.go_to(&page.progressive_mesh(), n);
+    let mut numbers = vec![UNUSED; n];
+    let local: Vec<[u16; 3]> = places.triangles(page.triangles).collect();
+    local.as_flattened().iter().for_each(|v| numbers[usize::from(*v)] = 0);
+    let mut mesh = TriMesh::default();
+    let used = numbers.iter().enumerate().filter(|(_, number)| **number != UNUSED).map(|(v, _)| v);
+    mesh.gather(page.vertices, used.clone());
+    let used: Vec<usize> = used.collect();
+    for (number, vertex) in (0..).zip(used) {
+        numbers[vertex] = number;
+    }
+    mesh.triangles = local.iter().map(|corners| corners.map(|v| numbers[usize::from(v)])).collect();
+    mesh
+}

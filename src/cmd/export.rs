@@ -1,0 +1,150 @@
+//! `chpm export`: the whole hierarchy for programs that stream it.
+
+use super::{Verdict, open, reading, stdout};
+use crate::folder::OutputFolder;
+use crate::memory::{self, MemoryArgs};
+use crate::number;
+use crate::place::{self, Place};
+use crate::progress::Meter;
+use crate::stop::{self, Stop};
+use anyhow::Result;
+use chpm_build::Cancel;
+use chpm_export::tiles::{Mesh, Options, Tree, tile, tile_path, tilesets};
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_mesh::{Bytes, ClusterId, Counted};
+use clap::ValueEnum;
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// What `chpm export` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The .chpm file
+    file: PathBuf,
+    /// Make a 3D Tiles 1.1 tileset in the folder DIR, for CesiumJS, 3d-tiles-renderer and others. Its geometric errors are the file's bounds. It
+    /// takes about two triangles for each of the source
+    #[arg(long = "3dtiles", value_name = "DIR", required = true)]
+    tiles: PathBuf,
+    /// Compress the tiles: EXT_meshopt_compression
+    #[arg(long)]
+    meshopt: bool,
+    /// The model's axis that points up
+    #[arg(long, value_name = "AXIS", value_enum, default_value_t = Up::Z)]
+    up: Up,
+    /// Where on the earth the model's zero point is: degrees of longitude and latitude, and metres above the ellipsoid. Then x points east and y
+    /// north, or -z where y is up, and a unit has to be a metre
+    #[arg(long, value_name = "LON,LAT,H", conflicts_with = "transform", allow_hyphen_values = true)]
+    origin: Option<Place>,
+    /// What takes the model's coordinates, z upward, to those of the world: 16 numbers, column by column
+    #[arg(long, value_name = "M", value_parser = place::transform, allow_hyphen_values = true)]
+    transform: Option<Transform>,
+    /// Levels of the hierarchy in one file of the tileset
+    #[arg(long, value_name = "N", default_value_t = Options::SPAN, hide = true, value_parser = number::count(1_u32..=32))]
+    span: u32,
+    /// Replace the folder if it is an earlier export
+    #[arg(short, long)]
+    force: bool,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+    #[command(flatten)]
+    memory: MemoryArgs,
+}
+
+/// So that the argument is one value.
+type Transform = [f64; 16];
+
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum Up {
+    /// As in surveys and terrains
+    Z,
+    /// As in most pictures and scans
+    Y,
+}
+
+/// What an export's folder holds.
+const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
+
+/// What a cluster takes besides the tables: its parent, its group's error and place in an order, and its id.
+const EACH: u64 = 16;
+/// What a thread takes for one tile, at most: 65,535 vertices and twice as many triangles.
+const WORK: u64 = 12 << 20;
+
+/// Exports into a folder.
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    let cancel = stop.heed();
+    let file = open(&args.file)?;
+    let threads = rayon::current_num_threads() as u64;
+    let own = EACH * u64::from(file.header().cluster_count) + WORK * threads;
+    memory::divide(&file, args.memory.memory(), own)?;
+    reading(&file, || export(&file, args, &cancel))?;
+    Ok(Verdict::Good)
+}
+
+fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
+    let options = Options {
+        generator: format!("chpm {} export", env!("CARGO_PKG_VERSION")),
+        y_up: args.up == Up::Y,
+        packed: args.meshopt,
+        transform: args.transform.or_else(|| args.origin.map(Place::frame)),
+        span: args.span,
+    };
+    let folder = OutputFolder::create(&args.tiles, args.force, &NAMES)?;
+    let meter = Meter::new(args.quiet);
+
+    meter.start("tree", file.groups().len() as u64);
+    let tree = Tree::find(file, |_| {
+        meter.add(1);
+        stop::check(cancel)
+    })?;
+    let mut sets = 0_u64;
+    tilesets(file, &tree, &options, |set| {
+        sets += 1;
+        folder.folder(above(&set.path))?;
+        folder.write(&set.path, set.json.as_bytes())?;
+        stop::check(cancel)
+    })?;
+    meter.finish();
+
+    let clusters: Vec<ClusterId> = (0..file.header().cluster_count).map(ClusterId).collect();
+    let folders: BTreeSet<String> =
+        clusters.iter().map(|id| above(&tile_path(*id, Mesh::Base)).to_owned()).collect();
+    folders.iter().try_for_each(|name| folder.folder(name))?;
+    meter.start("tiles", clusters.len() as u64);
+    let [tiles, triangles, bytes] = [0, 0, 0].map(AtomicU64::new);
+    clusters.par_iter().try_for_each(|id| {
+        for mesh in Mesh::of(file, *id) {
+            let (glb, count) = tile(file, *id, *mesh, &options)?;
+            folder.write(&tile_path(*id, *mesh), &glb)?;
+            for (sum, more) in [(&tiles, 1), (&triangles, count), (&bytes, glb.len() as u64)] {
+                sum.fetch_add(more, Relaxed);
+            }
+        }
+        meter.add(1);
+        stop::check(cancel)
+    })?;
+    file.get_ref().check_unchanged()?;
+    folder.publish()?;
+    meter.finish();
+
+    let mut out = stdout();
+    writeln!(
+        out,
+        "{}: {} of {}, {}, in {}",
+        args.tiles.display(),
+        Counted(tiles.into_inner(), "tile"),
+        Counted(triangles.into_inner(), "triangle"),
+        Bytes(bytes.into_inner()),
+        Counted(sets, "tileset"),
+    )?;
+    Ok(out.flush()?)
+}
+
+/// The folder that a file of the tileset lies in.
+fn above(path: &str) -> &str {
+    Path::new(path).parent().and_then(Path::to_str).unwrap_or_default()
+}

@@ -1,0 +1,156 @@
+//! `chpm simplify`: from a mesh to a smaller one that is proven to be near it, in one go.
+
+use super::{Verdict, open, reading};
+use crate::args::{MemorySize, StorageArgs};
+use crate::memory;
+use crate::mesh_file::{self, MeshArgs};
+use crate::number::{self, Triangles, Units};
+use crate::output;
+use crate::progress::{Meter, line};
+use crate::stop::Stop;
+use crate::tolerance::{Tolerance, Unit};
+use anyhow::{Context, Result, ensure};
+use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
+use chpm_mesh::{Bytes, Counted};
+use chpm_refine::{Cut, Extraction};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What `chpm simplify` is told.
+#[derive(clap::Args, Debug)]
+pub(crate) struct Args {
+    /// The mesh: what `chpm build` takes
+    source: PathBuf,
+    #[command(flatten)]
+    wanted: Wanted,
+    /// What one unit of the model is; needed only where --within has a unit
+    #[arg(long, value_name = "UNIT", value_enum)]
+    unit: Option<Unit>,
+    #[command(flatten)]
+    mesh: MeshArgs,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+    /// Leave vertex normals out
+    #[arg(long)]
+    no_normals: bool,
+    /// Leave vertex colours out
+    #[arg(long)]
+    no_colors: bool,
+    /// Drop and count invalid vertices and faces instead of refusing the file
+    #[arg(long)]
+    drop_invalid: bool,
+    /// Worker threads; one per processor if not given
+    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
+    threads: Option<u32>,
+    #[command(flatten)]
+    storage: StorageArgs,
+}
+
+/// How small; one of these.
+#[derive(clap::Args, Debug)]
+#[group(required = true, multiple = false)]
+struct Wanted {
+    /// The coarsest mesh that is nowhere farther than E from the original, nor the original from it: in the model's units, as in 0.5; in
+    /// percent of the diagonal of its box, as in 0.05%; or, with --unit, as in 1mm. The bound is proven, and nothing is exempt
+    #[arg(long, value_name = "E")]
+    within: Option<Tolerance>,
+    /// The finest mesh of at most N triangles, as in 20k, or of a share of the model's, as in 1%
+    #[arg(long, value_name = "N")]
+    triangles: Option<Triangles>,
+}
+
+/// Builds, extracts, and leaves only the result.
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    let cancel = stop.heed();
+    let bound = args.wanted.within.map(|within| within.length(args.unit)).transpose()?;
+    let source = if args.source == Path::new("-") { Path::new("/dev/stdin") } else { &args.source };
+    // Whatever is refused is refused before the work.
+    let target = args.mesh.create("simplify", &[source])?;
+    let mut out = output::messages([&target.output], false, args.quiet)?;
+
+    // All of the work is in one folder, so that all of it goes.
+    let beside = args.mesh.output.parent().filter(|_| !target.output.is_stream());
+    let beside = beside.map(|place| if place == Path::new("") { Path::new(".") } else { place });
+    let place = args.storage.work_dir.as_deref().or(beside).map_or_else(std::env::temp_dir, Path::to_owned);
+    let folder = tempfile::Builder::new().prefix(".chpm-").tempdir_in(&place);
+    let folder = folder.with_context(|| format!("cannot make a work folder in '{}'", place.display()))?;
+    let config = config(args)?;
+    let (meter, model) = (Meter::new(args.quiet), folder.path().join("model.chpm"));
+    let report = chpm_build::build(source, &model, &config, &meter, &cancel)?;
+
+    let file = open(&model)?;
+    memory::divide(&file, config.resources.memory, args.mesh.memory("simplify", &file)?)?;
+    reading(&file, || {
+        let diagonal = file.header().aabb().diagonal();
+        let cut = match (bound, args.wanted.triangles) {
+            (Some(bound), _) => {
+                Cut::at_distance(&file, mesh_file::less(bound.of(diagonal), target.rounding(&file)))?
+            }
+            (_, triangles) => {
+                let model = file.header().source_triangle_count;
+                let limit = triangles.map_or(model, |wanted| wanted.of(model));
+                let cut = Cut::at_triangles(&file, limit)?;
+                let least = cut.triangle_count(&file)?;
+                ensure!(
+                    least <= limit,
+                    "the coarsest mesh has {}; ask for at least as many",
+                    Counted(least, "triangle")
+                );
+                cut
+            }
+        };
+        let mesh = Extraction::new(&file, &cut)?;
+        let bounds = target.bounds(&file, &cut)?;
+        if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
+            ensure!(
+                f64::from(bounds.distance) <= asked,
+                "nothing is within {} units: what single precision rounds is {}; ask for at least that",
+                Units(asked),
+                Units(bounds.distance.into())
+            );
+        }
+        if let Some(warning) = target.warning(&file) {
+            line(&format!("warning: {warning}"));
+        }
+        target.write(&file, &mesh, bounds, &meter, &cancel)?;
+        let unit = args.unit.map_or("units", Unit::symbol);
+        writeln!(
+            out,
+            "{}, of {}",
+            mesh_file::told(&args.mesh.output, &mesh, bounds, unit),
+            Counted(report.triangles, "triangle")
+        )?;
+        let distance = Units(bounds.distance.into());
+        let share = Units(100.0 * f64::from(bounds.distance) / diagonal);
+        writeln!(
+            out,
+            "proven: no point of either is farther than {distance} {unit} from the other{}",
+            if diagonal > 0.0 { format!(", {share}% of the diagonal") } else { String::new() }
+        )?;
+        for warning in &report.warnings {
+            writeln!(out, "warning: {warning}")?;
+        }
+        Ok(out.flush()?)
+    })?;
+    Ok(Verdict::Good)
+}
+
+/// A build that keeps nothing and leaves nothing out: then what is proven is proven of the source.
+fn config(args: &Args) -> Result<BuildConfig> {
+    let (memory, least) = (args.storage.memory(), Bytes(MIN_MEMORY));
+    ensure!(
+        memory >= least,
+        "--memory {} is less than a build can stay below: give it {} or more",
+        MemorySize(memory),
+        MemorySize(least)
+    );
+    let (normals, colors, drop_invalid) = (!args.no_normals, !args.no_colors, args.drop_invalid);
+    // Zero is the library's word for one per processor.
+    let threads = args.threads.unwrap_or(0) as usize;
+    Ok(BuildConfig {
+        settings: Settings { normals, colors, drop_invalid, ..Settings::default() },
+        resources: Resources { threads, memory, checkpoint: None, ..Resources::default() },
+        overwrite: true,
+    })
+}

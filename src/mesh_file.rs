@@ -1,0 +1,335 @@
+//! One mesh as a file of another program: which format, and how it is streamed.
+
+use crate::number::Units;
+use crate::output::{self, Output, Writes};
+use crate::progress::Meter;
+use crate::stop;
+use anyhow::{Context, Result, ensure};
+use chpm_build::Cancel;
+use chpm_export::{Facts, GlbWriter, ObjWriter, PIECE_VERTICES, PackedGlb, Placement, StlWriter};
+use chpm_extmem::MappedFile;
+use chpm_format::{Chpm, ErrorKind};
+use chpm_import::ply::{Encoding, PlyWriter};
+use chpm_mesh::{Aabb, Counted, VertexSlices, geom};
+use chpm_refine::{Cut, Extraction};
+use serde_json::Map;
+use std::path::{Path, PathBuf};
+
+/// Bytes that choosing a cut takes for each cluster.
+const SELECTION: u64 = 256;
+/// Bytes of a piece of a mesh with as many vertices as indices of 16 bits tell apart.
+const PIECE: u64 = 4 << 20;
+
+/// Where a mesh goes, and as what.
+#[derive(clap::Args, Debug)]
+pub(crate) struct MeshArgs {
+    /// The file to write. Its name says the format: .ply, .stl, .obj or .glb; PLY where it says nothing; - for standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// The format, whatever the name
+    #[arg(long, value_name = "FORMAT", value_enum)]
+    format: Option<MeshFormat>,
+    /// Write PLY or STL as text instead of binary little endian
+    #[arg(long)]
+    ascii: bool,
+    /// Compress a GLB: EXT_meshopt_compression, which three.js, Babylon.js and CesiumJS read
+    #[arg(long)]
+    meshopt: bool,
+    /// Replace the output if it exists
+    #[arg(short, long)]
+    force: bool,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum MeshFormat {
+    /// Polygons with all attributes, in doubles where they are needed
+    Ply,
+    /// Triangles alone, in single precision unless it is text
+    Stl,
+    /// Text; colours without alpha
+    Obj,
+    /// Binary glTF 2.0, its positions relative to an origin where they need doubles
+    Glb,
+}
+
+impl MeshFormat {
+    const NAMES: [(&str, MeshFormat); 4] = [
+        ("PLY", MeshFormat::Ply),
+        ("STL", MeshFormat::Stl),
+        ("OBJ", MeshFormat::Obj),
+        ("GLB", MeshFormat::Glb),
+    ];
+
+    fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
+    }
+}
+
+/// A mesh file that is being written.
+pub(crate) struct MeshFile<'a> {
+    args: &'a MeshArgs,
+    by: &'static str,
+    format: MeshFormat,
+    pub(crate) output: Output,
+}
+
+/// What a cut keeps to, with what the format rounds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bounds {
+    pub(crate) error: f32,
+    pub(crate) distance: f32,
+}
+
+impl MeshArgs {
+    /// What is written, unless nothing is that has such a name.
+    fn format(&self, by: &str) -> Result<MeshFormat> {
+        let promised = output::promised(&self.output);
+        let named =
+            |name| MeshFormat::NAMES.iter().find(|(known, _)| *known == name).map(|(_, format)| *format);
+        Ok(match (self.format, promised) {
+            (Some(format), _) => format,
+            (None, None) => MeshFormat::Ply,
+            (None, Some(name)) => named(name).with_context(|| {
+                format!(
+                    "{by} writes PLY, STL, OBJ and GLB, and '{}' is a name for {name}: choose another, or leave the extension out",
+                    self.output.display()
+                )
+            })?,
+        })
+    }
+
+    /// Bytes that selecting and writing take besides the file's tables.
+    pub(crate) fn memory(&self, by: &str, file: &Chpm<MappedFile>) -> Result<u64> {
+        let header = file.header();
+        let selection =
+            4 * u64::from(header.shared_vertex_count) + SELECTION * u64::from(header.cluster_count);
+        Ok(selection
+            + match self.format(by)? {
+                MeshFormat::Stl => PIECE,
+                MeshFormat::Glb if self.meshopt => 3 * PIECE,
+                _ => 0,
+            })
+    }
+
+    /// Refuses what cannot be written, and opens the output for the verb `by`, which reads `inputs`.
+    pub(crate) fn create(&self, by: &'static str, inputs: &[&Path]) -> Result<MeshFile<'_>> {
+        let format = self.format(by)?;
+        let name = format.name();
+        ensure!(!self.meshopt || format == MeshFormat::Glb, "--meshopt is for GLB, and this is {name}");
+        let is_binary = format == MeshFormat::Glb;
+        ensure!(!self.ascii || !is_binary, "--ascii is for PLY and STL: {name} is binary");
+        let output = Writes::mesh(by, name).create(&self.output, self.force, inputs)?;
+        Ok(MeshFile { args: self, by, format, output })
+    }
+}
+
+impl MeshFile<'_> {
+    /// By how much the format moves vertices of this file at most.
+    pub(crate) fn rounding(&self, file: &Chpm<MappedFile>) -> f64 {
+        let header = file.header();
+        let rounds = self.format == MeshFormat::Stl && !self.args.ascii;
+        if rounds { chpm_export::rounding(&header.aabb(), header.origin) } else { 0.0 }
+    }
+
+    /// What to say where that is more than a model of this size should lose.
+    pub(crate) fn warning(&self, file: &Chpm<MappedFile>) -> Option<String> {
+        let rounding = self.rounding(file);
+        (rounding > 1e-5 * file.header().aabb().diagonal()).then(|| {
+            format!(
+                "so far from the zero point, the single precision of binary STL moves vertices by up to {} units, which the error \
+                 counts: --ascii and other formats do not",
+                Units(rounding)
+            )
+        })
+    }
+
+    /// What a cut of the file keeps to, once it is written.
+    pub(crate) fn bounds(&self, file: &Chpm<MappedFile>, cut: &Cut) -> Result<Bounds> {
+        let rounding = self.rounding(file);
+        let with =
+            |bound: f32| if rounding > 0.0 { geom::round_up(f64::from(bound) + rounding) } else { bound };
+        Ok(Bounds { error: with(cut.error(file)?), distance: with(cut.distance(file)?) })
+    }
+
+    /// Streams the mesh and gives the file its name.
+    pub(crate) fn write(
+        self,
+        file: &Chpm<MappedFile>,
+        mesh: &Extraction<'_, MappedFile>,
+        bounds: Bounds,
+        meter: &Meter,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let (by, ascii) = (self.by, self.args.ascii);
+        let Bounds { error, distance } = bounds;
+        let comment = match file.has_gaps() {
+            true => format!("chpm {by}, error {error:e}, distance {distance:e}"),
+            false => format!("chpm {by}, error {error:e}"),
+        };
+        let steps = Steps { meter, cancel };
+        let output = match self.format {
+            MeshFormat::Ply => ply(mesh, self.output, ascii, &comment, &steps),
+            MeshFormat::Stl => stl(mesh, self.output, ascii, &comment, &steps),
+            MeshFormat::Obj => obj(mesh, self.output, &comment, &steps),
+            MeshFormat::Glb if self.args.meshopt && mesh.triangle_count() > 0 => {
+                packed_glb(mesh, self.output, facts(file, mesh, by, bounds), &steps)
+            }
+            MeshFormat::Glb => glb(mesh, self.output, &facts(file, mesh, by, bounds), &steps),
+        };
+        let output = output?;
+        file.get_ref().check_unchanged()?;
+        output.publish()?;
+        meter.finish();
+        Ok(())
+    }
+}
+
+/// What is left of a bound for a file whose format rounds.
+pub(crate) fn less(bound: f64, rounding: f64) -> f32 {
+    match rounding > 0.0 {
+        true => ((bound - rounding) as f32).next_down().max(0.0),
+        false => bound as f32,
+    }
+}
+
+/// One line about a mesh that was written: `out.ply: 20,000 triangles, 10,002 vertices, error 0.02 units`.
+pub(crate) fn told(output: &Path, mesh: &Extraction<'_, MappedFile>, bounds: Bounds, unit: &str) -> String {
+    let Bounds { error, distance } = bounds;
+    // Only what has vanished is farther.
+    let vanished = match distance > error {
+        true => format!(" ({} to what has vanished)", Units(distance.into())),
+        false => String::new(),
+    };
+    format!(
+        "{}: {}, {}, error {} {unit}{vanished}",
+        output.display(),
+        Counted(mesh.triangle_count(), "triangle"),
+        Counted(mesh.vertex_count().into(), "vertex"),
+        Units(error.into()),
+    )
+}
+
+/// Progress, and the wish to stop.
+struct Steps<'a> {
+    meter: &'a Meter,
+    cancel: &'a Cancel,
+}
+
+impl Steps<'_> {
+    fn begin(&self, total: u64) {
+        self.meter.start("extract", total);
+    }
+
+    fn done(&self, count: usize) -> Result<()> {
+        stop::check(self.cancel)?;
+        self.meter.add(count as u64);
+        Ok(())
+    }
+}
+
+type Mesh<'a> = Extraction<'a, MappedFile>;
+
+fn facts(file: &Chpm<MappedFile>, mesh: &Mesh<'_>, by: &str, bounds: Bounds) -> Facts {
+    let mut extras = Map::new();
+    extras.insert("error".to_owned(), f64::from(bounds.error).into());
+    if file.has_gaps() {
+        extras.insert("distance".to_owned(), f64::from(bounds.distance).into());
+    }
+    extras.insert("certified".to_owned(), (file.header().error_kind() == Some(ErrorKind::Certified)).into());
+    let generator = format!("chpm {} {by}", env!("CARGO_PKG_VERSION"));
+    Facts { generator, placement: mesh.origin().map_or(Placement::Here, Placement::At), extras }
+}
+
+/// In doubles if the model is far from the zero point: single precision would move vertices there.
+fn ply(mesh: &Mesh<'_>, output: Output, ascii: bool, comment: &str, steps: &Steps<'_>) -> Result<Output> {
+    let encoding = if ascii { Encoding::Ascii } else { Encoding::BinaryLittleEndian };
+    let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
+    let origin = mesh.origin();
+    steps.begin(vertices + triangles);
+    let attributes = mesh.attributes();
+    let mut ply =
+        PlyWriter::new(output, encoding, vertices, triangles, attributes, origin.is_some(), &[comment])?;
+    let mut absolute = Vec::new();
+    mesh.vertices(|batch| {
+        steps.done(batch.positions.len())?;
+        if let Some(origin) = origin {
+            absolute.clear();
+            absolute.extend(batch.absolute(origin));
+            ply.vertices_f64(&absolute, batch)?;
+        } else {
+            ply.vertices(batch)?;
+        }
+        anyhow::Ok(())
+    })?;
+    mesh.triangles(|batch| {
+        steps.done(batch.len())?;
+        anyhow::Ok(ply.triangles(batch)?)
+    })?;
+    Ok(ply.finish()?)
+}
+
+fn stl(mesh: &Mesh<'_>, output: Output, ascii: bool, comment: &str, steps: &Steps<'_>) -> Result<Output> {
+    steps.begin(mesh.triangle_count());
+    let mut stl = StlWriter::new(output, ascii, mesh.triangle_count(), comment)?;
+    let origin = mesh.origin();
+    mesh.pieces(PIECE_VERTICES, |vertices, triangles| {
+        steps.done(triangles.len())?;
+        let corner = |v: u32| {
+            let origin = origin.unwrap_or_default();
+            let position = vertices.positions[v as usize];
+            std::array::from_fn(|axis| f64::from(position[axis]) + origin[axis])
+        };
+        anyhow::Ok(stl.triangles(triangles.iter().map(|corners| corners.map(corner)))?)
+    })?;
+    Ok(stl.finish()?)
+}
+
+fn obj(mesh: &Mesh<'_>, output: Output, comment: &str, steps: &Steps<'_>) -> Result<Output> {
+    let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
+    steps.begin(vertices + triangles);
+    let mut obj = ObjWriter::new(output, vertices, triangles, mesh.attributes(), comment)?;
+    mesh.vertices(|batch| {
+        steps.done(batch.positions.len())?;
+        anyhow::Ok(obj.vertices(batch, mesh.origin())?)
+    })?;
+    mesh.triangles(|batch| {
+        steps.done(batch.len())?;
+        anyhow::Ok(obj.triangles(batch)?)
+    })?;
+    Ok(obj.finish()?)
+}
+
+fn glb(mesh: &Mesh<'_>, output: Output, facts: &Facts, steps: &Steps<'_>) -> Result<Output> {
+    let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
+    steps.begin(2 * vertices + triangles);
+    let mut bounds = Aabb::EMPTY;
+    mesh.vertices(|batch| {
+        bounds.merge(&Aabb::of_points(batch.positions));
+        steps.done(batch.positions.len())
+    })?;
+    let mut glb = GlbWriter::new(output, facts, mesh.attributes(), vertices, triangles, &bounds)?;
+    mesh.vertices(|batch| {
+        steps.done(batch.positions.len())?;
+        anyhow::Ok(glb.vertices(batch)?)
+    })?;
+    mesh.triangles(|batch| {
+        steps.done(batch.len())?;
+        anyhow::Ok(glb.triangles(batch)?)
+    })?;
+    Ok(glb.finish()?)
+}
+
+fn packed_glb(mesh: &Mesh<'_>, output: Output, facts: Facts, steps: &Steps<'_>) -> Result<Output> {
+    steps.begin(2 * mesh.triangle_count());
+    let mut measured = PackedGlb::new(facts, mesh.attributes());
+    mesh.pieces(PIECE_VERTICES, |vertices: VertexSlices<'_>, triangles| {
+        steps.done(triangles.len())?;
+        anyhow::Ok(measured.measure(vertices, triangles)?)
+    })?;
+    let mut glb = measured.begin(output)?;
+    mesh.pieces(PIECE_VERTICES, |vertices, triangles| {
+        steps.done(triangles.len())?;
+        anyhow::Ok(glb.write(vertices, triangles)?)
+    })?;
+    Ok(glb.finish()?)
+}

@@ -1,0 +1,226 @@
+//! `chpm extract` in every format that it writes, and `chpm simplify`, which is build and extract in one.
+
+use super::glb::Glb;
+use super::harness::{Folder, text, triangles};
+use chpm_mesh::TriMesh;
+use chpm_synth::{Shape, Synth};
+use nix::sys::signal::Signal;
+
+/// A closed surface with normals and colours, and its file.
+fn colored() -> (Folder, TriMesh) {
+    let folder = Folder::new();
+    let mut mesh = Synth::new(Shape::Sphere, 8000, 1).to_mesh();
+    mesh.normals = mesh.positions.iter().map(|p| p.map(|x| 3.0 * x)).collect();
+    mesh.colors = (0..mesh.positions.len()).map(|i| [(i % 256) as u8, (i / 256) as u8, 7, 255]).collect();
+    folder.write_mesh("in.ply", &mesh);
+    folder.stdout("build in.ply -q --cluster-triangles 256");
+    (folder, mesh)
+}
+
+/// The mesh of a file of any format that is read.
+fn read(folder: &Folder, name: &str) -> TriMesh {
+    folder.stdout(&format!("build {name} -o back.chpm -qf"));
+    folder.stdout("extract back.chpm --level 0 -o back.ply -qf");
+    folder.read_mesh("back.ply")
+}
+
+#[test]
+fn every_format_holds_the_same_triangles() {
+    let (folder, _) = colored();
+    for wanted in ["--level 0", "--triangles 900", "--error 2%"] {
+        folder.stdout(&format!("extract in.chpm {wanted} -o out.ply -qf"));
+        let expected = folder.read_mesh("out.ply");
+        for (name, more) in [("out.stl", ""), ("text.stl", "--ascii"), ("out.obj", "")] {
+            folder.stdout(&format!("extract in.chpm {wanted} -o {name} {more} -qf"));
+            assert_eq!(triangles(&read(&folder, name)), triangles(&expected), "{wanted} {name}");
+        }
+        for (name, more) in [("out.glb", ""), ("packed.GLB", "--meshopt")] {
+            folder.stdout(&format!("extract in.chpm {wanted} -o {name} {more} -qf"));
+            let glb = Glb::read(&folder.read(name));
+            assert_eq!(triangles(&glb.mesh), triangles(&expected), "{wanted} {name}");
+            assert_eq!(
+                (glb.mesh.normals.len(), glb.colors.len()),
+                (glb.mesh.positions.len(), glb.mesh.positions.len())
+            );
+            if name == "out.glb" {
+                assert_eq!(glb.mesh.positions, expected.positions);
+                let unit = |n: &[f32; 3]| n.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+                for (got, given) in glb.mesh.normals.iter().zip(&expected.normals) {
+                    let cosine: f64 = got.iter().zip(given).map(|(a, b)| f64::from(a * b)).sum();
+                    assert!((unit(got) - 1.0).abs() < 1e-6 && cosine > 0.999_99 * unit(given));
+                }
+                // Colours come back to the bit, by the curve of sRGB.
+                let back = |linear: u16| {
+                    let light = f64::from(linear) / 65535.0;
+                    let value = if light <= 0.003_130_8 {
+                        12.92 * light
+                    } else {
+                        1.055 * light.powf(1.0 / 2.4) - 0.055
+                    };
+                    (255.0 * value).round() as u8
+                };
+                let colors =
+                    glb.colors.iter().map(|[r, g, b, a]| [back(*r), back(*g), back(*b), (a / 257) as u8]);
+                assert!(colors.eq(expected.colors.iter().copied()));
+            }
+            let extras = glb.extras();
+            assert_eq!(extras["certified"], true);
+            assert!(extras["error"].as_f64() <= extras["distance"].as_f64(), "{extras}");
+            assert_eq!(extras["error"].as_f64() == Some(0.0), wanted == "--level 0");
+        }
+    }
+    folder.stdout("extract in.chpm --triangles 900 -o colors.obj -q");
+    folder.stdout("extract in.chpm --triangles 900 -o colors.ply -q");
+    assert_eq!(read(&folder, "colors.obj").colors.len(), folder.read_mesh("colors.ply").colors.len());
+}
+
+#[test]
+fn names_and_options_choose_the_format() {
+    let (folder, _) = colored();
+    let begins = |words: &str, name: &str, magic: &[u8]| {
+        folder.stdout(&format!("extract in.chpm --triangles 500 -qf -o {name} {words}"));
+        assert!(folder.read(name).starts_with(magic), "{words} {name}");
+    };
+    begins("", "plain", b"ply\n");
+    begins("", "a.v2", b"ply\n");
+    begins("--format glb", "plain", b"glTF");
+    begins("--format obj", "plain", b"# chpm extract, error ");
+    begins("--ascii", "a.stl", b"solid chpm extract, error ");
+    begins("", "a.STL", b"chpm extract, error ");
+    for format in ["ply", "stl", "obj", "glb"] {
+        let words = format!("extract in.chpm --triangles 500 --format {format} -q");
+        folder.stdout(&format!("{words} -f -o file"));
+        let streamed = folder.chpm(&format!("{words} -o -")).success().get_output().stdout.clone();
+        assert_eq!(streamed, folder.read("file"), "{format}");
+    }
+    for (words, told) in [
+        ("-o a.png", "PLY, STL, OBJ and GLB"),
+        ("-o a.gltf", "glTF"),
+        ("-o a.stl --format ply", "STL"),
+        ("-o new.ply --meshopt", "--meshopt is for GLB"),
+        ("-o new.glb --ascii", "GLB is binary"),
+        ("-o new --format fbx", "glb"),
+    ] {
+        let error = folder.stderr(&format!("extract in.chpm --level 0 {words} -q"), 2);
+        assert!(error.contains(told), "{words}: {error}");
+    }
+    assert!(!folder.names().iter().any(|name| name.starts_with("new")));
+}
+
+#[test]
+fn far_from_the_zero_point_nothing_moves_unless_it_is_told() {
+    let folder = Folder::new();
+    let at =
+        |x: f64, y: f64, z: f64| format!("v {} {} {}\n", 500_000.25 + 0.001 * x, 4_649_776.125 + y, 0.1 + z);
+    let corners: String = (0..4).map(|i| at(f64::from(i % 2), f64::from(i / 2), f64::from(i))).collect();
+    folder.write("far.obj", format!("{corners}f 1 2 3\nf 2 4 3\nf 1 3 2\nf 2 3 4\n"));
+    folder.stdout("build far.obj -q");
+    folder.stdout("extract far.chpm --level 0 -q -o far.glb");
+    let glb = Glb::read(&folder.read("far.glb"));
+    let origin = &glb.json["nodes"][0]["translation"];
+    let header = [96, 104, 112]
+        .map(|at| f64::from_le_bytes(folder.read("far.chpm")[at..at + 8].try_into().expect("eight bytes")));
+    assert_eq!([0, 1, 2].map(|axis| origin[axis].as_f64()), header.map(Some), "{origin}");
+    assert!(glb.mesh.positions.as_flattened().iter().all(|x| x.abs() <= 2.0));
+
+    folder.stdout("extract far.chpm --level 0 -qf -o text.stl --ascii");
+    folder.stdout("extract far.chpm --level 0 -qf -o out.obj");
+    let exact = folder.read("far.chpm");
+    for name in ["text.stl", "out.obj"] {
+        folder.stdout(&format!("build {name} -o back.chpm -qf"));
+        let [a, b] = [&exact, &folder.read("back.chpm")].map(|bytes| bytes[96..144].to_vec());
+        assert_eq!(a, b, "{name}: the same origin and box");
+    }
+    let output = folder.chpm("extract far.chpm --level 0 -f -o far.stl").success();
+    let (told, warned) = (text(&output.get_output().stdout), text(&output.get_output().stderr));
+    assert!(warned.contains("warning:") && warned.contains("--ascii"), "{warned}");
+    assert!(told.contains("error 0.2") && !told.contains("error 0 units"), "{told}");
+    // Where the zero point is near, rounding is in the figure, and no warning.
+    folder.write("near.obj", "v 0.1 0.2 0.3\nv 1.1 0.2 0.3\nv 0.1 1.2 0.3\nf 1 2 3\n");
+    folder.stdout("build near.obj -q");
+    let output = folder.chpm("extract near.chpm --level 0 -f -o near.stl").success();
+    assert!(!text(&output.get_output().stderr).contains("warning"));
+}
+
+#[test]
+fn one_triangle_goes_into_every_format() {
+    let folder = Folder::new();
+    folder.write("one.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    folder.stdout("build one.obj -q");
+    for name in ["a.ply", "a.stl", "a.obj", "a.glb"] {
+        folder.stdout(&format!("extract one.chpm --level 0 -q -o {name}"));
+    }
+    assert_eq!((read(&folder, "a.stl").triangles.len(), read(&folder, "a.obj").triangles.len()), (1, 1));
+    folder.stdout("extract one.chpm --level 0 -q -o packed.glb --meshopt");
+    for name in ["a.glb", "packed.glb"] {
+        let glb = Glb::read(&folder.read(name));
+        assert_eq!((glb.mesh.triangles.len(), glb.json["nodes"][0].get("translation")), (1, None));
+    }
+}
+
+#[test]
+fn simplify_keeps_to_what_is_asked_and_leaves_nothing_else() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 20000 -o in.ply -q");
+    let told = folder.stdout("simplify in.ply --within 0.02 -o out.ply -q");
+    assert!(
+        told.contains("out.ply: ") && told.contains("of 19,768 triangles") && told.contains("proven: "),
+        "{told}"
+    );
+    let line = told.lines().find(|line| line.starts_with("proven")).expect("a bound");
+    let bound: f64 = line
+        .split("than ")
+        .nth(1)
+        .and_then(|rest| rest.split(' ').next())
+        .expect("a number")
+        .parse()
+        .expect("one");
+    assert!(0.0 < bound && bound <= 0.02, "{line}");
+    // The same as by hand.
+    folder.stdout("build in.ply -q");
+    folder.stdout("extract in.chpm --error 0.02 -o hand.ply -q");
+    assert_eq!(triangles(&folder.read_mesh("out.ply")), triangles(&folder.read_mesh("hand.ply")));
+    assert!(folder.read_mesh("out.ply").triangles.len() < 10_000);
+
+    // A millimetre of a model in centimetres.
+    folder.stdout("simplify in.ply --within 0.2mm --unit cm -o unit.ply -q");
+    assert_eq!(triangles(&folder.read_mesh("unit.ply")), triangles(&folder.read_mesh("out.ply")));
+    let told = folder.stdout("simplify in.ply --triangles 10% -o small.glb -q");
+    assert!(
+        told.contains(" triangles, ") && Glb::read(&folder.read("small.glb")).mesh.triangles.len() <= 1976,
+        "{told}"
+    );
+    let expected = ["hand.ply", "in.chpm", "in.ply", "out.ply", "small.glb", "unit.ply"];
+    assert_eq!(folder.names(), expected);
+
+    for (words, told) in [
+        ("in.ply --within 1mm -o no.ply", "--unit mm"),
+        ("in.ply --within 1parsec -o no.ply", "1mm with --unit"),
+        ("in.ply --within 1mm --triangles 5 --unit mm -o no.ply", "cannot be used"),
+        ("in.ply -o no.ply", "--within"),
+        ("in.ply --triangles 1 -o no.ply", "ask for at least"),
+        ("no.ply --within 1 -o none.ply", "no.ply"),
+        ("in.ply --within 1 -o in.ply -f", "the input itself"),
+        ("in.ply --within 1 -o out.ply", "--force"),
+        ("in.ply --within 1 -o no.chpm", "CHPM"),
+        ("in.ply --within 1 -o no.ply --memory 1M", "--memory"),
+    ] {
+        let error = folder.stderr(&format!("simplify {words} -q"), 2);
+        assert!(error.contains(told), "{words}: {error}");
+        assert_eq!(folder.names(), expected, "{words}");
+    }
+    // Nothing but what single precision rounds is between 0 and what can be reached.
+    folder.write("far.obj", "v 500000.1 0.1 0\nv 500001.1 0.1 0.3\nv 500000.1 1.1 0\nf 1 2 3\n");
+    let error = folder.stderr("simplify far.obj --within 1e-12 -o no.ply -q", 2);
+    assert!(error.contains("rounds"), "{error}");
+}
+
+#[test]
+fn simplify_that_is_stopped_leaves_nothing() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 60000 -o in.ply -q");
+    let (status, told) =
+        folder.signalled("simplify in.ply --within 0.1 -o out.glb", "simplify", Signal::SIGINT);
+    assert!(!status.success(), "{told:?}");
+    assert_eq!(folder.names(), ["in.ply"], "{told:?}");
+}
