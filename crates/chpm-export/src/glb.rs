@@ -122,7 +122,7 @@ mod tests {
     fn what_no_glb_can_hold_is_refused_before_a_byte() {
         let mut out = Vec::new();
         let bounds = Aabb { min: [0.0; 3], max: [1.0; 3] };
-        let new = |out, vertices, triangles| {
+        let new = |out: &mut Vec<u8>, vertices, triangles| {
             GlbWriter::new(out, &facts(Placement::Here), Attributes::NONE, vertices, triangles, &bounds)
                 .map(drop)
         };
