@@ -1,9 +1,9 @@
 //! `chpm render`: a picture of a file, without a window.
 
-use super::Verdict;
+use super::{Verdict, reading};
 use crate::number::{Triangles, Units};
 use crate::output;
-use crate::picture::{self, DeviceArgs, LookArgs};
+use crate::picture::{self, DeviceArgs, LookArgs, StanceArgs};
 use crate::progress::line;
 use crate::report::count;
 use crate::stop::{self, Stop};
@@ -11,8 +11,8 @@ use crate::view::{self, Viewport};
 use anyhow::Result;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted};
-use chpm_refine::Camera;
-use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Stats, TriangleId, headless};
+use chpm_refine::{Camera, Stance};
+use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Stats, TriangleId, Viewer, headless};
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
@@ -23,9 +23,12 @@ pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
     /// Where the picture is taken from, in the model's coordinates: position, target, and the vertical field of view in degrees (45 if
-    /// not given); +y is upward. If not given, the whole model is looked at along the z axis, from its positive end
-    #[arg(long, value_name = "PX,PY,PZ,TX,TY,TZ[,FOV]", value_parser = view::camera, allow_hyphen_values = true)]
+    /// not given); y is up unless --up says otherwise. If not given, all of the model is looked at from as near as possible
+    #[arg(long, value_name = "PX,PY,PZ,TX,TY,TZ[,FOV]", value_parser = view::camera, allow_hyphen_values = true,
+        conflicts_with = "side")]
     camera: Option<Camera>,
+    #[command(flatten)]
+    stance: StanceArgs,
     /// Width and height of the image, in pixels
     #[arg(long, value_name = "WxH", default_value_t = Viewport([1024, 768]))]
     viewport: Viewport,
@@ -71,7 +74,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
     // What is drawn, from where, and how fine.
     let mut viewer = args.device.open(&args.file, args.memory)?;
-    let camera = args.camera.unwrap_or_else(|| viewer.framing());
+    let (camera, why) = camera(args, &viewer)?;
     let model = viewer.file().header().source_triangle_count;
     let wanted = args.triangles.map(|wanted| wanted.of(model));
     let request = FrameRequest {
@@ -100,16 +103,38 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         writeln!(
             out,
             "{:#}",
-            json!({ "schema": "chpm-render/1", "image": image, "adapter": adapter, "frame": picture::as_json(&stats) })
+            json!({
+                "schema": "chpm-render/1",
+                "image": image,
+                "adapter": adapter,
+                "camera": picture::camera_as_json(&camera),
+                "stance": why,
+                "frame": picture::as_json(&stats),
+            })
         )?;
     } else {
         print(args, &stats, &adapter, &mut out)?;
+        if let Some(why) = why.filter(|why| !why.is_empty()) {
+            writeln!(out, "{why} (--up and --view choose otherwise)")?;
+        }
     }
     out.flush()?;
     if let Some(shortfall) = &shortfall {
         line(&format!("warning: {shortfall}"));
     }
     Ok(if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good })
+}
+
+/// Where the picture is taken from; and why, where nobody told.
+fn camera(args: &Args, viewer: &Viewer) -> Result<(Camera, Option<String>)> {
+    if let Some(camera) = args.camera {
+        let up = args.stance.up.map_or(camera.up, |up| up.vector().into());
+        return Ok((Camera { up, ..camera }, None));
+    }
+    let outline = reading(viewer.file(), || Ok(viewer.outline()?))?;
+    let stance = Stance::of(&outline, args.stance.up, args.stance.side);
+    let camera = viewer.fit(&outline, &stance, args.viewport.0);
+    Ok((camera, Some(stance.why().to_owned())))
 }
 
 /// What was asked for and is not in the picture.

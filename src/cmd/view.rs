@@ -4,7 +4,7 @@ use super::{Verdict, build, open, stdout};
 use crate::batch::inputs;
 use crate::number::{self, Triangles};
 use crate::output;
-use crate::picture::DeviceArgs;
+use crate::picture::{DeviceArgs, StanceArgs};
 use crate::progress::{Meter, line};
 use crate::report::count;
 use crate::stop::Stop;
@@ -37,6 +37,8 @@ pub(crate) struct Args {
     /// The finest mesh of about so many triangles, as in 20k, or of a share of the model's, as in 1%, in place of a bound on the error
     #[arg(long, value_name = "N")]
     triangles: Option<Triangles>,
+    #[command(flatten)]
+    stance: StanceArgs,
     /// Go along this camera path first (see chpm path), one camera a frame
     #[arg(long, value_name = "FILE", requires = "model")]
     path: Option<PathBuf>,
@@ -81,6 +83,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         budgets: Budgets { memory: args.memory, gpu_memory: args.device.gpu_memory },
         adapter: args.device.adapter.clone(),
         accuracy: args.poe.map(Accuracy::PoE).or(triangles),
+        up: args.stance.up,
+        side: args.stance.side,
         path,
         frames: args.frames,
         screenshot: args.screenshot.clone(),

@@ -7,6 +7,7 @@ pub(crate) mod walk;
 use crate::output::Output;
 use anyhow::Result;
 use chpm_mesh::Bytes;
+use chpm_refine::{Camera, Side, Up};
 use chpm_viewer::{AdapterChoice, Budgets, Coloring, Gpu, Image, Look, Shading, Stats, Viewer};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
@@ -32,6 +33,25 @@ impl DeviceArgs {
         let gpu = Arc::new(Gpu::headless(&self.adapter)?);
         Ok(Viewer::open(gpu, file, Budgets { memory, gpu_memory: self.gpu_memory })?)
     }
+}
+
+/// From where a whole model is looked at.
+#[derive(clap::Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Camera")]
+pub(crate) struct StanceArgs {
+    /// What is up: x, y, z, -x, -y or -z. If not given, the direction in which the model stands best, by what it touches the ground with; y or z in doubt
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub(crate) up: Option<Up>,
+    /// The side that is shown. If not given, the front, unless another side is much wider or shows more; from a corner above what lies more than
+    /// it stands
+    #[arg(long = "view", value_name = "SIDE", value_parser = side())]
+    pub(crate) side: Option<Side>,
+}
+
+/// Sides by their names.
+fn side() -> impl TypedValueParser<Value = Side> {
+    let names = Side::ALL.map(|(_, name)| PossibleValue::new(name));
+    PossibleValuesParser::new(names).map(|name| Side::named(&name).unwrap_or(Side::Front))
 }
 
 /// How it looks.
@@ -81,6 +101,12 @@ fn rgb(text: &str) -> Result<[f32; 3], String> {
     let number = if is_hex { u32::from_str_radix(digits, 16).ok() } else { None };
     let number = number.ok_or_else(|| format!("'{text}' is no colour: write RRGGBB, as in ffffff"))?;
     Ok([16, 8, 0].map(|shift| (number >> shift & 0xff) as f32 / 255.0))
+}
+
+/// A camera, for programs.
+pub(crate) fn camera_as_json(camera: &Camera) -> Value {
+    let Camera { position, target, up, fov, .. } = camera;
+    json!({ "position": position, "target": target, "up": up, "fov": fov })
 }
 
 /// Writes a PNG, all of it or nothing.

@@ -58,6 +58,93 @@ fn packed_pages_draw_what_raw_ones_draw() {
     }
 }
 
+/// Columns and rows of what is not background.
+fn extent(folder: &Folder, name: &str) -> [u32; 4] {
+    let (width, _, pixels) = picture(folder, name);
+    let shown = (0..).zip(&pixels).filter(|(_, pixel)| pixel[..3] != [0x10, 0x20, 0x30]);
+    shown.fold([u32::MAX, 0, u32::MAX, 0], |[left, right, top, bottom], (place, _): (u32, _)| {
+        let (x, y) = (place % width, place / width);
+        [left.min(x), right.max(x), top.min(y), bottom.max(y)]
+    })
+}
+
+/// A roof on four walls that is open below: a house, `up` upward.
+fn house(folder: &Folder, up: usize, far: f64) {
+    let corners = [
+        [0, 0, 0],
+        [4, 0, 0],
+        [4, 6, 0],
+        [0, 6, 0],
+        [0, 0, 7],
+        [4, 0, 7],
+        [4, 6, 7],
+        [0, 6, 7],
+        [2, 0, 9],
+        [2, 6, 9],
+    ];
+    let faces = [
+        "4 0 1 5 4",
+        "4 1 2 6 5",
+        "4 2 3 7 6",
+        "4 3 0 4 7",
+        "3 4 5 8",
+        "3 6 7 9",
+        "4 5 6 9 8",
+        "4 7 4 8 9",
+        "4 3 2 1 0",
+    ];
+    let header = "ply\nformat ascii 1.0\nelement vertex 10\nproperty double x\nproperty double y\nproperty double z\n\
+                  element face 9\nproperty list uchar int vertex_indices\nend_header\n";
+    let vertex = |corner: &[i32; 3]| {
+        let turned: Vec<String> =
+            (0..3).map(|axis| (f64::from(corner[(axis + 5 - up) % 3]) + far).to_string()).collect();
+        turned.join(" ")
+    };
+    let lines: Vec<String> = corners.iter().map(vertex).chain(faces.map(str::to_owned)).collect();
+    folder.write("house.ply", format!("{header}{}\n", lines.join("\n")).as_bytes());
+    folder.stdout("build house.ply -qf");
+}
+
+#[test]
+fn a_model_stands_upright_and_fills_the_picture() {
+    let folder = Folder::new();
+    for (up, name) in [(0, "x"), (1, "y"), (2, "z")] {
+        house(&folder, up, [0.0, 3e6, -4e5][up]);
+        for (viewport, sides) in [("200x120", [2, 3]), ("90x220", [0, 1])] {
+            let words = format!("render house.chpm --viewport {viewport} --background 102030 -o a.png -f");
+            let told = folder.stdout(&words);
+            assert!(told.contains(&format!("up is {name}")) && told.contains("--up"), "{told}");
+            let (width, height, _) = picture(&folder, "a.png");
+            let [left, right, top, bottom] = extent(&folder, "a.png");
+            let free = [left, width - 1 - right, top, height - 1 - bottom];
+            // Nothing is cut off, and little is left over on the two sides that are near.
+            assert!(free.iter().all(|pixels| *pixels > 0), "{viewport}: {free:?}");
+            assert!(
+                sides.iter().all(|side| free[*side] <= 1 + width.max(height) / 20),
+                "{viewport}: {free:?}"
+            );
+            // The roof is above: the upper half is narrower.
+            let (_, _, pixels) = picture(&folder, "a.png");
+            let covered = |rows: std::ops::Range<u32>| {
+                let row = |y: u32| &pixels[(y * width) as usize..((y + 1) * width) as usize];
+                rows.flat_map(row).filter(|pixel| pixel[..3] != [0x10, 0x20, 0x30]).count()
+            };
+            let (rows, middle) = (bottom - top, top + (bottom - top) / 2);
+            assert!(covered(top..top + rows / 5) < covered(middle..middle + rows / 5), "{viewport}, {name}");
+        }
+    }
+    // The camera is told to programs; what was asked for is not explained.
+    let camera = |words: &str| {
+        let out =
+            json(&folder.stdout(&format!("render house.chpm --viewport 60x60 --json -o a.png -f {words}")));
+        (out["camera"]["up"].clone(), out["stance"].clone())
+    };
+    assert_eq!(camera("--up -y --view top"), (json("[0.0, -1.0, 0.0]"), "".into()));
+    assert_eq!(camera("--camera 1,2,3,4,5,6 --up z"), (json("[0.0, 0.0, 1.0]"), Value::Null));
+    folder.chpm("render house.chpm -o b.png --camera 1,2,3,4,5,6 --view top").code(2);
+    assert!(folder.stderr("render house.chpm -o b.png --up w", 2).contains("-z"));
+}
+
 #[test]
 fn looks_look_different() {
     let folder = built();

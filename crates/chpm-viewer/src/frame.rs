@@ -19,7 +19,7 @@ use crate::stats::Stats;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Aabb;
-use chpm_refine::{Camera, Changes, View};
+use chpm_refine::{Camera, Changes, Outline, RefineError, Stance, View, Window};
 use paint::{Colors, Plan};
 use std::collections::VecDeque;
 use std::path::Path;
@@ -131,9 +131,30 @@ impl Viewer {
         self.file().header().origin
     }
 
-    /// The camera that looks at all of the model, in the model's coordinates.
+    /// The camera that looks at the box around the model along the z axis, in the model's coordinates.
     pub fn framing(&self) -> Camera {
         Camera::framing(&self.bounds()).relative_to(self.origin().map(|x| -x))
+    }
+
+    /// A coarse mesh of the model. Reads the pages of a level.
+    ///
+    /// # Errors
+    /// [`ViewerError::Page`] for a file that is damaged.
+    pub fn outline(&self) -> Result<Outline, ViewerError> {
+        let path = || self.file().get_ref().path().to_path_buf();
+        Outline::of_file(self.file()).map_err(|error| match error {
+            RefineError::Format(source) => ViewerError::Page { path: path(), source },
+            error => error.into(),
+        })
+    }
+
+    /// The camera that sees all of a model from as near as it can, in the model's coordinates.
+    pub fn fit(&self, outline: &Outline, stance: &Stance, viewport: [u32; 2]) -> Camera {
+        let aspect = f64::from(viewport[0]) / f64::from(viewport[1].max(1));
+        let window = Window::of_image(aspect, Camera::DEFAULT_FOV);
+        let (sight, up) = (stance.sight(), stance.up().vector());
+        let camera = outline.fit(&self.bounds(), sight, up, Camera::DEFAULT_FOV, window);
+        camera.relative_to(self.origin().map(|x| -x))
     }
 
     /// Draws one frame.

@@ -13,7 +13,7 @@ use crate::window::overlay::{self, Note};
 use crate::window::panel::{self, About};
 use crate::window::record::{Pace, Recorder};
 use crate::window::remember::Remembered;
-use crate::window::session::{Next, Session};
+use crate::window::session::{Next, Session, Whole};
 use crate::window::settings::Settings;
 use crate::window::{Options, Outcome, save};
 use std::path::{Path, PathBuf};
@@ -128,9 +128,13 @@ impl App {
         self.canvas.as_ref().map_or(SIZE, Canvas::size)
     }
 
+    /// Width by height of the middle of the window that the panel leaves free.
     fn aspect(&self) -> f64 {
         let [width, height] = self.size().map(f64::from);
-        width / height
+        let scale = self.canvas.as_ref().map_or(1.0, |canvas| canvas.window.scale_factor());
+        let beside = width - 2.0 * scale * f64::from(panel::TAKES);
+        let free = if self.settings.panel && beside > 0.3 * width { beside } else { width };
+        free / height
     }
 
     fn tell(&mut self, text: impl Into<String>, is_fault: bool) {
@@ -205,7 +209,9 @@ impl App {
 
     fn open(&mut self, model: &Path, remembered: Option<Remembered>) -> Result<(), ViewerError> {
         let Some(canvas) = &self.canvas else { return Ok(()) };
-        let mut session = Session::open(&canvas.gpu, model, self.options.budgets)?;
+        let Options { up, side, budgets, .. } = self.options;
+        let whole = Whole { up, side, aspect: self.aspect() };
+        let mut session = Session::open(&canvas.gpu, model, budgets, &whole)?;
         let name = model.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         canvas.window.set_title(&format!("{name} - chpm"));
         if let Some(remembered) = remembered {
@@ -213,10 +219,9 @@ impl App {
             if let Some(accuracy) = self.options.accuracy {
                 self.settings = self.settings.clone().with_accuracy(accuracy);
             }
-            session.navigator.jump(&remembered.camera());
-        } else {
-            session.navigator.fit(self.aspect());
-            session.navigator.jump(&session.navigator.destination());
+            if (up, side) == (None, None) {
+                session.navigator.jump(&remembered.camera());
+            }
         }
         self.keep();
         self.session = Some(session);
@@ -265,10 +270,7 @@ impl App {
                         Some(path) => session.follow(&path, Pace::Clock),
                         None => self.tell("no path yet: record one with R, or drop a .path file", false),
                     },
-                    _ => {
-                        let z_up = session.navigator.up()[2] > 0.9;
-                        session.lead().set_up(if z_up { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] });
-                    }
+                    _ => session.lead().next_up(aspect),
                 }
             }
             Command::Record => self.record(),
@@ -406,7 +408,7 @@ impl App {
             adapter: &adapter.name,
             memory: self.options.budgets.memory,
             gpu_memory: self.options.budgets.gpu_memory,
-            z_up: session.navigator.up()[2] > 0.9,
+            up: session.navigator.upward(),
             frozen: session.frozen.is_some(),
             recording: session.recorder.as_ref().map(Recorder::seconds),
             replaying: session.replay.as_ref().map(|replay| replay.progress()),

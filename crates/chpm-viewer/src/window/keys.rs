@@ -15,7 +15,7 @@ pub enum Command {
     Fit,
     /// Turns about the eye, or about the focus.
     Fly,
-    /// Another axis upward: y or z.
+    /// Another axis upward.
     Up,
     /// Twice as fine.
     Finer,
@@ -73,7 +73,7 @@ pub const KEYS: [Binding; 20] = [
     key(KeyCode::Home, "Home", Command::Home, "the whole model, from the front"),
     key(KeyCode::KeyF, "F", Command::Fit, "the whole model, from this side"),
     key(KeyCode::KeyG, "G", Command::Fly, "drags look around (fly) or go around (orbit)"),
-    key(KeyCode::KeyU, "U", Command::Up, "y or z points upward"),
+    key(KeyCode::KeyU, "U", Command::Up, "another axis points upward"),
     key(KeyCode::Minus, "-", Command::Coarser, "half the detail"),
     key(KeyCode::Equal, "+", Command::Finer, "twice the detail"),
     key(KeyCode::KeyN, "N", Command::Shading, "flat or smooth shading"),

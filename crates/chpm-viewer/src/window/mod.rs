@@ -26,7 +26,7 @@ use crate::error::ViewerError;
 use crate::gpu::AdapterChoice;
 use crate::request::{Accuracy, Budgets};
 use app::{App, Event};
-use chpm_refine::CameraPath;
+use chpm_refine::{CameraPath, Side, Up};
 use remember::Memory;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -42,6 +42,10 @@ pub struct Options {
     pub adapter: AdapterChoice,
     /// How fine, whatever was remembered.
     pub accuracy: Option<Accuracy>,
+    /// What is up, whatever was remembered; chosen by the model if not told.
+    pub up: Option<Up>,
+    /// The side that is shown first, whatever was remembered.
+    pub side: Option<Side>,
     /// The camera goes along this path first, one camera a frame.
     pub path: Option<CameraPath>,
     /// Ends after so many frames, which are then drawn one after the other. Nothing is remembered from or for such a run.

@@ -5,7 +5,7 @@
 
 use crate::window::pose::{Frame, Pose};
 use chpm_mesh::Aabb;
-use chpm_refine::Camera;
+use chpm_refine::{Camera, Outline, Stance, Up, Window};
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::{PI, TAU};
 
@@ -51,8 +51,13 @@ pub struct Navigator {
     velocity: Vector3<f64>,
     thrust: Vector3<f64>,
     fov: f64,
+    bounds: Aabb,
+    origin: Vector3<f64>,
     center: Point3<f64>,
     radius: f64,
+    outline: Outline,
+    /// Yaw and pitch at home.
+    front: (f64, f64),
 }
 
 impl Navigator {
@@ -71,11 +76,35 @@ impl Navigator {
             velocity: Vector3::zeros(),
             thrust: Vector3::zeros(),
             fov: camera.fov,
+            bounds: *bounds,
+            origin: Vector3::from(origin),
             center: Point3::from(camera.target),
             radius,
+            outline: Outline::default(),
+            front: (0.0, 0.0),
         };
         navigator.jump(&camera);
         navigator
+    }
+
+    /// The model is known: it stands like this from now on, and is seen as a whole; `aspect` as for [`Navigator::home`].
+    pub fn stand(&mut self, outline: Outline, stance: &Stance, aspect: f64) {
+        self.outline = outline;
+        self.take_stance(stance, aspect);
+    }
+
+    fn take_stance(&mut self, stance: &Stance, aspect: f64) {
+        self.frame = Frame::upward(stance.up().vector());
+        self.front = self.frame.angles(stance.sight());
+        self.home(aspect);
+        self.jump(&self.destination());
+    }
+
+    /// The next of the six axes is up, and the whole model is seen, at once.
+    pub fn next_up(&mut self, aspect: f64) {
+        let up = Up::nearest(self.frame.up()).next();
+        let stance = Stance::of(&self.outline, Some(up), None);
+        self.take_stance(&stance, aspect);
     }
 
     /// Where the camera is.
@@ -117,7 +146,12 @@ impl Navigator {
         self.pivot = pivot;
     }
 
-    /// The axis that points upward in the image.
+    /// The axis that is nearest to upward in the image.
+    pub fn upward(&self) -> Up {
+        Up::nearest(self.frame.up())
+    }
+
+    /// The direction that points upward in the image.
     pub fn up(&self) -> [f64; 3] {
         self.frame.up().into()
     }
@@ -147,19 +181,22 @@ impl Navigator {
         true
     }
 
-    /// Travels to the view of the whole model from the front; `aspect` is width by height of the image.
+    /// Travels to the view of the whole model from the front; `aspect` is width by height of the part of the image that it may take.
     pub fn home(&mut self, aspect: f64) {
-        self.goal.pitch = 0.0;
-        self.goal.yaw = self.now.yaw + shortest(-self.now.yaw);
+        let (yaw, pitch) = self.front;
+        self.goal.pitch = pitch;
+        self.goal.yaw = self.now.yaw + shortest(yaw - self.now.yaw);
         self.fit(aspect);
     }
 
     /// Travels to where the whole model fits into the image, without turning.
     pub fn fit(&mut self, aspect: f64) {
-        let rise = 0.5 * self.fov.to_radians();
-        let run = (rise.tan() * positive(aspect).clamp(0.01, 100.0)).atan();
-        self.goal.reach = self.reach(self.radius / rise.min(run).sin());
-        self.settle_anchor(self.center);
+        let window = Window::of_image(positive(aspect).clamp(0.01, 100.0), self.fov);
+        let ([_, _, sight], up) = (self.frame.axes(&self.goal), self.frame.up());
+        let camera = self.outline.fit(&self.bounds, sight, up, self.fov, window);
+        let (eye, focus) = (Point3::from(camera.position), Point3::from(camera.target));
+        self.goal.reach = self.reach((focus - eye).norm());
+        self.settle_anchor(focus + self.origin);
         self.follow = TRAVEL;
         self.bound();
     }

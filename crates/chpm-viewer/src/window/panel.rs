@@ -7,10 +7,13 @@ use crate::window::keys::Command;
 use crate::window::settings::{POE, Settings, TRIANGLES};
 use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET};
 use chpm_mesh::Bytes;
+use chpm_refine::Up;
 use egui::{Align2, Color32, Id, Rect, RichText, Sense, Ui, vec2};
 
 /// Width of what is in the panel, points.
 const WIDTH: f32 = 256.0;
+/// What the panel takes of the window's left side, points.
+pub(super) const TAKES: f32 = WIDTH + 34.0;
 
 /// What the panel tells beside the figures.
 pub(super) struct About<'a> {
@@ -20,7 +23,7 @@ pub(super) struct About<'a> {
     pub(super) adapter: &'a str,
     pub(super) memory: Bytes,
     pub(super) gpu_memory: Bytes,
-    pub(super) z_up: bool,
+    pub(super) up: Up,
     pub(super) frozen: bool,
     /// Seconds of a recording that goes on.
     pub(super) recording: Option<f64>,
@@ -195,8 +198,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut 
         ui.separator();
         ui.toggle_value(&mut settings.wireframe, "edges");
         ui.separator();
-        let up = if about.z_up { "z up" } else { "y up" };
-        if ui.button(up).clicked() {
+        if ui.button(format!("{} up", about.up)).clicked() {
             commands.push(Command::Up);
         }
     });

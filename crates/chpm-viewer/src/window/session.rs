@@ -12,7 +12,7 @@ use crate::window::gesture::Motion;
 use crate::window::navigate::{Navigator, Pivot};
 use crate::window::record::{Pace, Recorder, Replay};
 use crate::window::settings::Settings;
-use chpm_refine::{Camera, CameraPath};
+use chpm_refine::{Camera, CameraPath, Side, Stance, Up};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -44,6 +44,15 @@ enum Held {
     Depth(Option<f64>),
 }
 
+/// How a model is looked at first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Whole {
+    pub(super) up: Option<Up>,
+    pub(super) side: Option<Side>,
+    /// Width by height of the part of the image that it may take.
+    pub(super) aspect: f64,
+}
+
 /// An open model.
 pub(super) struct Session {
     pub(super) path: PathBuf,
@@ -70,9 +79,18 @@ pub(super) struct Session {
 
 impl Session {
     /// Opens a file.
-    pub(super) fn open(gpu: &Arc<Gpu>, path: &Path, budgets: Budgets) -> Result<Self, ViewerError> {
+    pub(super) fn open(
+        gpu: &Arc<Gpu>,
+        path: &Path,
+        budgets: Budgets,
+        whole: &Whole,
+    ) -> Result<Self, ViewerError> {
         let viewer = Viewer::open(Arc::clone(gpu), path, budgets)?;
-        let navigator = Navigator::new(&viewer.bounds(), viewer.origin());
+        let mut navigator = Navigator::new(&viewer.bounds(), viewer.origin());
+        // What is damaged is told when it is drawn.
+        let outline = viewer.outline().unwrap_or_default();
+        let stance = Stance::of(&outline, whole.up, whole.side);
+        navigator.stand(outline, &stance, whole.aspect);
         let camera = navigator.camera();
         Ok(Session {
             path: path.to_owned(),

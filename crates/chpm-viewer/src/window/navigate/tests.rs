@@ -147,11 +147,20 @@ fn the_whole_model_fits_from_anywhere() {
         rest(&mut navigator);
         let camera = navigator.camera();
         assert!((sight(&camera) - sight(&before)).norm() < 1e-9);
-        assert!(apart(camera.target, bounds().center().into()) < 1e-9);
-        let half = (0.5 * camera.fov.to_radians()).tan() * aspect.min(1.0);
-        let radius = 0.5 * bounds().diagonal();
-        let distance = apart(camera.position, camera.target);
-        assert!((distance - radius / half.atan().sin()).abs() < 1e-9 * distance);
+        // All corners of the box are in the image, one of them near its border.
+        let [right, up, ahead] = camera.axes();
+        let rise = (0.5 * camera.fov.to_radians()).tan();
+        let (low, high) = (bounds().min, bounds().max);
+        let corner = |n: usize| {
+            std::array::from_fn(|axis| f64::from(if n >> axis & 1 == 0 { low } else { high }[axis]))
+        };
+        let most = (0..8).map(|n| {
+            let way = Point3::from(corner(n)) - Point3::from(camera.position);
+            let away = way.dot(&ahead) * rise;
+            (way.dot(&right) / (away * aspect)).abs().max((way.dot(&up) / away).abs())
+        });
+        let most = most.fold(0.0, f64::max);
+        assert!((0.9..0.95).contains(&most), "{most}");
         navigator.home(aspect);
         rest(&mut navigator);
         assert!((sight(&navigator.camera()) - sight(&Camera::framing(&bounds()))).norm() < 1e-9);
@@ -350,4 +359,25 @@ proptest! {
             prop_assert!(!navigator.is_moving());
         }
     }
+}
+
+#[test]
+fn every_axis_comes_upward_at_once_with_the_whole_model_in_view() {
+    let mut navigator = navigator();
+    let mut seen = Vec::new();
+    for _ in Up::ALL {
+        navigator.dolly(0.2, None);
+        navigator.next_up(1.5);
+        assert!(!navigator.is_moving(), "at once");
+        let camera = navigator.camera();
+        assert_eq!(Vector3::from(camera.up), navigator.upward().vector());
+        assert!(camera.axes()[1].dot(&navigator.upward().vector()) > 0.5, "upright in the image");
+        let distance = apart(camera.position, bounds().center().into());
+        assert!(distance > 0.5 * bounds().diagonal());
+        seen.push(navigator.upward());
+        let again = navigator.destination();
+        navigator.home(1.5);
+        assert_eq!(navigator.destination(), again, "it is at home");
+    }
+    assert!(Up::ALL.iter().all(|up| seen.contains(up)), "{seen:?}");
 }

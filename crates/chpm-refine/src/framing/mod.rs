@@ -1,0 +1,13 @@
+//! Where a whole model is looked at from: which axis is up, which side is shown, and how near the camera may come.
+//!
+//! All of it is decided by an [`Outline`], a coarse mesh of the model, and by nothing else: the same file gives the same picture.
+
+mod direction;
+mod ground;
+mod outline;
+mod sight;
+mod stance;
+
+pub use direction::{Side, Up};
+pub use outline::{Outline, Window};
+pub use stance::Stance;

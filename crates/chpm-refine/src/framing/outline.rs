@@ -1,0 +1,204 @@
+//! A coarse mesh of a model, and the camera that just sees all of it.
+
+use crate::cut::{Cut, Member};
+use crate::error::RefineError;
+use crate::extract::extract;
+use crate::view::Camera;
+use chpm_format::Chpm;
+use chpm_mesh::{Aabb, Level};
+use nalgebra::{Point3, Vector3};
+
+/// The part of an image that a model may take: the slopes of the rays through its borders, left, right, below, above.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Window {
+    /// Tangents of the angles from the middle of the image to the left (negative) and to the right.
+    pub across: [f64; 2],
+    /// Tangents of the angles down (negative) and up.
+    pub along: [f64; 2],
+}
+
+impl Window {
+    /// Of the image that is left free around a model, by side.
+    const MARGIN: f64 = 0.04;
+
+    /// Nearly all of an image of this width by height, seen with this vertical angle in degrees.
+    pub fn of_image(aspect: f64, fov: f64) -> Self {
+        let rise = (0.5 * fov.to_radians()).tan() * (1.0 - 2.0 * Self::MARGIN);
+        let run = rise * aspect;
+        Window { across: [-run, run], along: [-rise, rise] }
+    }
+}
+
+/// A coarse mesh of a model, in file coordinates.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Outline {
+    points: Vec<Point3<f64>>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// Triangles of an outline, at most, where the file has a level that coarse.
+const TRIANGLES: u64 = 40_000;
+
+impl Outline {
+    /// The finest level of a file that has few enough triangles. Reads its pages.
+    ///
+    /// # Errors
+    /// [`RefineError::Format`] for a damaged page.
+    pub fn of_file<D: AsRef<[u8]>>(file: &Chpm<D>) -> Result<Self, RefineError> {
+        let clusters = file.clusters();
+        let most = |member: &Member| u64::from(clusters[member.cluster.index()].triangle_count);
+        let is_coarse = |cut: &Cut| cut.members().iter().map(most).sum::<u64>() <= TRIANGLES;
+        let top = file.header().level_count.saturating_sub(1);
+        let mut cuts = (0..=top).map(|level| Cut::at_level(file, Level(level)));
+        let cut = cuts.find(is_coarse).unwrap_or_else(|| Cut::at_level(file, Level(top)));
+        let mesh = extract(file, &cut)?;
+        Ok(Outline::of_mesh(&mesh.positions, &mesh.triangles))
+    }
+
+    /// Of any mesh; triangles of points that it does not have, or that are nowhere, are left out.
+    pub fn of_mesh(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
+        let points: Vec<Point3<f64>> = points.iter().map(|p| Point3::from(p.map(f64::from))).collect();
+        let is_there = |corner: &u32| {
+            points.get(*corner as usize).is_some_and(|point| point.iter().all(|x| x.is_finite()))
+        };
+        let triangles = triangles.iter().filter(|corners| corners.iter().all(is_there)).copied().collect();
+        Outline { triangles, points }
+    }
+
+    /// The corners of every triangle.
+    pub(super) fn triangles(&self) -> impl Iterator<Item = [Point3<f64>; 3]> + '_ {
+        self.triangles.iter().map(|corners| corners.map(|corner| self.points[corner as usize]))
+    }
+
+    /// The points of all triangles.
+    pub(super) fn corners(&self) -> impl Iterator<Item = Point3<f64>> + '_ {
+        self.triangles().flatten()
+    }
+
+    /// The box around it.
+    pub(super) fn bounds(&self) -> (Point3<f64>, Vector3<f64>) {
+        let (mut low, mut high) = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
+        for point in self.corners() {
+            low = low.inf(&point);
+            high = high.sup(&point);
+        }
+        if low.x > high.x { (Point3::origin(), Vector3::zeros()) } else { (low, high - low) }
+    }
+
+    /// The camera nearest to the model that looks along `sight` and has all of it in a window of its image; what is in the middle
+    /// of the image lies in the middle of the model's depth. `bounds` is what is looked at where there is no outline.
+    pub fn fit(
+        &self,
+        bounds: &Aabb,
+        sight: Vector3<f64>,
+        up: Vector3<f64>,
+        fov: f64,
+        window: Window,
+    ) -> Camera {
+        let center = bounds.center();
+        let camera = Camera {
+            position: (center - sight).into(),
+            target: center.into(),
+            up: up.into(),
+            fov,
+            near: 0.0,
+        };
+        let [right, up, ahead] = camera.axes();
+        // Without triangles, the corners of the box.
+        let corner = |n: usize| {
+            let pick =
+                |axis: usize| f64::from(if n >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] });
+            Point3::new(pick(0), pick(1), pick(2))
+        };
+        let of_box = (0..8).filter(|_| self.triangles.is_empty() && !bounds.is_empty()).map(corner);
+        let seen = |point: Point3<f64>| {
+            let way = point - center;
+            [way.dot(&right), way.dot(&up), way.dot(&ahead)]
+        };
+        let points = || self.corners().chain(of_box.clone()).map(seen);
+
+        // A point is on the inner side of a border with slope s if x - c <= (z + d) s: the largest x - z s decides.
+        let most = |of: &dyn Fn([f64; 3]) -> f64| points().map(of).fold(f64::NEG_INFINITY, f64::max);
+        let place = |axis: usize, slopes: [f64; 2]| {
+            let high = most(&|p| p[axis] - p[2] * slopes[1]);
+            let low = most(&|p| p[2] * slopes[0] - p[axis]);
+            (high, low, (high + low) / (slopes[1] - slopes[0]))
+        };
+        let (x, y) = (place(0, window.across), place(1, window.along));
+        let (near, far) = (-most(&|p| -p[2]), most(&|p| p[2]));
+        if !(near.is_finite() && far.is_finite()) {
+            return camera;
+        }
+
+        // Never among the points, and not at the one point that there may be.
+        let size = [x.0 + x.1, y.0 + y.1, far - near].into_iter().fold(0.0, f64::max);
+        let size = if size > 0.0 { size } else { 1.0 };
+        let away = x.2.max(y.2).max(0.1 * size - near);
+        let middle = |(high, low, _): (f64, f64, f64), slopes: [f64; 2]| {
+            0.5 * (high - low - away * (slopes[0] + slopes[1]))
+        };
+        let eye = center + right * middle(x, window.across) + up * middle(y, window.along) - ahead * away;
+        let target = eye + ahead * (away + 0.5 * (near + far));
+        Camera { position: eye.into(), target: target.into(), ..camera }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOX: Aabb = Aabb { min: [-1.0, -2.0, -3.0], max: [1.0, 2.0, 3.0] };
+
+    /// Where the points of a model are in the image, from -1 to 1 across the window.
+    fn extent(points: &[[f32; 3]], camera: &Camera, window: Window) -> [f64; 4] {
+        let [right, up, ahead] = camera.axes();
+        let mut extent = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+        for point in points {
+            let way = Point3::from(point.map(f64::from)) - Point3::from(camera.position);
+            let (x, y) = (way.dot(&right) / way.dot(&ahead), way.dot(&up) / way.dot(&ahead));
+            assert!(way.dot(&ahead) > 0.0);
+            let share = |x: f64, [low, high]: [f64; 2]| 2.0 * (x - low) / (high - low) - 1.0;
+            let (x, y) = (share(x, window.across), share(y, window.along));
+            extent = [extent[0].min(x), extent[1].max(x), extent[2].min(y), extent[3].max(y)];
+        }
+        extent
+    }
+
+    /// Whatever the shape and the direction, the model touches the window from within, in its middle.
+    #[test]
+    fn a_model_just_fits_its_window() {
+        let tetrahedron = [[0.0, 0.0, 0.0], [3.0, 0.1, 0.2], [0.3, 4.0, -0.4], [0.2, 0.5, 1.0]];
+        let needle = [[0.0; 3], [1e-3, 0.0, 0.0], [0.0, 0.0, 100.0], [1e-3, 1e-3, 100.0]];
+        for points in [tetrahedron, needle] {
+            let outline = Outline::of_mesh(&points, &[[0, 1, 2], [0, 1, 3]]);
+            let bounds = Aabb::of_points(&points);
+            for sight in [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.3, -0.8, 0.2]] {
+                for window in
+                    [Window::of_image(1.5, 45.0), Window { across: [-0.1, 0.5], along: [-0.4, 0.4] }]
+                {
+                    let (sight, up) = (Vector3::from(sight).normalize(), Vector3::y());
+                    let camera = outline.fit(&bounds, sight, up, 45.0, window);
+                    let [left, right, low, high] = extent(&points, &camera, window);
+                    let most = [-left, right, -low, high].into_iter().fold(0.0, f64::max);
+                    assert!(most < 1.0 + 1e-9, "{most}");
+                    // From a tip the camera keeps away.
+                    assert!(most > 0.95 || points == needle, "{most}");
+                    let is_across = (sight.y.abs() + sight.z.abs()) < 1e-9;
+                    assert!(most > 1.0 - 1e-9 || !is_across, "{most}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_point_and_nothing_have_a_camera_too() {
+        let window = Window::of_image(1.0, 45.0);
+        for bounds in [Aabb::of_points(&[[5.0; 3]]), Aabb::EMPTY, BOX] {
+            let camera = Outline::default().fit(&bounds, -Vector3::z(), Vector3::y(), 45.0, window);
+            let numbers = [camera.position, camera.target];
+            assert!(numbers.as_flattened().iter().all(|x| x.is_finite()) && camera.position != camera.target);
+        }
+        let outline = Outline::of_mesh(&[[0.0; 3], [f32::NAN; 3]], &[[0, 0, 1], [0, 0, 9]]);
+        assert_eq!(outline.corners().count(), 0);
+    }
+}
