@@ -1,26 +1,30 @@
 //! `chpm render`: a picture of a file, without a window.
 
-use super::{Verdict, reading};
-use crate::number::{Triangles, Units};
-use crate::output;
-use crate::picture::{self, DeviceArgs, LookArgs, StanceArgs};
-use crate::progress::line;
+use super::{Verdict, build, reading, temporary};
+use crate::batch::inputs;
+use crate::number::{self, Triangles, Units};
+use crate::output::{self, Output};
+use crate::picture::sheet::{numbered, sheet};
+use crate::picture::{self, DeviceArgs, LookArgs, StanceArgs, StillArgs};
+use crate::progress::{Meter, line};
 use crate::report::count;
 use crate::stop::{self, Stop};
 use crate::view::{self, Viewport};
-use anyhow::Result;
+use anyhow::{Result, ensure};
+use chpm_build::BuildConfig;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted};
-use chpm_refine::{Camera, Stance};
-use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Stats, TriangleId, Viewer, headless};
+use chpm_refine::{Camera, Side, Stance};
+use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, TriangleId, Viewer, headless};
 use serde_json::json;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What `chpm render` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The .chpm file
+    /// The .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), which is built into a temporary folder first and leaves
+    /// nothing behind
     file: PathBuf,
     /// Where the picture is taken from, in the model's coordinates: position, target, and the vertical field of view in degrees (45 if
     /// not given); y is up unless --up says otherwise. If not given, all of the model is looked at from as near as possible
@@ -29,7 +33,13 @@ pub(crate) struct Args {
     camera: Option<Camera>,
     #[command(flatten)]
     stance: StanceArgs,
-    /// Width and height of the image, in pixels
+    /// So many pictures from all around, each from further to the right: NAME-1.png and so on
+    #[arg(long, value_name = "N", conflicts_with = "camera", value_parser = number::count(1..=360_u32))]
+    turntable: Option<u32>,
+    /// All pictures in one: those of --turntable, or else the model from the front, the right, the back, the left, above and a corner
+    #[arg(long, conflicts_with = "camera")]
+    contact_sheet: bool,
+    /// Width and height of the image, in pixels; of each one where there are several
     #[arg(long, value_name = "WxH", default_value_t = Viewport([1024, 768]))]
     viewport: Viewport,
     /// Pixels of error that are allowed
@@ -47,6 +57,8 @@ pub(crate) struct Args {
     ids: bool,
     #[command(flatten)]
     look: LookArgs,
+    #[command(flatten)]
+    still: StillArgs,
     /// Main memory for the parts of the file that are in use, as in 256M
     #[arg(long, value_name = "SIZE", default_value = "1G")]
     memory: Bytes,
@@ -61,59 +73,99 @@ pub(crate) struct Args {
     /// Exit with 1 where the picture is empty or coarser than was asked for; it is a warning if not given
     #[arg(long)]
     strict: bool,
-    /// Write the counts and times as JSON
+    /// Write the counts and times as JSON; where there are several pictures, of the first
     #[arg(long)]
     json: bool,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
 }
 
 /// Draws and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
-    let png = output::RENDER.create(&args.output, args.force, &[&args.file])?;
-    let mut out = output::messages([&png], args.json, false)?;
+    let pngs = outputs(args)?;
+    let mut out = output::messages(&pngs, args.json, false)?;
 
-    // What is drawn, from where, and how fine.
-    let mut viewer = args.device.open(&args.file, args.memory)?;
-    let (camera, why) = camera(args, &viewer)?;
+    // What is drawn, from where, and how fine. A mesh becomes a file that goes with its folder.
+    let built = if inputs::is_mesh(&args.file) { Some(temporary()?) } else { None };
+    let file = match &built {
+        Some(folder) => {
+            let file = folder.path().join("model.chpm");
+            build::build(&args.file, &file, &BuildConfig::default(), &Meter::new(args.quiet), stop)?;
+            file
+        }
+        None => args.file.clone(),
+    };
+    let mut viewer = args.device.open(&file, args.memory)?;
+    let (cameras, why) = cameras(args, &viewer)?;
     let model = viewer.file().header().source_triangle_count;
     let wanted = args.triangles.map(|wanted| wanted.of(model));
-    let request = FrameRequest {
-        accuracy: wanted.map_or(Accuracy::PoE(args.poe), Accuracy::Triangles),
-        look: args.look.look(),
-        occlusion_culling: !args.no_occlusion,
-        wait: true,
-        ..FrameRequest::new(camera, args.viewport.0)
-    };
+    let look = Look { transparent: args.still.transparent, studio: args.still.studio, ..args.look.look() };
 
-    let (image, stats) = if args.ids {
-        let (ids, stats) = headless::ids(&mut viewer, &request)?;
-        (item_buffer(&ids, viewer.file()), stats)
-    } else {
-        headless::image(&mut viewer, &request)?
-    };
+    let mut drawn = Vec::new();
+    let (mut first, mut short) = (None, None);
+    let mut files = pngs.into_iter();
+    let mut written = Vec::new();
+    for camera in &cameras {
+        let request = FrameRequest {
+            accuracy: wanted.map_or(Accuracy::PoE(args.poe), Accuracy::Triangles),
+            look,
+            occlusion_culling: !args.no_occlusion,
+            wait: true,
+            samples: args.still.samples,
+            ..FrameRequest::new(*camera, args.viewport.0)
+        };
+        let (image, stats) = if args.ids {
+            let (ids, stats) = headless::ids(&mut viewer, &request)?;
+            (item_buffer(&ids, viewer.file()), stats)
+        } else {
+            headless::image(&mut viewer, &request)?
+        };
+        stop::check(&cancel)?;
+        short = short.or_else(|| shortfall(args, model, wanted, &stats, &image));
+        first.get_or_insert(stats);
+        if args.contact_sheet {
+            drawn.push(image);
+        } else if let Some(png) = files.next() {
+            written.push(picture::write_png(&image, png)?);
+        }
+    }
+    let (stats, shortfall): (Stats, Option<String>) = (first.unwrap_or_default(), short);
+    let mut size = args.viewport.0;
+    if let (true, Some(png)) = (args.contact_sheet, files.next()) {
+        let [red, green, blue] = look.background.map(|c| (255.0 * c).round() as u8);
+        let black = if args.ids { [0, 0, 0, 255] } else { [red, green, blue, 255] };
+        let sheet = sheet(&drawn, if look.transparent { [0; 4] } else { black });
+        size = sheet.size;
+        written.push(picture::write_png(&sheet, png)?);
+    }
 
-    // After the picture is published, nothing may fail but telling of it.
-    let shortfall = shortfall(args, model, wanted, &stats, &image);
-    stop::check(&cancel)?;
-    picture::write_png(&image, png)?;
+    // After the pictures are published, nothing may fail but telling of them.
+    for png in written {
+        png.publish()?;
+    }
 
     let adapter = viewer.gpu().describe();
     if args.json {
-        let image = json!({ "width": image.size[0], "height": image.size[1] });
         writeln!(
             out,
             "{:#}",
             json!({
                 "schema": "chpm-render/1",
-                "image": image,
+                "image": { "width": size[0], "height": size[1] },
+                "views": cameras.len(),
                 "adapter": adapter,
-                "camera": picture::camera_as_json(&camera),
+                "camera": cameras.first().map(picture::camera_as_json),
                 "stance": why,
                 "frame": picture::as_json(&stats),
             })
         )?;
     } else {
         print(args, &stats, &adapter, &mut out)?;
+        if cameras.len() > 1 {
+            writeln!(out, "{} in all", Counted(cameras.len() as u64, "view"))?;
+        }
         if let Some(why) = why.filter(|why| !why.is_empty()) {
             writeln!(out, "{why} (--up and --view choose otherwise)")?;
         }
@@ -125,16 +177,40 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good })
 }
 
-/// Where the picture is taken from; and why, where nobody told.
-fn camera(args: &Args, viewer: &Viewer) -> Result<(Camera, Option<String>)> {
+/// The files to write: one, or one for each view.
+fn outputs(args: &Args) -> Result<Vec<Output>> {
+    let apart = args.turntable.filter(|_| !args.contact_sheet).map_or(1, |count| count as usize);
+    let create = |path: &Path| output::RENDER.create(path, args.force, &[&args.file]);
+    if apart == 1 {
+        return Ok(vec![create(&args.output)?]);
+    }
+    ensure!(
+        !output::is_stdout(&args.output),
+        "several pictures cannot go to standard output: name a file, or ask for --contact-sheet"
+    );
+    (0..apart).map(|place| create(&numbered(&args.output, place, apart))).collect()
+}
+
+/// Where pictures are taken from; and why, where nobody told.
+fn cameras(args: &Args, viewer: &Viewer) -> Result<(Vec<Camera>, Option<String>)> {
     if let Some(camera) = args.camera {
         let up = args.stance.up.map_or(camera.up, |up| up.vector().into());
-        return Ok((Camera { up, ..camera }, None));
+        return Ok((vec![Camera { up, ..camera }], None));
     }
+    let viewport = args.viewport.0;
     let outline = reading(viewer.file(), || Ok(viewer.outline()?))?;
     let stance = Stance::of(&outline, args.stance.up, args.stance.side);
-    let camera = viewer.fit(&outline, &stance, args.viewport.0);
-    Ok((camera, Some(stance.why().to_owned())))
+    let why = Some(stance.why().to_owned());
+    let side =
+        |side: Side| viewer.fit(&outline, &Stance::of(&outline, Some(stance.up()), Some(side)), viewport);
+    Ok(match (args.turntable, args.contact_sheet) {
+        (Some(count), _) => (viewer.turn(&outline, &stance, viewport, count), why),
+        (None, true) => {
+            let sides = [Side::Front, Side::Right, Side::Iso, Side::Back, Side::Left, Side::Top];
+            (sides.map(side).to_vec(), why)
+        }
+        (None, false) => (vec![viewer.fit(&outline, &stance, viewport)], why),
+    })
 }
 
 /// What was asked for and is not in the picture.
@@ -142,11 +218,15 @@ fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image:
     let name = args.file.display();
 
     // Nothing but background.
+    if args.still.transparent && image.pixels.chunks_exact(4).all(|pixel| pixel[3] == 0) {
+        return Some(format!("the picture is empty: nothing of '{name}' is in view of the camera"));
+    }
     let behind = if args.ids { [0.0; 3] } else { args.look.look().background };
     // A colour may be rounded on its way through the GPU.
     let is_behind =
         |pixel: &[u8]| pixel.iter().zip(behind).all(|(got, c)| (f32::from(*got) - 255.0 * c).abs() < 2.0);
-    if stats.triangles == 0 || image.pixels.chunks_exact(4).all(is_behind) {
+    let is_bare = !args.still.transparent;
+    if stats.triangles == 0 || is_bare && image.pixels.chunks_exact(4).all(is_behind) {
         return Some(format!("the picture is empty: nothing of '{name}' is in view of the camera"));
     }
 

@@ -2,8 +2,10 @@
 
 pub(crate) mod plot;
 pub(crate) mod proof;
+pub(crate) mod sheet;
 pub(crate) mod walk;
 
+use crate::number;
 use crate::output::Output;
 use anyhow::Result;
 use chpm_mesh::Bytes;
@@ -75,6 +77,21 @@ pub(crate) struct LookArgs {
     background: Option<[f32; 3]>,
 }
 
+/// What only pictures without a window have.
+#[derive(clap::Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Looks")]
+pub(crate) struct StillArgs {
+    /// Pictures, each moved by a part of a pixel, whose mean is written: smooth edges; 1 has hard ones
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = number::count(1..=256_u32), conflicts_with = "ids")]
+    pub(crate) samples: u32,
+    /// The light of a studio: from the sky and a lamp, less of it in corners and on the ground below it
+    #[arg(long, conflicts_with = "ids")]
+    pub(crate) studio: bool,
+    /// Nothing behind the model: its PNG can lie over anything
+    #[arg(long, conflicts_with_all = ["background", "ids"])]
+    pub(crate) transparent: bool,
+}
+
 impl LookArgs {
     pub(crate) fn look(&self) -> Look {
         let default = Look::default();
@@ -84,6 +101,7 @@ impl LookArgs {
             wireframe: self.wireframe,
             one_sided: self.one_sided,
             background: self.background.unwrap_or(default.background),
+            ..default
         }
     }
 }
@@ -109,13 +127,12 @@ pub(crate) fn camera_as_json(camera: &Camera) -> Value {
     json!({ "position": position, "target": target, "up": up, "fov": fov })
 }
 
-/// Writes a PNG, all of it or nothing.
-pub(crate) fn write_png(image: &Image, file: Output) -> Result<()> {
+/// Writes a PNG, which appears when it is published.
+pub(crate) fn write_png(image: &Image, file: Output) -> Result<Output> {
     let mut png = BufWriter::new(file);
     image.write_png(&mut png)?;
     png.flush()?;
-    png.into_inner().map_err(|error| error.into_error())?.publish()?;
-    Ok(())
+    Ok(png.into_inner().map_err(|error| error.into_error())?)
 }
 
 /// What a frame did, for programs.

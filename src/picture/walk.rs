@@ -245,7 +245,7 @@ fn draw(
 }
 
 fn write_image(image: &Image, folder: &Path, index: usize, force: bool) -> Result<()> {
-    write_png(image, output::RENDER.create(&image_path(folder, index), force, &[])?)
+    write_png(image, output::RENDER.create(&image_path(folder, index), force, &[])?)?.publish()
 }
 
 fn image_path(folder: &Path, index: usize) -> PathBuf {

@@ -4,8 +4,7 @@
 //! manager runs: windows are where they want to be, and have the keyboard when they are given it.
 
 use super::harness::{CHPM, Folder, root};
-use chpm_format::Chpm;
-use chpm_refine::{Camera, CameraPath};
+use chpm_refine::CameraPath;
 use chpm_viewer::window::keys::{KEYS, MOTIONS};
 use nalgebra::{Point3, Rotation3, Vector3};
 use std::f64::consts::PI;

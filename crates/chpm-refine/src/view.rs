@@ -42,6 +42,12 @@ impl Camera {
         Camera::looking([target.x, target.y, target.z + away], [target.x, target.y, target.z])
     }
 
+    /// A camera that looks along `sight` at a point, from a distance of one unit.
+    pub(crate) fn whole(target: Point3<f64>, sight: Vector3<f64>, up: Vector3<f64>, fov: f64) -> Self {
+        let position = (target - sight).into();
+        Camera { position, target: target.into(), up: up.into(), fov, near: 0.0 }
+    }
+
     /// The same camera in the coordinates of a file with this origin.
     pub fn relative_to(&self, origin: [f64; 3]) -> Self {
         let less = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] - origin[axis]);

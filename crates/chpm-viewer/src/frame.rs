@@ -5,9 +5,11 @@
 //! depth alone and with the answers at once, until nothing changes any more, and then draws what is visible.
 
 mod paint;
+mod samples;
 
 use crate::error::ViewerError;
 use crate::gpu::buffers::Canvas;
+use crate::gpu::studio::Studio;
 use crate::gpu::{
     Answers, Arena, DrawBuffers, DrawList, Drawn, Gpu, Kind, Lens, Occlusion, Pipelines, Probe, Questions,
     TestBox, passes,
@@ -35,6 +37,8 @@ pub struct Viewer {
     arena: Arena,
     occlusion: Occlusion,
     probe: Probe,
+    /// Made when it is first used.
+    studio: Option<Studio>,
     buffers: DrawBuffers,
     list: DrawList,
     depth: Option<Canvas>,
@@ -96,6 +100,7 @@ impl Viewer {
             arena,
             occlusion,
             probe,
+            studio: None,
             buffers: DrawBuffers::new(&gpu, &pipelines),
             pipelines,
             list: DrawList::new(Kind::Depth),
@@ -157,6 +162,15 @@ impl Viewer {
         camera.relative_to(self.origin().map(|x| -x))
     }
 
+    /// So many cameras around a model, from the side that the stance shows on, each further to the right; in the model's coordinates.
+    pub fn turn(&self, outline: &Outline, stance: &Stance, viewport: [u32; 2], count: u32) -> Vec<Camera> {
+        let aspect = f64::from(viewport[0]) / f64::from(viewport[1].max(1));
+        let window = Window::of_image(aspect, Camera::DEFAULT_FOV);
+        let (sight, up) = (stance.sight(), stance.up().vector());
+        let cameras = outline.turn(&self.bounds(), sight, up, Camera::DEFAULT_FOV, window, count);
+        cameras.iter().map(|camera| camera.relative_to(self.origin().map(|x| -x))).collect()
+    }
+
     /// Draws one frame.
     ///
     /// # Errors
@@ -169,7 +183,9 @@ impl Viewer {
         let mut stats = if request.wait || request.select_from.is_some() {
             let mut stats = self.settle(request)?;
             let colors = self.colors(request, target);
-            self.paint(request, Some(target.color), colors, &mut stats)?;
+            let samples = if request.wait { request.samples.max(1) } else { 1 };
+            let first = samples::shifts(samples).next().unwrap_or_default();
+            self.paint(request, Some(target.color), colors, first, &mut stats)?;
             stats
         } else {
             self.flow(request, target)?

@@ -104,6 +104,10 @@ pub struct Look {
     pub one_sided: bool,
     /// Red, green, blue behind the model, 0 to 1, as displayed.
     pub background: [f32; 3],
+    /// Nothing behind the model: alpha is the share of a pixel that it covers, and colours are its own. What a picture without a window may be.
+    pub transparent: bool,
+    /// The light of a studio: from the sky and a key, less of it in corners and on the ground below the model.
+    pub studio: bool,
 }
 
 impl Default for Look {
@@ -114,6 +118,8 @@ impl Default for Look {
             wireframe: false,
             one_sided: false,
             background: [0.09, 0.1, 0.12],
+            transparent: false,
+            studio: false,
         }
     }
 }
@@ -138,6 +144,8 @@ pub struct FrameRequest {
     /// Waits until all that the view wants is there, refined, and nothing has come into sight any more: the exact picture,
     /// whatever was drawn before. Otherwise a frame never waits, and draws coarser clusters in place of missing ones.
     pub wait: bool,
+    /// Pictures, each moved by a part of a pixel, whose mean a picture without a window is that waits; 1 has hard edges.
+    pub samples: u32,
 }
 
 impl FrameRequest {
@@ -152,6 +160,7 @@ impl FrameRequest {
             occlusion_culling: true,
             select_from: None,
             wait: false,
+            samples: 1,
         }
     }
 

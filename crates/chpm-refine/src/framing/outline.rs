@@ -6,7 +6,8 @@ use crate::extract::extract;
 use crate::view::Camera;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Level};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Rotation3, Unit, Vector3};
+use std::f64::consts::TAU;
 
 /// The part of an image that a model may take: the slopes of the rays through its borders, left, right, below, above.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -96,26 +97,9 @@ impl Outline {
         window: Window,
     ) -> Camera {
         let center = bounds.center();
-        let camera = Camera {
-            position: (center - sight).into(),
-            target: center.into(),
-            up: up.into(),
-            fov,
-            near: 0.0,
-        };
+        let camera = Camera::whole(center, sight, up, fov);
         let [right, up, ahead] = camera.axes();
-        // Without triangles, the corners of the box.
-        let corner = |n: usize| {
-            let pick =
-                |axis: usize| f64::from(if n >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] });
-            Point3::new(pick(0), pick(1), pick(2))
-        };
-        let of_box = (0..8).filter(|_| self.triangles.is_empty() && !bounds.is_empty()).map(corner);
-        let seen = |point: Point3<f64>| {
-            let way = point - center;
-            [way.dot(&right), way.dot(&up), way.dot(&ahead)]
-        };
-        let points = || self.corners().chain(of_box.clone()).map(seen);
+        let points = || self.seen(bounds, &camera);
 
         // A point is on the inner side of a border with slope s if x - c <= (z + d) s: the largest x - z s decides.
         let most = |of: &dyn Fn([f64; 3]) -> f64| points().map(of).fold(f64::NEG_INFINITY, f64::max);
@@ -140,6 +124,52 @@ impl Outline {
         let eye = center + right * middle(x, window.across) + up * middle(y, window.along) - ahead * away;
         let target = eye + ahead * (away + 0.5 * (near + far));
         Camera { position: eye.into(), target: target.into(), ..camera }
+    }
+
+    /// All points as a camera sees them that looks at the middle of the model: right, up and ahead of it. Without triangles, the corners of
+    /// the box.
+    fn seen<'a>(&'a self, bounds: &'a Aabb, camera: &Camera) -> impl Iterator<Item = [f64; 3]> + use<'a> {
+        let (axes, center) = (camera.axes(), Point3::from(camera.target));
+        let corner = |n: usize| {
+            let pick =
+                |axis: usize| f64::from(if n >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] });
+            Point3::new(pick(0), pick(1), pick(2))
+        };
+        let of_box = (0..8).filter(|_| self.triangles.is_empty() && !bounds.is_empty()).map(corner);
+        self.corners().chain(of_box).map(move |point| axes.map(|axis| (point - center).dot(&axis)))
+    }
+
+    /// The least distance from which a camera that looks at the middle of the model has all of it in a window around its image's middle.
+    fn away(&self, bounds: &Aabb, camera: &Camera, window: Window) -> f64 {
+        let (run, rise) = (window.across[1], window.along[1]);
+        let points = self.seen(bounds, camera);
+        points.map(|[x, y, z]| (x.abs() / run).max(y.abs() / rise) - z).fold(0.0, f64::max)
+    }
+
+    /// So many cameras around a model, the first of them looking along `sight` and each one further to the right: all look at one point
+    /// from one distance, at which each has all of the model in the middle of its window.
+    pub fn turn(
+        &self,
+        bounds: &Aabb,
+        sight: Vector3<f64>,
+        up: Vector3<f64>,
+        fov: f64,
+        window: Window,
+        count: u32,
+    ) -> Vec<Camera> {
+        let center = bounds.center();
+        let sights = (0..count).map(move |n| {
+            let angle = TAU * f64::from(n) / f64::from(count.max(1));
+            Rotation3::from_axis_angle(&Unit::new_normalize(up), angle) * sight
+        });
+        let cameras: Vec<Camera> = sights.map(|sight| Camera::whole(center, sight, up, fov)).collect();
+        let away = cameras.iter().map(|camera| self.away(bounds, camera, window)).fold(0.0, f64::max);
+        let away = if away > 0.0 { away } else { 1.0 };
+        let moved = |camera: Camera| {
+            let [_, _, ahead] = camera.axes();
+            Camera { position: (center - ahead * away).into(), ..camera }
+        };
+        cameras.into_iter().map(moved).collect()
     }
 }
 
@@ -188,6 +218,29 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// From every side, from one distance, and from one of them as near as it can.
+    #[test]
+    fn a_model_turns_within_its_window() {
+        let points = [[0.0, 0.0, 0.0], [3.0, 0.1, 0.2], [0.3, 4.0, -0.4], [0.2, 0.5, 1.0]];
+        let outline = Outline::of_mesh(&points, &[[0, 1, 2], [0, 1, 3]]);
+        let (bounds, window) = (Aabb::of_points(&points), Window::of_image(0.7, 45.0));
+        let cameras = outline.turn(&bounds, -Vector3::z(), Vector3::y(), 45.0, window, 12);
+        let away = |camera: &Camera| (Point3::from(camera.position) - bounds.center()).norm();
+        assert!(
+            cameras.len() == 12
+                && cameras.iter().all(|camera| (away(camera) - away(&cameras[0])).abs() < 1e-9)
+        );
+        let most = cameras.iter().map(|camera| {
+            let [left, right, low, high] = extent(&points, camera, window);
+            [-left, right, -low, high].into_iter().fold(0.0, f64::max)
+        });
+        let most = most.fold(0.0, f64::max);
+        assert!((most - 1.0).abs() < 1e-9, "{most}");
+        // A quarter to the right: from the front to the right side.
+        let sight = cameras[3].axes()[2];
+        assert!((sight + Vector3::x()).norm() < 1e-9, "{sight}");
     }
 
     #[test]

@@ -71,7 +71,7 @@ fn upright(outline: &Outline, why: &mut String) -> Up {
     let points = |up: Up, ground: &Ground| {
         // What barely touches the ground says nothing.
         let support = if ground.support > SUPPORT { ground.support } else { 0.0 };
-        habit(up) + support + 0.1 * ground.base + 0.5 * ground.lopsided + open(ground)
+        habit(up) + support + 0.1 * ground.base + 0.5 * ground.lopsided + 3.0 * open(ground)
     };
     // Of equal ones the first, which is the more usual one.
     let mut best = rated[0];

@@ -2,7 +2,9 @@
 
 use super::{Canvas, Drawn, Instant, Viewer, Watch, passes};
 use crate::error::ViewerError;
+use crate::frame::samples::{Mean, shifts};
 use crate::gpu::arena::Resident;
+use crate::gpu::studio::Studio;
 use crate::gpu::{Kind, Mark};
 use crate::headless::{IdImage, Image, TriangleId};
 use crate::request::{Coloring, FrameRequest, Look, Shading, Target};
@@ -54,11 +56,11 @@ impl Colors {
             _ => 2,
         };
         let smooth = self.look.shading == Shading::Smooth;
-        [u32::from(smooth), colors, u32::from(self.look.wireframe), 0]
+        [u32::from(smooth), colors, u32::from(self.look.wireframe), u32::from(self.look.studio)]
     }
 
     pub(super) fn background(&self) -> wgpu::Color {
-        if self.kind == Kind::Identified {
+        if self.kind == Kind::Identified || self.look.transparent {
             return wgpu::Color::TRANSPARENT;
         }
         let [r, g, b] = self.look.background.map(|c| {
@@ -250,12 +252,13 @@ impl Viewer {
         }
     }
 
-    /// Draws all that is visible, at once.
+    /// Draws all that is visible, at once, moved by a part of a pixel.
     pub(super) fn paint(
         &mut self,
         request: &FrameRequest,
         color: Option<&wgpu::TextureView>,
         colors: Colors,
+        shift: [f64; 2],
         stats: &mut Stats,
     ) -> Result<(), ViewerError> {
         self.pipelines.prepare(&self.gpu, colors.kind)?;
@@ -267,7 +270,7 @@ impl Viewer {
 
         let start = Instant::now();
         let lens = self.eye(&request.camera, request, stats.poe)?.lens;
-        let uniform = lens.uniform(colors.uniform());
+        let uniform = lens.shifted(shift).uniform(colors.uniform());
         self.buffers.write(&self.gpu, &self.pipelines, &self.list, &uniform);
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
@@ -275,6 +278,15 @@ impl Viewer {
         let drawn = Drawn { pipelines: &self.pipelines, arena: &self.arena, list: &self.list };
         self.buffers.draw(&self.gpu, &mut pass, &drawn, 0..shown);
         drop(pass);
+        if let (Some(color), Some(format)) = (color, colors.kind().format().filter(|_| colors.look.studio)) {
+            if self.studio.as_ref().is_none_or(|studio| studio.format() != format) {
+                self.studio =
+                    Some(self.gpu.attempt("preparing the studio", || Studio::new(&self.gpu, format))?);
+            }
+            if let Some(studio) = &self.studio {
+                studio.record(&self.gpu, &mut encoder, color, depth, &uniform);
+            }
+        }
         self.gpu.queue.submit([encoder.finish()]);
         if request.wait {
             self.gpu.wait()?;
@@ -295,9 +307,24 @@ impl Viewer {
             Some(canvas) if canvas.size() == request.viewport => canvas,
             _ => self.canvas_of(request, "image", format)?,
         };
-        let stats = self.frame(request, &Target { color: canvas.view(), format })?;
-        let pixels = canvas.read(&self.gpu)?;
+        let target = Target { color: canvas.view(), format };
+        let mut stats = self.frame(request, &target)?;
+        let mut mean = Mean::default();
+        mean.add(&canvas.read(&self.gpu)?);
+
+        // The selection is settled; only the place of the image within a pixel changes.
+        let start = Instant::now();
+        let samples = if request.wait { request.samples.max(1) } else { 1 };
+        for shift in shifts(samples).skip(1) {
+            let colors = self.colors(request, &target);
+            let mut again = Stats { poe: stats.poe, ..Stats::default() };
+            self.paint(request, Some(target.color), colors, shift, &mut again)?;
+            mean.add(&canvas.read(&self.gpu)?);
+        }
+        self.gpu.check("drawing")?;
+        stats.times.total += start.elapsed();
         self.canvas = Some(canvas);
+        let pixels = mean.pixels(request.look.transparent);
         Ok((Image { size: request.viewport, pixels }, stats))
     }
 
@@ -318,7 +345,7 @@ impl Viewer {
         self.pipelines.one_sided = false;
         let canvas = self.canvas_of(request, "ids", crate::gpu::pipelines::IDS)?;
         let mut stats = self.settle(request)?;
-        self.paint(request, Some(canvas.view()), Colors::ids(), &mut stats)?;
+        self.paint(request, Some(canvas.view()), Colors::ids(), [0.0; 2], &mut stats)?;
         let bytes = canvas.read(&self.gpu)?;
         let mut places: Vec<Option<Vec<u32>>> = vec![None; self.keys.len()];
         let mut pixels = Vec::with_capacity(bytes.len() / 4);

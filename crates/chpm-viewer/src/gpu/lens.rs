@@ -19,6 +19,7 @@ pub struct FrameUniform {
     forward: [f32; 4],
     light: [f32; 4],
     size: [f32; 4],
+    sky: [f32; 4],
     look: [u32; 4],
 }
 
@@ -33,6 +34,11 @@ pub struct Lens {
     slopes: [f64; 2],
     near: f64,
     viewport: [u32; 2],
+    /// How far all of the image is moved, right and up, pixels.
+    shift: [f64; 2],
+    /// What is up in the model, and how far above the eye (below: negative) its lowest corner is along that.
+    sky: (Vector3<f64>, f64),
+    diagonal: f64,
 }
 
 impl Lens {
@@ -49,7 +55,15 @@ impl Lens {
             slopes: [rise * f64::from(viewport[0]) / f64::from(viewport[1]), rise],
             near: camera.near.max(Self::NEAR * diagonal),
             viewport,
+            shift: [0.0; 2],
+            sky: sky(camera, bounds),
+            diagonal,
         }
+    }
+
+    /// The same with its image moved by a part of a pixel, right and up.
+    pub fn shifted(self, shift: [f64; 2]) -> Self {
+        Lens { shift, ..self }
     }
 
     /// The uniform, with how it looks (see `lens.wgsl`).
@@ -58,15 +72,23 @@ impl Lens {
         let low = self.eye - high.map(f64::from);
         let [right, up, forward] = self.axes;
         let light = (0.45 * right + 0.65 * up - forward).normalize();
+        // Moved by what grows with the distance, so that it is the same everywhere in the image.
+        let across = |axis: usize| 2.0 * self.shift[axis] / f64::from(self.viewport[axis]);
         let four = |v: Vector3<f64>, w: f64| [v.x as f32, v.y as f32, v.z as f32, w as f32];
         FrameUniform {
             eye_high: [high.x, high.y, high.z, 0.0],
             eye_low: four(low, 0.0),
-            right: four(right / self.slopes[0], 0.0),
-            up: four(up / self.slopes[1], 0.0),
+            right: four(right / self.slopes[0] + forward * across(0), 0.0),
+            up: four(up / self.slopes[1] + forward * across(1), 0.0),
             forward: four(forward, self.near),
             light: four(light, 0.0),
-            size: [self.viewport[0] as f32, self.viewport[1] as f32, 0.0, 0.0],
+            size: [
+                self.viewport[0] as f32,
+                self.viewport[1] as f32,
+                self.diagonal as f32,
+                self.shift[0] as f32,
+            ],
+            sky: four(self.sky.0, self.sky.1),
             look,
         }
     }
@@ -84,6 +106,16 @@ impl Lens {
     pub fn viewport(&self) -> [u32; 2] {
         self.viewport
     }
+}
+
+/// What is up, and the ground's height above the eye.
+fn sky(camera: &Camera, bounds: &Aabb) -> (Vector3<f64>, f64) {
+    let up = Vector3::from(camera.up);
+    let up = if up.norm() > 0.0 { up.normalize() } else { camera.axes()[1] };
+    let lowest =
+        |axis: usize| up[axis] * f64::from(if up[axis] > 0.0 { bounds.min[axis] } else { bounds.max[axis] });
+    let ground = if bounds.is_empty() { 0.0 } else { (0..3).map(lowest).sum() };
+    (up, ground - up.dot(&Vector3::from(camera.position)))
 }
 
 #[cfg(test)]
@@ -109,6 +141,23 @@ mod tests {
             assert!(off < 0.75 * w * 2.0 * lens.slopes[1] / 100.0, "{point:?} {back:?}");
         }
         assert_eq!(lens.point([0, 0], 0.0), None);
+    }
+
+    #[test]
+    fn a_shift_moves_everything_alike() {
+        let bounds = Aabb { min: [-1.0; 3], max: [1.0; 3] };
+        let lens = Lens::new(&Camera::looking([3.0, 2.0, 5.0], [0.0; 3]), [200, 100], &bounds);
+        let (still, moved) = (lens.uniform([0; 4]), lens.shifted([0.25, -0.5]).uniform([0; 4]));
+        for point in [[0.0, 0.0, 0.0], [0.5, -0.5, 0.25], [-90.0, 3.0, -70.0]] {
+            let at = Point3::from(point) - lens.eye;
+            let dot = |v: [f32; 4]| at.x * f64::from(v[0]) + at.y * f64::from(v[1]) + at.z * f64::from(v[2]);
+            let image = |of: &FrameUniform| [dot(of.right), dot(of.up)].map(|x| x / dot(of.forward));
+            let (from, to) = (image(&still), image(&moved));
+            assert!(
+                ((to[0] - from[0]) * 100.0 - 0.25).abs() < 1e-3
+                    && ((to[1] - from[1]) * 50.0 + 0.5).abs() < 1e-3
+            );
+        }
     }
 
     #[test]

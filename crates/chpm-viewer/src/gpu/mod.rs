@@ -10,6 +10,7 @@ pub mod occlusion;
 pub mod passes;
 pub mod pipelines;
 pub mod probe;
+pub mod studio;
 
 pub use arena::Arena;
 pub use block::Block;

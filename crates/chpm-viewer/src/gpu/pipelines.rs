@@ -42,7 +42,8 @@ impl Kind {
         self.format().is_some_and(|format| format.is_srgb())
     }
 
-    fn format(self) -> Option<TextureFormat> {
+    /// What is drawn into, but for depth.
+    pub fn format(self) -> Option<TextureFormat> {
         match self {
             Kind::Depth => None,
             Kind::Bare(format) | Kind::Colored(format) | Kind::Wired(format) => Some(format),

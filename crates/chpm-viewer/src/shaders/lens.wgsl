@@ -10,9 +10,11 @@ struct Frame {
     forward: vec4<f32>,
     // Towards the light.
     light: vec4<f32>,
-    // Width, height.
+    // Width, height; the model's diagonal; how far the image is moved.
     size: vec4<f32>,
-    // Smooth; colours: 0 plain, 1 of vertices, 2 of the draw, 3 of the triangle; wires.
+    // What is up in the model; how far above the eye the ground is.
+    sky: vec4<f32>,
+    // Smooth; colours: 0 plain, 1 of vertices, 2 of the draw, 3 of the triangle; wires; the light of a studio.
     look: vec4<u32>,
 }
 
@@ -27,11 +29,14 @@ fn project(at: vec3<f32>) -> vec4<f32> {
     return vec4(dot(frame.right.xyz, at), dot(frame.up.xyz, at), frame.forward.w, dot(frame.forward.xyz, at));
 }
 
-// Of what is lit from the front as well, whichever side is seen; of no direction, hardly.
-fn light(normal: vec3<f32>, at: vec3<f32>) -> f32 {
-    let facing = select(normal, -normal, dot(normal, at) > 0.0);
+// Of what is lit from the front as well; of no direction, hardly.
+fn light(facing: vec3<f32>, at: vec3<f32>) -> f32 {
     let key = max(dot(facing, frame.light.xyz), 0.0);
     let head = max(-dot(facing, normalize(at)), 0.0);
+    if frame.look.w == 1u {
+        // The sky from above, a little from the ground, and the key: the eye brings hardly any light.
+        return 0.22 + 0.20 * dot(facing, frame.sky.xyz) + 0.58 * key + 0.14 * head;
+    }
     return 0.16 + 0.54 * key + 0.34 * head;
 }
 

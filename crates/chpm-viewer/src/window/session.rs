@@ -24,6 +24,9 @@ const QUIET: u32 = 3;
 /// The same while pages are missing: afterwards somebody looks now and then.
 const MISSING: u32 = 30;
 
+/// Of a screenshot.
+const SAMPLES: u32 = 8;
+
 /// What happens next, as far as the picture goes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Next {
@@ -164,7 +167,7 @@ impl Session {
 
     /// The picture, complete and without a panel.
     pub(super) fn image(&mut self, settings: &Settings, size: [u32; 2]) -> Result<Image, ViewerError> {
-        let request = FrameRequest { wait: true, ..self.request(settings, size) };
+        let request = FrameRequest { wait: true, samples: SAMPLES, ..self.request(settings, size) };
         Ok(headless::image(&mut self.viewer, &request)?.0)
     }
 

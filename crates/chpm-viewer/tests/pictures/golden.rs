@@ -107,6 +107,26 @@ fn colours() {
     }
 }
 
+/// Lit from both sides, smooth shading has no dark dots: no pixel of a torus is half as bright as the torus on all four sides of it.
+#[test]
+fn no_dots_along_silhouettes() {
+    let model = colored();
+    let mut viewer = open(&model, PLENTY);
+    let look = Look { shading: Shading::Smooth, background: [1.0; 3], ..look(Coloring::Plain) };
+    for position in [[1.5, 2.5, 2.0], [3.0, 0.4, 1.0], [0.2, 0.9, 3.0], [-2.5, 0.7, 1.5]] {
+        let camera = Camera::looking(position, [0.0; 3]);
+        let request = FrameRequest { look, ..exact(camera, [320, 240], 1.0) };
+        let (image, _) = headless::image(&mut viewer, &request).expect("a picture");
+        let value = |x: u32, y: u32| u32::from(image.pixel(x, y)[1]);
+        let is_dot = |(x, y): &(u32, u32)| {
+            let beside = [value(x - 1, *y), value(x + 1, *y), value(*x, y - 1), value(*x, y + 1)];
+            beside.iter().all(|beside| *beside < 255 && 2 * value(*x, *y) < *beside)
+        };
+        let dots: Vec<_> = (1..319).flat_map(|x| (1..239).map(move |y| (x, y))).filter(is_dot).collect();
+        assert!(dots.is_empty(), "{position:?}: {dots:?}");
+    }
+}
+
 #[test]
 fn wires() {
     let cube = Model::of(&hand::cube(), 128);
