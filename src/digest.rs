@@ -2,6 +2,7 @@
 
 use crate::number::{Short, Units};
 use crate::report::{self, LevelRow, per_triangle};
+use chpm_build::config::Normals;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Metadata, SectionKind};
 use chpm_mesh::{Bytes, ClusterId, Counted, GroupId, Level};
@@ -92,7 +93,7 @@ pub(crate) fn print(
         (&metadata.generator, format!(", from {}", metadata.source.name))
     });
     writeln!(out, "{}: CHPM {}.{}, by {by}{from}", path.display(), h.version_major, h.version_minor)?;
-    print_model(file, out)?;
+    print_model(file, metadata, out)?;
     let sizes = Sizes::of(file);
     writeln!(
         out,
@@ -123,13 +124,29 @@ pub(crate) fn print(
     print_drawables(file, out)
 }
 
-fn print_model(file: &Chpm<MappedFile>, out: &mut impl Write) -> io::Result<()> {
+/// Where the normals are from, if there are any: the source or the build.
+pub(crate) fn normals_from<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    metadata: Option<&Metadata>,
+) -> Option<&'static str> {
+    let computed = ("normals".to_owned(), Normals::Computed.to_string());
+    let is_computed = metadata.is_some_and(|metadata| metadata.settings.contains(&computed));
+    file.header().attributes().has_normals().then_some(if is_computed { "computed" } else { "source" })
+}
+
+fn print_model(
+    file: &Chpm<MappedFile>,
+    metadata: Option<&Metadata>,
+    out: &mut impl Write,
+) -> io::Result<()> {
     let h = file.header();
-    let attributes = match (h.attributes().normals, h.attributes().colors) {
-        (false, false) => "positions only",
-        (true, false) => "with normals",
-        (false, true) => "with colours",
-        (true, true) => "with normals and colours",
+    let attributes = match (normals_from(file, metadata), h.attributes().colors) {
+        (None, false) => "positions only",
+        (None, true) => "with colours",
+        (Some("computed"), false) => "with computed normals",
+        (Some("computed"), true) => "with computed normals and colours",
+        (Some(_), false) => "with normals",
+        (Some(_), true) => "with normals and colours",
     };
     let (triangles, vertices) = (h.source_triangle_count, h.source_vertex_count);
     let (triangles, vertices) = (Short(triangles).of("triangle"), Short(vertices).of("vertex"));

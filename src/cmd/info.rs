@@ -3,7 +3,7 @@
 use super::build::small;
 use super::{Verdict, open, reading, stdout};
 use crate::caches::{self, Drawn};
-use crate::digest::{self, Sizes, boundary, error_kind, max_distance};
+use crate::digest::{self, Sizes, boundary, error_kind, max_distance, normals_from};
 use crate::memory::{self, MemoryArgs};
 use crate::progress::line;
 use crate::report::{self, LevelRow, per_triangle};
@@ -216,7 +216,8 @@ fn as_json<D: AsRef<[u8]>>(
         "generator": metadata.map(|metadata| &metadata.generator),
         "triangles": h.source_triangle_count,
         "vertices": h.source_vertex_count,
-        "normals": h.attributes().normals,
+        "normals": h.attributes().has_normals(),
+        "normals_from": normals_from(file, metadata),
         "colors": h.attributes().colors,
         "origin": h.origin,
         "box": { "min": h.aabb_min, "max": h.aabb_max },

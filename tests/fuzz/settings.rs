@@ -1,7 +1,7 @@
 //! What a build is told, as the library and as the command take it.
 
 use crate::draw::Draw;
-use chpm_build::config::{Layout, Length, Topology};
+use chpm_build::config::{Layout, Length, Normals, Topology};
 use chpm_build::{BuildConfig, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
@@ -36,7 +36,11 @@ impl Told {
         if flag(draw.once_in(4), "--partitioner=greedy") {
             settings.partitioner = "greedy".parse().expect("a partitioner");
         }
-        settings.normals = !flag(draw.once_in(8), "--no-normals");
+        settings.normals = match draw.between(0, 7) {
+            0 if flag(true, "--no-normals") => Normals::None,
+            1 | 2 if flag(true, "--normals=computed") => Normals::Computed,
+            _ => Normals::Source,
+        };
         settings.colors = !flag(draw.once_in(8), "--no-colors");
         settings.drop_invalid = flag(draw.once_in(2), "--drop-invalid");
         settings.layout = match draw.once_in(4) {

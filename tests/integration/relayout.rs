@@ -22,7 +22,7 @@ fn built(attributes: Attributes, triangles: u64) -> Folder {
 
 #[test]
 fn packed_pages_hold_the_same_in_less_than_half_and_go_back() {
-    for attributes in [Attributes::NONE, Attributes { normals: true, colors: true }] {
+    for attributes in [Attributes::NONE, Attributes::ALL] {
         let folder = built(attributes, 12_000);
         let said = folder.stdout("relayout in.chpm -o packed.chpm --pages packed -q");
         assert!(said.contains("bytes a source triangle"), "{said}");
@@ -43,7 +43,7 @@ fn packed_pages_hold_the_same_in_less_than_half_and_go_back() {
 
 #[test]
 fn a_build_packs_as_relayout_does() {
-    let folder = built(Attributes { normals: true, colors: true }, 12_000);
+    let folder = built(Attributes::ALL, 12_000);
     folder.stdout("relayout in.chpm -o packed.chpm --pages packed -q");
     for resources in ["", "--threads 1 --memory 128M"] {
         folder.stdout(&format!(
@@ -64,7 +64,7 @@ fn a_build_packs_as_relayout_does() {
 
 #[test]
 fn verbs_answer_of_packed_pages_what_they_answer_of_raw_ones() {
-    let folder = built(Attributes { normals: true, colors: true }, 12_000);
+    let folder = built(Attributes::ALL, 12_000);
     folder.stdout("relayout in.chpm -o packed.chpm --pages packed -q");
     for how in ["--triangles 3000", "--error 0.5%", "--level 1", "--level 0"] {
         folder.stdout(&format!("extract in.chpm {how} -o a.ply -f"));
@@ -90,7 +90,7 @@ fn verbs_answer_of_packed_pages_what_they_answer_of_raw_ones() {
 
 #[test]
 fn an_order_changes_places_only() {
-    let folder = built(Attributes { normals: true, colors: true }, 12_000);
+    let folder = built(Attributes::ALL, 12_000);
     folder.stdout("build in.ply -o plain.chpm -q --cluster-triangles 512 --order simplification");
     let open = |name: &str| Chpm::open(folder.read(name)).expect("a file");
     // Whether all that a split brings lies side by side.

@@ -57,8 +57,8 @@ pub struct Settings {
     pub target_error: Option<Length>,
     /// Components whose box has a smaller diagonal are left out, as if the source did not have them.
     pub min_component: Option<Length>,
-    /// Whether vertex normals of the source are carried along.
-    pub normals: bool,
+    /// Which normals vertices have.
+    pub normals: Normals,
     /// Whether vertex colours of the source are carried along.
     pub colors: bool,
     /// Whether invalid vertices and faces are dropped and counted rather than refused.
@@ -87,12 +87,35 @@ impl Default for Settings {
             finest_error: None,
             target_error: None,
             min_component: None,
-            normals: true,
+            normals: Normals::Source,
             colors: true,
             drop_invalid: false,
             layout: Layout::VertexCache,
             packed: false,
         }
+    }
+}
+
+/// Which normals vertices have.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Normals {
+    /// Those of the source, if it has any.
+    #[default]
+    Source,
+    /// Those that the faces about a vertex have in the mean, by area and angle, whatever the source says.
+    Computed,
+    /// None.
+    None,
+}
+
+impl fmt::Display for Normals {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // The first two are as files had them before normals could be computed.
+        f.write_str(match self {
+            Normals::Source => "true",
+            Normals::None => "false",
+            Normals::Computed => "computed",
+        })
     }
 }
 

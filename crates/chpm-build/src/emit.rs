@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
-use crate::ingest::Source;
+use crate::ingest::{self, Source};
 use crate::report::{LevelReport, Repairs};
 use crate::simplify::Clusters;
 use crate::stamp::GENERATOR;
@@ -97,7 +97,7 @@ impl<'a> Output<'a> {
         // Records of clusters are empty but for the lengths of their pages, which is what offsets take.
         let mut tables = Tables {
             header: HeaderFields {
-                attributes: facts.attributes,
+                attributes: ingest::kept(facts.attributes, settings),
                 source_vertex_count: vertices,
                 boundary_mode: settings.boundary,
                 error_kind: ErrorKind::Certified,

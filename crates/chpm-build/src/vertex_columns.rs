@@ -32,7 +32,7 @@ pub(crate) trait ColumnMap {
 impl VertexColumns {
     /// What the vertices carry.
     pub(crate) fn attributes(&self) -> Attributes {
-        Attributes { normals: self.normals.is_some(), colors: self.colors.is_some() }
+        Attributes { normals: self.normals.is_some(), colors: self.colors.is_some(), ..Attributes::NONE }
     }
 
     /// Does the same to all columns, one after the other.

@@ -55,7 +55,7 @@ fn header<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write) -> Result<(), Fo
     let h = file.header();
     let has = h.attributes();
     writeln!(out, "chpm {}.{} file_len {}", h.version_major, h.version_minor, h.file_len)?;
-    writeln!(out, "attributes normals {} colors {}", has.normals, has.colors)?;
+    writeln!(out, "attributes normals {} colors {}", has.has_normals(), has.colors)?;
     writeln!(out, "source vertices {} triangles {}", h.source_vertex_count, h.source_triangle_count)?;
     let (c, g, l, r, leaves) = (h.cluster_count, h.group_count, h.level_count, h.root_count, h.leaf_count);
     writeln!(out, "counts clusters {c} groups {g} levels {l} roots {r} leaves {leaves}")?;
@@ -129,7 +129,7 @@ fn dump_page(page: &Page<'_>, out: &mut impl Write) -> Result<(), FormatError> {
     let mut shared = page.shared().peekable();
     for (vertex, position) in page.positions.iter().enumerate() {
         write!(out, "  vertex {vertex} {position:?}")?;
-        if let Some(normal) = page.normals.get(vertex) {
+        if let Some(normal) = page.normal(vertex) {
             write!(out, " normal {normal:?}")?;
         }
         if let Some(color) = page.colors.get(vertex) {

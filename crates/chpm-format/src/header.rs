@@ -10,10 +10,12 @@ use std::{fmt, mem};
 pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
-/// The last minor version that this crate knows, which it writes where pages are packed; else it writes the one before.
-pub const VERSION_MINOR: u16 = 2;
+/// The last minor version that this crate knows. It writes the least that has what a file needs.
+pub const VERSION_MINOR: u16 = 3;
 /// Required flag: pages may be packed, and lie at multiples of [`PACKED_ALIGN`].
 pub const PACKED_PAGES: u32 = 1;
+/// Required flag: vertices have normals of three bytes.
+pub const OCTAHEDRAL_NORMALS: u32 = 2;
 /// Length of the header, bytes.
 pub const HEADER_LEN: usize = 256;
 
@@ -29,7 +31,7 @@ pub struct Header {
     pub version_minor: u16,
     /// [`HEADER_LEN`].
     pub header_len: u32,
-    /// Features that a reader must know: [`PACKED_PAGES`].
+    /// Features that a reader must know: [`PACKED_PAGES`], [`OCTAHEDRAL_NORMALS`].
     pub required_flags: u32,
     /// Features that a reader may ignore; none are defined.
     pub optional_flags: u32,
@@ -41,7 +43,7 @@ pub struct Header {
     pub section_table_offset: u32,
     /// [`PAGE_ALIGN`], or [`PACKED_ALIGN`] where pages are packed.
     pub page_align: u32,
-    /// Bit 0: normals; bit 1: colours.
+    /// Bit 0: normals; bit 1: colours; bit 2: octahedral normals in place of those of bit 0.
     pub attributes: u32,
     /// Vertices that leaf triangles use, each counted once.
     pub source_vertex_count: u64,
@@ -128,12 +130,24 @@ impl fmt::Display for ErrorKind {
 
 /// The attribute bits of a header or page.
 pub(crate) fn attribute_bits(attributes: Attributes) -> u32 {
-    u32::from(attributes.normals) | u32::from(attributes.colors) << 1
+    let Attributes { normals, octahedral, colors } = attributes;
+    u32::from(normals) | u32::from(colors) << 1 | u32::from(octahedral) << 2
 }
 
-/// What the attribute bits mean; `None` for a bit that means nothing.
+/// What the attribute bits mean; `None` for a bit that means nothing, and for normals of both kinds.
 pub(crate) fn attributes_of(bits: u32) -> Option<Attributes> {
-    (bits < 4).then_some(Attributes { normals: bits & 1 != 0, colors: bits & 2 != 0 })
+    let bit = |place: u32| bits >> place & 1 == 1;
+    let attributes = Attributes { normals: bit(0), octahedral: bit(2), colors: bit(1) };
+    (bits < 8 && !(attributes.normals && attributes.octahedral)).then_some(attributes)
+}
+
+/// What attribute bits may be, for a message.
+pub(crate) const ATTRIBUTE_BITS: &str = "bits 0 to 2, and not both of bits 0 and 2";
+
+/// What a reader must know of a file that has this, and the first minor version that has it.
+pub(crate) fn needs(attributes: Attributes, packed: bool) -> (u32, u16) {
+    let (flag, least) = if packed { (PACKED_PAGES, 2) } else { (0, 1) };
+    if attributes.octahedral { (flag | OCTAHEDRAL_NORMALS, 3) } else { (flag, least) }
 }
 
 /// What pages are aligned to.
@@ -144,7 +158,7 @@ pub(crate) fn page_align(packed: bool) -> u64 {
 impl Header {
     /// What the vertices carry.
     pub fn attributes(&self) -> Attributes {
-        attributes_of(self.attributes & 3).unwrap_or_default()
+        attributes_of(self.attributes).unwrap_or_default()
     }
 
     /// How boundaries were treated; `None` for a code that [`crate::Chpm::open`] would have refused.
@@ -208,7 +222,7 @@ impl Header {
         if expected != found {
             return Err(FormatError::Checksum { place, expected: found, got: expected });
         }
-        let unknown = self.required_flags & !PACKED_PAGES;
+        let unknown = self.required_flags & !(PACKED_PAGES | OCTAHEDRAL_NORMALS);
         if unknown != 0 {
             return Err(FormatError::Feature { place, got: unknown });
         }
@@ -219,7 +233,10 @@ impl Header {
             return Err(FormatError::Truncated { place: Place::File, expected: self.file_len, got });
         }
         require_eq(place, "file_len", got, self.file_len)?;
-        require(self.attributes < 4, place, "attributes", "bits 0 and 1 only", self.attributes)?;
+        let attributes = attributes_of(self.attributes);
+        require(attributes.is_some(), place, "attributes", ATTRIBUTE_BITS, self.attributes)?;
+        let flagged = self.required_flags & OCTAHEDRAL_NORMALS != 0;
+        require_eq(place, "flag of octahedral normals", self.attributes().octahedral, flagged)?;
         require(self.boundary_mode().is_some(), place, "boundary_mode", "0, 1 or 2", self.boundary_mode)?;
         require(self.error_kind().is_some(), place, "error_kind", "0 or 1", self.error_kind)?;
         let finite = self.origin.iter().all(|x| x.is_finite());

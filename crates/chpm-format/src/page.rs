@@ -3,9 +3,9 @@
 use crate::MAX_CLUSTER_VERTICES;
 use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::error_code::{self, MAX_CODE};
-use crate::header::attributes_of;
+use crate::header::{ATTRIBUTE_BITS, attributes_of};
 use bytemuck::{Pod, Zeroable};
-use chpm_mesh::{Attributes, ClusterId, ProgressiveMesh, VertexSlices};
+use chpm_mesh::{Attributes, ClusterId, Octahedral, ProgressiveMesh, VertexSlices};
 use std::mem;
 use std::ops::Deref;
 
@@ -77,7 +77,7 @@ impl PageHeader {
         let min = self.min_error;
         require((0.0..=scale).contains(&min), place, "min_error", format_args!("0 to {scale}"), min)?;
         let bits = u32::from(self.attributes);
-        attributes_of(bits).ok_or_else(|| invalid(place, "attributes", "bits 0 and 1 only", bits))
+        attributes_of(bits).ok_or_else(|| invalid(place, "attributes", ATTRIBUTE_BITS, bits))
     }
 }
 
@@ -131,17 +131,23 @@ impl<'a> Page<'a> {
 
         let v = header.vertex_count as usize;
         let collapses = v - header.base_vertex_count as usize;
+        let carried = |is_carried| if is_carried { v } else { 0 };
+        let positions = take(&mut rest, v);
+        let normals = take(&mut rest, carried(attributes.normals));
+        let colors = take(&mut rest, carried(attributes.colors));
         Ok(Page {
-            vertices: VertexSlices {
-                positions: take(&mut rest, v),
-                normals: take(&mut rest, if attributes.normals { v } else { 0 }),
-                colors: take(&mut rest, if attributes.colors { v } else { 0 }),
-            },
             shared_ids: take(&mut rest, header.shared_count as usize),
             triangles: take(&mut rest, header.triangle_count as usize),
             targets: take(&mut rest, collapses),
             error_codes: take(&mut rest, collapses),
-            shared_bits: rest,
+            shared_bits: take(&mut rest, v.div_ceil(8)),
+            // Single bytes come last.
+            vertices: VertexSlices {
+                positions,
+                normals,
+                octahedral: take(&mut rest, carried(attributes.octahedral)),
+                colors,
+            },
             base_vertex_count: header.base_vertex_count as usize,
             base_triangle_count: header.base_triangle_count as usize,
             min_error: header.min_error,
@@ -203,10 +209,30 @@ impl<'a> Page<'a> {
     /// As [`Page::view`].
     pub fn renumber(bytes: &mut [u8], new: impl Fn(u32) -> u32) -> Result<(), FormatError> {
         let page = Page::view(bytes)?;
-        let start = PAGE_HEADER_LEN + page.vertex_count() * page.attributes().vertex_len();
+        let in_front = Attributes { octahedral: false, ..page.attributes() };
+        let start = PAGE_HEADER_LEN + page.vertex_count() * in_front.vertex_len();
         let end = start + mem::size_of_val(page.shared_ids);
         for id in bytes[start..end].as_chunks_mut().0 {
             *id = new(u32::from_le_bytes(*id)).to_le_bytes();
+        }
+        Ok(())
+    }
+
+    /// Gives vertices of a page other octahedral normals, in place: those that `new` names, by local index. A page without such normals
+    /// stays as it is.
+    ///
+    /// # Errors
+    /// As [`Page::view`].
+    pub fn set_octahedral(
+        bytes: &mut [u8],
+        new: impl IntoIterator<Item = (u16, Octahedral)>,
+    ) -> Result<(), FormatError> {
+        let start = bytes.len() - mem::size_of_val(Page::view(bytes)?.octahedral);
+        let normals: &mut [Octahedral] = bytemuck::cast_slice_mut(&mut bytes[start..]);
+        for (vertex, normal) in new {
+            if let Some(place) = normals.get_mut(usize::from(vertex)) {
+                *place = normal;
+            }
         }
         Ok(())
     }

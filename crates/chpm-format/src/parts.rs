@@ -5,7 +5,7 @@ use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::error_code::{self, MAX_ERROR};
 use crate::header::attribute_bits;
 use crate::page::{PAGE_HEADER_LEN, PAGE_MAGIC, PAGE_VERSION, PageHeader};
-use chpm_mesh::{ClusterId, Places, ProgressiveMesh, VertexSlices};
+use chpm_mesh::{Attributes, ClusterId, Places, ProgressiveMesh, VertexSlices};
 
 /// The parts of a page, as a builder has them: V vertices, of which the first B are the base mesh.
 #[derive(Clone, Copy, Debug, Default)]
@@ -69,6 +69,7 @@ impl PageParts<'_> {
         for (local, _) in self.shared {
             out[bits + usize::from(local / 8)] |= 1 << (local % 8);
         }
+        out.extend_from_slice(bytemuck::cast_slice(self.vertices.octahedral));
         debug_assert_eq!((out.len() - start) as u64, header.payload_len());
         Ok(self.errors.first().map_or(self.min_error, |error| error_code::decode(code(error), error_scale)))
     }
@@ -90,6 +91,8 @@ impl PageParts<'_> {
         if let Some((field, len)) = self.vertices.uneven() {
             return Err(invalid(place, field, format_args!("none or {v}"), len));
         }
+        let Attributes { normals, octahedral, .. } = self.vertices.attributes();
+        require(!(normals && octahedral), place, "normals", "of one kind", "both kinds")?;
 
         let t = self.triangles.len();
         require(t <= u32::MAX as usize / 8, place, "triangles", "at most 2^29", t)?;

@@ -130,6 +130,7 @@ fn add_page(page: &Page<'_>, triangles: &mut Vec<[u16; 3]>, hash: &mut Xxh3) {
     hash.update(bytemuck::cast_slice(triangles));
     hash.update(bytemuck::cast_slice(page.positions));
     hash.update(bytemuck::cast_slice(page.normals));
+    hash.update(bytemuck::cast_slice(page.octahedral));
     hash.update(bytemuck::cast_slice(page.colors));
     hash.update(bytemuck::cast_slice(page.shared_ids));
     hash.update(bytemuck::cast_slice(page.targets));

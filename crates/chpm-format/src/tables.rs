@@ -2,10 +2,7 @@
 
 use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::gaps::Gaps;
-use crate::header::{
-    BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, PACKED_PAGES, VERSION_MAJOR, VERSION_MINOR,
-    page_align,
-};
+use crate::header::{BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, VERSION_MAJOR, page_align};
 use crate::metadata::Metadata;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
@@ -184,11 +181,13 @@ impl Tables {
         let count =
             |field, len: usize| u32::try_from(len).map_err(|_| invalid(place, field, "less than 2^32", len));
         let bounds = bounds(&self.clusters);
+        let (required_flags, version_minor) =
+            crate::header::needs(self.header.attributes, self.header.packed);
         Ok(Header {
             magic: MAGIC,
             version_major: VERSION_MAJOR,
-            version_minor: if self.header.packed { VERSION_MINOR } else { VERSION_MINOR - 1 },
-            required_flags: if self.header.packed { PACKED_PAGES } else { 0 },
+            version_minor,
+            required_flags,
             header_len: HEADER_LEN as u32,
             section_count: SectionKind::ALL.len() as u32,
             section_table_offset: HEADER_LEN as u32,

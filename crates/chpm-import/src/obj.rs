@@ -93,7 +93,7 @@ impl<R: Read> ObjReader<R> {
 
     /// What the delivered vertices are made of.
     pub fn vertex_format(&self) -> VertexFormat {
-        let attributes = Attributes { normals: false, colors: self.read.colored };
+        let attributes = Attributes { colors: self.read.colored, ..Attributes::NONE };
         VertexFormat { coordinates: Coordinates::Text, attributes }
     }
 

@@ -10,6 +10,7 @@ compile_error!("chpm reads its little-endian records in place and supports littl
 pub mod geom;
 pub mod ids;
 pub mod number;
+pub mod octahedral;
 pub mod pm;
 pub mod trimesh;
 pub mod units;
@@ -18,6 +19,7 @@ pub mod vertices;
 pub use geom::{Aabb, FAR, Sphere};
 pub use ids::{ClusterId, GroupId, Level};
 pub use number::{Number, NumberError};
+pub use octahedral::Octahedral;
 pub use pm::{Places, ProgressiveMesh};
 pub use trimesh::TriMesh;
 pub use units::{Bytes, Counted, ObjectError};

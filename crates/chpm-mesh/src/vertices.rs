@@ -3,6 +3,7 @@
 //! Every stage copies, gathers and compares vertices by the types of this file, whatever they carry. Whoever adds an attribute adds it here, to
 //! `VertexColumns` of `chpm-build` for what does not fit memory, to the readers and writers of sources, and to the page of the file.
 
+use crate::octahedral::Octahedral;
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
@@ -11,29 +12,45 @@ use serde::{Deserialize, Serialize};
 pub struct Attributes {
     /// Unit (or as-given) normals, three f32 each.
     pub normals: bool,
+    /// Normals of three bytes each, in place of those.
+    pub octahedral: bool,
     /// Colours, four bytes each: red, green, blue, alpha.
     pub colors: bool,
 }
 
 impl Attributes {
     /// Positions only.
-    pub const NONE: Attributes = Attributes { normals: false, colors: false };
-    /// Every attribute that there is.
-    pub const ALL: Attributes = Attributes { normals: true, colors: true };
+    pub const NONE: Attributes = Attributes { normals: false, octahedral: false, colors: false };
+    /// Every attribute that a source can have.
+    pub const ALL: Attributes = Attributes { normals: true, octahedral: false, colors: true };
+
+    /// Whether vertices have normals, however they are stored.
+    pub fn has_normals(self) -> bool {
+        self.normals || self.octahedral
+    }
 
     /// Bytes of a vertex: its position and what it carries.
     pub fn vertex_len(self) -> usize {
-        12 + if self.normals { 12 } else { 0 } + if self.colors { 4 } else { 0 }
+        let lens = [(self.normals, 12), (self.octahedral, 3), (self.colors, 4)];
+        12 + lens.iter().map(|(is_carried, len)| if *is_carried { *len } else { 0 }).sum::<usize>()
     }
 
     /// What both have.
     pub fn common(self, other: Attributes) -> Attributes {
-        Attributes { normals: self.normals && other.normals, colors: self.colors && other.colors }
+        Attributes {
+            normals: self.normals && other.normals,
+            octahedral: self.octahedral && other.octahedral,
+            colors: self.colors && other.colors,
+        }
     }
 
     /// What one of the two has, or both.
     pub fn joined(self, other: Attributes) -> Attributes {
-        Attributes { normals: self.normals || other.normals, colors: self.colors || other.colors }
+        Attributes {
+            normals: self.normals || other.normals,
+            octahedral: self.octahedral || other.octahedral,
+            colors: self.colors || other.colors,
+        }
     }
 }
 
@@ -43,7 +60,7 @@ impl Attributes {
 pub struct Vertex {
     /// Object units.
     pub position: [f32; 3],
-    /// As given.
+    /// As given, or a unit vector of those that three bytes can tell.
     pub normal: [f32; 3],
     /// Red, green, blue, alpha.
     pub color: [u8; 4],
@@ -63,6 +80,8 @@ pub struct Vertices {
     pub positions: Vec<[f32; 3]>,
     /// Vertex normals, or empty.
     pub normals: Vec<[f32; 3]>,
+    /// Vertex normals of three bytes, or empty.
+    pub octahedral: Vec<Octahedral>,
     /// Vertex colours (RGBA), or empty.
     pub colors: Vec<[u8; 4]>,
 }
@@ -79,6 +98,7 @@ impl Vertices {
         Vertices {
             positions: Vec::with_capacity(count),
             normals: Vec::with_capacity(room(carried.normals)),
+            octahedral: Vec::with_capacity(room(carried.octahedral)),
             colors: Vec::with_capacity(room(carried.colors)),
         }
     }
@@ -86,7 +106,12 @@ impl Vertices {
     /// All of them, to look at.
     #[inline]
     pub fn view(&self) -> VertexSlices<'_> {
-        VertexSlices { positions: &self.positions, normals: &self.normals, colors: &self.colors }
+        VertexSlices {
+            positions: &self.positions,
+            normals: &self.normals,
+            octahedral: &self.octahedral,
+            colors: &self.colors,
+        }
     }
 
     /// What they carry.
@@ -104,6 +129,7 @@ impl Vertices {
     pub fn clear_vertices(&mut self) {
         self.positions.clear();
         self.normals.clear();
+        self.octahedral.clear();
         self.colors.clear();
     }
 
@@ -112,6 +138,8 @@ impl Vertices {
     pub fn push_vertex(&mut self, vertex: &Vertex, carried: Attributes) {
         self.positions.push(vertex.position);
         self.normals.extend(carried.normals.then_some(vertex.normal));
+        let code = || Octahedral::of(vertex.normal.map(f64::from));
+        self.octahedral.extend(carried.octahedral.then(code));
         self.colors.extend(carried.colors.then_some(vertex.color));
     }
 
@@ -119,6 +147,7 @@ impl Vertices {
     pub fn extend_from_slices(&mut self, from: VertexSlices<'_>) {
         self.positions.extend_from_slice(from.positions);
         self.normals.extend_from_slice(from.normals);
+        self.octahedral.extend_from_slice(from.octahedral);
         self.colors.extend_from_slice(from.colors);
     }
 
@@ -129,6 +158,9 @@ impl Vertices {
         if !from.normals.is_empty() {
             self.normals.extend(order.clone().map(|v| from.normals[v]));
         }
+        if !from.octahedral.is_empty() {
+            self.octahedral.extend(order.clone().map(|v| from.octahedral[v]));
+        }
         if !from.colors.is_empty() {
             self.colors.extend(order.map(|v| from.colors[v]));
         }
@@ -138,6 +170,7 @@ impl Vertices {
     pub fn append_vertices(&mut self, other: &mut Vertices) {
         self.positions.append(&mut other.positions);
         self.normals.append(&mut other.normals);
+        self.octahedral.append(&mut other.octahedral);
         self.colors.append(&mut other.colors);
     }
 }
@@ -149,6 +182,8 @@ pub struct VertexSlices<'a> {
     pub positions: &'a [[f32; 3]],
     /// Normals, one a vertex or none.
     pub normals: &'a [[f32; 3]],
+    /// Normals of three bytes, one a vertex or none.
+    pub octahedral: &'a [Octahedral],
     /// Colours (RGBA), one a vertex or none.
     pub colors: &'a [[u8; 4]],
 }
@@ -161,7 +196,17 @@ impl<'a> VertexSlices<'a> {
 
     /// What they carry.
     pub fn attributes(self) -> Attributes {
-        Attributes { normals: !self.normals.is_empty(), colors: !self.colors.is_empty() }
+        Attributes {
+            normals: !self.normals.is_empty(),
+            octahedral: !self.octahedral.is_empty(),
+            colors: !self.colors.is_empty(),
+        }
+    }
+
+    /// The normal of a vertex, if vertices have any.
+    #[inline]
+    pub fn normal(self, at: usize) -> Option<[f32; 3]> {
+        self.normals.get(at).copied().or_else(|| self.octahedral.get(at).map(|code| code.vector()))
     }
 
     /// One vertex.
@@ -169,7 +214,7 @@ impl<'a> VertexSlices<'a> {
     pub fn vertex(self, at: usize) -> Vertex {
         Vertex {
             position: self.positions[at],
-            normal: self.normals.get(at).copied().unwrap_or_default(),
+            normal: self.normal(at).unwrap_or_default(),
             color: self.colors.get(at).copied().unwrap_or_default(),
         }
     }
@@ -179,13 +224,18 @@ impl<'a> VertexSlices<'a> {
         VertexSlices {
             positions: &self.positions[..count],
             normals: self.normals.get(..count).unwrap_or_default(),
+            octahedral: self.octahedral.get(..count).unwrap_or_default(),
             colors: self.colors.get(..count).unwrap_or_default(),
         }
     }
 
     /// An attribute of which there are neither as many as positions nor none: its name, and how many there are.
     pub fn uneven(self) -> Option<(&'static str, usize)> {
-        let lens = [("normals", self.normals.len()), ("colors", self.colors.len())];
+        let lens = [
+            ("normals", self.normals.len()),
+            ("octahedral normals", self.octahedral.len()),
+            ("colors", self.colors.len()),
+        ];
         lens.into_iter().find(|(_, len)| *len != 0 && *len != self.positions.len())
     }
 
@@ -209,7 +259,9 @@ mod tests {
         let mut vertices = Vertices::default();
         for i in 0..count {
             let x = f32::from(i);
-            let vertex = Vertex { position: [x; 3], normal: [-x, x, 0.5], color: [i, 1, 2, 255] };
+            // Normals that both encodings keep.
+            let normal = [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]][usize::from(i % 2)];
+            let vertex = Vertex { position: [x; 3], normal, color: [i, 1, 2, 255] };
             vertices.push_vertex(&vertex, carried);
         }
         vertices
@@ -217,8 +269,8 @@ mod tests {
 
     #[test]
     fn every_operation_takes_what_vertices_carry() {
-        for bits in 0..4 {
-            let carried = Attributes { normals: bits & 1 != 0, colors: bits & 2 != 0 };
+        for bits in 0..6 {
+            let carried = Attributes { normals: bits % 3 == 1, octahedral: bits % 3 == 2, colors: bits > 2 };
             let all = some(5, carried);
             assert_eq!((all.attributes(), all.vertex_count(), all.view().uneven()), (carried, 5, None));
 
@@ -250,8 +302,12 @@ mod tests {
 
     #[test]
     fn attributes_join_and_meet() {
-        let (normals, colors) =
-            (Attributes { normals: true, colors: false }, Attributes { normals: false, colors: true });
+        let normals = Attributes { normals: true, ..Attributes::NONE };
+        let octahedral = Attributes { octahedral: true, ..Attributes::NONE };
+        let colors = Attributes { colors: true, ..Attributes::NONE };
+        assert_eq!(octahedral.joined(colors).common(octahedral), octahedral);
+        assert_eq!([normals, octahedral, colors].map(Attributes::has_normals), [true, true, false]);
+        assert_eq!(octahedral.vertex_len(), 15);
         assert_eq!((normals.joined(colors), normals.common(colors)), (Attributes::ALL, Attributes::NONE));
         assert_eq!((Attributes::NONE.vertex_len(), Attributes::ALL.vertex_len()), (12, size_of::<Vertex>()));
     }

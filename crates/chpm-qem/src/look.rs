@@ -9,8 +9,8 @@ use crate::overlay::{Overlay, Place};
 use crate::patch::Patch;
 use crate::ring::View;
 use bytemuck::{Pod, Zeroable};
-use chpm_mesh::VertexSlices;
 use chpm_mesh::geom::round_up;
+use chpm_mesh::{Octahedral, VertexSlices};
 use nalgebra::{Vector3, Vector4};
 
 /// What f64 can lose of a difference of attributes, as a share of the values that it is made of, and more.
@@ -29,6 +29,8 @@ type Value = Vector4<f64>;
 pub struct Looks<'a> {
     /// Normals of any length, one a vertex or none.
     pub normals: &'a [[f32; 3]],
+    /// Normals of three bytes, one a vertex or none.
+    pub octahedral: &'a [Octahedral],
     /// Colours (RGBA), one a vertex or none.
     pub colors: &'a [[u8; 4]],
     /// One a triangle; empty if the patch is the source.
@@ -38,19 +40,25 @@ pub struct Looks<'a> {
 impl<'a> Looks<'a> {
     /// What vertices and `faces` look like.
     pub fn new(vertices: VertexSlices<'a>, faces: &'a [FaceLook]) -> Self {
-        Looks { normals: vertices.normals, colors: vertices.colors, faces }
+        let VertexSlices { normals, octahedral, colors, .. } = vertices;
+        Looks { normals, octahedral, colors, faces }
     }
 
     /// Whether there is nothing to look at.
     pub fn is_empty(&self) -> bool {
-        self.normals.is_empty() && self.colors.is_empty()
+        self.normals.is_empty() && self.octahedral.is_empty() && self.colors.is_empty()
+    }
+
+    /// The normal of a vertex, if vertices have any.
+    fn normal(&self, vertex: usize) -> Option<[f32; 3]> {
+        self.normals.get(vertex).copied().or_else(|| self.octahedral.get(vertex).map(|code| code.vector()))
     }
 
     /// How a triangle of the source looks, which is like the source.
     pub fn of_source(&self, corners: [u16; 3]) -> FaceLook {
         let mut look = FaceLook::default();
-        if !self.normals.is_empty() {
-            look.ranges[NORMAL] = Range::of(corners.map(|v| normal_value(&self.normals[usize::from(v)])));
+        if let [Some(a), Some(b), Some(c)] = corners.map(|v| self.normal(usize::from(v))) {
+            look.ranges[NORMAL] = Range::of([a, b, c].map(|normal| normal_value(&normal)));
         }
         if !self.colors.is_empty() {
             look.ranges[COLOR] = Range::of(corners.map(|v| color_value(&self.colors[usize::from(v)])));
@@ -208,6 +216,7 @@ impl LookTracker {
             return;
         }
         self.values[NORMAL].extend(looks.normals.iter().map(normal_value));
+        self.values[NORMAL].extend(looks.octahedral.iter().map(|code| normal_value(&code.vector())));
         self.values[COLOR].extend(looks.colors.iter().map(color_value));
         self.faces.extend_from_slice(looks.faces);
         if self.faces.is_empty() {

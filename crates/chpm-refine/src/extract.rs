@@ -66,9 +66,10 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         self.triangle_count
     }
 
-    /// What the vertices carry.
+    /// What the vertices carry. Normals are three numbers each, however the file has them.
     pub fn attributes(&self) -> Attributes {
-        self.file.header().attributes()
+        let stored = self.file.header().attributes();
+        Attributes { normals: stored.has_normals(), octahedral: false, ..stored }
     }
 
     /// The point that positions are relative to, unless it is zero: then they need more than single precision.
@@ -89,6 +90,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         self.walk(|page, weld| {
             fresh.clear_vertices();
             fresh.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
+            let codes = std::mem::take(&mut fresh.octahedral);
+            fresh.normals.extend(codes.iter().map(|code| code.vector()));
             sink(fresh.view())
         })
     }

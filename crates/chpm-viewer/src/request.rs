@@ -34,7 +34,7 @@ pub enum Shading {
     /// Each triangle by its own plane.
     #[default]
     Flat,
-    /// Normals of the vertices: the source's, or the mean of the triangles about a vertex in its cluster.
+    /// Normals of the vertices: those of the file, or the mean of the triangles about a vertex in its cluster.
     Smooth,
 }
 

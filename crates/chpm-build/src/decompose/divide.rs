@@ -12,15 +12,16 @@ use super::copies::{self, Sieve};
 use super::number::{self, Cells};
 use super::region::Mesh;
 use super::{leaf_count, partition};
-use crate::config::Settings;
+use crate::config::{Normals, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::ingest::Source;
 use crate::vertex_columns::VertexColumns;
 use bytemuck::{Pod, Zeroable};
 use chpm_extmem::{Buckets, Column, Reservation};
-use chpm_mesh::{Vertex, Vertices};
+use chpm_mesh::{Octahedral, Vertex, Vertices};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Leaves of a region: as many as two threads can work on in the least memory.
 const REGION_LEAVES: u32 = 64;
@@ -141,7 +142,7 @@ pub(crate) fn run(
     let mut visits = Visits { uses, known: Sieve::new() };
     let uses = divided.route(triangles, &mut visits, context)?;
     divided.split(split::limit(settings), &uses, &mut visits, context)?;
-    divided.exchange(visits, context)?;
+    divided.exchange(visits, settings, context)?;
     Ok(divided)
 }
 
@@ -197,6 +198,17 @@ impl Divided {
         own + self.foreign.len(region)
     }
 
+    /// Border vertices that a region may have: its own, which others use, and copies of others.
+    pub(crate) fn border_vertices(&self, region: usize) -> usize {
+        self.border_range(region).len() + self.foreign.len(region)
+    }
+
+    /// The border numbers of the vertices at home in a region.
+    fn border_range(&self, region: usize) -> Range<u32> {
+        let ends = self.border_starts.get(region).zip(self.border_starts.get(region + 1));
+        ends.map_or(0..0, |(start, end)| *start..*end)
+    }
+
     /// Sends each triangle to its region, and notes who uses the vertices of another. Answers how many corners each region has
     /// from others.
     fn route(
@@ -231,7 +243,12 @@ impl Divided {
     }
 
     /// Numbers the border vertices, and sends copies of them to the regions that use them.
-    fn exchange(&mut self, visits: Visits, context: &Context<'_>) -> Result<(), BuildError> {
+    fn exchange(
+        &mut self,
+        visits: Visits,
+        settings: &Settings,
+        context: &Context<'_>,
+    ) -> Result<(), BuildError> {
         // A bucket for each region, of which there are more since some were split.
         while self.foreign.count() < self.region_count() {
             self.foreign.add();
@@ -266,7 +283,8 @@ impl Divided {
         }
         self.border.shrink_to_fit();
         // Border number, and what the census and the shared vertices keep for each.
-        self._share = context.store.budget.charge("border vertices", 24 * self.border.len() as u64)?;
+        let len = if settings.normals == Normals::Computed { 24 + size_of::<Octahedral>() } else { 24 };
+        self._share = context.store.budget.charge("border vertices", (len * self.border.len()) as u64)?;
         Ok(())
     }
 
@@ -299,11 +317,9 @@ impl Divided {
         triangles.as_flattened_mut().iter_mut().for_each(|v| *v = numbers[*v as usize]);
 
         // Border vertices: those at home here that others visit, used here or not, and the foreign ones.
-        let visited = self.border_starts.get(region).zip(self.border_starts.get(region + 1));
-        let visited = visited.map_or(0..0, |(start, end)| *start..*end);
         let mut border = vec![INNER; count as usize];
         let mut visited_only = 0;
-        for id in visited {
+        for id in self.border_range(region) {
             match numbers[self.local(self.border[id as usize], region, own, &foreign) as usize] {
                 UNUSED => visited_only += 1,
                 number => border[number as usize] = id,

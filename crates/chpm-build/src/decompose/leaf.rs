@@ -49,6 +49,10 @@ impl Leaf {
         bytes: &'a mut Vec<u8>,
     ) -> Result<LeafPage<'a>, BuildError> {
         spool.read(self.offset, self.len as usize, bytes)?;
+        // When the leaf was written, the faces of other regions were not known.
+        let late = Page::view(bytes)?.shared().filter_map(|(local, code)| Some((local, ids.normal(code)?)));
+        let late: Vec<_> = late.collect();
+        Page::set_octahedral(bytes, late)?;
         Ok(LeafPage { page: Page::view(bytes)?, leaf: self, ids })
     }
 }

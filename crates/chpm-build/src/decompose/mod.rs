@@ -11,6 +11,7 @@ mod copies;
 mod divide;
 mod grid;
 mod leaf;
+mod normals;
 mod number;
 mod partition;
 mod region;
@@ -22,7 +23,7 @@ pub(crate) use cell_graph::nearest_pairs;
 pub(crate) use leaf::{Leaf, LeafPage};
 pub(crate) use shared::SharedVertices;
 
-use crate::config::Settings;
+use crate::config::{Normals, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::in_order::in_order;
@@ -108,20 +109,23 @@ pub(crate) fn run(
 
     let spool = Spool::named(&context.store, LEAVES, LEAVES);
     let border_count = divided.border_count();
-    let mut collector = Collector::new(border_count, &context.store);
+    let is_computed = settings.normals == Normals::Computed;
+    let mut collector = Collector::new(border_count, is_computed, &context.store);
     let mut account = Account::new(border_count, &context.store);
     let mut copies = divided.copies;
 
     // Regions are worked on several at a time, and taken in one after another, in their order: so ids do not depend on who was first.
-    let (workers, _share) = workers(&divided, context)?;
+    let (workers, _share) = workers(&divided, is_computed, context)?;
     in_order(
         divided.region_count(),
         workers,
         |region| {
             context.check()?;
-            let mesh = divided.load(region)?;
+            let mut mesh = divided.load(region)?;
+            let normals = if is_computed { normals::compute(&mut mesh) } else { Vec::new() };
             let leaves = divide::leaves_of(&divided, &mesh, wanted, settings);
-            region::run(&mesh, leaves, border_count as u32, settings, &spool, context)
+            let done = region::run(&mesh, leaves, border_count as u32, settings, &spool, context)?;
+            Ok(region::Done { normals, ..done })
         },
         |done| {
             // Border numbers hold everywhere; inner numbers count from those of the regions before.
@@ -153,13 +157,15 @@ fn leaf_count(triangles: usize, settings: &Settings) -> u32 {
 /// How many regions to work on at the same time, and the memory for them.
 fn workers(
     divided: &Divided,
+    is_computed: bool,
     context: &Context<'_>,
 ) -> Result<(usize, chpm_extmem::Reservation), BuildError> {
     let cost = |region| {
         let (triangles, vertices) =
             (divided.triangle_count(region) as u64, divided.vertex_count(region) as u64);
         let used = vertices.min(3 * triangles);
-        TRIANGLE_COST * triangles + VERTEX_COST * used + PASSED_COST * (vertices - used)
+        let sums = if is_computed { divided.border_vertices(region) as u64 } else { 0 };
+        TRIANGLE_COST * triangles + VERTEX_COST * used + PASSED_COST * (vertices - used) + SUM_COST * sums
     };
     let largest = (0..divided.region_count()).map(cost).max().unwrap_or(0);
     let budget = &context.store.budget;
@@ -172,3 +178,5 @@ fn workers(
 const TRIANGLE_COST: u64 = 48;
 const VERTEX_COST: u64 = 72;
 const PASSED_COST: u64 = 16;
+/// Bytes for what faces come to at a border vertex.
+const SUM_COST: u64 = size_of::<normals::BorderSum>() as u64;

@@ -5,6 +5,7 @@ use super::census::{Census, Ledger, Surveyor};
 use super::divide::{INNER, majority};
 use super::grid::Grid;
 use super::leaf::{self, Leaf, LeafMesh, LeafWriter};
+use super::normals::BorderSum;
 use super::partition;
 use crate::config::Settings;
 use crate::context::Context;
@@ -41,6 +42,8 @@ pub(crate) struct Done {
     pub(crate) census: Census,
     pub(crate) referenced: u64,
     pub(crate) copies: u64,
+    /// What the faces about border vertices come to, if normals are computed.
+    pub(crate) normals: Vec<BorderSum>,
 }
 
 /// Sets of leaves, with the number of vertices that each has to itself. Shared vertices of one region are numbered by these.
@@ -73,7 +76,8 @@ pub(crate) fn run(
     if mesh.triangles.is_empty() {
         let (leaves, interfaces) = (Vec::new(), Interfaces::default());
         let (border_uses, census) = (Vec::new(), Census::default());
-        return Ok(Done { leaves, interfaces, border_uses, census, referenced: mesh.referenced, copies: 0 });
+        let (referenced, normals) = (mesh.referenced, Vec::new());
+        return Ok(Done { leaves, interfaces, border_uses, census, referenced, copies: 0, normals });
     }
     let part_of = cut(mesh, parts, settings, context)?;
     context.check()?;
@@ -111,7 +115,7 @@ pub(crate) fn run(
     };
     let census = ledger.close(shared.inner_count).renumbered(global);
     let (referenced, copies) = (mesh.referenced, mesh.copies);
-    Ok(Done { leaves, interfaces, border_uses, census, referenced, copies })
+    Ok(Done { leaves, interfaces, border_uses, census, referenced, copies, normals: Vec::new() })
 }
 
 /// The part of each vertex (Quick-VDR 4.1: cells, cell graph, k-way partition).

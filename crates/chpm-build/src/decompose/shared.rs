@@ -4,12 +4,14 @@
 //! count border vertices first, which two regions have, and then the others, region by region and interface by interface.
 
 use super::leaf::{INNER, Leaf};
+use super::normals::{self, BorderSum};
 use super::region::{Done, Interfaces};
 use chpm_extmem::{Buckets, ExtmemError, Store};
+use chpm_mesh::Octahedral;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// All shared vertices. Memory: 4 bytes for each border vertex, and some dozens for each interface.
+/// All shared vertices. Memory: 4 bytes for each border vertex, 7 where normals are computed, and some dozens for each interface.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct SharedVertices {
     /// By border vertex that is shared: its interface.
@@ -23,6 +25,8 @@ pub(crate) struct SharedVertices {
     starts: Vec<u32>,
     counts: Vec<u32>,
     len: u32,
+    /// By border number, if normals are computed.
+    normals: Vec<Octahedral>,
     /// Vertices that any leaf uses, each counted once.
     pub(crate) used_vertices: u64,
 }
@@ -53,6 +57,12 @@ impl SharedVertices {
         &self.users[self.starts[interface] as usize..self.starts[interface + 1] as usize]
     }
 
+    /// The normal of what a leaf stored, if it was not known then.
+    pub(super) fn normal(&self, code: u32) -> Option<Octahedral> {
+        // The mark of inner vertices makes numbers that no border vertex has.
+        self.normals.get(code as usize).copied()
+    }
+
     /// The shared id of what a leaf stored; none if the vertex is not shared after all.
     pub(super) fn id(&self, code: u32, leaf: &Leaf) -> Option<u32> {
         if code & INNER != 0 {
@@ -79,16 +89,21 @@ pub(crate) struct Collector {
     /// Border number and leaf of every use, by share of the border numbers; leaves ascend.
     uses: Buckets<[u32; 2]>,
     border_count: u32,
+    /// Likewise what faces come to there, if normals are computed; regions ascend.
+    sums: Option<Buckets<BorderSum>>,
 }
 
 impl Collector {
-    pub(crate) fn new(border_count: usize, store: &Store) -> Self {
+    pub(crate) fn new(border_count: usize, is_computed: bool, store: &Store) -> Self {
+        let shares = (border_count >> SHARE_LOG) + 1;
+        let sums = || Buckets::new(store, "sums of normals", shares, BLOCK);
         Collector {
+            sums: is_computed.then(sums),
             leaves: Vec::new(),
             inner: Interfaces { starts: vec![0], ..Interfaces::default() },
             inner_count: 0,
             used_vertices: 0,
-            uses: Buckets::new(store, "uses of border vertices", (border_count >> SHARE_LOG) + 1, BLOCK),
+            uses: Buckets::new(store, "uses of border vertices", shares, BLOCK),
             border_count: border_count as u32,
         }
     }
@@ -110,6 +125,11 @@ impl Collector {
         self.inner_count += done.interfaces.counts.iter().sum::<u32>();
         for (border, leaf) in &done.border_uses {
             self.uses.push((border >> SHARE_LOG) as usize, [*border, first + leaf])?;
+        }
+        if let Some(sums) = &mut self.sums {
+            for part in &done.normals {
+                sums.push((part.border >> SHARE_LOG) as usize, *part)?;
+            }
         }
         self.used_vertices += done.referenced;
         Ok(())
@@ -162,10 +182,24 @@ impl Collector {
             len += count;
         }
 
+        let mut normals = Vec::new();
+        if let Some(sums) = self.sums {
+            normals.reserve_exact(self.border_count as usize);
+            let mut parts = Vec::new();
+            for share in 0..sums.count() {
+                parts.clear();
+                sums.read(share, &mut parts)?;
+                let left = self.border_count as usize - normals.len();
+                normals.extend(normals::of_border(normals.len() as u64, left.min(1 << SHARE_LOG), &parts));
+            }
+        }
+
         let mut leaves = self.leaves;
         leaves.iter_mut().for_each(|leaf| leaf.first_inner += kept as u32);
         let used_vertices = self.used_vertices;
-        Ok((leaves, SharedVertices { border, holes, firsts, users, starts, counts, len, used_vertices }))
+        let shared =
+            SharedVertices { border, holes, firsts, users, starts, counts, len, normals, used_vertices };
+        Ok((leaves, shared))
     }
 }
 
@@ -216,6 +250,7 @@ mod tests {
             census: Default::default(),
             referenced: 5,
             copies: 0,
+            normals: Vec::new(),
         }
     }
 
@@ -223,7 +258,7 @@ mod tests {
     fn ids_count_border_vertices_without_holes_and_then_interfaces() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::create(folder.path(), 1 << 20).unwrap();
-        let mut collector = Collector::new(4, &store);
+        let mut collector = Collector::new(4, false, &store);
         collector.add(&region(3, &[&[0, 1], &[0, 1, 2]], &[(0, 1), (1, 2), (3, 0), (3, 1)])).unwrap();
         assert_eq!(collector.inner_count(), 20);
         collector.add(&region(2, &[&[0, 1]], &[(0, 1), (2, 0)])).unwrap();

@@ -18,7 +18,7 @@ mod used;
 mod weld;
 
 use crate::allowance;
-use crate::config::Settings;
+use crate::config::{Normals, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::foreign::AabbFields;
@@ -27,7 +27,7 @@ use crate::vertex_columns::{POSITIONS, SavedVertices, VertexColumns, VertexWrite
 use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
 use chpm_format::Source as Provenance;
 use chpm_import::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
-use chpm_mesh::Aabb;
+use chpm_mesh::{Aabb, Attributes};
 use input::Input;
 use local::Local;
 use polygons::Faces;
@@ -105,14 +105,15 @@ impl SavedSource {
 pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -> Result<Source, BuildError> {
     let options = Options {
         invalid: if settings.drop_invalid { Invalid::Drop } else { Invalid::Refuse },
-        normals: settings.normals,
+        normals: settings.normals == Normals::Source,
         colors: settings.colors,
     };
     let mut input = Input::of(supply, options, &context.store, &context.cancel)?;
     let format = input.vertex_format();
     let is_double = format.coordinates.are_double();
 
-    let mut arrays = Arrays::expecting(&input, supply.len(), &context.store)?;
+    let kept = kept(format.attributes, settings);
+    let mut arrays = Arrays::expecting(&input, supply.len(), kept, &context.store)?;
     arrays.fill(&mut input, context)?;
     let Arrays { vertices, doubles, mut triangles, polygons, bounds, mut used, far } = arrays;
 
@@ -165,6 +166,11 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     Ok(Source { vertices, triangles, origin, bounds, rounding, tally, small, warnings, provenance })
 }
 
+/// What vertices will have in the file.
+pub(crate) fn kept(read: Attributes, settings: &Settings) -> Attributes {
+    Attributes { octahedral: settings.normals == Normals::Computed, ..read }
+}
+
 /// The arrays while they grow.
 struct Arrays {
     /// Positions are here or in `doubles`.
@@ -194,13 +200,18 @@ type Far = [u64; 4];
 
 impl Arrays {
     /// Arrays for what the header declares, once it is sure that the disk has room for it.
-    fn expecting(input: &Input, source_len: u64, store: &Store) -> Result<Self, BuildError> {
+    fn expecting(
+        input: &Input,
+        source_len: u64,
+        kept: Attributes,
+        store: &Store,
+    ) -> Result<Self, BuildError> {
         let format = input.vertex_format();
         // A header may promise more than the file holds: no array starts larger than the source could fill.
         let (vertices, faces) = input.declared().unwrap_or((0, 0));
         let (vertices, faces) = (vertices.min(source_len), faces.min(source_len));
 
-        let disk = allowance::disk(vertices, faces, format.attributes.vertex_len() as u64);
+        let disk = allowance::disk(vertices, faces, kept.vertex_len() as u64);
         // Checkpoints have all arrays on disk, also those in memory.
         let in_memory = if store.workdir.is_resumable() { 0 } else { store.budget.limit() };
         store.workdir.require(disk.saturating_sub(in_memory))?;

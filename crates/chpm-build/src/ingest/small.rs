@@ -312,8 +312,8 @@ mod tests {
         triangles.sort_unstable_by_key(|t| t[0].wrapping_mul(0x9e37_79b9));
         let vertices = Vertices {
             positions,
-            normals: Vec::new(),
             colors: (0..VERTICES).map(u32::to_le_bytes).collect(),
+            ..Vertices::default()
         };
         let positions = &vertices.positions;
         let dir = tempfile::tempdir().unwrap();

@@ -3,6 +3,7 @@
 mod bytes;
 mod groups;
 mod looks;
+mod normals;
 mod odd;
 mod reading;
 mod resume;

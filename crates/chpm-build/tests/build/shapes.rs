@@ -1,7 +1,7 @@
 //! Well-behaved sources: every shape, attributes, doubles, deep hierarchies.
 
 use crate::site::{Site, check_against, check_height, config, levels_of_detail, moved, with_attributes};
-use chpm_build::config::Topology;
+use chpm_build::config::{Normals, Topology};
 use chpm_measure::{edge_census, topology};
 use chpm_mesh::{Attributes, Level};
 use chpm_partition::Partitioner;
@@ -89,7 +89,7 @@ fn a_closed_surface_stays_a_closed_surface_at_every_level() {
 fn attributes_stay_with_their_vertices_bit_by_bit() {
     let mesh = with_attributes(Synth::new(Shape::Torus, 20_000, 0).to_mesh());
     let (_, file) = Site::of(&mesh).build(&config(512));
-    assert_eq!(file.header().attributes(), Attributes { normals: true, colors: true });
+    assert_eq!(file.header().attributes(), Attributes::ALL);
     check_against(&file, &mesh);
 }
 
@@ -97,9 +97,9 @@ fn attributes_stay_with_their_vertices_bit_by_bit() {
 fn attributes_that_nobody_wants_are_left_out() {
     let mut mesh = with_attributes(Synth::new(Shape::Torus, 5_000, 0).to_mesh());
     let mut config = config(512);
-    (config.settings.normals, config.settings.colors) = (false, true);
+    (config.settings.normals, config.settings.colors) = (Normals::None, true);
     let (_, file) = Site::of(&mesh).build(&config);
-    assert_eq!(file.header().attributes(), Attributes { normals: false, colors: true });
+    assert_eq!(file.header().attributes(), Attributes { colors: true, ..Attributes::NONE });
     mesh.normals.clear();
     check_against(&file, &mesh);
 }

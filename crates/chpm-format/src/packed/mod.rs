@@ -12,7 +12,7 @@ use crate::error::{FormatError, Place, invalid, require_eq};
 use crate::page::{PAGE_HEADER_LEN, Page, PageHeader};
 use bits::{BitReader, BitWriter, difference_of, put_difference, unfold};
 use bytemuck::Zeroable;
-use chpm_mesh::{Attributes, ClusterId};
+use chpm_mesh::{Attributes, ClusterId, Octahedral};
 use connect::{NONE, Writer};
 use follow::Follower;
 use std::cell::RefCell;
@@ -43,16 +43,16 @@ impl From<Damage> for FormatError {
 
 const PLACE: Place = Place::Page(ClusterId::NONE);
 
-/// Arrays of numbers that belong to vertices, other than positions: how many of them, and how many bytes each has.
-fn arrays(attributes: Attributes) -> impl Iterator<Item = (usize, usize)> {
-    let normals = attributes.normals.then_some((3, 4));
-    normals.into_iter().chain(attributes.colors.then_some((4, 1)))
+/// Arrays of numbers that belong to vertices, other than positions: how many numbers a vertex has in each.
+fn arrays(attributes: Attributes) -> impl Iterator<Item = usize> {
+    let normals = attributes.normals.then_some(3).or(attributes.octahedral.then_some(2));
+    normals.into_iter().chain(attributes.colors.then_some(4))
 }
 
 /// Symbols of a page at most: those of triangles are as many as there are, or three more for each.
 fn most_symbols(header: &PageHeader, attributes: Attributes) -> usize {
     let (v, t) = (header.vertex_count as usize, header.triangle_count as usize);
-    let numbers: usize = arrays(attributes).map(|(count, _)| count).sum();
+    let numbers: usize = arrays(attributes).sum();
     let collapses = v - header.base_vertex_count as usize;
     4 * t + v * (1 + 3 + numbers) + 2 * collapses + header.shared_count as usize + v.div_ceil(8)
 }
@@ -199,6 +199,9 @@ impl Packer {
                 page.normals.iter().map(|n| n.map(|x| View::Binary.integer(x).unwrap_or_default())),
                 middle,
             );
+        }
+        if !page.octahedral.is_empty() {
+            self.put_array(page.octahedral.iter().map(|n| n.steps()), middle);
         }
         if !page.colors.is_empty() {
             self.put_array(page.colors.iter().map(|c| c.map(u32::from)), middle);
@@ -391,7 +394,9 @@ impl Unpacker {
         self.expand(frame, most_symbols(&header, attributes), &mut symbols)?;
         let mut streams = Streams(&symbols);
 
-        let (head, mut body) = raw.split_at_mut(PAGE_HEADER_LEN);
+        let (head, body) = raw.split_at_mut(PAGE_HEADER_LEN);
+        let of_codes = if attributes.octahedral { 3 * header.vertex_count as usize } else { 0 };
+        let (mut body, octahedral) = body.split_at_mut(body.len() - of_codes);
         head.copy_from_slice(bytemuck::bytes_of(&header));
         let (v, t) = (header.vertex_count as usize, header.triangle_count as usize);
         let (base, shared) = (header.base_vertex_count as usize, header.shared_count as usize);
@@ -402,26 +407,28 @@ impl Unpacker {
         let corners = streams.next(t + 2 * apart)?;
 
         let positions = take(&mut body, 12 * v);
-        let mut others: Vec<_> =
-            arrays(attributes).map(|(count, size)| (count, take(&mut body, count * size * v))).collect();
+        let carried = |is_carried, len| if is_carried { len * v } else { 0 };
+        let normals = take(&mut body, carried(attributes.normals, 12));
+        let colors = take(&mut body, carried(attributes.colors, 4));
         let ids = take(&mut body, 4 * shared);
         let triangles = take(&mut body, 6 * t).as_chunks_mut().0;
         self.walk.read(&self.order, (edges, apart, corners), &mut walk_bits, triangles)?;
         walk_bits.finish()?;
         self.read_array::<3>(streams.next(3 * v)?, across, &mut bits);
         self.put_floats(positions, view)?;
-        for (count, out) in &mut others {
-            let symbols = streams.next(*count * v)?;
-            match count {
-                3 => {
-                    self.read_array::<3>(symbols, middle, &mut bits);
-                    self.put_floats(out, View::Binary)?;
-                }
-                _ => {
-                    self.read_array::<4>(symbols, middle, &mut bits);
-                    out.iter_mut().zip(&self.numbers).for_each(|(byte, number)| *byte = *number as u8);
-                }
-            }
+        if attributes.normals {
+            self.read_array::<3>(streams.next(3 * v)?, middle, &mut bits);
+            self.put_floats(normals, View::Binary)?;
+        }
+        if attributes.octahedral {
+            self.read_array::<2>(streams.next(2 * v)?, middle, &mut bits);
+            let steps: &[[u32; 2]] = self.numbers.as_chunks().0;
+            let out: &mut [Octahedral] = bytemuck::cast_slice_mut(octahedral);
+            out.iter_mut().zip(steps).for_each(|(normal, steps)| *normal = Octahedral::from_steps(*steps));
+        }
+        if attributes.colors {
+            self.read_array::<4>(streams.next(4 * v)?, middle, &mut bits);
+            colors.iter_mut().zip(&self.numbers).for_each(|(byte, number)| *byte = *number as u8);
         }
         self.read_targets(streams.next(collapses)?, base, take(&mut body, 2 * collapses), &mut bits)?;
         let mut last = 0u32;

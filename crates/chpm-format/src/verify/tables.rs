@@ -64,7 +64,7 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     zero(header.reserved == [0; 92] && header.optional_flags == 0, Place::Header);
     for (id, c) in (0..).map(ClusterId).zip(file.clusters()) {
         let absent = [
-            (header.attributes().normals || c.normal_deviation.to_bits() == 0),
+            (header.attributes().has_normals() || c.normal_deviation.to_bits() == 0),
             (header.attributes().colors || c.color_deviation.to_bits() == 0),
         ];
         let known = if header.is_packed() { ClusterRecord::PACKED } else { 0 } | ClusterRecord::TRIMMED;

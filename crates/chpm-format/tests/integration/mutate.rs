@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use std::sync::LazyLock;
 
 static GOOD: LazyLock<Vec<u8>> =
-    LazyLock::new(|| sheet(8, 3, 4, Attributes { normals: false, colors: true }).bytes());
+    LazyLock::new(|| sheet(8, 3, 4, Attributes { colors: true, ..Attributes::NONE }).bytes());
 
 /// Offsets where something is: records, metadata, pages without their padding.
 fn offsets() -> impl Strategy<Value = usize> {

@@ -5,10 +5,12 @@ use chpm_format::page::PAGE_HEADER_LEN;
 use chpm_format::{
     Chpm, ChpmWriter, ClusterRecord, FormatError, Page, PageParts, Tables, checksum, packed, same, verify,
 };
-use chpm_mesh::{Attributes, ClusterId, VertexSlices};
+use chpm_mesh::{Attributes, ClusterId, Octahedral, VertexSlices};
 use proptest::prelude::*;
 
-const ALL: Attributes = Attributes { normals: true, colors: true };
+const ALL: Attributes = Attributes::ALL;
+const COLORS: Attributes = Attributes { colors: true, ..Attributes::NONE };
+const CODED: Attributes = Attributes { octahedral: true, ..Attributes::NONE };
 
 fn unpacked(packed: &[u8], len: usize) -> Result<Vec<u8>, FormatError> {
     let mut words = vec![0u32; len.div_ceil(4)];
@@ -54,7 +56,7 @@ fn pack_all(tables: &mut Tables, pages: &mut [Vec<u8>]) {
 
 #[test]
 fn a_packed_file_is_sound_shorter_and_the_same() {
-    for attributes in [Attributes::NONE, ALL] {
+    for attributes in [Attributes::NONE, ALL, CODED, CODED.joined(COLORS)] {
         let sample = sheet(64, 40, 4, attributes);
         let (raw, packed) = (Chpm::open(sample.bytes()).unwrap(), Chpm::open(packed_file(&sample)).unwrap());
         assert!(
@@ -103,11 +105,11 @@ fn a_reader_without_the_flag_refuses_and_an_unknown_flag_is_refused() {
     let mut bytes = packed_file(&sheet(16, 8, 2, ALL));
     assert_eq!(bytes[16..20], [1, 0, 0, 0], "required_flags");
     assert_eq!(bytes[10..12], [2, 0], "version_minor");
-    bytes[16] = 3;
+    bytes[16] = 5;
     let sum = checksum(&bytes[..248]).to_le_bytes();
     bytes[248..256].copy_from_slice(&sum);
     let error = Chpm::open(bytes).unwrap_err().to_string();
-    assert!(error.contains("unknown required feature 0x2"), "{error}");
+    assert!(error.contains("unknown required feature 0x4"), "{error}");
     // And where no page is packed, nothing has changed.
     assert_eq!(sheet(16, 8, 2, ALL).bytes()[10..20], [1, 0, 0, 1, 0, 0, 0, 0, 0, 0]);
 }
@@ -164,7 +166,7 @@ fn coordinate() -> impl Strategy<Value = Vec<f32>> {
 /// Any page that a reader takes: triangles over a strip, or of any three vertices.
 fn any_page() -> impl Strategy<Value = Vec<u8>> {
     let triangles = proptest::collection::vec((any::<[u16; 3]>(), any::<bool>()), 0..700);
-    (coordinate(), triangles, any::<u64>(), 0..4usize).prop_map(|(numbers, triangles, seed, attributes)| {
+    (coordinate(), triangles, any::<u64>(), 0..6usize).prop_map(|(numbers, triangles, seed, attributes)| {
         let positions: Vec<[f32; 3]> = numbers.as_chunks().0.to_vec();
         let v = positions.len();
         let mut state = seed;
@@ -192,11 +194,16 @@ fn any_page() -> impl Strategy<Value = Vec<u8>> {
         let normals: Vec<[f32; 3]> = positions.iter().map(|p| p.map(|x| x * 0.1)).collect();
         let colors: Vec<[u8; 4]> =
             positions.iter().map(|_| [next(256) as u8, 7, 255, next(2) as u8]).collect();
+        let codes: Vec<Octahedral> = positions
+            .iter()
+            .map(|_| Octahedral::from_steps([next(4096) as u32, next(4096) as u32]))
+            .collect();
         let parts = PageParts {
             vertices: VertexSlices {
                 positions: &positions,
-                normals: if attributes & 1 == 1 { &normals } else { &[] },
-                colors: if attributes & 2 == 2 { &colors } else { &[] },
+                normals: if attributes % 3 == 1 { &normals } else { &[] },
+                octahedral: if attributes % 3 == 2 { &codes } else { &[] },
+                colors: if attributes > 2 { &colors } else { &[] },
             },
             triangles: &corners,
             targets: &targets,
@@ -221,7 +228,8 @@ proptest! {
 
 /// Pages to damage, packed, with the length of each when it is not.
 fn goods() -> Vec<(Vec<u8>, usize)> {
-    let samples = [sheet(16, 8, 2, Attributes::NONE), sheet(24, 12, 2, ALL)];
+    let samples =
+        [sheet(16, 8, 2, Attributes::NONE), sheet(24, 12, 2, ALL), sheet(24, 12, 2, CODED.joined(COLORS))];
     let pages = samples.iter().flat_map(|sample| sample.tables().1);
     let packed = pages.filter_map(|page| {
         let mut packed = Vec::new();

@@ -49,7 +49,12 @@ fn two_levels_come_back() {
 
 #[test]
 fn attributes_and_many_levels_come_back() {
-    let attributes = Attributes { normals: true, colors: true };
+    for attributes in [Attributes::ALL, Attributes { normals: false, octahedral: true, ..Attributes::ALL }] {
+        come_back(attributes);
+    }
+}
+
+fn come_back(attributes: Attributes) {
     let sample = sheet(32, 5, 8, attributes);
     let file = Chpm::open(sample.bytes()).unwrap();
     assert_eq!((file.header().attributes(), file.levels().len()), (attributes, 4));
@@ -59,6 +64,7 @@ fn attributes_and_many_levels_come_back() {
         let page = page.view();
         assert_eq!(page.positions, cluster.positions);
         assert_eq!(page.normals, cluster.normals);
+        assert_eq!(page.octahedral, cluster.octahedral);
         assert_eq!(page.colors, cluster.colors);
         assert_eq!(page.triangles, cluster.triangles);
         assert_eq!(page.targets, cluster.targets);

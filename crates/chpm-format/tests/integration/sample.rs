@@ -2,7 +2,7 @@ use chpm_format::{
     BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, Gaps, GroupRecord, Header, HeaderFields, LevelRecord,
     Metadata, PageParts, SectionEntry, Source, Tables, checksum,
 };
-use chpm_mesh::{Aabb, Attributes, GroupId, Level, Sphere, VertexSlices};
+use chpm_mesh::{Aabb, Attributes, GroupId, Level, Octahedral, Sphere, VertexSlices};
 use std::collections::BTreeMap;
 
 /// A cluster with the global number of each vertex, which also is its position and look.
@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 pub(crate) struct Cluster {
     pub(crate) positions: Vec<[f32; 3]>,
     pub(crate) normals: Vec<[f32; 3]>,
+    pub(crate) octahedral: Vec<Octahedral>,
     pub(crate) colors: Vec<[u8; 4]>,
     pub(crate) triangles: Vec<[u16; 3]>,
     pub(crate) targets: Vec<u16>,
@@ -27,6 +28,7 @@ impl Cluster {
             vertices: VertexSlices {
                 positions: &self.positions,
                 normals: &self.normals,
+                octahedral: &self.octahedral,
                 colors: &self.colors,
             },
             triangles: &self.triangles,
@@ -256,6 +258,11 @@ impl Sheet {
         let cluster = Cluster {
             positions: globals.iter().map(|g| self.position(*g)).collect(),
             normals: globals.iter().filter(|_| self.attributes.normals).map(|g| self.position(*g)).collect(),
+            octahedral: globals
+                .iter()
+                .filter(|_| self.attributes.octahedral)
+                .map(|g| Octahedral::of(self.position(*g).map(f64::from)))
+                .collect(),
             colors: globals
                 .iter()
                 .filter(|_| self.attributes.colors)

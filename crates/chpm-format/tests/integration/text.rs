@@ -22,7 +22,7 @@ fn two_levels_as_text() {
 
 #[test]
 fn attributes_as_text() {
-    let all = Attributes { normals: true, colors: true };
+    let all = Attributes::ALL;
     let text = text(sheet(4, 2, 2, all).bytes(), true);
     let page: Vec<_> = text.lines().skip_while(|line| !line.starts_with("  page")).take(8).collect();
     insta::assert_snapshot!(page.join("\n"));

@@ -5,7 +5,7 @@ use chpm_format::{
     Tables, verify, verify_within,
 };
 use chpm_mesh::geom::distance;
-use chpm_mesh::{Attributes, ClusterId, GroupId};
+use chpm_mesh::{Attributes, ClusterId, GroupId, Octahedral};
 
 /// The invariants that a file breaks, each once.
 fn broken(bytes: Vec<u8>) -> Vec<Invariant> {
@@ -203,7 +203,7 @@ fn nesting() {
 
 #[test]
 fn deviations() {
-    let all = Attributes { normals: true, colors: true };
+    let all = Attributes::ALL;
     let told = |attributes, deviations: &[[f32; 2]]| {
         let (mut tables, pages) = sheet(4, 2, 2, attributes).tables();
         // Two leaves and what is above them.
@@ -217,9 +217,11 @@ fn deviations() {
     assert_eq!(told(all, &[[3.0, 0.0], [20.0, 250.0], [20.0, 255.0]]), []);
     assert_eq!(told(all, &[[3.0, 0.0], [20.0, 250.0], [19.0, 255.0]]), [Invariant::Nesting]);
     assert_eq!(told(all, &[[3.0, 7.0], [0.0, 0.0], [3.0, 6.5]]), [Invariant::Nesting]);
-    let colors = Attributes { normals: false, colors: true };
+    let colors = Attributes { colors: true, ..Attributes::NONE };
     assert_eq!(told(colors, &[[0.0, 7.0], [0.0, 1.0], [0.0, 7.0]]), []);
     assert_eq!(told(colors, &[[0.0; 2], [0.0; 2], [1.0, 0.0]]), [Invariant::Bytes], "of what is not there");
+    let coded = Attributes { octahedral: true, ..Attributes::NONE };
+    assert_eq!(told(coded, &[[0.0; 2], [0.0; 2], [1.0, 0.0]]), []);
     assert_eq!(told(Attributes::NONE, &[[0.0; 2], [0.0; 2], [0.0, 1.0]]), [Invariant::Bytes]);
 }
 
@@ -229,9 +231,13 @@ fn vertices() {
     assert!(moved.contains(&Invariant::Vertices) && moved.contains(&Invariant::Union), "{moved:?}");
     let minus_zero = changed(|s| s.clusters[0].positions[0][0] = -0.0);
     assert!(minus_zero.contains(&Invariant::Vertices), "bits, not values");
-    let mut sample = sheet(4, 2, 2, Attributes { normals: true, colors: true });
+    let mut sample = sheet(4, 2, 2, Attributes::ALL);
     assert_eq!(broken(sample.bytes()), []);
     sample.clusters[0].colors[2][3] ^= 1;
+    assert_eq!(broken(sample.bytes()), [Invariant::Vertices]);
+    let mut sample = sheet(4, 2, 2, Attributes { octahedral: true, ..Attributes::NONE });
+    assert_eq!(broken(sample.bytes()), []);
+    sample.clusters[0].octahedral[2] = Octahedral::NONE;
     assert_eq!(broken(sample.bytes()), [Invariant::Vertices]);
 }
 

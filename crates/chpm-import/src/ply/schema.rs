@@ -154,7 +154,11 @@ impl VertexPlan {
                 (_, true) => Coordinates::Double,
                 (_, false) => Coordinates::Single,
             },
-            attributes: Attributes { normals: self.normal.is_some(), colors: self.color.is_some() },
+            attributes: Attributes {
+                normals: self.normal.is_some(),
+                colors: self.color.is_some(),
+                ..Attributes::NONE
+            },
         }
     }
 }

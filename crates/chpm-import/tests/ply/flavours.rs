@@ -96,7 +96,7 @@ fn doubles_stay_doubles_and_faces_may_come_first() {
 #[test]
 fn extras_are_converted_or_named() {
     let reader = PlyReader::new(SPECIMENS[5], Options::default()).unwrap();
-    assert_eq!(reader.vertex_format().attributes, Attributes { normals: true, colors: true });
+    assert_eq!(reader.vertex_format().attributes, Attributes::ALL);
     let (mesh, tally, warnings) = read(SPECIMENS[5]);
     assert_eq!(mesh.positions, [[1.0, 2.0, 3.0], [1.0, 3.0, 3.0], [2.0, 2.0, 3.0]]);
     assert_eq!(mesh.normals, [[0.0, 0.0, 1.0], [0.0; 3], [1.0, 0.0, 0.0]]);

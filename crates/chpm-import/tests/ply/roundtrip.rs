@@ -189,7 +189,7 @@ fn blocks_and_batches_leave_no_seams() {
     let colors: Vec<[u8; 4]> = (0..count).map(|_| (random.next() as u32).to_le_bytes()).collect();
     let triangles: Vec<[u32; 3]> =
         (2..count as u32).map(|i| [i, i - 1, random.below(i as usize - 1) as u32]).collect();
-    let attributes = Attributes { normals: false, colors: true };
+    let attributes = Attributes { colors: true, ..Attributes::NONE };
     for encoding in ENCODINGS {
         let (vertices, faces) = (positions.len() as u64, triangles.len() as u64);
         let mut writer =

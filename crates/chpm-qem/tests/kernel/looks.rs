@@ -26,7 +26,7 @@ fn run_with(mesh: &TriMesh, before: &[FaceLook], locked: &[bool], topology: Topo
         positions: &mesh.positions,
         triangles: &local(mesh),
         locked,
-        looks: Looks { normals: &mesh.normals, colors: &mesh.colors, faces: before },
+        looks: Looks::new(mesh.view(), before),
         ..Patch::default()
     };
     let collapses = decimator.decimate(&patch, target, 0.0).collapses.to_vec();

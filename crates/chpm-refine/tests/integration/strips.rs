@@ -333,7 +333,7 @@ impl Plan {
         let levels = records.iter().map(|c| c.level).max().unwrap() + 1;
         let mut tables = Tables {
             header: HeaderFields {
-                attributes: Attributes { normals: true, colors: true },
+                attributes: Attributes::ALL,
                 source_vertex_count: u64::from((self.strips * WIDTH + 1) * (LENGTH + 1)),
                 boundary_mode: self.mode,
                 shared_vertex_count: (self.strips - 1) * (LENGTH + 1),

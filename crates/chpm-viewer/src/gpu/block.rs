@@ -6,6 +6,7 @@
 //! whenever the position is another one ([`super::Arena::move_to`]), and are all that is written again.
 
 use chpm_format::Page;
+use chpm_mesh::octahedral;
 use nalgebra::Vector3;
 
 /// Words of a vertex.
@@ -56,16 +57,11 @@ impl Block {
     pub fn of_page(page: &Page<'_>) -> Self {
         let (vertices, triangles) = (page.positions.len() as u32, page.triangles.len() as u32);
         let layout = Layout::new(vertices, triangles, !page.colors.is_empty());
-        let own;
-        let normals = if page.normals.is_empty() {
-            own = normals(page);
-            &own
-        } else {
-            page.normals
-        };
+        let own = if page.attributes().has_normals() { Vec::new() } else { normals(page) };
         let mut words = Vec::with_capacity((layout.vertex_bytes() / 4) as usize);
-        for (vertex, ([x, y, z], normal)) in page.positions.iter().zip(normals).enumerate() {
-            words.extend([x.to_bits(), y.to_bits(), z.to_bits(), encode_normal(*normal)]);
+        for (vertex, [x, y, z]) in page.positions.iter().enumerate() {
+            let normal = page.normal(vertex).unwrap_or_else(|| own[vertex]);
+            words.extend([x.to_bits(), y.to_bits(), z.to_bits(), encode_normal(normal)]);
             words.extend(page.colors.get(vertex).map(|color| bytemuck::cast::<_, u32>(*color)));
         }
         debug_assert_eq!(4 * words.len() as u64, layout.vertex_bytes());
@@ -96,16 +92,17 @@ fn normals(page: &Page<'_>) -> Vec<[f32; 3]> {
     sums.into_iter().map(|sum| sum.into()).collect()
 }
 
-/// A direction as a point of the unfolded octahedron, 16 bits a side; nothing in particular for no direction.
+/// No direction: a corner of the square, which any other corner can stand for.
+const NO_DIRECTION: u32 = 0x8001_8001;
+
+/// A direction as a point of the unfolded octahedron, 16 bits a side.
 fn encode_normal(normal: [f32; 3]) -> u32 {
-    let [x, y, z] = normal.map(f64::from);
-    let length = x.abs() + y.abs() + z.abs();
-    // Sums of areas may be anything down to the smallest numbers; f64 divides them safely.
-    let (x, y) = if length > 0.0 && length.is_finite() { (x / length, y / length) } else { (0.0, 0.0) };
-    let fold = |a: f64, b: f64| (1.0 - b.abs()).copysign(a);
-    let (u, v) = if z < 0.0 { (fold(x, y), fold(y, x)) } else { (x, y) };
+    let Some([u, v]) = octahedral::square(normal.map(f64::from)) else { return NO_DIRECTION };
     let pack = |t: f64| u32::from((t.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
-    pack(u) | pack(v) << 16
+    match pack(u) | pack(v) << 16 {
+        NO_DIRECTION => pack(1.0) | pack(1.0) << 16,
+        code => code,
+    }
 }
 
 #[cfg(test)]
@@ -168,6 +165,9 @@ mod tests {
             let code = encode_normal([x as f32, y as f32, z as f32]);
             assert!((decode(code) - normal.normalize()).norm() < 1e-4, "{normal:?}");
         }
-        assert_eq!(encode_normal([0.0; 3]), 0);
+        assert_eq!(encode_normal([0.0; 3]), NO_DIRECTION);
+        // Near the corner that stands for no direction.
+        assert!((decode(encode_normal([-1e-6, -1e-6, -1.0])) + Vector3::z()).norm() < 1e-4);
+        assert_ne!(encode_normal([-1e-6, -1e-6, -1.0]), NO_DIRECTION);
     }
 }

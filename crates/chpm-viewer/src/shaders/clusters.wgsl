@@ -55,6 +55,10 @@ struct Apart {
 const PLAIN = vec3<f32>(0.78, 0.76, 0.72);
 
 fn unfolded(uv: vec2<f32>) -> vec3<f32> {
+    // No direction; see gpu/block.rs.
+    if all(uv == vec2(-1.0)) {
+        return vec3(0.0);
+    }
     let z = 1.0 - abs(uv.x) - abs(uv.y);
     let t = max(-z, 0.0);
     return vec3(uv - select(vec2(-t), vec2(t), uv >= vec2(0.0)), z);

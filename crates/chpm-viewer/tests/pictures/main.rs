@@ -21,3 +21,5 @@ mod limits;
 mod raster;
 /// They are the same.
 mod reference;
+/// Smooth shading shows no borders of clusters.
+mod seams;

@@ -24,6 +24,11 @@ impl Model {
 
     /// The same of a mesh moved by `offset`, in double precision.
     pub(crate) fn far(mesh: &TriMesh, offset: [f64; 3], cluster_triangles: u32) -> Self {
+        Self::built(mesh, offset, Settings { cluster_triangles, ..Settings::default() })
+    }
+
+    /// The same with any settings.
+    pub(crate) fn built(mesh: &TriMesh, offset: [f64; 3], settings: Settings) -> Self {
         let model = Model { dir: tempfile::tempdir().expect("a temporary folder") };
         let source = model.dir.path().join("model.ply");
         let file = File::create(&source).expect("a file created");
@@ -41,7 +46,6 @@ impl Model {
         }
         ply.triangles(&mesh.triangles).expect("triangles written");
         ply.finish().expect("a PLY written");
-        let settings = Settings { cluster_triangles, ..Settings::default() };
         let config = BuildConfig { settings, ..BuildConfig::default() };
         build(&source, &model.path(), &config, &Silent, &Cancel::default()).expect("a model built");
         model
