@@ -117,6 +117,44 @@ fn attributes_stay_with_their_vertices() {
     assert!(triangles(&mesh) == triangles(&bare));
 }
 
+#[test]
+fn normals_are_computed_where_that_is_asked_for() {
+    let folder = Folder::new();
+    folder.write_mesh("in.ply", &hand::icosphere(4));
+    folder.stdout("build in.ply -q --cluster-triangles 256 --normals computed");
+    let told = folder.stdout("info in.chpm");
+    assert!(told.contains("CHPM 1.3") && told.contains("with computed normals"), "{told}");
+    assert!(folder.stdout("info in.chpm --json").contains(r#""normals_from": "computed""#));
+    folder.stdout("verify in.chpm --against in.ply -q");
+    folder.stdout("relayout in.chpm -o packed.chpm --pages packed -q");
+    folder.stdout("verify packed.chpm --same-as in.chpm -q");
+    assert!(folder.stdout("dump packed.chpm --pages").contains(" normal ["));
+    for arguments in ["in.chpm --level 0", "packed.chpm --level 0", "in.chpm --triangles 1000"] {
+        folder.stdout(&format!("extract {arguments} -o out.ply -q --force"));
+        let out = folder.read_mesh("out.ply");
+        assert_eq!(out.normals.len(), out.positions.len());
+        for (position, normal) in out.positions.iter().zip(&out.normals) {
+            let along: f32 = position.iter().zip(normal).map(|(p, n)| p * n).sum();
+            assert!(along > 0.999, "{position:?} {normal:?}");
+        }
+    }
+
+    // A source that has normals keeps them, unless something else is asked for.
+    for (asked, told) in [
+        ("", "with normals"),
+        ("--normals source", "with normals"),
+        ("--normals computed", "with computed normals"),
+        ("--normals none", "positions only"),
+        ("--no-normals", "positions only"),
+    ] {
+        folder.stdout(&format!("build out.ply -o again.chpm -q --force {asked}"));
+        let info = folder.stdout("info again.chpm");
+        assert!(info.contains(told), "{asked}: {info}");
+    }
+    let error = folder.stderr("build out.ply -o again.chpm --force --no-normals --normals computed", 2);
+    assert!(error.contains("cannot be used with"), "{error}");
+}
+
 fn read_doubles(folder: &Folder, name: &str) -> Vec<[f64; 3]> {
     let file = File::open(folder.path(name)).expect("a file");
     let mut reader = PlyReader::new(file, Options::default()).expect("a header");

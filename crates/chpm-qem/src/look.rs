@@ -49,22 +49,32 @@ impl<'a> Looks<'a> {
         self.normals.is_empty() && self.octahedral.is_empty() && self.colors.is_empty()
     }
 
-    /// The normal of a vertex, if vertices have any.
-    fn normal(&self, vertex: usize) -> Option<[f32; 3]> {
-        self.normals.get(vertex).copied().or_else(|| self.octahedral.get(vertex).map(|code| code.vector()))
+    /// Appends how triangles of the source look, which is like the source; nothing where there is nothing to look at.
+    pub fn of_source(&self, triangles: &[[u16; 3]], faces: &mut Vec<FaceLook>) {
+        let mut values = [Vec::new(), Vec::new()];
+        self.append_values(&mut values);
+        if !self.is_empty() {
+            append_faces(&values, triangles, faces);
+        }
     }
 
-    /// How a triangle of the source looks, which is like the source.
-    pub fn of_source(&self, corners: [u16; 3]) -> FaceLook {
+    /// Appends the values of the vertices, by attribute.
+    fn append_values(&self, values: &mut [Vec<Value>; 2]) {
+        values[NORMAL].extend(self.normals.iter().map(normal_value));
+        values[NORMAL].extend(self.octahedral.iter().map(|code| normal_value(&code.vector())));
+        values[COLOR].extend(self.colors.iter().map(color_value));
+    }
+}
+
+/// Appends how triangles look that are like the source.
+fn append_faces(values: &[Vec<Value>; 2], triangles: &[[u16; 3]], faces: &mut Vec<FaceLook>) {
+    faces.extend(triangles.iter().map(|corners| {
         let mut look = FaceLook::default();
-        if let [Some(a), Some(b), Some(c)] = corners.map(|v| self.normal(usize::from(v))) {
-            look.ranges[NORMAL] = Range::of([a, b, c].map(|normal| normal_value(&normal)));
-        }
-        if !self.colors.is_empty() {
-            look.ranges[COLOR] = Range::of(corners.map(|v| color_value(&self.colors[usize::from(v)])));
+        for (range, values) in look.ranges.iter_mut().zip(values).filter(|(_, values)| !values.is_empty()) {
+            *range = Range::of(corners.map(|v| values[usize::from(v)]));
         }
         look
-    }
+    }));
 }
 
 fn normal_value(normal: &[f32; 3]) -> Value {
@@ -215,12 +225,10 @@ impl LookTracker {
         if looks.is_empty() {
             return;
         }
-        self.values[NORMAL].extend(looks.normals.iter().map(normal_value));
-        self.values[NORMAL].extend(looks.octahedral.iter().map(|code| normal_value(&code.vector())));
-        self.values[COLOR].extend(looks.colors.iter().map(color_value));
+        looks.append_values(&mut self.values);
         self.faces.extend_from_slice(looks.faces);
         if self.faces.is_empty() {
-            self.faces.extend(patch.triangles.iter().map(|corners| looks.of_source(*corners)));
+            append_faces(&self.values, patch.triangles, &mut self.faces);
         }
     }
 

@@ -51,10 +51,7 @@ impl WorkingSet {
         if rounding != Displacement::default() {
             self.displacements.resize(self.triangles.len(), rounding);
         }
-        let looks = Looks::new(self.vertices.view(), &[]);
-        if !looks.is_empty() {
-            self.face_looks.extend(self.triangles.iter().map(|corners| looks.of_source(*corners)));
-        }
+        Looks::new(self.vertices.view(), &[]).of_source(&self.triangles, &mut self.face_looks);
     }
 
     /// The union of two children's base meshes, joined at the vertices that both share.

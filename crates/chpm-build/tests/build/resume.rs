@@ -1,7 +1,7 @@
 //! A build that ended early goes on where it was, to the same bytes; what does not fit is not used.
 
 use crate::site::{Site, config, with_attributes};
-use chpm_build::config::Length;
+use chpm_build::config::{Length, Normals};
 use chpm_build::{BuildConfig, BuildError, Cancel, Faults, Progress, Reached, Silent, Stage};
 use chpm_extmem::ExtmemError;
 use chpm_mesh::Bytes;
@@ -117,6 +117,18 @@ fn a_stopped_build_goes_on_from_everywhere_with_any_resources() {
         let within = |r: &&Reached| matches!(r, Reached::Groups { done, of, .. } if 0 < *done && done < of);
         assert!(seen.iter().filter(within).count() > 3, "{seen:?}");
     }
+}
+
+/// What the faces of several regions come to is in a checkpoint, too.
+#[test]
+fn computed_normals_are_kept() {
+    let site = site();
+    let mut config = eager(1);
+    (config.settings.cluster_triangles, config.settings.normals) = (16, Normals::Computed);
+    let (_, whole) = site.bytes(&config);
+    assert!(matches!(stopped(&site, &config, Stage::Simplify, 4), Some(Some(_))), "stopped in simplify");
+    let (report, bytes) = site.bytes(&config);
+    assert!(bytes == whole && report.resumed.is_some(), "{:?}", report.resumed);
 }
 
 /// Every access to a file fails once: an error, nothing wrong, and the next run makes the same bytes.
