@@ -59,6 +59,7 @@ settings=(
     "--threads 1 --memory 16K --any-memory --no-resume --order cache-oblivious --boundary lock"
     "--threads 2 --memory 1M --any-memory --cluster-triangles 32 --partitioner greedy --drop-invalid"
     "--threads 2 --cluster-triangles 256 --topology keep --order simplification --min-component 1% --finest-error 0.01% --no-normals"
+    "--threads 2 --cluster-triangles 16 --normals computed --pages packed"
 )
 
 build() {

@@ -24,7 +24,7 @@ fn as_one(model: &Model, camera: Camera, poe: f64) -> Model {
     let file = model.open();
     let view = View::new(&camera, VIEWPORT, poe).expect("a view");
     let cut: Cut = select(&file, &Hierarchy::new(&file), &view).expect("a cut");
-    assert!(cut.members().len() > 20, "{} clusters", cut.members().len());
+    assert!(cut.members().len() > 4, "{} clusters", cut.members().len());
     let one = Model::of(&extract(&file, &cut).expect("a mesh"), 16_384);
     assert_eq!(one.open().header().leaf_count, 1);
     one
@@ -72,13 +72,13 @@ fn smooth_pictures_show_no_borders_of_clusters() {
         let computed = model(&mesh, Normals::Computed);
         let reference = as_one(&computed, camera, 1.0);
         let ([border, elsewhere], count) = differences(&computed, &reference, camera);
-        assert!(count > 1000, "{shape}: {count} pixels along borders");
+        assert!(count > 500, "{shape}: {count} pixels along borders");
         // The last of 255 steps may be rounded either way.
         assert!(border <= elsewhere.max(1), "{shape}: {border} along borders, {elsewhere} elsewhere");
 
         // Where each cluster has but its own triangles, borders are seen.
         let ([border, _], _) = differences(&model(&mesh, Normals::None), &reference, camera);
-        assert!(border > 20, "{shape}: {border} along borders without normals");
+        assert!(border > 10, "{shape}: {border} along borders without normals");
     }
 }
 
