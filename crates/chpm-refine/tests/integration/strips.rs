@@ -172,6 +172,7 @@ impl Cluster {
             vertices: VertexSlices {
                 positions: &vertices.iter().copied().map(position).collect::<Vec<_>>(),
                 normals: &vertices.iter().copied().map(normal).collect::<Vec<_>>(),
+                octahedral: &[],
                 colors: &vertices.iter().copied().map(color).collect::<Vec<_>>(),
             },
             triangles: &self.triangles.iter().map(|t| t.each_ref().map(local)).collect::<Vec<_>>(),
