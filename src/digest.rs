@@ -134,11 +134,7 @@ pub(crate) fn normals_from<D: AsRef<[u8]>>(
     file.header().attributes().has_normals().then_some(if is_computed { "computed" } else { "source" })
 }
 
-fn print_model(
-    file: &Chpm<MappedFile>,
-    metadata: Option<&Metadata>,
-    out: &mut impl Write,
-) -> io::Result<()> {
+fn print_model(file: &Chpm<MappedFile>, metadata: Option<&Metadata>, out: &mut impl Write) -> io::Result<()> {
     let h = file.header();
     let attributes = match (normals_from(file, metadata), h.attributes().colors) {
         (None, false) => "positions only",
