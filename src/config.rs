@@ -15,8 +15,12 @@ use std::path::{Path, PathBuf};
 /// The name of a file beside the models.
 const NAME: &str = "chpm.toml";
 /// Options of which one takes the other's place.
-const RIVALS: [[&str; 2]; 3] =
-    [["finest-error", "prune-exact"], ["order", "no-layout"], ["no-resume", "keep-work"]];
+const RIVALS: [[&str; 2]; 4] = [
+    ["finest-error", "prune-exact"],
+    ["order", "no-layout"],
+    ["no-resume", "keep-work"],
+    ["normals", "no-normals"],
+];
 
 /// Where settings may come from besides.
 #[derive(clap::Args, Debug)]

@@ -10,6 +10,7 @@ use crate::progress::{Meter, line};
 use crate::stop::Stop;
 use crate::tolerance::{Tolerance, Unit};
 use anyhow::{Context, Result, ensure};
+use chpm_build::config::Normals;
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::{Cut, Extraction};
@@ -145,7 +146,8 @@ fn config(args: &Args) -> Result<BuildConfig> {
         MemorySize(memory),
         MemorySize(least)
     );
-    let (normals, colors, drop_invalid) = (!args.no_normals, !args.no_colors, args.drop_invalid);
+    let normals = if args.no_normals { Normals::None } else { Normals::Source };
+    let (colors, drop_invalid) = (!args.no_colors, args.drop_invalid);
     // Zero is the library's word for one per processor.
     let threads = args.threads.unwrap_or(0) as usize;
     Ok(BuildConfig {

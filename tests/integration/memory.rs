@@ -41,6 +41,7 @@ fn reading_takes_no_more_memory_than_is_given() {
         "verify in.chpm --cuts 6 -q",
         "verify in.chpm --against in.ply -q",
         "dump in.chpm --pages",
+        "stats in.chpm",
         "extract in.chpm --level 0 -o out.ply -qf",
         "extract in.chpm --triangles 300000 -o out.ply -qf",
         "extract in.chpm --error 0 -o out.ply -qf",
@@ -74,6 +75,8 @@ fn too_little_memory_is_refused_with_a_figure_that_suffices() {
         "verify in.chpm --against in.ply --errors -q",
         "dump in.chpm",
         "info in.chpm",
+        "stats in.chpm",
+        "report in.chpm -o page.html -f",
         "extract in.chpm --level 0 -o out.ply -q",
         "path dive in.chpm -o out.path",
     ] {

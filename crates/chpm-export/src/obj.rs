@@ -124,6 +124,7 @@ mod tests {
             positions: &[[0.1, 0.0, -2.0]],
             normals: &[[0.0, 0.0, 1.0]],
             colors: &[[255, 51, 0, 9]],
+            ..VertexSlices::default()
         };
         let write = |vertices: VertexSlices<'_>, origin| {
             let mut obj = ObjWriter::new(Vec::new(), 1, 1, vertices.attributes(), "one\ntwo").unwrap();

@@ -100,7 +100,8 @@ mod tests {
     #[test]
     fn attributes_lie_one_after_the_other() {
         let stride = |normals, colors| {
-            let Stride { bytes, normal, color } = Stride::of(Attributes { normals, colors });
+            let Stride { bytes, normal, color } =
+                Stride::of(Attributes { normals, colors, ..Attributes::NONE });
             (bytes, normal, color)
         };
         assert_eq!(stride(false, false), (12, None, None));

@@ -35,6 +35,11 @@ impl Attributes {
         12 + lens.iter().map(|(is_carried, len)| if *is_carried { *len } else { 0 }).sum::<usize>()
     }
 
+    /// The same with normals of three numbers each, if there are any.
+    pub fn decoded(self) -> Attributes {
+        Attributes { normals: self.has_normals(), octahedral: false, ..self }
+    }
+
     /// What both have.
     pub fn common(self, other: Attributes) -> Attributes {
         Attributes {
@@ -164,6 +169,11 @@ impl Vertices {
         if !from.colors.is_empty() {
             self.colors.extend(order.map(|v| from.colors[v]));
         }
+    }
+
+    /// Turns normals of three bytes into those of three numbers.
+    pub fn decode_normals(&mut self) {
+        self.normals.extend(self.octahedral.drain(..).map(|code| code.vector()));
     }
 
     /// Appends other vertices and leaves none of them behind.

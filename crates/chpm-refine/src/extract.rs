@@ -68,8 +68,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
 
     /// What the vertices carry. Normals are three numbers each, however the file has them.
     pub fn attributes(&self) -> Attributes {
-        let stored = self.file.header().attributes();
-        Attributes { normals: stored.has_normals(), octahedral: false, ..stored }
+        self.file.header().attributes().decoded()
     }
 
     /// The point that positions are relative to, unless it is zero: then they need more than single precision.
@@ -90,8 +89,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         self.walk(|page, weld| {
             fresh.clear_vertices();
             fresh.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
-            let codes = std::mem::take(&mut fresh.octahedral);
-            fresh.normals.extend(codes.iter().map(|code| code.vector()));
+            fresh.decode_normals();
             sink(fresh.view())
         })
     }
@@ -138,6 +136,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             weld.enter(&page, member.vertices as usize)?;
             shared.extend_from_slice(page.shared_ids);
             piece.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
+            piece.decode_normals();
             let welded = |corners: &[u16; 3]| corners.map(|v| weld.index[usize::from(v)]);
             piece.triangles.extend(weld.triangles.iter().map(welded));
         }

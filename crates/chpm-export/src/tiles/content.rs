@@ -48,7 +48,7 @@ pub fn tile<D: AsRef<[u8]>>(
         placement: options.placement(),
         extras: facts(file, cluster, error),
     };
-    let (attributes, count) = (file.header().attributes(), mesh.triangles.len() as u64);
+    let (attributes, count) = (file.header().attributes().decoded(), mesh.triangles.len() as u64);
     if options.packed && count > 0 {
         return Ok((packed_glb::whole(&facts, attributes, mesh.view(), &mesh.triangles)?, count));
     }
@@ -84,6 +84,7 @@ fn compact(page: &Page<'_>, n: usize) -> TriMesh {
     let mut mesh = TriMesh::default();
     let used = numbers.iter().enumerate().filter(|(_, number)| **number != UNUSED).map(|(v, _)| v);
     mesh.gather(page.vertices, used.clone());
+    mesh.decode_normals();
     let used: Vec<usize> = used.collect();
     for (number, vertex) in (0..).zip(used) {
         numbers[vertex] = number;
