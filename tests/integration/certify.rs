@@ -101,7 +101,13 @@ fn halve_errors(file: &mut [u8]) {
         let sum = checksum(&file[from]);
         file[at..at + 8].copy_from_slice(&sum.to_le_bytes());
     };
-    let entries = [0, 1, 2, 3].map(|slot| 256 + 40 * slot);
+    let count = word(file, 32) as usize;
+    let entry = |kind: u32| {
+        let mut entries = (0..count).map(|slot| 256 + 40 * slot);
+        entries.find(|entry| word(file, *entry) == kind).expect("the section")
+    };
+    // Clusters, groups, members, levels, and what tells chunks of the first three.
+    let entries = [1, 2, 3, 4, 0x8000_0001].map(entry);
     let section = |file: &[u8], entry: usize| {
         let start = long(file, entry + 8) as usize;
         start..start + long(file, entry + 16) as usize
@@ -119,11 +125,18 @@ fn halve_errors(file: &mut [u8]) {
     for record in section(file, entries[3]).step_by(128) {
         [48, 52].into_iter().for_each(|at| halve(file, record + at));
     }
+    let list = section(file, entries[4]);
+    let chunk = long(file, list.start) as usize;
+    let tables = entries[..3].iter().flat_map(|entry| file[section(file, *entry)].chunks(chunk));
+    let sums: Vec<u64> = tables.map(checksum).collect();
+    for (at, sum) in list.step_by(8).skip(1).zip(sums) {
+        file[at..at + 8].copy_from_slice(&sum.to_le_bytes());
+    }
     for entry in entries {
         let range = section(file, entry);
         seal(file, entry + 32, range);
     }
-    seal(file, 240, 256..256 + 6 * 40);
+    seal(file, 240, 256..256 + count * 40);
     seal(file, 248, 0..248);
 }
 
