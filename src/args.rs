@@ -159,8 +159,8 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Pages::Raw)]
     pages: Pages,
     /// How many digits coordinates keep: exact (all that singles hold) or lattice:BITS, BITS from 8 to 24: whole steps of one lattice, of which the longest
-    /// side of the model has 2^BITS at most. On scans a packed file of lattice:16 has 0.65 to 0.73 times the bytes of an exact one, of lattice:14 0.57 to
-    /// 0.65; each coordinate moves by less than a 2^BITS-th of that side, which is part of all errors
+    /// side of the model has 2^BITS at most. On scans a packed file of lattice:16 has 0.69 to 0.75 times the bytes of an exact one, of lattice:14 0.61 to
+    /// 0.66; each coordinate moves by less than a 2^BITS-th of that side, which is part of all errors
     #[arg(long, value_name = "HOW", default_value_t = Settings::default().positions)]
     positions: Positions,
 }

@@ -163,8 +163,8 @@ mod tests {
                 prop_assert!(longest / lattice.step > power_of_two(i32::from(bits) - 1));
             }
             for point in points {
-                for axis in 0..3 {
-                    let (single, way) = lattice.point(axis, point[axis]);
+                for (axis, x) in point.into_iter().enumerate() {
+                    let (single, way) = lattice.point(axis, x);
                     let count = f64::from(single) / lattice.step;
                     prop_assert!(count == count.round() && count.abs() <= power_of_two(24), "{count}");
                     prop_assert!(single.to_bits() != (-0.0f32).to_bits());
