@@ -58,6 +58,8 @@ pub struct Scene {
     asked: Vec<u32>,
     /// The first page that could not be read by a frame that did not wait.
     damage: Option<ViewerError>,
+    /// All of those.
+    damaged: Vec<ClusterId>,
 }
 
 /// What came into sight.
@@ -125,6 +127,7 @@ impl Scene {
             visibility: Visibility::new(&file),
             asked: vec![0; file.groups().len()],
             damage: None,
+            damaged: Vec::new(),
             budgets: Budgets { memory, gpu_memory: gpu_room },
             file,
         })
@@ -229,6 +232,10 @@ impl Scene {
     /// # Errors
     /// Those of reading a page.
     pub fn receive(&mut self, patience: Option<Duration>) -> Result<usize, ViewerError> {
+        if patience.is_none() {
+            // What could not be read is tried again.
+            self.damaged.iter().for_each(|cluster| self.fetch.request(*cluster));
+        }
         let arrived = match patience {
             None => self.fetch.wait_arrived(),
             Some(patience) if patience.is_zero() => self.fetch.try_arrived(),
@@ -237,11 +244,15 @@ impl Scene {
         let count = arrived.len();
         for (cluster, page) in arrived {
             let page = match page {
-                Ok(page) => page,
+                Ok(page) => {
+                    self.damaged.retain(|damaged| *damaged != cluster);
+                    page
+                }
                 // Who waits wants all of it. Who does not is shown what there is: the group above stays as it is.
                 Err(error) if patience.is_none() => return Err(error),
                 Err(error) => {
                     self.damage.get_or_insert(error);
+                    self.damaged.push(cluster);
                     continue;
                 }
             };

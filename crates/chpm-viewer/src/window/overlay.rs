@@ -202,7 +202,9 @@ pub(super) fn marks(context: &egui::Context, marks: &[Mark], camera: &Camera, si
     if let Some(line) = seen(a, b) {
         painter.line_segment(line.map(point), Stroke::new(1.5, LIVE));
         let middle = point([0, 1].map(|axis| 0.5 * (line[0][axis] + line[1][axis])));
-        let text = format!("{length:.6} \u{b1} {differs:.2e} units");
+        // No more digits than are certain, and one.
+        let digits = (1.0 - differs.max(1e-9 * length).log10().floor()).clamp(0.0, 9.0) as usize;
+        let text = format!("{length:.digits$} \u{b1} {differs:.digits$} units");
         let galley = painter.layout_no_wrap(text, FontId::monospace(12.0), CLEAR);
         let place = Align2::CENTER_BOTTOM.anchor_size(middle - vec2(0.0, 8.0), galley.size());
         painter.rect_filled(place.expand(4.0), 4.0, style::BACK);

@@ -224,6 +224,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
                 ui.selectable_value(&mut settings.colors, colors, name).on_hover_text(shows);
             }
         });
+        ui.toggle_value(&mut settings.rulers, "rulers");
     });
     if let Some(range) = last.scale {
         legend(ui, settings.colors, range);
@@ -234,7 +235,6 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
         ui.toggle_value(&mut settings.frustum_culling, "frustum");
         ui.toggle_value(&mut settings.occlusion_culling, "occlusion");
         ui.toggle_value(&mut settings.one_sided, "back sides");
-        ui.toggle_value(&mut settings.rulers, "rulers");
     });
 }
 
