@@ -157,7 +157,8 @@ mod peer {
             let theirs = query::distance(&Place::IDENTITY, &meshes[i], &place, &meshes[j]).unwrap().distance;
             let pose = Pose::of_quaternion(turned.map(f64::from), to.map(f64::from)).unwrap();
             let ours = ask(models[i], models[j], [&Pose::IDENTITY, &pose], &within(0.0));
-            let slack = 1e-5 * (away + models[i].diagonal() + models[j].diagonal());
+            // Theirs is of singles, and its search stops early: by some 1e-5 of the models' size.
+            let slack = 1e-4 * (away + models[i].diagonal() + models[j].diagonal());
             let theirs = f64::from(theirs);
             let (a, b) = (&models[i].name, &models[j].name);
             assert!(
