@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Crates of this workspace that each may depend on; tests may use more.
-const EDGES: [(&str, &[&str]); 12] = [
+const EDGES: [(&str, &[&str]); 13] = [
     ("chpm-mesh", &[]),
     ("chpm-extmem", &[]),
     ("chpm-partition", &[]),
