@@ -276,7 +276,7 @@ fn write(
     let origin = file.header().origin;
     let double = origin != [0.0; 3];
     let triangles = leaves.iter().map(|leaf| u64::from(file.clusters()[leaf.index()].triangle_count)).sum();
-    let attributes = Attributes { normals: false, colors: true };
+    let attributes = Attributes { colors: true, ..Attributes::NONE };
     let comment = format!("chpm compare, colours from {} to {}", colors.range()[0], colors.range()[1]);
     let (encoding, count) = (Encoding::BinaryLittleEndian, parts.values.len() as u64);
     let mut ply = PlyWriter::new(&mut output, encoding, count, triangles, attributes, double, &[&comment])?;
@@ -290,7 +290,7 @@ fn write(
         let positions: Vec<[f32; 3]> = new().map(|(_, position)| *position).collect();
         let colors: Vec<[u8; 4]> =
             new().map(|(number, _)| colors.of(parts.values[*number as usize].into())).collect();
-        let slices = VertexSlices { positions: &positions, normals: &[], colors: &colors };
+        let slices = VertexSlices { positions: &positions, colors: &colors, ..VertexSlices::default() };
         if double {
             let moved = |p: &[f32; 3]| [0, 1, 2].map(|axis| f64::from(p[axis]) + origin[axis]);
             ply.vertices_f64(&positions.iter().map(moved).collect::<Vec<_>>(), slices)?;

@@ -132,7 +132,7 @@ fn of_version_0(file: &Chpm<Vec<u8>>) -> Vec<u8> {
 
 #[test]
 fn a_file_of_version_0_goes_both_ways() {
-    let folder = built(Attributes { normals: true, colors: true }, 12_000);
+    let folder = built(Attributes { normals: true, colors: true, ..Attributes::NONE }, 12_000);
     let old = of_version_0(&Chpm::open(folder.read("in.chpm")).expect("a file"));
     folder.write("old.chpm", &old);
     assert!(

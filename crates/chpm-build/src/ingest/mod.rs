@@ -189,11 +189,6 @@ pub(crate) fn kept(read: Attributes, settings: &Settings) -> Attributes {
     Attributes { octahedral: settings.normals == Normals::Computed, ..read }
 }
 
-/// What vertices will have in the file.
-pub(crate) fn kept(read: Attributes, settings: &Settings) -> Attributes {
-    Attributes { octahedral: settings.normals == Normals::Computed, ..read }
-}
-
 /// The arrays while they grow.
 struct Arrays {
     /// Positions are here or in `doubles`.

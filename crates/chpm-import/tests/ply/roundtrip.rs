@@ -164,7 +164,7 @@ proptest! {
         let normals = if attributes.0 { positions.iter().rev().copied().collect() } else { Vec::new() };
         let color = |p: &[f32; 3]| p[0].to_bits().to_le_bytes();
         let colors = if attributes.1 { positions.iter().map(color).collect() } else { Vec::new() };
-        let mesh = TriMesh { vertices: Vertices { positions, normals, colors }, triangles };
+        let mesh = TriMesh { vertices: Vertices { positions, normals, colors, ..Vertices::default() }, triangles };
         for encoding in ENCODINGS {
             let mut bytes = Vec::new();
             write_mesh(&mut bytes, &mesh, encoding).unwrap();
@@ -243,7 +243,8 @@ fn another_reader_agrees() {
     let normals: Vec<_> = (0..200).map(|_| three()).collect();
     let colors = (0..200u32).map(|i| (i * 0x0101_0713).to_le_bytes()).collect();
     let triangles = (0..198).map(|i| [i, i + 2, i + 1]).collect();
-    let mesh = TriMesh { vertices: Vertices { positions, normals, colors }, triangles };
+    let mesh =
+        TriMesh { vertices: Vertices { positions, normals, colors, ..Vertices::default() }, triangles };
     for encoding in [Encoding::Ascii, Encoding::BinaryLittleEndian, Encoding::BinaryBigEndian] {
         let mut bytes = Vec::new();
         write_mesh(&mut bytes, &mesh, encoding).unwrap();
@@ -254,6 +255,7 @@ fn another_reader_agrees() {
                 positions: oracle.vertex.iter().map(|v| [v.x, v.y, v.z]).collect(),
                 normals: oracle.vertex.iter().map(|v| [v.nx, v.ny, v.nz]).collect(),
                 colors: oracle.vertex.iter().map(|v| [v.red, v.green, v.blue, v.alpha]).collect(),
+                ..Vertices::default()
             },
             triangles: oracle
                 .face

@@ -313,7 +313,7 @@ mod tests {
             adapter: "an adapter",
             memory: Bytes::mib(1024),
             gpu_memory: Bytes::mib(512),
-            z_up: false,
+            up: Up::ALL[0],
             frozen: true,
             recording: Some(1234.5),
             replaying: Some(0.5),
