@@ -28,7 +28,7 @@ pub(crate) struct ConfigArgs {
     /// Settings for a kind of model; what is typed besides wins
     #[arg(long, value_name = "KIND", value_enum)]
     preset: Option<Preset>,
-    /// A TOML file with a [settings] table of options, and a preset or none; chpm.toml beside the source if not given
+    /// A TOML file: a table `settings` of options, and a preset or none; chpm.toml beside the source if not given
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
     /// Leave a chpm.toml beside the source alone
