@@ -140,6 +140,14 @@ const EXAMPLES: &[(&str, &[Example])] = &[
             "a picture of the clusters",
         )],
     ),
+    (
+        "serve",
+        &[
+            ("chpm serve scan.chpm", "at the address that it prints"),
+            ("chpm serve models --list --port 8080", "those of a folder"),
+        ],
+    ),
+    ("share", &[("chpm share scan.chpm -o site", "to be put on any host of static files")]),
     ("view", &[("chpm view scan.chpm", "a window"), ("chpm view scan.ply", "a mesh, which is built first")]),
     (
         "walk",

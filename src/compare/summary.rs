@@ -28,7 +28,8 @@ impl Summary {
     pub(crate) fn new(values: &[f32], signed: bool, range: Option<[f64; 2]>) -> Self {
         let mut sizes: Vec<f32> = values.iter().map(|x| x.abs()).collect();
         let mut percentile = |percent: f64| {
-            let rank = (percent / 100.0 * sizes.len() as f64).ceil() as usize;
+            // In whole numbers, so that 99.9 % of a thousand are not one more.
+            let rank = ((10.0 * percent).round() as usize * sizes.len()).div_ceil(1000);
             let at = rank.clamp(1, sizes.len().max(1)) - 1;
             if at < sizes.len() {
                 f64::from(*sizes.select_nth_unstable_by(at, f32::total_cmp).1)

@@ -68,8 +68,9 @@ fn stored_errors_hold_of_what_the_source_was() {
     moved.positions[7][0] += 0.25;
     folder.write_mesh("moved.ply", &moved);
     folder.stdout("build near.ply -o out.chpm -qf --positions lattice:12");
-    let said = folder.chpm("verify out.chpm --against moved.ply -q").code(1).get_output().stderr.clone();
-    assert!(String::from_utf8_lossy(&said).contains("I1 coverage"));
+    let said = folder.chpm("verify out.chpm --against moved.ply -q").code(1).get_output().stdout.clone();
+    let said = String::from_utf8_lossy(&said);
+    assert!(said.contains("I1 coverage"), "{said}");
 }
 
 #[test]

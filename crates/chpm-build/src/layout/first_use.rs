@@ -54,6 +54,7 @@ impl FirstUse {
         }
         out.extend_from_slice(bytemuck::cast_slice(page.error_codes));
         out.extend_from_slice(&bits);
+        self.put(page.octahedral, out);
         Ok(())
     }
 
