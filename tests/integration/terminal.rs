@@ -67,7 +67,7 @@ fn every_example_of_the_help_runs() {
             fs::remove_file(folder.path("scan.chpm")).expect("a file");
         }
         // A window is opened by the tests of the viewer, and a host does not end by itself.
-        for example in commands.into_iter().filter(|_| !["view", "serve"].contains(&verb)) {
+        for example in commands.into_iter().filter(|_| !matches!(&verb[..], "view" | "serve")) {
             let run = shell(&folder, example);
             let told = text(&run.stderr);
             assert!(
