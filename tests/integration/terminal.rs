@@ -180,8 +180,10 @@ fn a_slip_of_the_finger_is_answered() {
 #[test]
 fn a_build_tells_how_far_it_is_on_a_terminal() {
     let folder = Folder::new();
-    folder.stdout("synth terrain --triangles 60000 -o scan.ply -q");
-    let run = shell(&folder, "script -qec 'stty rows 24 cols 100; chpm build scan.ply' /dev/null");
+    // A bar is drawn twenty times a second: it takes a while until it has told all.
+    folder.stdout("synth terrain --triangles 300000 -o scan.ply -q");
+    let run =
+        shell(&folder, "script -qec 'stty rows 24 cols 100; chpm build scan.ply --threads 1' /dev/null");
     let told = text(&run.stdout);
     assert!(run.status.success() && told.contains("simplify") && told.contains(" left"), "{told}");
     assert!(told.contains("triangles/s, "), "{told}");
