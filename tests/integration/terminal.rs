@@ -28,7 +28,8 @@ fn shell(folder: &Folder, line: &str) -> std::process::Output {
         std::env::var("PATH").unwrap_or_default()
     );
     let mut command = Command::new("sh");
-    command.current_dir(folder.path("")).env("PATH", path).args(["-c", line]);
+    // Where none is named, a terminal shows no bars.
+    command.current_dir(folder.path("")).env("PATH", path).env("TERM", "xterm").args(["-c", line]);
     command.output().expect("a shell")
 }
 
