@@ -6,6 +6,6 @@ cd "$(dirname "$0")/.."
 cargo fmt --all --check
 cargo clippy --workspace --all-targets --locked -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
-cargo test --workspace --locked
+cargo test --workspace --locked --no-fail-fast
 # The same pictures where there is nothing but OpenGL.
 WGPU_BACKEND=gl cargo test --workspace --locked --test pictures
