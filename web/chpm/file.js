@@ -81,14 +81,12 @@ export class ChpmFile {
   #pages;
   #clusters = new Map();
   #groups = new Map();
-  #zstd;
 
   /** @private */
-  constructor(source, header, sections, tables, zstd) {
+  constructor(source, header, sections, tables) {
     this.#source = source;
     this.#tables = tables;
     this.#pages = sections.get(6);
-    this.#zstd = zstd;
     this.header = header;
   }
 
@@ -197,9 +195,8 @@ export class ChpmFile {
   #page(cluster, bytes) {
     const { id, pageChecksum } = cluster;
     expect(xxh3(bytes) === pageChecksum, () => `the page of cluster ${id} is damaged: its checksum is another one`);
-    if (!cluster.isPacked) return readPage(this.header, cluster, bytes);
-    expect(this.#zstd, () => `cluster ${id} has a packed page, and no decoder of zstd was given; 'chpm relayout --pages raw' unpacks files`);
-    throw new ChpmError(`cluster ${id} has a packed page, which this reader does not unpack yet; 'chpm relayout --pages raw' does`);
+    expect(!cluster.isPacked, () => `cluster ${id} has a packed page, which this reader does not unpack; 'chpm relayout --pages raw' does`);
+    return readPage(this.header, cluster, bytes);
   }
 
   /** Ids of the clusters that nothing coarser stands for. */
@@ -224,9 +221,9 @@ export class ChpmFile {
  * Opens a file: its header, and what leads to its tables.
  * @param source {@link httpSource}, {@link blobSource}, {@link memorySource} or anything alike
  */
-export async function open(source, { signal, first = FIRST, zstd } = {}) {
+export async function open(source, { signal, first = FIRST } = {}) {
   try {
-    return await begin(source, signal, Math.max(first, 4096), zstd);
+    return await begin(source, signal, Math.max(first, 4096));
   } catch (error) {
     if (error instanceof ChpmError && !error.message.startsWith(source.name)) {
       throw new ChpmError(`${source.name}: ${error.message}`, { cause: error });
@@ -235,7 +232,7 @@ export async function open(source, { signal, first = FIRST, zstd } = {}) {
   }
 }
 
-async function begin(source, signal, first, zstd) {
+async function begin(source, signal, first) {
   const bytes = await source.read(0, first, signal);
   const header = readHeader(bytes, xxh3);
   const size = await source.size();
@@ -260,7 +257,7 @@ async function begin(source, signal, first, zstd) {
   }
   for (const [name] of kinds) takeWhatCame(tables[name], 0, bytes);
   if (!chunks) await takeAll(source, kinds.map(([name]) => tables[name]), signal);
-  return new ChpmFile(source, header, sections, tables, zstd);
+  return new ChpmFile(source, header, sections, tables);
 }
 
 /** Chunks that are among some bytes of the file. */

@@ -14,7 +14,7 @@ const ENTRY_LEN = 40;
 const MAX_SECTIONS = 64;
 const KINDS = { 1: 128, 2: 64, 3: 4, 4: 128, 5: 0, 6: 0 };
 const MAGIC = [0x89, 0x43, 0x48, 0x50, 0x4d, 0x0d, 0x0a, 0x1a];
-/** Features that a reader has to know. */
+/** Features of a file that whoever reads it has to know. */
 const PACKED = 1;
 const OCTAHEDRAL = 2;
 
