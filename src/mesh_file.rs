@@ -184,14 +184,6 @@ impl MeshFile<'_> {
     }
 }
 
-/// What is left of a bound for a file whose format rounds.
-pub(crate) fn less(bound: f64, rounding: f64) -> f32 {
-    match rounding > 0.0 {
-        true => ((bound - rounding) as f32).next_down().max(0.0),
-        false => bound as f32,
-    }
-}
-
 /// One line about a mesh that was written: `out.ply: 20,000 triangles, 10,002 vertices, error 0.02 units`.
 pub(crate) fn told(output: &Path, mesh: &Extraction<'_, MappedFile>, bounds: Bounds, unit: &str) -> String {
     let Bounds { error, distance } = bounds;

@@ -1,12 +1,11 @@
-//! Numbers as they are typed on the command line, each kind read in one way wherever it is asked for; and lengths as they
+//! Numbers as they are typed on the command line, each kind read in one way wherever it is asked for; and counts as they
 //! are printed.
 
 use crate::report;
-use chpm_build::config::Length;
-use chpm_mesh::{Counted, Number, NumberError};
+use chpm_mesh::{Counted, asked};
+pub(crate) use chpm_mesh::{Triangles, Units};
 use std::fmt;
 use std::ops::RangeInclusive;
-use std::str::FromStr;
 
 /// A parser of counts within `range`: `20000`, `20,000`, `20_000`, `20k`, `1.5M`, `2e4`.
 pub(crate) fn count<T>(
@@ -17,7 +16,7 @@ where
 {
     move |text| {
         let (least, most) = ((*range.start()).into(), (*range.end()).into());
-        match whole(text)? {
+        match asked::whole(text).map_err(|error| error.to_string())? {
             count if count < least => Err(format!("'{text}' is too small: at least {least}")),
             count if count > most => Err(format!("'{text}' is too large: at most {most}")),
             count => T::try_from(count).map_err(|_| format!("'{text}' is too large: at most {most}")),
@@ -25,93 +24,9 @@ where
     }
 }
 
-/// A whole number, with k, M or G behind it or not.
-fn whole(text: &str) -> Result<u64, String> {
-    let told =
-        || format!("'{text}' is not a whole number; understood are 20000, 20,000, 20_000, 20k, 1.5M, 2e4");
-    let (number, unit) = Number::read(text).map_err(|error| match error {
-        NumberError::NoNumber(_) => told(),
-        error => error.to_string(),
-    })?;
-    let factor = match unit {
-        "" => 1,
-        "k" | "K" => 1_000,
-        "m" | "M" => 1_000_000,
-        "g" | "G" => 1_000_000_000,
-        _ => return Err(told()),
-    };
-    match number.times(factor) {
-        Some((whole, true)) => Ok(whole),
-        Some(_) => Err(told()),
-        None => Err(format!("'{text}' is too large")),
-    }
-}
-
 /// A number that is not negative, and finite.
 pub(crate) fn decimal(text: &str) -> Result<f64, String> {
-    let number = text.parse::<Number>().map_err(|error| error.to_string())?.to_f64();
-    if number.is_finite() && !text.contains(',') {
-        Ok(number)
-    } else {
-        Err(format!("'{text}' is not a number as in 0.5"))
-    }
-}
-
-/// How many triangles a mesh may have: so many, or a share of the model's.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) enum Triangles {
-    /// So many.
-    Count(u64),
-    /// Percent of the model's.
-    Percent(f64),
-}
-
-impl Triangles {
-    /// The count, for a model of so many triangles; at least 1 where a share is asked for.
-    pub(crate) fn of(self, model: u64) -> u64 {
-        match self {
-            Triangles::Count(count) => count,
-            Triangles::Percent(percent) => ((percent / 100.0 * model as f64) as u64).max(1),
-        }
-    }
-}
-
-impl FromStr for Triangles {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.trim().strip_suffix('%') {
-            Some(percent) => match decimal(percent) {
-                Ok(percent) if 0.0 < percent && percent <= 100.0 => Ok(Triangles::Percent(percent)),
-                _ => Err(format!(
-                    "'{text}' is no share of the model's triangles: more than 0% and at most 100%"
-                )),
-            },
-            None => match count(1..=u64::MAX)(text) {
-                Ok(count) => Ok(Triangles::Count(count)),
-                Err(error) if whole(text).is_err() => {
-                    Err(format!("{error}; or a share of the model's, as in 1%"))
-                }
-                Err(error) => Err(error),
-            },
-        }
-    }
-}
-
-/// A length or an error for people: three digits, without a power of ten where that is readable.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Units(pub(crate) f64);
-
-impl fmt::Display for Units {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let scientific = format!("{:.2e}", self.0);
-        let power = scientific.split_once('e').and_then(|(_, power)| power.parse::<i32>().ok());
-        match power {
-            _ if self.0 == 0.0 => f.pad("0"),
-            Some(power @ -4..6) => f.pad(&format!("{:.*}", (2 - power).max(0) as usize, self.0)),
-            _ => f.pad(&scientific),
-        }
-    }
+    asked::decimal(text).map_err(|error| error.to_string())
 }
 
 /// A count for people: exact below ten thousand, then three digits, as in `3.66 M`.
@@ -148,15 +63,6 @@ impl fmt::Display for Short {
     }
 }
 
-/// The length as it was asked for, on a model with such a diagonal: `0.0200 units (1% of the diagonal)`.
-pub(crate) fn told(length: Length, diagonal: f64) -> String {
-    let units = Units(length.of(diagonal));
-    match length {
-        Length::Units(_) => format!("{units} units"),
-        Length::OfDiagonal(percent) => format!("{units} units ({percent}% of the diagonal)"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,16 +89,6 @@ mod tests {
     }
 
     #[test]
-    fn triangles_are_a_count_or_a_share() {
-        let of = |text: &str| text.parse::<Triangles>().map(|wanted| wanted.of(80_000));
-        assert_eq!([of("20k"), of("1%"), of("2.5 %"), of("0.0001%")], [Ok(20_000), Ok(800), Ok(2000), Ok(1)]);
-        for bad in ["0", "0%", "101%", "-1%", "nan%", "1,5%", "many", "%"] {
-            assert!(of(bad).is_err(), "{bad}");
-        }
-        assert!(of("many").unwrap_err().contains("1%"));
-    }
-
-    #[test]
     fn large_counts_have_three_digits() {
         for (n, text) in [
             (0, "0"),
@@ -211,26 +107,5 @@ mod tests {
         }
         let told = [1, 2, 20_000].map(|n| Short(n).of("vertex"));
         assert_eq!(told, ["1 vertex", "2 vertices", "20.0 k vertices"]);
-    }
-
-    #[test]
-    fn lengths_have_three_digits() {
-        for (length, text) in [
-            (0.0, "0"),
-            (0.02, "0.0200"),
-            (20.0, "20.0"),
-            (19.996, "20.0"),
-            (1.0 / 3.0, "0.333"),
-            (123.4, "123"),
-            (123_456.0, "123456"),
-            (999_999.6, "1.00e6"),
-            (0.000_123_4, "0.000123"),
-            (0.000_099_99, "0.000100"),
-            (0.000_012, "1.20e-5"),
-            (4.2e7, "4.20e7"),
-            (f64::INFINITY, "inf"),
-        ] {
-            assert_eq!(Units(length).to_string(), text);
-        }
     }
 }

@@ -5,7 +5,7 @@ use chpm_build::BuildReport;
 use chpm_build::report::LevelReport;
 use chpm_format::Chpm;
 use chpm_format::records::{LevelRecord, REFUSALS};
-use chpm_mesh::{Bytes, GroupId};
+use chpm_mesh::{Bytes, GroupId, Thousands};
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -304,15 +304,7 @@ fn one_table(width: Option<u16>, header: &[&str], rows: &[Vec<String>], columns:
 
 /// A count with its thousands set apart: `3,664,152`.
 pub(crate) fn count(n: u64) -> String {
-    let digits = n.to_string();
-    let mut out = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(digit);
-    }
-    out
+    Thousands(n).to_string()
 }
 
 fn share(part: u64, whole: u64) -> String {

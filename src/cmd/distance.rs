@@ -1,7 +1,7 @@
 //! `chpm distance`: how near two models are, as an interval that is proven.
 
 use super::Verdict;
-use crate::number::{Units, told};
+use crate::number::Units;
 use crate::output;
 use crate::proximity::{Asker, LimitArgs, Pair, PoseArgs, answer_json, ended, read_path};
 use crate::report::{count, table};
@@ -154,7 +154,7 @@ fn print(args: &Args, pair: &Pair, answers: &[Answer], out: &mut impl Write) -> 
         writeln!(
             out,
             "undecided to {} within what may be spent; the interval holds as it is",
-            told(args.error, diagonal)
+            args.error.told(diagonal)
         )?;
     }
     Ok(())

@@ -3,18 +3,17 @@
 use super::{Verdict, open, reading};
 use crate::memory::{self, MemoryArgs};
 use crate::mesh_file::{self, MeshArgs};
-use crate::number::{self, Triangles, Units};
+use crate::number::{self, Triangles};
 use crate::output;
 use crate::progress::{Meter, line};
-use crate::report::count;
 use crate::stop::Stop;
 use crate::view::{self, ImageArgs};
-use anyhow::{Result, ensure};
+use anyhow::{Context, Error, Result};
 use chpm_build::config::Length;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_mesh::{Counted, Level};
-use chpm_refine::{Camera, Cut, Extraction, Hierarchy, Member, View, is_visible, select, select_triangles};
+use chpm_mesh::Counted;
+use chpm_refine::{Camera, Extraction, RefineError, Request};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -46,7 +45,7 @@ pub(crate) struct Args {
 }
 
 /// Which mesh; one of these.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, Clone, Copy, Debug)]
 #[group(required = true, multiple = false)]
 struct Wanted {
     /// The finest mesh of at most N triangles, as in 20k, or of a share of the model's, as in 1%: of the least error everywhere, or in
@@ -78,18 +77,14 @@ fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     // Created before the selection, which may take a while: a place that cannot be written is told at once.
     let target = args.mesh.create("extract", &[&args.file])?;
     let mut out = output::messages([&target.output], false, args.quiet)?;
-    let cut = cut(file, args, target.rounding(file))?;
+    let request = request(file, args)?;
+    let lacks = || format!("'{}' does not have that", args.file.display());
+    let cut = request.cut(file, target.rounding(file)).map_err(|error| match error {
+        RefineError::Level { .. } => Error::new(error).context(lacks()),
+        error => error.into(),
+    })?;
     let mesh = Extraction::new(file, &cut)?;
-    let model = file.header().source_triangle_count;
-    if let Some(limit) = args.wanted.triangles.map(|wanted| wanted.of(model)) {
-        let least = mesh.triangle_count();
-        ensure!(
-            least <= limit,
-            "the coarsest mesh of '{}' has {}; ask for at least as many",
-            args.file.display(),
-            Counted(least, "triangle")
-        );
-    }
+    request.check(file, &mesh).with_context(lacks)?;
     let bounds = target.bounds(file, &cut)?;
     if let Some(warning) = target.warning(file) {
         line(&format!("warning: {warning}"));
@@ -98,63 +93,28 @@ fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let told = mesh_file::told(&args.mesh.output, &mesh, bounds, "units");
     writeln!(out, "{told}, from {}", Counted(cut.members().len() as u64, "cluster"))?;
     out.flush()?;
-    let shortfall = shortfall(file, args, &cut, bounds.distance)?;
+    let shortfall = request.shortfall(file, &cut, bounds.distance);
     if let Some(shortfall) = &shortfall {
-        line(&format!("warning: {shortfall}"));
+        let told = shortfall.told(args.file.display(), file.header().aabb().diagonal());
+        line(&format!("warning: {told}"));
     }
     Ok(if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good })
 }
 
-/// What was asked for and the file does not have.
-fn shortfall(file: &Chpm<MappedFile>, args: &Args, cut: &Cut, distance: f32) -> Result<Option<String>> {
-    let (wanted, name) = (&args.wanted, args.file.display());
-    let (model, diagonal) = (file.header().source_triangle_count, file.header().aabb().diagonal());
-    if let Some(bound) = wanted.error.filter(|bound| distance > bound.of(diagonal) as f32) {
-        let (least, asked) = (Units(distance.into()), number::told(bound, diagonal));
-        return Ok(Some(format!("the finest mesh of '{name}' has an error of {least}, more than {asked}")));
-    }
-    if wanted.error.is_some() && !file.has_gaps() {
-        return Ok(Some(format!(
-            "'{name}' is of version 1.0, which does not tell how far what has vanished is: components that are missing may be \
-             farther than was asked; build it again"
-        )));
-    }
-    if let Some(Triangles::Count(asked)) = wanted.triangles.filter(|wanted| wanted.of(model) > model) {
-        let (model, asked) = (Counted(model, "triangle"), count(asked));
-        return Ok(Some(format!("the finest mesh of '{name}' has {model}, fewer than {asked}")));
-    }
-    let Some(pixels) = wanted.poe.filter(|_| args.image.cull) else { return Ok(None) };
-    let view = view(file, args, pixels)?;
-    let seen = |member: &Member| is_visible(&file.clusters()[member.cluster.index()], &view);
-    let nothing = || format!("nothing of '{name}' is in the image: all of it is as coarse as it gets");
-    Ok((!cut.members().iter().any(seen)).then(nothing))
-}
-
-fn view(file: &Chpm<MappedFile>, args: &Args, pixels: f64) -> Result<View> {
-    let camera = args.camera.unwrap_or_else(|| view::framing(file));
-    args.image.view(file, &camera, pixels)
-}
-
-/// What was asked for; where it is a distance, what the output rounds is a part of it.
-fn cut(file: &Chpm<MappedFile>, args: &Args, rounding: f64) -> Result<Cut> {
-    let wanted = &args.wanted;
-    if let Some(pixels) = wanted.poe {
-        return Ok(select(file, &Hierarchy::new(file), &view(file, args, pixels)?)?);
-    }
-    let limit = wanted.triangles.map(|wanted| wanted.of(file.header().source_triangle_count));
-    if let (Some(limit), Some(_)) = (limit, args.camera) {
-        return Ok(select_triangles(file, &Hierarchy::new(file), &view(file, args, 0.0)?, limit)?);
-    }
-    let diagonal = file.header().aabb().diagonal();
-    Ok(match (limit, wanted.error, wanted.level) {
-        (Some(limit), ..) => Cut::at_triangles(file, limit)?,
-        (_, Some(bound), _) => Cut::at_distance(file, mesh_file::less(bound.of(diagonal), rounding))?,
-        (_, _, level) => Cut::at_level(file, existing(file, args, level.unwrap_or(0))?),
+/// What was asked for.
+fn request(file: &Chpm<MappedFile>, args: &Args) -> Result<Request> {
+    let view = |pixels| {
+        let camera = args.camera.unwrap_or_else(|| view::framing(file));
+        args.image.view(file, &camera, pixels)
+    };
+    let Wanted { triangles, error, level, poe } = args.wanted;
+    Ok(match (triangles, error, poe) {
+        (Some(triangles), ..) => {
+            let view = args.camera.is_some().then(|| view(0.0)).transpose()?;
+            Request::Triangles(triangles, view)
+        }
+        (_, Some(bound), _) => Request::Within(bound),
+        (.., Some(pixels)) => Request::View(view(pixels)?),
+        _ => Request::Level(level.unwrap_or(0)),
     })
-}
-
-fn existing(file: &Chpm<MappedFile>, args: &Args, level: u32) -> Result<Level> {
-    let (highest, name) = (file.header().level_count - 1, args.file.display());
-    ensure!(level <= highest, "'{name}' has no level {level}: the highest is {highest}, the coarsest mesh");
-    Ok(Level(level))
 }

@@ -13,7 +13,7 @@ use anyhow::{Context, Result, ensure};
 use chpm_build::config::Normals;
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_mesh::{Bytes, Counted};
-use chpm_refine::{Cut, Extraction};
+use chpm_refine::{Extraction, Request};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -84,24 +84,14 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     memory::divide(&file, config.resources.memory, args.mesh.memory("simplify", &file)?)?;
     reading(&file, || {
         let diagonal = file.header().aabb().diagonal();
-        let cut = match (bound, args.wanted.triangles) {
-            (Some(bound), _) => {
-                Cut::at_distance(&file, mesh_file::less(bound.of(diagonal), target.rounding(&file)))?
-            }
-            (_, triangles) => {
-                let model = file.header().source_triangle_count;
-                let limit = triangles.map_or(model, |wanted| wanted.of(model));
-                let cut = Cut::at_triangles(&file, limit)?;
-                let least = cut.triangle_count(&file)?;
-                ensure!(
-                    least <= limit,
-                    "the coarsest mesh has {}; ask for at least as many",
-                    Counted(least, "triangle")
-                );
-                cut
-            }
+        let request = match (bound, args.wanted.triangles) {
+            (Some(bound), _) => Request::Within(bound),
+            (_, Some(triangles)) => Request::Triangles(triangles, None),
+            _ => Request::Level(0),
         };
+        let cut = request.cut(&file, target.rounding(&file))?;
         let mesh = Extraction::new(&file, &cut)?;
+        request.check(&file, &mesh)?;
         let bounds = target.bounds(&file, &cut)?;
         if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
             ensure!(

@@ -169,6 +169,24 @@ fn less_than_was_asked_for_is_told() {
 }
 
 #[test]
+fn what_a_file_does_not_have_is_refused_by_its_name() {
+    let folder = built();
+    let told = folder.stderr("extract in.chpm --level 99 -o out.ply -qf", 2);
+    assert!(
+        told.contains("'in.chpm' does not have that") && told.contains("no level 99: the highest is"),
+        "{told}"
+    );
+    let told = folder.stderr("extract in.chpm --triangles 1 -o out.ply -qf", 2);
+    assert!(
+        told.contains("'in.chpm' does not have that") && told.contains("; ask for at least as many"),
+        "{told}"
+    );
+    let told = folder.stderr("simplify in.ply --triangles 1 -o out.ply -qf", 2);
+    assert!(told.contains("the coarsest mesh has") && !told.contains(".chpm"), "{told}");
+    assert!(!folder.path("out.ply").exists());
+}
+
+#[test]
 fn an_empty_picture_is_a_warning() {
     let folder = built();
     let away = "--camera 0,0,10,0,0,20";

@@ -2,7 +2,8 @@
 
 use chpm_extmem::Faults;
 use chpm_format::BoundaryMode;
-use chpm_mesh::{Bytes, Number};
+use chpm_mesh::Bytes;
+pub use chpm_mesh::asked::{Length, LengthError};
 use chpm_partition::Partitioner;
 pub use chpm_qem::Topology;
 use std::fmt;
@@ -192,60 +193,6 @@ pub struct PositionsError {
     pub got: String,
 }
 
-/// A length that is asked for: `0.25` in object units, or `0.1%` of the diagonal of the model's bounding box.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Length {
-    /// Object units.
-    Units(f64),
-    /// Percent of the diagonal of the box around all vertices that triangles use.
-    OfDiagonal(f64),
-}
-
-impl Length {
-    /// In object units, for a model of this diagonal.
-    pub fn of(self, diagonal: f64) -> f64 {
-        match self {
-            Length::Units(length) => length,
-            Length::OfDiagonal(percent) => percent / 100.0 * diagonal,
-        }
-    }
-}
-
-impl fmt::Display for Length {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Length::Units(length) => write!(f, "{length}"),
-            Length::OfDiagonal(percent) => write!(f, "{percent}%"),
-        }
-    }
-}
-
-impl FromStr for Length {
-    type Err = LengthError;
-
-    fn from_str(text: &str) -> Result<Self, LengthError> {
-        let (number, length): (_, fn(f64) -> Length) = match text.strip_suffix('%') {
-            Some(number) => (number, Length::OfDiagonal),
-            None => (text, Length::Units),
-        };
-        // A comma of thousands is none to be sure of where fractions are usual.
-        let number =
-            Some(number).filter(|number| !number.contains(',')).and_then(|number| number.parse().ok());
-        let value = number.map(Number::to_f64).filter(|value| value.is_finite());
-        value.map(length).ok_or_else(|| LengthError { got: text.to_owned() })
-    }
-}
-
-/// A text that is no [`Length`].
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-#[error(
-    "'{got}' is no length: write a number of at least 0 in the model's units, as in 0.25 or 1e-3, or a share of the diagonal, as in 0.1%; a fraction begins with a point"
-)]
-pub struct LengthError {
-    /// The text.
-    pub got: String,
-}
-
 fn told(length: Option<Length>) -> String {
     length.map_or("none".to_owned(), |length| length.to_string())
 }
@@ -320,25 +267,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lengths_and_positions_are_read_as_they_are_told() {
-        for (text, length, units) in [
-            ("0", Length::Units(0.0), 0.0),
-            ("2.5e-3", Length::Units(0.0025), 0.0025),
-            ("0.5%", Length::OfDiagonal(0.5), 0.02),
-            ("100 %", Length::OfDiagonal(100.0), 4.0),
-        ] {
-            let read: Length = text.parse().unwrap();
-            assert_eq!((read, read.of(4.0)), (length, units), "{text}");
-            assert_eq!(read.to_string().parse(), Ok(length));
-        }
+    fn positions_are_read_as_they_are_told() {
         for text in ["exact", "lattice:8", "lattice:24"] {
             assert_eq!(text.parse::<Positions>().map(|positions| positions.to_string()), Ok(text.to_owned()));
         }
         for bad in ["", "lattice", "lattice:", "lattice:7", "lattice:25", "lattice:-8", "lattice:16 ", "16"] {
             assert_eq!(bad.parse::<Positions>(), Err(PositionsError { got: bad.to_owned() }));
-        }
-        for bad in ["", "%", "-1", "-1%", "nan", "inf", "1e999", "1 mm", "1%%"] {
-            assert_eq!(bad.parse::<Length>(), Err(LengthError { got: bad.to_owned() }));
         }
     }
 }

@@ -7,6 +7,7 @@
 #[cfg(target_endian = "big")]
 compile_error!("chpm reads its little-endian records in place and supports little-endian hosts only");
 
+pub mod asked;
 pub mod geom;
 pub mod ids;
 pub mod number;
@@ -16,11 +17,12 @@ pub mod trimesh;
 pub mod units;
 pub mod vertices;
 
+pub use asked::{AskedError, Length, LengthError, Triangles};
 pub use geom::{Aabb, FAR, Sphere};
 pub use ids::{ClusterId, GroupId, Level};
 pub use number::{Number, NumberError};
 pub use octahedral::Octahedral;
 pub use pm::{Places, ProgressiveMesh};
 pub use trimesh::TriMesh;
-pub use units::{Bytes, Counted, ObjectError};
+pub use units::{Bytes, Counted, ObjectError, Thousands, Units};
 pub use vertices::{Attributes, Vertex, VertexSlices, Vertices};

@@ -39,6 +39,20 @@ impl fmt::Display for Bytes {
     }
 }
 
+/// A number with a comma between thousands: `3,664,152`.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Thousands(pub u64);
+
+impl fmt::Display for Thousands {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (place, group) in self.0.to_string().as_bytes().rchunks(3).rev().enumerate() {
+            let comma = if place > 0 { "," } else { "" };
+            write!(f, "{comma}{}", String::from_utf8_lossy(group))?;
+        }
+        Ok(())
+    }
+}
+
 /// So many of something, in words: `1 cluster`, `3,664,152 triangles`, `0 vertices`.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Counted<'a>(pub u64, pub &'a str);
@@ -46,10 +60,7 @@ pub struct Counted<'a>(pub u64, pub &'a str);
 impl fmt::Display for Counted<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Counted(n, noun) = *self;
-        for (place, group) in n.to_string().as_bytes().rchunks(3).rev().enumerate() {
-            let comma = if place > 0 { "," } else { "" };
-            write!(f, "{comma}{}", String::from_utf8_lossy(group))?;
-        }
+        write!(f, "{}", Thousands(n))?;
         // Of a phrase, the noun is what a preposition follows.
         let (head, tail) = noun.find(" of ").map_or((noun, ""), |at| noun.split_at(at));
         // The endings of the nouns that are counted.
@@ -59,6 +70,22 @@ impl fmt::Display for Counted<'_> {
             _ if n == 1 => write!(f, " {noun}"),
             Some((lead, many)) => write!(f, " {lead}{many}{tail}"),
             None => write!(f, " {head}s{tail}"),
+        }
+    }
+}
+
+/// A length or an error for people: three digits, without a power of ten where that is readable.
+#[derive(Clone, Copy, Debug)]
+pub struct Units(pub f64);
+
+impl fmt::Display for Units {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let scientific = format!("{:.2e}", self.0);
+        let power = scientific.split_once('e').and_then(|(_, power)| power.parse::<i32>().ok());
+        match power {
+            _ if self.0 == 0.0 => f.pad("0"),
+            Some(power @ -4..6) => f.pad(&format!("{:.*}", (2 - power).max(0) as usize, self.0)),
+            _ => f.pad(&scientific),
         }
     }
 }
@@ -121,5 +148,26 @@ mod tests {
     fn bytes_print_with_the_fitting_unit() {
         assert_eq!(Bytes(512).to_string(), "512 B");
         assert_eq!(Bytes::mib(384).to_string(), "384.0 MiB");
+    }
+
+    #[test]
+    fn lengths_have_three_digits() {
+        for (length, text) in [
+            (0.0, "0"),
+            (0.02, "0.0200"),
+            (20.0, "20.0"),
+            (19.996, "20.0"),
+            (1.0 / 3.0, "0.333"),
+            (123.4, "123"),
+            (123_456.0, "123456"),
+            (999_999.6, "1.00e6"),
+            (0.000_123_4, "0.000123"),
+            (0.000_099_99, "0.000100"),
+            (0.000_012, "1.20e-5"),
+            (4.2e7, "4.20e7"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(Units(length).to_string(), text);
+        }
     }
 }

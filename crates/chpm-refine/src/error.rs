@@ -1,7 +1,7 @@
 //! What can be wrong with a selection.
 
 use chpm_format::FormatError;
-use chpm_mesh::ClusterId;
+use chpm_mesh::{ClusterId, Counted};
 
 /// Why a mesh could not be selected or extracted.
 #[derive(Debug, thiserror::Error)]
@@ -15,6 +15,20 @@ pub enum RefineError {
     Bound {
         /// The bound that was given, object units.
         got: f32,
+    },
+    /// A level that the file lacks.
+    #[error("no level {got}: the highest is {highest}, the coarsest mesh")]
+    Level {
+        /// The level that was asked for.
+        got: u32,
+        /// The highest of the file.
+        highest: u32,
+    },
+    /// No mesh has so few triangles.
+    #[error("the coarsest mesh has {}; ask for at least as many", Counted(*least, "triangle"))]
+    Coarsest {
+        /// What the coarsest mesh has.
+        least: u64,
     },
     /// A view that nothing can be seen in.
     #[error("view: {what}: {expected} expected, got {got}")]

@@ -180,6 +180,11 @@ impl View {
         View { pixels, ..self }
     }
 
+    /// Whether what is outside the image needs no accuracy.
+    pub fn is_culling(&self) -> bool {
+        self.culling
+    }
+
     /// The allowed pixels of error.
     pub fn pixels(&self) -> f64 {
         self.pixels
