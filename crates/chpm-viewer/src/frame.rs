@@ -8,9 +8,10 @@ mod flow;
 mod paint;
 mod rate;
 mod samples;
+mod smooth;
 
 use crate::error::ViewerError;
-use crate::gpu::buffers::Canvas;
+use crate::gpu::buffers::{Canvas, Sampled};
 use crate::gpu::studio::Studio;
 use crate::gpu::{
     Answers, Arena, DrawBuffers, DrawList, Drawn, Gpu, Kind, Lens, Occlusion, Pipelines, Probe, Questions,
@@ -47,6 +48,8 @@ pub struct Viewer {
     buffers: DrawBuffers,
     list: DrawList,
     depth: Option<Canvas>,
+    /// For pictures of several samples.
+    sampled: Option<Sampled>,
     canvas: Option<Canvas>,
     /// Of the last frame, for picking.
     lens: Option<Lens>,
@@ -124,6 +127,7 @@ impl Viewer {
             pipelines,
             list: DrawList::new(Kind::Depth),
             depth: None,
+            sampled: None,
             canvas: None,
             lens: None,
             now: 0,
@@ -359,7 +363,7 @@ impl Viewer {
         self.asked.clear();
         let eye = self.eye(&request.select_from.unwrap_or(request.camera), request, poe)?;
         let colors = Colors::depth();
-        self.pipelines.prepare(&self.gpu, colors.kind())?;
+        self.pipelines.prepare(&self.gpu, colors.kind(), 1)?;
         let mut stats = Stats { poe, ..Stats::default() };
 
         // What comes into sight is refined, and what is refined may hide less.
@@ -398,7 +402,8 @@ impl Viewer {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, eye.lens.viewport());
         let mut pass = passes::begin(&mut encoder, None, depth.view(), Some(wgpu::Color::BLACK));
-        let drawn = Drawn { pipelines: &self.pipelines, arena: &self.arena, list: &self.list };
+        let pipeline = self.pipelines.get(colors.kind(), 1);
+        let drawn = Drawn { pipeline, arena: &self.arena, list: &self.list };
         self.buffers.draw(&self.gpu, &mut pass, &drawn, 0..shown);
         drop(pass);
         self.gpu.queue.submit([encoder.finish()]);

@@ -149,7 +149,8 @@ pub struct FrameRequest {
     /// Waits until all that the view wants is there, refined, and nothing has come into sight any more: the exact picture,
     /// whatever was drawn before. Otherwise a frame never waits, and draws coarser clusters in place of missing ones.
     pub wait: bool,
-    /// Pictures, each moved by a part of a pixel, whose mean a picture without a window is that waits; 1 has hard edges.
+    /// Pictures, each moved by a part of a pixel, whose mean a picture without a window is that waits; 1 has hard edges. A frame that does
+    /// not wait has four samples a pixel for any more than 1, where the adapter has them.
     pub samples: u32,
     /// How long a frame that does not wait may take to refine: to send what splits bring to the GPU, and, where the camera rests, to wait
     /// for pages that are on their way.

@@ -1,10 +1,10 @@
 //! A frame that waits for nothing: what is there is drawn, in one submission, and nothing is read back before a later frame.
 
 use super::paint::Plan;
-use super::{Eye, Haste, Viewer, Watch, next_poe};
+use super::{Eye, Haste, Viewer, Watch, next_poe, smooth};
 use crate::error::ViewerError;
 use crate::gpu::buffers::Canvas;
-use crate::gpu::{Drawn, Questions, passes};
+use crate::gpu::{Drawn, Kind, Questions, passes};
 use crate::request::{Accuracy, FrameRequest, Look, Target};
 use crate::scene::Culling;
 use crate::stats::Stats;
@@ -22,6 +22,7 @@ pub(super) struct Picture {
     camera: Camera,
     viewport: [u32; 2],
     look: Look,
+    samples: u32,
     culling: Culling,
     triangles: u64,
     clusters: u64,
@@ -30,8 +31,9 @@ pub(super) struct Picture {
 
 impl Picture {
     fn is_of(&self, request: &FrameRequest, culling: Culling) -> bool {
-        let Picture { camera, viewport, look, .. } = *self;
-        (camera, viewport, look, self.culling) == (request.camera, request.viewport, request.look, culling)
+        let Picture { camera, viewport, look, samples, .. } = *self;
+        (camera, viewport, look) == (request.camera, request.viewport, request.look)
+            && (samples, self.culling) == (request.samples, culling)
     }
 }
 
@@ -77,7 +79,8 @@ impl Viewer {
 
         // The draw list: what is visible comes first, then what a test may show.
         let colors = self.colors(request, target);
-        self.pipelines.prepare(&self.gpu, colors.kind())?;
+        let sampled = self.is_sampled(request, colors.kind());
+        let first = self.prepare(colors.kind(), sampled)?;
         // Without numbered draws, what comes into sight is drawn once the answer is there.
         let at_once = self.gpu.features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
         let plan = if eye.culling.occlusion && at_once { Plan::HiddenToo } else { Plan::Visible };
@@ -96,9 +99,9 @@ impl Viewer {
         // One submission: what is visible, the tests against its depth, what they show.
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
-        let mut pass =
-            passes::begin(&mut encoder, Some(target.color), depth.view(), Some(colors.background()));
-        let drawn = Drawn { pipelines: &self.pipelines, arena: &self.arena, list: &self.list };
+        let color = Some(target.color).filter(|_| first != Kind::Depth);
+        let mut pass = passes::begin(&mut encoder, color, depth.view(), Some(colors.background()));
+        let drawn = Drawn { pipeline: self.pipelines.get(first, 1), arena: &self.arena, list: &self.list };
         self.buffers.draw(&self.gpu, &mut pass, &drawn, 0..shown);
         drop(pass);
         stats.times.draw += watch.lap();
@@ -106,8 +109,14 @@ impl Viewer {
         let answers = (!boxes.is_empty()).then(|| self.occlusion.record(&self.gpu, &mut encoder, &questions));
         stats.times.occlusion += watch.lap();
         if shown < self.list.count() {
-            let mut pass = passes::begin(&mut encoder, Some(target.color), depth.view(), None);
+            let mut pass = passes::begin(&mut encoder, color, depth.view(), None);
             self.buffers.draw(&self.gpu, &mut pass, &drawn, shown..self.list.count());
+        }
+        if sampled {
+            // All of it: what the tests show is switched on by now.
+            let (view, background) = (target.color, colors.background());
+            let picture = smooth::Picture { view, size: request.viewport, background };
+            self.smooth(&mut encoder, picture, 0..self.list.count())?;
         }
         self.gpu.queue.submit([encoder.finish()]);
 
@@ -130,6 +139,7 @@ impl Viewer {
             camera: request.camera,
             viewport: request.viewport,
             look: request.look,
+            samples: request.samples,
             culling: eye.culling,
             triangles: stats.triangles,
             clusters: stats.clusters_drawn,

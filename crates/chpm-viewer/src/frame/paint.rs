@@ -3,6 +3,7 @@
 use super::{Canvas, Drawn, Instant, Viewer, Watch, passes};
 use crate::error::ViewerError;
 use crate::frame::samples::{Mean, shifts};
+use crate::frame::smooth::Picture;
 use crate::gpu::arena::Resident;
 use crate::gpu::studio::Studio;
 use crate::gpu::{Kind, Mark};
@@ -287,7 +288,8 @@ impl Viewer {
         shift: [f64; 2],
         stats: &mut Stats,
     ) -> Result<(), ViewerError> {
-        self.pipelines.prepare(&self.gpu, colors.kind)?;
+        let sampled = self.is_sampled(request, colors.kind);
+        let first = self.prepare(colors.kind, sampled)?;
 
         // A frozen selection is shown with all that it leaves out.
         let all = request.select_from.is_some() && colors.look.colors == Coloring::Visibility;
@@ -300,16 +302,22 @@ impl Viewer {
         self.buffers.write(&self.gpu, &self.pipelines, &self.list, &uniform);
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
-        let mut pass = passes::begin(&mut encoder, color, depth.view(), Some(colors.background()));
-        let drawn = Drawn { pipelines: &self.pipelines, arena: &self.arena, list: &self.list };
+        let once = color.filter(|_| first != Kind::Depth);
+        let mut pass = passes::begin(&mut encoder, once, depth.view(), Some(colors.background()));
+        let pipeline = self.pipelines.get(first, 1);
+        let drawn = Drawn { pipeline, arena: &self.arena, list: &self.list };
         self.buffers.draw(&self.gpu, &mut pass, &drawn, 0..shown);
         drop(pass);
+        if let (Some(view), true) = (color, sampled) {
+            let picture = Picture { view, size: request.viewport, background: colors.background() };
+            self.smooth(&mut encoder, picture, 0..shown)?;
+        }
         if let (Some(color), Some(format)) = (color, colors.kind().format().filter(|_| colors.look.studio)) {
             if self.studio.as_ref().is_none_or(|studio| studio.format() != format) {
                 self.studio =
                     Some(self.gpu.attempt("preparing the studio", || Studio::new(&self.gpu, format))?);
             }
-            if let Some(studio) = &self.studio {
+            if let (Some(studio), Some(depth)) = (&self.studio, &self.depth) {
                 studio.record(&self.gpu, &mut encoder, color, depth, &uniform);
             }
         }

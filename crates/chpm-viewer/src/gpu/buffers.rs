@@ -135,6 +135,62 @@ impl Canvas {
     }
 }
 
+/// What is drawn into with several samples a pixel: colours and depths that nobody reads but who makes their mean.
+#[derive(Debug)]
+pub struct Sampled {
+    size: [u32; 2],
+    format: TextureFormat,
+    color: wgpu::TextureView,
+    depth: wgpu::TextureView,
+}
+
+impl Sampled {
+    /// Samples of a pixel: what every adapter has that has more than one.
+    pub const SAMPLES: u32 = 4;
+
+    /// The one in a place, of this size and format: made anew where it is not.
+    ///
+    /// # Errors
+    /// [`ViewerError::Device`] where there is no room.
+    pub fn fit<'a>(
+        place: &'a mut Option<Sampled>,
+        gpu: &Gpu,
+        size: [u32; 2],
+        format: TextureFormat,
+    ) -> Result<&'a Sampled, ViewerError> {
+        let is_it = |sampled: &Sampled| (sampled.size, sampled.format) == (size, format);
+        let made = match place.take().filter(is_it) {
+            Some(sampled) => sampled,
+            None => gpu.attempt("making an image of several samples", || Sampled::new(gpu, size, format))?,
+        };
+        Ok(place.insert(made))
+    }
+
+    fn new(gpu: &Gpu, size: [u32; 2], format: TextureFormat) -> Self {
+        let view = |label, format| {
+            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: Self::SAMPLES,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                // Not every interface can do more with samples.
+                usage: TextureUsages::RENDER_ATTACHMENT,
+                view_formats: &[],
+            });
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        };
+        let (color, depth) = (view("samples", format), view("depths of samples", super::pipelines::DEPTH));
+        Sampled { size, format, color, depth }
+    }
+
+    /// Colour and depth.
+    pub fn views(&self) -> (&wgpu::TextureView, &wgpu::TextureView) {
+        (&self.color, &self.depth)
+    }
+}
+
 /// Waits for all that was submitted and brings the first bytes of a buffer back.
 ///
 /// # Errors

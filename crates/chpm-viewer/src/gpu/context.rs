@@ -144,6 +144,18 @@ impl Gpu {
         self.adapter.get_info().backend == wgpu::Backend::Gl
     }
 
+    /// Whether pictures can be drawn with several samples a pixel.
+    pub fn multisamples(&self) -> bool {
+        // Where depth is written, each sample needs a look of its own.
+        let apart = self.adapter.get_downlevel_capabilities().flags;
+        !self.writes_depth() || apart.contains(DownlevelFlags::MULTISAMPLED_SHADING)
+    }
+
+    /// Whether a processor draws, which takes longer for everything.
+    pub fn is_software(&self) -> bool {
+        self.adapter.get_info().device_type == wgpu::DeviceType::Cpu
+    }
+
     /// The module of a shader in several parts.
     pub fn shader(&self, parts: &[&str]) -> wgpu::ShaderModule {
         let source = wgpu::ShaderSource::Wgsl(parts.concat().into());

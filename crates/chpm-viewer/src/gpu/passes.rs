@@ -123,8 +123,8 @@ impl DrawList {
 /// What is drawn, and with what.
 #[derive(Clone, Copy, Debug)]
 pub struct Drawn<'a> {
-    /// How.
-    pub pipelines: &'a Pipelines,
+    /// How; a pipeline that was prepared.
+    pub pipeline: Option<&'a wgpu::RenderPipeline>,
     /// Where clusters are.
     pub arena: &'a Arena,
     /// Which.
@@ -179,8 +179,7 @@ impl DrawBuffers {
 
     /// Draws a part of the list that was sent.
     pub fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass<'_>, drawn: &Drawn<'_>, part: Range<usize>) {
-        let Drawn { pipelines, arena, list } = *drawn;
-        let Some(pipeline) = pipelines.get(list.kind) else { return };
+        let Drawn { pipeline: Some(pipeline), arena, list } = *drawn else { return };
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.group, &[]);
         for (slab, run) in &list.runs {
@@ -235,27 +234,46 @@ pub fn begin<'a>(
     depth: &wgpu::TextureView,
     clears: Option<wgpu::Color>,
 ) -> wgpu::RenderPass<'a> {
-    let attachment = |view| wgpu::RenderPassColorAttachment {
-        view,
-        depth_slice: None,
-        resolve_target: None,
-        ops: wgpu::Operations {
-            load: clears.map_or(wgpu::LoadOp::Load, wgpu::LoadOp::Clear),
-            store: wgpu::StoreOp::Store,
-        },
-    };
-    let colors = [color.map(attachment)];
+    let load = clears.map_or(wgpu::LoadOp::Load, wgpu::LoadOp::Clear);
+    let ops = wgpu::Operations { load, store: wgpu::StoreOp::Store };
+    // Infinitely far.
+    let far = clears.map_or(wgpu::LoadOp::Load, |_| wgpu::LoadOp::Clear(0.0));
+    let depth_ops = wgpu::Operations { load: far, store: wgpu::StoreOp::Store };
+    let attachment =
+        |view| wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops };
+    pass(encoder, color.map(attachment), depth, depth_ops)
+}
 
+/// Begins a pass that draws clusters with several samples a pixel, anew; the picture has their mean when it ends, and nothing else is kept.
+pub fn begin_sampled<'a>(
+    encoder: &'a mut wgpu::CommandEncoder,
+    picture: &wgpu::TextureView,
+    (color, depth): (&wgpu::TextureView, &wgpu::TextureView),
+    background: wgpu::Color,
+) -> wgpu::RenderPass<'a> {
+    let store = wgpu::StoreOp::Discard;
+    let attachment = wgpu::RenderPassColorAttachment {
+        view: color,
+        depth_slice: None,
+        resolve_target: Some(picture),
+        ops: wgpu::Operations { load: wgpu::LoadOp::Clear(background), store },
+    };
+    pass(encoder, Some(attachment), depth, wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store })
+}
+
+fn pass<'a>(
+    encoder: &'a mut wgpu::CommandEncoder,
+    color: Option<wgpu::RenderPassColorAttachment<'_>>,
+    depth: &wgpu::TextureView,
+    depth_ops: wgpu::Operations<f32>,
+) -> wgpu::RenderPass<'a> {
+    let colors = [color];
     encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some("clusters"),
-        color_attachments: if color.is_some() { &colors } else { &[] },
+        color_attachments: if colors[0].is_some() { &colors } else { &[] },
         depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
             view: depth,
-            depth_ops: Some(wgpu::Operations {
-                // Infinitely far.
-                load: clears.map_or(wgpu::LoadOp::Load, |_| wgpu::LoadOp::Clear(0.0)),
-                store: wgpu::StoreOp::Store,
-            }),
+            depth_ops: Some(depth_ops),
             stencil_ops: None,
         }),
         ..Default::default()

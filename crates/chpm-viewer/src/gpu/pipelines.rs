@@ -56,6 +56,8 @@ impl Kind {
 #[derive(Debug)]
 pub struct Pipelines {
     shader: wgpu::ShaderModule,
+    /// The same for several samples a pixel, where that makes a difference.
+    sampled: Option<wgpu::ShaderModule>,
     layout: wgpu::PipelineLayout,
     /// Frame and draws.
     pub frame: wgpu::BindGroupLayout,
@@ -65,7 +67,8 @@ pub struct Pipelines {
     pub one_sided: bool,
     /// Whether vertices have colours.
     colors: bool,
-    made: Vec<(Kind, bool, wgpu::RenderPipeline)>,
+    /// What it makes, one-sided or not, with so many samples a pixel.
+    made: Vec<((Kind, bool, u32), wgpu::RenderPipeline)>,
 }
 
 impl Pipelines {
@@ -76,7 +79,14 @@ impl Pipelines {
             true => include_str!("../shaders/depth_written.wgsl"),
             false => include_str!("../shaders/depth_kept.wgsl"),
         };
-        let shader = gpu.shader(&[lens::WGSL, kept, include_str!("../shaders/clusters.wgsl")]);
+        let clusters = include_str!("../shaders/clusters.wgsl");
+        let shader = gpu.shader(&[lens::WGSL, kept, clusters]);
+        // A depth that is written is that of all samples of a pixel, unless each is looked at on its own.
+        let sampled = (gpu.writes_depth() && gpu.multisamples()).then(|| {
+            let apart = "@location(0) @interpolate(perspective, sample) at:";
+            let kept = include_str!("../shaders/depth_sampled.wgsl");
+            gpu.shader(&[lens::WGSL, kept, &clusters.replace("@location(0) at:", apart)])
+        });
         let both = ShaderStages::VERTEX_FRAGMENT;
         let frame = layout(gpu, "frame", &[(both, UNIFORM), (ShaderStages::VERTEX, READ)]);
         let slab = layout(gpu, "clusters", &[(ShaderStages::VERTEX, READ)]);
@@ -85,7 +95,7 @@ impl Pipelines {
             bind_group_layouts: &[Some(&frame), Some(&slab)],
             immediate_size: 0,
         });
-        Pipelines { shader, layout, frame, slab, one_sided: false, colors, made: Vec::new() }
+        Pipelines { shader, sampled, layout, frame, slab, one_sided: false, colors, made: Vec::new() }
     }
 
     /// Bytes of a vertex.
@@ -93,19 +103,20 @@ impl Pipelines {
         4 * u64::from(words_of_unit(self.colors))
     }
 
-    /// Makes a pipeline, if there is none yet.
+    /// Makes a pipeline for targets of so many samples a pixel, if there is none yet.
     ///
     /// # Errors
     /// [`ViewerError::Device`] where the driver refuses it.
-    pub fn prepare(&mut self, gpu: &Gpu, kind: Kind) -> Result<(), ViewerError> {
-        if self.get(kind).is_none() {
-            let pipeline = gpu.attempt("making a pipeline that draws", || self.make(gpu, kind))?;
-            self.made.push((kind, self.one_sided, pipeline));
+    pub fn prepare(&mut self, gpu: &Gpu, kind: Kind, samples: u32) -> Result<(), ViewerError> {
+        if self.get(kind, samples).is_none() {
+            let pipeline = gpu.attempt("making a pipeline that draws", || self.make(gpu, kind, samples))?;
+            self.made.push(((kind, self.one_sided, samples), pipeline));
         }
         Ok(())
     }
 
-    fn make(&self, gpu: &Gpu, kind: Kind) -> wgpu::RenderPipeline {
+    fn make(&self, gpu: &Gpu, kind: Kind, samples: u32) -> wgpu::RenderPipeline {
+        let shader = self.sampled.as_ref().filter(|_| samples > 1).unwrap_or(&self.shader);
         let (vertex, fragment) = match kind {
             Kind::Depth => ("depth_only", gpu.writes_depth().then_some("deep")),
             Kind::Bare(_) => ("bare", Some("bared")),
@@ -142,7 +153,7 @@ impl Pipelines {
             label: Some("clusters"),
             layout: Some(&self.layout),
             vertex: wgpu::VertexState {
-                module: &self.shader,
+                module: shader,
                 entry_point: Some(vertex),
                 compilation_options: options(),
                 buffers: if kind.is_indexed() { &vertices } else { &[] },
@@ -158,9 +169,9 @@ impl Pipelines {
                 stencil: wgpu::StencilState::default(),
                 bias: wgpu::DepthBiasState::default(),
             }),
-            multisample: wgpu::MultisampleState::default(),
+            multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
             fragment: fragment.map(|entry_point| wgpu::FragmentState {
-                module: &self.shader,
+                module: shader,
                 entry_point: Some(entry_point),
                 compilation_options: options(),
                 targets,
@@ -171,9 +182,9 @@ impl Pipelines {
     }
 
     /// A pipeline that was prepared.
-    pub fn get(&self, kind: Kind) -> Option<&wgpu::RenderPipeline> {
-        let is_it = |(made, one_sided, _): &&(Kind, bool, _)| (*made, *one_sided) == (kind, self.one_sided);
-        self.made.iter().find(is_it).map(|(.., pipeline)| pipeline)
+    pub fn get(&self, kind: Kind, samples: u32) -> Option<&wgpu::RenderPipeline> {
+        let wanted = (kind, self.one_sided, samples);
+        self.made.iter().find(|(made, _)| *made == wanted).map(|(_, pipeline)| pipeline)
     }
 }
 

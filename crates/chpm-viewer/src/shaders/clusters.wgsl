@@ -145,12 +145,12 @@ fn encoded(color: vec3<f32>) -> vec4<f32> {
 @fragment
 fn bared(seen: Bare) -> Shown {
     let color = select(PLAIN, unpack4x8unorm(seen.tint).rgb, frame.look.y == 2u);
-    return shown(encoded(shade(seen.at, vec3(0.0), color)), seen.position);
+    return shown(encoded(shade(seen.at, vec3(0.0), color)), seen.position, seen.at);
 }
 
 @fragment
 fn colored(seen: Seen) -> Shown {
-    return shown(encoded(shade(seen.at, seen.normal, seen.color)), seen.position);
+    return shown(encoded(shade(seen.at, seen.normal, seen.color)), seen.position, seen.at);
 }
 
 @fragment
@@ -169,10 +169,10 @@ fn wired(seen: Apart) -> Shown {
     let fade = 1.0 - smoothstep(0.15, 0.6, max(steps.x, max(steps.y, steps.z)));
     let edge = fade * (1.0 - smoothstep(0.4, 1.2, min(distance.x, min(distance.y, distance.z))));
     let color_and_edge = mix(lit, vec3(0.03, 0.04, 0.06), select(0.0, 0.85 * edge, frame.look.z == 1u));
-    return shown(encoded(color_and_edge), seen.position);
+    return shown(encoded(color_and_edge), seen.position, seen.at);
 }
 
 @fragment
 fn identified(seen: Apart) -> Named {
-    return named(seen.key, seen.position);
+    return named(seen.key, seen.position, seen.at);
 }

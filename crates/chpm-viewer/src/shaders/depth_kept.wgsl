@@ -8,10 +8,10 @@ struct Named {
     @location(0) key: u32,
 }
 
-fn shown(color: vec4<f32>, position: vec4<f32>) -> Shown {
+fn shown(color: vec4<f32>, position: vec4<f32>, at: vec3<f32>) -> Shown {
     return Shown(color);
 }
 
-fn named(key: u32, position: vec4<f32>) -> Named {
+fn named(key: u32, position: vec4<f32>, at: vec3<f32>) -> Named {
     return Named(key);
 }

@@ -16,11 +16,11 @@ fn depth_of(position: vec4<f32>) -> f32 {
     return frame.forward.w * position.w;
 }
 
-fn shown(color: vec4<f32>, position: vec4<f32>) -> Shown {
+fn shown(color: vec4<f32>, position: vec4<f32>, at: vec3<f32>) -> Shown {
     return Shown(color, depth_of(position));
 }
 
-fn named(key: u32, position: vec4<f32>) -> Named {
+fn named(key: u32, position: vec4<f32>, at: vec3<f32>) -> Named {
     return Named(key, depth_of(position));
 }
 

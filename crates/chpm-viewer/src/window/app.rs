@@ -457,13 +457,15 @@ impl App {
     fn show_panel(&mut self, context: &egui::Context) -> Vec<Command> {
         let (Some(session), true) = (&self.session, self.settings.panel) else { return Vec::new() };
         let name = session.path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
-        let adapter = session.viewer.gpu().adapter.get_info();
+        let gpu = session.viewer.gpu();
+        let adapter = gpu.adapter.get_info();
         let about = About {
             model: &name,
             triangles: session.viewer.file().header().source_triangle_count,
             adapter: &adapter.name,
             memory: self.options.budgets.memory,
             gpu_memory: self.options.budgets.gpu_memory,
+            smooth: gpu.multisamples().then(|| self.settings.smooths(gpu)),
             up: session.navigator.upward(),
             frozen: session.frozen.is_some(),
             recording: session.recorder.as_ref().map(Recorder::seconds),

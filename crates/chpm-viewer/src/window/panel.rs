@@ -5,7 +5,7 @@ use crate::request::Coloring;
 use crate::stats::Stats;
 use crate::window::figures::{Figures, count, digits, ms, percent};
 use crate::window::keys::Command;
-use crate::window::settings::{FRAME, POE, Settings, TRIANGLES};
+use crate::window::settings::{FRAME, POE, Settings, Smooth, TRIANGLES};
 use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET};
 use chpm_mesh::Bytes;
 use chpm_refine::Up;
@@ -24,6 +24,8 @@ pub(super) struct About<'a> {
     pub(super) adapter: &'a str,
     pub(super) memory: Bytes,
     pub(super) gpu_memory: Bytes,
+    /// When edges are smooth; none where the adapter cannot do it.
+    pub(super) smooth: Option<Smooth>,
     pub(super) up: Up,
     pub(super) frozen: bool,
     /// Seconds of a recording that goes on.
@@ -231,6 +233,20 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
     }
 
     ui.horizontal(|ui| {
+        ui.label(RichText::new("antialiasing").color(QUIET));
+        match about.smooth {
+            None => _ = ui.label(RichText::new("not by this adapter").small().color(QUIET)),
+            Some(now) => {
+                for (smooth, name, does) in Smooth::ALL {
+                    if ui.selectable_label(now == smooth, name).on_hover_text(does).clicked() {
+                        settings.antialias = Some(smooth);
+                    }
+                }
+            }
+        }
+    });
+
+    ui.horizontal(|ui| {
         ui.label(RichText::new("culling").color(QUIET));
         ui.toggle_value(&mut settings.frustum_culling, "frustum");
         ui.toggle_value(&mut settings.occlusion_culling, "occlusion");
@@ -313,6 +329,7 @@ mod tests {
             adapter: "an adapter",
             memory: Bytes::mib(1024),
             gpu_memory: Bytes::mib(512),
+            smooth: Some(Smooth::Rest),
             up: Up::ALL[0],
             frozen: true,
             recording: Some(1234.5),

@@ -78,6 +78,8 @@ pub(super) struct Session {
     time: f64,
     measured: f64,
     moving: bool,
+    /// The last frame was as the one before it.
+    calm: bool,
     /// Frames since something changed.
     quiet: u32,
     detail: Detail,
@@ -123,6 +125,7 @@ impl Session {
             time: 0.0,
             measured: f64::NEG_INFINITY,
             moving: false,
+            calm: false,
             quiet: 0,
             detail: Detail::default(),
             marks: Vec::new(),
@@ -181,8 +184,11 @@ impl Session {
         // At rest, a picture that takes long is worth waiting for what belongs into it.
         let patience =
             if self.moving { wish.ms.min(100.0) / 4.0 } else { self.figures.total().clamp(30.0, 250.0) };
+        // A picture that still changes is soon another one.
+        let rests = !self.moving && self.calm;
         FrameRequest {
             accuracy: Accuracy::PoE(poe),
+            samples: settings.smooths(self.viewer.gpu()).samples(rests),
             patience: Duration::from_secs_f64(1e-3 * patience),
             ..settings.request(self.camera, size, self.frozen.map(|(camera, _)| camera))
         }
@@ -207,6 +213,7 @@ impl Session {
     /// A frame is shown: it took so long, and came so many seconds after the last one.
     pub(super) fn shown(&mut self, stats: &Stats, whole: Duration, seconds: f64) {
         let changes = self.moving || changed(&self.figures.last, stats);
+        self.calm = !changes;
         // Nothing is final before all answers are there.
         self.quiet = if changes { 0 } else { self.quiet + u32::from(stats.unanswered == 0) };
         self.idle = stats.kept;

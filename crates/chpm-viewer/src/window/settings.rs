@@ -1,5 +1,6 @@
 //! What a person can set in the panel; what a frame is asked for follows from it.
 
+use crate::gpu::Gpu;
 use crate::request::{Accuracy, Coloring, FrameRequest, Look, Shading};
 use crate::window::detail::Wish;
 use chpm_refine::Camera;
@@ -13,6 +14,32 @@ pub const TRIANGLES: RangeInclusive<u64> = 1_000..=100_000_000;
 
 /// Milliseconds of a frame in motion that the panel offers.
 pub const FRAME: RangeInclusive<f64> = 8.0..=500.0;
+
+/// When edges are drawn without stairs, with four samples a pixel.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Smooth {
+    /// Never.
+    Off,
+    /// In pictures that do not move and are complete: what moves loses no detail to it.
+    Rest,
+    /// Always.
+    Always,
+}
+
+impl Smooth {
+    /// All of them, with their names in the panel and what they do.
+    pub const ALL: [(Smooth, &'static str, &'static str); 3] = [
+        (Smooth::Off, "off", "edges have stairs"),
+        (Smooth::Rest, "at rest", "edges are smooth once nothing moves"),
+        (Smooth::Always, "4x", "edges are smooth, with four samples a pixel"),
+    ];
+
+    /// Samples of a frame that is at rest or not.
+    pub fn samples(self, rests: bool) -> u32 {
+        if self == Smooth::Always || self == Smooth::Rest && rests { 4 } else { 1 }
+    }
+}
 
 /// All of it. Fields that a file does not have are as by default.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -30,6 +57,8 @@ pub struct Settings {
     pub adaptive: bool,
     /// Smooth shading.
     pub smooth: bool,
+    /// When edges have no stairs, whatever the adapter; if not told, a processor that draws does it at rest, and others always.
+    pub antialias: Option<Smooth>,
     /// What colours show.
     #[serde(with = "color_name")]
     pub colors: Coloring,
@@ -58,6 +87,7 @@ impl Default for Settings {
             frame: 30.0,
             adaptive: true,
             smooth: false,
+            antialias: None,
             colors: Coloring::Vertex,
             wireframe: false,
             one_sided: false,
@@ -78,6 +108,12 @@ impl Settings {
             Accuracy::Triangles(triangles) => (self.triangles, self.budgeted) = (triangles, true),
         }
         self
+    }
+
+    /// When edges have no stairs, on this adapter.
+    pub fn smooths(&self, gpu: &Gpu) -> Smooth {
+        let usual = if gpu.is_software() { Smooth::Rest } else { Smooth::Always };
+        if gpu.multisamples() { self.antialias.unwrap_or(usual) } else { Smooth::Off }
     }
 
     /// How fine the mesh is at rest.
@@ -167,10 +203,14 @@ mod tests {
     #[test]
     fn settings_are_text_and_back() {
         for (colors, ..) in Coloring::ALL {
-            let settings = Settings { colors, poe: 0.3, smooth: true, ..Settings::default() };
-            let text = toml::to_string(&settings).unwrap();
-            assert_eq!(toml::from_str::<Settings>(&text).unwrap(), settings);
+            for antialias in [None, Some(Smooth::Off), Some(Smooth::Rest), Some(Smooth::Always)] {
+                let settings = Settings { colors, antialias, poe: 0.3, smooth: true, ..Settings::default() };
+                let text = toml::to_string(&settings).unwrap();
+                assert_eq!(toml::from_str::<Settings>(&text).unwrap(), settings);
+            }
         }
+        assert_eq!([Smooth::Off, Smooth::Rest, Smooth::Always].map(|it| it.samples(true)), [1, 4, 4]);
+        assert_eq!([Smooth::Off, Smooth::Rest, Smooth::Always].map(|it| it.samples(false)), [1, 1, 4]);
         assert_eq!(toml::from_str::<Settings>("").unwrap(), Settings::default());
         assert!(toml::from_str::<Settings>("colors = \"ultraviolet\"").is_err());
         assert!(toml::from_str::<Settings>("poe = -1.0").unwrap().check().is_err());

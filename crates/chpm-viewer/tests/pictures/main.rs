@@ -23,3 +23,5 @@ mod raster;
 mod reference;
 /// Smooth shading shows no borders of clusters.
 mod seams;
+/// Edges without stairs in frames that do not wait.
+mod smooth;
