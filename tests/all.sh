@@ -7,5 +7,7 @@ cargo fmt --all --check
 cargo clippy --workspace --all-targets --locked -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 cargo test --workspace --locked --no-fail-fast
+# The Python package, where there is Python; a workspace of its own.
+bash python/test.sh
 # The same pictures where there is nothing but OpenGL.
 WGPU_BACKEND=gl cargo test --workspace --locked --test pictures

@@ -76,7 +76,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 
 fn all_sources() -> Vec<PathBuf> {
     let mut found = Vec::new();
-    for folder in ["src", "tests", "benches", "crates"] {
+    for folder in ["src", "tests", "benches", "crates", "python/src"] {
         sources(&root().join(folder), &mut found);
     }
     assert!(found.len() > 50, "the sources are here");
@@ -114,6 +114,36 @@ fn crates_use_only_what_lies_below_them() {
         seen += 1;
     }
     assert_eq!(seen, EDGES.len());
+}
+
+/// The Python package reads: no METIS and no viewer. It is a workspace of its own, with the versions of this one where both use a crate.
+#[test]
+fn the_python_package_reads_with_the_same_crates() {
+    let folder = root().join("python");
+    let allowed = ["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem"];
+    for used in dependencies(&folder.join("Cargo.toml")).iter().filter(|used| used.starts_with("chpm-")) {
+        assert!(allowed.contains(&used.as_str()), "the Python package must not use {used}");
+    }
+    let library = fs::read_to_string(folder.join("src/lib.rs")).expect("a root module");
+    assert!(library.contains(concat!("#![forbid(un", "safe_code)]")));
+    let locked = |path: PathBuf| {
+        let text = fs::read_to_string(path).expect("a lock file");
+        let value = |block: &str, key: &str| {
+            let line = block.lines().find_map(|line| line.strip_prefix(key));
+            line.unwrap_or_default().trim_matches('"').to_owned()
+        };
+        let blocks = text.split("[[package]]").skip(1);
+        blocks.map(|block| (value(block, "name = "), value(block, "version = "))).collect::<Vec<_>>()
+    };
+    let (ours, theirs) = (locked(root().join("Cargo.lock")), locked(folder.join("Cargo.lock")));
+    let mut shared = 0;
+    for package in theirs {
+        let known = ours.iter().filter(|(name, _)| *name == package.0).collect::<Vec<_>>();
+        shared += usize::from(!known.is_empty());
+        let fix = "cp Cargo.lock python/, then cargo metadata --manifest-path python/Cargo.toml";
+        assert!(known.is_empty() || known.contains(&&package), "{package:?} and {known:?}: {fix}");
+    }
+    assert!(shared > 30, "{shared} crates are used by both");
 }
 
 /// Names after `crate::` in a source, of modules and of what the crate's root has.

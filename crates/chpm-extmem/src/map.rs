@@ -270,7 +270,7 @@ mod cut {
     use nix::libc::{self, c_int, c_void, siginfo_t};
     use nix::sys::signal::{SaFlags, SigAction, SigHandler, SigSet, Signal, raise, sigaction};
     use std::ptr;
-    use std::sync::Once;
+    use std::sync::OnceLock;
     use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
     /// Maps that can be guarded at a time. A map beyond them is not.
@@ -295,6 +295,10 @@ mod cut {
         }
     }; SLOTS];
 
+    /// What the process did about such signals before, as a library that is loaded into another program has to know; `None` if there is
+    /// no handler.
+    static BEFORE: OnceLock<Option<SigAction>> = OnceLock::new();
+
     /// Lets the handler know a map, until it is dropped.
     #[derive(Debug)]
     pub(super) struct Guard(&'static Slot);
@@ -302,12 +306,8 @@ mod cut {
     impl Guard {
         /// `None` if there is no place for one more, or no handler.
         pub(super) fn of(map: &[u8]) -> Option<Guard> {
-            static LISTEN: Once = Once::new();
-            static LISTENING: AtomicBool = AtomicBool::new(false);
-            LISTEN.call_once(|| LISTENING.store(listen().is_ok(), Ordering::Relaxed));
-            if !LISTENING.load(Ordering::Relaxed) {
-                return None;
-            }
+            // A signal may come before what was there before is known: then the default is taken for it.
+            BEFORE.get_or_init(|| listen().ok()).as_ref()?;
             let slot = MAPS.iter().find(|slot| !slot.taken.swap(true, Ordering::AcqRel))?;
             let start = map.as_ptr().addr();
             slot.cut.store(false, Ordering::Relaxed);
@@ -329,11 +329,11 @@ mod cut {
         }
     }
 
-    fn listen() -> nix::Result<()> {
+    fn listen() -> nix::Result<SigAction> {
         let flags = SaFlags::SA_SIGINFO | SaFlags::SA_ONSTACK;
         let action = SigAction::new(SigHandler::SigAction(on_bus_error), flags, SigSet::empty());
         // SAFETY: the handler calls only what a signal handler may call: it reads and writes atomics and makes system calls.
-        unsafe { sigaction(Signal::SIGBUS, &action) }.map(drop)
+        unsafe { sigaction(Signal::SIGBUS, &action) }
     }
 
     extern "C" fn on_bus_error(_: c_int, info: *mut siginfo_t, _: *mut c_void) {
@@ -343,8 +343,9 @@ mod cut {
         if !MAPS.iter().any(|slot| slot.covers(address) && slot.map_zeros(address)) {
             // Not of a map: what would have happened without this handler, once it has returned.
             let default = SigAction::new(SigHandler::SigDfl, SaFlags::empty(), SigSet::empty());
+            let before = BEFORE.get().copied().flatten().unwrap_or(default);
             // SAFETY: takes this handler away.
-            let _ = unsafe { sigaction(Signal::SIGBUS, &default) };
+            let _ = unsafe { sigaction(Signal::SIGBUS, &before) };
             let _ = raise(Signal::SIGBUS);
         }
         Errno::set_raw(errno);

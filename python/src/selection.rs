@@ -1,0 +1,167 @@
+//! A mesh that was selected.
+
+use crate::asked::Asked;
+use crate::error::Failure;
+use crate::file::Model;
+use crate::view::rows;
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_mesh::{Attributes, TriMesh};
+use chpm_refine::{Extraction, Shortfall};
+use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// One mesh without cracks, taken out of a file: what ``chpm extract`` writes for the same request.
+#[pyclass(frozen, module = "chpm")]
+pub(crate) struct Selection {
+    /// Vertices, relative to :attr:`origin`: float32 of the shape (n, 3), in the model's units.
+    #[pyo3(get)]
+    vertices: Py<PyArray2<f32>>,
+    /// Corners of triangles, as indices into the vertices: uint32 of the shape (m, 3).
+    #[pyo3(get)]
+    faces: Py<PyArray2<u32>>,
+    /// Normals of the vertices, as the source or the build has made them: float32 of the shape (n, 3), or None.
+    #[pyo3(get)]
+    normals: Option<Py<PyArray2<f32>>>,
+    /// Colours of the vertices, red, green, blue and alpha: uint8 of the shape (n, 4), or None.
+    #[pyo3(get)]
+    colors: Option<Py<PyArray2<u8>>>,
+    /// What the vertices are relative to: float64 of the shape (3,); zeros unless single precision would not do.
+    #[pyo3(get)]
+    origin: Py<PyArray1<f64>>,
+    /// How far the mesh is from the source at most, but for components that lay apart and vanished; in the model's units.
+    #[pyo3(get)]
+    error: f32,
+    /// How far any point of the source is from the mesh, or of the mesh from the source, at most; in the model's units. Nothing is
+    /// exempt. None for files of version 1.0, which do not tell it.
+    #[pyo3(get)]
+    distance: Option<f32>,
+    /// How many clusters the mesh is made of.
+    #[pyo3(get)]
+    cluster_count: usize,
+    /// What was asked for and the file does not have, in a sentence; None where it has all.
+    #[pyo3(get)]
+    shortfall: Option<String>,
+}
+
+#[pymethods]
+impl Selection {
+    /// Vertices with the origin added: a new array, float64 of the shape (n, 3), in the model's units.
+    fn absolute<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.vertices.bind(py).call_method1("astype", ("float64",))?.add(&self.origin)
+    }
+
+    /// Vertices of the mesh: int.
+    #[getter]
+    fn vertex_count(&self, py: Python<'_>) -> usize {
+        self.vertices.bind(py).shape()[0]
+    }
+
+    /// Triangles of the mesh: int.
+    #[getter]
+    fn triangle_count(&self, py: Python<'_>) -> usize {
+        self.faces.bind(py).shape()[0]
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let (vertices, triangles) = (self.vertex_count(py), self.triangle_count(py));
+        format!("<chpm.Selection: {triangles} triangles, {vertices} vertices, error {}>", self.error)
+    }
+}
+
+/// The same before Python has it.
+pub(crate) struct Selected {
+    mesh: TriMesh,
+    carried: Attributes,
+    error: f32,
+    distance: Option<f32>,
+    clusters: usize,
+    pub(crate) shortfall: Option<String>,
+}
+
+/// Selects, without holding Python up; stops where Ctrl-C was pressed.
+pub(crate) fn select(model: &Model, asked: &Asked) -> Result<Selected, Failure> {
+    model.reading(|file| taken(file, &model.path, asked))
+}
+
+fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected, Failure> {
+    let request = asked.request(file)?;
+    let cut = request.cut(file, 0.0)?;
+    let extraction = Extraction::new(file, &cut)?;
+    request.check(file, &extraction)?;
+    let mesh = mesh(&extraction)?;
+    let (error, distance) = (cut.error(file)?, cut.distance(file)?);
+    let told = |shortfall: Shortfall| shortfall.told(path.display(), file.header().aabb().diagonal());
+    Ok(Selected {
+        mesh,
+        carried: extraction.attributes(),
+        error,
+        distance: file.has_gaps().then_some(distance),
+        clusters: cut.members().len(),
+        shortfall: request.shortfall(file, &cut, distance).map(told),
+    })
+}
+
+fn mesh(extraction: &Extraction<'_, MappedFile>) -> Result<TriMesh, Failure> {
+    let (vertices, triangles) = (extraction.vertex_count() as usize, extraction.triangle_count() as usize);
+    let mut mesh = TriMesh::default();
+    let carried = extraction.attributes();
+    let memory = |_| Failure::Memory(format!("{triangles} triangles and {vertices} vertices"));
+    mesh.positions.try_reserve_exact(vertices).map_err(memory)?;
+    mesh.triangles.try_reserve_exact(triangles).map_err(memory)?;
+    if carried.has_normals() {
+        mesh.normals.try_reserve_exact(vertices).map_err(memory)?;
+    }
+    if carried.colors {
+        mesh.colors.try_reserve_exact(vertices).map_err(memory)?;
+    }
+    let mut patience = Patience::new();
+    extraction.vertices(|batch| {
+        mesh.extend_from_slices(batch);
+        patience.check()
+    })?;
+    extraction.triangles(|batch| {
+        mesh.triangles.extend_from_slice(batch);
+        patience.check()
+    })?;
+    Ok(mesh)
+}
+
+/// Looks every now and then whether Ctrl-C was pressed.
+struct Patience {
+    looked: Instant,
+}
+
+impl Patience {
+    fn new() -> Self {
+        Patience { looked: Instant::now() }
+    }
+
+    fn check(&mut self) -> Result<(), Failure> {
+        if self.looked.elapsed() < Duration::from_millis(100) {
+            return Ok(());
+        }
+        self.looked = Instant::now();
+        Ok(Python::attach(|py| py.check_signals())?)
+    }
+}
+
+impl Selection {
+    pub(crate) fn new(py: Python<'_>, selected: Selected, origin: Py<PyArray1<f64>>) -> PyResult<Self> {
+        let Selected { mesh, carried, error, distance, clusters, shortfall } = selected;
+        let TriMesh { vertices, triangles } = mesh;
+        Ok(Selection {
+            normals: carried.has_normals().then(|| rows(py, vertices.normals)).transpose()?,
+            colors: carried.colors.then(|| rows(py, vertices.colors)).transpose()?,
+            vertices: rows(py, vertices.positions)?,
+            faces: rows(py, triangles)?,
+            origin,
+            error,
+            distance,
+            cluster_count: clusters,
+            shortfall,
+        })
+    }
+}

@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# Builds the wheel, installs it beside trimesh, PyVista and meshio, and runs its tests, which compare it with the command (CHPM; the dev build if
+# not given). Where something for that is missing, it says so and skips.
+set -euo pipefail
+cd "$(dirname "$0")"
+python="${PYTHON:-python3}"
+
+skip() {
+    echo "the Python package is not tested: $1" >&2
+    exit 0
+}
+
+command -v "$python" >/dev/null || skip "there is no $python"
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || skip "$("$python" --version) is older than 3.10"
+"$python" -m venv target/venv || skip "it needs the modules venv and pip (Debian: python3-venv)"
+# What is installed already is not asked for again.
+target/venv/bin/python -m pip install --quiet --requirement tests/requirements.txt || skip "PyPI does not answer"
+
+export CHPM="${CHPM:-$(cd .. && pwd)/target/debug/chpm}"
+[ -x "$CHPM" ] || cargo build --manifest-path ../Cargo.toml --locked
+
+cargo fmt --check
+# The same target folder as the command's: what both use is compiled once.
+export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$(cd .. && pwd)/target}"
+cargo clippy --locked -- -D warnings
+rm -rf target/wheels
+target/venv/bin/maturin build --profile dev --locked --interpreter "$python" --out target/wheels
+target/venv/bin/python -m pip install --quiet --no-deps --force-reinstall target/wheels/*.whl
+target/venv/bin/python -m pytest --quiet
