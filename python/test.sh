@@ -16,12 +16,12 @@ command -v "$python" >/dev/null || skip "there is no $python"
 # What is installed already is not asked for again.
 target/venv/bin/python -m pip install --quiet --requirement tests/requirements.txt || skip "PyPI does not answer"
 
-export CHPM="${CHPM:-$(cd .. && pwd)/target/debug/chpm}"
+# The command's own: what is there is not compiled again.
+export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$(cd .. && pwd)/target}"
+export CHPM="${CHPM:-$CARGO_TARGET_DIR/debug/chpm}"
 [ -x "$CHPM" ] || cargo build --manifest-path ../Cargo.toml --locked
 
 cargo fmt --check
-# The same target folder as the command's: what both use is compiled once.
-export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$(cd .. && pwd)/target}"
 cargo clippy --locked -- -D warnings
 rm -rf target/wheels
 target/venv/bin/maturin build --profile dev --locked --interpreter "$python" --out target/wheels
