@@ -35,6 +35,7 @@ mod proximity;
 mod report;
 mod stats;
 mod stop;
+mod threads;
 mod tolerance;
 mod view;
 #[cfg(feature = "web")]

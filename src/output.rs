@@ -3,7 +3,7 @@
 use anyhow::{Result, bail, ensure};
 use chpm_extmem::{AtomicFile, ExtmemError, same_file};
 use std::io::{self, BufWriter, StdoutLock, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Names that stand for standard output.
 const STDOUT: [&str; 4] = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
@@ -28,6 +28,7 @@ pub(crate) const PATH: Writes = writes("path", "a camera path");
 pub(crate) const COMPARE: Writes = writes("compare", "PLY");
 pub(crate) const COMPARE_SVG: Writes = writes("compare --svg", "SVG");
 pub(crate) const CONTACTS_CSV: Writes = writes("contacts --csv", "CSV");
+pub(crate) const CLEARANCE_CSV: Writes = writes("clearance --csv", "CSV");
 pub(crate) const DISTANCE_CSV: Writes = writes("distance --csv", "CSV");
 pub(crate) const WALK_CSV: Writes = writes("walk --csv", "CSV");
 pub(crate) const REPORT: Writes = writes("report", "HTML");
@@ -117,6 +118,33 @@ impl Writes {
 
 pub(crate) fn is_stdout(path: &Path) -> bool {
     STDOUT.iter().any(|name| path.as_os_str() == *name)
+}
+
+/// How a verb of many answers tells them.
+#[derive(clap::Args, Clone, Debug)]
+pub(crate) struct TellArgs {
+    /// Write a line of numbers for each of what was asked for (poses, contacts, frames); - for standard output
+    #[arg(long, value_name = "FILE")]
+    pub(crate) csv: Option<PathBuf>,
+    /// Replace files that exist
+    #[arg(short, long)]
+    pub(crate) force: bool,
+    /// The result as JSON on stdout
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, no notes
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+}
+
+impl TellArgs {
+    /// The CSV that is to be written, if one is, and where the rest is told.
+    pub(crate) fn open(&self, writes: Writes, inputs: &[&Path]) -> Result<(Option<Output>, Box<dyn Write>)> {
+        let create = |path: &PathBuf| writes.create(path, self.force, inputs);
+        let csv = self.csv.as_ref().map(create).transpose()?;
+        let out = messages(&csv, self.json, self.quiet)?;
+        Ok((csv, out))
+    }
 }
 
 /// A result that is being written.

@@ -1,59 +1,45 @@
 //! `chpm clearance`: proves that two models are apart by more than a distance, or shows where they are not.
 
-use super::{Verdict, stdout};
+use super::Verdict;
 use crate::number::Units;
-use crate::proximity::{Asker, LimitArgs, Pair, PoseArgs, answer_json, read_path};
+use crate::output;
+use crate::proximity::{AskArgs, SecondArgs, answer_json, ask_all, read, write_csv};
 use crate::stop::Stop;
 use anyhow::Result;
 use chpm_build::config::Length;
-use chpm_mesh::Bytes;
-use chpm_proximity::{Answer, Question};
+use chpm_proximity::{Answer, Question, Reads};
 use serde_json::{Value, json};
 use std::io::Write;
-use std::path::PathBuf;
 
 /// What `chpm clearance` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// A .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), which is built into a temporary one first
-    first: PathBuf,
-    /// Another, or the same
-    second: PathBuf,
+    #[command(flatten)]
+    ask: AskArgs,
+    #[command(flatten)]
+    second: SecondArgs,
     /// The distance that the models must be farther apart than, in their units or, as in 1%, of the larger diagonal of their boxes
     #[arg(long, value_name = "D")]
     above: Length,
-    #[command(flatten)]
-    poses: PoseArgs,
-    /// Ask for each pose of the second model in this file, one a line as for --pose
-    #[arg(long, visible_alias = "poses", value_name = "FILE", conflicts_with = "pose")]
-    path: Option<PathBuf>,
-    /// The answers as JSON on stdout
-    #[arg(long)]
-    json: bool,
-    /// No progress, no notes
-    #[arg(short, long)]
-    quiet: bool,
-    #[command(flatten)]
-    limits: LimitArgs,
 }
 
 /// Asks for each pose; anything but a proof is a fault.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let [still, pose] = args.poses.poses();
-    let path = args.path.as_deref().map(read_path).transpose()?.unwrap_or_else(|| vec![pose]);
-    let pair = Pair::new([&args.first, &args.second], args.limits.memory, args.quiet, stop)?;
+    let AskArgs { first, poses, limits, threads, tell } = &args.ask;
+    let (mut csv, mut out) = tell.open(output::CLEARANCE_CSV, &[first, &args.second.second])?;
+    let ([still, _], path) = (poses.poses(), args.second.path(poses)?);
+    let pair = args.ask.pair(&args.second.second, stop)?;
     let cancel = stop.heed();
     let above = args.above.of(pair.diagonal());
     let question = Question { error: 0.0, above: Some(above), most_pairs: pair.most_pairs };
-    let answers = pair.reading(|| {
-        let mut asker = Asker::new(&pair)?;
-        let answers =
-            path.iter().map(|pose| asker.ask(&[still, *pose], &question, &args.limits.start(&cancel)));
-        answers.collect::<Result<Vec<Answer>>>()
-    })?;
+    let pool = threads.pool()?;
+    let ask = || ask_all(&pair, &still, &path, &question, limits, &cancel);
+    let answers = pair.reading(|| pool.install(ask))?;
+    if let Some(csv) = &mut csv {
+        write_csv(&answers, csv)?;
+    }
     let is_clear = |answer: &Answer| answer.least > above;
-    let mut out = stdout();
-    if args.json {
+    if tell.json {
         let entry = |answer: &Answer| {
             let mut value = answer_json(answer);
             value["clear"] = Value::from(verdict(answer, above).0);
@@ -69,8 +55,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         writeln!(out, "{value:#}")?;
     } else {
         for (step, answer) in answers.iter().enumerate() {
-            let pages: u64 = answer.reads.iter().map(|read| read.pages).sum();
-            let bytes = Bytes(answer.reads.iter().map(|read| read.bytes.0).sum());
+            let Reads { pages, bytes } = read(answer);
             let lead = if answers.len() > 1 { format!("step {step}: ") } else { String::new() };
             writeln!(out, "{lead}{}; read {pages} pages, {bytes}", verdict(answer, above).1)?;
             if let (false, Some(witness)) = (is_clear(answer), answer.witness) {
@@ -81,6 +66,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         }
     }
     out.flush()?;
+    drop(out);
+    if let Some(csv) = csv {
+        csv.publish()?;
+    }
     Ok(if answers.iter().all(is_clear) { Verdict::Good } else { Verdict::Faulty })
 }
 

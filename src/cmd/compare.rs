@@ -3,12 +3,13 @@
 use super::{Verdict, reading};
 use crate::compare::{Colors, Summary, plot};
 use crate::memory::{self, MemoryArgs};
-use crate::number::{self, Units};
+use crate::number::Units;
 use crate::output::{self, Output};
 use crate::progress::Meter;
 use crate::proximity::{GROUP, Opened, PoseArgs};
 use crate::report::table;
 use crate::stop::{self, Stop};
+use crate::threads::ThreadArgs;
 use anyhow::{Context, Result};
 use chpm_build::Cancel;
 use chpm_build::config::Length;
@@ -51,9 +52,8 @@ pub(crate) struct Args {
     /// Replace outputs that exist
     #[arg(short, long)]
     force: bool,
-    /// Worker threads; one per processor if not given
-    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
-    threads: Option<u32>,
+    #[command(flatten)]
+    threads: ThreadArgs,
     /// The summary as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -156,10 +156,7 @@ impl Work<'_> {
     /// The distances of the vertices of each leaf, in the order of the file, and what rounding may lose.
     fn measure(&self, meter: &Meter, cancel: &Cancel) -> Result<(Vec<Vec<f32>>, f64)> {
         let leaves = leaves(&self.scan.file);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(self.args.threads.unwrap_or(0) as usize)
-            .build()
-            .context("cannot start the worker threads")?;
+        let pool = self.args.threads.pool()?;
         meter.start("compare", leaves.len() as u64);
         let threads = pool.current_num_threads();
         // Each part reads the reference anew; leaves beside each other in the file are so in space.

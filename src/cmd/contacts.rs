@@ -3,14 +3,14 @@
 use super::Verdict;
 use crate::number::Units;
 use crate::output::{self, Output};
-use crate::proximity::{LimitArgs, Opened, Pair, PoseArgs};
+use crate::proximity::{AskArgs, Opened, Pair};
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
 use anyhow::{Context, Result, bail};
 use chpm_build::config::Length;
 use chpm_mesh::{Bytes, Counted};
 use chpm_proximity::contacts::Near;
-use chpm_proximity::{Contacts, Crossing, Model, Region, contacts, crossings};
+use chpm_proximity::{Contacts, Crossing, Model, Reads, Region, contacts, crossings};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 /// What `chpm contacts` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// A .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), which is built into a temporary one first
-    first: PathBuf,
+    #[command(flatten)]
+    ask: AskArgs,
     /// Another, or the same
     #[arg(required_unless_present = "itself", conflicts_with = "itself")]
     second: Option<PathBuf>,
@@ -33,22 +33,6 @@ pub(crate) struct Args {
     /// quicker and reads less
     #[arg(long, value_name = "E", default_value = "0")]
     error: Length,
-    #[command(flatten)]
-    poses: PoseArgs,
-    /// Write a line of numbers for every region, or with --self for every pair of triangles; - for standard output
-    #[arg(long, value_name = "FILE")]
-    csv: Option<PathBuf>,
-    /// Replace the CSV if it exists
-    #[arg(short, long)]
-    force: bool,
-    /// The regions as JSON on stdout
-    #[arg(long)]
-    json: bool,
-    /// No progress, no notes
-    #[arg(short, long)]
-    quiet: bool,
-    #[command(flatten)]
-    limits: LimitArgs,
 }
 
 /// Bytes of a triangle that is near, and of what hangs on it.
@@ -56,13 +40,9 @@ const TRIANGLE: u64 = 512;
 
 /// Finds and tells. Something found is no fault.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let inputs: Vec<&Path> =
-        [Some(&args.first), args.second.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
-    let csv = match &args.csv {
-        Some(path) => Some(output::CONTACTS_CSV.create(path, args.force, &inputs)?),
-        None => None,
-    };
-    let mut out = output::messages(&csv, args.json, args.quiet)?;
+    let first = args.ask.first.as_path();
+    let inputs: Vec<&Path> = [Some(first), args.second.as_deref()].into_iter().flatten().collect();
+    let (csv, mut out) = args.ask.tell.open(output::CONTACTS_CSV, &inputs)?;
     let csv = match &args.second {
         Some(second) => between(args, second, stop, csv, &mut out)?,
         None => within_itself(args, stop, csv, &mut out)?,
@@ -82,23 +62,24 @@ fn between(
     mut csv: Option<Output>,
     out: &mut dyn Write,
 ) -> Result<Option<Output>> {
-    let pair = Pair::new([&args.first, second], args.limits.memory, args.quiet, stop)?;
+    let pair = args.ask.pair(second, stop)?;
     let cancel = stop.heed();
-    let [still, pose] = args.poses.poses();
+    let [still, pose] = args.ask.poses.poses();
     let diagonal = pair.diagonal();
     let most = (pair.waiting / TRIANGLE) as usize;
     let near = Near { within: args.within.of(diagonal), error: args.error.of(diagonal), most };
+    let pool = args.ask.threads.pool()?;
     let found = pair.reading(|| {
-        let [mut a, mut b] = pair.open()?;
-        let limits = args.limits.start(&cancel);
-        let found = contacts(&mut a, &mut b, [&still, &pose], &near, &mut |read| limits.go_on(read))?;
+        let [a, b] = pair.open(1)?;
+        let limits = args.ask.limits.start(&cancel);
+        let found = contacts(&a, &b, [&still, &pose], &near, &pool, &mut |read| limits.go_on(read))?;
         stop::check(&cancel)?;
         Ok(found)
     })?;
     if let Some(csv) = &mut csv {
         write_csv(&found.regions, csv)?;
     }
-    if args.json {
+    if args.ask.tell.json {
         let value = json!({
             "schema": "chpm-contacts/1",
             "first": pair.models[0].json(),
@@ -210,9 +191,10 @@ fn within_itself(
     mut csv: Option<Output>,
     out: &mut dyn Write,
 ) -> Result<Option<Output>> {
-    let model = Opened::new(&args.first, args.limits.memory.0, args.quiet, stop)?;
+    let AskArgs { first, limits, threads, tell, .. } = &args.ask;
+    let model = Opened::new(first, limits.memory.0, tell.quiet, stop)?;
     let own = crate::proximity::GROUP * model.file.clusters().len() as u64;
-    let pages = crate::memory::divide(&model.file, args.limits.memory.0, own)?;
+    let pages = crate::memory::divide(&model.file, limits.memory.0, own)?;
     if model.file.is_trimmed() {
         bail!(
             "'{}' was built without detail below an error, so its leaves are not the source",
@@ -222,9 +204,9 @@ fn within_itself(
     let cancel = stop.heed();
     let origin = model.file.header().origin;
     let (mut pairs, mut first) = (0, None);
-    let limits = args.limits.start(&cancel);
+    let (limits, pool) = (limits.start(&cancel), threads.pool()?);
     let complete = super::reading(&model.file, || {
-        let mut reader = Model::new(&model.file, Bytes(pages))
+        let reader = Model::new(&model.file, Bytes(pages))
             .with_context(|| format!("cannot use '{}'", model.path.display()))?;
         if let Some(csv) = &mut csv {
             writeln!(csv, "cluster_a,triangle_a,cluster_b,triangle_b,x,y,z")?;
@@ -233,15 +215,16 @@ fn within_itself(
             pairs += 1;
             first = first.or(Some(*crossing));
             match &mut csv {
-                Some(csv) => tell(crossing, origin, csv),
+                Some(csv) => write_crossing(crossing, origin, csv),
                 None => Ok(()),
             }
         };
-        let complete = crossings(&mut reader, &mut take, &mut || limits.go_on(Default::default()))?;
+        let mut go_on = || limits.go_on(Reads::default());
+        let complete = crossings(&reader, &pool, &mut take, &mut go_on)?;
         stop::check(&cancel)?;
         Ok(complete)
     })?;
-    if args.json {
+    if args.ask.tell.json {
         let value = json!({
             "schema": "chpm-contacts-self/1",
             "file": model.json(),
@@ -270,7 +253,7 @@ fn place(crossing: &Crossing, origin: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| f64::from(corner[axis]) + origin[axis])
 }
 
-fn tell(crossing: &Crossing, origin: [f64; 3], out: &mut impl Write) -> Result<()> {
+fn write_crossing(crossing: &Crossing, origin: [f64; 3], out: &mut impl Write) -> Result<()> {
     let ([x, y], [t, u]) = (crossing.clusters.map(|cluster| cluster.0), crossing.triangles);
     let [px, py, pz] = place(crossing, origin);
     Ok(writeln!(out, "{x},{t},{y},{u},{px},{py},{pz}")?)

@@ -5,7 +5,7 @@ use super::stdout;
 use super::{Verdict, open, reading};
 use crate::memory;
 use crate::number;
-use crate::output::{self, Output};
+use crate::output::{self, Output, TellArgs};
 #[cfg(feature = "viewer")]
 use crate::picture;
 use crate::progress::{Meter, line};
@@ -48,18 +48,8 @@ pub(crate) struct Args {
     /// cluster size, reads little. Nothing if not given
     #[arg(long, value_name = "SIZE")]
     prefetch: Option<Bytes>,
-    /// Write one line of numbers for every frame; - for standard output
-    #[arg(long, value_name = "FILE")]
-    csv: Option<PathBuf>,
-    /// Replace files that exist
-    #[arg(short, long)]
-    force: bool,
-    /// Write the summary as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress
-    #[arg(short, long)]
-    quiet: bool,
+    #[command(flatten)]
+    tell: TellArgs,
     #[cfg(feature = "viewer")]
     #[command(flatten)]
     pictures: picture::walk::RenderArgs,
@@ -137,11 +127,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 fn follow(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
-    let create = |path: &PathBuf| output::WALK_CSV.create(path, args.force, &[&args.file, &args.path]);
-    let csv = args.csv.as_ref().map(create).transpose()?;
-    let mut out = output::messages(&csv, args.json, args.quiet)?;
+    let (csv, mut out) = args.tell.open(output::WALK_CSV, &[&args.file, &args.path])?;
     let path = read_path(args)?;
-    let meter = Meter::new(args.quiet);
+    let meter = Meter::new(args.tell.quiet);
     meter.start("walk", path.cameras.len() as u64);
     let mut walk = Walk::new(file, args)?;
     let mut frames = Vec::with_capacity(path.cameras.len());
@@ -161,7 +149,7 @@ fn follow(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> 
     if let Some(csv) = csv {
         write_csv(&frames, csv)?;
     }
-    if args.json {
+    if args.tell.json {
         writeln!(out, "{:#}", as_json(&frames, args))?;
     } else {
         print(&frames, &mut out)?;
@@ -185,10 +173,10 @@ fn draw(args: &Args, stop: &Stop) -> Result<Verdict> {
         viewport: args.image.viewport.0,
         poe: args.poe,
         memory: args.memory,
-        csv: args.csv.as_deref(),
-        force: args.force,
-        json: args.json,
-        quiet: args.quiet,
+        csv: args.tell.csv.as_deref(),
+        force: args.tell.force,
+        json: args.tell.json,
+        quiet: args.tell.quiet,
     };
     if !args.pictures.prove {
         picture::walk::run(&walk, &args.pictures, &cancel)?;

@@ -1,14 +1,14 @@
 //! Two models and how they lie: what the verbs of proximity have in common.
 
+mod args;
 mod poses;
 
-pub(crate) use poses::{read_path, typed};
+pub(crate) use args::{AskArgs, LimitArgs, PoseArgs, SecondArgs};
 
 use crate::args::MemorySize;
 use crate::batch::inputs;
 use crate::cmd::{build, open, temporary};
 use crate::memory;
-use crate::number;
 use crate::progress::{Meter, line};
 use crate::stop::{self, Stop};
 use anyhow::{Context, Result};
@@ -16,61 +16,19 @@ use chpm_build::{BuildConfig, Cancel, Resources};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Bytes;
-use chpm_proximity::{Answer, End, Model, Pose, ProximityError, Question, Reads, Witness};
+use chpm_proximity::{Answer, End, Model, Pose, ProximityError, Question, Reads};
+use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use tempfile::TempDir;
-
-/// Where the models are.
-#[derive(clap::Args, Debug)]
-pub(crate) struct PoseArgs {
-    /// Where the second model is put, relative to where its file has it: a translation X,Y,Z; a translation and a quaternion X,Y,Z,QX,QY,QZ,QW; or
-    /// the 12 or 16 numbers of a matrix, row by row. Rigid motions only: one that changes lengths by more than 0.01 % is refused, and what it changes them
-    /// by below that widens the answer
-    #[arg(long, visible_alias = "pose-b", value_name = "POSE", value_parser = typed, allow_hyphen_values = true)]
-    pub(crate) pose: Option<Pose>,
-    /// The same of the first model
-    #[arg(long, value_name = "POSE", value_parser = typed, allow_hyphen_values = true)]
-    pub(crate) pose_a: Option<Pose>,
-}
-
-impl PoseArgs {
-    pub(crate) fn poses(&self) -> [Pose; 2] {
-        [&self.pose_a, &self.pose].map(|pose| pose.unwrap_or(Pose::IDENTITY))
-    }
-}
-
-/// How much may be spent.
-#[derive(clap::Args, Debug)]
-pub(crate) struct LimitArgs {
-    /// Give up after about so many pages (each some thousand triangles), and tell what is proven by then
-    #[arg(long, value_name = "N", value_parser = number::count(0..=u64::MAX))]
-    max_pages: Option<u64>,
-    /// Give up after so many seconds, and tell what is proven by then
-    #[arg(long, value_name = "SECONDS", value_parser = number::decimal)]
-    time: Option<f64>,
-    /// Memory that the whole process stays below, as in 64M; refused if the files' tables alone take more
-    #[arg(long, value_name = "SIZE", default_value = "1G")]
-    pub(crate) memory: MemorySize,
-}
 
 /// Notices when a search has to end.
 pub(crate) struct Limits {
     pages: u64,
     until: Option<Instant>,
     cancel: Cancel,
-}
-
-impl LimitArgs {
-    pub(crate) fn start(&self, cancel: &Cancel) -> Limits {
-        let time = self.time.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-        Limits {
-            pages: self.max_pages.unwrap_or(u64::MAX),
-            until: time.and_then(|time| Instant::now().checked_add(time)),
-            cancel: cancel.clone(),
-        }
-    }
 }
 
 impl Limits {
@@ -156,11 +114,12 @@ impl Pair {
         self.models[0].diagonal().max(self.models[1].diagonal())
     }
 
-    pub(crate) fn open(&self) -> Result<[Model<'_, MappedFile>; 2]> {
+    /// The models for one of so many threads.
+    pub(crate) fn open(&self, threads: usize) -> Result<[Model<'_, MappedFile>; 2]> {
+        let pages = Bytes(self.pages.0 / threads as u64);
         let [a, b] = [0, 1].map(|i| {
             let model = &self.models[i];
-            Model::new(&model.file, self.pages)
-                .with_context(|| format!("cannot use '{}'", model.path.display()))
+            Model::new(&model.file, pages).with_context(|| format!("cannot use '{}'", model.path.display()))
         });
         Ok([a?, b?])
     }
@@ -181,26 +140,54 @@ impl Pair {
     }
 }
 
-/// One question after the other, with what the last one has read and found.
-pub(crate) struct Asker<'p> {
-    models: [Model<'p, MappedFile>; 2],
-    last: Option<Witness>,
+/// Poses that are asked for one after the other, each with what the ones before it have read and found. Their number is fixed, so that answers do not
+/// depend on the number of threads.
+const RUN: usize = 32;
+
+/// The answers to one question at each pose of the second model, on the threads of rayon's current pool.
+pub(crate) fn ask_all(
+    pair: &Pair,
+    still: &Pose,
+    path: &[Pose],
+    question: &Question,
+    limits: &LimitArgs,
+    cancel: &Cancel,
+) -> Result<Vec<Answer>> {
+    let threads = rayon::current_num_threads().min(path.len().div_ceil(RUN)).max(1);
+    let question = Question { most_pairs: pair.most_pairs / threads, ..*question };
+    let runs = path.par_chunks(RUN).map(|run| {
+        let [a, b] = pair.open(threads)?;
+        let mut last = None;
+        let ask = |pose: &Pose| {
+            let limits = limits.start(cancel);
+            let go_on = &mut |read| limits.go_on(read);
+            let answer = chpm_proximity::distance(&a, &b, [still, pose], &question, last.as_ref(), go_on)?;
+            stop::check(cancel)?;
+            last = answer.witness.or(last);
+            Ok(answer)
+        };
+        run.iter().map(ask).collect::<Result<Vec<Answer>>>()
+    });
+    Ok(runs.collect::<Result<Vec<_>>>()?.concat())
 }
 
-impl<'p> Asker<'p> {
-    pub(crate) fn new(pair: &'p Pair) -> Result<Self> {
-        Ok(Asker { models: pair.open()?, last: None })
+/// A line of numbers for every answer.
+pub(crate) fn write_csv(answers: &[Answer], out: &mut impl Write) -> Result<()> {
+    writeln!(out, "step,least,most,ended,ax,ay,az,bx,by,bz,pages,page_bytes")?;
+    for (step, answer) in answers.iter().enumerate() {
+        let points = answer.witness.map_or([[f64::NAN; 3]; 2], |witness| witness.points);
+        let points: Vec<String> = points.as_flattened().iter().map(f64::to_string).collect();
+        let Reads { pages, bytes } = read(answer);
+        let Answer { least, most, end, .. } = answer;
+        writeln!(out, "{step},{least},{most},{},{},{pages},{}", ended(*end), points.join(","), bytes.0)?;
     }
+    Ok(())
+}
 
-    pub(crate) fn ask(&mut self, poses: &[Pose; 2], question: &Question, limits: &Limits) -> Result<Answer> {
-        let [a, b] = &mut self.models;
-        let go_on = &mut |read| limits.go_on(read);
-        let last = self.last.as_ref();
-        let answer = chpm_proximity::distance(a, b, [&poses[0], &poses[1]], question, last, go_on)?;
-        stop::check(&limits.cancel)?;
-        self.last = answer.witness.or(self.last);
-        Ok(answer)
-    }
+/// What was read of both models.
+pub(crate) fn read(answer: &Answer) -> Reads {
+    let [a, b] = answer.reads;
+    a.plus(b)
 }
 
 /// Why an answer is not narrower, in a word for programs.

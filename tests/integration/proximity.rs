@@ -152,3 +152,60 @@ fn a_scan_is_compared_with_a_reference() {
     assert!(own["signed"] == false && own["max"].as_f64().unwrap() < 1e-6, "{own}");
     assert!(folder.stderr("compare in.chpm in.chpm -o out.chpm", 2).contains("PLY"));
 }
+
+/// Triangles that all have a part of the z axis in common and no vertex.
+fn star(count: u32) -> String {
+    let corner = |x: f64, y: f64, z: f64| format!("v {x} {y} {z}\n");
+    let mut text = String::new();
+    for i in 0..count {
+        let (sin, cos) = (0.01 * f64::from(i)).sin_cos();
+        text += &[
+            corner(cos, sin, -1.0),
+            corner(-cos, -sin, -1.0),
+            corner(0.0, 0.0, 1.0 + 1e-3 * f64::from(i)),
+            format!("f {} {} {}\n", 3 * i + 1, 3 * i + 2, 3 * i + 3),
+        ]
+        .concat();
+    }
+    text
+}
+
+#[test]
+fn answers_are_the_same_for_any_number_of_threads() {
+    let folder = site();
+    // More poses than are asked for in one go.
+    let pose = |i: u32| format!("0.{i:02},0.1,3,0,0,0.{i:02},1\n");
+    folder.write("a.poses", (10..99).map(pose).collect::<String>());
+    // More triangles that meet than are kept.
+    folder.write("star.obj", star(200));
+    for (words, code, told) in [
+        ("distance in.chpm packed.chpm --path a.poses --error 0.001", 0, ""),
+        ("clearance in.chpm packed.chpm --path a.poses --above 1.1", 1, ""),
+        ("contacts in.chpm packed.chpm --pose 0.5,0.1,0 --within 0.05 --error 0.01", 0, ""),
+        ("contacts star.obj star.obj --within 0.5", 0, "\"pairs\": 40000,"),
+        ("contacts star.obj --self", 0, "\"pairs\": 19900,"),
+    ] {
+        let run = |threads: &str| {
+            let output = folder.chpm(&format!("{words} --json -q --threads {threads}")).code(code);
+            super::harness::text(&output.get_output().stdout)
+        };
+        let one = run("1");
+        assert!(one.contains("schema") && one.contains(told), "{words}: {one}");
+        assert!(["2", "5"].iter().all(|threads| run(threads) == one), "{words}");
+    }
+    let csv = |threads| folder.stdout(&format!("contacts star.obj --self --csv - -q --threads {threads}"));
+    assert!(csv(1) == csv(3) && csv(1).lines().count() == 19_901);
+}
+
+#[test]
+fn clearances_are_written_line_by_line() {
+    let folder = site();
+    folder.write("a.poses", "0,0,3\n0,0,2.5\n");
+    folder.chpm("clearance in.chpm in.chpm --above 0.7 --path a.poses --csv out.csv -q").code(1);
+    let text = super::harness::text(&folder.read("out.csv"));
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(lines.len() == 3 && lines[0].starts_with("step,least,most,ended"), "{text}");
+    let least = |line: &str| line.split(',').nth(1).unwrap().parse::<f64>().unwrap();
+    assert!(least(lines[1]) > 0.7 && least(lines[2]) <= 0.5, "{text}");
+    assert!(folder.stderr("clearance in.chpm in.chpm --above 1 --csv out.csv", 2).contains("out.csv"));
+}

@@ -2,12 +2,17 @@
 
 use crate::error::ProximityError;
 use crate::model::{Model, Reads};
+use crate::patch::Patch;
 use crate::pose::{Between, Pose};
 use crate::search::{Witness, since, witness_of};
 use crate::triangle::{self, Corners};
 use chpm_mesh::{ClusterId, GroupId};
 use nalgebra::Vector3;
+use rayon::ThreadPool;
+use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
+use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// What is asked.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -58,15 +63,17 @@ pub struct Contacts {
     pub margin: f64,
 }
 
-/// Finds where two models in their poses are near. `go_on` is asked before every pair of groups.
+/// Finds where two models in their poses are near, on the threads of a pool; whatever their number, the answer is one. `go_on` is asked
+/// before every pair of groups; some hundred of them may be compared before what was read for them is told.
 ///
 /// # Errors
 /// A damaged page; lengths that are none; more triangles than may be.
-pub fn contacts<D: AsRef<[u8]>, E: AsRef<[u8]>>(
-    a: &mut Model<'_, D>,
-    b: &mut Model<'_, E>,
+pub fn contacts<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync>(
+    a: &Model<'_, D>,
+    b: &Model<'_, E>,
     poses: [&Pose; 2],
     near: &Near,
+    pool: &ThreadPool,
     go_on: &mut dyn FnMut(Reads) -> bool,
 ) -> Result<Contacts, ProximityError> {
     for (what, got) in [("distance", near.within), ("error", near.error)] {
@@ -76,26 +83,68 @@ pub fn contacts<D: AsRef<[u8]>, E: AsRef<[u8]>>(
     }
     let between = Between::new(&a.frame(poses[0]), &b.frame(poses[1]));
     let before = [a.reads(), b.reads()];
-    let mut search =
-        Search { between, near, found: Found::default(), pairs: 0, known: HashSet::new(), a, b, poses };
+    let mut search = Search {
+        between,
+        near,
+        found: Found::default(),
+        pairs: 0,
+        known: HashSet::new(),
+        a,
+        b,
+        poses,
+        pool,
+        jobs: Vec::new(),
+    };
     let complete = search.run(before, go_on)?;
     let regions = search.found.regions();
-    let reads = [since(search.a.reads(), before[0]), since(search.b.reads(), before[1])];
+    let reads = [since(a.reads(), before[0]), since(b.reads(), before[1])];
     Ok(Contacts { regions, complete, reads, pairs: search.pairs, margin: between.margin })
 }
 
 struct Search<'s, 'a, 'b, D, E> {
-    a: &'s mut Model<'a, D>,
-    b: &'s mut Model<'b, E>,
+    a: &'s Model<'a, D>,
+    b: &'s Model<'b, E>,
     poses: [&'s Pose; 2],
+    pool: &'s ThreadPool,
     between: Between,
     near: &'s Near,
     known: HashSet<(GroupId, GroupId)>,
     found: Found,
     pairs: u64,
+    /// What is to be compared next.
+    jobs: Vec<Job>,
 }
 
-impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
+/// Two clusters that may be near.
+#[derive(Clone, Copy, Debug)]
+struct Job {
+    groups: [GroupId; 2],
+    clusters: [ClusterId; 2],
+    /// How much nearer the sources may be than the meshes.
+    lost: f64,
+    /// Triangles that are nearer are near.
+    reach: f64,
+}
+
+/// Two triangles that are near, by their places in the order of the boxes.
+#[derive(Clone, Copy, Debug)]
+struct Close {
+    at: [u32; 2],
+    near: triangle::Near,
+    depth: f64,
+}
+
+/// Two clusters' patches, and their near triangles unless they are too many to keep.
+type Compared = (Arc<Patch>, Arc<Patch>, Option<Vec<Close>>);
+
+/// Most near triangles of two clusters that are kept until it is their turn; where there are more, they are found again then.
+const KEPT: usize = 1 << 15;
+/// Clusters that each thread is given at a time, to be compared.
+const EACH: usize = 4;
+/// Most pairs of clusters that wait to be compared.
+const WAITING: usize = 256;
+
+impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> Search<'_, '_, '_, D, E> {
     fn run(
         &mut self,
         before: [Reads; 2],
@@ -105,9 +154,12 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
         for a in self.a.top() {
             open.extend(self.b.top().into_iter().map(|b| (a, b)));
         }
+        // Few at first, so that a limit of some pages is not left far behind.
+        let mut most = 1;
         while let Some((a, b)) = open.pop() {
             let [x, y] = [since(self.a.reads(), before[0]), since(self.b.reads(), before[1])];
             if !go_on(x.plus(y)) {
+                self.jobs.clear();
                 return Ok(false);
             }
             if !self.known.insert((a, b)) || self.apart(a, b) > self.near.within {
@@ -121,9 +173,14 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
             } else if self.is_coarse(self.b, b) {
                 open.extend(self.b.below(b).into_iter().map(|fine| (a, fine)));
             } else {
-                self.compare(a, b)?;
+                self.put(a, b);
+                if self.jobs.len() >= most {
+                    self.work()?;
+                    most = (2 * most).min(WAITING);
+                }
             }
         }
+        self.work()?;
         Ok(true)
     }
 
@@ -144,57 +201,109 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
         !parent.is_some() || self.is_coarse(model, parent)
     }
 
-    fn compare(&mut self, a: GroupId, b: GroupId) -> Result<(), ProximityError> {
-        let wrong = [self.a.wrong(a), self.b.wrong(b)];
-        let errors = wrong.map(|wrong| wrong.error);
-        let lost = wrong[0].distance + wrong[1].distance + self.between.margin;
+    /// The clusters of two groups are to be compared.
+    fn put(&mut self, a: GroupId, b: GroupId) {
+        let lost = self.a.wrong(a).distance + self.b.wrong(b).distance + self.between.margin;
         let reach = (self.near.within + lost) * (1.0 + 4.0 * f64::EPSILON);
-        let levels = [self.a.level(a), self.b.level(b)];
-        let (origin, pose) = (Vector3::from(self.a.file().header().origin), *self.poses[0]);
-        let place_in_world = move |point: Vector3<f64>| pose.apply((point + origin).into());
         for x in self.a.coarse(a) {
             for y in self.b.coarse(b) {
                 let apart = self.between.squared(&self.a.cluster_block(x), &self.b.cluster_block(y));
-                if apart.sqrt() > reach {
-                    continue;
+                if apart.sqrt() <= reach {
+                    self.jobs.push(Job { groups: [a, b], clusters: [x, y], lost, reach });
                 }
-                let (p, q) = (self.a.patch(x)?, self.b.patch(y)?);
-                let counts = [self.counts(self.a, x), self.counts(self.b, y)];
-                let mut pairs = Vec::new();
-                p.pairs_within(&q, &self.between, reach, &mut |i, j| pairs.push((i, j)));
-                for (i, j) in pairs {
-                    let ((t, place), (u, other)) = (p.triangle(i), q.moved(j, &self.between));
-                    let near = triangle::distance(&t, &u);
-                    if near.least > reach {
-                        continue;
-                    }
-                    self.pairs += 1;
-                    let first = self.found.mark(0, (x, place), levels[0], counts[0], &t, &place_in_world);
-                    let second = self.found.mark(1, (y, other), levels[1], counts[1], &u, &place_in_world);
-                    if self.found.marks.len() > self.near.most {
-                        let what = "triangles that are near";
-                        return Err(ProximityError::TooMany { what, limit: self.near.most });
-                    }
-                    let root = self.found.join(first, second);
-                    let best = &mut self.found.best[root];
-                    best.depth = best.depth.max(if near.least <= 0.0 { depth(&t, &u) } else { 0.0 });
-                    best.least = best.least.min((near.least - lost).max(0.0));
-                    let most = near.most + errors[0] + errors[1] + self.between.margin;
-                    if most < best.most || best.witness.is_none() {
-                        best.most = most;
-                        let witness = witness_of(self.a, self.poses[0], &near);
-                        best.witness = Some(Witness {
-                            points: witness,
-                            errors,
-                            levels,
-                            clusters: [x, y],
-                            triangles: [place, other],
-                        });
+            }
+        }
+    }
+
+    /// Compares what waits, by all threads, and takes what they find in the order of waiting.
+    fn work(&mut self) -> Result<(), ProximityError> {
+        let jobs = std::mem::take(&mut self.jobs);
+        for jobs in jobs.chunks(EACH * self.pool.current_num_threads()) {
+            let done: Vec<Result<Compared, ProximityError>> =
+                self.pool.install(|| jobs.par_iter().map(|job| self.compare(job)).collect());
+            for (job, done) in jobs.iter().zip(done) {
+                let (p, q, close) = done?;
+                match close {
+                    Some(close) => close.iter().try_for_each(|close| self.take(job, &p, &q, close))?,
+                    None => {
+                        let between = self.between;
+                        each_close(&p, &q, &between, job.reach, &mut |close| self.take(job, &p, &q, &close))?;
                     }
                 }
             }
         }
         Ok(())
+    }
+
+    fn compare(&self, job: &Job) -> Result<Compared, ProximityError> {
+        let [x, y] = job.clusters;
+        let (p, q) = (self.a.patch(x)?, self.b.patch(y)?);
+        let mut all = Vec::new();
+        let whole = each_close(&p, &q, &self.between, job.reach, &mut |close| {
+            if all.len() == KEPT {
+                return Err(());
+            }
+            all.push(close);
+            Ok(())
+        });
+        Ok((p, q, whole.is_ok().then_some(all)))
+    }
+
+    /// Notes two triangles that are near.
+    fn take(&mut self, job: &Job, p: &Patch, q: &Patch, close: &Close) -> Result<(), ProximityError> {
+        let Job { groups: [a, b], clusters: [x, y], lost, .. } = *job;
+        let [i, j] = close.at.map(|at| at as usize);
+        let ((t, place), (u, other)) = (p.triangle(i), q.moved(j, &self.between));
+        let errors = [self.a.wrong(a).error, self.b.wrong(b).error];
+        let levels = [self.a.level(a), self.b.level(b)];
+        let (origin, pose) = (Vector3::from(self.a.file().header().origin), *self.poses[0]);
+        let world = move |point: Vector3<f64>| pose.apply((point + origin).into());
+        let counts = [self.counts(self.a, x), self.counts(self.b, y)];
+        self.pairs += 1;
+        let first = self.found.mark(0, (x, place), levels[0], counts[0], &t, &world);
+        let second = self.found.mark(1, (y, other), levels[1], counts[1], &u, &world);
+        if self.found.marks.len() > self.near.most {
+            let what = "triangles that are near";
+            return Err(ProximityError::TooMany { what, limit: self.near.most });
+        }
+        let root = self.found.join(first, second);
+        let best = &mut self.found.best[root];
+        let near = &close.near;
+        best.depth = best.depth.max(close.depth);
+        best.least = best.least.min((near.least - lost).max(0.0));
+        let most = near.most + errors[0] + errors[1] + self.between.margin;
+        if most < best.most || best.witness.is_none() {
+            best.most = most;
+            let (points, triangles) = (witness_of(self.a, self.poses[0], near), [place, other]);
+            best.witness = Some(Witness { points, errors, levels, clusters: [x, y], triangles });
+        }
+        Ok(())
+    }
+}
+
+/// Tells the triangles of two patches that are within `reach`, until `found` has enough.
+fn each_close<X>(
+    p: &Patch,
+    q: &Patch,
+    between: &Between,
+    reach: f64,
+    found: &mut dyn FnMut(Close) -> Result<(), X>,
+) -> Result<(), X> {
+    let end = p.pairs_within(q, between, reach, &mut |i, j| {
+        let (t, u) = (p.triangle(i).0, q.moved(j, between).0);
+        let near = triangle::distance(&t, &u);
+        if near.least > reach {
+            return ControlFlow::Continue(());
+        }
+        let depth = if near.least <= 0.0 { depth(&t, &u) } else { 0.0 };
+        match found(Close { at: [i as u32, j as u32], near, depth }) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => ControlFlow::Break(error),
+        }
+    });
+    match end {
+        ControlFlow::Break(error) => Err(error),
+        ControlFlow::Continue(()) => Ok(()),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::pose::{Between, Pose};
 use chpm_mesh::{ClusterId, GroupId};
 use nalgebra::Vector3;
 use std::collections::{BTreeSet, BinaryHeap};
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// Measures points of one model against another, the reference.
 pub struct Gauge<'m, 'a, D> {
@@ -111,7 +111,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
     }
 
     /// Patches of which one is nearest to each point of a run.
-    fn candidates(&mut self, run: &[Vector3<f64>]) -> Result<Vec<(Block, Rc<Patch>)>, ProximityError> {
+    fn candidates(&mut self, run: &[Vector3<f64>]) -> Result<Vec<(Block, Arc<Patch>)>, ProximityError> {
         let (mut low, mut high) = (run[0], run[0]);
         for point in run {
             (low, high) = (low.inf(point), high.sup(point));

@@ -8,8 +8,8 @@ use chpm_format::{Chpm, ErrorKind};
 use chpm_mesh::{Bytes, ClusterId, GroupId};
 use chpm_refine::Hierarchy;
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
-use std::rc::Rc;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What was read to answer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -27,23 +27,37 @@ impl Reads {
     }
 }
 
-/// One of the two models of a question. It keeps pages, within a number of bytes, for the next question.
+/// One of the two models of a question. It keeps pages, within a number of bytes, for the next question, and for all threads.
 #[derive(Debug)]
 pub struct Model<'a, D> {
     file: &'a Chpm<D>,
     hierarchy: Hierarchy,
+    shelf: Mutex<Shelf>,
+}
+
+/// Patches that are kept, or on their way.
+#[derive(Debug)]
+struct Shelf {
     budget: u64,
     used: u64,
     clock: u64,
-    shelf: BTreeMap<ClusterId, Kept>,
+    kept: HashMap<ClusterId, Kept>,
     reads: Reads,
 }
 
 #[derive(Debug)]
 struct Kept {
-    patch: Rc<Patch>,
+    slot: Arc<Slot>,
     bytes: u64,
     last: u64,
+}
+
+/// Empty until the first who asks has read the page; others wait for that.
+type Slot = Mutex<Option<Arc<Patch>>>;
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What is behind it is never half changed.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// How wrong the finest meshes of a group's clusters are.
@@ -72,15 +86,9 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
             let got = if certified { "version 1.0, which has no gaps" } else { "estimated errors" };
             return Err(ProximityError::Unproven { expected: "a file with proven distances", got });
         }
-        Ok(Model {
-            file,
-            hierarchy: Hierarchy::new(file),
-            budget: budget.0,
-            used: 0,
-            clock: 0,
-            shelf: BTreeMap::new(),
-            reads: Reads::default(),
-        })
+        let shelf =
+            Shelf { budget: budget.0, used: 0, clock: 0, kept: HashMap::new(), reads: Reads::default() };
+        Ok(Model { file, hierarchy: Hierarchy::new(file), shelf: Mutex::new(shelf) })
     }
 
     /// The file.
@@ -90,7 +98,7 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
 
     /// What was read so far.
     pub fn reads(&self) -> Reads {
-        self.reads
+        lock(&self.shelf).reads
     }
 
     pub(crate) fn frame(&self, pose: &Pose) -> Frame {
@@ -152,30 +160,43 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
     }
 
     /// The finest mesh of a cluster: kept, or read.
-    pub(crate) fn patch(&mut self, cluster: ClusterId) -> Result<Rc<Patch>, ProximityError> {
-        self.clock += 1;
-        let clock = self.clock;
-        if let Some(kept) = self.shelf.get_mut(&cluster) {
-            kept.last = clock;
-            return Ok(Rc::clone(&kept.patch));
-        }
+    pub(crate) fn patch(&self, cluster: ClusterId) -> Result<Arc<Patch>, ProximityError> {
         let record = &self.file.clusters()[cluster.index()];
-        let bytes = Patch::bytes_of(record);
-        while self.used + bytes > self.budget && !self.shelf.is_empty() {
-            self.forget_oldest();
+        let slot = lock(&self.shelf).slot(cluster, Patch::bytes_of(record));
+        let mut held = lock(&slot);
+        if let Some(patch) = &*held {
+            return Ok(Arc::clone(patch));
         }
         let page = self.file.page(cluster)?;
-        let patch = Rc::new(Patch::new(&page.view()));
-        self.reads.pages += 1;
-        self.reads.bytes.0 += u64::from(record.page_len);
-        self.used += bytes;
-        self.shelf.insert(cluster, Kept { patch: Rc::clone(&patch), bytes, last: clock });
+        let patch = Arc::new(Patch::new(&page.view()));
+        *held = Some(Arc::clone(&patch));
+        let reads = &mut lock(&self.shelf).reads;
+        reads.pages += 1;
+        reads.bytes.0 += u64::from(record.page_len);
         Ok(patch)
+    }
+}
+
+impl Shelf {
+    /// The place of a patch, which becomes the last one to go.
+    fn slot(&mut self, cluster: ClusterId, bytes: u64) -> Arc<Slot> {
+        self.clock += 1;
+        if let Some(kept) = self.kept.get_mut(&cluster) {
+            kept.last = self.clock;
+            return Arc::clone(&kept.slot);
+        }
+        while self.used + bytes > self.budget && !self.kept.is_empty() {
+            self.forget_oldest();
+        }
+        self.used += bytes;
+        let slot = Arc::new(Slot::default());
+        self.kept.insert(cluster, Kept { slot: Arc::clone(&slot), bytes, last: self.clock });
+        slot
     }
 
     fn forget_oldest(&mut self) {
-        let oldest = self.shelf.iter().min_by_key(|(_, kept)| kept.last).map(|(cluster, _)| *cluster);
-        if let Some(kept) = oldest.and_then(|cluster| self.shelf.remove(&cluster)) {
+        let oldest = self.kept.iter().min_by_key(|(_, kept)| kept.last).map(|(cluster, _)| *cluster);
+        if let Some(kept) = oldest.and_then(|cluster| self.kept.remove(&cluster)) {
             self.used -= kept.bytes;
         }
     }

@@ -6,6 +6,7 @@ use crate::triangle::{self, Corners, Near};
 use chpm_format::{ClusterRecord, Page};
 use chpm_mesh::Aabb;
 use nalgebra::Vector3;
+use std::ops::ControlFlow;
 
 /// No shared id.
 const NONE: u32 = u32::MAX;
@@ -145,16 +146,16 @@ impl Patch {
         }
     }
 
-    /// Calls `found` for every pair of triangles that may be within `reach`.
-    pub(crate) fn pairs_within(
+    /// Calls `found` for every pair of triangles that may be within `reach`, until it breaks.
+    pub(crate) fn pairs_within<X>(
         &self,
         other: &Patch,
         between: &Between,
         reach: f64,
-        found: &mut dyn FnMut(usize, usize),
-    ) {
+        found: &mut dyn FnMut(usize, usize) -> ControlFlow<X>,
+    ) -> ControlFlow<X> {
         if self.is_empty() || other.is_empty() {
-            return;
+            return ControlFlow::Continue(());
         }
         let squared = reach * reach;
         let mut open = vec![(0, 0)];
@@ -164,11 +165,18 @@ impl Patch {
                 continue;
             }
             match further(x, y) {
-                None => x.triangles().for_each(|i| y.triangles().for_each(|j| found(i, j))),
+                None => {
+                    for i in x.triangles() {
+                        for j in y.triangles() {
+                            found(i, j)?;
+                        }
+                    }
+                }
                 Some(true) => open.extend([(a + 1, b), (x.other as usize, b)]),
                 Some(false) => open.extend([(a, b + 1), (a, y.other as usize)]),
             }
         }
+        ControlFlow::Continue(())
     }
 
     /// The triangle at a place of the boxes' order, in f64, and its place in the page.

@@ -99,8 +99,8 @@ impl PartialOrd for Pair {
 /// # Errors
 /// A damaged page; an error that is no length.
 pub fn distance<D: AsRef<[u8]>, E: AsRef<[u8]>>(
-    a: &mut Model<'_, D>,
-    b: &mut Model<'_, E>,
+    a: &Model<'_, D>,
+    b: &Model<'_, E>,
     poses: [&Pose; 2],
     question: &Question,
     hint: Option<&Witness>,
@@ -156,8 +156,8 @@ pub(crate) fn witness_of<D: AsRef<[u8]>>(model: &Model<'_, D>, pose: &Pose, near
 }
 
 struct Search<'s, 'a, 'b, D, E> {
-    a: &'s mut Model<'a, D>,
-    b: &'s mut Model<'b, E>,
+    a: &'s Model<'a, D>,
+    b: &'s Model<'b, E>,
     pose: &'s Pose,
     between: Between,
     question: &'s Question,

@@ -27,9 +27,8 @@ fn models() -> Vec<Built> {
 }
 
 fn ask(a: &Built, b: &Built, poses: [&Pose; 2], question: &Question) -> Answer {
-    let (mut x, mut y) =
-        (Model::new(&a.file, Bytes(1 << 20)).unwrap(), Model::new(&b.file, Bytes(1 << 20)).unwrap());
-    distance(&mut x, &mut y, poses, question, None, &mut |_| true).unwrap()
+    let (x, y) = (Model::new(&a.file, Bytes(1 << 20)).unwrap(), Model::new(&b.file, Bytes(1 << 20)).unwrap());
+    distance(&x, &y, poses, question, None, &mut |_| true).unwrap()
 }
 
 fn within(error: f64) -> Question {
@@ -111,14 +110,13 @@ fn a_search_that_is_stopped_tells_what_is_proven() {
     let truth = brute::distance(&sphere.placed(&Pose::IDENTITY), &sphere.placed(&pose));
     let mut before = f64::INFINITY;
     for limit in [0, 2, 5, 20, 1000] {
-        let [mut a, mut b] = [0; 2].map(|_| Model::new(&sphere.file, Bytes(0)).unwrap());
+        let [a, b] = [0; 2].map(|_| Model::new(&sphere.file, Bytes(0)).unwrap());
         let mut left = limit;
         let mut go_on = |_| {
             left -= 1;
             left >= 0
         };
-        let answer =
-            distance(&mut a, &mut b, [&Pose::IDENTITY, &pose], &within(0.0), None, &mut go_on).unwrap();
+        let answer = distance(&a, &b, [&Pose::IDENTITY, &pose], &within(0.0), None, &mut go_on).unwrap();
         assert!(answer.least <= truth && truth <= answer.most, "{limit}: {answer:?}");
         assert!(answer.most - answer.least <= before, "{limit}");
         before = answer.most - answer.least;

@@ -8,10 +8,15 @@ use chpm_proximity::{Contacts, Crossing, Model, Pose, ProximityError, contacts, 
 use chpm_synth::hard::Case;
 use chpm_synth::{Shape, Synth, hand};
 use nalgebra::Vector3;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+fn pool() -> ThreadPool {
+    ThreadPoolBuilder::new().num_threads(2).build().unwrap()
+}
 
 fn find(a: &Built, b: &Built, pose: &Pose, near: &Near) -> Contacts {
-    let [mut x, mut y] = [a, b].map(|built| Model::new(&built.file, Bytes(1 << 20)).unwrap());
-    contacts(&mut x, &mut y, [&Pose::IDENTITY, pose], near, &mut |_| true).unwrap()
+    let [x, y] = [a, b].map(|built| Model::new(&built.file, Bytes(1 << 20)).unwrap());
+    contacts(&x, &y, [&Pose::IDENTITY, pose], near, &pool(), &mut |_| true).unwrap()
 }
 
 /// All pairs of triangles that are within a distance, and the points of the first model's there.
@@ -109,21 +114,21 @@ fn regions_are_told_apart_and_measured() {
 #[test]
 fn too_many_triangles_are_an_error_that_says_so() {
     let sphere = Built::new("sphere", hand::icosphere(2), [0.0; 3], false);
-    let [mut a, mut b] = [0; 2].map(|_| Model::new(&sphere.file, Bytes(1 << 20)).unwrap());
+    let [a, b] = [0; 2].map(|_| Model::new(&sphere.file, Bytes(1 << 20)).unwrap());
     let near = Near { within: 1.0, error: 0.0, most: 50 };
     let poses = [&Pose::IDENTITY, &Pose::IDENTITY];
-    let error = contacts(&mut a, &mut b, poses, &near, &mut |_| true).unwrap_err();
+    let error = contacts(&a, &b, poses, &near, &pool(), &mut |_| true).unwrap_err();
     assert!(matches!(error, ProximityError::TooMany { limit: 50, .. }), "{error}");
 }
 
 fn self_crossings(built: &Built, budget: u64) -> Vec<Crossing> {
-    let mut model = Model::new(&built.file, Bytes(budget)).unwrap();
+    let model = Model::new(&built.file, Bytes(budget)).unwrap();
     let mut all = Vec::new();
     let mut take = |crossing: &Crossing| {
         all.push(*crossing);
         Ok::<(), ProximityError>(())
     };
-    assert!(crossings(&mut model, &mut take, &mut || true).unwrap());
+    assert!(crossings(&model, &pool(), &mut take, &mut || true).unwrap());
     all
 }
 
