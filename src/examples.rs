@@ -89,10 +89,13 @@ const EXAMPLES: &[(&str, &[Example])] = &[
     ),
     (
         "compare",
-        &[(
-            "chpm compare small.ply scan.chpm -o colored.ply --svg histogram.svg",
-            "in colours, with a histogram",
-        )],
+        &[
+            (
+                "chpm compare small.ply scan.chpm -o colored.ply --svg histogram.svg",
+                "in colours, with a histogram",
+            ),
+            ("chpm compare small.ply scan.chpm -o colored.chpm", "to look at with chpm view"),
+        ],
     ),
     ("bench", &[("chpm bench scan.ply --only chpm --runs 1 --csv speed.csv", "time, memory and deviation")]),
     ("relayout", &[("chpm relayout scan.chpm -o packed.chpm --pages packed", "the same in fewer bytes")]),

@@ -25,7 +25,6 @@ pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHP
 pub(crate) const RELAYOUT: Writes = Writes { streams: false, ..writes("relayout", "CHPM") };
 pub(crate) const SYNTH: Writes = writes("synth", "PLY");
 pub(crate) const PATH: Writes = writes("path", "a camera path");
-pub(crate) const COMPARE: Writes = writes("compare", "PLY");
 pub(crate) const COMPARE_SVG: Writes = writes("compare --svg", "SVG");
 pub(crate) const CONTACTS_CSV: Writes = writes("contacts --csv", "CSV");
 pub(crate) const CLEARANCE_CSV: Writes = writes("clearance --csv", "CSV");
@@ -83,7 +82,7 @@ pub(crate) fn promised(path: &Path) -> Option<&'static str> {
 impl Writes {
     /// A mesh in a format that may be chosen.
     pub(crate) fn mesh(by: &'static str, format: &'static str) -> Self {
-        writes(by, format)
+        Writes { streams: format != BUILD.format, ..writes(by, format) }
     }
 
     /// Refuses a name that promises another format, and standard output where the file cannot be streamed.

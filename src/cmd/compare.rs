@@ -1,10 +1,10 @@
 //! `chpm compare`: how far each vertex of a scan is from a reference, as numbers, colours and a histogram.
 
 use super::{Verdict, reading};
-use crate::compare::{Colors, Summary, plot};
+use crate::compare::{Colors, Painted, Parts, Summary, leaves, plot};
 use crate::memory::{self, MemoryArgs};
 use crate::number::Units;
-use crate::output::{self, Output};
+use crate::output;
 use crate::progress::Meter;
 use crate::proximity::{GROUP, Opened, PoseArgs};
 use crate::report::table;
@@ -14,10 +14,9 @@ use anyhow::{Context, Result};
 use chpm_build::Cancel;
 use chpm_build::config::Length;
 use chpm_extmem::MappedFile;
-use chpm_format::{Chpm, Page};
-use chpm_import::ply::{Encoding, PlyWriter};
-use chpm_mesh::{Attributes, Bytes, ClusterId, Counted, VertexSlices};
-use chpm_proximity::{Gauge, Model, Pose};
+use chpm_format::Chpm;
+use chpm_mesh::{Bytes, ClusterId, Counted};
+use chpm_proximity::{Gauge, Model};
 use rayon::prelude::*;
 use serde_json::json;
 use std::io::Write;
@@ -43,7 +42,8 @@ pub(crate) struct Args {
     /// Distances without a sign. They have one where the reference is closed and turns one way: negative behind its surface
     #[arg(long)]
     unsigned: bool,
-    /// Write the scan with its distances as colours, evenly spaced for the eye; a PLY, - for standard output
+    /// Write the scan with its distances as colours, evenly spaced for the eye. Its name says the format: .ply, .glb or .chpm, which is built from it;
+    /// PLY where it says nothing; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Write a histogram as SVG; - for standard output
@@ -79,11 +79,12 @@ const VERTEX: u64 = 16;
 /// Measures, and writes what is asked for.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let inputs = [args.scan.as_path(), args.reference.as_path()];
-    let create = |writes: output::Writes, path: &Option<PathBuf>| {
-        path.as_deref().map(|path| writes.create(path, args.force, &inputs)).transpose()
-    };
-    let mut outputs = [create(output::COMPARE, &args.output)?, create(output::COMPARE_SVG, &args.svg)?];
-    let mut out = output::messages(outputs.iter().flatten(), args.json, args.quiet)?;
+    let painted =
+        args.output.as_deref().map(|path| Painted::create(path, args.force, &inputs)).transpose()?;
+    let svg = args.svg.as_deref().map(|path| output::COMPARE_SVG.create(path, args.force, &inputs));
+    let svg = svg.transpose()?;
+    let streams = painted.iter().filter_map(Painted::output).chain(&svg);
+    let mut out = output::messages(streams, args.json, args.quiet)?;
     let [scan, reference] = inputs.map(|path| Opened::new(path, args.memory.memory(), args.quiet, stop));
     let (scan, reference) = (scan?, reference?);
     let memory = Bytes(args.memory.memory().0 / 2);
@@ -101,11 +102,15 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         reading(&reference.file, || reading(&scan.file, || work.measure(&meter, &cancel)))?;
     let parts = reading(&scan.file, || Parts::new(&scan.file, &values))?;
     let summary = Summary::new(&parts.values, signed, args.range);
-    if let Some(ply) = outputs[0].take() {
+    if let Some(painted) = painted {
         let colors = Colors::new(summary.range, signed);
-        reading(&scan.file, || write(&scan.file, &parts, &colors, ply, &cancel))?;
+        reading(&scan.file, || painted.write(&scan.file, &parts, &colors, &cancel))?.build(
+            args.memory.memory(),
+            args.quiet,
+            stop,
+        )?;
     }
-    if let Some(mut svg) = outputs[1].take() {
+    if let Some(mut svg) = svg {
         let title = format!("{} from {}", name(&args.scan), name(&args.reference));
         let note = format!("{}, each within {} units", Counted(summary.count, "vertex"), Units(tolerance));
         svg.write_all(plot(&summary, &title, &note)?.as_bytes())?;
@@ -158,152 +163,25 @@ impl Work<'_> {
         let leaves = leaves(&self.scan.file);
         let pool = self.args.threads.pool()?;
         meter.start("compare", leaves.len() as u64);
-        let threads = pool.current_num_threads();
-        // Each part reads the reference anew; leaves beside each other in the file are so in space.
-        let part = leaves.len().div_ceil(2 * threads).max(1);
-        let pages = Bytes(self.pages / threads as u64);
-        let done = pool.install(|| {
-            leaves
-                .par_chunks(part)
-                .map(|leaves| self.part(leaves, pages, meter, cancel))
-                .collect::<Result<Vec<_>>>()
-        })?;
-        meter.finish();
-        stop::check(cancel)?;
-        let margin = done.iter().map(|(_, margin)| *margin).fold(0.0, f64::max);
-        Ok((done.into_iter().flat_map(|(values, _)| values).collect(), margin))
-    }
-
-    fn part(
-        &self,
-        leaves: &[ClusterId],
-        pages: Bytes,
-        meter: &Meter,
-        cancel: &Cancel,
-    ) -> Result<(Vec<Vec<f32>>, f64)> {
         let unproven = |path: &Path| format!("cannot use '{}'", path.display());
         let scan = Model::new(&self.scan.file, Bytes(0)).with_context(|| unproven(&self.scan.path))?;
-        let mut reference =
-            Model::new(&self.reference.file, pages).with_context(|| unproven(&self.reference.path))?;
-        let poses: [Pose; 2] = self.args.poses.poses();
-        let mut gauge = Gauge::new(&scan, &mut reference, [&poses[0], &poses[1]], self.tolerance)?;
-        let mut all = Vec::with_capacity(leaves.len());
-        let mut found = Vec::new();
-        for leaf in leaves {
+        let reference = Model::new(&self.reference.file, Bytes(self.pages));
+        let reference = reference.with_context(|| unproven(&self.reference.path))?;
+        let [still, pose] = self.args.poses.poses();
+        let gauge = Gauge::new(&scan, &reference, [&still, &pose], self.tolerance)?;
+        let measure = |leaf: &ClusterId| {
             stop::check(cancel)?;
-            found.clear();
+            let mut found = Vec::new();
             gauge.measure(self.scan.file.page(*leaf)?.view().positions, &mut found)?;
             let plain = |x: &f64| if self.signed { *x as f32 } else { x.abs() as f32 };
-            all.push(found.iter().map(plain).collect());
             meter.add(1);
-        }
-        Ok((all, gauge.margin()))
-    }
-}
-
-fn leaves(file: &Chpm<MappedFile>) -> Vec<ClusterId> {
-    (0..)
-        .map(ClusterId)
-        .zip(file.clusters())
-        .filter(|(_, record)| record.is_leaf())
-        .map(|(id, _)| id)
-        .collect()
-}
-
-/// The leaves as one mesh: a vertex that several have is that of the first.
-struct Parts {
-    /// Distances by vertex.
-    values: Vec<f32>,
-    /// The first new vertex of each leaf.
-    starts: Vec<u32>,
-    /// Vertices by shared id.
-    shared: Vec<u32>,
-}
-
-impl Parts {
-    fn new(file: &Chpm<MappedFile>, measured: &[Vec<f32>]) -> Result<Self> {
-        let shared = vec![u32::MAX; file.header().shared_vertex_count as usize];
-        let mut parts = Parts { values: Vec::new(), starts: Vec::new(), shared };
-        for (leaf, distances) in leaves(file).into_iter().zip(measured) {
-            let page = file.page(leaf)?;
-            let start = parts.values.len() as u32;
-            parts.starts.push(start);
-            let mut ids = page.view().shared().peekable();
-            for (vertex, distance) in (0..=u16::MAX).zip(distances) {
-                let next = parts.values.len() as u32;
-                if let Some((_, id)) = ids.next_if(|(at, _)| *at == vertex) {
-                    let known = &mut parts.shared[id as usize];
-                    if *known != u32::MAX {
-                        continue;
-                    }
-                    *known = next;
-                }
-                parts.values.push(*distance);
-            }
-        }
-        Ok(parts)
-    }
-
-    /// The vertices of a leaf in the whole mesh; those from its start on are new.
-    fn numbers(&self, page: &Page<'_>, start: u32, out: &mut Vec<u32>) {
-        out.clear();
-        let mut next = start;
-        let mut ids = page.shared().peekable();
-        for vertex in (0..=u16::MAX).take(page.vertex_count()) {
-            let known = ids.next_if(|(at, _)| *at == vertex).map(|(_, id)| self.shared[id as usize]);
-            match known.filter(|known| *known < start) {
-                Some(known) => out.push(known),
-                None => {
-                    out.push(next);
-                    next += 1;
-                }
-            }
-        }
-    }
-}
-
-fn write(
-    file: &Chpm<MappedFile>,
-    parts: &Parts,
-    colors: &Colors,
-    mut output: Output,
-    cancel: &Cancel,
-) -> Result<()> {
-    let leaves = leaves(file);
-    let origin = file.header().origin;
-    let double = origin != [0.0; 3];
-    let triangles = leaves.iter().map(|leaf| u64::from(file.clusters()[leaf.index()].triangle_count)).sum();
-    let attributes = Attributes { colors: true, ..Attributes::NONE };
-    let comment = format!("chpm compare, colours from {} to {}", colors.range()[0], colors.range()[1]);
-    let (encoding, count) = (Encoding::BinaryLittleEndian, parts.values.len() as u64);
-    let mut ply = PlyWriter::new(&mut output, encoding, count, triangles, attributes, double, &[&comment])?;
-    let mut numbers = Vec::new();
-    for (leaf, start) in leaves.iter().zip(&parts.starts) {
+            Ok(found.iter().map(plain).collect())
+        };
+        let done = pool.install(|| leaves.par_iter().map(measure).collect::<Result<Vec<Vec<f32>>>>())?;
+        meter.finish();
         stop::check(cancel)?;
-        let page = file.page(*leaf)?;
-        parts.numbers(&page.view(), *start, &mut numbers);
-        let page = page.view();
-        let new = || numbers.iter().zip(page.positions).filter(|(number, _)| *number >= start);
-        let positions: Vec<[f32; 3]> = new().map(|(_, position)| *position).collect();
-        let colors: Vec<[u8; 4]> =
-            new().map(|(number, _)| colors.of(parts.values[*number as usize].into())).collect();
-        let slices = VertexSlices { positions: &positions, colors: &colors, ..VertexSlices::default() };
-        if double {
-            let moved = |p: &[f32; 3]| [0, 1, 2].map(|axis| f64::from(p[axis]) + origin[axis]);
-            ply.vertices_f64(&positions.iter().map(moved).collect::<Vec<_>>(), slices)?;
-        } else {
-            ply.vertices(slices)?;
-        }
+        Ok((done, gauge.margin()))
     }
-    for (leaf, start) in leaves.iter().zip(&parts.starts) {
-        stop::check(cancel)?;
-        let page = file.page(*leaf)?;
-        parts.numbers(&page.view(), *start, &mut numbers);
-        let corners = |t: &[u16; 3]| t.map(|v| numbers[usize::from(v)]);
-        ply.triangles(&page.view().triangles.iter().map(corners).collect::<Vec<_>>())?;
-    }
-    ply.finish()?;
-    output.publish()
 }
 
 fn print(

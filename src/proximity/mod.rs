@@ -16,7 +16,7 @@ use chpm_build::{BuildConfig, Cancel, Resources};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Bytes;
-use chpm_proximity::{Answer, End, Model, Pose, ProximityError, Question, Reads};
+use chpm_proximity::{Answer, End, Front, Model, Pose, ProximityError, Question, Reads, follow};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -157,13 +157,12 @@ pub(crate) fn ask_all(
     let question = Question { most_pairs: pair.most_pairs / threads, ..*question };
     let runs = path.par_chunks(RUN).map(|run| {
         let [a, b] = pair.open(threads)?;
-        let mut last = None;
+        let mut front = Front::new();
         let ask = |pose: &Pose| {
             let limits = limits.start(cancel);
             let go_on = &mut |read| limits.go_on(read);
-            let answer = chpm_proximity::distance(&a, &b, [still, pose], &question, last.as_ref(), go_on)?;
+            let answer = follow(&mut front, &a, &b, [still, pose], &question, go_on)?;
             stop::check(cancel)?;
-            last = answer.witness.or(last);
             Ok(answer)
         };
         run.iter().map(ask).collect::<Result<Vec<Answer>>>()

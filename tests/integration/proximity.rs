@@ -150,7 +150,7 @@ fn a_scan_is_compared_with_a_reference() {
     assert!(folder.read("out.ply") == colored);
     let own = answer(&folder, "compare in.ply in.chpm --tolerance 0 --unsigned -q --json", 0);
     assert!(own["signed"] == false && own["max"].as_f64().unwrap() < 1e-6, "{own}");
-    assert!(folder.stderr("compare in.chpm in.chpm -o out.chpm", 2).contains("PLY"));
+    assert!(folder.stderr("compare in.chpm in.chpm -o out.stl", 2).contains("PLY, GLB and CHPM"));
 }
 
 /// Triangles that all have a part of the z axis in common and no vertex.
@@ -208,4 +208,38 @@ fn clearances_are_written_line_by_line() {
     let least = |line: &str| line.split(',').nth(1).unwrap().parse::<f64>().unwrap();
     assert!(least(lines[1]) > 0.7 && least(lines[2]) <= 0.5, "{text}");
     assert!(folder.stderr("clearance in.chpm in.chpm --above 1 --csv out.csv", 2).contains("out.csv"));
+}
+
+#[test]
+fn a_comparison_is_the_same_in_every_format() {
+    let folder = site();
+    // Far away, where positions need doubles.
+    let far = "v 7000000.25 0 0\nv 7000001.25 0 0\nv 7000000.25 1 0\nv 7000000.25 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+    folder.write("far.obj", far);
+    folder.stdout("build far.obj -q");
+    for (scan, pose) in [("in.chpm", "--pose-a 0,0,0.1"), ("far.chpm", "--pose-a -7000000,0,0")] {
+        let compare = |name: &str| {
+            let words = format!("compare {scan} in.chpm {pose} --tolerance 0.001 -qf -o {name}");
+            folder.stdout(&words);
+        };
+        ["out.ply", "out.glb", "out.chpm"].into_iter().for_each(compare);
+        let ply = folder.read_mesh("out.ply");
+        // Built again, it has the same triangles in the same colours.
+        folder.stdout("extract out.chpm --error 0 -o back.ply -qf");
+        let back = folder.read_mesh("back.ply");
+        assert_eq!(super::harness::triangles(&back), super::harness::triangles(&ply), "{scan}");
+        let painted = |mesh: &chpm_mesh::TriMesh| {
+            let all = mesh.positions.iter().map(|p| p.map(f32::to_bits)).zip(mesh.colors.iter().copied());
+            all.collect::<std::collections::BTreeSet<_>>()
+        };
+        assert!(painted(&back) == painted(&ply) && painted(&ply).len() == ply.positions.len(), "{scan}");
+        let glb = super::glb::Glb::read(&folder.read("out.glb"));
+        assert_eq!(glb.mesh.triangles, ply.triangles, "{scan}");
+        assert_eq!(glb.colors.len(), ply.positions.len());
+        assert_eq!(glb.extras()["range"].as_array().map(Vec::len), Some(2));
+    }
+    let names = folder.names();
+    assert!(names.iter().all(|name| !name.starts_with(".chpm-")), "{names:?}");
+    assert!(folder.stderr("compare in.chpm in.chpm -o out.chpm", 2).contains("out.chpm"));
+    assert!(folder.stderr("compare in.chpm packed.chpm -f -o in.chpm", 2).contains("the input itself"));
 }

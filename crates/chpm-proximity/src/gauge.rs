@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// Measures points of one model against another, the reference.
 pub struct Gauge<'m, 'a, D> {
-    reference: &'m mut Model<'a, D>,
+    reference: &'m Model<'a, D>,
     between: Between,
     tolerance: f64,
 }
@@ -51,7 +51,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
     /// A tolerance that is no length.
     pub fn new<E: AsRef<[u8]>>(
         scan: &Model<'_, E>,
-        reference: &'m mut Model<'a, D>,
+        reference: &'m Model<'a, D>,
         poses: [&Pose; 2],
         tolerance: f64,
     ) -> Result<Self, ProximityError> {
@@ -72,19 +72,23 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
     ///
     /// # Errors
     /// A damaged page.
-    pub fn measure(&mut self, points: &[[f32; 3]], out: &mut Vec<f64>) -> Result<(), ProximityError> {
+    pub fn measure(&self, points: &[[f32; 3]], out: &mut Vec<f64>) -> Result<(), ProximityError> {
         let points: Vec<Vector3<f64>> = points.iter().map(|point| self.between.apply(*point)).collect();
+        let start = out.len();
+        out.resize(start + points.len(), 0.0);
         // In runs that are near each other, each with the patches that it may be near to.
-        for run in points.chunks(RUN) {
-            let patches = self.candidates(run)?;
-            let mut last: Option<(Vector3<f64>, f64)> = None;
+        for run in along_a_curve(&points).chunks(RUN) {
+            let patches = self.candidates(run, &points)?;
+            let mut last = None;
             let mut order: Vec<(f64, usize)> = Vec::with_capacity(patches.len());
-            for point in run {
-                // No farther than the way to the last one and its distance.
-                let most = last.map_or(f64::INFINITY, |(at, away)| {
-                    ((point - at).norm() + away) * (1.0 + 1e-9) + self.between.margin
-                });
-                let mut spot = Spot::beyond(most);
+            for number in run {
+                let point = &points[*number as usize];
+                let mut spot = Spot::beyond(f64::INFINITY);
+                // What is nearest to one is near to the next.
+                if let Some((patch, triangle)) = last {
+                    let (_, patch): &(Block, Arc<Patch>) = &patches[patch];
+                    patch.take(triangle, point, &mut spot);
+                }
                 order.clear();
                 order
                     .extend(patches.iter().enumerate().map(|(i, (block, _))| (block.squared_from(point), i)));
@@ -93,11 +97,11 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
                     if *away > spot.reach() {
                         break;
                     }
-                    patches[*i].1.nearest_to(point, &mut spot);
+                    if let Some(triangle) = patches[*i].1.nearest_to(point, &mut spot) {
+                        last = Some((*i, triangle));
+                    }
                 }
-                let distance = spot.distance();
-                last = Some((*point, distance.abs()));
-                out.push(distance);
+                out[start + *number as usize] = spot.distance();
             }
         }
         Ok(())
@@ -111,13 +115,15 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
     }
 
     /// Patches of which one is nearest to each point of a run.
-    fn candidates(&mut self, run: &[Vector3<f64>]) -> Result<Vec<(Block, Arc<Patch>)>, ProximityError> {
-        let (mut low, mut high) = (run[0], run[0]);
-        for point in run {
-            (low, high) = (low.inf(point), high.sup(point));
-        }
+    fn candidates(
+        &self,
+        run: &[u32],
+        points: &[Vector3<f64>],
+    ) -> Result<Vec<(Block, Arc<Patch>)>, ProximityError> {
+        let run = || run.iter().map(|number| &points[*number as usize]);
+        let (low, high) = ends(run());
         let center = (low + high) * 0.5;
-        let radius = run.iter().map(|point| (point - center).norm()).fold(0.0, f64::max);
+        let radius = run().map(|point| (point - center).norm()).fold(0.0, f64::max);
         let mut most = f64::INFINITY;
         let mut waiting = BinaryHeap::new();
         let mut known = BTreeSet::new();
@@ -144,7 +150,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
                 found.push((away, cluster));
                 if away < most {
                     let mut spot = Spot::beyond(most);
-                    self.reference.patch(cluster)?.nearest_to(&center, &mut spot);
+                    self.reference.patch_for_many(cluster)?.nearest_to(&center, &mut spot);
                     most = most.min(spot.distance().abs() * (1.0 + 1e-9));
                 }
             }
@@ -152,7 +158,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
         let near = found.iter().filter(|(away, _)| *away <= most + 2.0 * radius);
         let mut patches = Vec::new();
         for (_, cluster) in near {
-            patches.push((self.reference.cluster_block(*cluster), self.reference.patch(*cluster)?));
+            patches.push((self.reference.cluster_block(*cluster), self.reference.patch_for_many(*cluster)?));
         }
         Ok(patches)
     }
@@ -172,4 +178,29 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
 }
 
 /// Points that look for the patches that they may be near to together.
-const RUN: usize = 512;
+const RUN: usize = 256;
+
+/// The corners of the box about points.
+fn ends<'p>(points: impl Iterator<Item = &'p Vector3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
+    let none = Vector3::repeat(f64::INFINITY);
+    points.fold((none, -none), |(low, high), point| (low.inf(point), high.sup(point)))
+}
+
+/// The numbers of points in an order in which those beside each other are near: by cells of a grid, digits of the three axes in turn.
+fn along_a_curve(points: &[Vector3<f64>]) -> Vec<u32> {
+    let (low, high) = ends(points.iter());
+    let scale = (high - low).map(|size| if size > 0.0 { CELLS / size } else { 0.0 });
+    let spread = |cell: u64| (0..BITS).map(|bit| (cell >> bit & 1) << (3 * bit)).sum::<u64>();
+    let key = |point: &Vector3<f64>| {
+        let cell = (point - low).component_mul(&scale);
+        (0..3).map(|axis| spread(cell[axis] as u64) << axis).sum::<u64>()
+    };
+    let mut order: Vec<(u64, u32)> = points.iter().map(key).zip(0..).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, number)| number).collect()
+}
+
+/// Binary digits of a cell along an axis.
+const BITS: u32 = 8;
+/// The last cell along an axis.
+const CELLS: f64 = ((1 << BITS) - 1) as f64;

@@ -161,6 +161,15 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
 
     /// The finest mesh of a cluster: kept, or read.
     pub(crate) fn patch(&self, cluster: ClusterId) -> Result<Arc<Patch>, ProximityError> {
+        self.take(cluster, false)
+    }
+
+    /// The same for thousands of questions, each a short one.
+    pub(crate) fn patch_for_many(&self, cluster: ClusterId) -> Result<Arc<Patch>, ProximityError> {
+        self.take(cluster, true)
+    }
+
+    fn take(&self, cluster: ClusterId, often: bool) -> Result<Arc<Patch>, ProximityError> {
         let record = &self.file.clusters()[cluster.index()];
         let slot = lock(&self.shelf).slot(cluster, Patch::bytes_of(record));
         let mut held = lock(&slot);
@@ -168,7 +177,7 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
             return Ok(Arc::clone(patch));
         }
         let page = self.file.page(cluster)?;
-        let patch = Arc::new(Patch::new(&page.view()));
+        let patch = Arc::new(Patch::new(&page.view(), often));
         *held = Some(Arc::clone(&patch));
         let reads = &mut lock(&self.shelf).reads;
         reads.pages += 1;

@@ -43,6 +43,17 @@ impl Node {
         Block::new(self.min, self.max)
     }
 
+    /// The squared distance of a point.
+    fn squared_from(&self, point: &Vector3<f64>) -> f64 {
+        let mut squared = 0.0;
+        for axis in 0..3 {
+            let (low, high) = (f64::from(self.min[axis]), f64::from(self.max[axis]));
+            let away = (low - point[axis]).max(point[axis] - high).max(0.0);
+            squared += away * away;
+        }
+        squared
+    }
+
     fn triangles(&self) -> std::ops::Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
@@ -58,14 +69,16 @@ pub(crate) struct Found {
 }
 
 impl Patch {
-    pub(crate) fn new(page: &Page<'_>) -> Self {
+    /// `often`: boxes that are tighter, and take longer to make.
+    pub(crate) fn new(page: &Page<'_>, often: bool) -> Self {
         let corner = |v: u16| page.positions[usize::from(v)];
         let corners: Vec<[[f32; 3]; 3]> = page.triangles.iter().map(|t| t.map(corner)).collect();
-        let mut places: Vec<u32> = (0..corners.len() as u32).collect();
+        let mut items = if often { each_alone(&corners) } else { in_runs(&corners) };
         let mut nodes = Vec::with_capacity(corners.len());
         if !corners.is_empty() {
-            divide(&corners, &mut places, 0, &mut nodes);
+            divide(&corners, &mut items, 0, &mut nodes);
         }
+        let places: Vec<u32> = items.iter().flat_map(Item::places).collect();
         let corners = places.iter().map(|place| corners[*place as usize]).collect();
         let vertices = places.iter().map(|place| page.triangles[*place as usize]).collect();
         let mut shared = vec![NONE; page.vertex_count()];
@@ -96,6 +109,11 @@ impl Patch {
         self.places[index]
     }
 
+    /// Where the triangle of a place in the page is in the boxes' order.
+    pub(crate) fn index_of(&self, place: u32) -> Option<usize> {
+        self.places.iter().position(|at| *at == place)
+    }
+
     /// Whether a triangle has a vertex that one of another cluster, or of the same one, has too.
     pub(crate) fn has_common_vertex(&self, index: usize, other: &Patch, at: usize, is_one: bool) -> bool {
         let same = |v: u16, w: u16| match is_one {
@@ -110,19 +128,29 @@ impl Patch {
 
     /// The nearest triangles of two patches, if they are nearer than `below`; found to `slack`.
     pub(crate) fn nearest(&self, other: &Patch, between: &Between, below: f64, slack: f64) -> Found {
-        let mut search = Search { a: self, b: other, between, slack, most: below, least: below, near: None };
+        let mut search = Search {
+            a: self,
+            b: other,
+            between,
+            slack,
+            most: below,
+            least: below,
+            near: None,
+            along: Vector3::zeros(),
+        };
         if !self.is_empty() && !other.is_empty() {
             search.descend(0, 0);
         }
         Found { least: search.least, near: search.near }
     }
 
-    /// Goes to the nearest point of the patch, if it is nearer than what was found.
-    pub(crate) fn nearest_to(&self, point: &Vector3<f64>, spot: &mut Spot) {
+    /// Goes to the nearest point of the patch, if it is nearer than what was found. Answers its triangle, by its place in the boxes' order.
+    pub(crate) fn nearest_to(&self, point: &Vector3<f64>, spot: &mut Spot) -> Option<usize> {
         if self.is_empty() {
-            return;
+            return None;
         }
-        let away = |at: usize| self.nodes[at].block().squared_from(point);
+        let away = |at: usize| self.nodes[at].squared_from(point);
+        let mut nearest = None;
         let mut open = [(0.0, 0); DEEP];
         let mut count = 1;
         open[0] = (away(0), 0);
@@ -134,7 +162,11 @@ impl Patch {
             }
             let node = &self.nodes[at];
             if node.other == 0 {
-                node.triangles().for_each(|index| spot.take(point, &self.triangle(index).0));
+                for index in node.triangles() {
+                    if self.take(index, point, spot) {
+                        nearest = Some(index);
+                    }
+                }
                 continue;
             }
             let (first, second) = (at + 1, node.other as usize);
@@ -144,6 +176,12 @@ impl Patch {
             open[count..count + 2].copy_from_slice(&pair);
             count += 2;
         }
+        nearest
+    }
+
+    /// Goes to the nearest point of one triangle; answers whether it is nearer.
+    pub(crate) fn take(&self, index: usize, point: &Vector3<f64>, spot: &mut Spot) -> bool {
+        spot.take(point, &self.triangle(index).0)
     }
 
     /// Calls `found` for every pair of triangles that may be within `reach`, until it breaks.
@@ -218,11 +256,12 @@ impl Spot {
         if self.upright < 0.0 { -self.squared.sqrt() } else { self.squared.sqrt() }
     }
 
-    fn take(&mut self, point: &Vector3<f64>, corners: &Corners) {
+    /// Answers whether the triangle is nearer than all before.
+    fn take(&mut self, point: &Vector3<f64>, corners: &Corners) -> bool {
         let way = point - triangle::nearest_point(point, corners);
         let squared = way.norm_squared();
         if squared > self.reach() {
-            return;
+            return false;
         }
         let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
         let lengths = normal.norm_squared() * squared;
@@ -230,7 +269,9 @@ impl Spot {
         if squared < self.squared * (1.0 - 1e-12) || upright.abs() > self.upright.abs() {
             self.upright = upright;
         }
+        let is_nearer = squared < self.squared;
         self.squared = self.squared.min(squared);
+        is_nearer
     }
 }
 
@@ -243,35 +284,74 @@ fn further(x: &Node, y: &Node) -> Option<bool> {
     }
 }
 
-/// Appends the box of a run of triangles and all below it; halves by the middles along the longest axis.
-fn divide(corners: &[[[f32; 3]; 3]], places: &mut [u32], first: usize, nodes: &mut Vec<Node>) {
-    let (mut bounds, mut middles) = (Aabb::EMPTY, Aabb::EMPTY);
-    let middle = |place: u32| {
-        let [a, b, c] = corners[place as usize];
-        [0, 1, 2].map(|axis| a[axis] / 3.0 + b[axis] / 3.0 + c[axis] / 3.0)
-    };
-    for place in places.iter() {
-        corners[*place as usize].iter().for_each(|corner| bounds.add(*corner));
-        middles.add(middle(*place));
+/// Triangles that are put in order together.
+#[derive(Clone, Copy)]
+struct Item {
+    middle: [f32; 3],
+    /// The place of the first in the page; others follow.
+    place: u32,
+    count: u32,
+}
+
+impl Item {
+    fn places(&self) -> std::ops::Range<u32> {
+        self.place..self.place + self.count
     }
+}
+
+/// Runs of a few triangles of the page, where these lie beside each other, as in pages that are ordered for drawing; each on its own where they do not.
+fn in_runs(corners: &[[[f32; 3]; 3]]) -> Vec<Item> {
+    let (mut together, mut alone) = (0.0, 0.0);
+    let mut runs = Vec::with_capacity(corners.len() / FEW + 1);
+    for (at, run) in corners.chunks(FEW).enumerate() {
+        let mut bounds = Aabb::EMPTY;
+        for corners in run {
+            let own = Aabb::of_points(corners);
+            alone += own.diagonal();
+            bounds.merge(&own);
+        }
+        together += bounds.diagonal();
+        let middle = [0, 1, 2].map(|axis| bounds.min[axis] / 2.0 + bounds.max[axis] / 2.0);
+        runs.push(Item { middle, place: (at * FEW) as u32, count: run.len() as u32 });
+    }
+    if together <= COHERENT * alone { runs } else { each_alone(corners) }
+}
+
+fn each_alone(corners: &[[[f32; 3]; 3]]) -> Vec<Item> {
+    let middle =
+        |[a, b, c]: &[[f32; 3]; 3]| [0, 1, 2].map(|axis| a[axis] / 3.0 + b[axis] / 3.0 + c[axis] / 3.0);
+    (0..).zip(corners).map(|(place, corners)| Item { middle: middle(corners), place, count: 1 }).collect()
+}
+
+/// Runs that are no larger than this share of their triangles, one after the other.
+const COHERENT: f64 = 0.75;
+
+/// Appends the box of a run of triangles and all below it, and answers it; halves by the middles along the longest axis.
+fn divide(corners: &[[[f32; 3]; 3]], items: &mut [Item], first: u32, nodes: &mut Vec<Node>) -> Aabb {
     let at = nodes.len();
-    let count = places.len() as u32;
-    nodes.push(Node { min: bounds.min, max: bounds.max, first: first as u32, count, other: 0 });
-    if places.len() <= FEW {
-        return;
+    let count: u32 = items.iter().map(|item| item.count).sum();
+    nodes.push(Node { min: [0.0; 3], max: [0.0; 3], first, count, other: 0 });
+    let mut bounds = Aabb::EMPTY;
+    if count as usize <= FEW {
+        let places = items.iter().flat_map(Item::places);
+        places.for_each(|place| corners[place as usize].iter().for_each(|corner| bounds.add(*corner)));
+    } else {
+        let mut middles = Aabb::EMPTY;
+        items.iter().for_each(|item| middles.add(item.middle));
+        let size = |axis: usize| middles.max[axis] - middles.min[axis];
+        let axis = (1..3).fold(0, |best, axis| if size(axis) > size(best) { axis } else { best });
+        let half = items.len() / 2;
+        items.select_nth_unstable_by(half, |x, y| {
+            x.middle[axis].total_cmp(&y.middle[axis]).then(x.place.cmp(&y.place))
+        });
+        let (low, high) = items.split_at_mut(half);
+        bounds = divide(corners, low, first, nodes);
+        let begun = nodes[at + 1].count;
+        nodes[at].other = nodes.len() as u32;
+        bounds.merge(&divide(corners, high, first + begun, nodes));
     }
-    let size = |axis: usize| middles.max[axis] - middles.min[axis];
-    let axis = (1..3).fold(0, |best, axis| if size(axis) > size(best) { axis } else { best });
-    let half = places.len() / 2;
-    let key = |place: &u32| (middle(*place)[axis], *place);
-    places.select_nth_unstable_by(half, |x, y| {
-        let (x, y) = (key(x), key(y));
-        x.0.total_cmp(&y.0).then(x.1.cmp(&y.1))
-    });
-    let (low, high) = places.split_at_mut(half);
-    divide(corners, low, first, nodes);
-    nodes[at].other = nodes.len() as u32;
-    divide(corners, high, first + half, nodes);
+    (nodes[at].min, nodes[at].max) = (bounds.min, bounds.max);
+    bounds
 }
 
 struct Search<'a> {
@@ -283,6 +363,8 @@ struct Search<'a> {
     most: f64,
     least: f64,
     near: Option<(Near, [u32; 2])>,
+    /// From the second of the nearest points to the first.
+    along: Vector3<f64>,
 }
 
 impl Search<'_> {
@@ -321,14 +403,16 @@ impl Search<'_> {
         for i in x.triangles() {
             let (t, place) = self.a.triangle(i);
             for (u, other) in &moved[..y.count as usize] {
-                let away = boxes_apart(&t, u);
-                if self.is_done(away) {
+                // Along the way of the nearest points so far, most are far enough apart.
+                if self.is_done(triangle::apart_along(self.along, &t, u)) || self.is_done(boxes_apart(&t, u))
+                {
                     continue;
                 }
                 let near = triangle::distance(&t, u);
                 self.least = self.least.min(near.least);
                 if near.most < self.most {
                     self.most = near.most;
+                    self.along = near.a - near.b;
                     self.near = Some((near, [place, *other]));
                 }
             }

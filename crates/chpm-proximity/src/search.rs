@@ -1,12 +1,11 @@
 //! The distance of two models: pairs of groups, the nearest first, until the answer is as narrow as it has to be.
 
 use crate::error::ProximityError;
+use crate::front::{Front, Pair};
 use crate::model::{Model, Reads};
 use crate::pose::{Between, Pose};
-use crate::triangle::Near;
+use crate::triangle::{self, Near};
 use chpm_mesh::{ClusterId, GroupId};
-use std::collections::hash_map::Entry;
-use std::collections::{BinaryHeap, HashMap};
 
 /// What is asked.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -66,35 +65,7 @@ pub struct Answer {
     pub margin: f64,
 }
 
-/// A pair of groups that may be the nearest one.
-#[derive(Clone, Copy, PartialEq, Debug)]
-struct Pair {
-    /// Nothing that they stand for is nearer.
-    least: f64,
-    a: GroupId,
-    b: GroupId,
-    /// Whether their meshes were compared.
-    compared: bool,
-}
-
-impl Eq for Pair {}
-
-impl Ord for Pair {
-    /// The nearest is the greatest; finer ones before coarser ones.
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        let key = |pair: &Pair| (pair.a, pair.b, pair.compared);
-        other.least.total_cmp(&self.least).then_with(|| key(self).cmp(&key(other)))
-    }
-}
-
-impl PartialOrd for Pair {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-/// The distance of two models in their poses. `go_on` is asked before every pair, with what was read so far. `hint` is the witness of an answer to a
-/// question like this one.
+/// The distance of two models in their poses. `go_on` is asked before every pair, with what was read so far.
 ///
 /// # Errors
 /// A damaged page; an error that is no length.
@@ -103,7 +74,22 @@ pub fn distance<D: AsRef<[u8]>, E: AsRef<[u8]>>(
     b: &Model<'_, E>,
     poses: [&Pose; 2],
     question: &Question,
-    hint: Option<&Witness>,
+    go_on: &mut dyn FnMut(Reads) -> bool,
+) -> Result<Answer, ProximityError> {
+    follow(&mut Front::new(), a, b, poses, question, go_on)
+}
+
+/// The same, one pose after the other: a step costs what has changed since the one before, if it is short. What it proves holds as it does from the roots, and is
+/// as narrow as was asked for.
+///
+/// # Errors
+/// As for [`distance`]; the front then begins anew.
+pub fn follow<D: AsRef<[u8]>, E: AsRef<[u8]>>(
+    front: &mut Front,
+    a: &Model<'_, D>,
+    b: &Model<'_, E>,
+    poses: [&Pose; 2],
+    question: &Question,
     go_on: &mut dyn FnMut(Reads) -> bool,
 ) -> Result<Answer, ProximityError> {
     for (what, got) in [("error", Some(question.error)), ("distance to stay above", question.above)] {
@@ -113,6 +99,9 @@ pub fn distance<D: AsRef<[u8]>, E: AsRef<[u8]>>(
     }
     let between = Between::new(&a.frame(poses[0]), &b.frame(poses[1]));
     let before = [a.reads(), b.reads()];
+    let bounds = b.file().header().aabb();
+    let last = front.between();
+    let room = front.follow(&between, &bounds);
     let mut search = Search {
         a,
         b,
@@ -121,27 +110,28 @@ pub fn distance<D: AsRef<[u8]>, E: AsRef<[u8]>>(
         question,
         most: f64::INFINITY,
         settled: f64::INFINITY,
+        done: Vec::new(),
         witness: None,
-        waiting: BinaryHeap::new(),
-        known: HashMap::new(),
+        front: &mut *front,
         pairs: 0,
     };
-    if let Some(hint) = hint {
-        search.begin_at(hint)?;
+    let mut end = search.begin(room.is_none()).and_then(|()| search.run(before, room, go_on));
+    if let (Ok(None), Some(last)) = (&end, last) {
+        search.front.give_up(&last, &bounds);
+        search.done.clear();
+        search.settled = f64::INFINITY;
+        search.put_roots();
+        end = search.run(before, None, go_on);
     }
-    let end = search.run(before, go_on)?;
-    let open = search.waiting.peek().map_or(f64::INFINITY, |pair| pair.least);
-    let least = open.min(search.settled).min(search.most).max(0.0);
-    let reads = [since(search.a.reads(), before[0]), since(search.b.reads(), before[1])];
-    Ok(Answer {
-        least,
-        most: search.most,
-        witness: search.witness,
-        end,
-        reads,
-        pairs: search.pairs,
-        margin: between.margin,
-    })
+    let Search { most, settled, done, witness, pairs, .. } = search;
+    // There is always one where there was room for all.
+    let end = end.inspect_err(|_| front.begin())?.unwrap_or(End::Stopped);
+    let open = front.waiting.peek().map_or(f64::INFINITY, |pair| front.least(pair));
+    let least = open.min(settled).min(most).max(0.0);
+    front.waiting.extend(done);
+    front.witness = witness.or(front.witness);
+    let reads = [since(a.reads(), before[0]), since(b.reads(), before[1])];
+    Ok(Answer { least, most, witness, end, reads, pairs, margin: between.margin })
 }
 
 pub(crate) fn since(now: Reads, before: Reads) -> Reads {
@@ -163,42 +153,69 @@ struct Search<'s, 'a, 'b, D, E> {
     question: &'s Question,
     /// Somewhere the sources are as near.
     most: f64,
-    /// What is not waiting any more is nowhere nearer.
+    /// What was compared at the sources' triangles is nowhere nearer.
     settled: f64,
+    /// What that was.
+    done: Vec<Pair>,
     witness: Option<Witness>,
-    waiting: BinaryHeap<Pair>,
-    /// Pairs that were put there, and how far away it was then known at least what they were reached for.
-    known: HashMap<(GroupId, GroupId), f64>,
+    front: &'s mut Front,
     pairs: u64,
 }
 
 impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
-    fn run(
-        &mut self,
-        before: [Reads; 2],
-        go_on: &mut dyn FnMut(Reads) -> bool,
-    ) -> Result<End, ProximityError> {
+    fn begin(&mut self, from_roots: bool) -> Result<(), ProximityError> {
+        if let Some(hint) = self.front.witness {
+            self.begin_at(&hint)?;
+        }
+        if from_roots {
+            self.put_roots();
+        }
+        Ok(())
+    }
+
+    fn put_roots(&mut self) {
         for a in self.a.top() {
             for b in self.b.top() {
                 self.put(a, b, 0.0);
             }
         }
-        while let Some(pair) = self.waiting.peek().copied() {
-            if self.is_decided(pair.least) {
-                return Ok(End::Decided);
+    }
+
+    /// Looks at pairs, if there is `room` for them; answers nothing where there is not.
+    fn run(
+        &mut self,
+        before: [Reads; 2],
+        room: Option<u64>,
+        go_on: &mut dyn FnMut(Reads) -> bool,
+    ) -> Result<Option<End>, ProximityError> {
+        let from = self.pairs;
+        let mut end = None;
+        while let Some(pair) = self.front.waiting.peek().copied() {
+            let least = self.front.least(&pair);
+            if self.is_decided(least) {
+                end = Some(End::Decided);
+                break;
             }
-            if self.known.len() > self.question.most_pairs {
-                return Ok(End::Crowded);
+            let is_crowded = self.front.pairs() > self.question.most_pairs;
+            if room.is_some_and(|room| self.pairs - from > room || is_crowded) {
+                return Ok(None);
+            }
+            if is_crowded {
+                return Ok(Some(End::Crowded));
             }
             let [a, b] = [since(self.a.reads(), before[0]), since(self.b.reads(), before[1])];
             if !go_on(a.plus(b)) {
-                return Ok(End::Stopped);
+                return Ok(Some(End::Stopped));
             }
-            self.waiting.pop();
+            self.front.waiting.pop();
             self.pairs += 1;
-            self.take(pair)?;
+            self.take(pair, least)?;
         }
-        Ok(if self.is_decided(self.settled) { End::Decided } else { End::Exact })
+        if room.is_none() {
+            self.front.is_whole(self.pairs - from);
+        }
+        let is_decided = self.is_decided(self.settled);
+        Ok(end.or(Some(if is_decided { End::Decided } else { End::Exact })))
     }
 
     /// Whether enough is known where nothing that is left is nearer than `least`.
@@ -210,22 +227,31 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
         }
     }
 
-    fn take(&mut self, pair: Pair) -> Result<(), ProximityError> {
-        let Pair { a, b, .. } = pair;
+    fn take(&mut self, pair: Pair, mut least: f64) -> Result<(), ProximityError> {
+        let (Pair { a, b, .. }, step) = (pair, self.front.step);
+        if pair.asked != step {
+            // It may have come nearer since it was asked for; the tables know whether it has.
+            let tables = self.tables(a, b) - self.between.margin;
+            if tables > least {
+                self.front.put(a, b, tables, pair.compared);
+                return Ok(());
+            }
+        }
         let (is_end_a, is_end_b) = (self.a.is_leaf(a), self.b.is_leaf(b));
-        let mut least = pair.least;
-        if !pair.compared && ((is_end_a && is_end_b) || self.is_worth(a, b)) {
+        let is_compared = pair.compared == step;
+        if !is_compared && ((is_end_a && is_end_b) || self.is_worth(a, b)) {
             least = least.max(self.compare(a, b)?);
-            self.waiting.push(Pair { least, compared: true, ..pair });
+            self.front.put(a, b, least, step);
             return Ok(());
         }
         if is_end_a && is_end_b {
             self.settled = self.settled.min(least);
+            self.done.push(pair);
             return Ok(());
         }
         let (wrong_a, wrong_b) = (self.a.wrong(a), self.b.wrong(b));
         let (size_a, size_b) = (self.a.block(a).size(), self.b.block(b).size());
-        let first = if pair.compared { wrong_a.both() >= wrong_b.both() } else { size_a >= size_b };
+        let first = if is_compared { wrong_a.both() >= wrong_b.both() } else { size_a >= size_b };
         if !is_end_a && (first || is_end_b) {
             for fine in self.a.below(a) {
                 self.put(fine, b, least);
@@ -240,24 +266,14 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
 
     /// Whether the meshes of two groups, which have to be read, tell more than what is below them in the tables.
     fn is_worth(&self, a: GroupId, b: GroupId) -> bool {
-        let wrong = self.a.wrong(a).both() + self.b.wrong(b).both();
-        let size = self.a.block(a).size().min(self.b.block(b).size());
-        wrong <= (0.5 * self.question.error).max(WORTH * size)
+        self.a.wrong(a).both() + self.b.wrong(b).both() <= WORTH * self.question.error
     }
 
-    /// Lets a pair wait, unless it is known to be too far away, or waits already. A group can be reached by several ways, each for a part of what it
-    /// stands for: what is known of that part is not known of another.
+    /// Lets a pair wait, unless it waits already.
     fn put(&mut self, a: GroupId, b: GroupId, at_least: f64) {
-        match self.known.entry((a, b)) {
-            Entry::Occupied(entry) if *entry.get() <= at_least => return,
-            Entry::Occupied(mut entry) => *entry.get_mut() = at_least,
-            Entry::Vacant(entry) => _ = entry.insert(at_least),
-        }
-        let least = at_least.max(self.tables(a, b) - self.between.margin);
-        if least >= self.limit() {
-            self.settled = self.settled.min(least);
-        } else {
-            self.waiting.push(Pair { least, a, b, compared: false });
+        if self.front.is_new(a, b, at_least) {
+            let least = at_least.max(self.tables(a, b) - self.between.margin);
+            self.front.put(a, b, least, 0);
         }
     }
 
@@ -299,7 +315,7 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
         order.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
         // Meshes that are farther apart prove that the pair plays no part.
         let mut least = f64::INFINITY;
-        let slack = 0.1 * self.question.error.min(wrong + error);
+        let slack = (SLACK * (self.question.error - wrong - error)).max(0.1 * (wrong + error));
         for (away, x, y) in order {
             let below = (self.limit() + wrong + margin).min(least + slack);
             if away >= below {
@@ -356,7 +372,14 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
             [self.a.file().clusters()[x.index()].group(), self.b.file().clusters()[y.index()].group()];
         let errors = [self.a.wrong(groups[0]).error, self.b.wrong(groups[1]).error];
         let (p, q) = (self.a.patch(x)?, self.b.patch(y)?);
-        let found = p.nearest(&q, &self.between, f64::INFINITY, 0.1 * self.question.error);
+        let [t, u] = hint.triangles;
+        // They are near, and what is nearer is found the sooner.
+        if let (Some(i), Some(j)) = (p.index_of(t), q.index_of(u)) {
+            let near = triangle::distance(&p.triangle(i).0, &q.moved(j, &self.between).0);
+            self.note(near, errors, groups, hint.clusters, hint.triangles);
+        }
+        let below = less(self.most, errors[0] + errors[1] + self.between.margin);
+        let found = p.nearest(&q, &self.between, below, 0.5 * self.question.error);
         if let Some((near, triangles)) = found.near {
             self.note(near, errors, groups, hint.clusters, triangles);
         }
@@ -369,5 +392,7 @@ fn less(from: f64, by: f64) -> f64 {
     from - by - 4.0 * f64::EPSILON * (from + by)
 }
 
-/// Meshes are read where they are wrong by at most this share of their size.
-const WORTH: f64 = 0.0;
+/// Meshes are read where they are wrong by at most this share of what the answer may be. Coarser ones rule out less: reading them was slower, and more in all.
+const WORTH: f64 = 0.1;
+/// Which part of the error that is left by meshes a search among their triangles may use up.
+const SLACK: f64 = 0.8;

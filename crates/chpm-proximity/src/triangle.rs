@@ -39,6 +39,20 @@ pub(crate) fn distance(t: &Corners, u: &Corners) -> Near {
             }
         }
     }
+    // What is apart along the way between these points is not pierced, and no others are nearer.
+    let (squared, a, b) = best;
+    let most = squared.sqrt();
+    let least = apart_along(a - b, t, u);
+    if least > 0.0 && most - least <= 1e-9 * most {
+        return Near { least: least.min(most), most, a, b };
+    }
+    let mut best = best;
+    let mut take = |a: Vector3<f64>, b: Vector3<f64>| {
+        let d = (a - b).norm_squared();
+        if d < best.0 {
+            best = (d, a, b);
+        }
+    };
     for i in 0..3 {
         if let Some(at) = pierce(t[i], t[(i + 1) % 3], u) {
             take(at, nearest_point(&at, u));
@@ -66,7 +80,7 @@ fn separations(t: &Corners, u: &Corners) -> impl Iterator<Item = Vector3<f64>> {
 }
 
 /// How far all of `t` is beyond all of `u` in a direction; 0 where it is not.
-fn apart_along(direction: Vector3<f64>, t: &Corners, u: &Corners) -> f64 {
+pub(crate) fn apart_along(direction: Vector3<f64>, t: &Corners, u: &Corners) -> f64 {
     let Some(direction) = direction.try_normalize(f64::MIN_POSITIVE) else { return 0.0 };
     let low = t.iter().map(|x| direction.dot(x)).fold(f64::INFINITY, f64::min);
     let high = u.iter().map(|x| direction.dot(x)).fold(f64::NEG_INFINITY, f64::max);

@@ -28,7 +28,7 @@ fn models() -> Vec<Built> {
 
 fn ask(a: &Built, b: &Built, poses: [&Pose; 2], question: &Question) -> Answer {
     let (x, y) = (Model::new(&a.file, Bytes(1 << 20)).unwrap(), Model::new(&b.file, Bytes(1 << 20)).unwrap());
-    distance(&x, &y, poses, question, None, &mut |_| true).unwrap()
+    distance(&x, &y, poses, question, &mut |_| true).unwrap()
 }
 
 fn within(error: f64) -> Question {
@@ -116,7 +116,7 @@ fn a_search_that_is_stopped_tells_what_is_proven() {
             left -= 1;
             left >= 0
         };
-        let answer = distance(&a, &b, [&Pose::IDENTITY, &pose], &within(0.0), None, &mut go_on).unwrap();
+        let answer = distance(&a, &b, [&Pose::IDENTITY, &pose], &within(0.0), &mut go_on).unwrap();
         assert!(answer.least <= truth && truth <= answer.most, "{limit}: {answer:?}");
         assert!(answer.most - answer.least <= before, "{limit}");
         before = answer.most - answer.least;

@@ -11,7 +11,7 @@ fn measure(reference: &Built, points: &[[f32; 3]], tolerance: f64) -> Vec<f64> {
     let scan = Model::new(&reference.file, Bytes(0)).unwrap();
     let mut model = Model::new(&reference.file, Bytes(1 << 20)).unwrap();
     let still = Pose::IDENTITY;
-    let mut gauge = Gauge::new(&scan, &mut model, [&still, &still], tolerance).unwrap();
+    let gauge = Gauge::new(&scan, &model, [&still, &still], tolerance).unwrap();
     let mut found = Vec::new();
     gauge.measure(points, &mut found).unwrap();
     found

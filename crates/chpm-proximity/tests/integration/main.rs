@@ -2,6 +2,7 @@
 
 mod brute;
 mod distances;
+mod following;
 mod gauges;
 mod site;
 mod touching;

@@ -1,0 +1,169 @@
+//! A scan in the colours of its distances, as a file.
+
+use super::{Colors, Parts, leaves};
+use crate::cmd::build;
+use crate::output::{self, Output, Writes};
+use crate::progress::Meter;
+use crate::stop::{self, Stop};
+use anyhow::{Context, Result, bail};
+use chpm_build::{BuildConfig, Cancel, Resources};
+use chpm_export::{Facts, GlbWriter, Placement};
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_import::ply::{Encoding, PlyWriter};
+use chpm_mesh::{Aabb, Attributes, Bytes, VertexSlices};
+use serde_json::Map;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+const COLORED: Attributes = Attributes { colors: true, ..Attributes::NONE };
+
+/// Where the scan is written, and as what.
+pub(crate) enum Painted {
+    Ply(Output),
+    Glb(Output),
+    /// Built from a PLY in a folder beside it.
+    Chpm {
+        path: PathBuf,
+        force: bool,
+        folder: TempDir,
+    },
+}
+
+/// A file that is there, or has yet to be built from a PLY.
+pub(crate) struct Written(Option<(PathBuf, bool, TempDir)>);
+
+/// The PLY's name in its folder: what is built tells it as its source.
+const SOURCE: &str = "compared.ply";
+
+impl Painted {
+    /// Refuses what cannot be written, before the work.
+    pub(crate) fn create(path: &Path, force: bool, inputs: &[&Path]) -> Result<Self> {
+        let writes = |format| Writes::mesh("compare", format);
+        Ok(match output::promised(path) {
+            None | Some("PLY") => Painted::Ply(writes("PLY").create(path, force, inputs)?),
+            Some("GLB") => Painted::Glb(writes("GLB").create(path, force, inputs)?),
+            Some("CHPM") => {
+                // Opened to see whether it can be.
+                drop(writes("CHPM").create(path, force, inputs)?);
+                let place = path.parent().filter(|place| *place != Path::new("")).unwrap_or(Path::new("."));
+                let folder = tempfile::Builder::new().prefix(".chpm-").tempdir_in(place);
+                let folder =
+                    folder.with_context(|| format!("cannot make a work folder in '{}'", place.display()))?;
+                Painted::Chpm { path: path.to_owned(), force, folder }
+            }
+            Some(name) => bail!(
+                "compare writes PLY, GLB and CHPM, and '{}' is a name for {name}: choose another, or leave the extension out",
+                path.display()
+            ),
+        })
+    }
+
+    /// What may be standard output.
+    pub(crate) fn output(&self) -> Option<&Output> {
+        match self {
+            Painted::Ply(output) | Painted::Glb(output) => Some(output),
+            Painted::Chpm { .. } => None,
+        }
+    }
+
+    /// Writes the leaves with their colours.
+    pub(crate) fn write(
+        self,
+        file: &Chpm<MappedFile>,
+        parts: &Parts,
+        colors: &Colors,
+        cancel: &Cancel,
+    ) -> Result<Written> {
+        let mesh = Colored { file, parts, colors, cancel };
+        let finished = match self {
+            Painted::Ply(output) => mesh.ply(output)?,
+            Painted::Glb(output) => mesh.glb(output)?,
+            Painted::Chpm { path, force, folder } => {
+                let output =
+                    Writes::mesh("compare", "PLY").create(&folder.path().join(SOURCE), false, &[])?;
+                mesh.ply(output)?.publish()?;
+                return Ok(Written(Some((path, force, folder))));
+            }
+        };
+        finished.publish()?;
+        Ok(Written(None))
+    }
+}
+
+impl Written {
+    /// Builds what is not there yet.
+    pub(crate) fn build(self, memory: Bytes, quiet: bool, stop: &Stop) -> Result<()> {
+        let Some((path, force, folder)) = self.0 else { return Ok(()) };
+        let memory = Bytes(memory.0.max(chpm_build::MIN_MEMORY));
+        let resources = Resources { memory, checkpoint: None, ..Resources::default() };
+        let config = BuildConfig { resources, overwrite: force, ..BuildConfig::default() };
+        build::build(&folder.path().join(SOURCE), &path, &config, &Meter::new(quiet), stop)?;
+        Ok(())
+    }
+}
+
+struct Colored<'a> {
+    file: &'a Chpm<MappedFile>,
+    parts: &'a Parts,
+    colors: &'a Colors,
+    cancel: &'a Cancel,
+}
+
+impl Colored<'_> {
+    fn counts(&self) -> (u64, u64) {
+        let count = |leaf: chpm_mesh::ClusterId| u64::from(self.file.clusters()[leaf.index()].triangle_count);
+        (self.parts.values.len() as u64, leaves(self.file).into_iter().map(count).sum())
+    }
+
+    fn vertices(&self, mut each: impl FnMut(VertexSlices<'_>) -> Result<()>) -> Result<()> {
+        self.parts.vertices(self.file, |vertices, values| {
+            stop::check(self.cancel)?;
+            let colors: Vec<[u8; 4]> = values.iter().map(|value| self.colors.of((*value).into())).collect();
+            each(VertexSlices { colors: &colors, ..vertices })
+        })
+    }
+
+    fn triangles(&self, mut each: impl FnMut(&[[u32; 3]]) -> Result<()>) -> Result<()> {
+        self.parts.triangles(self.file, |triangles| {
+            stop::check(self.cancel)?;
+            each(triangles)
+        })
+    }
+
+    fn ply(&self, output: Output) -> Result<Output> {
+        let origin = self.file.header().origin;
+        let double = origin != [0.0; 3];
+        let [low, high] = self.colors.range();
+        let comment = format!("chpm compare, colours from {low} to {high}");
+        let (encoding, (vertices, triangles)) = (Encoding::BinaryLittleEndian, self.counts());
+        let mut ply = PlyWriter::new(output, encoding, vertices, triangles, COLORED, double, &[&comment])?;
+        self.vertices(|batch| {
+            Ok(match double {
+                true => ply.vertices_f64(&batch.absolute(origin).collect::<Vec<_>>(), batch)?,
+                false => ply.vertices(batch)?,
+            })
+        })?;
+        self.triangles(|batch| Ok(ply.triangles(batch)?))?;
+        Ok(ply.finish()?)
+    }
+
+    fn glb(&self, output: Output) -> Result<Output> {
+        let origin = self.file.header().origin;
+        let placement = if origin == [0.0; 3] { Placement::Here } else { Placement::At(origin) };
+        let range = self.colors.range().to_vec();
+        let extras = Map::from_iter([("range".to_owned(), range.into())]);
+        let facts =
+            Facts { generator: format!("chpm {} compare", env!("CARGO_PKG_VERSION")), placement, extras };
+        let mut bounds = Aabb::EMPTY;
+        self.parts.vertices(self.file, |vertices, _| {
+            bounds.merge(&Aabb::of_points(vertices.positions));
+            Ok(())
+        })?;
+        let (vertices, triangles) = self.counts();
+        let mut glb = GlbWriter::new(output, &facts, COLORED, vertices, triangles, &bounds)?;
+        self.vertices(|batch| Ok(glb.vertices(batch)?))?;
+        self.triangles(|batch| Ok(glb.triangles(batch)?))?;
+        Ok(glb.finish()?)
+    }
+}
