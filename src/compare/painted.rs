@@ -139,10 +139,12 @@ impl Colored<'_> {
         let (encoding, (vertices, triangles)) = (Encoding::BinaryLittleEndian, self.counts());
         let mut ply = PlyWriter::new(output, encoding, vertices, triangles, COLORED, double, &[&comment])?;
         self.vertices(|batch| {
-            Ok(match double {
-                true => ply.vertices_f64(&batch.absolute(origin).collect::<Vec<_>>(), batch)?,
-                false => ply.vertices(batch)?,
-            })
+            if double {
+                ply.vertices_f64(&batch.absolute(origin).collect::<Vec<_>>(), batch)?;
+            } else {
+                ply.vertices(batch)?;
+            }
+            Ok(())
         })?;
         self.triangles(|batch| Ok(ply.triangles(batch)?))?;
         Ok(ply.finish()?)

@@ -19,55 +19,59 @@ pub(crate) struct Near {
 /// Finds points that are nearest, and proves it: whatever direction is taken, the triangles are at least as far apart as they are along it. Where
 /// the search is off by rounding, the bounds are apart, and still hold.
 pub(crate) fn distance(t: &Corners, u: &Corners) -> Near {
-    let mut best = (f64::INFINITY, t[0], u[0]);
-    let mut take = |a: Vector3<f64>, b: Vector3<f64>| {
-        let d = (a - b).norm_squared();
-        if d < best.0 {
-            best = (d, a, b);
-        }
-    };
+    let mut best = Best { squared: f64::INFINITY, a: t[0], b: u[0] };
     for corner in u {
-        take(nearest_point(corner, t), *corner);
+        best.take(nearest_point(corner, t), *corner);
     }
     for corner in t {
-        take(*corner, nearest_point(corner, u));
+        best.take(*corner, nearest_point(corner, u));
     }
     for i in 0..3 {
         for j in 0..3 {
             if let Some((a, b)) = cross_points(t[i], t[(i + 1) % 3], u[j], u[(j + 1) % 3]) {
-                take(a, b);
+                best.take(a, b);
             }
         }
     }
     // What is apart along the way between these points is not pierced, and no others are nearer.
-    let (squared, a, b) = best;
+    let Best { squared, a, b } = best;
     let most = squared.sqrt();
     let least = apart_along(a - b, t, u);
     if least > 0.0 && most - least <= 1e-9 * most {
         return Near { least: least.min(most), most, a, b };
     }
-    let mut best = best;
-    let mut take = |a: Vector3<f64>, b: Vector3<f64>| {
-        let d = (a - b).norm_squared();
-        if d < best.0 {
-            best = (d, a, b);
-        }
-    };
     for i in 0..3 {
         if let Some(at) = pierce(t[i], t[(i + 1) % 3], u) {
-            take(at, nearest_point(&at, u));
+            best.take(at, nearest_point(&at, u));
         }
         if let Some(at) = pierce(u[i], u[(i + 1) % 3], t) {
-            take(nearest_point(&at, t), at);
+            best.take(nearest_point(&at, t), at);
         }
     }
-    let (squared, a, b) = best;
+    let Best { squared, a, b } = best;
     let most = squared.sqrt();
     let mut least = apart_along(a - b, t, u);
     if most - least > 1e-9 * most {
         least = separations(t, u).map(|direction| apart_along(direction, t, u)).fold(least, f64::max);
     }
     Near { least: least.min(most), most, a, b }
+}
+
+/// The nearest points so far.
+#[derive(Clone, Copy)]
+struct Best {
+    squared: f64,
+    a: Vector3<f64>,
+    b: Vector3<f64>,
+}
+
+impl Best {
+    fn take(&mut self, a: Vector3<f64>, b: Vector3<f64>) {
+        let squared = (a - b).norm_squared();
+        if squared < self.squared {
+            *self = Best { squared, a, b };
+        }
+    }
 }
 
 /// Directions along which triangles that are apart are, too: upright on one, or on an edge of each.

@@ -8,7 +8,7 @@ use chpm_synth::{Shape, Synth};
 
 /// A part that turns as it goes by, through the other one, and every so often is put elsewhere.
 fn pose(a: &Built, b: &Built, step: u32) -> Pose {
-    let time = f64::from(if step % 250 == 0 { step + 500 } else { step }) / 1000.0;
+    let time = f64::from(if step.is_multiple_of(250) { step + 500 } else { step }) / 1000.0;
     let turn = [0.3 * time, 0.2, 0.1, 1.0];
     let (from, to) = (Pose::of_quaternion(turn, [0.0; 3]).unwrap().apply(b.center()), a.center());
     let way = [3.0 - 6.0 * time, 0.4, 0.3].map(|x| x * 0.5 * a.diagonal());

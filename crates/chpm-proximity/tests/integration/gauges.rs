@@ -9,7 +9,7 @@ use chpm_synth::{Shape, Synth, hand};
 /// Signed distances of points in the world.
 fn measure(reference: &Built, points: &[[f32; 3]], tolerance: f64) -> Vec<f64> {
     let scan = Model::new(&reference.file, Bytes(0)).unwrap();
-    let mut model = Model::new(&reference.file, Bytes(1 << 20)).unwrap();
+    let model = Model::new(&reference.file, Bytes(1 << 20)).unwrap();
     let still = Pose::IDENTITY;
     let gauge = Gauge::new(&scan, &model, [&still, &still], tolerance).unwrap();
     let mut found = Vec::new();
