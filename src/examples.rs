@@ -138,10 +138,16 @@ const EXAMPLES: &[(&str, &[Example])] = &[
     ("path", &[("chpm path orbit scan.chpm --frames 60 -o orbit.path", "once around it")]),
     (
         "render",
-        &[(
-            "chpm render scan.chpm -o clusters.png --color cluster --viewport 320x240",
-            "a picture of the clusters",
-        )],
+        &[
+            (
+                "chpm render scan.chpm -o clusters.png --color cluster --viewport 320x240",
+                "a picture of the clusters",
+            ),
+            (
+                "chpm render scan.chpm -o inside.png --clip 1,1,0:0.2 --roll 10 --light -60,20",
+                "what is behind a plane, leaning, lit from the left",
+            ),
+        ],
     ),
     (
         "serve",

@@ -99,9 +99,15 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     };
     let mut viewer = args.device.open(&file, args.memory)?;
     let (cameras, why) = cameras(args, &viewer)?;
+    let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.rolled(args.still.roll)).collect();
     let model = viewer.file().header().source_triangle_count;
     let wanted = args.triangles.map(|wanted| wanted.of(model));
-    let look = Look { transparent: args.still.transparent, studio: args.still.studio, ..args.look.look() };
+    let look = Look {
+        transparent: args.still.transparent,
+        studio: args.still.studio,
+        light: args.still.light.unwrap_or(Look::LIGHT),
+        ..args.look.look()
+    };
 
     let mut drawn = Vec::new();
     let (mut first, mut short) = (None, None);
@@ -114,6 +120,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             occlusion_culling: !args.no_occlusion,
             wait: true,
             samples: args.still.samples,
+            clip: args.still.clip,
             ..FrameRequest::new(*camera, args.viewport.0)
         };
         let (image, stats) = if args.ids {

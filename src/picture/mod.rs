@@ -11,7 +11,7 @@ use crate::output::Output;
 use anyhow::Result;
 use chpm_mesh::Bytes;
 use chpm_refine::{Camera, Side, Up};
-use chpm_viewer::{AdapterChoice, Budgets, Coloring, Gpu, Image, Look, Shading, Stats, Viewer};
+use chpm_viewer::{AdapterChoice, Budgets, Clip, Coloring, Gpu, Image, Look, Shading, Stats, Viewer};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
@@ -88,9 +88,31 @@ pub(crate) struct StillArgs {
     /// The light of a studio: from the sky and a lamp, less of it in corners and on the ground below it
     #[arg(long, conflicts_with = "ids")]
     pub(crate) studio: bool,
+    /// Where the key light is, as seen from the model: degrees to the right of the eye, and above it (24,31 if not given)
+    #[arg(long, value_name = "RIGHT,UP", value_parser = light, allow_hyphen_values = true, conflicts_with = "ids")]
+    pub(crate) light: Option<[f64; 2]>,
+    /// Leave out what is beyond a plane: z:10 what is above z = 10, -z:10 what is below, NX,NY,NZ:OFFSET what is beyond any; in the model's
+    /// coordinates. The cut stays open
+    #[arg(long, value_name = "AXIS:PLACE", allow_hyphen_values = true)]
+    pub(crate) clip: Option<Clip>,
+    /// Turn the picture by so many degrees, counterclockwise
+    #[arg(long, value_name = "DEGREES", default_value = "0", value_parser = degrees, allow_hyphen_values = true, conflicts_with = "studio")]
+    pub(crate) roll: f64,
     /// Nothing behind the model: its PNG can lie over anything
     #[arg(long, conflicts_with_all = ["background", "ids"])]
     pub(crate) transparent: bool,
+}
+
+fn degrees(text: &str) -> Result<f64, String> {
+    let degrees = text.trim().parse().ok().filter(|x: &f64| x.is_finite());
+    degrees.ok_or_else(|| format!("'{text}' is no angle: write degrees, as in 15 or -7.5"))
+}
+
+fn light(text: &str) -> Result<[f64; 2], String> {
+    let (right, up) = text.split_once(',').ok_or_else(|| {
+        format!("'{text}' is no place of a light: write degrees to the right and upward, as in 60,20")
+    })?;
+    Ok([degrees(right)?, degrees(up)?])
 }
 
 impl LookArgs {

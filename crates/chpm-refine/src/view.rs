@@ -48,6 +48,13 @@ impl Camera {
         Camera { position, target: target.into(), up: up.into(), fov, near: 0.0 }
     }
 
+    /// The same camera turned about its sight, so that its picture turns by so many degrees counterclockwise.
+    pub fn rolled(&self, degrees: f64) -> Self {
+        let ([right, up, _], (sin, cos)) = (self.axes(), degrees.to_radians().sin_cos());
+        let up = if degrees == 0.0 { self.up } else { (up * cos + right * sin).into() };
+        Camera { up, ..*self }
+    }
+
     /// The same camera in the coordinates of a file with this origin.
     pub fn relative_to(&self, origin: [f64; 3]) -> Self {
         let less = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] - origin[axis]);
@@ -135,8 +142,8 @@ pub struct View {
     /// Pixels of error.
     pixels: f64,
     culling: bool,
-    /// Inner normals and offsets of the sides and of the near plane, for points relative to the eye.
-    planes: [(Vector3<f64>, f64); 5],
+    /// Inner normals and offsets of the sides, the near plane and a clipping plane, for points relative to the eye.
+    planes: [(Vector3<f64>, f64); 6],
 }
 
 impl View {
@@ -166,6 +173,8 @@ impl View {
                 side(up, rise),
                 side(-up, rise),
                 (forward, -camera.near),
+                // None, until there is one.
+                (Vector3::zeros(), f64::INFINITY),
             ],
         })
     }
@@ -173,6 +182,13 @@ impl View {
     /// The same view, in which what is outside the image needs no accuracy (or does).
     pub fn with_culling(self, culling: bool) -> Self {
         View { culling, ..self }
+    }
+
+    /// The same view, in which what is beyond a plane is outside: where `normal` (of length 1) times a point is above `offset`.
+    pub fn clipped(mut self, normal: [f64; 3], offset: f64) -> Self {
+        let normal = Vector3::from(normal);
+        self.planes[5] = (-normal, offset - normal.dot(&self.eye.coords));
+        self
     }
 
     /// The same view with other pixels of error, which are not checked.

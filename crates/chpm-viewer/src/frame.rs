@@ -209,7 +209,7 @@ impl Viewer {
     pub fn frame(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
         let start = Instant::now();
         self.check_size(request.viewport)?;
-        self.pipelines.one_sided = request.look.one_sided;
+        (self.pipelines.one_sided, self.pipelines.clipped) = (request.look.one_sided, request.clip.is_some());
         let mut stats = if request.wait || request.select_from.is_some() {
             self.drawn = None;
             let mut stats = self.settle(request)?;
@@ -239,9 +239,13 @@ impl Viewer {
     /// What a frame sees with this camera.
     fn eye(&self, camera: &Camera, request: &FrameRequest, poe: f64) -> Result<Eye, ViewerError> {
         let (camera, viewport) = (camera.relative_to(self.origin()), request.viewport);
+        let view = View::new(&camera, viewport, poe)?;
         Ok(Eye {
-            view: View::new(&camera, viewport, poe)?,
-            lens: Lens::new(&camera, viewport, &self.bounds()),
+            view: match request.clip {
+                Some(clip) => view.clipped(clip.normal(), clip.offset_from(self.origin())),
+                None => view,
+            },
+            lens: Lens::new(&camera, viewport, &self.bounds()).of_request(request, self.origin()),
             culling: Culling { frustum: request.frustum_culling, occlusion: request.occlusion_culling },
         })
     }

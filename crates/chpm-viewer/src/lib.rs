@@ -24,7 +24,7 @@ pub use error::ViewerError;
 pub use frame::Viewer;
 pub use gpu::{AdapterChoice, Gpu};
 pub use headless::{IdImage, Image, TriangleId};
-pub use request::{Accuracy, Budgets, Coloring, FrameRequest, Look, Shading, Target};
+pub use request::{Accuracy, Budgets, Clip, Coloring, FrameRequest, Look, Shading, Target};
 pub use stats::{Stats, Times};
 
 /// What tests and benches look at.

@@ -2,6 +2,7 @@
 
 use chpm_mesh::Bytes;
 use chpm_refine::Camera;
+use std::str::FromStr;
 use std::time::Duration;
 
 /// What a viewer may use; both hold on models that are many times larger.
@@ -96,6 +97,56 @@ impl Coloring {
     }
 }
 
+/// A plane beyond which nothing is drawn, in the model's coordinates: where its normal, of length 1, times a point is above the offset.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Clip {
+    normal: [f64; 3],
+    offset: f64,
+}
+
+impl Clip {
+    /// Beyond `offset` along a direction of any length but 0; none where that is not a plane.
+    pub fn new(normal: [f64; 3], offset: f64) -> Option<Self> {
+        let length = normal.iter().fold(0.0, |length: f64, x| length.hypot(*x));
+        let sound = length > 0.0 && length.is_finite() && offset.is_finite();
+        sound.then(|| Clip { normal: normal.map(|x| x / length), offset })
+    }
+
+    /// Its normal, of length 1.
+    pub fn normal(&self) -> [f64; 3] {
+        self.normal
+    }
+
+    /// The same plane in coordinates relative to an origin, and where it is along the normal.
+    pub fn offset_from(&self, origin: [f64; 3]) -> f64 {
+        self.offset - (0..3).map(|axis| self.normal[axis] * origin[axis]).sum::<f64>()
+    }
+}
+
+impl FromStr for Clip {
+    type Err = String;
+
+    /// `x:10` leaves out what is beyond x = 10, `-x:10` what is below; `NX,NY,NZ:OFFSET` what is beyond any plane.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let refused = || {
+            format!(
+                "'{text}' is no plane: write an axis and where it is cut, as in z:10 or -z:10, or a normal, as in 1,1,0:10"
+            )
+        };
+        let (side, place) = text.rsplit_once(':').ok_or_else(refused)?;
+        let place: f64 = place.trim().parse().map_err(|_| refused())?;
+        let (name, negative) = side.strip_prefix('-').map_or((side, false), |name| (name, true));
+        if let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name.trim_start_matches('+')) {
+            let sign = if negative { -1.0 } else { 1.0 };
+            let normal = std::array::from_fn(|a| if a == axis { sign } else { 0.0 });
+            return Clip::new(normal, sign * place).ok_or_else(refused);
+        }
+        let numbers: Option<Vec<f64>> = side.split(',').map(|n| n.trim().parse().ok()).collect();
+        let [x, y, z] = numbers.as_deref().and_then(|n| n.try_into().ok()).ok_or_else(refused)?;
+        Clip::new([x, y, z], place).ok_or_else(refused)
+    }
+}
+
 /// How a mesh is drawn.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Look {
@@ -111,8 +162,15 @@ pub struct Look {
     pub background: [f32; 3],
     /// Nothing behind the model: alpha is the share of a pixel that it covers, and colours are its own. What a picture without a window may be.
     pub transparent: bool,
+    /// Where the key light is, as seen from the model: degrees to the right of the eye, and above it.
+    pub light: [f64; 2],
     /// The light of a studio: from the sky and a key, less of it in corners and on the ground below the model.
     pub studio: bool,
+}
+
+impl Look {
+    /// Where the key light is if nobody moves it.
+    pub const LIGHT: [f64; 2] = [24.23, 30.66];
 }
 
 impl Default for Look {
@@ -124,6 +182,7 @@ impl Default for Look {
             one_sided: false,
             background: [0.09, 0.1, 0.12],
             transparent: false,
+            light: Look::LIGHT,
             studio: false,
         }
     }
@@ -144,6 +203,8 @@ pub struct FrameRequest {
     pub frustum_culling: bool,
     /// What is hidden is neither drawn nor refined.
     pub occlusion_culling: bool,
+    /// What is beyond a plane is not drawn, whatever is asked for, and neither refined nor read where what is outside the image is not.
+    pub clip: Option<Clip>,
     /// A frozen selection: the mesh is selected and culled for this camera, and drawn from the other one.
     pub select_from: Option<Camera>,
     /// Waits until all that the view wants is there, refined, and nothing has come into sight any more: the exact picture,
@@ -172,6 +233,7 @@ impl FrameRequest {
             look: Look::default(),
             frustum_culling: true,
             occlusion_culling: true,
+            clip: None,
             select_from: None,
             wait: false,
             samples: 1,
@@ -193,4 +255,24 @@ pub struct Target<'a> {
     pub color: &'a wgpu::TextureView,
     /// Its format: one of 8 bits a channel, linear or sRGB.
     pub format: wgpu::TextureFormat,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_are_an_axis_or_a_normal_and_a_place() {
+        let plane = |text: &str| text.parse::<Clip>().map(|clip| (clip.normal, clip.offset));
+        assert_eq!(plane("x:1.5"), Ok(([1.0, 0.0, 0.0], 1.5)));
+        assert_eq!(plane("-z:-2"), Ok(([0.0, 0.0, -1.0], 2.0)));
+        assert_eq!(plane("0, 3, 4:10"), Ok(([0.0, 0.6, 0.8], 10.0)));
+        assert_eq!(plane("-1,0,0:2"), Ok(([-1.0, 0.0, 0.0], 2.0)));
+        for bad in ["", "x", "w:1", "x:", "x:nan", "0,0,0:1", "1,2:3", "1,inf,2:3", "x:inf", "1,2,3,4:5"] {
+            assert!(plane(bad).is_err(), "{bad}");
+        }
+        // Far from the zero point, what is relative to an origin keeps its place.
+        let clip: Clip = "y:4000001".parse().unwrap();
+        assert_eq!(clip.offset_from([7.0, 4e6, 9.0]), 1.0);
+    }
 }

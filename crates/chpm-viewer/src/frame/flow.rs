@@ -5,7 +5,7 @@ use super::{Eye, Haste, Viewer, Watch, next_poe, smooth};
 use crate::error::ViewerError;
 use crate::gpu::buffers::Canvas;
 use crate::gpu::{Drawn, Kind, Questions, passes};
-use crate::request::{Accuracy, FrameRequest, Look, Target};
+use crate::request::{Accuracy, Clip, FrameRequest, Look, Target};
 use crate::scene::Culling;
 use crate::stats::Stats;
 use chpm_refine::{Camera, Changes};
@@ -23,6 +23,7 @@ pub(super) struct Picture {
     viewport: [u32; 2],
     look: Look,
     samples: u32,
+    clip: Option<Clip>,
     culling: Culling,
     triangles: u64,
     clusters: u64,
@@ -31,9 +32,9 @@ pub(super) struct Picture {
 
 impl Picture {
     fn is_of(&self, request: &FrameRequest, culling: Culling) -> bool {
-        let Picture { camera, viewport, look, samples, .. } = *self;
+        let Picture { camera, viewport, look, samples, clip, .. } = *self;
         (camera, viewport, look) == (request.camera, request.viewport, request.look)
-            && (samples, self.culling) == (request.samples, culling)
+            && (samples, clip, self.culling) == (request.samples, request.clip, culling)
     }
 }
 
@@ -140,6 +141,7 @@ impl Viewer {
             viewport: request.viewport,
             look: request.look,
             samples: request.samples,
+            clip: request.clip,
             culling: eye.culling,
             triangles: stats.triangles,
             clusters: stats.clusters_drawn,

@@ -382,7 +382,7 @@ impl Viewer {
         let start = Instant::now();
         self.check_size(request.viewport)?;
         self.number_triangles()?;
-        self.pipelines.one_sided = false;
+        (self.pipelines.one_sided, self.pipelines.clipped) = (false, request.clip.is_some());
         let canvas = self.canvas_of(request, "ids", crate::gpu::pipelines::IDS)?;
         self.drawn = None;
         let mut stats = self.settle(request)?;

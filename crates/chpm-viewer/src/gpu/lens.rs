@@ -1,5 +1,6 @@
 //! A camera as shaders have it.
 
+use crate::request::{FrameRequest, Look};
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::Aabb;
 use chpm_refine::Camera;
@@ -21,6 +22,7 @@ pub struct FrameUniform {
     size: [f32; 4],
     sky: [f32; 4],
     look: [u32; 4],
+    clip: [f32; 4],
 }
 
 /// A camera and its image. Depth is reversed and the far plane infinitely far: near / distance, which a float keeps to the same
@@ -39,6 +41,10 @@ pub struct Lens {
     /// What is up in the model, and how far above the eye (below: negative) its lowest corner is along that.
     sky: (Vector3<f64>, f64),
     diagonal: f64,
+    /// Where the key light is, degrees to the right of the eye and above it.
+    light: [f64; 2],
+    /// The plane beyond which nothing is drawn, if that is asked for: its normal, and its place relative to the eye.
+    clip: (Vector3<f64>, f64),
 }
 
 impl Lens {
@@ -58,7 +64,18 @@ impl Lens {
             shift: [0.0; 2],
             sky: sky(camera, bounds),
             diagonal,
+            light: Look::LIGHT,
+            clip: (Vector3::zeros(), 1.0),
         }
+    }
+
+    /// The same with the light and the clipping plane of a request; `origin` is that of the file.
+    pub fn of_request(self, request: &FrameRequest, origin: [f64; 3]) -> Self {
+        let clip = request.clip.map(|clip| {
+            let normal = Vector3::from(clip.normal());
+            (normal, clip.offset_from(origin) - normal.dot(&self.eye.coords))
+        });
+        Lens { light: request.look.light, clip: clip.unwrap_or(self.clip), ..self }
     }
 
     /// The same with its image moved by a part of a pixel, right and up.
@@ -71,7 +88,8 @@ impl Lens {
         let high = self.eye.map(|x| x as f32);
         let low = self.eye - high.map(f64::from);
         let [right, up, forward] = self.axes;
-        let light = (0.45 * right + 0.65 * up - forward).normalize();
+        let [(aside, toward), (above, level)] = self.light.map(|angle| angle.to_radians().sin_cos());
+        let light = (right * aside - forward * toward) * level + up * above;
         // Moved by what grows with the distance, so that it is the same everywhere in the image.
         let across = |axis: usize| 2.0 * self.shift[axis] / f64::from(self.viewport[axis]);
         let four = |v: Vector3<f64>, w: f64| [v.x as f32, v.y as f32, v.z as f32, w as f32];
@@ -90,6 +108,7 @@ impl Lens {
             ],
             sky: four(self.sky.0, self.sky.1),
             look,
+            clip: four(self.clip.0, self.clip.1),
         }
     }
 

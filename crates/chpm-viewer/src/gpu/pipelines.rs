@@ -52,6 +52,9 @@ impl Kind {
     }
 }
 
+/// What a pipeline makes, one-sided or not, clipped or not, with so many samples a pixel.
+type Way = (Kind, bool, bool, u32);
+
 /// The pipelines that draw clusters; made when they are first used.
 #[derive(Debug)]
 pub struct Pipelines {
@@ -65,10 +68,11 @@ pub struct Pipelines {
     pub slab: wgpu::BindGroupLayout,
     /// Whether what is drawn next shows its front sides only.
     pub one_sided: bool,
+    /// Whether what is drawn next is clipped.
+    pub clipped: bool,
     /// Whether vertices have colours.
     colors: bool,
-    /// What it makes, one-sided or not, with so many samples a pixel.
-    made: Vec<((Kind, bool, u32), wgpu::RenderPipeline)>,
+    made: Vec<(Way, wgpu::RenderPipeline)>,
 }
 
 impl Pipelines {
@@ -95,7 +99,17 @@ impl Pipelines {
             bind_group_layouts: &[Some(&frame), Some(&slab)],
             immediate_size: 0,
         });
-        Pipelines { shader, sampled, layout, frame, slab, one_sided: false, colors, made: Vec::new() }
+        Pipelines {
+            shader,
+            sampled,
+            layout,
+            frame,
+            slab,
+            one_sided: false,
+            clipped: false,
+            colors,
+            made: Vec::new(),
+        }
     }
 
     /// Bytes of a vertex.
@@ -110,7 +124,7 @@ impl Pipelines {
     pub fn prepare(&mut self, gpu: &Gpu, kind: Kind, samples: u32) -> Result<(), ViewerError> {
         if self.get(kind, samples).is_none() {
             let pipeline = gpu.attempt("making a pipeline that draws", || self.make(gpu, kind, samples))?;
-            self.made.push(((kind, self.one_sided, samples), pipeline));
+            self.made.push((self.way(kind, samples), pipeline));
         }
         Ok(())
     }
@@ -118,6 +132,7 @@ impl Pipelines {
     fn make(&self, gpu: &Gpu, kind: Kind, samples: u32) -> wgpu::RenderPipeline {
         let shader = self.sampled.as_ref().filter(|_| samples > 1).unwrap_or(&self.shader);
         let (vertex, fragment) = match kind {
+            Kind::Depth if self.clipped => ("bare", Some("deep_cut")),
             Kind::Depth => ("depth_only", gpu.writes_depth().then_some("deep")),
             Kind::Bare(_) => ("bare", Some("bared")),
             Kind::Colored(_) => ("indexed", Some("colored")),
@@ -131,6 +146,7 @@ impl Pipelines {
         let constants = [
             ("unit", f64::from(words_of_unit(self.colors))),
             ("to_linear", f64::from(u8::from(kind.is_linear()))),
+            ("clipped", f64::from(u8::from(self.clipped))),
         ];
         let options = || wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
 
@@ -181,9 +197,13 @@ impl Pipelines {
         })
     }
 
+    fn way(&self, kind: Kind, samples: u32) -> Way {
+        (kind, self.one_sided, self.clipped, samples)
+    }
+
     /// A pipeline that was prepared.
     pub fn get(&self, kind: Kind, samples: u32) -> Option<&wgpu::RenderPipeline> {
-        let wanted = (kind, self.one_sided, samples);
+        let wanted = self.way(kind, samples);
         self.made.iter().find(|(made, _)| *made == wanted).map(|(_, pipeline)| pipeline)
     }
 }

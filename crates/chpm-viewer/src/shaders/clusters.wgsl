@@ -5,6 +5,8 @@
 override unit: u32 = 4u;
 // Whether the target converts from linear.
 override to_linear: bool = false;
+// Whether something is clipped: a driver may test depth later where pixels can vanish.
+override clipped: bool = false;
 
 struct Draw {
     // The first vertex, and the first corner, in the slab.
@@ -134,6 +136,13 @@ fn shade(at: vec3<f32>, smooth_normal: vec3<f32>, color: vec3<f32>) -> vec3<f32>
     return color * light(normal, at);
 }
 
+// Leaves out what is clipped; after all that looks at neighbours.
+fn cut(at: vec3<f32>) {
+    if clipped && dot(frame.clip.xyz, at) > frame.clip.w {
+        discard;
+    }
+}
+
 fn encoded(color: vec3<f32>) -> vec4<f32> {
     let c = clamp(color, vec3(0.0), vec3(1.0));
     if to_linear {
@@ -145,12 +154,16 @@ fn encoded(color: vec3<f32>) -> vec4<f32> {
 @fragment
 fn bared(seen: Bare) -> Shown {
     let color = select(PLAIN, unpack4x8unorm(seen.tint).rgb, frame.look.y == 2u);
-    return shown(encoded(shade(seen.at, vec3(0.0), color)), seen.position, seen.at);
+    let lit = shade(seen.at, vec3(0.0), color);
+    cut(seen.at);
+    return shown(encoded(lit), seen.position, seen.at);
 }
 
 @fragment
 fn colored(seen: Seen) -> Shown {
-    return shown(encoded(shade(seen.at, seen.normal, seen.color)), seen.position, seen.at);
+    let lit = shade(seen.at, seen.normal, seen.color);
+    cut(seen.at);
+    return shown(encoded(lit), seen.position, seen.at);
 }
 
 @fragment
@@ -169,10 +182,12 @@ fn wired(seen: Apart) -> Shown {
     let fade = 1.0 - smoothstep(0.15, 0.6, max(steps.x, max(steps.y, steps.z)));
     let edge = fade * (1.0 - smoothstep(0.4, 1.2, min(distance.x, min(distance.y, distance.z))));
     let color_and_edge = mix(lit, vec3(0.03, 0.04, 0.06), select(0.0, 0.85 * edge, frame.look.z == 1u));
+    cut(seen.at);
     return shown(encoded(color_and_edge), seen.position, seen.at);
 }
 
 @fragment
 fn identified(seen: Apart) -> Named {
+    cut(seen.at);
     return named(seen.key, seen.position, seen.at);
 }

@@ -15,3 +15,9 @@ fn shown(color: vec4<f32>, position: vec4<f32>, at: vec3<f32>) -> Shown {
 fn named(key: u32, position: vec4<f32>, at: vec3<f32>) -> Named {
     return Named(key);
 }
+
+// Depth alone, of what is not clipped.
+@fragment
+fn deep_cut(seen: Bare) {
+    cut(seen.at);
+}

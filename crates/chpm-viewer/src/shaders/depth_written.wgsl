@@ -28,3 +28,9 @@ fn named(key: u32, position: vec4<f32>, at: vec3<f32>) -> Named {
 fn deep(@builtin(position) position: vec4<f32>) -> @builtin(frag_depth) f32 {
     return depth_of(position);
 }
+
+@fragment
+fn deep_cut(seen: Bare) -> @builtin(frag_depth) f32 {
+    cut(seen.at);
+    return depth_of(seen.position);
+}

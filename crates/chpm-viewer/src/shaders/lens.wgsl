@@ -16,6 +16,8 @@ struct Frame {
     sky: vec4<f32>,
     // Smooth; colours: 0 plain, 1 of vertices, 2 of the draw, 3 of the triangle; wires; the light of a studio.
     look: vec4<u32>,
+    // Beyond this plane nothing is drawn: its normal, and its place relative to the eye.
+    clip: vec4<f32>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;

@@ -33,6 +33,10 @@ const SIZE: [u32; 2] = [1280, 800];
 const FRAME: (f64, f64) = (1.0 / 60.0, 0.25);
 /// Between two looks at what may have changed by itself: missing pages, a signal.
 const GLANCE: Duration = Duration::from_millis(250);
+/// What one press of a key moves the clipping plane by, a share of the model's box.
+const CLIP: f64 = 0.025;
+/// What one press of a key turns the picture by, degrees.
+const ROLL: f64 = 5.0;
 /// How long a note stays.
 const NOTE: Duration = Duration::from_secs(6);
 
@@ -275,6 +279,9 @@ impl App {
             Command::Wireframe => settings.wireframe = !settings.wireframe,
             Command::Occlusion => settings.occlusion_culling = !settings.occlusion_culling,
             Command::Frustum => settings.frustum_culling = !settings.frustum_culling,
+            Command::Clip => settings.next_clip(),
+            Command::ClipMore => settings.move_clip(-CLIP),
+            Command::ClipLess => settings.move_clip(CLIP),
             Command::Open => self.browse(None),
             Command::Back => self.back(),
             Command::Quit => events.exit(),
@@ -290,10 +297,21 @@ impl App {
                 }
             }
             // These are about a model.
-            Command::Home | Command::Fit | Command::Up | Command::Freeze | Command::Replay => {
+            Command::Home
+            | Command::Fit
+            | Command::Up
+            | Command::RollLeft
+            | Command::RollRight
+            | Command::Freeze
+            | Command::Replay => {
                 let Some(session) = &mut self.session else { return };
                 match command {
-                    Command::Home => session.lead().home(aspect),
+                    Command::Home => {
+                        session.lead().home(aspect);
+                        self.settings.light = crate::request::Look::LIGHT;
+                    }
+                    Command::RollLeft => session.lead().roll(ROLL),
+                    Command::RollRight => session.lead().roll(-ROLL),
                     Command::Fit => session.lead().fit(aspect),
                     Command::Freeze => session.freeze(size),
                     Command::Replay if session.replay.is_some() => session.stop_replay(),

@@ -12,7 +12,7 @@ const PIXELS_PER_NOTCH: f64 = 50.0;
 /// A button of a mouse, as far as it matters.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Button {
-    /// Turns; pans with Shift, dollies with Ctrl.
+    /// Turns; pans with Shift, dollies with Ctrl, moves the light with both.
     Left,
     /// Pans.
     Middle,
@@ -47,6 +47,8 @@ pub enum Motion {
     Turn([f64; 2]),
     /// Move with what is held.
     Pan([f64; 2]),
+    /// Move the light.
+    Light([f64; 2]),
     /// Make the distance to what is there this many times as long.
     Dolly {
         /// Below 1 to go nearer.
@@ -125,6 +127,7 @@ impl Gestures {
         }
         match (self.pressed?, self.shift, self.ctrl) {
             (Button::Left, false, false) => Some(Motion::Turn(drag)),
+            (Button::Left, true, true) => Some(Motion::Light(drag)),
             (Button::Left, false, true) => {
                 Some(Motion::Dolly { factor: NOTCH.powf(-drag[1] / PIXELS_PER_NOTCH), at })
             }
@@ -191,6 +194,7 @@ mod tests {
         for (button, shift, ctrl, motion) in [
             (Button::Left, false, false, Motion::Turn([3.0, -4.0])),
             (Button::Left, true, false, Motion::Pan([3.0, -4.0])),
+            (Button::Left, true, true, Motion::Light([3.0, -4.0])),
             (Button::Middle, false, false, Motion::Pan([3.0, -4.0])),
             (Button::Right, false, true, Motion::Pan([3.0, -4.0])),
         ] {

@@ -17,6 +17,16 @@ pub enum Command {
     Fly,
     /// Another axis upward.
     Up,
+    /// The horizon leans to the left.
+    RollLeft,
+    /// The horizon leans to the right.
+    RollRight,
+    /// Another clipping plane, or none.
+    Clip,
+    /// Less of the model is left by the clipping plane.
+    ClipMore,
+    /// More of it.
+    ClipLess,
     /// Twice as fine.
     Finer,
     /// Twice as coarse.
@@ -51,6 +61,13 @@ pub enum Command {
     Quit,
 }
 
+impl Command {
+    /// Whether a key that is held does it again and again.
+    pub fn repeats(self) -> bool {
+        matches!(self, Command::RollLeft | Command::RollRight | Command::ClipMore | Command::ClipLess)
+    }
+}
+
 /// A key and what it does.
 #[derive(Clone, Copy, Debug)]
 pub struct Binding {
@@ -73,11 +90,16 @@ const fn ctrl(code: KeyCode, key: &'static str, command: Command, does: &'static
 }
 
 /// All keys, but for those of flight.
-pub const KEYS: [Binding; 22] = [
-    key(KeyCode::Home, "Home", Command::Home, "the whole model, from the front"),
+pub const KEYS: [Binding; 27] = [
+    key(KeyCode::Home, "Home", Command::Home, "the whole model, from the front, upright, in the usual light"),
     key(KeyCode::KeyF, "F", Command::Fit, "the whole model, from this side"),
     key(KeyCode::KeyG, "G", Command::Fly, "drags look around (fly) or go around (orbit)"),
     key(KeyCode::KeyU, "U", Command::Up, "another axis points upward"),
+    key(KeyCode::Comma, ",", Command::RollLeft, "the picture turns to the left"),
+    key(KeyCode::Period, ".", Command::RollRight, "the picture turns to the right"),
+    key(KeyCode::KeyK, "K", Command::Clip, "clipping plane across x, y, z, from either side, or none"),
+    key(KeyCode::BracketLeft, "[", Command::ClipMore, "the clipping plane leaves less"),
+    key(KeyCode::BracketRight, "]", Command::ClipLess, "the clipping plane leaves more"),
     key(KeyCode::Minus, "-", Command::Coarser, "half the detail"),
     key(KeyCode::Equal, "+", Command::Finer, "twice the detail"),
     key(KeyCode::KeyN, "N", Command::Shading, "flat or smooth shading"),
@@ -109,11 +131,12 @@ pub const KEYS: [Binding; 22] = [
 ];
 
 /// What has no row in [`KEYS`]: flight and the pointer.
-pub const MOTIONS: [(&str, &str); 8] = [
+pub const MOTIONS: [(&str, &str); 9] = [
     ("W A S D", "fly forward, left, back, right; Shift: faster"),
     ("Q E", "fly down, up"),
     ("arrows", "turn"),
     ("left drag", "turn; with Shift: pan; with Ctrl: nearer, away"),
+    ("Shift+Ctrl+left drag", "move the light"),
     ("right, middle drag", "pan"),
     ("wheel", "nearer, away, at the pointer"),
     ("touchpad", "two fingers: pan; pinch, or Ctrl: nearer, away"),

@@ -1,7 +1,8 @@
 //! Where the viewer is and where it goes: orbit, pan, dolly, look, fly. No window, no clock.
 //!
 //! A gesture moves a goal, and the camera follows it by a share of the way that depends on the time alone, so that every frame rate
-//! shows the same motion. The camera never rolls: it turns about a fixed up axis and never quite reaches it.
+//! shows the same motion. The camera turns about a fixed up axis and never quite reaches it; it rolls when it is told to, until it
+//! is home again.
 
 use crate::window::pose::{Frame, Pose};
 use chpm_mesh::Aabb;
@@ -58,6 +59,8 @@ pub struct Navigator {
     outline: Outline,
     /// Yaw and pitch at home.
     front: (f64, f64),
+    /// How far the picture is turned counterclockwise, degrees.
+    roll: f64,
 }
 
 impl Navigator {
@@ -82,6 +85,7 @@ impl Navigator {
             radius,
             outline: Outline::default(),
             front: (0.0, 0.0),
+            roll: 0.0,
         };
         navigator.jump(&camera);
         navigator
@@ -109,10 +113,22 @@ impl Navigator {
 
     /// Where the camera is.
     pub fn camera(&self) -> Camera {
-        self.camera_at(&self.now)
+        self.camera_at(&self.now).rolled(self.roll)
     }
 
-    /// Where it comes to rest, but for what flight adds.
+    /// Turns the picture by so many degrees counterclockwise, at once.
+    pub fn roll(&mut self, degrees: f64) {
+        self.roll = (self.roll + sane(degrees) + 180.0).rem_euclid(360.0) - 180.0;
+    }
+
+    /// A drag, to the right and down in the picture, as it would be without roll.
+    fn upright(&self, drag: [f64; 2]) -> [f64; 2] {
+        let [right, down] = drag.map(sane);
+        let (sin, cos) = self.roll.to_radians().sin_cos();
+        [right * cos - down * sin, right * sin + down * cos]
+    }
+
+    /// Where it comes to rest, but for what flight adds; upright.
     pub fn destination(&self) -> Camera {
         self.camera_at(&self.goal)
     }
@@ -166,7 +182,7 @@ impl Navigator {
     pub fn jump(&mut self, camera: &Camera) -> bool {
         let Some((frame, pose)) = self.pose_of(camera) else { return false };
         (self.frame, self.now, self.goal) = (frame, pose, pose);
-        (self.velocity, self.fov) = (Vector3::zeros(), camera.fov);
+        (self.velocity, self.fov, self.roll) = (Vector3::zeros(), camera.fov, 0.0);
         true
     }
 
@@ -184,6 +200,7 @@ impl Navigator {
     /// Travels to the view of the whole model from the front; `aspect` is width by height of the part of the image that it may take.
     pub fn home(&mut self, aspect: f64) {
         let (yaw, pitch) = self.front;
+        self.roll = 0.0;
         self.goal.pitch = pitch;
         self.goal.yaw = self.now.yaw + shortest(yaw - self.now.yaw);
         self.fit(aspect);
@@ -224,7 +241,7 @@ impl Navigator {
     /// Turns for a pointer that went so many pixels (right, down) of an image of this height. About the focus the model follows it, a
     /// height for half a turn; about the eye the sight does, twice as fast as the image moves.
     pub fn turn(&mut self, drag: [f64; 2], height: f64) {
-        let [right, down] = drag.map(sane);
+        let [right, down] = self.upright(drag);
         let angle = match self.pivot {
             Pivot::Focus => PI / positive(height),
             Pivot::Eye => LOOK * self.fov.to_radians() / positive(height),
@@ -239,7 +256,7 @@ impl Navigator {
         let [right, up, _] = self.frame.axes(&self.goal);
         let depth = depth.filter(|d| *d > 0.0 && d.is_finite()).unwrap_or(self.goal.distance());
         let unit = 2.0 * (0.5 * self.fov.to_radians()).tan() * depth / positive(height);
-        let [x, y] = drag.map(sane);
+        let [x, y] = self.upright(drag);
         self.goal.anchor += unit * (y * up - x * right);
         self.gesture();
     }
@@ -281,7 +298,7 @@ impl Navigator {
             return false;
         }
         let flown = self.flight(seconds);
-        let [right, up, forward] = self.frame.axes(&self.now);
+        let [right, up, forward] = self.camera().axes();
         let way = flown * self.now.distance();
         let way = right * way.x + up * way.y + forward * way.z;
         self.now.anchor += way;

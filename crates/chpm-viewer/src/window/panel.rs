@@ -246,11 +246,32 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
         }
     });
 
+    clip(ui, settings);
     ui.horizontal(|ui| {
         ui.label(RichText::new("culling").color(QUIET));
         ui.toggle_value(&mut settings.frustum_culling, "frustum");
         ui.toggle_value(&mut settings.occlusion_culling, "occlusion");
         ui.toggle_value(&mut settings.one_sided, "back sides");
+    });
+}
+
+/// The clipping plane: which one, and how much it leaves.
+fn clip(ui: &mut Ui, settings: &mut Settings) {
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("clip").color(QUIET));
+        let name = |clip: u8| match clip.checked_sub(1).and_then(|place| Up::ALL.get(usize::from(place))) {
+            Some(side) => side.to_string(),
+            None => "off".to_owned(),
+        };
+        let chosen = egui::ComboBox::from_id_salt("clip").selected_text(name(settings.clip)).width(50.0);
+        chosen.show_ui(ui, |ui| {
+            for clip in 0..=Up::ALL.len() as u8 {
+                ui.selectable_value(&mut settings.clip, clip, name(clip));
+            }
+        });
+        ui.spacing_mut().slider_width = 80.0;
+        let slider = egui::Slider::new(&mut settings.clip_share, 0.0..=1.0).max_decimals(3);
+        ui.add_enabled(settings.clip > 0, slider).on_hover_text("the share of the model that is left");
     });
 }
 

@@ -189,6 +189,7 @@ impl Session {
         FrameRequest {
             accuracy: Accuracy::PoE(poe),
             samples: settings.smooths(self.viewer.gpu()).samples(rests),
+            clip: settings.plane(&self.viewer.bounds(), self.viewer.origin()),
             patience: Duration::from_secs_f64(1e-3 * patience),
             ..settings.request(self.camera, size, self.frozen.map(|(camera, _)| camera))
         }
@@ -232,8 +233,13 @@ impl Session {
     /// The picture, complete and without a panel.
     pub(super) fn image(&mut self, settings: &Settings, size: [u32; 2]) -> Result<Image, ViewerError> {
         let frozen = self.frozen.map(|(camera, _)| camera);
-        let request =
-            FrameRequest { wait: true, samples: SAMPLES, ..settings.request(self.camera, size, frozen) };
+        let clip = settings.plane(&self.viewer.bounds(), self.viewer.origin());
+        let request = FrameRequest {
+            wait: true,
+            samples: SAMPLES,
+            clip,
+            ..settings.request(self.camera, size, frozen)
+        };
         Ok(headless::image(&mut self.viewer, &request)?.0)
     }
 
@@ -263,6 +269,8 @@ impl Session {
         let height = f64::from(size[1]);
         match motion {
             Motion::Grab(at) => self.held = Held::Pixel(at),
+            // That is no matter of the camera.
+            Motion::Light(_) => {}
             Motion::Turn(drag) => self.lead().turn(drag, height),
             Motion::Pan(drag) => {
                 self.stop_replay();

@@ -1,9 +1,11 @@
 //! What a person can set in the panel; what a frame is asked for follows from it.
 
 use crate::gpu::Gpu;
-use crate::request::{Accuracy, Coloring, FrameRequest, Look, Shading};
+use crate::request::{Accuracy, Clip, Coloring, FrameRequest, Look, Shading};
 use crate::window::detail::Wish;
-use chpm_refine::Camera;
+use chpm_mesh::Aabb;
+use chpm_refine::{Camera, Up};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
@@ -59,6 +61,12 @@ pub struct Settings {
     pub smooth: bool,
     /// When edges have no stairs, whatever the adapter; if not told, a processor that draws does it at rest, and others always.
     pub antialias: Option<Smooth>,
+    /// Where the key light is: degrees to the right of the eye, and above it.
+    pub light: [f64; 2],
+    /// Which axis a clipping plane is across: a place in [`Up::ALL`], from 1; 0 for no plane.
+    pub clip: u8,
+    /// The share of the model's box that it leaves.
+    pub clip_share: f64,
     /// What colours show.
     #[serde(with = "color_name")]
     pub colors: Coloring,
@@ -88,6 +96,9 @@ impl Default for Settings {
             adaptive: true,
             smooth: false,
             antialias: None,
+            light: Look::LIGHT,
+            clip: 0,
+            clip_share: 0.5,
             colors: Coloring::Vertex,
             wireframe: false,
             one_sided: false,
@@ -140,6 +151,7 @@ impl Settings {
                 colors: self.colors,
                 wireframe: self.wireframe,
                 one_sided: self.one_sided,
+                light: self.light,
                 ..Look::default()
             },
             frustum_culling: self.frustum_culling,
@@ -147,6 +159,38 @@ impl Settings {
             select_from,
             ..FrameRequest::new(camera, viewport)
         }
+    }
+
+    /// The clipping plane, if there is one, for a model in a box relative to an origin.
+    pub fn plane(&self, bounds: &Aabb, origin: [f64; 3]) -> Option<Clip> {
+        let side = Up::ALL.get(usize::from(self.clip).checked_sub(1)?)?;
+        let axis = side.axis();
+        let (low, high) = (f64::from(bounds.min[axis]), f64::from(bounds.max[axis]));
+        // From the side that stays.
+        let way = self.clip_share.clamp(0.0, 1.0) * (high - low);
+        let place = if side.is_negative() { way - high } else { low + way };
+        let normal = side.vector();
+        Clip::new(normal.into(), place + normal.dot(&Vector3::from(origin)))
+    }
+
+    /// The next clipping plane: across each axis, from either side, or none.
+    pub fn next_clip(&mut self) {
+        self.clip = (self.clip + 1) % (Up::ALL.len() as u8 + 1);
+    }
+
+    /// Moves the clipping plane.
+    pub fn move_clip(&mut self, by: f64) {
+        self.clip_share = (self.clip_share + by).clamp(0.0, 1.0);
+    }
+
+    /// Moves the light with the pointer: half a circle for an image of this height.
+    pub fn move_light(&mut self, [right, down]: [f64; 2], height: f64) {
+        let unit = 180.0 / height.max(1.0);
+        let [aside, above] = self.light;
+        self.light = [
+            (aside + right * unit + 180.0).rem_euclid(360.0) - 180.0,
+            (above - down * unit).clamp(-89.0, 89.0),
+        ];
     }
 
     /// Twice as coarse, or half: one step of what decides the accuracy.
@@ -173,6 +217,13 @@ impl Settings {
         }
         if !(self.frame > 0.0 && self.frame.is_finite()) {
             return Err(format!("frame: a number of milliseconds above 0 expected, got {}", self.frame));
+        }
+        let [aside, above] = self.light;
+        if !(aside.is_finite() && above.is_finite()) {
+            return Err(format!("light: two angles expected, got {aside} and {above}"));
+        }
+        if !(0.0..=1.0).contains(&self.clip_share) {
+            return Err(format!("clip_share: 0 to 1 expected, got {}", self.clip_share));
         }
         if self.triangles == 0 {
             return Err("triangles: at least 1 expected, got 0".to_owned());
@@ -259,6 +310,51 @@ mod tests {
             (0..99).for_each(|_| settings.step_accuracy(false));
             assert!(POE.contains(&settings.poe) && TRIANGLES.contains(&settings.triangles));
         }
+    }
+
+    #[test]
+    fn a_clipping_plane_leaves_a_share_of_the_box() {
+        let bounds = Aabb { min: [-1.0, 0.0, 2.0], max: [1.0, 4.0, 6.0] };
+        let mut settings = Settings { clip_share: 0.25, ..Settings::default() };
+        assert_eq!(settings.plane(&bounds, [0.0; 3]), None);
+        let origin = [10.0, 20.0, 30.0];
+        let inside = |clip: &Clip, point: [f64; 3]| {
+            (0..3).map(|axis| clip.normal()[axis] * point[axis]).sum::<f64>() <= clip.offset_from(origin)
+        };
+        let mut left = Vec::new();
+        for _ in Up::ALL {
+            settings.next_clip();
+            let clip = settings.plane(&bounds, origin).unwrap();
+            // Along its axis, a quarter of the box is left, on the side away from the normal.
+            let axis = clip.normal().iter().position(|x| *x != 0.0).unwrap();
+            let at = |share: f32| {
+                let mut point = [0.0, 2.0, 4.0];
+                point[axis] = f64::from(bounds.min[axis] + share * (bounds.max[axis] - bounds.min[axis]));
+                inside(&clip, point)
+            };
+            left.push((axis, [0.2, 0.3, 0.7, 0.8].map(at)));
+        }
+        left.sort_unstable();
+        let (first, last) = ([true, false, false, false], [false, false, false, true]);
+        let each = |axis| [(axis, last), (axis, first)];
+        assert_eq!(left, [each(0), each(1), each(2)].concat());
+        settings.next_clip();
+        assert_eq!(settings.clip, 0);
+        (0..99).for_each(|_| settings.move_clip(0.05));
+        assert_eq!(settings.clip_share, 1.0);
+        assert!(Settings { clip: 200, ..settings }.plane(&bounds, origin).is_none());
+    }
+
+    #[test]
+    fn the_light_goes_with_the_pointer() {
+        let mut settings = Settings::default();
+        settings.move_light([100.0, -50.0], 600.0);
+        let [aside, above] = settings.light;
+        assert!(aside > Look::LIGHT[0] + 29.0 && above > Look::LIGHT[1] + 14.0);
+        settings.move_light([600.0 * 9.0, 1e9], 600.0);
+        assert!((-180.0..180.0).contains(&settings.light[0]) && settings.light[1] == -89.0);
+        assert!(settings.check().is_ok());
+        assert!(Settings { light: [f64::NAN, 0.0], ..settings }.check().is_err());
     }
 
     #[test]

@@ -5,6 +5,8 @@ mod models;
 /// A device to draw with; there must be one.
 mod screen;
 
+/// A clipping plane, the light and roll.
+mod clip;
 /// What is hidden is left out, and nothing that is seen.
 mod culling;
 /// How far a picture is from that of the full model.

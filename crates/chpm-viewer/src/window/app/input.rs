@@ -96,7 +96,7 @@ impl App {
             return self.go(Motion::Turn(share.map(|share| share * height)));
         }
         // A key that is held would switch to and fro.
-        if let (Some(command), false) = (keys::command(code, self.ctrl), key.repeat) {
+        if let Some(command) = keys::command(code, self.ctrl).filter(|it| !key.repeat || it.repeats()) {
             self.obey(command, events);
         }
     }
@@ -123,6 +123,10 @@ impl App {
 
     fn go(&mut self, motion: Motion) {
         let size = self.size();
+        if let Motion::Light(drag) = motion {
+            self.settings.move_light(drag, f64::from(size[1]));
+            return self.stir();
+        }
         if let Some(session) = &mut self.session {
             session.go(motion, size);
         }
