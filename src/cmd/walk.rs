@@ -14,7 +14,7 @@ use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::MappedFile;
-use chpm_format::Chpm;
+use chpm_format::{Chpm, FormatError, PageBuf};
 use chpm_mesh::{Bytes, ClusterId, Counted};
 use chpm_refine::{ActiveList, CameraPath, Changes, Front, Hierarchy, Pager, PmCursor, View, is_visible};
 use serde_json::{Map, Value, json};
@@ -206,6 +206,8 @@ struct Walk<'a> {
     requests: VecDeque<Vec<ClusterId>>,
     latency: usize,
     list: ActiveList,
+    /// By cluster, those that are there: one that was packed is unpacked once.
+    pages: Vec<Option<Box<PageBuf<'a>>>>,
     /// By cluster, those of the cut.
     cursors: Vec<Option<PmCursor>>,
     /// Memory of those that left.
@@ -218,9 +220,12 @@ impl<'a> Walk<'a> {
         let pages = match args.memory {
             Some(memory) if memory >= PROCESS => {
                 let half = memory::divide(file, memory, own)?;
-                // Meshes that follow their positions are made of the pages at hand, and take up to 1.4 times as much.
-                file.get_ref().keep_resident(half / 2);
-                Bytes(half)
+                // Meshes that follow their positions are made of the pages at hand, and take up to 1.4 times as much. Pages that were packed
+                // take memory of their own.
+                let (pages, mapped) =
+                    if file.header().is_packed() { (half / 4 * 3, half / 5) } else { (half, half / 2) };
+                file.get_ref().keep_resident(mapped);
+                Bytes(pages)
             }
             memory => memory.unwrap_or(Bytes(u64::MAX)),
         };
@@ -232,6 +237,7 @@ impl<'a> Walk<'a> {
             requests: VecDeque::new(),
             latency: args.latency as usize,
             list: ActiveList::of_checked_pages(file),
+            pages: file.clusters().iter().map(|_| None).collect(),
             cursors: file.clusters().iter().map(|_| None).collect(),
             free: Vec::new(),
         })
@@ -242,7 +248,9 @@ impl<'a> Walk<'a> {
         let bytes =
             |pages: &[ClusterId]| pages.iter().map(|id| u64::from(clusters[id.index()].page_len)).sum();
         let mut watch = Watch(Instant::now());
-        let mut requests = self.pager.want(self.file, &self.hierarchy, view).requests;
+        let traffic = self.pager.want(self.file, &self.hierarchy, view);
+        self.let_go(&traffic.evictions);
+        let mut requests = traffic.requests;
         let requested_bytes = bytes(&requests);
         let asked = watch.lap();
         let early = self.read_ahead(ahead);
@@ -254,7 +262,9 @@ impl<'a> Walk<'a> {
         let checked = watch.lap();
         let changes = if self.pager.has_roots() {
             let ready = |group| self.pager.is_ready(group);
-            self.list.update(self.file, &self.hierarchy, view, ready)?
+            let bound = |group| self.hierarchy.bound(group, view);
+            let page = |id, _| Ok(page_at_hand(self.file, &self.pages, id)?);
+            self.list.update_with(self.file, &self.hierarchy, bound, ready, page)?
         } else {
             Changes::default()
         };
@@ -285,7 +295,13 @@ impl<'a> Walk<'a> {
     /// What is to be read for a view to come: all that it splits, and what it would split next.
     fn read_ahead(&mut self, ahead: &View) -> Vec<ClusterId> {
         let Some(limit) = self.prefetch else { return Vec::new() };
-        self.pager.foresee(self.file, &self.hierarchy, ahead, limit, |_| true, |_| true).requests
+        let traffic = self.pager.foresee(self.file, &self.hierarchy, ahead, limit, |_| true, |_| true);
+        self.let_go(&traffic.evictions);
+        traffic.requests
+    }
+
+    fn let_go(&mut self, pages: &[ClusterId]) {
+        pages.iter().for_each(|id| self.pages[id.index()] = None);
     }
 
     /// Lets the pages arrive whose time has come, and checks them: whoever uses one later need not.
@@ -293,8 +309,11 @@ impl<'a> Walk<'a> {
         self.requests.push_back(requests);
         if self.requests.len() > self.latency {
             for page in self.requests.pop_front().into_iter().flatten() {
-                self.file.page(page)?;
-                self.pager.arrive(self.file, page);
+                let checked = self.file.page(page)?;
+                // What was let go on its way has come too late.
+                if self.pager.arrive(self.file, page) {
+                    self.pages[page.index()] = Some(Box::new(checked));
+                }
             }
         }
         Ok(())
@@ -312,9 +331,8 @@ impl<'a> Walk<'a> {
                 Some(cursor) => cursor,
                 None => {
                     let mut cursor = self.free.pop().unwrap_or_default();
-                    let page = self.file.page_known(member.cluster)?;
-                    let page = page.view();
-                    cursor.load(&page.progressive_mesh());
+                    let page = page_at_hand(self.file, &self.pages, member.cluster)?;
+                    cursor.load(&page.view().progressive_mesh());
                     slot.insert(cursor)
                 }
             };
@@ -322,6 +340,18 @@ impl<'a> Walk<'a> {
             triangles += cursor.triangles().len() as u64;
         }
         Ok(triangles)
+    }
+}
+
+/// A page that came, without a copy of it; from the file if it was let go since.
+fn page_at_hand<'p>(
+    file: &'p Chpm<MappedFile>,
+    pages: &'p [Option<Box<PageBuf<'_>>>],
+    id: ClusterId,
+) -> Result<PageBuf<'p>, FormatError> {
+    match &pages[id.index()] {
+        Some(page) => Ok(page.view().into()),
+        None => file.page_known(id),
     }
 }
 
