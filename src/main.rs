@@ -40,6 +40,7 @@ mod tolerance;
 mod view;
 #[cfg(feature = "web")]
 mod web;
+mod whole;
 
 use args::Cli;
 use clap::FromArgMatches;

@@ -4,6 +4,7 @@ use crate::number::Units;
 use crate::output::{self, Output, Writes};
 use crate::progress::Meter;
 use crate::stop;
+use crate::whole::{Order, Whole};
 use anyhow::{Context, Result, ensure};
 use chpm_build::Cancel;
 use chpm_export::{Facts, GlbWriter, ObjWriter, PIECE_VERTICES, PackedGlb, Placement, StlWriter};
@@ -35,6 +36,9 @@ pub(crate) struct MeshArgs {
     /// Compress a GLB: EXT_meshopt_compression, which three.js, Babylon.js and CesiumJS read
     #[arg(long)]
     meshopt: bool,
+    /// In which order vertices and triangles are
+    #[arg(long, value_name = "ORDER", value_enum, default_value = "file")]
+    order: Order,
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
@@ -111,6 +115,11 @@ impl MeshArgs {
             })
     }
 
+    /// Bytes that the order of this mesh takes besides.
+    pub(crate) fn order_memory(&self, mesh: &Extraction<'_, MappedFile>) -> u64 {
+        self.order.memory(mesh)
+    }
+
     /// Refuses what cannot be written, and opens the output for the verb `by`, which reads `inputs`.
     pub(crate) fn create(&self, by: &'static str, inputs: &[&Path]) -> Result<MeshFile<'_>> {
         let format = self.format(by)?;
@@ -167,6 +176,8 @@ impl MeshFile<'_> {
             false => format!("chpm {by}, error {error:e}"),
         };
         let steps = Steps { meter, cancel };
+        let mesh = &Whole::new(mesh, self.args.order)?;
+        stop::check(cancel)?;
         let output = match self.format {
             MeshFormat::Ply => ply(mesh, self.output, ascii, &comment, &steps),
             MeshFormat::Stl => stl(mesh, self.output, ascii, &comment, &steps),
@@ -219,9 +230,7 @@ impl Steps<'_> {
     }
 }
 
-type Mesh<'a> = Extraction<'a, MappedFile>;
-
-fn facts(file: &Chpm<MappedFile>, mesh: &Mesh<'_>, by: &str, bounds: Bounds) -> Facts {
+fn facts(file: &Chpm<MappedFile>, mesh: &Whole<'_>, by: &str, bounds: Bounds) -> Facts {
     let mut extras = Map::new();
     extras.insert("error".to_owned(), f64::from(bounds.error).into());
     if file.has_gaps() {
@@ -233,7 +242,7 @@ fn facts(file: &Chpm<MappedFile>, mesh: &Mesh<'_>, by: &str, bounds: Bounds) -> 
 }
 
 /// In doubles if the model is far from the zero point: single precision would move vertices there.
-fn ply(mesh: &Mesh<'_>, output: Output, ascii: bool, comment: &str, steps: &Steps<'_>) -> Result<Output> {
+fn ply(mesh: &Whole<'_>, output: Output, ascii: bool, comment: &str, steps: &Steps<'_>) -> Result<Output> {
     let encoding = if ascii { Encoding::Ascii } else { Encoding::BinaryLittleEndian };
     let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
     let origin = mesh.origin();
@@ -260,7 +269,7 @@ fn ply(mesh: &Mesh<'_>, output: Output, ascii: bool, comment: &str, steps: &Step
     Ok(ply.finish()?)
 }
 
-fn stl(mesh: &Mesh<'_>, output: Output, ascii: bool, comment: &str, steps: &Steps<'_>) -> Result<Output> {
+fn stl(mesh: &Whole<'_>, output: Output, ascii: bool, comment: &str, steps: &Steps<'_>) -> Result<Output> {
     steps.begin(mesh.triangle_count());
     let mut stl = StlWriter::new(output, ascii, mesh.triangle_count(), comment)?;
     let origin = mesh.origin();
@@ -276,7 +285,7 @@ fn stl(mesh: &Mesh<'_>, output: Output, ascii: bool, comment: &str, steps: &Step
     Ok(stl.finish()?)
 }
 
-fn obj(mesh: &Mesh<'_>, output: Output, comment: &str, steps: &Steps<'_>) -> Result<Output> {
+fn obj(mesh: &Whole<'_>, output: Output, comment: &str, steps: &Steps<'_>) -> Result<Output> {
     let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
     steps.begin(vertices + triangles);
     let mut obj = ObjWriter::new(output, vertices, triangles, mesh.attributes(), comment)?;
@@ -291,7 +300,7 @@ fn obj(mesh: &Mesh<'_>, output: Output, comment: &str, steps: &Steps<'_>) -> Res
     Ok(obj.finish()?)
 }
 
-fn glb(mesh: &Mesh<'_>, output: Output, facts: &Facts, steps: &Steps<'_>) -> Result<Output> {
+fn glb(mesh: &Whole<'_>, output: Output, facts: &Facts, steps: &Steps<'_>) -> Result<Output> {
     let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
     steps.begin(2 * vertices + triangles);
     let mut bounds = Aabb::EMPTY;
@@ -311,7 +320,7 @@ fn glb(mesh: &Mesh<'_>, output: Output, facts: &Facts, steps: &Steps<'_>) -> Res
     Ok(glb.finish()?)
 }
 
-fn packed_glb(mesh: &Mesh<'_>, output: Output, facts: Facts, steps: &Steps<'_>) -> Result<Output> {
+fn packed_glb(mesh: &Whole<'_>, output: Output, facts: Facts, steps: &Steps<'_>) -> Result<Output> {
     steps.begin(2 * mesh.triangle_count());
     let mut measured = PackedGlb::new(facts, mesh.attributes());
     mesh.pieces(PIECE_VERTICES, |vertices: VertexSlices<'_>, triangles| {

@@ -85,6 +85,8 @@ fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     })?;
     let mesh = Extraction::new(file, &cut)?;
     request.check(file, &mesh).with_context(lacks)?;
+    let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh);
+    memory::divide(file, args.memory.memory(), bytes)?;
     let bounds = target.bounds(file, &cut)?;
     if let Some(warning) = target.warning(file) {
         line(&format!("warning: {warning}"));

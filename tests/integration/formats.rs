@@ -25,6 +25,46 @@ fn read(folder: &Folder, name: &str) -> TriMesh {
 }
 
 #[test]
+fn an_order_for_caches_changes_order_only() {
+    let (folder, _) = colored();
+    let spans = |mesh: &TriMesh| {
+        let bits = mesh.triangles.iter().map(|[a, b, _]| f64::from(a.abs_diff(*b)).log2());
+        bits.sum::<f64>() / mesh.triangles.len() as f64
+    };
+    for wanted in ["--level 0", "--triangles 900"] {
+        folder.stdout(&format!("extract in.chpm {wanted} -o out.ply -qf"));
+        let expected = folder.read_mesh("out.ply");
+        folder.stdout(&format!("extract in.chpm {wanted} -o new.ply --order cache-oblivious -qf"));
+        let ordered = folder.read_mesh("new.ply");
+        assert_eq!(triangles(&ordered), triangles(&expected));
+        assert!(spans(&ordered) < spans(&expected), "{} {}", spans(&ordered), spans(&expected));
+        // What a vertex carries goes with it.
+        let all = |mesh: &TriMesh| {
+            let bits = |x: [f32; 3]| x.map(f32::to_bits);
+            let data = mesh.positions.iter().zip(&mesh.normals).zip(&mesh.colors);
+            let mut all: Vec<_> = data.map(|((p, n), c)| (bits(*p), bits(*n), *c)).collect();
+            all.sort_unstable();
+            all
+        };
+        assert_eq!(all(&ordered), all(&expected));
+        for (name, more) in [("new.stl", ""), ("new.obj", "")] {
+            folder.stdout(&format!(
+                "extract in.chpm {wanted} -o {name} {more} --order cache-oblivious -qf"
+            ));
+            assert_eq!(triangles(&read(&folder, name)), triangles(&expected), "{name}");
+        }
+        for (name, more) in [("new.glb", ""), ("packed.glb", "--meshopt")] {
+            folder.stdout(&format!(
+                "extract in.chpm {wanted} -o {name} {more} --order cache-oblivious -qf"
+            ));
+            assert_eq!(triangles(&Glb::read(&folder.read(name)).mesh), triangles(&expected), "{name}");
+        }
+    }
+    folder.stdout("simplify in.ply --triangles 900 -o simple.ply --order cache-oblivious -q");
+    assert!(folder.read_mesh("simple.ply").triangles.len() > 800);
+}
+
+#[test]
 fn every_format_holds_the_same_triangles() {
     let (folder, _) = colored();
     for wanted in ["--level 0", "--triangles 900", "--error 2%"] {

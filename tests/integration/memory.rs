@@ -51,6 +51,13 @@ fn reading_takes_no_more_memory_than_is_given() {
         let peak = peak(&folder, &format!("{words} --memory 36M"));
         assert!(peak <= given, "{words}: {peak} kB");
     }
+    // This holds the mesh, and says how much that takes.
+    let words = "extract in.chpm --level 0 --order cache-oblivious -o ordered.ply -qf --memory";
+    let told = folder.stderr(&format!("{words} 64M"), 2);
+    let least = told.split("give it ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a size");
+    let most: u64 = least.strip_suffix('M').and_then(|number| number.parse().ok()).expect("MiB");
+    let peak_of_order = peak(&folder, &format!("{words} {least}"));
+    assert!(peak_of_order <= most << 10, "{peak_of_order} kB of {least}");
     // These hold a piece of the mesh.
     for words in [
         "extract in.chpm --level 0 -o out.stl -qf --memory 40M",

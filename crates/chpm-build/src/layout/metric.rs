@@ -19,73 +19,9 @@ pub fn expected_change(changes: &mut [(u32, i32)]) -> i64 {
     sum
 }
 
-/// The same sum where every span changes by one, as it does when two neighbours in a layout swap.
-///
-/// Edges that grow leave a span for the next one: with g(l) for how many more grow than shrink at the shorter span l, delta |E_l| is
-/// g(l - 1) - g(l), and those of all spans from l on add up to g(l - 1). A span l adds that to the sum over all ranks if its own delta is
-/// not zero, wherever it is in the order; so nothing needs to be sorted.
-#[derive(Debug, Default)]
-pub struct Steps {
-    /// The shorter span of each edge, and +1 if the edge becomes longer, -1 if it becomes shorter.
-    all: Vec<(u32, i32)>,
-    /// g by span, and which edge is its last; g is zero between two sums.
-    grown: Vec<(i32, u32)>,
-}
-
-impl Steps {
-    /// Makes room for layouts of so many nodes.
-    pub fn fit(&mut self, node_count: usize) {
-        self.grown.resize(self.grown.len().max(node_count + 1), (0, 0));
-    }
-
-    /// Adds an edge.
-    #[inline]
-    pub fn push(&mut self, span: u32, sign: i32) {
-        let (grown, last) = &mut self.grown[span as usize];
-        *grown += sign;
-        *last = self.all.len() as u32;
-        self.all.push((span, sign));
-    }
-
-    /// The metric's sum for the edges so far, which are forgotten.
-    pub fn expected_change(&mut self) -> i32 {
-        let mut sum = 0;
-        for (edge, &(span, _)) in (0..).zip(&self.all) {
-            let ((grown, last), (next, _)) = (self.grown[span as usize], self.grown[span as usize + 1]);
-            let counts = (last == edge) & (grown != next);
-            sum += if counts { grown } else { 0 };
-        }
-        for (span, _) in self.all.drain(..) {
-            self.grown[span as usize].0 = 0;
-        }
-        sum
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn steps_are_changes() {
-        let mut state = 1u32;
-        let mut steps = Steps::default();
-        steps.fit(9);
-        for _ in 0..1000 {
-            let all: Vec<(u32, i32)> = (0..8)
-                .map(|_| {
-                    state = state.wrapping_mul(1664525).wrapping_add(1013904223);
-                    (1 + (state >> 16) % 7, if state >> 31 == 0 { 1 } else { -1 })
-                })
-                .collect();
-            let longer =
-                |&(span, sign): &(u32, i32)| if sign > 0 { (span, span + 1) } else { (span + 1, span) };
-            let mut changes: Vec<_> =
-                all.iter().map(longer).flat_map(|(from, to)| [(from, -1), (to, 1)]).collect();
-            all.iter().for_each(|(span, sign)| steps.push(*span, *sign));
-            assert_eq!(i64::from(steps.expected_change()), expected_change(&mut changes), "{all:?}");
-        }
-    }
 
     #[test]
     fn shorter_spans_are_an_improvement() {

@@ -11,6 +11,7 @@ mod local_order;
 pub mod metric;
 mod multilevel;
 pub mod page_order;
+mod whole;
 
 use crate::config::{Layout, Settings};
 use crate::context::Context;
@@ -21,6 +22,7 @@ use chpm_mesh::{Aabb, GroupId, Level};
 use first_use::FirstUse;
 use local_order::LocalOrder;
 use page_order::Run;
+pub use whole::{ORDER_BYTES, order_mesh};
 use rayon::prelude::*;
 
 /// The built nodes of the tree in the order of their pages in the file: roots first, so that whoever reads from its start can begin to draw.

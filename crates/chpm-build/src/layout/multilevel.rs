@@ -1,14 +1,15 @@
-//! Multilevel minimisation of the cache-oblivious metric (Yoon 6.3): coarsen by matching, order the coarsest graph, expand back
-//! and permute locally, accepting what the metric calls an improvement.
-//!
-//! A coarse node stands for at most two nodes, so that a local permutation is the choice which of the two comes first. Yoon allows
-//! up to five; pairs cost a fraction and leave the later stage of this project something to gain.
+//! Multilevel minimisation of the cache-oblivious metric (Yoon 6.3): coarsen by groups of neighbours, order the coarsest graph, expand
+//! back and permute the members of each group, accepting what the metric calls an improvement.
 
-use super::metric::{Steps, expected_change};
+use super::metric::expected_change;
 
 const NONE: u32 = u32::MAX;
-/// Nodes of the coarsest graph, all of whose orders are tried.
-const COARSEST: usize = 5;
+/// Nodes of a group, and of the coarsest graph, of which all orders are tried (Yoon 6.3.2).
+const GROUP: usize = 5;
+/// Groups grow to this; what is left alone joins one.
+const GROWN: usize = 4;
+/// Members with more edges than this in all stay as they are: no order is good for a node that everything leads to.
+const MOST_EDGES: usize = 4096;
 
 /// An undirected graph in compressed rows; every edge is in the rows of both its ends, once.
 #[derive(Clone, Debug, Default)]
@@ -83,25 +84,35 @@ impl Graph {
     }
 }
 
-/// One coarsening: the finer graph, and the one or two nodes of it that each coarse node stands for.
+/// One coarsening: the finer graph, and the nodes of it that each coarse node stands for.
 #[derive(Debug, Default)]
 struct Step {
     graph: Graph,
-    members: Vec<[u32; 2]>,
+    /// By coarse node: where its members start. One more at the end.
+    starts: Vec<u32>,
+    members: Vec<u32>,
+}
+
+impl Step {
+    fn members(&self, coarse: u32) -> &[u32] {
+        &self.members[self.starts[coarse as usize] as usize..self.starts[coarse as usize + 1] as usize]
+    }
+
+    fn coarse_count(&self) -> usize {
+        self.starts.len() - 1
+    }
 }
 
 /// Scratch of the minimisation.
 #[derive(Debug, Default)]
 pub(super) struct Multilevel {
     steps: Vec<Step>,
-    coarse_of: Vec<u32>,
+    grouping: Grouping,
     slot: Vec<u32>,
     position: Vec<u32>,
     order: Vec<u32>,
     expanded: Vec<u32>,
-    changes: Vec<(u32, i32)>,
-    /// What a swap would do.
-    spans: Steps,
+    permuting: Permuting,
 }
 
 impl Multilevel {
@@ -109,10 +120,13 @@ impl Multilevel {
     pub(super) fn order(&mut self, graph: &mut Graph) -> &[u32] {
         let depth = self.coarsen(graph);
         let coarsest = &self.steps[depth].graph;
+        let count = coarsest.node_count();
         self.order.clear();
-        self.order.extend(0..coarsest.node_count() as u32);
-        if (2..=COARSEST).contains(&coarsest.node_count()) {
-            best_order(coarsest, &mut self.order, &mut self.changes);
+        self.order.extend(0..count as u32);
+        self.position.clear();
+        self.position.extend(0..count as u32);
+        if count <= GROUP {
+            self.permuting.permute(coarsest, &mut self.order, 0, &mut self.position);
         }
         for step in (0..depth).rev() {
             self.expand(step);
@@ -128,92 +142,190 @@ impl Multilevel {
         }
         std::mem::swap(graph, &mut self.steps[0].graph);
         let mut depth = 0;
-        while self.steps[depth].graph.node_count() > COARSEST {
+        while self.steps[depth].graph.node_count() > GROUP {
             if self.steps.len() == depth + 1 {
                 self.steps.push(Step::default());
             }
             let (fine, coarse) = self.steps.split_at_mut(depth + 1);
             let fine = &mut fine[depth];
-            match_heaviest(&fine.graph, &mut self.coarse_of, &mut fine.members);
-            if fine.members.len() * 20 > fine.graph.node_count() * 19 {
+            self.grouping.group(fine);
+            if fine.coarse_count() * 20 > fine.graph.node_count() * 19 {
                 break;
             }
-            contract(fine, &self.coarse_of, &mut self.slot, &mut coarse[0].graph);
+            contract(fine, &self.grouping.coarse_of, &mut self.slot, &mut coarse[0].graph);
             depth += 1;
         }
         depth
     }
 
-    /// Replaces each coarse node by its members and lets each pair swap if the metric wants it.
+    /// Replaces each coarse node by its members, in the order of them that the metric wants.
     fn expand(&mut self, step: usize) {
-        let Step { graph, members } = &self.steps[step];
-        self.spans.fit(graph.node_count());
+        let step = &self.steps[step];
         self.expanded.clear();
         self.position.clear();
-        self.position.resize(graph.node_count(), 0);
+        self.position.resize(step.graph.node_count(), 0);
         for node in &self.order {
-            for member in members[*node as usize].into_iter().filter(|m| *m != NONE) {
-                self.position[member as usize] = self.expanded.len() as u32;
-                self.expanded.push(member);
+            for member in step.members(*node) {
+                self.position[*member as usize] = self.expanded.len() as u32;
+                self.expanded.push(*member);
             }
         }
-        let mut at = 0u32;
+        let mut at = 0;
         for node in &self.order {
-            let [a, b] = members[*node as usize];
-            if b == NONE {
-                at += 1;
-                continue;
-            }
-            // Only spans of edges to third nodes change, each by one: towards the left for b, towards the right for a.
-            for (node, other, longer_left) in [(a, b, 1), (b, a, -1)] {
-                for neighbor in graph.neighbors(node).iter().filter(|n| **n != other) {
-                    let q = self.position[*neighbor as usize];
-                    let left = q < at;
-                    let near = if left { at - q } else { q - at - 1 };
-                    self.spans.push(near, if left { longer_left } else { -longer_left });
-                }
-            }
-            if self.spans.expected_change() < 0 {
-                self.expanded.swap(at as usize, at as usize + 1);
-                self.position.swap(a as usize, b as usize);
-            }
-            at += 2;
+            let end = at + step.members(*node).len();
+            self.permuting.permute(&step.graph, &mut self.expanded[at..end], at as u32, &mut self.position);
+            at = end;
         }
         std::mem::swap(&mut self.order, &mut self.expanded);
     }
 }
 
-/// Matches every node with the unmatched neighbour that most edges lead to.
-fn match_heaviest(graph: &Graph, coarse_of: &mut Vec<u32>, members: &mut Vec<[u32; 2]>) {
-    coarse_of.clear();
-    coarse_of.resize(graph.node_count(), NONE);
-    members.clear();
-    for node in 0..graph.node_count() as u32 {
-        if coarse_of[node as usize] != NONE {
-            continue;
+/// Scratch of the search for groups.
+#[derive(Debug, Default)]
+struct Grouping {
+    coarse_of: Vec<u32>,
+    /// By node that is next to the group: edges to it, and which nodes these are.
+    pull: Vec<u32>,
+    near: Vec<u32>,
+    sizes: Vec<u8>,
+}
+
+impl Grouping {
+    /// Fills the step's members: each node takes the nodes in that most edges tie to those that are in already.
+    fn group(&mut self, step: &mut Step) {
+        let Grouping { coarse_of, pull, near, sizes } = self;
+        let graph = &step.graph;
+        let count = graph.node_count();
+        for (numbers, value) in [(&mut *coarse_of, NONE), (&mut *pull, 0)] {
+            numbers.clear();
+            numbers.resize(count, value);
         }
-        let mut best = (0, NONE);
-        for i in graph.row(node) {
-            let (neighbor, weight) = (graph.neighbors[i], graph.weights[i]);
-            if coarse_of[neighbor as usize] == NONE
-                && (weight > best.0 || (weight == best.0 && neighbor < best.1))
-            {
-                best = (weight, neighbor);
+        sizes.clear();
+        for first in 0..count as u32 {
+            if coarse_of[first as usize] != NONE {
+                continue;
+            }
+            let coarse = sizes.len() as u32;
+            let (mut size, mut next) = (0u8, Some(first));
+            while let Some(node) = next {
+                coarse_of[node as usize] = coarse;
+                size += 1;
+                if usize::from(size) == GROWN {
+                    break;
+                }
+                for i in graph.row(node) {
+                    let (to, weight) = (graph.neighbors[i], graph.weights[i]);
+                    if coarse_of[to as usize] == NONE {
+                        if pull[to as usize] == 0 {
+                            near.push(to);
+                        }
+                        pull[to as usize] += weight;
+                    }
+                }
+                let free = near.iter().copied().filter(|node| coarse_of[*node as usize] == NONE);
+                next = free.max_by_key(|node| (pull[*node as usize], std::cmp::Reverse(*node)));
+            }
+            for node in near.drain(..) {
+                pull[node as usize] = 0;
+            }
+            // One that is alone joins the group next to it that most edges lead to and that has room.
+            let tie = |i: usize| {
+                let group = coarse_of[graph.neighbors[i] as usize];
+                (group < coarse && usize::from(sizes[group as usize]) < GROUP)
+                    .then(|| (graph.weights[i], std::cmp::Reverse(group)))
+            };
+            let joined = if size == 1 { graph.row(first).filter_map(tie).max() } else { None };
+            match joined {
+                Some((_, std::cmp::Reverse(group))) => {
+                    coarse_of[first as usize] = group;
+                    sizes[group as usize] += 1;
+                }
+                None => sizes.push(size),
             }
         }
-        let coarse = members.len() as u32;
-        coarse_of[node as usize] = coarse;
-        if best.1 != NONE {
-            coarse_of[best.1 as usize] = coarse;
+        // Members by a counting sort.
+        step.starts.clear();
+        step.starts.push(0);
+        let mut end = 0;
+        step.starts.extend(sizes.iter().map(|size| {
+            end += u32::from(*size);
+            end
+        }));
+        step.members.clear();
+        step.members.resize(count, 0);
+        for node in (0..count as u32).rev() {
+            let left = &mut sizes[coarse_of[node as usize] as usize];
+            *left -= 1;
+            step.members[(step.starts[coarse_of[node as usize] as usize] + u32::from(*left)) as usize] = node;
         }
-        members.push([node, best.1]);
+    }
+}
+
+/// Scratch of the trial of all orders of a few nodes side by side.
+#[derive(Debug, Default)]
+struct Permuting {
+    /// Edges that lead out: the member's number, and the place of the other end.
+    out: Vec<(usize, u32)>,
+    /// Edges between two members, by their numbers.
+    inner: Vec<(usize, usize)>,
+    changes: Vec<(u32, i32)>,
+}
+
+impl Permuting {
+    /// Puts nodes that lie side by side from `at` on into the order that the metric prefers to all that were tried before it.
+    fn permute(&mut self, graph: &Graph, nodes: &mut [u32], at: u32, position: &mut [u32]) {
+        let count = nodes.len();
+        let edges: usize = nodes.iter().map(|node| graph.row(*node).len()).sum();
+        if count < 2 || edges > MOST_EDGES {
+            return;
+        }
+        let Permuting { out, inner, changes } = self;
+        out.clear();
+        inner.clear();
+        for (member, node) in nodes.iter().enumerate() {
+            for neighbor in graph.neighbors(*node) {
+                let place = position[*neighbor as usize];
+                match place.checked_sub(at).map(|other| other as usize).filter(|other| *other < count) {
+                    Some(other) if member < other => inner.push((member, other)),
+                    Some(_) => {}
+                    None => out.push((member, place)),
+                }
+            }
+        }
+        // By member: its place among the others.
+        let mut best: [u32; GROUP] = [0, 1, 2, 3, 4];
+        let mut trial = best;
+        while next_permutation(&mut trial[..count]) {
+            changes.clear();
+            for (member, place) in out.iter() {
+                let [before, after] = [best, trial].map(|places| place.abs_diff(at + places[*member]));
+                if before != after {
+                    changes.extend([(before, -1), (after, 1)]);
+                }
+            }
+            for (a, b) in inner.iter() {
+                let [before, after] = [best, trial].map(|places| places[*a].abs_diff(places[*b]));
+                if before != after {
+                    changes.extend([(before, -1), (after, 1)]);
+                }
+            }
+            if expected_change(changes) < 0 {
+                best = trial;
+            }
+        }
+        let mut members = [0; GROUP];
+        members[..count].copy_from_slice(nodes);
+        for (node, place) in members.iter().zip(best).take(count) {
+            nodes[place as usize] = *node;
+            position[*node as usize] = at + place;
+        }
     }
 }
 
 /// The graph of the coarse nodes. Whether an edge is new in its row is a coin toss, so the loop does the same either way: it
 /// writes to the edge's slot or to the next free one.
 fn contract(fine: &Step, coarse_of: &[u32], slot: &mut Vec<u32>, out: &mut Graph) {
-    let Step { graph, members } = fine;
+    let (graph, count) = (&fine.graph, fine.coarse_count());
     let edge_count = graph.neighbors.len();
     out.neighbors.clear();
     out.neighbors.resize(edge_count + 1, 0);
@@ -223,11 +335,11 @@ fn contract(fine: &Step, coarse_of: &[u32], slot: &mut Vec<u32>, out: &mut Graph
     out.offsets.push(0);
     // One more than the index of a neighbour's edge in the row in which it was seen last.
     slot.clear();
-    slot.resize(members.len(), 0);
+    slot.resize(count, 0);
     let mut end = 0u32;
-    for (coarse, pair) in members.iter().enumerate() {
+    for coarse in 0..count {
         let start = end;
-        for member in pair.iter().filter(|m| **m != NONE) {
+        for member in fine.members(coarse as u32) {
             for i in graph.row(*member) {
                 let to = coarse_of[graph.neighbors[i] as usize];
                 let seen = slot[to as usize];
@@ -235,7 +347,7 @@ fn contract(fine: &Step, coarse_of: &[u32], slot: &mut Vec<u32>, out: &mut Graph
                 let edge = if fresh { end } else { seen - 1 };
                 out.neighbors[edge as usize] = to;
                 out.weights[edge as usize] += graph.weights[i];
-                // The pair's own edge is overwritten by the next one.
+                // A group's own edge is overwritten by the next one.
                 let own = to as usize == coarse;
                 slot[to as usize] = if own { 0 } else { edge + 1 };
                 if own {
@@ -248,28 +360,6 @@ fn contract(fine: &Step, coarse_of: &[u32], slot: &mut Vec<u32>, out: &mut Graph
     }
     out.neighbors.truncate(end as usize);
     out.weights.truncate(end as usize);
-}
-
-/// Tries all orders of a handful of nodes and keeps the one that the metric prefers to those before it.
-fn best_order(graph: &Graph, order: &mut Vec<u32>, changes: &mut Vec<(u32, i32)>) {
-    let spans = |order: &[u32], sign: i32, changes: &mut Vec<(u32, i32)>| {
-        for (i, a) in order.iter().enumerate() {
-            for (j, b) in order.iter().enumerate().skip(i + 1) {
-                if graph.neighbors(*a).contains(b) {
-                    changes.push(((j - i) as u32, sign));
-                }
-            }
-        }
-    };
-    let mut candidate = order.clone();
-    while next_permutation(&mut candidate) {
-        changes.clear();
-        spans(order, -1, changes);
-        spans(&candidate, 1, changes);
-        if expected_change(changes) < 0 {
-            order.clone_from(&candidate);
-        }
-    }
 }
 
 fn next_permutation(items: &mut [u32]) -> bool {

@@ -1,0 +1,158 @@
+//! The mesh of a cut as it is written: streamed in the order of the file, or held and put into another.
+
+use crate::report::count;
+use anyhow::{Result, ensure};
+use chpm_build::{ORDER_BYTES, order_mesh};
+use chpm_extmem::MappedFile;
+use chpm_mesh::{Attributes, TriMesh, VertexSlices, Vertices};
+use chpm_refine::{Extraction, RefineError};
+
+/// In which order vertices and triangles are written.
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Order {
+    /// Cluster by cluster, as the file has them; in memory that does not grow with the mesh
+    File,
+    /// Vertices and triangles for caches of any size, whatever reads them; the mesh is held in memory meanwhile
+    CacheOblivious,
+}
+
+impl Order {
+    /// Bytes that it takes.
+    pub(crate) fn memory(self, mesh: &Extraction<'_, MappedFile>) -> u64 {
+        let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
+        let [vertex, triangle] = ORDER_BYTES;
+        match self {
+            Order::File => 0,
+            // Vertices are there twice while they move.
+            Order::CacheOblivious => {
+                vertices * (2 * mesh.attributes().vertex_len() as u64 + 4 + vertex) + triangles * (12 + triangle)
+            }
+        }
+    }
+}
+
+/// A mesh that goes into a file.
+pub(crate) struct Whole<'a> {
+    mesh: &'a Extraction<'a, MappedFile>,
+    /// Where it is held.
+    held: Option<TriMesh>,
+}
+
+impl<'a> Whole<'a> {
+    pub(crate) fn new(mesh: &'a Extraction<'a, MappedFile>, order: Order) -> Result<Self> {
+        let held = match order {
+            Order::File => None,
+            Order::CacheOblivious => Some(ordered(mesh)?),
+        };
+        Ok(Whole { mesh, held })
+    }
+
+    pub(crate) fn vertex_count(&self) -> u32 {
+        self.mesh.vertex_count()
+    }
+
+    pub(crate) fn triangle_count(&self) -> u64 {
+        self.mesh.triangle_count()
+    }
+
+    pub(crate) fn attributes(&self) -> Attributes {
+        self.mesh.attributes()
+    }
+
+    pub(crate) fn origin(&self) -> Option<[f64; 3]> {
+        self.mesh.origin()
+    }
+
+    /// As [`Extraction::vertices`].
+    pub(crate) fn vertices(&self, mut sink: impl FnMut(VertexSlices<'_>) -> Result<()>) -> Result<()> {
+        match &self.held {
+            Some(held) => sink(held.view()),
+            None => self.mesh.vertices(sink),
+        }
+    }
+
+    /// As [`Extraction::triangles`].
+    pub(crate) fn triangles(&self, sink: impl FnMut(&[[u32; 3]]) -> Result<()>) -> Result<()> {
+        match &self.held {
+            Some(held) => held.triangles.chunks(BATCH).try_for_each(sink),
+            None => self.mesh.triangles(sink),
+        }
+    }
+
+    /// As [`Extraction::pieces`].
+    pub(crate) fn pieces(
+        &self,
+        limit: usize,
+        sink: impl FnMut(VertexSlices<'_>, &[[u32; 3]]) -> Result<()>,
+    ) -> Result<()> {
+        match &self.held {
+            Some(held) => pieces(held, limit, sink),
+            None => self.mesh.pieces(limit, sink),
+        }
+    }
+}
+
+/// Triangles that are handed on at a time.
+const BATCH: usize = 1 << 16;
+
+fn ordered(mesh: &Extraction<'_, MappedFile>) -> Result<TriMesh> {
+    let mut vertices = Vertices::default();
+    let mut triangles = Vec::new();
+    // Each edge is in the graph four times at first.
+    let most = u32::MAX / 12;
+    ensure!(
+        mesh.triangle_count() <= u64::from(most),
+        "{} triangles are more than can be ordered at once, {}: ask for fewer, or for the order of the file",
+        count(mesh.triangle_count()),
+        count(most.into())
+    );
+    triangles.reserve_exact(mesh.triangle_count() as usize);
+    mesh.triangles(|batch| {
+        triangles.extend_from_slice(batch);
+        Ok::<_, RefineError>(())
+    })?;
+    let places = order_mesh(mesh.vertex_count() as usize, &mut triangles);
+    mesh.vertices(|batch| {
+        vertices.extend_from_slices(batch);
+        Ok::<_, RefineError>(())
+    })?;
+    let mut at_place = vec![0; places.len()];
+    (0..).zip(&places).for_each(|(vertex, place)| at_place[*place as usize] = vertex);
+    let mut moved = Vertices::default();
+    moved.gather(vertices.view(), at_place.into_iter());
+    Ok(TriMesh { vertices: moved, triangles })
+}
+
+/// Runs of triangles, each with the vertices that it has, by first use.
+fn pieces(
+    mesh: &TriMesh,
+    limit: usize,
+    mut sink: impl FnMut(VertexSlices<'_>, &[[u32; 3]]) -> Result<()>,
+) -> Result<()> {
+    const NONE: u32 = u32::MAX;
+    let mut local = vec![NONE; mesh.positions.len()];
+    let (mut used, mut triangles) = (Vec::new(), Vec::<[u32; 3]>::new());
+    let mut vertices = Vertices::default();
+    let mut hand_on = |used: &mut Vec<usize>, triangles: &mut Vec<[u32; 3]>, local: &mut Vec<u32>| {
+        vertices.clear_vertices();
+        vertices.gather(mesh.view(), used.iter().copied());
+        sink(vertices.view(), triangles)?;
+        triangles.clear();
+        used.drain(..).for_each(|vertex| local[vertex] = NONE);
+        anyhow::Ok(())
+    };
+    for corners in &mesh.triangles {
+        if used.len() + 3 > limit {
+            hand_on(&mut used, &mut triangles, &mut local)?;
+        }
+        triangles.push(corners.map(|vertex| {
+            let place = &mut local[vertex as usize];
+            if *place == NONE {
+                *place = used.len() as u32;
+                used.push(vertex as usize);
+            }
+            *place
+        }));
+    }
+    if triangles.is_empty() { Ok(()) } else { hand_on(&mut used, &mut triangles, &mut local) }
+}
