@@ -17,6 +17,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, FormatError, PageBuf};
 use chpm_mesh::{Bytes, ClusterId, Counted};
 use chpm_refine::{ActiveList, CameraPath, Changes, Front, Hierarchy, Pager, PmCursor, View, is_visible};
+use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::collections::VecDeque;
 use std::fs;
@@ -308,8 +309,10 @@ impl<'a> Walk<'a> {
     fn deliver(&mut self, requests: Vec<ClusterId>) -> Result<()> {
         self.requests.push_back(requests);
         if self.requests.len() > self.latency {
-            for page in self.requests.pop_front().into_iter().flatten() {
-                let checked = self.file.page(page)?;
+            let pages = self.requests.pop_front().unwrap_or_default();
+            let checked: Vec<_> = pages.par_iter().map(|page| self.file.page(*page)).collect();
+            for (page, checked) in pages.into_iter().zip(checked) {
+                let checked = checked?;
                 // What was let go on its way has come too late.
                 if self.pager.arrive(self.file, page) {
                     self.pages[page.index()] = Some(Box::new(checked));

@@ -1,17 +1,19 @@
 //! `chpm export --3dtiles`: a viewer that knows nothing of this project, as the specification has it, walks the tileset for many cameras.
 
 use super::glb::Glb;
-use super::harness::{Folder, Triangles, triangles};
+use super::harness::{CHPM, Folder, Triangles, triangles};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_measure::crack::{cracks, weld};
 use chpm_mesh::{Level, TriMesh};
 use chpm_refine::{Cut, Hierarchy, extract, select_by};
+use chpm_synth::{Shape, Synth};
 use nix::sys::signal::Signal;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 /// An eye, and the error in a pixel at distance 1 times the pixels that are allowed.
 #[derive(Clone, Copy, Debug)]
@@ -341,4 +343,31 @@ fn an_export_that_is_stopped_or_fails_leaves_nothing() {
     let error = folder.stderr("export bad.chpm --3dtiles out -q", 2);
     assert!(error.contains("bad.chpm"), "{error}");
     assert_eq!(folder.names(), ["bad.chpm", "in.chpm", "in.ply"]);
+}
+
+/// Another program with another idea of geometry: 3d-tiles-renderer in a browser, and gltf-validator.
+#[test]
+fn a_browser_draws_the_same_tiles_without_cracks() {
+    let has = |program: &str| Command::new(program).arg("--version").output().is_ok();
+    let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/tiles");
+    let missing = ["node", "chromium"].into_iter().find(|program| !has(program));
+    let packages = Path::new(tests).join("node_modules").exists();
+    if let Some(missing) = missing.or((!packages).then_some("package that `npm ci` installs in tests/tiles")) {
+        eprintln!("skipped: no {missing}");
+        return;
+    }
+    let folder = models();
+    let mut colored = Synth::new(Shape::Torus, 30_000, 1).to_mesh();
+    colored.colors = (0..colored.positions.len()).map(|i| [(i % 256) as u8, (i / 256) as u8, 7, 255]).collect();
+    folder.write_mesh("colored.ply", &colored);
+    let mut run = Command::new("bash");
+    run.arg(Path::new(tests).join("run.sh")).env("CHPM", CHPM).env("VIEWS", "17");
+    run.args(["closed.ply", "open.ply", "colored.ply"].map(|name| folder.path(name)));
+    let out = run.output().expect("a process");
+    let [said, problems] = [out.stdout, out.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    assert!(out.status.success(), "{said}{problems}");
+    // Six sets without a crack, and one that has to have some.
+    let lines: Vec<_> = said.lines().filter(|line| line.contains(" crack edges;")).collect();
+    let clean = lines.iter().filter(|line| line.contains("17 views") && line.contains(" 0 crack edges;"));
+    assert_eq!((lines.len(), clean.count()), (7, 6), "{said}");
 }

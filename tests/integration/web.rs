@@ -1,7 +1,12 @@
 //! `chpm serve` and `chpm share`, the reader in JavaScript, and the page.
 
 use super::harness::{CHPM, Folder};
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_mesh::GroupId;
+use chpm_refine::{Camera, Hierarchy, Region, View, select_by};
 use chpm_synth::{Shape, Synth};
+use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -154,4 +159,63 @@ fn the_reader_and_the_page_pass_their_tests() {
     assert!(out.status.success(), "{said}");
     // What was skipped, and why.
     said.lines().filter(|line| line.contains("# SKIP")).for_each(|line| eprintln!("{line}"));
+}
+
+/// The page looks at spheres alone, since it has not all the tables; so does the library here.
+#[test]
+fn the_page_draws_what_the_library_selects() {
+    let folder = Folder::new();
+    folder.write_mesh("in.ply", &Synth::new(Shape::Isosurface, 40_000, 1).to_mesh());
+    folder.stdout("build in.ply -o a.chpm -q --cluster-triangles 512 --pages raw");
+    let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/web/test");
+    let mut node = Command::new("node");
+    let Ok(out) = node.current_dir(tests).arg("cameras.mjs").arg(folder.path("a.chpm")).output() else {
+        eprintln!("skipped: no Node.js");
+        return;
+    };
+    let said = String::from_utf8_lossy(&out.stderr);
+    if out.status.code() == Some(3) {
+        eprintln!("skipped: {said}");
+        return;
+    }
+    assert!(out.status.success(), "{said}");
+
+    let file = Chpm::open(MappedFile::open(&folder.path("a.chpm")).expect("a file")).expect("a CHPM");
+    let hierarchy = Hierarchy::new(&file);
+    let lines: Vec<Value> = String::from_utf8_lossy(&out.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("JSON"))
+        .collect();
+    assert_eq!(lines.len(), 20);
+    let mut sizes = Vec::new();
+    for drawn in lines {
+        assert_eq!(drawn["status"], "settled", "{}", drawn["message"]);
+        let number = |key: &str| drawn[key].as_f64().expect(key);
+        let eye: [f64; 3] = serde_json::from_value(drawn["eye"].clone()).expect("an eye");
+        let camera = Camera {
+            fov: number("fov"),
+            near: number("near"),
+            ..Camera::looking(eye, file.header().aabb().center().into())
+        };
+        let height = number("height") as u32;
+        let view = View::new(&camera, [height, height], number("pixels")).expect("a view");
+        let bound = |group: GroupId| {
+            let record = &file.groups()[group.index()];
+            view.bound(&Region::sphere(record.center.map(f64::from), record.radius.into()))
+        };
+        let selected = select_by(&file, &hierarchy, bound).expect("a cut");
+        let expected: Vec<(u32, u32)> =
+            selected.members().iter().map(|member| (member.cluster.0, member.vertices)).collect();
+        let got: Vec<(u32, Option<f32>)> = serde_json::from_value(drawn["cut"].clone()).expect("a cut");
+        let position = |(cluster, bound): (u32, Option<f32>)| {
+            let page = file.page(chpm_mesh::ClusterId(cluster)).expect("a page");
+            (cluster, page.view().vertices_for(bound.unwrap_or(f32::INFINITY)) as u32)
+        };
+        let mut got: Vec<(u32, u32)> = got.into_iter().map(position).collect();
+        got.sort_unstable();
+        assert_eq!(got, expected, "{camera:?}");
+        assert_eq!(number("triangles") as u64, selected.triangle_count(&file).expect("a count"));
+        sizes.push(got.len());
+    }
+    assert!(sizes.iter().max() > Some(&20) && sizes.iter().min() < Some(&5), "{sizes:?}");
 }

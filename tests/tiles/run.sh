@@ -4,7 +4,7 @@
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 chpm=${CHPM:-$here/../../target/release/chpm}
-(cd "$here" && npm ci --no-audit --no-fund --legacy-peer-deps)
+[ -d "$here/node_modules" ] || (cd "$here" && npm ci --no-audit --no-fund --legacy-peer-deps)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 

@@ -1,20 +1,16 @@
 // The page in a browser. Skipped where there is no Chromium, or its driver was not installed (`npm ci` in this folder).
 
 import assert from "node:assert/strict";
-import { existsSync, readFileSync, writeFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import path from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { memorySource, open } from "../chpm/index.js";
+import { CHROMIUM, OPTIONS, playwright, reason } from "./browser.mjs";
 import { serve } from "./server.mjs";
 import { CHPM, chpm, temporary } from "./tools.mjs";
 
-const CHROMIUM = "/usr/bin/chromium";
-const playwright = await import("playwright-core").catch(() => null);
-const reasons = [[CHPM, "CHPM names no command"], [existsSync(CHROMIUM), "no Chromium"], [playwright, "no playwright-core"]];
-const skip = reasons.find(([is]) => !is)?.[1] ?? false;
-// The driver looks up its maker's hosts unless it is told not to.
-const OPTIONS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+const skip = reason ?? (CHPM ? false : "CHPM names no command");
 
 const folder = temporary();
 const web = fileURLToPath(new URL("..", import.meta.url));

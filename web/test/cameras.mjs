@@ -1,0 +1,52 @@
+// node cameras.mjs FILE.chpm
+//
+// Shows a file in the page from twenty cameras, and writes for each, as a line of JSON, what the view was and what of the file was drawn. Ends with
+// 3, and says why, where there is no browser or no driver for it.
+
+import path from "node:path";
+import { fileURLToPath } from "node:url";
+import { CHROMIUM, OPTIONS, playwright, reason } from "./browser.mjs";
+import { serve } from "./server.mjs";
+import { random } from "./tools.mjs";
+
+if (reason) {
+  console.error(reason);
+  process.exit(3);
+}
+const file = path.resolve(process.argv[2]);
+const host = await serve([fileURLToPath(new URL("..", import.meta.url)), path.dirname(file)]);
+const browser = await playwright.chromium.launch({ executablePath: CHROMIUM, args: OPTIONS });
+const page = await browser.newPage({ viewport: { width: 900, height: 600 } });
+const rest = () => page.waitForFunction(() => !["loading", undefined].includes(document.documentElement.dataset.status), null, { timeout: 120000 });
+await page.goto(`${host.url}/view.html?file=${encodeURIComponent(path.basename(file))}`);
+await rest();
+const next = random(11);
+for (let i = 0; i < 20; i++) {
+  const camera = { turn: 6 * next(), rise: 3 * next() - 1.5, away: 0.2 + 12 * next(), pixels: String(7 * next() - 2) };
+  await page.evaluate(({ turn, rise, away, pixels }) => {
+    const { orbit } = chpmView;
+    Object.assign(orbit, { turn, rise, distance: away * orbit.size });
+    document.getElementById("pixels").value = pixels;
+    document.getElementById("budget").value = document.getElementById("budget").max;
+    orbit.onChange();
+  }, camera);
+  await rest();
+  const drawn = await page.evaluate(() => {
+    const { orbit, model, drawn, status, message } = chpmView;
+    return {
+      status,
+      message,
+      eye: orbit.eye(),
+      near: orbit.range()[0],
+      fov: orbit.fov,
+      height: model.renderer.canvas.clientHeight,
+      pixels: 2 ** Number(document.getElementById("pixels").value) * drawn.relaxed,
+      triangles: drawn.triangles,
+      // What JSON has no number for is that of a base mesh.
+      cut: drawn.cut.map(({ cluster, bound }) => [cluster, bound === Infinity ? null : bound]),
+    };
+  });
+  console.log(JSON.stringify(drawn));
+}
+await browser.close();
+host.close();
