@@ -25,7 +25,8 @@ impl Order {
             Order::File => 0,
             // Vertices are there twice while they move.
             Order::CacheOblivious => {
-                vertices * (2 * mesh.attributes().vertex_len() as u64 + 4 + vertex) + triangles * (12 + triangle)
+                vertices * (2 * mesh.attributes().vertex_len() as u64 + 4 + vertex)
+                    + triangles * (12 + triangle)
             }
         }
     }

@@ -48,15 +48,11 @@ fn an_order_for_caches_changes_order_only() {
         };
         assert_eq!(all(&ordered), all(&expected));
         for (name, more) in [("new.stl", ""), ("new.obj", "")] {
-            folder.stdout(&format!(
-                "extract in.chpm {wanted} -o {name} {more} --order cache-oblivious -qf"
-            ));
+            folder.stdout(&format!("extract in.chpm {wanted} -o {name} {more} --order cache-oblivious -qf"));
             assert_eq!(triangles(&read(&folder, name)), triangles(&expected), "{name}");
         }
         for (name, more) in [("new.glb", ""), ("packed.glb", "--meshopt")] {
-            folder.stdout(&format!(
-                "extract in.chpm {wanted} -o {name} {more} --order cache-oblivious -qf"
-            ));
+            folder.stdout(&format!("extract in.chpm {wanted} -o {name} {more} --order cache-oblivious -qf"));
             assert_eq!(triangles(&Glb::read(&folder.read(name)).mesh), triangles(&expected), "{name}");
         }
     }

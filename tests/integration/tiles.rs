@@ -352,13 +352,15 @@ fn a_browser_draws_the_same_tiles_without_cracks() {
     let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/tiles");
     let missing = ["node", "chromium"].into_iter().find(|program| !has(program));
     let packages = Path::new(tests).join("node_modules").exists();
-    if let Some(missing) = missing.or((!packages).then_some("package that `npm ci` installs in tests/tiles")) {
+    if let Some(missing) = missing.or((!packages).then_some("package that `npm ci` installs in tests/tiles"))
+    {
         eprintln!("skipped: no {missing}");
         return;
     }
     let folder = models();
     let mut colored = Synth::new(Shape::Torus, 30_000, 1).to_mesh();
-    colored.colors = (0..colored.positions.len()).map(|i| [(i % 256) as u8, (i / 256) as u8, 7, 255]).collect();
+    colored.colors =
+        (0..colored.positions.len()).map(|i| [(i % 256) as u8, (i / 256) as u8, 7, 255]).collect();
     folder.write_mesh("colored.ply", &colored);
     let mut run = Command::new("bash");
     run.arg(Path::new(tests).join("run.sh")).env("CHPM", CHPM).env("VIEWS", "17");

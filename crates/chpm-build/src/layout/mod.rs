@@ -22,8 +22,8 @@ use chpm_mesh::{Aabb, GroupId, Level};
 use first_use::FirstUse;
 use local_order::LocalOrder;
 use page_order::Run;
-pub use whole::{ORDER_BYTES, order_mesh};
 use rayon::prelude::*;
+pub use whole::{ORDER_BYTES, order_mesh};
 
 /// The built nodes of the tree in the order of their pages in the file: roots first, so that whoever reads from its start can begin to draw.
 pub(crate) fn order(built: &Built, settings: &Settings) -> Vec<u32> {
