@@ -1,5 +1,6 @@
 // A .chpm file that is somewhere else: tables come chunk by chunk and pages run by run, each checked before it is used.
 
+import { unpack } from "./packed.js";
 import { readPage } from "./page.js";
 import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, expect, readCluster, readGroup, readHeader, readSections, viewOf } from "./records.js";
 import { ChpmError, readExactly } from "./source.js";
@@ -81,9 +82,11 @@ export class ChpmFile {
   #pages;
   #clusters = new Map();
   #groups = new Map();
+  #zstd;
 
   /** @private */
-  constructor(source, header, sections, tables) {
+  constructor(source, header, sections, tables, zstd) {
+    this.#zstd = zstd;
     this.#source = source;
     this.#tables = tables;
     this.#pages = sections.get(6);
@@ -195,8 +198,9 @@ export class ChpmFile {
   #page(cluster, bytes) {
     const { id, pageChecksum } = cluster;
     expect(xxh3(bytes) === pageChecksum, () => `the page of cluster ${id} is damaged: its checksum is another one`);
-    expect(!cluster.isPacked, () => `cluster ${id} has a packed page, which this reader does not unpack; 'chpm relayout --pages raw' does`);
-    return readPage(this.header, cluster, bytes);
+    if (!cluster.isPacked) return readPage(this.header, cluster, bytes);
+    expect(this.#zstd, () => `cluster ${id} has a packed page: give open() a function that expands zstd, or unpack the file with 'chpm relayout --pages raw'`);
+    return readPage(this.header, cluster, unpack(this.header, cluster, bytes, this.#zstd));
   }
 
   /** Ids of the clusters that nothing coarser stands for. */
@@ -220,10 +224,11 @@ export class ChpmFile {
 /**
  * Opens a file: its header, and what leads to its tables.
  * @param source {@link httpSource}, {@link blobSource}, {@link memorySource} or anything alike
+ * @param options.zstd expands a frame of zstd to at most so many bytes, for files with packed pages
  */
-export async function open(source, { signal, first = FIRST } = {}) {
+export async function open(source, { signal, first = FIRST, zstd = null } = {}) {
   try {
-    return await begin(source, signal, Math.max(first, 4096));
+    return await begin(source, signal, Math.max(first, 4096), zstd);
   } catch (error) {
     if (error instanceof ChpmError && !error.message.startsWith(source.name)) {
       throw new ChpmError(`${source.name}: ${error.message}`, { cause: error });
@@ -232,7 +237,7 @@ export async function open(source, { signal, first = FIRST } = {}) {
   }
 }
 
-async function begin(source, signal, first) {
+async function begin(source, signal, first, zstd) {
   const bytes = await source.read(0, first, signal);
   const header = readHeader(bytes, xxh3);
   const size = await source.size();
@@ -257,7 +262,7 @@ async function begin(source, signal, first) {
   }
   for (const [name] of kinds) takeWhatCame(tables[name], 0, bytes);
   if (!chunks) await takeAll(source, kinds.map(([name]) => tables[name]), signal);
-  return new ChpmFile(source, header, sections, tables);
+  return new ChpmFile(source, header, sections, tables, zstd);
 }
 
 /** Chunks that are among some bytes of the file. */

@@ -120,8 +120,11 @@ export class ChpmFile {
   pages(ids: Iterable<number>, signal?: AbortSignal): Promise<Map<number, Page>>;
 }
 
-/** Opens a file. `first` bytes are fetched at once, 32 KiB if not told otherwise. */
-export function open(source: Source, options?: { signal?: AbortSignal; first?: number }): Promise<ChpmFile>;
+/** Expands a frame of zstd; what comes out is at most `most` bytes long, or the frame is damaged. */
+export type Zstd = (frame: Uint8Array, most: number) => Uint8Array;
+
+/** Opens a file. `first` bytes are fetched at once, 32 KiB if not told otherwise. Files with packed pages need `zstd`. */
+export function open(source: Source, options?: { signal?: AbortSignal; first?: number; zstd?: Zstd }): Promise<ChpmFile>;
 
 /** Which groups are split, and the error that the clusters of the others are drawn with. */
 export interface Rule {

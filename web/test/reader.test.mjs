@@ -153,16 +153,90 @@ test("a single error everywhere keeps to it", { skip }, async () => {
   }
 });
 
+const fzstd = await import("fzstd").catch(() => null);
+const skipPacked = skip || (fzstd ? false : "no fzstd: `npm ci` in this folder");
+
+/** As the reader's README has it: more than `most` is refused. */
+function zstd(frame, most) {
+  const all = new Uint8Array(most);
+  let length = 0;
+  const take = (chunk) => {
+    all.set(chunk, length);
+    length += chunk.length;
+  };
+  new fzstd.Decompress(take).push(frame, true);
+  return all.subarray(0, length);
+}
+
+/** A file with packed pages, of a model whose positions are on a lattice where that is asked for. */
+function pack(model, positions) {
+  const name = build(model);
+  const packed = name.replace(/chpm$/, "packed.chpm");
+  if (positions) chpm("build", name.replace(/chpm$/, "ply"), "-o", packed, "-f", "-q", "--pages", "packed", "--positions", positions, "--cluster-triangles", "256");
+  else chpm("relayout", name, "-o", packed, "-f", "-q", "--pages", "packed");
+  return packed;
+}
+
+for (const [model, positions] of [...Object.keys(MODELS).map((model) => [model]), ["terrain", "lattice:14"]]) {
+  test(`${model} ${positions ?? ""}: packed pages have the same triangles`, { skip: skipPacked }, async () => {
+    const name = pack(model, positions);
+    const bytes = readFileSync(name);
+    const file = await open(memorySource(bytes), { zstd });
+    assert.ok(file.header.isPacked);
+    const out = path.join(folder, "unpacked.ply");
+    for (let number = 0; number < file.header.levelCount; number++) {
+      chpm("extract", name, "--level", String(number), "-o", out, "-f", "-q");
+      const mesh = await extract(file, await select(file, level(number)));
+      assert.deepEqual(trianglesOfMesh(mesh), trianglesOfPly(out), `level ${number}`);
+    }
+    // What the vertices carry, and every error, is that of the raw pages.
+    if (!positions) {
+      const raw = await open(memorySource(readFileSync(build(model))));
+      const ids = Array.from({ length: file.header.clusterCount }, (_, id) => id);
+      await file.needClusters(ids);
+      await raw.needClusters(ids);
+      const [one, other] = [await file.pages(ids), await raw.pages(ids)];
+      for (const id of ids) {
+        const [{ cluster: a, ...parts }, { cluster: b, ...expected }] = [one.get(id), other.get(id)];
+        assert.deepEqual(parts, expected, `page ${id}`);
+      }
+    }
+    const blind = await open(memorySource(bytes));
+    await assert.rejects(async () => extract(blind, await select(blind, level(0))), /zstd/);
+  });
+}
+
+test("damaged packed pages with right checksums are survived", { skip: skipPacked }, async () => {
+  const whole = new Uint8Array(readFileSync(pack("colored")));
+  const { sections } = repaired(whole.slice());
+  const clusters = sections.find(({ kind }) => kind === 1);
+  const next = random(13);
+  const pick = (count) => Math.floor(next() * count);
+  let refused = 0;
+  for (let i = 0; i < 400; i++) {
+    const bytes = whole.slice();
+    const view = new DataView(bytes.buffer);
+    const record = clusters.offset + 128 * pick(clusters.length / 128);
+    const [start, length] = [Number(view.getBigUint64(record, true)), view.getUint32(record + 8, true)];
+    // Half of them in the head, where counts and lengths are.
+    const at = start + pick(i % 2 === 0 ? 48 : length);
+    bytes[at] = pick(256);
+    repaired(bytes, [(record - clusters.offset) / 128]);
+    if (!(await survives(bytes, `case ${i}: byte ${at - start} of a page`, { zstd }))) refused += 1;
+  }
+  assert.ok(refused > 100, `${refused} of 400 were refused`);
+});
+
 /** Opens a file and reads all of it. What is wrong has to be said as an error of the reader. */
-async function readAll(bytes) {
-  const file = await open(memorySource(bytes));
+async function readAll(bytes, options) {
+  const file = await open(memorySource(bytes), options);
   await extract(file, await select(file, level(0)));
   await extract(file, await select(file, uniform(file.header.maxError / 50)));
 }
 
-async function survives(bytes, what) {
+async function survives(bytes, what, options) {
   try {
-    await readAll(bytes);
+    await readAll(bytes, options);
     return true;
   } catch (error) {
     assert.ok(error instanceof ChpmError, `${what}: ${error.stack}`);

@@ -1,0 +1,336 @@
+// From a packed page to the page itself: the section "Packed page" of the file format, with its names.
+
+import { expect, pageLength, viewOf } from "./records.js";
+
+const HEAD_LEN = 48;
+/** Bytes of the page's header that are kept. */
+const KEPT = 36;
+const NONE = 0xffff;
+const NEIGHBORS = 8;
+const ELSEWHERE = 33;
+/** Distances below are symbols of their own. */
+const EDGES = 16;
+const VERTICES = 32;
+const [NEW, AFTER, BEFORE, MET] = [0, 1, 2, 3];
+const LATTICE = 8;
+
+/** Open bits, the lowest of a byte first; behind the end there are zeros. */
+class Bits {
+  constructor(bytes) {
+    this.length = bytes.byteLength;
+    const padded = new Uint8Array(bytes.byteLength + 8);
+    padded.set(bytes);
+    this.view = viewOf(padded);
+    this.at = 0;
+  }
+
+  /** The next `length` bits, at most 31. */
+  take(length) {
+    const first = Math.min(this.at >>> 3, this.length);
+    const shift = this.at & 7;
+    this.at += length;
+    const low = this.view.getUint32(first, true) >>> shift;
+    const high = shift > 0 ? this.view.getUint8(first + 4) << (32 - shift) : 0;
+    return (low | high) & (2 ** length - 1);
+  }
+
+  /** The difference of a symbol, modulo 2^32. */
+  difference(symbol) {
+    if (symbol === 0) return 0;
+    const open = (symbol - 1) & 31;
+    const folded = this.take(open) | (1 << open);
+    return (folded >>> 1) ^ -(folded & 1);
+  }
+
+  /** The distance of a symbol. */
+  distance(symbol, near) {
+    if (symbol < near) return symbol;
+    const length = symbol - near;
+    return length < 31 ? near + this.take(length) + 2 ** length - 1 : Infinity;
+  }
+
+  isDone() {
+    return Math.ceil(this.at / 8) === this.length;
+  }
+}
+
+/** The float of a number, and none where a decimal view ends. */
+function viewOfFloats(kind, places, expectIt) {
+  if (kind === 0 && places === 0) {
+    const bits = new Int32Array(1);
+    const float = new Float32Array(bits.buffer);
+    return (number) => {
+      bits[0] = number ^ ((number >> 31) >>> 1);
+      return float[0];
+    };
+  }
+  if (kind === LATTICE) {
+    const step = 2 ** (places - 149);
+    return (number) => number * step;
+  }
+  expectIt(kind >= 1 && kind <= 7 && places <= 22, "a view of its positions that is not known");
+  const all = 10 ** kind;
+  const step = (all / 10) * 9;
+  return (number) => {
+    const size = number < 0 ? ~number : number;
+    const decade = size < all ? 0 : Math.floor((size - all) / step) + 1;
+    const mantissa = size - decade * step;
+    expectIt(decade - places <= 22, "a decimal number out of bounds");
+    const float = decade <= places ? mantissa / TENS[places - decade] : mantissa * TENS[decade - places];
+    return number < 0 ? -float : float;
+  };
+}
+
+// As literals: a power that is computed need not be the nearest double.
+const TENS = [1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22];
+
+/** Triangles as they are told one after the other, what vertices are guessed from, and what lies around each. */
+class Walk {
+  constructor(order, edges, vertexCount, expectIt) {
+    const apart = edges.reduce((count, symbol) => count + (symbol === 0), 0);
+    Object.assign(this, { order, expectIt, vertices: 0, edgeCount: 0, metCount: 0 });
+    this.edges = new Uint16Array(3 * (edges.length + 2 * apart + 4));
+    this.met = new Uint16Array(vertexCount + edges.length + 2 * apart + 4);
+    this.after = new Uint16Array(vertexCount).fill(NONE);
+    this.before = new Uint16Array(vertexCount).fill(NONE);
+    /** By rank: a vertex, and three that it is guessed from. */
+    this.guesses = new Uint16Array(4 * vertexCount);
+    this.around = new Uint16Array(NEIGHBORS * vertexCount).fill(NONE);
+    this.counts = new Uint8Array(vertexCount);
+  }
+
+  read(edges, turns, corners, bits, out) {
+    const { after, before, edges: list, expectIt } = this;
+    let [turn, corner] = [0, 0];
+    for (let t = 0; t < edges.length; t++) {
+      if (edges[t] === 0) {
+        out.set(this.#start(corners.subarray(corner, corner + 3), bits), 3 * t);
+        corner += 3;
+        continue;
+      }
+      const third = (edges[t] - 1) & 3;
+      const place = this.edgeCount - 1 - bits.distance((edges[t] - 1) >> 2, EDGES);
+      expectIt(place >= 0, "an edge that was not met");
+      const [a, b, across] = [list[3 * place], list[3 * place + 1], list[3 * place + 2]];
+      this.#remove(place);
+      let vertex;
+      if (third === NEW) vertex = this.#meet(a, b, across);
+      else if (third === MET) vertex = this.#again(corners[corner++], bits);
+      else vertex = third === AFTER ? after[b] : before[a];
+      expectIt(vertex !== NONE, "a border that is not there");
+      if (third !== AFTER) this.#add(vertex, b, a);
+      if (third !== BEFORE) this.#add(a, vertex, b);
+      this.#surround(a, b, vertex);
+      // Where nothing is told, the least corner comes first.
+      const least = vertex < Math.min(a, b) ? 1 : b < a ? 2 : 0;
+      const first = turns ? turns[turn++] % 3 : least;
+      out[3 * t + (first % 3)] = a;
+      out[3 * t + ((first + 1) % 3)] = b;
+      out[3 * t + ((first + 2) % 3)] = vertex;
+    }
+    while (this.vertices < this.order.length) {
+      const last = this.order[Math.max(this.vertices - 1, 0)];
+      this.#meet(last, last, last);
+    }
+  }
+
+  /** A triangle that no edge leads to. */
+  #start(symbols, bits) {
+    let last = this.order[Math.max(this.vertices - 1, 0)];
+    const corners = Array.from(symbols, (symbol) => {
+      last = symbol === 0 ? this.#meet(last, last, last) : this.#again(symbol - 1, bits);
+      return last;
+    });
+    const [a, b, c] = corners;
+    this.#surround(a, b, c);
+    this.#add(b, a, c);
+    this.#add(c, b, a);
+    this.#add(a, c, b);
+    return corners;
+  }
+
+  /** The next vertex, guessed from three. */
+  #meet(a, b, c) {
+    this.expectIt(this.vertices < this.order.length, "more vertices than there are");
+    const vertex = this.order[this.vertices];
+    const at = 4 * this.vertices++;
+    this.guesses[at] = vertex;
+    this.guesses[at + 1] = a;
+    this.guesses[at + 2] = b;
+    this.guesses[at + 3] = c;
+    this.met[this.metCount++] = vertex;
+    return vertex;
+  }
+
+  /** A vertex that was met before. */
+  #again(symbol, bits) {
+    const place = this.metCount - 1 - bits.distance(symbol, VERTICES);
+    this.expectIt(place >= 0, "a vertex that was not met");
+    if (symbol >= VERTICES) this.met[this.metCount++] = this.met[place];
+    return this.met[place];
+  }
+
+  #add(from, to, across) {
+    const at = 3 * this.edgeCount++;
+    this.edges[at] = from;
+    this.edges[at + 1] = to;
+    this.edges[at + 2] = across;
+    this.after[from] = to;
+    this.before[to] = from;
+  }
+
+  /** The last edge takes its place. */
+  #remove(place) {
+    const last = 3 * --this.edgeCount;
+    for (let i = 0; i < 3; i++) this.edges[3 * place + i] = this.edges[last + i];
+  }
+
+  #surround(a, b, c) {
+    const { around, counts } = this;
+    around[NEIGHBORS * a + (counts[a]++ % NEIGHBORS)] = b;
+    around[NEIGHBORS * b + (counts[b]++ % NEIGHBORS)] = c;
+    around[NEIGHBORS * c + (counts[c]++ % NEIGHBORS)] = a;
+  }
+}
+
+const across = (p, q, r) => p + q - r;
+const middle = (p, q) => Math.floor((p + q) / 2);
+
+/** `width` numbers of each vertex, as differences from a guess. */
+function numbers(walk, symbols, width, guess, bits) {
+  const all = new Int32Array(symbols.length);
+  const { guesses } = walk;
+  for (let rank = 0, s = 0; s < symbols.length; rank++) {
+    const vertex = width * guesses[4 * rank];
+    const a = width * guesses[4 * rank + 1];
+    const b = width * guesses[4 * rank + 2];
+    const c = width * guesses[4 * rank + 3];
+    for (let i = 0; i < width; i++, s++) {
+      all[vertex + i] = guess(all[a + i], all[b + i], all[c + i]) + bits.difference(symbols[s]);
+    }
+  }
+  return all;
+}
+
+/** The vertex of each rank. */
+function readOrder(symbols, base, bits, expectIt) {
+  const order = new Uint16Array(symbols.length);
+  const seen = new Uint8Array(symbols.length);
+  const length = 32 - Math.clz32(Math.max(symbols.length - base - 1, 0));
+  let next = 0;
+  symbols.forEach((symbol, rank) => {
+    let vertex;
+    if (symbol === ELSEWHERE) {
+      vertex = base + bits.take(length);
+    } else {
+      vertex = (next + bits.difference(symbol)) >>> 0;
+      next = vertex + 1;
+    }
+    expectIt(vertex < seen.length && !seen[vertex], "a vertex that comes twice or not at all");
+    seen[vertex] = 1;
+    order[rank] = vertex;
+  });
+  return order;
+}
+
+/** Bytes of the page of a packed one. `zstd` expands a frame of zstd to a number of bytes. */
+export function unpack(header, cluster, packed, zstd) {
+  const what = `the packed page of cluster ${cluster.id}`;
+  const expectIt = (is, problem) => expect(is, () => `${what} has ${problem}`);
+  expectIt(packed.byteLength >= HEAD_LEN, "less than a head");
+  const head = viewOf(packed);
+  expectIt(head.getUint32(0, true) === 0x50475043, "another beginning");
+  const { vertexCount: v, baseVertexCount: b, triangleCount: t, sharedCount: s } = cluster;
+  const told = [8, 12, 16, 24].map((at) => head.getUint32(at, true));
+  expectIt([v, b, t, s].every((count, i) => count === told[i]), "other counts than its record");
+  const [kind, places, turned, reserved] = packed.subarray(KEPT, KEPT + 4);
+  expectIt((turned === 1 || turned === 2) && reserved === 0, "a way of telling corners that is not known");
+  const lengths = [head.getUint32(40, true), head.getUint32(44, true)];
+  expectIt(HEAD_LEN + lengths[0] + lengths[1] <= packed.byteLength, "open bits that are not all there");
+  const walkBits = new Bits(packed.subarray(HEAD_LEN, HEAD_LEN + lengths[0]));
+  const bits = new Bits(packed.subarray(HEAD_LEN + lengths[0], HEAD_LEN + lengths[0] + lengths[1]));
+
+  const widths = (header.hasFloatNormals ? 3 : 0) + (header.hasOctahedralNormals ? 2 : 0) + (header.hasColors ? 4 : 0);
+  const most = 4 * t + v * (4 + widths) + 2 * (v - b) + s + Math.ceil(v / 8);
+  let symbols;
+  try {
+    symbols = zstd(packed.subarray(HEAD_LEN + lengths[0] + lengths[1]), most);
+  } catch (error) {
+    expectIt(false, `symbols that cannot be expanded: ${error?.message ?? error}`);
+  }
+  expectIt(symbols.byteLength <= most, "more symbols than numbers");
+  const take = (count) => {
+    expectIt(count <= symbols.byteLength, "fewer symbols than numbers");
+    const taken = symbols.subarray(0, count);
+    symbols = symbols.subarray(count);
+    return taken;
+  };
+
+  const page = new Uint8Array(pageLength(header, cluster));
+  page.set(packed.subarray(0, KEPT));
+  viewOf(page).setUint32(0, 0x45475043, true);
+  let at = 64;
+  const place = (Type, count) => {
+    const array = new Type(page.buffer, at, count);
+    at += array.byteLength;
+    return array;
+  };
+  const positions = place(Float32Array, 3 * v);
+  const normals = place(Float32Array, header.hasFloatNormals ? 3 * v : 0);
+  const colors = place(Uint8Array, header.hasColors ? 4 * v : 0);
+  const ids = place(Uint32Array, s);
+  const triangles = place(Uint16Array, 3 * t);
+  const targets = place(Uint16Array, v - b);
+  const codes = place(Uint16Array, v - b);
+  const shared = place(Uint8Array, Math.ceil(v / 8));
+
+  const order = readOrder(take(v), b, bits, expectIt);
+  const edges = take(t);
+  const turns = turned === 1 ? take(edges.reduce((count, symbol) => count + (symbol !== 0), 0)) : null;
+  const corners = take(edges.reduce((count, symbol) => count + (symbol === 0 ? 3 : symbol % 4 === 0 ? 1 : 0), 0));
+  const walk = new Walk(order, edges, v, expectIt);
+  walk.read(edges, turns, corners, walkBits, triangles);
+  expectIt(walkBits.isDone(), "more or fewer open bits than symbols need");
+
+  const float = viewOfFloats(kind, places, expectIt);
+  numbers(walk, take(3 * v), 3, across, bits).forEach((number, i) => (positions[i] = float(number)));
+  if (header.hasFloatNormals) {
+    const binary = viewOfFloats(0, 0, expectIt);
+    numbers(walk, take(3 * v), 3, middle, bits).forEach((number, i) => (normals[i] = binary(number)));
+  }
+  if (header.hasOctahedralNormals) {
+    const out = place(Uint8Array, 3 * v);
+    const steps = numbers(walk, take(2 * v), 2, middle, bits);
+    for (let i = 0; i < v; i++) {
+      const both = (steps[2 * i] & 0xfff) | ((steps[2 * i + 1] & 0xfff) << 12);
+      out.set([both & 255, (both >> 8) & 255, (both >> 16) & 255], 3 * i);
+    }
+  }
+  if (header.hasColors) colors.set(numbers(walk, take(4 * v), 4, middle, bits));
+
+  const ranks = new Uint16Array(v);
+  order.forEach((vertex, rank) => (ranks[vertex] = rank));
+  take(v - b).forEach((symbol, i) => {
+    if (symbol < NEIGHBORS) {
+      targets[i] = walk.around[NEIGHBORS * (b + i) + symbol];
+    } else {
+      const rank = (ranks[b + i] + bits.difference(symbol - NEIGHBORS)) >>> 0;
+      expectIt(rank < v, "a target that is not there");
+      targets[i] = order[rank];
+    }
+  });
+  let last = 0;
+  take(v - b).forEach((symbol, i) => {
+    last = (last + bits.difference(symbol)) | 0;
+    codes[codes.length - 1 - i] = last;
+  });
+  last = 0;
+  take(s).forEach((symbol, i) => {
+    last = (last + bits.difference(symbol)) | 0;
+    ids[i] = last;
+  });
+  shared.set(take(Math.ceil(v / 8)));
+  expectIt(symbols.byteLength === 0, "more symbols than numbers");
+  expectIt(bits.isDone(), "more or fewer open bits than symbols need");
+  return page;
+}
