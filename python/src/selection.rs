@@ -89,9 +89,10 @@ pub(crate) fn select(model: &Model, asked: &Asked) -> Result<Selected, Failure> 
 fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected, Failure> {
     let request = asked.request(file)?;
     let cut = request.cut(file, 0.0)?;
-    let extraction = Extraction::new(file, &cut)?;
+    let mut patience = Patience::new();
+    let extraction = Extraction::new_while(file, &cut, || patience.check())?;
     request.check(file, &extraction)?;
-    let mesh = mesh(&extraction)?;
+    let mesh = mesh(&extraction, &mut patience)?;
     let (error, distance) = (cut.error(file)?, cut.distance(file)?);
     let told = |shortfall: Shortfall| shortfall.told(path.display(), file.header().aabb().diagonal());
     Ok(Selected {
@@ -104,7 +105,7 @@ fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected
     })
 }
 
-fn mesh(extraction: &Extraction<'_, MappedFile>) -> Result<TriMesh, Failure> {
+fn mesh(extraction: &Extraction<'_, MappedFile>, patience: &mut Patience) -> Result<TriMesh, Failure> {
     let (vertices, triangles) = (extraction.vertex_count() as usize, extraction.triangle_count() as usize);
     let mut mesh = TriMesh::default();
     let carried = extraction.attributes();
@@ -117,7 +118,6 @@ fn mesh(extraction: &Extraction<'_, MappedFile>) -> Result<TriMesh, Failure> {
     if carried.colors {
         mesh.colors.try_reserve_exact(vertices).map_err(memory)?;
     }
-    let mut patience = Patience::new();
     extraction.vertices(|batch| {
         mesh.extend_from_slices(batch);
         patience.check()

@@ -44,13 +44,25 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
     /// # Errors
     /// What [`Cut::check`] refuses; [`RefineError::Format`] for a damaged page; [`RefineError::TooManyVertices`].
     pub fn new(file: &'a Chpm<D>, cut: &'a Cut) -> Result<Self, RefineError> {
+        Self::new_while(file, cut, || Ok(()))
+    }
+
+    /// As [`Extraction::new`], asking after each cluster whether to go on.
+    ///
+    /// # Errors
+    /// As [`Extraction::new`], and what `go_on` answers.
+    pub fn new_while<E: From<RefineError>>(
+        file: &'a Chpm<D>,
+        cut: &'a Cut,
+        mut go_on: impl FnMut() -> Result<(), E>,
+    ) -> Result<Self, E> {
         cut.check(file)?;
         let mut extraction = Extraction { file, cut, vertex_count: 0, triangle_count: 0 };
         let (mut vertices, mut triangles) = (0, 0);
         extraction.walk(|_, weld| {
             vertices += weld.fresh.len() as u32;
             triangles += weld.triangles.len() as u64;
-            Ok::<_, RefineError>(())
+            go_on()
         })?;
         (extraction.vertex_count, extraction.triangle_count) = (vertices, triangles);
         Ok(extraction)

@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# Makes a Debian package: the command, its manual pages, and completions for bash, zsh and fish. It needs `cargo install cargo-deb`.
+# --no-build takes the program that is there; what else is given goes to cargo deb.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+build=yes
+more=()
+for word in "$@"; do
+    if [ "$word" = --no-build ]; then build=no; else more+=("$word"); fi
+done
+[ $build = no ] || cargo build --release --locked
+program="${CARGO_TARGET_DIR:-target}/release/chpm"
+# What is packed is where Cargo.toml says, whatever the target folder.
+made=target/package
+rm -rf "$made"
+mkdir -p "$made/man1"
+"$program" man --force "$made/man1" >/dev/null
+"$program" completions bash >"$made/chpm.bash"
+"$program" completions zsh >"$made/_chpm"
+"$program" completions fish >"$made/chpm.fish"
+cargo deb --locked --no-build "${more[@]}"
