@@ -39,6 +39,8 @@ struct Served {
     /// The only file, where one was named.
     only: Option<String>,
     list: bool,
+    /// For this machine alone.
+    is_local: bool,
 }
 
 /// Serves until it is stopped.
@@ -72,8 +74,9 @@ impl Served {
     fn new(args: &Args) -> Result<Self> {
         let path =
             fs::canonicalize(&args.path).with_context(|| format!("cannot find '{}'", args.path.display()))?;
+        let is_local = args.address.is_loopback();
         if path.is_dir() {
-            return Ok(Served { folder: path, only: None, list: args.list });
+            return Ok(Served { folder: path, only: None, list: args.list, is_local });
         }
         ensure!(!args.list, "--list is for a folder, and '{}' is a file", args.path.display());
         let file = open(&path)?;
@@ -85,7 +88,7 @@ impl Served {
         let name = path.file_name().and_then(|name| name.to_str());
         let name = name.with_context(|| format!("the name '{}' is no text", path.display()))?.to_owned();
         let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
-        Ok(Served { folder, only: Some(name), list: false })
+        Ok(Served { folder, only: Some(name), list: false, is_local })
     }
 
     /// A .chpm file in the folder, also if the way there has links, but not if it leads out of the folder.
@@ -112,9 +115,24 @@ fn page_of(name: &str) -> String {
     format!("{PAGE}?file={}", utf8_percent_encode(name, NON_ALPHANUMERIC))
 }
 
+/// A page of another origin may give its own name the address of this machine; then it asks by that name.
+fn names_this_machine(request: &Request) -> bool {
+    let host = request.headers().get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
+    let name = match host.rsplit_once(':') {
+        Some((name, port)) if port.parse::<u16>().is_ok() => name,
+        _ => host,
+    };
+    let address = name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
+    name.eq_ignore_ascii_case("localhost") || address.is_ok_and(|address| address.is_loopback())
+}
+
 async fn answer(State(served): State<Arc<Served>>, request: Request) -> Response {
     if request.method() != Method::GET && request.method() != Method::HEAD {
         return StatusCode::METHOD_NOT_ALLOWED.into_response();
+    }
+    if served.is_local && !names_this_machine(&request) {
+        return (StatusCode::FORBIDDEN, "this is served to this machine, by its address or as localhost\n")
+            .into_response();
     }
     let Ok(path) = percent_decode_str(request.uri().path().trim_start_matches('/')).decode_utf8() else {
         return StatusCode::NOT_FOUND.into_response();

@@ -32,8 +32,13 @@ impl Host {
 
     /// Status, headers and body of what is answered.
     fn get(&self, path: &str, headers: &str) -> (u16, String, Vec<u8>) {
+        self.ask(path, &self.address, headers)
+    }
+
+    /// The same where the server is called by another name.
+    fn ask(&self, path: &str, host: &str, headers: &str) -> (u16, String, Vec<u8>) {
         let mut stream = TcpStream::connect(&self.address).expect("a connection");
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: here\r\nConnection: close\r\n{headers}\r\n")
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{headers}\r\n")
             .expect("a request");
         let mut answer = Vec::new();
         stream.read_to_end(&mut answer).expect("an answer");
@@ -77,6 +82,24 @@ fn ranges_of_one_file_are_served_and_nothing_else() {
     for path in ["/b.chpm", "/in.ply", "/../a.chpm", "/%2e%2e/a.chpm", "/%2fetc%2fpasswd", "/%ff", "/chpm/"] {
         assert_eq!(host.get(path, "").0, 404, "{path}");
     }
+}
+
+#[test]
+fn who_asks_by_another_name_gets_nothing() {
+    let folder = built();
+    let host = Host::start(&folder, "a.chpm");
+    let port = host.address.rsplit(':').next().expect("a port");
+    for name in ["localhost", "LOCALHOST", "127.0.0.1", "127.3.2.1", "[::1]"] {
+        assert_eq!(host.ask("/a.chpm", &format!("{name}:{port}"), "").0, 200, "{name}");
+        assert_eq!(host.ask("/a.chpm", name, "").0, 200, "{name}");
+    }
+    for name in ["example.org", "localhost.example.org", "127.0.0.1.example.org", "10.0.0.1", ""] {
+        for path in ["/a.chpm", "/view.html", "/"] {
+            assert_eq!(host.ask(path, &format!("{name}:{port}"), "").0, 403, "{name} {path}");
+        }
+    }
+    let open = Host::start(&folder, "a.chpm --address 0.0.0.0");
+    assert_eq!(open.ask("/a.chpm", "example.org", "").0, 200);
 }
 
 #[test]
