@@ -75,7 +75,8 @@ impl PoseArgs {
 /// How much may be spent.
 #[derive(clap::Args, Debug)]
 pub(crate) struct LimitArgs {
-    /// Give up after about so many pages (each some thousand triangles), and tell what is proven by then
+    /// Give up after about so many pages (each some thousand triangles), and tell what is proven by then. What that is may depend on --threads,
+    /// as it does where --time or --memory ends the search; what is decided does not
     #[arg(long, value_name = "N", value_parser = number::count(0..=u64::MAX))]
     max_pages: Option<u64>,
     /// Give up after so many seconds, and tell what is proven by then

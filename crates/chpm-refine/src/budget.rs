@@ -1,7 +1,7 @@
 //! The best mesh of at most so many triangles: the least error that all of it can have alike, and then the worst of it first, until
 //! the triangles are used up.
 
-use crate::cut::{Cut, count_triangles, position};
+use crate::cut::{Cut, count_within};
 use crate::error::RefineError;
 use crate::fill::Fill;
 use crate::hierarchy::Hierarchy;
@@ -96,7 +96,7 @@ impl<D: AsRef<[u8]>, B: Fn(GroupId, f32) -> f32> Search<'_, D, B> {
             }
             let group = record.group();
             let bound = if splits.is_whole(file, group) { bound(group) } else { f32::INFINITY };
-            let count = count_triangles(file, position(file, cluster, bound)?, lod)?;
+            let count = count_within(file, cluster, bound, lod)?;
             least += count.saturating_sub(u64::from(record.base_triangle_count));
         }
         Ok(least <= limit)

@@ -175,6 +175,22 @@ pub(crate) fn position<D: AsRef<[u8]>>(
     Ok(Member { cluster, vertices })
 }
 
+/// Triangles of the fewest vertices of a cluster whose error is at most `bound`; a packed page is unpacked once for both.
+pub(crate) fn count_within<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    cluster: ClusterId,
+    bound: f32,
+    lod: &mut Lod,
+) -> Result<u64, RefineError> {
+    let page = file.page(cluster)?;
+    let page = page.view();
+    let vertices = page.vertices_for(bound);
+    Ok(match vertices == page.vertex_count() {
+        true => page.triangles.len() as u64,
+        false => lod.count(&page.progressive_mesh(), vertices) as u64,
+    })
+}
+
 pub(crate) fn count_triangles<D: AsRef<[u8]>>(
     file: &Chpm<D>,
     member: Member,
