@@ -80,6 +80,11 @@ impl App {
         if self.flight.hold(code, down && !typing && !self.ctrl) && !self.ctrl {
             return self.stir_camera();
         }
+        // Who types at once means the field, which has the focus from the dialog's first frame on.
+        let early = down && dialog && !self.ctrl && !self.canvas.as_ref().is_some_and(|it| it.is_typing());
+        if let (true, Some((_, typed)), Some(text)) = (early, &mut self.browser, &key.text) {
+            typed.extend(text.chars().filter(|letter| !letter.is_control()));
+        }
         // What is typed is no command.
         if !down || typing {
             // But for what closes the dialog.
