@@ -33,6 +33,8 @@ mod presets;
 mod progress;
 mod proximity;
 mod report;
+#[cfg(feature = "viewer")]
+mod session;
 mod stats;
 mod stop;
 mod threads;
@@ -51,6 +53,8 @@ use stop::Stop;
 
 fn main() -> ExitCode {
     let cli = Cli::from_arg_matches(&examples::command().get_matches()).unwrap_or_else(|error| error.exit());
+    #[cfg(feature = "viewer")]
+    session::ensure_folder(&cli.command);
     let stop = match Stop::listen() {
         Ok(stop) => stop,
         Err(error) => return failed(&error, 2),

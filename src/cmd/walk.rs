@@ -53,7 +53,7 @@ pub(crate) struct Args {
     tell: TellArgs,
     #[cfg(feature = "viewer")]
     #[command(flatten)]
-    pictures: picture::walk::RenderArgs,
+    pub(crate) pictures: picture::walk::RenderArgs,
 }
 
 /// How many runs of pages side by side there are among pages.

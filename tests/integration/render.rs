@@ -45,6 +45,20 @@ fn a_picture_shows_the_model_before_its_background() {
     assert!(error.contains("--force"), "{error}");
 }
 
+/// Programs that are started by others often have none.
+#[test]
+fn a_folder_of_the_session_is_not_missed() {
+    let folder = built();
+    for (name, value) in [("a.png", None), ("b.png", Some(""))] {
+        let mut command = folder.command(&format!("render in.chpm --viewport 64x64 -o {name} -q"));
+        command.env_remove("XDG_RUNTIME_DIR").envs(value.map(|value| ("XDG_RUNTIME_DIR", value)));
+        let out = command.output().expect("a process");
+        assert!(out.status.success());
+        assert_eq!(text(&out.stderr), "", "{name}");
+    }
+    assert_eq!(folder.read("a.png"), folder.read("b.png"));
+}
+
 #[test]
 fn packed_pages_draw_what_raw_ones_draw() {
     let folder = built();
