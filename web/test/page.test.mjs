@@ -102,6 +102,34 @@ test("the first picture takes few requests", { skip }, async () => {
   });
 });
 
+test("what changes before the first page is there is harmless", { skip }, async () => {
+  const file = await open(memorySource(readFileSync(path.join(folder, "iso.chpm"))));
+  const roots = await file.roots();
+  let release;
+  host.state.hold = { from: Math.min(...roots.map((id) => file.cluster(id).pageOffset)), until: new Promise((done) => (release = done)) };
+  const page = await browser.newPage({ viewport: { width: 900, height: 600 } });
+  const said = [];
+  page.on("console", (message) => said.push(message.text()));
+  page.on("pageerror", (error) => said.push(error.stack));
+  try {
+    await page.goto(`${host.url}/view.html?file=iso.chpm`);
+    await page.waitForFunction(() => chpmView.model?.roots);
+    await page.locator("#pixels").fill("2");
+    await page.setViewportSize({ width: 700, height: 500 });
+    await page.locator("#home").click();
+    await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+    assert.equal((await state(page)).status, "loading");
+    release();
+    await page.waitForFunction(() => chpmView.status === "settled");
+    assert.deepEqual(said, []);
+    assert.ok((await drawnPixels(page)) > 0.02);
+  } finally {
+    host.state.hold = null;
+    release();
+    await page.close();
+  }
+});
+
 test("what goes wrong is a message on the page", { skip }, async () => {
   const whole = readFileSync(path.join(folder, "iso.chpm"));
   const file = await open(memorySource(whole));

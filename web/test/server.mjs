@@ -11,7 +11,7 @@ const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/cs
  * @param {string[]} folders
  */
 export async function serve(folders) {
-  const state = { ranges: true, gone: new Set(), requests: [] };
+  const state = { ranges: true, gone: new Set(), requests: [], hold: null };
   const server = createServer(async (request, response) => {
     const name = decodeURIComponent(new URL(request.url, "http://localhost").pathname);
     const candidates = folders.map((folder) => path.join(folder, path.normalize(name)));
@@ -22,6 +22,8 @@ export async function serve(folders) {
       const range = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? "");
       if (range && state.ranges) {
         const [first, last] = [Number(range[1]), Math.min(Number(range[2]), found.size - 1)];
+        // Ranges from there on wait.
+        if (state.hold && first >= state.hold.from) await state.hold.until;
         state.requests.push({ file: path.basename(file), first, length: last - first + 1 });
         response.writeHead(206, { ...headers, "Content-Range": `bytes ${first}-${last}/${found.size}`, "Content-Length": last - first + 1 });
         createReadStream(file, { start: first, end: last }).pipe(response);

@@ -47,7 +47,7 @@ const settings = () => ({ pixels: 2 ** Number($("pixels").value), budget: 10 ** 
 
 function draw() {
   scheduled = false;
-  if (!model?.file) return;
+  if (!model?.isReady) return;
   const { pixels, budget, colors } = settings();
   const largest = last?.error ?? 0;
   const colorOf = (cluster, error) => COLORS[colors](cluster, error, model.file.header, largest);
@@ -124,7 +124,7 @@ function start() {
     state.orbit.up = $("up").value;
     changed();
   });
-  $("home").addEventListener("click", () => model?.file && state.orbit.frame(model.center, model.radius));
+  $("home").addEventListener("click", () => model?.isReady && state.orbit.frame(model.center, model.radius));
   new ResizeObserver(changed).observe($("canvas"));
   const take = (file) => file && show(blobSource(file), file.name);
   $("file").addEventListener("input", () => take($("file").files[0]));

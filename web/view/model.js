@@ -8,7 +8,7 @@ const GPU_BYTES = 512 << 20;
 
 export class Model {
   constructor(source, renderer, onChange, onError) {
-    Object.assign(this, { source, renderer, onChange, onError, stopped: new AbortController(), coming: new Set(), failed: new Set() });
+    Object.assign(this, { source, renderer, onChange, onError, stopped: new AbortController(), coming: new Set(), failed: new Set(), isReady: false });
     this.relaxed = 1;
   }
 
@@ -23,6 +23,8 @@ export class Model {
     this.radius = Math.hypot(...boxMin.map((x, axis) => boxMax[axis] - x)) / 2;
     await this.file.eachPage(this.roots, (page) => this.renderer.add(page, this.center), signal);
     this.kept = new Set(this.roots);
+    /** Before, there is nothing to draw, whatever changes. */
+    this.isReady = true;
   }
 
   close() {
