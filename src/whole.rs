@@ -2,7 +2,7 @@
 
 use crate::report::count;
 use anyhow::{Result, ensure};
-use chpm_build::{ORDER_BYTES, order_mesh};
+use chpm_build::{MOST_ORDERED, ORDER_BYTES, order_mesh};
 use chpm_extmem::MappedFile;
 use chpm_mesh::{Attributes, TriMesh, VertexSlices, Vertices};
 use chpm_refine::{Extraction, RefineError};
@@ -99,13 +99,11 @@ const BATCH: usize = 1 << 16;
 fn ordered(mesh: &Extraction<'_, MappedFile>) -> Result<TriMesh> {
     let mut vertices = Vertices::default();
     let mut triangles = Vec::new();
-    // Each edge is in the graph four times at first.
-    let most = u32::MAX / 12;
     ensure!(
-        mesh.triangle_count() <= u64::from(most),
+        mesh.triangle_count() <= MOST_ORDERED,
         "{} triangles are more than can be ordered at once, {}: ask for fewer, or for the order of the file",
         count(mesh.triangle_count()),
-        count(most.into())
+        count(MOST_ORDERED)
     );
     triangles.reserve_exact(mesh.triangle_count() as usize);
     mesh.triangles(|batch| {
@@ -113,6 +111,7 @@ fn ordered(mesh: &Extraction<'_, MappedFile>) -> Result<TriMesh> {
         Ok::<_, RefineError>(())
     })?;
     let places = order_mesh(mesh.vertex_count() as usize, &mut triangles);
+    // Read after that, so that they are not beside the graph.
     mesh.vertices(|batch| {
         vertices.extend_from_slices(batch);
         Ok::<_, RefineError>(())

@@ -85,6 +85,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     })?;
     let mesh = Extraction::new(file, &cut)?;
     request.check(file, &mesh).with_context(lacks)?;
+    // What its order takes is known only now.
     let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh);
     memory::divide(file, args.memory.memory(), bytes)?;
     let bounds = target.bounds(file, &cut)?;

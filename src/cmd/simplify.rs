@@ -92,6 +92,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         let cut = request.cut(&file, target.rounding(&file))?;
         let mesh = Extraction::new(&file, &cut)?;
         request.check(&file, &mesh)?;
+        // What its order takes is known only now.
         let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh);
         memory::divide(&file, config.resources.memory, bytes)?;
         let bounds = target.bounds(&file, &cut)?;

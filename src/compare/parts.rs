@@ -66,23 +66,34 @@ impl Parts {
         }
     }
 
-    /// Tells the vertices of one leaf after the other, each once, with its number; positions are relative to the file's origin.
-    pub(crate) fn vertices(
+    /// Hands out one leaf after the other: its page, its start, and the numbers of its vertices.
+    fn each_leaf(
         &self,
         file: &Chpm<MappedFile>,
-        mut each: impl FnMut(VertexSlices<'_>, &[f32]) -> Result<()>,
+        mut each: impl FnMut(&Page<'_>, u32, &[u32]) -> Result<()>,
     ) -> Result<()> {
         let mut numbers = Vec::new();
         for (leaf, start) in leaves(file).into_iter().zip(&self.starts) {
             let page = file.page(leaf)?;
             let page = page.view();
             self.numbers(&page, *start, &mut numbers);
-            let new = || numbers.iter().zip(page.positions).filter(|(number, _)| *number >= start);
-            let positions: Vec<[f32; 3]> = new().map(|(_, position)| *position).collect();
-            let values = &self.values[*start as usize..][..positions.len()];
-            each(VertexSlices { positions: &positions, ..VertexSlices::default() }, values)?;
+            each(&page, *start, &numbers)?;
         }
         Ok(())
+    }
+
+    /// Tells the vertices of one leaf after the other, each once, with its number; positions are relative to the file's origin.
+    pub(crate) fn vertices(
+        &self,
+        file: &Chpm<MappedFile>,
+        mut each: impl FnMut(VertexSlices<'_>, &[f32]) -> Result<()>,
+    ) -> Result<()> {
+        self.each_leaf(file, |page, start, numbers| {
+            let new = numbers.iter().zip(page.positions).filter(|(number, _)| **number >= start);
+            let positions: Vec<[f32; 3]> = new.map(|(_, position)| *position).collect();
+            let values = &self.values[start as usize..][..positions.len()];
+            each(VertexSlices { positions: &positions, ..VertexSlices::default() }, values)
+        })
     }
 
     /// Tells the triangles of one leaf after the other.
@@ -91,14 +102,9 @@ impl Parts {
         file: &Chpm<MappedFile>,
         mut each: impl FnMut(&[[u32; 3]]) -> Result<()>,
     ) -> Result<()> {
-        let mut numbers = Vec::new();
-        for (leaf, start) in leaves(file).into_iter().zip(&self.starts) {
-            let page = file.page(leaf)?;
-            let page = page.view();
-            self.numbers(&page, *start, &mut numbers);
+        self.each_leaf(file, |page, _, numbers| {
             let corners = |t: &[u16; 3]| t.map(|v| numbers[usize::from(v)]);
-            each(&page.triangles.iter().map(corners).collect::<Vec<_>>())?;
-        }
-        Ok(())
+            each(&page.triangles.iter().map(corners).collect::<Vec<_>>())
+        })
     }
 }

@@ -35,7 +35,7 @@ pub use chpm_extmem::Faults;
 pub use config::{BuildConfig, Resources, Settings};
 pub use error::BuildError;
 pub use ingest::input;
-pub use layout::{ORDER_BYTES, metric, order_mesh, page_order};
+pub use layout::{MOST_ORDERED, ORDER_BYTES, order_mesh, page_order};
 pub use pipeline::build;
 pub use progress::{Cancel, Progress, Silent, Stage};
 pub use report::{BuildReport, Reached};

@@ -5,7 +5,7 @@
 //! caches of any size, if the sum over j of j * delta |E_l(j)| is negative.
 
 /// The metric's sum for a set of changes (span, delta), in any order; changes of one span are added up. Reorders `changes`.
-pub fn expected_change(changes: &mut [(u32, i32)]) -> i64 {
+pub(super) fn expected_change(changes: &mut [(u32, i32)]) -> i64 {
     changes.sort_unstable();
     let mut rank = 0;
     let mut sum = 0;

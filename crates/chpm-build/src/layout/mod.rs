@@ -8,7 +8,7 @@
 mod cluster_order;
 mod first_use;
 mod local_order;
-pub mod metric;
+mod metric;
 mod multilevel;
 pub mod page_order;
 mod whole;
@@ -23,7 +23,7 @@ use first_use::FirstUse;
 use local_order::LocalOrder;
 use page_order::Run;
 use rayon::prelude::*;
-pub use whole::{ORDER_BYTES, order_mesh};
+pub use whole::{MOST_ORDERED, ORDER_BYTES, order_mesh};
 
 /// The built nodes of the tree in the order of their pages in the file: roots first, so that whoever reads from its start can begin to draw.
 pub(crate) fn order(built: &Built, settings: &Settings) -> Vec<u32> {

@@ -5,12 +5,16 @@ use super::multilevel::{Graph, Multilevel};
 /// Bytes that ordering takes for each vertex and each triangle, beside the mesh: mostly the graph of all edges, at every level of coarsening.
 pub const ORDER_BYTES: [u64; 2] = [32, 96];
 
+/// Triangles of a mesh that can be ordered: their edges are counted by 32 bits, each from both ends of every triangle that has it.
+pub const MOST_ORDERED: u64 = u32::MAX as u64 / 6;
+
 /// Orders the vertices of a mesh by the cache-oblivious metric and its triangles by the first of their vertices. Answers the new index of each
 /// vertex; the triangles are numbered by it when it returns. What is the first corner of a triangle stays it.
 ///
 /// # Panics
-/// If a corner is not below `vertex_count`.
+/// If a corner is not below `vertex_count`, or there are more triangles than [`MOST_ORDERED`].
 pub fn order_mesh(vertex_count: usize, triangles: &mut Vec<[u32; 3]>) -> Vec<u32> {
+    assert!(triangles.len() as u64 <= MOST_ORDERED, "no more triangles than can be ordered");
     let mut graph = Graph::default();
     let pairs = triangles.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]);
     graph.fill(vertex_count, pairs, &mut Vec::new());

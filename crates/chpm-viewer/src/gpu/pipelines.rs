@@ -79,17 +79,18 @@ impl Pipelines {
     /// None yet, for files with or without colours.
     pub fn new(gpu: &Gpu, colors: bool) -> Self {
         let device = &gpu.device;
+        let shown = include_str!("../shaders/depth_shown.wgsl");
         let kept = match gpu.writes_depth() {
-            true => include_str!("../shaders/depth_written.wgsl"),
-            false => include_str!("../shaders/depth_kept.wgsl"),
+            true => [include_str!("../shaders/depth_written.wgsl"), shown],
+            false => [include_str!("../shaders/depth_kept.wgsl"), ""],
         };
         let clusters = include_str!("../shaders/clusters.wgsl");
-        let shader = gpu.shader(&[lens::WGSL, kept, clusters]);
+        let shader = gpu.shader(&[lens::WGSL, kept[0], kept[1], clusters]);
         // A depth that is written is that of all samples of a pixel, unless each is looked at on its own.
         let sampled = (gpu.writes_depth() && gpu.multisamples()).then(|| {
             let apart = "@location(0) @interpolate(perspective, sample) at:";
             let kept = include_str!("../shaders/depth_sampled.wgsl");
-            gpu.shader(&[lens::WGSL, kept, &clusters.replace("@location(0) at:", apart)])
+            gpu.shader(&[lens::WGSL, kept, shown, &clusters.replace("@location(0) at:", apart)])
         });
         let both = ShaderStages::VERTEX_FRAGMENT;
         let frame = layout(gpu, "frame", &[(both, UNIFORM), (ShaderStages::VERTEX, READ)]);

@@ -1,5 +1,5 @@
 // Clusters, each at a position of its progressive mesh, from blocks of vertices and corners (gpu/block.rs). What a pixel keeps is in
-// depth_kept.wgsl or depth_written.wgsl.
+// depth_kept.wgsl, or depth_shown.wgsl with its depths.
 
 // Words of a vertex: with its colour, or without.
 override unit: u32 = 4u;
