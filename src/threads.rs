@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// Threads of a verb whose result does not depend on their number.
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args, Clone, Debug, Default)]
 pub(crate) struct ThreadArgs {
     /// Worker threads; one per processor if not given
     #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]

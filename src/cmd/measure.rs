@@ -11,6 +11,7 @@ use crate::points::Points;
 use crate::progress::Meter;
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
+use crate::threads::ThreadArgs;
 use anyhow::{Context, Result, bail, ensure};
 use chpm_extmem::{MappedFile, Store};
 use chpm_format::Chpm;
@@ -54,9 +55,8 @@ pub(crate) struct Args {
     /// Samples on each triangle of the finer mesh at least, and as many as that by area; vertices and edges have their own
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = number::count(1_u32..=1_000_000))]
     samples: u32,
-    /// Worker threads; one per processor if not given
-    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
-    threads: Option<u32>,
+    #[command(flatten)]
+    threads: ThreadArgs,
     /// The result as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -69,10 +69,7 @@ pub(crate) struct Args {
 
 /// Measures; a stored distance that does not hold is a fault.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(args.threads.unwrap_or(0) as usize)
-        .build()
-        .context("cannot start the worker threads")?;
+    let pool = args.threads.pool()?;
     pool.install(|| match (&args.second, &args.against) {
         (Some(second), _) => meshes(args, second),
         (_, Some(source)) => model(args, source, stop),

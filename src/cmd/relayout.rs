@@ -6,6 +6,7 @@ use crate::number;
 use crate::output;
 use crate::progress::Meter;
 use crate::stop::Stop;
+use crate::threads::ThreadArgs;
 use anyhow::{Context, Result, ensure};
 use chpm_build::page_order::{self, Run};
 use chpm_extmem::{AtomicFile, MappedFile, same_file};
@@ -39,9 +40,8 @@ pub(crate) struct Args {
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
-    /// Worker threads; one per processor if not given
-    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
-    threads: Option<u32>,
+    #[command(flatten)]
+    threads: ThreadArgs,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
@@ -79,7 +79,16 @@ pub(super) fn unpack(
 ) -> Result<u64> {
     let (file, output) = (file.to_owned(), output.to_owned());
     rewrite(
-        &Args { file, output, pages: Some(Pages::Raw), order: None, force, threads: None, quiet, memory },
+        &Args {
+            file,
+            output,
+            pages: Some(Pages::Raw),
+            order: None,
+            force,
+            threads: ThreadArgs::default(),
+            quiet,
+            memory,
+        },
         stop,
     )
 }
@@ -108,10 +117,7 @@ fn rewrite(args: &Args, stop: &Stop) -> Result<u64> {
     output::RELAYOUT.check(&args.output)?;
     let is_input = same_file(&args.file, &args.output);
     ensure!(!is_input, "the output '{}' is the input itself; choose another name", args.output.display());
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(args.threads.unwrap_or(0) as usize)
-        .build()
-        .context("cannot start the worker threads")?;
+    let pool = args.threads.pool()?;
     let file = open(&args.file)?;
     memory::divide(&file, args.memory.memory(), BATCH as u64 * largest(&file))?;
     reading(&file, || pool.install(|| write(&file, args, stop)))

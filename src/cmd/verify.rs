@@ -10,6 +10,7 @@ use crate::number;
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::Stop;
+use crate::threads::ThreadArgs;
 use anyhow::{Context, Result, bail, ensure};
 use chpm_extmem::{Access, ExtmemError, MappedFile, Store};
 use chpm_format::same::{self, Differences};
@@ -52,9 +53,8 @@ pub(crate) struct Args {
     /// Pieces that --errors may cut a triangle into for each triangle of the other surface that lies under it, about, before it leaves it undecided
     #[arg(long, value_name = "N", requires = "errors", default_value_t = 256, value_parser = number::count(1_u32..=1_000_000))]
     effort: u32,
-    /// Worker threads; one per processor if not given
-    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
-    threads: Option<u32>,
+    #[command(flatten)]
+    threads: ThreadArgs,
     /// Seed of the first cut; the others follow
     #[arg(long, value_name = "S", requires = "cuts", default_value_t = 0)]
     seed: u64,
@@ -84,10 +84,7 @@ struct Findings {
 
 /// Verifies, and prints faults one a line.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(args.threads.unwrap_or(0) as usize)
-        .build()
-        .context("cannot start the worker threads")?;
+    let pool = args.threads.pool()?;
     let findings = pool.install(|| verify(args, stop))?;
     let mut out = stdout();
     if args.json {
