@@ -12,7 +12,7 @@ use crate::progress::Meter;
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
 use crate::threads::ThreadArgs;
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use chpm_extmem::{MappedFile, Store};
 use chpm_format::Chpm;
 use chpm_measure::{Deviation, Side, deviation_told};

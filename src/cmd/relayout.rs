@@ -2,12 +2,11 @@
 
 use super::{Verdict, open, reading, stdout};
 use crate::memory::{self, MemoryArgs};
-use crate::number;
 use crate::output;
 use crate::progress::Meter;
 use crate::stop::Stop;
 use crate::threads::ThreadArgs;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use chpm_build::page_order::{self, Run};
 use chpm_extmem::{AtomicFile, MappedFile, same_file};
 use chpm_format::{Chpm, ClusterRecord, FormatError, Tables, checksum, packed};

@@ -11,7 +11,7 @@ use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::Stop;
 use crate::threads::ThreadArgs;
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, bail, ensure};
 use chpm_extmem::{Access, ExtmemError, MappedFile, Store};
 use chpm_format::same::{self, Differences};
 use chpm_format::verify::Fault;
