@@ -103,6 +103,9 @@ pub enum ViewerError {
         /// What was allowed.
         got: Bytes,
     },
+    /// A picture of nothing.
+    #[error("a picture of one model at least expected, got none")]
+    NoModel,
     /// The image is larger than the adapter can draw.
     #[error("image: sides of 1 to {limit} pixels expected, got {}x{}", got[0], got[1])]
     Size {

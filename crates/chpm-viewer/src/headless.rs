@@ -43,6 +43,8 @@ impl Image {
 /// A triangle of a cluster's finest mesh.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct TriangleId {
+    /// Which model, from 0.
+    pub model: u32,
     /// The cluster.
     pub cluster: ClusterId,
     /// The triangle's place in the cluster's page.
@@ -50,8 +52,8 @@ pub struct TriangleId {
 }
 
 /// For each pixel the triangle that is seen there: the item buffer. Where several triangles are equally near, to the last bit of their
-/// depths, it is one of the least cluster id, and of its triangles the first one in the page: which one never depends on what was drawn before
-/// or on what was culled.
+/// depths, it is one of the first model, of the least cluster id, and of its triangles the first one in the page: which one never depends on what
+/// was drawn before or on what was culled.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct IdImage {
     /// Width and height, pixels.

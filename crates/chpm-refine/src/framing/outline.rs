@@ -66,6 +66,22 @@ impl Outline {
         Outline { triangles, points }
     }
 
+    /// The same, each point where it is put.
+    pub fn moved(mut self, place: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
+        for point in &mut self.points {
+            *point = place((*point).into()).into();
+        }
+        self
+    }
+
+    /// Both, as one.
+    pub fn joined(mut self, other: &Outline) -> Self {
+        let first = self.points.len() as u32;
+        self.points.extend(&other.points);
+        self.triangles.extend(other.triangles.iter().map(|corners| corners.map(|corner| first + corner)));
+        self
+    }
+
     /// The corners of every triangle.
     pub(super) fn triangles(&self) -> impl Iterator<Item = [Point3<f64>; 3]> + '_ {
         self.triangles.iter().map(|corners| corners.map(|corner| self.points[corner as usize]))

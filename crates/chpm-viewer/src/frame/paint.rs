@@ -1,12 +1,13 @@
 //! From clusters to draws: what is sent to the GPU, what colour it has, and the final picture of a frame that waits.
 
-use super::{Canvas, Drawn, Instant, Viewer, Watch, passes};
+use super::model::Model;
+use super::{Canvas, Instant, Viewer, Watch, passes};
 use crate::error::ViewerError;
 use crate::frame::samples::{Mean, shifts};
 use crate::frame::smooth::Picture;
 use crate::gpu::arena::Resident;
 use crate::gpu::studio::Studio;
-use crate::gpu::{Kind, Mark};
+use crate::gpu::{Gpu, Kind, Mark};
 use crate::headless::{IdImage, Image, TriangleId};
 use crate::request::{Coloring, FrameRequest, Look, Shading, Target};
 use crate::scene::visibility::Sight;
@@ -106,7 +107,7 @@ impl Plan {
 
 /// A cluster on its way into a draw list.
 #[derive(Clone, Copy, Debug)]
-struct Item {
+pub(super) struct Item {
     /// In the list.
     place: u64,
     member: Member,
@@ -148,11 +149,11 @@ fn share(value: f32, [least, most]: [f32; 2]) -> f64 {
     if width > 0.0 { (f64::from(value) - f64::from(least)) / width } else { 0.0 }
 }
 
-impl Viewer {
+impl Model {
     /// What a scale of colours shows of a cluster.
     fn measure(&self, coloring: Coloring, member: Member) -> Option<f32> {
         match coloring {
-            Coloring::Level => Some(self.file().clusters()[member.cluster.index()].level as f32),
+            Coloring::Level => Some(self.scene.file().clusters()[member.cluster.index()].level as f32),
             Coloring::Error => {
                 let page = self.scene.page(member.cluster)?;
                 Some(page.page().error_at(member.vertices as usize))
@@ -161,11 +162,12 @@ impl Viewer {
         }
     }
 
-    fn tint(&self, coloring: Coloring, member: Member, sight: Sight, scale: [f32; 2]) -> [u8; 3] {
+    fn tint(&self, coloring: Coloring, item: &Item, scale: [f32; 2], now: u64) -> [u8; 3] {
+        let Item { member, sight, .. } = *item;
         // Those that no cluster gives its colour to need no record.
         let record = match coloring {
             Coloring::Plain | Coloring::Vertex | Coloring::Ids => return [255; 3],
-            _ => &self.file().clusters()[member.cluster.index()],
+            _ => &self.scene.file().clusters()[member.cluster.index()],
         };
 
         match coloring {
@@ -178,7 +180,7 @@ impl Viewer {
             }
             Coloring::Residency => {
                 let since = self.arena.get(member.cluster).map_or(0, |resident| resident.since());
-                heat(1.0 - (self.now - since) as f64 / 120.0).map(|c| c / 2 + 100)
+                heat(1.0 - (now - since) as f64 / 120.0).map(|c| c / 2 + 100)
             }
             Coloring::Visibility => match sight {
                 Sight::Visible => [90, 200, 110],
@@ -188,95 +190,118 @@ impl Viewer {
         }
     }
 
-    /// Makes the draw list of a plan, and sees to it that the GPU has all of it. Answers how many draws are shown in any case: they come
-    /// first.
-    pub(super) fn gather(
-        &mut self,
-        colors: &Colors,
-        plan: Plan,
-        stats: &mut Stats,
-    ) -> Result<usize, ViewerError> {
-        let mut watch = Watch::start();
-        self.now += 1;
-
-        // All of the list is kept from here on, whatever has to make room.
+    /// What of a plan is going to be drawn. All of it is kept from here on, whatever has to make room.
+    fn choose(&mut self, plan: Plan, now: u64) {
         let items = self.scene.members().filter(|(_, sight)| plan.includes(*sight));
-        let mut items: Vec<Item> = items.map(|(member, sight)| Item { place: 0, member, sight }).collect();
-        for item in &items {
-            self.arena.touch(item.member.cluster, self.now);
+        self.items.clear();
+        self.items.extend(items.map(|(member, sight)| Item { place: 0, member, sight }));
+        for item in &self.items {
+            self.arena.touch(item.member.cluster, now);
         }
-        stats.times.pm += watch.lap();
+    }
 
-        if !self.upload(&items)? {
+    /// Sees to it that the GPU has all that was chosen.
+    fn bring(&mut self, gpu: &Gpu, now: u64) -> Result<(), ViewerError> {
+        if !self.upload(gpu, now)? {
             // The free places are too scattered: all anew, without gaps.
             self.arena.clear();
-            self.upload(&items)?;
+            self.upload(gpu, now)?;
         }
-        stats.times.upload += watch.lap();
-
-        // The triangles of positions that have moved.
-        for Item { member: Member { cluster, vertices }, .. } in &items {
-            let is_there = |resident: &Resident| resident.position().vertices == *vertices;
-            if !self.arena.get(*cluster).is_some_and(is_there)
-                && let Some(page) = self.scene.page(*cluster)
-            {
-                self.arena.move_to(&self.gpu, *cluster, &page.page().progressive_mesh(), *vertices);
-            }
-        }
-
-        // Those that are shown in any case first; then by slab, or by id where the order decides what is seen.
-        for item in &mut items {
-            let slab = || self.arena.get(item.member.cluster).map_or(0, |resident| resident.slab as u64);
-            let place = if plan.is_by_id() { u64::from(item.member.cluster.0) } else { slab() };
-            item.place = u64::from(!plan.shows(item.sight)) << 32 | place;
-        }
-        items.sort_unstable_by_key(|item| item.place);
-
-        let coloring = colors.look.colors;
-        let seen = items.iter().filter(|item| item.sight == Sight::Visible);
-        stats.scale = span(seen.filter_map(|item| self.measure(coloring, item.member)));
-
-        self.list.restart(colors.kind);
-        let mut count = 0;
-        for Item { member, sight, .. } in items {
-            // What is not there for want of room, in spite of all, is not drawn.
-            let Some(resident) = self.arena.get(member.cluster) else { continue };
-            let key = self.keys.get(member.cluster.index()).copied().unwrap_or(0);
-            let shown = plan.shows(sight);
-            let mut tint = self.tint(coloring, member, sight, stats.scale.unwrap_or_default());
-            if !shown && coloring == Coloring::Visibility {
-                // It is drawn only if it comes into sight.
-                tint = [240, 210, 70];
-            }
-            self.list.push(member.cluster, resident, Mark { key, tint }, shown);
-            count += usize::from(shown);
-        }
-        stats.times.pm += watch.lap();
-        Ok(count)
+        Ok(())
     }
 
     /// Sends what the GPU lacks; `false` if it does not fit.
-    fn upload(&mut self, items: &[Item]) -> Result<bool, ViewerError> {
+    fn upload(&mut self, gpu: &Gpu, now: u64) -> Result<bool, ViewerError> {
         let mut all = true;
-        for Item { member: Member { cluster, .. }, .. } in items {
+        for Item { member: Member { cluster, .. }, .. } in &self.items {
             let cluster = *cluster;
             if self.arena.get(cluster).is_some() {
                 continue;
             }
             let Some(page) = self.scene.page(cluster) else { continue };
-            all &= self.arena.insert(&self.gpu, cluster, &page.block(), self.now)?;
+            all &= self.arena.insert(gpu, cluster, &page.block(), now)?;
         }
         Ok(all)
     }
 
-    /// Triangles of a cluster of the cut.
-    pub(super) fn triangles_of(&mut self, Member { cluster, vertices }: Member) -> u64 {
-        let drawn = self.arena.get(cluster).map(Resident::position);
-        match (drawn.filter(|drawn| drawn.vertices == vertices), self.scene.page(cluster)) {
-            (Some(drawn), _) => u64::from(drawn.triangles),
-            (None, Some(page)) => self.arena.triangles_of(&page.page().progressive_mesh(), vertices),
-            (None, None) => 0,
+    /// Sends the triangles of positions that have moved, and puts what was chosen in order.
+    fn arrange(&mut self, gpu: &Gpu, plan: Plan) {
+        for Item { member: Member { cluster, vertices }, .. } in &self.items {
+            let is_there = |resident: &Resident| resident.position().vertices == *vertices;
+            if !self.arena.get(*cluster).is_some_and(is_there)
+                && let Some(page) = self.scene.page(*cluster)
+            {
+                self.arena.move_to(gpu, *cluster, &page.page().progressive_mesh(), *vertices);
+            }
         }
+
+        // Those that are shown in any case first; then by slab, or by id where the order decides what is seen.
+        for item in &mut self.items {
+            let slab = || self.arena.get(item.member.cluster).map_or(0, |resident| resident.slab as u64);
+            let place = if plan.is_by_id() { u64::from(item.member.cluster.0) } else { slab() };
+            item.place = u64::from(!plan.shows(item.sight)) << 32 | place;
+        }
+        self.items.sort_unstable_by_key(|item| item.place);
+    }
+
+    /// The least and the most of what a scale of colours shows.
+    fn span(&self, coloring: Coloring) -> Option<[f32; 2]> {
+        let seen = self.items.iter().filter(|item| item.sight == Sight::Visible);
+        span(seen.filter_map(|item| self.measure(coloring, item.member)))
+    }
+
+    /// Makes the draw list.
+    fn enlist(&mut self, colors: &Colors, plan: Plan, scale: [f32; 2], now: u64) {
+        let (mut list, items) = (std::mem::take(&mut self.list), std::mem::take(&mut self.items));
+        let coloring = colors.look.colors;
+        list.restart(colors.kind);
+        let mut count = 0;
+        for item in &items {
+            // What is not there for want of room, in spite of all, is not drawn.
+            let cluster = item.member.cluster;
+            let Some(resident) = self.arena.get(cluster) else { continue };
+            let key = self.keys.get(cluster.index()).copied().unwrap_or(0);
+            let shown = plan.shows(item.sight);
+            let mut tint = self.tint(coloring, item, scale, now);
+            if !shown && coloring == Coloring::Visibility {
+                // It is drawn only if it comes into sight.
+                tint = [240, 210, 70];
+            }
+            list.push(cluster, resident, Mark { key, tint }, shown);
+            count += usize::from(shown);
+        }
+        (self.list, self.items, self.shown) = (list, items, count);
+    }
+}
+
+impl Viewer {
+    /// Makes the draw lists of a plan, and sees to it that the GPU has all of them.
+    pub(super) fn gather(
+        &mut self,
+        colors: &[Colors],
+        plan: Plan,
+        stats: &mut Stats,
+    ) -> Result<(), ViewerError> {
+        let mut watch = Watch::start();
+        self.now += 1;
+        let now = self.now;
+        self.models.iter_mut().for_each(|model| model.choose(plan, now));
+        stats.times.pm += watch.lap();
+
+        for model in &mut self.models {
+            model.bring(&self.gpu, now)?;
+        }
+        stats.times.upload += watch.lap();
+
+        // One scale for all models.
+        self.models.iter_mut().for_each(|model| model.arrange(&self.gpu, plan));
+        let spans = self.models.iter().zip(colors).map(|(model, colors)| model.span(colors.look.colors));
+        stats.scale = span(spans.flatten().flatten());
+        for (model, colors) in self.models.iter_mut().zip(colors) {
+            model.enlist(colors, plan, stats.scale.unwrap_or_default(), now);
+        }
+        stats.times.pm += watch.lap();
+        Ok(())
     }
 
     /// Draws all that is visible, at once, moved by a part of a pixel.
@@ -284,40 +309,44 @@ impl Viewer {
         &mut self,
         request: &FrameRequest,
         color: Option<&wgpu::TextureView>,
-        colors: Colors,
+        colors: &[Colors],
         shift: [f64; 2],
         stats: &mut Stats,
     ) -> Result<(), ViewerError> {
-        let sampled = self.is_sampled(request, colors.kind);
-        let first = self.prepare(colors.kind, sampled)?;
+        let look = colors[0];
+        let sampled = self.is_sampled(request, look.kind);
+        let first = self.prepare(colors, sampled)?;
 
         // A frozen selection is shown with all that it leaves out.
-        let all = request.select_from.is_some() && colors.look.colors == Coloring::Visibility;
+        let all = request.select_from.is_some() && look.look.colors == Coloring::Visibility;
         let plan = if all { Plan::Everything } else { Plan::VisibleById };
-        let shown = self.gather(&colors, plan, stats)?;
+        self.gather(colors, plan, stats)?;
 
         let start = Instant::now();
-        let lens = self.eye(&request.camera, request, stats.poe)?.lens;
-        let uniform = lens.shifted(shift).uniform(colors.uniform());
-        self.buffers.write(&self.gpu, &self.pipelines, &self.list, &uniform);
+        let lens = self.lens_of(&request.camera, request);
+        let eyes = self.eyes(&request.camera, request, stats.poe)?;
+        for ((model, eye), colors) in self.models.iter_mut().zip(&eyes).zip(colors) {
+            model.write(&self.gpu, &eye.lens.shifted(shift).uniform(colors.uniform()));
+        }
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
-        let once = color.filter(|_| first != Kind::Depth);
-        let mut pass = passes::begin(&mut encoder, once, depth.view(), Some(colors.background()));
-        let pipeline = self.pipelines.get(first, 1);
-        let drawn = Drawn { pipeline, arena: &self.arena, list: &self.list };
-        self.buffers.draw(&self.gpu, &mut pass, &drawn, 0..shown);
+        let once = color.filter(|_| first[0] != Kind::Depth);
+        let mut pass = passes::begin(&mut encoder, once, depth.view(), Some(look.background()));
+        for (model, first) in self.models.iter().zip(&first) {
+            model.draw(&self.gpu, &mut pass, (*first, 1), 0..model.shown);
+        }
         drop(pass);
         if let (Some(view), true) = (color, sampled) {
-            let picture = Picture { view, size: request.viewport, background: colors.background() };
-            self.smooth(&mut encoder, picture, 0..shown)?;
+            let picture = Picture { view, size: request.viewport, background: look.background() };
+            self.smooth(&mut encoder, picture, |model| model.shown)?;
         }
-        if let (Some(color), Some(format)) = (color, colors.kind().format().filter(|_| colors.look.studio)) {
+        if let (Some(color), Some(format)) = (color, look.kind().format().filter(|_| look.look.studio)) {
             if self.studio.as_ref().is_none_or(|studio| studio.format() != format) {
                 self.studio =
                     Some(self.gpu.attempt("preparing the studio", || Studio::new(&self.gpu, format))?);
             }
             if let (Some(studio), Some(depth)) = (&self.studio, &self.depth) {
+                let uniform = lens.shifted(shift).uniform(look.uniform());
                 studio.record(&self.gpu, &mut encoder, color, depth, &uniform);
             }
         }
@@ -327,8 +356,8 @@ impl Viewer {
         }
         stats.times.draw += start.elapsed();
 
-        stats.triangles = self.list.triangles();
-        stats.clusters_drawn = shown as u64;
+        stats.triangles = self.models.iter().map(|model| model.list.triangles()).sum();
+        stats.clusters_drawn = self.models.iter().map(|model| model.shown as u64).sum();
         self.count(stats);
         self.lens = Some(lens);
         Ok(())
@@ -352,7 +381,7 @@ impl Viewer {
         for shift in shifts(samples).skip(1) {
             let colors = self.colors(request, &target);
             let mut again = Stats { poe: stats.poe, ..Stats::default() };
-            self.paint(request, Some(target.color), colors, shift, &mut again)?;
+            self.paint(request, Some(target.color), &colors, shift, &mut again)?;
             mean.add(&canvas.read(&self.gpu)?);
         }
         self.gpu.check("drawing")?;
@@ -372,23 +401,26 @@ impl Viewer {
         self.gpu.attempt("making an image", make)
     }
 
-    /// The position of a cluster of the cut, and its error.
-    pub(crate) fn drawn(&self, cluster: ClusterId) -> Option<(Member, f32)> {
-        let (member, _) = self.scene.members().find(|(member, _)| member.cluster == cluster)?;
-        Some((member, self.measure(Coloring::Error, member)?))
+    /// The position of a cluster of a model's cut, and its error.
+    pub(crate) fn drawn(&self, model: usize, cluster: ClusterId) -> Option<(Member, f32)> {
+        let model = self.models.get(model)?;
+        let (member, _) = model.scene.members().find(|(member, _)| member.cluster == cluster)?;
+        Some((member, model.measure(Coloring::Error, member)?))
     }
 
     pub(crate) fn ids(&mut self, request: &FrameRequest) -> Result<(IdImage, Stats), ViewerError> {
         let start = Instant::now();
         self.check_size(request.viewport)?;
         self.number_triangles()?;
-        (self.pipelines.one_sided, self.pipelines.clipped) = (false, request.clip.is_some());
+        self.set_ways(false, request.clip.is_some());
         let canvas = self.canvas_of(request, "ids", crate::gpu::pipelines::IDS)?;
         self.drawn = None;
         let mut stats = self.settle(request)?;
-        self.paint(request, Some(canvas.view()), Colors::ids(), [0.0; 2], &mut stats)?;
+        let colors = vec![Colors::ids(); self.models.len()];
+        self.paint(request, Some(canvas.view()), &colors, [0.0; 2], &mut stats)?;
         let bytes = canvas.read(&self.gpu)?;
-        let mut places: Vec<Option<Vec<u32>>> = vec![None; self.keys.len()];
+        let mut places: Vec<Vec<Option<Vec<u32>>>> =
+            self.models.iter().map(|model| vec![None; model.keys.len()]).collect();
         let mut pixels = Vec::with_capacity(bytes.len() / 4);
         for key in bytemuck::cast_slice::<u8, u32>(&bytes) {
             pixels.push((*key > 0).then(|| self.triangle(*key, &mut places)));
@@ -397,39 +429,36 @@ impl Viewer {
         Ok((IdImage { size: request.viewport, pixels }, stats))
     }
 
-    /// Gives every triangle of every cluster a number from 1.
+    /// Gives every triangle of every cluster of every model a number from 1.
     fn number_triangles(&mut self) -> Result<(), ViewerError> {
         let mut next = 1_u64;
-        let clusters = self.scene.file().clusters();
-        let mut keys = Vec::with_capacity(clusters.len());
-        for cluster in clusters {
-            keys.push(next as u32);
-            next += u64::from(cluster.triangle_count);
+        for model in &mut self.models {
+            let clusters = model.scene.file().clusters();
+            let mut keys = Vec::with_capacity(clusters.len());
+            for cluster in clusters {
+                keys.push(next as u32);
+                next += u64::from(cluster.triangle_count);
+            }
+            model.keys = keys;
         }
         if next > u64::from(u32::MAX) {
+            self.models.iter_mut().for_each(|model| model.keys.clear());
             return Err(ViewerError::TooManyIds { got: next - 1 });
         }
-        self.keys = keys;
         Ok(())
     }
 
     /// The triangle of a key: keys count the triangles of a position, ids all of the page.
-    fn triangle(&self, key: u32, places: &mut [Option<Vec<u32>>]) -> TriangleId {
-        let index = self.keys.partition_point(|first| *first <= key) - 1;
+    fn triangle(&self, key: u32, places: &mut [Vec<Option<Vec<u32>>>]) -> TriangleId {
+        let first = |model: &Model| model.keys.first().copied().unwrap_or(u32::MAX);
+        let place = self.models.partition_point(|model| first(model) <= key) - 1;
+        let model = &self.models[place];
+        let index = model.keys.partition_point(|first| *first <= key) - 1;
         let cluster = ClusterId(index as u32);
-        let places = places[index].get_or_insert_with(|| self.places(cluster));
-        let count = key - self.keys[index];
-        TriangleId { cluster, triangle: places.get(count as usize).copied().unwrap_or(count) }
-    }
-
-    /// The places in the page of the triangles that were drawn of a cluster.
-    fn places(&self, cluster: ClusterId) -> Vec<u32> {
-        let (Some(page), Some(resident)) = (self.scene.page(cluster), self.arena.get(cluster)) else {
-            return Vec::new();
-        };
-        let (mesh, n) = (page.page().progressive_mesh(), resident.position().vertices as usize);
-        let is_drawn = |(_, corners): &(u32, &[u16; 3])| mesh.birth(**corners) <= n;
-        (0..).zip(mesh.triangles).filter(is_drawn).map(|(place, _)| place).collect()
+        let drawn = places[place][index].get_or_insert_with(|| model.places(cluster));
+        let count = key - model.keys[index];
+        let triangle = drawn.get(count as usize).copied().unwrap_or(count);
+        TriangleId { model: place as u32, cluster, triangle }
     }
 }
 

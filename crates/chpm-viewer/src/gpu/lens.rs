@@ -1,5 +1,6 @@
 //! A camera as shaders have it.
 
+use crate::place::Place;
 use crate::request::{FrameRequest, Look};
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::Aabb;
@@ -76,6 +77,29 @@ impl Lens {
             (normal, clip.offset_from(origin) - normal.dot(&self.eye.coords))
         });
         Lens { light: request.look.light, clip: clip.unwrap_or(self.clip), ..self }
+    }
+
+    /// The same with nothing nearer than this drawn.
+    pub fn with_near(self, near: f64) -> Self {
+        Lens { near, ..self }
+    }
+
+    /// The nearest distance that is drawn.
+    pub fn near(&self) -> f64 {
+        self.near
+    }
+
+    /// The same camera as a model has it that was put somewhere, in the coordinates of its file.
+    pub fn within(self, place: &Place, camera: &Camera) -> Self {
+        let back = |v| place.turn_back(v);
+        Lens {
+            eye: Point3::from(camera.position),
+            axes: self.axes.map(back),
+            // How far above the eye the ground is, and where the plane is, are the same from wherever.
+            sky: (back(self.sky.0), self.sky.1),
+            clip: (back(self.clip.0), self.clip.1),
+            ..self
+        }
     }
 
     /// The same with its image moved by a part of a pixel, right and up.

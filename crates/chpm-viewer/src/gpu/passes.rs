@@ -42,6 +42,13 @@ pub struct DrawList {
     triangles: u64,
 }
 
+impl Default for DrawList {
+    /// Nothing to draw.
+    fn default() -> Self {
+        DrawList::new(Kind::Depth)
+    }
+}
+
 impl DrawList {
     /// Nothing to draw.
     pub fn new(kind: Kind) -> Self {

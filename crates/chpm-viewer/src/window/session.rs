@@ -392,7 +392,7 @@ impl Session {
         (self.asked, self.quiet) = (None, 0);
         let [x, y] = at.map(|x| x as usize);
         let seen = ids.pixels[y * size[0] as usize + x];
-        Ok(seen.and_then(|seen| self.viewer.drawn(seen.cluster)))
+        Ok(seen.and_then(|seen| self.viewer.drawn(seen.model as usize, seen.cluster)))
     }
 
     /// Flight is as fast as what is ahead is far away.

@@ -93,7 +93,7 @@ fn a_cut_is_its_extracted_mesh() {
         let mesh = extract(&file, &cut).expect("a mesh");
         let mut welded = Raster::new(&camera, VIEWPORT, 0.0).expect("a raster");
         for (triangle, corners) in (0..).zip(&mesh.triangles) {
-            let id = TriangleId { cluster: ClusterId(0), triangle };
+            let id = TriangleId { model: 0, cluster: ClusterId(0), triangle };
             welded.draw(id, mesh.corners(*corners).map(|corner| corner.map(f64::from)));
         }
         let raster = Raster::of_cut(&file, &cut, &camera, VIEWPORT, 0.0).expect("a raster");

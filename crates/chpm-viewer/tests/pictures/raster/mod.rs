@@ -84,7 +84,7 @@ impl Raster {
             let [a, b, c] = corners.map(|corner| mesh.resolve(corner, vertices));
             if a != b && b != c && c != a {
                 let position = |v: u16| page.positions[usize::from(v)].map(f64::from);
-                self.draw(TriangleId { cluster, triangle }, [a, b, c].map(position));
+                self.draw(TriangleId { model: 0, cluster, triangle }, [a, b, c].map(position));
             }
         }
         Ok(())

@@ -21,7 +21,7 @@ fn point([x, y]: [f64; 2], depth: f64) -> [f64; 3] {
 }
 
 fn id(triangle: u32) -> TriangleId {
-    TriangleId { cluster: ClusterId(0), triangle }
+    TriangleId { model: 0, cluster: ClusterId(0), triangle }
 }
 
 fn draw(raster: &mut Raster, n: u32, corners: [[f64; 2]; 3], depth: f64) {
