@@ -148,6 +148,10 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "chpm render scan.chpm -o inside.png --clip 1,1,0:0.2 --roll 10 --light -60,20",
                 "what is behind a plane, leaning, lit from the left",
             ),
+            (
+                "chpm render scan.chpm small.ply --pose 20,0,0 -o both.png --viewport 320x240",
+                "two models, the second one moved along x",
+            ),
         ],
     ),
     (

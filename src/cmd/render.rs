@@ -7,6 +7,7 @@ use crate::output::{self, Output};
 use crate::picture::sheet::{numbered, sheet};
 use crate::picture::{self, DeviceArgs, LookArgs, StanceArgs, StillArgs};
 use crate::progress::{Meter, line};
+use crate::proximity::PoseArgs;
 use crate::report::count;
 use crate::stop::{self, Stop};
 use crate::view::{self, Viewport};
@@ -19,6 +20,8 @@ use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, TriangleI
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tempfile::TempDir;
 
 /// What `chpm render` is told.
 #[derive(clap::Args, Debug)]
@@ -26,6 +29,10 @@ pub(crate) struct Args {
     /// The .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), which is built into a temporary folder first and leaves
     /// nothing behind
     file: PathBuf,
+    /// Another one, or the same, that is drawn with it, put somewhere by --pose
+    second: Option<PathBuf>,
+    #[command(flatten)]
+    poses: PoseArgs,
     /// Where the picture is taken from, in the model's coordinates: position, target, and the vertical field of view in degrees (45 if
     /// not given); y is up unless --up says otherwise. If not given, all of the model is looked at from as near as possible
     #[arg(long, value_name = "PX,PY,PZ,TX,TY,TZ[,FOV]", value_parser = view::camera, allow_hyphen_values = true,
@@ -59,7 +66,7 @@ pub(crate) struct Args {
     look: LookArgs,
     #[command(flatten)]
     still: StillArgs,
-    /// Main memory for the parts of the file that are in use, as in 256M
+    /// Main memory for the parts of the file that are in use, as in 256M; of two, half for each, and what one cannot use for the other
     #[arg(long, value_name = "SIZE", default_value = "1G")]
     memory: Bytes,
     #[command(flatten)]
@@ -87,20 +94,15 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let pngs = outputs(args)?;
     let mut out = output::messages(&pngs, args.json, false)?;
 
-    // What is drawn, from where, and how fine. A mesh becomes a file that goes with its folder.
-    let built = if inputs::is_mesh(&args.file) { Some(temporary()?) } else { None };
-    let file = match &built {
-        Some(folder) => {
-            let file = folder.path().join("model.chpm");
-            build::build(&args.file, &file, &BuildConfig::default(), &Meter::new(args.quiet), stop)?;
-            file
-        }
-        None => args.file.clone(),
-    };
-    let mut viewer = args.device.open(&file, args.memory)?;
+    // What is drawn, from where, and how fine.
+    let models =
+        sources(args).map(|source| Ready::new(source, args.quiet, stop)).collect::<Result<Vec<_>>>()?;
+    let places = args.poses.poses().map(|pose| picture::place(&pose));
+    let files: Vec<_> = models.iter().map(|model| model.file.as_path()).zip(places).collect();
+    let mut viewer = args.device.open_all(&files, args.memory)?;
     let (cameras, why) = cameras(args, &viewer)?;
     let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.rolled(args.still.roll)).collect();
-    let model = viewer.file().header().source_triangle_count;
+    let model = viewer.files().map(|file| file.header().source_triangle_count).sum();
     let wanted = args.triangles.map(|wanted| wanted.of(model));
     let look = Look {
         transparent: args.still.transparent,
@@ -125,7 +127,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         };
         let (image, stats) = if args.ids {
             let (ids, stats) = headless::ids(&mut viewer, &request)?;
-            (item_buffer(&ids, viewer.file()), stats)
+            (item_buffer(&ids, viewer.files()), stats)
         } else {
             headless::image(&mut viewer, &request)?
         };
@@ -184,10 +186,34 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good })
 }
 
+/// The models, as they were named.
+fn sources(args: &Args) -> impl Iterator<Item = &Path> {
+    [Some(args.file.as_path()), args.second.as_deref()].into_iter().flatten()
+}
+
+/// A model that can be opened. A mesh becomes a file that goes with its folder.
+struct Ready {
+    file: PathBuf,
+    _folder: Option<TempDir>,
+}
+
+impl Ready {
+    fn new(source: &Path, quiet: bool, stop: &Stop) -> Result<Self> {
+        if !inputs::is_mesh(source) {
+            return Ok(Ready { file: source.to_owned(), _folder: None });
+        }
+        let folder = temporary()?;
+        let file = folder.path().join("model.chpm");
+        build::build(source, &file, &BuildConfig::default(), &Meter::new(quiet), stop)?;
+        Ok(Ready { file, _folder: Some(folder) })
+    }
+}
+
 /// The files to write: one, or one for each view.
 fn outputs(args: &Args) -> Result<Vec<Output>> {
     let apart = args.turntable.filter(|_| !args.contact_sheet).map_or(1, |count| count as usize);
-    let create = |path: &Path| output::RENDER.create(path, args.force, &[&args.file]);
+    let inputs: Vec<&Path> = sources(args).collect();
+    let create = |path: &Path| output::RENDER.create(path, args.force, &inputs);
     if apart == 1 {
         return Ok(vec![create(&args.output)?]);
     }
@@ -206,6 +232,7 @@ fn cameras(args: &Args, viewer: &Viewer) -> Result<(Vec<Camera>, Option<String>)
     }
     let viewport = args.viewport.0;
     let outline = reading(viewer.file(), || Ok(viewer.outline()?))?;
+    viewer.files().try_for_each(|file| file.get_ref().check_unchanged())?;
     let stance = Stance::of(&outline, args.stance.up, args.stance.side);
     let why = Some(stance.why().to_owned());
     let side =
@@ -222,11 +249,12 @@ fn cameras(args: &Args, viewer: &Viewer) -> Result<(Vec<Camera>, Option<String>)
 
 /// What was asked for and is not in the picture.
 fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image: &Image) -> Option<String> {
-    let name = args.file.display();
+    let names: Vec<String> = sources(args).map(|source| format!("'{}'", source.display())).collect();
+    let name = names.join(" and ");
 
     // Nothing but background.
     if args.still.transparent && image.pixels.chunks_exact(4).all(|pixel| pixel[3] == 0) {
-        return Some(format!("the picture is empty: nothing of '{name}' is in view of the camera"));
+        return Some(format!("the picture is empty: nothing of {name} is in view of the camera"));
     }
     let behind = if args.ids { [0.0; 3] } else { args.look.look().background };
     // A colour may be rounded on its way through the GPU.
@@ -234,18 +262,20 @@ fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image:
         |pixel: &[u8]| pixel.iter().zip(behind).all(|(got, c)| (f32::from(*got) - 255.0 * c).abs() < 2.0);
     let is_bare = !args.still.transparent;
     if stats.triangles == 0 || is_bare && image.pixels.chunks_exact(4).all(is_behind) {
-        return Some(format!("the picture is empty: nothing of '{name}' is in view of the camera"));
+        return Some(format!("the picture is empty: nothing of {name} is in view of the camera"));
     }
 
     // A number of triangles that the model does not have; else an error that it cannot keep.
     if let Some(asked) = wanted.filter(|asked| *asked > model) {
         let (model, asked) = (Counted(model, "triangle"), count(asked));
-        return Some(format!("the finest mesh of '{name}' has {model}, fewer than {asked}"));
+        return Some(format!("the finest mesh of {name} has {model}, fewer than {asked}"));
     }
     let is_coarse = wanted.is_none() && stats.poe > args.poe;
     is_coarse.then(|| {
         let (got, asked) = (Units(stats.poe), Units(args.poe));
-        format!("the picture has up to {got} pixels of error, more than {asked}: '{name}' or --memory gives no less")
+        format!(
+            "the picture has up to {got} pixels of error, more than {asked}: {name} or --memory gives no less"
+        )
     })
 }
 
@@ -270,18 +300,24 @@ fn print(args: &Args, stats: &Stats, adapter: &str, out: &mut impl Write) -> Res
     Ok(())
 }
 
-/// A colour for every triangle: its number in the file, scattered so that neighbours differ.
-fn item_buffer<D: AsRef<[u8]>>(ids: &IdImage, file: &Chpm<D>) -> Image {
-    // Triangles are numbered through, cluster after cluster.
+/// A colour for every triangle: its number in the files, scattered so that neighbours differ.
+fn item_buffer<'a, D: AsRef<[u8]> + 'a>(
+    ids: &IdImage,
+    files: impl Iterator<Item = &'a Arc<Chpm<D>>>,
+) -> Image {
+    // Triangles are numbered through, cluster after cluster, and file after file.
     let mut before = 0_u64;
     let mut first = |count: u32| {
         before += u64::from(count);
         before - u64::from(count)
     };
-    let firsts: Vec<u64> = file.clusters().iter().map(|cluster| first(cluster.triangle_count)).collect();
+    let firsts: Vec<Vec<u64>> = files
+        .map(|file| file.clusters().iter().map(|cluster| first(cluster.triangle_count)).collect())
+        .collect();
 
     let pixel = |id: &Option<TriangleId>| {
-        let number = |id: &TriangleId| firsts[id.cluster.index()] + u64::from(id.triangle) + 1;
+        let number =
+            |id: &TriangleId| firsts[id.model as usize][id.cluster.index()] + u64::from(id.triangle) + 1;
         let [red, green, blue] = scattered(id.as_ref().map_or(0, number));
         [red, green, blue, 255]
     };

@@ -10,8 +10,9 @@ use crate::number;
 use crate::output::Output;
 use anyhow::Result;
 use chpm_mesh::Bytes;
+use chpm_proximity::Pose;
 use chpm_refine::{Camera, Side, Up};
-use chpm_viewer::{AdapterChoice, Budgets, Clip, Coloring, Gpu, Image, Look, Shading, Stats, Viewer};
+use chpm_viewer::{AdapterChoice, Budgets, Clip, Coloring, Gpu, Image, Look, Place, Shading, Stats, Viewer};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
@@ -33,9 +34,19 @@ pub(crate) struct DeviceArgs {
 impl DeviceArgs {
     /// Opens a file to draw it; `memory` is for pages and what is made of them.
     pub(crate) fn open(&self, file: &Path, memory: Bytes) -> Result<Viewer> {
-        let gpu = Arc::new(Gpu::headless(&self.adapter)?);
-        Ok(Viewer::open(gpu, file, Budgets { memory, gpu_memory: self.gpu_memory })?)
+        self.open_all(&[(file, Place::STILL)], memory)
     }
+
+    /// Opens files to draw them in one picture, each put somewhere.
+    pub(crate) fn open_all(&self, files: &[(&Path, Place)], memory: Bytes) -> Result<Viewer> {
+        let gpu = Arc::new(Gpu::headless(&self.adapter)?);
+        Ok(Viewer::open_all(gpu, files, Budgets { memory, gpu_memory: self.gpu_memory })?)
+    }
+}
+
+/// Where a picture has a model.
+pub(crate) fn place(pose: &Pose) -> Place {
+    Place::new(pose.rows(), pose.translation())
 }
 
 /// From where a whole model is looked at.

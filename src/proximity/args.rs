@@ -59,10 +59,11 @@ pub(crate) struct PoseArgs {
     /// Where the second model is put, relative to where its file has it: a translation X,Y,Z; a translation and a quaternion X,Y,Z,QX,QY,QZ,QW; or
     /// the 12 or 16 numbers of a matrix, row by row. Rigid motions only: one that changes lengths by more than 0.01 % is refused, and what it changes them
     /// by below that widens the answer
-    #[arg(long, visible_alias = "pose-b", value_name = "POSE", value_parser = typed, allow_hyphen_values = true)]
+    #[arg(long, visible_alias = "pose-b", value_name = "POSE", value_parser = typed, allow_hyphen_values = true,
+        requires = "second")]
     pose: Option<Pose>,
     /// The same of the first model
-    #[arg(long, value_name = "POSE", value_parser = typed, allow_hyphen_values = true)]
+    #[arg(long, value_name = "POSE", value_parser = typed, allow_hyphen_values = true, requires = "second")]
     pose_a: Option<Pose>,
 }
 

@@ -474,3 +474,47 @@ fn culling_is_proved_on_a_path() {
     assert!(number("occluded") > 100 && number("frustum_culled") > 100, "{proof}");
     folder.chpm(&format!("{words} --csv out.csv")).code(2);
 }
+
+#[test]
+fn two_models_are_drawn_where_their_poses_put_them() {
+    let folder = built();
+    folder.stdout("synth torus --triangles 3000 -o other.ply -q");
+    let wide = "--viewport 200x120 --background 102030 --camera 1.5,0,12,1.5,0,0 --samples 1";
+    let draw = |words: &str| -> BTreeSet<usize> {
+        folder.stdout(&format!("render {words} {wide} -q -f -o a.png"));
+        let (_, _, pixels) = picture(&folder, "a.png");
+        (0..pixels.len()).filter(|place| pixels[*place][..3] != [0x10, 0x20, 0x30]).collect()
+    };
+    // A mesh is built first; a turn about its own axis leaves its outline nearly where it is.
+    let alone = draw("in.chpm");
+    let both = draw("in.chpm other.ply --pose 3,0,0");
+    let other: BTreeSet<usize> = both.difference(&alone).copied().collect();
+    assert!(alone.is_subset(&both) && other.len() > 200, "{} more", other.len());
+    assert!(other.iter().all(|place| place % 200 > 90), "to the right");
+    assert_eq!(draw("other.ply in.chpm --pose-a 3,0,0"), both, "it is the same the other way round");
+    assert_eq!(draw("in.chpm in.chpm --pose 0,0,0,0,0,1,0"), alone);
+
+    let out = folder.stdout("render in.chpm in.chpm --pose 3,0,0 -o b.png --viewport 80x60 --json");
+    let one = folder.stdout("render in.chpm -o c.png --viewport 80x60 --poe 0 --json");
+    assert!(json(&out)["frame"]["triangles"].as_u64() > Some(1000), "{out}");
+    let all =
+        "render in.chpm in.chpm --pose 3,0,0 -o b.png -f --viewport 80x60 --poe 0 --no-occlusion --json";
+    let (all, one) = (json(&folder.stdout(all)), json(&one));
+    assert!(all["frame"]["triangles"].as_u64() > one["frame"]["triangles"].as_u64());
+    folder.stdout("render in.chpm other.ply --pose 3,0,0 --ids -o ids.png --viewport 80x60 -q");
+    let (.., pixels) = picture(&folder, "ids.png");
+    assert!(pixels.iter().collect::<BTreeSet<_>>().len() > 300);
+
+    for (words, told) in [
+        ("in.chpm in.chpm --pose 2,0,0,1,0,2,0,0,0,0,2,0", "changes lengths"),
+        ("in.chpm in.chpm --pose 1,0,0,0,0,1,0,0,0,0,-1,0", "mirrors"),
+        ("in.chpm --pose 1,0,0", "second"),
+        ("in.chpm none.chpm", "none.chpm"),
+        ("in.chpm in.chpm --memory 1K", "memory"),
+        ("in.chpm in.chpm -o in.chpm", "in.chpm"),
+    ] {
+        let output = if words.contains("-o") { "" } else { "-o d.png" };
+        let error = folder.stderr(&format!("render {words} {output}"), 2);
+        assert!(error.to_lowercase().contains(told), "{words}: {error}");
+    }
+}

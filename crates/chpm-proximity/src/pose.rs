@@ -65,6 +65,16 @@ impl Pose {
         Pose { rotation, translation: translation.into(), unsure: from_given + 2.0 * (off + rounding) }
     }
 
+    /// The rows of its rotation.
+    pub fn rows(&self) -> [[f64; 3]; 3] {
+        [0, 1, 2].map(|row| [0, 1, 2].map(|column| self.rotation[(row, column)]))
+    }
+
+    /// Its translation.
+    pub fn translation(&self) -> [f64; 3] {
+        self.translation.into()
+    }
+
     /// Where a point goes.
     pub fn apply(&self, point: [f64; 3]) -> [f64; 3] {
         (self.rotation * Vector3::from(point) + self.translation).into()
@@ -213,6 +223,8 @@ mod tests {
             Pose::of_quaternion([0.0, 0.0, 5.0 * 0.15_f64.sin(), 5.0 * 0.15_f64.cos()], [1.0, 2.0, 3.0])
                 .unwrap();
         assert!((matrix.rotation - quaternion.rotation).norm() < 1e-15);
+        let again = Pose::of_matrix(quaternion.rows(), quaternion.translation()).unwrap();
+        assert_eq!(again.apply([1.0, 2.0, 3.0]), quaternion.apply([1.0, 2.0, 3.0]));
         assert!(matrix.unsure < 1e-13 && quaternion.unsure < 1e-13);
         assert_eq!(Pose::of_quaternion([0.0, 0.0, 0.0, 2.0], [0.0; 3]).unwrap(), Pose::IDENTITY);
         assert_eq!(Pose::of_quaternion([0.0, 0.0, 0.0, 1e-300], [0.0; 3]).unwrap(), Pose::IDENTITY);

@@ -277,9 +277,10 @@ impl Viewer {
         let (camera, bounds) = (camera.relative_to(self.origin), self.bounds);
         let lens = Lens::new(&camera, request.viewport, &bounds).of_request(request, self.origin);
         // The smallest of the models may be looked at from as near as it can alone.
-        let nears = self.models.iter().map(|model| {
-            Lens::new(&camera, request.viewport, &model.scene.file().header().aabb()).near()
-        });
+        let nears = self
+            .models
+            .iter()
+            .map(|model| Lens::new(&camera, request.viewport, &model.scene.file().header().aabb()).near());
         lens.with_near(nears.reduce(f64::min).unwrap_or(lens.near()))
     }
 

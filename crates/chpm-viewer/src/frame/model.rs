@@ -1,8 +1,8 @@
 //! One model of a picture: what of it is selected, in memory and on the GPU, and what is known to be hidden.
 
+use super::Haste;
 use super::paint::Item;
 use super::share::Need;
-use super::Haste;
 use crate::error::ViewerError;
 use crate::gpu::arena::Resident;
 use crate::gpu::buffers::Canvas;
@@ -142,8 +142,8 @@ impl Model {
         for corner in 0..8_u32 {
             let side = |axis: usize| if corner >> axis & 1 == 0 { bounds.min } else { bounds.max }[axis];
             let at = self.shown_at([0, 1, 2].map(|axis| f64::from(side(axis))), origin);
-            around.add(at.map(|x| (x as f32).next_down()));
-            around.add(at.map(|x| (x as f32).next_up()));
+            around.add(at.map(below));
+            around.add(at.map(|x| -below(-x)));
         }
         around
     }
@@ -353,4 +353,10 @@ impl Model {
         let is_drawn = |(_, corners): &(u32, &[u16; 3])| mesh.birth(**corners) <= n;
         (0..).zip(mesh.triangles).filter(is_drawn).map(|(place, _)| place).collect()
     }
+}
+
+/// The greatest single that is not above.
+fn below(x: f64) -> f32 {
+    let near = x as f32;
+    if f64::from(near) > x { near.next_down() } else { near }
 }

@@ -27,3 +27,5 @@ mod reference;
 mod seams;
 /// Edges without stairs in frames that do not wait.
 mod smooth;
+/// Two models in one picture.
+mod together;

@@ -3,7 +3,9 @@
 use crate::models::Model;
 use chpm_mesh::Bytes;
 use chpm_refine::Camera;
-use chpm_viewer::{Accuracy, AdapterChoice, Budgets, FrameRequest, Gpu, IdImage, Stats, Viewer, headless};
+use chpm_viewer::{
+    Accuracy, AdapterChoice, Budgets, FrameRequest, Gpu, IdImage, Place, Stats, Viewer, ViewerError, headless,
+};
 use std::sync::{Arc, LazyLock};
 
 /// One device for all tests: opening one takes a third of a second.
@@ -19,6 +21,13 @@ pub(crate) const PLENTY: Budgets = Budgets { memory: Bytes::mib(512), gpu_memory
 
 pub(crate) fn open(model: &Model, budgets: Budgets) -> Viewer {
     Viewer::open(Arc::clone(&GPU), &model.path(), budgets).expect("a viewer")
+}
+
+/// Several models, each put somewhere.
+pub(crate) fn open_all(models: &[(&Model, Place)], budgets: Budgets) -> Result<Viewer, ViewerError> {
+    let paths: Vec<_> = models.iter().map(|(model, place)| (model.path(), *place)).collect();
+    let paths: Vec<_> = paths.iter().map(|(path, place)| (path.as_path(), *place)).collect();
+    Viewer::open_all(Arc::clone(&GPU), &paths, budgets)
 }
 
 /// An exact picture: all that is wanted is there.

@@ -65,17 +65,33 @@ impl Raster {
         near: f64,
     ) -> Result<Self, ViewerError> {
         let mut raster = Raster::new(&camera.relative_to(file.header().origin), viewport, near)?;
-        for member in cut.members() {
-            raster.draw_cluster(file, member.cluster, member.vertices as usize)?;
-        }
+        raster.draw_cut(file, cut, 0, |position| position)?;
         Ok(raster)
+    }
+
+    /// Draws a cut of one of several models, each position where it is put.
+    ///
+    /// # Errors
+    /// For a damaged page.
+    pub(crate) fn draw_cut<D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        cut: &Cut,
+        model: u32,
+        place: impl Fn([f64; 3]) -> [f64; 3],
+    ) -> Result<(), RefineError> {
+        for member in cut.members() {
+            self.draw_cluster(file, (model, member.cluster), member.vertices as usize, &place)?;
+        }
+        Ok(())
     }
 
     fn draw_cluster<D: AsRef<[u8]>>(
         &mut self,
         file: &Chpm<D>,
-        cluster: ClusterId,
+        (model, cluster): (u32, ClusterId),
         vertices: usize,
+        place: &impl Fn([f64; 3]) -> [f64; 3],
     ) -> Result<(), RefineError> {
         let page = file.page(cluster)?;
         let page = page.view();
@@ -83,8 +99,8 @@ impl Raster {
         for (triangle, corners) in (0..).zip(page.triangles) {
             let [a, b, c] = corners.map(|corner| mesh.resolve(corner, vertices));
             if a != b && b != c && c != a {
-                let position = |v: u16| page.positions[usize::from(v)].map(f64::from);
-                self.draw(TriangleId { model: 0, cluster, triangle }, [a, b, c].map(position));
+                let position = |v: u16| place(page.positions[usize::from(v)].map(f64::from));
+                self.draw(TriangleId { model, cluster, triangle }, [a, b, c].map(position));
             }
         }
         Ok(())
