@@ -78,10 +78,10 @@ pub(crate) enum Command {
     Path(path::Args),
     /// Draw a picture of a .chpm file, without a window
     #[cfg(feature = "viewer")]
-    Render(render::Args),
+    Render(Box<render::Args>),
     /// Look at a model in a window; a mesh is built first
     #[cfg(feature = "viewer")]
-    View(view::Args),
+    View(Box<view::Args>),
     /// Select along a camera path, frame by frame, and count what changes; with --render, draw it
     Walk(walk::Args),
     /// Show .chpm files in a browser: serves them and a page, on this machine

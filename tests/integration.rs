@@ -18,6 +18,9 @@ mod integration {
     mod cli;
     /// Settings of presets and files.
     mod config;
+    /// Two models in a real window.
+    #[cfg(feature = "viewer")]
+    mod couple;
     /// Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
     mod cuts;
     /// The same bytes for any number of threads and any memory.

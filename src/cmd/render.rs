@@ -7,7 +7,7 @@ use crate::output::{self, Output};
 use crate::picture::sheet::{numbered, sheet};
 use crate::picture::{self, DeviceArgs, LookArgs, StanceArgs, StillArgs};
 use crate::progress::{Meter, line};
-use crate::proximity::PoseArgs;
+use crate::proximity::{PoseArgs, place};
 use crate::report::count;
 use crate::stop::{self, Stop};
 use crate::view::{self, Viewport};
@@ -91,13 +91,14 @@ pub(crate) struct Args {
 /// Draws and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
+    args.poses.check(args.second.as_deref())?;
     let pngs = outputs(args)?;
     let mut out = output::messages(&pngs, args.json, false)?;
 
     // What is drawn, from where, and how fine.
     let models =
         sources(args).map(|source| Ready::new(source, args.quiet, stop)).collect::<Result<Vec<_>>>()?;
-    let places = args.poses.poses().map(|pose| picture::place(&pose));
+    let places = args.poses.poses().map(|pose| place(&pose));
     let files: Vec<_> = models.iter().map(|model| model.file.as_path()).zip(places).collect();
     let mut viewer = args.device.open_all(&files, args.memory)?;
     let (cameras, why) = cameras(args, &viewer)?;

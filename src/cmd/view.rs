@@ -2,12 +2,14 @@
 
 use super::{Verdict, build, open, stdout};
 use crate::against;
+use crate::args::MemorySize;
 use crate::batch::inputs;
 use crate::number::{self, Triangles};
 use crate::output;
 use crate::picture::sketch::Sketch;
 use crate::picture::{DeviceArgs, StanceArgs};
 use crate::progress::{Meter, line};
+use crate::proximity::RelateArgs;
 use crate::report::count;
 use crate::stop::Stop;
 use crate::view;
@@ -33,7 +35,12 @@ pub(crate) struct Args {
     /// The .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), whose .chpm is built beside it first, unless it
     /// is there. A model can also be dropped on the window
     model: Option<PathBuf>,
-    /// Main memory for pages, as in 512M
+    /// Another one, or the same, that is shown with it, put somewhere by --pose, and how near they are. Meshes are built before the window opens
+    second: Option<PathBuf>,
+    #[command(flatten)]
+    relate: RelateArgs,
+    /// Main memory for pages, as in 512M; of two models, half for each, and what one cannot use for the other. As much again is for what is asked
+    /// about both
     #[arg(long, value_name = "SIZE", default_value = "1G")]
     memory: Bytes,
     /// Pixels of error that are allowed; what was used last, or 1, if not given
@@ -69,6 +76,7 @@ pub(crate) struct Args {
 /// Builds if need be, and shows.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     // What would fail at the end fails now.
+    args.relate.check(args.second.as_deref())?;
     if let Some(path) = &args.screenshot {
         output::SCREENSHOT.check(path)?;
         chpm_extmem::target(path, args.force)?;
@@ -78,10 +86,20 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     // A mesh is built in the window, but first where a script or a share of its triangles needs it.
     let share = matches!(args.triangles, Some(Triangles::Percent(_)));
     let model = match &args.model {
-        Some(model) if inputs::is_mesh(model) && (share || args.frames.is_some() || args.path.is_some()) => {
+        Some(model)
+            if inputs::is_mesh(model)
+                && (share || args.frames.is_some() || args.path.is_some() || args.second.is_some()) =>
+        {
             Some(prepared(model, args, stop)?)
         }
         model => model.clone(),
+    };
+    let second = match (&model, &args.second) {
+        (Some(model), Some(second)) => {
+            let second = if inputs::is_mesh(second) { prepared(second, args, stop)? } else { second.clone() };
+            Some(args.relate.second([model, &second], MemorySize(args.memory), stop)?)
+        }
+        _ => None,
     };
     let built = model.as_deref().filter(|model| !inputs::is_mesh(model));
     let triangles = args.triangles.map(|wanted| accuracy(wanted, built)).transpose()?;
@@ -89,6 +107,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let options = Options {
         model,
+        second,
         budgets: Budgets { memory: args.memory, gpu_memory: args.device.gpu_memory },
         adapter: args.device.adapter.clone(),
         accuracy: args.poe.map(Accuracy::PoE).or(triangles),

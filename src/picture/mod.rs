@@ -10,7 +10,6 @@ use crate::number;
 use crate::output::Output;
 use anyhow::Result;
 use chpm_mesh::Bytes;
-use chpm_proximity::Pose;
 use chpm_refine::{Camera, Side, Up};
 use chpm_viewer::{AdapterChoice, Budgets, Clip, Coloring, Gpu, Image, Look, Place, Shading, Stats, Viewer};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -42,11 +41,6 @@ impl DeviceArgs {
         let gpu = Arc::new(Gpu::headless(&self.adapter)?);
         Ok(Viewer::open_all(gpu, files, Budgets { memory, gpu_memory: self.gpu_memory })?)
     }
-}
-
-/// Where a picture has a model.
-pub(crate) fn place(pose: &Pose) -> Place {
-    Place::new(pose.rows(), pose.translation())
 }
 
 /// From where a whole model is looked at.

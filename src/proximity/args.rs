@@ -8,6 +8,8 @@ use crate::output::TellArgs;
 use crate::stop::Stop;
 use crate::threads::ThreadArgs;
 use anyhow::Result;
+#[cfg(feature = "viewer")]
+use anyhow::ensure;
 use chpm_build::Cancel;
 use chpm_proximity::Pose;
 use std::path::{Path, PathBuf};
@@ -59,15 +61,22 @@ pub(crate) struct PoseArgs {
     /// Where the second model is put, relative to where its file has it: a translation X,Y,Z; a translation and a quaternion X,Y,Z,QX,QY,QZ,QW; or
     /// the 12 or 16 numbers of a matrix, row by row. Rigid motions only: one that changes lengths by more than 0.01 % is refused, and what it changes them
     /// by below that widens the answer
-    #[arg(long, visible_alias = "pose-b", value_name = "POSE", value_parser = typed, allow_hyphen_values = true,
-        requires = "second")]
+    #[arg(long, visible_alias = "pose-b", value_name = "POSE", value_parser = typed, allow_hyphen_values = true)]
     pose: Option<Pose>,
     /// The same of the first model
-    #[arg(long, value_name = "POSE", value_parser = typed, allow_hyphen_values = true, requires = "second")]
+    #[arg(long, value_name = "POSE", value_parser = typed, allow_hyphen_values = true)]
     pose_a: Option<Pose>,
 }
 
 impl PoseArgs {
+    /// Refuses poses where there is one model.
+    #[cfg(feature = "viewer")]
+    pub(crate) fn check(&self, second: Option<&Path>) -> Result<()> {
+        let is_given = self.pose.is_some() || self.pose_a.is_some();
+        ensure!(second.is_some() || !is_given, "a pose needs a second model: name one behind the first");
+        Ok(())
+    }
+
     pub(crate) fn poses(&self) -> [Pose; 2] {
         [&self.pose_a, &self.pose].map(|pose| pose.unwrap_or(Pose::IDENTITY))
     }

@@ -2,8 +2,12 @@
 
 mod args;
 mod poses;
+#[cfg(feature = "viewer")]
+mod relate;
 
 pub(crate) use args::{AskArgs, LimitArgs, PoseArgs, SecondArgs};
+#[cfg(feature = "viewer")]
+pub(crate) use relate::{RelateArgs, place};
 
 use crate::args::MemorySize;
 use crate::batch::inputs;

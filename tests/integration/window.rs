@@ -21,7 +21,7 @@ const PANEL: usize = 300;
 const MISSING: &str = "skipped: Xvfb or xdotool is not installed (apt-get install xvfb xdotool)";
 
 /// A display of its own, whose content lies in a file.
-struct Display {
+pub(super) struct Display {
     server: Child,
     name: String,
     folder: Folder,
@@ -29,7 +29,7 @@ struct Display {
 
 impl Display {
     /// None, and a word about it, where there is no Xvfb.
-    fn open() -> Option<Self> {
+    pub(super) fn open() -> Option<Self> {
         let has = |tool: &str| Command::new(tool).arg("-help").output().is_ok();
         if !has("Xvfb") || !has("xdotool") {
             println!("{MISSING}");
@@ -51,7 +51,7 @@ impl Display {
     }
 
     /// Runs `chpm` here; it is ended if it does not end by itself.
-    fn spawn(&self, folder: &Folder, words: &str) -> Child {
+    pub(super) fn spawn(&self, folder: &Folder, words: &str) -> Child {
         let seconds = PATIENCE.as_secs().to_string();
         Command::new("timeout")
             .arg(seconds)
@@ -68,7 +68,7 @@ impl Display {
     }
 
     /// Moves the pointer, presses keys, or waits for a window; answers what xdotool says.
-    fn hand(&self, words: &str) -> String {
+    pub(super) fn hand(&self, words: &str) -> String {
         let tool = Command::new("timeout")
             .args([&PATIENCE.as_secs().to_string(), "xdotool"])
             .args(words.split_whitespace())
@@ -80,7 +80,7 @@ impl Display {
     }
 
     /// Waits for the model's window, and gives it the keyboard.
-    fn window(&self, model: &str) {
+    pub(super) fn window(&self, model: &str) {
         let window = self.hand(&format!("search --sync --onlyvisible --name {model}"));
         self.hand(&format!("windowfocus --sync {window}"));
     }
@@ -92,6 +92,28 @@ impl Display {
             assert!(begun.elapsed() < PATIENCE, "{:.3} of the display is drawn on", self.displayed());
             thread::yield_now();
         }
+    }
+
+    /// Waits until something is displayed.
+    pub(super) fn wait_until(&self, is_so: &dyn Fn() -> bool) {
+        let begun = Instant::now();
+        while !is_so() {
+            assert!(begun.elapsed() < PATIENCE, "it is not displayed");
+            thread::yield_now();
+        }
+    }
+
+    /// What is displayed: rows from the top, of red, green and blue.
+    pub(super) fn dump(&self) -> Vec<[u8; 3]> {
+        let dump = self.folder.read("Xvfb_screen0");
+        let field = |n: usize| {
+            let bytes = dump.get(4 * n..4 * n + 4).expect("a header");
+            u32::from_be_bytes(bytes.try_into().expect("four bytes")) as usize
+        };
+        let (header, stride, colors) = (field(0), field(12), field(19));
+        assert_eq!((field(11), field(4), field(5)), (32, 800, 600), "32 bits a pixel");
+        let rows = dump[header + 12 * colors..].chunks(stride).take(600);
+        rows.flat_map(|row| row.chunks_exact(4).take(800)).map(|p| [p[2], p[1], p[0]]).collect()
     }
 
     /// The share of the display beside the panel that is not as its lower right corner: an X window dump, with 32 bits a pixel.
@@ -120,7 +142,7 @@ impl Drop for Display {
     }
 }
 
-fn finish(child: Child) -> String {
+pub(super) fn finish(child: Child) -> String {
     let output = child.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     String::from_utf8_lossy(&output.stdout).into_owned()

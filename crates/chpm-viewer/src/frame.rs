@@ -154,13 +154,15 @@ impl Viewer {
         self.bounds = all;
     }
 
-    /// Puts a model, from 0, somewhere else: the next frame shows it there. A model that is not there stays nowhere.
-    pub fn put(&mut self, model: usize, place: Place) {
-        if let Some(model) = self.models.get_mut(model).filter(|model| model.place != place) {
-            model.place = place;
-            self.drawn = None;
-            self.bound();
-        }
+    /// Puts a model, from 0, somewhere: the next frame shows it there. Answers whether it was somewhere else.
+    pub fn put(&mut self, model: usize, place: Place) -> bool {
+        let Some(model) = self.models.get_mut(model).filter(|model| model.place != place) else {
+            return false;
+        };
+        model.place = place;
+        self.drawn = None;
+        self.bound();
+        true
     }
 
     /// The device that it draws with.

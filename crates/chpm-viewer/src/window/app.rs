@@ -5,13 +5,15 @@ mod input;
 
 use crate::error::ViewerError;
 use crate::window::browse::Browser;
-use crate::window::canvas::Canvas;
+use crate::window::canvas::{Canvas, clear};
+use crate::window::couple::Couple;
 use crate::window::gesture::Gestures;
 use crate::window::keys::{Command, Flight};
 use crate::window::navigate::Pivot;
 use crate::window::overlay::{self, Note};
 use crate::window::panel::{self, About};
 use crate::window::record::{Pace, Recorder};
+use crate::window::relation::Relation;
 use crate::window::remember::Remembered;
 use crate::window::session::{Next, Session, Whole};
 use crate::window::settings::Settings;
@@ -49,6 +51,8 @@ pub(super) enum Event {
     Preview(PathBuf),
     /// A build is done: the CHPM, or what to tell.
     Built(Result<PathBuf, String>),
+    /// What is known of two models at a step of their motion.
+    Related(usize, Result<Relation, String>),
 }
 
 /// All of it.
@@ -57,6 +61,8 @@ pub(super) struct App {
     proxy: EventLoopProxy<Event>,
     canvas: Option<Canvas>,
     session: Option<Session>,
+    /// What is known of the two models of a session that has two.
+    couple: Option<Couple>,
     settings: Settings,
     gestures: Gestures,
     flight: Flight,
@@ -90,6 +96,7 @@ impl App {
             proxy,
             canvas: None,
             session: None,
+            couple: None,
             settings: Settings::default(),
             gestures: Gestures::default(),
             flight: Flight::default(),
@@ -138,7 +145,7 @@ impl App {
     }
 
     fn remembers(&self) -> bool {
-        !self.is_scripted()
+        !self.is_scripted() && self.options.second.is_none() && self.couple.is_none()
     }
 
     fn size(&self) -> [u32; 2] {
@@ -231,7 +238,9 @@ impl App {
         let Some(canvas) = &self.canvas else { return Ok(()) };
         let Options { up, side, budgets, .. } = self.options;
         let whole = Whole { up, side, aspect: self.aspect() };
-        let mut session = Session::open(&canvas.gpu, model, budgets, &whole)?;
+        // The second model goes with the first one that is opened.
+        let second = self.options.second.take();
+        let mut session = Session::open(&canvas.gpu, model, second.as_ref(), budgets, &whole)?;
         let name = model.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         canvas.window.set_title(&format!("{name} - chpm"));
         if let Some(remembered) = remembered {
@@ -248,6 +257,7 @@ impl App {
             canvas.forget();
         }
         self.preview = false;
+        self.couple = second.and_then(|second| self.pair_up(&second));
         self.session = Some(session);
         self.before = None;
         self.stir();
@@ -366,6 +376,9 @@ impl App {
                     session.stir();
                 }
                 session.step(seconds, size);
+                if let Some(place) = self.couple.as_mut().and_then(|couple| couple.place(seconds)) {
+                    session.put(place);
+                }
                 let request = session.request(&self.settings, size, self.before.map(|_| since));
                 let shown = canvas.show(over, |target, kept| session.draw(&request, target, kept));
                 shown.map(|drawn| {
@@ -449,6 +462,12 @@ impl App {
             }
             overlay::marks(context, &session.marks, session.camera(), size, scale);
             overlay::record(context, &session.inspected);
+            if let Some(couple) = &mut self.couple {
+                couple.mark(context, session.camera(), size, scale);
+            }
+        }
+        if self.couple.as_mut().is_some_and(|couple| couple.show(context)) {
+            self.stir();
         }
         let mut commands = self.show_panel(context);
         if self.session.is_none() && self.building.is_none() {
@@ -494,24 +513,6 @@ impl App {
     }
 }
 
-/// A picture of nothing.
-fn clear(gpu: &crate::gpu::Gpu, view: &wgpu::TextureView) {
-    let [r, g, b] = crate::request::Look::default().background.map(f64::from);
-    let load = wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 1.0 });
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    drop(encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: Some("no model"),
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
-        })],
-        ..Default::default()
-    }));
-    gpu.queue.submit([encoder.finish()]);
-}
-
 impl ApplicationHandler<Event> for App {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.canvas.is_none()
@@ -543,6 +544,11 @@ impl ApplicationHandler<Event> for App {
                     if let Some(canvas) = &self.canvas {
                         canvas.window.set_title("preview - chpm");
                     }
+                }
+            }
+            Event::Related(step, answer) => {
+                if let Some(couple) = &mut self.couple {
+                    couple.hear(step, answer);
                 }
             }
             Event::Built(built) => {

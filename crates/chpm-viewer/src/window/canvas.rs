@@ -215,3 +215,21 @@ impl Canvas {
         queue.submit(orders);
     }
 }
+
+/// A picture of nothing.
+pub(super) fn clear(gpu: &Gpu, view: &wgpu::TextureView) {
+    let [r, g, b] = crate::request::Look::default().background.map(f64::from);
+    let load = wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 1.0 });
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    drop(encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("no model"),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+        })],
+        ..Default::default()
+    }));
+    gpu.queue.submit([encoder.finish()]);
+}

@@ -7,6 +7,7 @@
 mod app;
 pub mod browse;
 mod canvas;
+mod couple;
 pub mod detail;
 pub mod figures;
 pub mod frustum;
@@ -17,6 +18,7 @@ mod overlay;
 mod panel;
 mod pose;
 pub mod record;
+pub mod relation;
 pub mod remember;
 pub mod rulers;
 mod save;
@@ -30,6 +32,7 @@ use crate::gpu::AdapterChoice;
 use crate::request::{Accuracy, Budgets};
 use app::{App, Event};
 use chpm_refine::{CameraPath, Side, Up};
+use relation::Second;
 use remember::Memory;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -39,6 +42,8 @@ use winit::event_loop::{ControlFlow, EventLoop};
 pub struct Options {
     /// The model, a CHPM or what one is made of; one can be opened later.
     pub model: Option<PathBuf>,
+    /// Another one beside it, for as long as no other model is opened. The first is a CHPM then, and nothing is remembered.
+    pub second: Option<Second>,
     /// What it may use.
     pub budgets: Budgets,
     /// Who draws.

@@ -3,7 +3,8 @@
 use crate::error::ViewerError;
 use crate::frame::Viewer;
 use crate::gpu::Gpu;
-use crate::headless::{self, Image};
+use crate::headless::{self, Image, TriangleId};
+use crate::place::Place;
 use crate::request::{Accuracy, Budgets, FrameRequest, Target};
 use crate::stats::Stats;
 use crate::window::detail::{Detail, Took};
@@ -12,6 +13,7 @@ use crate::window::frustum;
 use crate::window::gesture::Motion;
 use crate::window::navigate::{Navigator, Pivot};
 use crate::window::record::{Pace, Recorder, Replay};
+use crate::window::relation::Second;
 use crate::window::rulers::Mark;
 use crate::window::settings::Settings;
 use chpm_refine::{Camera, CameraPath, Member, Side, Stance, Up};
@@ -100,10 +102,13 @@ impl Session {
     pub(super) fn open(
         gpu: &Arc<Gpu>,
         path: &Path,
+        second: Option<&Second>,
         budgets: Budgets,
         whole: &Whole,
     ) -> Result<Self, ViewerError> {
-        let viewer = Viewer::open(Arc::clone(gpu), path, budgets)?;
+        let mut paths = vec![(path, second.map_or(Place::STILL, |second| second.first))];
+        paths.extend(second.and_then(|second| Some((second.model.as_path(), *second.steps.first()?))));
+        let viewer = Viewer::open_all(Arc::clone(gpu), &paths, budgets)?;
         let mut navigator = Navigator::new(&viewer.bounds(), viewer.origin());
         // What is damaged is told when it is drawn.
         let outline = viewer.outline().unwrap_or_default();
@@ -259,6 +264,13 @@ impl Session {
         }
     }
 
+    /// The second model is somewhere else.
+    pub(super) fn put(&mut self, place: Place) {
+        if self.viewer.put(1, place) {
+            (self.picked, self.quiet) = (None, 0);
+        }
+    }
+
     /// Something else is asked for from now on.
     pub(super) fn stir(&mut self) {
         self.quiet = 0;
@@ -353,7 +365,7 @@ impl Session {
     pub(super) fn measure(&mut self, at: [f64; 2], size: [u32; 2]) -> Result<(), ViewerError> {
         if self.marks.len() > 1 {
             self.marks.clear();
-        } else if let (Some(point), Some((_, error))) = (self.pick(at, size), self.cluster_at(at, size)?) {
+        } else if let (Some(point), Some((.., error))) = (self.pick(at, size), self.cluster_at(at, size)?) {
             self.marks.push(Mark { point, error: f64::from(error) });
         } else {
             self.marks.clear();
@@ -364,16 +376,21 @@ impl Session {
     /// Tells of the cluster at a pixel.
     pub(super) fn inspect(&mut self, at: [f64; 2], size: [u32; 2]) -> Result<(), ViewerError> {
         self.inspected.clear();
-        let Some((member, error)) = self.cluster_at(at, size)? else { return Ok(()) };
-        let file = self.viewer.file();
+        let Some((seen, member, error)) = self.cluster_at(at, size)? else { return Ok(()) };
+        let Some(file) = self.viewer.files().nth(seen.model as usize) else { return Ok(()) };
         let record = &file.clusters()[member.cluster.index()];
         let group = if record.is_root() {
             "a root".to_owned()
         } else {
             format!("below group {}", record.parent_group)
         };
+        let of = if self.viewer.files().nth(1).is_some() {
+            format!(", of model {}", seen.model + 1)
+        } else {
+            String::new()
+        };
         self.inspected = vec![
-            format!("{} of level {}, in group {}, {group}", member.cluster, record.level, record.group),
+            format!("{} of level {}, in group {}, {group}{of}", member.cluster, record.level, record.group),
             format!("drawn with {} of {} vertices", member.vertices, record.vertex_count),
             format!("triangles {} to {}", record.base_triangle_count, record.triangle_count),
             format!("error as drawn {error:.4e} units"),
@@ -382,8 +399,12 @@ impl Session {
         Ok(())
     }
 
-    /// The cluster that is seen at a pixel, its position, and the error of that.
-    fn cluster_at(&mut self, at: [f64; 2], size: [u32; 2]) -> Result<Option<(Member, f32)>, ViewerError> {
+    /// What is seen at a pixel, the position of its cluster, and the error of that.
+    fn cluster_at(
+        &mut self,
+        at: [f64; 2],
+        size: [u32; 2],
+    ) -> Result<Option<(TriangleId, Member, f32)>, ViewerError> {
         let inside = (0..2).all(|axis| at[axis] >= 0.0 && at[axis] < f64::from(size[axis]));
         let Some(request) = self.asked.filter(|_| inside) else { return Ok(None) };
         let (ids, _) =
@@ -392,7 +413,10 @@ impl Session {
         (self.asked, self.quiet) = (None, 0);
         let [x, y] = at.map(|x| x as usize);
         let seen = ids.pixels[y * size[0] as usize + x];
-        Ok(seen.and_then(|seen| self.viewer.drawn(seen.model as usize, seen.cluster)))
+        Ok(seen.and_then(|seen| {
+            let (member, error) = self.viewer.drawn(seen.model as usize, seen.cluster)?;
+            Some((seen, member, error))
+        }))
     }
 
     /// Flight is as fast as what is ahead is far away.

@@ -2,8 +2,10 @@
 
 use super::{App, Event};
 use crate::window::browse::Browser;
+use crate::window::couple::Couple;
 use crate::window::overlay::{self, Choice};
 use crate::window::record::{Pace, Recorder};
+use crate::window::relation::Second;
 use crate::window::save;
 use chpm_refine::CameraPath;
 use std::path::{Path, PathBuf};
@@ -48,6 +50,20 @@ impl App {
                 self.stir();
             }
             None => self.tell("a path needs a model: open one first", true),
+        }
+    }
+
+    /// Has somebody look how the two models lie.
+    pub(super) fn pair_up(&mut self, second: &Second) -> Option<Couple> {
+        let proxy = self.proxy.clone();
+        // A window that is closed hears nothing more.
+        let hear = move |step, answer| drop(proxy.send_event(Event::Related(step, answer)));
+        match Couple::new(second, hear) {
+            Ok(couple) => Some(couple),
+            Err(told) => {
+                self.tell(told, true);
+                None
+            }
         }
     }
 
