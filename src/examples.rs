@@ -162,7 +162,14 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         ],
     ),
     ("share", &[("chpm share scan.chpm -o site", "to be put on any host of static files")]),
-    ("view", &[("chpm view scan.chpm", "a window"), ("chpm view scan.ply", "a mesh, which is built first")]),
+    (
+        "view",
+        &[
+            ("chpm view scan.chpm", "a window"),
+            ("chpm view scan.ply", "a mesh, which is built first"),
+            ("chpm view scan.chpm scan.chpm --pose 20,0,0 --within 5%", "two, and where they are near"),
+        ],
+    ),
     (
         "walk",
         &[

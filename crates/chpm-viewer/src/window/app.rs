@@ -493,12 +493,12 @@ impl App {
 
     fn show_panel(&mut self, context: &egui::Context) -> Vec<Command> {
         let (Some(session), true) = (&self.session, self.settings.panel) else { return Vec::new() };
-        let name = session.path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+        let name = session.name();
         let gpu = session.viewer.gpu();
         let adapter = gpu.adapter.get_info();
         let about = About {
             model: &name,
-            triangles: session.viewer.file().header().source_triangle_count,
+            triangles: session.viewer.files().map(|file| file.header().source_triangle_count).sum(),
             adapter: &adapter.name,
             memory: self.options.budgets.memory,
             gpu_memory: self.options.budgets.gpu_memory,

@@ -141,6 +141,13 @@ impl Session {
         })
     }
 
+    /// What the models' files are called.
+    pub(super) fn name(&self) -> String {
+        let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+        let names: Vec<_> = self.viewer.files().filter_map(|file| name(file.get_ref().path())).collect();
+        names.join(", ")
+    }
+
     /// The camera of the last frame.
     pub(super) fn camera(&self) -> &Camera {
         &self.camera
