@@ -66,11 +66,12 @@ enum Order {
     Levels,
 }
 
-/// Writes a file's pages as they are used.
+/// Writes a file with its pages stored so, or as they are.
 #[cfg(feature = "web")]
-pub(super) fn unpack(
+pub(super) fn store_pages(
     file: &Path,
     output: &Path,
+    pages: Option<Pages>,
     force: bool,
     quiet: bool,
     memory: MemoryArgs,
@@ -78,16 +79,7 @@ pub(super) fn unpack(
 ) -> Result<u64> {
     let (file, output) = (file.to_owned(), output.to_owned());
     rewrite(
-        &Args {
-            file,
-            output,
-            pages: Some(Pages::Raw),
-            order: None,
-            force,
-            threads: ThreadArgs::default(),
-            quiet,
-            memory,
-        },
+        &Args { file, output, pages, order: None, force, threads: ThreadArgs::default(), quiet, memory },
         stop,
     )
 }

@@ -79,12 +79,7 @@ impl Served {
             return Ok(Served { folder: path, only: None, list: args.list, is_local });
         }
         ensure!(!args.list, "--list is for a folder, and '{}' is a file", args.path.display());
-        let file = open(&path)?;
-        ensure!(
-            !file.header().is_packed(),
-            "'{}' has packed pages, which the page does not read; unpack them with 'chpm relayout --pages raw'",
-            args.path.display()
-        );
+        open(&path)?;
         let name = path.file_name().and_then(|name| name.to_str());
         let name = name.with_context(|| format!("the name '{}' is no text", path.display()))?.to_owned();
         let folder = path.parent().unwrap_or(Path::new("/")).to_owned();

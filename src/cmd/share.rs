@@ -1,10 +1,12 @@
 //! `chpm share`: a model, and the page that shows it, as a folder for any host of static files.
 
-use super::{Verdict, open, relayout, stdout};
+use super::relayout::{self, Pages};
+use super::{Verdict, open, stdout};
 use crate::memory::MemoryArgs;
 use crate::stop::Stop;
 use crate::web::{FILES, PAGE};
 use anyhow::{Context, Result, bail, ensure};
+use chpm_mesh::Bytes;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -17,6 +19,9 @@ pub(crate) struct Args {
     /// The folder to write; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
+    /// How the model's pages are stored; as they are if not given
+    #[arg(long, value_name = "HOW", value_enum)]
+    pages: Option<Pages>,
     /// Replace files that the folder has
     #[arg(short, long)]
     force: bool,
@@ -51,15 +56,15 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         write(&args.output.join(name), text)?;
     }
     let model = args.output.join(MODEL);
-    // The page reads pages as they are used.
     let memory = args.memory.clone();
-    relayout::unpack(&args.file, &model, args.force, args.quiet, memory, stop)?;
+    let bytes = relayout::store_pages(&args.file, &model, args.pages, args.force, args.quiet, memory, stop)?;
 
     let mut out = stdout();
     writeln!(
         out,
-        "{}: put this folder on any host of static files that answers range requests",
-        args.output.display()
+        "{}: a model of {}; put this folder on any host of static files that answers range requests",
+        args.output.display(),
+        Bytes(bytes)
     )?;
     writeln!(out, "to try it here: chpm serve '{}'", model.display())?;
     out.flush()?;

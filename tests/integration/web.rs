@@ -128,9 +128,6 @@ fn a_folder_shows_no_list_unless_asked_and_lets_nobody_out() {
 #[test]
 fn what_cannot_be_served_is_said_at_once() {
     let folder = built();
-    folder.stdout("relayout a.chpm -o packed.chpm --pages packed -q");
-    let said = folder.stderr("serve packed.chpm --port 0", 2);
-    assert!(said.contains("relayout --pages raw"), "{said}");
     assert!(folder.stderr("serve absent.chpm --port 0", 2).contains("absent.chpm"));
     assert!(folder.stderr("serve in.ply --port 0", 2).contains("in.ply"));
     assert!(folder.stderr("serve a.chpm --list --port 0", 2).contains("--list is for a folder"));
@@ -144,8 +141,11 @@ fn what_cannot_be_served_is_said_at_once() {
 fn a_folder_to_share_has_all_that_its_page_loads() {
     let folder = built();
     folder.stdout("relayout a.chpm -o packed.chpm --pages packed -q");
-    folder.stdout("share packed.chpm -o site -q");
-    folder.stdout("verify site/model.chpm --same-as a.chpm -q");
+    folder.stdout("share packed.chpm -o unpacked -q --pages raw");
+    assert_eq!(folder.read("unpacked/model.chpm"), folder.read("a.chpm"));
+    let said = folder.stdout("share packed.chpm -o site -q");
+    assert_eq!(folder.read("site/model.chpm"), folder.read("packed.chpm"));
+    assert!(said.contains("a model of "), "{said}");
     let index = String::from_utf8(folder.read("site/index.html")).expect("text");
     assert!(index.contains("data-file=\"model.chpm\""), "{index}");
     // Whatever a file of the page names is there.

@@ -5,13 +5,14 @@ import { readPage } from "./page.js";
 import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, expect, readCluster, readGroup, readHeader, readSections, viewOf } from "./records.js";
 import { ChpmError, readExactly } from "./source.js";
 import { xxh3 } from "./xxh3.js";
+import { expand } from "./zstd.js";
 
 /** What is fetched first: with the chunks that writers make, all that leads to the roots. */
 const FIRST = 32768;
 /** Pages that are next to each other come in one request, up to this. */
 const LONGEST_RUN = 4 << 20;
 /** So many bytes between two pages cost less than another request. */
-const NEAR = 16384;
+const NEAR = 65536;
 
 /** One table of records, of which chunks are there. */
 class Table {
@@ -199,7 +200,6 @@ export class ChpmFile {
     const { id, pageChecksum } = cluster;
     expect(xxh3(bytes) === pageChecksum, () => `the page of cluster ${id} is damaged: its checksum is another one`);
     if (!cluster.isPacked) return readPage(this.header, cluster, bytes);
-    expect(this.#zstd, () => `cluster ${id} has a packed page: give open() a function that expands zstd, or unpack the file with 'chpm relayout --pages raw'`);
     return readPage(this.header, cluster, unpack(this.header, cluster, bytes, this.#zstd));
   }
 
@@ -224,9 +224,9 @@ export class ChpmFile {
 /**
  * Opens a file: its header, and what leads to its tables.
  * @param source {@link httpSource}, {@link blobSource}, {@link memorySource} or anything alike
- * @param options.zstd expands a frame of zstd to at most so many bytes, for files with packed pages
+ * @param options.zstd expands a frame of zstd to at most so many bytes, where something is at hand that is faster than the reader's own
  */
-export async function open(source, { signal, first = FIRST, zstd = null } = {}) {
+export async function open(source, { signal, first = FIRST, zstd = expand } = {}) {
   try {
     return await begin(source, signal, Math.max(first, 4096), zstd);
   } catch (error) {

@@ -123,7 +123,7 @@ export class ChpmFile {
 /** Expands a frame of zstd; what comes out is at most `most` bytes long, or the frame is damaged. */
 export type Zstd = (frame: Uint8Array, most: number) => Uint8Array;
 
-/** Opens a file. `first` bytes are fetched at once, 32 KiB if not told otherwise. Files with packed pages need `zstd`. */
+/** Opens a file. `first` bytes are fetched at once, 32 KiB if not told otherwise. `zstd` is for packed pages; the reader has one of its own. */
 export function open(source: Source, options?: { signal?: AbortSignal; first?: number; zstd?: Zstd }): Promise<ChpmFile>;
 
 /** Which groups are split, and the error that the clusters of the others are drawn with. */

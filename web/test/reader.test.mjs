@@ -1,11 +1,13 @@
 // The reader beside the command: the same triangles, and nothing but clear errors for damaged files.
 
 import assert from "node:assert/strict";
+import { execFileSync, spawnSync } from "node:child_process";
 import { readFileSync, writeFileSync } from "node:fs";
 import path from "node:path";
 import { test } from "node:test";
 import { ChpmError, camera, distance, extract, level, memorySource, open, select, selectFromMemory, uniform } from "../chpm/index.js";
 import { xxh3 } from "../chpm/xxh3.js";
+import { expand } from "../chpm/zstd.js";
 import { CHPM, chpm, random, repaired, temporary, trianglesOfMesh, trianglesOfPly } from "./tools.mjs";
 
 const skip = CHPM ? false : "CHPM names no command";
@@ -154,9 +156,9 @@ test("a single error everywhere keeps to it", { skip }, async () => {
 });
 
 const fzstd = await import("fzstd").catch(() => null);
-const skipPacked = skip || (fzstd ? false : "no fzstd: `npm ci` in this folder");
+const skipOther = skip || (fzstd ? false : "no fzstd: `npm ci` in this folder");
 
-/** As the reader's README has it: more than `most` is refused. */
+/** Another decoder of zstd: more than `most` is refused. */
 function zstd(frame, most) {
   const all = new Uint8Array(most);
   let length = 0;
@@ -178,10 +180,10 @@ function pack(model, positions) {
 }
 
 for (const [model, positions] of [...Object.keys(MODELS).map((model) => [model]), ["terrain", "lattice:14"]]) {
-  test(`${model} ${positions ?? ""}: packed pages have the same triangles`, { skip: skipPacked }, async () => {
+  test(`${model} ${positions ?? ""}: packed pages have the same triangles`, { skip }, async () => {
     const name = pack(model, positions);
     const bytes = readFileSync(name);
-    const file = await open(memorySource(bytes), { zstd });
+    const file = await open(memorySource(bytes));
     assert.ok(file.header.isPacked);
     const out = path.join(folder, "unpacked.ply");
     for (let number = 0; number < file.header.levelCount; number++) {
@@ -201,12 +203,63 @@ for (const [model, positions] of [...Object.keys(MODELS).map((model) => [model])
         assert.deepEqual(parts, expected, `page ${id}`);
       }
     }
-    const blind = await open(memorySource(bytes));
-    await assert.rejects(async () => extract(blind, await select(blind, level(0))), /zstd/);
   });
 }
 
-test("damaged packed pages with right checksums are survived", { skip: skipPacked }, async () => {
+/** Bytes of all kinds: noise, repetitions, few values, waves, text; as zstd has blocks, codes and matches for them. */
+function* samples() {
+  const next = random(14);
+  for (let i = 0; i < 60; i++) {
+    const length = Math.floor(300000 ** next());
+    yield Uint8Array.from({ length }, () => 256 * next() ** (i % 7));
+    yield Uint8Array.from({ length }, (_, at) => 120 + 20 * Math.sin(at / 50) + (i % 3) * next());
+    yield Uint8Array.from({ length }, (_, at) => (at % (1 + (i % 40))) + (next() < 0.01 ? 1 : 0));
+  }
+}
+
+const program = spawnSync("zstd", ["--version"]).status === 0 ? false : "no command zstd";
+
+test("zstd expands to what was packed", { skip: program }, () => {
+  const ways = [["-1"], ["-19"], ["-3", "--no-check"], ["--fast=5"], ["-9", "--no-content-size"]];
+  let count = 0;
+  for (const bytes of samples()) {
+    const way = ways[count++ % ways.length];
+    const frame = new Uint8Array(execFileSync("zstd", ["-q", "-c", ...way], { input: bytes, maxBuffer: 1 << 24 }));
+    assert.deepEqual(expand(frame, bytes.length), bytes, `sample ${count}, ${way}`);
+    if (bytes.length > 0) assert.throws(() => expand(frame, bytes.length - 1), /zstd frame is damaged/);
+    for (const end of [0, 3, 8, frame.length >> 1, frame.length - 1]) {
+      assert.throws(() => expand(frame.subarray(0, end), bytes.length), /zstd frame is damaged/, `sample ${count}, cut at ${end}`);
+    }
+  }
+});
+
+test("damaged zstd is refused, or something else comes out", { skip: program }, () => {
+  const next = random(15);
+  const pick = (count) => Math.floor(next() * count);
+  let refused = 0;
+  for (const bytes of samples()) {
+    const frame = new Uint8Array(execFileSync("zstd", ["-q", "-c", "-5", "--no-check"], { input: bytes, maxBuffer: 1 << 24 }));
+    for (let i = 0; i < 20; i++) {
+      const damaged = frame.slice();
+      damaged[pick(Math.min(frame.length, i % 2 === 0 ? 40 : Infinity))] ^= 1 << pick(8);
+      try {
+        assert.ok(expand(damaged, bytes.length).length <= bytes.length);
+      } catch (error) {
+        assert.match(error.message, /zstd frame is damaged/);
+        refused += 1;
+      }
+    }
+  }
+  assert.ok(refused > 1000, `${refused} of 3600`);
+});
+
+test("both decoders of zstd read packed pages alike", { skip: skipOther }, async () => {
+  const bytes = readFileSync(pack("colored"));
+  const [own, other] = [await open(memorySource(bytes)), await open(memorySource(bytes), { zstd })];
+  assert.deepEqual(await extract(own, await select(own, level(0))), await extract(other, await select(other, level(0))));
+});
+
+test("damaged packed pages with right checksums are survived", { skip }, async () => {
   const whole = new Uint8Array(readFileSync(pack("colored")));
   const { sections } = repaired(whole.slice());
   const clusters = sections.find(({ kind }) => kind === 1);
@@ -222,7 +275,7 @@ test("damaged packed pages with right checksums are survived", { skip: skipPacke
     const at = start + pick(i % 2 === 0 ? 48 : length);
     bytes[at] = pick(256);
     repaired(bytes, [(record - clusters.offset) / 128]);
-    if (!(await survives(bytes, `case ${i}: byte ${at - start} of a page`, { zstd }))) refused += 1;
+    if (!(await survives(bytes, `case ${i}: byte ${at - start} of a page`))) refused += 1;
   }
   assert.ok(refused > 100, `${refused} of 400 were refused`);
 });

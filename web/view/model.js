@@ -2,14 +2,16 @@
 
 import { camera as cameraRule, open, selectFromMemory } from "../chpm/index.js";
 
-/** Requests that are under way at once. */
-const AT_ONCE = 4;
+/** Batches of splits that are under way at once, and clusters that the splits of one bring, about. */
+const AT_ONCE = 2;
+const BATCH = 48;
 const GPU_BYTES = 512 << 20;
 
 export class Model {
   constructor(source, renderer, onChange, onError) {
     Object.assign(this, { source, renderer, onChange, onError, stopped: new AbortController(), coming: new Set(), failed: new Set(), isReady: false });
     this.relaxed = 1;
+    this.batches = 0;
   }
 
   /** Opens the file and draws the roots. */
@@ -52,9 +54,15 @@ export class Model {
 
     const wanted = waiting.filter(({ group }) => !this.failed.has(group.id));
     wanted.sort((a, b) => this.#urgency(b.group, rule) - this.#urgency(a.group, rule));
-    for (const { group } of wanted) {
-      if (this.coming.size >= AT_ONCE) break;
-      if (!this.coming.has(group.id)) this.#fetch(group);
+    const due = wanted.filter(({ group }) => !this.coming.has(group.id));
+    while (due.length > 0 && this.batches < AT_ONCE) {
+      const batch = [];
+      for (let brings = 0; due.length > 0 && brings < BATCH; ) {
+        const { group } = due.shift();
+        brings += group.fineCount ?? 2;
+        batch.push(group.id);
+      }
+      this.#fetch(batch);
     }
     renderer.shrink(GPU_BYTES, this.kept);
     return { ...drawn, clusters: cut.length, cut, settled: wanted.length === 0 && !settling, relaxed: this.relaxed, settling };
@@ -66,27 +74,42 @@ export class Model {
     return bound > 0 ? group.minError / bound : Infinity;
   }
 
-  /** Fetches what the split of a group brings. */
-  async #fetch({ id }) {
+  /** Fetches what the splits of some groups bring, together: pages of splits alike are next to each other. */
+  async #fetch(ids) {
     const { signal } = this.stopped;
-    this.coming.add(id);
+    this.batches += 1;
+    ids.forEach((id) => this.coming.add(id));
     try {
-      await this.file.needGroups([id], signal);
-      const group = this.file.group(id);
-      await this.file.needMembers([group], signal);
-      const fine = this.file.fine(group);
-      await this.file.needClusters(fine, signal);
-      await this.file.needGroups(fine.map((cluster) => this.file.cluster(cluster).group), signal);
-      const absent = fine.filter((cluster) => !this.renderer.has(cluster));
-      await this.file.eachPage(absent, (page) => this.renderer.has(page.cluster.id) || this.renderer.add(page, this.center), signal);
+      await this.#bring(ids, signal);
     } catch (error) {
       if (signal.aborted) return;
-      // The rest of the model stays as it is.
-      this.failed.add(id);
-      this.onError(error);
+      // What is wrong is of one group; the others, and the rest of the model, stay as they are.
+      for (const id of ids) {
+        try {
+          if (ids.length > 1) await this.#bring([id], signal);
+          else throw error;
+        } catch (own) {
+          if (signal.aborted) return;
+          this.failed.add(id);
+          this.onError(own);
+        }
+      }
     } finally {
-      this.coming.delete(id);
+      ids.forEach((id) => this.coming.delete(id));
+      this.batches -= 1;
     }
     if (!signal.aborted) this.onChange();
+  }
+
+  async #bring(ids, signal) {
+    const { file, renderer } = this;
+    await file.needGroups(ids, signal);
+    const groups = ids.map((id) => file.group(id));
+    await file.needMembers(groups, signal);
+    const fine = [...new Set(groups.flatMap((group) => file.fine(group)))];
+    await file.needClusters(fine, signal);
+    await file.needGroups(fine.map((cluster) => file.cluster(cluster).group), signal);
+    const absent = fine.filter((cluster) => !renderer.has(cluster));
+    await file.eachPage(absent, (page) => renderer.has(page.cluster.id) || renderer.add(page, this.center), signal);
   }
 }
