@@ -12,7 +12,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, ErrorKind};
 use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Aabb, Counted, VertexSlices, geom};
-use chpm_refine::{Cut, Extraction};
+use chpm_refine::Extraction;
 use serde_json::Map;
 use std::path::{Path, PathBuf};
 
@@ -115,6 +115,11 @@ impl MeshArgs {
             })
     }
 
+    /// Bytes of `free` ones for pages that were packed: what is put into another order is read twice in any case.
+    pub(crate) fn to_keep(&self, free: u64) -> u64 {
+        if self.order == Order::File { free } else { 0 }
+    }
+
     /// Bytes that the order of this mesh takes besides.
     pub(crate) fn order_memory(&self, mesh: &Extraction<'_, MappedFile>) -> u64 {
         self.order.memory(mesh)
@@ -152,12 +157,12 @@ impl MeshFile<'_> {
         })
     }
 
-    /// What a cut of the file keeps to, once it is written.
-    pub(crate) fn bounds(&self, file: &Chpm<MappedFile>, cut: &Cut) -> Result<Bounds> {
+    /// What a mesh of the file keeps to, once it is written.
+    pub(crate) fn bounds(&self, file: &Chpm<MappedFile>, mesh: &Extraction<'_, MappedFile>) -> Bounds {
         let rounding = self.rounding(file);
         let with =
             |bound: f32| if rounding > 0.0 { geom::round_up(f64::from(bound) + rounding) } else { bound };
-        Ok(Bounds { error: with(cut.error(file)?), distance: with(cut.distance(file)?) })
+        Bounds { error: with(mesh.error()), distance: with(mesh.distance()) }
     }
 
     /// Streams the mesh and gives the file its name.

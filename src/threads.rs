@@ -13,11 +13,13 @@ pub(crate) struct ThreadArgs {
 }
 
 impl ThreadArgs {
+    /// How many; zero is the libraries' word for one per processor.
+    pub(crate) fn count(&self) -> usize {
+        self.threads.unwrap_or(0) as usize
+    }
+
     /// The threads, to be given work with `install`.
     pub(crate) fn pool(&self) -> Result<ThreadPool> {
-        ThreadPoolBuilder::new()
-            .num_threads(self.threads.unwrap_or(0) as usize)
-            .build()
-            .context("cannot start the worker threads")
+        ThreadPoolBuilder::new().num_threads(self.count()).build().context("cannot start the worker threads")
     }
 }

@@ -86,14 +86,17 @@ pub(crate) fn select(model: &Model, asked: &Asked) -> Result<Selected, Failure> 
     model.reading(|file| taken(file, &model.path, asked))
 }
 
+/// Bytes of unpacked pages that are kept while a mesh is counted and copied.
+const KEPT: u64 = 256 << 20;
+
 fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected, Failure> {
     let request = asked.request(file)?;
     let cut = request.cut(file, 0.0)?;
     let mut patience = Patience::new();
-    let extraction = Extraction::new_while(file, &cut, || patience.check())?;
+    let extraction = Extraction::keeping(file, &cut, KEPT, || patience.check())?;
     request.check(file, &extraction)?;
     let mesh = mesh(&extraction, &mut patience)?;
-    let (error, distance) = (cut.error(file)?, cut.distance(file)?);
+    let (error, distance) = (extraction.error(), extraction.distance());
     let told = |shortfall: Shortfall| shortfall.told(path.display(), file.header().aabb().diagonal());
     Ok(Selected {
         mesh,
@@ -118,12 +121,9 @@ fn mesh(extraction: &Extraction<'_, MappedFile>, patience: &mut Patience) -> Res
     if carried.colors {
         mesh.colors.try_reserve_exact(vertices).map_err(memory)?;
     }
-    extraction.vertices(|batch| {
-        mesh.extend_from_slices(batch);
-        patience.check()
-    })?;
-    extraction.triangles(|batch| {
-        mesh.triangles.extend_from_slice(batch);
+    extraction.both(|vertices, triangles| {
+        mesh.extend_from_slices(vertices);
+        mesh.triangles.extend_from_slice(triangles);
         patience.check()
     })?;
     Ok(mesh)

@@ -172,3 +172,13 @@ def test_less_than_was_asked_for_is_a_warning_or_an_error(models):
         with pytest.warns(chpm.ShortfallWarning, match="is in the image"):
             file.select(camera=[0, 0, 10, 0, 0, 20], cull=True)
         assert file.select(triangles="100%", strict=True).shortfall is None
+
+
+def test_a_bound_is_never_rounded_up(models):
+    with chpm.open(models["plain"]) as file:
+        least = file.select(level=0).distance
+        coarser = file.select(error=8 * least + 1e-3 * np.linalg.norm(np.subtract(*file.bounds)))
+        # The nearest single is what the coarser mesh has, and more than what is asked for.
+        asked = float(coarser.distance) * (1 - 2**-27)
+        assert np.float32(asked) == np.float32(coarser.distance) and asked < coarser.distance
+        assert file.select(error=asked).distance <= asked

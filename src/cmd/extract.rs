@@ -6,7 +6,7 @@ use crate::mesh_file::{self, MeshArgs};
 use crate::number::{self, Triangles};
 use crate::output;
 use crate::progress::{Meter, line};
-use crate::stop::Stop;
+use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
 use anyhow::{Context, Error, Result};
 use chpm_build::config::Length;
@@ -68,11 +68,11 @@ struct Wanted {
 /// Selects and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
-    memory::divide(&file, args.memory.memory(), args.mesh.memory("extract", &file)?)?;
-    reading(&file, || take(&file, args, stop))
+    let free = memory::divide(&file, args.memory.memory(), args.mesh.memory("extract", &file)?)?;
+    reading(&file, || take(&file, args, free, stop))
 }
 
-fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
+fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     // Created before the selection, which may take a while: a place that cannot be written is told at once.
     let target = args.mesh.create("extract", &[&args.file])?;
@@ -83,12 +83,12 @@ fn take(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
         RefineError::Level { .. } => Error::new(error).context(lacks()),
         error => error.into(),
     })?;
-    let mesh = Extraction::new(file, &cut)?;
+    let mesh = Extraction::keeping(file, &cut, args.mesh.to_keep(free), || stop::check(&cancel))?;
     request.check(file, &mesh).with_context(lacks)?;
     // What its order takes is known only now.
     let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh);
     memory::divide(file, args.memory.memory(), bytes)?;
-    let bounds = target.bounds(file, &cut)?;
+    let bounds = target.bounds(file, &mesh);
     if let Some(warning) = target.warning(file) {
         line(&format!("warning: {warning}"));
     }

@@ -4,10 +4,11 @@ use super::{Verdict, open, reading};
 use crate::args::{MemorySize, StorageArgs};
 use crate::memory;
 use crate::mesh_file::{self, MeshArgs};
-use crate::number::{self, Triangles, Units};
+use crate::number::{Triangles, Units};
 use crate::output;
 use crate::progress::{Meter, line};
-use crate::stop::Stop;
+use crate::stop::{self, Stop};
+use crate::threads::ThreadArgs;
 use crate::tolerance::{Tolerance, Unit};
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::Normals;
@@ -41,9 +42,8 @@ pub(crate) struct Args {
     /// Drop and count invalid vertices and faces instead of refusing the file
     #[arg(long)]
     drop_invalid: bool,
-    /// Worker threads; one per processor if not given
-    #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
-    threads: Option<u32>,
+    #[command(flatten)]
+    threads: ThreadArgs,
     #[command(flatten)]
     storage: StorageArgs,
 }
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let report = chpm_build::build(source, &model, &config, &meter, &cancel)?;
 
     let file = open(&model)?;
-    memory::divide(&file, config.resources.memory, args.mesh.memory("simplify", &file)?)?;
+    let free = memory::divide(&file, config.resources.memory, args.mesh.memory("simplify", &file)?)?;
     reading(&file, || {
         let diagonal = file.header().aabb().diagonal();
         let request = match (bound, args.wanted.triangles) {
@@ -90,12 +90,12 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             _ => Request::Level(0),
         };
         let cut = request.cut(&file, target.rounding(&file))?;
-        let mesh = Extraction::new(&file, &cut)?;
+        let mesh = Extraction::keeping(&file, &cut, args.mesh.to_keep(free), || stop::check(&cancel))?;
         request.check(&file, &mesh)?;
         // What its order takes is known only now.
         let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh);
         memory::divide(&file, config.resources.memory, bytes)?;
-        let bounds = target.bounds(&file, &cut)?;
+        let bounds = target.bounds(&file, &mesh);
         if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
             ensure!(
                 f64::from(bounds.distance) <= asked,
@@ -141,8 +141,7 @@ fn config(args: &Args) -> Result<BuildConfig> {
     );
     let normals = if args.no_normals { Normals::None } else { Normals::Source };
     let (colors, drop_invalid) = (!args.no_colors, args.drop_invalid);
-    // Zero is the library's word for one per processor.
-    let threads = args.threads.unwrap_or(0) as usize;
+    let threads = args.threads.count();
     Ok(BuildConfig {
         settings: Settings { normals, colors, drop_invalid, ..Settings::default() },
         resources: Resources { threads, memory, checkpoint: None, ..Resources::default() },

@@ -2,7 +2,10 @@
 
 use super::glb::Glb;
 use super::harness::{Folder, text, triangles};
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
 use chpm_mesh::TriMesh;
+use chpm_refine::Cut;
 use chpm_synth::{Shape, Synth};
 use nix::sys::signal::Signal;
 
@@ -249,6 +252,28 @@ fn simplify_keeps_to_what_is_asked_and_leaves_nothing_else() {
     folder.write("far.obj", "v 500000.1 0.1 0\nv 500001.1 0.1 0.3\nv 500000.1 1.1 0\nf 1 2 3\n");
     let error = folder.stderr("simplify far.obj --within 1e-12 -o no.ply -q", 2);
     assert!(error.contains("rounds"), "{error}");
+}
+
+/// The single that is nearest to what is asked for is above it, and is what a mesh keeps to: another one has to be taken.
+#[test]
+fn a_bound_is_never_rounded_up() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 20000 -o in.ply -q");
+    folder.stdout("build in.ply -q");
+    let file = Chpm::open(MappedFile::open(&folder.path("in.chpm")).expect("a file")).expect("a CHPM");
+    let some = (0.002 * file.header().aabb().diagonal()) as f32;
+    let distance = Cut::at_distance(&file, some).expect("a cut").distance(&file).expect("a distance");
+    let asked = f64::from(distance) * (1.0 - 2.0_f64.powi(-27));
+    assert!(asked as f32 == distance && asked < f64::from(distance));
+    for words in [format!("extract in.chpm --error {asked}"), format!("simplify in.ply --within {asked}")] {
+        folder.stdout(&format!("{words} -o out.ply -qf"));
+        let ply = folder.read("out.ply");
+        let text = String::from_utf8_lossy(&ply[..400]).into_owned();
+        let said = text.split("distance ").nth(1).or(text.split("error ").nth(1)).expect("a bound");
+        let kept: f64 =
+            said.split_whitespace().next().and_then(|number| number.parse().ok()).expect("a number");
+        assert!(kept <= asked, "{words}: {kept}");
+    }
 }
 
 #[test]

@@ -141,14 +141,25 @@ pub fn round_up(value: f64) -> f32 {
     if f64::from(nearest) < value { nearest.next_up() } else { nearest }
 }
 
+/// The largest f32 that is not above a non-negative `value`.
+#[inline]
+pub fn round_down(value: f64) -> f32 {
+    let nearest = value as f32;
+    if f64::from(nearest) > value { nearest.next_down() } else { nearest }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn rounding_up_never_loses() {
+    fn rounding_goes_the_way_that_it_is_called() {
         for value in [0.0, 1.0, 0.1, 1e-30, 1e-45, 3.4e38, 16777217.0] {
             assert!(f64::from(round_up(value)) >= value, "{value}");
+            assert!(
+                f64::from(round_down(value)) <= value && round_down(value).next_up() > value as f32,
+                "{value}"
+            );
         }
     }
 

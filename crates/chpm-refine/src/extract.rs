@@ -3,8 +3,9 @@
 use crate::cut::Cut;
 use crate::error::RefineError;
 use crate::lod::Lod;
-use chpm_format::{Chpm, Page};
+use chpm_format::{Chpm, Page, PageBuf};
 use chpm_mesh::{Attributes, TriMesh, VertexSlices, Vertices};
+use std::borrow::Cow;
 use std::num::NonZeroU32;
 
 /// Extracts the mesh of a legal cut into memory. Positions are relative to the header's origin; vertices that no triangle
@@ -17,25 +18,27 @@ pub fn extract<D: AsRef<[u8]>>(file: &Chpm<D>, cut: &Cut) -> Result<TriMesh, Ref
     let mut mesh = TriMesh::default();
     mesh.positions.reserve_exact(extraction.vertex_count() as usize);
     mesh.triangles.reserve_exact(extraction.triangle_count() as usize);
-    extraction.vertices(|batch| {
-        mesh.extend_from_slices(batch);
-        Ok::<_, RefineError>(())
-    })?;
-    extraction.triangles(|batch| {
-        mesh.triangles.extend_from_slice(batch);
+    extraction.both(|vertices, triangles| {
+        mesh.extend_from_slices(vertices);
+        mesh.triangles.extend_from_slice(triangles);
         Ok::<_, RefineError>(())
     })?;
     Ok(mesh)
 }
 
 /// The mesh of a cut, handed out cluster by cluster, so that a large one can be written without being held: memory is
-/// that of one cluster and four bytes for each shared vertex. Every pass reads the cut's pages again.
-#[derive(Clone, Copy, Debug)]
+/// that of one cluster, four bytes for each shared vertex, and the pages that were packed, as many as are to be kept. Every pass reads
+/// the cut's other pages again.
+#[derive(Clone, Debug)]
 pub struct Extraction<'a, D> {
     file: &'a Chpm<D>,
     cut: &'a Cut,
     vertex_count: u32,
     triangle_count: u64,
+    error: f32,
+    distance: f32,
+    /// Pages of the first members.
+    kept: Vec<PageBuf<'a>>,
 }
 
 impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
@@ -44,28 +47,53 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
     /// # Errors
     /// What [`Cut::check`] refuses; [`RefineError::Format`] for a damaged page; [`RefineError::TooManyVertices`].
     pub fn new(file: &'a Chpm<D>, cut: &'a Cut) -> Result<Self, RefineError> {
-        Self::new_while(file, cut, || Ok(()))
+        Self::keeping(file, cut, 0, || Ok(()))
     }
 
-    /// As [`Extraction::new`], asking after each cluster whether to go on.
+    /// As [`Extraction::new`], asking after each cluster whether to go on, and keeping pages that were packed in at most so many bytes, so that
+    /// each is unpacked once.
     ///
     /// # Errors
     /// As [`Extraction::new`], and what `go_on` answers.
-    pub fn new_while<E: From<RefineError>>(
+    pub fn keeping<E: From<RefineError>>(
         file: &'a Chpm<D>,
         cut: &'a Cut,
+        bytes: u64,
         mut go_on: impl FnMut() -> Result<(), E>,
     ) -> Result<Self, E> {
         cut.check(file)?;
-        let mut extraction = Extraction { file, cut, vertex_count: 0, triangle_count: 0 };
-        let (mut vertices, mut triangles) = (0, 0);
-        extraction.walk(|_, weld| {
-            vertices += weld.fresh.len() as u32;
+        let mut room = bytes;
+        let mut kept = Vec::new();
+        let [mut error, mut distance] = [0.0_f32; 2];
+        let mut triangles = 0;
+        let mut weld = Weld::new(file.header().shared_vertex_count);
+        for (number, member) in cut.members().iter().enumerate() {
+            let page = member.page(file)?;
+            let view = page.view();
+            weld.enter(&view, member.vertices as usize)?;
             triangles += weld.triangles.len() as u64;
-            go_on()
-        })?;
-        (extraction.vertex_count, extraction.triangle_count) = (vertices, triangles);
-        Ok(extraction)
+            let own = view.error_at(member.vertices as usize);
+            error = error.max(own);
+            distance = distance.max(file.gaps(file.clusters()[member.cluster.index()].group()).distance(own));
+            let takes = page.bytes_or(&[]).len() as u64;
+            if kept.len() == number && takes <= room {
+                room -= takes;
+                kept.push(page);
+            }
+            go_on()?;
+        }
+        let vertex_count = weld.count;
+        Ok(Extraction { file, cut, vertex_count, triangle_count: triangles, error, distance, kept })
+    }
+
+    /// As [`Cut::error`].
+    pub fn error(&self) -> f32 {
+        self.error
+    }
+
+    /// As [`Cut::distance`].
+    pub fn distance(&self) -> f32 {
+        self.distance
     }
 
     /// Vertices of the mesh.
@@ -135,8 +163,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
     ) -> Result<(), E> {
         let mut weld = Weld::new(self.file.header().shared_vertex_count);
         let (mut piece, mut shared) = (TriMesh::default(), Vec::new());
-        for member in self.cut.members() {
-            let page = member.page(self.file)?;
+        for (number, member) in self.cut.members().iter().enumerate() {
+            let page = self.page(number)?;
             let page = page.view();
             let before = piece.positions.len();
             if before > 0 && before + member.vertices as usize > limit {
@@ -155,14 +183,43 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         if piece.triangles.is_empty() { Ok(()) } else { sink(piece.view(), &piece.triangles) }
     }
 
+    /// The page of a member by its number.
+    fn page(&self, number: usize) -> Result<Cow<'_, PageBuf<'a>>, RefineError> {
+        match self.kept.get(number) {
+            Some(page) => Ok(Cow::Borrowed(page)),
+            None => Ok(Cow::Owned(self.cut.members()[number].page(self.file)?)),
+        }
+    }
+
+    /// Hands all vertices and all triangles to `sink`, cluster by cluster, as [`Extraction::vertices`] and [`Extraction::triangles`] do one after the
+    /// other; one pass over the pages does it.
+    ///
+    /// # Errors
+    /// As [`Extraction::vertices`].
+    pub fn both<E: From<RefineError>>(
+        &self,
+        mut sink: impl FnMut(VertexSlices<'_>, &[[u32; 3]]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let (mut fresh, mut triangles) = (Vertices::default(), Vec::new());
+        self.walk(|page, weld| {
+            fresh.clear_vertices();
+            fresh.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
+            fresh.decode_normals();
+            triangles.clear();
+            let welded = |corners: &[u16; 3]| corners.map(|v| weld.index[usize::from(v)]);
+            triangles.extend(weld.triangles.iter().map(welded));
+            sink(fresh.view(), &triangles)
+        })
+    }
+
     /// Every pass takes the same walk, so that all number the vertices alike.
     fn walk<E: From<RefineError>>(
         &self,
         mut visit: impl FnMut(&Page<'_>, &Weld) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut weld = Weld::new(self.file.header().shared_vertex_count);
-        for member in self.cut.members() {
-            let page = member.page(self.file)?;
+        for (number, member) in self.cut.members().iter().enumerate() {
+            let page = self.page(number)?;
             let page = page.view();
             weld.enter(&page, member.vertices as usize)?;
             visit(&page, &weld)?;

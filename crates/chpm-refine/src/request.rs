@@ -7,7 +7,7 @@ use crate::select::{is_visible, select};
 use crate::view::View;
 use crate::{budget, extract::Extraction};
 use chpm_format::Chpm;
-use chpm_mesh::{Counted, Length, Level, Thousands, Triangles, Units};
+use chpm_mesh::{Counted, Length, Level, Thousands, Triangles, Units, geom};
 use std::fmt::Display;
 
 /// Which mesh of a file; one of these.
@@ -88,7 +88,7 @@ impl Request {
     pub fn shortfall<D: AsRef<[u8]>>(&self, file: &Chpm<D>, cut: &Cut, distance: f32) -> Option<Shortfall> {
         let header = file.header();
         match *self {
-            Request::Within(asked) if distance > asked.of(header.aabb().diagonal()) as f32 => {
+            Request::Within(asked) if f64::from(distance) > asked.of(header.aabb().diagonal()) => {
                 Some(Shortfall::Error { asked, least: distance })
             }
             Request::Within(_) => (!file.has_gaps()).then_some(Shortfall::Unknown),
@@ -129,10 +129,10 @@ impl Shortfall {
     }
 }
 
-/// What is left of a bound for a mesh that is rounded.
+/// What is left of a bound for a mesh that is rounded: never more than was asked for.
 fn less(bound: f64, rounding: f64) -> f32 {
     match rounding > 0.0 {
         true => ((bound - rounding) as f32).next_down().max(0.0),
-        false => bound as f32,
+        false => geom::round_down(bound),
     }
 }

@@ -213,7 +213,7 @@ impl View {
         if self.culls(region) {
             return f32::INFINITY;
         }
-        round_down(self.pixels * self.pixel * self.reach(region))
+        geom::round_down(self.pixels * self.pixel * self.reach(region))
     }
 
     /// The pixels that an error covers at the nearest point of a sphere; 0 for what is culled.
@@ -265,12 +265,6 @@ impl View {
         };
         bounds.is_empty() || self.planes.iter().any(outside)
     }
-}
-
-/// The largest f32 that is not above a non-negative `value`.
-fn round_down(value: f64) -> f32 {
-    let nearest = value as f32;
-    if f64::from(nearest) > value { nearest.next_down() } else { nearest }
 }
 
 fn require(

@@ -237,3 +237,60 @@ fn an_illegal_cut_is_not_extracted() {
     let file = PAIRS.build();
     assert!(matches!(extract(&file, &Cut::default()), Err(RefineError::Illegal { .. })));
 }
+
+#[test]
+fn pages_that_are_kept_show_in_nothing() {
+    let raw = DEPENDENT.build();
+    let mut tables = chpm_format::Tables::of(&raw).unwrap();
+    tables.header.packed = true;
+    let mut offset = tables.first_page_offset().unwrap();
+    let mut pages = Vec::new();
+    for (id, record) in (0..).map(chpm_mesh::ClusterId).zip(&mut tables.clusters) {
+        let mut bytes = Vec::new();
+        if chpm_format::packed::pack(raw.page_bytes(id), &mut bytes).unwrap() {
+            record.flags |= ClusterRecord::PACKED;
+        } else {
+            bytes = raw.page_bytes(id).to_vec();
+        }
+        (record.page_offset, record.page_len) = (offset, bytes.len() as u32);
+        record.page_checksum = chpm_format::checksum(&bytes);
+        pages.push((offset, bytes.clone()));
+        offset = (offset + bytes.len() as u64).next_multiple_of(chpm_format::PACKED_ALIGN);
+    }
+    let mut file = tables.encode().unwrap();
+    file.resize(tables.file_len().unwrap() as usize, 0);
+    for (offset, bytes) in pages {
+        file[offset as usize..][..bytes.len()].copy_from_slice(&bytes);
+    }
+    let file = Chpm::open(file).unwrap();
+    for level in 0..3 {
+        let cut = Cut::at_level(&file, Level(level));
+        let expected = extract(&raw, &cut).unwrap();
+        for bytes in [0, 300, 3000, u64::MAX] {
+            let taken = Extraction::keeping(&file, &cut, bytes, || Ok::<_, RefineError>(())).unwrap();
+            let (mut mesh, mut apart) = (TriMesh::default(), TriMesh::default());
+            taken
+                .both(|vertices, triangles| {
+                    mesh.extend_from_slices(vertices);
+                    mesh.triangles.extend_from_slice(triangles);
+                    Ok::<_, RefineError>(())
+                })
+                .unwrap();
+            let done = taken.vertices(|batch| {
+                apart.extend_from_slices(batch);
+                Ok::<_, RefineError>(())
+            });
+            done.unwrap();
+            let done = taken.triangles(|batch| {
+                apart.triangles.extend_from_slice(batch);
+                Ok::<_, RefineError>(())
+            });
+            done.unwrap();
+            assert!(mesh == expected && apart == expected, "level {level}, {bytes} bytes");
+            assert_eq!(
+                (taken.error(), taken.distance()),
+                (cut.error(&file).unwrap(), cut.distance(&file).unwrap())
+            );
+        }
+    }
+}
