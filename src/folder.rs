@@ -1,22 +1,44 @@
-//! A folder of results that appears complete or not at all.
+//! A folder of results that appears complete or not at all, and that a next run goes on with where one was stopped.
 
-use anyhow::{Context, Result, bail, ensure};
-use chpm_extmem::hidden_name;
-use std::ffi::OsString;
+use anyhow::{Context, Error, Result, bail, ensure};
+use chpm_extmem::{Lock, hidden_name};
+use nix::fcntl::{AT_FDCWD, RenameFlags, renameat2};
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use xxhash_rust::xxh3::xxh3_64;
 
-/// A folder that is being filled under a hidden name, `.NAME.PROCESS.partial`. Dropping it removes it.
+/// A folder that is being filled under a hidden name, `.NAME.KEY.partial`. Dropping it removes it.
+///
+/// A journal in it has a record of each file that is whole: its length and a hash of its bytes, which are looked at before it is believed. So it does
+/// not matter where a process was killed, nor what of its files came to disk.
 pub(crate) struct OutputFolder {
     partial: PathBuf,
     target: PathBuf,
-    published: bool,
+    journal: File,
+    /// What was written before, by the hash of its name.
+    before: Vec<Written>,
+    /// Files that the journal names.
+    count: AtomicU64,
+    stays: bool,
+    /// One at a time.
+    _lock: Lock,
 }
 
+/// What the journal says of a file: the hash of its name, its length, the hash of its bytes, and a number that its writer wants back.
+type Written = [u64; 4];
+
+/// The journal's name, and how it begins; behind that is the key.
+const JOURNAL: &str = "journal";
+const MAGIC: u64 = u64::from_le_bytes(*b"CHPMjrnl");
+
 impl OutputFolder {
-    /// Begins a folder that will be called `target`. Where one is there already, it is replaced if it is empty, or, with `force`, if it holds nothing
-    /// but `names`, of which the first has to be there: what else somebody keeps in it is not for us to remove.
-    pub(crate) fn create(target: &Path, force: bool, names: &[&str]) -> Result<Self> {
+    /// Begins a folder that will be called `target`, or goes on with one of the same `key`, which stands for all that decides its bytes. Where one is
+    /// there already, it is replaced if it is empty, or, with `force`, if it holds nothing but `names`, of which the first has to be there: what else
+    /// somebody keeps in it is not for us to remove.
+    pub(crate) fn create(target: &Path, force: bool, names: &[&str], key: u64) -> Result<Self> {
         let name = target
             .file_name()
             .with_context(|| format!("'{}' is no name for a new folder", target.display()))?;
@@ -26,13 +48,30 @@ impl OutputFolder {
             ensure!(target.is_dir(), "'{}' is there and is no folder; choose another name", target.display());
             replaceable(target, force, names)?;
         }
-        let begin = hidden_name(name, ".");
-        sweep(place, &begin);
-        let mut hidden = begin;
-        hidden.push(format!("{}.partial", std::process::id()));
+        let failed = || format!("cannot make a folder in '{}'", place.display());
+        fs::metadata(place).with_context(failed)?;
+        let lock = Lock::acquire(target)?;
+        let hidden = hidden_name(name, &format!(".{:08x}.partial", key as u32));
+        sweep(place, &hidden_name(name, "."), &hidden);
         let partial = place.join(hidden);
-        fs::create_dir(&partial).with_context(|| format!("cannot make a folder in '{}'", place.display()))?;
-        Ok(OutputFolder { partial, target: target.to_owned(), published: false })
+        let (journal, before) = match resume(&partial, key) {
+            Some(found) => found,
+            None => {
+                if partial.exists() {
+                    fs::remove_dir_all(&partial).with_context(failed)?;
+                }
+                fs::create_dir(&partial).with_context(failed)?;
+                (begin(&partial, key).with_context(failed)?, Vec::new())
+            }
+        };
+        let count = AtomicU64::new(before.len() as u64);
+        let target = target.to_owned();
+        Ok(OutputFolder { partial, target, journal, before, count, stays: false, _lock: lock })
+    }
+
+    /// Files that are there from a run that was stopped.
+    pub(crate) fn found(&self) -> usize {
+        self.before.len()
     }
 
     /// Makes a folder in it.
@@ -45,28 +84,59 @@ impl OutputFolder {
         fs::write(self.partial.join(name), bytes).with_context(|| self.failed(name))
     }
 
+    /// The same, for a next run to go on from, which gets `note` back.
+    pub(crate) fn write_to_keep(&self, name: &str, bytes: &[u8], note: u64) -> Result<()> {
+        self.write(name, bytes)?;
+        let record: Written = [xxh3_64(name.as_bytes()), bytes.len() as u64, xxh3_64(bytes), note];
+        // In one call, so that those of other threads come before or after.
+        (&self.journal)
+            .write_all(record.map(u64::to_le_bytes).as_flattened())
+            .with_context(|| self.failed(JOURNAL))?;
+        self.count.fetch_add(1, Relaxed);
+        Ok(())
+    }
+
+    /// The length and the note of a file that a stopped run has written, if all of it is there.
+    pub(crate) fn whole(&self, name: &str) -> Option<(u64, u64)> {
+        let key = xxh3_64(name.as_bytes());
+        let at = self.before.binary_search_by_key(&key, |written| written[0]).ok()?;
+        let [_, len, hash, note] = self.before[at];
+        let bytes = fs::read(self.partial.join(name)).ok()?;
+        (bytes.len() as u64 == len && xxh3_64(&bytes) == hash).then_some((len, note))
+    }
+
     fn failed(&self, name: &str) -> String {
         format!("cannot write '{name}' of '{}'", self.target.display())
     }
 
+    /// What has come to be stays for a next run, if it is worth anything; the error with that.
+    pub(crate) fn keep(mut self, error: Error) -> Error {
+        let count = self.count.load(Relaxed);
+        if count == 0 {
+            return error;
+        }
+        self.stays = true;
+        let [target, partial] = [&self.target, &self.partial].map(|path| path.display());
+        error.context(format!(
+            "'{target}' is not whole: the same command goes on from what is kept in '{partial}', {count} files"
+        ))
+    }
+
     /// All is written: it goes to disk, and the folder gets its name.
     pub(crate) fn publish(mut self) -> Result<()> {
-        let failed = || format!("cannot finish '{}'", self.target.display());
+        let target = self.target.clone();
+        let failed = || format!("cannot finish '{}'", target.display());
         // One call for thousands of files.
         let opened = File::open(&self.partial).with_context(failed)?;
         nix::unistd::syncfs(&opened).with_context(failed)?;
-        let mut old = self.partial.clone().into_os_string();
-        old.push(".old");
-        let replaces = fs::rename(&self.target, &old).is_ok();
-        if let Err(error) = fs::rename(&self.partial, &self.target) {
-            if replaces {
-                let _ = fs::rename(&old, &self.target);
-            }
-            return Err(error).with_context(failed);
-        }
-        self.published = true;
+        fs::remove_file(self.partial.join(JOURNAL)).with_context(failed)?;
+        opened.sync_all().with_context(failed)?;
+        let replaces = target.exists();
+        if replaces { exchange(&self.partial, &target) } else { fs::rename(&self.partial, &target) }
+            .with_context(failed)?;
+        self.stays = true;
         if replaces {
-            let _ = fs::remove_dir_all(&old);
+            let _ = fs::remove_dir_all(&self.partial);
         }
         Ok(())
     }
@@ -74,10 +144,53 @@ impl OutputFolder {
 
 impl Drop for OutputFolder {
     fn drop(&mut self) {
-        if !self.published {
+        if !self.stays {
             let _ = fs::remove_dir_all(&self.partial);
         }
     }
+}
+
+fn begin(partial: &Path, key: u64) -> io::Result<File> {
+    let mut journal = File::options().append(true).create_new(true).open(partial.join(JOURNAL))?;
+    journal.write_all([MAGIC, key, 0, 0].map(u64::to_le_bytes).as_flattened())?;
+    Ok(journal)
+}
+
+/// The journal of a folder of this key, and what it says, by the hashes of names.
+fn resume(partial: &Path, key: u64) -> Option<(File, Vec<Written>)> {
+    let mut journal = File::options().read(true).append(true).open(partial.join(JOURNAL)).ok()?;
+    let mut bytes = Vec::new();
+    journal.read_to_end(&mut bytes).ok()?;
+    let (records, rest) = bytes.as_chunks::<32>();
+    // The last record may have been written in part.
+    journal.set_len((bytes.len() - rest.len()) as u64).ok()?;
+    let number =
+        |record: &[u8; 32], i: usize| u64::from_le_bytes(std::array::from_fn(|byte| record[8 * i + byte]));
+    let written = |record| [0, 1, 2, 3].map(|i| number(record, i));
+    let (head, records) = records.split_first()?;
+    if written(head) != [MAGIC, key, 0, 0] {
+        return None;
+    }
+    // Of a file that was written twice, the last time counts.
+    let mut before: Vec<Written> = records.iter().rev().map(written).collect();
+    before.sort_by_key(|written| written[0]);
+    before.dedup_by_key(|written| written[0]);
+    Some((journal, before))
+}
+
+/// Two folders get each other's names, at once where the file system can do that.
+fn exchange(partial: &Path, target: &Path) -> io::Result<()> {
+    if renameat2(AT_FDCWD, partial, AT_FDCWD, target, RenameFlags::RENAME_EXCHANGE).is_ok() {
+        return Ok(());
+    }
+    let mut old = partial.to_owned().into_os_string();
+    old.push(".old");
+    fs::rename(target, &old)?;
+    if let Err(error) = fs::rename(partial, target) {
+        let _ = fs::rename(&old, target);
+        return Err(error);
+    }
+    fs::rename(&old, partial)
 }
 
 fn replaceable(target: &Path, force: bool, names: &[&str]) -> Result<()> {
@@ -105,16 +218,14 @@ fn replaceable(target: &Path, force: bool, names: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// Removes what processes left that were killed.
-fn sweep(place: &Path, begin: &OsString) {
+/// Removes what stopped runs left that were for something else; whoever calls has the lock.
+fn sweep(place: &Path, begin: &OsStr, own: &OsString) {
     for entry in fs::read_dir(place).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let rest = name.as_encoded_bytes().strip_prefix(begin.as_encoded_bytes());
-        let process = rest.and_then(|rest| rest.strip_suffix(b".partial")).map(String::from_utf8_lossy);
-        let is_dead = |id: &str| {
-            !id.is_empty() && id.bytes().all(|c| c.is_ascii_digit()) && !Path::new("/proc").join(id).exists()
-        };
-        if process.is_some_and(|id| is_dead(&id)) {
+        let key = rest.and_then(|rest| rest.strip_suffix(b".partial"));
+        let is_key = key.is_some_and(|key| key.len() == 8 && key.iter().all(u8::is_ascii_hexdigit));
+        if is_key && name != *own {
             let _ = fs::remove_dir_all(entry.path());
         }
     }
@@ -134,7 +245,7 @@ mod tests {
     }
 
     fn fill(target: &Path, force: bool, text: &str) -> Result<()> {
-        let folder = OutputFolder::create(target, force, &NAMES)?;
+        let folder = OutputFolder::create(target, force, &NAMES, 1)?;
         folder.folder("parts/1")?;
         folder.write("parts/1/a", b"part")?;
         folder.write("index", text.as_bytes())?;
@@ -145,9 +256,11 @@ mod tests {
     fn a_folder_is_whole_or_not_there() {
         let place = tempfile::tempdir().unwrap();
         let target = place.path().join("out");
-        let half = OutputFolder::create(&target, false, &NAMES).unwrap();
+        let half = OutputFolder::create(&target, false, &NAMES, 1).unwrap();
         half.write("index", b"half").unwrap();
         assert!(!target.exists() && half.write("no/such", b"").is_err());
+        let second = OutputFolder::create(&target, false, &NAMES, 1).map(drop).unwrap_err().to_string();
+        assert!(second.contains("out"), "{second}");
         drop(half);
         assert!(names(place.path()).is_empty());
         fill(&target, false, "one").unwrap();
@@ -166,6 +279,56 @@ mod tests {
         fill(&empty, false, "three").unwrap();
     }
 
+    /// As a process leaves it that is killed: nothing is dropped but the lock.
+    fn killed(folder: OutputFolder) {
+        let mut folder = folder;
+        folder.stays = true;
+    }
+
+    #[test]
+    fn what_was_whole_is_gone_on_from_and_nothing_else() {
+        let place = tempfile::tempdir().unwrap();
+        let target = place.path().join("out");
+        let open = |key| OutputFolder::create(&target, false, &NAMES, key).unwrap();
+        let folder = open(1);
+        for (name, bytes) in [("a", "whole"), ("b", "cut short"), ("c", "changed"), ("d", "gone")] {
+            folder.write_to_keep(name, bytes.as_bytes(), 7).unwrap();
+        }
+        folder.write("e", b"not in the journal").unwrap();
+        let partial = folder.partial.clone();
+        killed(folder);
+        fs::write(partial.join("b"), "cut").unwrap();
+        fs::write(partial.join("c"), "CHANGED").unwrap();
+        fs::remove_file(partial.join("d")).unwrap();
+        // The kill came while a record was written.
+        let journal = fs::read(partial.join(JOURNAL)).unwrap();
+        fs::write(partial.join(JOURNAL), [&journal[..], &journal[32..50]].concat()).unwrap();
+
+        let folder = open(1);
+        assert_eq!(
+            ["a", "b", "c", "d", "e", "f"].map(|name| folder.whole(name)),
+            [Some((5, 7)), None, None, None, None, None]
+        );
+        assert_eq!(folder.found(), 4);
+        folder.write_to_keep("b", b"anew", 8).unwrap();
+        killed(folder);
+        let folder = open(1);
+        assert_eq!(["a", "b"].map(|name| folder.whole(name)), [Some((5, 7)), Some((4, 8))]);
+        let told = folder.keep(Error::msg("stopped")).to_string();
+        assert!(told.contains("the same command goes on") && told.contains("4 files"), "{told}");
+
+        // Another key begins anew, and so does a journal that is none.
+        fs::write(partial.join(JOURNAL), "x".repeat(64)).unwrap();
+        assert_eq!((open(1).found(), partial.exists()), (0, false));
+        killed(open(1));
+        killed(open(2));
+        assert!(!partial.exists());
+        let last = open(2);
+        last.write_to_keep("index", b"", 0).unwrap();
+        last.publish().unwrap();
+        assert_eq!((names(place.path()), names(&target)), (vec!["out".to_owned()], vec!["index".to_owned()]));
+    }
+
     #[test]
     fn what_is_not_ours_stays() {
         let place = tempfile::tempdir().unwrap();
@@ -182,16 +345,14 @@ mod tests {
         assert!(fill(&file, true, "").is_err() && fill(&place.path().join("no/such"), true, "").is_err());
         std::os::unix::fs::symlink("photos", place.path().join("link")).unwrap();
         assert!(fill(&place.path().join("link"), true, "").is_err());
-        // Left by a process that is no more, and by one that is.
-        let alive = format!(".new.{}.partial", std::process::id());
-        for left in [".new.4194999.partial", ".new.x.partial", ".other.4194999.partial", "a.partial"] {
+        for left in [".new.0123abcd.partial", ".new.x.partial", ".other.0123abcd.partial", "a.partial"] {
             fs::create_dir(place.path().join(left)).unwrap();
         }
         fill(&place.path().join("new"), false, "").unwrap();
         let left = names(place.path());
-        assert!(!left.contains(&".new.4194999.partial".to_owned()) && !left.contains(&alive), "{left:?}");
+        assert!(!left.contains(&".new.0123abcd.partial".to_owned()), "{left:?}");
         assert!(
-            [".new.x.partial", ".other.4194999.partial", "a.partial"]
+            [".new.x.partial", ".other.0123abcd.partial", "a.partial"]
                 .iter()
                 .all(|n| left.contains(&(*n).to_owned()))
         );

@@ -5,9 +5,9 @@ use crate::folder::OutputFolder;
 use crate::memory::{self, MemoryArgs};
 use crate::number;
 use crate::place::{self, Place};
-use crate::progress::Meter;
-use crate::stop::{self, Stop};
-use anyhow::Result;
+use crate::progress::{Meter, line};
+use crate::stop::Stop;
+use anyhow::{Result, ensure};
 use chpm_build::Cancel;
 use chpm_export::tiles::{Mesh, Options, Tree, tile, tile_path, tilesets};
 use chpm_extmem::MappedFile;
@@ -16,9 +16,10 @@ use chpm_mesh::{Bytes, ClusterId, Counted};
 use clap::ValueEnum;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use xxhash_rust::xxh3::xxh3_64;
 
 /// What `chpm export` is told.
 #[derive(clap::Args, Debug)]
@@ -69,8 +70,8 @@ enum Up {
 /// What an export's folder holds.
 const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
 
-/// What a cluster takes besides the tables: its parent, its group's error and place in an order, and its id.
-const EACH: u64 = 16;
+/// What a cluster takes besides the tables: its parent, its group's error and place in an order, its id, and what a stopped run says of its tiles.
+const EACH: u64 = 16 + 2 * 2 * 32;
 /// What a thread takes for one tile, at most: 65,535 vertices and twice as many triangles.
 const WORK: u64 = 12 << 20;
 
@@ -93,20 +94,64 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
         transform: args.transform.or_else(|| args.origin.map(Place::frame)),
         span: args.span,
     };
-    let folder = OutputFolder::create(&args.tiles, args.force, &NAMES)?;
+    let folder = OutputFolder::create(&args.tiles, args.force, &NAMES, key(file, &options))?;
+    if folder.found() > 0 && !args.quiet {
+        line(&format!("going on: {} are there", Counted(folder.found() as u64, "tile")));
+    }
     let meter = Meter::new(args.quiet);
+    let sums = match fill(file, &options, &folder, &meter, cancel) {
+        Ok(sums) => sums,
+        // What is wrong with the source will be so next time.
+        Err(error) if cancel.is_cancelled() || error.chain().any(|cause| cause.is::<io::Error>()) => {
+            return Err(folder.keep(error));
+        }
+        Err(error) => return Err(error),
+    };
+    folder.publish()?;
+    meter.finish();
 
+    let mut out = stdout();
+    let [sets, tiles, triangles, bytes] = sums;
+    writeln!(
+        out,
+        "{}: {} of {}, {}, in {}",
+        args.tiles.display(),
+        Counted(tiles, "tile"),
+        Counted(triangles, "triangle"),
+        Bytes(bytes),
+        Counted(sets, "tileset"),
+    )?;
+    Ok(out.flush()?)
+}
+
+/// What decides all bytes: the options, and the file, whose header has a checksum of the checksums of all that is in it.
+fn key(file: &Chpm<MappedFile>, options: &Options) -> u64 {
+    xxh3_64(format!("{:016x} {options:?}", file.header().header_checksum).as_bytes())
+}
+
+/// Writes all of it; how many tilesets, tiles, triangles and bytes of tiles that are.
+fn fill(
+    file: &Chpm<MappedFile>,
+    options: &Options,
+    folder: &OutputFolder,
+    meter: &Meter,
+    cancel: &Cancel,
+) -> Result<[u64; 4]> {
+    let go_on = || {
+        ensure!(!cancel.is_cancelled(), "stopped on request");
+        Ok(())
+    };
     meter.start("tree", file.groups().len() as u64);
     let tree = Tree::find(file, |_| {
         meter.add(1);
-        stop::check(cancel)
+        go_on()
     })?;
     let mut sets = 0_u64;
-    tilesets(file, &tree, &options, |set| {
+    tilesets(file, &tree, options, |set| {
         sets += 1;
         folder.folder(above(&set.path))?;
         folder.write(&set.path, set.json.as_bytes())?;
-        stop::check(cancel)
+        go_on()
     })?;
     meter.finish();
 
@@ -118,30 +163,24 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
     let [tiles, triangles, bytes] = [0, 0, 0].map(AtomicU64::new);
     clusters.par_iter().try_for_each(|id| {
         for mesh in Mesh::of(file, *id) {
-            let (glb, count) = tile(file, *id, *mesh, &options)?;
-            folder.write(&tile_path(*id, *mesh), &glb)?;
-            for (sum, more) in [(&tiles, 1), (&triangles, count), (&bytes, glb.len() as u64)] {
+            let path = tile_path(*id, *mesh);
+            let (len, count) = match folder.whole(&path) {
+                Some(found) => found,
+                None => {
+                    let (glb, count) = tile(file, *id, *mesh, options)?;
+                    folder.write_to_keep(&path, &glb, count)?;
+                    (glb.len() as u64, count)
+                }
+            };
+            for (sum, more) in [(&tiles, 1), (&triangles, count), (&bytes, len)] {
                 sum.fetch_add(more, Relaxed);
             }
         }
         meter.add(1);
-        stop::check(cancel)
+        go_on()
     })?;
     file.get_ref().check_unchanged()?;
-    folder.publish()?;
-    meter.finish();
-
-    let mut out = stdout();
-    writeln!(
-        out,
-        "{}: {} of {}, {}, in {}",
-        args.tiles.display(),
-        Counted(tiles.into_inner(), "tile"),
-        Counted(triangles.into_inner(), "triangle"),
-        Bytes(bytes.into_inner()),
-        Counted(sets, "tileset"),
-    )?;
-    Ok(out.flush()?)
+    Ok([sets, tiles.into_inner(), triangles.into_inner(), bytes.into_inner()])
 }
 
 /// The folder that a file of the tileset lies in.

@@ -13,7 +13,7 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// An eye, and the error in a pixel at distance 1 times the pixels that are allowed.
 #[derive(Clone, Copy, Debug)]
@@ -325,24 +325,119 @@ fn the_frame_of_the_world_is_what_was_asked_for() {
     assert_eq!(folder.names(), ["far.chpm", "far.obj", "out"]);
 }
 
-#[test]
-fn an_export_that_is_stopped_or_fails_leaves_nothing() {
+/// A model of some thousand tiles.
+fn many_tiles() -> Folder {
     let folder = Folder::new();
-    folder.stdout("synth isosurface --triangles 60000 -o in.ply -q");
+    folder.stdout("synth isosurface --triangles 40000 -o in.ply -q");
     folder.stdout("build in.ply --cluster-triangles 16 -q");
-    let (status, told) = folder.signalled("export in.chpm --3dtiles out", "tiles", Signal::SIGINT);
-    assert!(!status.success() || folder.path("out").exists(), "{told:?}");
-    if status.success() {
-        fs::remove_dir_all(folder.path("out")).expect("it ended before the signal");
+    folder.stdout("export in.chpm --3dtiles expected -q");
+    folder
+}
+
+/// The hidden folder of an export that is not whole, if there is one.
+fn partial(folder: &Folder) -> Option<String> {
+    let mut hidden = folder.names().into_iter().filter(|name| name.ends_with(".partial"));
+    hidden.next().inspect(|_| assert_eq!(hidden.next(), None, "one at most"))
+}
+
+/// Runs an export and kills it once its journal has so many bytes; how many it had then, or none where it ended before.
+fn kill_at(folder: &Folder, words: &str, bytes: u64) -> Option<u64> {
+    let mut child =
+        folder.command(words).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("a process");
+    loop {
+        let journal = partial(folder).map(|name| folder.path(&name).join("journal"));
+        let len = journal.and_then(|path| fs::metadata(path).ok()).map_or(0, |journal| journal.len());
+        if child.try_wait().expect("a process").is_some() {
+            return None;
+        }
+        if len > bytes {
+            child.kill().expect("a process to kill");
+            child.wait().expect("an end");
+            return Some(len);
+        }
+        std::thread::yield_now();
     }
-    assert_eq!(folder.names(), ["in.chpm", "in.ply"], "{told:?}");
+}
+
+#[test]
+fn an_export_that_was_killed_goes_on_to_the_same_bytes() {
+    let folder = many_tiles();
+    let words = "export in.chpm --3dtiles out -q";
+    let expected = files(&folder.path("expected"));
+    let records = 32 * expected.keys().filter(|name| name.ends_with(".glb")).count() as u64;
+    assert!(records > 32 * 2000, "{records}");
+    let (mut random, mut killed) = (0x2545_f491_u64, Vec::new());
+    for round in 0..2 {
+        // At its beginning, in between, and near its end; the next goes on from there.
+        for share in [0, 20, 45, 70, 90] {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let at = records * (share + (random >> 33) % 9) / 100;
+            if folder.path("out").exists() {
+                break;
+            }
+            killed.extend(kill_at(&folder, words, at));
+        }
+        // What a crash of the system may leave: files that are shorter, and others with something else in them.
+        if let Some(left) = partial(&folder).filter(|_| round > 0) {
+            for name in ["tiles/000/3.glb", "tiles/001/1111.glb"].map(|name| folder.path(&left).join(name)) {
+                if let Ok(bytes) = fs::read(&name) {
+                    fs::write(
+                        &name,
+                        if name.ends_with("3.glb") { bytes[..40].to_vec() } else { vec![0; bytes.len()] },
+                    )
+                    .expect("a file");
+                }
+            }
+        }
+        if !folder.path("out").exists() {
+            let told = folder.stderr(&words.replace("-q", ""), 0);
+            assert!(told.contains("going on"), "{told}");
+        }
+        assert!(files(&folder.path("out")) == expected, "round {round}");
+        assert_eq!(folder.names(), ["expected", "in.chpm", "in.ply", "out"]);
+        fs::remove_dir_all(folder.path("out")).expect("a folder");
+    }
+    assert!(killed.len() > 3, "{killed:?}");
+
+    // Other settings begin anew.
+    if kill_at(&folder, words, records / 2).is_some() {
+        folder.stdout(&format!("{words} --up y"));
+        folder.stdout("export in.chpm --3dtiles turned --up y -q");
+        assert!(files(&folder.path("out")) == files(&folder.path("turned")));
+        assert_eq!(folder.names(), ["expected", "in.chpm", "in.ply", "out", "turned"]);
+    }
+}
+
+#[test]
+fn what_a_signal_or_a_full_disk_stopped_goes_on_and_damage_leaves_nothing() {
+    let folder = many_tiles();
+    let expected = files(&folder.path("expected"));
+    let (status, told) = folder.signalled("export in.chpm --3dtiles out", "tiles", Signal::SIGINT);
+    if !status.success() {
+        let told = told.join(" ");
+        assert!(!folder.path("out").exists() && told.contains("the same command goes on"), "{told}");
+        folder.stdout("export in.chpm --3dtiles out -q");
+    }
+    assert!(files(&folder.path("out")) == expected);
+    // A file may not be longer than 60 KB, which the journal is at some time.
+    let words = "export in.chpm --3dtiles full -q --span 3";
+    let limited = format!("ulimit -f 120; exec {CHPM} {words}");
+    let out =
+        Command::new("sh").current_dir(folder.path("")).args(["-c", &limited]).output().expect("a process");
+    let told = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.code() == Some(2) && told.contains("the same command goes on"), "{told}");
+    assert!(!folder.path("full").exists());
+    folder.stdout(words);
+    folder.stdout("export in.chpm --3dtiles other -q --span 3");
+    assert!(files(&folder.path("full")) == files(&folder.path("other")));
+
     let mut bytes = folder.read("in.chpm");
     let at = bytes.len() / 2;
     bytes[at..].iter_mut().for_each(|byte| *byte = 0x55);
     folder.write("bad.chpm", bytes);
-    let error = folder.stderr("export bad.chpm --3dtiles out -q", 2);
+    let error = folder.stderr("export bad.chpm --3dtiles new -q", 2);
     assert!(error.contains("bad.chpm"), "{error}");
-    assert_eq!(folder.names(), ["bad.chpm", "in.chpm", "in.ply"]);
+    assert_eq!(folder.names(), ["bad.chpm", "expected", "full", "in.chpm", "in.ply", "other", "out"]);
 }
 
 /// Another program with another idea of geometry: 3d-tiles-renderer in a browser, and gltf-validator.
