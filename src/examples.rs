@@ -84,6 +84,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         "contacts",
         &[
             ("chpm contacts scan.chpm scan.chpm --within 0.1% --pose 0,0,0.1", "where they are near"),
+            ("chpm contacts scan.chpm scan.chpm --path moves.poses --csv contacts.csv", "along a motion"),
             ("chpm contacts scan.chpm --self", "where it meets itself"),
         ],
     ),

@@ -27,7 +27,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let AskArgs { first, poses, limits, threads, tell } = &args.ask;
     let (mut csv, mut out) = tell.open(output::CLEARANCE_CSV, &[first, &args.second.second])?;
-    let ([still, _], path) = (poses.poses(), args.second.path(poses)?);
+    let ([still, _], path) = (poses.poses(), args.second.path.poses(poses)?);
     let pair = args.ask.pair(&args.second.second, stop)?;
     let cancel = stop.heed();
     let above = args.above.of(pair.diagonal());

@@ -1,16 +1,18 @@
 //! `chpm contacts`: everywhere that two models come near, or that a model meets itself.
 
+mod itself;
+
 use super::Verdict;
 use crate::number::Units;
 use crate::output::{self, Output};
-use crate::proximity::{AskArgs, Opened, Pair};
+use crate::proximity::{AskArgs, Pair, PathArgs};
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, ensure};
 use chpm_build::config::Length;
 use chpm_mesh::{Bytes, Counted};
 use chpm_proximity::contacts::Near;
-use chpm_proximity::{Contacts, Crossing, Model, Reads, Region, contacts, crossings};
+use chpm_proximity::{Contacts, Region, contacts};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -23,8 +25,10 @@ pub(crate) struct Args {
     /// Another, or the same
     #[arg(required_unless_present = "itself", conflicts_with = "itself")]
     second: Option<PathBuf>,
+    #[command(flatten)]
+    path: PathArgs,
     /// Find where the source of the first model meets itself: triangles that have a point in common and no vertex. Exact, whatever the numbers
-    #[arg(long = "self", conflicts_with_all = ["within", "error", "pose", "pose_a", "max_pages"])]
+    #[arg(long = "self", conflicts_with_all = ["within", "error", "pose", "pose_a", "path", "max_pages"])]
     itself: bool,
     /// Find all that is within this distance, in the models' units or, as in 1%, of the larger diagonal of their boxes. 0 finds where they touch
     #[arg(long, value_name = "D", default_value = "0")]
@@ -37,6 +41,8 @@ pub(crate) struct Args {
 
 /// Bytes of a triangle that is near, and of what hangs on it.
 const TRIANGLE: u64 = 512;
+/// Bytes of a region that is told as JSON.
+const REGION: u64 = 4096;
 
 /// Finds and tells. Something found is no fault.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
@@ -45,7 +51,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let (csv, mut out) = args.ask.tell.open(output::CONTACTS_CSV, &inputs)?;
     let csv = match &args.second {
         Some(second) => between(args, second, stop, csv, &mut out)?,
-        None => within_itself(args, stop, csv, &mut out)?,
+        None => itself::within_itself(args, stop, csv, &mut out)?,
     };
     out.flush()?;
     drop(out);
@@ -64,40 +70,98 @@ fn between(
 ) -> Result<Option<Output>> {
     let pair = args.ask.pair(second, stop)?;
     let cancel = stop.heed();
-    let [still, pose] = args.ask.poses.poses();
+    let ([still, _], path) = (args.ask.poses.poses(), args.path.poses(&args.ask.poses)?);
     let diagonal = pair.diagonal();
     let most = (pair.waiting / TRIANGLE) as usize;
     let near = Near { within: args.within.of(diagonal), error: args.error.of(diagonal), most };
     let pool = args.ask.threads.pool()?;
-    let found = pair.reading(|| {
-        let [a, b] = pair.open(1)?;
-        let limits = args.ask.limits.start(&cancel);
-        let found = contacts(&a, &b, [&still, &pose], &near, &pool, &mut |read| limits.go_on(read))?;
-        stop::check(&cancel)?;
-        Ok(found)
-    })?;
+    let is_path = args.path.is_given();
     if let Some(csv) = &mut csv {
-        write_csv(&found.regions, csv)?;
+        writeln!(csv, "{}{HEADER}", if is_path { "step," } else { "" })?;
     }
+    // All regions are kept where they are told; for a path in words, a row for each step.
+    let (mut steps, mut rows, mut kept) = (Vec::new(), Vec::new(), 0);
+    pair.reading(|| {
+        let [a, b] = pair.open(1)?;
+        for (step, pose) in path.iter().enumerate() {
+            let limits = args.ask.limits.start(&cancel);
+            let found = contacts(&a, &b, [&still, pose], &near, &pool, &mut |read| limits.go_on(read))?;
+            stop::check(&cancel)?;
+            if let Some(csv) = &mut csv {
+                write_csv(is_path.then_some(step), &found.regions, csv)?;
+            }
+            if is_path && !args.ask.tell.json {
+                rows.push(row_of(step, &found));
+                continue;
+            }
+            kept += found.regions.len() as u64;
+            ensure!(
+                !is_path || kept <= pair.waiting / REGION,
+                "too many regions for --json up to step {step} of the path; use --csv alone, which keeps none, or more --memory"
+            );
+            steps.push(found);
+        }
+        Ok(())
+    })?;
     if args.ask.tell.json {
-        let value = json!({
-            "schema": "chpm-contacts/1",
-            "first": pair.models[0].json(),
-            "second": pair.models[1].json(),
-            "within": near.within,
-            "error": near.error,
+        writeln!(out, "{:#}", to_json(&pair, &near, &steps, is_path))?;
+    } else if is_path {
+        let header = ["step", "regions", "least", "depth", "triangles", "and", "pages", "complete"];
+        writeln!(out, "{}", table(&header, rows))?;
+    } else if let [found] = steps.as_slice() {
+        print(&pair, found, &near, out)?;
+    }
+    Ok(csv)
+}
+
+/// One answer, or those of a path.
+fn to_json(pair: &Pair, near: &Near, steps: &[Contacts], is_path: bool) -> Value {
+    let mut value = json!({
+        "schema": if is_path { "chpm-contacts-path/1" } else { "chpm-contacts/1" },
+        "first": pair.models[0].json(),
+        "second": pair.models[1].json(),
+        "within": near.within,
+        "error": near.error,
+    });
+    let step = |found: &Contacts| {
+        json!({
             "complete": found.complete,
             "rounding": found.margin,
             "pairs": found.pairs,
             "pages": found.reads.map(|read| read.pages),
             "page_bytes": found.reads.map(|read| read.bytes.0),
             "regions": found.regions.iter().map(region_json).collect::<Vec<_>>(),
-        });
-        writeln!(out, "{value:#}")?;
-    } else {
-        print(&pair, &found, &near, out)?;
+        })
+    };
+    match (steps, value.as_object_mut()) {
+        ([found], Some(value)) if !is_path => {
+            if let Value::Object(of_step) = step(found) {
+                value.extend(of_step);
+            }
+        }
+        (_, Some(value)) => _ = value.insert("steps".to_owned(), steps.iter().map(step).collect()),
+        (_, None) => {}
     }
-    Ok(csv)
+    value
+}
+
+/// What people are told of a step of a path.
+fn row_of(step: usize, found: &Contacts) -> Vec<String> {
+    let Contacts { regions, complete, reads, .. } = found;
+    let triangles = |side: usize| count(regions.iter().map(|region| region.triangles[side]).sum());
+    let least = regions.iter().map(|region| region.least).reduce(f64::min);
+    let deepest = regions.iter().map(|region| region.depth).reduce(f64::max);
+    let units = |length: Option<f64>| length.map_or("-".to_owned(), |x| Units(x).to_string());
+    vec![
+        step.to_string(),
+        count(regions.len() as u64),
+        units(least),
+        units(deepest),
+        triangles(0),
+        triangles(1),
+        count(reads[0].plus(reads[1]).pages),
+        if *complete { "yes" } else { "no: stopped" }.to_owned(),
+    ]
 }
 
 fn region_json(region: &Region) -> Value {
@@ -118,16 +182,17 @@ fn region_json(region: &Region) -> Value {
     })
 }
 
-fn write_csv(regions: &[Region], out: &mut impl Write) -> Result<()> {
-    writeln!(
-        out,
-        "region,least,most,ax,ay,az,bx,by,bz,triangles_a,triangles_b,area_a,area_b,depth,level_a,level_b"
-    )?;
+/// Columns of a region.
+const HEADER: &str =
+    "region,least,most,ax,ay,az,bx,by,bz,triangles_a,triangles_b,area_a,area_b,depth,level_a,level_b";
+
+fn write_csv(step: Option<usize>, regions: &[Region], out: &mut impl Write) -> Result<()> {
+    let lead = step.map_or(String::new(), |step| format!("{step},"));
     for (at, region) in regions.iter().enumerate() {
         let Region { least, most, witness, triangles: [t, u], area: [r, s], depth, levels: [l, m], .. } =
             region;
         let points: Vec<String> = witness.points.as_flattened().iter().map(f64::to_string).collect();
-        writeln!(out, "{at},{least},{most},{},{t},{u},{r},{s},{depth},{l},{m}", points.join(","))?;
+        writeln!(out, "{lead}{at},{least},{most},{},{t},{u},{r},{s},{depth},{l},{m}", points.join(","))?;
     }
     Ok(())
 }
@@ -183,78 +248,4 @@ fn print(pair: &Pair, found: &Contacts, near: &Near, out: &mut dyn Write) -> Res
         writeln!(out, "stopped at the limit: there may be more")?;
     }
     Ok(())
-}
-
-fn within_itself(
-    args: &Args,
-    stop: &Stop,
-    mut csv: Option<Output>,
-    out: &mut dyn Write,
-) -> Result<Option<Output>> {
-    let AskArgs { first, limits, threads, tell, .. } = &args.ask;
-    let model = Opened::new(first, limits.memory.0, tell.quiet, stop)?;
-    let own = crate::proximity::GROUP * model.file.clusters().len() as u64;
-    let pages = crate::memory::divide(&model.file, limits.memory.0, own)?;
-    if model.file.is_trimmed() {
-        bail!(
-            "'{}' was built without detail below an error, so its leaves are not the source",
-            model.path.display()
-        );
-    }
-    let cancel = stop.heed();
-    let origin = model.file.header().origin;
-    let (mut pairs, mut first) = (0, None);
-    let (limits, pool) = (limits.start(&cancel), threads.pool()?);
-    let complete = super::reading(&model.file, || {
-        let reader = Model::new(&model.file, Bytes(pages))
-            .with_context(|| format!("cannot use '{}'", model.path.display()))?;
-        if let Some(csv) = &mut csv {
-            writeln!(csv, "cluster_a,triangle_a,cluster_b,triangle_b,x,y,z")?;
-        }
-        let mut take = |crossing: &Crossing| {
-            pairs += 1;
-            first = first.or(Some(*crossing));
-            match &mut csv {
-                Some(csv) => write_crossing(crossing, origin, csv),
-                None => Ok(()),
-            }
-        };
-        let mut go_on = || limits.go_on(Reads::default());
-        let complete = crossings(&reader, &pool, &mut take, &mut go_on)?;
-        stop::check(&cancel)?;
-        Ok(complete)
-    })?;
-    if args.ask.tell.json {
-        let value = json!({
-            "schema": "chpm-contacts-self/1",
-            "file": model.json(),
-            "complete": complete,
-            "pairs": pairs,
-        });
-        writeln!(out, "{value:#}")?;
-    } else {
-        let name = model.path.display();
-        let found = Counted(pairs, "pair of triangles");
-        writeln!(out, "{name}: {found} that meet and have no vertex in common")?;
-        if let Some(crossing) = first {
-            let [x, y, z] = place(&crossing, origin);
-            writeln!(out, "  the first near {x} {y} {z}; --csv has all")?;
-        }
-        if !complete {
-            writeln!(out, "stopped at the limit: there may be more")?;
-        }
-    }
-    Ok(csv)
-}
-
-/// A corner of the first triangle, in the source's coordinates.
-fn place(crossing: &Crossing, origin: [f64; 3]) -> [f64; 3] {
-    let corner = crossing.corners[0][0];
-    [0, 1, 2].map(|axis| f64::from(corner[axis]) + origin[axis])
-}
-
-fn write_crossing(crossing: &Crossing, origin: [f64; 3], out: &mut impl Write) -> Result<()> {
-    let ([x, y], [t, u]) = (crossing.clusters.map(|cluster| cluster.0), crossing.triangles);
-    let [px, py, pz] = place(crossing, origin);
-    Ok(writeln!(out, "{x},{t},{y},{u},{px},{py},{pz}")?)
 }

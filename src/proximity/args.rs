@@ -41,15 +41,26 @@ impl AskArgs {
 pub(crate) struct SecondArgs {
     /// Another, or the same
     pub(crate) second: PathBuf,
+    #[command(flatten)]
+    pub(crate) path: PathArgs,
+}
+
+/// A motion of the second model.
+#[derive(clap::Args, Debug)]
+pub(crate) struct PathArgs {
     /// Ask for each pose of the second model in this file, one a line as for --pose, in this order. Each answer begins with what the one before has
     /// read and found, so that small motions cost little
     #[arg(long, visible_alias = "poses", value_name = "FILE", conflicts_with = "pose")]
     path: Option<PathBuf>,
 }
 
-impl SecondArgs {
+impl PathArgs {
+    pub(crate) fn is_given(&self) -> bool {
+        self.path.is_some()
+    }
+
     /// The poses that the second model takes.
-    pub(crate) fn path(&self, poses: &PoseArgs) -> Result<Vec<Pose>> {
+    pub(crate) fn poses(&self, poses: &PoseArgs) -> Result<Vec<Pose>> {
         let [_, pose] = poses.poses();
         Ok(self.path.as_deref().map(read_path).transpose()?.unwrap_or_else(|| vec![pose]))
     }

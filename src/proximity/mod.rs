@@ -5,7 +5,7 @@ mod poses;
 #[cfg(feature = "viewer")]
 mod relate;
 
-pub(crate) use args::{AskArgs, LimitArgs, PoseArgs, SecondArgs};
+pub(crate) use args::{AskArgs, LimitArgs, PathArgs, PoseArgs, SecondArgs};
 #[cfg(feature = "viewer")]
 pub(crate) use relate::{RelateArgs, place};
 

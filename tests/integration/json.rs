@@ -69,6 +69,7 @@ fn every_key_is_documented_and_appears() {
     folder.stdout("build in.ply -q --cluster-triangles 256");
     folder.stdout("path orbit in.chpm --frames 2 -o in.path");
     folder.stdout("extract in.chpm --triangles 500 -o small.ply -q");
+    folder.write("one.poses", "0,0,0\n");
 
     let measured = folder.stdout("measure in.chpm --against in.ply --samples 1 -q --json");
     folder.write("measured.json", measured);
@@ -93,6 +94,7 @@ fn every_key_is_documented_and_appears() {
         ("distance", "distance in.chpm small.ply --pose 3,0,0 -q --json", 0),
         ("clearance", "clearance in.chpm small.ply --above 1% -q --json", 1),
         ("contacts", "contacts in.chpm small.ply --within 1% -q --json", 0),
+        ("contacts-path", "contacts in.chpm small.ply --within 1% --path one.poses -q --json", 0),
         ("contacts-self", "contacts in.chpm --self -q --json", 0),
         ("compare", "compare in.chpm small.ply -q --json", 0),
         ("walk", "walk in.chpm in.path -q --json", 0),

@@ -110,6 +110,45 @@ fn contacts_are_told_by_region() {
 }
 
 #[test]
+fn contacts_are_told_along_a_path() {
+    let folder = site();
+    folder.write("a.poses", "0,0,2.1\n0,0,2.3\n0 0 1.9\n");
+    let words = "contacts in.chpm packed.chpm --within 0.1001 -q";
+    let value = answer(&folder, &format!("{words} --path a.poses --json"), 0);
+    assert_eq!(value["schema"], "chpm-contacts-path/1");
+    let csv = folder.stdout(&format!("{words} --path a.poses --csv -"));
+    let mut rows = csv.lines().skip(1);
+    // Each step is what the pose alone gives, in pages that were read before or not.
+    for (step, pose) in ["0,0,2.1", "0,0,2.3", "0,0,1.9"].into_iter().enumerate() {
+        let alone = answer(&folder, &format!("{words} --pose {pose} --json"), 0);
+        let told = &value["steps"][step];
+        assert_eq!((&told["regions"], &told["pairs"]), (&alone["regions"], &alone["pairs"]), "{pose}");
+        assert_eq!(told["regions"].as_array().map(Vec::len), Some(usize::from(step != 1)), "{pose}");
+        let alone = folder.stdout(&format!("{words} --pose {pose} --csv -"));
+        for row in alone.lines().skip(1) {
+            assert_eq!(rows.next(), Some(format!("{step},{row}").as_str()));
+        }
+    }
+    assert_eq!(
+        (rows.next(), csv.lines().next().map(|line| line.starts_with("step,region,"))),
+        (None, Some(true))
+    );
+    let reread = value["steps"][2]["pages"].as_array().unwrap().iter().filter_map(Value::as_u64).sum::<u64>();
+    let alone = answer(&folder, &format!("{words} --pose 0,0,1.9 --json"), 0);
+    assert!(alone["pages"].as_array().unwrap().iter().filter_map(Value::as_u64).sum::<u64>() > reread);
+    let table = folder.stdout(&format!("{words} --path a.poses"));
+    assert_eq!(table.lines().count(), 5, "{table}");
+    assert!(folder.stderr("contacts in.chpm --self --path a.poses", 2).contains("--path"));
+    // A path of one pose is a path.
+    folder.write("one.poses", "0,0,2.1\n");
+    assert_eq!(answer(&folder, &format!("{words} --path one.poses --json"), 0)["steps"][0]["complete"], true);
+    // What would not fit is refused by name.
+    folder.write("many.poses", &"0.3,0.1,0\n".repeat(3));
+    let stopped = answer(&folder, &format!("{words} --path many.poses --max-pages 0 --json"), 0);
+    assert_eq!(stopped["steps"][2]["complete"], false, "{stopped}");
+}
+
+#[test]
 fn a_model_that_meets_itself_is_told() {
     let folder = site();
     assert!(folder.stdout("contacts in.chpm --self").contains(": 0 pairs of triangles that meet"));

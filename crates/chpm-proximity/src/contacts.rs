@@ -19,7 +19,8 @@ use std::sync::Arc;
 pub struct Near {
     /// All that is within this distance is to be found.
     pub within: f64,
-    /// What is farther than `within` by more than this is not to be told.
+    /// What is farther than `within` by more than this is not to be told, but for rounding: edges that are nearly parallel and nearly
+    /// touch are told apart to some 1e-8 of their length.
     pub error: f64,
     /// Most triangles that may be near, and most pairs of groups that may be.
     pub most: usize,

@@ -20,24 +20,15 @@ pub(crate) struct Near {
 /// the search is off by rounding, the bounds are apart, and still hold.
 pub(crate) fn distance(t: &Corners, u: &Corners) -> Near {
     let mut best = Best { squared: f64::INFINITY, a: t[0], b: u[0] };
-    for corner in u {
-        best.take(nearest_point(corner, t), *corner);
-    }
-    for corner in t {
-        best.take(*corner, nearest_point(corner, u));
-    }
-    for i in 0..3 {
-        for j in 0..3 {
-            if let Some((a, b)) = cross_points(t[i], t[(i + 1) % 3], u[j], u[(j + 1) % 3]) {
-                best.take(a, b);
-            }
-        }
-    }
+    each_near(t, u, &mut |a, b| best.take(a, b));
+    // What rounding alone may leave between the bounds.
+    let noise = 4e-15 * (t[0].amax() + u[0].amax());
+    let is_wide = |least: f64, most: f64| most - least > WIDTH * most + noise;
     // What is apart along the way between these points is not pierced, and no others are nearer.
     let Best { squared, a, b } = best;
     let most = squared.sqrt();
     let least = apart_along(a - b, t, u);
-    if least > 0.0 && most - least <= 1e-9 * most {
+    if least > 0.0 && !is_wide(least, most) {
         return Near { least: least.min(most), most, a, b };
     }
     for i in 0..3 {
@@ -51,10 +42,34 @@ pub(crate) fn distance(t: &Corners, u: &Corners) -> Near {
     let Best { squared, a, b } = best;
     let most = squared.sqrt();
     let mut least = apart_along(a - b, t, u);
-    if most - least > 1e-9 * most {
+    if is_wide(least, most) {
+        // Squares do not tell points apart that are off by half of their digits; what lies along the way between them does.
+        each_near(t, u, &mut |a, b| least = least.max(apart_along(a - b, t, u)));
+    }
+    if is_wide(least, most) {
         least = separations(t, u).map(|direction| apart_along(direction, t, u)).fold(least, f64::max);
     }
     Near { least: least.min(most), most, a, b }
+}
+
+/// Of the distance: bounds that are as near to each other are good enough.
+const WIDTH: f64 = 1e-12;
+
+/// Points that may be the nearest: a corner and what is nearest to it, or on an edge of each.
+fn each_near(t: &Corners, u: &Corners, take: &mut impl FnMut(Vector3<f64>, Vector3<f64>)) {
+    for corner in u {
+        take(nearest_point(corner, t), *corner);
+    }
+    for corner in t {
+        take(*corner, nearest_point(corner, u));
+    }
+    for i in 0..3 {
+        for j in 0..3 {
+            if let Some((a, b)) = cross_points(t[i], t[(i + 1) % 3], u[j], u[(j + 1) % 3]) {
+                take(a, b);
+            }
+        }
+    }
 }
 
 /// The nearest points so far.

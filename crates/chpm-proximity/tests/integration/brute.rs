@@ -63,7 +63,10 @@ fn volume(a: V, b: V, c: V, d: V) -> f64 {
 fn goes_through(p: V, q: V, [a, b, c]: &[V; 3]) -> bool {
     let (from, to) = (volume(*a, *b, *c, p), volume(*a, *b, *c, q));
     let sides = [volume(p, q, *a, *b), volume(p, q, *b, *c), volume(p, q, *c, *a)];
-    from * to < 0.0 && (sides.iter().all(|x| *x > 0.0) || sides.iter().all(|x| *x < 0.0))
+    // What rounding may give of a face that is far smaller than its distance from the edge's ends is no crossing; there its edges are near.
+    let reach = [a, b, c].into_iter().map(|x| (x - p).norm()).fold(0.0, f64::max);
+    let noise = 1e-15 * (q - p).norm() * reach * reach;
+    from * to < 0.0 && (sides.iter().all(|x| *x > noise) || sides.iter().all(|x| *x < -noise))
 }
 
 /// The height above a face, infinite where the foot is outside.

@@ -4,5 +4,6 @@ mod brute;
 mod distances;
 mod following;
 mod gauges;
+mod hard;
 mod site;
 mod touching;

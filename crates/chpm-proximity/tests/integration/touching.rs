@@ -14,13 +14,18 @@ fn pool() -> ThreadPool {
     ThreadPoolBuilder::new().num_threads(2).build().unwrap()
 }
 
-fn find(a: &Built, b: &Built, pose: &Pose, near: &Near) -> Contacts {
+pub(crate) fn find(a: &Built, b: &Built, pose: &Pose, near: &Near) -> Contacts {
     let [x, y] = [a, b].map(|built| Model::new(&built.file, Bytes(1 << 20)).unwrap());
     contacts(&x, &y, [&Pose::IDENTITY, pose], near, &pool(), &mut |_| true).unwrap()
 }
 
 /// All pairs of triangles that are within a distance, and the points of the first model's there.
-fn near_pairs(a: &Built, b: &Built, pose: &Pose, within: f64) -> Vec<([usize; 2], [Vector3<f64>; 3])> {
+pub(crate) fn near_pairs(
+    a: &Built,
+    b: &Built,
+    pose: &Pose,
+    within: f64,
+) -> Vec<([usize; 2], [Vector3<f64>; 3])> {
     let (t, u) = (a.placed(&Pose::IDENTITY), b.placed(pose));
     brute::pairs_within(&t, &u, within)
         .into_iter()
