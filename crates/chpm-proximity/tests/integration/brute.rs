@@ -4,14 +4,22 @@ use nalgebra::Vector3;
 
 type V = Vector3<f64>;
 
+/// A triangle in a ball: its corners, the middle, the radius.
+type Balled = ([V; 3], V, f64);
+
 /// The distance of two sets of triangles.
 pub(crate) fn distance(a: &[[[f64; 3]; 3]], b: &[[[f64; 3]; 3]]) -> f64 {
-    let a: Vec<([V; 3], V, f64)> = a.iter().map(with_ball).collect();
-    let b: Vec<([V; 3], V, f64)> = b.iter().map(with_ball).collect();
-    let mut best = f64::INFINITY;
-    for (t, center, radius) in &a {
+    let (a, b): (Vec<Balled>, Vec<Balled>) =
+        (a.iter().map(with_ball).collect(), b.iter().map(with_ball).collect());
+    // Some corners first, so that most of a scan is seen to be too far away.
+    let some =
+        |all: &[Balled]| all.iter().step_by(1 + all.len() / 500).map(|(t, ..)| t[0]).collect::<Vec<V>>();
+    let (p, q) = (some(&a), some(&b));
+    let mut best = p.iter().flat_map(|p| q.iter().map(move |q| (p - q).norm())).fold(f64::INFINITY, f64::min);
+    for (_, (t, center, radius)) in within_box(&a, &b, best) {
         for (u, other, reach) in &b {
-            if (center - other).norm() - radius - reach < best {
+            let near = best + radius + reach;
+            if (center - other).norm_squared() < near * near {
                 best = best.min(of_triangles(t, u));
             }
         }
@@ -21,11 +29,13 @@ pub(crate) fn distance(a: &[[[f64; 3]; 3]], b: &[[[f64; 3]; 3]]) -> f64 {
 
 /// The pairs of triangles that are within a distance.
 pub(crate) fn pairs_within(a: &[[[f64; 3]; 3]], b: &[[[f64; 3]; 3]], within: f64) -> Vec<[usize; 2]> {
-    let b: Vec<([V; 3], V, f64)> = b.iter().map(with_ball).collect();
+    let (a, b): (Vec<Balled>, Vec<Balled>) =
+        (a.iter().map(with_ball).collect(), b.iter().map(with_ball).collect());
     let mut found = Vec::new();
-    for (i, (t, center, radius)) in a.iter().map(with_ball).enumerate() {
+    for (i, (t, center, radius)) in within_box(&a, &b, within) {
         for (j, (u, other, reach)) in b.iter().enumerate() {
-            if (center - other).norm() - radius - reach <= within && of_triangles(&t, u) <= within {
+            let near = within + radius + reach;
+            if (center - other).norm_squared() <= near * near && of_triangles(t, u) <= within {
                 found.push([i, j]);
             }
         }
@@ -33,7 +43,18 @@ pub(crate) fn pairs_within(a: &[[[f64; 3]; 3]], b: &[[[f64; 3]; 3]], within: f64
     found
 }
 
-fn with_ball(t: &[[f64; 3]; 3]) -> ([V; 3], V, f64) {
+/// Those of `a`, with their numbers, whose balls are within a distance of the box about all of `b`.
+fn within_box<'a>(a: &'a [Balled], b: &[Balled], within: f64) -> Vec<(usize, &'a Balled)> {
+    let low = b.iter().fold(V::repeat(f64::INFINITY), |m, (u, ..)| m.inf(&u[0]).inf(&u[1]).inf(&u[2]));
+    let high = b.iter().fold(V::repeat(f64::NEG_INFINITY), |m, (u, ..)| m.sup(&u[0]).sup(&u[1]).sup(&u[2]));
+    let is_near = |(_, (_, center, radius)): &(usize, &Balled)| {
+        let outside = (low - center).sup(&(center - high)).sup(&V::zeros());
+        outside.norm() <= (within + radius) * (1.0 + 1e-12)
+    };
+    a.iter().enumerate().filter(is_near).collect()
+}
+
+fn with_ball(t: &[[f64; 3]; 3]) -> Balled {
     let t = t.map(V::from);
     let center = (t[0] + t[1] + t[2]) / 3.0;
     (t, center, t.iter().map(|p| (p - center).norm()).fold(0.0, f64::max) * (1.0 + 1e-12))

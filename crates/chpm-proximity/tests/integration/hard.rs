@@ -39,20 +39,20 @@ fn placed(a: &Built, b: &Built, sides: [f64; 3], turned: bool) -> Pose {
 }
 
 /// What f64 may lose of coordinates like these, in formulas as those of the truth.
-fn rounding(a: &Built, b: &Built) -> f64 {
+pub(crate) fn rounding(a: &Built, b: &Built) -> f64 {
     let away = a.center().iter().chain(&b.center()).fold(0.0, |m: f64, x| m.max(x.abs()));
     1e-12 * (a.diagonal() + b.diagonal() + away)
 }
 
 /// How far the leaves are from the source, of both.
-fn stored(a: &Built, b: &Built) -> f64 {
+pub(crate) fn stored(a: &Built, b: &Built) -> f64 {
     let of = |built: &Built| {
         built.file.clusters().iter().filter(|c| c.is_leaf()).map(|c| c.min_error).fold(0.0, f32::max)
     };
     f64::from(of(a)) + f64::from(of(b))
 }
 
-fn ask(a: &Built, b: &Built, pose: &Pose, error: f64) -> Answer {
+pub(crate) fn ask(a: &Built, b: &Built, pose: &Pose, error: f64) -> Answer {
     let [x, y] = [a, b].map(|built| Model::new(&built.file, Bytes(1 << 20)).unwrap());
     let question = Question { error, above: None, most_pairs: 1 << 20 };
     distance(&x, &y, [&Pose::IDENTITY, pose], &question, &mut |_| true).unwrap()

@@ -5,5 +5,6 @@ mod distances;
 mod following;
 mod gauges;
 mod hard;
+mod scans;
 mod site;
 mod touching;
