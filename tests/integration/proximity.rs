@@ -143,7 +143,7 @@ fn contacts_are_told_along_a_path() {
     folder.write("one.poses", "0,0,2.1\n");
     assert_eq!(answer(&folder, &format!("{words} --path one.poses --json"), 0)["steps"][0]["complete"], true);
     // What would not fit is refused by name.
-    folder.write("many.poses", &"0.3,0.1,0\n".repeat(3));
+    folder.write("many.poses", "0.3,0.1,0\n".repeat(3));
     let stopped = answer(&folder, &format!("{words} --path many.poses --max-pages 0 --json"), 0);
     assert_eq!(stopped["steps"][2]["complete"], false, "{stopped}");
 }

@@ -192,8 +192,8 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
         let mut end = None;
         while let Some(pair) = self.front.waiting.peek().copied() {
             let least = self.front.least(&pair);
-            if self.is_decided(least) {
-                end = Some(End::Decided);
+            if let Some(decided) = self.decided(least) {
+                end = Some(decided);
                 break;
             }
             let is_crowded = self.front.pairs() > self.question.most_pairs;
@@ -214,17 +214,19 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
         if room.is_none() {
             self.front.is_whole(self.pairs - from);
         }
-        let is_decided = self.is_decided(self.settled);
-        Ok(end.or(Some(if is_decided { End::Decided } else { End::Exact })))
+        Ok(end.or_else(|| self.decided(self.settled)).or(Some(End::Exact)))
     }
 
-    /// Whether enough is known where nothing that is left is nearer than `least`.
-    fn is_decided(&self, least: f64) -> bool {
+    /// Why enough is known where nothing that is left is nearer than `least`, if it is.
+    fn decided(&self, least: f64) -> Option<End> {
         let least = least.min(self.settled).min(self.most).max(0.0);
-        match self.question.above {
+        let is_enough = match self.question.above {
             Some(above) => least > above || self.most <= above,
             None => self.most - least <= self.question.error,
-        }
+        };
+        // Models that meet do so in many places, and none tells more than the first.
+        let is_exact = || self.most - least <= 2.0 * self.between.margin;
+        is_enough.then_some(End::Decided).or_else(|| is_exact().then_some(End::Exact))
     }
 
     fn take(&mut self, pair: Pair, mut least: f64) -> Result<(), ProximityError> {

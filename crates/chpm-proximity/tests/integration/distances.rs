@@ -104,6 +104,18 @@ fn poses_of_both_count_and_far_origins_cancel() {
 }
 
 #[test]
+fn models_that_meet_in_many_places_are_asked_about_one() {
+    let torus = Built::new("torus", Synth::new(Shape::Torus, 4000, 0).to_mesh(), [0.0; 3], false);
+    let turned = Pose::of_quaternion([0.1, 0.2, 0.3, 1.0], [0.1, 0.0, 0.0]).unwrap();
+    for pose in [Pose::IDENTITY, turned] {
+        let answer = ask(&torus, &torus, [&Pose::IDENTITY, &pose], &within(0.0));
+        assert!(answer.least == 0.0 && answer.most <= 2.0 * answer.margin, "{answer:?}");
+        // Levels of groups, and a few beside each; all that meet are thousands.
+        assert!(answer.end == End::Exact && answer.pairs < 300, "{answer:?}");
+    }
+}
+
+#[test]
 fn a_search_that_is_stopped_tells_what_is_proven() {
     let sphere = Built::new("sphere", hand::icosphere(3), [0.0; 3], false);
     let pose = Pose::of_quaternion([0.1, 0.2, 0.3, 1.0], [2.5, 0.0, 0.0]).unwrap();
