@@ -264,8 +264,10 @@ impl Viewer {
 
     /// How each model looks.
     fn colors(&self, request: &FrameRequest, target: &Target<'_>) -> Vec<Colors> {
-        let colors = |model: &Model| Colors::new(&request.look, model.has_colors(), target.format);
-        self.models.iter().map(colors).collect()
+        let colors = |(place, model): (usize, &Model)| {
+            Colors::new(&request.look, model.has_colors(), target.format).of_other(place > 0)
+        };
+        self.models.iter().enumerate().map(colors).collect()
     }
 
     fn check_size(&self, got: [u32; 2]) -> Result<(), ViewerError> {

@@ -22,7 +22,12 @@ pub(super) struct Colors {
     look: Look,
     kind: Kind,
     has_colors: bool,
+    /// It is not the first of its picture.
+    is_other: bool,
 }
+
+/// What a model that is not the first has in the place of one colour.
+const OTHER: [u8; 3] = [150, 180, 208];
 
 impl Colors {
     /// For a look, a file that may have colours, and the format of what is drawn into.
@@ -33,12 +38,17 @@ impl Colors {
             (false, true) => Kind::Colored(format),
             (false, false) => Kind::Bare(format),
         };
-        Colors { look: *look, kind, has_colors }
+        Colors { look: *look, kind, has_colors, is_other: false }
+    }
+
+    /// The same for a model that is not the first, which is to be told from it.
+    pub(super) fn of_other(self, is_other: bool) -> Self {
+        Colors { is_other, ..self }
     }
 
     /// Depth alone.
     pub(super) fn depth() -> Self {
-        Colors { look: Look::default(), kind: Kind::Depth, has_colors: false }
+        Colors { look: Look::default(), kind: Kind::Depth, has_colors: false, is_other: false }
     }
 
     fn ids() -> Self {
@@ -53,6 +63,7 @@ impl Colors {
     pub(super) fn uniform(&self) -> [u32; 4] {
         let colors = match self.look.colors {
             Coloring::Vertex if self.has_colors => 1,
+            Coloring::Plain | Coloring::Vertex if self.is_other => 2,
             Coloring::Plain | Coloring::Vertex => 0,
             Coloring::Ids => 3,
             _ => 2,
@@ -162,10 +173,11 @@ impl Model {
         }
     }
 
-    fn tint(&self, coloring: Coloring, item: &Item, scale: [f32; 2], now: u64) -> [u8; 3] {
-        let Item { member, sight, .. } = *item;
+    fn tint(&self, colors: &Colors, item: &Item, scale: [f32; 2], now: u64) -> [u8; 3] {
+        let (Item { member, sight, .. }, coloring) = (*item, colors.look.colors);
         // Those that no cluster gives its colour to need no record.
         let record = match coloring {
+            Coloring::Plain | Coloring::Vertex if colors.is_other => return OTHER,
             Coloring::Plain | Coloring::Vertex | Coloring::Ids => return [255; 3],
             _ => &self.scene.file().clusters()[member.cluster.index()],
         };
@@ -262,7 +274,7 @@ impl Model {
             let Some(resident) = self.arena.get(cluster) else { continue };
             let key = self.keys.get(cluster.index()).copied().unwrap_or(0);
             let shown = plan.shows(item.sight);
-            let mut tint = self.tint(coloring, item, scale, now);
+            let mut tint = self.tint(colors, item, scale, now);
             if !shown && coloring == Coloring::Visibility {
                 // It is drawn only if it comes into sight.
                 tint = [240, 210, 70];

@@ -221,7 +221,7 @@ fn colored() -> Model {
 fn each_has_its_own_attributes() {
     let (colored, plain) = (colored(), models::shells());
     let aside = Motion::new(STILL, [40.0, 0.0, 0.0]);
-    let both = [(&colored, Place::STILL), (&plain, aside.place())];
+    let both = [(&plain, aside.place()), (&colored, Place::STILL)];
     let mut viewer = open_all(&both, PLENTY).expect("a viewer");
     for look in [Look::default(), Look { shading: Shading::Smooth, wireframe: true, ..Look::default() }] {
         for (model, shift) in [(&colored, 0.0), (&plain, 40.0)] {
@@ -235,6 +235,19 @@ fn each_has_its_own_attributes() {
             let pairs = got.pixels.chunks_exact(4).zip(expected.pixels.chunks_exact(4));
             let differ = pairs.filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > 2)).count();
             assert!(differ < 20, "{differ} pixels of {shift}");
+        }
+    }
+    // Of two without colours, the second one is bluish, lit or not.
+    let pair = [(&plain, Place::STILL), (&plain, aside.place())];
+    let mut viewer = open_all(&pair, PLENTY).expect("a viewer");
+    for (shift, is_first) in [(0.0, true), (40.0, false)] {
+        for shading in [Shading::Flat, Shading::Smooth] {
+            let camera = Camera::looking([0.5 + shift, 0.8, 3.0], [shift, 0.0, 0.0]);
+            let look = Look { shading, background: [0.0; 3], ..Look::default() };
+            let request = FrameRequest { look, ..exact(camera, VIEWPORT, 1.0) };
+            let (got, _) = headless::image(&mut viewer, &request).expect("a picture");
+            let lit: Vec<_> = got.pixels.chunks_exact(4).filter(|p| p[0] > 20).collect();
+            assert!(lit.len() > 1000 && lit.iter().all(|p| (p[0] > p[2]) == is_first), "{shift} {shading:?}");
         }
     }
 }
