@@ -34,7 +34,8 @@ def read(path: str | os.PathLike[str], **selection: Any) -> meshio.Mesh:
     -------
     meshio.Mesh
         Points in float32, or in float64 where the file has an origin, which is added; one block of triangles. ``point_data`` has
-        "normals" (float32, (n, 3)) and "rgba" (uint8, (n, 4)) where vertices have them, ``info`` "error" and "distance".
+        "normals" (float32, (n, 3)) and "rgba" (uint8, (n, 4)) where vertices have them, ``info`` "error" and "distance", in the
+        model's units.
     """
     mesh = _read(path, **selection)
     points = mesh.absolute() if mesh.origin.any() else mesh.vertices

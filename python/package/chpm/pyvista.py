@@ -21,7 +21,7 @@ __all__ = ["read"]
 
 
 def read(path: str | os.PathLike[str], **selection: Any) -> pyvista.PolyData:
-    """One mesh of a file.
+    """One mesh of a file, as ``pyvista.read`` gives it with the same arguments.
 
     Parameters
     ----------
