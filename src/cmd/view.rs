@@ -180,15 +180,13 @@ fn beside(source: &Path) -> Result<PathBuf> {
 }
 
 /// Whether the file is built from the mesh as it is now, with whatever settings. `None` if there is no file.
-fn is_current(source: &Path, output: &Path) -> Option<bool> {
+fn is_current(source: &Path, output: &Path, cancel: &Cancel) -> Option<bool> {
     output.symlink_metadata().ok()?;
     // What is no file would be waited for; the build refuses it.
     chpm_extmem::target(output, true).ok()?;
-    // Nothing is to be cleaned up: the first signal ends the process.
-    let never = Cancel::default();
     let built = || -> Result<bool> {
         let from = open(output)?.metadata()?.source;
-        Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source, &never)?, &never)?)
+        Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source, cancel)?, cancel)?)
     };
     Some(built().unwrap_or(false))
 }
@@ -204,7 +202,8 @@ fn stale(source: &Path, output: &Path) -> String {
 /// The file of a mesh, built with the usual progress if it is not there.
 fn prepared(source: &Path, args: &Args, stop: &Stop) -> Result<PathBuf> {
     let output = beside(source)?;
-    match is_current(source, &output) {
+    // Nothing is to be cleaned up: the first signal ends the process.
+    match is_current(source, &output, &Cancel::default()) {
         Some(true) => return Ok(output),
         Some(false) => ensure!(args.force, stale(source, &output)),
         None => {}
@@ -221,7 +220,7 @@ fn prepared(source: &Path, args: &Args, stop: &Stop) -> Result<PathBuf> {
 #[derive(Default)]
 struct Builder {
     overwrite: bool,
-    /// Of the build that runs.
+    /// Of the build that was begun last.
     cancel: Mutex<Cancel>,
     /// What is looked at meanwhile; gone with it.
     previews: Mutex<Vec<TempDir>>,
@@ -258,18 +257,22 @@ impl Prepare for Builder {
         inputs::is_mesh(path)
     }
 
+    fn begin(&self) {
+        *self.cancel.lock().unwrap_or_else(PoisonError::into_inner) = Cancel::default();
+    }
+
     fn prepare(
         &self,
         source: &Path,
         tell: &(dyn Fn(&str, f32) + Sync),
         show: &dyn Fn(PathBuf),
     ) -> Result<PathBuf, String> {
-        let cancel = Cancel::default();
-        *self.cancel.lock().unwrap_or_else(PoisonError::into_inner) = cancel.clone();
+        let cancel = self.cancel.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let output = beside(source).map_err(|error| error.to_string())?;
         tell("reading", 0.0);
-        match is_current(source, &output) {
+        match is_current(source, &output, &cancel) {
             Some(true) => return Ok(output),
+            _ if cancel.is_cancelled() => return Err("stopped".to_owned()),
             Some(false) if !self.overwrite => return Err(stale(source, &output)),
             _ => {}
         }

@@ -239,11 +239,30 @@ impl View {
         self.culling && self.misses(region)
     }
 
-    /// Whether a sphere is wholly on the outer side of one plane of the frustum. What is not may be outside nevertheless.
+    /// Whether a region's sphere or its box is wholly on the outer side of one plane of the frustum, or of the clipping plane. What is not
+    /// may be outside nevertheless.
     pub fn misses(&self, region: &Region) -> bool {
         let center = Point3::from(region.center) - self.eye;
         let margin = region.radius + region.slack * (center.norm() + region.radius);
-        self.planes.iter().any(|(normal, offset)| normal.dot(&center) + offset + margin < 0.0)
+        let sphere = |(normal, offset): &(Vector3<f64>, f64)| normal.dot(&center) + offset + margin < 0.0;
+        self.planes.iter().any(|plane| sphere(plane) || self.box_misses(region, plane))
+    }
+
+    /// Whether all of a region is beyond the clipping plane: it is not seen wherever the camera turns.
+    pub fn clips(&self, region: &Region) -> bool {
+        self.box_misses(region, &self.planes[5])
+    }
+
+    /// Whether a region's box is on the outer side of a plane. Each step is monotone in the box, so that one inside it is, too.
+    fn box_misses(&self, region: &Region, (normal, offset): &(Vector3<f64>, f64)) -> bool {
+        let (mut farthest, mut reach) = (*offset, 0.0);
+        for axis in 0..3 {
+            let (low, high) = (region.low[axis] - self.eye[axis], region.high[axis] - self.eye[axis]);
+            farthest += normal[axis] * if normal[axis] > 0.0 { high } else { low };
+            reach += normal[axis].abs() * low.abs().max(high.abs());
+        }
+        // A sphere alone has a box without end, which misses nothing.
+        farthest + Region::SLACK * reach < 0.0
     }
 
     /// Whether a sphere is well inside all planes: then nothing in it is outside. For less than a test of a box.

@@ -171,7 +171,10 @@ impl Scene {
         let seen = |group| !culling.occlusion || visibility.sees(file, group);
         let in_image = |group| !culling.frustum || !ahead.misses(hierarchy.region(group));
         let allowed = |group| in_image(group) && seen(group);
-        let traffic = self.pager.foresee(file, hierarchy, ahead, AHEAD, allowed, seen);
+        // Whoever turns sees what is beside the image, but not what the clipping plane leaves out.
+        let clipped = |group| culling.frustum && ahead.clips(hierarchy.region(group));
+        let next = |group| seen(group) && !clipped(group);
+        let traffic = self.pager.foresee(file, hierarchy, ahead, AHEAD, allowed, next);
         self.dispatch(traffic, true)
     }
 

@@ -239,4 +239,47 @@ proptest! {
         };
         prop_assert!(view.bound(&small) >= view.bound(&large));
     }
+
+    #[test]
+    fn a_box_inside_another_is_seen_by_nobody_who_does_not_see_that(
+        low in prop::array::uniform3(-10.0..10.0f64),
+        size in prop::array::uniform3(0.0..10.0f64),
+        grow in prop::array::uniform6(prop::sample::select(vec![0.0, 1e-15, 2.0])),
+        eye in prop::array::uniform3(-30.0..30.0f64),
+        normal in prop::array::uniform3(-1.0..1.0f64),
+        share in 0.0..1.0f64,
+    ) {
+        let high: [f64; 3] = std::array::from_fn(|a| low[a] + size[a]);
+        // The plane touches the small box, or runs through it: there all is rounding.
+        let along = |a: usize, near: bool| normal[a] * if (normal[a] > 0.0) == near { low[a] } else { high[a] };
+        let [near, far] = [true, false].map(|near| (0..3).map(|a| along(a, near)).sum::<f64>());
+        let camera = Camera::looking(eye, [eye[0] + 0.1, eye[1], eye[2] - 1.0]);
+        let view = View::new(&camera, [200, 100], 1.0).unwrap();
+        let all = sphere([0.0; 3], 100.0);
+        let small = Region { low, high, ..all };
+        let large = Region {
+            low: std::array::from_fn(|a| low[a] - grow[a]),
+            high: std::array::from_fn(|a| high[a] + grow[a + 3]),
+            ..all
+        };
+        for offset in [near, near - 1e-15, near + share * (far - near)] {
+            let view = view.clipped(normal, offset);
+            prop_assert!(view.misses(&small) || !view.misses(&large));
+            prop_assert!(view.clips(&small) || !view.clips(&large));
+        }
+        // Clearly on one side of it.
+        prop_assert!(view.clipped(normal, near - 1e-9).clips(&small));
+        prop_assert!(!view.clipped(normal, near + 1e-9).clips(&small) && !view.clips(&small));
+    }
+}
+
+#[test]
+fn a_box_is_missed_where_its_sphere_is_not() {
+    let view = simple(0.0, 1.0);
+    // The sphere reaches into the image, the box stays beside it; one without end is everywhere.
+    let beside =
+        Region { low: [30.0, -9.0, -11.0], high: [50.0, 9.0, -9.0], ..sphere([40.0, 0.0, -10.0], 30.0) };
+    assert!(view.misses(&beside) && !view.misses(&sphere([40.0, 0.0, -10.0], 30.0)));
+    let clipped = view.clipped([0.0, 0.0, -1.0], 5.0);
+    assert!(clipped.clips(&beside) && !view.clips(&beside) && !clipped.clips(&sphere([0.0; 3], 1.0)));
 }

@@ -1,5 +1,6 @@
 //! The window's life: events in, frames out.
 
+mod building;
 mod files;
 mod input;
 
@@ -19,9 +20,9 @@ use crate::window::session::{Next, Session, Whole};
 use crate::window::settings::Settings;
 use crate::window::tally::Tally;
 use crate::window::{Options, Outcome, save};
-use std::path::{Path, PathBuf};
+use building::{Building, News};
+use std::path::Path;
 use std::sync::Arc;
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
 use winit::dpi::PhysicalSize;
@@ -45,12 +46,8 @@ const NOTE: Duration = Duration::from_secs(6);
 /// What comes from other threads.
 #[derive(Debug)]
 pub(super) enum Event {
-    /// A build does this, and has done this share of it.
-    Progress(String, f32),
-    /// A build has something to look at meanwhile.
-    Preview(PathBuf),
-    /// A build is done: the CHPM, or what to tell.
-    Built(Result<PathBuf, String>),
+    /// Of a build.
+    Build(News),
     /// What is known of two models at a step of their motion.
     Related(usize, Result<Relation, String>),
 }
@@ -71,8 +68,7 @@ pub(super) struct App {
     help: bool,
     browser: Option<(Browser, String)>,
     note: Option<(Note, Instant)>,
-    /// A build: what it does, how far it is, the thread.
-    building: Option<(String, f32, JoinHandle<()>)>,
+    building: Option<Building>,
     started: Instant,
     /// When the last frame began, if the next one follows at once.
     before: Option<Instant>,
@@ -121,10 +117,9 @@ impl App {
 
     /// After the last event.
     pub(super) fn finish(mut self) -> Result<Outcome, ViewerError> {
-        if let Some((.., thread)) = self.building.take() {
+        if let Some(building) = self.building.take() {
             self.options.prepare.cancel();
-            // A build that panicked has told so.
-            let _ = thread.join();
+            building.join();
         }
         if let Some(fault) = self.fault {
             return Err(fault);
@@ -249,7 +244,10 @@ impl App {
                 self.settings = self.settings.clone().with_accuracy(accuracy);
             }
             if (up, side) == (None, None) {
-                session.navigator.jump(&remembered.camera());
+                let (camera, roll) = remembered.camera();
+                if session.navigator.jump(&camera) {
+                    session.navigator.roll(roll);
+                }
             }
         }
         self.keep();
@@ -269,8 +267,8 @@ impl App {
         let (Some(session), Some(canvas)) = (&self.session, &self.canvas) else { return };
         if self.remembers() && !self.preview {
             let size = canvas.window.inner_size().into();
-            let camera = session.navigator.destination();
-            let remembered = Remembered::new(&session.path, size, &camera, &self.settings);
+            let (camera, roll) = (session.navigator.destination(), session.navigator.rolled());
+            let remembered = Remembered::new(&session.path, size, &camera, roll, &self.settings);
             self.forgot = self.options.memory.keep(&session.path, &remembered).err();
         }
     }
@@ -476,8 +474,8 @@ impl App {
         if self.help && overlay::keys(context) {
             commands.push(Command::Help);
         }
-        if let Some((what, share, _)) = &self.building
-            && overlay::progress(context, what, *share, self.preview)
+        if let Some(building) = &self.building
+            && overlay::progress(context, &building.what, building.share, self.preview)
         {
             self.options.prepare.cancel();
         }
@@ -532,35 +530,10 @@ impl ApplicationHandler<Event> for App {
 
     fn user_event(&mut self, events: &ActiveEventLoop, event: Event) {
         match event {
-            Event::Progress(what, share) => {
-                if let Some(building) = &mut self.building {
-                    (building.0, building.1) = (what, share);
-                }
-            }
-            Event::Preview(path) => {
-                // What cannot be drawn early need not be.
-                if self.building.is_some() && self.open(&path, None).is_ok() {
-                    self.preview = true;
-                    if let Some(canvas) = &self.canvas {
-                        canvas.window.set_title("preview - chpm");
-                    }
-                }
-            }
+            Event::Build(news) => self.hear_of_build(news, events),
             Event::Related(step, answer) => {
                 if let Some(couple) = &mut self.couple {
                     couple.hear(step, answer);
-                }
-            }
-            Event::Built(built) => {
-                self.building = None;
-                let is_first = std::mem::take(&mut self.is_first);
-                match built {
-                    Ok(path) => self.take_built(&path),
-                    Err(told) if is_first => {
-                        self.fault = Some(ViewerError::Model(told));
-                        events.exit();
-                    }
-                    Err(told) => self.tell(told, true),
                 }
             }
         }

@@ -75,6 +75,9 @@ pub trait Prepare: Send + Sync {
     /// Whether a file is, by its name, a mesh that can be built.
     fn takes(&self, path: &Path) -> bool;
 
+    /// A build is about to start, in another thread: [`Prepare::cancel`] means that one from now on.
+    fn begin(&self);
+
     /// Builds, and answers the CHPM. `tell` hears what is done, and which share of it, from any thread; `show` is given a coarse CHPM of
     /// the same model, if there is one before.
     ///
@@ -87,7 +90,7 @@ pub trait Prepare: Send + Sync {
         show: &dyn Fn(PathBuf),
     ) -> Result<PathBuf, String>;
 
-    /// Asks a build that runs to end early.
+    /// Asks the build that was begun last to end early, or not to start.
     fn cancel(&self);
 }
 

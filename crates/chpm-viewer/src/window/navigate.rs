@@ -186,6 +186,21 @@ impl Navigator {
         true
     }
 
+    /// The same, but the axis that is upward stays so: a camera that leans is one whose picture was rolled.
+    pub fn resume(&mut self, camera: &Camera) -> bool {
+        let resumed = self.jump(&Camera { up: self.frame.up().into(), ..*camera });
+        if resumed {
+            let ([right, upward, _], [_, leant, _]) = (self.camera().axes(), camera.axes());
+            self.roll = f64::atan2(leant.dot(&right), leant.dot(&upward)).to_degrees();
+        }
+        resumed
+    }
+
+    /// How far the picture is turned counterclockwise, degrees.
+    pub fn rolled(&self) -> f64 {
+        self.roll
+    }
+
     /// Travels to a camera; see [`Navigator::jump`] for what is not heeded.
     pub fn travel(&mut self, camera: &Camera) -> bool {
         let here = self.camera();

@@ -109,6 +109,16 @@ pub(super) enum Choice {
     Closed,
 }
 
+/// What a path that was typed asks for, taken from the folder that is shown.
+pub(super) fn entered(browser: &Browser, typed: &str) -> Choice {
+    let path = browser.folder().join(typed.trim());
+    match typed.trim().is_empty() {
+        true => Choice::Open,
+        false if path.is_dir() => Choice::Folder(path),
+        false => Choice::File(path),
+    }
+}
+
 /// The open dialog; `typed` is the text of its field.
 pub(super) fn browse(context: &egui::Context, browser: &Browser, typed: &mut String) -> Choice {
     let (mut open, mut choice) = (true, Choice::Open);
@@ -116,7 +126,6 @@ pub(super) fn browse(context: &egui::Context, browser: &Browser, typed: &mut Str
     let window = window.default_size(vec2(460.0, 360.0)).pivot(Align2::CENTER_CENTER);
     let middle = context.content_rect().center();
     window.default_pos(middle).frame(style::frame()).show(context, |ui| {
-        // A path that is typed, taken from the folder that is shown.
         ui.horizontal(|ui| {
             let field = egui::TextEdit::singleline(typed).hint_text("a path").desired_width(360.0);
             let field = ui.add(field);
@@ -125,9 +134,8 @@ pub(super) fn browse(context: &egui::Context, browser: &Browser, typed: &mut Str
             if ui.memory(|memory| memory.focused().is_none()) {
                 field.request_focus();
             }
-            if (ui.button("open").clicked() || done) && !typed.is_empty() {
-                let path = browser.folder().join(typed.trim());
-                choice = if path.is_dir() { Choice::Folder(path) } else { Choice::File(path) };
+            if ui.button("open").clicked() || done {
+                choice = entered(browser, typed);
             }
         });
 

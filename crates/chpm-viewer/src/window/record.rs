@@ -1,6 +1,7 @@
 //! Camera paths from a person's motion, and back: sixty cameras a second, whatever the frame rate was.
 
-use chpm_refine::{Camera, CameraPath};
+use chpm_refine::{Camera, CameraPath, Up};
+use nalgebra::Vector3;
 
 /// Cameras a second in a path.
 pub const RATE: f64 = 60.0;
@@ -96,6 +97,13 @@ impl Replay {
         (done / self.path.cameras.len() as f64).clamp(0.0, 1.0) as f32
     }
 
+    /// The axis that is upward all along the path, if one is.
+    pub fn upward(&self) -> Option<Up> {
+        let up = self.path.cameras[0].up;
+        let is_same = self.path.cameras.iter().all(|camera| camera.up == up);
+        Up::ALL.into_iter().find(|axis| is_same && axis.vector() == Vector3::from(up))
+    }
+
     /// The camera that the path ends at.
     pub fn last(&self) -> Option<&Camera> {
         self.path.cameras.last()
@@ -153,6 +161,20 @@ mod tests {
         assert_eq!(seen, path.cameras);
         assert_eq!((replay.progress(), replay.last()), (1.0, path.cameras.last()));
         assert!(Replay::new(CameraPath::default(), Pace::Frames).is_none());
+    }
+
+    #[test]
+    fn a_path_is_upright_along_one_axis_or_leans() {
+        let z = Camera { up: [0.0, 0.0, 1.0], ..at(1.0) };
+        let upward = |cameras: &[Camera]| {
+            let path = CameraPath { cameras: cameras.to_vec() };
+            Replay::new(path, Pace::Clock).unwrap().upward().map(|up| up.to_string())
+        };
+        assert_eq!(upward(&[at(1.0), at(2.0)]), Some("y".to_owned()));
+        assert_eq!(upward(&[z, z]), Some("z".to_owned()));
+        for cameras in [[z, at(2.0)], [at(1.0), at(2.0).rolled(90.0)], [at(1.0).rolled(3.0); 2]] {
+            assert_eq!(upward(&cameras), None);
+        }
     }
 
     #[test]

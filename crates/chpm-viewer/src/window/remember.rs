@@ -37,20 +37,23 @@ struct View {
     target: [f64; 3],
     up: [f64; 3],
     fov: f64,
+    /// Degrees that the picture is turned counterclockwise.
+    #[serde(default)]
+    roll: f64,
 }
 
 impl Remembered {
-    /// What is to be remembered of a model.
-    pub fn new(model: &Path, window: [u32; 2], camera: &Camera, settings: &Settings) -> Self {
+    /// What is to be remembered of a model: an upright camera, and how far its picture is rolled.
+    pub fn new(model: &Path, window: [u32; 2], camera: &Camera, roll: f64, settings: &Settings) -> Self {
         let Camera { position, target, up, fov, .. } = *camera;
-        let camera = View { position, target, up, fov };
+        let camera = View { position, target, up, fov, roll };
         Remembered { version: VERSION, model: key(model), window, camera, settings: settings.clone() }
     }
 
-    /// The camera, in the model's coordinates. Whether it can be one, who uses it checks.
-    pub fn camera(&self) -> Camera {
-        let View { position, target, up, fov } = self.camera;
-        Camera { position, target, up, fov, near: 0.0 }
+    /// The camera, in the model's coordinates, and how far its picture is rolled. Whether it can be one, who uses it checks.
+    pub fn camera(&self) -> (Camera, f64) {
+        let View { position, target, up, fov, roll } = self.camera;
+        (Camera { position, target, up, fov, near: 0.0 }, roll)
     }
 
     fn check(self, model: &Path) -> Result<Self, String> {
@@ -156,7 +159,7 @@ mod tests {
 
     fn remembered(model: &Path) -> Remembered {
         let camera = Camera { up: [0.0, 0.0, 1.0], ..Camera::looking([1.5, -2.25, 1e9], [0.1; 3]) };
-        Remembered::new(model, [1280, 720], &camera, &Settings::default())
+        Remembered::new(model, [1280, 720], &camera, -15.0, &Settings::default())
     }
 
     #[test]
@@ -176,6 +179,17 @@ mod tests {
         memory.keep(&model, &other).unwrap();
         assert_eq!(memory.recall(&model), Ok(Some(other)));
         assert_eq!(fs::read_dir(folder.path().join("deep/state")).unwrap().count(), 1, "no temporary files");
+    }
+
+    /// What an earlier version kept is a camera without roll.
+    #[test]
+    fn an_upright_camera_says_nothing_of_roll() {
+        let folder = tempfile::tempdir().unwrap();
+        let memory = Memory::at(folder.path().to_owned());
+        let model = Path::new("/no/where/model.chpm");
+        let text = toml::to_string(&remembered(model)).unwrap();
+        fs::write(memory.file(model).unwrap(), text.replace("roll = -15.0\n", "")).unwrap();
+        assert_eq!(memory.recall(model).unwrap().unwrap().camera(), (remembered(model).camera().0, 0.0));
     }
 
     #[test]

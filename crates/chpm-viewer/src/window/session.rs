@@ -318,9 +318,11 @@ impl Session {
 
     /// Ends a replay; the camera stays where it came to.
     pub(super) fn stop_replay(&mut self) {
-        if self.replay.take().is_some() {
-            self.navigator.jump(&self.camera);
-        }
+        let Some(replay) = self.replay.take() else { return };
+        match replay.upward() {
+            Some(_) => self.navigator.jump(&self.camera),
+            None => self.navigator.resume(&self.camera),
+        };
     }
 
     /// Goes along a path.

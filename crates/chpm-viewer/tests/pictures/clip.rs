@@ -2,9 +2,11 @@
 
 use crate::models::{self, Model};
 use crate::screen::{PLENTY, exact, ids, open};
-use chpm_refine::Camera;
+use chpm_mesh::GroupId;
+use chpm_refine::{Camera, Outline, Side, Stance, Up};
 use chpm_synth::Shape;
 use chpm_viewer::{Clip, Coloring, FrameRequest, Image, Look, Shading, headless};
+use std::collections::BTreeSet;
 
 const VIEWPORT: [u32; 2] = [160, 120];
 
@@ -86,6 +88,58 @@ fn a_cut_shows_what_is_inside() {
     );
     assert!(part.gpu_bytes * 3 < all.gpu_bytes && part.triangles * 3 < all.triangles, "{part:?} of {all:?}");
     assert!(part.resident_bytes < all.resident_bytes, "{part:?} of {all:?}");
+}
+
+/// Pages are read for what has something on this side of the plane, and for nothing else, by frames that wait and by those of a camera that
+/// moves, which read ahead.
+#[test]
+fn what_is_beyond_a_plane_is_not_read() {
+    let model = Model::synth(Shape::Isosurface, 60_000, 128);
+    let file = model.open();
+    let bounds = file.header().aabb();
+    for (axis, share, negative) in [(0, 0.5, false), (1, 0.3, true), (2, 0.15, false)] {
+        let place = bounds.min[axis] + share * (bounds.max[axis] - bounds.min[axis]);
+        let name = ["x", "y", "z"][axis];
+        let plane = if negative { format!("-{name}:{place}") } else { format!("{name}:{place}") };
+
+        // Groups one by one, each by all of the clusters in it and in the groups below.
+        let is_left = |id: &u32| {
+            let cluster = &file.clusters()[*id as usize];
+            if negative { cluster.aabb_max[axis] >= place } else { cluster.aabb_min[axis] <= place }
+        };
+        let mut pages = 0;
+        for group in (0..file.groups().len() as u32).map(GroupId) {
+            let mut all = BTreeSet::from([group]);
+            let mut next = vec![group];
+            while let Some(group) = next.pop() {
+                let below = file.fine(group).iter().map(|id| file.clusters()[*id as usize].group());
+                next.extend(below.filter(|below| all.insert(*below)));
+            }
+            let left = all.iter().any(|group| file.coarse(*group).iter().any(is_left));
+            let bytes = |id: &u32| u64::from(file.clusters()[*id as usize].page_len);
+            pages += if left { file.fine(group).iter().map(bytes).sum() } else { 0 };
+        }
+
+        let mut viewer = open(&model, PLENTY);
+        let camera = viewer.framing();
+        let fine = |camera| FrameRequest { occlusion_culling: false, ..clipped(camera, &plane).with(0.01) };
+        let (_, whole) = headless::image(&mut viewer, &fine(camera)).expect("a picture");
+        let mut moving = open(&model, PLENTY);
+        let turns = moving.turn(&moving.outline().expect("a mesh"), &upright(), VIEWPORT, 24);
+        // Those who move want less, and read ahead what is wanted next.
+        let hasty = |camera| FrameRequest { wait: false, ..fine(camera).with(1.0) };
+        let read = |camera: &Camera| {
+            headless::image(&mut moving, &hasty(*camera)).expect("a picture").1.requested_bytes
+        };
+        let along: u64 = turns.iter().cycle().take(60).map(read).sum();
+        println!("{plane}: {pages} bytes, {} and {along} read", whole.requested_bytes);
+        assert_eq!(whole.requested_bytes, pages, "{plane}");
+        assert!(along <= pages && along > pages / 2, "{plane}: {along} of {pages}");
+    }
+}
+
+fn upright() -> Stance {
+    Stance::of(&Outline::default(), Up::ALL.first().copied(), Some(Side::Front))
 }
 
 /// The same request at so many pixels of error.

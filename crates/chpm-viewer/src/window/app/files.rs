@@ -9,8 +9,7 @@ use crate::window::relation::Second;
 use crate::window::save;
 use chpm_refine::CameraPath;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::{env, fs, thread};
+use std::{env, fs};
 
 impl App {
     /// Opens what was dropped or chosen: a CHPM, a camera path, or a mesh, which is built first.
@@ -23,22 +22,11 @@ impl App {
             Given::Mesh => self.build(path),
             Given::Model => {
                 let remembered = self.recall(path);
-                if let Err(error) = self.open(path, remembered) {
-                    self.tell(error.to_string(), true);
+                match self.open(path, remembered) {
+                    Ok(()) => self.set_build_aside(),
+                    Err(error) => self.tell(error.to_string(), true),
                 }
             }
-        }
-    }
-
-    /// Opens what was built; seen as its preview was, if that is what is shown.
-    pub(super) fn take_built(&mut self, path: &Path) {
-        let seen = self.session.as_ref().filter(|_| self.preview).map(|session| *session.camera());
-        let remembered = if seen.is_some() { None } else { self.recall(path) };
-        if let Err(error) = self.open(path, remembered) {
-            return self.tell(error.to_string(), true);
-        }
-        if let (Some(session), Some(camera)) = (&mut self.session, seen) {
-            session.navigator.jump(&camera);
         }
     }
 
@@ -67,36 +55,23 @@ impl App {
         }
     }
 
-    pub(super) fn build(&mut self, source: &Path) {
-        if self.building.is_some() {
-            return self.tell("a build runs already", true);
-        }
-        let (prepare, proxy) = (Arc::clone(&self.options.prepare), self.proxy.clone());
-        let path = source.to_owned();
-        let work = move || {
-            // A window that is closed hears nothing more.
-            let tell =
-                |what: &str, share: f32| drop(proxy.send_event(Event::Progress(what.to_owned(), share)));
-            let show = |preview: PathBuf| drop(proxy.send_event(Event::Preview(preview)));
-            let built = prepare.prepare(&path, &tell, &show);
-            let _ = proxy.send_event(Event::Built(built));
-        };
-        let what = format!("building {}", source.display());
-        if let Some(canvas) = &self.canvas {
-            let name = source.file_name().unwrap_or_default().to_string_lossy();
-            canvas.window.set_title(&format!("{name} - chpm"));
-        }
-        match thread::Builder::new().name("build".to_owned()).spawn(work) {
-            Ok(thread) => self.building = Some((what, 0.0, thread)),
-            Err(error) => self.tell(format!("cannot start a build: {error}"), true),
-        }
-        self.stir();
-    }
-
     /// Shows the open dialog, if there is one; answers the file that was chosen.
     pub(super) fn choose(&mut self, context: &egui::Context) -> Option<PathBuf> {
         let (browser, typed) = self.browser.as_mut()?;
-        match overlay::browse(context, browser, typed) {
+        let choice = overlay::browse(context, browser, typed);
+        self.follow_choice(choice)
+    }
+
+    /// Return was pressed before the dialog's first frame, which alone could have heard it.
+    pub(super) fn enter_early(&mut self) {
+        let choice = self.browser.as_ref().map(|(browser, typed)| overlay::entered(browser, typed));
+        if let Some(path) = choice.and_then(|choice| self.follow_choice(choice)) {
+            self.take(&path);
+        }
+    }
+
+    fn follow_choice(&mut self, choice: Choice) -> Option<PathBuf> {
+        match choice {
             Choice::Open => {}
             Choice::Closed => self.browser = None,
             Choice::Folder(folder) => self.browse(Some(folder)),

@@ -5,7 +5,7 @@ use crate::window::gesture::{Button, Finger, Motion, Scroll};
 use crate::window::keys::{self, Command};
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, TouchPhase, WindowEvent};
 use winit::event_loop::ActiveEventLoop;
-use winit::keyboard::PhysicalKey;
+use winit::keyboard::{KeyCode, PhysicalKey};
 
 impl App {
     /// Something happened in the window.
@@ -81,9 +81,8 @@ impl App {
             return self.stir_camera();
         }
         // Who types at once means the field, which has the focus from the dialog's first frame on.
-        let early = down && dialog && !self.ctrl && !self.canvas.as_ref().is_some_and(|it| it.is_typing());
-        if let (true, Some((_, typed)), Some(text)) = (early, &mut self.browser, &key.text) {
-            typed.extend(text.chars().filter(|letter| !letter.is_control()));
+        if down && dialog && !self.ctrl && !self.canvas.as_ref().is_some_and(|it| it.is_typing()) {
+            self.type_early(code, key.text.as_deref().unwrap_or_default());
         }
         // What is typed is no command.
         if !down || typing {
@@ -103,6 +102,16 @@ impl App {
         // A key that is held would switch to and fro.
         if let Some(command) = keys::command(code, self.ctrl).filter(|it| !key.repeat || it.repeats()) {
             self.obey(command, events);
+        }
+    }
+
+    /// A key goes to the dialog's field before that is there.
+    fn type_early(&mut self, code: KeyCode, text: &str) {
+        let Some((_, typed)) = &mut self.browser else { return };
+        match code {
+            KeyCode::Enter | KeyCode::NumpadEnter => self.enter_early(),
+            KeyCode::Backspace => drop(typed.pop()),
+            _ => typed.extend(text.chars().filter(|letter| !letter.is_control())),
         }
     }
 

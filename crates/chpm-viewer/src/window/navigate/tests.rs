@@ -35,6 +35,33 @@ fn it_begins_at_the_view_of_the_whole() {
     assert_eq!((camera.up, camera.fov), (framing.up, framing.fov));
 }
 
+/// The picture of a camera whose picture leans, and the way on from it, about the axis that was upward before.
+#[test]
+fn a_camera_that_leans_is_rolled() {
+    for degrees in [-170.0, -90.0, -5.0, 0.0, 20.0, 90.0, 135.0] {
+        let mut navigator = navigator();
+        navigator.turn([80.0, 60.0], 500.0);
+        rest(&mut navigator);
+        let upright = navigator.camera();
+        navigator.roll(degrees);
+        let camera = navigator.camera();
+        let mut other = self::navigator();
+        assert!(other.resume(&camera));
+        assert!((other.rolled() - degrees).abs() < 1e-9, "{degrees}: {}", other.rolled());
+        let aside = (other.camera().axes()[0] - camera.axes()[0]).norm();
+        assert!(aside < 1e-9 && other.up() == upright.up);
+        assert!(apart(other.camera().position, camera.position) < 1e-9);
+        // A turn to the side keeps the height above the model.
+        other.roll(-degrees);
+        other.turn([100.0, 0.0], 500.0);
+        rest(&mut other);
+        assert!((other.camera().position[1] - camera.position[1]).abs() < 1e-9);
+        assert!(!other.resume(&Camera { fov: f64::NAN, ..camera }));
+        // One that stands upright has no roll left.
+        assert!(other.resume(&upright) && other.rolled().abs() < 1e-9);
+    }
+}
+
 #[test]
 fn a_drag_of_an_image_to_the_right_is_half_a_turn_to_the_left() {
     let mut navigator = navigator();
