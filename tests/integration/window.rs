@@ -297,6 +297,21 @@ fn a_path_is_typed_into_the_open_dialog() {
     finish(child);
 }
 
+/// Who types faster than frames come is heard, too.
+#[test]
+fn a_path_is_typed_before_the_dialog_is_there() {
+    let Some(display) = Display::open() else { return };
+    let folder = built();
+    fs::copy(folder.path("in.chpm"), folder.path("pluncorb.chpm")).expect("a copy");
+    let child = display.spawn(&folder, "view in.chpm");
+    display.window("in.chpm");
+    display.wait_for_a_picture(0.2);
+    display.hand("key --delay 0 ctrl+o p l u n x BackSpace c o r b period c h p m Return");
+    display.window("pluncorb.chpm");
+    display.hand("key ctrl+q");
+    finish(child);
+}
+
 #[test]
 fn what_cannot_be_shown_is_told() {
     let Some(display) = Display::open() else { return };

@@ -92,6 +92,23 @@ fn flat_and_smooth() {
     draw("smooth", &model, camera, Look { shading: Shading::Smooth, ..look(Coloring::Plain) }, 1.0);
 }
 
+/// The light of a studio: darker in corners and on the ground below.
+#[test]
+fn studio() {
+    let model = colored();
+    let camera = Camera::looking([1.5, 1.9, 2.4], [0.0; 3]);
+    let studio =
+        Look { shading: Shading::Smooth, studio: true, background: [0.9; 3], ..look(Coloring::Vertex) };
+    draw("studio", &model, camera, studio, 1.0);
+    draw(
+        "studio-plain",
+        &Model::of(&hand::cube(), 128),
+        Camera::looking([2.4, 1.9, 3.0], [0.5; 3]),
+        Look { colors: Coloring::Plain, shading: Shading::Flat, ..studio },
+        1.0,
+    );
+}
+
 #[test]
 fn colours() {
     let model = colored();
