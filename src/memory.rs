@@ -29,11 +29,16 @@ impl MemoryArgs {
 /// Divides `memory` by what reading `file` takes: the program, the tables, and `own` bytes that the verb has besides. Half of
 /// what is left is for pages of the file, which go when it is used up; the answer is the other half.
 pub(crate) fn divide(file: &Chpm<MappedFile>, memory: Bytes, own: u64) -> Result<u64> {
+    divide_among(1, file, memory, own)
+}
+
+/// The same for one of so many files, each of which has its share of `memory`.
+pub(crate) fn divide_among(files: u64, file: &Chpm<MappedFile>, memory: Bytes, own: u64) -> Result<u64> {
     process::return_large_blocks();
     let tables = file.sections().filter(|(kind, _)| *kind != SectionKind::Pages);
     let tables: u64 = tables.map(|(_, range)| range.len() as u64).sum();
     let fixed = PROGRAM + tables + own;
-    let least = (fixed + LEAST).next_multiple_of(1 << 20);
+    let least = files * (fixed + LEAST).next_multiple_of(1 << 20);
     ensure!(
         memory.0 >= least,
         "--memory {} is less than it takes to read '{}' so: give it {} or more",
@@ -41,7 +46,7 @@ pub(crate) fn divide(file: &Chpm<MappedFile>, memory: Bytes, own: u64) -> Result
         file.get_ref().path().display(),
         MemorySize(Bytes(least))
     );
-    let half = (memory.0 - fixed) / 2;
+    let half = (memory.0 / files - fixed) / 2;
     file.get_ref().keep_resident(half);
     Ok(half)
 }

@@ -1,6 +1,6 @@
 //! `chpm render`: a picture of a file, without a window.
 
-use super::{Verdict, build, reading, temporary};
+use super::{Verdict, build, temporary};
 use crate::batch::inputs;
 use crate::number::{self, Triangles, Units};
 use crate::output::{self, Output};
@@ -116,7 +116,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let (mut first, mut short) = (None, None);
     let mut files = pngs.into_iter();
     let mut written = Vec::new();
-    for camera in &cameras {
+    for (place, camera) in cameras.iter().enumerate() {
         let request = FrameRequest {
             accuracy: wanted.map_or(Accuracy::PoE(args.poe), Accuracy::Triangles),
             look,
@@ -133,7 +133,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             headless::image(&mut viewer, &request)?
         };
         stop::check(&cancel)?;
-        short = short.or_else(|| shortfall(args, model, wanted, &stats, &image));
+        short = short.or_else(|| {
+            let why = shortfall(args, model, wanted, &stats, &image)?;
+            let of = cameras.len();
+            Some(if of > 1 { format!("view {} of {of}: {why}", place + 1) } else { why })
+        });
         first.get_or_insert(stats);
         if args.contact_sheet {
             drawn.push(image);
@@ -232,8 +236,10 @@ fn cameras(args: &Args, viewer: &Viewer) -> Result<(Vec<Camera>, Option<String>)
         return Ok((vec![Camera { up, ..camera }], None));
     }
     let viewport = args.viewport.0;
-    let outline = reading(viewer.file(), || Ok(viewer.outline()?))?;
+    // It names the file of two that it is about; a change meanwhile is the reason for whatever came of it.
+    let outline = viewer.outline();
     viewer.files().try_for_each(|file| file.get_ref().check_unchanged())?;
+    let outline = outline?;
     let stance = Stance::of(&outline, args.stance.up, args.stance.side);
     let why = Some(stance.why().to_owned());
     let side =
@@ -255,7 +261,7 @@ fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image:
 
     // Nothing but background.
     if args.still.transparent && image.pixels.chunks_exact(4).all(|pixel| pixel[3] == 0) {
-        return Some(format!("the picture is empty: nothing of {name} is in view of the camera"));
+        return Some(empty(&name, stats));
     }
     let behind = if args.ids { [0.0; 3] } else { args.look.look().background };
     // A colour may be rounded on its way through the GPU.
@@ -263,7 +269,7 @@ fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image:
         |pixel: &[u8]| pixel.iter().zip(behind).all(|(got, c)| (f32::from(*got) - 255.0 * c).abs() < 2.0);
     let is_bare = !args.still.transparent;
     if stats.triangles == 0 || is_bare && image.pixels.chunks_exact(4).all(is_behind) {
-        return Some(format!("the picture is empty: nothing of {name} is in view of the camera"));
+        return Some(empty(&name, stats));
     }
 
     // A number of triangles that the model does not have; else an error that it cannot keep.
@@ -278,6 +284,17 @@ fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image:
             "the picture has up to {got} pixels of error, more than {asked}: {name} or --memory gives no less"
         )
     })
+}
+
+/// Why a picture shows nothing, as far as that is known.
+fn empty(name: &str, stats: &Stats) -> String {
+    if stats.triangles == 0 {
+        return format!("the picture is empty: nothing of {name} is in view of the camera");
+    }
+    let drawn = Counted(stats.triangles, "triangle");
+    format!(
+        "the picture is empty: {drawn} of {name} were drawn and cover no pixel: they are too small, seen from the edge, or as the background is"
+    )
 }
 
 fn print(args: &Args, stats: &Stats, adapter: &str, out: &mut impl Write) -> Result<()> {

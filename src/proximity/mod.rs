@@ -106,7 +106,7 @@ impl Pair {
         let mut least = u64::MAX;
         for model in &models {
             let own = GROUP * model.file.groups().len() as u64;
-            least = least.min(memory::divide(&model.file, Bytes(memory.0.0 / 2), own)?);
+            least = least.min(memory::divide_among(2, &model.file, memory.0, own)?);
         }
         // Of two quarters, one from each model.
         let waiting = least / 2;

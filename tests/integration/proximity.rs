@@ -49,6 +49,18 @@ fn a_limit_leaves_what_is_proven() {
     assert!(folder.stdout(words).contains("undecided"), "it says so");
 }
 
+/// What is refused names what was given, and what it says suffices does.
+#[test]
+fn too_little_memory_is_told_with_enough() {
+    let folder = site();
+    let words = "distance in.chpm packed.chpm --pose 0,0,3 -q --memory";
+    let told = folder.stderr(&format!("{words} 20M"), 2);
+    let enough = told.split_once("give it ").and_then(|(_, rest)| rest.split_whitespace().next());
+    let enough = enough.expect("what suffices");
+    assert!(told.contains("--memory 20M is less"), "{told}");
+    folder.stdout(&format!("{words} {enough}"));
+}
+
 #[test]
 fn clearance_is_a_proof_or_a_fault() {
     let folder = site();

@@ -476,6 +476,23 @@ fn culling_is_proved_on_a_path() {
 }
 
 #[test]
+fn damage_is_told_of_the_file_that_has_it() {
+    let folder = built();
+    let mut bytes = folder.read("in.chpm");
+    let half = bytes.len() / 2;
+    bytes[half..].iter_mut().for_each(|byte| *byte ^= 0xff);
+    folder.write("bad.chpm", bytes);
+    for words in ["bad.chpm", "in.chpm bad.chpm", "bad.chpm in.chpm"] {
+        let told = folder.stderr(&format!("render {words} -o a.png --viewport 40x30"), 2);
+        assert!(
+            told.contains("'bad.chpm': page of cluster") && !told.contains("'in.chpm'"),
+            "{words}: {told}"
+        );
+        assert!(told.contains("copy or build it again"), "{words}: {told}");
+    }
+}
+
+#[test]
 fn two_models_are_drawn_where_their_poses_put_them() {
     let folder = built();
     folder.stdout("synth torus --triangles 3000 -o other.ply -q");

@@ -217,6 +217,12 @@ fn a_picture_says_what_it_lacks() {
     let told = warning(&folder, &format!("{render} --camera 0,0,10,0,0,20"));
     assert!(told.contains("warning: the picture is empty"), "{told}");
     folder.stderr(&format!("{render} --camera 0,0,10,0,0,20 --strict"), 1);
+    // What is drawn and still covers nothing is said to be so.
+    let told = warning(&folder, &format!("{render} --camera 0,0,1e30,0,0,0"));
+    assert!(told.contains("cover no pixel") && !told.contains("in view"), "{told}");
+    folder.write("flat.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let told = warning(&folder, "render flat.obj --viewport 40x30 -o sheet.png -f -q --contact-sheet --up y");
+    assert!(told.contains("warning: view 2 of 6: the picture is empty"), "{told}");
     assert!(warning(&folder, &format!("{render} --triangles 1M")).contains("fewer than 1,000,000"));
     for enough in ["--triangles 5%", "--triangles 5k", "--poe 2", ""] {
         assert_eq!(warning(&folder, &format!("{render} --strict {enough}")), "", "{enough}");

@@ -117,7 +117,7 @@ fn depth_only(@location(0) position: vec3<f32>) -> @builtin(position) @invariant
 
 fn shade(at: vec3<f32>, smooth_normal: vec3<f32>, color: vec3<f32>) -> vec3<f32> {
     // Both sides are lit, whichever is seen: the plane faces the eye.
-    let plane = cross(dpdx(at), dpdy(at));
+    let plane = cross(evened(dpdx(at)), evened(dpdy(at)));
     let toward = select(plane, -plane, dot(plane, at) > 0.0);
     var normal = smooth_normal;
     if dot(normal, normal) == 0.0 {
@@ -127,7 +127,7 @@ fn shade(at: vec3<f32>, smooth_normal: vec3<f32>, color: vec3<f32>) -> vec3<f32>
         // A normal is turned with its triangle. Near a silhouette it may look away from the eye although the triangle does not: the
         // triangle's own takes its place there, by and by.
         normal = normalize(select(normal, -normal, dot(normal, toward) < 0.0));
-        let away = dot(normal, at) / length(at);
+        let away = dot(normal, normalize(evened(at)));
         let flat_length = length(toward);
         normal = mix(normal, select(normal, toward / flat_length, flat_length > 0.0), smoothstep(-0.15, 0.15, away));
     }

@@ -31,10 +31,18 @@ fn project(at: vec3<f32>) -> vec4<f32> {
     return vec4(dot(frame.right.xyz, at), dot(frame.up.xyz, at), frame.forward.w, dot(frame.forward.xyz, at));
 }
 
+// The same direction, its longest part from 1 to 2: what is 1e-9 or 1e36 long has no length in singles, since that takes squares. By a power
+// of two, which rounds nothing.
+fn evened(v: vec3<f32>) -> vec3<f32> {
+    let longest = max(abs(v.x), max(abs(v.y), abs(v.z)));
+    let exponent = min(bitcast<u32>(longest) & 0x7f800000u, 0x7e800000u);
+    return v * bitcast<f32>(0x7f000000u - exponent);
+}
+
 // Of what is lit from the front as well; of no direction, hardly.
 fn light(facing: vec3<f32>, at: vec3<f32>) -> f32 {
     let key = max(dot(facing, frame.light.xyz), 0.0);
-    let head = max(-dot(facing, normalize(at)), 0.0);
+    let head = max(-dot(facing, normalize(evened(at))), 0.0);
     if frame.look.w == 1u {
         // The sky from above, a little from the ground, and the key: the eye brings hardly any light.
         return 0.22 + 0.20 * dot(facing, frame.sky.xyz) + 0.58 * key + 0.14 * head;

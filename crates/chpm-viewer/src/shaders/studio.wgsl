@@ -52,7 +52,7 @@ fn contact(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     var fade = 1.0;
     if depth_at(pixel) > 0.0 {
         at = seen(pixel);
-        normal = normalize(cross(slope(pixel, at, vec2(1, 0)), slope(pixel, at, vec2(0, 1))));
+        normal = normalize(cross(evened(slope(pixel, at, vec2(1, 0))), evened(slope(pixel, at, vec2(0, 1)))));
         normal = select(normal, -normal, dot(normal, at) > 0.0);
     } else {
         // The ground, if the sight goes down to it from above.

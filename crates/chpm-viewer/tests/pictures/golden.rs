@@ -175,6 +175,31 @@ fn the_same_picture_far_away() {
     assert!(visible * ONE_IN <= 160 * 120 && mean <= MEAN, "{visible} pixels differ, {mean} in the mean");
 }
 
+/// Singles hold coordinates whose squares they do not: a model of any size is lit as any other.
+#[test]
+fn the_same_picture_at_any_size() {
+    let mesh: TriMesh = Synth::new(Shape::Isosurface, 3000, 2).to_mesh();
+    for studio in [false, true] {
+        let picture = |scale: f32| {
+            let mut scaled = mesh.clone();
+            scaled.positions.as_flattened_mut().iter_mut().for_each(|x| *x *= scale);
+            let mut viewer = open(&Model::of(&scaled, 256), PLENTY);
+            let look = Look { studio, ..Look::default() };
+            let request = FrameRequest { look, ..exact(viewer.framing(), VIEWPORT, 0.0) };
+            headless::image(&mut viewer, &request).expect("a picture").0
+        };
+        let usual = picture(1.0);
+        // By powers of two, so that nothing is rounded otherwise: 9e-13, 1e12 and, without the depths that a studio compares, 1e30.
+        for power in [-40, 40, 100].into_iter().filter(|power| !studio || *power < 100) {
+            let (visible, mean) = difference(&usual, &picture(2_f32.powi(power)));
+            assert!(
+                visible * ONE_IN <= 160 * 120 && mean <= MEAN,
+                "2^{power}: {visible} pixels differ, {mean} in the mean"
+            );
+        }
+    }
+}
+
 #[test]
 fn a_difference_is_found() {
     let black = Image { size: [20, 20], pixels: vec![0; 1600] };
