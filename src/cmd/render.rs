@@ -293,7 +293,7 @@ fn empty(name: &str, stats: &Stats) -> String {
     }
     let drawn = Counted(stats.triangles, "triangle");
     format!(
-        "the picture is empty: {drawn} of {name} were drawn and cover no pixel: they are too small, seen from the edge, or as the background is"
+        "the picture is empty: {drawn} of {name} drawn, no pixel covered: too small, seen from the edge, or coloured as the background"
     )
 }
 

@@ -219,7 +219,7 @@ fn a_picture_says_what_it_lacks() {
     folder.stderr(&format!("{render} --camera 0,0,10,0,0,20 --strict"), 1);
     // What is drawn and still covers nothing is said to be so.
     let told = warning(&folder, &format!("{render} --camera 0,0,1e30,0,0,0"));
-    assert!(told.contains("cover no pixel") && !told.contains("in view"), "{told}");
+    assert!(told.contains("no pixel covered") && !told.contains("in view"), "{told}");
     folder.write("flat.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let told = warning(&folder, "render flat.obj --viewport 40x30 -o sheet.png -f -q --contact-sheet --up y");
     assert!(told.contains("warning: view 2 of 6: the picture is empty"), "{told}");
