@@ -34,7 +34,9 @@ pub(crate) fn typed(text: &str) -> Result<Pose, String> {
 /// A file of poses, one a line; what begins with # is no pose.
 pub(crate) fn read_path(path: &Path) -> Result<Vec<Pose>> {
     let name = path.display();
-    let text = fs::read_to_string(path).with_context(|| format!("cannot read '{name}'"))?;
+    let text = fs::read_to_string(path)
+        .with_context(|| format!("cannot read '{name}'; a file of poses is text, one pose a line"))?;
+    let text = text.trim_start_matches('\u{feff}');
     let lines = text.lines().enumerate().map(|(at, line)| (at + 1, line.trim()));
     let lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let poses: Result<Vec<Pose>> = lines

@@ -87,6 +87,10 @@ fn a_path_has_an_answer_for_each_pose() {
     }
     let table = folder.stdout("distance in.chpm in.chpm --poses a.poses");
     assert!(table.contains("step") && table.lines().count() >= 4, "{table}");
+    // As other systems write it.
+    folder.write("b.poses", "\u{feff}0,0,3\r\n0 0 2.5\r\n");
+    let marked = folder.stdout("distance in.chpm in.chpm --path b.poses --error 0.01 --csv - -q");
+    assert_eq!(marked.lines().collect::<Vec<_>>(), &lines[..3]);
     folder.write("bad.poses", "3,0,0\n1,2\n");
     assert!(folder.stderr("distance in.chpm in.chpm --path bad.poses", 2).contains("'bad.poses', line 2"));
 }
