@@ -4,23 +4,22 @@ use nalgebra::Vector3;
 
 type V = Vector3<f64>;
 
-/// A triangle in a ball: its corners, the middle, the radius.
-type Balled = ([V; 3], V, f64);
+/// Triangles, and balls about them: middle and radius, which are looked at one after the other.
+struct Balled {
+    triangles: Vec<[V; 3]>,
+    balls: Vec<[f64; 4]>,
+}
 
 /// The distance of two sets of triangles.
 pub(crate) fn distance(a: &[[[f64; 3]; 3]], b: &[[[f64; 3]; 3]]) -> f64 {
-    let (a, b): (Vec<Balled>, Vec<Balled>) =
-        (a.iter().map(with_ball).collect(), b.iter().map(with_ball).collect());
+    let (a, b) = (Balled::new(a), Balled::new(b));
     // Some corners first, so that most of a scan is seen to be too far away.
-    let some =
-        |all: &[Balled]| all.iter().step_by(1 + all.len() / 500).map(|(t, ..)| t[0]).collect::<Vec<V>>();
-    let (p, q) = (some(&a), some(&b));
+    let (p, q) = (a.some(), b.some());
     let mut best = p.iter().flat_map(|p| q.iter().map(move |q| (p - q).norm())).fold(f64::INFINITY, f64::min);
-    for (_, (t, center, radius)) in within_box(&a, &b, best) {
-        for (u, other, reach) in &b {
-            let near = best + radius + reach;
-            if (center - other).norm_squared() < near * near {
-                best = best.min(of_triangles(t, u));
+    for i in a.within_box(&b, best) {
+        for j in 0..b.balls.len() {
+            if are_near(&a.balls[i], &b.balls[j], best) {
+                best = best.min(of_triangles(&a.triangles[i], &b.triangles[j]));
             }
         }
     }
@@ -29,13 +28,12 @@ pub(crate) fn distance(a: &[[[f64; 3]; 3]], b: &[[[f64; 3]; 3]]) -> f64 {
 
 /// The pairs of triangles that are within a distance.
 pub(crate) fn pairs_within(a: &[[[f64; 3]; 3]], b: &[[[f64; 3]; 3]], within: f64) -> Vec<[usize; 2]> {
-    let (a, b): (Vec<Balled>, Vec<Balled>) =
-        (a.iter().map(with_ball).collect(), b.iter().map(with_ball).collect());
+    let (a, b) = (Balled::new(a), Balled::new(b));
     let mut found = Vec::new();
-    for (i, (t, center, radius)) in within_box(&a, &b, within) {
-        for (j, (u, other, reach)) in b.iter().enumerate() {
-            let near = within + radius + reach;
-            if (center - other).norm_squared() <= near * near && of_triangles(t, u) <= within {
+    for i in a.within_box(&b, within) {
+        for j in 0..b.balls.len() {
+            let near = are_near(&a.balls[i], &b.balls[j], within);
+            if near && of_triangles(&a.triangles[i], &b.triangles[j]) <= within {
                 found.push([i, j]);
             }
         }
@@ -43,21 +41,42 @@ pub(crate) fn pairs_within(a: &[[[f64; 3]; 3]], b: &[[[f64; 3]; 3]], within: f64
     found
 }
 
-/// Those of `a`, with their numbers, whose balls are within a distance of the box about all of `b`.
-fn within_box<'a>(a: &'a [Balled], b: &[Balled], within: f64) -> Vec<(usize, &'a Balled)> {
-    let low = b.iter().fold(V::repeat(f64::INFINITY), |m, (u, ..)| m.inf(&u[0]).inf(&u[1]).inf(&u[2]));
-    let high = b.iter().fold(V::repeat(f64::NEG_INFINITY), |m, (u, ..)| m.sup(&u[0]).sup(&u[1]).sup(&u[2]));
-    let is_near = |(_, (_, center, radius)): &(usize, &Balled)| {
-        let outside = (low - center).sup(&(center - high)).sup(&V::zeros());
-        outside.norm() <= (within + radius) * (1.0 + 1e-12)
-    };
-    a.iter().enumerate().filter(is_near).collect()
+/// Whether something in two balls may be within a distance.
+fn are_near([x, y, z, radius]: &[f64; 4], [u, v, w, reach]: &[f64; 4], within: f64) -> bool {
+    let near = within + radius + reach;
+    let [dx, dy, dz] = [x - u, y - v, z - w];
+    dx * dx + dy * dy + dz * dz <= near * near
 }
 
-fn with_ball(t: &[[f64; 3]; 3]) -> Balled {
-    let t = t.map(V::from);
-    let center = (t[0] + t[1] + t[2]) / 3.0;
-    (t, center, t.iter().map(|p| (p - center).norm()).fold(0.0, f64::max) * (1.0 + 1e-12))
+impl Balled {
+    fn new(all: &[[[f64; 3]; 3]]) -> Self {
+        let triangles: Vec<[V; 3]> = all.iter().map(|t| t.map(V::from)).collect();
+        let ball = |t: &[V; 3]| {
+            let center = (t[0] + t[1] + t[2]) / 3.0;
+            let radius = t.iter().map(|p| (p - center).norm()).fold(0.0, f64::max);
+            [center.x, center.y, center.z, radius * (1.0 + 1e-12)]
+        };
+        let balls = triangles.iter().map(ball).collect();
+        Balled { triangles, balls }
+    }
+
+    fn some(&self) -> Vec<V> {
+        self.triangles.iter().step_by(1 + self.triangles.len() / 500).map(|t| t[0]).collect()
+    }
+
+    /// Those whose balls are within a distance of the box about all of `other`.
+    fn within_box(&self, other: &Balled, within: f64) -> Vec<usize> {
+        let corners = || other.triangles.as_flattened().iter();
+        let low = corners().fold(V::repeat(f64::INFINITY), |m, p| m.inf(p));
+        let high = corners().fold(V::repeat(f64::NEG_INFINITY), |m, p| m.sup(p));
+        let is_near = |i: &usize| {
+            let [x, y, z, radius] = self.balls[*i];
+            let center = V::new(x, y, z);
+            let outside = (low - center).sup(&(center - high)).sup(&V::zeros());
+            outside.norm() <= (within + radius) * (1.0 + 1e-12)
+        };
+        (0..self.balls.len()).filter(is_near).collect()
+    }
 }
 
 /// The distance of two triangles: 0 where an edge of one goes through the other, else that of two edges, or of a corner and a face.
