@@ -264,7 +264,7 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> Search<'_, '_, '_, D, E> {
         let first = self.found.mark(0, (x, place), levels[0], counts[0], &t, &world);
         let second = self.found.mark(1, (y, other), levels[1], counts[1], &u, &world);
         if self.found.marks.len() > self.near.most {
-            let what = "triangles that are near";
+            let what = "triangles";
             return Err(ProximityError::TooMany { what, limit: self.near.most });
         }
         let root = self.found.join(first, second);

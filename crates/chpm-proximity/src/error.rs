@@ -37,7 +37,7 @@ pub enum ProximityError {
     },
     /// More is in contact than there is memory for.
     #[error(
-        "contacts: {what} do not fit into {limit} of them; ask for a smaller distance or a larger error, or give more memory"
+        "more than {limit} {what} are near, which the memory has no room for; ask for a smaller distance (--within) or a larger --error, or give more --memory"
     )]
     TooMany {
         /// What there is too much of.
