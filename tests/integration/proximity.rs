@@ -153,7 +153,7 @@ fn contacts_are_told_along_a_path() {
     let alone = answer(&folder, &format!("{words} --pose 0,0,1.9 --json"), 0);
     assert!(alone["pages"].as_array().unwrap().iter().filter_map(Value::as_u64).sum::<u64>() > reread);
     let table = folder.stdout(&format!("{words} --path a.poses"));
-    assert_eq!(table.lines().count(), 5, "{table}");
+    assert_eq!(table.lines().count(), 4, "{table}");
     assert!(folder.stderr("contacts in.chpm --self --path a.poses", 2).contains("--path"));
     // A path of one pose is a path.
     folder.write("one.poses", "0,0,2.1\n");
