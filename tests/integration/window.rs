@@ -5,6 +5,7 @@
 
 use super::harness::{CHPM, Folder, root};
 use chpm_refine::CameraPath;
+use chpm_viewer::Look;
 use chpm_viewer::window::keys::{KEYS, MOTIONS};
 use nalgebra::{Point3, Rotation3, Vector3};
 use std::f64::consts::PI;
@@ -155,15 +156,26 @@ fn built() -> Folder {
     folder
 }
 
-/// What is remembered of the one model that was opened: numbers behind a name.
-fn remembered(folder: &Folder, name: &str) -> Vec<f64> {
+/// What is remembered of the one model that was opened.
+fn remembered_text(folder: &Folder, name: &str) -> String {
     let state = fs::read_dir(folder.path("state/chpm")).expect("a folder");
     let files: Vec<_> = state.map(|entry| entry.expect("an entry").path()).collect();
     assert_eq!(files.len(), 1, "{files:?}");
     let text = fs::read_to_string(&files[0]).expect("text");
-    let line = text.lines().find_map(|line| line.strip_prefix(&format!("{name} = [")));
-    let numbers = line.and_then(|line| line.strip_suffix(']')).expect("a list").split(',');
+    let line = text.lines().find_map(|line| line.strip_prefix(&format!("{name} = ")));
+    line.expect("a name").to_owned()
+}
+
+/// Numbers behind a name.
+fn remembered(folder: &Folder, name: &str) -> Vec<f64> {
+    let text = remembered_text(folder, name);
+    let numbers = text.strip_prefix('[').and_then(|list| list.strip_suffix(']')).expect("a list").split(',');
     numbers.map(|number| number.trim().parse().expect("a number")).collect()
+}
+
+/// The number behind a name.
+fn number(folder: &Folder, name: &str) -> f64 {
+    remembered_text(folder, name).parse().expect("a number")
 }
 
 #[test]
@@ -207,6 +219,36 @@ fn it_opens_turns_and_quits_and_comes_back_as_it_was() {
     finish(child);
     let again = Point3::from_slice(&remembered(&folder, "position"));
     assert!((again - Point3::from_slice(&position)).norm() < 1e-9 * arm.norm());
+}
+
+/// However fast keys come, every press counts; and a pointer does what the manual says.
+#[test]
+fn every_press_counts_and_a_drag_moves_the_light() {
+    let Some(display) = Display::open() else { return };
+    let folder = built();
+    let child = display.spawn(&folder, "view in.chpm --up y --view front");
+    display.window("in.chpm");
+    display.wait_for_a_picture(0.2);
+    // Eight times around the seven choices and one on: the first plane. Then five steps, and two of them back.
+    display.hand(&format!("key --delay 0 {}", ["k"; 57].join(" ")));
+    display.hand("key --delay 0 bracketleft bracketleft bracketleft bracketleft bracketleft");
+    display.hand("key --delay 0 bracketright bracketright");
+    display.hand("mousemove 500 300 keydown shift keydown ctrl mousedown 1 mousemove 520 310");
+    display.hand("mousemove 560 330 mouseup 1 keyup ctrl keyup shift");
+    display.hand("key ctrl+q");
+    finish(child);
+    let height = remembered(&folder, "window")[1];
+    let [aside, above] = [0, 1].map(|axis| remembered(&folder, "light")[axis]);
+    let [right, down] = [60.0, 30.0].map(|pixels| 180.0 * pixels / height);
+    let [usual, high] = Look::LIGHT;
+    assert!((aside - usual - right).abs() < 1e-9 && (above - high + down).abs() < 1e-9, "{aside} {above}");
+    let [position, target] =
+        ["position", "target"].map(|name| Point3::from_slice(&remembered(&folder, name)));
+    let arm = position - target;
+    assert!(arm.x.abs() + arm.y.abs() < 1e-9 * arm.z, "the camera stays: {arm}");
+    let [clip, share] = ["clip", "clip_share"].map(|name| number(&folder, name));
+    assert_eq!(clip, 1.0);
+    assert!((share - (0.5 - 3.0 * 0.025)).abs() < 1e-9, "{share}");
 }
 
 #[test]
