@@ -95,6 +95,8 @@ pub(super) struct Session {
     idle: bool,
     /// What the last frame was asked for.
     asked: Option<FrameRequest>,
+    /// Its picture was drawn over since.
+    drawn_over: bool,
 }
 
 impl Session {
@@ -138,6 +140,7 @@ impl Session {
             took: None,
             idle: false,
             asked: None,
+            drawn_over: false,
         })
     }
 
@@ -217,7 +220,8 @@ impl Session {
         let request = FrameRequest { kept, ..*request };
         let before =
             self.asked.replace(request).map(|before| FrameRequest { patience: request.patience, ..before });
-        if kept && before == Some(request) && self.next() == Next::Rest {
+        let drawn_over = std::mem::take(&mut self.drawn_over);
+        if kept && !drawn_over && before == Some(request) && self.next() == Next::Rest {
             return Ok(None);
         }
         self.viewer.frame(&request, target).map(Some)
@@ -418,8 +422,8 @@ impl Session {
         let Some(request) = self.asked.filter(|_| inside) else { return Ok(None) };
         let (ids, _) =
             self.viewer.ids(&FrameRequest { viewport: size, wait: false, kept: false, ..request })?;
-        // The picture was drawn over, in the depth that picking looks at.
-        (self.asked, self.quiet) = (None, 0);
+        // The picture was drawn over, in the depth that picking looks at; another point may be wanted before the next frame.
+        (self.drawn_over, self.quiet) = (true, 0);
         let [x, y] = at.map(|x| x as usize);
         let seen = ids.pixels[y * size[0] as usize + x];
         Ok(seen.and_then(|seen| {
