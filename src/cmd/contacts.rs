@@ -39,8 +39,6 @@ pub(crate) struct Args {
     error: Length,
 }
 
-/// Bytes of a triangle that is near, and of what hangs on it.
-const TRIANGLE: u64 = 512;
 /// Bytes of a region that is told as JSON.
 const REGION: u64 = 4096;
 
@@ -72,8 +70,8 @@ fn between(
     let cancel = stop.heed();
     let ([still, _], path) = (args.ask.poses.poses(), args.path.poses(&args.ask.poses)?);
     let diagonal = pair.diagonal();
-    let most = (pair.waiting / TRIANGLE) as usize;
-    let near = Near { within: args.within.of(diagonal), error: args.error.of(diagonal), most };
+    let near =
+        Near { within: args.within.of(diagonal), error: args.error.of(diagonal), most: pair.most_near() };
     let pool = args.ask.threads.pool()?;
     let is_path = args.path.is_given();
     if let Some(csv) = &mut csv {

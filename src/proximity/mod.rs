@@ -95,6 +95,8 @@ pub(crate) struct Pair {
     pub(crate) most_pairs: usize,
 }
 
+/// Bytes of a triangle that is near, and of what hangs on it.
+const TRIANGLE: u64 = 512;
 /// Bytes of a pair of groups that waits, and of a group that is known.
 const PAIR: u64 = 160;
 pub(crate) const GROUP: u64 = 160;
@@ -111,6 +113,11 @@ impl Pair {
         // Of two quarters, one from each model.
         let waiting = least / 2;
         Ok(Pair { models, pages: Bytes(least / 4 * 3), waiting, most_pairs: (waiting / PAIR) as usize })
+    }
+
+    /// Triangles that may be near each other.
+    pub(crate) fn most_near(&self) -> usize {
+        (self.waiting / TRIANGLE) as usize
     }
 
     /// The larger diagonal of the two, which a percentage is of.

@@ -80,8 +80,6 @@ struct Relater {
     cancel: Cancel,
 }
 
-/// Bytes of a triangle that is near, and of what hangs on it.
-const TRIANGLE: u64 = 512;
 /// The first answer may be so many times as wide as the last: it is there sooner.
 const ROUGH: f64 = 32.0;
 
@@ -132,7 +130,7 @@ impl Relater {
             desk.tell(step, Ok(relation.clone()));
         }
         let Some(within) = self.within else { return Ok(()) };
-        let near = Near { within, error: self.error, most: (self.pair.waiting / TRIANGLE) as usize };
+        let near = Near { within, error: self.error, most: self.pair.most_near() };
         let found = contacts(a, b, poses, &near, &self.pool, &mut |_| go_on())?;
         if go_on() {
             let region = |region: &chpm_proximity::Region| Region {
