@@ -324,31 +324,26 @@ fn a_build_that_nobody_waits_for_leaves_nothing() {
 
 #[test]
 fn a_path_is_typed_into_the_open_dialog() {
-    let Some(display) = Display::open() else { return };
-    let folder = built();
-    // Every letter of it is a shortcut elsewhere.
-    fs::copy(folder.path("in.chpm"), folder.path("pluncorb.chpm")).expect("a copy");
-    let child = display.spawn(&folder, "view in.chpm");
-    display.window("in.chpm");
-    display.wait_for_a_picture(0.2);
-    display.hand("key ctrl+o");
-    display.hand("type --delay 60 pluncorb.chpm");
-    display.hand("key Return");
-    display.window("pluncorb.chpm");
-    display.hand("key ctrl+q");
-    finish(child);
+    opened_by_hand(&["key ctrl+o", "type --delay 60 pluncorb.chpm", "key Return"]);
 }
 
 /// Who types faster than frames come is heard, too.
 #[test]
 fn a_path_is_typed_before_the_dialog_is_there() {
+    opened_by_hand(&["key --delay 0 ctrl+o p l u n x BackSpace c o r b period c h p m Return"]);
+}
+
+/// Opens pluncorb.chpm, every letter of which is a shortcut elsewhere.
+fn opened_by_hand(steps: &[&str]) {
     let Some(display) = Display::open() else { return };
     let folder = built();
     fs::copy(folder.path("in.chpm"), folder.path("pluncorb.chpm")).expect("a copy");
     let child = display.spawn(&folder, "view in.chpm");
     display.window("in.chpm");
     display.wait_for_a_picture(0.2);
-    display.hand("key --delay 0 ctrl+o p l u n x BackSpace c o r b period c h p m Return");
+    for step in steps {
+        display.hand(step);
+    }
     display.window("pluncorb.chpm");
     display.hand("key ctrl+q");
     finish(child);

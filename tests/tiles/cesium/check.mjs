@@ -11,6 +11,7 @@ import { createServer } from "node:http";
 import { tmpdir } from "node:os";
 import { dirname, extname, join, normalize } from "node:path";
 import { fileURLToPath } from "node:url";
+import { whole } from "../tileset.mjs";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const count = Number(process.env.VIEWS ?? 6);
@@ -21,21 +22,6 @@ const sets = process.argv.slice(2).map((word) => {
 const problems = [];
 /// Of the image, which page.html says.
 const ROWS = 400;
-
-/// The tileset with those that it refers to in place of the tiles that do.
-function whole(dir) {
-  const load = (path) => {
-    const { root } = JSON.parse(readFileSync(join(dir, path)));
-    const walk = (tile) => {
-      const uri = tile.content?.uri;
-      if (uri?.endsWith(".json")) return load(normalize(join(dirname(path), uri)));
-      tile.children = (tile.children ?? []).map(walk);
-      return tile;
-    };
-    return walk(root);
-  };
-  return load("tileset.json");
-}
 
 /// What is to be drawn for an eye: the specification's rule.
 function expected(root, eye, pixels) {
