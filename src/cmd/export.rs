@@ -70,8 +70,9 @@ enum Up {
 /// What an export's folder holds.
 const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
 
-/// What a cluster takes besides the tables: its parent, its group's error and place in an order, its id, and what a stopped run says of its tiles.
-const EACH: u64 = 16 + 2 * 2 * 32;
+/// What a cluster takes besides the tables: its parent, twice, its group's list of them, error and place in an order, its id, and what a stopped run
+/// says of its tiles.
+const EACH: u64 = 20 + 40 + 2 * 2 * 32;
 /// What a thread takes for one tile, at most: 65,535 vertices and twice as many triangles.
 const WORK: u64 = 12 << 20;
 

@@ -251,6 +251,46 @@ fn every_press_counts_and_a_drag_moves_the_light() {
     assert!((share - (0.5 - 3.0 * 0.025)).abs() < 1e-9, "{share}");
 }
 
+/// What the other buttons and the wheel do: the camera moves with what is held, and goes nearer to what is under the pointer.
+#[test]
+fn drags_move_what_is_held_and_the_wheel_comes_nearer() {
+    let Some(display) = Display::open() else { return };
+    let folder = built();
+    let after = |steps: &[&str]| {
+        let child = display.spawn(&folder, "view in.chpm");
+        display.window("in.chpm");
+        display.wait_for_a_picture(0.1);
+        steps.iter().for_each(|step| drop(display.hand(step)));
+        display.hand("key ctrl+q");
+        finish(child);
+        let [position, target] =
+            ["position", "target"].map(|name| Point3::from_slice(&remembered(&folder, name)));
+        (position, position - target)
+    };
+    let (start, arm) = after(&[]);
+    for (held, button) in [("", 2), ("", 3), ("keydown shift ", 1)] {
+        let (from, _) = after(&[]);
+        let press = format!("mousemove 500 300 {held}mousedown {button} mousemove 520 300");
+        let (to, same) = after(&[&press, &format!("mousemove 440 300 mouseup {button} keyup shift")]);
+        assert!((same - arm).norm() < 1e-9 * arm.norm(), "{held}{button}: the camera turns: {same}");
+        // The sphere's surface goes 60 pixels to the left, the camera to the right; its near side is half as far away as its middle, or farther.
+        let fov = number(&folder, "fov").to_radians();
+        let pixel = 2.0 * (fov / 2.0).tan() / remembered(&folder, "window")[1];
+        let share = (to - from).norm() / (60.0 * pixel * arm.norm());
+        assert!((0.5..1.0).contains(&share), "{held}{button}: {share} of what the middle would need");
+        assert!((to - from).dot(&arm).abs() < 1e-9 * arm.norm_squared(), "{held}{button}: not aside");
+        let back = format!("mousemove 440 300 {held}mousedown {button} mousemove 470 300");
+        after(&[&back, &format!("mousemove 500 300 mouseup {button} keyup shift")]);
+    }
+    let distance = |steps: &[&str]| after(steps).0.coords.norm();
+    let nearer = distance(&["mousemove 500 300 click --repeat 3 4"]) / start.coords.norm();
+    assert!((0.3..0.95).contains(&nearer), "{nearer} of the distance");
+    let farther = distance(&["mousemove 500 300 click --repeat 6 5"]) / start.coords.norm();
+    assert!(farther > 1.05, "{farther} of the distance");
+    let held = distance(&["mousemove 500 300 keydown ctrl mousedown 1 mousemove 500 280", "mousemove 500 100 mouseup 1 keyup ctrl"]);
+    assert!(held < 0.9 * farther * start.coords.norm(), "a drag upward with Ctrl held comes nearer");
+}
+
 #[test]
 fn a_script_leaves_the_picture_of_its_last_frame() {
     let Some(display) = Display::open() else { return };

@@ -2,9 +2,23 @@
 
 import { existsSync } from "node:fs";
 
-export const CHROMIUM = "/usr/bin/chromium";
-export const playwright = await import("playwright-core").catch(() => null);
+const CHROMIUM = "/usr/bin/chromium";
+const playwright = await import("playwright-core").catch(() => null);
 /** Why there is none, or nothing. */
 export const reason = (!existsSync(CHROMIUM) && "no Chromium") || (!playwright && "no playwright-core") || null;
 // The driver looks up its maker's hosts unless it is told not to.
-export const OPTIONS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+const OPTIONS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+
+export const launch = () => playwright.chromium.launch({ executablePath: CHROMIUM, args: OPTIONS });
+
+/** An empty page, and what its console and its errors are going to say. */
+export async function newPage(browser) {
+  const page = await browser.newPage({ viewport: { width: 900, height: 600 } });
+  const said = [];
+  page.on("console", (message) => said.push(message.text()));
+  page.on("pageerror", (error) => said.push(error.stack));
+  return { page, said };
+}
+
+/** Waits until nothing more is to come. */
+export const rest = (page) => page.waitForFunction(() => !["loading", undefined].includes(document.documentElement.dataset.status), null, { timeout: 120000 });

@@ -5,7 +5,7 @@
 
 import path from "node:path";
 import { fileURLToPath } from "node:url";
-import { CHROMIUM, OPTIONS, playwright, reason } from "./browser.mjs";
+import { launch, newPage, reason, rest } from "./browser.mjs";
 import { serve } from "./server.mjs";
 import { random } from "./tools.mjs";
 
@@ -15,11 +15,10 @@ if (reason) {
 }
 const file = path.resolve(process.argv[2]);
 const host = await serve([fileURLToPath(new URL("..", import.meta.url)), path.dirname(file)]);
-const browser = await playwright.chromium.launch({ executablePath: CHROMIUM, args: OPTIONS });
-const page = await browser.newPage({ viewport: { width: 900, height: 600 } });
-const rest = () => page.waitForFunction(() => !["loading", undefined].includes(document.documentElement.dataset.status), null, { timeout: 120000 });
+const browser = await launch();
+const { page } = await newPage(browser);
 await page.goto(`${host.url}/view.html?file=${encodeURIComponent(path.basename(file))}`);
-await rest();
+await rest(page);
 const next = random(11);
 for (let i = 0; i < 20; i++) {
   const camera = { turn: 6 * next(), rise: 3 * next() - 1.5, away: 0.2 + 12 * next(), pixels: String(7 * next() - 2) };
@@ -30,7 +29,7 @@ for (let i = 0; i < 20; i++) {
     document.getElementById("budget").value = document.getElementById("budget").max;
     orbit.onChange();
   }, camera);
-  await rest();
+  await rest(page);
   const drawn = await page.evaluate(() => {
     const { orbit, model, drawn, status, message } = chpmView;
     return {

@@ -6,7 +6,7 @@ import path from "node:path";
 import { after, before, test } from "node:test";
 import { fileURLToPath } from "node:url";
 import { memorySource, open } from "../chpm/index.js";
-import { CHROMIUM, OPTIONS, playwright, reason } from "./browser.mjs";
+import { launch, newPage, reason, rest } from "./browser.mjs";
 import { serve } from "./server.mjs";
 import { CHPM, chpm, temporary } from "./tools.mjs";
 
@@ -21,7 +21,7 @@ before(async () => {
   if (skip) return;
   chpm("synth", "isosurface", "--triangles", "60000", "-o", path.join(folder, "iso.ply"), "-f", "-q");
   chpm("build", path.join(folder, "iso.ply"), "-o", path.join(folder, "iso.chpm"), "-f", "-q", "--pages", "raw", "--cluster-triangles", "1024");
-  browser = await playwright.chromium.launch({ executablePath: CHROMIUM, args: OPTIONS });
+  browser = await launch();
   host = await serve([web, folder]);
 });
 
@@ -32,10 +32,7 @@ after(async () => {
 
 /** Opens the page, and waits until nothing more is to come. */
 async function show(query, use) {
-  const page = await browser.newPage({ viewport: { width: 900, height: 600 } });
-  const said = [];
-  page.on("console", (message) => said.push(message.text()));
-  page.on("pageerror", (error) => said.push(error.stack));
+  const { page, said } = await newPage(browser);
   try {
     await page.goto(`${host.url}/view.html${query}`);
     await rest(page);
@@ -45,7 +42,6 @@ async function show(query, use) {
   }
 }
 
-const rest = (page) => page.waitForFunction(() => !["loading", undefined].includes(document.documentElement.dataset.status), null, { timeout: 120000 });
 const state = (page) => page.evaluate(() => ({ status: chpmView.status, message: chpmView.message, triangles: chpmView.drawn?.triangles, clusters: chpmView.drawn?.clusters }));
 
 test("packed pages and lattices are drawn, with the same triangles where they are the same", { skip }, async () => {
@@ -128,10 +124,7 @@ test("what changes before the first page is there is harmless", { skip }, async 
   const roots = await file.roots();
   let release;
   host.state.hold = { from: Math.min(...roots.map((id) => file.cluster(id).pageOffset)), until: new Promise((done) => (release = done)) };
-  const page = await browser.newPage({ viewport: { width: 900, height: 600 } });
-  const said = [];
-  page.on("console", (message) => said.push(message.text()));
-  page.on("pageerror", (error) => said.push(error.stack));
+  const { page, said } = await newPage(browser);
   try {
     await page.goto(`${host.url}/view.html?file=iso.chpm`);
     await page.waitForFunction(() => chpmView.model?.roots);

@@ -26,6 +26,14 @@ impl Mesh {
         let collapses = record.base_vertex_count < record.vertex_count;
         if is_leaf && collapses { &[Mesh::Base, Mesh::Finest] } else { &[Mesh::Base] }
     }
+
+    /// The number of vertices of this mesh of a page.
+    pub(super) fn position(self, page: &Page<'_>) -> usize {
+        match self {
+            Mesh::Base => page.base_vertex_count,
+            Mesh::Finest => page.vertex_count(),
+        }
+    }
 }
 
 /// A tile as a GLB; positions are relative to the file's origin. Answers its triangles, too.
@@ -40,7 +48,7 @@ pub fn tile<D: AsRef<[u8]>>(
 ) -> Result<(Vec<u8>, u64), ExportError> {
     let page = file.page(cluster)?;
     let page = page.view();
-    let n = if mesh == Mesh::Base { page.base_vertex_count } else { page.vertex_count() };
+    let n = mesh.position(&page);
     let mesh = compact(&page, n);
     let error = page.error_at(n);
     let facts = Facts {

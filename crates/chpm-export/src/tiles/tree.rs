@@ -1,10 +1,12 @@
 //! Which coarse cluster a fine cluster is a part of, and the error that each group is given. A file tells groups only; a group's coarse clusters at their finest are, triangle for
 //! triangle, its fine clusters at their base meshes (I4), so triangles tell the rest.
 
+use super::Mesh;
 use crate::error::ExportError;
-use chpm_format::{Chpm, FormatError, Page};
+use chpm_format::{Chpm, FormatError};
 use chpm_mesh::{ClusterId, GroupId, Places};
-use std::collections::HashMap;
+use rayon::prelude::*;
+use xxhash_rust::xxh3::xxh3_64;
 
 /// The binary tree of a file's clusters.
 pub struct Tree {
@@ -14,29 +16,25 @@ pub struct Tree {
     errors: Vec<f32>,
 }
 
-/// Corner positions by their bits, beginning with the least.
-type Key = [[u32; 3]; 3];
-
 impl Tree {
-    /// Reads the pages of groups with several coarse clusters, group by group; `begun` is told each group and may end it.
+    /// Reads the pages of groups with several coarse clusters, on all threads; `begun` is told each group and may end it.
     ///
     /// # Errors
     /// [`ExportError::Orphan`] for a file that does not keep I4; [`ExportError::Format`] for a damaged page; what `begun` answers.
-    pub fn find<D: AsRef<[u8]>, E: From<ExportError>>(
+    pub fn find<D: AsRef<[u8]> + Sync, E: From<ExportError> + Send>(
         file: &Chpm<D>,
-        mut begun: impl FnMut(GroupId) -> Result<(), E>,
+        begun: impl Fn(GroupId) -> Result<(), E> + Sync,
     ) -> Result<Self, E> {
-        let mut parents: Vec<u32> = (0..file.clusters().len() as u32).collect();
-        let mut family = Family::default();
-        for group in (0..file.groups().len() as u32).map(GroupId) {
+        let groups = (0..file.groups().len() as u32).into_par_iter().map(GroupId);
+        let families = groups.map_init(Family::default, |family, group| {
             begun(group)?;
-            let (coarse, fine) = (file.coarse(group), file.fine(group));
-            if let [only] = coarse {
-                fine.iter().for_each(|cluster| parents[*cluster as usize] = *only);
-                continue;
-            }
-            for (cluster, parent) in fine.iter().zip(family.of(file, group, coarse, fine)?) {
-                parents[*cluster as usize] = parent;
+            Ok(family.of(file, group)?)
+        });
+        let families: Vec<Vec<u32>> = families.collect::<Result<_, E>>()?;
+        let mut parents: Vec<u32> = (0..file.clusters().len() as u32).collect();
+        for (group, family) in families.iter().enumerate() {
+            for (cluster, parent) in file.fine(GroupId(group as u32)).iter().zip(family) {
+                parents[*cluster as usize] = *parent;
             }
         }
         Ok(Tree { parents, errors: falling(file) })
@@ -78,70 +76,65 @@ fn falling<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<f32> {
 /// What finds the parents within a group.
 #[derive(Default)]
 struct Family {
-    /// The fine cluster, by its number in the group, that has a triangle.
-    owners: HashMap<Key, usize>,
+    /// Triangles of the fine clusters, each with its cluster's number in the group; ascending.
+    fine: Vec<(u64, u32)>,
+    /// The same of the coarse ones.
+    coarse: Vec<(u64, u32)>,
+    /// By fine cluster, then by coarse cluster: triangles that they share.
+    votes: Vec<u32>,
     places: Places,
 }
 
 impl Family {
-    /// The parents of the fine clusters: of each the coarse cluster with most of its triangles. Triangles in the same place may go astray, but not
-    /// most of them.
-    fn of<D: AsRef<[u8]>>(
-        &mut self,
-        file: &Chpm<D>,
-        group: GroupId,
-        coarse: &[u32],
-        fine: &[u32],
-    ) -> Result<Vec<u32>, ExportError> {
-        self.owners.clear();
-        for (number, cluster) in fine.iter().enumerate() {
-            self.visit(
-                file,
-                *cluster,
-                |page| page.base_vertex_count,
-                |owners, key| {
-                    owners.insert(key, number);
-                },
-            )?;
+    /// The parents of a group's fine clusters: of each the coarse cluster with most of its triangles. Triangles in the same place may go astray, but
+    /// not most of them.
+    fn of<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, group: GroupId) -> Result<Vec<u32>, ExportError> {
+        let (coarse, fine) = (file.coarse(group), file.fine(group));
+        if let [only] = coarse {
+            return Ok(vec![*only; fine.len()]);
         }
-        let mut votes = vec![vec![0_u32; coarse.len()]; fine.len()];
-        for (number, cluster) in coarse.iter().enumerate() {
-            self.visit(
-                file,
-                *cluster,
-                |page| page.vertex_count(),
-                |owners, key| {
-                    if let Some(owner) = owners.get(&key) {
-                        votes[*owner][number] += 1;
-                    }
-                },
-            )?;
+        let Family { fine: base, coarse: finest, votes, places } = self;
+        gather(file, fine, Mesh::Base, places, base)?;
+        gather(file, coarse, Mesh::Finest, places, finest)?;
+        votes.clear();
+        votes.resize(fine.len() * coarse.len(), 0);
+        let mut owners = base.iter().peekable();
+        for (key, number) in &*finest {
+            while owners.next_if(|owner| owner.0 < *key).is_some() {}
+            if let Some((_, owner)) = owners.peek().filter(|owner| owner.0 == *key) {
+                votes[*owner as usize * coarse.len() + *number as usize] += 1;
+            }
         }
-        let parent = |(votes, cluster): (&Vec<u32>, &u32)| {
+        let parent = |(votes, cluster): (&[u32], &u32)| {
             let most = votes.iter().copied().max().unwrap_or(0);
             let first = votes.iter().position(|votes| *votes == most && most > 0);
             let empty = file.clusters()[*cluster as usize].base_triangle_count == 0;
             let orphan = ExportError::Orphan { cluster: ClusterId(*cluster), group };
             first.or(empty.then_some(0)).and_then(|number| coarse.get(number)).copied().ok_or(orphan)
         };
-        votes.iter().zip(fine).map(parent).collect()
+        votes.chunks(coarse.len().max(1)).zip(fine).map(parent).collect()
     }
+}
 
-    /// Hands out the triangles of a cluster at a position.
-    fn visit<D: AsRef<[u8]>>(
-        &mut self,
-        file: &Chpm<D>,
-        cluster: u32,
-        position: impl Fn(&Page<'_>) -> usize,
-        mut sink: impl FnMut(&mut HashMap<Key, usize>, Key),
-    ) -> Result<(), FormatError> {
-        let page = file.page(ClusterId(cluster))?;
+/// The triangles of clusters, as hashes of their corners, which begin with the least; each with the number of its cluster.
+fn gather<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    clusters: &[u32],
+    mesh: Mesh,
+    places: &mut Places,
+    out: &mut Vec<(u64, u32)>,
+) -> Result<(), FormatError> {
+    out.clear();
+    for (number, cluster) in (0..).zip(clusters) {
+        let page = file.page(ClusterId(*cluster))?;
         let page = page.view();
-        self.places.go_to(&page.progressive_mesh(), position(&page));
-        for corners in self.places.triangles(page.triangles) {
+        places.go_to(&page.progressive_mesh(), mesh.position(&page));
+        out.extend(places.triangles(page.triangles).map(|corners| {
             let [a, b, c] = corners.map(|v| page.vertices.positions[usize::from(v)].map(f32::to_bits));
-            sink(&mut self.owners, [a, b, c].min([b, c, a]).min([c, a, b]));
-        }
-        Ok(())
+            let corners = [a, b, c].min([b, c, a]).min([c, a, b]);
+            (xxh3_64(bytemuck::cast_slice(corners.as_flattened())), number)
+        }));
     }
+    out.sort_unstable();
+    Ok(())
 }
