@@ -35,10 +35,10 @@ const JOURNAL: &str = "journal";
 const MAGIC: u64 = u64::from_le_bytes(*b"CHPMjrnl");
 
 impl OutputFolder {
-    /// Begins a folder that will be called `target`, or goes on with one of the same `key`, which stands for all that decides its bytes. Where one is
-    /// there already, it is replaced if it is empty, or, with `force`, if it holds nothing but `names`, of which the first has to be there: what else
+    /// Begins a folder that will be called `target`, or goes on with one of the same `key`, which stands for all that decides its bytes; without a key
+    /// it begins anew. Where one is there already, it is replaced if it is empty, or, with `force`, if it holds nothing but `names`, of which the first has to be there: what else
     /// somebody keeps in it is not for us to remove.
-    pub(crate) fn create(target: &Path, force: bool, names: &[&str], key: u64) -> Result<Self> {
+    pub(crate) fn create(target: &Path, force: bool, names: &[&str], key: Option<u64>) -> Result<Self> {
         let name = target
             .file_name()
             .with_context(|| format!("'{}' is no name for a new folder", target.display()))?;
@@ -51,17 +51,17 @@ impl OutputFolder {
         let failed = || format!("cannot make a folder in '{}'", place.display());
         fs::metadata(place).with_context(failed)?;
         let lock = Lock::acquire(target)?;
-        let hidden = hidden_name(name, &format!(".{:08x}.partial", key as u32));
+        let hidden = hidden_name(name, &format!(".{:08x}.partial", key.unwrap_or(0) as u32));
         sweep(place, &hidden_name(name, "."), &hidden);
         let partial = place.join(hidden);
-        let (journal, before) = match resume(&partial, key) {
+        let (journal, before) = match key.and_then(|key| resume(&partial, key)) {
             Some(found) => found,
             None => {
                 if partial.exists() {
                     fs::remove_dir_all(&partial).with_context(failed)?;
                 }
                 fs::create_dir(&partial).with_context(failed)?;
-                (begin(&partial, key).with_context(failed)?, Vec::new())
+                (begin(&partial, key.unwrap_or(0)).with_context(failed)?, Vec::new())
             }
         };
         let count = AtomicU64::new(before.len() as u64);
@@ -72,6 +72,11 @@ impl OutputFolder {
     /// Files that are there from a run that was stopped.
     pub(crate) fn found(&self) -> usize {
         self.before.len()
+    }
+
+    /// Where a file of it is written.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.partial.join(name)
     }
 
     /// Makes a folder in it.
@@ -150,6 +155,11 @@ impl Drop for OutputFolder {
     }
 }
 
+/// The folder that a file of a folder lies in.
+pub(crate) fn above(name: &str) -> &str {
+    Path::new(name).parent().and_then(Path::to_str).unwrap_or_default()
+}
+
 fn begin(partial: &Path, key: u64) -> io::Result<File> {
     let mut journal = File::options().append(true).create_new(true).open(partial.join(JOURNAL))?;
     journal.write_all([MAGIC, key, 0, 0].map(u64::to_le_bytes).as_flattened())?;
@@ -209,12 +219,13 @@ fn replaceable(target: &Path, force: bool, names: &[&str]) -> Result<()> {
     let foreign = found.iter().find(|found| !names.iter().any(|name| *found == name));
     if let Some(foreign) = foreign {
         bail!(
-            "'{}' holds '{}', which no export made; choose another folder",
+            "'{}' holds '{}', which this command did not write; choose another folder",
             target.display(),
             foreign.display()
         );
     }
-    ensure!(target.join(names[0]).is_file(), "'{}' is no export; choose another folder", target.display());
+    let is_ours = target.join(names[0]).is_file();
+    ensure!(is_ours, "'{}' has no '{}'; choose another folder", target.display(), names[0]);
     Ok(())
 }
 
@@ -245,7 +256,7 @@ mod tests {
     }
 
     fn fill(target: &Path, force: bool, text: &str) -> Result<()> {
-        let folder = OutputFolder::create(target, force, &NAMES, 1)?;
+        let folder = OutputFolder::create(target, force, &NAMES, Some(1))?;
         folder.folder("parts/1")?;
         folder.write("parts/1/a", b"part")?;
         folder.write("index", text.as_bytes())?;
@@ -256,10 +267,10 @@ mod tests {
     fn a_folder_is_whole_or_not_there() {
         let place = tempfile::tempdir().unwrap();
         let target = place.path().join("out");
-        let half = OutputFolder::create(&target, false, &NAMES, 1).unwrap();
+        let half = OutputFolder::create(&target, false, &NAMES, Some(1)).unwrap();
         half.write("index", b"half").unwrap();
         assert!(!target.exists() && half.write("no/such", b"").is_err());
-        let second = OutputFolder::create(&target, false, &NAMES, 1).map(drop).unwrap_err().to_string();
+        let second = OutputFolder::create(&target, false, &NAMES, Some(1)).map(drop).unwrap_err().to_string();
         assert!(second.contains("out"), "{second}");
         drop(half);
         assert!(names(place.path()).is_empty());
@@ -289,7 +300,7 @@ mod tests {
     fn what_was_whole_is_gone_on_from_and_nothing_else() {
         let place = tempfile::tempdir().unwrap();
         let target = place.path().join("out");
-        let open = |key| OutputFolder::create(&target, false, &NAMES, key).unwrap();
+        let open = |key| OutputFolder::create(&target, false, &NAMES, Some(key)).unwrap();
         let folder = open(1);
         for (name, bytes) in [("a", "whole"), ("b", "cut short"), ("c", "changed"), ("d", "gone")] {
             folder.write_to_keep(name, bytes.as_bytes(), 7).unwrap();
@@ -324,6 +335,15 @@ mod tests {
         killed(open(1));
         killed(open(2));
         assert!(!partial.exists());
+        // Without a key, nothing is gone on from.
+        let anew = || OutputFolder::create(&target, false, &NAMES, None).unwrap();
+        let first = anew();
+        first.write_to_keep("left", b"", 0).unwrap();
+        let left = first.path("left");
+        killed(first);
+        assert!(left.exists());
+        drop(anew());
+        assert!(!left.exists());
         let last = open(2);
         last.write_to_keep("index", b"", 0).unwrap();
         last.publish().unwrap();
@@ -336,7 +356,7 @@ mod tests {
         let target = place.path().join("photos");
         fs::create_dir(&target).unwrap();
         fs::write(target.join("parts"), b"").unwrap();
-        assert!(fill(&target, true, "").unwrap_err().to_string().contains("no export"));
+        assert!(fill(&target, true, "").unwrap_err().to_string().contains("has no 'index'"));
         fs::write(target.join("index"), b"").unwrap();
         fs::write(target.join("holiday.jpg"), b"").unwrap();
         assert!(fill(&target, true, "").unwrap_err().to_string().contains("holiday.jpg"));

@@ -1,7 +1,7 @@
 //! `chpm export`: the whole hierarchy for programs that stream it.
 
 use super::{Verdict, open, reading, stdout};
-use crate::folder::OutputFolder;
+use crate::folder::{OutputFolder, above};
 use crate::memory::{self, MemoryArgs};
 use crate::number;
 use crate::place::{self, Place};
@@ -17,7 +17,7 @@ use clap::ValueEnum;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -95,7 +95,7 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
         transform: args.transform.or_else(|| args.origin.map(Place::frame)),
         span: args.span,
     };
-    let folder = OutputFolder::create(&args.tiles, args.force, &NAMES, key(file, &options))?;
+    let folder = OutputFolder::create(&args.tiles, args.force, &NAMES, Some(key(file, &options)))?;
     if folder.found() > 0 && !args.quiet {
         line(&format!("going on: {} are there", Counted(folder.found() as u64, "tile")));
     }
@@ -182,9 +182,4 @@ fn fill(
     })?;
     file.get_ref().check_unchanged()?;
     Ok([sets, tiles.into_inner(), triangles.into_inner(), bytes.into_inner()])
-}
-
-/// The folder that a file of the tileset lies in.
-fn above(path: &str) -> &str {
-    Path::new(path).parent().and_then(Path::to_str).unwrap_or_default()
 }

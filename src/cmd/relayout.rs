@@ -72,16 +72,13 @@ pub(super) fn store_pages(
     file: &Path,
     output: &Path,
     pages: Option<Pages>,
-    force: bool,
     quiet: bool,
     memory: MemoryArgs,
     stop: &Stop,
 ) -> Result<u64> {
     let (file, output) = (file.to_owned(), output.to_owned());
-    rewrite(
-        &Args { file, output, pages, order: None, force, threads: ThreadArgs::default(), quiet, memory },
-        stop,
-    )
+    let (order, force, threads) = (None, false, ThreadArgs::default());
+    rewrite(&Args { file, output, pages, order, force, threads, quiet, memory }, stop)
 }
 
 /// Writes the file, and says how long it is.

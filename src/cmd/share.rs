@@ -2,27 +2,27 @@
 
 use super::relayout::{self, Pages};
 use super::{Verdict, open, stdout};
+use crate::folder::{OutputFolder, above};
 use crate::memory::MemoryArgs;
 use crate::stop::Stop;
 use crate::web::{FILES, PAGE};
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::Result;
 use chpm_mesh::Bytes;
-use std::fs;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What `chpm share` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
-    /// The folder to write; made if it is not there
+    /// The folder to write; one that is there has to be empty
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// How the model's pages are stored; as they are if not given
     #[arg(long, value_name = "HOW", value_enum)]
     pages: Option<Pages>,
-    /// Replace files that the folder has
+    /// Replace the folder if it is an earlier one
     #[arg(short, long)]
     force: bool,
     /// No progress
@@ -36,28 +36,25 @@ pub(crate) struct Args {
 const MODEL: &str = "model.chpm";
 /// The page's name there, which hosts show for the folder.
 const INDEX: &str = "index.html";
+/// What the folder holds.
+const NAMES: [&str; 4] = [MODEL, INDEX, "view", "chpm"];
 
-/// Writes the folder, the model last: as long as it is not there, the page says so.
+/// Writes the folder, which is whole or not there.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     open(&args.file)?;
-    let page =
-        FILES.iter().find(|file| file.path == PAGE).context("the program was compiled without its page")?;
-    let index = page.text.replace("<body>", &format!("<body data-file=\"{MODEL}\">"));
-    let others = FILES.iter().filter(|file| file.path != PAGE).map(|file| (file.path, file.text));
-    let files: Vec<(&str, &str)> = [(INDEX, &index[..])].into_iter().chain(others).collect();
-
-    let taken =
-        files.iter().map(|(name, _)| *name).chain([MODEL]).find(|name| args.output.join(name).exists());
-    if let Some(name) = taken.filter(|_| !args.force) {
-        bail!("'{}' exists; --force replaces it", args.output.join(name).display());
+    let folder = OutputFolder::create(&args.output, args.force, &NAMES, None)?;
+    let (model, memory) = (folder.path(MODEL), args.memory.clone());
+    let bytes = relayout::store_pages(&args.file, &model, args.pages, args.quiet, memory, stop)?;
+    for file in FILES {
+        if file.path == PAGE {
+            let index = file.text.replace("<body>", &format!("<body data-file=\"{MODEL}\">"));
+            folder.write(INDEX, index.as_bytes())?;
+            continue;
+        }
+        folder.folder(above(file.path))?;
+        folder.write(file.path, file.text.as_bytes())?;
     }
-    ensure!(!args.output.is_file(), "the output '{}' is a file; name a folder", args.output.display());
-    for (name, text) in files {
-        write(&args.output.join(name), text)?;
-    }
-    let model = args.output.join(MODEL);
-    let memory = args.memory.clone();
-    let bytes = relayout::store_pages(&args.file, &model, args.pages, args.force, args.quiet, memory, stop)?;
+    folder.publish()?;
 
     let mut out = stdout();
     writeln!(
@@ -66,15 +63,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         args.output.display(),
         Bytes(bytes)
     )?;
-    writeln!(out, "to try it here: chpm serve '{}'", model.display())?;
+    writeln!(out, "to try it here: chpm serve '{}'", args.output.join(MODEL).display())?;
     out.flush()?;
     Ok(Verdict::Good)
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    let failed = || format!("cannot write '{}'", path.display());
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).with_context(failed)?;
-    }
-    fs::write(path, text).with_context(failed)
 }

@@ -47,7 +47,8 @@ pub(super) fn look(file: &Chpm<MappedFile>, size: [usize; 2], beside: bool) -> R
     let cut = if beside {
         let [right, _, _] = camera.axes();
         let target = Point3::from(camera.target);
-        let radius = 0.5 * file.header().aabb().diagonal().max(f64::MIN_POSITIVE);
+        // That of the sphere around the model, or of what is looked at in its place where it is a single point.
+        let radius = (Point3::from(camera.position) - target).norm() * (0.5 * camera.fov.to_radians()).sin();
         let eye = Camera::looking((target + right * radius).into(), camera.target);
         select_triangles(
             file,

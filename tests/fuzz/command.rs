@@ -37,6 +37,13 @@ pub(crate) fn chpm(folder: &Path, words: &[&str], codes: &[i32]) -> Result<i32, 
     Ok(code)
 }
 
+/// What `chpm` writes to its output.
+pub(crate) fn said(folder: &Path, words: &[String]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_chpm")).current_dir(folder).args(words).output();
+    output
+        .map_or_else(|error| error.to_string(), |output| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
 /// Most bytes that were resident.
 fn largest(of: UsageWho) -> u64 {
     getrusage(of).map_or(0, |usage| u64::try_from(usage.max_rss()).unwrap_or(0) << 10)

@@ -7,6 +7,7 @@ use crate::draw::Draw;
 use crate::model::Model;
 use crate::settings::Told;
 use crate::spoil::spoil;
+use crate::verbs::use_verbs;
 use chpm_build::{Cancel, Silent, build};
 use chpm_format::{Chpm, FormatError, RemoteChpm, dump, verify};
 use chpm_mesh::{Level, TriMesh};
@@ -122,6 +123,11 @@ fn command_on_source(
     let mut words = vec!["build", &source.name, "-o", "out.chpm", "-q", "--memory=128M"];
     words.extend(told.words.iter().map(String::as_str));
     let code = chpm(home.path(), &words, if expected.is_some() { &[0] } else { &[2] })?;
+    // It has settings of its own, and may refuse what others accept.
+    let simplify = ["simplify", &source.name, "--within=2%", "-o", "less.glb", "-q", "--memory=128M"];
+    let is_there = chpm(home.path(), &simplify, &[0, 2])? == 0;
+    require(at("less.glb").exists() == is_there, "left behind", || format!("{:?}", names(home.path())))?;
+    let _ = fs::remove_file(at("less.glb"));
     if code != 0 {
         let after = names(home.path());
         return require(before == after, "left behind", || format!("{after:?}"));
@@ -143,7 +149,9 @@ fn command_on_source(
     expected.extend(["out.chpm", "fine.ply", "near.ply"].map(str::to_owned));
     expected.sort();
     let after = names(home.path());
-    require(after == expected, "left behind", || format!("{after:?}"))
+    require(after == expected, "left behind", || format!("{after:?}"))?;
+    fs::remove_file(at("near.ply")).expect("a file removed");
+    use_verbs(home.path(), "out.chpm", true)
 }
 
 /// Opens, verifies, dumps and extracts; a file that is sound must give every mesh.
@@ -273,6 +281,7 @@ pub(crate) fn judge_file(bytes: &[u8], corpus: &[Vec<u8>], depth: Depth) -> Resu
         let after = names(home.path());
         let left = after.iter().any(|name| name != "bad.chpm" && !(code == 0 && name == "out.ply"));
         require(!left, "left behind", || format!("{after:?}"))?;
+        use_verbs(home.path(), "bad.chpm", sound)?;
     }
     Ok(ended)
 }

@@ -1,4 +1,4 @@
-//! Sources and files that nobody would make on purpose: generated, damaged, built, verified, extracted.
+//! Sources and files that nobody would make on purpose: generated, damaged, built, verified, and used by every verb that takes a file.
 //!
 //! As a test it runs a fixed number of cases of fixed seeds. For longer, or to repeat a case:
 //!
@@ -18,6 +18,7 @@ mod judge;
 mod model;
 mod settings;
 mod spoil;
+mod verbs;
 mod watch;
 mod worker;
 

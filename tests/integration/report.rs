@@ -43,6 +43,23 @@ fn colors(base64: &str) -> (BTreeSet<[u8; 3]>, usize) {
 }
 
 #[test]
+fn models_without_a_size_have_a_page() {
+    let folder = Folder::new();
+    let triangle = |corners: &[[f32; 3]; 3]| {
+        let points = corners.map(|[x, y, z]| format!("v {x} {y} {z}\n")).concat();
+        format!("{points}f 1 2 3\n")
+    };
+    let far = [-400_000.0, 133_333.33, 0.0];
+    for (name, corners) in
+        [("zero", [[0.0; 3]; 3]), ("far", [far; 3]), ("line", [[0.0; 3], [1.0; 3], [2.0; 3]])]
+    {
+        folder.write(&format!("{name}.obj"), triangle(&corners));
+        folder.stdout(&format!("build {name}.obj -q"));
+        folder.stdout(&format!("report {name}.chpm -o {name}.html"));
+    }
+}
+
+#[test]
 fn the_page_is_whole_and_needs_nothing_else() {
     let folder = page();
     let html = text(&folder.read("page.html"));

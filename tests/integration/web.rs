@@ -162,6 +162,26 @@ fn a_folder_to_share_has_all_that_its_page_loads() {
     let again = folder.stderr("share packed.chpm -o site -q", 2);
     assert!(again.contains("--force"), "{again}");
     folder.stdout("share packed.chpm -o site -q --force");
+
+    // What fails on its way leaves nothing, and what was there as it was.
+    let mut damaged = folder.read("packed.chpm");
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    folder.write("damaged.chpm", &damaged);
+    let before = folder.names();
+    for target in ["new", "site"] {
+        folder.stderr(&format!("share damaged.chpm -o {target} -q --force --pages raw"), 2);
+    }
+    assert_eq!(folder.names(), before);
+    assert_eq!(folder.read("site/model.chpm"), folder.read("packed.chpm"));
+    // Nor does it take what is somebody else's.
+    folder.write("site/notes.txt", b"mine");
+    let told = folder.stderr("share packed.chpm -o site -q --force", 2);
+    assert!(told.contains("notes.txt"), "{told}");
+    // The model may be that of the folder itself.
+    fs::remove_file(folder.path("site/notes.txt")).expect("a file removed");
+    folder.stdout("share site/model.chpm -o site -q --force --pages raw");
+    assert_eq!(folder.read("site/model.chpm"), folder.read("a.chpm"));
 }
 
 #[test]
