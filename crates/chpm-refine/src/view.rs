@@ -36,8 +36,10 @@ impl Camera {
     /// box just fits between the upper and the lower edge.
     pub fn framing(bounds: &Aabb) -> Self {
         let target = bounds.center();
-        // A model that is a single point is looked at from a distance of one unit.
-        let radius = Some(0.5 * bounds.diagonal()).filter(|radius| *radius > 0.0).unwrap_or(1.0);
+        // A model that is a single point, or as good as one where it lies, is looked at as if it had a radius.
+        let far = target.coords.amax();
+        let radius =
+            Some((0.5 * bounds.diagonal()).max(1e-9 * far)).filter(|radius| *radius > 0.0).unwrap_or(1.0);
         let away = radius / (0.5 * Self::DEFAULT_FOV.to_radians()).sin();
         Camera::looking([target.x, target.y, target.z + away], [target.x, target.y, target.z])
     }

@@ -3,7 +3,7 @@
 use super::{
     batch::Batch,
     error::Fault,
-    header::{Element, Header},
+    header::{Element, Header, words},
     read::Body,
     schema::ListPlan,
 };
@@ -19,8 +19,8 @@ pub(super) struct Grid {
 
 /// Samples of a row, if the header says so and there are whole rows.
 pub(super) fn columns(header: &Header, count: u64) -> Option<u64> {
-    let mut words = header.obj_info.iter().map(|line| line.split_ascii_whitespace());
-    let columns = words.find_map(|mut words| {
+    let columns = header.obj_info.iter().find_map(|line| {
+        let mut words = words(line);
         (words.next() == Some("num_cols")).then(|| words.next()?.parse().ok()).flatten()
     });
     columns.filter(|columns| *columns > 0 && count.is_multiple_of(*columns))

@@ -211,7 +211,7 @@ impl Header {
                 |expected| PlyError::Header { line: number, expected, got: excerpt(text.trim().as_bytes()) };
 
             // The format comes before all but comments; what it says decides how the rest is read.
-            let mut words = text.split_ascii_whitespace();
+            let mut words = words(&text);
             let keyword = words.next();
             match keyword {
                 Some("comment") => note(&mut header.comments, &text, "comment"),
@@ -279,6 +279,11 @@ impl Header {
         element.properties.push(property);
         Ok(())
     }
+}
+
+/// The words of a line, apart where those of the body are: at vertical tabs, too.
+pub(super) fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split([' ', '\t', '\n', '\u{b}', '\u{c}', '\r']).filter(|word| !word.is_empty())
 }
 
 fn line_is_blank(text: &str) -> bool {
@@ -384,7 +389,7 @@ mod tests {
         assert_eq!(header.elements[0].properties[0].ty, PropertyType::Scalar(ScalarType::Float));
         let list = PropertyType::List { count: ScalarType::UChar, item: ScalarType::Double };
         assert_eq!(header.elements[0].properties[1], Property { name: "w".into(), ty: list });
-        for end in ["\r\n", "\r", " \t\n"] {
+        for end in ["\r\n", "\r", " \t\n", "\x0b \x0c\n"] {
             let text = HEADER.replace('\n', end);
             let same = Header { len: header.len, ..parse(&text).unwrap() };
             assert_eq!(same, header, "{end:?}");

@@ -68,11 +68,15 @@ fn culling_knows_five_planes() {
 #[test]
 fn framing_shows_the_whole_box() {
     let bounds = Aabb::of_points(&[[1.0, 2.0, 3.0], [4.0, 9.0, 5.0]]);
-    for bounds in [bounds, Aabb::of_points(&[[1.0; 3]])] {
+    let (far, thin) = ([1e12, -3e11, -1e-20], [1e12, -3e11, 1e-20]);
+    for bounds in [bounds, Aabb::of_points(&[[1.0; 3]]), Aabb::of_points(&[far, thin])] {
         let camera = Camera::framing(&bounds);
         let view = View::new(&camera, [100, 100], 1.0).unwrap().with_culling(true);
         assert!(!view.misses_box(&bounds));
         assert_eq!(camera.relative_to([1.0, 1.0, 1.0]).position[2], camera.position[2] - 1.0);
+        let [right, ..] = camera.axes();
+        let beside = (nalgebra::Point3::from(camera.target) + right * camera.position[2].abs()).into();
+        assert!(beside != camera.target);
     }
 }
 
