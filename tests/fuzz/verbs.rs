@@ -32,8 +32,9 @@ const QUESTIONS: [(&str, &[i32]); 12] = [
     ("clearance F F -q --memory=128M --above=1%", &[1]),
     ("clearance F F -q --memory=128M --above=1% --pose=0.3,0.2,0.1", &[0, 1]),
     ("contacts F --self -q --memory=128M --json", &[0]),
-    ("contacts F F -q --memory=128M --within=1% --pose=0.1,0,0", &[0]),
-    ("contacts F F -q --memory=128M --error=1% --pose=0.1,0,0,0,0,1,2", &[0]),
+    // More may be near than the memory has room for.
+    ("contacts F F -q --memory=128M --within=1% --pose=0.1,0,0", &[0, 2]),
+    ("contacts F F -q --memory=128M --error=1% --pose=0.1,0,0,0,0,1,2", &[0, 2]),
     ("compare F F -q --memory=128M --json", &[0]),
     ("compare F F -q --memory=128M --tolerance=0 --pose=0.1,0,0", &[0]),
     ("stats F", &[0]),
