@@ -287,7 +287,10 @@ fn drags_move_what_is_held_and_the_wheel_comes_nearer() {
     assert!((0.3..0.95).contains(&nearer), "{nearer} of the distance");
     let farther = distance(&["mousemove 500 300 click --repeat 6 5"]) / start.coords.norm();
     assert!(farther > 1.05, "{farther} of the distance");
-    let held = distance(&["mousemove 500 300 keydown ctrl mousedown 1 mousemove 500 280", "mousemove 500 100 mouseup 1 keyup ctrl"]);
+    let held = distance(&[
+        "mousemove 500 300 keydown ctrl mousedown 1 mousemove 500 280",
+        "mousemove 500 100 mouseup 1 keyup ctrl",
+    ]);
     assert!(held < 0.9 * farther * start.coords.norm(), "a drag upward with Ctrl held comes nearer");
 }
 
