@@ -6,6 +6,7 @@ use crate::memory::MemoryArgs;
 use crate::stop::Stop;
 use crate::web::{FILES, PAGE};
 use anyhow::{Context, Result, bail, ensure};
+use chpm_extmem::AtomicFile;
 use chpm_mesh::Bytes;
 use std::fs;
 use std::io::Write;
@@ -37,7 +38,7 @@ const MODEL: &str = "model.chpm";
 /// The page's name there, which hosts show for the folder.
 const INDEX: &str = "index.html";
 
-/// Writes the folder, the model last: as long as it is not there, the page says so.
+/// Writes the folder. The page gets its names when the model has its own, so that what cannot be shared leaves nothing.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     open(&args.file)?;
     let page =
@@ -52,12 +53,20 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         bail!("'{}' exists; --force replaces it", args.output.join(name).display());
     }
     ensure!(!args.output.is_file(), "the output '{}' is a file; name a folder", args.output.display());
-    for (name, text) in files {
-        write(&args.output.join(name), text)?;
-    }
+    let mut made = Made::default();
+    let written = |(name, text): (&str, &str)| {
+        let path = args.output.join(name);
+        made.folder(path.parent().unwrap_or(&args.output))?;
+        let mut file = AtomicFile::create(&path, args.force)?;
+        file.write_all(text.as_bytes()).map_err(|source| file.error(source))?;
+        file.flush().map_err(|source| file.error(source))?;
+        Ok(file)
+    };
+    let pages: Vec<AtomicFile> = files.into_iter().map(written).collect::<Result<_>>()?;
     let model = args.output.join(MODEL);
     let memory = args.memory.clone();
     let bytes = relayout::store_pages(&args.file, &model, args.pages, args.force, args.quiet, memory, stop)?;
+    pages.into_iter().try_for_each(AtomicFile::publish)?;
 
     let mut out = stdout();
     writeln!(
@@ -71,10 +80,26 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
-fn write(path: &Path, text: &str) -> Result<()> {
-    let failed = || format!("cannot write '{}'", path.display());
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).with_context(failed)?;
+/// Folders that were made. Those that are empty in the end go again.
+#[derive(Default)]
+struct Made(Vec<PathBuf>);
+
+impl Made {
+    fn folder(&mut self, path: &Path) -> Result<()> {
+        let new = path.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());
+        let new: Vec<&Path> = new.collect();
+        for path in new.into_iter().rev() {
+            fs::create_dir(path).with_context(|| format!("cannot make the folder '{}'", path.display()))?;
+            self.0.push(path.to_owned());
+        }
+        Ok(())
     }
-    fs::write(path, text).with_context(failed)
+}
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        for path in self.0.iter().rev() {
+            let _ = fs::remove_dir(path);
+        }
+    }
 }
