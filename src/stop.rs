@@ -69,9 +69,12 @@ impl Stop {
     }
 }
 
+/// What is said of work that was stopped.
+pub(crate) const TOLD: &str = "stopped on request; nothing was written";
+
 /// An error if a stop was asked for.
 pub(crate) fn check(cancel: &Cancel) -> Result<()> {
-    ensure!(!cancel.is_cancelled(), "stopped on request; nothing was written");
+    ensure!(!cancel.is_cancelled(), TOLD);
     Ok(())
 }
 
