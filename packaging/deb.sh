@@ -19,4 +19,9 @@ mkdir -p "$made/man1"
 "$program" completions bash >"$made/chpm.bash"
 "$program" completions zsh >"$made/_chpm"
 "$program" completions fish >"$made/chpm.fish"
+# Debian asks for a history of the package itself, too.
+gzip --best --no-name <CHANGELOG.md >"$made/changelog.gz"
+version=$(cargo metadata --locked --no-deps --format-version 1 | grep -o '"name":"chpm","version":"[^"]*"' | cut -d'"' -f8)
+date=$(date --utc --rfc-email --date="@$(git log -1 --format=%ct)")
+printf 'chpm (%s-1) unstable; urgency=medium\n\n  * See changelog.gz.\n\n -- The authors of chpm <>  %s\n' "$version" "$date" >"$made/changelog"
 cargo deb --locked --no-build "${more[@]}"

@@ -31,7 +31,7 @@ pub(crate) struct Cli {
 }
 
 const AFTER_HELP: &str =
-    "Exit codes: 0 success; 1 a verification found a fault; 2 error; 130, 143 stopped by a signal.
+    "Exit codes: 0 success; 1 a verification found a fault; 2 error; 129, 130, 143 stopped by a signal.
 Start with: chpm demo";
 
 /// What to do.

@@ -42,6 +42,8 @@ impl OutputFolder {
         let name = target
             .file_name()
             .with_context(|| format!("'{}' is no name for a new folder", target.display()))?;
+        // Without a point or a slash at its end, by which nothing can be renamed.
+        let target = &target.with_file_name(name);
         let place = target.parent().filter(|place| *place != Path::new("")).unwrap_or(Path::new("."));
         ensure!(!target.is_symlink(), "'{}' is a link; name the folder itself", target.display());
         if target.exists() {
@@ -288,6 +290,10 @@ mod tests {
         let empty = place.path().join("empty");
         fs::create_dir(&empty).unwrap();
         fill(&empty, false, "three").unwrap();
+        for end in ["/", "/.", "//./"] {
+            fill(Path::new(&format!("{}{end}", empty.display())), true, "four").unwrap();
+        }
+        assert_eq!(names(place.path()), ["empty", "out"]);
     }
 
     /// As a process leaves it that is killed: nothing is dropped but the lock.

@@ -1,7 +1,7 @@
 //! `chpm`: turns a triangle mesh of any size into one memory-mapped clustered hierarchy of progressive meshes, and looks
 //! into the result.
 //!
-//! Exit codes: 0 for success, 1 if a verification found a fault, 2 for errors, 130 and 143 after SIGINT and SIGTERM.
+//! Exit codes: 0 for success, 1 if a verification found a fault, 2 for errors, 129, 130 and 143 after SIGHUP, SIGINT and SIGTERM.
 #![forbid(unsafe_code)]
 
 mod against;

@@ -181,7 +181,7 @@ impl MeshFile<'_> {
             false => format!("chpm {by}, error {error:e}"),
         };
         let steps = Steps { meter, cancel };
-        let mesh = &Whole::new(mesh, self.args.order)?;
+        let mesh = &Whole::new(mesh, self.args.order, cancel)?;
         stop::check(cancel)?;
         let output = match self.format {
             MeshFormat::Ply => ply(mesh, self.output, ascii, &comment, &steps),

@@ -106,7 +106,7 @@ impl Writes {
     pub(crate) fn create(self, path: &Path, force: bool, inputs: &[&Path]) -> Result<Output> {
         self.check(path)?;
         if is_stdout(path) {
-            return Ok(Output::Stdout(BufWriter::new(io::stdout().lock())));
+            return Ok(Output::Stdout(stdout()));
         }
         // An input that is gone is told by whoever reads it.
         let is_input = inputs.iter().any(|input| same_file(input, path));
@@ -149,7 +149,7 @@ impl TellArgs {
 /// A result that is being written.
 pub(crate) enum Output {
     File(AtomicFile),
-    Stdout(BufWriter<StdoutLock<'static>>),
+    Stdout(BufWriter<Stdout>),
 }
 
 impl Output {
@@ -176,12 +176,30 @@ pub(crate) fn messages<'a>(
     quiet: bool,
 ) -> Result<Box<dyn Write>> {
     match outputs.into_iter().filter(|output| output.is_stream()).count() {
-        0 => Ok(Box::new(super::cmd::stdout())),
+        0 => Ok(Box::new(stdout())),
         1 if !json && quiet => Ok(Box::new(io::sink())),
         1 if !json => Ok(Box::new(io::stderr())),
         _ => {
             bail!("only one result can go to standard output; name files for the others, or leave out --json")
         }
+    }
+}
+
+/// Where results go. To be flushed at the end: what is dropped cannot tell that writing failed.
+pub(crate) fn stdout() -> BufWriter<Stdout> {
+    BufWriter::new(Stdout(io::stdout().lock()))
+}
+
+/// Standard output, whose errors say so.
+pub(crate) struct Stdout(StdoutLock<'static>);
+
+impl Write for Stdout {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes).map_err(placed)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush().map_err(placed)
     }
 }
 
@@ -194,14 +212,14 @@ impl Write for Output {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self {
             Output::File(file) => file.write(bytes),
-            Output::Stdout(stdout) => stdout.write(bytes).map_err(placed),
+            Output::Stdout(stdout) => stdout.write(bytes),
         }
     }
 
     fn flush(&mut self) -> io::Result<()> {
         match self {
             Output::File(file) => file.flush(),
-            Output::Stdout(stdout) => stdout.flush().map_err(placed),
+            Output::Stdout(stdout) => stdout.flush(),
         }
     }
 }

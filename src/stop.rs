@@ -1,11 +1,12 @@
-//! Ctrl-C and SIGTERM: work that has something to clean up is asked to stop, anything else ends at once.
+//! Ctrl-C, SIGTERM, and SIGHUP when a terminal is closed: work that has something to clean up is asked to stop, anything else ends at once.
 //!
-//! Both signals are blocked in every thread, and one thread waits for them. METIS installs a SIGTERM handler of its own
+//! The signals are blocked in every thread, and one thread waits for them. METIS installs a SIGTERM handler of its own
 //! while it runs, which jumps out of the library's middle; a blocked signal never reaches it.
 
 use anyhow::{Context, Result, ensure};
 use chpm_build::Cancel;
 use nix::sys::signal::{SigSet, Signal};
+use std::fs;
 use std::io::{self, Write};
 use std::process;
 use std::sync::Arc;
@@ -32,6 +33,10 @@ impl Stop {
         let mut signals = SigSet::empty();
         signals.add(Signal::SIGINT);
         signals.add(Signal::SIGTERM);
+        // A blocked signal would come although `nohup` has it ignored.
+        if !is_ignored(Signal::SIGHUP) {
+            signals.add(Signal::SIGHUP);
+        }
         // With SIGXFSZ blocked, too, a file beyond `ulimit -f` is an error like a full disk; nobody waits for that signal.
         let mut blocked = signals;
         blocked.add(Signal::SIGXFSZ);
@@ -64,9 +69,12 @@ impl Stop {
     }
 }
 
+/// What is said of work that was stopped.
+pub(crate) const TOLD: &str = "stopped on request; nothing was written";
+
 /// An error if a stop was asked for.
 pub(crate) fn check(cancel: &Cancel) -> Result<()> {
-    ensure!(!cancel.is_cancelled(), "stopped on request; nothing was written");
+    ensure!(!cancel.is_cancelled(), TOLD);
     Ok(())
 }
 
@@ -80,6 +88,14 @@ fn receive(signal: Signal, cancel: &Cancel, shared: &Shared) {
         io::stderr(),
         "stopping; what a next run cannot go on from is removed. A second signal ends at once and may leave temporary files"
     );
+}
+
+/// Whether whoever started the process has it ignore a signal; so it is taken where the system does not tell.
+fn is_ignored(signal: Signal) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
+        .is_none_or(|mask| mask >> (signal as i32 - 1) & 1 == 1)
 }
 
 fn exit_code(signal: i32) -> i32 {

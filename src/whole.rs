@@ -1,11 +1,12 @@
 //! The mesh of a cut as it is written: streamed in the order of the file, or held and put into another.
 
 use crate::report::count;
-use anyhow::{Result, ensure};
-use chpm_build::{MOST_ORDERED, ORDER_BYTES, order_mesh};
+use crate::stop;
+use anyhow::{Result, bail, ensure};
+use chpm_build::{Cancel, MOST_ORDERED, ORDER_BYTES, order_mesh};
 use chpm_extmem::MappedFile;
 use chpm_mesh::{Attributes, TriMesh, VertexSlices, Vertices};
-use chpm_refine::{Extraction, RefineError};
+use chpm_refine::Extraction;
 
 /// In which order vertices and triangles are written.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
@@ -40,10 +41,10 @@ pub(crate) struct Whole<'a> {
 }
 
 impl<'a> Whole<'a> {
-    pub(crate) fn new(mesh: &'a Extraction<'a, MappedFile>, order: Order) -> Result<Self> {
+    pub(crate) fn new(mesh: &'a Extraction<'a, MappedFile>, order: Order, cancel: &Cancel) -> Result<Self> {
         let held = match order {
             Order::File => None,
-            Order::CacheOblivious => Some(ordered(mesh)?),
+            Order::CacheOblivious => Some(ordered(mesh, cancel)?),
         };
         Ok(Whole { mesh, held })
     }
@@ -96,7 +97,7 @@ impl<'a> Whole<'a> {
 /// Triangles that are handed on at a time.
 const BATCH: usize = 1 << 16;
 
-fn ordered(mesh: &Extraction<'_, MappedFile>) -> Result<TriMesh> {
+fn ordered(mesh: &Extraction<'_, MappedFile>, cancel: &Cancel) -> Result<TriMesh> {
     let mut vertices = Vertices::default();
     let mut triangles = Vec::new();
     ensure!(
@@ -108,13 +109,14 @@ fn ordered(mesh: &Extraction<'_, MappedFile>) -> Result<TriMesh> {
     triangles.reserve_exact(mesh.triangle_count() as usize);
     mesh.triangles(|batch| {
         triangles.extend_from_slice(batch);
-        Ok::<_, RefineError>(())
+        stop::check(cancel)
     })?;
-    let places = order_mesh(mesh.vertex_count() as usize, &mut triangles);
+    let places = order_mesh(mesh.vertex_count() as usize, &mut triangles, || !cancel.is_cancelled());
+    let Some(places) = places else { bail!(stop::TOLD) };
     // Read after that, so that they are not beside the graph.
     mesh.vertices(|batch| {
         vertices.extend_from_slices(batch);
-        Ok::<_, RefineError>(())
+        stop::check(cancel)
     })?;
     let mut at_place = vec![0; places.len()];
     (0..).zip(&places).for_each(|(vertex, place)| at_place[*place as usize] = vertex);

@@ -86,13 +86,13 @@ pub(crate) fn select(model: &Model, asked: &Asked) -> Result<Selected, Failure> 
     model.reading(|file| taken(file, &model.path, asked))
 }
 
-/// Bytes of unpacked pages that are kept while a mesh is counted and copied.
+/// Bytes of what is known of clusters while they are chosen, and then of unpacked pages while a mesh is counted and copied.
 const KEPT: u64 = 256 << 20;
 
 fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected, Failure> {
     let request = asked.request(file)?;
-    let cut = request.cut(file, 0.0)?;
     let mut patience = Patience::new();
+    let cut = request.cut(file, 0.0, KEPT, || patience.check())?;
     let extraction = Extraction::keeping(file, &cut, KEPT, || patience.check())?;
     request.check(file, &extraction)?;
     let mesh = mesh(&extraction, &mut patience)?;

@@ -79,9 +79,10 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let mut out = output::messages([&target.output], false, args.quiet)?;
     let request = request(file, args)?;
     let lacks = || format!("'{}' does not have that", args.file.display());
-    let cut = request.cut(file, target.rounding(file)).map_err(|error| match error {
-        RefineError::Level { .. } => Error::new(error).context(lacks()),
-        error => error.into(),
+    let cut = request.cut(file, target.rounding(file), free, || stop::check(&cancel));
+    let cut = cut.map_err(|error: Error| match error.downcast_ref() {
+        Some(RefineError::Level { .. }) => error.context(lacks()),
+        _ => error,
     })?;
     let mesh = Extraction::keeping(file, &cut, args.mesh.to_keep(free), || stop::check(&cancel))?;
     request.check(file, &mesh).with_context(lacks)?;

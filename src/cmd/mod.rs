@@ -33,6 +33,7 @@ pub(crate) mod view;
 pub(crate) mod walk;
 
 use crate::args::Command;
+pub(crate) use crate::output::stdout;
 use crate::stop::Stop;
 use anyhow::{Context, Result, anyhow};
 use chpm_export::ExportError;
@@ -41,7 +42,6 @@ use chpm_format::{Chpm, FormatError};
 use chpm_proximity::ProximityError;
 use chpm_refine::RefineError;
 use std::error::Error;
-use std::io::{self, BufWriter, StdoutLock};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -123,9 +123,4 @@ pub(crate) fn temporary() -> Result<TempDir> {
         let place = std::env::temp_dir();
         anyhow!("cannot make a temporary folder in '{}' ({}); set TMPDIR", place.display(), error.kind())
     })
-}
-
-/// Where results go. To be flushed at the end: what is dropped cannot tell that writing failed.
-pub(crate) fn stdout() -> BufWriter<StdoutLock<'static>> {
-    BufWriter::new(io::stdout().lock())
 }

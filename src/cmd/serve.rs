@@ -6,12 +6,13 @@ use anyhow::{Context, Result, ensure};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{Html, IntoResponse, Redirect, Response};
 use percent_encoding::{NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 use std::fs;
 use std::io::Write;
 use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tower_http::services::ServeFile;
@@ -121,9 +122,9 @@ fn names_this_machine(request: &Request) -> bool {
     name.eq_ignore_ascii_case("localhost") || address.is_ok_and(|address| address.is_loopback())
 }
 
-async fn answer(State(served): State<Arc<Served>>, request: Request) -> Response {
+async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Response {
     if request.method() != Method::GET && request.method() != Method::HEAD {
-        return StatusCode::METHOD_NOT_ALLOWED.into_response();
+        return (StatusCode::METHOD_NOT_ALLOWED, [(header::ALLOW, "GET, HEAD")]).into_response();
     }
     if served.is_local && !names_this_machine(&request) {
         return (StatusCode::FORBIDDEN, "this is served to this machine, by its address or as localhost\n")
@@ -144,13 +145,59 @@ async fn answer(State(served): State<Arc<Served>>, request: Request) -> Response
     let Some(found) = served.find(&path) else {
         return (StatusCode::NOT_FOUND, "no .chpm file of that name is served\n").into_response();
     };
-    let Ok(answer) = ServeFile::new(found).try_call(request).await else {
-        return (StatusCode::INTERNAL_SERVER_ERROR, "the file cannot be read\n").into_response();
+    let unreadable = || (StatusCode::INTERNAL_SERVER_ERROR, "the file cannot be read\n").into_response();
+    let Ok((tag, len)) = version(&found) else { return unreadable() };
+    let mut answer = match settled(request.headers_mut(), &tag, len) {
+        Some(status) => status.into_response(),
+        None => match ServeFile::new(found).try_call(request).await {
+            Ok(answer) => answer.map(Body::new),
+            Err(_) => return unreadable(),
+        },
     };
-    let mut answer = answer.map(Body::new);
+    answer.headers_mut().insert(header::ETAG, tag);
     // Pages of other origins may not read what is on this machine.
     answer.headers_mut().insert("Cross-Origin-Resource-Policy", HeaderValue::from_static("same-origin"));
     answer
+}
+
+/// What tells a file from any that had its name before, also within a second; and its length.
+fn version(path: &Path) -> Result<(HeaderValue, u64)> {
+    let found = fs::metadata(path)?;
+    let tag = format!("\"{:x}-{:x}-{:x}.{:x}\"", found.ino(), found.len(), found.mtime(), found.mtime_nsec());
+    Ok((HeaderValue::from_str(&tag)?, found.len()))
+}
+
+/// What the headers ask of the file of this tag and length that `ServeFile` does not know of (RFC 9110, 13 and 14): the answer, or nothing where it
+/// has only to serve what is left of them.
+fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<StatusCode> {
+    let names = |value: &HeaderValue| {
+        let text = value.to_str().unwrap_or_default();
+        text.split(',').map(str::trim).any(|one| one == "*" || one.trim_start_matches("W/") == tag)
+    };
+    if headers.get(header::IF_MATCH).is_some_and(|value| !names(value)) {
+        return Some(StatusCode::PRECONDITION_FAILED);
+    }
+    if let Some(known) = headers.get(header::IF_NONE_MATCH) {
+        if names(known) {
+            return Some(StatusCode::NOT_MODIFIED);
+        }
+        headers.remove(header::IF_MODIFIED_SINCE);
+    }
+    // A part is of use only beside parts of the same file.
+    let is_other = headers.get(header::IF_RANGE).is_some_and(|of| of != tag);
+    let range = headers.get(header::RANGE)?.to_str().unwrap_or_default();
+    match range.strip_prefix("bytes=") {
+        Some(range) if !is_other => {
+            let last = range.trim().strip_prefix('-').and_then(|last| last.parse::<u64>().ok());
+            if last.is_some_and(|last| last > len) {
+                headers.insert(header::RANGE, HeaderValue::from_static("bytes=0-"));
+            }
+        }
+        _ => {
+            headers.remove(header::RANGE);
+        }
+    }
+    None
 }
 
 /// What is at the root: the only file's page, a list if that was asked for, else the page without a model.

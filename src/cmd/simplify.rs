@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             (_, Some(triangles)) => Request::Triangles(triangles, None),
             _ => Request::Level(0),
         };
-        let cut = request.cut(&file, target.rounding(&file))?;
+        let cut = request.cut(&file, target.rounding(&file), free, || stop::check(&cancel))?;
         let mesh = Extraction::keeping(&file, &cut, args.mesh.to_keep(free), || stop::check(&cancel))?;
         request.check(&file, &mesh)?;
         // What its order takes is known only now.

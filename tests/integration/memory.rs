@@ -27,15 +27,15 @@ fn peak(folder: &Folder, words: &str) -> u64 {
 #[test]
 fn reading_takes_no_more_memory_than_is_given() {
     let folder = Folder::new();
-    folder.stdout("synth isosurface --triangles 1200000 -o in.ply -q");
+    folder.stdout("synth isosurface --triangles 1900000 -o in.ply -q");
     folder.stdout("build in.ply -q --partitioner greedy");
     let len = folder.path("in.chpm").metadata().expect("a length").len();
     folder.stdout("path orbit in.chpm -o in.path --frames 3");
     let given = 36 << 10;
-    // What the program itself takes, and the file on top of that, is more than is given.
+    // What the program itself takes, and the finest half of the file on top of that, is more than is given.
     let bare = peak(&folder, "path orbit in.chpm -o bare.path --frames 3");
     assert!(bare < 24 << 10, "{bare}");
-    assert!(bare + (len >> 10) > given, "the file is large enough to show: {bare} and {len}");
+    assert!(bare + (len >> 11) > given, "the file is large enough to show: {bare} and {len}");
     for words in [
         "verify in.chpm -q",
         "verify in.chpm --cuts 6 -q",

@@ -361,3 +361,19 @@ fn errors_name_the_place_and_nothing_hidden() {
         }
     }
 }
+
+#[test]
+fn a_full_standard_output_is_called_that() {
+    let folder = ball();
+    for words in
+        ["info ball.chpm", "extract ball.chpm --level 0 -q -o -", "export ball.chpm -q --3dtiles tiles"]
+    {
+        let Ok(full) = fs::File::options().write(true).open("/dev/full") else {
+            eprintln!("skipped: no /dev/full");
+            return;
+        };
+        let out = folder.command(words).stdout(full).output().expect("a process");
+        let said = text(&out.stderr);
+        assert!(out.status.code() == Some(2) && said.contains("standard output"), "{words}: {said}");
+    }
+}

@@ -1,15 +1,15 @@
 //! A build that is told to stop leaves nothing.
 
-use super::harness::{Folder, send};
+use super::harness::{CHPM, Folder, send};
 use nix::sys::signal::Signal;
-use std::io::Read;
-use std::process::Stdio;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Command, Stdio};
 
 #[test]
 fn a_stopped_build_leaves_nothing() {
     let folder = Folder::new();
     folder.stdout("synth isosurface --triangles 200000 -o in.ply -q");
-    for (signal, expected) in [(Signal::SIGINT, 130), (Signal::SIGTERM, 143)] {
+    for (signal, expected) in [(Signal::SIGINT, 130), (Signal::SIGTERM, 143), (Signal::SIGHUP, 129)] {
         for stage in ["ingest", "decompose", "simplify"] {
             // No checkpoint is due, however slow the machine is.
             let words = "build in.ply --threads 1 --checkpoint 1000000";
@@ -38,4 +38,29 @@ fn a_verb_that_writes_nothing_ends_at_once() {
         send(&child, signal);
         assert_eq!(child.wait().expect("an end").code(), Some(expected));
     }
+}
+
+#[test]
+fn a_simplification_whose_terminal_is_closed_leaves_nothing() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 200000 -o in.ply -q");
+    let (status, rest) =
+        folder.signalled("simplify in.ply --triangles 1% -o out.ply", "simplify", Signal::SIGHUP);
+    assert_eq!(status.code(), Some(129), "{rest:?}");
+    assert_eq!(folder.names(), ["in.ply"], "{rest:?}");
+}
+
+#[test]
+fn who_is_told_to_outlive_its_terminal_does() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 100000 -o in.ply -q");
+    let mut shell = Command::new("sh");
+    shell.current_dir(folder.path("")).args(["-c", "trap '' HUP; exec \"$0\" build in.ply", CHPM]);
+    let mut child = shell.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("a shell");
+    let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines().map_while(Result::ok);
+    lines.find(|line| line.starts_with("ingest")).expect("the stage begins");
+    send(&child, Signal::SIGHUP);
+    lines.for_each(drop);
+    assert_eq!(child.wait().expect("an end").code(), Some(0));
+    assert_eq!(folder.names(), ["in.chpm", "in.ply"]);
 }

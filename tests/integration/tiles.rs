@@ -312,6 +312,7 @@ fn the_frame_of_the_world_is_what_was_asked_for() {
         ("--3dtiles new --origin 1,2", "13.4,52.5,34"),
         ("--3dtiles new --transform 1,2,3", "16 numbers"),
         ("--3dtiles new --origin 1,2,3 --transform 1,0,0,0,0,1,0,0,0,0,1,0,5,6,7,1", "cannot be used"),
+        ("--3dtiles new --transform 1e306,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1", "smaller numbers"),
         ("", "--3dtiles"),
         ("--3dtiles out", "--force"),
         ("--3dtiles far.obj -f", "no folder"),

@@ -84,6 +84,62 @@ fn ranges_of_one_file_are_served_and_nothing_else() {
     }
 }
 
+/// The value of a header of an answer.
+fn header<'a>(head: &'a str, name: &str) -> Option<&'a str> {
+    head.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(": ")).map(str::trim)
+}
+
+#[test]
+fn parts_of_a_file_are_told_from_parts_of_another() {
+    let folder = built();
+    let host = Host::start(&folder, "a.chpm");
+    let whole = folder.read("a.chpm");
+    let (_, head, _) = host.get("/a.chpm", "");
+    let tag = header(&head, "etag").expect("a tag").to_owned();
+    let ask = |more: &str| host.get("/a.chpm", &format!("Range: bytes=5-9\r\n{more}\r\n"));
+    assert_eq!(ask(&format!("If-Range: {tag}")).0, 206);
+    assert_eq!(ask(&format!("If-Match: {tag}")).0, 206);
+    assert_eq!(ask("If-Match: \"another\"").0, 412);
+    assert_eq!(ask("If-None-Match: \"another\"").0, 206);
+    assert_eq!(ask(&format!("If-None-Match: \"another\", W/{tag}")).0, 304);
+    for other in ["\"another\"", "Mon, 01 Jan 2001 00:00:00 GMT"] {
+        let (status, _, body) = ask(&format!("If-Range: {other}"));
+        assert!(status == 200 && body == whole, "{other}: {status}");
+    }
+    // Of the same length and in the same second.
+    folder.write("a.chpm", &whole);
+    let (status, head, _) = ask(&format!("If-Range: {tag}"));
+    assert_eq!(status, 200);
+    assert_ne!(header(&head, "etag"), Some(&tag[..]));
+}
+
+#[test]
+fn odd_ranges_are_answered_as_the_standard_says() {
+    let folder = built();
+    let host = Host::start(&folder, "a.chpm");
+    let whole = folder.read("a.chpm");
+    let len = whole.len();
+    let all = format!("bytes 0-{}/{len}", len - 1);
+    for (range, status, content) in [
+        ("bytes=-4".to_owned(), 206, Some(format!("bytes {}-{}/{len}", len - 4, len - 1))),
+        (format!("bytes=-{}", len + 9), 206, Some(all.clone())),
+        (format!("bytes=0-{}", len + 9), 206, Some(all)),
+        (format!("bytes={len}-"), 416, Some(format!("bytes */{len}"))),
+        ("bytes=-0".to_owned(), 416, Some(format!("bytes */{len}"))),
+        ("lines=1-2".to_owned(), 200, None),
+    ] {
+        let (got, head, body) = host.get("/a.chpm", &format!("Range: {range}\r\n"));
+        assert_eq!((got, header(&head, "content-range")), (status, content.as_deref()), "{range}");
+        assert!(status == 416 || whole.ends_with(&body) && !body.is_empty(), "{range}");
+    }
+    let mut stream = TcpStream::connect(&host.address).expect("a connection");
+    write!(stream, "POST /a.chpm HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+        .expect("a request");
+    let mut said = String::new();
+    stream.read_to_string(&mut said).expect("an answer");
+    assert!(said.contains(" 405 ") && said.to_lowercase().contains("allow: get, head"), "{said}");
+}
+
 #[test]
 fn who_asks_by_another_name_gets_nothing() {
     let folder = built();
@@ -182,6 +238,23 @@ fn a_folder_to_share_has_all_that_its_page_loads() {
     fs::remove_file(folder.path("site/notes.txt")).expect("a file removed");
     folder.stdout("share site/model.chpm -o site -q --force --pages raw");
     assert_eq!(folder.read("site/model.chpm"), folder.read("a.chpm"));
+}
+
+#[test]
+fn what_cannot_be_shared_leaves_nothing() {
+    let folder = built();
+    let said = folder.stderr("share a.chpm -o new -q --memory 1M", 2);
+    assert!(said.contains("--memory"), "{said}");
+    assert!(!folder.path("new").exists(), "{said}");
+    let said = folder.stderr("share a.chpm -o no/such -q", 2);
+    assert!(said.contains("cannot make a folder in 'no'"), "{said}");
+    // What is somebody else's is as it was.
+    fs::create_dir_all(folder.path("old/view")).expect("a folder");
+    folder.write("old/index.html", "mine");
+    let said = folder.stderr("share a.chpm -o old -q --force", 2);
+    assert!(said.contains("'old' has no 'model.chpm'"), "{said}");
+    assert_eq!(folder.read("old/index.html"), b"mine");
+    assert_eq!(fs::read_dir(folder.path("old/view")).expect("a folder").count(), 0);
 }
 
 #[test]

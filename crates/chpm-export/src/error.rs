@@ -51,6 +51,14 @@ pub enum ExportError {
     /// A page that is damaged.
     #[error(transparent)]
     Format(#[from] FormatError),
+    /// A transform that takes the model farther than any number goes.
+    #[error(
+        "the transform takes the model's origin to {got:?}, which are no places; give one with smaller numbers"
+    )]
+    Transform {
+        /// Where.
+        got: [f64; 3],
+    },
     /// A cluster of which no triangle is in what replaces it.
     #[error(
         "{cluster} has no triangle in common with the coarse clusters of {group}, which replaces it; expected some: \

@@ -99,15 +99,27 @@ impl Cut {
     /// # Errors
     /// As [`Cut::at_error`].
     pub fn at_distance<D: AsRef<[u8]>>(file: &Chpm<D>, distance: f32) -> Result<Self, RefineError> {
+        Self::at_distance_while(file, distance, || Ok(()))
+    }
+
+    /// As [`Cut::at_distance`], asking before each page is read whether to go on.
+    pub(crate) fn at_distance_while<D: AsRef<[u8]>, E: From<RefineError>>(
+        file: &Chpm<D>,
+        distance: f32,
+        mut go_on: impl FnMut() -> Result<(), E>,
+    ) -> Result<Self, E> {
         if distance.is_nan() || distance < 0.0 {
-            return Err(RefineError::Bound { got: distance });
+            return Err(RefineError::Bound { got: distance }.into());
         }
         let hierarchy = Hierarchy::new(file);
         let bound = |group| file.gaps(group).error_within(distance);
         // What has vanished below a group comes back by a split only, what vanishes in it by a smaller error, if it has that. Gaps grow upward
         // like errors, so that whoever has to be split has only groups above that have to be.
         let wants = |group| file.gaps(group).fine > distance || hierarchy.wants(group, bound(group));
-        select_where(file, &hierarchy, wants, bound)
+        select_where(file, &hierarchy, wants, bound, |cluster, bound| {
+            go_on()?;
+            Ok(position(file, cluster, bound)?)
+        })
     }
 
     /// Triangles of the cut.
@@ -173,22 +185,6 @@ pub(crate) fn position<D: AsRef<[u8]>>(
 ) -> Result<Member, RefineError> {
     let vertices = file.page_viewed(cluster)?.view().vertices_for(bound) as u32;
     Ok(Member { cluster, vertices })
-}
-
-/// Triangles of the fewest vertices of a cluster whose error is at most `bound`; a packed page is unpacked once for both.
-pub(crate) fn count_within<D: AsRef<[u8]>>(
-    file: &Chpm<D>,
-    cluster: ClusterId,
-    bound: f32,
-    lod: &mut Lod,
-) -> Result<u64, RefineError> {
-    let page = file.page(cluster)?;
-    let page = page.view();
-    let vertices = page.vertices_for(bound);
-    Ok(match vertices == page.vertex_count() {
-        true => page.triangles.len() as u64,
-        false => lod.count(&page.progressive_mesh(), vertices) as u64,
-    })
 }
 
 pub(crate) fn count_triangles<D: AsRef<[u8]>>(

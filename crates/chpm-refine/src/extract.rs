@@ -37,8 +37,8 @@ pub struct Extraction<'a, D> {
     triangle_count: u64,
     error: f32,
     distance: f32,
-    /// Pages of the first members.
-    kept: Vec<PageBuf<'a>>,
+    /// By member, of the first ones: its page, if that was packed. What lies in place is looked up anew, so that whoever maps the file knows of it.
+    kept: Vec<Option<PageBuf<'a>>>,
 }
 
 impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
@@ -78,7 +78,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             let takes = page.bytes_or(&[]).len() as u64;
             if kept.len() == number && takes <= room {
                 room -= takes;
-                kept.push(page);
+                kept.push((takes > 0).then_some(page));
             }
             go_on()?;
         }
@@ -186,8 +186,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
     /// The page of a member by its number.
     fn page(&self, number: usize) -> Result<Cow<'_, PageBuf<'a>>, RefineError> {
         match self.kept.get(number) {
-            Some(page) => Ok(Cow::Borrowed(page)),
-            None => Ok(Cow::Owned(self.cut.members()[number].page(self.file)?)),
+            Some(Some(page)) => Ok(Cow::Borrowed(page)),
+            _ => Ok(Cow::Owned(self.cut.members()[number].page(self.file)?)),
         }
     }
 

@@ -8,18 +8,19 @@
 use crate::cut::{Cut, Member};
 use crate::error::RefineError;
 use crate::lod::Lod;
+use crate::profile::{Meshes, Profiles};
 use crate::seams::Seams;
 use crate::splits::Splits;
-use chpm_format::{Chpm, Page, PageBuf};
+use chpm_format::{Chpm, ClusterRecord, Page, PageBuf};
 use chpm_mesh::{ClusterId, GroupId};
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 
 /// Steps from a base mesh to the finest one: what is equally bad grows finer together.
-const STRIDES: usize = 32;
+const STRIDES: u32 = 32;
 
 /// A cut on its way to a number of triangles.
-pub(crate) struct Fill<'a, D, W> {
+pub(crate) struct Fill<'a, D, W, G> {
     file: &'a Chpm<D>,
     /// How bad an error is in a group; `None` where nothing is to be refined.
     weight: W,
@@ -29,6 +30,7 @@ pub(crate) struct Fill<'a, D, W> {
     /// Triangles that may still come.
     rest: u64,
     heap: BinaryHeap<Step>,
+    profiles: Profiles<'a, D, G>,
     lod: Lod,
 }
 
@@ -49,17 +51,30 @@ enum Unit {
     Seams(GroupId),
 }
 
-impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
+impl<'a, D, E, W, G> Fill<'a, D, W, G>
+where
+    D: AsRef<[u8]>,
+    E: From<RefineError>,
+    W: Fn(GroupId, f32) -> Option<f64>,
+    G: FnMut() -> Result<(), E>,
+{
     /// Starts from a legal cut.
-    pub(crate) fn new(file: &'a Chpm<D>, cut: Cut, limit: u64, weight: W) -> Result<Self, RefineError> {
+    pub(crate) fn new(
+        file: &'a Chpm<D>,
+        cut: Cut,
+        limit: u64,
+        weight: W,
+        mut profiles: Profiles<'a, D, G>,
+    ) -> Result<Self, E> {
         let splits = Splits::that_bring(file, cut.members().iter().map(|member| member.cluster));
-        let rest = limit.saturating_sub(cut.triangle_count(file)?);
-        let positions = vec![0; file.clusters().len()];
-        let mut fill =
-            Fill { file, weight, splits, positions, rest, heap: BinaryHeap::new(), lod: Lod::default() };
+        let mut positions = vec![0; file.clusters().len()];
+        let mut used = 0;
         for member in cut.members() {
-            fill.positions[member.cluster.index()] = member.vertices;
+            positions[member.cluster.index()] = member.vertices;
+            used += profiles.of(member.cluster)?.triangles(member.vertices as usize);
         }
+        let (rest, heap, lod) = (limit.saturating_sub(used), BinaryHeap::new(), Lod::default());
+        let mut fill = Fill { file, weight, splits, positions, rest, heap, profiles, lod };
         if fill.rest > 0 {
             fill.plan_all(cut.members().iter().map(|member| member.cluster))?;
         }
@@ -67,7 +82,7 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
     }
 
     /// Goes on until nothing fits any more; answers the cut.
-    pub(crate) fn run(mut self) -> Result<Cut, RefineError> {
+    pub(crate) fn run(mut self) -> Result<Cut, E> {
         while self.rest > 0
             && let Some(step) = self.heap.pop()
         {
@@ -81,15 +96,11 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
     }
 
     /// Queues what can be refined in clusters that have entered.
-    fn plan_all(&mut self, entered: impl Iterator<Item = ClusterId>) -> Result<(), RefineError> {
+    fn plan_all(&mut self, entered: impl Iterator<Item = ClusterId>) -> Result<(), E> {
         let mut groups = BTreeSet::new();
         for cluster in entered {
             groups.insert(self.file.clusters()[cluster.index()].group());
-            let page = self.file.page(cluster)?;
-            let page = page.view();
-            if self.vertices(cluster) < own_end(&page) {
-                self.plan(cluster, &page);
-            }
+            self.plan(cluster)?;
         }
         groups.into_iter().try_for_each(|group| self.plan_seams(group))
     }
@@ -98,65 +109,61 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
         self.positions[cluster.index()] as usize
     }
 
-    fn step(&self, cluster: ClusterId, page: &Page<'_>, unit: Unit) -> Option<Step> {
-        let (n, record) = (self.vertices(cluster), &self.file.clusters()[cluster.index()]);
-        let collapses = (page.vertex_count() - page.base_vertex_count).max(1) as f64;
-        let height = f64::from(record.level) - (n - page.base_vertex_count) as f64 / collapses;
-        let weight = (self.weight)(record.group(), page.error_at(n))?;
-        Some(Step { weight, height, unit: Reverse(unit) })
-    }
-
-    fn plan(&mut self, cluster: ClusterId, page: &Page<'_>) {
-        self.heap.extend(self.step(cluster, page, Unit::Own(cluster)));
+    /// Queues a cluster if there are collapses of its own left.
+    fn plan(&mut self, cluster: ClusterId) -> Result<(), E> {
+        let n = self.vertices(cluster);
+        let meshes = self.profiles.of(cluster)?;
+        if n < meshes.own_end() {
+            let record = &self.file.clusters()[cluster.index()];
+            self.heap.extend(step(record, n, &meshes, Unit::Own(cluster), &self.weight));
+        }
+        Ok(())
     }
 
     /// Queues the seams of a group if it is whole and its members have nothing else left.
-    fn plan_seams(&mut self, group: GroupId) -> Result<(), RefineError> {
+    fn plan_seams(&mut self, group: GroupId) -> Result<(), E> {
         if !self.splits.is_whole(self.file, group) {
             return Ok(());
         }
         let mut worst = None;
         for cluster in self.file.coarse(group).iter().copied().map(ClusterId) {
-            let page = self.file.page(cluster)?;
-            let page = page.view();
-            if self.vertices(cluster) < own_end(&page) {
+            let n = self.vertices(cluster);
+            let meshes = self.profiles.of(cluster)?;
+            if n < meshes.own_end() {
                 return Ok(());
             }
-            worst = worst.max(self.step(cluster, &page, Unit::Seams(group)));
+            let record = &self.file.clusters()[cluster.index()];
+            worst = worst.max(step(record, n, &meshes, Unit::Seams(group), &self.weight));
         }
         self.heap.extend(worst);
         Ok(())
     }
 
     /// One stride of a cluster's own, or as much of it as fits.
-    fn refine(&mut self, cluster: ClusterId) -> Result<(), RefineError> {
-        let page = self.file.page(cluster)?;
-        let page = page.view();
-        let (n, end) = (self.vertices(cluster), own_end(&page));
-        let stride = (page.vertex_count() - page.base_vertex_count).div_ceil(STRIDES);
+    fn refine(&mut self, cluster: ClusterId) -> Result<(), E> {
+        let n = self.vertices(cluster);
+        let record = &self.file.clusters()[cluster.index()];
+        let mut meshes = self.profiles.of(cluster)?;
+        let end = meshes.own_end();
+        let stride = (record.vertex_count - record.base_vertex_count).div_ceil(STRIDES) as usize;
         let target = (n + stride).min(end);
-        let mesh = page.progressive_mesh();
-        let before = self.lod.count(&mesh, n);
-        let mut added = |n| (self.lod.count(&mesh, n) - before) as u64;
+        let before = meshes.triangles(n);
+        let mut added = |n| meshes.triangles(n) - before;
         let (reached, used) = farthest(n, target, self.rest, &mut added);
         self.rest -= used;
         self.positions[cluster.index()] = reached as u32;
         match reached {
             n if n < target => Ok(()),
-            n if n < end => {
-                self.plan(cluster, &page);
-                Ok(())
-            }
-            _ => self.plan_seams(self.file.clusters()[cluster.index()].group()),
+            n if n < end => self.plan(cluster),
+            _ => self.plan_seams(record.group()),
         }
     }
 
     /// All seams of a group and its split, or as much as fits.
-    fn refine_seams(&mut self, group: GroupId) -> Result<(), RefineError> {
+    fn refine_seams(&mut self, group: GroupId) -> Result<(), E> {
         let file = self.file;
         let coarse = || file.coarse(group).iter().copied().map(ClusterId);
-        let pages =
-            coarse().map(|cluster| Ok(file.page(cluster)?)).collect::<Result<Vec<_>, RefineError>>()?;
+        let pages = coarse().map(|cluster| self.profiles.page(cluster)).collect::<Result<Vec<_>, E>>()?;
         let pages: Vec<_> = pages.iter().map(PageBuf::view).collect();
         let mut seams = Seams::new(&pages, coarse().map(|cluster| self.vertices(cluster)).collect());
         let lod = &mut self.lod;
@@ -179,7 +186,7 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
     }
 
     /// Replaces the finest meshes of a group by the base meshes below, which are the same.
-    fn split(&mut self, group: GroupId) -> Result<(), RefineError> {
+    fn split(&mut self, group: GroupId) -> Result<(), E> {
         let records =
             |ids: &[u32]| ids.iter().map(|id| &self.file.clusters()[*id as usize]).collect::<Vec<_>>();
         let (coarse, fine) = (self.file.coarse(group), self.file.fine(group));
@@ -197,10 +204,18 @@ impl<'a, D: AsRef<[u8]>, W: Fn(GroupId, f32) -> Option<f64>> Fill<'a, D, W> {
     }
 }
 
-/// The position up to which all that is undone is the cluster's own: no vertex that comes is shared.
-fn own_end(page: &Page<'_>) -> usize {
-    let mut shared = page.shared().map(|(vertex, _)| usize::from(vertex));
-    shared.find(|vertex| *vertex >= page.base_vertex_count).unwrap_or(page.vertex_count())
+/// How bad it is that a cluster has `n` vertices.
+fn step(
+    record: &ClusterRecord,
+    n: usize,
+    meshes: &Meshes<'_>,
+    unit: Unit,
+    weight: impl Fn(GroupId, f32) -> Option<f64>,
+) -> Option<Step> {
+    let collapses = f64::from((record.vertex_count - record.base_vertex_count).max(1));
+    let height = f64::from(record.level) - (n - record.base_vertex_count as usize) as f64 / collapses;
+    let weight = weight(record.group(), meshes.error_at(n))?;
+    Some(Step { weight, height, unit: Reverse(unit) })
 }
 
 /// The last of `from..=to` at which at most `limit` is added, and what is; more is added by what is later. The first adds nothing.

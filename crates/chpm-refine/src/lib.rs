@@ -44,6 +44,7 @@ pub mod hierarchy;
 mod lod;
 pub mod pager;
 pub mod path;
+mod profile;
 pub mod random;
 pub mod request;
 pub mod residency;

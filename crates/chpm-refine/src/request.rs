@@ -3,7 +3,7 @@
 use crate::cut::Cut;
 use crate::error::RefineError;
 use crate::hierarchy::Hierarchy;
-use crate::select::{is_visible, select};
+use crate::select::{is_visible, select_while};
 use crate::view::View;
 use crate::{budget, extract::Extraction};
 use chpm_format::Chpm;
@@ -48,29 +48,38 @@ pub enum Shortfall {
 }
 
 impl Request {
-    /// Selects. A mesh that will be rounded on its way, by so many object units at most, keeps to a distance with that.
+    /// Selects. A mesh that will be rounded on its way, by so many object units at most, keeps to a distance with that. What is known of clusters
+    /// is kept in at most so many bytes; before a page is read, `go_on` is asked whether to.
     ///
     /// # Errors
     /// [`RefineError::Level`] for a level that the file lacks; [`RefineError::Format`] for a damaged page. Whether there are few enough
-    /// triangles, [`Request::check`] tells.
-    pub fn cut<D: AsRef<[u8]>>(&self, file: &Chpm<D>, rounding: f64) -> Result<Cut, RefineError> {
+    /// triangles, [`Request::check`] tells. And what `go_on` answers.
+    pub fn cut<D: AsRef<[u8]>, E: From<RefineError>>(
+        &self,
+        file: &Chpm<D>,
+        rounding: f64,
+        bytes: u64,
+        go_on: impl FnMut() -> Result<(), E>,
+    ) -> Result<Cut, E> {
         let model = file.header().source_triangle_count;
         match *self {
             Request::Within(bound) => {
-                Cut::at_distance(file, less(bound.of(file.header().aabb().diagonal()), rounding))
+                let distance = less(bound.of(file.header().aabb().diagonal()), rounding);
+                Cut::at_distance_while(file, distance, go_on)
             }
-            Request::Triangles(wanted, None) => Cut::at_triangles(file, wanted.of(model)),
+            Request::Triangles(wanted, None) => budget::best_anywhere(file, wanted.of(model), bytes, go_on),
             Request::Triangles(wanted, Some(view)) => {
-                budget::select_triangles(file, &Hierarchy::new(file), &view, wanted.of(model))
+                let (hierarchy, limit) = (Hierarchy::new(file), wanted.of(model));
+                budget::best_in_view(file, &hierarchy, &view, limit, bytes, go_on)
             }
             Request::Level(level) => {
                 let highest = file.header().level_count - 1;
                 if level > highest {
-                    return Err(RefineError::Level { got: level, highest });
+                    return Err(RefineError::Level { got: level, highest }.into());
                 }
                 Ok(Cut::at_level(file, Level(level)))
             }
-            Request::View(view) => select(file, &Hierarchy::new(file), &view),
+            Request::View(view) => select_while(file, &Hierarchy::new(file), &view, go_on),
         }
     }
 

@@ -1,12 +1,12 @@
 //! The stateless selection: the cut of a view, from the tables and that view alone.
 
-use crate::cut::{Cut, position};
+use crate::cut::{Cut, Member, position};
 use crate::error::RefineError;
 use crate::hierarchy::Hierarchy;
 use crate::splits::Splits;
 use crate::view::View;
 use chpm_format::{Chpm, ClusterRecord};
-use chpm_mesh::GroupId;
+use chpm_mesh::{ClusterId, GroupId};
 
 /// Selects what a view needs: a group is split if and only if its error is above the bound that the view allows in the group's
 /// sphere; every cluster has the fewest vertices that keep to the bound of its group (Quick-VDR 5.1, without
@@ -19,7 +19,27 @@ pub fn select<D: AsRef<[u8]>>(
     hierarchy: &Hierarchy,
     view: &View,
 ) -> Result<Cut, RefineError> {
-    select_by(file, hierarchy, |group| hierarchy.bound(group, view))
+    select_while(file, hierarchy, view, || Ok(()))
+}
+
+/// As [`select`], asking before each page is read whether to go on.
+pub(crate) fn select_while<D: AsRef<[u8]>, E: From<RefineError>>(
+    file: &Chpm<D>,
+    hierarchy: &Hierarchy,
+    view: &View,
+    mut go_on: impl FnMut() -> Result<(), E>,
+) -> Result<Cut, E> {
+    let bound = |group| hierarchy.bound(group, view);
+    select_where(
+        file,
+        hierarchy,
+        |group| hierarchy.wants(group, bound(group)),
+        bound,
+        |cluster, bound| {
+            go_on()?;
+            Ok(position(file, cluster, bound)?)
+        },
+    )
 }
 
 /// Selects by an error-bound for every group, whatever they are. Where a group wants to be split and one above it does not, it
@@ -33,21 +53,24 @@ pub fn select_by<D: AsRef<[u8]>>(
     hierarchy: &Hierarchy,
     bound: impl Fn(GroupId) -> f32,
 ) -> Result<Cut, RefineError> {
-    select_where(file, hierarchy, |group| hierarchy.wants(group, bound(group)), &bound)
+    let wants = |group| hierarchy.wants(group, bound(group));
+    select_where(file, hierarchy, wants, &bound, |cluster, bound| position(file, cluster, bound))
 }
 
-/// The same, with the groups that want to be split named apart from the bounds that the others are drawn by.
-pub(crate) fn select_where<D: AsRef<[u8]>>(
+/// The same, with the groups that want to be split named apart from the bounds that the others are drawn by, and with whoever tells the
+/// position of a cluster for a bound.
+pub(crate) fn select_where<D: AsRef<[u8]>, E>(
     file: &Chpm<D>,
     hierarchy: &Hierarchy,
     wants: impl Fn(GroupId) -> bool,
     bound: impl Fn(GroupId) -> f32,
-) -> Result<Cut, RefineError> {
+    mut position: impl FnMut(ClusterId, f32) -> Result<Member, E>,
+) -> Result<Cut, E> {
     let splits = Splits::wanted(file, hierarchy.top_down(), |group, _| wants(group));
     let members = splits.active(file).map(|(cluster, record)| {
         let group = record.group();
         let bound = if splits.is_whole(file, group) { bound(group) } else { f32::INFINITY };
-        position(file, cluster, bound)
+        position(cluster, bound)
     });
     Ok(Cut::new(members.collect::<Result<_, _>>()?))
 }

@@ -118,7 +118,17 @@ pub(super) struct Multilevel {
 impl Multilevel {
     /// An order of the nodes of `graph`, which is taken and left behind as scratch.
     pub(super) fn order(&mut self, graph: &mut Graph) -> &[u32] {
-        let depth = self.coarsen(graph);
+        self.order_while(graph, &mut || true);
+        &self.order
+    }
+
+    /// The same, asking between few nodes whether to go on; `None` if not.
+    pub(super) fn order_while(
+        &mut self,
+        graph: &mut Graph,
+        go_on: &mut impl FnMut() -> bool,
+    ) -> Option<&[u32]> {
+        let depth = self.coarsen(graph, go_on)?;
         let coarsest = &self.steps[depth].graph;
         let count = coarsest.node_count();
         self.order.clear();
@@ -129,20 +139,23 @@ impl Multilevel {
             self.permuting.permute(coarsest, &mut self.order, 0, &mut self.position);
         }
         for step in (0..depth).rev() {
-            self.expand(step);
+            self.expand(step, go_on)?;
         }
         std::mem::swap(graph, &mut self.steps[0].graph);
-        &self.order
+        Some(&self.order)
     }
 
     /// Fills `steps`; answers the index of the coarsest.
-    fn coarsen(&mut self, graph: &mut Graph) -> usize {
+    fn coarsen(&mut self, graph: &mut Graph, go_on: &mut impl FnMut() -> bool) -> Option<usize> {
         if self.steps.is_empty() {
             self.steps.push(Step::default());
         }
         std::mem::swap(graph, &mut self.steps[0].graph);
         let mut depth = 0;
         while self.steps[depth].graph.node_count() > GROUP {
+            if !go_on() {
+                return None;
+            }
             if self.steps.len() == depth + 1 {
                 self.steps.push(Step::default());
             }
@@ -155,11 +168,11 @@ impl Multilevel {
             contract(fine, &self.grouping.coarse_of, &mut self.slot, &mut coarse[0].graph);
             depth += 1;
         }
-        depth
+        Some(depth)
     }
 
     /// Replaces each coarse node by its members, in the order of them that the metric wants.
-    fn expand(&mut self, step: usize) {
+    fn expand(&mut self, step: usize, go_on: &mut impl FnMut() -> bool) -> Option<()> {
         let step = &self.steps[step];
         self.expanded.clear();
         self.position.clear();
@@ -172,11 +185,15 @@ impl Multilevel {
         }
         let mut at = 0;
         for node in &self.order {
+            if !go_on() {
+                return None;
+            }
             let end = at + step.members(*node).len();
             self.permuting.permute(&step.graph, &mut self.expanded[at..end], at as u32, &mut self.position);
             at = end;
         }
         std::mem::swap(&mut self.order, &mut self.expanded);
+        Some(())
     }
 }
 

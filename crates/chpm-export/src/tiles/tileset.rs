@@ -20,7 +20,7 @@ const NOTHING: f64 = 1000.0;
 /// Writes all tilesets of a file, from the top.
 ///
 /// # Errors
-/// What `sink` answers.
+/// [`ExportError::Transform`] for one that goes too far, which JSON has no numbers for; what `sink` answers.
 pub fn tilesets<D: AsRef<[u8]>, E: From<ExportError>>(
     file: &Chpm<D>,
     tree: &Tree,
@@ -28,6 +28,11 @@ pub fn tilesets<D: AsRef<[u8]>, E: From<ExportError>>(
     mut sink: impl FnMut(Tileset) -> Result<(), E>,
 ) -> Result<(), E> {
     let mut writer = Writer { file, tree, options, waiting: Vec::new() };
+    if let Some([.., x, y, z, _]) = writer.transform()
+        && ![x, y, z].iter().all(|x| x.is_finite())
+    {
+        return Err(ExportError::Transform { got: [x, y, z] }.into());
+    }
     sink(Tileset { path: "tileset.json".to_owned(), json: writer.top() })?;
     while let Some(cluster) = writer.waiting.pop() {
         let mut root = writer.tile(cluster, "../../");

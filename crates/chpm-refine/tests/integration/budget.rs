@@ -2,8 +2,8 @@ use crate::extraction::extracted;
 use crate::select::{any_plan, any_view};
 use crate::strips::{File, LOPSIDED, MORE};
 use chpm_format::Chpm;
-use chpm_mesh::{ClusterId, GroupId};
-use chpm_refine::{Camera, Cut, Hierarchy, View, select, select_triangles};
+use chpm_mesh::{ClusterId, GroupId, Length, Triangles};
+use chpm_refine::{Camera, Cut, Hierarchy, RefineError, Request, View, select, select_triangles};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
@@ -101,4 +101,66 @@ fn a_damaged_page_is_an_error() {
     assert!(select_triangles(&file, &hierarchy, &view, u64::MAX).is_err());
     assert!(Cut::at_triangles(&file, u64::MAX).is_err());
     assert!(Cut::at_triangles(&file, 40).is_ok(), "pages that are not needed are not read");
+}
+
+/// Every request that reads pages, of a file of [`MORE`].
+fn requests() -> [Request; 4] {
+    let view = View::new(&Camera::looking([8.0, 4.0, 9.0], [8.0, 4.0, 0.0]), [64, 64], 0.5).unwrap();
+    [
+        Request::Within(Length::Units(0.01)),
+        Request::Triangles(Triangles::Count(300), None),
+        Request::Triangles(Triangles::Count(300), Some(view)),
+        Request::View(view),
+    ]
+}
+
+#[test]
+fn choosing_can_be_stopped_before_any_page_is_read() {
+    let file = MORE[0].build();
+    for request in requests() {
+        let mut asked = 0;
+        let mut count = || {
+            asked += 1;
+            Ok::<(), RefineError>(())
+        };
+        request.cut(&file, 0.0, 0, &mut count).unwrap();
+        assert!(asked > 2, "{request:?}");
+        for last in 0..asked {
+            let mut left = last;
+            let stop = || match left {
+                0 => Err(RefineError::Coarsest { least: 0 }),
+                _ => {
+                    left -= 1;
+                    Ok(())
+                }
+            };
+            let stopped = request.cut(&file, 0.0, 0, stop);
+            assert!(matches!(stopped, Err(RefineError::Coarsest { .. })), "{request:?} {last}");
+        }
+    }
+}
+
+#[test]
+fn what_is_kept_of_clusters_saves_reading_and_changes_nothing() {
+    for plan in MORE {
+        let file = plan.build();
+        for request in requests() {
+            let of = |bytes| {
+                let mut read = 0_usize;
+                let go_on = || {
+                    read += 1;
+                    Ok::<(), RefineError>(())
+                };
+                (request.cut(&file, 0.0, bytes, go_on).unwrap(), read)
+            };
+            let (plain, most) = of(0);
+            for bytes in [100, 1000, 10_000] {
+                assert_eq!(of(bytes).0, plain, "{request:?} {bytes}");
+            }
+            let (kept, reads) = of(u64::MAX);
+            assert_eq!(kept, plain, "{request:?}");
+            // Once for what is kept, and once more for the seams of a group.
+            assert!(reads <= most && reads <= 2 * file.clusters().len(), "{request:?}: {reads} of {most}");
+        }
+    }
 }

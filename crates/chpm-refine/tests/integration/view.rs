@@ -75,7 +75,8 @@ fn framing_shows_the_whole_box() {
         assert!(!view.misses_box(&bounds));
         assert_eq!(camera.relative_to([1.0, 1.0, 1.0]).position[2], camera.position[2] - 1.0);
         let [right, ..] = camera.axes();
-        let beside = (nalgebra::Point3::from(camera.target) + right * camera.position[2].abs()).into();
+        let beside: [f64; 3] =
+            (nalgebra::Point3::from(camera.target) + right * camera.position[2].abs()).into();
         assert!(beside != camera.target);
     }
 }
