@@ -1,6 +1,6 @@
 //! `chpm build`: from a PLY to a file, and the tables at the end.
 
-use super::{Verdict, open, stdout};
+use super::{Verdict, open, stdout, word};
 use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
 use crate::config::{self, ConfigArgs};
 use crate::number::Short;
@@ -150,12 +150,12 @@ pub(super) fn print(
 /// A source that came through a pipe is gone.
 fn print_next(source: Option<&Path>, output: &Path, out: &mut impl Write) -> Result<()> {
     let triangles = small(output)?;
-    let against = source.map_or_else(String::new, |source| format!(" --against '{}'", source.display()));
-    let output = output.display();
+    let against = source.map_or_else(String::new, |source| format!(" --against {}", word(source)));
+    let output = word(output);
     writeln!(out, "next:")?;
-    writeln!(out, "  chpm info '{output}'")?;
-    writeln!(out, "  chpm verify '{output}'{against}")?;
-    writeln!(out, "  chpm extract '{output}' --triangles {triangles} -o small.ply")?;
+    writeln!(out, "  chpm info {output}")?;
+    writeln!(out, "  chpm verify {output}{against}")?;
+    writeln!(out, "  chpm extract {output} --triangles {triangles} -o small.ply")?;
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! `chpm demo`: the whole way once, with a generated model.
 
-use super::{Verdict, build, open, stdout, synth, temporary, verify};
+use super::{Verdict, build, open, stdout, synth, temporary, verify, word};
 use crate::against;
 use crate::number;
 use crate::output::Output;
@@ -83,11 +83,11 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
         writeln!(out, "  chpm build scan.ply            your own mesh")?;
     } else {
         let triangles = build::small(&output)?;
-        let output = output.display();
-        writeln!(out, "  chpm info '{output}'")?;
-        writeln!(out, "  chpm verify '{output}' --cuts 100")?;
-        writeln!(out, "  chpm extract '{output}' --triangles {triangles} -o small.ply")?;
-        writeln!(out, "  chpm dump '{output}' | less")?;
+        let output = word(&output);
+        writeln!(out, "  chpm info {output}")?;
+        writeln!(out, "  chpm verify {output} --cuts 100")?;
+        writeln!(out, "  chpm extract {output} --triangles {triangles} -o small.ply")?;
+        writeln!(out, "  chpm dump {output} | less")?;
     }
     out.flush()?;
     Ok(if sound { Verdict::Good } else { Verdict::Faulty })

@@ -1,7 +1,7 @@
 //! `chpm info`: what a file says about itself, without reading a page unless asked to.
 
 use super::build::small;
-use super::{Verdict, open, reading, stdout};
+use super::{Verdict, open, reading, stdout, word};
 use crate::caches::{self, Drawn};
 use crate::digest::{self, Sizes, boundary, error_kind, max_distance, normals_from};
 use crate::memory::{self, MemoryArgs};
@@ -134,14 +134,14 @@ fn print_parts<D: AsRef<[u8]>>(
 
 fn print_next(path: &Path, out: &mut impl Write) -> Result<()> {
     let triangles = small(path)?;
-    let path = path.display();
+    let path = word(path);
     let mut next = Vec::new();
     if cfg!(feature = "viewer") {
-        next.push((format!("chpm view '{path}'"), "look at it"));
+        next.push((format!("chpm view {path}"), "look at it"));
     }
-    next.push((format!("chpm stats '{path}'"), "where it is good, and where not"));
-    next.push((format!("chpm extract '{path}' --triangles {triangles} -o small.ply"), "one mesh of it"));
-    next.push((format!("chpm info '{path}' --levels --refusals --settings"), "all that it says of itself"));
+    next.push((format!("chpm stats {path}"), "where it is good, and where not"));
+    next.push((format!("chpm extract {path} --triangles {triangles} -o small.ply"), "one mesh of it"));
+    next.push((format!("chpm info {path} --levels --refusals --settings"), "all that it says of itself"));
     let width = next.iter().map(|(command, _)| command.len()).max().unwrap_or(0);
     writeln!(out, "\nnext:")?;
     for (command, does) in next {

@@ -116,6 +116,14 @@ pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<
     })
 }
 
+/// A path as a word for the shell, to be copied into a command.
+pub(crate) fn word(path: &Path) -> String {
+    let text = path.display().to_string();
+    // What begins with a dash would be taken for an option.
+    let here = if text.starts_with('-') { "./" } else { "" };
+    format!("'{here}{}'", text.replace('\'', "'\\''"))
+}
+
 /// A folder that is removed at the end.
 pub(crate) fn temporary() -> Result<TempDir> {
     // What `tempfile` says names a folder that is not there.

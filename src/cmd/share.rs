@@ -1,7 +1,7 @@
 //! `chpm share`: a model, and the page that shows it, as a folder for any host of static files.
 
 use super::relayout::{self, Pages};
-use super::{Verdict, open, stdout};
+use super::{Verdict, open, stdout, word};
 use crate::folder::{OutputFolder, above};
 use crate::memory::MemoryArgs;
 use crate::stop::Stop;
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         args.output.display(),
         Bytes(bytes)
     )?;
-    writeln!(out, "to try it here: chpm serve '{}'", args.output.join(MODEL).display())?;
+    writeln!(out, "to try it here: chpm serve {}", word(&args.output.join(MODEL)))?;
     out.flush()?;
     Ok(Verdict::Good)
 }

@@ -1,10 +1,13 @@
 //! Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
 
-use super::harness::{Folder, text};
+use super::harness::{CHPM, Folder, text};
 use chpm_format::{Chpm, ChpmWriter, PageParts, Tables, checksum};
 use chpm_mesh::{ClusterId, TriMesh};
 use chpm_synth::hand;
 use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::{env, fs};
 
 const MODES: [&str; 4] = [
     "--boundary lock --topology keep",
@@ -206,21 +209,28 @@ fn suggestions_work_as_they_are_printed() {
         let out = folder.stdout(&format!("build in.ply -q --cluster-triangles 64 {mode}"));
         try_suggestions(&folder, &out, 2);
     }
+    // Whatever the shell would make of the name.
+    let folder = model("isosurface");
+    let name = "-it's $HOME; \"odd\"";
+    fs::rename(folder.path("in.ply"), folder.path(&format!("{name}.ply"))).expect("renamed");
+    let out = folder.command("build -q --").arg(format!("{name}.ply")).output().expect("it ran");
+    let out = String::from_utf8(out.stdout).expect("text");
+    try_suggestions(&folder, &out, 2);
     let folder = Folder::new();
     let out = folder.stdout("demo --triangles 1000 --keep here -q");
     try_suggestions(&folder, &out, 3);
 }
 
 fn try_suggestions(folder: &Folder, out: &str, least: usize) {
-    let next = out.lines().skip_while(|line| *line != "next:").skip(1);
-    let commands: Vec<String> = next
-        .filter_map(|line| line.trim().strip_prefix("chpm "))
-        .filter(|line| !line.contains('|'))
-        .map(|line| line.replace('\'', ""))
-        .collect();
+    let next = out.lines().skip_while(|line| *line != "next:").skip(1).map(str::trim);
+    let commands: Vec<&str> = next.filter(|line| line.starts_with("chpm ") && !line.contains('|')).collect();
     assert!(commands.len() >= least, "{out}");
+    let programs = Path::new(CHPM).parent().expect("a folder");
+    let path = format!("{}:{}", programs.display(), env::var("PATH").unwrap_or_default());
     for command in commands {
-        folder.stdout(&command);
+        let mut shell = Command::new("sh");
+        shell.args(["-c", command]).current_dir(folder.path("")).env("PATH", &path).stdout(Stdio::null());
+        assert!(shell.status().expect("it ran").success(), "{command}");
     }
 }
 

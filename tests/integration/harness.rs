@@ -54,8 +54,11 @@ impl Folder {
 
     /// Runs `chpm`, sends it a signal when it tells that a stage begins, and answers how it ended and what it told after that.
     pub(crate) fn signalled(&self, words: &str, stage: &str, signal: Signal) -> (ExitStatus, Vec<String>) {
-        let mut command = self.command(words);
-        let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("a process");
+        // Under `nohup` the tests ignore what this process is to hear.
+        let mut command = process::Command::new("env");
+        command.arg("--default-signal=HUP").arg(CHPM).args(words.split_whitespace());
+        command.current_dir(self.0.path()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("a process");
         let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
         let begun = |line: &String| line.starts_with(stage);
         lines.by_ref().map_while(Result::ok).find(begun).expect("the stage begins");

