@@ -63,7 +63,10 @@ test("packed pages and lattices are drawn, with the same triangles where they ar
 });
 
 /** The share of the image that is drawn on. */
-async function drawnPixels(page) {
+const drawnPixels = async (page) => (await drawn(page)).share;
+
+/** What is drawn: its share of the image, its mean light from 0 to 1, and its leftmost column. */
+async function drawn(page) {
   return page.evaluate(() => {
     const { canvas } = chpmView.model.renderer;
     chpmView.orbit.onChange();
@@ -71,12 +74,40 @@ async function drawnPixels(page) {
       const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
       copy.drawImage(canvas, 0, 0);
       const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
-      let count = 0;
-      for (let i = 3; i < data.length; i += 4) count += data[i] > 0 ? 1 : 0;
-      done(count / (canvas.width * canvas.height));
+      let [count, light, left] = [0, 0, canvas.width];
+      for (let i = 3; i < data.length; i += 4) {
+        if (data[i] === 0) continue;
+        count += 1;
+        light += data[i - 1] / 255;
+        left = Math.min(left, ((i - 3) / 4) % canvas.width);
+      }
+      done({ share: count / (canvas.width * canvas.height), light: light / count, left: left / (canvas.width / canvas.clientWidth) });
     }));
   });
 }
+
+test("models of any size look alike, beside the panel", { skip }, async () => {
+  const seen = [];
+  for (const size of ["winding", "tiny", "huge"]) {
+    chpm("synth", `hard:${size}`, "--triangles", "5000", "-o", path.join(folder, `${size}.ply`), "-f", "-q");
+    chpm("build", path.join(folder, `${size}.ply`), "-o", path.join(folder, `${size}.chpm`), "-f", "-q");
+    await show(`?file=${size}.chpm&pixels=0.5`, async (page, said) => {
+      seen.push(await drawn(page));
+      assert.deepEqual(said, []);
+      const told = await page.locator("#statistics").innerText();
+      assert.ok(!/0\.0000/.test(told), told);
+      const panel = await page.locator("#panel").boundingBox();
+      assert.ok(seen.at(-1).left > panel.x + panel.width, JSON.stringify(seen));
+      await page.locator("#title").click();
+      await rest(page);
+      const alone = await drawn(page);
+      assert.ok(alone.left < seen.at(-1).left - 50, JSON.stringify([alone, seen]));
+    });
+  }
+  for (const { share, light } of seen) {
+    assert.ok(Math.abs(share / seen[0].share - 1) < 0.02 && Math.abs(light / seen[0].light - 1) < 0.02, JSON.stringify(seen));
+  }
+});
 
 test("a model is drawn, finer with less error, and within a budget", { skip }, async () => {
   await show("?file=iso.chpm", async (page, said) => {

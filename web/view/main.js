@@ -7,6 +7,7 @@ import { Renderer } from "./renderer.js";
 
 const $ = (id) => document.getElementById(id);
 const numbers = new Intl.NumberFormat("en", { maximumSignificantDigits: 3 });
+const powers = new Intl.NumberFormat("en", { notation: "scientific", maximumSignificantDigits: 3 });
 const whole = new Intl.NumberFormat("en", { maximumFractionDigits: 0 });
 
 let renderer;
@@ -24,6 +25,9 @@ function tell(status, message = "") {
   $("message").textContent = message;
   $("message").classList.toggle("error", status === "failed" || status === "damaged");
 }
+
+/** A length: as people write it, unless that is long. */
+const length = (x) => (x === 0 || (x >= 1e-4 && x < 1e9) ? numbers : powers).format(x);
 
 function bytes(count) {
   const unit = count >= 1 << 20 ? [1 << 20, "MiB"] : [1 << 10, "KiB"];
@@ -75,7 +79,7 @@ function statistics() {
     source: `${whole.format(header.sourceTriangleCount)} triangles`,
     drawn: `${whole.format(last.triangles)} triangles`,
     clusters: `${last.clusters} of ${whole.format(header.clusterCount)}`,
-    error: `${numbers.format(last.error)} units`,
+    error: `${length(last.error)} units`,
     ...(last.relaxed > 1 && { allowed: `${numbers.format(pixels * last.relaxed)} px, to keep the budget` }),
     ...(traffic && { fetched: `${bytes(traffic.bytes)}, ${traffic.requests} requests` }),
     file: bytes(header.fileLength),
@@ -107,6 +111,12 @@ async function show(source, name) {
   }
 }
 
+/** Pixels at the left that the panel covers, unless that is most of them. */
+function covered() {
+  const { right } = $("panel").getBoundingClientRect();
+  return $("panel").open && right < $("canvas").clientWidth / 2 ? right : 0;
+}
+
 function start() {
   try {
     renderer = new Renderer($("canvas"));
@@ -114,7 +124,8 @@ function start() {
     tell("failed", error.message);
     return;
   }
-  state.orbit = new Orbit($("canvas"), changed);
+  state.orbit = new Orbit($("canvas"), changed, covered);
+  $("panel").addEventListener("toggle", changed);
   $("canvas").addEventListener("webglcontextlost", (event) => {
     event.preventDefault();
     tell("failed", "the graphics driver was reset; load the page again");

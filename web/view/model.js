@@ -23,7 +23,8 @@ export class Model {
     const { boxMin, boxMax } = this.file.header;
     this.center = boxMin.map((x, axis) => (x + boxMax[axis]) / 2);
     this.radius = Math.hypot(...boxMin.map((x, axis) => boxMax[axis] - x)) / 2;
-    await this.file.eachPage(this.roots, (page) => this.renderer.add(page, this.center), signal);
+    this.place = { center: this.center, scale: 2 ** Math.round(Math.log2(this.radius || 1)) };
+    await this.file.eachPage(this.roots, (page) => this.renderer.add(page, this.place), signal);
     this.kept = new Set(this.roots);
     /** Before, there is nothing to draw, whatever changes. */
     this.isReady = true;
@@ -44,7 +45,7 @@ export class Model {
     const view = (pixels) => cameraRule({ eye: orbit.eye(), fov: orbit.fov, near: orbit.range()[0], height, pixels });
     const rule = view(pixels * this.relaxed);
     const { cut, waiting } = selectFromMemory(file, this.roots, rule, (id) => renderer.has(id));
-    const drawn = renderer.draw(cut, orbit, this.center, colorOf);
+    const drawn = renderer.draw(cut, orbit, this.place, colorOf);
 
     // Where a view asks for more triangles than are allowed, all of it gets coarser until it fits.
     const before = this.relaxed;
@@ -110,6 +111,6 @@ export class Model {
     await file.needClusters(fine, signal);
     await file.needGroups(fine.map((cluster) => file.cluster(cluster).group), signal);
     const absent = fine.filter((cluster) => !renderer.has(cluster));
-    await file.eachPage(absent, (page) => renderer.has(page.cluster.id) || renderer.add(page, this.center), signal);
+    await file.eachPage(absent, (page) => renderer.has(page.cluster.id) || renderer.add(page, this.place), signal);
   }
 }

@@ -9,8 +9,9 @@ const added = (a, b) => a.map((x, axis) => x + b[axis]);
 const normalized = (a) => scaled(a, 1 / Math.hypot(...a));
 
 export class Orbit {
-  constructor(canvas, onChange) {
-    Object.assign(this, { canvas, onChange, fov: 45, turn: 0.6, rise: 0.35, up: "y" });
+  /** `covered` tells how many pixels at the left of the canvas something else covers. */
+  constructor(canvas, onChange, covered = () => 0) {
+    Object.assign(this, { canvas, onChange, covered, fov: 45, turn: 0.6, rise: 0.35, up: "y" });
     this.target = [0, 0, 0];
     this.distance = 1;
     this.size = 1;
@@ -22,7 +23,7 @@ export class Orbit {
     this.target = [...center];
     this.size = radius || 1;
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    const half = Math.tan((this.fov * Math.PI) / 360) * Math.min(1, width / Math.max(height, 1));
+    const half = Math.tan((this.fov * Math.PI) / 360) * Math.min(1, (width - this.covered()) / Math.max(height, 1));
     this.distance = this.size / Math.sin(Math.atan(half));
     this.onChange();
   }
@@ -48,8 +49,8 @@ export class Orbit {
     return [near, this.distance + 4 * this.size];
   }
 
-  /** From points relative to `center` to the image, by columns. */
-  matrix(center, aspect) {
+  /** From points relative to `center`, in units of `scale`, to the image, by columns. */
+  matrix({ center, scale }, aspect) {
     const [right, up, back] = this.axes();
     const eye = this.eye().map((x, axis) => x - center[axis]);
     const [near, far] = this.range();
@@ -61,6 +62,10 @@ export class Orbit {
       [...back, -dot(back, eye)].map((x) => -x),
     ];
     rows[2][3] += (2 * far * near) / (near - far);
+    // What is looked at is in the middle of what is left of the image.
+    const aside = this.covered() / Math.max(this.canvas.clientWidth, 1);
+    rows[0].forEach((x, column) => (rows[0][column] = x + aside * rows[3][column]));
+    rows.forEach((row) => (row[3] /= scale));
     return new Float32Array([0, 1, 2, 3].flatMap((column) => rows.map((row) => row[column])));
   }
 

@@ -63,8 +63,11 @@ export class Renderer {
     return this.blocks.has(id);
   }
 
-  /** Uploads a page. Positions become relative to `center`, the same way for all pages, so that shared vertices stay one. */
-  add(page, center) {
+  /**
+   * Uploads a page. Positions become relative to `center`, in units of `scale`, the same way for all pages, so that shared vertices stay one. The
+   * scale is a power of two, which changes no digit: shaders have no numbers for what a very small or large model multiplies.
+   */
+  add(page, { center, scale }) {
     const { gl } = this;
     const vao = gl.createVertexArray();
     gl.bindVertexArray(vao);
@@ -78,7 +81,7 @@ export class Renderer {
       gl.vertexAttribPointer(place, size, type, normalized, 0, 0);
       return data.byteLength;
     };
-    const positions = page.positions.map((x, i) => x - center[i % 3]);
+    const positions = page.positions.map((x, i) => (x - center[i % 3]) / scale);
     let bytes = attribute(0, positions, 3, gl.FLOAT, false);
     if (page.normals) bytes += attribute(1, page.normals, 3, gl.FLOAT, false);
     if (page.colors) bytes += attribute(2, page.colors, 4, gl.UNSIGNED_BYTE, true);
@@ -106,7 +109,7 @@ export class Renderer {
   }
 
   /** Draws a cut; how many triangles that were, and the largest error. */
-  draw(cut, camera, center, colorOf) {
+  draw(cut, camera, place, colorOf) {
     const { gl, canvas, places } = this;
     this.frame += 1;
     const ratio = Math.min(globalThis.devicePixelRatio || 1, 2);
@@ -116,8 +119,8 @@ export class Renderer {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.useProgram(this.program);
-    gl.uniformMatrix4fv(places.matrix, false, camera.matrix(center, width / height));
-    const eye = camera.eye().map((x, axis) => x - center[axis]);
+    gl.uniformMatrix4fv(places.matrix, false, camera.matrix(place, width / height));
+    const eye = camera.eye().map((x, axis) => (x - place.center[axis]) / place.scale);
     gl.uniform3fv(places.eye, eye);
     const [right, up, back] = camera.axes();
     const light = [0, 1, 2].map((axis) => back[axis] + 0.5 * up[axis] + 0.4 * right[axis]);

@@ -29,11 +29,11 @@ pub(crate) struct Profiles<'a, D, G> {
 
 /// A cluster's meshes, from one or the other.
 pub(crate) struct Meshes<'a> {
-    from: From<'a>,
+    held: Held<'a>,
     lod: &'a mut Lod,
 }
 
-enum From<'a> {
+enum Held<'a> {
     Kept(&'a Profile),
     Page(PageBuf<'a>),
 }
@@ -41,7 +41,7 @@ enum From<'a> {
 impl<'a, D, E, G> Profiles<'a, D, G>
 where
     D: AsRef<[u8]>,
-    E: std::convert::From<RefineError>,
+    E: From<RefineError>,
     G: FnMut() -> Result<(), E>,
 {
     /// Profiles in so many bytes at most.
@@ -54,16 +54,16 @@ where
         let lod = &mut self.lod;
         // Looked for twice, since what is answered may not be borrowed where something is put in.
         if self.kept.contains_key(&cluster) {
-            return Ok(Meshes { from: From::Kept(&self.kept[&cluster]), lod });
+            return Ok(Meshes { held: Held::Kept(&self.kept[&cluster]), lod });
         }
         (self.go_on)()?;
         let page = self.file.page(cluster).map_err(RefineError::from)?;
         let Some(room) = self.room.checked_sub(Profile::bytes(&page.view())) else {
-            return Ok(Meshes { from: From::Page(page), lod });
+            return Ok(Meshes { held: Held::Page(page), lod });
         };
         self.room = room;
         let profile = self.kept.entry(cluster).or_insert(Profile::new(&page.view()));
-        Ok(Meshes { from: From::Kept(profile), lod })
+        Ok(Meshes { held: Held::Kept(profile), lod })
     }
 
     /// A page, with all that it holds.
@@ -100,37 +100,37 @@ impl Profile {
 impl Meshes<'_> {
     /// Error of the mesh of `n` vertices.
     pub(crate) fn error_at(&self, n: usize) -> f32 {
-        match &self.from {
-            From::Kept(profile) => profile.errors[n - profile.base_vertex_count],
-            From::Page(page) => page.view().error_at(n),
+        match &self.held {
+            Held::Kept(profile) => profile.errors[n - profile.base_vertex_count],
+            Held::Page(page) => page.view().error_at(n),
         }
     }
 
     /// The fewest vertices whose mesh has an error of at most `bound`; all if there are none.
     pub(crate) fn vertices_for(&self, bound: f32) -> usize {
-        match &self.from {
-            From::Kept(profile) => {
+        match &self.held {
+            Held::Kept(profile) => {
                 // The finest mesh is what is left, whatever its error; a bound that is no number is met by nothing.
                 let coarser = &profile.errors[..profile.errors.len() - 1];
                 profile.base_vertex_count + coarser.partition_point(|error| bound.is_nan() || *error > bound)
             }
-            From::Page(page) => page.view().vertices_for(bound),
+            Held::Page(page) => page.view().vertices_for(bound),
         }
     }
 
     /// Triangles of the mesh of `n` vertices.
     pub(crate) fn triangles(&mut self, n: usize) -> u64 {
-        match &self.from {
-            From::Kept(profile) => profile.triangles[n - profile.base_vertex_count].into(),
-            From::Page(page) => self.lod.count(&page.view().progressive_mesh(), n) as u64,
+        match &self.held {
+            Held::Kept(profile) => profile.triangles[n - profile.base_vertex_count].into(),
+            Held::Page(page) => self.lod.count(&page.view().progressive_mesh(), n) as u64,
         }
     }
 
     /// The position up to which all that is undone is the cluster's own: no vertex that comes is shared.
     pub(crate) fn own_end(&self) -> usize {
-        match &self.from {
-            From::Kept(profile) => profile.own_end,
-            From::Page(page) => own_end(&page.view()),
+        match &self.held {
+            Held::Kept(profile) => profile.own_end,
+            Held::Page(page) => own_end(&page.view()),
         }
     }
 }
