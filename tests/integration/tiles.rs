@@ -274,6 +274,19 @@ fn children_are_the_parts_of_their_parent() {
     assert!(seen > 100, "{seen}");
 }
 
+/// Two sheets in the same place, as where a scan was stored twice: their clusters have the same triangles.
+#[test]
+fn what_lies_in_one_place_twice_is_exported() {
+    let folder = Folder::new();
+    let mut mesh = Synth::new(Shape::Torus, 3000, 1).to_mesh();
+    let (count, again) = (mesh.positions.len() as u32, mesh.clone());
+    mesh.positions.extend_from_slice(&again.positions);
+    mesh.triangles.extend(again.triangles.iter().map(|corners| corners.map(|corner| corner + count)));
+    folder.write_mesh("in.ply", &mesh);
+    folder.stdout("build in.ply -q --cluster-triangles 16");
+    folder.stdout("export in.chpm --3dtiles tiles -q");
+}
+
 #[test]
 fn the_frame_of_the_world_is_what_was_asked_for() {
     let folder = Folder::new();

@@ -76,7 +76,7 @@ fn falling<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<f32> {
 /// What finds the parents within a group.
 #[derive(Default)]
 struct Family {
-    /// Triangles of the fine clusters, each with its cluster's number in the group; ascending.
+    /// Triangles of the fine clusters, each with its cluster's number in the group; ascending, and each once.
     fine: Vec<(u64, u32)>,
     /// The same of the coarse ones.
     coarse: Vec<(u64, u32)>,
@@ -86,8 +86,7 @@ struct Family {
 }
 
 impl Family {
-    /// The parents of a group's fine clusters: of each the coarse cluster with most of its triangles. Triangles in the same place may go astray, but
-    /// not most of them.
+    /// The parents of a group's fine clusters: of each the coarse cluster with most of its triangles, or of what is in the same place.
     fn of<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, group: GroupId) -> Result<Vec<u32>, ExportError> {
         let (coarse, fine) = (file.coarse(group), file.fine(group));
         if let [only] = coarse {
@@ -98,10 +97,12 @@ impl Family {
         gather(file, coarse, Mesh::Finest, places, finest)?;
         votes.clear();
         votes.resize(fine.len() * coarse.len(), 0);
-        let mut owners = base.iter().peekable();
+        let mut owners = &base[..];
         for (key, number) in &*finest {
-            while owners.next_if(|owner| owner.0 < *key).is_some() {}
-            if let Some((_, owner)) = owners.peek().filter(|owner| owner.0 == *key) {
+            let passed = owners.iter().take_while(|owner| owner.0 < *key).count();
+            owners = &owners[passed..];
+            // Sheets in the same place have the same triangles: each counts for all.
+            for (_, owner) in owners.iter().take_while(|owner| owner.0 == *key) {
                 votes[*owner as usize * coarse.len() + *number as usize] += 1;
             }
         }
@@ -136,5 +137,6 @@ fn gather<D: AsRef<[u8]>>(
         }));
     }
     out.sort_unstable();
+    out.dedup();
     Ok(())
 }
