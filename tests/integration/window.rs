@@ -38,7 +38,8 @@ impl Display {
         }
         let folder = Folder::new();
         let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp", "-fbdir"])
+            // Not anew when its last client leaves: who comes meanwhile would be refused.
+            .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp", "-noreset", "-fbdir"])
             .arg(folder.path(""))
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
