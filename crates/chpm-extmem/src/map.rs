@@ -444,6 +444,7 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn what_was_read_does_not_stay_resident_beyond_what_is_kept() {
+        let _alone = crate::process::WATCHED.lock();
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("data");
         std::fs::write(&path, vec![1; 96 << 20]).unwrap();

@@ -27,6 +27,10 @@ fn field(text: &str, name: &str) -> Option<u64> {
     value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
+/// Held by tests that look at what is resident: one at a time.
+#[cfg(test)]
+pub(crate) static WATCHED: std::sync::Mutex<()> = std::sync::Mutex::new(());
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -43,6 +47,7 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn touched_memory_shows() {
+        let _alone = WATCHED.lock();
         let before = resident().unwrap();
         let touched = vec![1u8; 32 << 20];
         let during = resident().unwrap();
