@@ -7,6 +7,7 @@ python="${PYTHON:-python3}"
 
 skip() {
     echo "the Python package is not tested: $1" >&2
+    echo "the Python package: $1" >>"${CHPM_SKIPPED:-/dev/null}"
     exit 0
 }
 
@@ -26,4 +27,5 @@ cargo clippy --locked -- -D warnings
 rm -rf target/wheels
 target/venv/bin/maturin build --profile dev --locked --interpreter "$python" --out target/wheels
 target/venv/bin/python -m pip install --quiet --no-deps --force-reinstall target/wheels/*.whl
-target/venv/bin/python -m pytest --quiet
+target/venv/bin/python -m pytest --quiet -rs | tee target/pytest.log
+sed -n "s/^SKIPPED/the Python package:/p" target/pytest.log >>"${CHPM_SKIPPED:-/dev/null}"

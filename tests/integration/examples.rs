@@ -1,4 +1,4 @@
-use super::harness::Folder;
+use super::harness::{Folder, skipped};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -7,7 +7,7 @@ fn example(name: &str) -> Option<PathBuf> {
     let tests = std::env::current_exe().expect("a path");
     let path = tests.ancestors().nth(2)?.join("examples").join(name);
     if !path.exists() {
-        eprintln!("skipped: {} is compiled by `cargo test --workspace`", path.display());
+        skipped(format_args!("examples: {} is compiled by `cargo test --workspace`", path.display()));
     }
     path.exists().then_some(path)
 }

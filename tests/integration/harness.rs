@@ -6,14 +6,26 @@ use chpm_import::ply::{Encoding, Options, read_mesh, write_mesh};
 use chpm_mesh::TriMesh;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+use std::env;
+use std::fmt::Display;
 use std::fs::{self, File};
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{self, Child, ExitStatus, Stdio};
 use tempfile::TempDir;
 
 /// The command's executable.
 pub(crate) const CHPM: &str = env!("CARGO_BIN_EXE_chpm");
+
+/// Says that a test does less than it could, and why: at once, and in the list that `tests/all.sh` ends with.
+pub(crate) fn skipped(why: impl Display) {
+    println!("skipped: {why}");
+    if let Some(list) = env::var_os("CHPM_SKIPPED") {
+        let mut list =
+            File::options().append(true).create(true).open(list).expect("the list of what is skipped");
+        writeln!(list, "{why}").expect("the list of what is skipped");
+    }
+}
 
 /// A folder that is removed at the end, and the command run in it.
 pub(crate) struct Folder(TempDir);

@@ -1,7 +1,7 @@
 //! What is written, and where: what is never replaced, what streams, which names are refused, and what errors say. Devices, FIFOs and links
 //! are the test's own.
 
-use super::harness::{CHPM, Folder, send, text};
+use super::harness::{CHPM, Folder, send, skipped, text};
 use nix::sys::signal::Signal;
 use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
@@ -369,7 +369,7 @@ fn a_full_standard_output_is_called_that() {
         ["info ball.chpm", "extract ball.chpm --level 0 -q -o -", "export ball.chpm -q --3dtiles tiles"]
     {
         let Ok(full) = fs::File::options().write(true).open("/dev/full") else {
-            eprintln!("skipped: no /dev/full");
+            skipped("a full standard output: no /dev/full");
             return;
         };
         let out = folder.command(words).stdout(full).output().expect("a process");

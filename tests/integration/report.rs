@@ -1,6 +1,6 @@
 //! The page of a file: what is in it, and what a browser makes of it.
 
-use super::harness::{Folder, text};
+use super::harness::{Folder, skipped, text};
 use super::raw::Raw;
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -203,7 +203,7 @@ fn chromium(folder: &Folder, page: &str, options: &[&str]) -> Option<Output> {
     match command.env("HOME", folder.path("")).output() {
         Ok(output) => Some(output),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            println!("skipped: chromium is not installed (apt-get install chromium)");
+            skipped("the page of report: chromium is not installed (apt-get install chromium)");
             None
         }
         Err(error) => panic!("chromium: {error}"),

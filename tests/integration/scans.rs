@@ -2,7 +2,7 @@
 //!
 //! They are looked for in the folder that `CHPM_DATA` names, or in `../shared/data` beside the repository.
 
-use super::harness::{Folder, root};
+use super::harness::{Folder, root, skipped};
 use assert_cmd::Command;
 use std::path::PathBuf;
 use std::{env, fs};
@@ -10,14 +10,14 @@ use std::{env, fs};
 fn scans() -> Vec<PathBuf> {
     let folder = env::var_os("CHPM_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
     let Ok(entries) = fs::read_dir(&folder) else {
-        println!("skipped: no scans in {}; name their folder in CHPM_DATA", folder.display());
+        skipped(format_args!("scans: none in {}; name their folder in CHPM_DATA", folder.display()));
         return Vec::new();
     };
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "ply"));
     paths.sort();
     if paths.is_empty() {
-        println!("skipped: no .ply in {}", folder.display());
+        skipped(format_args!("scans: no .ply in {}", folder.display()));
     }
     paths
 }

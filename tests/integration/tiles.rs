@@ -1,7 +1,7 @@
 //! `chpm export --3dtiles`: a viewer that knows nothing of this project, as the specification has it, walks the tileset for many cameras.
 
 use super::glb::Glb;
-use super::harness::{CHPM, Folder, Triangles, triangles};
+use super::harness::{CHPM, Folder, Triangles, skipped, triangles};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_measure::crack::{cracks, weld};
@@ -463,7 +463,7 @@ fn a_browser_draws_the_same_tiles_without_cracks() {
     let packages = Path::new(tests).join("node_modules").exists();
     if let Some(missing) = missing.or((!packages).then_some("package that `npm ci` installs in tests/tiles"))
     {
-        eprintln!("skipped: no {missing}");
+        skipped(format_args!("tilesets in a browser: no {missing}"));
         return;
     }
     let folder = models();

@@ -1,6 +1,6 @@
 //! `chpm serve` and `chpm share`, the reader in JavaScript, and the page.
 
-use super::harness::{CHPM, Folder};
+use super::harness::{CHPM, Folder, skipped};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::GroupId;
@@ -264,7 +264,7 @@ fn the_reader_and_the_page_pass_their_tests() {
     let major: u32 =
         version.trim_start_matches('v').split('.').next().and_then(|n| n.parse().ok()).unwrap_or(0);
     if major < 20 {
-        eprintln!("skipped: no Node.js 20 or newer ({version:?})");
+        skipped(format_args!("the reader in JavaScript: no Node.js 20 or newer ({version:?})"));
         return;
     }
     let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/web/test");
@@ -274,7 +274,7 @@ fn the_reader_and_the_page_pass_their_tests() {
     let said = String::from_utf8_lossy(&out.stdout);
     assert!(out.status.success(), "{said}");
     // What was skipped, and why.
-    said.lines().filter(|line| line.contains("# SKIP")).for_each(|line| eprintln!("{line}"));
+    said.lines().filter(|line| line.contains("# SKIP")).for_each(skipped);
 }
 
 /// The page looks at spheres alone, since it has not all the tables; so does the library here.
@@ -286,12 +286,12 @@ fn the_page_draws_what_the_library_selects() {
     let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/web/test");
     let mut node = Command::new("node");
     let Ok(out) = node.current_dir(tests).arg("cameras.mjs").arg(folder.path("a.chpm")).output() else {
-        eprintln!("skipped: no Node.js");
+        skipped("the page: no Node.js");
         return;
     };
     let said = String::from_utf8_lossy(&out.stderr);
     if out.status.code() == Some(3) {
-        eprintln!("skipped: {said}");
+        skipped(format_args!("the page: {}", said.trim()));
         return;
     }
     assert!(out.status.success(), "{said}");

@@ -1,9 +1,9 @@
 //! A real window, on a display without a screen: it opens, turns and quits.
 //!
-//! Needs Xvfb and xdotool, which `.ci/run` installs; elsewhere these tests say that they are skipped where one is missing. No window
+//! Needs Xvfb and xdotool, which `tests/all.sh` installs where it may; elsewhere these tests say that they are skipped where one is missing. No window
 //! manager runs: windows are where they want to be, and have the keyboard when they are given it.
 
-use super::harness::{CHPM, Folder, root};
+use super::harness::{CHPM, Folder, root, skipped};
 use chpm_refine::CameraPath;
 use chpm_viewer::Look;
 use chpm_viewer::window::keys::{KEYS, MOTIONS};
@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Columns of the window that the panel may cover.
 const PANEL: usize = 300;
-const MISSING: &str = "skipped: Xvfb or xdotool is not installed (apt-get install xvfb xdotool)";
+const MISSING: &str = "windows: Xvfb or xdotool is not installed (apt-get install xvfb xdotool)";
 
 /// A display of its own, whose content lies in a file.
 pub(super) struct Display {
@@ -33,7 +33,7 @@ impl Display {
     pub(super) fn open() -> Option<Self> {
         let has = |tool: &str| Command::new(tool).arg("-help").output().is_ok();
         if !has("Xvfb") || !has("xdotool") {
-            println!("{MISSING}");
+            skipped(MISSING);
             return None;
         }
         let folder = Folder::new();

@@ -1,6 +1,6 @@
 //! The Snakemake workflow of `data/workflow`, where snakemake is installed.
 
-use super::harness::{CHPM, Folder, root, text};
+use super::harness::{CHPM, Folder, root, skipped, text};
 use serde_json::Value;
 use std::fs;
 use std::process::{Command, Output};
@@ -36,7 +36,7 @@ fn the_workflow_builds_every_part_and_tells_of_failures() {
     }
     folder.write("in/bad.ply", "no mesh");
     let Some(output) = snakemake(&folder) else {
-        println!("skipped: snakemake is not installed (pip install snakemake)");
+        skipped("the workflow: snakemake is not installed (pip install snakemake)");
         return;
     };
     let told = text(&output.stderr);
