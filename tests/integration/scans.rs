@@ -1,6 +1,7 @@
 //! Real meshes, where there are any.
 //!
-//! They are looked for in the folder that `CHPM_DATA` names, or in `../shared/data` beside the repository.
+//! They are looked for in the folder that `CHPM_DATA` names, or in `../shared/data` beside the repository. Those of more than 20 MB are for runs by
+//! hand, with `CHPM_LARGE_SCANS=1`.
 
 use super::harness::{Folder, root, skipped};
 use assert_cmd::Command;
@@ -15,6 +16,8 @@ fn scans() -> Vec<PathBuf> {
     };
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "ply"));
+    let large = env::var_os("CHPM_LARGE_SCANS").is_some();
+    paths.retain(|path| large || path.metadata().is_ok_and(|data| data.len() <= 20_000_000));
     paths.sort();
     if paths.is_empty() {
         skipped(format_args!("scans: no .ply in {}", folder.display()));
