@@ -67,6 +67,9 @@ struct Args {
     /// What a test run filters by; this is one test
     #[arg(hide = true)]
     filter: Option<String>,
+    /// Tests of other programs that are left out
+    #[arg(long, hide = true)]
+    skip: Vec<String>,
     #[arg(long, hide = true)]
     nocapture: bool,
     #[arg(short, long, hide = true)]
