@@ -5,6 +5,8 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 mkdir -p target
+# What is compiled once needs no notes for the next time.
+[ "${CI:-}" != true ] || export CARGO_INCREMENTAL=0
 CHPM_SKIPPED=$(mktemp "$PWD/target/skipped.XXXXXX")
 export CHPM_SKIPPED
 trap 'rm -f "$CHPM_SKIPPED"' EXIT

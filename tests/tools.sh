@@ -17,7 +17,7 @@ has_vulkan() { ldconfig -p | grep -q libvulkan.so.1; }
 has_vulkan_driver() { compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null; }
 has_egl() { ldconfig -p | grep -q libEGL.so.1; }
 has_gl_driver() { compgen -G '/usr/lib/*/dri/swrast_dri.so' >/dev/null; }
-has_node() { command -v node >/dev/null && node -e 'process.exit(parseInt(process.versions.node) < 20)'; }
+has_node() { command -v node >/dev/null && node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)'; }
 has_venv() { python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; }
 has() { command -v "$1" >/dev/null; }
 
