@@ -2,8 +2,8 @@
 //! are printed.
 
 use crate::report;
+pub(crate) use chpm_mesh::{AtLeast, AtMost, Digits, Triangles, Units};
 use chpm_mesh::{Counted, asked};
-pub(crate) use chpm_mesh::{Triangles, Units};
 use std::fmt;
 use std::ops::RangeInclusive;
 

@@ -1,7 +1,7 @@
 //! `chpm clearance`: proves that two models are apart by more than a distance, or shows where they are not.
 
 use super::Verdict;
-use crate::number::Units;
+use crate::number::{AtLeast, AtMost, Units};
 use crate::output;
 use crate::proximity::{AskArgs, SecondArgs, answer_json, ask_all, read, write_csv};
 use crate::stop::Stop;
@@ -60,7 +60,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             writeln!(out, "{lead}{}; read {pages} pages, {bytes}", verdict(answer, above).1)?;
             if let (false, Some(witness)) = (is_clear(answer), answer.witness) {
                 let [[x, y, z], [u, v, w]] = witness.points;
-                let [e, f] = witness.errors.map(Units);
+                let [e, f] = witness.errors.map(AtMost);
                 writeln!(out, "  {x} {y} {z} and {u} {v} {w}, within {e} and {f} units of the sources")?;
             }
         }
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 /// Whether it is clear, where that is known, for programs; and in words.
 fn verdict(answer: &Answer, above: f64) -> (Option<bool>, String) {
-    let (least, most, above_units) = (Units(answer.least), Units(answer.most), Units(above));
+    let (least, most, above_units) = (AtLeast(answer.least), AtMost(answer.most), Units(above));
     if answer.least > above {
         (Some(true), format!("clear: {least} units or more apart, above {above_units}"))
     } else if answer.most <= above {

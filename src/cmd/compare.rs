@@ -3,7 +3,7 @@
 use super::{Verdict, reading};
 use crate::compare::{Colors, Painted, Parts, Summary, leaves, plot};
 use crate::memory::{self, MemoryArgs};
-use crate::number::Units;
+use crate::number::{AtMost, Digits};
 use crate::output;
 use crate::progress::Meter;
 use crate::proximity::{GROUP, Opened, PoseArgs};
@@ -29,8 +29,8 @@ pub(crate) struct Args {
     scan: PathBuf,
     /// What it is compared with, likewise
     reference: PathBuf,
-    /// How far a distance may be from the true one, in the models' units or, as in 0.1%, of the diagonal of the reference's box. 0 goes to the triangles of
-    /// the reference's source
+    /// How far a distance may be from the true one, all rounding included, in the models' units or, as in 0.1%, of the diagonal of the reference's box. 0 goes to
+    /// the triangles of the reference's source; what holds is told where that is more
     #[arg(long, value_name = "T", default_value = "0.01%")]
     tolerance: Length,
     #[command(flatten)]
@@ -73,8 +73,8 @@ fn range(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Bytes of a vertex: its distance as measured, as summed up and as sorted.
-const VERTEX: u64 = 16;
+/// Bytes of a vertex: its distance as measured, once in each leaf that has it, and as summed up or sorted.
+const VERTEX: u64 = 20;
 
 /// Measures, and writes what is asked for.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
@@ -98,10 +98,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let tolerance = args.tolerance.of(reference.diagonal());
     let signed = !args.unsigned && is_closed(&reference.file);
     let work = Work { args, scan: &scan, reference: &reference, pages, tolerance, signed };
-    let (values, margin) =
+    let Measured { values, within, rounding } =
         reading(&reference.file, || reading(&scan.file, || work.measure(&meter, &cancel)))?;
-    let parts = reading(&scan.file, || Parts::new(&scan.file, &values))?;
+    let parts = reading(&scan.file, || Parts::new(&scan.file, values))?;
     let summary = Summary::new(&parts.values, signed, args.range);
+    let tolerance = tolerance.max(within + summary.lost());
     if let Some(painted) = painted {
         let colors = Colors::new(summary.range, signed);
         reading(&scan.file, || painted.write(&scan.file, &parts, &colors, &cancel))?.build(
@@ -112,7 +113,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     }
     if let Some(mut svg) = svg {
         let title = format!("{} from {}", name(&args.scan), name(&args.reference));
-        let note = format!("{}, each within {} units", Counted(summary.count, "vertex"), Units(tolerance));
+        let note = format!("{}, each within {} units", Counted(summary.count, "vertex"), AtMost(tolerance));
         svg.write_all(plot(&summary, &title, &note)?.as_bytes())?;
         svg.publish()?;
     }
@@ -122,7 +123,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             "scan": scan.json(),
             "reference": reference.json(),
             "tolerance": tolerance,
-            "rounding": margin,
+            "rounding": rounding,
             "signed": signed,
         });
         if let (Some(value), serde_json::Value::Object(found)) = (value.as_object_mut(), summary.json()) {
@@ -157,9 +158,18 @@ struct Work<'w> {
     signed: bool,
 }
 
+/// What was measured.
+struct Measured {
+    /// The distances of the vertices of each leaf, in the order of the file.
+    values: Vec<Vec<f64>>,
+    /// How far each may be from the true one.
+    within: f64,
+    /// Which part of that no tolerance makes less.
+    rounding: f64,
+}
+
 impl Work<'_> {
-    /// The distances of the vertices of each leaf, in the order of the file, and what rounding may lose.
-    fn measure(&self, meter: &Meter, cancel: &Cancel) -> Result<(Vec<Vec<f32>>, f64)> {
+    fn measure(&self, meter: &Meter, cancel: &Cancel) -> Result<Measured> {
         let leaves = leaves(&self.scan.file);
         let pool = self.args.threads.pool()?;
         meter.start("compare", leaves.len() as u64);
@@ -172,15 +182,19 @@ impl Work<'_> {
         let measure = |leaf: &ClusterId| {
             stop::check(cancel)?;
             let mut found = Vec::new();
-            gauge.measure(self.scan.file.page(*leaf)?.view().positions, &mut found)?;
-            let plain = |x: &f64| if self.signed { *x as f32 } else { x.abs() as f32 };
+            let within = gauge.measure(self.scan.file.page(*leaf)?.view().positions, &mut found)?;
+            if !self.signed {
+                found.iter_mut().for_each(|x| *x = x.abs());
+            }
             meter.add(1);
-            Ok(found.iter().map(plain).collect())
+            Ok((found, within))
         };
-        let done = pool.install(|| leaves.par_iter().map(measure).collect::<Result<Vec<Vec<f32>>>>())?;
+        let done = pool.install(|| leaves.par_iter().map(measure).collect::<Result<Vec<_>>>())?;
         meter.finish();
         stop::check(cancel)?;
-        Ok((done, gauge.margin()))
+        let within = done.iter().map(|(_, within)| *within).fold(0.0, f64::max);
+        let values = done.into_iter().map(|(values, _)| values).collect();
+        Ok(Measured { values, within, rounding: gauge.rounding() })
     }
 }
 
@@ -192,7 +206,8 @@ fn print(
     tolerance: f64,
     out: &mut impl Write,
 ) -> Result<()> {
-    let told = |x: f64| format!("{}{}", if x < 0.0 { "-" } else { "" }, Units(x.abs()));
+    let digits = Digits::within(tolerance, summary.min.abs().max(summary.max.abs()));
+    let told = |x: f64| digits.of(x);
     let kind = if signed { "signed, negative behind the reference" } else { "without a sign" };
     writeln!(
         out,
@@ -200,7 +215,7 @@ fn print(
         scan.path.display(),
         reference.path.display(),
         Counted(summary.count, "vertex"),
-        Units(tolerance)
+        AtMost(tolerance + digits.lost())
     )?;
     let [p50, p90, p95, p99, p999] = summary.percentiles;
     let row = [summary.min, summary.max, summary.mean, summary.rms, p50, p90, p95, p99, p999];

@@ -3,7 +3,7 @@
 mod itself;
 
 use super::Verdict;
-use crate::number::Units;
+use crate::number::{AtLeast, AtMost, Units};
 use crate::output::{self, Output};
 use crate::proximity::{AskArgs, Pair, PathArgs};
 use crate::report::{count, table};
@@ -124,7 +124,7 @@ fn to_json(pair: &Pair, near: &Near, steps: &[Contacts], is_path: bool) -> Value
     let step = |found: &Contacts| {
         json!({
             "complete": found.complete,
-            "rounding": found.margin,
+            "rounding": found.rounding,
             "pairs": found.pairs,
             "pages": found.reads.map(|read| read.pages),
             "page_bytes": found.reads.map(|read| read.bytes.0),
@@ -201,10 +201,12 @@ const LISTED: usize = 20;
 fn print(pair: &Pair, found: &Contacts, near: &Near, out: &mut dyn Write) -> Result<()> {
     let [a, b] = &pair.models;
     let regions = Counted(found.regions.len() as u64, "region");
-    let (within, error) = (Units(near.within), Units(near.error));
+    // Rounding may have let in what is a little farther.
+    let beyond = AtMost(near.error.max(found.farthest - near.within));
+    let within = Units(near.within);
     writeln!(
         out,
-        "{} and {}: {regions} within {within} units, and none beyond {error} more",
+        "{} and {}: {regions} within {within} units, and none beyond {beyond} more",
         a.path.display(),
         b.path.display()
     )?;
@@ -212,7 +214,8 @@ fn print(pair: &Pair, found: &Contacts, near: &Near, out: &mut dyn Write) -> Res
         let rows = found.regions.iter().take(LISTED).enumerate().map(|(at, region)| {
             let [x, y, z] = region.witness.points[0].map(|x| Units(x).to_string());
             let mut row = vec![at.to_string()];
-            row.extend([region.least, region.most, region.depth].map(|x| Units(x).to_string()));
+            row.extend([AtLeast(region.least).to_string(), AtMost(region.most).to_string()]);
+            row.push(Units(region.depth).to_string());
             row.extend(region.triangles.map(count));
             row.extend(region.area.map(|x| Units(x).to_string()));
             row.extend(region.levels.map(|level| level.to_string()));

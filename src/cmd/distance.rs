@@ -1,7 +1,7 @@
 //! `chpm distance`: how near two models are, as an interval that is proven.
 
 use super::Verdict;
-use crate::number::Units;
+use crate::number::{AtLeast, AtMost, Units};
 use crate::output;
 use crate::proximity::{AskArgs, Pair, SecondArgs, answer_json, ask_all, ended, read, write_csv};
 use crate::report::{count, table};
@@ -81,7 +81,7 @@ fn print(args: &Args, pair: &Pair, answers: &[Answer], out: &mut impl Write) -> 
             for (model, i) in pair.models.iter().zip(0..2) {
                 let [x, y, z] = witness.points[i];
                 let (level, name) = (witness.levels[i], model.path.display());
-                let error = Units(witness.errors[i]);
+                let error = AtMost(witness.errors[i]);
                 writeln!(
                     out,
                     "  nearest found on {name}: {x} {y} {z}, at level {level}, within {error} units of the source"
@@ -90,16 +90,11 @@ fn print(args: &Args, pair: &Pair, answers: &[Answer], out: &mut impl Write) -> 
         }
         let Reads { pages, bytes } = read(answer);
         let share = 100.0 * bytes.0 as f64 / all as f64;
-        writeln!(
-            out,
-            "  {}; read {} pages, {bytes}, {share:.2} % of the files",
-            why(answer.end),
-            count(pages)
-        )?;
+        writeln!(out, "  {}; read {} pages, {bytes}, {share:.2} % of the files", why(answer), count(pages))?;
     } else {
         let rows = answers.iter().enumerate().map(|(step, answer)| {
             let Reads { pages, bytes } = read(answer);
-            let [least, most] = [answer.least, answer.most].map(|x| Units(x).to_string());
+            let (least, most) = (AtLeast(answer.least).to_string(), AtMost(answer.most).to_string());
             vec![step.to_string(), least, most, ended(answer.end).to_owned(), count(pages), bytes.to_string()]
         });
         writeln!(out, "{}", table(&["step", "least", "most", "ended", "pages", "bytes"], rows))?;
@@ -115,11 +110,14 @@ fn print(args: &Args, pair: &Pair, answers: &[Answer], out: &mut impl Write) -> 
 }
 
 /// Why an answer is not narrower, in words.
-fn why(end: End) -> &'static str {
-    match end {
-        End::Decided => "as narrow as was asked for",
-        End::Exact => "exact: triangles of the sources, but for rounding",
-        End::Stopped => "stopped at the limit",
-        End::Crowded => "stopped where more pairs would wait than fit into the memory",
+fn why(answer: &Answer) -> String {
+    match answer.end {
+        End::Decided => "as narrow as was asked for".to_owned(),
+        End::Exact => {
+            let rounding = AtMost(answer.rounding);
+            format!("exact: triangles of the sources, but for rounding, {rounding} units at either end")
+        }
+        End::Stopped => "stopped at the limit".to_owned(),
+        End::Crowded => "stopped where more pairs would wait than fit into the memory".to_owned(),
     }
 }

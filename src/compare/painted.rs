@@ -119,7 +119,7 @@ impl Colored<'_> {
     fn vertices(&self, mut each: impl FnMut(VertexSlices<'_>) -> Result<()>) -> Result<()> {
         self.parts.vertices(self.file, |vertices, values| {
             stop::check(self.cancel)?;
-            let colors: Vec<[u8; 4]> = values.iter().map(|value| self.colors.of((*value).into())).collect();
+            let colors: Vec<[u8; 4]> = values.iter().map(|value| self.colors.of(*value)).collect();
             each(VertexSlices { colors: &colors, ..vertices })
         })
     }

@@ -18,7 +18,7 @@ pub(crate) fn leaves(file: &Chpm<MappedFile>) -> Vec<ClusterId> {
 /// The leaves as one mesh: a vertex that several have is that of the first.
 pub(crate) struct Parts {
     /// Distances by vertex.
-    pub(crate) values: Vec<f32>,
+    pub(crate) values: Vec<f64>,
     /// The first new vertex of each leaf.
     starts: Vec<u32>,
     /// Vertices by shared id.
@@ -26,9 +26,11 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    pub(crate) fn new(file: &Chpm<MappedFile>, measured: &[Vec<f32>]) -> Result<Self> {
+    pub(crate) fn new(file: &Chpm<MappedFile>, measured: Vec<Vec<f64>>) -> Result<Self> {
         let shared = vec![u32::MAX; file.header().shared_vertex_count as usize];
-        let mut parts = Parts { values: Vec::new(), starts: Vec::new(), shared };
+        // Room for all at once: a list that grows is there twice for a while. Each leaf's own go as soon as they are taken.
+        let room = measured.iter().map(Vec::len).sum();
+        let mut parts = Parts { values: Vec::with_capacity(room), starts: Vec::new(), shared };
         for (leaf, distances) in leaves(file).into_iter().zip(measured) {
             let page = file.page(leaf)?;
             let start = parts.values.len() as u32;
@@ -43,7 +45,7 @@ impl Parts {
                     }
                     *known = next;
                 }
-                parts.values.push(*distance);
+                parts.values.push(distance);
             }
         }
         Ok(parts)
@@ -86,7 +88,7 @@ impl Parts {
     pub(crate) fn vertices(
         &self,
         file: &Chpm<MappedFile>,
-        mut each: impl FnMut(VertexSlices<'_>, &[f32]) -> Result<()>,
+        mut each: impl FnMut(VertexSlices<'_>, &[f64]) -> Result<()>,
     ) -> Result<()> {
         self.each_leaf(file, |page, start, numbers| {
             let new = numbers.iter().zip(page.positions).filter(|(number, _)| **number >= start);

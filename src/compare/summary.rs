@@ -25,17 +25,13 @@ const BINS: usize = 64;
 
 impl Summary {
     /// Without a range, it goes to the 99th percentile: from 0, or where distances are signed as far to the other side.
-    pub(crate) fn new(values: &[f32], signed: bool, range: Option<[f64; 2]>) -> Self {
-        let mut sizes: Vec<f32> = values.iter().map(|x| x.abs()).collect();
+    pub(crate) fn new(values: &[f64], signed: bool, range: Option<[f64; 2]>) -> Self {
+        let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).collect();
         let mut percentile = |percent: f64| {
             // In whole numbers, so that 99.9 % of a thousand are not one more.
             let rank = ((10.0 * percent).round() as usize * sizes.len()).div_ceil(1000);
             let at = rank.clamp(1, sizes.len().max(1)) - 1;
-            if at < sizes.len() {
-                f64::from(*sizes.select_nth_unstable_by(at, f32::total_cmp).1)
-            } else {
-                0.0
-            }
+            if at < sizes.len() { *sizes.select_nth_unstable_by(at, f64::total_cmp).1 } else { 0.0 }
         };
         let percentiles = PERCENTS.map(&mut percentile);
         let range = range.unwrap_or(match percentiles[3] {
@@ -53,17 +49,23 @@ impl Summary {
             range,
         };
         let width = range[1] - range[0];
-        for value in values.iter().map(|x| f64::from(*x)) {
+        let (mut sum, mut squares) = (Sum::default(), Sum::default());
+        for value in values.iter().copied() {
             found.min = found.min.min(value);
             found.max = found.max.max(value);
-            found.mean += value;
-            found.rms += value * value;
+            sum.add(value);
+            squares.add(value * value);
             let share = if width > 0.0 { (value - range[0]) / width } else { 0.0 };
             found.bins[((share * BINS as f64).max(0.0) as usize).min(BINS - 1)] += 1;
         }
         let count = values.len().max(1) as f64;
-        (found.mean, found.rms) = (found.mean / count, (found.rms / count).sqrt());
+        (found.mean, found.rms) = (sum.total() / count, (squares.total() / count).sqrt());
         found
+    }
+
+    /// What these numbers lose of the distances at most, however many there are.
+    pub(crate) fn lost(&self) -> f64 {
+        8.0 * f64::EPSILON * self.min.abs().max(self.max.abs())
     }
 
     pub(crate) fn json(&self) -> Value {
@@ -81,13 +83,40 @@ impl Summary {
     }
 }
 
+/// A sum that keeps what each addition loses, as Neumaier does.
+#[derive(Default)]
+struct Sum {
+    sum: f64,
+    lost: f64,
+}
+
+impl Sum {
+    fn add(&mut self, value: f64) {
+        let sum = self.sum + value;
+        let (large, small) =
+            if self.sum.abs() >= value.abs() { (self.sum, value) } else { (value, self.sum) };
+        self.lost += (large - sum) + small;
+        self.sum = sum;
+    }
+
+    fn total(&self) -> f64 {
+        self.sum + self.lost
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
+    fn sums_do_not_lose_what_is_small() {
+        let values: Vec<f64> = [1e16, 1.0, 1.0, -1e16].into_iter().cycle().take(4000).collect();
+        assert_eq!(Summary::new(&values, true, None).mean, 0.5);
+    }
+
+    #[test]
     fn distances_are_summed_up_by_size_and_sign() {
-        let values: Vec<f32> = (1..=1000).map(|i| if i % 2 == 0 { i as f32 } else { -(i as f32) }).collect();
+        let values: Vec<f64> = (1..=1000).map(|i| if i % 2 == 0 { i.into() } else { (-i).into() }).collect();
         let found = Summary::new(&values, true, None);
         assert_eq!((found.count, found.min, found.max), (1000, -999.0, 1000.0));
         assert_eq!(found.percentiles, [500.0, 900.0, 950.0, 990.0, 999.0]);

@@ -212,12 +212,12 @@ pub(crate) fn ended(end: End) -> &'static str {
 
 /// An answer for programs.
 pub(crate) fn answer_json(answer: &Answer) -> Value {
-    let Answer { least, most, witness, end, reads, pairs, margin } = answer;
+    let Answer { least, most, witness, end, reads, pairs, rounding, .. } = answer;
     json!({
         "least": least,
         "most": most.is_finite().then_some(most),
         "ended": ended(*end),
-        "rounding": margin,
+        "rounding": rounding,
         "points": witness.map(|w| w.points),
         "point_errors": witness.map(|w| w.errors),
         "levels": witness.map(|w| w.levels),

@@ -2,7 +2,7 @@
 
 use super::{Pair, PoseArgs};
 use crate::args::MemorySize;
-use crate::number::Units;
+use crate::number::AtMost;
 use crate::stop::Stop;
 use anyhow::{Context, Result};
 use chpm_build::Cancel;
@@ -154,7 +154,7 @@ fn told(answer: &Answer, goes_on: bool) -> Relation {
         (End::Decided, _) if goes_on => "looking closer ...".to_owned(),
         (End::Decided, Some(witness)) => {
             let [a, b] = witness.levels;
-            let error = Units(witness.errors[0].max(witness.errors[1]));
+            let error = AtMost(witness.errors[0].max(witness.errors[1]));
             format!("proven at levels {a} and {b}; the ends are within {error} units of the sources")
         }
         (End::Decided, None) => "proven".to_owned(),

@@ -298,3 +298,62 @@ fn a_comparison_is_the_same_in_every_format() {
     assert!(folder.stderr("compare in.chpm in.chpm -o out.chpm", 2).contains("out.chpm"));
     assert!(folder.stderr("compare in.chpm packed.chpm -f -o in.chpm", 2).contains("the input itself"));
 }
+
+/// Vertices above a square, so far away that no single tells them apart, and a square so far from zero that a single has steps of half a unit there.
+#[test]
+fn comparing_keeps_to_what_it_tells_far_from_zero() {
+    let folder = Folder::new();
+    let ply = |points: &[[f64; 3]]| {
+        let mut text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\n\
+                        element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+            .to_owned();
+        points.iter().for_each(|[x, y, z]| text += &format!("{x} {y} {z}\n"));
+        text + "3 0 1 2\n3 0 2 3\n"
+    };
+    let (ground, corners) = (4.5e6 + 0.1, [[-9.3, -9.1], [9.7, -9.9], [9.1, 9.3], [-9.7, 9.1]]);
+    let reference: Vec<[f64; 3]> = corners.iter().map(|[x, y]| [7e6 + x, y - 3e6, ground]).collect();
+    let heights: Vec<f64> = (0..4).map(|i| 4.6e6 + 0.123_457 * f64::from(i)).collect();
+    let scan = |(c, z): (&[f64; 2], &f64)| [7e6 + c[0] / 3.0, c[1] / 3.0 - 3e6, *z];
+    folder.write("reference.ply", ply(&reference));
+    folder.write("scan.ply", ply(&corners.iter().zip(&heights).map(scan).collect::<Vec<_>>()));
+    // Differences of doubles that are so near are exact.
+    let truth: Vec<f64> = heights.iter().map(|z| z - ground).collect();
+    let mean = truth.iter().sum::<f64>() / 4.0;
+    for tolerance in ["0", "0.0005", "1%"] {
+        let words = format!("compare scan.ply reference.ply --tolerance {tolerance} -q");
+        let value = answer(&folder, &format!("{words} --json"), 0);
+        let told = |key: &str| value[key].as_f64().unwrap();
+        let within = told("tolerance");
+        assert!(told("rounding") <= within && within < 0.5, "{value}");
+        let near = |told: f64, truth: f64| assert!((told - truth).abs() <= within, "{told} {truth} {value}");
+        near(told("min"), truth[0]);
+        near(told("max"), truth[3]);
+        near(told("mean"), mean);
+        near(value["percentiles"]["p50"].as_f64().unwrap(), truth[1]);
+
+        // The digits of the table are as many as what is told with them.
+        let text = folder.stdout(&words);
+        let (_, rest) = text.split_once("each within ").unwrap();
+        let within: f64 = rest.split(' ').next().unwrap().parse().unwrap();
+        let row = text.lines().find(|line| line.contains("units") && line.contains("100000.")).unwrap();
+        let numbers: Vec<f64> = row.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        assert!((numbers[0] - truth[0]).abs() <= within && (numbers[1] - truth[3]).abs() <= within, "{text}");
+    }
+}
+
+#[test]
+fn an_exact_distance_tells_what_the_leaves_round() {
+    let folder = Folder::new();
+    let triangle = |z: f64| {
+        format!(
+            "v 4500000.1 -3000000.7 {z}\nv 4500900.3 -3000000.1 {z}\nv 4500000.7 -3000900.9 {z}\nf 1 2 3\n"
+        )
+    };
+    folder.write("a.obj", triangle(1e6 + 0.3));
+    folder.write("b.obj", triangle(1e6 + 7.4));
+    let found = &answer(&folder, "distance a.obj b.obj --error 0 -q --json", 0)["answers"][0];
+    let [least, most, rounding] = ["least", "most", "rounding"].map(|key| found[key].as_f64().unwrap());
+    let truth = (1e6 + 7.4) - (1e6 + 0.3);
+    assert!(least <= truth && truth <= most && found["ended"] == "exact", "{found}");
+    assert!(most - least <= 2.0 * rounding * (1.0 + 1e-9) && rounding > 1e-6, "{found}");
+}

@@ -90,6 +90,83 @@ impl fmt::Display for Units {
     }
 }
 
+/// A length that is told as an upper bound: as [`Units`], rounded up.
+#[derive(Clone, Copy, Debug)]
+pub struct AtMost(pub f64);
+
+/// A length that is told as a lower bound: as [`Units`], rounded down.
+#[derive(Clone, Copy, Debug)]
+pub struct AtLeast(pub f64);
+
+impl fmt::Display for AtMost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        directed(self.0, |told, true_one| told < true_one, 0.5).fmt(f)
+    }
+}
+
+impl fmt::Display for AtLeast {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        directed(self.0, |told, true_one| told > true_one, -0.5).fmt(f)
+    }
+}
+
+/// The length that is told for another: itself, or where that is told wrong, the next one that is not, by steps of the last digit.
+fn directed(length: f64, is_wrong: impl Fn(f64, f64) -> bool, step: f64) -> Units {
+    let power = format!("{length:e}").split_once('e').and_then(|(_, power)| power.parse().ok()).unwrap_or(0);
+    // Of a large number without a power of ten, it is a whole one.
+    let last = 10f64.powi(if (0..6).contains(&power) { power.min(2) } else { power } - 2);
+    let (mut told, mut away) = (Units(length), step * last);
+    while told.to_string().parse().is_ok_and(|told| is_wrong(told, length)) {
+        told = Units(length + away);
+        away *= 4.0;
+    }
+    told
+}
+
+/// How many decimals numbers are printed with: so many that what is cut off is little beside what they are known to.
+#[derive(Clone, Copy, Debug)]
+pub struct Digits {
+    /// After the point; none where all that there are are printed.
+    decimals: Option<usize>,
+    largest: f64,
+}
+
+impl Digits {
+    /// For numbers up to `largest` that are known to within `tolerance`.
+    pub fn within(tolerance: f64, largest: f64) -> Digits {
+        let wanted = (1.0 - tolerance.log10()).ceil();
+        let there = 16.0 - largest.max(f64::MIN_POSITIVE).log10();
+        let decimals = (wanted < there).then_some(wanted.max(0.0) as usize);
+        Digits { decimals, largest }
+    }
+
+    /// A number with its sign.
+    pub fn of(&self, number: f64) -> String {
+        match self.decimals {
+            Some(decimals) if decimals <= READABLE => format!("{number:.decimals$}"),
+            // As many digits from the first one on, so that zeros do not have to be counted.
+            Some(decimals) => {
+                let power = number.abs().max(f64::MIN_POSITIVE).log10().floor() as i32;
+                let digits = (decimals as i32 + power).clamp(0, 17) as usize;
+                if number == 0.0 { "0".to_owned() } else { format!("{number:.digits$e}") }
+            }
+            None if number == 0.0 || (1e-4..1e17).contains(&number.abs()) => format!("{number}"),
+            None => format!("{number:e}"),
+        }
+    }
+
+    /// By how much a printed number differs from what it stands for, at most.
+    pub fn lost(&self) -> f64 {
+        match self.decimals {
+            Some(decimals) => 0.5 * 10f64.powi(-(decimals as i32)) * (1.0 + 1e-12),
+            None => f64::EPSILON * self.largest,
+        }
+    }
+}
+
+/// Decimals that are read without counting zeros.
+const READABLE: usize = 9;
+
 /// Why a text is not a byte count.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("'{0}' is not a size: write a number with an optional K, M, G or T, as in 512M or 1.5GiB")]
@@ -148,6 +225,49 @@ mod tests {
     fn bytes_print_with_the_fitting_unit() {
         assert_eq!(Bytes(512).to_string(), "512 B");
         assert_eq!(Bytes::mib(384).to_string(), "384.0 MiB");
+    }
+
+    #[test]
+    fn bounds_are_told_on_their_side() {
+        for (length, most, least) in [
+            (0.0, "0", "0"),
+            (0.5, "0.500", "0.500"),
+            (1.001, "1.01", "1.00"),
+            (1.009, "1.01", "1.00"),
+            (123.4, "124", "123"),
+            (123_456.4, "123457", "123456"),
+            (9.999, "10.0", "9.99"),
+            (9.996e5, "999600", "999600"),
+            (1_234_567.0, "1.24e6", "1.23e6"),
+            (0.000_123_41, "0.000124", "0.000123"),
+            (5.701e-7, "5.71e-7", "5.70e-7"),
+            (f64::INFINITY, "inf", "inf"),
+        ] {
+            assert_eq!(
+                (AtMost(length).to_string().as_str(), AtLeast(length).to_string().as_str()),
+                (most, least)
+            );
+        }
+    }
+
+    #[test]
+    fn numbers_have_the_digits_that_are_known() {
+        for (tolerance, largest, number, text) in [
+            (5.7e-4, 141_420.4, 141_420.356_237_309_5, "141420.35624"),
+            (0.01, 141_420.4, -0.123_456, "-0.123"),
+            (100.0, 141_420.4, 141_420.356, "141420"),
+            (1e-12, 1e-6, 1.234_567_890_123_45e-7, "1.234568e-7"),
+            (1e-12, 1e-6, 0.0, "0"),
+            (1e-12, 141_420.4, 1.234_567_890_123_45e-7, "1.23456789012345e-7"),
+            (1e-30, 0.2, 0.1, "0.1"),
+            (0.0, 141_420.4, 141_420.356_237_309_5, "141420.3562373095"),
+        ] {
+            let digits = Digits::within(tolerance, largest);
+            assert_eq!(digits.of(number), text);
+            let told: f64 = text.parse().unwrap();
+            assert!((told - number).abs() <= digits.lost(), "{text}");
+            assert!(digits.lost() <= 0.06 * tolerance || largest > 1e11 * tolerance);
+        }
     }
 
     #[test]

@@ -62,6 +62,10 @@ pub struct Contacts {
     pub pairs: u64,
     /// How much f64 may have lost, the poses included.
     pub margin: f64,
+    /// The margin, and how far the leaves of both are from their sources' triangles.
+    pub rounding: f64,
+    /// No two triangles that were found near are farther apart than this.
+    pub farthest: f64,
 }
 
 /// Finds where two models in their poses are near, on the threads of a pool; whatever their number, the answer is one. `go_on` is asked
@@ -89,6 +93,7 @@ pub fn contacts<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync>(
         near,
         found: Found::default(),
         pairs: 0,
+        farthest: 0.0,
         known: HashSet::new(),
         a,
         b,
@@ -99,7 +104,9 @@ pub fn contacts<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync>(
     let complete = search.run(before, go_on)?;
     let regions = search.found.regions();
     let reads = [since(a.reads(), before[0]), since(b.reads(), before[1])];
-    Ok(Contacts { regions, complete, reads, pairs: search.pairs, margin: between.margin })
+    let (pairs, farthest, margin) = (search.pairs, search.farthest, between.margin);
+    let rounding = margin + a.rounding() + b.rounding();
+    Ok(Contacts { regions, complete, reads, pairs, margin, rounding, farthest })
 }
 
 struct Search<'s, 'a, 'b, D, E> {
@@ -112,6 +119,7 @@ struct Search<'s, 'a, 'b, D, E> {
     known: HashSet<(GroupId, GroupId)>,
     found: Found,
     pairs: u64,
+    farthest: f64,
     /// What is to be compared next.
     jobs: Vec<Job>,
 }
@@ -273,9 +281,11 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> Search<'_, '_, '_, D, E> {
         best.depth = best.depth.max(close.depth);
         best.least = best.least.min((near.least - lost).max(0.0));
         let most = near.most + errors[0] + errors[1] + self.between.margin;
+        self.farthest = self.farthest.max(most);
         if most < best.most || best.witness.is_none() {
             best.most = most;
-            let (points, triangles) = (witness_of(self.a, self.poses[0], near), [place, other]);
+            let triangles = [place, other];
+            let (points, errors) = witness_of(self.a, self.poses[0], near, errors, self.between.margin);
             best.witness = Some(Witness { points, errors, levels, clusters: [x, y], triangles });
         }
         Ok(())

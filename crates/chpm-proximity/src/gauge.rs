@@ -14,6 +14,8 @@ use std::sync::Arc;
 pub struct Gauge<'m, 'a, D> {
     reference: &'m Model<'a, D>,
     between: Between,
+    /// What the points are off by: from their source's, and by what f64 loses.
+    points: f64,
     tolerance: f64,
 }
 
@@ -59,26 +61,29 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
             return Err(ProximityError::Length { what: "tolerance", got: tolerance });
         }
         let between = Between::new(&reference.frame(poses[1]), &scan.frame(poses[0]));
-        Ok(Gauge { reference, between, tolerance })
+        let points = between.margin + scan.rounding();
+        Ok(Gauge { reference, between, points, tolerance })
     }
 
-    /// How much of a distance f64 may have lost, the poses included.
-    pub fn margin(&self) -> f64 {
-        self.between.margin
+    /// How much of a distance cannot be known, whatever the tolerance: what f64 may have lost, the poses, and what the leaves of both are from their sources.
+    pub fn rounding(&self) -> f64 {
+        self.points + self.reference.rounding()
     }
 
-    /// Appends the distance of each point to `out`: negative on the side that the nearest triangle turns its back to. Its size is within the tolerance, or within
-    /// the rounding of the reference's leaves and the [margin](Self::margin) where that is less.
+    /// Appends the distance of each point to `out`: negative on the side that the nearest triangle turns its back to. Answers how far their sizes may be from
+    /// those of the sources, all counted: the tolerance or less, unless the [rounding](Self::rounding) leaves no room for it.
     ///
     /// # Errors
     /// A damaged page.
-    pub fn measure(&self, points: &[[f32; 3]], out: &mut Vec<f64>) -> Result<(), ProximityError> {
+    pub fn measure(&self, points: &[[f32; 3]], out: &mut Vec<f64>) -> Result<f64, ProximityError> {
         let points: Vec<Vector3<f64>> = points.iter().map(|point| self.between.apply(*point)).collect();
         let start = out.len();
         out.resize(start + points.len(), 0.0);
+        let (mut coarsest, mut unsure) = (0.0_f64, 0.0_f64);
         // In runs that are near each other, each with the patches that it may be near to.
         for run in along_a_curve(&points).chunks(RUN) {
-            let patches = self.candidates(run, &points)?;
+            let (patches, wrong) = self.candidates(run, &points)?;
+            coarsest = coarsest.max(wrong);
             let mut last = None;
             let mut order: Vec<(f64, usize)> = Vec::with_capacity(patches.len());
             for number in run {
@@ -102,29 +107,30 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
                     }
                 }
                 out[start + *number as usize] = spot.distance();
+                unsure = unsure.max(spot.unsure());
             }
         }
-        Ok(())
+        Ok((self.points + coarsest + unsure) * (1.0 + 4.0 * f64::EPSILON))
     }
 
     /// Whether the meshes of a group are as near to the source as they have to be.
     fn is_fine(&self, group: GroupId) -> bool {
         let wrong = self.reference.wrong(group);
         self.reference.is_leaf(group)
-            || wrong.error.max(wrong.distance) <= self.tolerance - self.between.margin
+            || wrong.error.max(wrong.distance) <= self.tolerance - self.points - UNSURE * self.tolerance
     }
 
-    /// Patches of which one is nearest to each point of a run.
+    /// Patches of which one is nearest to each point of a run, and how far the coarsest of them is from the source at most.
     fn candidates(
         &self,
         run: &[u32],
         points: &[Vector3<f64>],
-    ) -> Result<Vec<(Block, Arc<Patch>)>, ProximityError> {
+    ) -> Result<(Vec<(Block, Arc<Patch>)>, f64), ProximityError> {
         let run = || run.iter().map(|number| &points[*number as usize]);
         let (low, high) = ends(run());
         let center = (low + high) * 0.5;
         let radius = run().map(|point| (point - center).norm()).fold(0.0, f64::max);
-        let mut most = f64::INFINITY;
+        let (mut most, mut coarsest) = (f64::INFINITY, 0.0_f64);
         let mut waiting = BinaryHeap::new();
         let mut known = BTreeSet::new();
         let mut found: Vec<(f64, ClusterId)> = Vec::new();
@@ -142,6 +148,8 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
                 }
                 continue;
             }
+            let wrong = self.reference.wrong(group);
+            coarsest = coarsest.max(wrong.error.max(wrong.distance));
             for cluster in self.reference.coarse(group) {
                 let away = self.reference.cluster_block(cluster).squared_from(&center).sqrt();
                 if away > most + 2.0 * radius {
@@ -160,7 +168,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
         for (_, cluster) in near {
             patches.push((self.reference.cluster_block(*cluster), self.reference.patch_for_many(*cluster)?));
         }
-        Ok(patches)
+        Ok((patches, coarsest))
     }
 
     fn put(
@@ -176,6 +184,9 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
         }
     }
 }
+
+/// The share of the tolerance that is kept for where formulas cannot tell.
+const UNSURE: f64 = 1e-6;
 
 /// Points that look for the patches that they may be near to together.
 const RUN: usize = 256;

@@ -5,7 +5,7 @@ use crate::error::ProximityError;
 use crate::patch::Patch;
 use crate::pose::{Frame, Pose};
 use chpm_format::{Chpm, ErrorKind};
-use chpm_mesh::{Bytes, ClusterId, GroupId};
+use chpm_mesh::{Aabb, Bytes, ClusterId, GroupId};
 use chpm_refine::Hierarchy;
 use nalgebra::Vector3;
 use std::collections::HashMap;
@@ -32,6 +32,7 @@ impl Reads {
 pub struct Model<'a, D> {
     file: &'a Chpm<D>,
     hierarchy: Hierarchy,
+    rounding: f64,
     shelf: Mutex<Shelf>,
 }
 
@@ -88,12 +89,19 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
         }
         let shelf =
             Shelf { budget: budget.0, used: 0, clock: 0, kept: HashMap::new(), reads: Reads::default() };
-        Ok(Model { file, hierarchy: Hierarchy::new(file), shelf: Mutex::new(shelf) })
+        let leaves = file.clusters().iter().filter(|record| record.is_leaf() && !record.is_trimmed());
+        let rounding = leaves.map(|record| f64::from(record.min_error)).fold(0.0, f64::max);
+        Ok(Model { file, hierarchy: Hierarchy::new(file), rounding, shelf: Mutex::new(shelf) })
     }
 
     /// The file.
     pub fn file(&self) -> &'a Chpm<D> {
         self.file
+    }
+
+    /// How far the leaves' triangles are from the source's, which may be of doubles: no question is answered nearer than that.
+    pub fn rounding(&self) -> f64 {
+        self.rounding
     }
 
     /// What was read so far.
@@ -105,7 +113,19 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
         let header = self.file.header();
         let corner = |axis: usize| f64::from(header.aabb_min[axis].abs().max(header.aabb_max[axis].abs()));
         let reach = Vector3::from_fn(|axis, _| corner(axis)).norm() * (1.0 + 1e-15);
-        Frame { origin: header.origin, reach, pose: *pose }
+        Frame { origin: header.origin, reach: reach + self.rounding, pose: *pose }
+    }
+
+    /// A box about all of the source, which the file's box is but for rounding.
+    pub(crate) fn bounds(&self) -> Aabb {
+        let Aabb { min, max } = self.file.header().aabb();
+        if self.rounding <= 0.0 {
+            return Aabb { min, max };
+        }
+        Aabb {
+            min: min.map(|x| ((f64::from(x) - self.rounding) as f32).next_down()),
+            max: max.map(|x| ((f64::from(x) + self.rounding) as f32).next_up()),
+        }
     }
 
     pub(crate) fn is_leaf(&self, group: GroupId) -> bool {
@@ -116,10 +136,10 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
         self.file.groups()[group.index()].level
     }
 
-    /// A box about all of the source that the group stands for.
+    /// A box about all of the source that the group stands for: the tables' is about what the leaves hold of it.
     pub(crate) fn block(&self, group: GroupId) -> Block {
         let region = self.hierarchy.region(group);
-        Block::wide(region.low, region.high)
+        Block::wide(region.low.map(|x| x - self.rounding), region.high.map(|x| x + self.rounding))
     }
 
     /// The box of a cluster's own vertices.

@@ -236,6 +236,8 @@ const DEEP: usize = 32;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot {
     squared: f64,
+    /// No triangle that was looked at is nearer, but for rounding.
+    least: f64,
     /// Along the normal, as a share of the distance: of all triangles that are nearest, the one that is seen least aslant.
     upright: f64,
 }
@@ -243,7 +245,12 @@ pub(crate) struct Spot {
 impl Spot {
     /// Nothing but what is nearer than `most` is looked for.
     pub(crate) fn beyond(most: f64) -> Self {
-        Spot { squared: most * most, upright: 0.0 }
+        Spot { squared: most * most, least: most, upright: 0.0 }
+    }
+
+    /// How much nearer than what was found a triangle may be, where the formulas cannot tell.
+    pub(crate) fn unsure(&self) -> f64 {
+        (self.squared.sqrt() - self.least).max(0.0)
     }
 
     /// Squared distances up to this are of interest.
@@ -259,7 +266,19 @@ impl Spot {
     /// Answers whether the triangle is nearer than all before.
     fn take(&mut self, point: &Vector3<f64>, corners: &Corners) -> bool {
         let way = point - triangle::nearest_point(point, corners);
-        let squared = way.norm_squared();
+        let mut squared = way.norm_squared();
+        // What lies beyond the corners along the way, too, is no nearer than it seems.
+        let nearest = corners.iter().map(|corner| way.dot(&(point - corner))).fold(f64::INFINITY, f64::min);
+        if nearest.max(0.0).powi(2) < self.squared * squared {
+            let away = squared.sqrt();
+            let mut least = nearest.max(0.0) / away;
+            if away - least > SURE * (point.amax() + corners[0].amax()) {
+                let (careful, most) = triangle::distance_of_point(point, corners);
+                least = least.max(careful);
+                squared = squared.min(most * most);
+            }
+            self.least = self.least.min(least);
+        }
         if squared > self.reach() {
             return false;
         }
@@ -274,6 +293,9 @@ impl Spot {
         is_nearer
     }
 }
+
+/// What may be left open of a distance, as a share of the coordinates, before more is done about it.
+const SURE: f64 = 1e-13;
 
 /// Whether to divide the first box (or the second); none where neither is divided.
 fn further(x: &Node, y: &Node) -> Option<bool> {

@@ -75,6 +75,13 @@ impl Pose {
         self.translation.into()
     }
 
+    /// Where a point that is the sum of two goes, and how far from there it may be: what the pose leaves open and the digits of f64.
+    pub(crate) fn place(&self, point: [f64; 3]) -> ([f64; 3], f64) {
+        let (far, placed) = (Vector3::from(point).norm(), self.apply(point));
+        let moved = if *self == Pose::IDENTITY { 0.0 } else { 8.0 * (far + self.translation.norm()) };
+        (placed, (self.unsure * far + f64::EPSILON * (far + moved)) * (1.0 + 1e-9))
+    }
+
     /// Where a point goes.
     pub fn apply(&self, point: [f64; 3]) -> [f64; 3] {
         (self.rotation * Vector3::from(point) + self.translation).into()

@@ -36,7 +36,7 @@ pub enum End {
 pub struct Witness {
     /// On the meshes, where their poses put them.
     pub points: [[f64; 3]; 2],
-    /// How far the source is from each at most.
+    /// How far the source is from each at most, as it is told: what rounding and the poses do to it included.
     pub errors: [f64; 2],
     /// Levels of the meshes; at 0 they are the source's triangles.
     pub levels: [u32; 2],
@@ -61,8 +61,10 @@ pub struct Answer {
     pub reads: [Reads; 2],
     /// Pairs of groups that were looked at.
     pub pairs: u64,
-    /// How much of the width is what f64 may have lost, the poses included.
+    /// How much of the width, at either end, is what f64 may have lost, the poses included.
     pub margin: f64,
+    /// The margin, and how far the leaves of both are from their sources' triangles: twice this is what the finest answer is wide.
+    pub rounding: f64,
 }
 
 /// The distance of two models in their poses. `go_on` is asked before every pair, with what was read so far.
@@ -99,14 +101,16 @@ pub fn follow<D: AsRef<[u8]>, E: AsRef<[u8]>>(
     }
     let between = Between::new(&a.frame(poses[0]), &b.frame(poses[1]));
     let before = [a.reads(), b.reads()];
-    let bounds = b.file().header().aabb();
+    let bounds = b.bounds();
     let last = front.between();
     let room = front.follow(&between, &bounds);
+    let rounding = between.margin + a.rounding() + b.rounding();
     let mut search = Search {
         a,
         b,
         pose: poses[0],
         between,
+        rounding,
         question,
         most: f64::INFINITY,
         settled: f64::INFINITY,
@@ -131,7 +135,7 @@ pub fn follow<D: AsRef<[u8]>, E: AsRef<[u8]>>(
     front.waiting.extend(done);
     front.witness = witness.or(front.witness);
     let reads = [since(a.reads(), before[0]), since(b.reads(), before[1])];
-    Ok(Answer { least, most, witness, end, reads, pairs, margin: between.margin })
+    Ok(Answer { least, most, witness, end, reads, pairs, margin: between.margin, rounding })
 }
 
 pub(crate) fn since(now: Reads, before: Reads) -> Reads {
@@ -139,10 +143,19 @@ pub(crate) fn since(now: Reads, before: Reads) -> Reads {
     Reads { pages: now.pages - before.pages, bytes }
 }
 
-/// The points of a pair in the first model's frame, where its pose puts them.
-pub(crate) fn witness_of<D: AsRef<[u8]>>(model: &Model<'_, D>, pose: &Pose, near: &Near) -> [[f64; 3]; 2] {
+/// The points of a pair in the first model's frame, where its pose puts them, and how far the sources are from there at most: `errors` from the meshes, `margin`
+/// from what arithmetic makes of these, and what is lost on the way from the frame.
+pub(crate) fn witness_of<D: AsRef<[u8]>>(
+    model: &Model<'_, D>,
+    pose: &Pose,
+    near: &Near,
+    errors: [f64; 2],
+    margin: f64,
+) -> ([[f64; 3]; 2], [f64; 2]) {
     let origin = nalgebra::Vector3::from(model.file().header().origin);
-    [near.a, near.b].map(|point| pose.apply((point + origin).into()))
+    let placed = [near.a, near.b].map(|point| pose.place((point + origin).into()));
+    let error = |i: usize| (errors[i] + margin + placed[i].1) * (1.0 + 4.0 * f64::EPSILON);
+    (placed.map(|(point, _)| point), [error(0), error(1)])
 }
 
 struct Search<'s, 'a, 'b, D, E> {
@@ -150,6 +163,8 @@ struct Search<'s, 'a, 'b, D, E> {
     b: &'s Model<'b, E>,
     pose: &'s Pose,
     between: Between,
+    /// See [`Answer::rounding`].
+    rounding: f64,
     question: &'s Question,
     /// Somewhere the sources are as near.
     most: f64,
@@ -225,7 +240,7 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
             None => self.most - least <= self.question.error,
         };
         // Models that meet do so in many places, and none tells more than the first.
-        let is_exact = || self.most - least <= 2.0 * self.between.margin;
+        let is_exact = || self.most - least <= 2.0 * self.rounding;
         is_enough.then_some(End::Decided).or_else(|| is_exact().then_some(End::Exact))
     }
 
@@ -317,7 +332,10 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
         order.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
         // Meshes that are farther apart prove that the pair plays no part.
         let mut least = f64::INFINITY;
-        let slack = (SLACK * (self.question.error - wrong - error)).max(0.1 * (wrong + error));
+        // Nothing is finer than leaves: there, no more is left open than they are off by.
+        let is_end = self.a.is_leaf(a) && self.b.is_leaf(b);
+        let least_slack = if is_end { 0.0 } else { 0.1 * (wrong + error) };
+        let slack = (SLACK * (self.question.error - wrong - error)).max(least_slack);
         for (away, x, y) in order {
             let below = (self.limit() + wrong + margin).min(least + slack);
             if away >= below {
@@ -354,8 +372,9 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
             return;
         }
         self.most = most;
+        let (points, errors) = witness_of(self.a, self.pose, &near, errors, self.between.margin);
         self.witness = Some(Witness {
-            points: witness_of(self.a, self.pose, &near),
+            points,
             errors,
             levels: [self.a.level(groups[0]), self.b.level(groups[1])],
             clusters,

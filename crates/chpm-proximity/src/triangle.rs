@@ -129,6 +129,34 @@ pub(crate) fn nearest_point(point: &Vector3<f64>, [a, b, c]: &Corners) -> Vector
     }
 }
 
+/// How near a point comes to a triangle: what is certain, whatever the formulas lose, and what was found, at least a corner. For needles, and where the point
+/// is so near that squares do not tell it from the triangle.
+pub(crate) fn distance_of_point(point: &Vector3<f64>, t: &Corners) -> (f64, f64) {
+    let [a, b, c] = t;
+    let ways =
+        [nearest_point(point, t), on_segment(point, a, b), on_segment(point, b, c), on_segment(point, c, a)]
+            .map(|on| point - on);
+    let most = ways.iter().map(|way| way.norm()).fold(f64::INFINITY, f64::min);
+    // Upright on an edge, and on the face: twice, since the first time leaves what it has lost.
+    let edges = [b - a, c - b, a - c];
+    let upright = |way: Vector3<f64>, edge: &Vector3<f64>| {
+        let length = edge.norm_squared();
+        if length > 0.0 { way - edge * (way.dot(edge) / length) } else { way }
+    };
+    let of_edges = [0, 1, 2].map(|i| upright(ways[i + 1], &edges[i]));
+    let face = edges[0].cross(&edges[1]);
+    let face = upright(upright(face, &edges[0]), &edges[1]);
+    let least = ways.into_iter().chain(of_edges).chain([face, -face]);
+    let least = least.map(|way| beyond(&way, point, t)).fold(0.0, f64::max);
+    (least.min(most), most)
+}
+
+/// How far a point is beyond all of a triangle in a direction; negative or 0 where it is not.
+pub(crate) fn beyond(direction: &Vector3<f64>, point: &Vector3<f64>, t: &Corners) -> f64 {
+    let Some(direction) = direction.try_normalize(f64::MIN_POSITIVE) else { return 0.0 };
+    t.iter().map(|corner| direction.dot(&(point - corner))).fold(f64::INFINITY, f64::min)
+}
+
 fn on_segment(point: &Vector3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> Vector3<f64> {
     let along = b - a;
     let length = along.norm_squared();

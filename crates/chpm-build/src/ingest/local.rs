@@ -94,8 +94,11 @@ pub(super) fn doubles(
             let single = exact.map(|x| x as f32);
             if used.contains(vertex) {
                 bounds.add(single);
-                let lost = exact.iter().zip(single).map(|(exact, single)| (f64::from(single) - exact).abs());
-                rounding = lost.fold(rounding, f64::max);
+                for axis in 0..3 {
+                    let lost = (f64::from(single[axis]) - exact[axis]).abs();
+                    rounding =
+                        rounding.max(lost + lost_by_difference(point[axis], origin[axis], exact[axis]));
+                }
                 singles.push(single);
             } else {
                 singles.push(within(single, &room));
@@ -110,6 +113,12 @@ pub(super) fn doubles(
     }
     let warning = (rounding > 0.0).then(|| told(rounding, origin, extent.diagonal()));
     Ok(Local { positions: stored.finish_column()?, bounds, origin, rounding, lattice_step: None, warning })
+}
+
+/// By how much a difference in doubles is off: by nothing, unless the two are of very different size. Exact, after Knuth.
+fn lost_by_difference(from: f64, less: f64, difference: f64) -> f64 {
+    let part = difference - from;
+    ((from - (difference - part)) - (less + part)).abs()
 }
 
 /// What rounding did, and why if it can be seen.

@@ -94,6 +94,17 @@ fn every_text_is_read_as_double() {
     }
 }
 
+/// The way from the middle of very different numbers is no double: what that loses counts.
+#[test]
+fn what_a_difference_of_doubles_loses_is_counted() {
+    let (small, far) = (1e-9, 3.0 * 2f64.powi(30));
+    let vertices = [[small, 0.0, 0.0], [far, 0.0, 0.0], [0.0, far, 0.0], [small, far, small]];
+    let (report, file) = built("far.ply", &ply("double", &vertices, &[[0, 1, 2], [1, 3, 2]]), 256 << 20);
+    assert_eq!(file.header().origin[0], far / 2.0);
+    // What a single holds of it is the middle itself, and the small number is gone.
+    assert!(f64::from(rounding(&report)) >= small * 3f64.sqrt(), "{}", rounding(&report));
+}
+
 #[test]
 fn text_that_says_singles_is_singles() {
     let mesh = Synth::new(Shape::Sphere, 2_000, 0).to_mesh();

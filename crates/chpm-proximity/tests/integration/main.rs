@@ -2,6 +2,7 @@
 
 mod brute;
 mod distances;
+mod exact;
 mod following;
 mod gauges;
 mod hard;

@@ -17,29 +17,33 @@ pub(crate) struct Built {
 
 impl Built {
     pub(crate) fn new(name: &str, mesh: TriMesh, offset: [f64; 3], packed: bool) -> Self {
+        let moved = mesh.positions.iter().map(|p| [0, 1, 2].map(|axis| f64::from(p[axis]) + offset[axis]));
+        let doubles: Option<Vec<[f64; 3]>> = (offset != [0.0; 3]).then(|| moved.collect());
+        Built { offset, ..Built::of(name, mesh, doubles.as_deref(), packed) }
+    }
+
+    /// With other positions than the mesh's.
+    pub(crate) fn of_doubles(name: &str, mesh: TriMesh, positions: &[[f64; 3]]) -> Self {
+        Built::of(name, mesh, Some(positions), false)
+    }
+
+    fn of(name: &str, mesh: TriMesh, doubles: Option<&[[f64; 3]]>, packed: bool) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let (source, output) = (dir.path().join("mesh.ply"), dir.path().join("mesh.chpm"));
         let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
-        let far = offset != [0.0; 3];
         let mut ply = PlyWriter::new(
             File::create(&source).unwrap(),
             Encoding::BinaryLittleEndian,
             vertices,
             triangles,
             mesh.attributes(),
-            far,
+            doubles.is_some(),
             &[],
         )
         .unwrap();
-        if far {
-            let moved: Vec<[f64; 3]> = mesh
-                .positions
-                .iter()
-                .map(|p| [0, 1, 2].map(|axis| f64::from(p[axis]) + offset[axis]))
-                .collect();
-            ply.vertices_f64(&moved, mesh.view()).unwrap();
-        } else {
-            ply.vertices(mesh.view()).unwrap();
+        match doubles {
+            Some(positions) => ply.vertices_f64(positions, mesh.view()).unwrap(),
+            None => ply.vertices(mesh.view()).unwrap(),
         }
         ply.triangles(&mesh.triangles).unwrap();
         ply.finish().unwrap();
@@ -49,6 +53,7 @@ impl Built {
             overwrite: false,
         };
         build(&source, &output, &config, &Silent, &Cancel::default()).unwrap();
+        let offset = [0.0; 3];
         Built { name: name.to_owned(), mesh, offset, file: Chpm::open(fs::read(output).unwrap()).unwrap() }
     }
 
