@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes a Debian package: the command, its manual pages, and completions for bash, zsh and fish. It needs `cargo install cargo-deb`.
+# Makes a Debian package: the command, its manual pages, and completions for bash, zsh and fish, and the terms of what others wrote of it.
+# It needs `cargo install cargo-deb` and python3.
 # --no-build takes the program that is there; what else is given goes to cargo deb.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -19,6 +20,8 @@ mkdir -p "$made/man1"
 "$program" completions bash >"$made/chpm.bash"
 "$program" completions zsh >"$made/_chpm"
 "$program" completions fish >"$made/chpm.fish"
+# What others ask to be told of what is linked in: METIS, zstd, meshoptimizer, fonts, crates.
+python3 packaging/notices.py Cargo.toml | gzip --best --no-name >"$made/THIRD-PARTY-NOTICES.gz"
 # Debian asks for a history of the package itself, too.
 gzip --best --no-name <CHANGELOG.md >"$made/changelog.gz"
 version=$(cargo metadata --locked --no-deps --format-version 1 | grep -o '"name":"chpm","version":"[^"]*"' | cut -d'"' -f8)

@@ -24,8 +24,12 @@ export CHPM="${CHPM:-$CARGO_TARGET_DIR/debug/chpm}"
 
 cargo fmt --check
 cargo clippy --locked -- -D warnings
+# The wheel tells what of others is in it; so does this file, until a crate changes.
+"$python" ../packaging/notices.py Cargo.toml | cmp - THIRD-PARTY-NOTICES ||
+    { echo "python/THIRD-PARTY-NOTICES is old: packaging/notices.py python/Cargo.toml >python/THIRD-PARTY-NOTICES" >&2; exit 1; }
 rm -rf target/wheels
 target/venv/bin/maturin build --profile dev --locked --interpreter "$python" --out target/wheels
+"$python" -m zipfile --list target/wheels/*.whl | grep THIRD-PARTY-NOTICES >/dev/null
 target/venv/bin/python -m pip install --quiet --no-deps --force-reinstall target/wheels/*.whl
 target/venv/bin/python -m pytest --quiet -rs | tee target/pytest.log
 sed -n "s/^SKIPPED/the Python package:/p" target/pytest.log >>"${CHPM_SKIPPED:-/dev/null}"

@@ -20,6 +20,7 @@ mod digest;
 mod examples;
 mod folder;
 mod forecast;
+mod frame;
 mod memory;
 mod mesh_file;
 mod number;

@@ -1,19 +1,21 @@
 //! One mesh as a file of another program: which format, and how it is streamed.
 
-use crate::number::Units;
+use crate::frame::{Frame, Up};
+use crate::number::AtMost;
 use crate::output::{self, Output, Writes};
 use crate::progress::Meter;
 use crate::stop;
 use crate::whole::{Order, Whole};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_export::{Facts, GlbWriter, ObjWriter, PIECE_VERTICES, PackedGlb, Placement, StlWriter};
-use chpm_extmem::MappedFile;
+use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::{Chpm, ErrorKind};
 use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Aabb, Counted, VertexSlices, geom};
 use chpm_refine::Extraction;
-use serde_json::Map;
+use serde_json::{Map, Value, json};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Bytes that choosing a cut takes for each cluster.
@@ -39,6 +41,20 @@ pub(crate) struct MeshArgs {
     /// In which order vertices and triangles are
     #[arg(long, value_name = "ORDER", value_enum, default_value = "file")]
     order: Order,
+    /// The model's axis that points up: the mesh is turned so that up is where its format has it, y in GLB and OBJ, z in PLY and STL. If not given,
+    /// coordinates are as in the model
+    #[arg(long, value_name = "AXIS", value_enum)]
+    up: Option<Up>,
+    /// Leave vertex normals out
+    #[arg(long)]
+    pub(crate) no_normals: bool,
+    /// Leave vertex colours out
+    #[arg(long)]
+    pub(crate) no_colors: bool,
+    /// Write coordinates relative to the middle of the model, in single precision; where that is goes into a file beside the output, FILE.origin.json, and into
+    /// the extras of a GLB
+    #[arg(long)]
+    local_origin: bool,
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
@@ -67,6 +83,14 @@ impl MeshFormat {
     fn name(self) -> &'static str {
         Self::NAMES.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
     }
+
+    /// Which axis points up in such a file.
+    fn up(self) -> Up {
+        match self {
+            MeshFormat::Glb | MeshFormat::Obj => Up::Y,
+            MeshFormat::Ply | MeshFormat::Stl => Up::Z,
+        }
+    }
 }
 
 /// A mesh file that is being written.
@@ -75,6 +99,17 @@ pub(crate) struct MeshFile<'a> {
     by: &'static str,
     format: MeshFormat,
     pub(crate) output: Output,
+    /// Where it is told what coordinates are relative to.
+    aside: Option<(PathBuf, AtomicFile)>,
+}
+
+/// A mesh file, and the mesh that goes into it.
+pub(crate) struct Ready<'m, 'a> {
+    target: MeshFile<'a>,
+    mesh: &'m Extraction<'m, MappedFile>,
+    frame: Frame,
+    pub(crate) bounds: Bounds,
+    pub(crate) warning: Option<String>,
 }
 
 /// What a cut keeps to, with what the format rounds.
@@ -133,71 +168,167 @@ impl MeshArgs {
         let is_binary = format == MeshFormat::Glb;
         ensure!(!self.ascii || !is_binary, "--ascii is for PLY and STL: {name} is binary");
         let output = Writes::mesh(by, name).create(&self.output, self.force, inputs)?;
-        Ok(MeshFile { args: self, by, format, output })
+        let aside = match (self.local_origin, output.is_stream()) {
+            (false, _) => None,
+            (true, true) if format == MeshFormat::Glb => None,
+            (true, true) => bail!(
+                "--local-origin tells in a file beside the output what coordinates are relative to: name a file, or write a GLB, which tells it itself"
+            ),
+            (true, false) => {
+                let path = aside(&self.output);
+                let file = AtomicFile::create(&path, self.force)?;
+                Some((path, file))
+            }
+        };
+        Ok(MeshFile { args: self, by, format, output, aside })
     }
 }
 
+/// The file beside an output that tells what its coordinates are relative to.
+fn aside(output: &Path) -> PathBuf {
+    let mut name = output.as_os_str().to_owned();
+    name.push(".origin.json");
+    name.into()
+}
+
+/// Beyond this share of the diagonal, rounding shows.
+const VISIBLE: f64 = 1e-5;
+
 impl MeshFile<'_> {
-    /// By how much the format moves vertices of this file at most.
-    pub(crate) fn rounding(&self, file: &Chpm<MappedFile>) -> f64 {
+    /// By how much the format's single precision would move vertices of this file at most.
+    fn lost(&self, file: &Chpm<MappedFile>) -> f64 {
         let header = file.header();
         let rounds = self.format == MeshFormat::Stl && !self.args.ascii;
         if rounds { chpm_export::rounding(&header.aabb(), header.origin) } else { 0.0 }
     }
 
-    /// What to say where that is more than a model of this size should lose.
-    pub(crate) fn warning(&self, file: &Chpm<MappedFile>) -> Option<String> {
-        let rounding = self.rounding(file);
-        (rounding > 1e-5 * file.header().aabb().diagonal()).then(|| {
-            format!(
-                "so far from the zero point, the single precision of binary STL moves vertices by up to {} units, which the error \
-                 counts: --ascii and other formats do not",
-                Units(rounding)
-            )
-        })
+    /// Where vertices go: to the model's coordinates, or relative to its middle where that was asked for or the others would be lost.
+    fn frame(&self, file: &Chpm<MappedFile>, is_lost: bool) -> Frame {
+        let (lost, diagonal) = (self.lost(file), file.header().aabb().diagonal());
+        let frame = Frame::new(file).without(self.args.no_normals, self.args.no_colors);
+        let frame = match self.args.local_origin || is_lost || lost > VISIBLE * diagonal {
+            true => frame.about_middle(file),
+            false => frame.rounded(lost),
+        };
+        match self.args.up {
+            Some(up) => frame.turned_up(up, self.format.up()),
+            None => frame,
+        }
     }
 
-    /// What a mesh of the file keeps to, once it is written.
-    pub(crate) fn bounds(&self, file: &Chpm<MappedFile>, mesh: &Extraction<'_, MappedFile>) -> Bounds {
-        let rounding = self.rounding(file);
+    /// By how much writing moves vertices of this file at most.
+    pub(crate) fn rounding(&self, file: &Chpm<MappedFile>) -> f64 {
+        self.frame(file, false).rounding()
+    }
+}
+
+impl<'m, 'a> Ready<'m, 'a> {
+    /// Decides in which coordinates a mesh is written.
+    pub(crate) fn new(
+        target: MeshFile<'a>,
+        file: &Chpm<MappedFile>,
+        mesh: &'m Extraction<'m, MappedFile>,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        let lost = target.lost(file);
+        let mut frame = target.frame(file, false);
+        if lost > 0.0 && frame.offset().is_none() && collapses(mesh, file.header().origin, cancel)? {
+            frame = target.frame(file, true);
+        }
+        let rounding = frame.rounding();
         let with =
             |bound: f32| if rounding > 0.0 { geom::round_up(f64::from(bound) + rounding) } else { bound };
-        Bounds { error: with(mesh.error()), distance: with(mesh.distance()) }
+        let bounds = Bounds { error: with(mesh.error()), distance: with(mesh.distance()) };
+        let warning = frame.offset().filter(|_| !target.args.local_origin).map(|[x, y, z]| {
+            format!(
+                "so far from the zero point, the single precision of binary STL would move vertices by up to {} units: coordinates are written relative to {x} {y} {z}; --local-origin tells that in a file beside it, --ascii and other formats keep the coordinates",
+                AtMost(lost)
+            )
+        });
+        Ok(Ready { target, mesh, frame, bounds, warning })
+    }
+
+    /// What is written, for programs.
+    pub(crate) fn json(&self) -> Map<String, Value> {
+        let MeshArgs { output, up, .. } = self.target.args;
+        let aside = self.target.aside.as_ref().map(|(path, _)| path.display().to_string());
+        let Value::Object(told) = json!({
+            "output": output.display().to_string(),
+            "format": self.target.format.name(),
+            "triangles": self.mesh.triangle_count(),
+            "vertices": self.mesh.vertex_count(),
+            "error": self.bounds.error,
+            "distance": self.bounds.distance,
+            "origin": self.frame.offset(),
+            "origin_file": aside,
+            "up": up.map(|_| self.target.format.up().name()),
+        }) else {
+            return Map::new();
+        };
+        told
     }
 
     /// Streams the mesh and gives the file its name.
-    pub(crate) fn write(
-        self,
-        file: &Chpm<MappedFile>,
-        mesh: &Extraction<'_, MappedFile>,
-        bounds: Bounds,
-        meter: &Meter,
-        cancel: &Cancel,
-    ) -> Result<()> {
-        let (by, ascii) = (self.by, self.args.ascii);
+    pub(crate) fn write(self, file: &Chpm<MappedFile>, meter: &Meter, cancel: &Cancel) -> Result<()> {
+        let Ready { target, mesh, frame, bounds, .. } = self;
+        let (by, ascii) = (target.by, target.args.ascii);
         let Bounds { error, distance } = bounds;
+        // In front, since a binary STL has room for 80 bytes.
+        let place = frame.offset().map_or(String::new(), |[x, y, z]| format!(", origin {x} {y} {z}"));
         let comment = match file.has_gaps() {
-            true => format!("chpm {by}, error {error:e}, distance {distance:e}"),
-            false => format!("chpm {by}, error {error:e}"),
+            true => format!("chpm {by}{place}, error {error:e}, distance {distance:e}"),
+            false => format!("chpm {by}{place}, error {error:e}"),
         };
         let steps = Steps { meter, cancel };
-        let mesh = &Whole::new(mesh, self.args.order, cancel)?;
+        let mesh = &Whole::new(mesh, frame, target.args.order, cancel)?;
         stop::check(cancel)?;
-        let output = match self.format {
-            MeshFormat::Ply => ply(mesh, self.output, ascii, &comment, &steps),
-            MeshFormat::Stl => stl(mesh, self.output, ascii, &comment, &steps),
-            MeshFormat::Obj => obj(mesh, self.output, &comment, &steps),
-            MeshFormat::Glb if self.args.meshopt && mesh.triangle_count() > 0 => {
-                packed_glb(mesh, self.output, facts(file, mesh, by, bounds), &steps)
+        let facts = || facts(file, mesh, by, bounds, frame.offset());
+        let output = match target.format {
+            MeshFormat::Ply => ply(mesh, target.output, ascii, &comment, &steps),
+            MeshFormat::Stl => stl(mesh, target.output, ascii, &comment, &steps),
+            MeshFormat::Obj => obj(mesh, target.output, &comment, &steps),
+            MeshFormat::Glb if target.args.meshopt && mesh.triangle_count() > 0 => {
+                packed_glb(mesh, target.output, facts(), &steps)
             }
-            MeshFormat::Glb => glb(mesh, self.output, &facts(file, mesh, by, bounds), &steps),
+            MeshFormat::Glb => glb(mesh, target.output, &facts(), &steps),
         };
         let output = output?;
         file.get_ref().check_unchanged()?;
+        // First, so that no mesh is there without it.
+        if let Some((_, mut aside)) = target.aside {
+            let told = json!({
+                "schema": "chpm-origin/1",
+                "file": target.args.output.file_name().unwrap_or_default().to_string_lossy(),
+                "origin": frame.offset(),
+            });
+            writeln!(aside, "{told:#}")?;
+            aside.publish()?;
+        }
         output.publish()?;
         meter.finish();
         Ok(())
     }
+}
+
+/// Whether single precision, far from the zero point, makes of a triangle one without area.
+fn collapses(mesh: &Extraction<'_, MappedFile>, origin: [f64; 3], cancel: &Cancel) -> Result<bool> {
+    let has_area = |[a, b, c]: [[f32; 3]; 3]| {
+        let less = |p: [f32; 3]| [0, 1, 2].map(|axis| f64::from(p[axis]) - f64::from(a[axis]));
+        let ([ux, uy, uz], [vx, vy, vz]) = (less(b), less(c));
+        uy * vz != uz * vy || uz * vx != ux * vz || ux * vy != uy * vx
+    };
+    let mut found = false;
+    mesh.pieces(PIECE_VERTICES, |vertices, triangles| {
+        stop::check(cancel)?;
+        let far = |p: [f32; 3]| [0, 1, 2].map(|axis| (f64::from(p[axis]) + origin[axis]) as f32);
+        found = found
+            || triangles.iter().any(|corners| {
+                let near = corners.map(|v| vertices.positions[v as usize]);
+                has_area(near) && !has_area(near.map(far))
+            });
+        anyhow::Ok(())
+    })?;
+    Ok(found)
 }
 
 /// One line about a mesh that was written: `out.ply: 20,000 triangles, 10,002 vertices, error 0.02 units`.
@@ -205,7 +336,7 @@ pub(crate) fn told(output: &Path, mesh: &Extraction<'_, MappedFile>, bounds: Bou
     let Bounds { error, distance } = bounds;
     // Only what has vanished is farther.
     let vanished = match distance > error {
-        true => format!(" ({} to what has vanished)", Units(distance.into())),
+        true => format!(" ({} to what has vanished)", AtMost(distance.into())),
         false => String::new(),
     };
     format!(
@@ -213,7 +344,7 @@ pub(crate) fn told(output: &Path, mesh: &Extraction<'_, MappedFile>, bounds: Bou
         output.display(),
         Counted(mesh.triangle_count(), "triangle"),
         Counted(mesh.vertex_count().into(), "vertex"),
-        Units(error.into()),
+        AtMost(error.into()),
     )
 }
 
@@ -235,13 +366,22 @@ impl Steps<'_> {
     }
 }
 
-fn facts(file: &Chpm<MappedFile>, mesh: &Whole<'_>, by: &str, bounds: Bounds) -> Facts {
+fn facts(
+    file: &Chpm<MappedFile>,
+    mesh: &Whole<'_>,
+    by: &str,
+    bounds: Bounds,
+    offset: Option<[f64; 3]>,
+) -> Facts {
     let mut extras = Map::new();
     extras.insert("error".to_owned(), f64::from(bounds.error).into());
     if file.has_gaps() {
         extras.insert("distance".to_owned(), f64::from(bounds.distance).into());
     }
     extras.insert("certified".to_owned(), (file.header().error_kind() == Some(ErrorKind::Certified)).into());
+    if let Some(offset) = offset {
+        extras.insert("origin".to_owned(), offset.to_vec().into());
+    }
     let generator = format!("chpm {} {by}", env!("CARGO_PKG_VERSION"));
     Facts { generator, placement: mesh.origin().map_or(Placement::Here, Placement::At), extras }
 }

@@ -1,5 +1,6 @@
 //! The mesh of a cut as it is written: streamed in the order of the file, or held and put into another.
 
+use crate::frame::Frame;
 use crate::report::count;
 use crate::stop;
 use anyhow::{Result, bail, ensure};
@@ -36,17 +37,23 @@ impl Order {
 /// A mesh that goes into a file.
 pub(crate) struct Whole<'a> {
     mesh: &'a Extraction<'a, MappedFile>,
+    frame: Frame,
     /// Where it is held.
     held: Option<TriMesh>,
 }
 
 impl<'a> Whole<'a> {
-    pub(crate) fn new(mesh: &'a Extraction<'a, MappedFile>, order: Order, cancel: &Cancel) -> Result<Self> {
+    pub(crate) fn new(
+        mesh: &'a Extraction<'a, MappedFile>,
+        frame: Frame,
+        order: Order,
+        cancel: &Cancel,
+    ) -> Result<Self> {
         let held = match order {
             Order::File => None,
             Order::CacheOblivious => Some(ordered(mesh, cancel)?),
         };
-        Ok(Whole { mesh, held })
+        Ok(Whole { mesh, frame, held })
     }
 
     pub(crate) fn vertex_count(&self) -> u32 {
@@ -58,18 +65,20 @@ impl<'a> Whole<'a> {
     }
 
     pub(crate) fn attributes(&self) -> Attributes {
-        self.mesh.attributes()
+        self.frame.attributes(self.mesh.attributes())
     }
 
+    /// What is to be added to positions, unless it is zero.
     pub(crate) fn origin(&self) -> Option<[f64; 3]> {
-        self.mesh.origin()
+        self.frame.origin()
     }
 
     /// As [`Extraction::vertices`].
     pub(crate) fn vertices(&self, mut sink: impl FnMut(VertexSlices<'_>) -> Result<()>) -> Result<()> {
+        let mut room = Vertices::default();
         match &self.held {
-            Some(held) => sink(held.view()),
-            None => self.mesh.vertices(sink),
+            Some(held) => sink(self.frame.apply(held.view(), &mut room)),
+            None => self.mesh.vertices(|batch| sink(self.frame.apply(batch, &mut room))),
         }
     }
 
@@ -85,11 +94,15 @@ impl<'a> Whole<'a> {
     pub(crate) fn pieces(
         &self,
         limit: usize,
-        sink: impl FnMut(VertexSlices<'_>, &[[u32; 3]]) -> Result<()>,
+        mut sink: impl FnMut(VertexSlices<'_>, &[[u32; 3]]) -> Result<()>,
     ) -> Result<()> {
+        let mut room = Vertices::default();
+        let mut sink = |batch: VertexSlices<'_>, triangles: &[[u32; 3]]| {
+            sink(self.frame.apply(batch, &mut room), triangles)
+        };
         match &self.held {
             Some(held) => pieces(held, limit, sink),
-            None => self.mesh.pieces(limit, sink),
+            None => self.mesh.pieces(limit, &mut sink),
         }
     }
 }

@@ -15,6 +15,7 @@ use chpm_build::Cancel;
 use chpm_extmem::process::peak_resident;
 use chpm_measure::deviation;
 use chpm_mesh::{Aabb, Bytes, Counted, TriMesh};
+use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write;
@@ -48,6 +49,9 @@ pub(crate) struct Args {
     /// Memory that each build of this project stays below; all else is in core
     #[arg(long, value_name = "SIZE", default_value = "1G")]
     memory: MemorySize,
+    /// The figures as JSON on stdout
+    #[arg(long)]
+    json: bool,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
@@ -87,7 +91,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     };
     let csv = create(&args.csv, output::BENCH_CSV)?;
     let plot = create(&args.svg, output::BENCH_SVG)?;
-    let mut out = output::messages(csv.iter().chain(&plot), false, args.quiet)?;
+    let mut out = output::messages(csv.iter().chain(&plot), args.json, args.quiet)?;
     let mesh = contend::read(&args.source)?;
     let triangles = mesh.triangles.len() as u64;
     let coarsest = DIVISORS[DIVISORS.len() - 1];
@@ -120,7 +124,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         plot.write_all(svg(&result.figures, result.diagonal, &title, &machine())?.as_bytes())?;
         plot.publish()?;
     }
-    result.print(args, &mut out)?;
+    if args.json {
+        writeln!(out, "{:#}", result.json(args))?;
+    } else {
+        result.print(args, &mut out)?;
+    }
     out.flush()?;
     Ok(Verdict::Good)
 }
@@ -313,6 +321,42 @@ impl Outcome {
             row
         });
         Ok(writeln!(out, "{}\n", table(&header, rows))?)
+    }
+
+    fn json(&self, args: &Args) -> Value {
+        let point = |p: &Point| {
+            json!({
+                "divisor": p.divisor,
+                "triangles": p.triangles,
+                "rms": p.rms,
+                "max": p.max,
+                "triangles_by_reference": self.ratio(p),
+            })
+        };
+        let figure = |f: &Figure| {
+            json!({
+                "name": f.contender.name(),
+                "settings": f.contender.settings(),
+                "seconds": f.seconds,
+                "triangles_per_second": f.rate,
+                "peak_resident_bytes": f.peak,
+                "output_bytes": f.output,
+                "meshes": f.points.iter().map(point).collect::<Vec<_>>(),
+            })
+        };
+        let declined = |(contender, why): &(Contender, &str)| format!("{}: {why}", contender.name());
+        json!({
+            "schema": "chpm-bench/1",
+            "source": args.source.display().to_string(),
+            "triangles": self.triangles,
+            "diagonal": self.diagonal,
+            "machine": machine(),
+            "runs": args.runs,
+            "samples_per_triangle": args.samples,
+            "reference": self.reference.map(Contender::name),
+            "contenders": self.figures.iter().map(figure).collect::<Vec<_>>(),
+            "declined": self.declined.iter().map(declined).collect::<Vec<_>>(),
+        })
     }
 
     fn csv(&self, args: &Args) -> String {

@@ -2,6 +2,7 @@
 
 use super::{Verdict, open, reading, stdout};
 use crate::folder::{OutputFolder, above};
+use crate::frame::Up;
 use crate::memory::{self, MemoryArgs};
 use crate::number;
 use crate::place::{self, Place};
@@ -13,8 +14,8 @@ use chpm_export::tiles::{Mesh, Options, Tree, tile, tile_path, tilesets};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, ClusterId, Counted};
-use clap::ValueEnum;
 use rayon::prelude::*;
+use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -49,6 +50,9 @@ pub(crate) struct Args {
     /// Replace the folder if it is an earlier export
     #[arg(short, long)]
     force: bool,
+    /// What was written as JSON on stdout
+    #[arg(long)]
+    json: bool,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
@@ -58,14 +62,6 @@ pub(crate) struct Args {
 
 /// So that the argument is one value.
 type Transform = [f64; 16];
-
-#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-enum Up {
-    /// As in surveys and terrains
-    Z,
-    /// As in most pictures and scans
-    Y,
-}
 
 /// What an export's folder holds.
 const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
@@ -113,6 +109,19 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
 
     let mut out = stdout();
     let [sets, tiles, triangles, bytes] = sums;
+    if args.json {
+        let value = json!({
+            "schema": "chpm-export/1",
+            "file": args.file.display().to_string(),
+            "output": args.tiles.display().to_string(),
+            "tilesets": sets,
+            "tiles": tiles,
+            "triangles": triangles,
+            "tile_bytes": bytes,
+        });
+        writeln!(out, "{value:#}")?;
+        return Ok(out.flush()?);
+    }
     writeln!(
         out,
         "{}: {} of {}, {}, in {}",

@@ -2,7 +2,7 @@
 
 use super::{Verdict, open, reading};
 use crate::memory::{self, MemoryArgs};
-use crate::mesh_file::{self, MeshArgs};
+use crate::mesh_file::{self, MeshArgs, Ready};
 use crate::number::{self, Triangles};
 use crate::output;
 use crate::progress::{Meter, line};
@@ -14,6 +14,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Counted;
 use chpm_refine::{Camera, Extraction, RefineError, Request};
+use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -37,6 +38,9 @@ pub(crate) struct Args {
     /// Exit with 1 where the file gives less than was asked for; it is a warning if not given
     #[arg(long)]
     strict: bool,
+    /// What was written as JSON on stdout
+    #[arg(long)]
+    json: bool,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
@@ -76,7 +80,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let cancel = stop.heed();
     // Created before the selection, which may take a while: a place that cannot be written is told at once.
     let target = args.mesh.create("extract", &[&args.file])?;
-    let mut out = output::messages([&target.output], false, args.quiet)?;
+    let mut out = output::messages([&target.output], args.json, args.quiet)?;
     let request = request(file, args)?;
     let lacks = || format!("'{}' does not have that", args.file.display());
     let cut = request.cut(file, target.rounding(file), free, || stop::check(&cancel));
@@ -89,19 +93,30 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     // What its order takes is known only now.
     let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh);
     memory::divide(file, args.memory.memory(), bytes)?;
-    let bounds = target.bounds(file, &mesh);
-    if let Some(warning) = target.warning(file) {
-        line(&format!("warning: {warning}"));
-    }
-    target.write(file, &mesh, bounds, &Meter::new(args.quiet), &cancel)?;
-    let told = mesh_file::told(&args.mesh.output, &mesh, bounds, "units");
-    writeln!(out, "{told}, from {}", Counted(cut.members().len() as u64, "cluster"))?;
-    out.flush()?;
+    let ready = Ready::new(target, file, &mesh, &cancel)?;
+    let bounds = ready.bounds;
     let shortfall = request.shortfall(file, &cut, bounds.distance);
-    if let Some(shortfall) = &shortfall {
-        let told = shortfall.told(args.file.display(), file.header().aabb().diagonal());
-        line(&format!("warning: {told}"));
+    let less = shortfall.map(|less| less.told(args.file.display(), file.header().aabb().diagonal()));
+    let warnings: Vec<String> = ready.warning.iter().cloned().chain(less).collect();
+    let mut value = json!({
+        "schema": "chpm-extract/1",
+        "file": args.file.display().to_string(),
+        "clusters": cut.members().len(),
+        "satisfied": shortfall.is_none(),
+        "warnings": warnings,
+    });
+    if let Some(value) = value.as_object_mut() {
+        value.extend(ready.json());
     }
+    ready.write(file, &Meter::new(args.quiet), &cancel)?;
+    if args.json {
+        writeln!(out, "{value:#}")?;
+    } else {
+        let told = mesh_file::told(&args.mesh.output, &mesh, bounds, "units");
+        writeln!(out, "{told}, from {}", Counted(cut.members().len() as u64, "cluster"))?;
+    }
+    out.flush()?;
+    warnings.iter().for_each(|warning| line(&format!("warning: {warning}")));
     Ok(if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good })
 }
 

@@ -8,7 +8,7 @@ use crate::stats;
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -30,6 +30,9 @@ pub(crate) struct Args {
     /// Replace the page if it exists
     #[arg(short, long)]
     force: bool,
+    /// What was written as JSON on stdout
+    #[arg(long)]
+    json: bool,
     /// Say nothing
     #[arg(short, long)]
     quiet: bool,
@@ -49,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let mut inputs = vec![args.file.as_path()];
     inputs.extend(args.compare.as_deref().into_iter().chain(args.built.as_deref()));
     let mut html = output::REPORT.create(&args.output, args.force, &inputs)?;
-    let mut out = output::messages([&html], false, args.quiet)?;
+    let mut out = output::messages([&html], args.json, args.quiet)?;
     let built = args.built.as_deref().map(built).transpose()?;
     let other = match (&args.compare, &other) {
         (Some(path), Some(file)) => Some(reading(file, || Shown::new(name(path), file))?),
@@ -61,7 +64,16 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     })?;
     html.write_all(text.as_bytes())?;
     html.publish()?;
-    if !args.quiet {
+    if args.json {
+        let value = json!({
+            "schema": "chpm-report/1",
+            "file": args.file.display().to_string(),
+            "compared_with": args.compare.as_ref().map(|path| path.display().to_string()),
+            "output": args.output.display().to_string(),
+            "bytes": text.len(),
+        });
+        writeln!(out, "{value:#}")?;
+    } else if !args.quiet {
         writeln!(out, "{}: open it in a browser", args.output.display())?;
     }
     out.flush()?;

@@ -8,6 +8,7 @@ use crate::stop::Stop;
 use crate::web::{FILES, PAGE};
 use anyhow::Result;
 use chpm_mesh::Bytes;
+use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -25,6 +26,9 @@ pub(crate) struct Args {
     /// Replace the folder if it is an earlier one
     #[arg(short, long)]
     force: bool,
+    /// What was written as JSON on stdout
+    #[arg(long)]
+    json: bool,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
@@ -57,6 +61,18 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     folder.publish()?;
 
     let mut out = stdout();
+    if args.json {
+        let value = json!({
+            "schema": "chpm-share/1",
+            "file": args.file.display().to_string(),
+            "output": args.output.display().to_string(),
+            "model": args.output.join(MODEL).display().to_string(),
+            "model_bytes": bytes,
+        });
+        writeln!(out, "{value:#}")?;
+        out.flush()?;
+        return Ok(Verdict::Good);
+    }
     writeln!(
         out,
         "{}: a model of {}; put this folder on any host of static files that answers range requests",

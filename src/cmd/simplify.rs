@@ -3,8 +3,8 @@
 use super::{Verdict, open, reading};
 use crate::args::{MemorySize, StorageArgs};
 use crate::memory;
-use crate::mesh_file::{self, MeshArgs};
-use crate::number::{Triangles, Units};
+use crate::mesh_file::{self, MeshArgs, Ready};
+use crate::number::{AtMost, Triangles, Units};
 use crate::output;
 use crate::progress::{Meter, line};
 use crate::stop::{self, Stop};
@@ -15,6 +15,7 @@ use chpm_build::config::Normals;
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::{Extraction, Request};
+use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -30,15 +31,12 @@ pub(crate) struct Args {
     unit: Option<Unit>,
     #[command(flatten)]
     mesh: MeshArgs,
+    /// What was written as JSON on stdout
+    #[arg(long)]
+    json: bool,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
-    /// Leave vertex normals out
-    #[arg(long)]
-    no_normals: bool,
-    /// Leave vertex colours out
-    #[arg(long)]
-    no_colors: bool,
     /// Drop and count invalid vertices and faces instead of refusing the file
     #[arg(long)]
     drop_invalid: bool,
@@ -68,7 +66,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let source = if args.source == Path::new("-") { Path::new("/dev/stdin") } else { &args.source };
     // Whatever is refused is refused before the work.
     let target = args.mesh.create("simplify", &[source])?;
-    let mut out = output::messages([&target.output], false, args.quiet)?;
+    let mut out = output::messages([&target.output], args.json, args.quiet)?;
 
     // All of the work is in one folder, so that all of it goes.
     let beside = args.mesh.output.parent().filter(|_| !target.output.is_stream());
@@ -95,19 +93,36 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         // What its order takes is known only now.
         let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh);
         memory::divide(&file, config.resources.memory, bytes)?;
-        let bounds = target.bounds(&file, &mesh);
+        let ready = Ready::new(target, &file, &mesh, &cancel)?;
+        let bounds = ready.bounds;
         if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
             ensure!(
                 f64::from(bounds.distance) <= asked,
                 "nothing is within {} units: what single precision rounds is {}; ask for at least that",
                 Units(asked),
-                Units(bounds.distance.into())
+                AtMost(bounds.distance.into())
             );
         }
-        if let Some(warning) = target.warning(&file) {
+        let warning = ready.warning.clone();
+        if let Some(warning) = &warning {
             line(&format!("warning: {warning}"));
         }
-        target.write(&file, &mesh, bounds, &meter, &cancel)?;
+        let mut value = json!({
+            "schema": "chpm-simplify/1",
+            "source": args.source.display().to_string(),
+            "source_triangles": report.triangles,
+            "diagonal": diagonal,
+            "unit": args.unit.map(Unit::symbol),
+            "warnings": report.warnings.iter().chain(&warning).collect::<Vec<_>>(),
+        });
+        if let Some(value) = value.as_object_mut() {
+            value.extend(ready.json());
+        }
+        ready.write(&file, &meter, &cancel)?;
+        if args.json {
+            writeln!(out, "{value:#}")?;
+            return Ok(out.flush()?);
+        }
         let unit = args.unit.map_or("units", Unit::symbol);
         writeln!(
             out,
@@ -115,8 +130,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             mesh_file::told(&args.mesh.output, &mesh, bounds, unit),
             Counted(report.triangles, "triangle")
         )?;
-        let distance = Units(bounds.distance.into());
-        let share = Units(100.0 * f64::from(bounds.distance) / diagonal);
+        let distance = AtMost(bounds.distance.into());
+        let share = AtMost(100.0 * f64::from(bounds.distance) / diagonal);
         writeln!(
             out,
             "proven: no point of either is farther than {distance} {unit} from the other{}",
@@ -139,8 +154,8 @@ fn config(args: &Args) -> Result<BuildConfig> {
         MemorySize(memory),
         MemorySize(least)
     );
-    let normals = if args.no_normals { Normals::None } else { Normals::Source };
-    let (colors, drop_invalid) = (!args.no_colors, args.drop_invalid);
+    let normals = if args.mesh.no_normals { Normals::None } else { Normals::Source };
+    let (colors, drop_invalid) = (!args.mesh.no_colors, args.drop_invalid);
     let threads = args.threads.count();
     Ok(BuildConfig {
         settings: Settings { normals, colors, drop_invalid, ..Settings::default() },

@@ -8,6 +8,7 @@ use chpm_mesh::TriMesh;
 use chpm_refine::Cut;
 use chpm_synth::{Shape, Synth};
 use nix::sys::signal::Signal;
+use serde_json::Value;
 
 /// A closed surface with normals and colours, and its file.
 fn colored() -> (Folder, TriMesh) {
@@ -170,15 +171,119 @@ fn far_from_the_zero_point_nothing_moves_unless_it_is_told() {
         let [a, b] = [&exact, &folder.read("back.chpm")].map(|bytes| bytes[96..144].to_vec());
         assert_eq!(a, b, "{name}: the same origin and box");
     }
+    // Single precision would make points of these triangles: they are written about their middle, and nothing is lost.
     let output = folder.chpm("extract far.chpm --level 0 -f -o far.stl").success();
-    let (told, warned) = (text(&output.get_output().stdout), text(&output.get_output().stderr));
-    assert!(warned.contains("warning:") && warned.contains("--ascii"), "{warned}");
-    assert!(told.contains("error 0.2") && !told.contains("error 0 units"), "{told}");
+    let warned = text(&output.get_output().stderr);
+    assert!(warned.contains("relative to") && warned.contains("--ascii"), "{warned}");
+    let origin: Vec<f64> = header.to_vec();
+    assert!(warned.contains(&format!("relative to {} {} {};", origin[0], origin[1], origin[2])), "{warned}");
+    assert_eq!(read(&folder, "far.stl").triangles.len(), 4);
+    assert!(read(&folder, "far.stl").positions.as_flattened().iter().all(|x| x.abs() <= 2.0));
     // Where the zero point is near, rounding is in the figure, and no warning.
     folder.write("near.obj", "v 0.1 0.2 0.3\nv 1.1 0.2 0.3\nv 0.1 1.2 0.3\nf 1 2 3\n");
     folder.stdout("build near.obj -q");
     let output = folder.chpm("extract near.chpm --level 0 -f -o near.stl").success();
     assert!(!text(&output.get_output().stderr).contains("warning"));
+}
+
+/// A large square with a speck on it: rounding is nothing beside the model, and everything to the speck.
+#[test]
+fn facets_that_single_precision_would_make_points_of_are_kept() {
+    let folder = Folder::new();
+    let at = |x: f64, y: f64, z: f64| {
+        format!("v {} {} {}\n", 50_000.123_456_7 + x, 50_000.234_567_8 + y, 100.345_678_9 + z)
+    };
+    let corners = [
+        [0.0, 0.0, 0.0],
+        [700.0, 0.0, 1.0],
+        [0.0, 700.0, 0.0],
+        [5.0, 5.0, 5.0],
+        [5.001, 5.0, 5.0],
+        [5.0, 5.001, 5.0],
+    ];
+    let text_of: String = corners.iter().map(|[x, y, z]| at(*x, *y, *z)).collect();
+    folder.write("speck.obj", format!("{text_of}f 1 2 3\nf 4 5 6\n"));
+    folder.stdout("build speck.obj -q");
+    let value: Value =
+        serde_json::from_str(&folder.stdout("extract speck.chpm --level 0 -o speck.stl -q --json"))
+            .expect("JSON");
+    assert!(
+        value["origin"].is_array() && value["warnings"][0].as_str().unwrap().contains("relative"),
+        "{value}"
+    );
+    // Without the speck, coordinates stay.
+    folder.write("square.obj", format!("{text_of}f 1 2 3\n"));
+    folder.stdout("build square.obj -q");
+    let value: Value =
+        serde_json::from_str(&folder.stdout("extract square.chpm --level 0 -o square.stl -q --json"))
+            .expect("JSON");
+    assert!(value["origin"].is_null() && value["warnings"] == serde_json::json!([]), "{value}");
+}
+
+#[test]
+fn a_mesh_is_turned_moved_and_stripped_as_asked_for() {
+    let (folder, mesh) = colored();
+    let header = |name: &str| String::from_utf8_lossy(&folder.read(name)[..400]).into_owned();
+    folder.stdout("extract in.chpm --level 0 -o all.ply -q");
+    let all = folder.read_mesh("all.ply");
+    folder.stdout("extract in.chpm --level 0 -o bare.ply -q --no-normals --no-colors");
+    assert!(header("all.ply").contains("red") && header("all.ply").contains("property float nx"));
+    assert!(!header("bare.ply").contains("red") && !header("bare.ply").contains("nx"));
+    assert_eq!(folder.read_mesh("bare.ply").positions, all.positions);
+
+    // y is up in a GLB: what was z is y there, and what was y is -z.
+    let turned = |[x, y, z]: [f32; 3]| [x, z, -y];
+    for more in ["", "--meshopt"] {
+        folder.stdout(&format!("extract in.chpm --level 0 -o turned.glb -qf --up z {more}"));
+        let glb = Glb::read(&folder.read("turned.glb"));
+        let expected =
+            TriMesh::new(all.positions.iter().map(|p| turned(*p)).collect(), all.triangles.clone());
+        assert_eq!(triangles(&glb.mesh), triangles(&expected));
+    }
+    folder.stdout("extract in.chpm --level 0 -o same.ply -q --up z");
+    assert_eq!(folder.read_mesh("same.ply").positions, all.positions);
+    folder.stdout("extract in.chpm --level 0 -o turned.ply -q --up y");
+    let back: Vec<[f32; 3]> = folder.read_mesh("turned.ply").positions.iter().map(|p| turned(*p)).collect();
+    assert_eq!(back, all.positions);
+
+    // Far away, and back again.
+    let far: Vec<[f64; 3]> = mesh
+        .positions
+        .iter()
+        .map(|[x, y, z]| [4.5e6 + f64::from(*x), f64::from(*y) - 3e6, 0.1 + f64::from(*z)])
+        .collect();
+    let lines: String = far.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    let faces: String =
+        mesh.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1)).collect();
+    folder.write("far.obj", lines + &faces);
+    folder.stdout("build far.obj -q");
+    for name in ["near.ply", "near.stl", "near.glb"] {
+        folder.stdout(&format!("extract far.chpm --level 0 -o {name} -q --local-origin"));
+        let aside: Value =
+            serde_json::from_slice(&folder.read(&format!("{name}.origin.json"))).expect("JSON");
+        let origin: Vec<f64> =
+            aside["origin"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+        let near = match name {
+            "near.glb" => {
+                let glb = Glb::read(&folder.read(name));
+                assert_eq!(glb.json["meshes"][0]["extras"]["origin"], aside["origin"]);
+                assert_eq!(glb.json["nodes"][0].get("translation"), None);
+                glb.mesh
+            }
+            _ => read(&folder, name),
+        };
+        assert_eq!(near.triangles.len(), mesh.triangles.len());
+        let reach = far.iter().map(|p| p[0] - origin[0]).fold(0.0, f64::max);
+        let most = near.positions.iter().map(|p| f64::from(p[0])).fold(0.0, f64::max);
+        assert!((reach - most).abs() < 1e-6 && most < 2.0, "{name}: {reach} {most}");
+    }
+    assert!(
+        folder
+            .stderr("extract far.chpm --level 0 -o - --format ply -q --local-origin", 2)
+            .contains("name a file")
+    );
+    let again = folder.stderr("extract far.chpm --level 0 -o near.stl -q --local-origin", 2);
+    assert!(again.contains("--force"), "{again}");
 }
 
 #[test]

@@ -98,8 +98,17 @@ fn every_key_is_documented_and_appears() {
         ("contacts-self", "contacts in.chpm --self -q --json", 0),
         ("compare", "compare in.chpm small.ply -q --json", 0),
         ("walk", "walk in.chpm in.path -q --json", 0),
+        ("extract", "extract in.chpm --level 1 --local-origin -o local.ply -q --json", 0),
+        ("extract", "extract in.chpm --triangles 9k --up z -o turned.obj -q --json", 0),
+        ("simplify", "simplify in.ply --within 1% -o simple.glb -q --json", 0),
+        ("simplify", "simplify odd.obj --within 1% -o simple.stl -q --json", 0),
+        ("export", "export in.chpm --3dtiles tiles -q --json", 0),
+        ("report", "report in.chpm -o page.html -q --json", 0),
+        ("bench", "bench in.ply --runs 1 --samples 1 -q --json", 0),
         ("batch", "batch in.ply odd.obj bad.ply -o out --shard 1/1 -q --json", 1),
     ];
+    #[cfg(feature = "web")]
+    runs.push(("share", "share in.chpm -o shared -q --json", 0));
     #[cfg(feature = "viewer")]
     runs.extend([
         ("render", "render in.chpm --viewport 40x30 -o a.png --json", 0),
@@ -114,6 +123,9 @@ fn every_key_is_documented_and_appears() {
         let known = documented.get(&schema).unwrap_or_else(|| panic!("{schema} is not documented"));
         collect(&value, "", known, found.entry(schema).or_default());
     }
+    let aside: Value = serde_json::from_slice(&folder.read("local.ply.origin.json")).expect("JSON");
+    let schema = aside["schema"].as_str().expect("a schema").to_owned();
+    collect(&aside, "", &documented[&schema], found.entry(schema).or_default());
     for (schema, found) in &found {
         let known = &documented[schema];
         let undocumented: Vec<&String> = found.difference(known).collect();
@@ -122,8 +134,12 @@ fn every_key_is_documented_and_appears() {
         assert!(absent.is_empty(), "{schema}: documented, but nowhere: {absent:?}");
     }
     let viewers = ["chpm-render/1", "chpm-walk-render/1", "chpm-walk-prove/1"];
+    let left_out = |schema: &str| {
+        (!cfg!(feature = "viewer") && viewers.contains(&schema))
+            || (!cfg!(feature = "web") && schema == "chpm-share/1")
+    };
     let unused = documented.keys().filter(|schema| !found.contains_key(*schema)).map(String::as_str);
-    let unused: Vec<&str> = unused.filter(|s| cfg!(feature = "viewer") || !viewers.contains(s)).collect();
+    let unused: Vec<&str> = unused.filter(|schema| !left_out(schema)).collect();
     assert!(unused.is_empty(), "documented, but nowhere: {unused:?}");
     let summary: Value = serde_json::from_slice(&folder.read("out/summary-1-of-1.json")).expect("JSON");
     assert_eq!(summary["schema"], "chpm-batch/1");

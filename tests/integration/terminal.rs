@@ -126,6 +126,19 @@ fn every_verb_has_a_manual_page_that_is_not_replaced() {
     assert_eq!(names, expected);
     let page = text(&folder.read("pages/chpm-stats.1"));
     assert!(page.contains(".SH NAME") && page.contains("assert") && page.contains("Examples"), "{page}");
+    // What an option takes is in the synopsis, too.
+    let page = text(&folder.read("pages/chpm-extract.1")).replace("\\-", "-");
+    let (_, synopsis) = page.split_once(".SH SYNOPSIS").expect("a synopsis");
+    let synopsis = synopsis.split(".SH").next().unwrap_or_default();
+    for part in [
+        "[--format FORMAT]",
+        "[-f|--force]",
+        "-o|--output FILE",
+        "<--triangles N|--error E|--level L|--poe P>",
+        " FILE",
+    ] {
+        assert!(synopsis.contains(part), "{part}: {synopsis}");
+    }
     assert!(folder.stderr("man pages", 2).contains("--force"));
     folder.stdout("man pages --force");
 }

@@ -1,6 +1,6 @@
 //! The house rules: which crate may use which, where unsafe code may be, how long a file gets.
 
-use super::harness::{root, text};
+use super::harness::{root, skipped, text};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -84,6 +84,42 @@ fn all_sources() -> Vec<PathBuf> {
 }
 
 /// What is built in the root folder, without naming a package, is the command alone; and without its features, without the viewer.
+/// What a package has to tell of libraries of C and of fonts is told, and the package has it.
+#[test]
+fn packages_name_what_others_wrote() {
+    let mut command = Command::new("python3");
+    command.current_dir(root()).env("CARGO_NET_OFFLINE", "true").args(["packaging/notices.py", "Cargo.toml"]);
+    match command.output() {
+        Ok(output) => {
+            assert!(output.status.success(), "{}", text(&output.stderr));
+            let told = text(&output.stdout);
+            for part in [
+                "metis-sys 0.",
+                "vendor/metis/LICENSE",
+                "zstd/LICENSE",
+                "Meta Platforms",
+                "Arseny Kapoulkine",
+                "SIL OPEN FONT LICENSE",
+                "UBUNTU FONT LICENCE",
+            ] {
+                assert!(told.contains(part), "{part}");
+            }
+            let is_named = |name: &str| told.lines().any(|line| line.starts_with(&format!("{name} ")));
+            let others = dependencies(&root().join("Cargo.toml"));
+            let unnamed: Vec<&String> =
+                others.iter().filter(|name| !name.starts_with("chpm") && !is_named(name)).collect();
+            assert!(unnamed.is_empty(), "{unnamed:?}");
+        }
+        Err(_) => skipped("the notices of packages: no python3 (sudo apt-get install python3)"),
+    }
+    let read = |path: &str| fs::read_to_string(root().join(path)).expect("a file");
+    assert!(read("Cargo.toml").contains("target/package/THIRD-PARTY-NOTICES.gz"));
+    assert!(read("packaging/deb.sh").contains("packaging/notices.py Cargo.toml"));
+    assert!(read("python/pyproject.toml").contains("THIRD-PARTY-NOTICES"));
+    let wheel = read("python/THIRD-PARTY-NOTICES");
+    assert!(wheel.contains("Meta Platforms") && wheel.contains("pyo3 0."));
+}
+
 #[test]
 fn who_leaves_the_viewer_out_does_not_compile_it() {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());

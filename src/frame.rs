@@ -1,0 +1,128 @@
+//! In which coordinates a mesh is written: turned so that its up is where a format has it, relative to a point near it, without attributes that nobody wants.
+
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_mesh::{Aabb, Attributes, VertexSlices, Vertices};
+
+/// The axis of a model that points up.
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Up {
+    /// As in surveys and terrains
+    Z,
+    /// As in most pictures and scans
+    Y,
+}
+
+impl Up {
+    /// As it is typed.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Up::Z => "z",
+            Up::Y => "y",
+        }
+    }
+}
+
+/// What becomes of a vertex of a file.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame {
+    /// The axis that points up in the file, and in what is written; the same where nothing is turned.
+    turn: Option<(Up, Up)>,
+    /// What positions of the file are relative to, turned.
+    origin: [f64; 3],
+    /// What is taken off positions, besides the file's origin.
+    less: [f32; 3],
+    /// What is written is relative to this, turned; nothing where coordinates are the model's.
+    offset: Option<[f64; 3]>,
+    /// How far writing moves a vertex at most.
+    rounding: f64,
+    normals: bool,
+    colors: bool,
+}
+
+impl Frame {
+    /// The coordinates of a file.
+    pub(crate) fn new(file: &Chpm<MappedFile>) -> Self {
+        let origin = file.header().origin;
+        Frame { turn: None, origin, less: [0.0; 3], offset: None, rounding: 0.0, normals: true, colors: true }
+    }
+
+    /// Leaves attributes out.
+    pub(crate) fn without(self, normals: bool, colors: bool) -> Self {
+        Frame { normals: !normals, colors: !colors, ..self }
+    }
+
+    /// Relative to the middle of the model: to the file's origin, if it has one, so that nothing is rounded.
+    pub(crate) fn about_middle(self, file: &Chpm<MappedFile>) -> Self {
+        let header = file.header();
+        if header.origin != [0.0; 3] {
+            return Frame { offset: Some(self.turned(header.origin)), ..self };
+        }
+        let Aabb { min, max } = header.aabb();
+        let less = [0, 1, 2].map(|axis| min[axis] / 2.0 + max[axis] / 2.0);
+        let rounding = chpm_export::rounding(&header.aabb(), less.map(|x| -f64::from(x)));
+        Frame { less, offset: Some(self.turned(less.map(f64::from))), rounding, ..self }
+    }
+
+    /// Turned from one axis that points up to another.
+    pub(crate) fn turned_up(mut self, from: Up, to: Up) -> Self {
+        self.turn = (from != to).then_some((from, to));
+        self.origin = self.turned(self.origin);
+        self.offset = self.offset.map(|offset| self.turned(offset));
+        self
+    }
+
+    /// Rounded by so much on the way into a format.
+    pub(crate) fn rounded(self, rounding: f64) -> Self {
+        Frame { rounding: self.rounding + rounding, ..self }
+    }
+
+    /// What is written is relative to this; nothing where coordinates are the model's.
+    pub(crate) fn offset(&self) -> Option<[f64; 3]> {
+        self.offset
+    }
+
+    /// What has to be added to what is handed out, unless it is zero: then it takes more than single precision.
+    pub(crate) fn origin(&self) -> Option<[f64; 3]> {
+        Some(self.origin).filter(|origin| self.offset.is_none() && *origin != [0.0; 3])
+    }
+
+    /// How far writing moves a vertex at most.
+    pub(crate) fn rounding(&self) -> f64 {
+        self.rounding
+    }
+
+    /// Of these, what is written.
+    pub(crate) fn attributes(&self, of: Attributes) -> Attributes {
+        Attributes { normals: of.normals && self.normals, colors: of.colors && self.colors, ..of }
+    }
+
+    /// Vertices as they are written; `room` is for what has changed.
+    pub(crate) fn apply<'a>(&self, from: VertexSlices<'a>, room: &'a mut Vertices) -> VertexSlices<'a> {
+        let kept = VertexSlices {
+            normals: if self.normals { from.normals } else { &[] },
+            colors: if self.colors { from.colors } else { &[] },
+            ..from
+        };
+        if self.turn.is_none() && self.less == [0.0; 3] {
+            return kept;
+        }
+        room.clear_vertices();
+        room.extend_from_slices(kept);
+        for position in &mut room.positions {
+            // Through doubles, so that what is lost is lost once.
+            let near = [0, 1, 2].map(|axis| f64::from(position[axis]) - f64::from(self.less[axis]));
+            *position = self.turned(near.map(|x| x as f32));
+        }
+        room.normals.iter_mut().for_each(|normal| *normal = self.turned(*normal));
+        room.view()
+    }
+
+    fn turned<T: Copy + std::ops::Neg<Output = T>>(&self, [x, y, z]: [T; 3]) -> [T; 3] {
+        match self.turn {
+            Some((Up::Z, Up::Y)) => [x, z, -y],
+            Some((Up::Y, Up::Z)) => [x, -z, y],
+            _ => [x, y, z],
+        }
+    }
+}
