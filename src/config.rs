@@ -1,19 +1,23 @@
 //! Settings that are not typed: those of a preset, and of a `chpm.toml`. What is typed wins over the file, the file over the preset.
 
-use crate::args::{Cli, ResourceArgs, SettingsArgs};
+use crate::args::{Cli, ResourceArgs, SettingsArgs, build_config};
 use crate::batch::manifest::{self, Settings};
 use crate::presets::Preset;
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
+use chpm_mesh::Bytes;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, Parser, ValueEnum};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// The name of a file beside the models.
 const NAME: &str = "chpm.toml";
+/// More than settings take.
+const MOST: Bytes = Bytes::mib(1);
 /// Options of which one takes the other's place.
 const RIVALS: [[&str; 2]; 4] = [
     ["finest-error", "prune-exact"],
@@ -57,26 +61,29 @@ pub(crate) struct Layer {
 #[command(no_binary_name = true)]
 struct Own {
     #[command(flatten)]
-    _settings: SettingsArgs,
+    settings: SettingsArgs,
     #[command(flatten)]
-    _resources: ResourceArgs,
+    resources: ResourceArgs,
 }
 
 /// What is set for a source besides what is typed; what wins comes first.
 pub(crate) fn layers(args: &ConfigArgs, source: Option<&Path>) -> Result<Vec<Layer>> {
     let mut layers = Vec::new();
     let mut preset = args.preset;
-    let beside =
-        source.map(|source| source.with_file_name(NAME)).filter(|path| !args.no_config && path.is_file());
+    // Whatever has the name is meant, and is told of where it cannot be read.
+    let beside = source
+        .map(|source| source.with_file_name(NAME))
+        .filter(|path| !args.no_config && path.symlink_metadata().is_ok());
     if let Some(path) = args.config.clone().or(beside) {
         let told = || format!("'{}' is no valid configuration", path.display());
-        let text = fs::read_to_string(&path).with_context(|| format!("cannot read '{}'", path.display()))?;
+        let text = text(&path, MOST)?;
         let file: File = toml::from_str(&text).with_context(told)?;
         let own = |name: &String| Preset::from_str(name, false).map_err(|error| anyhow!("preset: {error}"));
         let named = file.preset.as_ref().map(own).transpose().with_context(told)?;
         preset = preset.or(named);
         let words = manifest::arguments(&file.settings);
-        Own::try_parse_from(&words).map_err(flat).with_context(told)?;
+        let own = Own::try_parse_from(&words).map_err(flat).with_context(told)?;
+        build_config(&own.settings, &own.resources, false).with_context(told)?;
         layers.push(Layer { from: path.display().to_string(), settings: split(&words) });
     }
     if let Some(preset) = preset {
@@ -85,6 +92,19 @@ pub(crate) fn layers(args: &ConfigArgs, source: Option<&Path>) -> Result<Vec<Lay
         layers.push(Layer { from: format!("preset {}", preset.name()), settings: settings.collect() });
     }
     Ok(layers)
+}
+
+/// The text of a file that people write, of so many bytes at most. What is no regular file may have no end.
+pub(crate) fn text(path: &Path, most: Bytes) -> Result<String> {
+    let (name, told) = (path.display(), || format!("cannot read '{}'", path.display()));
+    ensure!(
+        fs::metadata(path).with_context(told)?.is_file(),
+        "'{name}' is no regular file; save what it holds as one"
+    );
+    let mut text = Vec::new();
+    fs::File::open(path).and_then(|file| file.take(most.0 + 1).read_to_end(&mut text)).with_context(told)?;
+    ensure!(text.len() as u64 <= most.0, "'{name}' is longer than {most}: is it another file?");
+    String::from_utf8(text).with_context(|| format!("'{name}' is no text"))
 }
 
 /// `--name=value` and `--name` as names and values.

@@ -14,6 +14,8 @@ mod chart;
 mod cmd;
 mod compare;
 mod config;
+#[cfg(feature = "web")]
+mod connections;
 mod cuts;
 mod deviation;
 mod digest;
@@ -48,12 +50,18 @@ mod whole;
 use args::Cli;
 use clap::FromArgMatches;
 use cmd::Verdict;
+use std::io::{self, Write};
+use std::iter;
 use std::process::ExitCode;
-use std::{io, iter};
 use stop::Stop;
 
 fn main() -> ExitCode {
-    let cli = Cli::from_arg_matches(&examples::command().get_matches()).unwrap_or_else(|error| error.exit());
+    let typed = examples::command().try_get_matches();
+    let cli = match typed.and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => error.exit(),
+        Err(help) => return shown(&help),
+    };
     #[cfg(feature = "viewer")]
     session::ensure_folder(&cli.command);
     let stop = match Stop::listen() {
@@ -69,6 +77,14 @@ fn main() -> ExitCode {
     }
 }
 
+/// Prints what was asked for instead of a verb: help, or the version.
+fn shown(help: &clap::Error) -> ExitCode {
+    match help.print().and_then(|()| io::stdout().flush()).map_err(output::placed) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => failed(&error.into(), 2),
+        _ => ExitCode::SUCCESS,
+    }
+}
+
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     let is_broken = |e: &io::Error| e.kind() == io::ErrorKind::BrokenPipe;
     error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
@@ -79,6 +95,10 @@ fn failed(error: &anyhow::Error, code: u8) -> ExitCode {
     let leads = iter::once("error").chain(iter::repeat("  because"));
     for (lead, cause) in leads.zip(report::causes(error)) {
         progress::line(&format!("{lead}: {cause}"));
+    }
+    // Without that, whoever reads of a full standard output would think that all was in vain.
+    for path in output::finished() {
+        progress::line(&format!("  but '{}' is written and complete", path.display()));
     }
     ExitCode::from(code)
 }

@@ -2,7 +2,7 @@
 
 use crate::frame::{Frame, Up};
 use crate::number::AtMost;
-use crate::output::{self, Output, Writes};
+use crate::output::{self, Output, Promise, Writes};
 use crate::progress::Meter;
 use crate::stop;
 use crate::whole::{Order, Whole};
@@ -29,7 +29,7 @@ pub(crate) struct MeshArgs {
     /// The file to write. Its name says the format: .ply, .stl, .obj or .glb; PLY where it says nothing; - for standard output
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// The format, whatever the name
+    /// The format, where the name does not say it
     #[arg(long, value_name = "FORMAT", value_enum)]
     format: Option<MeshFormat>,
     /// Write PLY or STL as text instead of binary little endian
@@ -122,18 +122,19 @@ pub(crate) struct Bounds {
 impl MeshArgs {
     /// What is written, unless nothing is that has such a name.
     fn format(&self, by: &str) -> Result<MeshFormat> {
-        let promised = output::promised(&self.output);
         let named =
             |name| MeshFormat::NAMES.iter().find(|(known, _)| *known == name).map(|(_, format)| *format);
-        Ok(match (self.format, promised) {
-            (Some(format), _) => format,
-            (None, None) => MeshFormat::Ply,
-            (None, Some(name)) => named(name).with_context(|| {
-                format!(
-                    "{by} writes PLY, STL, OBJ and GLB, and '{}' is a name for {name}: choose another, or leave the extension out",
-                    self.output.display()
-                )
-            })?,
+        let format = match (self.format, output::promised(&self.output)) {
+            (Some(format), _) => Some(format),
+            (None, Promise::Nothing) => Some(MeshFormat::Ply),
+            (None, Promise::Format(name)) => named(name),
+            (None, Promise::Unknown) => None,
+        };
+        format.with_context(|| {
+            format!(
+                "{by} writes PLY, STL, OBJ and GLB, and {}: choose another, say --format, or leave the extension out",
+                output::otherwise(&self.output)
+            )
         })
     }
 
@@ -167,7 +168,9 @@ impl MeshArgs {
         ensure!(!self.meshopt || format == MeshFormat::Glb, "--meshopt is for GLB, and this is {name}");
         let is_binary = format == MeshFormat::Glb;
         ensure!(!self.ascii || !is_binary, "--ascii is for PLY and STL: {name} is binary");
-        let output = Writes::mesh(by, name).create(&self.output, self.force, inputs)?;
+        let writes = Writes::mesh(by, name);
+        let writes = if self.format.is_some() { writes.told() } else { writes };
+        let output = writes.create(&self.output, self.force, inputs)?;
         let aside = match (self.local_origin, output.is_stream()) {
             (false, _) => None,
             (true, true) if format == MeshFormat::Glb => None,

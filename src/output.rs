@@ -4,6 +4,7 @@ use anyhow::{Result, bail, ensure};
 use chpm_extmem::{AtomicFile, ExtmemError, same_file};
 use std::io::{self, BufWriter, StdoutLock, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// Names that stand for standard output.
 const STDOUT: [&str; 4] = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
@@ -15,10 +16,12 @@ pub(crate) struct Writes {
     format: &'static str,
     /// Whether it can be written front to back.
     streams: bool,
+    /// Whether somebody said that it is this format.
+    is_told: bool,
 }
 
 const fn writes(by: &'static str, format: &'static str) -> Writes {
-    Writes { by, format, streams: true }
+    Writes { by, format, streams: true, is_told: false }
 }
 
 pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
@@ -41,42 +44,60 @@ pub(crate) const RENDER: Writes = writes("render", "PNG");
 #[cfg(feature = "viewer")]
 pub(crate) const SCREENSHOT: Writes = Writes { streams: false, ..writes("view --screenshot", "PNG") };
 
-/// Extensions that promise a format. One that is not here promises nothing.
-const EXTENSIONS: [(&str, &str); 25] = [
-    ("chpm", "CHPM"),
-    ("ply", "PLY"),
-    ("stl", "STL"),
-    ("obj", "OBJ"),
-    ("off", "OFF"),
-    ("glb", "GLB"),
-    ("gltf", "glTF"),
-    ("3mf", "3MF"),
-    ("conf", "a list of range scans"),
-    ("path", "a camera path"),
-    ("csv", "CSV"),
-    ("html", "HTML"),
-    ("htm", "HTML"),
-    ("json", "JSON"),
-    ("svg", "SVG"),
-    ("png", "PNG"),
-    ("jpg", "JPEG"),
-    ("jpeg", "JPEG"),
-    ("gif", "GIF"),
-    ("bmp", "BMP"),
-    ("webp", "WebP"),
-    ("tif", "TIFF"),
-    ("tiff", "TIFF"),
-    ("gz", "gzip"),
-    ("zst", "zstd"),
+/// Extensions that promise a format, whether it is written or not.
+#[rustfmt::skip]
+const EXTENSIONS: &[(&str, &str)] = &[
+    ("chpm", "CHPM"), ("ply", "PLY"), ("stl", "STL"), ("obj", "OBJ"), ("glb", "GLB"),
+    ("path", "a camera path"), ("csv", "CSV"), ("html", "HTML"), ("htm", "HTML"), ("svg", "SVG"), ("png", "PNG"),
+    ("3dm", "Rhino"), ("3ds", "3DS"), ("3mf", "3MF"), ("abc", "Alembic"), ("amf", "AMF"), ("blend", "Blender"), ("bmp", "BMP"),
+    ("conf", "a list of range scans"), ("ctm", "OpenCTM"), ("dae", "COLLADA"), ("drc", "Draco"), ("dxf", "DXF"), ("e57", "E57"),
+    ("exr", "OpenEXR"), ("fbx", "FBX"), ("gif", "GIF"), ("gltf", "glTF"), ("gz", "gzip"), ("iges", "IGES"), ("igs", "IGES"),
+    ("jpeg", "JPEG"), ("jpg", "JPEG"), ("json", "JSON"), ("las", "LAS"), ("laz", "LAZ"), ("mp4", "MP4"), ("nii", "NIfTI"), ("off", "OFF"),
+    ("pcd", "PCD"), ("pdf", "PDF"), ("pts", "points"), ("step", "STEP"), ("stp", "STEP"), ("tar", "tar"), ("tif", "TIFF"),
+    ("tiff", "TIFF"), ("toml", "TOML"), ("tsv", "TSV"), ("txt", TEXT), ("usd", "USD"), ("usda", "USD"), ("usdc", "USD"), ("usdz", "USD"),
+    ("vtk", "VTK"), ("vtp", "VTK"), ("vtu", "VTK"), ("webm", "WebM"), ("webp", "WebP"), ("wrl", "VRML"), ("x3d", "X3D"), ("xml", "XML"),
+    ("xyz", "points"), ("zip", "zip"), ("zst", "zstd"),
 ];
+/// What is text by any name.
+const TEXT: &str = "text";
 
-/// The format that a name promises, if it does.
-pub(crate) fn promised(path: &Path) -> Option<&'static str> {
-    if is_stdout(path) {
-        return None;
-    }
+/// What a name says of a format.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Promise {
+    /// Nothing: it has no extension.
+    Nothing,
+    /// This one.
+    Format(&'static str),
+    /// One that nobody here has heard of.
+    Unknown,
+}
+
+/// The format that a name promises.
+pub(crate) fn promised(path: &Path) -> Promise {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    EXTENSIONS.iter().find(|(known, _)| *known == extension).map(|(_, format)| *format)
+    if is_stdout(path) || extension.is_empty() {
+        return Promise::Nothing;
+    }
+    let known = EXTENSIONS.iter().find(|(known, _)| *known == extension);
+    known.map_or(Promise::Unknown, |(_, format)| Promise::Format(format))
+}
+
+/// Refuses to call a folder as a file of some format is called. What has another extension may be one.
+pub(crate) fn check_folder(by: &str, path: &Path) -> Result<()> {
+    if let Promise::Format(format) = promised(path)
+        && !path.is_dir()
+    {
+        bail!("{by} makes a folder, and '{}' is a name for {format}: choose another", path.display());
+    }
+    Ok(())
+}
+
+/// What is wrong with a name, for an error that says what is written: `is a name for FBX`.
+pub(crate) fn otherwise(path: &Path) -> String {
+    match promised(path) {
+        Promise::Format(name) => format!("'{}' is a name for {name}", path.display()),
+        _ => format!("'{}' is a name for something else", path.display()),
+    }
 }
 
 impl Writes {
@@ -85,20 +106,34 @@ impl Writes {
         Writes { streams: format != BUILD.format, ..writes(by, format) }
     }
 
+    /// The same where the format was told beside the name, which then may be any that promises no other.
+    pub(crate) fn told(self) -> Self {
+        Writes { is_told: true, ..self }
+    }
+
+    /// Whether a name promises nothing else.
+    fn suits(self, path: &Path) -> bool {
+        match promised(path) {
+            Promise::Nothing => true,
+            Promise::Format(TEXT) => [PATH.format, WALK_CSV.format].contains(&self.format),
+            Promise::Format(format) => format == self.format,
+            Promise::Unknown => self.is_told,
+        }
+    }
+
     /// Refuses a name that promises another format, and standard output where the file cannot be streamed.
     pub(crate) fn check(self, path: &Path) -> Result<()> {
-        let Writes { by, format, streams } = self;
+        let Writes { by, format, streams, .. } = self;
         if is_stdout(path) {
             ensure!(streams, "{by} cannot write to standard output ('{}'): name a file", path.display());
             return Ok(());
         }
-        if let Some(promised) = promised(path).filter(|promised| *promised != format) {
-            let own = EXTENSIONS.iter().find(|(_, known)| *known == format).map_or("", |(own, _)| *own);
-            bail!(
-                "{by} writes {format}, and '{}' is a name for {promised}: call it .{own}, or leave the extension out",
-                path.display()
-            );
-        }
+        let own = EXTENSIONS.iter().find(|(_, known)| *known == format).map_or("", |(own, _)| *own);
+        ensure!(
+            self.suits(path),
+            "{by} writes {format}, and {}: call it .{own}, or leave the extension out",
+            otherwise(path)
+        );
         Ok(())
     }
 
@@ -156,7 +191,11 @@ impl Output {
     /// All is written: a file gets its name.
     pub(crate) fn publish(self) -> Result<()> {
         match self {
-            Output::File(file) => file.publish()?,
+            Output::File(file) => {
+                let path = file.path().to_owned();
+                file.publish()?;
+                finish(&path);
+            }
             mut stdout @ Output::Stdout(_) => stdout.flush()?,
         }
         Ok(())
@@ -203,7 +242,21 @@ impl Write for Stdout {
     }
 }
 
-fn placed(source: io::Error) -> io::Error {
+/// Results that have their names, in this order.
+static FINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// A result of this process has its name: whatever goes wrong from now on, it is complete.
+pub(crate) fn finish(path: &Path) {
+    FINISHED.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_owned());
+}
+
+/// What is complete.
+pub(crate) fn finished() -> Vec<PathBuf> {
+    std::mem::take(&mut FINISHED.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// An error of standard output that says so.
+pub(crate) fn placed(source: io::Error) -> io::Error {
     let kind = source.kind();
     io::Error::new(kind, ExtmemError::io("write", Path::new("standard output"), 0, source))
 }
@@ -231,16 +284,22 @@ mod tests {
     #[test]
     fn a_name_promises_at_most_what_is_written() {
         for (writes, good, bad) in [
-            (BUILD, "a.chpm a.CHPM a a.v2 .ply a.chpm.old", "a.ply a.obj a.stl a.glb a.png a.PLY a.chpm.gz"),
+            (
+                BUILD,
+                "a.chpm a.CHPM a .ply a.",
+                "a.ply a.obj a.stl a.glb a.png a.PLY a.chpm.gz a.v2 a.chpm.old a.txt",
+            ),
             (
                 Writes::mesh("extract", "PLY"),
-                "a.ply a a.ply.1 a.txt a.",
-                "a.glb a.obj a.stl a.chpm a.png a.ply.gz a.ply.zst",
+                "a.ply a a.",
+                "a.glb a.obj a.stl a.chpm a.png a.ply.gz a.ply.zst a.fbx a.dae a.usdz a.ply.1 a.txt a.xyz a.\u{fc}",
             ),
-            (SYNTH, "a.ply a", "a.chpm a.stl"),
-            (PATH, "a.path a.txt", "a.csv a.chpm"),
-            (WALK_CSV, "a.csv a.tsv", "a.json a.ply"),
-            (BENCH_SVG, "a.svg a", "a.png"),
+            (Writes::mesh("extract", "PLY").told(), "a.ply a.ply.1 a.mesh", "a.stl a.FBX a.dae a.usdz a.txt"),
+            (SYNTH, "a.ply a", "a.chpm a.stl a.mesh"),
+            (PATH, "a.path a.txt", "a.csv a.chpm a.xml"),
+            (WALK_CSV, "a.csv a.txt", "a.json a.ply a.tsv a.xlsx"),
+            (REPORT, "a.html a.htm", "a.pdf a.txt a.xhtml"),
+            (BENCH_SVG, "a.svg a", "a.png a.eps"),
         ] {
             for name in good.split(' ') {
                 assert!(writes.check(Path::new(name)).is_ok(), "{writes:?} {name}");
@@ -249,6 +308,17 @@ mod tests {
                 let error = writes.check(Path::new(name)).unwrap_err().to_string();
                 assert!(error.contains(writes.format) && error.contains(name), "{error}");
             }
+        }
+    }
+
+    #[test]
+    fn a_folder_is_not_called_as_a_file_is() {
+        for good in ["out", "example.org", "site.v2", "."] {
+            assert!(check_folder("share", Path::new(good)).is_ok(), "{good}");
+        }
+        for bad in ["index.html", "a.zip", "a/b.glb", "a.chpm"] {
+            let error = check_folder("share", Path::new(bad)).unwrap_err().to_string();
+            assert!(error.contains("folder") && error.contains(bad), "{error}");
         }
     }
 

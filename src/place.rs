@@ -14,6 +14,18 @@ pub(crate) struct Place {
 const EQUATOR: f64 = 6_378_137.0;
 const ECCENTRICITY: f64 = 6.694_379_990_141_316_5e-3;
 
+/// Metres beyond which a model is not where it was meant to be: from its place along the ground, or from the ellipsoid.
+const NEAR: f64 = 100e3;
+
+/// How far a model is from where it was put, in metres.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Far {
+    /// From the place to the nearest of it.
+    pub(crate) away: f64,
+    /// From the ellipsoid to the farthest of it; negative below it.
+    pub(crate) height: f64,
+}
+
 impl Place {
     /// What takes metres to the east, to the north and upward from here to earth-centred coordinates, column by column.
     pub(crate) fn frame(self) -> [f64; 16] {
@@ -24,6 +36,44 @@ impl Place {
         let (x, y, z) = (level * co, level * so, (across * (1.0 - ECCENTRICITY) + self.height) * sa);
         [-so, co, 0.0, 0.0, -sa * co, -sa * so, ca, 0.0, ca * co, ca * so, sa, 0.0, x, y, z, 1.0]
     }
+}
+
+impl Place {
+    /// The frame in which `[x, y, z]` to the east, the north and upward is at this place.
+    pub(crate) fn frame_about(self, [x, y, z]: [f64; 3]) -> [f64; 16] {
+        let mut frame = self.frame();
+        for row in 0..3 {
+            frame[12 + row] -= frame[row] * x + frame[4 + row] * y + frame[8 + row] * z;
+        }
+        frame
+    }
+
+    /// Whether what lies between two corners in that frame is somewhere else than on the earth or near the place: how far.
+    pub(crate) fn far(self, about: [f64; 3], [min, max]: [[f64; 3]; 2]) -> Option<Far> {
+        let frame = self.frame_about(about);
+        let outside: [f64; 3] =
+            std::array::from_fn(|axis| (min[axis] - about[axis]).max(about[axis] - max[axis]).max(0.0));
+        let away = outside[0].hypot(outside[1]);
+        let heights = (0..8).map(|corner| {
+            let [x, y, z]: [f64; 3] =
+                std::array::from_fn(|axis| if corner >> axis & 1 == 0 { min[axis] } else { max[axis] });
+            height(std::array::from_fn(|row| {
+                frame[row] * x + frame[4 + row] * y + frame[8 + row] * z + frame[12 + row]
+            }))
+        });
+        let height = heights.fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
+        (away > NEAR || height.abs() > NEAR).then_some(Far { away, height })
+    }
+}
+
+/// The height of earth-centred coordinates above the ellipsoid (Bowring's formula, whose error is far below a metre from the ground to satellites).
+fn height([x, y, z]: [f64; 3]) -> f64 {
+    let flat = (1.0 - ECCENTRICITY).sqrt();
+    let level = x.hypot(y);
+    let (s, c) = (z / flat).atan2(level).sin_cos();
+    let rise = z + ECCENTRICITY / flat * EQUATOR * s.powi(3);
+    let (s, c) = rise.atan2(level - ECCENTRICITY * EQUATOR * c.powi(3)).sin_cos();
+    level * c + z * s - EQUATOR * (1.0 - ECCENTRICITY * s * s).sqrt()
 }
 
 /// Numbers with commas between them.
@@ -81,6 +131,40 @@ mod tests {
         for bad in ["", "1,2", "1,2,3,4", "1,91,0", "400,0,0", "nan,0,0", "a,b,c"] {
             assert!(bad.parse::<Place>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn heights_are_above_the_ellipsoid() {
+        for (longitude, latitude) in [(0.0, 0.0), (13.4, 52.5), (-120.0, -33.0), (5.0, 89.999), (0.0, -90.0)]
+        {
+            for told in [-12e3, -430.0, 0.0, 34.0, 8_848.0, 400e3, 36e6] {
+                let [.., x, y, z, _] = Place { longitude, latitude, height: told }.frame();
+                let found = height([x, y, z]);
+                assert!((found - told).abs() < 1e-3 + 1e-7 * told.abs(), "{latitude} {told} {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_far_from_the_place_is_told() {
+        let place: Place = "13.4,52.5,34".parse().unwrap();
+        let boxes = |at: [f64; 3], size: f64| [at, at.map(|x| x + size)];
+        assert_eq!(place.far([0.0; 3], boxes([-50e3; 3], 99e3)), None);
+        // By the radius at that latitude, 6,376,127 metres in that direction.
+        let [min, max] = boxes([390e3, 5_820e3, 30.0], 500.0);
+        let far = place.far([0.0; 3], [min, max]).unwrap();
+        assert!((far.away - 5_833_052.0).abs() < 1.0 && (far.height - 2.27e6).abs() < 1e4, "{far:?}");
+        let middle = std::array::from_fn(|axis| (min[axis] + max[axis]) / 2.0);
+        assert_eq!(place.far(middle, [min, max]), None);
+        let [.., x, y, z, _] = place.frame_about(middle);
+        let frame = place.frame();
+        let back: [f64; 3] = std::array::from_fn(|row| {
+            frame[row] * middle[0] + frame[4 + row] * middle[1] + frame[8 + row] * middle[2] + [x, y, z][row]
+        });
+        assert!(back.iter().zip(&frame[12..]).all(|(a, b)| (a - b).abs() < 1e-6));
+        // In millimetres, it would reach into space; on the equator, false eastings alone are near the ground.
+        assert!(place.far([0.0; 3], boxes([0.0; 3], 500e3)).unwrap().away == 0.0);
+        assert!(place.far([0.0; 3], boxes([500e3, 0.0, 0.0], 100.0)).unwrap().height < 100e3);
     }
 
     #[test]

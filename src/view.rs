@@ -1,7 +1,7 @@
 //! Cameras and images on the command line.
 
 use crate::number;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_refine::{Camera, View};
@@ -23,7 +23,9 @@ impl ImageArgs {
     /// What a camera in the source's coordinates sees of a file.
     pub(crate) fn view(&self, file: &Chpm<MappedFile>, camera: &Camera, pixels: f64) -> Result<View> {
         let camera = camera.relative_to(file.header().origin);
-        Ok(View::new(&camera, self.viewport.0, pixels)?.with_culling(self.cull))
+        let view = View::new(&camera, self.viewport.0, pixels);
+        let told = || format!("cannot look at '{}' so", file.get_ref().path().display());
+        Ok(view.with_context(told)?.with_culling(self.cull))
     }
 }
 

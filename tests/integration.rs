@@ -18,6 +18,9 @@ mod integration {
     mod cli;
     /// Settings of presets and files.
     mod config;
+    /// A server beyond its limits.
+    #[cfg(feature = "web")]
+    mod connections;
     /// Two models in a real window.
     #[cfg(feature = "viewer")]
     mod couple;

@@ -1,10 +1,13 @@
 //! Lists of models in TOML or JSON, with settings for all and for each.
 
 use anyhow::{Context, Result};
+use chpm_mesh::Bytes;
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
+
+/// More than a list of a million models takes.
+const MOST: Bytes = Bytes::mib(256);
 
 /// The file. Settings have the names of the command line's options.
 #[derive(Deserialize, Debug)]
@@ -56,7 +59,7 @@ fn is_json(path: &Path) -> bool {
 
 /// Reads the list.
 pub(super) fn read(path: &Path) -> Result<Vec<Listed>> {
-    let text = fs::read_to_string(path).with_context(|| format!("cannot read '{}'", path.display()))?;
+    let text = crate::config::text(path, MOST)?;
     let told = || format!("'{}' is no valid list of models", path.display());
     let manifest: Manifest = if is_json(path) {
         serde_json::from_str(&text).with_context(told)?
@@ -86,6 +89,7 @@ pub(crate) fn arguments(settings: &Settings) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn listed(name: &str, text: &str) -> Result<Vec<Listed>> {
         let folder = tempfile::tempdir()?;

@@ -8,6 +8,7 @@ use crate::batch::shard::Shard;
 use crate::batch::summary::{self, Status, Summary};
 use crate::config::{self, ConfigArgs};
 use crate::number;
+use crate::output;
 use crate::page;
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};
@@ -65,6 +66,7 @@ pub(crate) struct Args {
 
 /// Builds what is missing, changed or failed before; faulty if a model fails.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    output::check_folder("batch", &args.output)?;
     if args.merge {
         return merge(args);
     }

@@ -8,7 +8,7 @@ use crate::output;
 use crate::progress::{Meter, line};
 use crate::report::{self, LevelRow, count, per_triangle};
 use crate::stop::Stop;
-use anyhow::{Result, bail, ensure};
+use anyhow::{Error, Result, bail, ensure};
 use chpm_build::{BuildConfig, BuildError, BuildReport};
 use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, ClusterId, Counted};
@@ -78,6 +78,7 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     );
     let output = args.output.clone().unwrap_or_else(|| source.with_extension("chpm"));
     let report = build(source, &output, &config, &Meter::new(args.quiet), stop)?;
+    output::finish(&output);
     let mut out = stdout();
     if args.json {
         let mut value = report::build_json(&report);
@@ -102,7 +103,16 @@ pub(crate) fn build(
 ) -> Result<BuildReport> {
     ensure!(!same_file(source, output), BuildError::OutputIsSource { path: output.to_owned() });
     output::BUILD.check(output)?;
-    Ok(chpm_build::build(source, output, config, meter, &stop.heed())?)
+    let report = chpm_build::build(source, output, config, meter, &stop.heed());
+    report.map_err(|error| of(source, error))
+}
+
+/// An error with the source that it is about, where it does not name it itself.
+pub(super) fn of(source: &Path, error: BuildError) -> Error {
+    match error.is_about_memory() {
+        true => Error::new(error).context(format!("cannot build '{}'", source.display())),
+        false => error.into(),
+    }
 }
 
 /// What came of it, how long it took, warnings and repairs; tables, if they are wanted.
@@ -166,4 +176,20 @@ pub(super) fn small(output: &Path) -> Result<u64> {
     let coarsest: u64 = file.roots().map(base).sum();
     let source = file.header().source_triangle_count;
     Ok((source / 10).max(2 * coarsest).clamp(1, source.max(1)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_extmem::ExtmemError;
+
+    #[test]
+    fn too_little_memory_is_told_of_the_source() {
+        let budget =
+            || ExtmemError::Budget { what: "a region", asked: 9, used: 0, limit: 1, work: 0, enough: 9 };
+        let told = of(Path::new("scan.ply"), BuildError::Extmem(budget()));
+        assert_eq!(told.to_string(), "cannot build 'scan.ply'");
+        assert!(format!("{told:#}").contains("no memory for a region"), "{told:#}");
+        assert!(of(Path::new("scan.ply"), BuildError::Cancelled).downcast_ref::<BuildError>().is_some());
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::{Verdict, stdout};
 use crate::examples;
+use crate::output;
 use anyhow::{Context, Result};
 use chpm_extmem::AtomicFile;
 use chpm_mesh::Counted;
@@ -84,6 +85,7 @@ fn synopsis(verb: &Command) -> String {
 
 /// Writes a page for the command and one for each verb.
 pub(crate) fn man(args: &ManArgs) -> Result<Verdict> {
+    output::check_folder("man", &args.folder)?;
     let told = || format!("cannot make the folder '{}'", args.folder.display());
     fs::create_dir_all(&args.folder).with_context(told)?;
     let mut command = examples::command();

@@ -1,10 +1,11 @@
 //! `chpm config`: which settings a build would have, and from where.
 
 use super::{Verdict, stdout};
-use crate::args::{ResourceArgs, SettingsArgs};
+use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
 use crate::config::{self, ConfigArgs};
 use crate::report;
 use anyhow::Result;
+use clap::Parser;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;
@@ -20,9 +21,9 @@ pub(crate) struct Args {
     #[command(flatten)]
     config: ConfigArgs,
     #[command(flatten)]
-    _settings: SettingsArgs,
+    settings: SettingsArgs,
     #[command(flatten)]
-    _resources: ResourceArgs,
+    resources: ResourceArgs,
 }
 
 /// Prints each setting with its origin.
@@ -30,6 +31,11 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let layers = config::layers(&args.config, args.source.as_deref())?;
     let words: Vec<_> = std::env::args_os().collect();
     let all = config::effective(&words, &layers)?;
+    // What a build would refuse is no setting that it would have.
+    let (words, _) = config::merged(&words, &layers)?;
+    if let Command::Config(merged) = Cli::try_parse_from(words).map_err(config::flat)?.command {
+        build_config(&merged.settings, &merged.resources, false)?;
+    }
     let mut out = stdout();
     if args.json {
         let setting = |s: &config::Effective| json!({ "name": s.name, "value": s.value, "from": s.from });

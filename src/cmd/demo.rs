@@ -3,7 +3,7 @@
 use super::{Verdict, build, open, stdout, synth, temporary, verify, word};
 use crate::against;
 use crate::number;
-use crate::output::Output;
+use crate::output::{self, Output};
 use crate::progress::Meter;
 use crate::stop::Stop;
 use anyhow::{Context, Result};
@@ -37,6 +37,7 @@ const SEED: u64 = 1;
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     match &args.keep {
         Some(folder) => {
+            output::check_folder("demo --keep", folder)?;
             fs::create_dir_all(folder).with_context(|| format!("cannot create '{}'", folder.display()))?;
             show(args, folder, stop)
         }

@@ -3,7 +3,8 @@
 use super::{Verdict, open, reading, stdout};
 use crate::memory::{self, MemoryArgs};
 use crate::number;
-use anyhow::{Result, bail};
+use anyhow::{Error, Result, bail};
+use chpm_format::FormatError;
 use chpm_mesh::ClusterId;
 use std::io::Write;
 use std::path::PathBuf;
@@ -34,12 +35,20 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
             bail!("'{}' has no cluster {id}: the last is {}", args.file.display(), count - 1);
         }
         if args.cluster.is_empty() {
-            chpm_format::dump(&file, &mut out, args.pages)?;
+            chpm_format::dump(&file, &mut out, args.pages).map_err(plain)?;
         }
         for id in &args.cluster {
-            chpm_format::dump::cluster(&file, ClusterId(*id), &mut out)?;
+            chpm_format::dump::cluster(&file, ClusterId(*id), &mut out).map_err(plain)?;
         }
         out.flush()?;
         Ok(Verdict::Good)
     })
+}
+
+/// What goes wrong with the output is not about the file.
+fn plain(error: FormatError) -> Error {
+    match error {
+        FormatError::Write(source) => source.into(),
+        error => error.into(),
+    }
 }

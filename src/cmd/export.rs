@@ -5,15 +5,18 @@ use crate::folder::{OutputFolder, above};
 use crate::frame::Up;
 use crate::memory::{self, MemoryArgs};
 use crate::number;
-use crate::place::{self, Place};
+use crate::output;
+use crate::place::{self, Far, Place};
 use crate::progress::{Meter, line};
+use crate::report::count;
 use crate::stop::Stop;
 use anyhow::{Result, ensure};
 use chpm_build::Cancel;
 use chpm_export::tiles::{Mesh, Options, Tree, tile, tile_path, tilesets};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_mesh::{Bytes, ClusterId, Counted};
+use chpm_mesh::{Aabb, Bytes, ClusterId, Counted};
+use clap::ValueEnum;
 use rayon::prelude::*;
 use serde_json::json;
 use std::collections::BTreeSet;
@@ -37,10 +40,13 @@ pub(crate) struct Args {
     /// The model's axis that points up
     #[arg(long, value_name = "AXIS", value_enum, default_value_t = Up::Z)]
     up: Up,
-    /// Where on the earth the model's zero point is: degrees of longitude and latitude, and metres above the ellipsoid. Then x points east and y
-    /// north, or -z where y is up, and a unit has to be a metre
+    /// Where on the earth the model's zero point is, or what --origin-at names: degrees of longitude and latitude, and metres above the ellipsoid. Then x
+    /// points east and y north, or -z where y is up, and a unit has to be a metre
     #[arg(long, value_name = "LON,LAT,H", conflicts_with = "transform", allow_hyphen_values = true)]
     origin: Option<Place>,
+    /// Which point of the model is at --origin
+    #[arg(long, value_name = "WHERE", value_enum, default_value_t = At::Zero, requires = "origin")]
+    origin_at: At,
     /// What takes the model's coordinates, z upward, to those of the world: 16 numbers, column by column
     #[arg(long, value_name = "M", value_parser = place::transform, allow_hyphen_values = true)]
     transform: Option<Transform>,
@@ -63,6 +69,15 @@ pub(crate) struct Args {
 /// So that the argument is one value.
 type Transform = [f64; 16];
 
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum At {
+    /// Where its coordinates are zero: for those that are metres from the place
+    Zero,
+    /// The middle of its box: for projected coordinates (UTM, national grids), whose zero point is far away
+    #[value(alias = "center")]
+    Centre,
+}
+
 /// What an export's folder holds.
 const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
 
@@ -74,6 +89,7 @@ const WORK: u64 = 12 << 20;
 
 /// Exports into a folder.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    output::check_folder("export", &args.tiles)?;
     let cancel = stop.heed();
     let file = open(&args.file)?;
     let threads = rayon::current_num_threads() as u64;
@@ -88,7 +104,7 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
         generator: format!("chpm {} export", env!("CARGO_PKG_VERSION")),
         y_up: args.up == Up::Y,
         packed: args.meshopt,
-        transform: args.transform.or_else(|| args.origin.map(Place::frame)),
+        transform: args.transform.or_else(|| args.origin.map(|place| frame(file, place, args))),
         span: args.span,
     };
     let folder = OutputFolder::create(&args.tiles, args.force, &NAMES, Some(key(file, &options)))?;
@@ -105,6 +121,7 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
         Err(error) => return Err(error),
     };
     folder.publish()?;
+    output::finish(&args.tiles);
     meter.finish();
 
     let mut out = stdout();
@@ -132,6 +149,38 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
         Counted(sets, "tileset"),
     )?;
     Ok(out.flush()?)
+}
+
+/// What takes the model, z upward, to its place on the earth. Says so where it does not get there.
+fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> [f64; 16] {
+    let header = file.header();
+    let Aabb { min, max } = header.aabb();
+    let there = |local: [f32; 3]| {
+        let [x, y, z] = std::array::from_fn(|axis| header.origin[axis] + f64::from(local[axis]));
+        if args.up == Up::Y { [x, -z, y] } else { [x, y, z] }
+    };
+    // Turned upright, an axis may have its ends the other way round.
+    let (a, b) = (there(min), there(max));
+    let corners =
+        [std::array::from_fn(|axis| a[axis].min(b[axis])), std::array::from_fn(|axis| a[axis].max(b[axis]))];
+    let about = match args.origin_at {
+        At::Zero => [0.0; 3],
+        At::Centre => std::array::from_fn(|axis| a[axis].midpoint(b[axis])),
+    };
+    if let Some(Far { away, height }) = place.far(about, corners) {
+        let [away, to] = [away, height.abs()].map(|metres| count((metres / 1e3).round() as u64));
+        let side = if height < 0.0 { "below" } else { "above" };
+        let remedy = match args.origin_at {
+            At::Zero => {
+                "projected coordinates (UTM, national grids) have their zero point far away, and take --origin-at centre; a unit has to be a metre"
+            }
+            At::Centre => "a unit has to be a metre",
+        };
+        line(&format!(
+            "warning: the model begins {away} km from its --origin, and reaches {to} km {side} the ellipsoid: {remedy}"
+        ));
+    }
+    place.frame_about(about)
 }
 
 /// What decides all bytes: the options, and the file, whose header has a checksum of the checksums of all that is in it.

@@ -37,13 +37,12 @@ pub(crate) use crate::output::stdout;
 use crate::stop::Stop;
 use anyhow::{Context, Result, anyhow};
 use chpm_export::ExportError;
-use chpm_extmem::MappedFile;
+use chpm_extmem::{ExtmemError, MappedFile, WorkDir};
 use chpm_format::{Chpm, FormatError};
 use chpm_proximity::ProximityError;
 use chpm_refine::RefineError;
 use std::error::Error;
 use std::path::Path;
-use tempfile::TempDir;
 
 /// How a command ended that met no error.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -125,10 +124,12 @@ pub(crate) fn word(path: &Path) -> String {
 }
 
 /// A folder that is removed at the end.
-pub(crate) fn temporary() -> Result<TempDir> {
-    // What `tempfile` says names a folder that is not there.
-    tempfile::tempdir().map_err(|error| {
-        let place = std::env::temp_dir();
-        anyhow!("cannot make a temporary folder in '{}' ({}); set TMPDIR", place.display(), error.kind())
+pub(crate) fn temporary() -> Result<WorkDir> {
+    let place = std::env::temp_dir();
+    WorkDir::create(&place).map_err(|error| match error {
+        ExtmemError::Io { source, .. } => {
+            anyhow!("cannot make a temporary folder in '{}' ({}); set TMPDIR", place.display(), source.kind())
+        }
+        error => error.into(),
     })
 }

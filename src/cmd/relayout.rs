@@ -85,6 +85,7 @@ pub(super) fn store_pages(
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let before = open(&args.file)?;
     let len = rewrite(args, stop)?;
+    output::finish(&args.output);
     let (from, triangles) = (before.header().file_len, before.header().source_triangle_count.max(1) as f64);
     let mut out = stdout();
     writeln!(

@@ -11,8 +11,9 @@ use crate::proximity::{PoseArgs, place};
 use crate::report::count;
 use crate::stop::{self, Stop};
 use crate::view::{self, Viewport};
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use chpm_build::BuildConfig;
+use chpm_extmem::WorkDir;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::{Camera, Side, Stance};
@@ -21,7 +22,6 @@ use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tempfile::TempDir;
 
 /// What `chpm render` is told.
 #[derive(clap::Args, Debug)]
@@ -126,11 +126,12 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             clip: args.still.clip,
             ..FrameRequest::new(*camera, args.viewport.0)
         };
+        let told = || format!("cannot draw '{}' so", args.file.display());
         let (image, stats) = if args.ids {
-            let (ids, stats) = headless::ids(&mut viewer, &request)?;
+            let (ids, stats) = headless::ids(&mut viewer, &request).with_context(told)?;
             (item_buffer(&ids, viewer.files()), stats)
         } else {
-            headless::image(&mut viewer, &request)?
+            headless::image(&mut viewer, &request).with_context(told)?
         };
         stop::check(&cancel)?;
         short = short.or_else(|| {
@@ -199,7 +200,7 @@ fn sources(args: &Args) -> impl Iterator<Item = &Path> {
 /// A model that can be opened. A mesh becomes a file that goes with its folder.
 struct Ready {
     file: PathBuf,
-    _folder: Option<TempDir>,
+    _folder: Option<WorkDir>,
 }
 
 impl Ready {

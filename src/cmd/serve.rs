@@ -1,7 +1,8 @@
 //! `chpm serve`: files and the page that shows them, to a browser.
 
 use super::{Verdict, open, stdout};
-use crate::web::{FILES, PAGE};
+use crate::connections::{self, Limits};
+use crate::web::{FILES, PAGE, WebFile};
 use anyhow::{Context, Result, ensure};
 use axum::Router;
 use axum::body::Body;
@@ -16,6 +17,10 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tower_http::services::ServeFile;
+use xxhash_rust::xxh3::xxh3_64;
+
+/// Threads that read files, beside the one that answers.
+const READERS: usize = 8;
 
 /// What `chpm serve` is told.
 #[derive(clap::Args, Debug)]
@@ -31,6 +36,8 @@ pub(crate) struct Args {
     /// Show a list of a folder's .chpm files
     #[arg(long)]
     list: bool,
+    #[command(flatten)]
+    limits: Limits,
 }
 
 /// What may be read.
@@ -47,6 +54,7 @@ struct Served {
 /// Serves until it is stopped.
 pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let served = Arc::new(Served::new(args)?);
+    let places = args.limits.places()?;
     let address = SocketAddr::new(args.address, args.port);
     let listener = TcpListener::bind(address)
         .with_context(|| format!("cannot listen at {address}; choose another --port, or 0 for any"))?;
@@ -62,13 +70,17 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     out.flush()?;
     drop(out);
 
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .max_blocking_threads(READERS)
+        .enable_io()
+        .enable_time()
+        .build()?;
     runtime.block_on(async {
         let listener = tokio::net::TcpListener::from_std(listener)?;
         let router = Router::new().fallback(answer).with_state(served);
-        axum::serve(listener, router).await
-    })?;
-    Ok(Verdict::Good)
+        connections::serve(listener, router, places, args.limits).await;
+        Ok(Verdict::Good)
+    })
 }
 
 impl Served {
@@ -89,7 +101,12 @@ impl Served {
 
     /// A .chpm file in the folder, also if the way there has links, but not if it leads out of the folder.
     fn find(&self, path: &str) -> Option<PathBuf> {
-        if self.only.as_ref().is_some_and(|only| only != path) || !path.ends_with(".chpm") {
+        let is_hidden = || path.split('/').any(|part| part.starts_with('.'));
+        let may_be = match &self.only {
+            Some(only) => only == path,
+            None => !is_hidden(),
+        };
+        if !may_be || !path.ends_with(".chpm") {
             return None;
         }
         let found = fs::canonicalize(self.folder.join(path)).ok()?;
@@ -118,6 +135,8 @@ fn names_this_machine(request: &Request) -> bool {
         Some((name, port)) if port.parse::<u16>().is_ok() => name,
         _ => host,
     };
+    // A name may end in a dot, so that nothing is put behind it.
+    let name = name.strip_suffix('.').unwrap_or(name);
     let address = name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
     name.eq_ignore_ascii_case("localhost") || address.is_ok_and(|address| address.is_loopback())
 }
@@ -138,9 +157,7 @@ async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Resp
         return front(&served);
     }
     if let Some(file) = FILES.iter().find(|file| file.path == path) {
-        // A newer program has newer files at the same address.
-        let headers = [(header::CONTENT_TYPE, file.media_type), (header::CACHE_CONTROL, "no-cache")];
-        return (headers, file.text).into_response();
+        return own(file, request.headers());
     }
     let Some(found) = served.find(&path) else {
         return (StatusCode::NOT_FOUND, "no .chpm file of that name is served\n").into_response();
@@ -155,9 +172,32 @@ async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Resp
         },
     };
     answer.headers_mut().insert(header::ETAG, tag);
+    // To be kept, and asked for again by its tag.
+    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
     // Pages of other origins may not read what is on this machine.
     answer.headers_mut().insert("Cross-Origin-Resource-Policy", HeaderValue::from_static("same-origin"));
     answer
+}
+
+/// A file of the page, unless it is known already. A newer program has newer ones at the same address.
+fn own(file: &WebFile, asked: &HeaderMap) -> Response {
+    let tag = format!("\"{:016x}\"", xxh3_64(file.text.as_bytes()));
+    let is_known = asked.get(header::IF_NONE_MATCH).is_some_and(|known| names(known, tag.as_bytes()));
+    let headers = [
+        (header::CONTENT_TYPE, file.media_type),
+        (header::CACHE_CONTROL, "no-cache"),
+        (header::ETAG, tag.as_str()),
+    ];
+    match is_known {
+        true => (StatusCode::NOT_MODIFIED, headers).into_response(),
+        false => (headers, file.text).into_response(),
+    }
+}
+
+/// Whether a list of tags has this one.
+fn names(list: &HeaderValue, tag: &[u8]) -> bool {
+    let list = list.to_str().unwrap_or_default();
+    list.split(',').map(str::trim).any(|one| one == "*" || one.trim_start_matches("W/").as_bytes() == tag)
 }
 
 /// What tells a file from any that had its name before, also within a second; and its length.
@@ -170,10 +210,7 @@ fn version(path: &Path) -> Result<(HeaderValue, u64)> {
 /// What the headers ask of the file of this tag and length that `ServeFile` does not know of (RFC 9110, 13 and 14): the answer, or nothing where it
 /// has only to serve what is left of them.
 fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<StatusCode> {
-    let names = |value: &HeaderValue| {
-        let text = value.to_str().unwrap_or_default();
-        text.split(',').map(str::trim).any(|one| one == "*" || one.trim_start_matches("W/") == tag)
-    };
+    let names = |value: &HeaderValue| names(value, tag.as_bytes());
     if headers.get(header::IF_MATCH).is_some_and(|value| !names(value)) {
         return Some(StatusCode::PRECONDITION_FAILED);
     }
@@ -185,15 +222,18 @@ fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<Statu
     }
     // A part is of use only beside parts of the same file.
     let is_other = headers.get(header::IF_RANGE).is_some_and(|of| of != tag);
-    let range = headers.get(header::RANGE)?.to_str().unwrap_or_default();
-    match range.strip_prefix("bytes=") {
-        Some(range) if !is_other => {
-            let last = range.trim().strip_prefix('-').and_then(|last| last.parse::<u64>().ok());
-            if last.is_some_and(|last| last > len) {
-                headers.insert(header::RANGE, HeaderValue::from_static("bytes=0-"));
-            }
+    let range = headers.get(header::RANGE)?.to_str().unwrap_or_default().to_owned();
+    let (unit, ranges) = range.split_once('=').unwrap_or_default();
+    let mut ranges = ranges.split(',').map(str::trim).filter(|range| !range.is_empty());
+    // Who asks for several ranges at once may be given all of the file.
+    let one = ranges.next().filter(|_| ranges.next().is_none());
+    match one.filter(|_| unit.trim().eq_ignore_ascii_case("bytes") && !is_other) {
+        Some(range) => {
+            let last = range.strip_prefix('-').and_then(|last| last.parse::<u64>().ok());
+            let range = if last.is_some_and(|last| last > len) { "0-" } else { range };
+            headers.insert(header::RANGE, HeaderValue::from_str(&format!("bytes={range}")).ok()?);
         }
-        _ => {
+        None => {
             headers.remove(header::RANGE);
         }
     }

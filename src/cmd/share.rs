@@ -4,6 +4,7 @@ use super::relayout::{self, Pages};
 use super::{Verdict, open, stdout, word};
 use crate::folder::{OutputFolder, above};
 use crate::memory::MemoryArgs;
+use crate::output;
 use crate::stop::Stop;
 use crate::web::{FILES, PAGE};
 use anyhow::Result;
@@ -45,6 +46,7 @@ const NAMES: [&str; 4] = [MODEL, INDEX, "view", "chpm"];
 
 /// Writes the folder, which is whole or not there.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    output::check_folder("share", &args.output)?;
     open(&args.file)?;
     let folder = OutputFolder::create(&args.output, args.force, &NAMES, None)?;
     let (model, memory) = (folder.path(MODEL), args.memory.clone());
@@ -59,6 +61,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         folder.write(file.path, file.text.as_bytes())?;
     }
     folder.publish()?;
+    output::finish(&args.output);
 
     let mut out = stdout();
     if args.json {

@@ -1,5 +1,6 @@
 //! `chpm simplify`: from a mesh to a smaller one that is proven to be near it, in one go.
 
+use super::build::of;
 use super::{Verdict, open, reading};
 use crate::args::{MemorySize, StorageArgs};
 use crate::memory;
@@ -10,9 +11,10 @@ use crate::progress::{Meter, line};
 use crate::stop::{self, Stop};
 use crate::threads::ThreadArgs;
 use crate::tolerance::{Tolerance, Unit};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use chpm_build::config::Normals;
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
+use chpm_extmem::WorkDir;
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::{Extraction, Request};
 use serde_json::json;
@@ -72,11 +74,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let beside = args.mesh.output.parent().filter(|_| !target.output.is_stream());
     let beside = beside.map(|place| if place == Path::new("") { Path::new(".") } else { place });
     let place = args.storage.work_dir.as_deref().or(beside).map_or_else(std::env::temp_dir, Path::to_owned);
-    let folder = tempfile::Builder::new().prefix(".chpm-").tempdir_in(&place);
-    let folder = folder.with_context(|| format!("cannot make a work folder in '{}'", place.display()))?;
+    let folder = WorkDir::create(&place)?;
     let config = config(args)?;
     let (meter, model) = (Meter::new(args.quiet), folder.path().join("model.chpm"));
-    let report = chpm_build::build(source, &model, &config, &meter, &cancel)?;
+    let report =
+        chpm_build::build(source, &model, &config, &meter, &cancel).map_err(|error| of(source, error))?;
 
     let file = open(&model)?;
     let free = memory::divide(&file, config.resources.memory, args.mesh.memory("simplify", &file)?)?;

@@ -1,6 +1,6 @@
 //! `chpm view`: a window on a model, which is built first if need be.
 
-use super::{Verdict, build, open, stdout};
+use super::{Verdict, build, open, stdout, temporary};
 use crate::against;
 use crate::args::MemorySize;
 use crate::batch::inputs;
@@ -15,7 +15,7 @@ use crate::stop::Stop;
 use crate::view;
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::{BuildConfig, Cancel, Progress, Silent, Stage, input};
-use chpm_extmem::Store;
+use chpm_extmem::{Store, WorkDir};
 use chpm_import::ply::{Encoding, write_mesh};
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
@@ -27,7 +27,6 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use tempfile::TempDir;
 
 /// What `chpm view` is told.
 #[derive(clap::Args, Debug)]
@@ -223,13 +222,13 @@ struct Builder {
     /// Of the build that was begun last.
     cancel: Mutex<Cancel>,
     /// What is looked at meanwhile; gone with it.
-    previews: Mutex<Vec<TempDir>>,
+    previews: Mutex<Vec<WorkDir>>,
 }
 
 impl Builder {
     /// A coarse model of a source, built in a folder of its own.
     fn preview(&self, source: &Path, cancel: &Cancel) -> Result<PathBuf> {
-        let folder = tempfile::tempdir()?;
+        let folder = temporary()?;
         let store = Store::create(folder.path(), PREVIEW.0)?;
         let mut sketch = Sketch::default();
         against::each_corners(source, &store, cancel, |corners| sketch.push(corners))?;

@@ -2,19 +2,18 @@
 
 use super::{Colors, Parts, leaves};
 use crate::cmd::build;
-use crate::output::{self, Output, Writes};
+use crate::output::{self, Output, Promise, Writes};
 use crate::progress::Meter;
 use crate::stop::{self, Stop};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use chpm_build::{BuildConfig, Cancel, Resources};
 use chpm_export::{Facts, GlbWriter, Placement};
-use chpm_extmem::MappedFile;
+use chpm_extmem::{MappedFile, WorkDir};
 use chpm_format::Chpm;
 use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Aabb, Attributes, Bytes, VertexSlices};
 use serde_json::Map;
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 
 const COLORED: Attributes = Attributes { colors: true, ..Attributes::NONE };
 
@@ -26,12 +25,12 @@ pub(crate) enum Painted {
     Chpm {
         path: PathBuf,
         force: bool,
-        folder: TempDir,
+        folder: WorkDir,
     },
 }
 
 /// A file that is there, or has yet to be built from a PLY.
-pub(crate) struct Written(Option<(PathBuf, bool, TempDir)>);
+pub(crate) struct Written(Option<(PathBuf, bool, WorkDir)>);
 
 /// The PLY's name in its folder: what is built tells it as its source.
 const SOURCE: &str = "compared.ply";
@@ -41,20 +40,19 @@ impl Painted {
     pub(crate) fn create(path: &Path, force: bool, inputs: &[&Path]) -> Result<Self> {
         let writes = |format| Writes::mesh("compare", format);
         Ok(match output::promised(path) {
-            None | Some("PLY") => Painted::Ply(writes("PLY").create(path, force, inputs)?),
-            Some("GLB") => Painted::Glb(writes("GLB").create(path, force, inputs)?),
-            Some("CHPM") => {
+            Promise::Nothing | Promise::Format("PLY") => {
+                Painted::Ply(writes("PLY").create(path, force, inputs)?)
+            }
+            Promise::Format("GLB") => Painted::Glb(writes("GLB").create(path, force, inputs)?),
+            Promise::Format("CHPM") => {
                 // Opened to see whether it can be.
                 drop(writes("CHPM").create(path, force, inputs)?);
                 let place = path.parent().filter(|place| *place != Path::new("")).unwrap_or(Path::new("."));
-                let folder = tempfile::Builder::new().prefix(".chpm-").tempdir_in(place);
-                let folder =
-                    folder.with_context(|| format!("cannot make a work folder in '{}'", place.display()))?;
-                Painted::Chpm { path: path.to_owned(), force, folder }
+                Painted::Chpm { path: path.to_owned(), force, folder: WorkDir::create(place)? }
             }
-            Some(name) => bail!(
-                "compare writes PLY, GLB and CHPM, and '{}' is a name for {name}: choose another, or leave the extension out",
-                path.display()
+            _ => bail!(
+                "compare writes PLY, GLB and CHPM, and {}: choose another, or leave the extension out",
+                output::otherwise(path)
             ),
         })
     }

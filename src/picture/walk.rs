@@ -224,7 +224,8 @@ fn draw(
 
     // What the first frame needs is there before it: the walk is about what changes.
     if let Some(first) = walk.path.cameras.first() {
-        headless::image(viewer, &FrameRequest { wait: true, ..request(*first) }).context("frame 0")?;
+        headless::image(viewer, &FrameRequest { wait: true, ..request(*first) })
+            .with_context(|| format!("frame 0 of '{}'", walk.path_file.display()))?;
     }
 
     let mut frames = Vec::with_capacity(walk.path.cameras.len());
@@ -234,7 +235,8 @@ fn draw(
         let start = Instant::now();
         let drawn = headless::image(viewer, &request(*camera));
         let time = start.elapsed();
-        let (image, stats) = drawn.with_context(|| format!("frame {index}"))?;
+        let told = || format!("frame {index} of '{}'", walk.path_file.display());
+        let (image, stats) = drawn.with_context(told)?;
         frames.push(Frame { stats, time });
         if let Some(folder) = args.images.as_deref().filter(|_| culling) {
             write_image(&image, folder, index, walk.force)?;

@@ -17,7 +17,7 @@ use crate::progress::{Meter, line};
 use crate::stop::{self, Stop};
 use anyhow::{Context, Result};
 use chpm_build::{BuildConfig, Cancel, Resources};
-use chpm_extmem::MappedFile;
+use chpm_extmem::{MappedFile, WorkDir};
 use chpm_format::Chpm;
 use chpm_mesh::Bytes;
 use chpm_proximity::{Answer, End, Front, Model, Pose, ProximityError, Question, Reads, follow};
@@ -26,7 +26,6 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tempfile::TempDir;
 
 /// Notices when a search has to end.
 pub(crate) struct Limits {
@@ -48,7 +47,7 @@ pub(crate) struct Opened {
     pub(crate) path: PathBuf,
     pub(crate) file: Chpm<MappedFile>,
     /// The folder of a temporary file.
-    _folder: Option<TempDir>,
+    _folder: Option<WorkDir>,
 }
 
 impl Opened {

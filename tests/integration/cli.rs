@@ -68,6 +68,22 @@ fn missing_files_are_named() {
 }
 
 #[test]
+fn errors_name_the_file_that_they_are_about() {
+    let folder = ball();
+    folder.write("scans.conf", "bmesh ball.ply 0 0 0 0 0 0 1\nbmesh absent.ply 0 0 0 0 0 0 1\n");
+    folder.write("far.path", "chpm-path 1\n0 0 1e300 0 0 0 0 1 0 45\n");
+    for (words, names) in [
+        ("build scans.conf -o x.chpm -q", "scans.conf: scan 1: cannot read absent.ply"),
+        ("extract ball.chpm --poe 1 --camera 0,0,1e300,0,0,0 -o x.ply -q", "'ball.chpm'"),
+        ("walk ball.chpm far.path -q", "frame 0 of 'far.path'"),
+    ] {
+        let error = folder.stderr(words, 2);
+        assert!(error.contains(names), "{words}: {error}");
+        assert!(!error.contains("a target away from the position"), "{words}: {error}");
+    }
+}
+
+#[test]
 fn a_build_goes_beside_its_source_unless_told_otherwise() {
     let folder = ball();
     assert_eq!(folder.names(), ["ball.chpm", "ball.ply"]);

@@ -86,6 +86,9 @@ fn wrong_files_are_refused_with_their_names() {
         ("preset = 'statue'\n", "preset"),
         ("[setings]\n", "setings"),
         ("not toml", "TOML"),
+        ("[settings]\nmemory = '0'\n", "--memory 0"),
+        ("[settings]\npartitioner = 'scotch'\n", "scotch"),
+        (&"# long\n".repeat(150_000)[..], "longer than 1.0 MiB"),
     ] {
         folder.write("in/chpm.toml", content);
         for verb in ["build in/scan.ply -q", "config in/scan.ply", "batch in -o out -q"] {
@@ -93,6 +96,18 @@ fn wrong_files_are_refused_with_their_names() {
             assert!(error.contains("chpm.toml") && error.contains(word), "{verb}: {content}: {error}");
         }
     }
+    // What may have no end is not begun.
+    fs::remove_file(folder.path("in/chpm.toml")).expect("a file removed");
+    nix::unistd::mkfifo(&folder.path("in/chpm.toml"), nix::sys::stat::Mode::S_IRWXU).expect("a FIFO");
+    for verb in ["build in/scan.ply -q", "config in/scan.ply", "batch in -o out -q"] {
+        let error = folder.stderr(verb, 2);
+        assert!(error.contains("chpm.toml' is no regular file"), "{verb}: {error}");
+    }
+    for config in ["/dev/zero", "in"] {
+        let error = folder.stderr(&format!("build in/scan.ply -q --config {config}"), 2);
+        assert!(error.contains(&format!("'{config}' is no regular file")), "{error}");
+    }
+    assert!(folder.stderr("config --memory 1M", 2).contains("128M or more"));
     assert_eq!(folder.names(), ["in"]);
     assert!(folder.stderr("build in/scan.ply -q --config none.toml", 2).contains("none.toml"));
     assert!(folder.stderr("build in/scan.ply -q --preset statue", 2).contains("isosurface"));

@@ -122,7 +122,7 @@ fn names_and_options_choose_the_format() {
         assert!(folder.read(name).starts_with(magic), "{words} {name}");
     };
     begins("", "plain", b"ply\n");
-    begins("", "a.v2", b"ply\n");
+    begins("--format ply", "a.v2", b"ply\n");
     begins("--format glb", "plain", b"glTF");
     begins("--format obj", "plain", b"# chpm extract, error ");
     begins("--ascii", "a.stl", b"solid chpm extract, error ");
@@ -136,6 +136,8 @@ fn names_and_options_choose_the_format() {
     for (words, told) in [
         ("-o a.png", "PLY, STL, OBJ and GLB"),
         ("-o a.gltf", "glTF"),
+        ("-o a.v2", "--format"),
+        ("-o a.fbx --format ply", "FBX"),
         ("-o a.stl --format ply", "STL"),
         ("-o new.ply --meshopt", "--meshopt is for GLB"),
         ("-o new.glb --ascii", "GLB is binary"),

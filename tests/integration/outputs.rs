@@ -173,8 +173,8 @@ fn names_of_other_formats_are_refused() {
     let folder = ball();
     let before = folder.names();
     for (words, names) in [
-        (WRITERS[0].0, "q.ply q.obj q.stl q.glb q.png q.OBJ q.chpm.gz"),
-        (WRITERS[1].0, "q.off q.gltf q.chpm q.png q.ply.gz"),
+        (WRITERS[0].0, "q.ply q.png q.OBJ q.chpm.gz q.v2"),
+        (WRITERS[1].0, "q.gltf q.chpm q.ply.gz q.fbx q.dae q.usdz q.none"),
         (WRITERS[2].0, "q.chpm q.stl q.jpg"),
         (WRITERS[3].0, "q.csv q.chpm"),
         (WRITERS[4].0, "q.json q.svg"),
@@ -186,8 +186,60 @@ fn names_of_other_formats_are_refused() {
             assert!(!error.contains("took"), "{error}");
         }
         assert_eq!(folder.names(), before);
-        folder.chpm(&writing(words, "free.v2")).success();
-        fs::remove_file(folder.path("free.v2")).expect("it was made");
+        folder.chpm(&writing(words, "free")).success();
+        fs::remove_file(folder.path("free")).expect("it was made");
+    }
+}
+
+/// All else that writes, each word by word, and whether it is a folder: the name of one may end in anything but a format.
+const OTHERS: [(&str, bool); 21] = [
+    ("relayout ball.chpm --pages packed -o NAME", false),
+    ("simplify ball.ply --triangles 100 -o NAME", false),
+    ("stats ball.chpm --csv NAME", false),
+    ("report ball.chpm -o NAME", false),
+    ("compare ball.ply ball.chpm -o NAME", false),
+    ("compare ball.ply ball.chpm --svg NAME", false),
+    ("distance ball.chpm ball.chpm --csv NAME", false),
+    ("clearance ball.chpm ball.chpm --above 1 --csv NAME", false),
+    ("contacts ball.chpm ball.chpm --within 1 --csv NAME", false),
+    ("bench ball.ply --svg NAME", false),
+    ("build ball.ply -f -o NAME", false),
+    ("extract ball.chpm --level 0 -o NAME", false),
+    ("synth sphere --triangles 3000 -o NAME", false),
+    ("path orbit ball.chpm --frames 2 -o NAME", false),
+    ("walk ball.chpm ball.path --csv NAME", false),
+    ("bench ball.ply --csv NAME", false),
+    ("export ball.chpm --3dtiles NAME", true),
+    ("batch ball.ply -o NAME", true),
+    ("batch --merge ball.ply -o NAME", true),
+    ("man NAME", true),
+    ("demo --keep NAME", true),
+];
+
+#[cfg(feature = "viewer")]
+const PICTURES: [&str; 3] = [
+    "render ball.chpm -o NAME",
+    "walk ball.chpm ball.path --render --plot NAME",
+    "view ball.chpm --frames 1 --screenshot NAME",
+];
+#[cfg(not(feature = "viewer"))]
+const PICTURES: [&str; 0] = [];
+
+#[test]
+fn what_is_not_written_is_no_name_for_what_is() {
+    let folder = ball();
+    let before = folder.names();
+    let writers = OTHERS.iter().copied().chain(PICTURES.map(|words| (words, false)));
+    for (words, is_folder) in
+        writers.chain(cfg!(feature = "web").then_some(("share ball.chpm -o NAME", true)))
+    {
+        let names = if is_folder { &["q.fbx", "q.usdz"][..] } else { &["q.fbx", "Q.DAE", "q.none"] };
+        for name in names {
+            let error = folder.stderr(&writing(words, name), 2);
+            assert!(error.contains(name), "{words}: {error}");
+            assert!(error.contains(" writes ") || error.contains(" makes a folder"), "{words}: {error}");
+        }
+        assert_eq!(folder.names(), before, "{words}");
     }
 }
 
@@ -354,6 +406,12 @@ fn errors_name_the_place_and_nothing_hidden() {
     all.push(("no".to_owned(), folder.stderr("build ball.ply -q -o x --work-dir no", 2)));
     let demo = folder.command("demo -q").env("TMPDIR", "no").output().expect("it ran");
     all.push(("no".to_owned(), text(&demo.stderr)));
+    for name in ["no/x", "no/no/x"] {
+        for (words, _) in WRITERS {
+            let error = folder.stderr(&writing(words, name), 2);
+            assert!(error.contains("there is no folder 'no") && error.contains("make it first"), "{error}");
+        }
+    }
     for (place, error) in all {
         assert!(error.starts_with("error: ") && error.contains(&format!("'{place}'")), "{error}");
         for hidden in ["partial", ".lock", ".work", ".tmp", "chpm-", ".cargo"] {
@@ -365,9 +423,20 @@ fn errors_name_the_place_and_nothing_hidden() {
 #[test]
 fn a_full_standard_output_is_called_that() {
     let folder = ball();
-    for words in
-        ["info ball.chpm", "extract ball.chpm --level 0 -q -o -", "export ball.chpm -q --3dtiles tiles"]
-    {
+    for (words, complete) in [
+        ("info ball.chpm", None),
+        ("extract ball.chpm --level 0 -q -o -", None),
+        ("dump ball.chpm --pages", None),
+        ("dump ball.chpm --cluster 0", None),
+        ("--help", None),
+        ("--version", None),
+        ("help build", None),
+        ("extract ball.chpm --level 0 -q -o out.ply", Some("out.ply")),
+        ("build ball.ply -q -o out.chpm", Some("out.chpm")),
+        ("relayout ball.chpm -q --pages packed -o packed.chpm", Some("packed.chpm")),
+        ("path orbit ball.chpm --frames 2 -o out.path", Some("out.path")),
+        ("export ball.chpm -q --3dtiles tiles", Some("tiles")),
+    ] {
         let Ok(full) = fs::File::options().write(true).open("/dev/full") else {
             skipped("a full standard output: no /dev/full");
             return;
@@ -375,5 +444,9 @@ fn a_full_standard_output_is_called_that() {
         let out = folder.command(words).stdout(full).output().expect("a process");
         let said = text(&out.stderr);
         assert!(out.status.code() == Some(2) && said.contains("standard output"), "{words}: {said}");
+        // Not the file that was read, nor what was reached in spite of it.
+        assert!(!said.contains("cannot read"), "{words}: {said}");
+        let told = |name: &str| said.contains(&format!("'{name}' is written and complete"));
+        assert!(complete.map_or(!said.contains("complete"), told), "{words}: {said}");
     }
 }

@@ -99,3 +99,41 @@ fn work_that_is_kept_is_used_again_and_other_work_is_named() {
     assert!(other.contains("other settings; it is not used"), "{other}");
     assert_eq!(finished(&folder, &whole, "kept work").as_deref(), Some("simplify"));
 }
+
+/// All that is beside a model and can be seen.
+fn seen(folder: &Folder) -> Vec<String> {
+    folder.names().into_iter().filter(|name| !name.starts_with('.')).collect()
+}
+
+#[test]
+fn what_a_kill_leaves_is_hidden_and_goes_with_the_next_run() {
+    let (folder, _) = model();
+    let without =
+        "build model.ply -o out.chpm -q --no-resume --cluster-triangles 512 --memory 16K --any-memory";
+    let with = without.replace("--no-resume", "");
+    for next in [without, &with] {
+        let killed = folder.command(&format!("{without} --kill-at 40")).status().expect("a process");
+        assert_eq!(killed.signal(), Some(Signal::SIGKILL as i32));
+        assert!(folder.names().len() > 2 && seen(&folder) == ["model.ply"], "{:?}", folder.names());
+        folder.stdout(next);
+        assert_eq!(folder.names(), ["model.ply", "out.chpm"]);
+        std::fs::remove_file(folder.path("out.chpm")).expect("the output");
+    }
+
+    let small = "simplify model.ply --triangles 100 -o small.ply";
+    let (killed, _) = folder.signalled(small, "decompose", Signal::SIGKILL);
+    assert_eq!(killed.signal(), Some(Signal::SIGKILL as i32));
+    assert!(folder.names().len() > 2 && seen(&folder) == ["model.ply"], "{:?}", folder.names());
+    folder.stdout(&format!("{small} -q"));
+    assert_eq!(folder.names(), ["model.ply", "small.ply"]);
+
+    // As a process leaves it that is killed while it writes.
+    folder.stdout(&format!("{without} --pages raw"));
+    folder.write(".packed.chpm.0.partial", "left");
+    folder.write(".other.chpm.0.partial", "another's");
+    folder.stdout("relayout out.chpm --pages packed -o packed.chpm -q");
+    assert_eq!(
+        folder.names(),
+        [".other.chpm.0.partial", "model.ply", "out.chpm", "packed.chpm", "small.ply"]
+    );
+}

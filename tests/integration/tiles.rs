@@ -1,7 +1,7 @@
 //! `chpm export --3dtiles`: a viewer that knows nothing of this project, as the specification has it, walks the tileset for many cameras.
 
 use super::glb::Glb;
-use super::harness::{CHPM, Folder, Triangles, skipped, triangles};
+use super::harness::{CHPM, Folder, Triangles, skipped, text, triangles};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_measure::crack::{cracks, weld};
@@ -311,6 +311,15 @@ fn the_frame_of_the_world_is_what_was_asked_for() {
         &numbers(&top("--origin 0,0,0")["transform"])[12..15],
         [6_378_137.0 + origin[2], origin[0], origin[1]],
     );
+    near(
+        &numbers(&top("--origin 0,0,0 --origin-at zero")["transform"])[12..15],
+        [6_378_137.0 + origin[2], origin[0], origin[1]],
+    );
+    // The middle of the box, which is stored in singles, is not quite where the origin is.
+    let [x, y, z] = open(&folder, "far.chpm").header().aabb().center().into();
+    let middle = |more: &str| numbers(&top(&format!("--origin 0,0,5 {more}"))["transform"])[12..15].to_vec();
+    near(&middle("--origin-at centre"), [6_378_142.0 - z, -x, -y]);
+    near(&middle("--origin-at center --up y"), [6_378_142.0 - y, -x, z]);
     let moved = top("--transform 0,1,0,0,-1,0,0,0,0,0,1,0,5,6,7,1");
     near(&numbers(&moved["transform"])[12..15], [5.0 - origin[1], 6.0 + origin[0], 7.0 + origin[2]]);
     let glb = Glb::read(&folder.read("out/tiles/000/0.glb"));
@@ -326,6 +335,7 @@ fn the_frame_of_the_world_is_what_was_asked_for() {
         ("--3dtiles new --transform 1,2,3", "16 numbers"),
         ("--3dtiles new --origin 1,2,3 --transform 1,0,0,0,0,1,0,0,0,0,1,0,5,6,7,1", "cannot be used"),
         ("--3dtiles new --transform 1e306,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1", "smaller numbers"),
+        ("--3dtiles new --origin-at centre", "--origin <LON,LAT,H>"),
         ("", "--3dtiles"),
         ("--3dtiles out", "--force"),
         ("--3dtiles far.obj -f", "no folder"),
@@ -337,6 +347,25 @@ fn the_frame_of_the_world_is_what_was_asked_for() {
         assert!(error.contains(told), "{words}: {error}");
     }
     assert_eq!(folder.names(), ["far.chpm", "far.obj", "out"]);
+}
+
+#[test]
+fn a_model_that_is_not_where_it_was_put_is_told() {
+    let folder = Folder::new();
+    folder.write("utm.obj", "v 390000.5 5820000 30\nv 390001.5 5820000 30\nv 390000.5 5820001 31\nf 1 2 3\n");
+    folder.stdout("build utm.obj -q");
+    let said = |more: &str| {
+        let run =
+            folder.chpm(&format!("export utm.chpm --3dtiles out -qf --origin 13.4,52.5,34 {more}")).success();
+        text(&run.get_output().stderr)
+    };
+    let told = said("");
+    assert!(told.contains("begins 5,833 km") && told.contains(" km above"), "{told}");
+    assert!(told.contains("--origin-at centre"), "{told}");
+    assert_eq!(said("--origin-at centre"), "");
+    // North is -z there, so that the same numbers lead upward.
+    let told = said("--up y");
+    assert!(told.contains("begins 390 km") && told.contains("5,8"), "{told}");
 }
 
 /// A model of some thousand tiles.

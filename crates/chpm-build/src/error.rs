@@ -182,6 +182,15 @@ fn nothing(faces: u64) -> String {
 }
 
 impl BuildError {
+    /// Whether there is too little memory for something, which is told without a name.
+    pub fn is_about_memory(&self) -> bool {
+        match self {
+            BuildError::Extmem(chpm_extmem::ExtmemError::Budget { .. }) => true,
+            BuildError::Kept { error, .. } | BuildError::WorkRemoved { error, .. } => error.is_about_memory(),
+            _ => false,
+        }
+    }
+
     /// Whether someone asked to stop.
     pub fn is_cancelled(&self) -> bool {
         match self {

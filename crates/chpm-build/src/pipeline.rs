@@ -32,7 +32,6 @@ pub fn build(
     // Lock, partial file and work belong to the file that is written, by whatever link it is named.
     let output = &chpm_extmem::target(output, config.overwrite)?;
     let _lock = Lock::acquire(output)?;
-    AtomicFile::sweep(output);
     let out = AtomicFile::create_with(output, config.overwrite, config.resources.faults.clone())?;
     let resources = &config.resources;
     let folder = resources.work_dir.as_deref().unwrap_or(beside(output));

@@ -33,7 +33,15 @@ impl Stamp {
             return Ok(Stamp { files: Vec::new(), len: source.len() });
         }
         let found = input::files(&source.path, cancel)?;
-        found.into_iter().map(File::of).collect::<Result<_, _>>().map(Stamp::new)
+        let list = &source.path;
+        let stamp = |(at, path)| match (at, File::of(path)) {
+            // Behind a list come its scans.
+            (1.., Err(error)) => {
+                Err(BuildError::Scan { list: list.clone(), index: at - 1, error: Box::new(error) })
+            }
+            (_, stamp) => stamp,
+        };
+        found.into_iter().enumerate().map(stamp).collect::<Result<_, _>>().map(Stamp::new)
     }
 
     fn new(files: Vec<File>) -> Stamp {

@@ -54,6 +54,15 @@ pub enum ExtmemError {
         owner: String,
     },
 
+    /// The folder of a result is not there.
+    #[error("'{}' cannot be written: there is no folder '{}'; make it first", path.display(), folder.display())]
+    NoFolder {
+        /// The file to be made.
+        path: PathBuf,
+        /// Its folder.
+        folder: PathBuf,
+    },
+
     /// The path does not name a regular file where one is needed.
     #[error("'{}' does not name a file; give the path of a file, not of a directory or device", path.display())]
     NotAFile {
@@ -178,6 +187,16 @@ impl ExtmemError {
             }
             io::ErrorKind::FileTooLarge => ExtmemError::FileTooLarge { action, path, source },
             _ => ExtmemError::Io { action, path, source },
+        }
+    }
+
+    /// The same for a file that was to be made at or beside `path`: where that is not there, its folder is not.
+    pub(crate) fn making(action: &'static str, path: &Path, source: io::Error) -> Self {
+        match path.parent() {
+            Some(folder) if source.kind() == io::ErrorKind::NotFound => {
+                ExtmemError::NoFolder { path: path.to_owned(), folder: folder.to_owned() }
+            }
+            _ => ExtmemError::io(action, path, 0, source),
         }
     }
 }

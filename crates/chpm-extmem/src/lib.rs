@@ -6,6 +6,7 @@
 //! content, so a result does not depend on the budget.
 #![deny(unsafe_code)]
 
+mod alive;
 mod buckets;
 mod budget;
 mod buffer;

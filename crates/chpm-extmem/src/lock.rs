@@ -27,7 +27,7 @@ impl Lock {
         let name = target.file_name().ok_or_else(|| ExtmemError::NotAFile { path: target.to_owned() })?;
         let path = target.with_file_name(hidden_name(name, ".lock"));
         loop {
-            let failed = |source| ExtmemError::io("make a lock beside", target, 0, source);
+            let failed = |source| ExtmemError::making("make a lock beside", target, source);
             let opened = File::options().read(true).write(true).create(true).truncate(false).open(&path);
             let mut file = opened.map_err(failed)?;
             match file.try_lock() {
@@ -147,7 +147,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         assert!(matches!(Lock::acquire(Path::new("/")), Err(ExtmemError::NotAFile { .. })));
         let error = Lock::acquire(&dir.path().join("missing/model.chpm")).unwrap_err();
-        assert!(matches!(error, ExtmemError::Io { action: "make a lock beside", .. }), "{error}");
+        assert!(matches!(error, ExtmemError::NoFolder { .. }), "{error}");
         assert!(!error.to_string().contains(".lock"), "{error}");
     }
 }

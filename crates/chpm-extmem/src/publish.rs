@@ -1,6 +1,6 @@
 //! Results that appear complete or not at all: written under a hidden name, synced, then renamed.
 
-use crate::{ExtmemError, Faults, hidden_name, target};
+use crate::{ExtmemError, Faults, alive, hidden_name, target};
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -9,9 +9,13 @@ use std::path::{Path, PathBuf};
 
 const WRITE_BUFFER: usize = 1 << 20;
 const PARTIAL: &str = ".partial";
+/// As many may write files of one name at a time.
+const SLOTS: u32 = 1000;
 
-/// A file being written as `.NAME.<process>.partial` beside its [`target`], so on the same file system. [`AtomicFile::publish`] gives
+/// A file being written as `.NAME.<N>.partial` beside its [`target`], so on the same file system. [`AtomicFile::publish`] gives
 /// it its name; dropping it removes it. Errors name the target.
+///
+/// N is the first number that nobody is at work on: so the next to write a target finds what those left who were killed, and removes it.
 #[derive(Debug)]
 pub struct AtomicFile {
     file: BufWriter<File>,
@@ -37,31 +41,12 @@ impl AtomicFile {
     /// As [`Self::create`].
     pub fn create_with(path: &Path, overwrite: bool, faults: Faults) -> Result<Self, ExtmemError> {
         let target = target(path, overwrite)?;
-        let id = std::process::id();
-        let partial = target.with_file_name(hidden_name(name(&target), &format!(".{id}{PARTIAL}")));
-        let open = || File::options().read(true).write(true).create_new(true).open(&partial);
-        let opened = faults.access().and_then(|()| open());
-        let file = opened.map_err(|source| ExtmemError::io("create", &target, 0, source))?;
+        let place =
+            |slot: u32| target.with_file_name(hidden_name(name(&target), &format!(".{slot}{PARTIAL}")));
+        let opened = faults.access().and_then(|()| take(place));
+        let (file, partial) = opened.map_err(|source| ExtmemError::making("create", &target, source))?;
         let file = BufWriter::with_capacity(WRITE_BUFFER, file);
         Ok(AtomicFile { file, partial, target, overwrite, published: false, faults })
-    }
-
-    /// Removes what others that were killed left of a [`target`]; to be called by whoever holds its lock, so that nobody else
-    /// writes it.
-    pub fn sweep(path: &Path) {
-        let begin = hidden_name(name(path), ".");
-        let is_partial = |hidden: &OsStr| {
-            let process = hidden
-                .as_encoded_bytes()
-                .strip_prefix(begin.as_encoded_bytes())
-                .and_then(|rest| rest.strip_suffix(PARTIAL.as_bytes()));
-            process.is_some_and(|id| !id.is_empty() && id.iter().all(u8::is_ascii_digit))
-        };
-        for entry in fs::read_dir(directory(path)).into_iter().flatten().flatten() {
-            if is_partial(&entry.file_name()) {
-                let _ = fs::remove_file(entry.path());
-            }
-        }
     }
 
     /// The name that the file will have.
@@ -128,6 +113,28 @@ impl AtomicFile {
     }
 }
 
+/// A new file at the first of these places that is free or can be made so; what is left at those behind it goes.
+fn take(place: impl Fn(u32) -> PathBuf) -> io::Result<(File, PathBuf)> {
+    for slot in 0..SLOTS {
+        let path = place(slot);
+        alive::clear(&path);
+        match File::options().read(true).write(true).create_new(true).open(&path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            made => {
+                let file = made?;
+                if alive::hold(&file, &path) {
+                    let behind = (slot + 1..SLOTS).map(place);
+                    behind
+                        .take_while(|path| path.symlink_metadata().is_ok())
+                        .for_each(|path| alive::clear(&path));
+                    return Ok((file, path));
+                }
+            }
+        }
+    }
+    Err(io::ErrorKind::AlreadyExists.into())
+}
+
 fn directory(path: &Path) -> &Path {
     path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
@@ -181,7 +188,7 @@ mod tests {
         let target = dir.path().join("model.chpm");
         let mut file = AtomicFile::create(&target, false).unwrap();
         file.write_all(b"....body").unwrap();
-        assert_eq!(names(dir.path()), [format!(".model.chpm.{}.partial", std::process::id())]);
+        assert_eq!(names(dir.path()), [".model.chpm.0.partial"]);
         file.seek(SeekFrom::Start(0)).unwrap();
         file.write_all(b"HEAD").unwrap();
         assert_eq!(file.path(), target);
@@ -228,32 +235,45 @@ mod tests {
     }
 
     #[test]
-    fn what_the_killed_left_is_swept_away() {
+    fn what_the_killed_left_goes_with_the_next() {
         let dir = tempfile::tempdir().unwrap();
-        for name in [".a.chpm.17.partial", ".a.chpm.x.partial", ".b.chpm.17.partial", "a.chpm"] {
-            fs::write(dir.path().join(name), b"x").unwrap();
+        let left =
+            [".a.0.partial", ".a.2.partial", ".a.3.partial", ".a.5.partial", ".a.x.partial", ".b.0.partial"];
+        let target = dir.path().join("a");
+        let first = AtomicFile::create(&target, false).unwrap();
+        for name in &left[1..] {
+            fs::write(dir.path().join(name), "left").unwrap();
         }
-        AtomicFile::sweep(&dir.path().join("a.chpm"));
-        assert_eq!(names(dir.path()), [".a.chpm.x.partial", ".b.chpm.17.partial", "a.chpm"]);
+        let mut second = AtomicFile::create(&target, false).unwrap();
+        // 5 is behind a gap, and is found when it is the next.
+        assert_eq!(
+            names(dir.path()),
+            [".a.0.partial", ".a.1.partial", ".a.5.partial", ".a.x.partial", ".b.0.partial"]
+        );
+        second.write_all(b"second").unwrap();
+        second.publish().unwrap();
+        assert!(first.publish().is_err(), "it was not there before");
+        assert_eq!(fs::read(&target).unwrap(), b"second");
+        assert_eq!(names(dir.path()), [".a.5.partial", ".a.x.partial", ".b.0.partial", "a"]);
     }
 
     #[test]
-    fn the_longest_names_are_written_and_swept_each_for_itself() {
+    fn the_longest_names_are_written_and_cleared_each_for_itself() {
         let dir = tempfile::tempdir().unwrap();
         let targets = ["a", "b"].map(|last| dir.path().join("x".repeat(254) + last));
-        for target in &targets {
-            // As if killed.
-            std::mem::forget(AtomicFile::create(target, false).unwrap());
-        }
+        let left = targets.each_ref().map(|target| {
+            let file = AtomicFile::create(target, false).unwrap();
+            file.partial.clone()
+        });
+        // As if killed.
+        left.iter().for_each(|partial| fs::write(partial, "left").unwrap());
         assert_eq!(names(dir.path()).len(), 2);
-        AtomicFile::sweep(&targets[0]);
         let mut file = AtomicFile::create(&targets[0], false).unwrap();
         file.write_all(b"new").unwrap();
         file.publish().unwrap();
         assert_eq!(fs::read(&targets[0]).unwrap(), b"new");
-        let id = std::process::id();
-        assert!(names(dir.path())[0].ends_with(&format!(".{id}.partial")), "the other's is left");
-        AtomicFile::sweep(&targets[1]);
+        assert!(!left[0].exists() && left[1].exists(), "the other's is left");
+        drop(AtomicFile::create(&targets[1], false).unwrap());
         assert_eq!(names(dir.path()), ["x".repeat(254) + "a"]);
     }
 
@@ -331,6 +351,6 @@ mod tests {
         assert!(matches!(AtomicFile::create(dir.path(), true), Err(ExtmemError::Irregular { .. })));
         assert!(matches!(AtomicFile::create(Path::new("/"), true), Err(ExtmemError::NotAFile { .. })));
         let error = AtomicFile::create(&dir.path().join("missing/model.chpm"), false).unwrap_err();
-        assert!(matches!(error, ExtmemError::Io { action: "create", .. }));
+        assert!(matches!(error, ExtmemError::NoFolder { .. }), "{error}");
     }
 }

@@ -1,6 +1,6 @@
 //! The work directory: a place for intermediate files, gone when the work ends, unless another run is to go on with it.
 
-use crate::{ExtmemError, Faults};
+use crate::{ExtmemError, Faults, alive};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io;
@@ -14,26 +14,38 @@ pub struct WorkDir {
     path: PathBuf,
     kept: AtomicBool,
     faults: Faults,
+    /// Open, which says that somebody is at work; not where another run may go on, whose makers take turns by themselves.
+    _held: Option<File>,
     /// Where another run may go on: names of files that stay when they are closed, since a manifest names them, or soon will.
     listed: Option<Mutex<BTreeSet<String>>>,
 }
 
 impl WorkDir {
-    /// Creates a new directory `chpm-XXXXXX` in `parent`, which must exist.
+    /// Creates a new directory `.chpm-XXXXXX.work` in `parent`, which must exist, and removes those that others left there who were killed.
     ///
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming `parent`.
     pub fn create(parent: &Path) -> Result<Self, ExtmemError> {
-        let dir = tempfile::Builder::new()
-            .prefix("chpm-")
-            .tempdir_in(parent)
-            .map_err(|source| ExtmemError::io("create a work directory in", parent, 0, plain(source)))?;
-        Ok(WorkDir {
-            path: dir.keep(),
-            kept: AtomicBool::new(false),
-            faults: Faults::default(),
-            listed: None,
-        })
+        let failed = |source| ExtmemError::io("create a work directory in", parent, 0, plain(source));
+        clear(parent);
+        loop {
+            let made = tempfile::Builder::new().prefix(PREFIX).suffix(SUFFIX).tempdir_in(parent);
+            let path = made.map_err(failed)?.keep();
+            let held = match File::open(&path) {
+                // One that is gone already was taken for left.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                held => held.inspect_err(|_| drop(fs::remove_dir(&path))).map_err(failed)?,
+            };
+            if alive::hold(&held, &path) {
+                return Ok(WorkDir {
+                    path,
+                    kept: AtomicBool::new(false),
+                    faults: Faults::default(),
+                    _held: Some(held),
+                    listed: None,
+                });
+            }
+        }
     }
 
     /// Opens `path` for work that another run may go on with: it is made if it is not there, and what an earlier run left in it
@@ -47,10 +59,12 @@ impl WorkDir {
             made => made,
         });
         made.map_err(|source| ExtmemError::io("create a work directory in", place(path), 0, source))?;
+        clear(place(path));
         Ok(WorkDir {
             path: path.to_owned(),
             kept: AtomicBool::new(path.join(Self::MANIFEST).exists()),
             faults,
+            _held: None,
             listed: Some(Mutex::default()),
         })
     }
@@ -177,6 +191,21 @@ impl WorkDir {
     }
 }
 
+/// How the name of a directory begins and ends that no other run goes on with.
+const PREFIX: &str = ".chpm-";
+const SUFFIX: &str = ".work";
+
+/// Removes such directories that nobody is at work in.
+fn clear(parent: &Path) {
+    for entry in fs::read_dir(parent).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let is_work = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX));
+        if is_work.is_some_and(|id| id.len() == 6 && id.bytes().all(|byte| byte.is_ascii_alphanumeric())) {
+            alive::clear(&entry.path());
+        }
+    }
+}
+
 /// The folder of a work directory.
 fn place(path: &Path) -> &Path {
     path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
@@ -223,6 +252,29 @@ mod tests {
         assert!(first.create_file("faces").is_err(), "a file is never replaced");
         drop((first, second));
         assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn what_the_killed_left_goes_with_the_next() {
+        let parent = tempfile::tempdir().unwrap();
+        let at = |name: &str| parent.path().join(name);
+        let leave = || {
+            for name in [".chpm-0aZ9xy.work", ".chpm-notes.work", ".chpm-0aZ9xy", "chpm-0aZ9xy.work"] {
+                fs::create_dir_all(at(name)).unwrap();
+                fs::write(at(name).join("pages"), "left").unwrap();
+            }
+        };
+        leave();
+        let alive = WorkDir::create(parent.path()).unwrap();
+        assert!(!at(".chpm-0aZ9xy.work").exists() && alive.path().exists());
+        assert!(
+            [".chpm-notes.work", ".chpm-0aZ9xy", "chpm-0aZ9xy.work"]
+                .iter()
+                .all(|name| at(name).join("pages").exists())
+        );
+        leave();
+        drop(WorkDir::resumable(&at(".x.work"), Faults::default()).unwrap());
+        assert!(!at(".chpm-0aZ9xy.work").exists() && alive.path().exists());
     }
 
     #[test]

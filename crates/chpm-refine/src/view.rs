@@ -77,7 +77,9 @@ impl Camera {
         let finite = numbers.as_flattened().iter().all(|x| x.is_finite());
         require(finite, "camera", "finite numbers", format_args!("{numbers:?}"))?;
         let sight = Point3::from(self.target) - Point3::from(self.position);
-        let apart = sight.norm() > 0.0 && sight.norm().is_finite();
+        let near = sight.norm().is_finite();
+        require(near, "camera", "numbers below 1e150", format_args!("{numbers:?}"))?;
+        let apart = sight.norm() > 0.0;
         require(apart, "camera", "a target away from the position", format_args!("{:?}", self.target))?;
         require(0.0 < self.fov && self.fov < 180.0, "field of view", "0 < degrees < 180", self.fov)?;
         require(self.near >= 0.0 && self.near.is_finite(), "near plane", "at least 0", self.near)
