@@ -1,5 +1,6 @@
 //! A file in one screen: what it is, how big, how good, and what to do next. All of it from the tables.
 
+use crate::escape::in_line;
 use crate::number::{Short, Units};
 use crate::report::{self, LevelRow, per_triangle};
 use chpm_build::config::Normals;
@@ -93,8 +94,8 @@ pub(crate) fn print(
     out: &mut impl Write,
 ) -> io::Result<()> {
     let h = file.header();
-    let (by, from) = metadata.map_or(("unknown", String::new()), |metadata| {
-        (&metadata.generator, format!(", from {}", metadata.source.name))
+    let (by, from) = metadata.map_or(("unknown".into(), String::new()), |metadata| {
+        (in_line(&metadata.generator), format!(", from {}", in_line(&metadata.source.name)))
     });
     writeln!(out, "{}: CHPM {}.{}, by {by}{from}", path.display(), h.version_major, h.version_minor)?;
     print_model(file, metadata, out)?;

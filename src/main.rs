@@ -19,6 +19,7 @@ mod connections;
 mod cuts;
 mod deviation;
 mod digest;
+mod escape;
 mod examples;
 mod folder;
 mod forecast;
@@ -50,6 +51,7 @@ mod whole;
 use args::Cli;
 use clap::FromArgMatches;
 use cmd::Verdict;
+use std::borrow::Cow;
 use std::io::{self, Write};
 use std::iter;
 use std::process::ExitCode;
@@ -59,7 +61,7 @@ fn main() -> ExitCode {
     let typed = examples::command().try_get_matches();
     let cli = match typed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
-        Err(error) if error.use_stderr() => error.exit(),
+        Err(error) if error.use_stderr() => misused(&error),
         Err(help) => return shown(&help),
     };
     #[cfg(feature = "viewer")]
@@ -83,6 +85,16 @@ fn shown(help: &clap::Error) -> ExitCode {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => failed(&error.into(), 2),
         _ => ExitCode::SUCCESS,
     }
+}
+
+/// Says what is wrong with the words of the command. It tells them, and they may be names of files.
+fn misused(error: &clap::Error) -> ! {
+    let text = error.to_string();
+    if let Cow::Owned(told) = escape::escaped(&text) {
+        progress::line(told.trim_end());
+        std::process::exit(error.exit_code());
+    }
+    error.exit()
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

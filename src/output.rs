@@ -1,5 +1,6 @@
 //! Where a verb's result goes: into a file that appears complete or not at all, or to standard output.
 
+use crate::escape::Escaped;
 use anyhow::{Result, bail, ensure};
 use chpm_extmem::{AtomicFile, ExtmemError, same_file};
 use std::io::{self, BufWriter, StdoutLock, Write};
@@ -141,7 +142,7 @@ impl Writes {
     pub(crate) fn create(self, path: &Path, force: bool, inputs: &[&Path]) -> Result<Output> {
         self.check(path)?;
         if is_stdout(path) {
-            return Ok(Output::Stdout(stdout()));
+            return Ok(Output::Stdout(stdout_of_bytes()));
         }
         // An input that is gone is told by whoever reads it.
         let is_input = inputs.iter().any(|input| same_file(input, path));
@@ -217,15 +218,20 @@ pub(crate) fn messages<'a>(
     match outputs.into_iter().filter(|output| output.is_stream()).count() {
         0 => Ok(Box::new(stdout())),
         1 if !json && quiet => Ok(Box::new(io::sink())),
-        1 if !json => Ok(Box::new(io::stderr())),
+        1 if !json => Ok(Box::new(Escaped(io::stderr()))),
         _ => {
             bail!("only one result can go to standard output; name files for the others, or leave out --json")
         }
     }
 }
 
-/// Where results go. To be flushed at the end: what is dropped cannot tell that writing failed.
-pub(crate) fn stdout() -> BufWriter<Stdout> {
+/// Where results go that are text. To be flushed at the end: what is dropped cannot tell that writing failed.
+pub(crate) fn stdout() -> Escaped<BufWriter<Stdout>> {
+    Escaped(stdout_of_bytes())
+}
+
+/// The same for files, byte by byte.
+fn stdout_of_bytes() -> BufWriter<Stdout> {
     BufWriter::new(Stdout(io::stdout().lock()))
 }
 

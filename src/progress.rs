@@ -1,5 +1,6 @@
 //! Progress on stderr: on a terminal a bar for a whole build, or for each other work, plain lines elsewhere, nothing with `--quiet`.
 
+use crate::escape;
 use crate::forecast::Forecast;
 use chpm_build::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -164,5 +165,5 @@ fn bar(label: &str, total: u64) -> ProgressBar {
 
 /// A line on stderr; whoever closed it does not want to know.
 pub(crate) fn line(text: &str) {
-    let _ = writeln!(io::stderr(), "{text}");
+    let _ = writeln!(io::stderr(), "{}", escape::escaped(text));
 }

@@ -1,5 +1,6 @@
 //! Results as tables for people and as JSON for programs. Both show the same numbers.
 
+use crate::escape::in_line;
 use crate::number::{Short, Units};
 use chpm_build::BuildReport;
 use chpm_build::report::LevelReport;
@@ -234,7 +235,9 @@ pub(crate) fn object<V: Into<Value>>(entries: impl IntoIterator<Item = (String, 
 pub(crate) fn repair_lines(repairs: &[(String, u64)]) -> Vec<String> {
     let width = repairs.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
     let occurred = repairs.iter().filter(|(_, n)| *n > 0);
-    occurred.map(|(name, n)| format!("  {:<width$}  {}", name.replace('-', " "), count(*n))).collect()
+    occurred
+        .map(|(name, n)| format!("  {:<width$}  {}", in_line(name).replace('-', " "), count(*n)))
+        .collect()
 }
 
 /// Bytes of the file for each triangle of the source.

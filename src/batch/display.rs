@@ -2,6 +2,7 @@
 //! elsewhere, nothing with `--quiet`.
 
 use super::summary::{Row, Status};
+use crate::escape::{escaped, in_line};
 use crate::progress::line;
 use chpm_build::{Progress, Stage};
 use chpm_mesh::Counted;
@@ -43,7 +44,7 @@ impl Display {
             let bar = ProgressBar::new(0).with_style(style("{prefix} {wide_bar} {percent:>3} %"));
             all.insert_before(total, bar)
         });
-        ModelMeter { bar, name: name.to_owned() }
+        ModelMeter { bar, name: in_line(name).into_owned() }
     }
 
     /// A model has ended.
@@ -62,7 +63,7 @@ impl Display {
             Some((all, total)) => {
                 total.set_position(done as u64);
                 if row.status == Status::Failed {
-                    let _ = all.println(text);
+                    let _ = all.println(escaped(&text));
                 }
             }
             None if self.quiet => {}

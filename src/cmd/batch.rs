@@ -10,6 +10,7 @@ use crate::config::{self, ConfigArgs};
 use crate::number;
 use crate::output;
 use crate::page;
+use crate::progress::line;
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::{BuildConfig, Cancel, MIN_MEMORY};
@@ -111,9 +112,9 @@ fn jobs(args: &Args, config: &BuildConfig) -> usize {
     }
     if !args.quiet {
         let each = Bytes(MIN_MEMORY);
-        eprintln!(
+        line(&format!(
             "{fitting} side by side instead of {wanted}, since each needs {each}; raise --memory for more"
-        );
+        ));
     }
     fitting
 }

@@ -34,13 +34,13 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
         if let Some(id) = args.cluster.iter().find(|id| **id >= count) {
             bail!("'{}' has no cluster {id}: the last is {}", args.file.display(), count - 1);
         }
-        if args.cluster.is_empty() {
-            chpm_format::dump(&file, &mut out, args.pages).map_err(plain)?;
-        }
-        for id in &args.cluster {
-            chpm_format::dump::cluster(&file, ClusterId(*id), &mut out).map_err(plain)?;
-        }
+        let told = match &args.cluster[..] {
+            [] => chpm_format::dump(&file, &mut out, args.pages),
+            ids => ids.iter().try_for_each(|id| chpm_format::dump::cluster(&file, ClusterId(*id), &mut out)),
+        };
+        // What is told of a damaged page comes before the error.
         out.flush()?;
+        told.map_err(plain)?;
         Ok(Verdict::Good)
     })
 }

@@ -4,6 +4,7 @@ use super::build::small;
 use super::{Verdict, open, reading, stdout, word};
 use crate::caches::{self, Drawn};
 use crate::digest::{self, Sizes, boundary, error_kind, max_distance, normals_from};
+use crate::escape::in_line;
 use crate::memory::{self, MemoryArgs};
 use crate::progress::line;
 use crate::report::{self, LevelRow, per_triangle};
@@ -166,22 +167,22 @@ fn print_provenance(metadata: &Metadata, out: &mut impl Write) -> io::Result<()>
     writeln!(
         out,
         "source     {}: {}, {}, {}, {}, xxh3 {:016x}",
-        source.name,
+        in_line(&source.name),
         Bytes(source.byte_len),
-        source.encoding,
+        in_line(&source.encoding),
         Counted(source.vertex_count, "vertex"),
         Counted(source.face_count, "face"),
         source.hash,
     )?;
     for comment in &source.comments {
-        writeln!(out, "           {comment}")?;
+        writeln!(out, "           {}", in_line(comment))?;
     }
     writeln!(out, "settings")?;
     for (name, value) in &metadata.settings {
-        writeln!(out, "  {name} {value}")?;
+        writeln!(out, "  {} {}", in_line(name), in_line(value))?;
     }
     for warning in &metadata.warnings {
-        writeln!(out, "warning: {warning}")?;
+        writeln!(out, "warning: {}", in_line(warning))?;
     }
     let repairs = report::repair_lines(&metadata.repairs);
     if !repairs.is_empty() {

@@ -38,11 +38,12 @@ use crate::stop::Stop;
 use anyhow::{Context, Result, anyhow};
 use chpm_export::ExportError;
 use chpm_extmem::{ExtmemError, MappedFile, WorkDir};
-use chpm_format::{Chpm, FormatError};
+use chpm_format::{Chpm, FormatError, Place};
 use chpm_proximity::ProximityError;
 use chpm_refine::RefineError;
 use std::error::Error;
-use std::path::Path;
+use std::fmt;
+use std::path::{Path, PathBuf};
 
 /// How a command ended that met no error.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -104,15 +105,40 @@ pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<
     let result = work();
     file.get_ref().check_unchanged()?;
     let is_of_file = |cause: &(dyn Error + 'static)| {
-        cause.is::<FormatError>()
-            || matches!(cause.downcast_ref(), Some(RefineError::Format(_)))
-            || matches!(cause.downcast_ref(), Some(ExportError::Format(_) | ExportError::Orphan { .. }))
-            || matches!(cause.downcast_ref(), Some(ProximityError::Format(_)))
+        let own = |damage: &FormatError| is_found_in(file, damage);
+        cause.downcast_ref().is_some_and(own)
+            || matches!(cause.downcast_ref(), Some(RefineError::Format(damage)) if own(damage))
+            || matches!(cause.downcast_ref(), Some(ExportError::Format(damage)) if own(damage))
+            || matches!(cause.downcast_ref(), Some(ExportError::Orphan { .. }))
+            || matches!(cause.downcast_ref(), Some(ProximityError::Format(damage)) if own(damage))
     };
-    result.map_err(|error| match error.chain().any(is_of_file) {
-        true => error.context(format!("cannot read '{}'", file.get_ref().path().display())),
+    result.map_err(|error| match error.chain().any(is_of_file) && !error.is::<Unreadable>() {
+        true => error.context(Unreadable(file.get_ref().path().to_owned())),
         false => error,
     })
+}
+
+/// Whether what is wrong is so in this file. A page knows nothing of its file: where two are read, it is of the one that has it damaged still.
+fn is_found_in(file: &Chpm<MappedFile>, damage: &FormatError) -> bool {
+    match damage {
+        FormatError::Checksum { place: Place::Page(id), .. }
+        | FormatError::Value { place: Place::Page(id), .. }
+        | FormatError::Truncated { place: Place::Page(id), .. }
+        | FormatError::Version { place: Place::Page(id), .. } => {
+            id.index() < file.clusters().len() && file.page(*id).is_err()
+        }
+        _ => true,
+    }
+}
+
+/// The file that an error is about. Whoever reads another file meanwhile adds no name of its own.
+#[derive(Debug)]
+struct Unreadable(PathBuf);
+
+impl fmt::Display for Unreadable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "cannot read '{}'", self.0.display())
+    }
 }
 
 /// A path as a word for the shell, to be copied into a command.

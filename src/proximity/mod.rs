@@ -11,7 +11,7 @@ pub(crate) use relate::{RelateArgs, place};
 
 use crate::args::MemorySize;
 use crate::batch::inputs;
-use crate::cmd::{build, open, temporary};
+use crate::cmd::{build, open, reading, temporary};
 use crate::memory;
 use crate::progress::{Meter, line};
 use crate::stop::{self, Stop};
@@ -20,7 +20,7 @@ use chpm_build::{BuildConfig, Cancel, Resources};
 use chpm_extmem::{MappedFile, WorkDir};
 use chpm_format::Chpm;
 use chpm_mesh::Bytes;
-use chpm_proximity::{Answer, End, Front, Model, Pose, ProximityError, Question, Reads, follow};
+use chpm_proximity::{Answer, End, Front, Model, Pose, Question, Reads, follow};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -137,16 +137,7 @@ impl Pair {
     /// Does what reads both files; see [`crate::cmd::reading`].
     pub(crate) fn reading<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
         let [a, b] = &self.models;
-        let result = work();
-        a.file.get_ref().check_unchanged()?;
-        b.file.get_ref().check_unchanged()?;
-        result.map_err(|error| match error.downcast_ref() {
-            Some(ProximityError::Format(_)) => {
-                let (a, b) = (a.path.display(), b.path.display());
-                error.context(format!("cannot read '{a}' or '{b}'"))
-            }
-            _ => error,
-        })
+        reading(&b.file, || reading(&a.file, work))
     }
 }
 

@@ -1,6 +1,7 @@
 //! The command line as people meet it: examples, completions, manual pages, a terminal's width, colours, slips of the finger.
 
 use super::harness::{CHPM, Folder, root, text};
+use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -214,4 +215,45 @@ fn the_readme_gets_to_a_picture_in_three_commands() {
     assert!(
         commands.iter().any(|line| line.contains("-- build scan.ply")) && start.contains("-- view scan.chpm")
     );
+}
+
+#[test]
+fn names_and_comments_of_files_are_no_commands_to_a_terminal() {
+    // Title, colours in both spellings, a bell, a line of its own, the other direction.
+    let (name, comment) = ("a\u{1b}]0;b\u{7}\u{202e}c", "by \u{1b}[31mhand\u{9b}2J\u{8}\u{2066}");
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 100 -o in.ply -q");
+    let mesh = folder.read("in.ply");
+    let end = mesh.iter().position(|byte| *byte == b'\n').expect("a line") + 1;
+    let header = format!("ply\nformat binary_little_endian 1.0\ncomment {comment}\n");
+    let rest = mesh[end..].iter().position(|byte| *byte == b'\n').expect("a line") + end + 1;
+    folder.write(&format!("{name}.ply"), [header.as_bytes(), &mesh[rest..]].concat());
+    let mut said = Vec::new();
+    let mut say = |words: &str, code: i32| {
+        let output = folder.chpm(words).code(code);
+        let told = text(&output.get_output().stdout) + &text(&output.get_output().stderr);
+        said.push((words.to_owned(), told));
+    };
+    say(&format!("build {name}.ply --verbose"), 0);
+    let file = format!("{name}.chpm");
+    for words in
+        ["info X", "info X --settings", "verify X", "stats X", "extract X --level 0 -o X.ply", "dump X"]
+    {
+        say(&words.replace('X', &file), 0);
+    }
+    for words in ["info none-X", "info X --no\u{1b}[1m", "extract X --level 99 -o out.ply", "build X"] {
+        say(&words.replace('X', &file), 2);
+    }
+    folder.write("in.txt", "no mesh \u{1b}[2J");
+    say("build in.txt", 2);
+    for (words, told) in said {
+        let command = |c: char| c.is_control() && c != '\n' || matches!(c, '\u{202e}' | '\u{2066}');
+        assert!(!told.contains(command), "{words:?}: {told:?}");
+        // These have no name to tell.
+        let is_nameless = words.contains("in.txt") || words.starts_with("stats");
+        assert!(is_nameless || told.contains("\\u001b") || told.contains("\\u{1b}"), "{words:?}: {told}");
+    }
+    let info: Value = serde_json::from_str(&folder.stdout(&format!("info {file} --json"))).expect("JSON");
+    assert_eq!((&info["file"], &info["source"]["name"]), (&json!(file), &json!(format!("{name}.ply"))));
+    assert_eq!(info["source"]["comments"][0], comment);
 }

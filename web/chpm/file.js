@@ -3,7 +3,7 @@
 import { unpack } from "./packed.js";
 import { readPage } from "./page.js";
 import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, expect, readCluster, readGroup, readHeader, readSections, viewOf } from "./records.js";
-import { ChpmError, readExactly } from "./source.js";
+import { ChpmError, readExactly, readSound } from "./source.js";
 import { xxh3 } from "./xxh3.js";
 import { expand } from "./zstd.js";
 
@@ -53,7 +53,7 @@ class Table {
       const end = run[count - 1] * this.chunkLength + this.lengthOf(run[count - 1]);
       const start = run[0] * this.chunkLength;
       const what = `section kind ${this.section.kind}`;
-      const all = readExactly(this.source, this.section.offset + start, end - start, what, signal).then((bytes) => {
+      const all = readSound(this.source, this.section.offset + start, end - start, what, signal, (bytes) => {
         for (const k of run) {
           const at = k * this.chunkLength - start;
           this.take(k, bytes.slice(at, at + this.lengthOf(k)));
@@ -184,7 +184,7 @@ export class ChpmFile {
       const bytes = await readExactly(this.#source, start, end - start, "a page", signal);
       for (const cluster of run) {
         const at = cluster.pageOffset - start;
-        take(this.#page(cluster, bytes.subarray(at, at + cluster.pageLength)));
+        take(await this.#soundPage(cluster, bytes.subarray(at, at + cluster.pageLength), signal));
       }
     }
   }
@@ -194,6 +194,16 @@ export class ChpmFile {
     const pages = new Map();
     await this.eachPage(ids, (page) => pages.set(page.cluster.id, page), signal);
     return pages;
+  }
+
+  /** A page of bytes that came; as {@link readSound} does, where they are not what they should be. */
+  async #soundPage(cluster, bytes, signal) {
+    try {
+      return this.#page(cluster, bytes);
+    } catch (error) {
+      if (!(error instanceof ChpmError)) throw error;
+      return this.#page(cluster, await readExactly(this.#source, cluster.pageOffset, cluster.pageLength, "a page", signal, true));
+    }
   }
 
   #page(cluster, bytes) {
@@ -231,7 +241,7 @@ export async function open(source, { signal, first = FIRST, zstd = expand } = {}
     return await begin(source, signal, Math.max(first, 4096), zstd);
   } catch (error) {
     if (error instanceof ChpmError && !error.message.startsWith(source.name)) {
-      throw new ChpmError(`${source.name}: ${error.message}`, { cause: error });
+      throw new ChpmError(`${source.name}: ${error.message}`, { cause: error, isLost: error.isLost });
     }
     throw error;
   }

@@ -1,5 +1,8 @@
 /** What is wrong with a file or with the way to it, in words for people. */
-export class ChpmError extends Error {}
+export class ChpmError extends Error {
+  /** Whether it is the way to the file that failed: the same may succeed later. */
+  readonly isLost: boolean;
+}
 
 /** Where bytes come from. */
 export interface Source {
@@ -7,16 +10,25 @@ export interface Source {
   readonly name: string;
   /** Bytes of the whole file, if they are known. */
   size(): Promise<number | undefined>;
-  /** Bytes from `offset` on; fewer only where the file ends. */
-  read(offset: number, length: number, signal?: AbortSignal): Promise<Uint8Array>;
+  /** Bytes from `offset` on; fewer only where the file ends. With `isFresh` not from a cache: what that has is damaged. */
+  read(offset: number, length: number, signal?: AbortSignal, isFresh?: boolean): Promise<Uint8Array>;
 }
 
 export interface HttpSource extends Source {
   readonly statistics: { requests: number; bytes: number };
 }
 
-/** A file on a host that answers range requests. */
-export function httpSource(url: string | URL, options?: { fetch?: typeof fetch; headers?: Record<string, string> }): HttpSource;
+export interface HttpOptions {
+  fetch?: typeof fetch;
+  headers?: Record<string, string>;
+  /** Waits before a lost request is made again, milliseconds; as often as there are any. */
+  waits?: number[];
+  /** So long without a byte, and a request is lost; milliseconds. */
+  patience?: number;
+}
+
+/** A file on a host that answers range requests. What the browser's cache has of it, in the version that the host has, is not fetched again. */
+export function httpSource(url: string | URL, options?: HttpOptions): HttpSource;
 /** A file that somebody picked or dropped. */
 export function blobSource(blob: Blob): Source;
 export function memorySource(bytes: ArrayBuffer | ArrayBufferView): Source;

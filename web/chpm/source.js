@@ -2,9 +2,11 @@
 
 /** What is wrong with a file or with the way to it, in words for people. */
 export class ChpmError extends Error {
-  constructor(message, options) {
+  /** @param options.isLost whether it is the way that failed: the same may succeed later */
+  constructor(message, { isLost = false, ...options } = {}) {
     super(message, options);
     this.name = "ChpmError";
+    this.isLost = isLost;
   }
 }
 
@@ -27,56 +29,93 @@ export function blobSource(blob) {
   };
 }
 
+/** Waits before a request is made again, ms. Who reads decides what comes after the last one. */
+const WAITS = [200, 800];
+/** So long without a byte, and a request is taken for lost, ms. */
+const PATIENCE = 20000;
+/** What a host answers that cannot answer now. */
+const BUSY = [408, 425, 429, 500, 502, 503, 504];
+
 /**
  * A file on a host that answers range requests, as most hosts of static files do.
+ *
+ * The first request asks the host which version of the file it has. What the browser's cache has of that version is not fetched again.
  * @param {string | URL} url
- * @param {{ fetch?: typeof fetch, headers?: Record<string, string> }} [options]
+ * @param {{ fetch?: typeof fetch, headers?: Record<string, string>, waits?: number[], patience?: number }} [options]
  */
-export function httpSource(url, { fetch: get = (...request) => fetch(...request), headers = {} } = {}) {
+export function httpSource(url, { fetch: get = (...request) => fetch(...request), headers = {}, waits = WAITS, patience = PATIENCE } = {}) {
   const name = String(url);
   let size;
   let version;
   const statistics = { requests: 0, bytes: 0 };
 
-  async function read(offset, length, signal) {
+  /** One request. */
+  async function ask(offset, length, cache, signal) {
     const range = `bytes=${offset}-${offset + length - 1}`;
-    let response;
+    const own = new AbortController();
+    const stop = () => own.abort(signal.reason);
+    signal?.aborted ? stop() : signal?.addEventListener("abort", stop);
+    let timer;
+    const heard = () => {
+      clearTimeout(timer);
+      timer = setTimeout(() => own.abort(), patience);
+    };
+    const refuse = async (response, message, options) => {
+      await response.body?.cancel();
+      throw new ChpmError(message, options);
+    };
     try {
-      // A cache would have to hold every range on its own, and some answer a range of an old file.
-      response = await get(url, { headers: { ...headers, Range: range }, cache: "no-store", signal });
-    } catch (cause) {
-      if (signal?.aborted) throw cause;
-      throw new ChpmError(`${name} cannot be reached: ${cause.message}`, { cause });
-    }
-    statistics.requests += 1;
-    if (response.status === 200) {
-      await response.body?.cancel();
-      throw new ChpmError(`the host of ${name} sends whole files only; it has to answer range requests`);
-    }
-    if (response.status !== 206) {
-      await response.body?.cancel();
-      const gone = response.status === 404 || response.status === 410;
-      throw new ChpmError(gone ? `${name} is not there` : `${name}: the host answers ${response.status} ${response.statusText}`);
-    }
+      heard();
+      const response = await get(url, { headers: { ...headers, Range: range }, cache, signal: own.signal });
+      statistics.requests += 1;
+      const { status } = response;
+      const tag = response.headers.get("ETag") ?? response.headers.get("Last-Modified");
+      const changed = `${name} has changed since it was opened; open it again`;
+      // Whoever answered a range before sends all of it where the range is of another version.
+      if (status === 200 && version !== undefined && tag !== version) await refuse(response, changed);
+      if (status === 200) await refuse(response, `the host of ${name} sends whole files only; it has to answer range requests`);
+      if (status === 404 || status === 410) await refuse(response, `${name} is not there`);
+      if (status !== 206) {
+        await refuse(response, `${name}: the host answers ${status} ${response.statusText}`, { isLost: BUSY.includes(status) });
+      }
 
-    // All ranges have to be of one file.
-    const total = Number(/\/(\d+)\s*$/.exec(response.headers.get("Content-Range") ?? "")?.[1] ?? NaN);
-    const tag = response.headers.get("ETag") ?? response.headers.get("Last-Modified");
-    if (version !== undefined && (tag !== version || (total && total !== size))) {
-      await response.body?.cancel();
-      throw new ChpmError(`${name} has changed since it was opened; open it again`);
-    }
-    version = tag;
-    size = total || size;
-    let bytes;
-    try {
-      bytes = new Uint8Array(await response.arrayBuffer());
+      // All ranges have to be of one file.
+      const told = /^bytes (\d+)-\d+\/(\d+|\*)$/.exec(response.headers.get("Content-Range")?.trim() ?? "");
+      const total = Number(told?.[2]) || undefined;
+      if (version !== undefined && (tag !== version || (total && total !== size))) await refuse(response, changed);
+      if (told && Number(told[1]) !== offset) await refuse(response, `${name}: the host answers another range than it was asked for`);
+      const bytes = await allOf(response, heard);
+      version = tag;
+      size = total ?? size;
+      statistics.bytes += bytes.byteLength;
+      return bytes;
     } catch (cause) {
-      if (signal?.aborted) throw cause;
-      throw new ChpmError(`${name}: the connection ended early`, { cause });
+      if (signal?.aborted) throw signal.reason;
+      if (cause instanceof ChpmError) throw cause;
+      const told = own.signal.aborted ? `nothing came for ${patience / 1000} s` : cause.message;
+      throw new ChpmError(`${name} cannot be reached: ${told}`, { cause, isLost: true });
+    } finally {
+      clearTimeout(timer);
+      signal?.removeEventListener("abort", stop);
     }
-    statistics.bytes += bytes.byteLength;
-    return bytes;
+  }
+
+  /** @param isFresh whether caches are to be left out: what they have is not what was written */
+  async function read(offset, length, signal, isFresh = false) {
+    // The first request has the cache compare its version with the host's; what it has is good then.
+    let cache = isFresh ? "reload" : version === undefined ? "no-cache" : "force-cache";
+    for (let attempt = 0; ; attempt++) {
+      try {
+        return await ask(offset, length, cache, signal);
+      } catch (error) {
+        if (!(error instanceof ChpmError)) throw error;
+        // A cache may keep ranges of an old version.
+        const isStale = !error.isLost && cache === "force-cache";
+        if (!isStale && (!error.isLost || attempt >= waits.length)) throw error;
+        if (isStale) cache = "reload";
+        else await pause(waits[attempt], signal);
+      }
+    }
   }
 
   return {
@@ -88,13 +127,62 @@ export function httpSource(url, { fetch: get = (...request) => fetch(...request)
   };
 }
 
+/** The body of an answer; `heard` is told of each piece. */
+async function allOf(response, heard) {
+  const pieces = [];
+  let length = 0;
+  for (const reader = response.body.getReader(); ; ) {
+    const { done, value } = await reader.read();
+    if (done) break;
+    heard();
+    pieces.push(value);
+    length += value.byteLength;
+  }
+  const bytes = new Uint8Array(length);
+  let at = 0;
+  for (const piece of pieces) {
+    bytes.set(piece, at);
+    at += piece.byteLength;
+  }
+  return bytes;
+}
+
+/** Waits, unless it is called off. */
+function pause(time, signal) {
+  return new Promise((done, failed) => {
+    const stop = () => {
+      clearTimeout(timer);
+      failed(signal.reason);
+    };
+    const timer = setTimeout(() => {
+      signal?.removeEventListener("abort", stop);
+      done();
+    }, time);
+    signal?.addEventListener("abort", stop, { once: true });
+  });
+}
+
 /** Reads a range that has to be there in full. */
-export async function readExactly(source, offset, length, what, signal) {
-  const bytes = await source.read(offset, length, signal);
+export async function readExactly(source, offset, length, what, signal, isFresh) {
+  const bytes = await source.read(offset, length, signal, isFresh);
   if (bytes.byteLength !== length) {
     throw new ChpmError(
       `${source.name} ends early: ${what} takes ${length} bytes from byte ${offset} on, and ${bytes.byteLength} are there`,
     );
   }
   return bytes;
+}
+
+/**
+ * Reads a range that has to be there in full, and has it looked at. What is not as it should be may have been damaged on its way or by a cache, and is read
+ * once more before it is told.
+ */
+export async function readSound(source, offset, length, what, signal, look) {
+  const bytes = await readExactly(source, offset, length, what, signal);
+  try {
+    return look(bytes);
+  } catch (error) {
+    if (!(error instanceof ChpmError)) throw error;
+    return look(await readExactly(source, offset, length, what, signal, true));
+  }
 }

@@ -205,6 +205,62 @@ test("what goes wrong is a message on the page", { skip }, async () => {
   }
 });
 
+test("what is lost on its way is fetched again, and the page says so while it waits", { skip }, async () => {
+  let left = 1;
+  // Each time another request than the one before.
+  host.state.lose = (file) => file === "iso.chpm" && (left = (left + 1) % 3) === 0;
+  await show("?file=iso.chpm", async (page) => assert.equal((await state(page)).status, "settled"));
+  let isGone = false;
+  host.state.lose = (file) => isGone && file === "iso.chpm";
+  await show("?file=iso.chpm&pixels=32", async (page) => {
+    const before = await state(page);
+    isGone = true;
+    await page.evaluate(() => { chpmView.orbit.distance *= 0.2; chpmView.orbit.onChange(); });
+    await page.locator("#pixels").fill("-1");
+    await page.waitForFunction(() => chpmView.status === "waiting");
+    assert.match((await state(page)).message, /iso\.chpm cannot be reached.*tried again/s);
+    assert.ok((await drawnPixels(page)) > 0.02);
+    isGone = false;
+    await page.waitForFunction(() => chpmView.status === "settled");
+    const after = await state(page);
+    assert.ok(after.message === "" && after.triangles > before.triangles, JSON.stringify([before, after]));
+  });
+  // Gone before the first byte.
+  isGone = true;
+  const { page } = await newPage(browser);
+  await page.goto(`${host.url}/view.html?file=iso.chpm`);
+  await page.waitForFunction(() => chpmView.status === "waiting");
+  isGone = false;
+  await page.waitForFunction(() => chpmView.status === "settled");
+  await page.close();
+  host.state.lose = () => false;
+});
+
+test("what a browser has of a file is not fetched again, and of an older file nothing is taken", { skip }, async () => {
+  const context = await browser.newContext();
+  const name = path.join(folder, "again.chpm");
+  writeFileSync(name, readFileSync(path.join(folder, "iso.chpm")));
+  const visit = async () => {
+    const page = await context.newPage();
+    host.state.requests.length = 0;
+    await page.goto(`${host.url}/view.html?file=again.chpm`);
+    await rest(page);
+    const { status, triangles } = await state(page);
+    await page.close();
+    const asked = host.state.requests.filter(({ file }) => file === "again.chpm");
+    return { status, triangles, requests: asked.length, bytes: asked.reduce((sum, { length }) => sum + length, 0) };
+  };
+  const first = await visit();
+  const again = await visit();
+  assert.ok(first.requests > 3 && first.status === "settled", JSON.stringify(first));
+  // Whether it is still the same file.
+  assert.deepEqual(again, { ...first, requests: 1, bytes: 0 });
+  writeFileSync(name, readFileSync(path.join(folder, "packed.chpm")));
+  const other = await visit();
+  assert.ok(other.status === "settled" && other.triangles === first.triangles && other.bytes > 0, JSON.stringify(other));
+  await context.close();
+});
+
 test("a host without ranges is told, and so is a file that vanishes", { skip }, async () => {
   host.state.ranges = false;
   await show("?file=iso.chpm", async (page) => assert.match((await state(page)).message, /whole files only/));

@@ -11,7 +11,7 @@ const TYPES = { ".html": "text/html", ".js": "text/javascript", ".css": "text/cs
  * @param {string[]} folders
  */
 export async function serve(folders) {
-  const state = { ranges: true, gone: new Set(), requests: [], hold: null };
+  const state = { ranges: true, gone: new Set(), requests: [], hold: null, lose: () => false };
   const server = createServer(async (request, response) => {
     const name = decodeURIComponent(new URL(request.url, "http://localhost").pathname);
     const candidates = folders.map((folder) => path.join(folder, path.normalize(name)));
@@ -24,6 +24,11 @@ export async function serve(folders) {
         const [first, last] = [Number(range[1]), Math.min(Number(range[2]), found.size - 1)];
         // Ranges from there on wait.
         if (state.hold && first >= state.hold.from) await state.hold.until;
+        if (state.lose(path.basename(file), first)) return request.socket.destroy();
+        if (request.headers["if-none-match"] === headers.ETag) {
+          state.requests.push({ file: path.basename(file), first, length: 0 });
+          return response.writeHead(304, headers).end();
+        }
         state.requests.push({ file: path.basename(file), first, length: last - first + 1 });
         response.writeHead(206, { ...headers, "Content-Range": `bytes ${first}-${last}/${found.size}`, "Content-Length": last - first + 1 });
         createReadStream(file, { start: first, end: last }).pipe(response);

@@ -23,7 +23,7 @@ function tell(status, message = "") {
   Object.assign(state, { status, message });
   document.documentElement.dataset.status = status;
   $("message").textContent = message;
-  $("message").classList.toggle("error", status === "failed" || status === "damaged");
+  $("message").classList.toggle("error", status === "failed" || status === "damaged" || status === "waiting");
 }
 
 /** A length: as people write it, unless that is long. */
@@ -99,7 +99,15 @@ async function show(source, name) {
   $("title").textContent = name;
   document.title = `${name} - chpm`;
   tell("loading", `opening ${name}`);
-  const opened = new Model(source, renderer, changed, (error) => tell("damaged", `${error.message}. The rest of the model is drawn.`));
+  // What is damaged stays so, also when a connection comes back.
+  let damage = null;
+  const isShown = (then) => (...told) => model === opened && then(...told);
+  const opened = new Model(source, renderer, {
+    changed: isShown(changed),
+    damaged: isShown(({ message }) => tell("damaged", (damage = `${message}. The rest of the model is drawn.`))),
+    lost: isShown(({ message }) => tell("waiting", `${message}. It is tried again.`)),
+    found: isShown(() => (damage ? tell("damaged", damage) : tell("loading"))),
+  });
   model = opened;
   try {
     await opened.open();

@@ -6,16 +6,39 @@ import { camera as cameraRule, open, selectFromMemory } from "../chpm/index.js";
 const AT_ONCE = 2;
 const BATCH = 48;
 const GPU_BYTES = 512 << 20;
+/** Waits for a host that cannot be reached, ms: twice as long each time, up to the longest. */
+const SOON = 1000;
+const LONGEST = 30000;
 
 export class Model {
-  constructor(source, renderer, onChange, onError) {
-    Object.assign(this, { source, renderer, onChange, onError, stopped: new AbortController(), coming: new Set(), failed: new Set(), isReady: false });
+  /**
+   * @param hear.changed something came, and the picture is another one
+   * @param hear.damaged a part of the file cannot be used
+   * @param hear.lost the host cannot be reached; it is asked again, and `hear.found` told when it answers
+   */
+  constructor(source, renderer, hear) {
+    Object.assign(this, { source, renderer, hear, stopped: new AbortController(), coming: new Set(), failed: new Set(), isReady: false });
     this.relaxed = 1;
     this.batches = 0;
+    /** How often in a row the host was not reached. */
+    this.losses = 0;
+    this.isWaiting = false;
   }
 
-  /** Opens the file and draws the roots. */
+  /** Opens the file and draws the roots; waits for the host as long as it takes. */
   async open() {
+    for (;;) {
+      try {
+        await this.#begin();
+        return this.#found();
+      } catch (error) {
+        if (!error.isLost || this.stopped.signal.aborted) throw error;
+        await this.#wait(error);
+      }
+    }
+  }
+
+  async #begin() {
     const { signal } = this.stopped;
     this.file = await open(this.source, { signal });
     this.roots = await this.file.roots(signal);
@@ -24,7 +47,9 @@ export class Model {
     this.center = boxMin.map((x, axis) => (x + boxMax[axis]) / 2);
     this.radius = Math.hypot(...boxMin.map((x, axis) => boxMax[axis] - x)) / 2;
     this.place = { center: this.center, scale: 2 ** Math.round(Math.log2(this.radius || 1)) };
-    await this.file.eachPage(this.roots, (page) => this.renderer.add(page, this.place), signal);
+    // Some are there where the host was lost between them.
+    const absent = this.roots.filter((id) => !this.renderer.has(id));
+    await this.file.eachPage(absent, (page) => this.renderer.add(page, this.place), signal);
     this.kept = new Set(this.roots);
     /** Before, there is nothing to draw, whatever changes. */
     this.isReady = true;
@@ -56,7 +81,7 @@ export class Model {
     const wanted = waiting.filter(({ group }) => !this.failed.has(group.id));
     wanted.sort((a, b) => this.#urgency(b.group, rule) - this.#urgency(a.group, rule));
     const due = wanted.filter(({ group }) => !this.coming.has(group.id));
-    while (due.length > 0 && this.batches < AT_ONCE) {
+    while (due.length > 0 && this.batches < AT_ONCE && !this.isWaiting) {
       const batch = [];
       for (let brings = 0; due.length > 0 && brings < BATCH; ) {
         const { group } = due.shift();
@@ -82,8 +107,10 @@ export class Model {
     ids.forEach((id) => this.coming.add(id));
     try {
       await this.#bring(ids, signal);
+      this.#found();
     } catch (error) {
       if (signal.aborted) return;
+      if (error.isLost) return void this.#wait(error);
       // What is wrong is of one group; the others, and the rest of the model, stay as they are.
       for (const id of ids) {
         try {
@@ -91,15 +118,43 @@ export class Model {
           else throw error;
         } catch (own) {
           if (signal.aborted) return;
+          if (own.isLost) return void this.#wait(own);
           this.failed.add(id);
-          this.onError(own);
+          this.hear.damaged(own);
         }
       }
     } finally {
       ids.forEach((id) => this.coming.delete(id));
       this.batches -= 1;
     }
-    if (!signal.aborted) this.onChange();
+    if (!signal.aborted) this.hear.changed();
+  }
+
+  /** The host cannot be reached: until it is asked again, nothing is. */
+  async #wait(error) {
+    if (this.isWaiting) return;
+    this.isWaiting = true;
+    this.hear.lost(error);
+    const wait = Math.min(SOON * 2 ** this.losses++, LONGEST);
+    await new Promise((done) => {
+      const { signal } = this.stopped;
+      const go = () => {
+        clearTimeout(timer);
+        removeEventListener("online", go);
+        signal.removeEventListener("abort", go);
+        done();
+      };
+      const timer = setTimeout(go, wait);
+      addEventListener("online", go);
+      signal.addEventListener("abort", go);
+    });
+    this.isWaiting = false;
+    if (!this.stopped.signal.aborted) this.hear.changed();
+  }
+
+  #found() {
+    if (this.losses > 0) this.hear.found();
+    this.losses = 0;
   }
 
   async #bring(ids, signal) {

@@ -12,7 +12,8 @@ use std::io::Write;
 /// page. Numbers are written so that they read back to equal bits.
 ///
 /// # Errors
-/// [`FormatError::Write`]; what is wrong with metadata or pages is part of the text.
+/// [`FormatError::Write`]; and when all is written, what is wrong with the first damaged page. That, and what is wrong with metadata or with other pages, is part of the
+/// text, too.
 pub fn dump<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write, pages: bool) -> Result<(), FormatError> {
     header(file, out)?;
     for level in file.levels() {
@@ -21,14 +22,18 @@ pub fn dump<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write, pages: bool) -
     for (id, group) in (0..).map(GroupId).zip(file.groups()) {
         dump_group(id, group, file.coarse(id), file.fine(id), out)?;
     }
+    let mut damage = Ok(());
     for (id, record) in (0..).map(ClusterId).zip(file.clusters()) {
         if pages {
-            cluster(file, id, out)?;
+            match cluster(file, id, out) {
+                error @ Err(FormatError::Write(_)) => return error,
+                found => damage = damage.and(found),
+            }
         } else {
             dump_cluster(id, record, out)?;
         }
     }
-    Ok(())
+    damage
 }
 
 /// Writes one cluster and its page as [`dump`] does.
@@ -45,10 +50,12 @@ pub fn cluster<D: AsRef<[u8]>>(
 ) -> Result<(), FormatError> {
     dump_cluster(id, &file.clusters()[id.index()], out)?;
     match file.page(id) {
-        Ok(page) => dump_page(&page.view(), out)?,
-        Err(error) => writeln!(out, "  unreadable {error}")?,
+        Ok(page) => dump_page(&page.view(), out),
+        Err(error) => {
+            writeln!(out, "  unreadable {error}")?;
+            Err(error)
+        }
     }
-    Ok(())
 }
 
 fn header<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write) -> Result<(), FormatError> {

@@ -252,6 +252,11 @@ impl Header {
         require(self.boundary_mode().is_some(), place, "boundary_mode", "0, 1 or 2", self.boundary_mode)?;
         require(self.error_kind().is_some(), place, "error_kind", "0 or 1", self.error_kind)?;
         let finite = self.origin.iter().all(|x| x.is_finite());
-        require(finite, place, "origin", "finite numbers", format_args!("{:?}", self.origin))
+        require(finite, place, "origin", "finite numbers", format_args!("{:?}", self.origin))?;
+        let (min, max) = (self.aabb_min, self.aabb_max);
+        let boxed = min.iter().zip(max).all(|(min, max)| min.is_finite() && max.is_finite() && *min <= max);
+        require(boxed, place, "box", "finite, min <= max", format_args!("{min:?} {max:?}"))?;
+        let (legal, error) = (self.max_error.is_finite() && self.max_error >= 0.0, self.max_error);
+        require(legal, place, "max_error", "finite, at least 0", error)
     }
 }

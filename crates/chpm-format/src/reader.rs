@@ -13,14 +13,20 @@ use crate::structure::{Structure, member_range, place_pages};
 use bytemuck::Pod;
 use chpm_mesh::{ClusterId, GroupId};
 use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A CHPM file over bytes in memory: a map, a vector. `D` must give the same bytes every time.
+///
+/// A page's checksum is compared before its first use, whichever way it is asked for, and then not again.
 #[derive(Clone, Debug)]
 pub struct Chpm<D> {
     data: D,
     header: Header,
     sections: Sections,
     on_page: fn(&D, u64),
+    /// A bit for each cluster: whether its page has been found to be what was written.
+    intact: Arc<[AtomicU64]>,
 }
 
 impl<D: AsRef<[u8]>> Chpm<D> {
@@ -36,7 +42,10 @@ impl<D: AsRef<[u8]>> Chpm<D> {
             return Err(FormatError::Alignment { place: Place::File, expected: MEMORY_ALIGN });
         }
         let sections = Sections::read(&header, bytes)?;
-        let file = Chpm { data, header, sections, on_page: |_, _| () };
+        // No file has more records than bytes, and what is not listed is refused below.
+        let words = sections.count(SectionKind::Clusters).div_ceil(u64::from(u64::BITS));
+        let intact = (0..words).map(|_| AtomicU64::new(0)).collect();
+        let file = Chpm { data, header, sections, on_page: |_, _| (), intact };
         file.structure().check()?;
         file.check_pages()?;
         Ok(file)
@@ -186,7 +195,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.clusters().iter().any(ClusterRecord::is_trimmed)
     }
 
-    /// The bytes of a cluster's page as it is stored, without padding.
+    /// The bytes of a cluster's page as it is stored, without padding, and without a look at them: they may be damaged.
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
@@ -195,6 +204,18 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         let start = record.page_offset as usize;
         (self.on_page)(&self.data, record.page_len.into());
         &self.data.as_ref()[start..start + record.page_len as usize]
+    }
+
+    /// The same, and what was written: their checksum was compared, now or before.
+    fn intact_bytes(&self, id: ClusterId) -> Result<&[u8], FormatError> {
+        let bytes = self.page_bytes(id);
+        let (word, bit) = (&self.intact[id.index() / 64], 1 << (id.index() % 64));
+        // Nothing else hangs on the bit: whoever does not see it yet compares once more.
+        if word.load(Ordering::Relaxed) & bit == 0 {
+            check_sum(Place::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
+            word.fetch_or(bit, Ordering::Relaxed);
+        }
+        Ok(bytes)
     }
 
     /// Whether a cluster's page is packed.
@@ -213,15 +234,16 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.clusters()[id.index()].unpacked_len(self.header.attributes())
     }
 
-    /// A cluster's page, its structure checked and its header compared with the record; see [`Page::parse`]. In place, or unpacked.
+    /// A cluster's page, its checksum compared if it was not before, its structure checked, and its header compared with the record; see [`Page::parse`]. In place, or
+    /// unpacked.
     ///
     /// # Errors
-    /// What [`Page::parse`] and [`crate::packed::unpack`] refuse, or a page that contradicts its record.
+    /// [`FormatError::Checksum`] for a damaged page, what [`Page::parse`] and [`crate::packed::unpack`] refuse, or a page that contradicts its record.
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
     pub fn page(&self, id: ClusterId) -> Result<PageBuf<'_>, FormatError> {
-        self.page_of(id, self.page_bytes(id))
+        self.page_of(id, self.intact_bytes(id)?)
     }
 
     /// As [`Chpm::page`], but of what the page holds only the errors of its positions are looked at: to choose a position takes no more. See
@@ -239,15 +261,16 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         Ok(page)
     }
 
-    /// As [`Chpm::page`] for a page that was checked before: only its header is looked at. See [`Page::view`] about wrong indices.
+    /// As [`Chpm::page`] for a page whose structure was checked before: only its header is looked at, and its checksum if that was not yet. See [`Page::view`]
+    /// about wrong indices.
     ///
     /// # Errors
-    /// What [`Page::view`] and [`crate::packed::unpack`] refuse.
+    /// [`FormatError::Checksum`] for a damaged page, what [`Page::view`] and [`crate::packed::unpack`] refuse.
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
     pub fn page_known(&self, id: ClusterId) -> Result<PageBuf<'_>, FormatError> {
-        self.loaded(id, self.page_bytes(id))
+        self.loaded(id, self.intact_bytes(id)?)
     }
 
     fn loaded<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<PageBuf<'b>, FormatError> {
@@ -265,10 +288,10 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         Ok(loaded)
     }
 
-    /// As [`Chpm::page`], and the checksum first.
+    /// As [`Chpm::page`], and the checksum is compared again, whatever was found before.
     ///
     /// # Errors
-    /// As [`Chpm::page`], and [`FormatError::Checksum`].
+    /// As [`Chpm::page`].
     ///
     /// # Panics
     /// As [`Chpm::coarse`].

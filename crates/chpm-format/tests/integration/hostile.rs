@@ -1,8 +1,8 @@
-use crate::sample::{entries, reseal, section_ranges, tetrahedron, two_level, with};
+use crate::sample::{entries, reseal, section_ranges, sheet, tetrahedron, two_level, with};
 use chpm_format::{
-    Chpm, ClusterRecord, FormatError, Gaps, GroupRecord, Header, Page, SectionEntry, checksum, verify,
+    Chpm, ClusterRecord, FormatError, Gaps, GroupRecord, Header, Page, Place, SectionEntry, checksum, verify,
 };
-use chpm_mesh::ClusterId;
+use chpm_mesh::{Attributes, ClusterId};
 use std::mem::offset_of;
 
 fn refusal(bytes: Vec<u8>) -> String {
@@ -30,6 +30,41 @@ fn every_flip_in_the_pages_is_found() {
         bytes[offset] ^= 1;
         let file = Chpm::open(bytes).unwrap();
         assert!(!verify(&file, |_, _| ()).is_ok(), "byte {offset}");
+    }
+}
+
+/// A way to read a page.
+type Way = fn(&Chpm<Vec<u8>>) -> Result<(), FormatError>;
+
+/// A coordinate that is moved, so that nothing but the checksum tells.
+#[test]
+fn a_damaged_page_is_refused_whichever_way_it_is_read() {
+    let sample = sheet(64, 40, 4, Attributes::NONE);
+    for (name, good) in [("raw", sample.bytes()), ("packed", crate::packed::packed_file(&sample))] {
+        let file = Chpm::open(good.clone()).unwrap();
+        let record = file.clusters()[2];
+        assert_eq!(file.is_packed(ClusterId(2)), name == "packed");
+        let mut bytes = good.clone();
+        // Of a packed page a bit of what zstd expands, which has no checksum of its own.
+        let at = record.page_offset as usize + if name == "raw" { 66 } else { record.page_len as usize - 1 };
+        bytes[at] ^= 0x10;
+        let ways: [Way; 4] = [
+            |file| file.page(ClusterId(2)).map(drop),
+            |file| file.page_viewed(ClusterId(2)).map(drop),
+            |file| file.page_known(ClusterId(2)).map(drop),
+            |file| file.page_checked(ClusterId(2)).map(drop),
+        ];
+        for (way, read) in ways.iter().enumerate() {
+            let damaged = Chpm::open(bytes.clone()).unwrap();
+            // The second time as the first.
+            for _ in 0..2 {
+                let error = read(&damaged).unwrap_err();
+                let is_told = matches!(error, FormatError::Checksum { place: Place::Page(ClusterId(2)), .. });
+                assert!(is_told, "{name}, way {way}: {error}");
+            }
+            damaged.page(ClusterId(1)).unwrap();
+            read(&file).unwrap();
+        }
     }
 }
 
@@ -86,6 +121,14 @@ fn headers_of_another_kind_are_refused_by_name() {
         assert!(text.contains(name) && (text != "opened" || name.is_empty()), "{name}: {text}");
     }
     assert!(header(offset_of!(Header, origin), &f64::NAN.to_le_bytes()).contains("origin"));
+    for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for corner in [offset_of!(Header, aabb_min), offset_of!(Header, aabb_max)] {
+            assert!(header(corner + 4, &value.to_le_bytes()).contains("header: box"), "{value}");
+        }
+        assert!(header(offset_of!(Header, max_error), &value.to_le_bytes()).contains("header: max_error"));
+    }
+    assert!(header(offset_of!(Header, aabb_min), &2_f32.to_le_bytes()).contains("header: box"), "min > max");
+    assert!(header(offset_of!(Header, max_error), &(-1_f32).to_le_bytes()).contains("header: max_error"));
     assert!(header(offset_of!(Header, file_len), &u64::MAX.to_le_bytes()).contains("cut short"));
 }
 

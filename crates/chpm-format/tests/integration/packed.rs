@@ -34,7 +34,7 @@ fn comes_back(raw: &[u8]) -> usize {
 }
 
 /// The file with its pages packed.
-fn packed_file(sample: &Sample) -> Vec<u8> {
+pub(crate) fn packed_file(sample: &Sample) -> Vec<u8> {
     let (mut tables, mut pages) = sample.tables();
     pack_all(&mut tables, &mut pages);
     let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).unwrap();

@@ -153,12 +153,7 @@ impl Model {
         let file = self.scene.file();
         let path = || file.get_ref().path().to_path_buf();
         let outline = Outline::of_file(file).map_err(|error| match error {
-            RefineError::Format(source) => {
-                // The checksum of the page says more: that it is damaged, and what to do. The search ends there at the latest.
-                let mut ids = (0..file.clusters().len() as u32).map(ClusterId);
-                let damage = ids.find_map(|id| file.page_checked(id).err());
-                ViewerError::Page { path: path(), source: damage.unwrap_or(source) }
-            }
+            RefineError::Format(source) => ViewerError::Page { path: path(), source },
             error => error.into(),
         })?;
         let stays = self.place.is_still() && self.origin() == origin;
