@@ -29,15 +29,16 @@ pub(crate) struct Forecast {
 }
 
 impl Forecast {
-    /// A stage begins, with so much to do.
-    pub(crate) fn begin(&mut self, stage: Stage, total: u64) {
+    /// A stage begins.
+    pub(crate) fn begin(&mut self, stage: Stage) {
         self.before = SHARES.iter().take_while(|(other, _)| *other != stage).map(|(_, share)| share).sum();
         self.own = SHARES.iter().find(|(other, _)| *other == stage).map_or(0.0, |(_, share)| *share);
         self.from.get_or_insert(self.before);
-        // It counts them.
-        if stage == Stage::Decompose {
-            self.triangles = Some(total);
-        }
+    }
+
+    /// The source has so many triangles.
+    pub(crate) fn counted(&mut self, triangles: u64) {
+        self.triangles = Some(triangles);
     }
 
     /// The share of the whole build that is done, when this share of the running stage is.
@@ -83,23 +84,24 @@ mod tests {
     #[test]
     fn what_is_left_follows_from_what_is_done() {
         let mut forecast = Forecast::default();
-        forecast.begin(Stage::Ingest, 1 << 20);
+        forecast.begin(Stage::Ingest);
         assert_eq!(forecast.told(0.1, Duration::from_secs(1)), "");
         assert_eq!(forecast.told(1.0, Duration::from_secs(6)), "94 s left".replace("94 s", "1 min 34 s"));
-        forecast.begin(Stage::Decompose, 1_000_000);
-        forecast.begin(Stage::Hierarchy, 10);
-        forecast.begin(Stage::Simplify, 100);
+        forecast.counted(1_000_000);
+        forecast.begin(Stage::Decompose);
+        forecast.begin(Stage::Hierarchy);
+        forecast.begin(Stage::Simplify);
         // 0.24 and half of 0.7 are done.
         assert!((forecast.share(0.5) - 0.59).abs() < 1e-9);
         assert_eq!(forecast.told(0.5, Duration::from_secs(59)), "10.0 k triangles/s, 41 s left");
-        forecast.begin(Stage::Emit, 1);
+        forecast.begin(Stage::Emit);
         assert!((forecast.share(7.0) - 1.0).abs() < 1e-9);
     }
 
     #[test]
     fn what_an_earlier_run_has_done_took_no_time() {
         let mut forecast = Forecast::default();
-        forecast.begin(Stage::Simplify, 100);
+        forecast.begin(Stage::Simplify);
         assert_eq!(forecast.told(0.5, Duration::from_secs(35)), "41 s left");
     }
 

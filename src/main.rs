@@ -8,6 +8,8 @@ mod against;
 mod args;
 mod batch;
 mod bench;
+#[cfg(feature = "viewer")]
+mod beside;
 mod caches;
 mod certify;
 mod chart;

@@ -29,24 +29,39 @@ impl MemoryArgs {
 /// Divides `memory` by what reading `file` takes: the program, the tables, and `own` bytes that the verb has besides. Half of
 /// what is left is for pages of the file, which go when it is used up; the answer is the other half.
 pub(crate) fn divide(file: &Chpm<MappedFile>, memory: Bytes, own: u64) -> Result<u64> {
-    divide_among(1, file, memory, own)
+    let [half] = divide_among([(file, own)], memory)?;
+    Ok(half)
 }
 
-/// The same for one of so many files, each of which has its share of `memory`.
-pub(crate) fn divide_among(files: u64, file: &Chpm<MappedFile>, memory: Bytes, own: u64) -> Result<u64> {
+/// The same for several files, each of which has an equal share of `memory`. What is told to be enough is for all of them.
+pub(crate) fn divide_among<const N: usize>(
+    files: [(&Chpm<MappedFile>, u64); N],
+    memory: Bytes,
+) -> Result<[u64; N]> {
     process::return_large_blocks();
-    let tables = file.sections().filter(|(kind, _)| *kind != SectionKind::Pages);
-    let tables: u64 = tables.map(|(_, range)| range.len() as u64).sum();
-    let fixed = PROGRAM + tables + own;
-    let least = files * (fixed + LEAST).next_multiple_of(1 << 20);
-    ensure!(
-        memory.0 >= least,
-        "--memory {} is less than it takes to read '{}' so: give it {} or more",
-        MemorySize(memory),
-        file.get_ref().path().display(),
-        MemorySize(Bytes(least))
-    );
-    let half = (memory.0 / files - fixed) / 2;
-    file.get_ref().keep_resident(half);
-    Ok(half)
+    let fixed = files.map(|(file, own)| {
+        let tables = file.sections().filter(|(kind, _)| *kind != SectionKind::Pages);
+        PROGRAM + tables.map(|(_, range)| range.len() as u64).sum::<u64>() + own
+    });
+    if let Some(place) = (0..N).max_by_key(|place| fixed[*place]) {
+        let least = least(N, fixed[place]);
+        ensure!(
+            memory.0 >= least,
+            "--memory {} is less than it takes to read '{}' so: give it {} or more",
+            MemorySize(memory),
+            files[place].0.get_ref().path().display(),
+            MemorySize(Bytes(least))
+        );
+    }
+    let mut halves = [0; N];
+    for ((half, (file, _)), fixed) in halves.iter_mut().zip(files).zip(fixed) {
+        *half = (memory.0 / N as u64).saturating_sub(fixed) / 2;
+        file.get_ref().keep_resident(*half);
+    }
+    Ok(halves)
+}
+
+/// The memory with which so many files can be read of which the one that takes most takes `fixed` bytes.
+fn least(files: usize, fixed: u64) -> u64 {
+    files as u64 * (fixed + LEAST).next_multiple_of(1 << 20)
 }

@@ -8,6 +8,8 @@ use bytemuck::Pod;
 use chpm_build::Cancel;
 use chpm_extmem::{BufferWriter, Column, Store};
 use chpm_import::Triangulator;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 
 /// The corners of a triangle, as the source has them.
 pub(super) type Corners = [[f64; 3]; 3];
@@ -41,6 +43,8 @@ pub(super) struct Target<'a> {
     /// Whether what is invalid is left out and counted, not refused.
     pub(super) drops: bool,
     pub(super) cancel: &'a Cancel,
+    /// Bytes of its files that are behind us.
+    pub(super) read: Arc<AtomicU64>,
 }
 
 /// A mesh that is being read, and where its triangles go.
@@ -78,7 +82,7 @@ impl<'a> Mesh<'a> {
         counts: &'a mut Counts,
         sink: &'a mut dyn FnMut(Triangle),
     ) -> Self {
-        let &Target { store, drops, cancel } = target;
+        let &Target { store, drops, cancel, .. } = target;
         let file = counts.vertices;
         Mesh {
             store,

@@ -27,7 +27,7 @@ use anyhow::{Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_extmem::Store;
 use chpm_format::Chpm;
-use chpm_import::Format;
+use chpm_import::{Foreign, Format};
 use chpm_mesh::{ClusterId, Counted};
 use conf::Motion;
 use copies::{Found, Multiset};
@@ -36,6 +36,8 @@ use small::{Search, Size, Small, Window};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use stream::Stream;
 use xxhash_rust::xxh3::xxh3_128;
 
@@ -396,7 +398,7 @@ impl<D: AsRef<[u8]>> Source<'_, D> {
     fn each(&self, look: &mut dyn FnMut(Option<&Motion>, Triangle)) -> Result<Counts> {
         let settings = self.file.metadata().map(|metadata| metadata.settings).unwrap_or_default();
         let drops = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
-        let target = Target { store: self.store, drops, cancel: self.cancel };
+        let target = Target { store: self.store, drops, cancel: self.cancel, read: Arc::default() };
         let (mut counts, mut done) = (Counts::default(), 0u64);
         each_triangle(self.path, None, &target, &mut counts, &mut |motion, triangle| {
             look(motion, triangle);
@@ -415,11 +417,12 @@ pub(crate) fn each_corners(
     source: &Path,
     store: &Store,
     cancel: &Cancel,
-    mut look: impl FnMut([[f64; 3]; 3]),
+    mut look: impl FnMut(u64, [[f64; 3]; 3]),
 ) -> Result<()> {
-    let target = Target { store, drops: true, cancel };
+    let read = Arc::default();
+    let target = Target { store, drops: true, cancel, read: Arc::clone(&read) };
     each_triangle(source, None, &target, &mut Counts::default(), &mut |motion, triangle| {
-        look(placed(motion, triangle.corners));
+        look(read.load(Ordering::Relaxed), placed(motion, triangle.corners));
     })
 }
 
@@ -436,10 +439,14 @@ fn each_triangle(
     counts: &mut Counts,
     look: &mut dyn FnMut(Option<&Motion>, Triangle),
 ) -> Result<()> {
-    let opened = Stream::open(path, target.store.budget.limit())?;
+    let opened = Stream::open(path, target.store.budget.limit(), Arc::clone(&target.read))?;
     let stream = opened.stream;
     let _window = target.store.budget.charge("the window of a zstd stream", opened.window)?;
-    let format = Format::detect(&opened.head, opened.len, stream::extension(path).as_deref());
+    let extension = stream::extension(path);
+    if let Some(foreign) = Foreign::detect(&opened.head, opened.len, extension.as_deref()) {
+        bail!("'{}': {foreign}", path.display());
+    }
+    let format = Format::detect(&opened.head, opened.len, extension.as_deref());
     let mut sink = |triangle| look(motion, triangle);
     match (format, motion) {
         (Format::RangeScans, None) => {

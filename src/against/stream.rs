@@ -5,9 +5,15 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Bytes that are looked at to tell formats apart.
 const HEAD: usize = 4096;
+/// Bytes of a binary STL before its facets, the last four of which count them.
+const STL_HEADER: usize = 84;
+/// What gzip and zstd begin with.
+const PACKED: [&[u8]; 2] = [&[0x1f, 0x8b, 8], &[0x28, 0xb5, 0x2f, 0xfd]];
 /// A line, or a word, that is longer is damage.
 const LONGEST: usize = 1 << 20;
 /// The window that zstd may have in any case, bytes.
@@ -37,16 +43,21 @@ pub(super) struct Opened {
 }
 
 impl Stream {
-    /// Opens a file; unpacking may have a quarter of `memory`.
-    pub(super) fn open(path: &Path, memory: u64) -> Result<Opened> {
+    /// Opens a file; unpacking may have a quarter of `memory`. Its bytes are added to those that were `read`.
+    pub(super) fn open(path: &Path, memory: u64, read: Arc<AtomicU64>) -> Result<Opened> {
         let told = || format!("cannot read '{}'", path.display());
-        let mut file = File::open(path).with_context(told)?;
+        let file = File::open(path).with_context(told)?;
         let len = file.metadata().ok().filter(std::fs::Metadata::is_file).map(|metadata| metadata.len());
-        let magic = first(&mut file, 4).with_context(told)?;
-        let is_packed = magic.starts_with(&[0x1f, 0x8b]) || magic == [0x28, 0xb5, 0x2f, 0xfd];
-        let packed = BufReader::with_capacity(1 << 16, Cursor::new(magic.clone()).chain(file));
+        let mut file = Counted { file, read };
+        let start = first(&mut file, STL_HEADER).with_context(told)?;
+        // The header of an STL may begin with anything: its length tells.
+        let is_stl = start.len() == STL_HEADER && len.is_some_and(|len| len == stl_len(&start));
+        // A zstd file may begin with a frame that is to be skipped.
+        let skips = matches!(start[..], [0x50..=0x5f, 0x2a, 0x4d, 0x18, ..]);
+        let is_packed = !is_stl && (skips || PACKED.iter().any(|magic| start.starts_with(magic)));
+        let packed = BufReader::with_capacity(1 << 16, Cursor::new(start.clone()).chain(file));
         let mut window = 0;
-        let mut plain: Box<dyn Read> = match magic[..] {
+        let mut plain: Box<dyn Read> = match start[..] {
             _ if !is_packed => Box::new(packed),
             [0x1f, ..] => Box::new(flate2::bufread::MultiGzDecoder::new(packed)),
             _ => {
@@ -203,8 +214,28 @@ impl Stream {
     }
 }
 
+/// A file whose bytes are counted as they come.
+struct Counted {
+    file: File,
+    read: Arc<AtomicU64>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, bytes: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.file.read(bytes)?;
+        self.read.fetch_add(count as u64, Ordering::Relaxed);
+        Ok(count)
+    }
+}
+
 fn is_blank(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
+}
+
+/// How long an STL of this header is.
+fn stl_len(header: &[u8]) -> u64 {
+    let count = header[STL_HEADER - 4..].iter().rev().fold(0, |count, byte| count << 8 | u64::from(*byte));
+    84 + 50 * count
 }
 
 fn first(reader: &mut impl Read, len: usize) -> std::io::Result<Vec<u8>> {

@@ -77,7 +77,9 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
         args.source.display()
     );
     let output = args.output.clone().unwrap_or_else(|| source.with_extension("chpm"));
-    let report = build(source, &output, &config, &Meter::new(args.quiet), stop)?;
+    let report = build(source, &output, &config, &Meter::new(args.quiet), stop);
+    let report =
+        report.map_err(|error| if args.output.is_none() { unwritable(error, &output) } else { error })?;
     output::finish(&output);
     let mut out = stdout();
     if args.json {
@@ -91,6 +93,20 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     }
     out.flush()?;
     Ok(Verdict::Good)
+}
+
+/// Where the source's folder takes no file, another one may.
+fn unwritable(error: anyhow::Error, output: &Path) -> anyhow::Error {
+    let refused = error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>()).any(|error| {
+        matches!(error.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem)
+    });
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match refused && tempfile::tempfile_in(folder).is_err() {
+        true => {
+            error.context(format!("'{}' cannot be written; name another place with -o", folder.display()))
+        }
+        false => error,
+    }
 }
 
 /// Builds, unless the output's name is that of something else.
@@ -163,6 +179,9 @@ fn print_next(source: Option<&Path>, output: &Path, out: &mut impl Write) -> Res
     let against = source.map_or_else(String::new, |source| format!(" --against {}", word(source)));
     let output = word(output);
     writeln!(out, "next:")?;
+    if cfg!(feature = "viewer") {
+        writeln!(out, "  chpm view {output}")?;
+    }
     writeln!(out, "  chpm info {output}")?;
     writeln!(out, "  chpm verify {output}{against}")?;
     writeln!(out, "  chpm extract {output} --triangles {triangles} -o small.ply")?;

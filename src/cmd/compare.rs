@@ -87,11 +87,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let mut out = output::messages(streams, args.json, args.quiet)?;
     let [scan, reference] = inputs.map(|path| Opened::new(path, args.memory.memory(), args.quiet, stop));
     let (scan, reference) = (scan?, reference?);
-    let memory = Bytes(args.memory.memory().0 / 2);
     let header = scan.file.header();
     let own = VERTEX * header.source_vertex_count + 4 * u64::from(header.shared_vertex_count);
-    memory::divide(&scan.file, memory, own)?;
-    let pages = memory::divide(&reference.file, memory, GROUP * reference.file.groups().len() as u64)?;
+    let groups = GROUP * reference.file.groups().len() as u64;
+    let [_, pages] =
+        memory::divide_among([(&scan.file, own), (&reference.file, groups)], args.memory.memory())?;
     let cancel = stop.heed();
     let meter = Meter::new(args.quiet);
 

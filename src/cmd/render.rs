@@ -96,11 +96,14 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let mut out = output::messages(&pngs, args.json, false)?;
 
     // What is drawn, from where, and how fine.
+    // What draws is looked for before a mesh is built, which may take long.
+    let gpu = sources(args).any(inputs::is_mesh).then(|| args.device.gpu()).transpose()?;
     let models =
         sources(args).map(|source| Ready::new(source, args.quiet, stop)).collect::<Result<Vec<_>>>()?;
     let places = args.poses.poses().map(|pose| place(&pose));
     let files: Vec<_> = models.iter().map(|model| model.file.as_path()).zip(places).collect();
-    let mut viewer = args.device.open_all(&files, args.memory)?;
+    let gpu = gpu.map_or_else(|| args.device.gpu(), Ok)?;
+    let mut viewer = args.device.open_on(gpu, &files, args.memory)?;
     let (cameras, why) = cameras(args, &viewer)?;
     let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.rolled(args.still.roll)).collect();
     let model = viewer.files().map(|file| file.header().source_triangle_count).sum();

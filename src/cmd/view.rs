@@ -4,6 +4,8 @@ use super::{Verdict, build, open, stdout, temporary};
 use crate::against;
 use crate::args::MemorySize;
 use crate::batch::inputs;
+use crate::beside::Beside;
+use crate::forecast::Forecast;
 use crate::number::{self, Triangles};
 use crate::output;
 use crate::picture::sketch::Sketch;
@@ -25,7 +27,6 @@ use chpm_viewer::{Accuracy, Budgets};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What `chpm view` is told.
@@ -173,9 +174,9 @@ fn read_path(path: &Path) -> Result<CameraPath> {
     Ok(path)
 }
 
-/// The file that a mesh is built into: beside it, under its name.
-fn beside(source: &Path) -> Result<PathBuf> {
-    Ok(source.with_file_name(format!("{}.chpm", inputs::stem(source)?)))
+/// Where the file of a mesh is.
+fn place(source: &Path, cancel: &Cancel) -> Result<Beside> {
+    Beside::of(source, |output| is_current(source, output, cancel) == Some(true))
 }
 
 /// Whether the file is built from the mesh as it is now, with whatever settings. `None` if there is no file.
@@ -200,14 +201,16 @@ fn stale(source: &Path, output: &Path) -> String {
 
 /// The file of a mesh, built with the usual progress if it is not there.
 fn prepared(source: &Path, args: &Args, stop: &Stop) -> Result<PathBuf> {
-    let output = beside(source)?;
     // Nothing is to be cleaned up: the first signal ends the process.
-    match is_current(source, &output, &Cancel::default()) {
+    let cancel = Cancel::default();
+    let Beside { path: output, is_cached } = place(source, &cancel)?;
+    let overwrite = args.force || is_cached;
+    match is_current(source, &output, &cancel) {
         Some(true) => return Ok(output),
-        Some(false) => ensure!(args.force, stale(source, &output)),
+        Some(false) => ensure!(overwrite, stale(source, &output)),
         None => {}
     }
-    let config = BuildConfig { overwrite: args.force, ..BuildConfig::default() };
+    let config = BuildConfig { overwrite, ..BuildConfig::default() };
     build::build(source, &output, &config, &Meter::new(args.quiet), stop)?;
     if !args.quiet {
         line(&format!("built: {}", output.display()));
@@ -226,12 +229,23 @@ struct Builder {
 }
 
 impl Builder {
-    /// A coarse model of a source, built in a folder of its own.
-    fn preview(&self, source: &Path, cancel: &Cancel) -> Result<PathBuf> {
+    /// A coarse model of a source, built in a folder of its own. `tell` hears how far reading is, which takes the time.
+    fn preview(&self, source: &Path, cancel: &Cancel, tell: impl Fn(f32)) -> Result<PathBuf> {
         let folder = temporary()?;
         let store = Store::create(folder.path(), PREVIEW.0)?;
         let mut sketch = Sketch::default();
-        against::each_corners(source, &store, cancel, |corners| sketch.push(corners))?;
+        let lens = input::files(source, cancel)?.into_iter().map(|file| Ok(fs::metadata(file)?.len()));
+        let len: u64 = lens.sum::<Result<u64>>()?;
+        let mut told = 0;
+        against::each_corners(source, &store, cancel, |read, corners| {
+            sketch.push(corners);
+            // A window need not hear of less than a hundredth.
+            let hundredths = 100 * read / len.max(1);
+            if hundredths > told {
+                told = hundredths;
+                tell(hundredths.min(100) as f32 / 100.0);
+            }
+        })?;
         let mesh = sketch.finish().context("nothing to show")?;
         let (ply, output) = (folder.path().join("preview.ply"), folder.path().join("preview.chpm"));
         write_mesh(BufWriter::new(File::create(&ply)?), &mesh, Encoding::BinaryLittleEndian)?;
@@ -267,21 +281,23 @@ impl Prepare for Builder {
         show: &dyn Fn(PathBuf),
     ) -> Result<PathBuf, String> {
         let cancel = self.cancel.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let output = beside(source).map_err(|error| error.to_string())?;
         tell("reading", 0.0);
+        let Beside { path: output, is_cached } =
+            place(source, &cancel).map_err(|error| format!("{error:#}"))?;
+        let overwrite = self.overwrite || is_cached;
         match is_current(source, &output, &cancel) {
             Some(true) => return Ok(output),
             _ if cancel.is_cancelled() => return Err("stopped".to_owned()),
-            Some(false) if !self.overwrite => return Err(stale(source, &output)),
+            Some(false) if !overwrite => return Err(stale(source, &output)),
             _ => {}
         }
         // What cannot be shown early is told of by the build.
         tell("a first look", 0.0);
-        if let Ok(preview) = self.preview(source, &cancel) {
+        if let Ok(preview) = self.preview(source, &cancel, |share| tell("a first look", share)) {
             show(preview);
         }
-        let teller = Teller { tell, stage: Mutex::default(), done: AtomicU64::new(0) };
-        match chpm_build::build(source, &output, &config(self.overwrite), &teller, &cancel) {
+        let teller = Teller { tell, stage: Mutex::default() };
+        match chpm_build::build(source, &output, &config(overwrite), &teller, &cancel) {
             Ok(_) => Ok(output),
             Err(error) if error.is_cancelled() => Err("stopped".to_owned()),
             Err(error) => Err(error.to_string()),
@@ -293,34 +309,46 @@ impl Prepare for Builder {
     }
 }
 
-/// Progress for the window.
+/// Progress for the window: how far the whole build is.
 struct Teller<'a> {
     tell: &'a (dyn Fn(&str, f32) + Sync),
-    stage: Mutex<(String, u64)>,
-    done: AtomicU64,
+    stage: Mutex<Running>,
+}
+
+#[derive(Default)]
+struct Running {
+    name: String,
+    total: u64,
+    done: u64,
+    forecast: Forecast,
+    /// Hundredths of the whole that were told.
+    told: Option<u32>,
 }
 
 impl Teller<'_> {
-    fn say(&self, before: u64, done: u64) {
-        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
-        let share = |done: u64| (done as f64 / stage.1.max(1) as f64).min(1.0);
+    fn change(&self, change: impl FnOnce(&mut Running)) {
+        let running = &mut *self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        change(running);
+        let share = running.forecast.share(running.done as f64 / running.total.max(1) as f64);
         // A window need not hear of less than a hundredth.
-        if done == 0 || (100.0 * share(before)).floor() < (100.0 * share(done)).floor() {
-            (self.tell)(&stage.0, share(done) as f32);
+        let hundredths = Some((100.0 * share) as u32);
+        if running.told != hundredths {
+            running.told = hundredths;
+            (self.tell)(&running.name, share as f32);
         }
     }
 }
 
 impl Progress for Teller<'_> {
     fn begin(&self, stage: Stage, total: u64) {
-        *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_string(), total);
-        self.done.store(0, Ordering::Relaxed);
-        self.say(0, 0);
+        self.change(|running| {
+            running.forecast.begin(stage);
+            (running.name, running.total, running.done, running.told) = (stage.to_string(), total, 0, None);
+        });
     }
 
     fn advance(&self, done: u64) {
-        let before = self.done.fetch_add(done, Ordering::Relaxed);
-        self.say(before, before + done);
+        self.change(|running| running.done += done);
     }
 
     fn end(&self, _: Stage) {}

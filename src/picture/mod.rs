@@ -39,7 +39,16 @@ impl DeviceArgs {
 
     /// Opens files to draw them in one picture, each put somewhere.
     pub(crate) fn open_all(&self, files: &[(&Path, Place)], memory: Bytes) -> Result<Viewer> {
-        let gpu = Arc::new(Gpu::headless(&self.adapter)?);
+        self.open_on(self.gpu()?, files, memory)
+    }
+
+    /// What draws.
+    pub(crate) fn gpu(&self) -> Result<Arc<Gpu>> {
+        Ok(Arc::new(Gpu::headless(&self.adapter)?))
+    }
+
+    /// Like [`Self::open_all`], where what draws was found before.
+    pub(crate) fn open_on(&self, gpu: Arc<Gpu>, files: &[(&Path, Place)], memory: Bytes) -> Result<Viewer> {
         Ok(Viewer::open_all(gpu, files, Budgets { memory, gpu_memory: self.gpu_memory })?)
     }
 }

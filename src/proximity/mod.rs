@@ -104,11 +104,9 @@ impl Pair {
     pub(crate) fn new(paths: [&Path; 2], memory: MemorySize, quiet: bool, stop: &Stop) -> Result<Self> {
         let [a, b] = paths.map(|path| Opened::new(path, memory.0, quiet, stop));
         let models = [a?, b?];
-        let mut least = u64::MAX;
-        for model in &models {
-            let own = GROUP * model.file.groups().len() as u64;
-            least = least.min(memory::divide_among(2, &model.file, memory.0, own)?);
-        }
+        let files = models.each_ref().map(|model| (&model.file, GROUP * model.file.groups().len() as u64));
+        let [a, b] = memory::divide_among(files, memory.0)?;
+        let least = a.min(b);
         // Of two quarters, one from each model.
         let waiting = least / 2;
         Ok(Pair { models, pages: Bytes(least / 4 * 3), waiting, most_pairs: (waiting / PAIR) as usize })

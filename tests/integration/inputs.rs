@@ -5,7 +5,10 @@ use chpm_mesh::TriMesh;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use nalgebra::Vector3;
+use std::fs;
 use std::io::Write;
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::process::CommandExt;
 use std::process::Stdio;
 
 /// A sphere of a few clusters as `ball.ply`, and itself.
@@ -492,4 +495,72 @@ fn a_pipe_is_a_source() {
         assert!(code == Some(2) && told.contains(expected), "{words}: {told}");
     }
     assert_eq!(folder.names(), ["ball.ply", "out.chpm", "out.ply"]);
+}
+
+#[test]
+fn the_header_of_an_stl_may_begin_like_a_packed_file() {
+    let (folder, mesh) = ball();
+    let plain = stl(&mesh);
+    for (name, magic) in [
+        ("one.stl", &[0x1f, 0x8b, 0][..]),
+        ("two.stl", &[0x1f, 0x8b, 8]),
+        ("three.stl", &[0x28, 0xb5, 0x2f, 0xfd]),
+    ] {
+        let mut bytes = plain.clone();
+        bytes[..magic.len()].copy_from_slice(magic);
+        folder.write(name, bytes);
+        assert_eq!(triangles(&through(&folder, name)), triangles(&mesh), "{name}");
+    }
+}
+
+#[test]
+fn what_is_not_read_is_named_with_a_remedy() {
+    let folder = Folder::new();
+    let header = |elements: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n{elements}end_header\n"
+        )
+    };
+    let face = header("element face 1\nproperty list uchar int vertex_indices\n");
+    let edge = header("element edge 2\nproperty int vertex1\nproperty int vertex2\n");
+    let cases = [
+        ("a.off", "OFF\n3 1 0\n".to_owned(), "an OFF mesh", "convert it"),
+        ("a.stl", String::new(), "an empty file", "copy it again"),
+        ("a.ply", "<!DOCTYPE html><html>".to_owned(), "a web page", "download it again"),
+        ("lines.ply", edge + "0 0 0\n1 0 0\n0 1 0\n0 1\n1 2\n", "2 lines between 3 vertices", "a mesh"),
+        ("depth.ply", face + "0 0 0\nnan nan nan\n0 1 0\n3 0 1 2\n", "NaN", "--drop-invalid"),
+    ];
+    for (name, content, what, remedy) in cases {
+        folder.write(name, content);
+        let told = folder.stderr(&format!("build {name} -o out.chpm -q"), 2);
+        assert!(told.contains(name) && told.contains(what) && told.contains(remedy), "{told}");
+    }
+    folder.stdout("synth sphere --triangles 400 -o ball.ply -q");
+    folder.stdout("build ball.ply -q");
+    let told = folder.stderr("build ball.chpm -o out.chpm -q", 2);
+    assert!(told.contains("a .chpm file, which is built already") && told.contains("chpm view"), "{told}");
+}
+
+/// Runs as one who may not write everywhere, where the tests run as root.
+#[test]
+fn a_folder_that_takes_no_file_is_told_with_a_remedy() {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 400 -o ball.ply -q");
+    fs::set_permissions(folder.path("ball.ply"), fs::Permissions::from_mode(0o644)).expect("permissions");
+    fs::set_permissions(folder.path(""), fs::Permissions::from_mode(0o555)).expect("permissions");
+    let mut command = folder.command("build ball.ply -q");
+    // Root may write anywhere.
+    if fs::write(folder.path("try"), "").is_ok() {
+        fs::remove_file(folder.path("try")).expect("it was made");
+        command.uid(65_534).gid(65_534);
+    }
+    let run = command.output();
+    fs::set_permissions(folder.path(""), fs::Permissions::from_mode(0o755)).expect("permissions");
+    let Ok(run) = run else { return println!("skipped: nobody else can run the command") };
+    let told = text(&run.stderr);
+    assert!(
+        run.status.code() == Some(2) && told.contains("cannot be written") && told.contains("-o"),
+        "{told}"
+    );
+    assert_eq!(folder.names(), ["ball.ply"]);
 }

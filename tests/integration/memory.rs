@@ -86,6 +86,8 @@ fn too_little_memory_is_refused_with_a_figure_that_suffices() {
         "report in.chpm -o page.html -f",
         "extract in.chpm --level 0 -o out.ply -q",
         "path dive in.chpm -o out.path",
+        "compare in.chpm in.chpm -q",
+        "distance in.chpm in.chpm -q",
     ] {
         let error = folder.stderr(&format!("{words} --memory 16M"), 2);
         let figure =

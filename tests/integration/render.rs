@@ -386,6 +386,13 @@ fn no_adapter_is_told_with_a_remedy() {
     assert_eq!(folder.names(), ["in.chpm", "in.ply"]);
 }
 
+#[test]
+fn an_adapter_is_looked_for_before_a_mesh_is_built() {
+    let folder = built();
+    let told = folder.stderr("render in.ply -o none.png --adapter nobody's", 2);
+    assert!(told.contains("nobody's") && !told.contains("ingest"), "{told}");
+}
+
 /// Columns by name, for each of the two runs.
 fn columns(folder: &Folder, name: &str) -> [BTreeMap<String, Vec<f64>>; 2] {
     let text = String::from_utf8(folder.read(name)).expect("text");

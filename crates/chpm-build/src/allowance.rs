@@ -64,22 +64,21 @@ mod tests {
     use super::*;
     use crate::{BuildConfig, Cancel, Settings, Silent, build};
     use chpm_import::ply::{Encoding, write_mesh};
-    use chpm_mesh::Bytes;
+    use chpm_mesh::{Bytes, TriMesh};
+    use chpm_synth::odd::Odd;
     use chpm_synth::{Shape, Synth};
     use std::fs::File;
     use std::process::Command;
 
-    /// Tells the test below to be the build that it measures.
-    const TRIANGLES: &str = "CHPM_TEST_TRIANGLES";
+    /// Tells a test below to be the build that it measures.
+    const CHILD: &str = "CHPM_TEST_BUILD";
 
-    /// Nodes of the tree of a build in a process of its own, the most that its budget held, and the most that was resident in it.
-    fn measured(triangles: u64) -> (usize, u64, u64) {
+    /// Clusters of a build in a process of its own, which the test `name` is there, the most that its budget held, and the most that
+    /// was resident in it.
+    fn measured(name: &str) -> (usize, u64, u64) {
         let program = std::env::current_exe().unwrap();
-        let name = "allowance::tests::a_build_of_many_nodes_takes_no_more_than_is_accounted_for";
-        let run = Command::new(program)
-            .args([name, "--exact", "--nocapture"])
-            .env(TRIANGLES, triangles.to_string())
-            .output();
+        let name = format!("allowance::tests::{name}");
+        let run = Command::new(program).args([&name, "--exact", "--nocapture"]).env(CHILD, "1").output();
         let told = String::from_utf8(run.unwrap().stdout).unwrap();
         let figures = told.split("measured: ").nth(1).unwrap_or_else(|| panic!("{told}"));
         let figures: Vec<u64> =
@@ -87,15 +86,18 @@ mod tests {
         (figures[0] as usize, figures[1], figures[2])
     }
 
-    /// Builds leaves of some four triangles, so that their tables are more than all else.
-    fn tiny_leaves(triangles: u64) {
+    fn is_child() -> bool {
+        std::env::var_os(CHILD).is_some()
+    }
+
+    /// Builds with no memory for arrays and one thread, and tells what `measured` wants to know.
+    fn tell_build_of(mesh: TriMesh, settings: Settings) {
         let dir = tempfile::tempdir().unwrap();
         let (source, output) = (dir.path().join("s.ply"), dir.path().join("s.chpm"));
-        let mesh = Synth::new(Shape::Torus, triangles, 0).to_mesh();
         write_mesh(File::create(&source).unwrap(), &mesh, Encoding::BinaryLittleEndian).unwrap();
         drop(mesh);
         let config = BuildConfig {
-            settings: Settings { cluster_triangles: 4, cell_vertices: 2, ..Settings::default() },
+            settings,
             resources: Resources { threads: 1, memory: Bytes(0), checkpoint: None, ..Resources::default() },
             ..BuildConfig::default()
         };
@@ -106,13 +108,29 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn a_build_of_many_nodes_takes_no_more_than_is_accounted_for() {
-        if let Ok(triangles) = std::env::var(TRIANGLES) {
-            return tiny_leaves(triangles.parse().unwrap());
+        if is_child() {
+            // Leaves of some four triangles, so that their tables are more than all else.
+            let settings = Settings { cluster_triangles: 4, cell_vertices: 2, ..Settings::default() };
+            return tell_build_of(Synth::new(Shape::Torus, 128_000, 0).to_mesh(), settings);
         }
-        let (nodes, held, resident) = measured(128_000);
+        let (nodes, held, resident) = measured("a_build_of_many_nodes_takes_no_more_than_is_accounted_for");
         assert!(nodes > 50_000, "{nodes} nodes");
         let promised = PROGRAM + THREAD + held;
         assert!(resident <= promised, "{nodes} nodes: {resident} bytes resident, {promised} accounted for");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn so_does_one_of_triangles_that_join_anything_to_anything() {
+        if is_child() {
+            let plan = Odd::find("random").unwrap().plan(240_000);
+            let positions = (0..plan.vertices).map(|v| plan.place(v).map(|x| x as f32)).collect();
+            let mesh = TriMesh::new(positions, (0..plan.triangles).map(|t| plan.corners(t)).collect());
+            return tell_build_of(mesh, Settings::default());
+        }
+        let (_, held, resident) = measured("so_does_one_of_triangles_that_join_anything_to_anything");
+        let promised = PROGRAM + THREAD + held;
+        assert!(resident <= promised, "{resident} bytes resident, {promised} accounted for");
     }
 
     #[test]

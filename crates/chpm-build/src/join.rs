@@ -35,7 +35,10 @@ pub(crate) fn run(
         match part
             .update(&mut scratch.triangles, |triangles| renumber(triangles, mapping, &mut scratch.window))
         {
-            Ok(()) => Ok(None),
+            Ok(()) => {
+                context.progress.advance((len.min(start + STEP) - start) as u64);
+                Ok(None)
+            }
             Err(Left::Apart) => Ok(Some(start..len.min(start + STEP))),
             Err(Left::Failed(error)) => Err(BuildError::from(error)),
         }
@@ -116,6 +119,7 @@ fn join(
             renumbered.push([corner(t[0])?, corner(t[1])?, corner(t[2])?]);
         }
         triangles.write(step.start, &renumbered)?;
+        context.progress.advance(renumbered.len() as u64);
     }
     Ok(())
 }

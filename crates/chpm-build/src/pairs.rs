@@ -3,6 +3,13 @@
 /// Pairs that may come together before they are summed up.
 const LIMIT: usize = 1 << 18;
 
+/// Bytes that it takes to cut a graph of so many pairs: they themselves, the graph, and what METIS copies of it and makes coarser.
+pub(crate) fn graph_bytes(pairs: usize) -> u64 {
+    PAIR * pairs as u64
+}
+
+const PAIR: u64 = 128;
+
 /// Pairs (a, b) with weights that add up. Memory: three times the pairs that differ, or 3 MiB.
 #[derive(Debug, Default)]
 pub(crate) struct Pairs {
@@ -16,6 +23,15 @@ impl Pairs {
             self.sum();
         }
         self.list.push((a, b, weight));
+    }
+
+    /// Takes in those of others.
+    pub(crate) fn merge(mut self, mut other: Self) -> Self {
+        if self.list.len() < other.list.len() {
+            std::mem::swap(&mut self, &mut other);
+        }
+        other.list.into_iter().for_each(|(a, b, weight)| self.add(a, b, weight));
+        self
     }
 
     /// Each pair once, ascending.

@@ -83,7 +83,8 @@ fn run(
 
     work.decompose(|source, known| {
         let cut = || decompose::run(source, settings, context, &mut known.repairs);
-        context.stage(Stage::Decompose, known.facts.triangles, cut)
+        context.progress.counted(known.facts.triangles);
+        context.stage(Stage::Decompose, decompose::PASSES * known.facts.triangles, cut)
     })?;
 
     work.arrange(|leaves| {

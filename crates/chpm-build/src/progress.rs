@@ -46,6 +46,8 @@ pub trait Progress: Sync {
     fn begin(&self, stage: Stage, total: u64);
     /// `done` more units of the running stage are done.
     fn advance(&self, done: u64);
+    /// The source has been read, and has so many triangles.
+    fn counted(&self, _triangles: u64) {}
     /// The stage has ended.
     fn end(&self, stage: Stage);
     /// Something that whoever waits should know, about earlier work for example.

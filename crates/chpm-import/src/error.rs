@@ -1,5 +1,6 @@
 //! What can be wrong with a mesh that is no PLY, and where.
 
+use crate::foreign::Foreign;
 use crate::ply::Place;
 use chpm_mesh::FAR;
 use std::io;
@@ -8,6 +9,9 @@ use std::io;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportError {
+    /// There is no reader for this.
+    #[error("{0}")]
+    Foreign(Foreign),
     /// The input could not be read.
     #[error("reading failed at byte {offset}: {source}")]
     Read {
@@ -36,7 +40,7 @@ pub enum ImportError {
     },
     /// A coordinate that is NaN or infinite.
     #[error(
-        "{place}: a coordinate is {value}; expected a finite number; repair the file or drop invalid data"
+        "{place}: a coordinate is {value}; expected a finite number; repair the file, or leave out what has none with --drop-invalid"
     )]
     NotFinite {
         /// The vertex or facet.

@@ -26,16 +26,13 @@ impl Format {
     /// where the content leaves it open: a binary STL begins with 80 bytes of anything.
     pub fn detect(head: &[u8], len: Option<u64>, extension: Option<&str>) -> Format {
         let is_named = |name: &str| extension.is_some_and(|extension| extension.eq_ignore_ascii_case(name));
-        if head.starts_with(b"ply") && head.get(3).is_some_and(|byte| matches!(byte, b'\n' | b'\r' | b' ')) {
+        if is_ply(head) {
             return Format::Ply;
         }
-        let promised = head
-            .get(80..84)
-            .map(|count| 84 + 50 * u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])));
-        if promised.is_some() && promised == len {
+        if Format::is_binary_stl(head, len) {
             return Format::StlBinary;
         }
-        let is_text = !head.iter().any(|byte| matches!(byte, 0..=8 | 14..=31));
+        let is_text = is_text(head);
         let begins_solid = words(head).next().is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
         if is_text && begins_solid {
             return Format::StlAscii;
@@ -50,13 +47,41 @@ impl Format {
             () => Format::Ply,
         }
     }
+
+    /// Whether an input of `len` bytes is as long as it is as a binary STL. Its header may be any 80 bytes, also those that another
+    /// format or a compressed file begins with.
+    pub fn is_binary_stl(head: &[u8], len: Option<u64>) -> bool {
+        let promised = head
+            .get(80..84)
+            .map(|count| 84 + 50 * u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])));
+        promised.is_some() && promised == len
+    }
+
+    /// Whether an input has what no other format has.
+    pub(crate) fn has_magic(head: &[u8], len: Option<u64>) -> bool {
+        is_ply(head) || head == b"ply" || Format::is_binary_stl(head, len)
+    }
+}
+
+fn is_ply(head: &[u8]) -> bool {
+    head.starts_with(b"ply") && head.get(3).is_some_and(|byte| matches!(byte, b'\n' | b'\r' | b' '))
+}
+
+pub(crate) fn is_text(head: &[u8]) -> bool {
+    !head.iter().any(|byte| matches!(byte, 0..=8 | 14..=31))
+}
+
+/// The first line that is no comment; empty if there is none.
+pub(crate) fn first_line(head: &[u8]) -> &[u8] {
+    let mut lines = head.split(|byte| matches!(byte, b'\n' | b'\r'));
+    let says = |line: &&[u8]| words(line).next().is_some_and(|word| !word.starts_with(b"#"));
+    lines.find(says).unwrap_or_default()
 }
 
 /// By the first line that is no comment.
 fn first_keywords(head: &[u8]) -> Option<Format> {
-    let lines = head.split(|byte| matches!(byte, b'\n' | b'\r'));
-    let mut firsts = lines.map(|line| (words(line).next().unwrap_or_default(), words(line).count()));
-    let (word, count) = firsts.find(|(word, _)| !word.is_empty() && !word.starts_with(b"#"))?;
+    let line = first_line(head);
+    let (word, count) = (words(line).next()?, words(line).count());
     match word {
         b"bmesh" | b"camera" if count >= 8 => Some(Format::RangeScans),
         b"v" | b"vn" | b"vt" | b"vp" | b"f" | b"mtllib" | b"usemtl" | b"o" | b"g" | b"s" => Some(Format::Obj),

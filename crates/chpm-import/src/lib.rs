@@ -7,6 +7,7 @@
 
 mod conf;
 mod error;
+mod foreign;
 mod format;
 mod lines;
 mod obj;
@@ -16,6 +17,7 @@ mod stl;
 
 pub use conf::{Pose, RangeScans, Scan};
 pub use error::ImportError;
+pub use foreign::Foreign;
 pub use format::Format;
 pub use obj::ObjReader;
 pub use ply::{PlyError, PlyReader, PlyWriter};

@@ -22,8 +22,14 @@ pub(crate) struct Cell {
 /// fewer than `neighbors` others, its nearest ones, so that separate components find their neighbours.
 ///
 /// Quick-VDR has the nearest cells only. The triangles' edges say what a cut costs, in shared vertices.
-pub(crate) fn build(cells: &[Cell], joints: Joints, neighbors: u32) -> Result<CsrGraph, PartitionError> {
-    let mut edges: Vec<(u32, u32, u32)> = joints.sum().0;
+///
+/// `joints` has each pair of cells that triangles join once, with the number of edges that do.
+pub(crate) fn build(
+    cells: &[Cell],
+    joints: Vec<(u32, u32, u32)>,
+    neighbors: u32,
+) -> Result<CsrGraph, PartitionError> {
+    let mut edges = joints;
     let mut degrees = vec![0; cells.len()];
     for (a, b, weight) in &mut edges {
         *weight = weight.saturating_mul(JOINED);
@@ -36,38 +42,10 @@ pub(crate) fn build(cells: &[Cell], joints: Joints, neighbors: u32) -> Result<Cs
     CsrGraph::from_edges(cells.iter().map(|c| c.count).collect(), &edges)
 }
 
-/// Pairs of cells that triangles join, smaller first, with the number of edges that do.
-#[derive(Debug, Default)]
-pub(crate) struct Joints(Vec<(u32, u32, u32)>);
-
-impl Joints {
-    /// Takes in a triangle by the cells of its corners.
-    pub(crate) fn add(&mut self, [a, b, c]: [u32; 3]) {
-        let apart = [(a, b), (b, c), (c, a)].into_iter().filter(|(a, b)| a != b);
-        self.0.extend(apart.map(|(a, b)| (a.min(b), a.max(b), 1)));
-    }
-
-    /// Each pair once.
-    pub(crate) fn sum(mut self) -> Self {
-        self.0.sort_unstable();
-        self.0.dedup_by(|next, kept| {
-            let same = (next.0, next.1) == (kept.0, kept.1);
-            if same {
-                kept.2 = kept.2.saturating_add(next.2);
-            }
-            same
-        });
-        self
-    }
-
-    /// Those of both.
-    pub(crate) fn merge(mut self, mut other: Self) -> Self {
-        if self.0.len() < other.0.len() {
-            std::mem::swap(&mut self, &mut other);
-        }
-        self.0.append(&mut other.0);
-        self
-    }
+/// The pairs of cells that a triangle joins, by the cells of its corners; smaller first.
+pub(crate) fn joints([a, b, c]: [u32; 3]) -> impl Iterator<Item = (u32, u32)> {
+    let apart = [(a, b), (b, c), (c, a)].into_iter().filter(|(a, b)| a != b);
+    apart.map(|(a, b)| (a.min(b), a.max(b)))
 }
 
 /// Pairs (a, b, distance) with a < b of points of which one is `wanted` and the other among its `k` nearest. Distances are in

@@ -7,7 +7,7 @@
 
 mod split;
 
-use super::cell_graph::{self, Joints};
+use super::cell_graph;
 use super::copies::{self, Sieve};
 use super::number::{self, Cells};
 use super::region::Mesh;
@@ -16,6 +16,7 @@ use crate::config::{Normals, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::ingest::Source;
+use crate::pairs::{Pairs, graph_bytes};
 use crate::vertex_columns::VertexColumns;
 use bytemuck::{Pod, Zeroable};
 use chpm_extmem::{Buckets, Column, Reservation};
@@ -105,9 +106,12 @@ pub(crate) fn run(
         drop(mapping);
         context.check()?;
 
-        let graph =
-            cell_graph::build(&cells.list, joints(&triangles, &cells, context)?, settings.cell_neighbors)?;
+        let joints = joints(&triangles, &cells, context)?.sums();
+        let _share = store.budget.charge("the graph of cells", graph_bytes(joints.len()))?;
+        let graph = cell_graph::build(&cells.list, joints, settings.cell_neighbors)?;
         regions = partition::parts(&graph, wanted.min(cells.list.len() as u32), settings, context)?;
+    } else {
+        context.progress.advance(triangles.len() as u64);
     }
     context.check()?;
 
@@ -155,19 +159,19 @@ fn region_count(vertices: usize, leaves: u32, settings: &Settings) -> u32 {
 }
 
 /// What a sample of the triangles says about the cells.
-fn joints(triangles: &Column<[u32; 3]>, cells: &Cells, context: &Context<'_>) -> Result<Joints, BuildError> {
+fn joints(triangles: &Column<[u32; 3]>, cells: &Cells, context: &Context<'_>) -> Result<Pairs, BuildError> {
     let steps = triangles.len().div_ceil(STEP);
     let step = |scratch: &mut Vec<[u32; 3]>, step: usize| {
         context.check()?;
         let range = step * STEP..triangles.len().min((step + 1) * STEP);
-        let mut joints = Joints::default();
+        let mut joints = Pairs::default();
         for t in triangles.read(range, scratch)?.iter().step_by(SAMPLE) {
-            joints.add(t.map(|v| cells.of(v)));
+            cell_graph::joints(t.map(|v| cells.of(v))).for_each(|(a, b)| joints.add(a, b, 1));
         }
-        Ok(joints.sum())
+        Ok(joints)
     };
     let all = (0..steps).into_par_iter().map_init(Vec::new, step);
-    all.try_reduce(Joints::default, |a, b| Ok(a.merge(b)))
+    all.try_reduce(Pairs::default, |a, b| Ok(a.merge(b)))
 }
 
 impl Divided {
@@ -223,6 +227,7 @@ impl Divided {
         for start in (0..triangles.len()).step_by(STEP) {
             context.check()?;
             let batch = triangles.read(start..triangles.len().min(start + STEP), &mut scratch)?;
+            context.progress.advance(batch.len() as u64);
             let homes = |t: &[u32; 3]| t.map(|v| self.homes[self.cells.of(v) as usize].0);
             batch.par_iter().with_min_len(1 << 12).map(homes).collect_into_vec(&mut found);
             for (triangle, homes) in batch.iter().zip(&found).filter(|(triangle, _)| sieve.passes(**triangle))

@@ -30,7 +30,7 @@ use crate::in_order::in_order;
 use crate::ingest::Source;
 use crate::report::Repairs;
 use census::Account;
-use chpm_extmem::{SavedFile, Spool, Store};
+use chpm_extmem::{Reservation, SavedFile, Spool, Store};
 use chpm_qem::Displacement;
 use divide::Divided;
 use serde::{Deserialize, Serialize};
@@ -45,9 +45,22 @@ pub(crate) struct Decomposition {
     spool: Spool,
     pub(crate) leaves: Vec<Leaf>,
     pub(crate) shared: SharedVertices,
+    /// For what is shared.
+    _share: Reservation,
 }
 
 impl Decomposition {
+    fn new(
+        rounding: Displacement,
+        spool: Spool,
+        leaves: Vec<Leaf>,
+        shared: SharedVertices,
+        store: &Store,
+    ) -> Result<Self, BuildError> {
+        let _share = store.budget.charge("shared vertices", shared.bytes())?;
+        Ok(Decomposition { rounding, spool, leaves, shared, _share })
+    }
+
     /// Reads a leaf's page into `bytes`.
     pub(crate) fn read_leaf<'a>(
         &'a self,
@@ -83,17 +96,17 @@ pub(crate) struct SavedLeaves<'a> {
 
 impl SavedLeaves<'_> {
     pub(crate) fn load(self, store: &Store) -> Result<Decomposition, BuildError> {
-        Ok(Decomposition {
-            rounding: bytemuck::cast(self.rounding),
-            spool: Spool::load(store, LEAVES, LEAVES, &self.spool)?,
-            leaves: self.leaves.into_owned(),
-            shared: self.shared.into_owned(),
-        })
+        let spool = Spool::load(store, LEAVES, LEAVES, &self.spool)?;
+        let rounding = bytemuck::cast(self.rounding);
+        Decomposition::new(rounding, spool, self.leaves.into_owned(), self.shared.into_owned(), store)
     }
 }
 
 /// What the leaves' spool is called, here and on disk.
 const LEAVES: &str = "leaves";
+
+/// Times that all triangles are gone through: they find the new numbers of their vertices, their regions, and their leaves.
+pub(crate) const PASSES: u64 = 3;
 
 /// Cuts the source into leaves, and counts into `repairs` what is odd about it.
 pub(crate) fn run(
@@ -110,7 +123,7 @@ pub(crate) fn run(
     let spool = Spool::named(&context.store, LEAVES, LEAVES);
     let border_count = divided.border_count();
     let is_computed = settings.normals == Normals::Computed;
-    let mut collector = Collector::new(border_count, is_computed, &context.store);
+    let mut collector = Collector::new(border_count, is_computed, &context.store)?;
     let mut account = Account::new(border_count, &context.store);
     let mut copies = divided.copies;
 
@@ -144,7 +157,7 @@ pub(crate) fn run(
     let (leaves, shared) = collector.finish()?;
     repairs.merged_copies = copies;
     repairs.unreferenced_vertices = vertex_count - shared.used_vertices;
-    Ok(Decomposition { rounding, spool, leaves, shared })
+    Decomposition::new(rounding, spool, leaves, shared, &context.store)
 }
 
 /// Clusters of the leaf level: the power of two for which a leaf comes closest to the wanted size, so that the hierarchy is a

@@ -1,6 +1,6 @@
 //! One region becomes leaves: cells, parts, triangles by part, leaves, and which of their vertices are shared.
 
-use super::cell_graph::{self, Cell, Joints};
+use super::cell_graph::{self, Cell};
 use super::census::{Census, Ledger, Surveyor};
 use super::divide::{INNER, majority};
 use super::grid::Grid;
@@ -10,12 +10,15 @@ use super::partition;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::pairs::{Pairs, graph_bytes};
 use chpm_extmem::Spool;
 use chpm_mesh::{Aabb, Vertices};
 use rayon::prelude::*;
 
 /// One in so many triangles is looked at: a sample says well enough what a cut would cost.
 const SAMPLE: usize = 2;
+/// Bytes for each triangle of what a region is counted with and is made when the graph is gone: triangles by leaf, and leaves.
+const LEAVES: u64 = 24;
 /// Most triangles of a leaf: with three vertices each they still fit 16-bit indices.
 const MAX_LEAF_TRIANGLES: usize = u16::MAX as usize / 3;
 
@@ -53,6 +56,13 @@ pub(crate) struct Interfaces {
     pub(crate) users: Vec<u32>,
     pub(crate) starts: Vec<u32>,
     pub(crate) counts: Vec<u32>,
+}
+
+impl Interfaces {
+    /// Bytes that it has in memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        4 * (self.users.capacity() + self.starts.capacity() + self.counts.capacity()) as u64
+    }
 }
 
 /// The shared vertices of a region: inner ones first, then border vertices.
@@ -129,11 +139,15 @@ fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> R
     let mut cells: Vec<u32> = positions.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect();
     let list: Vec<Cell> = grid.cells;
 
-    let mut joints = Joints::default();
+    let mut joints = Pairs::default();
     for t in mesh.triangles.iter().step_by(SAMPLE) {
-        joints.add(t.map(|v| cells[v as usize]));
+        cell_graph::joints(t.map(|v| cells[v as usize])).for_each(|(a, b)| joints.add(a, b, 1));
     }
     context.check()?;
+    let joints = joints.sums();
+    // Where everything is joined to everything, the graph takes more than the leaves will that are made after it.
+    let more = graph_bytes(joints.len()).saturating_sub(LEAVES * mesh.triangles.len() as u64);
+    let _share = context.store.budget.charge_task("the graph of a region", more)?;
     let graph = cell_graph::build(&list, joints, settings.cell_neighbors)?;
     context.check()?;
 

@@ -6,7 +6,7 @@
 use super::leaf::{INNER, Leaf};
 use super::normals::{self, BorderSum};
 use super::region::{Done, Interfaces};
-use chpm_extmem::{Buckets, ExtmemError, Store};
+use chpm_extmem::{Buckets, ExtmemError, Reservation, Store};
 use chpm_mesh::Octahedral;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -32,6 +32,13 @@ pub(crate) struct SharedVertices {
 }
 
 impl SharedVertices {
+    /// Bytes that it takes in memory, with what is counted for each interface while levels are built.
+    pub(crate) fn bytes(&self) -> u64 {
+        let numbers = self.border.len() + self.holes.len() + self.firsts.len() + self.users.len();
+        let (interfaces, normals) = (self.counts.len(), size_of_val(&self.normals[..]));
+        (4 * numbers + (8 + PER_INTERFACE) * interfaces + normals) as u64
+    }
+
     /// How many there are.
     pub(crate) fn len(&self) -> usize {
         self.len as usize
@@ -75,6 +82,8 @@ impl SharedVertices {
     }
 }
 
+/// Bytes for each interface beside what is here: which level it is free at, and how many of its vertices are left.
+const PER_INTERFACE: usize = 5;
 /// log2 of the border vertices whose uses are looked at together, and the bytes that are gathered of those.
 const SHARE_LOG: u32 = 15;
 const BLOCK: usize = 1 << 13;
@@ -91,13 +100,16 @@ pub(crate) struct Collector {
     border_count: u32,
     /// Likewise what faces come to there, if normals are computed; regions ascend.
     sums: Option<Buckets<BorderSum>>,
+    /// For what is known of interfaces.
+    share: Reservation,
 }
 
 impl Collector {
-    pub(crate) fn new(border_count: usize, is_computed: bool, store: &Store) -> Self {
+    pub(crate) fn new(border_count: usize, is_computed: bool, store: &Store) -> Result<Self, ExtmemError> {
         let shares = (border_count >> SHARE_LOG) + 1;
         let sums = || Buckets::new(store, "sums of normals", shares, BLOCK);
-        Collector {
+        Ok(Collector {
+            share: store.budget.charge("sets of clusters that share vertices", 0)?,
             sums: is_computed.then(sums),
             leaves: Vec::new(),
             inner: Interfaces { starts: vec![0], ..Interfaces::default() },
@@ -105,7 +117,7 @@ impl Collector {
             used_vertices: 0,
             uses: Buckets::new(store, "uses of border vertices", shares, BLOCK),
             border_count: border_count as u32,
-        }
+        })
     }
 
     /// Inner shared vertices so far.
@@ -132,13 +144,13 @@ impl Collector {
             }
         }
         self.used_vertices += done.referenced;
-        Ok(())
+        self.share.resize(self.inner.bytes())
     }
 
     /// The leaves in order, and what they share.
     pub(crate) fn finish(self) -> Result<(Vec<Leaf>, SharedVertices), ExtmemError> {
-        let Interfaces { mut users, mut starts, mut counts } = self.inner;
-        let inner_interfaces = counts.len();
+        let (mut interfaces, mut reservation) = (self.inner, self.share);
+        let inner_interfaces = interfaces.counts.len();
         let mut holes = Vec::new();
         let mut border = Vec::with_capacity(self.border_count as usize);
 
@@ -161,14 +173,17 @@ impl Collector {
                     holes.push(number - 1);
                     continue;
                 }
-                let interface = known.interface(&leaves, &mut users, &mut starts);
-                if interface as usize == counts.len() {
-                    counts.push(0);
-                }
-                counts[interface as usize] += 1;
+                let interface = known.interface(&leaves, &mut interfaces);
+                interfaces.counts[interface as usize] += 1;
                 border.push(interface);
             }
+            reservation.resize(interfaces.bytes() + known.bytes())?;
         }
+        drop(known);
+        let Interfaces { mut users, mut starts, mut counts } = interfaces;
+        users.shrink_to_fit();
+        starts.shrink_to_fit();
+        counts.shrink_to_fit();
         holes.extend(number..self.border_count);
 
         // Ids of inner vertices come after those of border vertices, interface by interface.
@@ -208,9 +223,17 @@ impl Collector {
 struct Known(HashMap<u64, u32>);
 
 impl Known {
-    /// The interface of these leaves; appended if there is none.
-    fn interface(&mut self, leaves: &[u32], users: &mut Vec<u32>, starts: &mut Vec<u32>) -> u32 {
-        let fresh = starts.len() as u32 - 1;
+    /// Bytes that it has, and had at once when it grew last.
+    fn bytes(&self) -> u64 {
+        let each = size_of::<(u64, u32)>() + 1;
+        // Of eight places seven are used, and the half of them were there before.
+        (self.0.capacity() * each / 7 * 12) as u64
+    }
+
+    /// The interface of these leaves; appended, with no vertices, if there is none.
+    fn interface(&mut self, leaves: &[u32], all: &mut Interfaces) -> u32 {
+        let Interfaces { users, starts, counts } = all;
+        let fresh = counts.len() as u32;
         let mut hash = leaves.iter().fold(0u64, |hash, leaf| {
             (hash.rotate_left(23) ^ u64::from(*leaf)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
         });
@@ -219,6 +242,7 @@ impl Known {
             if interface == fresh {
                 users.extend_from_slice(leaves);
                 starts.push(users.len() as u32);
+                counts.push(0);
                 return fresh;
             }
             let range = starts[interface as usize] as usize..starts[interface as usize + 1] as usize;
@@ -258,7 +282,7 @@ mod tests {
     fn ids_count_border_vertices_without_holes_and_then_interfaces() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::create(folder.path(), 1 << 20).unwrap();
-        let mut collector = Collector::new(4, false, &store);
+        let mut collector = Collector::new(4, false, &store).unwrap();
         collector.add(&region(3, &[&[0, 1], &[0, 1, 2]], &[(0, 1), (1, 2), (3, 0), (3, 1)])).unwrap();
         assert_eq!(collector.inner_count(), 20);
         collector.add(&region(2, &[&[0, 1]], &[(0, 1), (2, 0)])).unwrap();

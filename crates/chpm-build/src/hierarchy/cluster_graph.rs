@@ -10,7 +10,8 @@ const SHARED: u32 = 16;
 /// Nearest clusters that each cluster is tied to, so that separate components find their neighbours.
 const NEIGHBORS: u32 = 6;
 
-pub(crate) fn build(decomposition: &Decomposition) -> Result<CsrGraph, BuildError> {
+/// The edges of the graph: those that share, and those that are near.
+pub(crate) fn edges(decomposition: &Decomposition) -> Vec<(u32, u32, u32)> {
     let mut edges = shared_edges(decomposition);
     let centers: Vec<[f32; 3]> = decomposition.leaves.iter().map(|leaf| leaf.center).collect();
     let pairs = nearest_pairs(&centers, NEIGHBORS, |_| true);
@@ -20,6 +21,14 @@ pub(crate) fn build(decomposition: &Decomposition) -> Result<CsrGraph, BuildErro
         let nearness = if distance > 0.0 { nearest / distance } else { 1.0 };
         (a, b, ((SHARED as f32 * nearness) as u32).max(1))
     }));
+    edges
+}
+
+/// The graph of all leaves.
+pub(crate) fn build(
+    decomposition: &Decomposition,
+    edges: Vec<(u32, u32, u32)>,
+) -> Result<CsrGraph, BuildError> {
     Ok(CsrGraph::from_edges(decomposition.leaves.iter().map(|l| l.vertex_count).collect(), &edges)?)
 }
 

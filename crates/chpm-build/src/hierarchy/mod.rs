@@ -13,6 +13,7 @@ use crate::config::Settings;
 use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
+use crate::pairs::graph_bytes;
 
 /// Builds the tree, and finds for each interface of shared vertices the level at which the clusters that use it have merged.
 pub(crate) fn run(
@@ -20,7 +21,9 @@ pub(crate) fn run(
     settings: &Settings,
     context: &Context<'_>,
 ) -> Result<(Tree, Vec<u8>), BuildError> {
-    let graph = cluster_graph::build(decomposition)?;
+    let edges = cluster_graph::edges(decomposition);
+    let _share = context.store.budget.charge("the graph of clusters", graph_bytes(edges.len()))?;
+    let graph = cluster_graph::build(decomposition, edges)?;
     let tree = Tree::build(&graph, settings, context)?;
     let release = decomposition.shared.interfaces().map(|(users, _)| tree.merge_level(users)).collect();
     Ok((tree, release))

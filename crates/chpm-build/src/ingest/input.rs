@@ -12,7 +12,7 @@ use chpm_extmem::{Faults, Reservation, Store};
 use chpm_format::Source as Provenance;
 use chpm_import::PlyReader;
 use chpm_import::ply::{Batch, BatchKind, Options, Tally, VertexFormat};
-use chpm_import::{Format, ImportError, ObjReader, RangeScans, StlReader};
+use chpm_import::{Foreign, Format, ImportError, ObjReader, RangeScans, StlReader};
 use std::io;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::Xxh3;
@@ -105,12 +105,15 @@ impl Input {
         let opened = stream::open(&tap, Format::HEAD, store.budget.chargeable()).map_err(unread)?;
         let window = store.budget.charge("the window of a zstd stream", opened.window)?;
 
-        // A list in a list is taken for a PLY, and refused since it is none.
-        let format = match Format::detect(&opened.head, opened.len, extension(path).as_deref()) {
-            Format::RangeScans if !lists => Format::Ply,
-            format => format,
-        };
         let import = |source| BuildError::Import { path: path.to_owned(), source: Box::new(source) };
+        let extension = extension(path);
+        if let Some(foreign) = Foreign::detect(&opened.head, opened.len, extension.as_deref()) {
+            return Err(import(ImportError::Foreign(foreign)));
+        }
+        let format = Format::detect(&opened.head, opened.len, extension.as_deref());
+        if format == Format::RangeScans && !lists {
+            return Err(import(ImportError::Foreign(Foreign::list_in_list())));
+        }
         let body = match format {
             Format::Ply => {
                 let reader = PlyReader::new(opened.stream, options);

@@ -6,6 +6,7 @@
 use super::supply::Supply;
 use crate::progress::Cancel;
 use chpm_extmem::Faults;
+use chpm_import::Format;
 use std::cell::RefCell;
 use std::fmt;
 use std::io::{self, BufReader, Cursor, Read};
@@ -19,6 +20,9 @@ const ZSTD_WINDOW: u64 = 1 << 31;
 /// Least window that is always granted; what the usual levels take.
 const ZSTD_LEAST: u64 = 1 << 23;
 
+/// Bytes of a file that tell whether it is compressed: the header of a binary STL, which may begin like such a file.
+const PACKED_HEAD: usize = 84;
+
 /// Decompressed bytes.
 pub(super) type Stream = Box<dyn Read>;
 
@@ -31,8 +35,11 @@ pub(super) enum Packing {
 }
 
 impl Packing {
-    fn detect(head: &[u8]) -> Packing {
+    /// By the beginning of a file of `len` bytes.
+    fn detect(head: &[u8], len: u64) -> Packing {
         match head {
+            // Whatever its header begins with.
+            _ if Format::is_binary_stl(head, Some(len)) => Packing::None,
             [0x1f, 0x8b, 8, ..] => Packing::Gzip,
             [0x28, 0xb5, 0x2f, 0xfd, ..] => Packing::Zstd,
             // A skippable frame may come first.
@@ -159,9 +166,9 @@ impl<R: Read> Read for Zstd<R> {
 pub(super) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
     let mut tap = tap.clone();
     let (len, cancel) = (tap.0.borrow().file_len, tap.0.borrow().cancel.clone());
-    let magic = begin(&mut tap, 4)?;
-    let packing = Packing::detect(&magic);
-    let bytes = Cursor::new(magic).chain(tap);
+    let start = begin(&mut tap, PACKED_HEAD)?;
+    let packing = Packing::detect(&start, len);
+    let bytes = Cursor::new(start).chain(tap);
     let mut window = 0;
     let mut stream: Stream = match packing {
         Packing::None => Box::new(bytes),

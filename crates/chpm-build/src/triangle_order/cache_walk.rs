@@ -2,7 +2,9 @@
 //!
 //! As in Forsyth's "Linear-Speed Vertex Cache Optimisation" (2006) each vertex has a score, and the triangle with the highest sum comes
 //! next. Here the cache is first in, first out, so that scores change only where something happens, and only the triangles at the
-//! vertices that were used last are looked at.
+//! vertices that were used last are looked at; at one of very many, [`Hubs`] know the best.
+
+use super::hubs::Hubs;
 
 /// Vertices of the cache: somewhat fewer than hardware has, since an order also has to serve finer meshes than the one it is made for.
 const SIZE: usize = 14;
@@ -18,7 +20,7 @@ const FEW: u32 = 6;
 const RECENT: usize = 5;
 
 /// "No vertex": a mesh has fewer.
-const NONE: u16 = u16::MAX;
+pub(super) const NONE: u16 = u16::MAX;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Vertex {
@@ -31,9 +33,9 @@ struct Vertex {
 
 /// A triangle at one of its vertices.
 #[derive(Clone, Copy, Debug, Default)]
-struct Around {
+pub(super) struct Around {
     others: [u16; 2],
-    index: u32,
+    pub(super) index: u32,
 }
 
 /// Scratch of the walk.
@@ -45,6 +47,10 @@ pub(super) struct CacheWalk {
     /// Vertices in the order in which they came into the cache, less those that were found to have nothing left.
     came: Vec<u16>,
     order: Vec<u32>,
+    hubs: Hubs,
+    /// Whether each triangle of a hub is looked at, too.
+    #[cfg(test)]
+    plain: bool,
 }
 
 impl CacheWalk {
@@ -57,13 +63,14 @@ impl CacheWalk {
         let mut recent = [NONE; RECENT];
         let mut time = SIZE + 1;
         let mut rest = 0..vertex_count as u16;
-        while let Some(index) = self.best(&recent).or_else(|| self.restart(&mut rest)) {
+        while let Some(index) = self.best(&recent, triangles).or_else(|| self.restart(&mut rest)) {
             self.order.push(index);
+            self.hubs.take(index);
             let corners = triangles[index as usize];
             for corner in corners {
-                self.take(corner, index);
+                self.take(corner, index, triangles);
                 if time - self.vertices[usize::from(corner)].came as usize > SIZE {
-                    self.load(corner, &mut cache, time);
+                    self.load(corner, &mut cache, time, triangles);
                     time += 1;
                 }
             }
@@ -79,6 +86,11 @@ impl CacheWalk {
         for corner in triangles.as_flattened() {
             self.vertices[usize::from(*corner)].end += 1;
         }
+        self.hubs.find(self.vertices.iter().map(|vertex| vertex.end));
+        #[cfg(test)]
+        if self.plain {
+            self.hubs = Hubs::default();
+        }
         self.scores.clear();
         let mut start = 0;
         for vertex in &mut self.vertices {
@@ -89,21 +101,30 @@ impl CacheWalk {
         }
         self.around.clear();
         self.around.resize(start as usize, Around::default());
+        self.hubs.gather(triangles, &self.scores);
         for (index, [a, b, c]) in (0..).zip(triangles) {
-            for (corner, others) in [(a, [*b, *c]), (b, [*c, *a]), (c, [*a, *b])] {
-                let vertex = &mut self.vertices[usize::from(*corner)];
+            for (corner, others) in [(*a, [*b, *c]), (*b, [*c, *a]), (*c, [*a, *b])] {
+                let vertex = &mut self.vertices[usize::from(corner)];
                 self.around[vertex.end as usize] = Around { others, index };
+                if self.hubs.has(corner) {
+                    self.hubs.put(index, [*a, *b, *c], corner, vertex.end - vertex.start);
+                }
                 vertex.end += 1;
             }
         }
     }
 
     /// The triangle with the highest score at some vertices.
-    fn best(&self, recent: &[u16]) -> Option<u32> {
+    fn best(&mut self, recent: &[u16], triangles: &[[u16; 3]]) -> Option<u32> {
         // Score and index in one number, so that the larger of two is found without a branch.
         let mut best = 0;
         for corner in recent {
             let Some(vertex) = self.vertices.get(usize::from(*corner)) else { break };
+            if self.hubs.has(*corner) {
+                let (score, index) = self.hubs.best(*corner, triangles, &self.scores).unwrap_or_default();
+                best = best.max((score as u64) << 32 | u64::from(index));
+                continue;
+            }
             let own = self.scores[usize::from(*corner)];
             for Around { others: [a, b], index } in &self.around[vertex.start as usize..vertex.end as usize] {
                 let score = own + self.scores[usize::from(*a)] + self.scores[usize::from(*b)];
@@ -129,29 +150,46 @@ impl CacheWalk {
     }
 
     /// Takes a triangle from those that one of its corners has left.
-    fn take(&mut self, corner: u16, index: u32) {
+    fn take(&mut self, corner: u16, index: u32, triangles: &[[u16; 3]]) {
         let vertex = &mut self.vertices[usize::from(corner)];
         let left = &mut self.around[vertex.start as usize..vertex.end as usize];
         let Some(last) = left.len().checked_sub(1) else { return };
-        // To the end and without a branch: where it is cannot be foretold, and there are few.
-        let at = left.iter().enumerate().fold(last, |at, (i, a)| if a.index == index { i } else { at });
+        let at = if self.hubs.has(corner) {
+            let at = self.hubs.place(index, triangles[index as usize], corner);
+            let moved = left[last].index;
+            self.hubs.put(moved, triangles[moved as usize], corner, at);
+            at as usize
+        } else {
+            // To the end and without a branch: where it is cannot be foretold, and there are few.
+            left.iter().enumerate().fold(last, |at, (i, a)| if a.index == index { i } else { at })
+        };
         left.swap(at, last);
         vertex.end -= 1;
-        self.scores[usize::from(corner)] += rarity(last as u32) - rarity(last as u32 + 1);
+        self.raise(corner, rarity(last as u32) - rarity(last as u32 + 1), triangles);
+    }
+
+    /// Adds to the score of a vertex.
+    fn raise(&mut self, vertex: u16, by: i32, triangles: &[[u16; 3]]) {
+        self.scores[usize::from(vertex)] += by;
+        if by > 0 && !self.hubs.is_empty() {
+            let Vertex { start, end, .. } = self.vertices[usize::from(vertex)];
+            let left = &self.around[start as usize..end as usize];
+            self.hubs.rise(vertex, left, triangles, &self.scores);
+        }
     }
 
     /// Puts a vertex into the cache, in the place of the oldest, and lets others grow older.
-    fn load(&mut self, vertex: u16, cache: &mut [u16; SIZE], time: usize) {
+    fn load(&mut self, vertex: u16, cache: &mut [u16; SIZE], time: usize, triangles: &[[u16; 3]]) {
         let oldest = std::mem::replace(&mut cache[time % SIZE], vertex);
         if let Some(score) = self.scores.get_mut(usize::from(oldest)) {
             *score -= CACHED + OLDER * AGES.len() as i32;
         }
-        for age in AGES {
-            if let Some(score) = self.scores.get_mut(usize::from(cache[(time - age) % SIZE])) {
-                *score += OLDER;
+        for older in AGES.map(|age| cache[(time - age) % SIZE]) {
+            if older != NONE {
+                self.raise(older, OLDER, triangles);
             }
         }
-        self.scores[usize::from(vertex)] += CACHED;
+        self.raise(vertex, CACHED, triangles);
         self.vertices[usize::from(vertex)].came = time as u32;
         self.came.push(vertex);
     }
@@ -205,6 +243,36 @@ mod tests {
     fn a_strip_is_walked_from_end_to_end() {
         let strip = hand::strip(50);
         assert_eq!(acmr(ordered(&strip.triangles, strip.positions.len()), 3), 52.0 / 50.0);
+    }
+
+    /// What looking at each triangle of a vertex gives, however many there are.
+    fn plain(triangles: &[[u16; 3]], vertex_count: usize) -> Vec<u32> {
+        let mut walk = CacheWalk { plain: true, ..CacheWalk::default() };
+        walk.order(triangles, vertex_count).to_vec()
+    }
+
+    #[test]
+    fn hubs_change_nothing_about_the_order() {
+        let mut state = 1u32;
+        let mut chance = |below: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) % below
+        };
+        // Few hubs, and vertices that are joined to them and to each other at random; a hub and its fan; all about one edge.
+        let random: Vec<[u16; 3]> = (0..3000)
+            .map(|i| {
+                [chance(5), 5 + chance(400), if i % 3 == 0 { 405 + chance(5) } else { 410 + chance(300) }]
+            })
+            .map(|t| t.map(|v| v as u16))
+            .collect();
+        let fan: Vec<[u16; 3]> = (1..900).map(|i| [0, i, i + 1]).collect();
+        let edge: Vec<[u16; 3]> = (2..900).map(|i| [0, 1, i]).collect();
+        for triangles in [random, fan, edge] {
+            let count = 1 + usize::from(*triangles.as_flattened().iter().max().unwrap());
+            let mut walk = CacheWalk::default();
+            assert_eq!(walk.order(&triangles, count), plain(&triangles, count));
+            assert!(!walk.hubs.is_empty());
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! there comes as soon as its corners have come with others; for a corner that comes with none, the vertex that it went to counts.
 
 mod cache_walk;
+mod hubs;
 
 use cache_walk::CacheWalk;
 use chpm_mesh::pm::is_alive;

@@ -102,6 +102,16 @@ pub enum PlyError {
         /// Vertices that the header declares.
         vertices: u64,
     },
+    /// There are vertices and lines, and no faces.
+    #[error(
+        "no faces: these are {edges} lines between {vertices} vertices; give a mesh of triangles or polygons"
+    )]
+    Lines {
+        /// Vertices that the header declares.
+        vertices: u64,
+        /// Lines that the header declares.
+        edges: u64,
+    },
     /// More vertices than indices can tell apart.
     #[error("the header declares {count} vertices; the limit is {limit}; split the model")]
     TooManyVertices {
@@ -131,7 +141,7 @@ pub enum PlyError {
     },
     /// A coordinate that is NaN or infinite.
     #[error(
-        "{place}: coordinate '{property}' is {value}; expected a finite number; repair the file or drop invalid data"
+        "{place}: coordinate '{property}' is {value}; expected a finite number; repair the file, or leave out what has none with --drop-invalid"
     )]
     NotFinite {
         /// Where the coordinate is.

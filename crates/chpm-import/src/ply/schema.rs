@@ -129,7 +129,13 @@ impl Schema {
         let format = format.ok_or(PlyError::NoVertexElement)?;
         let has_grid = roles.iter().any(|role| matches!(role, Role::Grid(..)));
         if header.vertex_count > 0 && header.face_count == 0 && header.strip_count == 0 && !has_grid {
-            return Err(PlyError::PointCloud { vertices: header.vertex_count });
+            let vertices = header.vertex_count;
+            return Err(
+                match header.elements.iter().find(|element| element.name == "edge" && element.count > 0) {
+                    None => PlyError::PointCloud { vertices },
+                    Some(edge) => PlyError::Lines { vertices, edges: edge.count },
+                },
+            );
         }
         Ok(Schema { roles, format, warnings })
     }

@@ -1,0 +1,231 @@
+//! What a file is that there is no reader for, by its first bytes: so that a refusal can name it, and what to do.
+
+use super::format::{Format, first_line, is_text};
+use super::lines::words;
+use std::fmt;
+
+/// A file that is not read.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Foreign {
+    /// With its article, as in `an OFF mesh`.
+    what: &'static str,
+    remedy: &'static str,
+}
+
+const CONVERT: &str = "convert it, for example with MeshLab or Blender";
+const TESSELLATE: &str = "have a CAD program, such as FreeCAD, write its surface as triangles";
+const RECONSTRUCT: &str =
+    "reconstruct a surface from the points first, for example with MeshLab or CloudCompare";
+const UNPACK: &str = "unpack it and name the mesh in it";
+const NO_MESH: &str = "name a mesh";
+
+/// What begins with these bytes.
+const MAGICS: [(&[u8], &str, &str); 43] = [
+    (b"\x89CHPM", "a .chpm file, which is built already", "look at it with chpm info or chpm view"),
+    (b"glTF", "a GLB (binary glTF)", CONVERT),
+    (b"Kaydara FBX Binary", "an FBX scene", CONVERT),
+    (b"; FBX", "an FBX scene as text", CONVERT),
+    (b"BLENDER", "a Blender file", "export it from Blender as PLY or OBJ"),
+    (b"PXR-USDC", "a USD scene", CONVERT),
+    (b"#usda", "a USD scene as text", CONVERT),
+    (b"#VRML", "a VRML scene", CONVERT),
+    (b"#X3D", "an X3D scene", CONVERT),
+    (b"DRACO", "a Draco mesh", CONVERT),
+    (b"MMMesh", "an OpenCTM mesh", CONVERT),
+    (b"OCTM", "an OpenCTM mesh", CONVERT),
+    (b"nxs ", "a Nexus model", CONVERT),
+    (b"# vtk DataFile", "a VTK file", "have ParaView save its surface as PLY or STL"),
+    (b"<VTKFile", "a VTK file", "have ParaView save its surface as PLY or STL"),
+    (b"$MeshFormat", "a Gmsh mesh", "have Gmsh export its surface as STL or PLY"),
+    (b"MeshVersionFormatted", "a Medit mesh", CONVERT),
+    (b"ISO-10303-21", "a STEP model", TESSELLATE),
+    (b"DBRep_DrawableShape", "a BREP model", TESSELLATE),
+    (b"LASF", "LAS or LAZ, a point cloud", RECONSTRUCT),
+    (b"ASTM-E57", "E57, a point cloud", RECONSTRUCT),
+    (b"# .PCD", "PCD, a point cloud", RECONSTRUCT),
+    (b"II*\0", "a TIFF image", "make a mesh of its heights first"),
+    (b"MM\0*", "a TIFF image", "make a mesh of its heights first"),
+    (b"II+\0", "a BigTIFF image", "make a mesh of its heights first"),
+    (b"MM\0+", "a BigTIFF image", "make a mesh of its heights first"),
+    (b"\x89PNG", "a PNG image", NO_MESH),
+    (b"\xff\xd8\xff", "a JPEG image", NO_MESH),
+    (b"GIF8", "a GIF image", NO_MESH),
+    (b"v/1\x01", "an EXR image", NO_MESH),
+    (b"\x89HDF", "HDF5 data", NO_MESH),
+    (b"SIMPLE  =", "FITS data", NO_MESH),
+    (b"%PDF", "a PDF document", NO_MESH),
+    (b"\x7fELF", "a program", NO_MESH),
+    (b"PK\x03\x04", "a ZIP archive", UNPACK),
+    (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive", UNPACK),
+    (b"Rar!", "a RAR archive", UNPACK),
+    (b"\xfd7zXZ\0", "an XZ file", "unpack it, or pack it with gzip or zstd"),
+    (b"BZh", "a bzip2 file", "unpack it, or pack it with gzip or zstd"),
+    (b"\x04\x22\x4d\x18", "an LZ4 file", "unpack it, or pack it with gzip or zstd"),
+    (b"version https://git-lfs", "a pointer of Git LFS, not the file itself", "fetch that with git lfs pull"),
+    (b"<!DOCTYPE", "a web page, not the file that was to be downloaded", "download it again"),
+    (b"<html", "a web page, not the file that was to be downloaded", "download it again"),
+];
+
+impl Foreign {
+    /// What an input is that begins with `head` and is `len` bytes long, if that is known, and is of none of the formats that are
+    /// read. None for what a reader is for, or for what `extension` says is a format without a beginning of its own.
+    pub fn detect(head: &[u8], len: Option<u64>, extension: Option<&str>) -> Option<Foreign> {
+        let named = |what, remedy| Some(Foreign { what, remedy });
+        if head.is_empty() {
+            return named("an empty file", "copy it again");
+        }
+        if Format::has_magic(head, len) {
+            return None;
+        }
+        // Text editors put this before what they save.
+        let start = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
+        if let Some((magic, what, remedy)) = MAGICS.iter().find(|(magic, ..)| start.starts_with(magic)) {
+            let is_3mf = *magic == b"PK\x03\x04" && has(head, b"3D/3dmodel.model");
+            let is_office = *magic == b"PK\x03\x04" && has(head, b"[Content_Types].xml");
+            return match (is_3mf, is_office) {
+                (true, _) => named("a 3MF model", CONVERT),
+                (_, true) if extension.is_some_and(|name| name.eq_ignore_ascii_case("3mf")) => {
+                    named("a 3MF model", CONVERT)
+                }
+                _ => named(what, remedy),
+            };
+        }
+        if head.get(257..262) == Some(b"ustar") {
+            return named("a tar archive", UNPACK);
+        }
+        if is_text(head) {
+            return of_text(start, extension);
+        }
+        match Format::detect(head, len, extension) {
+            Format::Ply => named("of no format that is known", "name a mesh"),
+            _ => None,
+        }
+    }
+
+    /// A list of scans in a list of scans.
+    pub fn list_in_list() -> Foreign {
+        Foreign { what: "a list of range scans, which no other list may name", remedy: "name its scans" }
+    }
+}
+
+/// What a text is.
+fn of_text(head: &[u8], extension: Option<&str>) -> Option<Foreign> {
+    let named = |what, remedy| Some(Foreign { what, remedy });
+    let line = first_line(head);
+    let first = words(line).next().unwrap_or_default();
+    // `COFF`, `STNOFF4`: with colours, normals, texture coordinates.
+    let is_off = |word: &[u8]| {
+        let word = word.strip_suffix(b"n").unwrap_or(word);
+        word.strip_suffix(b"OFF").is_some_and(|before| before.iter().all(|byte| b"STCN4".contains(byte)))
+    };
+    if is_off(first) {
+        return named("an OFF mesh", CONVERT);
+    }
+    if head.trim_ascii_start().first() == Some(&b'{') {
+        let is_gltf =
+            has(head, b"\"asset\"") || extension.is_some_and(|name| name.eq_ignore_ascii_case("gltf"));
+        let what = if is_gltf { "glTF" } else { "JSON" };
+        return named(what, CONVERT);
+    }
+    if first.starts_with(b"<") {
+        let xml = [
+            (&b"<COLLADA"[..], "a COLLADA scene"),
+            (b"<X3D", "an X3D scene"),
+            (b"<VTKFile", "a VTK file"),
+            (b"<amf", "an AMF model"),
+            (b"<LandXML", "a LandXML surface"),
+            (b"CityGML", "a CityGML model"),
+            (b"<html", "a web page, not the file that was to be downloaded"),
+        ];
+        let found = xml.iter().find(|(word, _)| has(head, word));
+        return named(found.map_or("XML", |(_, what)| what), CONVERT);
+    }
+    if Format::detect(head, None, extension) != Format::Ply {
+        return None;
+    }
+    let is_number = |word: &[u8]| std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok());
+    let is_row = |line: &[u8]| {
+        let cells = line.split(|byte| byte.is_ascii_whitespace() || matches!(byte, b',' | b';'));
+        let mut cells = cells.filter(|cell| !cell.is_empty()).peekable();
+        cells.peek().is_some() && cells.all(is_number)
+    };
+    if is_row(line) {
+        return named("rows of numbers, most likely a point cloud as text", RECONSTRUCT);
+    }
+    named("text that is no mesh", NO_MESH)
+}
+
+fn has(head: &[u8], wanted: &[u8]) -> bool {
+    head.windows(wanted.len()).any(|bytes| bytes == wanted)
+}
+
+impl fmt::Display for Foreign {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Foreign { what, remedy } = self;
+        write!(
+            f,
+            "this is {what}; what is read is PLY, STL and OBJ, each as it is or as .gz or .zst, and a Stanford .conf set of scans: {remedy}"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(head: &[u8], extension: Option<&str>) -> Option<&'static str> {
+        Foreign::detect(head, Some(head.len() as u64), extension).map(|foreign| foreign.what)
+    }
+
+    #[test]
+    fn what_is_not_read_is_named() {
+        let tar = [&[b'a'; 257][..], b"ustar\0"].concat();
+        let cases: [(&[u8], Option<&str>, &str); 16] = [
+            (b"", Some("stl"), "an empty file"),
+            (b"OFF\n8 6 0\n", None, "an OFF mesh"),
+            (b"# made by hand\nSTCNOFF\n8 6 0\n", Some("off"), "an OFF mesh"),
+            (b"glTF\x02\0\0\0", Some("glb"), "a GLB (binary glTF)"),
+            (b" {\"asset\": {\"version\": \"2.0\"}}", None, "glTF"),
+            (b"PK\x03\x04....3D/3dmodel.model", None, "a 3MF model"),
+            (b"PK\x03\x04....[Content_Types].xml", Some("3mf"), "a 3MF model"),
+            (b"PK\x03\x04....scan.ply", None, "a ZIP archive"),
+            (b"# vtk DataFile Version 3.0\no\nASCII\n", Some("obj"), "a VTK file"),
+            (b"<?xml version=\"1.0\"?>\n<COLLADA>", Some("dae"), "a COLLADA scene"),
+            (
+                b"\xef\xbb\xbf<!DOCTYPE html>",
+                Some("ply"),
+                "a web page, not the file that was to be downloaded",
+            ),
+            (b"0.5, 1.25, -3e2, 7\n", Some("xyz"), "rows of numbers, most likely a point cloud as text"),
+            (b"hello", Some("ply"), "text that is no mesh"),
+            (b"plywood", None, "text that is no mesh"),
+            (&[0x01; 90], None, "of no format that is known"),
+            (&tar, Some("ply"), "a tar archive"),
+        ];
+        for (head, extension, what) in cases {
+            assert_eq!(told(head, extension), Some(what), "{}", head.escape_ascii());
+        }
+    }
+
+    #[test]
+    fn what_is_read_is_not_foreign() {
+        let mut stl = b"glTF".to_vec();
+        stl.resize(80, b' ');
+        stl.extend([0; 4]);
+        let cases: [(&[u8], Option<&str>); 9] = [
+            (b"ply\nformat", None),
+            (b"ply", None),
+            (&stl, None),
+            (b"solid glTF\n", None),
+            (b"v 0 0 0", Some("ply")),
+            (b"o\nv 0 0 0", None),
+            (b"bmesh a.ply 0 0 0 0 0 0 1", None),
+            // What these readers say of it is more.
+            (&[0x01; 90], Some("stl")),
+            (b"hello", Some("obj")),
+        ];
+        for (head, extension) in cases {
+            assert_eq!(told(head, extension), None, "{}", head.escape_ascii());
+        }
+    }
+}
