@@ -202,6 +202,11 @@ impl Divided {
         own + self.foreign.len(region)
     }
 
+    /// Whether triangles of a region have corners anywhere, and not only along its border.
+    pub(crate) fn is_joined_to_all(&self, region: usize) -> bool {
+        4 * self.foreign.len(region) > self.triangle_count(region)
+    }
+
     /// Border vertices that a region may have: its own, which others use, and copies of others.
     pub(crate) fn border_vertices(&self, region: usize) -> usize {
         self.border_range(region).len() + self.foreign.len(region)

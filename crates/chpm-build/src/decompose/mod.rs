@@ -178,7 +178,12 @@ fn workers(
             (divided.triangle_count(region) as u64, divided.vertex_count(region) as u64);
         let used = vertices.min(3 * triangles);
         let sums = if is_computed { divided.border_vertices(region) as u64 } else { 0 };
-        TRIANGLE_COST * triangles + VERTEX_COST * used + PASSED_COST * (vertices - used) + SUM_COST * sums
+        let joined = if divided.is_joined_to_all(region) { triangles } else { 0 };
+        TRIANGLE_COST * triangles
+            + JOINED_COST * joined
+            + VERTEX_COST * used
+            + PASSED_COST * (vertices - used)
+            + SUM_COST * sums
     };
     let largest = (0..divided.region_count()).map(cost).max().unwrap_or(0);
     let budget = &context.store.budget;
@@ -189,6 +194,8 @@ fn workers(
 
 /// Bytes for each triangle and each vertex of a region while it is worked on, and for each vertex that its triangles cannot have.
 const TRIANGLE_COST: u64 = 48;
+/// More for a triangle of a region that is joined to all others: its cells are to each other, and the graph of them has as many edges.
+const JOINED_COST: u64 = 120;
 const VERTEX_COST: u64 = 72;
 const PASSED_COST: u64 = 16;
 /// Bytes for what faces come to at a border vertex.

@@ -10,15 +10,13 @@ use super::partition;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
-use crate::pairs::{Pairs, graph_bytes};
+use crate::pairs::Pairs;
 use chpm_extmem::Spool;
 use chpm_mesh::{Aabb, Vertices};
 use rayon::prelude::*;
 
 /// One in so many triangles is looked at: a sample says well enough what a cut would cost.
 const SAMPLE: usize = 2;
-/// Bytes for each triangle of what a region is counted with and is made when the graph is gone: triangles by leaf, and leaves.
-const LEAVES: u64 = 24;
 /// Most triangles of a leaf: with three vertices each they still fit 16-bit indices.
 const MAX_LEAF_TRIANGLES: usize = u16::MAX as usize / 3;
 
@@ -144,11 +142,7 @@ fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> R
         cell_graph::joints(t.map(|v| cells[v as usize])).for_each(|(a, b)| joints.add(a, b, 1));
     }
     context.check()?;
-    let joints = joints.sums();
-    // Where everything is joined to everything, the graph takes more than the leaves will that are made after it.
-    let more = graph_bytes(joints.len()).saturating_sub(LEAVES * mesh.triangles.len() as u64);
-    let _share = context.store.budget.charge_task("the graph of a region", more)?;
-    let graph = cell_graph::build(&list, joints, settings.cell_neighbors)?;
+    let graph = cell_graph::build(&list, joints.sums(), settings.cell_neighbors)?;
     context.check()?;
 
     // From cells to parts, in place.

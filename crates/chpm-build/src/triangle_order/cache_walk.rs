@@ -51,6 +51,9 @@ pub(super) struct CacheWalk {
     /// Whether each triangle of a hub is looked at, too.
     #[cfg(test)]
     plain: bool,
+    /// Triangles that were looked at.
+    #[cfg(test)]
+    looked: usize,
 }
 
 impl CacheWalk {
@@ -124,6 +127,10 @@ impl CacheWalk {
                 let (score, index) = self.hubs.best(*corner, triangles, &self.scores).unwrap_or_default();
                 best = best.max((score as u64) << 32 | u64::from(index));
                 continue;
+            }
+            #[cfg(test)]
+            {
+                self.looked += (vertex.end - vertex.start) as usize;
             }
             let own = self.scores[usize::from(*corner)];
             for Around { others: [a, b], index } in &self.around[vertex.start as usize..vertex.end as usize] {
@@ -273,6 +280,14 @@ mod tests {
             assert_eq!(walk.order(&triangles, count), plain(&triangles, count));
             assert!(!walk.hubs.is_empty());
         }
+    }
+
+    #[test]
+    fn triangles_about_one_edge_are_not_looked_at_each_time() {
+        let edge: Vec<[u16; 3]> = (2..20_000).map(|i| [0, 1, i]).collect();
+        let mut walk = CacheWalk::default();
+        walk.order(&edge, 20_000);
+        assert!(walk.looked < 10 * edge.len(), "{} of {}", walk.looked, edge.len());
     }
 
     #[test]
