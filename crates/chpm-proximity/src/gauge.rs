@@ -19,6 +19,9 @@ pub struct Gauge<'m, 'a, D> {
     tolerance: f64,
 }
 
+/// A patch in its box.
+type Boxed = (Block, Arc<Patch>);
+
 /// A group of the reference that may be nearest to a point.
 struct Waiting {
     least: f64,
@@ -91,7 +94,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
                 let mut spot = Spot::beyond(f64::INFINITY);
                 // What is nearest to one is near to the next.
                 if let Some((patch, triangle)) = last {
-                    let (_, patch): &(Block, Arc<Patch>) = &patches[patch];
+                    let (_, patch): &Boxed = &patches[patch];
                     patch.take(triangle, point, &mut spot);
                 }
                 order.clear();
@@ -121,11 +124,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
     }
 
     /// Patches of which one is nearest to each point of a run, and how far the coarsest of them is from the source at most.
-    fn candidates(
-        &self,
-        run: &[u32],
-        points: &[Vector3<f64>],
-    ) -> Result<(Vec<(Block, Arc<Patch>)>, f64), ProximityError> {
+    fn candidates(&self, run: &[u32], points: &[Vector3<f64>]) -> Result<(Vec<Boxed>, f64), ProximityError> {
         let run = || run.iter().map(|number| &points[*number as usize]);
         let (low, high) = ends(run());
         let center = (low + high) * 0.5;
