@@ -97,7 +97,7 @@ fn every_text_is_read_as_double() {
 /// The way from the middle of very different numbers is no double: what that loses counts.
 #[test]
 fn what_a_difference_of_doubles_loses_is_counted() {
-    let (small, far) = (1e-9, 3.0 * 2f64.powi(30));
+    let (small, far) = (1.234_567_890_12e-9, 3.0 * 2f64.powi(30));
     let vertices = [[small, 0.0, 0.0], [far, 0.0, 0.0], [0.0, far, 0.0], [small, far, small]];
     let (report, file) = built("far.ply", &ply("double", &vertices, &[[0, 1, 2], [1, 3, 2]]), 256 << 20);
     assert_eq!(file.header().origin[0], far / 2.0);
