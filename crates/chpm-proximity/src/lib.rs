@@ -7,7 +7,7 @@
 //! 2. Some point of the source is as near as M is, and E more.
 //! 3. The groups of a file are an acyclic graph, and what a group stands for is what its fine clusters' groups stand for, or less. So a question goes
 //!    from the roots downward, and only to where it is not decided yet.
-//! 4. A group's box and sphere hold everything below it, so most pairs of groups are settled by the tables, without a page.
+//! 4. A group's box, wider by what its leaves are wrong by, holds all that it stands for, so most pairs of groups are settled by the tables, without a page.
 //! 5. Two triangles' distance is between how far apart they are along some direction and the distance of two of their points. Both hold for whatever
 //!    direction and points a search in f64 comes up with, up to the rounding of a few sums, which is added.
 #![forbid(unsafe_code)]

@@ -33,6 +33,10 @@ pub struct Model<'a, D> {
     file: &'a Chpm<D>,
     hierarchy: Hierarchy,
     rounding: f64,
+    /// By group, how far its source reaches at most beyond the boxes of the leaves: by their rounding, and in a trimmed file by what has vanished.
+    beyond: Vec<f64>,
+    /// The largest of them; those without an end do not count, since nothing is proven of their groups.
+    farthest: f64,
     shelf: Mutex<Shelf>,
 }
 
@@ -91,7 +95,17 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
             Shelf { budget: budget.0, used: 0, clock: 0, kept: HashMap::new(), reads: Reads::default() };
         let leaves = file.clusters().iter().filter(|record| record.is_leaf() && !record.is_trimmed());
         let rounding = leaves.map(|record| f64::from(record.min_error)).fold(0.0, f64::max);
-        Ok(Model { file, hierarchy: Hierarchy::new(file), rounding, shelf: Mutex::new(shelf) })
+        let (hierarchy, beyond) = (Hierarchy::new(file), vec![0.0; file.groups().len()]);
+        let mut model = Model { file, hierarchy, rounding, beyond, farthest: 0.0, shelf: Mutex::new(shelf) };
+        for group in model.hierarchy.top_down().iter().rev() {
+            let below = file.fine(*group).iter().map(|fine| file.clusters()[*fine as usize].group());
+            let below = below.map(|group| model.beyond[group.index()]).fold(0.0, f64::max);
+            model.beyond[group.index()] =
+                if model.is_leaf(*group) { model.wrong(*group).distance } else { below };
+        }
+        let ends = model.beyond.iter().filter(|beyond| **beyond < f64::from(f32::MAX));
+        model.farthest = ends.copied().fold(0.0, f64::max);
+        Ok(model)
     }
 
     /// The file.
@@ -113,18 +127,18 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
         let header = self.file.header();
         let corner = |axis: usize| f64::from(header.aabb_min[axis].abs().max(header.aabb_max[axis].abs()));
         let reach = Vector3::from_fn(|axis, _| corner(axis)).norm() * (1.0 + 1e-15);
-        Frame { origin: header.origin, reach: reach + self.rounding, pose: *pose }
+        Frame { origin: header.origin, reach: reach + self.farthest, pose: *pose }
     }
 
-    /// A box about all of the source, which the file's box is but for rounding.
+    /// A box about all of the source, which the file's box is but for rounding and what was trimmed away.
     pub(crate) fn bounds(&self) -> Aabb {
         let Aabb { min, max } = self.file.header().aabb();
-        if self.rounding <= 0.0 {
+        if self.farthest <= 0.0 {
             return Aabb { min, max };
         }
         Aabb {
-            min: min.map(|x| ((f64::from(x) - self.rounding) as f32).next_down()),
-            max: max.map(|x| ((f64::from(x) + self.rounding) as f32).next_up()),
+            min: min.map(|x| ((f64::from(x) - self.farthest) as f32).next_down()),
+            max: max.map(|x| ((f64::from(x) + self.farthest) as f32).next_up()),
         }
     }
 
@@ -138,8 +152,8 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
 
     /// A box about all of the source that the group stands for: the tables' is about what the leaves hold of it.
     pub(crate) fn block(&self, group: GroupId) -> Block {
-        let region = self.hierarchy.region(group);
-        Block::wide(region.low.map(|x| x - self.rounding), region.high.map(|x| x + self.rounding))
+        let (region, beyond) = (self.hierarchy.region(group), self.beyond[group.index()]);
+        Block::wide(region.low.map(|x| x - beyond), region.high.map(|x| x + beyond))
     }
 
     /// The box of a cluster's own vertices.

@@ -335,3 +335,31 @@ impl Member {
         Ok((spooled, self.report))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_qem::{Outcome, Refusals};
+
+    /// Where errors are lowered to what none exceeds, so is that from which on something is missing: or the gap of what is missing would not count.
+    #[test]
+    fn what_is_missing_is_missing_at_errors_that_are_lowered() {
+        let mut member = Member::default();
+        member.vanished.clear();
+        let outcome = Outcome {
+            collapses: &[],
+            triangle_count: 1,
+            stalled: false,
+            forced: 0,
+            remnants: &[Remnant::default()],
+            vanishing: 7.0,
+            refusals: Refusals::default(),
+        };
+        member.vanished.add_own(&outcome);
+        member.record.errors = vec![9.0, 7.0, 3.0, 1.0];
+        member.limit_errors(4.0, 2.0);
+        assert_eq!(member.record.errors, [4.0, 4.0, 3.0, 2.0]);
+        assert_eq!(member.vanished.from(), member.record.errors[1]);
+        assert!(member.vanished.from() <= member.max_error());
+    }
+}

@@ -199,3 +199,59 @@ impl Seam {
         self.collapses.iter().filter_map(|c| self.id_of[usize::from(c.from)])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows of a strip, and where its seam is half way up: there is a spike of another colour.
+    const ROWS: u16 = 7;
+    const SPIKE: u16 = 3;
+
+    /// A strip on one side of the seam, two quads across.
+    fn half(side: f32) -> WorkingSet {
+        let mut set = WorkingSet::default();
+        for row in 0..ROWS {
+            for column in 0..3_u16 {
+                let is_spike = (row, column) == (SPIKE, 0);
+                set.vertices.positions.push([
+                    side * f32::from(column),
+                    row.into(),
+                    if is_spike { 0.25 } else { 0.0 },
+                ]);
+                set.vertices.colors.push([if is_spike { 220 } else { 20 }; 4]);
+            }
+        }
+        for corner in (0..ROWS - 1).flat_map(|row| [3 * row, 3 * row + 1]) {
+            let [a, b, c, d] = [corner, corner + 1, corner + 4, corner + 3];
+            set.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        if side < 0.0 {
+            set.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        }
+        set.shared = (0..ROWS).map(|row| (3 * row, row.into())).collect();
+        Looks::new(set.vertices.view(), &[]).of_source(&set.triangles, &mut set.face_looks);
+        set
+    }
+
+    /// What a seam's collapses do to the faces about them, both members have to know: their own collapses go on from there.
+    #[test]
+    fn both_sides_are_told_how_far_their_faces_are() {
+        let mut members = [half(-1.0), half(1.0)];
+        let (mut seam, mut decimator) = (Seam::default(), Decimator::default());
+        let [a, b] = &members;
+        assert!(seam.simplify(&mut decimator, &[a, b], |_| true, 0.0, 0.0));
+        assert!(seam.removed().any(|id| id == u32::from(SPIKE)), "the spike is gone");
+        assert!(seam.deviation.color >= 200.0);
+        for (side, member) in members.iter_mut().enumerate() {
+            let mut collapses = Vec::new();
+            seam.collapses_of(side, &mut collapses);
+            assert!(collapses.iter().any(|collapse| collapse.from == 3 * SPIKE));
+            seam.hand_to(side, member);
+            let color = member.face_looks.iter().map(|look| look.deviation().color).fold(0.0, f32::max);
+            let error = member.displacements.iter().map(Displacement::error).fold(0.0, f32::max);
+            assert!(color >= 200.0 && error > 0.0, "side {side}: {color} {error}");
+            assert_eq!(member.face_looks.len(), member.triangles.len());
+        }
+    }
+}

@@ -99,3 +99,98 @@ impl Vanished {
         bytemuck::cast_slice(&self.all)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_qem::Refusals;
+
+    /// A ball as a child's page has it.
+    fn ball(center: [f32; 3], radius: f32) -> Vec<u8> {
+        let [x, y, z] = center;
+        bytemuck::cast_slice(&[x, y, z, radius]).to_vec()
+    }
+
+    fn outcome(remnants: &[Remnant], vanishing: f32) -> Outcome<'_> {
+        Outcome {
+            collapses: &[],
+            triangle_count: 1,
+            stalled: false,
+            forced: 0,
+            remnants,
+            vanishing,
+            refusals: Refusals::default(),
+        }
+    }
+
+    /// A row of triangles between the vertices 0, 1, 2, 3 ... at these places, of which other clusters have some.
+    fn row(places: &[f32], shared: &[u16]) -> WorkingSet {
+        let mut set = WorkingSet::default();
+        set.vertices.positions = places.iter().map(|x| [*x, 0.0, 0.0]).collect();
+        set.triangles = (2..places.len() as u16).map(|v| [v - 2, v - 1, v]).collect();
+        set.shared = shared.iter().map(|v| (*v, u32::from(*v))).collect();
+        set
+    }
+
+    /// The last vertices go one after the other, each to the one before, with these errors from the finest on.
+    fn record(count: u16, errors: &[f32]) -> Record {
+        let base = count - errors.len() as u16;
+        let all: Vec<u16> = (0..count).collect();
+        let mut errors = errors.to_vec();
+        errors.reverse();
+        let targets = (base..count).map(|v| v - 1).collect();
+        Record { new_to_old: all.clone(), old_to_new: all, targets, errors }
+    }
+
+    fn near(gap: f32, expected: f32) -> bool {
+        (expected..expected * 1.0001).contains(&gap)
+    }
+
+    #[test]
+    fn vertices_that_others_share_are_not_surely_drawn() {
+        let mut vanished = Vanished::default();
+        vanished.clear();
+        vanished.add_child(&ball([0.0, 1.0, 0.0], 0.25), 0.5);
+        let gap = |vanished: &mut Vanished, shared: &[u16]| {
+            vanished.base_gap(&row(&[0.0, 3.0, 7.0, 20.0], shared), &record(4, &[]))
+        };
+        assert!(near(gap(&mut vanished, &[]), 1.25));
+        // The next that is this cluster's own.
+        assert!(near(gap(&mut vanished, &[0]), 10.0_f32.sqrt() + 0.25));
+        assert!(near(gap(&mut vanished, &[0, 1]), 50.0_f32.sqrt() + 0.25));
+        assert_eq!(gap(&mut vanished, &[0, 1, 2, 3]), f32::MAX);
+        // Nor is what no triangle uses.
+        let mut set = row(&[0.0, 3.0, 7.0, 20.0], &[]);
+        set.triangles.remove(0);
+        assert!(near(vanished.base_gap(&set, &record(4, &[])), 10.0_f32.sqrt() + 0.25));
+    }
+
+    #[test]
+    fn gaps_are_of_the_coarsest_mesh_that_they_are_told_for() {
+        let mut vanished = Vanished::default();
+        vanished.clear();
+        vanished.add_child(&ball([9.0, 1.0, 0.0], 0.0), 0.5);
+        let own = bytemuck::pod_read_unaligned(&ball([40.0, 0.0, 0.0], 0.0));
+        vanished.add_own(&outcome(&[own], 3.0));
+        assert_eq!(vanished.from(), 3.0);
+        // 9 goes with an error of 1, 5 with 3.
+        let (set, record) = (row(&[0.0, 1.0, 2.0, 5.0, 9.0], &[]), record(5, &[1.0, 3.0]));
+        assert!(near(vanished.base_gap(&set, &record), 38.0));
+        // Below an error of 3 what the cluster itself has left is there, and 5 is drawn; below 1 all are.
+        assert!(near(vanished.fine_gap(&set, &record, 3.0), 17.0_f32.sqrt()));
+        assert!(near(vanished.fine_gap(&set, &record, 1.0), 1.0));
+        // At least what is known from below.
+        assert_eq!(Vanished { gap_below: 60.0, ..Vanished::default() }.base_gap(&set, &record), 60.0);
+    }
+
+    #[test]
+    fn the_error_from_which_something_is_missing_follows_the_others() {
+        let mut vanished = Vanished::default();
+        vanished.clear();
+        vanished.limit(|error| error.min(2.0));
+        assert_eq!(vanished.from(), f32::INFINITY, "nothing is missing");
+        vanished.add_own(&outcome(&[Remnant::default()], 5.0));
+        vanished.limit(|error| error.min(2.0));
+        assert_eq!(vanished.from(), 2.0);
+    }
+}

@@ -1,7 +1,7 @@
 //! What the records say of normals and colours, beside what samples find.
 
 use crate::site::{ChpmFile, Site, config};
-use chpm_mesh::{Level, TriMesh};
+use chpm_mesh::{ClusterId, Level, TriMesh};
 use chpm_refine::{Cut, extract};
 use chpm_synth::hand;
 
@@ -82,6 +82,59 @@ fn no_place_of_a_level_deviates_more_than_its_clusters_say() {
         assert_eq!(f64::from(row.color_deviation), said[1]);
         above = said;
     }
+}
+
+/// Spots so far from each other that the deviation of a cluster is that of one or two: where one goes with a seam, nothing else hides
+/// whether the members of the group were told.
+#[test]
+fn a_spot_that_is_gone_is_told_by_the_cluster_that_lies_there() {
+    let is_spot = |x: u32, y: u32| noise(x, y, 9) < 8;
+    let mesh = plate(
+        |x, y| if is_spot(x, y) { [0.0, 1.0, 1.0] } else { [0.0, 0.0, 1.0] },
+        |x, y| if is_spot(x, y) { [250, 100, 0, 255] } else { [0, 100, 0, 255] },
+    );
+    let (_, file) = Site::of(&mesh).build(&config(64));
+    assert!(file.groups().iter().any(|group| group.coarse_count > 1));
+    let spots: Vec<[f64; 2]> = (0..mesh.positions.len())
+        .filter(|v| mesh.colors[*v][0] == 250)
+        .map(|v| [mesh.positions[v][0].into(), mesh.positions[v][1].into()])
+        .collect();
+    let (mut seen, mut gone) = (0, 0);
+    for level in 0..file.levels().len() as u32 {
+        let of_level = |id: &ClusterId| file.clusters()[id.index()].level == level;
+        let clusters = (0..file.clusters().len() as u32).map(ClusterId).filter(of_level);
+        let bases: Vec<(ClusterId, TriMesh)> = clusters.map(|id| (id, base_mesh(&file, id))).collect();
+        for at in &spots {
+            // Two where it is on the seam between them: one of them has the points that were there.
+            let there = bases.iter().filter_map(|(id, mesh)| Some((id, look(mesh, *at)?)));
+            let mut found = Vec::new();
+            for (id, (normal, color)) in there {
+                let record = &file.clusters()[id.index()];
+                let chord = [0.0 - normal[0], 0.5_f64.sqrt() - normal[1], 0.5_f64.sqrt() - normal[2]];
+                let chord = chord.iter().map(|x| x * x).sum::<f64>().sqrt();
+                let said = 2.0 * (f64::from(record.normal_deviation) / 2.0).to_radians().sin();
+                let units = 250.0 - color[0];
+                found.push(said + 1e-4 >= chord && f64::from(record.color_deviation) + 1e-4 >= units);
+                gone += u32::from(units > 1.0);
+            }
+            // Not all of a plate has a cluster of its own on each level.
+            assert!(found.is_empty() || found.contains(&true), "level {level}, {at:?}: {found:?}");
+            seen += u32::from(!found.is_empty());
+        }
+    }
+    assert!(seen > 500 && gone > 200, "{} spots, {seen} places, {gone} gone", spots.len());
+}
+
+/// The base mesh of a cluster, on its own.
+fn base_mesh(file: &ChpmFile, id: ClusterId) -> TriMesh {
+    let page = file.page(id).unwrap();
+    let page = page.view();
+    let mut triangles = Vec::new();
+    page.progressive_mesh().triangles_at(page.base_vertex_count, &mut triangles);
+    let mut mesh = TriMesh::default();
+    mesh.extend_from_slices(page.vertices);
+    mesh.triangles = triangles.iter().map(|t| t.map(u32::from)).collect();
+    mesh
 }
 
 #[test]

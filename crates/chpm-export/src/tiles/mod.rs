@@ -9,6 +9,8 @@
 //! eight changes. Tested: a viewer of 30 lines in `tests/integration/tiles.rs`, and 3d-tiles-renderer in Chromium by hand (`tests/tiles/check.mjs`).
 
 mod content;
+#[cfg(test)]
+mod tests;
 mod tileset;
 mod tree;
 

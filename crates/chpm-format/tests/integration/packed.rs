@@ -376,3 +376,29 @@ fn counts_that_are_not_those_of_the_record_are_refused() {
     bytes.extend(zstd::encode_all(&vec![symbols[0]; 1 << 24][..], 1).unwrap());
     assert!(unpacked(&bytes, *len).is_err());
 }
+
+/// All open bits are used, and no more: a byte more or less at the end of either part is refused, whatever it holds.
+#[test]
+fn open_bits_are_as_many_as_symbols_need() {
+    const HEAD: usize = 48;
+    for (page, len) in goods() {
+        let mut end = HEAD;
+        for place in [40, 44] {
+            let own = u32::from_le_bytes(page[place..place + 4].try_into().unwrap());
+            end += own as usize;
+            for (change, by) in [(Some(0), 1), (Some(0xff), 1), (None, u32::MAX)] {
+                let mut bytes = page.clone();
+                match change {
+                    Some(byte) => bytes.insert(end, byte),
+                    None if own > 0 => drop(bytes.remove(end - 1)),
+                    None => continue,
+                }
+                bytes[place..place + 4].copy_from_slice(&own.wrapping_add(by).to_le_bytes());
+                let error = unpacked(&bytes, len).expect_err("not all is used").to_string();
+                // Where bits are missing, what is read in their place may be damage of its own.
+                let told = change.is_none() || error.contains("as many open bits as symbols need");
+                assert!(told, "{place}, {change:?}: {error}");
+            }
+        }
+    }
+}

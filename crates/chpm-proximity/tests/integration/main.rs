@@ -6,6 +6,7 @@ mod exact;
 mod following;
 mod gauges;
 mod hard;
+mod loose;
 mod scans;
 mod site;
 mod touching;

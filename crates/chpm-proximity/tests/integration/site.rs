@@ -19,15 +19,21 @@ impl Built {
     pub(crate) fn new(name: &str, mesh: TriMesh, offset: [f64; 3], packed: bool) -> Self {
         let moved = mesh.positions.iter().map(|p| [0, 1, 2].map(|axis| f64::from(p[axis]) + offset[axis]));
         let doubles: Option<Vec<[f64; 3]>> = (offset != [0.0; 3]).then(|| moved.collect());
-        Built { offset, ..Built::of(name, mesh, doubles.as_deref(), packed) }
+        let settings = Settings { packed, ..Settings::default() };
+        Built { offset, ..Built::of(name, mesh, doubles.as_deref(), &settings) }
     }
 
     /// With other positions than the mesh's.
     pub(crate) fn of_doubles(name: &str, mesh: TriMesh, positions: &[[f64; 3]]) -> Self {
-        Built::of(name, mesh, Some(positions), false)
+        Built::of(name, mesh, Some(positions), &Settings::default())
     }
 
-    fn of(name: &str, mesh: TriMesh, doubles: Option<&[[f64; 3]]>, packed: bool) -> Self {
+    /// By other settings, with clusters that are as small as those of all models here.
+    pub(crate) fn with(name: &str, mesh: TriMesh, settings: &Settings) -> Self {
+        Built::of(name, mesh, None, settings)
+    }
+
+    fn of(name: &str, mesh: TriMesh, doubles: Option<&[[f64; 3]]>, settings: &Settings) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let (source, output) = (dir.path().join("mesh.ply"), dir.path().join("mesh.chpm"));
         let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
@@ -48,7 +54,7 @@ impl Built {
         ply.triangles(&mesh.triangles).unwrap();
         ply.finish().unwrap();
         let config = BuildConfig {
-            settings: Settings { cluster_triangles: 32, cell_vertices: 4, packed, ..Settings::default() },
+            settings: Settings { cluster_triangles: 32, cell_vertices: 4, ..settings.clone() },
             resources: Resources { threads: 1, memory: Bytes::mib(256), ..Resources::default() },
             overwrite: false,
         };

@@ -122,6 +122,35 @@ fn a_speck_that_lies_apart_vanishes_and_is_not_forgotten() {
     assert!(far > 1.5 * size && far < 2.5 * size, "{far} of {size}");
 }
 
+/// Several do one after the other: from the first on, and no earlier, something is missing.
+#[test]
+fn the_error_of_the_first_that_vanishes_is_told() {
+    let sheet = Synth::new(Shape::Terrain, 400, 1).to_mesh();
+    let size = Aabb::of_points(&sheet.positions).diagonal() as f32;
+    let speck = |share: f32| {
+        let mut speck = hand::tetrahedron();
+        speck.positions.iter_mut().flatten().for_each(|x| *x *= share * size);
+        speck
+    };
+    let count = sheet.positions.len() as u32;
+    let above = |x: f32| [x * size, 0.0, 2.0 * size];
+    let mesh = together(&[
+        (sheet, [0.0; 3]),
+        (speck(4e-3), above(0.0)),
+        (speck(1e-3), above(0.5)),
+        (speck(2e-3), above(1.0)),
+    ]);
+    let run = hold("three", &mesh, 20);
+    assert_eq!(run.remnants.len(), 3);
+    let whole = |steps: usize| {
+        let left = played(&mesh, &run.collapses[..steps]).triangles.concat();
+        (0..3).all(|speck| left.iter().any(|v| (count + 4 * speck..count + 4 * speck + 4).contains(v)))
+    };
+    let first = (0..=run.collapses.len()).find(|steps| !whole(*steps)).expect("all vanish");
+    assert_eq!(run.vanishing, run.error_after(first));
+    assert!(run.vanishing < run.max_error(), "{} {}", run.vanishing, run.max_error());
+}
+
 /// More of a component that another cluster shares may be drawn there.
 #[test]
 fn what_another_cluster_shares_does_not_vanish() {
@@ -135,6 +164,17 @@ fn what_another_cluster_shares_does_not_vanish() {
         let left = run.mesh.triangles.iter().any(|t| t.contains(&(shared as u32)));
         assert!(left, "of vertex {shared}");
     }
+    // Also where it is the corner that is left when the other two, which are near to each other, become one.
+    let mut slim = specks;
+    slim.positions[1] = slim.positions[0].map(|x| x + 1e-3);
+    slim.triangles[0] = [0, 1, 2];
+    slim.triangles.drain(1..4);
+    let locked = [2, 3].map(|shared| std::array::from_fn::<_, 8, _>(|v| v == shared));
+    let run = run_with(&mut decimator, &slim, &locked[0], 0, 0.0);
+    assert!(run.mesh.triangles.iter().any(|t| t.contains(&2)) && run.remnants.is_empty(), "{run:?}");
+    // Nothing else keeps it.
+    let run = run_with(&mut decimator, &slim, &locked[1], 0, 0.0);
+    assert!(!run.mesh.triangles.iter().any(|t| t.contains(&2)) && run.remnants.len() == 1, "{run:?}");
 }
 
 /// Errors follow chains of collapses from one run to the next.

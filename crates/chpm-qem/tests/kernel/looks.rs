@@ -124,10 +124,8 @@ fn a_boundary_vertex_is_compared_with_the_edge_that_it_leaves() {
     }
 }
 
-/// Three triangles on a vertex that is forced to a neighbour: one becomes an edge, whose points go on to the neighbour and to a
-/// face there; the others come along.
-#[test]
-fn a_face_that_comes_along_costs_what_its_corner_does() {
+/// Three triangles on a vertex that is forced to a neighbour, and who is locked.
+fn three_about_a_vertex() -> (TriMesh, [bool; 7]) {
     let far = |x: f32, y: f32| [9.0 * x, 9.0 * y, 1.0];
     let mut mesh = TriMesh::new(
         vec![
@@ -142,13 +140,39 @@ fn a_face_that_comes_along_costs_what_its_corner_does() {
         vec![[0, 1, 2], [0, 3, 4], [0, 5, 6]],
     );
     mesh.colors = [100, 130, 170, 0, 255, 0, 255].map(|c| [c; 4]).to_vec();
-    let locked = [false, true, true, false, false, false, false];
+    (mesh, [false, true, true, false, false, false, false])
+}
+
+/// One becomes an edge, whose points go on to the neighbour and to a face there; the others come along.
+#[test]
+fn a_face_that_comes_along_costs_what_its_corner_does() {
+    let (mesh, locked) = three_about_a_vertex();
     let run = run_with(&mesh, &[], &locked, Topology::Change, 2);
     let ends: Vec<(u16, u16)> = run.collapses.iter().map(|c| (c.from, c.to)).collect();
     assert_eq!(ends, [(0, 1)]);
     let said: Vec<f32> = run.left.iter().map(|(_, look)| look.deviation().color).collect();
     // 30 for what comes along; 30 to the edge and 40 from there to its end.
     assert!(near(said[0], 70.0) && near(said[1], 30.0) && run.largest.color == said[0], "{said:?}");
+}
+
+/// What such a face had before stays, whatever the points that it gets come with: here it looks like a spot that has gone.
+#[test]
+fn a_face_that_gets_points_keeps_its_own_deviation() {
+    let mut square = square_with_a_spot();
+    square.normals.clear();
+    square.colors[0] = [210; 4];
+    let spotted = free(&square, 2).left[0].1;
+    assert!(spotted.deviation().color >= 180.0, "{spotted:?}");
+
+    let (mesh, locked) = three_about_a_vertex();
+    let mut before = Vec::new();
+    Looks::new(mesh.view(), &[]).of_source(&local(&mesh), &mut before);
+    before[1] = spotted;
+    let run = run_with(&mesh, &before, &locked, Topology::Change, 2);
+    let said: Vec<f32> = run.left.iter().map(|(_, look)| look.deviation().color).collect();
+    // 30 more, since it comes along itself.
+    let own = f64::from(spotted.deviation().color) + 30.0;
+    assert!(near(said[0], own) && near(said[1], 30.0), "{said:?} {own}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 use crate::strips::{ALL, DEPENDENT, File, LOPSIDED, PAIRS, ROOTS, TWINS, UNEVEN, WOVEN, boundary, outline};
 use chpm_format::Chpm;
-use chpm_mesh::{ClusterId, Level};
-use chpm_refine::{Cut, Member, RefineError, extract, random_cut};
+use chpm_mesh::{ClusterId, Length, Level};
+use chpm_refine::{Cut, Member, RefineError, Request, extract, random_cut};
 use std::collections::BTreeSet;
 
 fn ids(cut: &Cut) -> Vec<u32> {
@@ -138,6 +138,32 @@ fn distances_select_as_the_naive_rule_does() {
         let bound = file.header().max_error * 0.5;
         assert_eq!(Cut::at_distance(&file, bound).unwrap(), Cut::at_error(&file, bound).unwrap());
     }
+}
+
+/// What a written format rounds by is a part of what may be lost: taken off the bound, and no more than that.
+#[test]
+fn a_mesh_that_is_rounded_keeps_to_what_was_asked_with_that() {
+    let file = WOVEN.build_with_gaps();
+    let bounds = stored_errors(&file);
+    let (largest, mut coarser) = (f64::from(bounds[bounds.len() - 1]), 0);
+    let within = |bound: f64, rounding: f64| {
+        let request = Request::Within(Length::Units(bound));
+        request.cut(&file, rounding, 0, || Ok::<_, RefineError>(())).unwrap()
+    };
+    for bound in bounds.into_iter().map(f64::from) {
+        for rounding in [0.0, 1e-9 * largest, 0.05 * largest, 0.5 * largest] {
+            let cut = within(bound, rounding);
+            let distance = f64::from(cut.distance(&file).unwrap());
+            let kept = distance + rounding <= bound || cut == within(0.0, 0.0);
+            assert!(kept, "{distance} and {rounding} are more than {bound}");
+            // The same as for what is left, but for the last digit.
+            let less = ((bound - rounding) as f32).max(0.0);
+            let same = [less, less.next_down().max(0.0)].map(|less| Cut::at_distance(&file, less).unwrap());
+            assert!(same.contains(&cut), "{bound} less {rounding}");
+            coarser += u32::from(cut != within(bound, 0.0));
+        }
+    }
+    assert!(coarser > 20, "{coarser}");
 }
 
 #[test]

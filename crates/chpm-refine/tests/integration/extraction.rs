@@ -1,4 +1,4 @@
-use crate::strips::{self, ALL, DEPENDENT, File, MORE, PAIRS, Plan, TWINS};
+use crate::strips::{self, ALL, DEPENDENT, File, MORE, PAIRS, Plan, TWINS, WOVEN};
 use chpm_format::{
     Chpm, ChpmWriter, ClusterRecord, GroupRecord, HeaderFields, LevelRecord, PageParts, Tables,
 };
@@ -292,5 +292,30 @@ fn pages_that_are_kept_show_in_nothing() {
                 (cut.error(&file).unwrap(), cut.distance(&file).unwrap())
             );
         }
+    }
+}
+
+/// What a mesh is told to be from the source is what its members say, gaps and all.
+#[test]
+fn errors_and_distances_are_the_largest_of_the_members() {
+    for plan in [PAIRS, DEPENDENT, WOVEN] {
+        let file = plan.build_with_gaps();
+        let mut differ = 0;
+        for seed in 0..40 {
+            let cut = random_cut(&file, seed).unwrap();
+            let [mut error, mut distance] = [0.0_f32; 2];
+            for member in cut.members() {
+                let own = file.page(member.cluster).unwrap().view().error_at(member.vertices as usize);
+                let gaps = &file.groups()[file.clusters()[member.cluster.index()].group as usize].gaps;
+                // From the error on with which something has vanished the gap is that of the base mesh.
+                let gap = if own >= gaps.from { gaps.base } else { gaps.fine };
+                (error, distance) = (error.max(own), distance.max(own).max(gap));
+            }
+            let extraction = Extraction::new(&file, &cut).unwrap();
+            assert_eq!((extraction.error(), extraction.distance()), (error, distance), "{plan:?}, {seed}");
+            assert_eq!((cut.error(&file).unwrap(), cut.distance(&file).unwrap()), (error, distance));
+            differ += u32::from(distance > error);
+        }
+        assert!(differ > 10, "{plan:?}: {differ}");
     }
 }

@@ -1,0 +1,313 @@
+//! Tilesets of small models, read as a viewer reads them.
+
+use super::{Mesh, Options, Tree, tile, tile_path, tilesets};
+use crate::ExportError;
+use chpm_build::config::Length;
+use chpm_build::{BuildConfig, Cancel, Resources, Settings, Silent, build};
+use chpm_format::Chpm;
+use chpm_import::ply::{Encoding, write_mesh};
+use chpm_mesh::{Bytes, ClusterId, TriMesh};
+use chpm_synth::{Shape, Synth};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File};
+
+/// A file of many small clusters; of several roots where all errors are to stay below a share of the model.
+fn built(shape: Shape, triangles: u64, target: Option<f64>) -> Chpm<Vec<u8>> {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, output] = ["mesh.ply", "mesh.chpm"].map(|name| folder.path().join(name));
+    let mesh = Synth::new(shape, triangles, 1).to_mesh();
+    write_mesh(File::create(&source).unwrap(), &mesh, Encoding::BinaryLittleEndian).unwrap();
+    let target_error = target.map(Length::OfDiagonal);
+    let config = BuildConfig {
+        settings: Settings { cluster_triangles: 32, cell_vertices: 4, target_error, ..Settings::default() },
+        resources: Resources { threads: 1, memory: Bytes::mib(256), ..Resources::default() },
+        overwrite: false,
+    };
+    build(&source, &output, &config, &Silent, &Cancel::default()).unwrap();
+    Chpm::open(fs::read(output).unwrap()).unwrap()
+}
+
+fn options(y_up: bool, span: u32) -> Options {
+    Options { generator: "test".to_owned(), y_up, packed: false, transform: None, span }
+}
+
+fn tree(file: &Chpm<Vec<u8>>) -> Tree {
+    Tree::find(file, |_| Ok::<_, ExportError>(())).unwrap()
+}
+
+/// All tilesets of a file, by where they lie.
+fn written(
+    file: &Chpm<Vec<u8>>,
+    tree: &Tree,
+    options: &Options,
+) -> Result<BTreeMap<String, Value>, ExportError> {
+    let mut all = BTreeMap::new();
+    tilesets(file, tree, options, |tileset| {
+        let json = serde_json::from_str(&tileset.json).expect("JSON");
+        assert!(all.insert(tileset.path, json).is_none(), "each once");
+        Ok::<_, ExportError>(())
+    })?;
+    Ok(all)
+}
+
+/// The root tile; tiles that refer to another tileset are replaced by its root, which says the same.
+fn root(file: &Chpm<Vec<u8>>, options: &Options) -> Value {
+    let all = written(file, &tree(file), options).unwrap();
+    let mut root = all["tileset.json"]["root"].clone();
+    let mut outside = 0;
+    each(&mut root, &mut |tile| {
+        let uri = tile["content"]["uri"].as_str().unwrap_or_default().trim_start_matches("../").to_owned();
+        if uri.ends_with(".json") {
+            let other = &all[&uri]["root"];
+            for name in ["boundingVolume", "geometricError"] {
+                assert_eq!(other[name], tile[name], "{uri}");
+            }
+            *tile = other.clone();
+            outside += 1;
+        }
+    });
+    assert_eq!(outside + 1, all.len(), "all are referred to once");
+    root
+}
+
+/// Every tile, before what is below it.
+fn each(tile: &mut Value, visit: &mut impl FnMut(&mut Value)) {
+    visit(tile);
+    tile["children"].as_array_mut().into_iter().flatten().for_each(|child| each(child, visit));
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().expect("numbers").iter().map(|x| x.as_f64().expect("a number")).collect()
+}
+
+/// Which mesh a tile shows: none for the one above several roots.
+fn shown(file: &Chpm<Vec<u8>>, tile: &Value) -> Option<(ClusterId, Mesh)> {
+    let uri = tile["content"]["uri"].as_str()?.trim_start_matches("../");
+    let all = (0..file.clusters().len() as u32).map(ClusterId);
+    let meshes = all.flat_map(|cluster| Mesh::of(file, cluster).iter().map(move |mesh| (cluster, *mesh)));
+    Some(meshes.into_iter().find(|(cluster, mesh)| tile_path(*cluster, *mesh) == uri).expect("a mesh"))
+}
+
+/// The JSON of a GLB, and the places of its vertices where a viewer that has z upward puts them.
+fn placed(glb: &[u8]) -> (Value, Vec<[f64; 3]>) {
+    let len = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let json: Value = serde_json::from_slice(&glb[20..20 + len]).unwrap();
+    let body = &glb[28 + len..];
+    let number = |value: &Value| value.as_u64().unwrap_or(0) as usize;
+    let accessor = &json["accessors"][number(&json["meshes"][0]["primitives"][0]["attributes"]["POSITION"])];
+    let view = &json["bufferViews"][number(&accessor["bufferView"])];
+    let (start, stride) = (number(&view["byteOffset"]), number(&view["byteStride"]));
+    let matrix = json["nodes"][0].get("matrix").map(numbers);
+    let place = |vertex: usize| {
+        let at = |axis: usize| {
+            let bytes = &body[start + vertex * stride + 4 * axis..][..4];
+            f64::from(f32::from_le_bytes(bytes.try_into().unwrap()))
+        };
+        let own = [at(0), at(1), at(2)];
+        let [x, y, z] = match &matrix {
+            None => own,
+            Some(m) => [0, 1, 2]
+                .map(|row| (0..3).map(|column| m[4 * column + row] * own[column]).sum::<f64>() + m[12 + row]),
+        };
+        // What glTF has upward is y.
+        [x, -z, y]
+    };
+    let places = (0..number(&accessor["count"])).map(place).collect();
+    (json, places)
+}
+
+fn glb(file: &Chpm<Vec<u8>>, (cluster, mesh): (ClusterId, Mesh), options: &Options) -> (Vec<u8>, u64) {
+    tile(file, cluster, mesh, options).unwrap()
+}
+
+#[test]
+fn boxes_and_spheres_hold_what_is_drawn_whatever_is_upward() {
+    let whole = built(Shape::Terrain, 1500, None);
+    let parts = built(Shape::Terrain, 1500, Some(0.5));
+    assert!(whole.roots().count() == 1 && parts.roots().count() > 1);
+    for (file, y_up) in [(&whole, false), (&whole, true), (&parts, false), (&parts, true)] {
+        let options = options(y_up, 2);
+        let mut root = root(file, &options);
+        let mut tiles = 0;
+        // The spheres of all tiles above, and their levels.
+        fn check(tile: &Value, above: &[Vec<f64>], visit: &mut impl FnMut(&Value, &[Vec<f64>])) {
+            let mut spheres = above.to_vec();
+            spheres.push(numbers(&tile["boundingVolume"]["sphere"]));
+            visit(tile, &spheres);
+            tile["children"].as_array().into_iter().flatten().for_each(|child| check(child, &spheres, visit));
+        }
+        check(&root.take(), &[], &mut |tile, spheres| {
+            let Some(which) = shown(file, tile) else { return };
+            let (json, places) = placed(&glb(file, which, &options).0);
+            assert!(json["meshes"][0].is_object() && !places.is_empty());
+            let volume = numbers(&tile["content"]["boundingVolume"]["box"]);
+            let mut reached = [0.0_f64; 3];
+            for place in &places {
+                for sphere in spheres {
+                    let away = (0..3).map(|axis| (place[axis] - sphere[axis]).powi(2)).sum::<f64>().sqrt();
+                    assert!(away <= sphere[3] * (1.0 + 1e-6), "{y_up}, {which:?}: {place:?} and {sphere:?}");
+                }
+                for (side, reached) in reached.iter_mut().enumerate() {
+                    let way = &volume[3 + 3 * side..][..3];
+                    let along = |v: &[f64]| v.iter().zip(way).map(|(x, y)| x * y).sum::<f64>();
+                    let offset: Vec<f64> = place.iter().zip(&volume).map(|(x, middle)| x - middle).collect();
+                    let share = (along(&offset) / along(way)).abs();
+                    assert!(share <= 1.0 + 1e-6, "{y_up}, {which:?}: {place:?} and {volume:?}");
+                    *reached = reached.max(share);
+                }
+            }
+            // Nothing less would do for the finest mesh of a leaf.
+            if which.1 == Mesh::Finest {
+                assert!(reached.iter().all(|share| *share > 1.0 - 1e-6), "{y_up}, {which:?}: {reached:?}");
+            }
+            tiles += 1;
+        });
+        let all = (0..file.clusters().len() as u32).map(|id| Mesh::of(file, ClusterId(id)).len());
+        assert_eq!(tiles, all.sum::<usize>(), "each mesh is a tile");
+    }
+}
+
+#[test]
+fn errors_fall_and_are_the_same_for_all_of_a_group() {
+    let file = built(Shape::Isosurface, 2000, None);
+    assert!(file.groups().iter().any(|group| group.coarse_count > 1 && !group.is_leaf()));
+    let mut root = root(&file, &options(false, 3));
+    let mut by_group = BTreeMap::new();
+    each(&mut root, &mut |tile| {
+        let (cluster, mesh) = shown(&file, tile).expect("one root");
+        let error = tile["geometricError"].as_f64().expect("an error");
+        if mesh == Mesh::Finest {
+            assert!(error == 0.0 && tile["children"].is_null(), "{cluster:?}");
+            return;
+        }
+        let group = file.clusters()[cluster.index()].group();
+        let told = (error, tile["boundingVolume"].clone());
+        assert_eq!(by_group.entry(group).or_insert(told.clone()), &told, "{cluster:?}");
+        // What is stored, but for a last bit.
+        let stored = file.groups()[group.index()].max_error;
+        assert!(error as f32 >= stored && error as f32 <= stored * 1.001 + 1e-6, "{error} {stored}");
+        for child in tile["children"].as_array().into_iter().flatten() {
+            assert!(child["geometricError"].as_f64().expect("an error") < error, "{cluster:?}");
+        }
+    });
+    assert_eq!(by_group.len(), file.groups().len());
+}
+
+/// Triangles of a cluster's mesh, by the bits of their corners from the least on.
+fn triangles(file: &Chpm<Vec<u8>>, cluster: ClusterId, mesh: Mesh) -> Vec<[[u32; 3]; 3]> {
+    let page = file.page(cluster).unwrap();
+    let page = page.view();
+    let mut local = Vec::new();
+    page.progressive_mesh().triangles_at(mesh.position(&page), &mut local);
+    let corner = |v: u16| page.positions[usize::from(v)].map(f32::to_bits);
+    let turned = |[a, b, c]: [[u32; 3]; 3]| [a, b, c].min([b, c, a]).min([c, a, b]);
+    local.iter().map(|corners| turned(corners.map(corner))).collect()
+}
+
+#[test]
+fn every_cluster_is_a_part_of_one_that_it_covers_with_the_others() {
+    let file = built(Shape::Isosurface, 2000, None);
+    let tree = tree(&file);
+    let mut seen = BTreeSet::new();
+    let mut several = 0;
+    for parent in (0..file.clusters().len() as u32).map(ClusterId) {
+        let record = &file.clusters()[parent.index()];
+        let children: Vec<ClusterId> = tree.children(&file, parent).collect();
+        several += u32::from(file.groups()[record.group().index()].coarse_count > 1 && !children.is_empty());
+        assert_eq!(children.is_empty(), record.is_leaf(), "{parent:?}");
+        for child in &children {
+            assert_eq!(file.clusters()[child.index()].parent_group(), record.group());
+            assert!(seen.insert(child.0), "{child:?} is a part of one alone");
+        }
+        if !children.is_empty() {
+            let mut below: Vec<_> =
+                children.iter().flat_map(|child| triangles(&file, *child, Mesh::Base)).collect();
+            let mut finest = triangles(&file, parent, Mesh::Finest);
+            below.sort_unstable();
+            finest.sort_unstable();
+            assert_eq!(below, finest, "{parent:?}");
+        }
+    }
+    assert_eq!(seen.len() + file.roots().count(), file.clusters().len());
+    assert!(several > 3, "{several} of groups with several members");
+}
+
+#[test]
+fn a_tile_has_the_mesh_and_the_bounds_of_its_cluster() {
+    let file = built(Shape::Isosurface, 1500, None);
+    let mut gaps = 0;
+    for cluster in (0..file.clusters().len() as u32).map(ClusterId) {
+        for mesh in Mesh::of(&file, cluster) {
+            let (bytes, count) = glb(&file, (cluster, *mesh), &options(true, 8));
+            let (json, places) = placed(&bytes);
+            let own = triangles(&file, cluster, *mesh);
+            assert_eq!(count as usize, own.len(), "{cluster:?}");
+            let indices = &json["accessors"]
+                [json["meshes"][0]["primitives"][0]["indices"].as_u64().unwrap_or(0) as usize];
+            assert_eq!(indices["count"], 3 * own.len());
+            // Vertices that no triangle uses are left out.
+            let used: BTreeSet<_> = own
+                .as_flattened()
+                .iter()
+                .map(|corner| corner.map(f32::from_bits))
+                .map(|[x, y, z]| [x, -z, y])
+                .map(|p| p.map(|x| (x + 0.0).to_bits()))
+                .collect();
+            let there: BTreeSet<_> = places.iter().map(|p| p.map(|x| (x as f32 + 0.0).to_bits())).collect();
+            assert_eq!(there, used, "{cluster:?}");
+
+            let page = file.page(cluster).unwrap();
+            let page = page.view();
+            let error = page.error_at(mesh.position(&page));
+            let distance = file.gaps(file.clusters()[cluster.index()].group()).distance(error);
+            let extras = &json["meshes"][0]["extras"];
+            assert_eq!(extras["cluster"], cluster.0);
+            // To the last bit of a single: a reader of JSON may be wrong by that of a double.
+            let told = ["error", "distance"].map(|name| extras[name].as_f64().map(|x| x as f32));
+            assert_eq!(told, [Some(error), Some(distance)]);
+            assert_eq!(extras["certified"], true);
+            gaps += u32::from(distance > error);
+            // Packed, it is the same mesh in other bytes.
+            let (packed, again) = glb(&file, (cluster, *mesh), &Options { packed: true, ..options(true, 8) });
+            assert_eq!(again, count);
+            assert!(packed.windows(7).any(|word| word == b"meshopt") || count == 0);
+        }
+    }
+    assert!(gaps > 0, "something has vanished");
+}
+
+#[test]
+fn the_origin_comes_before_what_was_asked_for() {
+    let mesh = TriMesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]]);
+    let folder = tempfile::tempdir().unwrap();
+    let [source, output] = ["far.obj", "far.chpm"].map(|name| folder.path().join(name));
+    let line = |p: &[f32; 3]| format!("v {} {} {}\n", p[0] + 1000.1, p[1] + 2000.0, p[2] - 300.0);
+    let text: String = mesh.positions.iter().map(line).collect();
+    fs::write(&source, text + "f 1 2 3\n").unwrap();
+    build(&source, &output, &BuildConfig::default(), &Silent, &Cancel::default()).unwrap();
+    let file = Chpm::open(fs::read(output).unwrap()).unwrap();
+    let [x, y, z] = file.header().origin;
+    assert!(x != 0.0, "an origin");
+    let tree = tree(&file);
+    let transform = |options: &Options| {
+        numbers(&written(&file, &tree, options).unwrap()["tileset.json"]["root"]["transform"])
+    };
+    let moved = |to: [f64; 3]| {
+        vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, to[0], to[1], to[2], 1.0]
+    };
+    let near = |got: &[f64], expected: &[f64]| {
+        assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{got:?} {expected:?}");
+    };
+    near(&transform(&options(false, 8)), &moved([x, y, z]));
+    near(&transform(&options(true, 8)), &moved([x, -z, y]));
+    // Turned by a quarter about z, and moved.
+    let mut world = [0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0, 6.0, 7.0, 1.0];
+    let turned = |world| Options { transform: Some(world), ..options(false, 8) };
+    near(&transform(&turned(world))[..12], &world[..12]);
+    near(&transform(&turned(world))[12..], &[5.0 - y, 6.0 + x, 7.0 + z, 1.0]);
+    world[12] = f64::MAX;
+    world[4] = -f64::MAX;
+    let refused = written(&file, &tree, &turned(world));
+    assert!(matches!(refused, Err(ExportError::Transform { .. })), "no numbers for that");
+}
