@@ -82,7 +82,7 @@ impl Sheet<'_> {
         let [width, height] = self.size;
         let (width, height) = if self.beside { (width * count, height) } else { (width, height * count) };
         let size = (width + NAMES as u32, height + HEAD as u32);
-        drawn(size, |root| {
+        drawn(size, &format!("{}; {}", self.title, self.note), |root| {
             root.fill(&WHITE)?;
             root.draw(&Text::new(self.title.to_owned(), (16, 12), (FONT, 17).into_font().color(&INK)))?;
             root.draw(&Text::new(self.note.to_owned(), (16, 34), (FONT, 12).into_font().color(&INK)))?;
@@ -101,7 +101,8 @@ impl Sheet<'_> {
 impl Chart<'_> {
     /// One plot without a background, for a page.
     pub(crate) fn svg(&self, size: [u32; 2]) -> Result<String> {
-        drawn((size[0], size[1]), |root| {
+        let label = format!("{}: {} by {}", self.title, self.y.name, self.x.name);
+        drawn((size[0], size[1]), &label, |root| {
             let mut names: Vec<(String, usize, Option<Mark>)> = Vec::new();
             for series in &self.series {
                 if !series.name.is_empty() {
@@ -181,18 +182,46 @@ impl Chart<'_> {
     }
 }
 
+/// What bars are long by, and in which steps an axis tells that.
+#[derive(Clone, Copy)]
+pub(crate) enum Measure {
+    Seconds,
+    /// By powers of 1024.
+    Bytes,
+}
+
+impl Measure {
+    /// The unit in which a largest value is told, as a number and by name.
+    fn unit(self, most: f64) -> (f64, &'static str) {
+        const BINARY: [(f64, &str); 5] = [
+            (1.0, "bytes"),
+            (1024.0, "KiB"),
+            (1_048_576.0, "MiB"),
+            (1_073_741_824.0, "GiB"),
+            (1_099_511_627_776.0, "TiB"),
+        ];
+        match self {
+            Measure::Seconds => (1.0, "seconds"),
+            Measure::Bytes => BINARY.into_iter().rev().find(|(unit, _)| most >= *unit).unwrap_or(BINARY[0]),
+        }
+    }
+}
+
 /// A bar for each name, without a background, for a page.
 pub(crate) fn bars(
     title: &str,
-    unit: &str,
-    label: fn(f64) -> String,
+    measure: Measure,
     values: &[(String, Vec<f64>)],
     size: [u32; 2],
 ) -> Result<String> {
     let most = values.iter().flat_map(|(_, values)| values).copied().fold(0.0, f64::max);
-    drawn((size[0], size[1]), |root| {
+    let most = if most > 0.0 { most } else { 1.0 };
+    let (unit, name) = measure.unit(most);
+    drawn((size[0], size[1]), &format!("{title}, {name}"), |root| {
         let x = (0..values.len().max(1) as u32 - 1).into_segmented();
-        let y = 0.0..if most > 0.0 { 1.05 * most } else { 1.0 };
+        // In the unit that is told: its steps are round.
+        let y = 0.0..1.05 * most / unit;
+        let unit_name = name;
         let mut chart = builder(root, title).build_cartesian_2d(x, y).map_err(told)?;
         let name = |value: &SegmentValue<u32>| match value {
             SegmentValue::CenterOf(place) => {
@@ -208,11 +237,11 @@ pub(crate) fn bars(
             .light_line_style(TRANSPARENT)
             .label_style((FONT, 12).into_font().color(&INK))
             .axis_desc_style((FONT, 12).into_font().color(&INK))
-            .y_desc(unit)
+            .y_desc(unit_name)
             .x_labels(values.len())
             .y_labels(6)
             .x_label_formatter(&name)
-            .y_label_formatter(&|value| label(*value))
+            .y_label_formatter(&|value| plain(*value))
             .draw()
             .map_err(told)?;
         for (place, (_, values)) in (0_u32..).zip(values) {
@@ -220,7 +249,7 @@ pub(crate) fn bars(
             for (series, value) in values.iter().enumerate() {
                 let edges = [SegmentValue::Exact(place), SegmentValue::Exact(place + 1)];
                 let [left, right] = edges;
-                let mut bar = Rectangle::new([(left, 0.0), (right, *value)], COLORS[series].filled());
+                let mut bar = Rectangle::new([(left, 0.0), (right, *value / unit)], COLORS[series].filled());
                 let margin = 4 + 12 * series as u32;
                 bar.set_margin(0, 0, margin, margin);
                 chart.draw_series([bar]).map_err(told)?;
@@ -228,6 +257,68 @@ pub(crate) fn bars(
         }
         Ok(())
     })
+}
+
+/// Numbers of things along an axis, in bins of one width.
+pub(crate) struct Bins<'a> {
+    pub(crate) range: [f64; 2],
+    pub(crate) counts: &'a [u64],
+    /// The colour of a value.
+    pub(crate) color: &'a dyn Fn(f64) -> [u8; 4],
+    /// Values with a line of their own.
+    pub(crate) marks: &'a [f64],
+    pub(crate) x: &'a str,
+    pub(crate) y: &'a str,
+    pub(crate) label: fn(f64) -> String,
+}
+
+/// A bar for each bin, in its colour, with a title and a note.
+pub(crate) fn histogram(title: &str, note: &str, bins: &Bins<'_>, size: [u32; 2]) -> Result<String> {
+    let [low, high] = bins.range;
+    let high = if high > low { high } else { low + 1.0 };
+    let most = bins.counts.iter().copied().max().unwrap_or(0).max(1) as f64;
+    drawn((size[0], size[1]), &format!("{title}: {} by {}; {note}", bins.y, bins.x), |root| {
+        root.draw(&Text::new(title.to_owned(), (16, 12), (FONT, 17).into_font().color(&INK)))
+            .map_err(told)?;
+        root.draw(&Text::new(note.to_owned(), (16, 34), (FONT, 12).into_font().color(&INK))).map_err(told)?;
+        let (_, below) = root.split_vertically(HEAD);
+        let mut chart = builder(&below, "").build_cartesian_2d(low..high, 0.0..1.05 * most).map_err(told)?;
+        chart
+            .configure_mesh()
+            .axis_style(INK)
+            .bold_line_style(GRID)
+            .light_line_style(TRANSPARENT)
+            .label_style((FONT, 12).into_font().color(&INK))
+            .axis_desc_style((FONT, 12).into_font().color(&INK))
+            .x_desc(bins.x)
+            .y_desc(bins.y)
+            .x_labels(8)
+            .y_labels(6)
+            .x_label_formatter(&|value| (bins.label)(*value))
+            .y_label_formatter(&|value| plain(*value))
+            .draw()
+            .map_err(told)?;
+        let width = (high - low) / bins.counts.len().max(1) as f64;
+        for (place, count) in bins.counts.iter().enumerate().filter(|(_, count)| **count > 0) {
+            let from = low + width * place as f64;
+            let [r, g, b, _] = (bins.color)(from + 0.5 * width);
+            let corners = [(from, 0.0), (from + width, *count as f64)];
+            chart.draw_series([Rectangle::new(corners, RGBColor(r, g, b).filled())]).map_err(told)?;
+        }
+        for mark in bins.marks.iter().filter(|mark| (low..=high).contains(*mark)) {
+            let line =
+                DashedPathElement::new([(*mark, 0.0), (*mark, 1.05 * most)], 4, 3, INK.stroke_width(1));
+            chart.draw_series([line]).map_err(told)?;
+        }
+        Ok(())
+    })
+}
+
+/// A step of an axis without the rounding of its sum.
+fn plain(step: f64) -> String {
+    let text = format!("{step:.6}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if step.abs() >= 1e-5 || step == 0.0 { text.to_owned() } else { format!("{step:e}") }
 }
 
 fn builder<'a, 'b>(area: &'a Area<'b>, title: &str) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
@@ -266,14 +357,24 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
     }
 }
 
-fn drawn(size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Result<()>) -> Result<String> {
+/// Draws a picture with a name of its own, for those who do not see it.
+fn drawn(size: (u32, u32), label: &str, draw: impl FnOnce(&Area<'_>) -> Result<()>) -> Result<String> {
     let mut text = String::new();
     {
         let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
         draw(&root)?;
         root.present().map_err(told)?;
     }
-    Ok(text)
+    let mut escaped = String::new();
+    for c in label.trim().trim_end_matches(';').chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '"' => escaped.push_str("&quot;"),
+            c => escaped.push(c),
+        }
+    }
+    Ok(text.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{escaped}\" "), 1))
 }
 
 fn told(error: impl std::fmt::Display) -> anyhow::Error {
@@ -314,8 +415,17 @@ mod tests {
             }
         }
         for values in [vec![], vec![("a".to_owned(), vec![0.0])], vec![("a".to_owned(), vec![1.0, 2.0])]] {
-            assert!(bars("t", "u", |v| v.to_string(), &values, [300, 200]).unwrap().contains("</svg>"));
+            assert!(bars("t", Measure::Bytes, &values, [300, 200]).unwrap().contains("</svg>"));
         }
+    }
+
+    #[test]
+    fn steps_are_round_in_the_unit_that_is_told() {
+        assert_eq!([0.0, 0.2, 40.0, 3.0 * 0.1].map(plain), ["0", "0.2", "40", "0.3"]);
+        // 4.9 MB of one part: whole MiB, and not 976.6 KiB.
+        let text = bars("t", Measure::Bytes, &[("a".to_owned(), vec![4.9e6])], [400, 300]).unwrap();
+        assert!(text.contains("MiB") && text.contains(">\n4\n<") && !text.contains("976.6"), "{text}");
+        assert!(text.contains("role=\"img\" aria-label=\"t, MiB\""), "{text}");
     }
 
     #[test]

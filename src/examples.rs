@@ -96,6 +96,10 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "in colours, with a histogram",
             ),
             ("chpm compare small.ply scan.chpm -o colored.chpm", "to look at with chpm view"),
+            (
+                "chpm compare small.ply scan.chpm --tolerance 0.5% --html compared.html",
+                "what share is near enough, as a page",
+            ),
         ],
     ),
     ("bench", &[("chpm bench scan.ply --only chpm --runs 1 --csv speed.csv", "time, memory and deviation")]),

@@ -14,6 +14,7 @@ mod caches;
 mod certify;
 mod chart;
 mod cmd;
+mod colors;
 mod compare;
 mod config;
 #[cfg(feature = "web")]

@@ -30,6 +30,7 @@ pub(crate) const RELAYOUT: Writes = Writes { streams: false, ..writes("relayout"
 pub(crate) const SYNTH: Writes = writes("synth", "PLY");
 pub(crate) const PATH: Writes = writes("path", "a camera path");
 pub(crate) const COMPARE_SVG: Writes = writes("compare --svg", "SVG");
+pub(crate) const COMPARE_HTML: Writes = writes("compare --html", "HTML");
 pub(crate) const CONTACTS_CSV: Writes = writes("contacts --csv", "CSV");
 pub(crate) const CLEARANCE_CSV: Writes = writes("clearance --csv", "CSV");
 pub(crate) const DISTANCE_CSV: Writes = writes("distance --csv", "CSV");

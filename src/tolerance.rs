@@ -55,6 +55,14 @@ pub(crate) enum Tolerance {
 }
 
 impl Tolerance {
+    /// As it was typed, with its unit, if it has one.
+    pub(crate) fn measured(self) -> Option<(f64, Unit)> {
+        match self {
+            Tolerance::OfModel(_) => None,
+            Tolerance::Measured(count, unit) => Some((count, unit)),
+        }
+    }
+
     /// The same for a model with such a unit.
     pub(crate) fn length(self, unit: Option<Unit>) -> Result<Length> {
         match self {

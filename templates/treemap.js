@@ -1,7 +1,7 @@
 "use strict";
 // A map of the hierarchy: a rectangle for each cluster, as large as what it has of the source, the clusters below inside it.
 (() => {
-  const { nodes: rows } = JSON.parse(document.getElementById("tree").textContent);
+  const { nodes: rows, colors } = JSON.parse(document.getElementById("tree").textContent);
   const names = ["id", "parent", "level", "below", "triangles", "error", "shared", "kept", "acmr24", "edgeSpan", "bytes"];
   const all = new Map(rows.map((row) => [row[0], Object.assign({ children: [] }, Object.fromEntries(names.map((name, i) => [name, row[i]])))]));
   const roots = [];
@@ -63,10 +63,13 @@
     };
   }
 
+  // Evenly lighter to the eye; names are written dark on light and light on dark.
+  const stops = colors.map((color) => [1, 3, 5].map((from) => parseInt(color.slice(from, from + 2), 16)));
   function color(at) {
-    const stops = [[70, 90, 190], [40, 160, 170], [110, 190, 80], [240, 200, 60], [220, 70, 60]];
     const place = Math.min(Math.max(at, 0), 1) * (stops.length - 1), first = Math.min(Math.floor(place), stops.length - 2);
-    return `rgb(${stops[first].map((c, i) => Math.round(c + (stops[first + 1][i] - c) * (place - first)))})`;
+    const mixed = stops[first].map((c, i) => Math.round(c + (stops[first + 1][i] - c) * (place - first)));
+    const light = 0.3 * mixed[0] + 0.6 * mixed[1] + 0.1 * mixed[2];
+    return { fill: `rgb(${mixed})`, ink: light > 128 ? "#000" : "#fff" };
   }
 
   function draw() {
@@ -80,12 +83,13 @@
     boxes = [];
     const show = (node, x, y, w, h, depth) => {
       boxes.push({ node, x, y, w, h });
-      g.fillStyle = paint(node);
+      const { fill, ink } = paint(node);
+      g.fillStyle = fill;
       g.fillRect(x, y, w, h);
       g.strokeStyle = node === marked ? "#000" : paper;
       g.lineWidth = node === marked ? 3 : 1;
       g.strokeRect(x + 0.5, y + 0.5, Math.max(w - 1, 0), Math.max(h - 1, 0));
-      if (w > 34 && h > BAR) { g.fillStyle = "#000"; g.fillText(String(node.id), x + 4, y + 12); }
+      if (w > 34 && h > BAR) { g.fillStyle = ink; g.fillText(String(node.id), x + 4, y + 12); }
       if (depth > 1 && w > 3 * PAD && h > BAR + 2 * PAD) {
         lay(node.children, x + PAD, y + BAR, w - 2 * PAD, h - BAR - PAD, (n, a, b, c, d) => show(n, a, b, c, d, depth - 1));
       }

@@ -10,10 +10,17 @@ use anyhow::Result;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Counted;
-use chpm_refine::{Camera, CameraPath};
+use chpm_refine::{Camera, CameraPath, Outline, Portrait};
 use clap::ValueEnum;
 use std::io::Write;
 use std::path::PathBuf;
+
+/// Width by height of the images that a path is made for: what fits a square fits whatever is wider, too.
+const ASPECT: f64 = 1.0;
+/// Bytes of a coarse mesh, and of what is found out about it, at most.
+const OUTLINE: u64 = 16 << 20;
+/// Sides from which an orbit has to see the whole model.
+const SIDES: u32 = 72;
 
 /// What `chpm path` is told.
 #[derive(clap::Args, Debug)]
@@ -41,9 +48,9 @@ pub(crate) struct Args {
 
 #[derive(Clone, Copy, ValueEnum, Debug)]
 enum Way {
-    /// Once around the y axis, the whole model in view
+    /// Once around the model as it stands, from the side that `render` shows, the whole model in view
     Orbit,
-    /// Straight towards the vertex of the coarsest mesh that has the largest z, to 1/500 of the distance
+    /// From there straight towards the nearest vertex of the coarsest mesh, to 1/500 of the distance
     Dive,
     /// Smoothly between random cameras in and around the model
     Random,
@@ -52,7 +59,7 @@ enum Way {
 /// Makes and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
-    memory::divide(&file, args.memory.memory(), 0)?;
+    memory::divide(&file, args.memory.memory(), OUTLINE)?;
     reading(&file, || make(&file, args, stop))
 }
 
@@ -60,13 +67,23 @@ fn make(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let _cancel = stop.heed();
     let mut text = output::PATH.create(&args.output, args.force, &[&args.file])?;
     let mut out = output::messages([&text], false, false)?;
-    let (bounds, frames) = (file.header().aabb(), args.frames as usize);
+    // In the model's own coordinates, whatever heights mean there.
+    let portrait = Portrait::new(Outline::of_file(file)?, file.header().aabb(), None, None);
+    let frames = args.frames as usize;
+    let up: [f64; 3] = portrait.stance().up().vector().into();
     let mut path = match args.way {
-        Way::Orbit => CameraPath::orbit(&bounds, frames),
-        Way::Dive => CameraPath::dive(&bounds, front(file)?, frames),
-        Way::Random => CameraPath::random(&bounds, args.seed, frames),
+        Way::Orbit => {
+            // From one distance, at which it fits from every side.
+            let start = portrait.turn(ASPECT, SIDES.min(args.frames)).into_iter().next();
+            start.map(|start| CameraPath::around(&start, frames)).unwrap_or_default()
+        }
+        Way::Dive => {
+            let start = portrait.camera(ASPECT);
+            CameraPath::towards(&start, nearest(file, &portrait)?, frames)
+        }
+        Way::Random => CameraPath::random(&portrait.frame(), args.seed, frames),
     };
-    let absolute = |camera: &mut Camera| *camera = view::from_file(file, camera);
+    let absolute = |camera: &mut Camera| *camera = Camera { up, ..view::from_file(file, camera) };
     path.cameras.iter_mut().for_each(absolute);
     write!(text, "{path}")?;
     file.get_ref().check_unchanged()?;
@@ -76,14 +93,21 @@ fn make(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
-/// The base vertex of the roots with the largest z.
-fn front(file: &Chpm<MappedFile>) -> Result<[f64; 3]> {
-    let mut front = [0.0, 0.0, f32::NEG_INFINITY];
+/// The base vertex of the roots that is nearest to who looks at the model.
+fn nearest(file: &Chpm<MappedFile>, portrait: &Portrait) -> Result<[f64; 3]> {
+    let (frame, sight) = (portrait.frame(), portrait.stance().sight());
+    let is_framed = |p: &[f32; 3]| (0..3).all(|axis| (frame.min[axis]..=frame.max[axis]).contains(&p[axis]));
+    let along = |p: &[f32; 3]| (0..3).map(|axis| f64::from(p[axis]) * sight[axis]).sum::<f64>();
+    let mut nearest = None;
     for root in file.roots() {
         let page = file.page(root)?;
         let page = page.view();
         let base = page.positions.get(..page.base_vertex_count).unwrap_or_default();
-        front = base.iter().fold(front, |front, p| if p[2] > front[2] { *p } else { front });
+        for point in base.iter().filter(|point| is_framed(point)) {
+            if nearest.is_none_or(|nearest| along(point) < along(&nearest)) {
+                nearest = Some(*point);
+            }
+        }
     }
-    Ok(front.map(f64::from))
+    Ok(nearest.map_or(frame.center().into(), |point| point.map(f64::from)))
 }

@@ -16,7 +16,7 @@ use chpm_build::BuildConfig;
 use chpm_extmem::WorkDir;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted};
-use chpm_refine::{Camera, Side, Stance};
+use chpm_refine::{Camera, Side};
 use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, TriangleId, Viewer, headless};
 use serde_json::json;
 use std::io::Write;
@@ -43,7 +43,7 @@ pub(crate) struct Args {
     /// So many pictures from all around, each from further to the right: NAME-1.png and so on
     #[arg(long, value_name = "N", conflicts_with = "camera", value_parser = number::count(1..=360_u32))]
     turntable: Option<u32>,
-    /// All pictures in one: those of --turntable, or else the model from the front, the right, the back, the left, above and a corner
+    /// All pictures in one, each with its name: those of --turntable, or else the model from the front, the right, the back, the left, above and a corner
     #[arg(long, conflicts_with = "camera")]
     contact_sheet: bool,
     /// Width and height of the image, in pixels; of each one where there are several
@@ -88,6 +88,9 @@ pub(crate) struct Args {
     quiet: bool,
 }
 
+/// The sides that a contact sheet shows, where no turntable is asked for.
+const SHEET: [Side; 6] = [Side::Front, Side::Right, Side::Iso, Side::Back, Side::Left, Side::Top];
+
 /// Draws and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
@@ -104,7 +107,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let files: Vec<_> = models.iter().map(|model| model.file.as_path()).zip(places).collect();
     let gpu = gpu.map_or_else(|| args.device.gpu(), Ok)?;
     let mut viewer = args.device.open_on(gpu, &files, args.memory)?;
-    let (cameras, why) = cameras(args, &viewer)?;
+    let (cameras, why, note) = cameras(args, &mut viewer)?;
     let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.rolled(args.still.roll)).collect();
     let model = viewer.files().map(|file| file.header().source_triangle_count).sum();
     let wanted = args.triangles.map(|wanted| wanted.of(model));
@@ -130,7 +133,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             ..FrameRequest::new(*camera, args.viewport.0)
         };
         let told = || format!("cannot draw '{}' so", args.file.display());
-        let (image, stats) = if args.ids {
+        let (mut image, stats) = if args.ids {
             let (ids, stats) = headless::ids(&mut viewer, &request).with_context(told)?;
             (item_buffer(&ids, viewer.files()), stats)
         } else {
@@ -143,6 +146,15 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             Some(if of > 1 { format!("view {} of {of}: {why}", place + 1) } else { why })
         });
         first.get_or_insert(stats);
+        // Colours of an item buffer are numbers, and nothing may lie over them.
+        let words = if args.ids {
+            Vec::new()
+        } else {
+            [label(args, place), note.clone()].into_iter().flatten().collect()
+        };
+        if !words.is_empty() {
+            image.caption(&words.join("; "));
+        }
         if args.contact_sheet {
             drawn.push(image);
         } else if let Some(png) = files.next() {
@@ -189,6 +201,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         }
     }
     out.flush()?;
+    if let Some(note) = &note {
+        line(&format!(
+            "warning: {note}; errors and distances mix both units: project such a model to metres before it is built"
+        ));
+    }
     if let Some(shortfall) = &shortfall {
         line(&format!("warning: {shortfall}"));
     }
@@ -233,29 +250,37 @@ fn outputs(args: &Args) -> Result<Vec<Output>> {
     (0..apart).map(|place| create(&numbered(&args.output, place, apart))).collect()
 }
 
-/// Where pictures are taken from; and why, where nobody told.
-fn cameras(args: &Args, viewer: &Viewer) -> Result<(Vec<Camera>, Option<String>)> {
+/// Where pictures are taken from; and why, where nobody told; and what they have to say of the model's heights.
+fn cameras(args: &Args, viewer: &mut Viewer) -> Result<(Vec<Camera>, Option<String>, Option<String>)> {
     if let Some(camera) = args.camera {
         let up = args.stance.up.map_or(camera.up, |up| up.vector().into());
-        return Ok((vec![Camera { up, ..camera }], None));
+        return Ok((vec![Camera { up, ..camera }], None, None));
     }
     let viewport = args.viewport.0;
     // It names the file of two that it is about; a change meanwhile is the reason for whatever came of it.
-    let outline = viewer.outline();
+    let portrait = viewer.portrait(args.stance.up, args.stance.side);
     viewer.files().try_for_each(|file| file.get_ref().check_unchanged())?;
-    let outline = outline?;
-    let stance = Stance::of(&outline, args.stance.up, args.stance.side);
-    let why = Some(stance.why().to_owned());
-    let side =
-        |side: Side| viewer.fit(&outline, &Stance::of(&outline, Some(stance.up()), Some(side)), viewport);
-    Ok(match (args.turntable, args.contact_sheet) {
-        (Some(count), _) => (viewer.turn(&outline, &stance, viewport, count), why),
+    let portrait = portrait?;
+    let (why, note) = (Some(portrait.why()), portrait.note());
+    let cameras = match (args.turntable, args.contact_sheet) {
+        (Some(count), _) => viewer.turn(&portrait, viewport, count),
         (None, true) => {
-            let sides = [Side::Front, Side::Right, Side::Iso, Side::Back, Side::Left, Side::Top];
-            (sides.map(side).to_vec(), why)
+            let side = |side: Side| viewer.fit(&portrait.from_side(side), viewport);
+            SHEET.map(side).to_vec()
         }
-        (None, false) => (vec![viewer.fit(&outline, &stance, viewport)], why),
-    })
+        (None, false) => vec![viewer.fit(&portrait, viewport)],
+    };
+    Ok((cameras, why, note))
+}
+
+/// What a picture of a contact sheet is called there.
+fn label(args: &Args, place: usize) -> Option<String> {
+    let side = || SHEET.get(place).map(|side| side.name().to_owned());
+    let turned = |count: u32| {
+        let degrees = (360.0 * place as f64 / f64::from(count) * 10.0).round() / 10.0;
+        format!("{degrees}\u{b0}")
+    };
+    args.contact_sheet.then(|| args.turntable.map(turned).or_else(side)).flatten()
 }
 
 /// What was asked for and is not in the picture.

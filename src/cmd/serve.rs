@@ -2,7 +2,7 @@
 
 use super::{Verdict, open, stdout};
 use crate::connections::{self, Limits};
-use crate::web::{FILES, PAGE, WebFile};
+use crate::web::{FILES, PAGE, page_for};
 use anyhow::{Context, Result, ensure};
 use axum::Router;
 use axum::body::Body;
@@ -10,12 +10,13 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{Html, IntoResponse, Redirect, Response};
 use percent_encoding::{NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
+use std::borrow::Cow;
 use std::fs;
 use std::io::Write;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use tower_http::services::ServeFile;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -49,6 +50,8 @@ struct Served {
     list: bool,
     /// For this machine alone.
     is_local: bool,
+    /// The page that was asked for last, by the version of its model.
+    last: Mutex<Option<(HeaderValue, String)>>,
 }
 
 /// Serves until it is stopped.
@@ -89,14 +92,20 @@ impl Served {
             fs::canonicalize(&args.path).with_context(|| format!("cannot find '{}'", args.path.display()))?;
         let is_local = args.address.is_loopback();
         if path.is_dir() {
-            return Ok(Served { folder: path, only: None, list: args.list, is_local });
+            return Ok(Served {
+                folder: path,
+                only: None,
+                list: args.list,
+                is_local,
+                last: Mutex::default(),
+            });
         }
         ensure!(!args.list, "--list is for a folder, and '{}' is a file", args.path.display());
         open(&path)?;
         let name = path.file_name().and_then(|name| name.to_str());
         let name = name.with_context(|| format!("the name '{}' is no text", path.display()))?.to_owned();
         let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
-        Ok(Served { folder, only: Some(name), list: false, is_local })
+        Ok(Served { folder, only: Some(name), list: false, is_local, last: Mutex::default() })
     }
 
     /// A .chpm file in the folder, also if the way there has links, but not if it leads out of the folder.
@@ -111,6 +120,21 @@ impl Served {
         }
         let found = fs::canonicalize(self.folder.join(path)).ok()?;
         (found.starts_with(&self.folder) && found.is_file()).then_some(found)
+    }
+
+    /// The page of the model that its address names, as that is seen best; nothing where there is none, or it cannot be read, which the page will find.
+    fn page(&self, query: Option<&str>) -> Option<String> {
+        let name = query?.split('&').find_map(|pair| pair.strip_prefix("file="))?;
+        let name = percent_decode_str(name).decode_utf8().ok()?;
+        let found = self.find(&name)?;
+        let (tag, _) = version(&found).ok()?;
+        let mut last = self.last.lock().unwrap_or_else(|held| held.into_inner());
+        if let Some((_, page)) = last.as_ref().filter(|(known, _)| *known == tag) {
+            return Some(page.clone());
+        }
+        let page = page_for(&open(&found).ok()?, None).ok()?;
+        *last = Some((tag, page.clone()));
+        Some(page)
     }
 
     /// Paths of the .chpm files at the top of the folder.
@@ -156,8 +180,13 @@ async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Resp
     if path.is_empty() {
         return front(&served);
     }
+    if path == PAGE
+        && let Some(page) = page_as_seen(&served, request.uri().query()).await
+    {
+        return own(page.into(), "text/html; charset=utf-8", request.headers());
+    }
     if let Some(file) = FILES.iter().find(|file| file.path == path) {
-        return own(file, request.headers());
+        return own(file.text.into(), file.media_type, request.headers());
     }
     let Some(found) = served.find(&path) else {
         return (StatusCode::NOT_FOUND, "no .chpm file of that name is served\n").into_response();
@@ -179,18 +208,24 @@ async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Resp
     answer
 }
 
+/// The page of a model, made beside the thread that answers: pages of the model are read for it.
+async fn page_as_seen(served: &Arc<Served>, query: Option<&str>) -> Option<String> {
+    let (served, query) = (Arc::clone(served), query.map(str::to_owned));
+    tokio::task::spawn_blocking(move || served.page(query.as_deref())).await.ok().flatten()
+}
+
 /// A file of the page, unless it is known already. A newer program has newer ones at the same address.
-fn own(file: &WebFile, asked: &HeaderMap) -> Response {
-    let tag = format!("\"{:016x}\"", xxh3_64(file.text.as_bytes()));
+fn own(text: Cow<'static, str>, media_type: &'static str, asked: &HeaderMap) -> Response {
+    let tag = format!("\"{:016x}\"", xxh3_64(text.as_bytes()));
     let is_known = asked.get(header::IF_NONE_MATCH).is_some_and(|known| names(known, tag.as_bytes()));
     let headers = [
-        (header::CONTENT_TYPE, file.media_type),
+        (header::CONTENT_TYPE, media_type),
         (header::CACHE_CONTROL, "no-cache"),
         (header::ETAG, tag.as_str()),
     ];
     match is_known {
         true => (StatusCode::NOT_MODIFIED, headers).into_response(),
-        false => (headers, file.text).into_response(),
+        false => (headers, text).into_response(),
     }
 }
 

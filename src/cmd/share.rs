@@ -6,7 +6,7 @@ use crate::folder::{OutputFolder, above};
 use crate::memory::MemoryArgs;
 use crate::output;
 use crate::stop::Stop;
-use crate::web::{FILES, PAGE};
+use crate::web::{FILES, PAGE, page_for};
 use anyhow::Result;
 use chpm_mesh::Bytes;
 use serde_json::json;
@@ -47,13 +47,13 @@ const NAMES: [&str; 4] = [MODEL, INDEX, "view", "chpm"];
 /// Writes the folder, which is whole or not there.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     output::check_folder("share", &args.output)?;
-    open(&args.file)?;
+    let file = open(&args.file)?;
+    let index = page_for(&file, Some(MODEL))?;
     let folder = OutputFolder::create(&args.output, args.force, &NAMES, None)?;
     let (model, memory) = (folder.path(MODEL), args.memory.clone());
     let bytes = relayout::store_pages(&args.file, &model, args.pages, args.quiet, memory, stop)?;
     for file in FILES {
         if file.path == PAGE {
-            let index = file.text.replace("<body>", &format!("<body data-file=\"{MODEL}\">"));
             folder.write(INDEX, index.as_bytes())?;
             continue;
         }

@@ -1,7 +1,8 @@
 //! A scan in the colours of its distances, as a file.
 
-use super::{Colors, Parts, leaves};
+use super::{Parts, leaves};
 use crate::cmd::build;
+use crate::colors::Colors;
 use crate::output::{self, Output, Promise, Writes};
 use crate::progress::Meter;
 use crate::stop::{self, Stop};

@@ -84,6 +84,20 @@ impl Parts {
         Ok(())
     }
 
+    /// Tells the pages of one leaf after the other, and the distances of all their vertices.
+    pub(crate) fn pages(
+        &self,
+        file: &Chpm<MappedFile>,
+        mut each: impl FnMut(&Page<'_>, &[f64]) -> Result<()>,
+    ) -> Result<()> {
+        let mut values = Vec::new();
+        self.each_leaf(file, |page, _, numbers| {
+            values.clear();
+            values.extend(numbers.iter().map(|number| self.values[*number as usize]));
+            each(page, &values)
+        })
+    }
+
     /// Tells the vertices of one leaf after the other, each once, with its number; positions are relative to the file's origin.
     pub(crate) fn vertices(
         &self,

@@ -1,29 +1,41 @@
-//! The histogram of distances.
+//! The histogram of distances, in their colours.
 
 use super::Summary;
-use crate::chart::{Axis, Chart, Series, Sheet};
-use crate::number::Units;
+use crate::chart::{Bins, histogram};
+use crate::colors::Colors;
+use crate::number::{Short, Units};
 use anyhow::Result;
 
-const SIZE: [u32; 2] = [720, 360];
+const SIZE: [u32; 2] = [720, 380];
 
-/// How many vertices are how far away.
-pub(crate) fn plot(summary: &Summary, title: &str, note: &str) -> Result<String> {
-    let [low, high] = summary.range;
-    let width = (high - low) / summary.bins.len() as f64;
-    let mut points = vec![[low, 0.0]];
-    for (bin, count) in summary.bins.iter().enumerate() {
-        let (from, count) = (low + width * bin as f64, *count as f64);
-        points.extend([[from, count], [from + width, count]]);
-    }
-    points.push([high, 0.0]);
-    let signed = |value: f64| format!("{}{}", if value < 0.0 { "-" } else { "" }, Units(value.abs()));
-    let series = Series { name: String::new(), color: 6, points, marks: Vec::new(), dashed: false };
-    let chart = Chart {
-        title: "",
-        x: Axis { name: "distance, units; what is beyond the ends counts there", log: false, label: signed },
-        y: Axis { name: "vertices", log: false, label: |count| format!("{count}") },
-        series: vec![series],
+/// How many vertices are how far away; where there is a tolerance, its ends are marked.
+pub(crate) fn plot(
+    summary: &Summary,
+    colors: &Colors,
+    tolerance: Option<f64>,
+    title: &str,
+    note: &str,
+) -> Result<String> {
+    let outside = match summary.outside {
+        [0, 0] => String::new(),
+        [below, 0] => format!("; {} below are not shown", Short(below)),
+        [0, above] => format!("; {} above are not shown", Short(above)),
+        [below, above] => format!("; {} below and {} above are not shown", Short(below), Short(above)),
     };
-    Sheet { title, note, beside: false, size: SIZE, names: Vec::new() }.svg(&[chart])
+    let ends = tolerance.map_or_else(Vec::new, |tolerance| vec![-tolerance, tolerance]);
+    let bins = Bins {
+        range: summary.range,
+        counts: &summary.bins,
+        color: &|value| colors.of(value),
+        marks: &ends,
+        x: &format!("distance, units{outside}"),
+        y: "vertices",
+        label: signed,
+    };
+    histogram(title, note, &bins, SIZE)
+}
+
+/// A distance with its sign.
+pub(crate) fn signed(value: f64) -> String {
+    format!("{}{}", if value < 0.0 { "-" } else { "" }, Units(value.abs()))
 }

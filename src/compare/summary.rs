@@ -12,9 +12,54 @@ pub(crate) struct Summary {
     pub(crate) rms: f64,
     /// Of the sizes, in [`PERCENTS`].
     pub(crate) percentiles: [f64; 5],
-    /// Numbers of vertices in bins of one width, from `range[0]` to `range[1]`; what is out of the range is in the first or last.
+    /// Numbers of vertices in bins of one width, from `range[0]` to `range[1]`.
     pub(crate) bins: Vec<u64>,
     pub(crate) range: [f64; 2],
+    /// How many are below and above the range, and in no bin.
+    pub(crate) outside: [u64; 2],
+}
+
+/// How many vertices are no farther than allowed, by size.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Pass {
+    pub(crate) tolerance: f64,
+    pub(crate) within: u64,
+    pub(crate) beyond: u64,
+    /// So near to the tolerance that rounding decides.
+    pub(crate) undecided: u64,
+}
+
+impl Pass {
+    /// Of distances; those near to the tolerance may each be off by `rounding`.
+    pub(crate) fn new(values: &[f64], tolerance: f64, rounding: f64) -> Self {
+        let mut pass = Pass { tolerance, within: 0, beyond: 0, undecided: 0 };
+        for size in values.iter().map(|x| x.abs()) {
+            let slack = rounding + 2.0 * f64::EPSILON * size;
+            let count = match size {
+                size if size + slack <= tolerance => &mut pass.within,
+                size if size - slack > tolerance => &mut pass.beyond,
+                _ => &mut pass.undecided,
+            };
+            *count += 1;
+        }
+        pass
+    }
+
+    /// Of all, what is certainly within.
+    pub(crate) fn share(&self) -> f64 {
+        let all = self.within + self.beyond + self.undecided;
+        if all == 0 { 1.0 } else { self.within as f64 / all as f64 }
+    }
+
+    pub(crate) fn json(&self) -> Value {
+        json!({
+            "tolerance": self.tolerance,
+            "share": self.share(),
+            "within": self.within,
+            "beyond": self.beyond,
+            "undecided": self.undecided,
+        })
+    }
 }
 
 /// Percent of the vertices that have no larger distance, by size.
@@ -47,6 +92,7 @@ impl Summary {
             percentiles,
             bins: vec![0; BINS],
             range,
+            outside: [0; 2],
         };
         let width = range[1] - range[0];
         let (mut sum, mut squares) = (Sum::default(), Sum::default());
@@ -56,7 +102,11 @@ impl Summary {
             sum.add(value);
             squares.add(value * value);
             let share = if width > 0.0 { (value - range[0]) / width } else { 0.0 };
-            found.bins[((share * BINS as f64).max(0.0) as usize).min(BINS - 1)] += 1;
+            match value {
+                value if value < range[0] => found.outside[0] += 1,
+                value if value > range[1] => found.outside[1] += 1,
+                _ => found.bins[((share * BINS as f64).max(0.0) as usize).min(BINS - 1)] += 1,
+            }
         }
         let count = values.len().max(1) as f64;
         (found.mean, found.rms) = (sum.total() / count, (squares.total() / count).sqrt());
@@ -79,6 +129,8 @@ impl Summary {
             "percentiles": { "p50": p50, "p90": p90, "p95": p95, "p99": p99, "p99_9": p999 },
             "range": self.range,
             "histogram": self.bins,
+            "below": self.outside[0],
+            "above": self.outside[1],
         })
     }
 }
@@ -122,9 +174,19 @@ mod tests {
         assert_eq!(found.percentiles, [500.0, 900.0, 950.0, 990.0, 999.0]);
         assert_eq!(found.range, [-990.0, 990.0]);
         assert!((found.mean - 0.5).abs() < 1e-12 && (found.rms - 577.78).abs() < 0.01, "{found:?}");
-        assert_eq!(found.bins.iter().sum::<u64>(), 1000);
+        // The farthest have no bin: its height would be theirs and not that of its distances.
+        assert_eq!((found.bins.iter().sum::<u64>(), found.outside), (990, [5, 5]));
         let given = Summary::new(&values, true, Some([0.0, 10.0]));
-        assert_eq!((given.range, given.bins.iter().sum::<u64>()), ([0.0, 10.0], 1000));
+        assert_eq!((given.range, given.bins.iter().sum::<u64>()), ([0.0, 10.0], 5));
+        assert_eq!(given.outside, [500, 495]);
         assert_eq!(Summary::new(&[0.0; 3], false, None).bins[0], 3);
+    }
+
+    #[test]
+    fn what_rounding_decides_is_not_within() {
+        let pass = Pass::new(&[0.0, -0.1, 0.25, 0.5, -0.5, 2.0], 0.5, 1e-3);
+        assert_eq!((pass.within, pass.beyond, pass.undecided), (3, 1, 2));
+        assert_eq!(pass.share(), 0.5);
+        assert_eq!(Pass::new(&[], 0.5, 0.0).share(), 1.0);
     }
 }

@@ -2,9 +2,11 @@
 
 mod plots;
 pub(crate) mod raster;
+mod seen;
 mod tree;
 
 use crate::batch::summary::{Status, Summary};
+use crate::colors::Colors;
 use crate::digest;
 use crate::number::{Short, Units};
 use crate::report;
@@ -14,13 +16,15 @@ use askama::Template;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Metadata};
 use chpm_mesh::Bytes;
-use raster::Colors;
+use chpm_refine::Portrait;
+use seen::Shows;
 use serde_json::Value;
 
-/// Pixels of a picture.
+/// Pixels of a picture, and of the first.
 const PICTURE: [usize; 2] = [640, 480];
+const FIRST: [usize; 2] = [960, 640];
 
-const STYLE: &str = include_str!("../../templates/style.css");
+pub(crate) const STYLE: &str = include_str!("../../templates/style.css");
 const SCRIPT: &str = include_str!("../../templates/treemap.js");
 
 /// A file that is shown, or compared with.
@@ -43,7 +47,10 @@ impl<'a> Shown<'a> {
 /// A picture and what it shows.
 struct Picture {
     data: String,
+    size: [usize; 2],
     caption: &'static str,
+    /// What the first and the last of its colours stand for, if they are of a range.
+    ends: Option<[String; 2]>,
 }
 
 struct Finding {
@@ -60,7 +67,9 @@ struct Page<'a> {
     facts: Vec<(&'static str, String)>,
     remarks: Vec<String>,
     praise: Option<String>,
+    first: Picture,
     pictures: Vec<Picture>,
+    gradient: String,
     note: String,
     plots: Vec<String>,
     tree: String,
@@ -79,19 +88,32 @@ pub(crate) fn html(shown: &Shown<'_>, other: Option<&Shown<'_>>, built: Option<&
     let file = shown.file;
     let metadata = file.metadata().unwrap_or_default();
     let levels = report::levels_of(file);
-    let even = raster::look(file, PICTURE, false)?;
-    let beside = raster::look(file, PICTURE, true)?;
+    let portrait = Portrait::of_file(file)?;
+    let first = Picture {
+        data: seen::look(file, &portrait, FIRST, false)?.picture(Shows::Surface)?,
+        size: FIRST,
+        caption: "The model as it is",
+        ends: None,
+    };
+    let even = seen::look(file, &portrait, PICTURE, false)?;
+    let beside = seen::look(file, &portrait, PICTURE, true)?;
     let mut pictures = Vec::new();
-    for (seen, colors, caption) in [
-        (&even, Colors::Cluster, "Clusters: each is stored, loaded and refined on its own"),
+    for (seen, shows, caption, ends) in [
+        (&even, Shows::Cluster, "Clusters: each is stored, loaded and refined on its own", None),
         (
             &beside,
-            Colors::Level,
-            "Levels, as an eye at the right needs them: blue is the source, red the top",
+            Shows::Level,
+            "Levels, as an eye at the right needs them",
+            Some(["level 0, the source".to_owned(), format!("level {}, the top", beside.top())]),
         ),
-        (&beside, Colors::Error, "Errors of the same: blue is the least, red the largest"),
+        (
+            &beside,
+            Shows::Error,
+            "Errors of the same",
+            Some(beside.errors().map(|error| format!("{} units", Units(error)))),
+        ),
     ] {
-        pictures.push(Picture { data: seen.picture(colors)?, caption });
+        pictures.push(Picture { data: seen.picture(shows)?, size: PICTURE, caption, ends });
     }
     let drawn = |shown: &Shown<'_>| {
         let all = digest::drawables(shown.file).into_iter();
@@ -107,11 +129,14 @@ pub(crate) fn html(shown: &Shown<'_>, other: Option<&Shown<'_>>, built: Option<&
         facts: facts(file, &metadata),
         praise: remarks.is_empty().then(|| digest::praise(file, &levels)),
         remarks,
+        first,
         pictures,
+        gradient: Colors::new([0.0, 1.0], false).gradient(),
         note: format!(
-            "Clusters: {}, an error of {} units. Drawn on the processor.",
+            "Model and clusters: {}, an error of {} units. Drawn on the processor; {}.",
             Short(even.triangles).of("triangle"),
-            Units(even.error.into())
+            Units(even.error.into()),
+            portrait.why()
         ),
         plots: plots::all(&files, built)?,
         tree: tree::json(file, &shown.rows)?.to_string(),
@@ -223,7 +248,7 @@ pub(crate) fn index(summary: &Summary, folder: &std::path::Path) -> Result<Strin
             status: row.status.word(),
             error: row.error.as_deref(),
             warnings: &row.warnings,
-            picture: is_there.then(|| raster::thumbnail(&row.output).ok()).flatten(),
+            picture: is_there.then(|| seen::thumbnail(&row.output).ok()).flatten(),
             facts: format!("{}, {}{seconds}", Short(row.triangles).of("triangle"), Bytes(row.output_bytes)),
             link: row.output.strip_prefix(folder).unwrap_or(&row.output).display().to_string(),
         });

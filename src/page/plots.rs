@@ -1,10 +1,9 @@
 //! The plots of a page.
 
-use crate::chart::{Axis, Chart, Mark, Series, bars};
+use crate::chart::{Axis, Chart, Mark, Measure, Series, bars};
 use crate::number::{Short, Units};
 use crate::stats::Stats;
 use anyhow::Result;
-use chpm_mesh::Bytes;
 use serde_json::Value;
 
 const SIZE: [u32; 2] = [520, 300];
@@ -20,10 +19,6 @@ fn level(value: f64) -> String {
 
 fn units(value: f64) -> String {
     Units(value).to_string()
-}
-
-fn bytes(value: f64) -> String {
-    Bytes(value as u64).to_string()
 }
 
 fn line(name: String, color: usize, points: Vec<[f64; 2]>) -> Series {
@@ -88,14 +83,14 @@ pub(super) fn all(files: &[(String, &Stats, Vec<[f64; 2]>)], built: Option<&Valu
     };
     let parts: Vec<(String, Vec<f64>)> =
         names.iter().map(part).filter(|(_, values)| values.iter().any(|v| *v > 0.0)).collect();
-    plots.push(bars("Bytes by part", "bytes", bytes, &parts, WIDE)?);
+    plots.push(bars("Bytes by part", Measure::Bytes, &parts, WIDE)?);
     if let Some(stages) = built.and_then(|built| built["stages"].as_array()) {
         let of = |key: &str| -> Vec<(String, Vec<f64>)> {
             let row = |stage: &Value| Some((stage["stage"].as_str()?.to_owned(), vec![stage[key].as_f64()?]));
             stages.iter().filter_map(row).collect()
         };
-        plots.push(bars("Time by stage", "seconds", |v| Units(v).to_string(), &of("seconds"), SIZE)?);
-        plots.push(bars("Memory by stage", "most resident memory", bytes, &of("peak_resident_bytes"), SIZE)?);
+        plots.push(bars("Time by stage", Measure::Seconds, &of("seconds"), SIZE)?);
+        plots.push(bars("Memory by stage", Measure::Bytes, &of("peak_resident_bytes"), SIZE)?);
     }
     Ok(plots)
 }

@@ -1,5 +1,6 @@
 //! The hierarchy as a tree, for the map of the page: each cluster below the one that has most of its base mesh.
 
+use crate::colors::Colors;
 use crate::stats::Row;
 use anyhow::Result;
 use chpm_extmem::MappedFile;
@@ -86,5 +87,7 @@ pub(super) fn json(file: &Chpm<MappedFile>, rows: &[Row<'_>]) -> Result<Value> {
             r.page_len,
         ])
     };
-    Ok(json!({ "least": least, "nodes": shown.map(node).collect::<Vec<_>>() }))
+    let gradient = Colors::new([0.0, 1.0], false).gradient();
+    let colors: Vec<&str> = gradient.split(',').collect();
+    Ok(json!({ "least": least, "colors": colors, "nodes": shown.map(node).collect::<Vec<_>>() }))
 }

@@ -96,7 +96,7 @@ fn every_key_is_documented_and_appears() {
         ("contacts", "contacts in.chpm small.ply --within 1% -q --json", 0),
         ("contacts-path", "contacts in.chpm small.ply --within 1% --path one.poses -q --json", 0),
         ("contacts-self", "contacts in.chpm --self -q --json", 0),
-        ("compare", "compare in.chpm small.ply -q --json", 0),
+        ("compare", "compare in.chpm small.ply --tolerance 1% -q --json", 0),
         ("walk", "walk in.chpm in.path -q --json", 0),
         ("extract", "extract in.chpm --level 1 --local-origin -o local.ply -q --json", 0),
         ("extract", "extract in.chpm --triangles 9k --up z -o turned.obj -q --json", 0),

@@ -198,7 +198,11 @@ fn a_scan_is_compared_with_a_reference() {
     };
     let ([r, _, b, _], [s, _, c, _]) = (extreme(false), extreme(true));
     assert!(r > b && s < c, "outside is red, inside blue");
-    assert!(super::harness::text(&folder.read("out.svg")).contains("<polyline"));
+    // Bars in the colours of their distances, from blue to red.
+    let svg = super::harness::text(&folder.read("out.svg"));
+    let fills: std::collections::BTreeSet<&str> =
+        svg.split("fill=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert!(fills.len() > 20, "{fills:?}");
     // The same whatever the threads and the memory; against itself, nothing.
     let colored = folder.read("out.ply");
     folder.stdout(&words.replace("-q --json", "-qf --threads 1 --memory 100M"));
@@ -206,6 +210,56 @@ fn a_scan_is_compared_with_a_reference() {
     let own = answer(&folder, "compare in.ply in.chpm --tolerance 0 --unsigned -q --json", 0);
     assert!(own["signed"] == false && own["max"].as_f64().unwrap() < 1e-6, "{own}");
     assert!(folder.stderr("compare in.chpm in.chpm -o out.stl", 2).contains("PLY, GLB and CHPM"));
+}
+
+#[test]
+fn a_tolerance_has_a_share_a_verdict_and_a_page() {
+    let folder = site();
+    // Moved by a tenth along z: by area, half of a sphere is within a twentieth.
+    let words = "compare in.chpm packed.chpm --pose-a 0,0,0.1 -q";
+    let value = answer(&folder, &format!("{words} --tolerance 0.05 --json"), 0);
+    let pass = &value["pass"];
+    let number = |key: &str| pass[key].as_u64().unwrap();
+    assert!(pass["share"].as_f64().is_some_and(|share| (share - 0.5).abs() < 0.05), "{pass}");
+    assert_eq!(
+        number("within") + number("beyond") + number("undecided"),
+        value["vertices"].as_u64().unwrap()
+    );
+    assert!(number("undecided") < 3, "what is near the tolerance is measured exactly: {pass}");
+    // What has no bin is told, and makes no bar higher.
+    let bins: Vec<u64> = value["histogram"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).collect();
+    let outside = value["below"].as_u64().unwrap() + value["above"].as_u64().unwrap();
+    assert!(outside > 0 && bins.iter().sum::<u64>() + outside == value["vertices"].as_u64().unwrap());
+    assert!(answer(&folder, &format!("{words} --json"), 0)["pass"].is_null());
+
+    let verdict = |more: &str, code: i32| {
+        super::harness::text(&folder.chpm(&format!("{words} {more}")).code(code).get_output().stdout)
+    };
+    assert!(verdict("--tolerance 0.05", 0).contains("fails: "));
+    assert!(verdict("--tolerance 0.05 --strict", 1).contains("100 % are needed"));
+    assert!(verdict("--tolerance 0.05 --strict=30%", 0).contains("passes: "));
+    assert!(
+        verdict("--tolerance 50um --unit mm --strict=30%", 0).contains("within 50 um"),
+        "microns of a millimetre"
+    );
+    assert!(verdict("--tolerance 0.2 --strict", 0).contains("passes: 100 %"));
+    for (more, told) in [
+        ("--strict", "--tolerance"),
+        ("--tolerance 0.2mm", "--unit"),
+        ("--tolerance 1 --strict=120%", "percent"),
+    ] {
+        assert!(folder.stderr(&format!("{words} {more}"), 2).contains(told), "{more}");
+    }
+
+    folder.stdout(&format!("{words} --tolerance 0.05 --html page.html"));
+    let html = super::harness::text(&folder.read("page.html"));
+    for word in ["fails: ", "linear-gradient", "<main>", "role=\"img\"", "data:image/png;base64,", "99.9 %"] {
+        assert!(html.contains(word), "{word}");
+    }
+    assert!(
+        !html.contains("src=\"http") && html.matches("<th").count() == html.matches("<th scope=").count()
+    );
+    assert!(folder.stderr(&format!("{words} --html page.png"), 2).contains("HTML"));
 }
 
 /// Triangles that all have a part of the z axis in common and no vertex.

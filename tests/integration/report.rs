@@ -23,8 +23,7 @@ fn between<'a>(text: &'a str, from: &str, to: &str) -> &'a str {
     rest.split_once(to).unwrap_or_else(|| panic!("{to}")).0
 }
 
-/// Colours of the opaque pixels of a picture, and how many these are.
-fn colors(base64: &str) -> (BTreeSet<[u8; 3]>, usize) {
+fn decoded(base64: &str) -> Vec<u8> {
     let digit = |c: u8| {
         b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/".iter().position(|d| *d == c)
     };
@@ -34,7 +33,12 @@ fn colors(base64: &str) -> (BTreeSet<[u8; 3]>, usize) {
         let word = four.iter().fold(0, |word, digit| word << 6 | digit) << (6 * (4 - four.len()));
         bytes.extend(&word.to_be_bytes()[1..four.len()]);
     }
-    let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a picture");
+    bytes
+}
+
+/// Colours of the opaque pixels of a picture, and how many these are.
+fn colors(base64: &str) -> (BTreeSet<[u8; 3]>, usize) {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(decoded(base64))).read_info().expect("a picture");
     let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
     reader.next_frame(&mut pixels).expect("pixels");
     let opaque = pixels.as_chunks::<4>().0.iter().filter(|pixel| pixel[3] == 255);
@@ -71,16 +75,29 @@ fn the_page_is_whole_and_needs_nothing_else() {
         .filter_map(|rest| rest.split('"').next())
         .collect();
     let seen: Vec<_> = pictures.iter().map(|picture| colors(picture)).collect();
-    assert_eq!(seen.len(), 3);
-    // The same model in three ways.
+    assert_eq!(seen.len(), 4);
+    // First the model as it is, in greys and larger; then the same in three ways.
+    let is_grey = |[r, g, b]: &[u8; 3]| r.abs_diff(*g) < 12 && g.abs_diff(*b) < 16;
+    assert!(seen[0].0.iter().all(is_grey) && seen[0].1 > seen[1].1, "{:?}", seen[0].1);
+    let ways = &seen[1..];
     assert!(
-        seen.iter().all(|(colors, pixels)| colors.len() > 50
-            && pixels.abs_diff(seen[0].1) < 2000
+        ways.iter().all(|(colors, pixels)| colors.len() > 50
+            && pixels.abs_diff(ways[0].1) < 2000
             && *pixels > 20_000),
         "{:?}",
-        seen[0].1
+        ways[0].1
     );
-    assert!(seen[0].0 != seen[1].0 && seen[1].0 != seen[2].0 && seen[1].1 == seen[2].1);
+    assert!(ways[0].0 != ways[1].0 && ways[1].0 != ways[2].0 && ways[1].1 == ways[2].1);
+    // From dark blue to yellow, evenly lighter: nothing is red.
+    assert!(ways[2].0.iter().all(|[r, g, _]| u16::from(*r) < u16::from(*g) + 30), "no rainbow");
+    // Whoever does not see them is told.
+    assert_eq!(html.matches("<svg role=\"img\" aria-label=\"").count(), 6);
+    assert!(
+        html.matches("<main>").count() == 1
+            && html.contains("role=\"img\" aria-label=\"A map of the clusters")
+    );
+    let headers = html.matches("<th").count();
+    assert!(headers > 20 && html.matches("<th scope=").count() == headers, "{headers}");
     for word in [
         "in.ply",
         "Compared with other.chpm",
@@ -265,11 +282,64 @@ fn a_browser_shows_plots_and_a_map_that_reacts() {
             (&true.into(), &true.into(), &false.into()),
             "{told:#}"
         );
-        assert_eq!(told["pictures"], serde_json::json!([640, 640, 640]));
+        assert_eq!(told["pictures"], serde_json::json!([960, 640, 640, 640]));
         let plots = told["plots"].as_array().expect("plots");
         let is_drawn = |plot: &Value| plot[0].as_f64() > Some(300.0) && plot[1].as_u64() > Some(2);
         assert!(plots.len() == 6 && plots.iter().all(is_drawn), "{told:#}");
         inks.insert(told["ink"].as_str().expect("a colour").to_owned());
     }
     assert_eq!(inks.len(), 2, "an ink for each theme: {inks:?}");
+}
+
+/// The pixels of the first picture of a page: where it is opaque, by row, from the first to the last column.
+fn outline(html: &str) -> Vec<[usize; 2]> {
+    let reader = png::Decoder::new(std::io::Cursor::new(decoded(between(html, "base64,", "\""))));
+    let mut reader = reader.read_info().expect("a picture");
+    let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+    let width = reader.next_frame(&mut pixels).expect("pixels").width as usize;
+    let row = |row: &[u8]| {
+        let there = |place: &usize| row[4 * place + 3] > 127;
+        Some([(0..width).find(there)?, (0..width).rev().find(there)?])
+    };
+    pixels.chunks_exact(4 * width).filter_map(row).collect()
+}
+
+#[test]
+fn models_stand_in_pages_and_thumbnails_and_specks_do_not_move_them() {
+    let folder = Folder::new();
+    std::fs::create_dir_all(folder.path("in")).expect("a folder");
+    // A column on a plinth with z up, and the same with a speck far away.
+    let block = |low: [f64; 3], high: [f64; 3], first: usize| {
+        let corner = |n: usize| {
+            let at: Vec<String> =
+                (0..3).map(|a| if n >> a & 1 == 0 { low[a] } else { high[a] }.to_string()).collect();
+            format!("v {}\n", at.join(" "))
+        };
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let face =
+            |[a, b, c, d]: [usize; 4]| format!("f {} {} {} {}\n", first + a, first + b, first + c, first + d);
+        (0..8).map(corner).chain(quads.into_iter().map(face)).collect::<String>()
+    };
+    let column = block([-1.0, -1.0, 0.0], [1.0, 1.0, 0.5], 1) + &block([-0.5, -0.6, 0.5], [0.5, 0.6, 6.0], 9);
+    folder.write("in/column.obj", &column);
+    folder.write("in/specked.obj", column + "v 300 0 0\nv 300.01 0 0\nv 300 0.01 0\nf 17 18 19\n");
+    folder.stdout("batch in -o out -q --report");
+    let index = text(&folder.read("out/index.html"));
+    folder.stdout("report out/column.chpm -o column.html -q");
+    folder.stdout("report out/specked.chpm -o specked.html -q");
+    let cards: Vec<&str> = index.split("<div class=\"card").skip(2).collect();
+    let pages = [
+        cards[0].to_owned(),
+        cards[1].to_owned(),
+        text(&folder.read("column.html")),
+        text(&folder.read("specked.html")),
+    ];
+    for (page, height) in pages.iter().zip([180, 180, 640, 640]) {
+        let rows = outline(page);
+        // As high as the picture allows; broad below.
+        assert!(rows.len() > height * 85 / 100, "{} of {height}", rows.len());
+        let wide = |row: &[usize; 2]| row[1] - row[0];
+        assert!(wide(&rows[rows.len() - 8]) > 3 * wide(&rows[rows.len() / 2]) / 2, "{rows:?}");
+    }
+    assert!(pages[3].contains("specks far away") && !pages[2].contains("specks far away"));
 }

@@ -230,6 +230,38 @@ fn what_cannot_be_served_is_said_at_once() {
     assert!(said.contains("--port"), "{said}");
 }
 
+/// From where a page shows its model first.
+fn seen_first(page: &str) -> Value {
+    let escaped =
+        page.split_once("data-view=\"").and_then(|(_, rest)| rest.split_once('"')).expect("a view").0;
+    serde_json::from_str(&escaped.replace("&quot;", "\"").replace("&lt;", "<").replace("&amp;", "&"))
+        .expect("JSON")
+}
+
+#[test]
+fn a_page_knows_how_its_model_stands() {
+    let folder = Folder::new();
+    // A wedge that stands on its broad side when -y is up, and something that has y up.
+    let wedge =
+        "v -2 1 -2\nv 2 1 -2\nv 2 1 2\nv -2 1 2\nv 0 -4 0\nf 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
+    for (name, mesh, up, ahead) in
+        [("down", wedge.to_owned(), "-y", 1.0), ("up", wedge.replace("v 0 -4", "v 0 6"), "y", -1.0)]
+    {
+        folder.write(&format!("{name}.obj"), mesh);
+        folder.stdout(&format!("build {name}.obj -q"));
+        let host = Host::start(&folder, &format!("{name}.chpm"));
+        let (status, _, page) = host.get(&format!("/view.html?pixels=2&file={name}%2Echpm"), "");
+        let view = seen_first(&String::from_utf8(page).expect("text"));
+        assert_eq!((status, view["up"].as_str()), (200, Some(up)), "{view}");
+        assert!(view["sight"][2].as_f64().is_some_and(|z| z * ahead > 0.5), "{view}");
+        // Without a model, or with one that is not served, the page is as it is.
+        for path in ["/view.html", "/view.html?file=in.ply", "/view.html?file=..%2Fx.chpm"] {
+            let (status, _, page) = host.get(path, "");
+            assert!(status == 200 && !String::from_utf8_lossy(&page).contains("data-view"), "{path}");
+        }
+    }
+}
+
 #[test]
 fn a_folder_to_share_has_all_that_its_page_loads() {
     let folder = built();
@@ -241,6 +273,8 @@ fn a_folder_to_share_has_all_that_its_page_loads() {
     assert!(said.contains("a model of "), "{said}");
     let index = String::from_utf8(folder.read("site/index.html")).expect("text");
     assert!(index.contains("data-file=\"model.chpm\""), "{index}");
+    // From where it is seen first is decided here, as for `render`.
+    assert!(seen_first(&index)["points"].as_array().is_some_and(|points| points.len() > 8));
     // Whatever a file of the page names is there.
     for name in
         ["index.html", "view/main.js", "view/model.js", "view/renderer.js", "chpm/index.js", "chpm/file.js"]
@@ -305,7 +339,7 @@ fn the_reader_and_the_page_pass_their_tests() {
         return;
     }
     let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/web/test");
-    let names = ["source.test.mjs", "reader.test.mjs", "select.test.mjs", "page.test.mjs"];
+    let names = ["source.test.mjs", "orbit.test.mjs", "reader.test.mjs", "select.test.mjs", "page.test.mjs"];
     let out = Command::new("node").current_dir(tests).env("CHPM", CHPM).arg("--test").args(names).output();
     let out = out.expect("a process");
     let said = String::from_utf8_lossy(&out.stdout);

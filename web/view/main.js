@@ -83,6 +83,7 @@ function statistics() {
     ...(last.relaxed > 1 && { allowed: `${numbers.format(pixels * last.relaxed)} px, to keep the budget` }),
     ...(traffic && { fetched: `${bytes(traffic.bytes)}, ${traffic.requests} requests` }),
     file: bytes(header.fileLength),
+    ...(model.note && { note: model.note }),
   };
   $("statistics").replaceChildren(
     ...Object.entries(rows).flatMap(([name, value]) => {
@@ -93,7 +94,15 @@ function statistics() {
   );
 }
 
-async function show(source, name) {
+/** How a model stands: what is up, and the direction that it is seen along first. */
+function stand(seen) {
+  if (!seen) return;
+  if (!new URLSearchParams(location.search).has("up")) $("up").value = state.orbit.up = seen.up;
+  state.orbit.look(seen.sight);
+}
+
+/** Opens a model. `seen` is from where it is seen, if whoever made the page knows: `{ up, sight, points, stretch, note }`. */
+async function show(source, name, seen) {
   model?.close();
   last = null;
   $("title").textContent = name;
@@ -110,10 +119,12 @@ async function show(source, name) {
   });
   model = opened;
   try {
-    await opened.open();
+    await opened.open(seen);
+    opened.note = seen?.note;
     if (model !== opened) return;
     tell("loading");
-    state.orbit.frame(opened.center, opened.radius);
+    stand(seen);
+    state.orbit.frame(opened.points, opened.radius);
   } catch (error) {
     if (model === opened) tell("failed", error.message);
   }
@@ -143,8 +154,8 @@ function start() {
     state.orbit.up = $("up").value;
     changed();
   });
-  $("home").addEventListener("click", () => model?.isReady && state.orbit.frame(model.center, model.radius));
-  new ResizeObserver(changed).observe($("canvas"));
+  $("home").addEventListener("click", () => model?.isReady && state.orbit.frame(model.points, model.radius));
+  new ResizeObserver(() => (state.orbit.fit(), changed())).observe($("canvas"));
   const take = (file) => file && show(blobSource(file), file.name);
   $("file").addEventListener("input", () => take($("file").files[0]));
   addEventListener("dragover", (event) => event.preventDefault());
@@ -161,7 +172,8 @@ function start() {
   if ([...$("up").options].some((option) => option.value === up)) $("up").value = state.orbit.up = up;
   // A page that was made for one model names it.
   const name = query.get("file") ?? document.body.dataset.file;
-  if (name) show(httpSource(new URL(name, location.href)), name);
+  const seen = document.body.dataset.view && JSON.parse(document.body.dataset.view);
+  if (name) show(httpSource(new URL(name, location.href)), name, seen);
   else tell("empty", "Open a .chpm file, or drop one here. A page's address may name one: view.html?file=model.chpm");
 }
 

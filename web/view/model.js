@@ -25,11 +25,14 @@ export class Model {
     this.isWaiting = false;
   }
 
-  /** Opens the file and draws the roots; waits for the host as long as it takes. */
-  async open() {
+  /**
+   * Opens the file and draws the roots; waits for the host as long as it takes. `seen` is how a model is looked at, if somebody knows: `points` that have
+   * to be in the picture of all of it, and a factor for each axis by which everything is stretched.
+   */
+  async open(seen = {}) {
     for (;;) {
       try {
-        await this.#begin();
+        await this.#begin(seen);
         return this.#found();
       } catch (error) {
         if (!error.isLost || this.stopped.signal.aborted) throw error;
@@ -38,15 +41,17 @@ export class Model {
     }
   }
 
-  async #begin() {
+  async #begin({ points, stretch = [1, 1, 1] }) {
     const { signal } = this.stopped;
     this.file = await open(this.source, { signal });
     this.roots = await this.file.roots(signal);
     await this.file.needGroups(this.roots.map((id) => this.file.cluster(id).group), signal);
     const { boxMin, boxMax } = this.file.header;
-    this.center = boxMin.map((x, axis) => (x + boxMax[axis]) / 2);
-    this.radius = Math.hypot(...boxMin.map((x, axis) => boxMax[axis] - x)) / 2;
-    this.place = { center: this.center, scale: 2 ** Math.round(Math.log2(this.radius || 1)) };
+    const [low, high] = [boxMin, boxMax].map((corner) => corner.map((x, axis) => x * stretch[axis]));
+    this.center = low.map((x, axis) => (x + high[axis]) / 2);
+    this.radius = Math.hypot(...low.map((x, axis) => high[axis] - x)) / 2;
+    this.points = points ?? Array.from({ length: 8 }, (_, n) => low.map((x, axis) => ((n >> axis) & 1 ? high : low)[axis]));
+    this.place = { center: this.center, stretch, scale: 2 ** Math.round(Math.log2(this.radius || 1)) };
     // Some are there where the host was lost between them.
     const absent = this.roots.filter((id) => !this.renderer.has(id));
     await this.file.eachPage(absent, (page) => this.renderer.add(page, this.place), signal);
@@ -67,7 +72,8 @@ export class Model {
   draw(orbit, { pixels, budget, colorOf }) {
     const { file, renderer } = this;
     const height = renderer.canvas.clientHeight;
-    const view = (pixels) => cameraRule({ eye: orbit.eye(), fov: orbit.fov, near: orbit.range()[0], height, pixels });
+    const eye = orbit.eye().map((x, axis) => x / this.place.stretch[axis]);
+    const view = (pixels) => cameraRule({ eye, fov: orbit.fov, near: orbit.range()[0], height, pixels });
     const rule = view(pixels * this.relaxed);
     const { cut, waiting } = selectFromMemory(file, this.roots, rule, (id) => renderer.has(id));
     const drawn = renderer.draw(cut, orbit, this.place, colorOf);

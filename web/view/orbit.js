@@ -8,6 +8,9 @@ const scaled = (a, s) => a.map((x) => x * s);
 const added = (a, b) => a.map((x, axis) => x + b[axis]);
 const normalized = (a) => scaled(a, 1 / Math.hypot(...a));
 
+/** Of an image that is left free around a model, by side. */
+const MARGIN = 0.04;
+
 export class Orbit {
   /** `covered` tells how many pixels at the left of the canvas something else covers. */
   constructor(canvas, onChange, covered = () => 0) {
@@ -18,21 +21,55 @@ export class Orbit {
     this.#listen();
   }
 
-  /** Shows all of a ball. */
-  frame(center, radius) {
-    this.target = [...center];
+  /** Looks along a direction, from where it is. */
+  look(sight) {
+    const { up, side, forth } = this.#level();
+    this.turn = Math.atan2(-dot(sight, side), -dot(sight, forth));
+    this.rise = Math.asin(Math.min(1, Math.max(-1, -dot(sight, up) / Math.hypot(...sight))));
+  }
+
+  /** Shows all of some points, from as near as it can; `radius` is that of the whole model. */
+  frame(points, radius) {
+    /** What is framed, as long as nobody moves the camera. */
+    this.framed = [points, radius];
     this.size = radius || 1;
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    const half = Math.tan((this.fov * Math.PI) / 360) * Math.min(1, (width - this.covered()) / Math.max(height, 1));
-    this.distance = this.size / Math.sin(Math.atan(half));
+    const free = 1 - 2 * MARGIN;
+    const rise = Math.tan((this.fov * Math.PI) / 360) * free;
+    const run = (rise * Math.max(width - this.covered(), 1)) / Math.max(height, 1);
+    const [right, up, back] = this.axes();
+    const [low, high] = [Math.min, Math.max].map((end) => [0, 1, 2].map((axis) => end(...points.map((p) => p[axis]))));
+    const center = low.map((x, axis) => 0.5 * x + 0.5 * high[axis]);
+    const seen = points.map((p) => p.map((x, axis) => x - center[axis])).map((p) => [dot(p, right), dot(p, up), -dot(p, back)]);
+    // A point is on the inner side of a border with slope s if x <= (z + distance) s: the largest x - z s decides.
+    const most = (of) => Math.max(...seen.map(of));
+    const borders = [run, rise].map((slope, axis) => [most((p) => p[axis] - p[2] * slope), most((p) => -p[axis] - p[2] * slope), slope]);
+    const [near, far] = [-most((p) => -p[2]), most((p) => p[2])];
+    // Never among the points, and not at the one point that there may be.
+    const span = Math.max(far - near, ...borders.map(([over, under]) => over + under)) || 1;
+    const away = Math.max(...borders.map(([over, under, slope]) => (over + under) / (2 * slope)), 0.1 * span - near);
+    const [x, y] = borders.map(([over, under]) => 0.5 * (over - under));
+    const depth = 0.5 * (near + far);
+    this.target = added(center, added(added(scaled(right, x), scaled(up, y)), scaled(back, -depth)));
+    this.distance = away + depth;
     this.onChange();
+  }
+
+  /** The canvas has another size: what was framed is framed again. */
+  fit() {
+    if (this.framed) this.frame(...this.framed);
+  }
+
+  /** What is up, to the right and towards the eye where nothing is turned. */
+  #level() {
+    const up = scaled(AXES[this.up.at(-1)], this.up.startsWith("-") ? -1 : 1);
+    const side = this.up.at(-1) === "x" ? AXES.y : AXES.x;
+    return { up, side, forth: cross(side, up) };
   }
 
   /** Right, up and backwards, of unit length. */
   axes() {
-    const up = scaled(AXES[this.up.at(-1)], this.up.startsWith("-") ? -1 : 1);
-    const side = this.up.at(-1) === "x" ? AXES.y : AXES.x;
-    const forth = cross(side, up);
+    const { up, side, forth } = this.#level();
     const level = added(scaled(side, Math.sin(this.turn)), scaled(forth, Math.cos(this.turn)));
     const back = normalized(added(scaled(level, Math.cos(this.rise)), scaled(up, Math.sin(this.rise))));
     const right = normalized(cross(up, back));
@@ -70,12 +107,14 @@ export class Orbit {
   }
 
   #turn(dx, dy) {
+    this.framed = null;
     this.turn -= dx * 0.008;
     this.rise = Math.min(1.55, Math.max(-1.55, this.rise + dy * 0.008));
     this.onChange();
   }
 
   #move(dx, dy) {
+    this.framed = null;
     const [right, up] = this.axes();
     const unit = (2 * this.distance * Math.tan((this.fov * Math.PI) / 360)) / this.canvas.clientHeight;
     this.target = added(this.target, added(scaled(right, -dx * unit), scaled(up, dy * unit)));
@@ -83,6 +122,7 @@ export class Orbit {
   }
 
   #zoom(factor) {
+    this.framed = null;
     this.distance = Math.min(50 * this.size, Math.max(1e-4 * this.size, this.distance * factor));
     this.onChange();
   }

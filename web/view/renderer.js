@@ -64,10 +64,10 @@ export class Renderer {
   }
 
   /**
-   * Uploads a page. Positions become relative to `center`, in units of `scale`, the same way for all pages, so that shared vertices stay one. The
+   * Uploads a page. Positions are stretched and become relative to `center`, in units of `scale`, the same way for all pages, so that shared vertices stay one. The
    * scale is a power of two, which changes no digit: shaders have no numbers for what a very small or large model multiplies.
    */
-  add(page, { center, scale }) {
+  add(page, { center, stretch, scale }) {
     const { gl } = this;
     const vao = gl.createVertexArray();
     gl.bindVertexArray(vao);
@@ -81,9 +81,9 @@ export class Renderer {
       gl.vertexAttribPointer(place, size, type, normalized, 0, 0);
       return data.byteLength;
     };
-    const positions = page.positions.map((x, i) => (x - center[i % 3]) / scale);
+    const positions = page.positions.map((x, i) => (x * stretch[i % 3] - center[i % 3]) / scale);
     let bytes = attribute(0, positions, 3, gl.FLOAT, false);
-    if (page.normals) bytes += attribute(1, page.normals, 3, gl.FLOAT, false);
+    if (page.normals) bytes += attribute(1, page.normals.map((x, i) => x / stretch[i % 3]), 3, gl.FLOAT, false);
     if (page.colors) bytes += attribute(2, page.colors, 4, gl.UNSIGNED_BYTE, true);
     const index = gl.createBuffer();
     buffers.push(index);

@@ -4,7 +4,7 @@ use crate::error::RefineError;
 use crate::random::SplitMix;
 use crate::view::Camera;
 use chpm_mesh::Aabb;
-use nalgebra::{Point3, Rotation3, Vector3};
+use nalgebra::{Point3, Rotation3, Unit, Vector3};
 use std::f64::consts::TAU;
 use std::fmt;
 use std::str::FromStr;
@@ -25,26 +25,36 @@ pub struct CameraPath {
 impl CameraPath {
     /// Once around the y axis through the middle of a box, from its [`Camera::framing`] view on.
     pub fn orbit(bounds: &Aabb, frames: usize) -> Self {
-        let start = Camera::framing(bounds);
-        let center = Point3::from(start.target);
-        let arm = Point3::from(start.position) - center;
-        let around = |frame: usize| {
-            let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), TAU * frame as f64 / frames as f64);
-            Camera { position: (center + turn * arm).into(), ..start }
-        };
-        CameraPath { cameras: (0..frames).map(around).collect() }
+        CameraPath::around(&Camera::framing(bounds), frames)
     }
 
-    /// From the [`Camera::framing`] view of a box straight towards a point, to 1/500 of the distance; every frame is nearer by the
-    /// same factor. The camera first looks at the middle of the box and turns to the point on the way.
+    /// Once around what a camera looks at, about the direction that is up for it, from where it stands; each frame is further to the right.
+    pub fn around(start: &Camera, frames: usize) -> Self {
+        let center = Point3::from(start.target);
+        let arm = Point3::from(start.position) - center;
+        let [_, upward, _] = start.axes();
+        let axis = Unit::try_new(Vector3::from(start.up), 0.0).unwrap_or(Unit::new_normalize(upward));
+        let camera = |frame: usize| {
+            let turn = Rotation3::from_axis_angle(&axis, TAU * frame as f64 / frames as f64);
+            Camera { position: (center + turn * arm).into(), ..*start }
+        };
+        CameraPath { cameras: (0..frames).map(camera).collect() }
+    }
+
+    /// From the [`Camera::framing`] view of a box straight towards a point; see [`CameraPath::towards`].
     pub fn dive(bounds: &Aabb, point: [f64; 3], frames: usize) -> Self {
-        let start = Camera::framing(bounds);
+        CameraPath::towards(&Camera::framing(bounds), point, frames)
+    }
+
+    /// From a camera straight towards a point, to 1/500 of the distance; every frame is nearer by the same factor. The camera first looks
+    /// at what it looked at and turns to the point on the way.
+    pub fn towards(start: &Camera, point: [f64; 3], frames: usize) -> Self {
         let (point, center) = (Point3::from(point), Point3::from(start.target));
         let away = Point3::from(start.position) - point;
         let approach = |frame: usize| {
             let t = frame as f64 / (frames.max(2) - 1) as f64;
             let target = center + (point - center) * smooth((3.0 * t).min(1.0));
-            Camera { position: (point + away * 500_f64.powf(-t)).into(), target: target.into(), ..start }
+            Camera { position: (point + away * 500_f64.powf(-t)).into(), target: target.into(), ..*start }
         };
         CameraPath { cameras: (0..frames).map(approach).collect() }
     }

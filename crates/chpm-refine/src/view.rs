@@ -195,6 +195,23 @@ impl View {
         self
     }
 
+    /// The same view of a file whose coordinates are multiplied by these positive numbers to be looked at, of which the camera and a clipping
+    /// plane knew. Errors, which know nothing of that, say nothing of such a picture: it is as fine as the file.
+    pub fn stretched(mut self, stretch: [f64; 3]) -> Self {
+        let stretch = Vector3::from(stretch);
+        if stretch == Vector3::from([1.0; 3]) {
+            return self;
+        }
+        self.pixels = 0.0;
+        self.eye = Point3::from(self.eye.coords.component_div(&stretch));
+        for (normal, offset) in &mut self.planes {
+            let across = normal.component_mul(&stretch);
+            let length = Some(across.norm()).filter(|length| *length > 0.0).unwrap_or(1.0);
+            (*normal, *offset) = (across / length, *offset / length);
+        }
+        self
+    }
+
     /// The same view with other pixels of error, which are not checked.
     pub(crate) fn with_pixels(self, pixels: f64) -> Self {
         View { pixels, ..self }

@@ -25,7 +25,7 @@ use crate::stats::Stats;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Aabb;
-use chpm_refine::{Camera, Changes, Outline, Stance, Window};
+use chpm_refine::{Camera, Changes, Outline, Portrait, Side, Up};
 use flow::Picture;
 use model::{Eye, Model};
 use paint::Colors;
@@ -212,21 +212,33 @@ impl Viewer {
         Ok(all)
     }
 
-    /// The camera that sees all of a model from as near as it can, in the model's coordinates.
-    pub fn fit(&self, outline: &Outline, stance: &Stance, viewport: [u32; 2]) -> Camera {
-        let aspect = f64::from(viewport[0]) / f64::from(viewport[1].max(1));
-        let window = Window::of_image(aspect, Camera::DEFAULT_FOV);
-        let (sight, up) = (stance.sight(), stance.up().vector());
-        let camera = outline.fit(&self.bounds(), sight, up, Camera::DEFAULT_FOV, window);
-        camera.relative_to(self.origin().map(|x| -x))
+    /// How all of the models is looked at; what is told is not chosen. Relative to [`Viewer::origin`]; see [`Viewer::fit`]. Where a terrain's
+    /// heights are in another unit than its places, it is shown lower from now on, as [`Portrait::note`] says.
+    ///
+    /// # Errors
+    /// [`ViewerError::Page`] for a file that is damaged.
+    pub fn portrait(&mut self, up: Option<Up>, side: Option<Side>) -> Result<Portrait, ViewerError> {
+        let portrait = Portrait::new(self.outline()?, self.bounds(), up, side);
+        let is_alone = self.models.len() == 1 && self.models[0].place.is_still();
+        if !is_alone {
+            return Ok(portrait);
+        }
+        let portrait = portrait.with_heights(self.origin(), up, side);
+        if self.put(0, Place::stretched(portrait.stretch())) {
+            self.origin = self.models[0].zero();
+            self.bound();
+        }
+        Ok(portrait)
     }
 
-    /// So many cameras around a model, from the side that the stance shows on, each further to the right; in the model's coordinates.
-    pub fn turn(&self, outline: &Outline, stance: &Stance, viewport: [u32; 2], count: u32) -> Vec<Camera> {
-        let aspect = f64::from(viewport[0]) / f64::from(viewport[1].max(1));
-        let window = Window::of_image(aspect, Camera::DEFAULT_FOV);
-        let (sight, up) = (stance.sight(), stance.up().vector());
-        let cameras = outline.turn(&self.bounds(), sight, up, Camera::DEFAULT_FOV, window, count);
+    /// The camera of a portrait, in the picture's coordinates.
+    pub fn fit(&self, portrait: &Portrait, viewport: [u32; 2]) -> Camera {
+        portrait.camera(aspect(viewport)).relative_to(self.origin().map(|x| -x))
+    }
+
+    /// So many cameras around it, each further to the right; in the picture's coordinates.
+    pub fn turn(&self, portrait: &Portrait, viewport: [u32; 2], count: u32) -> Vec<Camera> {
+        let cameras = portrait.turn(aspect(viewport), count);
         cameras.iter().map(|camera| camera.relative_to(self.origin().map(|x| -x))).collect()
     }
 
@@ -355,4 +367,8 @@ impl Watch {
         let now = Instant::now();
         now.duration_since(std::mem::replace(&mut self.0, now))
     }
+}
+
+fn aspect(viewport: [u32; 2]) -> f64 {
+    f64::from(viewport[0]) / f64::from(viewport[1].max(1))
 }

@@ -7,6 +7,7 @@
 //! Nothing in here has unsafe code, prints, or knows the command line.
 #![forbid(unsafe_code)]
 
+mod caption;
 pub mod error;
 #[allow(unreachable_pub, reason = "`internals` shows it")]
 mod fetch;

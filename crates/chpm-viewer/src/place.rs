@@ -1,25 +1,42 @@
-//! Where a model is put in a picture: a rotation, and then a translation.
+//! Where a model is put in a picture: a rotation, and then a translation; before them, heights may be stretched.
 
 use crate::request::Clip;
 use chpm_refine::Camera;
 use nalgebra::{Matrix3, Vector3};
 
-/// A rigid motion, from the coordinates of a model (its source's) to those of the picture.
+/// A rigid motion, from the coordinates of a model (its source's) to those of the picture. Where axes are stretched first, coordinates of
+/// the file mean stretched ones in all that follows.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Place {
     rotation: Matrix3<f64>,
     shift: Vector3<f64>,
+    stretch: Vector3<f64>,
 }
 
 const IDENTITY: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
 
 impl Place {
     /// Where its file has it.
-    pub const STILL: Place = Place { rotation: IDENTITY, shift: Vector3::new(0.0, 0.0, 0.0) };
+    pub const STILL: Place = Place {
+        rotation: IDENTITY,
+        shift: Vector3::new(0.0, 0.0, 0.0),
+        stretch: Vector3::new(1.0, 1.0, 1.0),
+    };
 
     /// By the rows of a rotation, which nobody checks, and a translation.
     pub fn new(rows: [[f64; 3]; 3], shift: [f64; 3]) -> Self {
-        Place { rotation: Matrix3::from_fn(|row, column| rows[row][column]), shift: shift.into() }
+        let rotation = Matrix3::from_fn(|row, column| rows[row][column]);
+        Place { rotation, shift: shift.into(), ..Place::STILL }
+    }
+
+    /// Where its file has it, each coordinate multiplied by a positive number.
+    pub fn stretched(stretch: Vector3<f64>) -> Self {
+        Place { stretch, ..Place::STILL }
+    }
+
+    /// What each coordinate of the model is multiplied by.
+    pub(crate) fn stretch(&self) -> Vector3<f64> {
+        self.stretch
     }
 
     /// Whether it leaves everything where it is, to the last bit.
@@ -29,12 +46,12 @@ impl Place {
 
     /// Where a point goes.
     pub fn apply(&self, point: [f64; 3]) -> [f64; 3] {
-        if self.is_still() { point } else { (self.rotation * Vector3::from(point) + self.shift).into() }
+        if self.is_still() { point } else { (self.way(point.into()) + self.shift).into() }
     }
 
-    /// A direction of the model as the picture has it.
-    pub(crate) fn turn(&self, direction: Vector3<f64>) -> Vector3<f64> {
-        if self.is_still() { direction } else { self.rotation * direction }
+    /// The way from one point of the model to another as the picture has it.
+    pub(crate) fn way(&self, way: Vector3<f64>) -> Vector3<f64> {
+        if self.is_still() { way } else { self.rotation * way.component_mul(&self.stretch) }
     }
 
     /// A direction of the picture as the model has it.

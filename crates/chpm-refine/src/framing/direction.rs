@@ -52,9 +52,15 @@ impl Up {
         Up::ALL[(place + 1) % Up::ALL.len()]
     }
 
-    /// Where the front side is looked at along: -z, or +y where z is up or down.
+    /// Where the front side is looked at along: -z where y is up, +y where z is, and the other way where these are down: x stays to the
+    /// right, as for who turns a model about it. So do cameras of scanners, whose y points down and who look along +z.
     pub fn ahead(self) -> Vector3<f64> {
-        if self.axis == 2 { Vector3::y() } else { -Vector3::z() }
+        match (self.axis, self.negative) {
+            (1, true) => Vector3::z(),
+            (2, false) => Vector3::y(),
+            (2, true) => -Vector3::y(),
+            _ => -Vector3::z(),
+        }
     }
 }
 
@@ -78,7 +84,7 @@ impl FromStr for Up {
 /// A side of a model that stands upright.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub enum Side {
-    /// The side at the positive end of z, or at the negative one of y where z is up or down.
+    /// The side at the positive end of z, or at the negative one of y where z is up; the opposite one where y or z is down.
     Front,
     /// The side opposite to it.
     Back,
@@ -169,6 +175,11 @@ mod tests {
         assert!(near(Side::Front, [0.0, 1.0, 0.0]) && near(Side::Back, [0.0, -1.0, 0.0]));
         assert!(near(Side::Right, [-1.0, 0.0, 0.0]) && near(Side::Left, [1.0, 0.0, 0.0]));
         assert!(near(Side::Top, [0.0, 0.0, -1.0]));
+        // Whichever of y and z is up or down, x is to the right.
+        for up in ["y", "z", "-y", "-z"].map(|up| up.parse::<Up>().unwrap()) {
+            let right = sight(up, Side::Front.angles()).cross(&up.vector());
+            assert!((right - Vector3::x()).norm() < 1e-9, "{up}");
+        }
         let third = 1.0 / 3.0_f64.sqrt();
         assert!(near(Side::Iso, [-third, third, -third]));
     }

@@ -16,6 +16,8 @@ pub(super) struct Ground {
     pub(super) open: f64,
     /// Height by the longest side of the box.
     pub(super) height: f64,
+    /// How far it has to be tilted before it falls: the way of its centre of mass to the border of what it stands on, by the height of that centre.
+    pub(super) steady: f64,
     /// The part of the surface that the mirror image of top and bottom has not: few things look the same upside down, most do in a mirror.
     pub(super) lopsided: f64,
 }
@@ -80,9 +82,9 @@ impl Ground {
         let below = |point: &Point3<f64>| axes.map(|axis| point[axis]);
         let is_low = |patch: &&Patch| height(patch) <= low + TOUCHES * tall;
         let touching = || patches.iter().filter(is_low);
-        let (area, moment) = patches.iter().fold((0.0, [0.0; 2]), |(area, [x, y]), patch| {
+        let (area, moment, rise) = patches.iter().fold((0.0, [0.0; 2], 0.0), |(area, [x, y], z), patch| {
             let (share, at) = (patch.normal.norm(), below(&patch.at));
-            (area + share, [x + share * at[0], y + share * at[1]])
+            (area + share, [x + share * at[0], y + share * at[1]], z + share * (height(patch) - low))
         });
         let (spanned, inside) =
             span(touching().map(|patch| below(&patch.at)).collect(), moment.map(|x| x / area));
@@ -97,6 +99,7 @@ impl Ground {
             base: (base / silhouette).clamp(0.0, 1.0),
             open: (open / silhouette).clamp(-1.0, 1.0),
             height: tall / longest,
+            steady: if stands && rise > 0.0 { (inside * area / rise).max(0.0) } else { 0.0 },
             // Of what is open above or below, that is no news.
             lopsided: (1.0 - open.abs() / silhouette).max(0.0)
                 * lopsided(patches, up.axis(), outline.bounds().0, tall, longest / CELLS),

@@ -1,5 +1,6 @@
 //! A coarse mesh of a model, and the camera that just sees all of it.
 
+use super::apart::specks;
 use crate::cut::{Cut, Member};
 use crate::error::RefineError;
 use crate::extract::extract;
@@ -35,13 +36,15 @@ impl Window {
 pub struct Outline {
     points: Vec<Point3<f64>>,
     triangles: Vec<[u32; 3]>,
+    /// The share of the surface that is left out, since it is next to nothing and far from the rest.
+    left_out: f64,
 }
 
 /// Triangles of an outline, at most, where the file has a level that coarse.
 const TRIANGLES: u64 = 40_000;
 
 impl Outline {
-    /// The finest level of a file that has few enough triangles. Reads its pages.
+    /// The finest level of a file that has few enough triangles, without specks. Reads its pages.
     ///
     /// # Errors
     /// [`RefineError::Format`] for a damaged page.
@@ -53,7 +56,7 @@ impl Outline {
         let mut cuts = (0..=top).map(|level| Cut::at_level(file, Level(level)));
         let cut = cuts.find(is_coarse).unwrap_or_else(|| Cut::at_level(file, Level(top)));
         let mesh = extract(file, &cut)?;
-        Ok(Outline::of_mesh(&mesh.positions, &mesh.triangles))
+        Ok(Outline::of_mesh(&mesh.positions, &mesh.triangles).without_specks())
     }
 
     /// Of any mesh; triangles of points that it does not have, or that are nowhere, are left out.
@@ -63,7 +66,20 @@ impl Outline {
             points.get(*corner as usize).is_some_and(|point| point.iter().all(|x| x.is_finite()))
         };
         let triangles = triangles.iter().filter(|corners| corners.iter().all(is_there)).copied().collect();
-        Outline { triangles, points }
+        Outline { triangles, points, left_out: 0.0 }
+    }
+
+    /// The same without what is next to nothing and far from the rest, which would move a frame and shows nothing.
+    pub fn without_specks(mut self) -> Self {
+        let (is_speck, share) = specks(&self.points, &self.triangles);
+        let mut is_speck = is_speck.into_iter();
+        self.triangles.retain(|_| !is_speck.next().unwrap_or(false));
+        Outline { left_out: self.left_out.max(share), ..self }
+    }
+
+    /// The share of the surface that is left out.
+    pub(super) fn left_out(&self) -> f64 {
+        self.left_out
     }
 
     /// The same, each point where it is put.
@@ -79,6 +95,7 @@ impl Outline {
         let first = self.points.len() as u32;
         self.points.extend(&other.points);
         self.triangles.extend(other.triangles.iter().map(|corners| corners.map(|corner| first + corner)));
+        self.left_out = self.left_out.max(other.left_out);
         self
     }
 
@@ -112,7 +129,7 @@ impl Outline {
         fov: f64,
         window: Window,
     ) -> Camera {
-        let center = bounds.center();
+        let center = self.middle(bounds);
         let camera = Camera::whole(center, sight, up, fov);
         let [right, up, ahead] = camera.axes();
         let points = || self.seen(bounds, &camera);
@@ -142,17 +159,27 @@ impl Outline {
         Camera { position: eye.into(), target: target.into(), ..camera }
     }
 
-    /// All points as a camera sees them that looks at the middle of the model: right, up and ahead of it. Without triangles, the corners of
-    /// the box.
-    fn seen<'a>(&'a self, bounds: &'a Aabb, camera: &Camera) -> impl Iterator<Item = [f64; 3]> + use<'a> {
-        let (axes, center) = (camera.axes(), Point3::from(camera.target));
+    /// All points; without triangles, the corners of the box.
+    pub(super) fn framed<'a>(&'a self, bounds: &'a Aabb) -> impl Iterator<Item = Point3<f64>> + use<'a> {
         let corner = |n: usize| {
             let pick =
                 |axis: usize| f64::from(if n >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] });
             Point3::new(pick(0), pick(1), pick(2))
         };
         let of_box = (0..8).filter(|_| self.triangles.is_empty() && !bounds.is_empty()).map(corner);
-        self.corners().chain(of_box).map(move |point| axes.map(|axis| (point - center).dot(&axis)))
+        self.corners().chain(of_box)
+    }
+
+    /// The middle of all that is framed.
+    fn middle(&self, bounds: &Aabb) -> Point3<f64> {
+        let (low, size) = self.bounds();
+        if self.triangles.is_empty() { bounds.center() } else { low + 0.5 * size }
+    }
+
+    /// The same points as a camera sees them that looks at the middle of the model: right, up and ahead of it.
+    fn seen<'a>(&'a self, bounds: &'a Aabb, camera: &Camera) -> impl Iterator<Item = [f64; 3]> + use<'a> {
+        let (axes, center) = (camera.axes(), Point3::from(camera.target));
+        self.framed(bounds).map(move |point| axes.map(|axis| (point - center).dot(&axis)))
     }
 
     /// The least distance from which a camera that looks at the middle of the model has all of it in a window around its image's middle.
@@ -173,7 +200,7 @@ impl Outline {
         window: Window,
         count: u32,
     ) -> Vec<Camera> {
-        let center = bounds.center();
+        let center = self.middle(bounds);
         let sights = (0..count).map(move |n| {
             let angle = TAU * f64::from(n) / f64::from(count.max(1));
             Rotation3::from_axis_angle(&Unit::new_normalize(up), angle) * sight

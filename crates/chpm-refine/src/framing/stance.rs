@@ -5,6 +5,7 @@ use super::ground::{Ground, patches};
 use super::outline::Outline;
 use super::sight::{Seen, look};
 use nalgebra::Vector3;
+use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write;
 
 /// How a model stands and which side is shown.
@@ -27,6 +28,8 @@ fn habit(up: Up) -> f64 {
 
 /// Of the silhouette from above, what has to touch the ground to be stood on.
 const SUPPORT: f64 = 0.15;
+/// How far what stands firmly can be tilted before it falls, as a slope: 8.5 degrees. Less of that counts for less.
+const FIRM: f64 = 0.15;
 /// Below this share of the longest side, a height is that of something flat, such as a landscape, of which the open side is the upper one.
 const FLAT: f64 = 0.5;
 /// The same for what is hardly more than a picture, and shown like one.
@@ -35,6 +38,8 @@ const SHEET: f64 = 0.02;
 const LIES: f64 = 1.4;
 /// How much wider another side than the front has to be, to be shown.
 const WIDER: f64 = 1.6;
+/// What is seen edge-on from where it would be shown: its silhouette by that from another side at the same height.
+const EDGE_ON: f64 = 0.5;
 /// What stands is seen a little from above, radians.
 const ABOVE: f64 = 10.0 * std::f64::consts::PI / 180.0;
 
@@ -71,6 +76,8 @@ fn upright(outline: &Outline, why: &mut String) -> Up {
     let points = |up: Up, ground: &Ground| {
         // What barely touches the ground says nothing.
         let support = if ground.support > SUPPORT { ground.support } else { 0.0 };
+        // Nor does a tip on which something balances; but what is flat below was made to stand on.
+        let support = (support * (ground.steady / FIRM).min(1.0)).max(support.min(ground.base));
         habit(up) + support + 0.1 * ground.base + 0.5 * ground.lopsided + 3.0 * open(ground)
     };
     // Of equal ones the first, which is the more usual one.
@@ -116,9 +123,23 @@ fn shown(outline: &Outline, up: Up, why: &mut String) -> (f64, f64) {
     let turned = pair.map(|side| is_outside(seen(side))) == [false, true];
     let side = if turned { pair[1] } else { pair[0] };
     let (around, _) = side.angles();
+    // Where that is its edge, from another side at the same height.
+    let broad = |angles: (f64, f64)| {
+        let area = |angles: (f64, f64)| look(outline, sight(up, angles)).silhouette;
+        let others = [1.0, 2.0, 3.0].map(|quarters| (angles.0 + quarters * FRAC_PI_2, angles.1));
+        let best = others.into_iter().max_by(|a, b| area(*a).total_cmp(&area(*b))).unwrap_or(angles);
+        (area(angles) < EDGE_ON * area(best)).then_some(best)
+    };
     if top.silhouette > LIES * along {
-        tell("seen from a corner above: it lies more than it stands".to_owned());
-        return (around + Side::Iso.angles().0, Side::Iso.angles().1);
+        let corner = (around + Side::Iso.angles().0, Side::Iso.angles().1);
+        let other = broad(corner);
+        let why = if other.is_some() { ", and from another one it is seen edge-on" } else { "" };
+        tell(format!("seen from a corner above: it lies more than it stands{why}"));
+        return other.unwrap_or(corner);
+    }
+    if let Some(other) = broad((around, ABOVE)) {
+        tell(format!("seen from another side than the {}, which is its edge", side.name()));
+        return other;
     }
     let name = side.name();
     tell(match (turned, turns) {
@@ -222,6 +243,49 @@ mod tests {
         };
         assert!(Stance::of(&outline(&wall(false)), Some(z), None).why().contains("the front"));
         assert!(Stance::of(&outline(&wall(true)), Some(z), None).why().contains("the back"));
+    }
+
+    /// Round about x, with a blunt nose and a thin tail.
+    fn fish() -> Mesh {
+        let (rings, sides) = (33_u32, 16_u32);
+        let radius =
+            |x: f32| if x < 1.0 { 0.5 * x.sqrt() } else { (0.5 - 0.09 * (x - 3.0).max(0.0)).max(0.02) };
+        let point = |n: u32| {
+            let (x, turn) =
+                ((n / sides) as f32 * 0.25, (n % sides) as f32 * std::f32::consts::TAU / sides as f32);
+            let radius = radius(x).max(0.02);
+            [x, radius * turn.sin(), radius * turn.cos()]
+        };
+        let quad = |n: u32| {
+            let (ring, side) = (n / sides * sides, n % sides);
+            let [a, b] = [ring + side, ring + (side + 1) % sides];
+            [[a, a + sides, b], [b, a + sides, b + sides]]
+        };
+        ((0..rings * sides).map(point).collect(), (0..(rings - 1) * sides).flat_map(quad).collect())
+    }
+
+    #[test]
+    fn what_would_fall_over_does_not_stand() {
+        let stance = Stance::of(&outline(&fish()), None, None);
+        assert_eq!(stance.up(), Up::nearest(Vector3::y()), "{}", stance.why());
+    }
+
+    #[test]
+    fn nothing_is_shown_edge_on() {
+        // A sheet that leans back, away from who looks from the front, at all angles.
+        for degrees in [5.0, 20.0, 35.0, 50.0, 80.0_f32] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            for toward in [-1.0, 1.0] {
+                let at = |x: f32, along: f32| [x, toward * cos * along, sin * along];
+                let points = vec![at(-1.0, 0.0), at(1.0, 0.0), at(1.0, 2.0), at(-1.0, 2.0)];
+                // Both of its sides are outer ones.
+                let triangles = vec![[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]];
+                let sheet = Outline::of_mesh(&points, &triangles);
+                let stance = Stance::of(&sheet, Some(Up::nearest(Vector3::z())), None);
+                let seen = look(&sheet, stance.sight()).silhouette;
+                assert!(seen > 0.9, "{degrees} {toward}: {seen} of 4, {}", stance.why());
+            }
+        }
     }
 
     #[test]

@@ -65,6 +65,33 @@ fn culling_knows_five_planes() {
     assert!(view.misses_box(&Aabb::EMPTY));
 }
 
+/// What a view misses of a file whose heights are multiplied is what it misses of a file with such heights.
+#[test]
+fn a_stretched_view_sees_what_is_stretched() {
+    let stretch = [1.0, 1.0, 0.01];
+    let camera = Camera::looking([3.0, -8.0, 4.0], [0.0, 0.5, 0.25]);
+    let view = View::new(&camera, [200, 100], 1.0).unwrap().with_culling(true);
+    let stretched = view.stretched(stretch);
+    let (mut missed, mut seen) = (0, 0);
+    for n in 0..1000 {
+        let at = [n % 10, n / 10 % 10, n / 100].map(|step| 2.0 * f64::from(step) - 9.0);
+        let tall = [at[0], at[1], at[2] / stretch[2]];
+        let around = |at: [f64; 3], z: f64| {
+            Aabb::of_points(
+                &[-0.5, 0.5].map(|side| [at[0] + side, at[1] + side, at[2] + z * side].map(|x| x as f32)),
+            )
+        };
+        let misses = view.misses_box(&around(at, 1.0));
+        assert_eq!(stretched.misses_box(&around(tall, 1.0 / stretch[2])), misses, "{at:?}");
+        assert!(!stretched.misses(&sphere(tall, 0.1)) || view.misses(&sphere(at, 1e-3)), "{at:?}");
+        *if misses { &mut missed } else { &mut seen } += 1;
+    }
+    assert!(missed > 100 && seen > 50, "{missed} {seen}");
+    // Errors say nothing of it: all is as fine as it gets.
+    assert_eq!(stretched.bound(&sphere([0.0, 0.0, 25.0], 1.0)), 0.0);
+    assert_eq!(view.stretched([1.0; 3]), view);
+}
+
 #[test]
 fn framing_shows_the_whole_box() {
     let bounds = Aabb::of_points(&[[1.0, 2.0, 3.0], [4.0, 9.0, 5.0]]);

@@ -128,7 +128,7 @@ impl Model {
 
     /// A position of the file in the picture, relative to an origin there.
     fn shown_at(&self, position: [f64; 3], origin: [f64; 3]) -> [f64; 3] {
-        let (way, zero) = (self.place.turn(position.into()), self.zero());
+        let (way, zero) = (self.place.way(position.into()), self.zero());
         std::array::from_fn(|axis| way[axis] + (zero[axis] - origin[axis]))
     }
 
@@ -170,11 +170,12 @@ impl Model {
     ) -> Result<Eye, ViewerError> {
         let camera = self.place.camera(camera, self.origin());
         let view = View::new(&camera, request.viewport, poe)?;
+        let view = match request.clip.map(|clip| self.place.clip(&clip, self.origin())) {
+            Some((normal, offset)) => view.clipped(normal, offset),
+            None => view,
+        };
         Ok(Eye {
-            view: match request.clip.map(|clip| self.place.clip(&clip, self.origin())) {
-                Some((normal, offset)) => view.clipped(normal, offset),
-                None => view,
-            },
+            view: view.stretched(self.place.stretch().into()),
             lens: lens.within(&self.place, &camera),
             culling: Culling { frustum: request.frustum_culling, occlusion: request.occlusion_culling },
         })

@@ -24,6 +24,7 @@ pub struct FrameUniform {
     sky: [f32; 4],
     look: [u32; 4],
     clip: [f32; 4],
+    stretch: [f32; 4],
 }
 
 /// A camera and its image. Depth is reversed and the far plane infinitely far: near / distance, which a float keeps to the same
@@ -46,6 +47,8 @@ pub struct Lens {
     light: [f64; 2],
     /// The plane beyond which nothing is drawn, if that is asked for: its normal, and its place relative to the eye.
     clip: (Vector3<f64>, f64),
+    /// What coordinates of the file are multiplied by; those of the lens are so already.
+    stretch: Vector3<f64>,
 }
 
 impl Lens {
@@ -67,6 +70,7 @@ impl Lens {
             diagonal,
             light: Look::LIGHT,
             clip: (Vector3::zeros(), 1.0),
+            stretch: Vector3::from([1.0; 3]),
         }
     }
 
@@ -98,6 +102,7 @@ impl Lens {
             // How far above the eye the ground is, and where the plane is, are the same from wherever.
             sky: (back(self.sky.0), self.sky.1),
             clip: (back(self.clip.0), self.clip.1),
+            stretch: place.stretch(),
             ..self
         }
     }
@@ -109,8 +114,9 @@ impl Lens {
 
     /// The uniform, with how it looks (see `lens.wgsl`).
     pub fn uniform(&self, look: [u32; 4]) -> FrameUniform {
-        let high = self.eye.map(|x| x as f32);
-        let low = self.eye - high.map(f64::from);
+        let eye = Point3::from(self.eye.coords.component_div(&self.stretch));
+        let high = eye.map(|x| x as f32);
+        let low = eye - high.map(f64::from);
         let [right, up, forward] = self.axes;
         let [(aside, toward), (above, level)] = self.light.map(|angle| angle.to_radians().sin_cos());
         let light = (right * aside - forward * toward) * level + up * above;
@@ -133,6 +139,7 @@ impl Lens {
             sky: four(self.sky.0, self.sky.1),
             look,
             clip: four(self.clip.0, self.clip.1),
+            stretch: four(self.stretch, 0.0),
         }
     }
 

@@ -18,12 +18,14 @@ struct Frame {
     look: vec4<u32>,
     // Beyond this plane nothing is drawn: its normal, and its place relative to the eye.
     clip: vec4<f32>,
+    // What each coordinate is multiplied by, once it is relative to the eye.
+    stretch: vec4<f32>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 
 fn relative(position: vec3<f32>) -> vec3<f32> {
-    return (position - frame.eye_high.xyz) - frame.eye_low.xyz;
+    return ((position - frame.eye_high.xyz) - frame.eye_low.xyz) * frame.stretch.xyz;
 }
 
 fn project(at: vec3<f32>) -> vec4<f32> {

@@ -3,7 +3,7 @@
 use crate::models::{self, Model};
 use crate::screen::{PLENTY, exact, ids, open};
 use chpm_mesh::GroupId;
-use chpm_refine::{Camera, Outline, Side, Stance, Up};
+use chpm_refine::{Camera, Side, Up};
 use chpm_synth::Shape;
 use chpm_viewer::{Clip, Coloring, FrameRequest, Image, Look, Shading, headless};
 use std::collections::BTreeSet;
@@ -125,7 +125,8 @@ fn what_is_beyond_a_plane_is_not_read() {
         let fine = |camera| FrameRequest { occlusion_culling: false, ..clipped(camera, &plane).with(0.01) };
         let (_, whole) = headless::image(&mut viewer, &fine(camera)).expect("a picture");
         let mut moving = open(&model, PLENTY);
-        let turns = moving.turn(&moving.outline().expect("a mesh"), &upright(), VIEWPORT, 24);
+        let portrait = moving.portrait(Up::ALL.first().copied(), Some(Side::Front)).expect("a mesh");
+        let turns = moving.turn(&portrait, VIEWPORT, 24);
         // Those who move want less, and read ahead what is wanted next.
         let hasty = |camera| FrameRequest { wait: false, ..fine(camera).with(1.0) };
         let read = |camera: &Camera| {
@@ -136,10 +137,6 @@ fn what_is_beyond_a_plane_is_not_read() {
         assert_eq!(whole.requested_bytes, pages, "{plane}");
         assert!(along <= pages && along > pages / 2, "{plane}: {along} of {pages}");
     }
-}
-
-fn upright() -> Stance {
-    Stance::of(&Outline::default(), Up::ALL.first().copied(), Some(Side::Front))
 }
 
 /// The same request at so many pixels of error.

@@ -17,6 +17,9 @@ const PLAIN: [Lab; 3] = [[0.25, 0.02, -0.14], [0.58, -0.07, 0.0], [0.92, -0.04, 
 /// From blue by a light grey to red, evenly lighter and darker again.
 const SIGNED: [Lab; 3] = [[0.40, -0.02, -0.16], [0.92, 0.0, 0.0], [0.40, 0.16, 0.07]];
 
+/// Stops of a gradient, but for the last.
+const STOPS: usize = 16;
+
 impl Colors {
     pub(crate) fn new([low, high]: [f64; 2], signed: bool) -> Self {
         Colors { low, high, signed }
@@ -24,6 +27,15 @@ impl Colors {
 
     pub(crate) fn range(&self) -> [f64; 2] {
         [self.low, self.high]
+    }
+
+    /// All of them from the first to the last, as stops of a gradient in CSS.
+    pub(crate) fn gradient(&self) -> String {
+        let stop = |n: usize| {
+            let [r, g, b, _] = self.of(self.low + (self.high - self.low) * n as f64 / STOPS as f64);
+            format!("#{r:02x}{g:02x}{b:02x}")
+        };
+        (0..=STOPS).map(stop).collect::<Vec<_>>().join(",")
     }
 
     /// Red, green, blue, opaque. What is out of the range has the colour of its end; what is no number is grey.
@@ -81,5 +93,11 @@ mod tests {
         let light = |x: f64| plain.of(x).map(u32::from)[..3].iter().sum::<u32>();
         assert!((0..10).all(|i| light(f64::from(i) / 10.0) < light(f64::from(i + 1) / 10.0)));
         assert_eq!(Colors::new([1.0, 1.0], false).of(1.0), plain.of(0.5));
+        let gradient = plain.gradient();
+        let [r, g, b, _] = plain.of(1.0);
+        assert!(
+            gradient.split(',').count() == STOPS + 1
+                && gradient.ends_with(&format!("#{r:02x}{g:02x}{b:02x}"))
+        );
     }
 }

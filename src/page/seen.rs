@@ -1,0 +1,157 @@
+//! A model as a picture shows it: as it is, or in colours of its clusters, levels or errors.
+
+use super::raster::{Canvas, Lens};
+use crate::cmd;
+use crate::colors::Colors;
+use anyhow::Result;
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_refine::{Camera, Cut, Hierarchy, Portrait, View, select_triangles};
+use nalgebra::Point3;
+
+/// Triangles of a picture, about: some for each pixel of the model.
+const TRIANGLES: u64 = 150_000;
+/// A surface without colours of its own.
+const PLAIN: [f32; 3] = [199.0, 194.0, 184.0];
+
+/// What a picture's colours show.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Shows {
+    Surface,
+    Cluster,
+    Level,
+    Error,
+}
+
+/// A model from the side that it shows best.
+pub(super) struct Seen {
+    canvas: Canvas,
+    /// Id, level and error of each member of the cut.
+    members: Vec<(u32, u32, f32)>,
+    levels: u32,
+    pub(super) triangles: u64,
+    pub(super) error: f32,
+}
+
+/// Draws the cut of so many triangles. With `beside` the triangles are where an eye at the right needs them, so that levels differ.
+pub(super) fn look(
+    file: &Chpm<MappedFile>,
+    portrait: &Portrait,
+    size: [usize; 2],
+    beside: bool,
+) -> Result<Seen> {
+    let coarsest: u64 =
+        file.roots().map(|root| u64::from(file.clusters()[root.index()].base_triangle_count)).sum();
+    let camera = portrait.camera(size[0] as f64 / size[1] as f64);
+    let limit = TRIANGLES.max(coarsest);
+    let source = file.header().source_triangle_count;
+    let cut = if beside {
+        let limit = limit.min(source / 4).max(coarsest);
+        let view = View::new(&eye_at_the_right(portrait, &camera), [512, 512], 0.0)?;
+        select_triangles(file, &Hierarchy::new(file), &view, limit)?
+    } else {
+        Cut::at_triangles(file, limit)?
+    };
+    let mut seen = Seen {
+        canvas: Canvas::new(size),
+        members: Vec::new(),
+        levels: file.header().level_count,
+        triangles: cut.triangle_count(file)?,
+        error: cut.error(file)?,
+    };
+    let lens = Lens::new(&camera, size, portrait.stretch());
+    let mut triangles = Vec::new();
+    for member in cut.members() {
+        let page = file.page(member.cluster)?;
+        let page = page.view();
+        let part = seen.members.len() as u32;
+        let n = member.vertices as usize;
+        let level = file.clusters()[member.cluster.index()].level;
+        seen.members.push((member.cluster.0, level, page.error_at(n)));
+        triangles.clear();
+        page.progressive_mesh().triangles_at(n, &mut triangles);
+        let tint = |corner: u16| match page.colors.get(usize::from(corner)) {
+            Some([r, g, b, _]) => [r, g, b].map(|channel| f32::from(*channel)),
+            None => PLAIN,
+        };
+        for corners in &triangles {
+            let positions = corners.map(|corner| page.positions[usize::from(corner)]);
+            seen.canvas.draw(&lens, positions, corners.map(tint), part);
+        }
+    }
+    Ok(seen)
+}
+
+/// A camera at the model's right side, as it is shown, that looks through it.
+fn eye_at_the_right(portrait: &Portrait, camera: &Camera) -> Camera {
+    let [right, ..] = camera.axes();
+    let frame = portrait.frame();
+    let radius = Some(0.5 * frame.diagonal()).filter(|radius| *radius > 0.0);
+    // A single point is looked at from somewhere, too.
+    let away = Point3::from(camera.position) - Point3::from(camera.target);
+    let middle = frame.center();
+    let eye = middle + right * radius.unwrap_or(away.norm());
+    let [eye, middle] = [eye, middle].map(|point| point.coords.component_div(&portrait.stretch()).into());
+    Camera::looking(eye, middle)
+}
+
+impl Seen {
+    /// The picture, to be embedded.
+    pub(super) fn picture(&self, shows: Shows) -> Result<String> {
+        let [low, high] = self.errors();
+        let ramp = Colors::new([0.0, 1.0], false);
+        let share = |error: f32| match f64::from(error) {
+            error if error > low && high > low => (error / low).ln() / (high / low).ln(),
+            _ => 0.0,
+        };
+        let opaque = |[r, g, b, _]: [u8; 4]| [r, g, b];
+        let paint = |part: u32, tint: [f32; 3]| {
+            let (id, level, error) = self.members[part as usize];
+            match shows {
+                Shows::Surface => tint.map(|channel| channel as u8),
+                Shows::Cluster => own_color(id),
+                Shows::Level => opaque(ramp.of(f64::from(level) / f64::from(self.levels.max(2) - 1))),
+                Shows::Error => opaque(ramp.of(share(error))),
+            }
+        };
+        self.canvas.picture(paint)
+    }
+
+    /// The least and the largest error that is seen, apart from none.
+    pub(super) fn errors(&self) -> [f64; 2] {
+        let errors = self.members.iter().map(|(.., error)| f64::from(*error)).filter(|error| *error > 0.0);
+        let (low, high) = errors.fold((f64::INFINITY, 0.0_f64), |(low, high), e| (low.min(e), high.max(e)));
+        if low <= high { [low, high] } else { [0.0; 2] }
+    }
+
+    /// The highest level that there is.
+    pub(super) fn top(&self) -> u32 {
+        self.levels.max(1) - 1
+    }
+}
+
+/// A colour that the neighbours' ids do not have: the hue goes around by the golden ratio.
+fn own_color(id: u32) -> [u8; 3] {
+    let hue = f64::from(id.wrapping_mul(0x9e37_79b9)) / f64::from(u32::MAX);
+    let channel = |shift: f64| {
+        let wave = ((hue + shift).fract() * 6.0 - 3.0).abs() - 1.0;
+        (90.0 + 150.0 * wave.clamp(0.0, 1.0)) as u8
+    };
+    [channel(0.0), channel(2.0 / 3.0), channel(1.0 / 3.0)]
+}
+
+/// A small picture of a model as it is.
+pub(super) fn thumbnail(path: &std::path::Path) -> Result<String> {
+    let file = cmd::open(path)?;
+    look(&file, &Portrait::of_file(&file)?, [240, 180], false)?.picture(Shows::Surface)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_have_colors_of_their_own() {
+        assert_ne!(own_color(1), own_color(2));
+    }
+}
