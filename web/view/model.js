@@ -74,7 +74,9 @@ export class Model {
     const height = renderer.canvas.clientHeight;
     const eye = orbit.eye().map((x, axis) => x / this.place.stretch[axis]);
     const view = (pixels) => cameraRule({ eye, fov: orbit.fov, near: orbit.range()[0], height, pixels });
-    const rule = view(pixels * this.relaxed);
+    // Errors know nothing of a stretch, and say little of such a picture: it is nearly as fine as the file.
+    const fine = this.place.stretch.every((factor) => factor === 1) ? 1 : 1e-6;
+    const rule = view(pixels * fine * this.relaxed);
     const { cut, waiting } = selectFromMemory(file, this.roots, rule, (id) => renderer.has(id));
     const drawn = renderer.draw(cut, orbit, this.place, colorOf);
 
