@@ -245,7 +245,7 @@ mod tests {
         assert!(Stance::of(&outline(&wall(true)), Some(z), None).why().contains("the back"));
     }
 
-    /// Round about x, with a blunt nose and a thin tail.
+    /// Round about x, with a blunt nose, four fins behind it and a thin tail.
     fn fish() -> Mesh {
         let (rings, sides) = (33_u32, 16_u32);
         let radius =
@@ -261,7 +261,18 @@ mod tests {
             let [a, b] = [ring + side, ring + (side + 1) % sides];
             [[a, a + sides, b], [b, a + sides, b + sides]]
         };
-        ((0..rings * sides).map(point).collect(), (0..(rings - 1) * sides).flat_map(quad).collect())
+        let mut fish: Mesh =
+            ((0..rings * sides).map(point).collect(), (0..(rings - 1) * sides).flat_map(quad).collect());
+        for (axis, end) in [(1, 1.3), (1, -1.3), (2, 1.3), (2, -1.3_f32)] {
+            let first = fish.0.len() as u32;
+            for (x, away) in [(1.0, 0.3), (3.0, 0.3), (2.0, 1.0)] {
+                let mut point = [x, 0.0, 0.0];
+                point[axis] = away * end;
+                fish.0.push(point);
+            }
+            fish.1.extend([[first, first + 1, first + 2], [first, first + 2, first + 1]]);
+        }
+        fish
     }
 
     #[test]
