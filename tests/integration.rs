@@ -79,6 +79,9 @@ mod integration {
     mod signals;
     /// Dust that is left out of what is built, and of what it is compared with.
     mod small;
+    /// How models stand, and what of them is framed.
+    #[cfg(feature = "viewer")]
+    mod stance;
     /// Statistics, found anew in the bytes of the file.
     mod stats;
     /// The command line as people meet it.

@@ -1,7 +1,6 @@
 //! Pictures, and camera paths in pictures.
 
 use super::harness::{Folder, text};
-use chpm_synth::{Shape, Synth};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
@@ -14,7 +13,7 @@ fn built() -> Folder {
 }
 
 /// Width, height, and the pixels of a picture.
-fn picture(folder: &Folder, name: &str) -> (u32, u32, Vec<[u8; 4]>) {
+pub(super) fn picture(folder: &Folder, name: &str) -> (u32, u32, Vec<[u8; 4]>) {
     let mut reader = png::Decoder::new(Cursor::new(folder.read(name))).read_info().expect("a PNG");
     let mut bytes = vec![0; reader.output_buffer_size().expect("a small PNG")];
     let info = reader.next_frame(&mut bytes).expect("a PNG");
@@ -22,7 +21,7 @@ fn picture(folder: &Folder, name: &str) -> (u32, u32, Vec<[u8; 4]>) {
     (info.width, info.height, bytes.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect())
 }
 
-fn json(text: &str) -> Value {
+pub(super) fn json(text: &str) -> Value {
     serde_json::from_str(text).expect("valid JSON")
 }
 
@@ -84,7 +83,7 @@ fn extent(folder: &Folder, name: &str) -> [u32; 4] {
 }
 
 /// A roof on four walls that is open below: a house, `up` upward.
-fn house(folder: &Folder, up: usize, far: f64) {
+pub(super) fn house(folder: &Folder, up: usize, far: f64) {
     let corners = [
         [0, 0, 0],
         [4, 0, 0],
@@ -556,79 +555,5 @@ fn two_models_are_drawn_where_their_poses_put_them() {
         let output = if words.contains("-o") { "" } else { "-o d.png" };
         let error = folder.stderr(&format!("render {words} {output}"), 2);
         assert!(error.to_lowercase().contains(told), "{words}: {error}");
-    }
-}
-
-/// Hills over a square of a tenth of a degree, in metres.
-pub(super) fn terrain_in_degrees() -> String {
-    let side = 30;
-    let point = |n: usize| {
-        let (x, y) = (n % side, n / side);
-        let height = 900.0 + 400.0 * (0.5 * x as f64).sin() * (0.4 * y as f64).cos();
-        format!("v {} {} {height}\n", 8.0 + 0.1 * x as f64 / side as f64, 46.0 + 0.1 * y as f64 / side as f64)
-    };
-    let squares = (0..side * (side - 1)).filter(|n| n % side + 1 < side).map(|n| n + 1);
-    let halves =
-        |n: usize| format!("f {n} {} {}\nf {} {} {}\n", n + 1, n + side, n + 1, n + side + 1, n + side);
-    (0..side * side).map(point).chain(squares.map(halves)).collect()
-}
-
-#[test]
-fn a_terrain_of_degrees_and_metres_is_seen_and_says_so() {
-    let folder = Folder::new();
-    folder.write("hills.obj", terrain_in_degrees());
-    let output = folder.chpm("render hills.obj --viewport 120x90 -o hills.png -q --json").code(0);
-    let output = output.get_output();
-    let told = text(&output.stderr);
-    assert!(told.contains("warning: heights divided by 111320") && told.contains("project"), "{told}");
-    let stance = json(&text(&output.stdout))["stance"].to_string();
-    assert!(stance.contains("up is z") || stance.contains("from"), "{stance}");
-    let (_, _, pixels) = picture(&folder, "hills.png");
-    // Above the words, hills from side to side.
-    let drawn = pixels[..60 * 120].iter().filter(|pixel| **pixel != pixels[0]).count();
-    assert!(drawn > 1500, "{drawn}");
-    // Whoever tells a camera means the coordinates of the file.
-    let words =
-        "render hills.obj --camera 8.05,46.05,3000,8.05,46.05,900 --up y --viewport 64x64 -o line.png -q";
-    let told = folder.chpm(words).code(0);
-    assert!(!text(&told.get_output().stderr).contains("divided"));
-}
-
-#[test]
-fn a_speck_far_away_does_not_move_the_frame() {
-    let folder = Folder::new();
-    folder.write_mesh("ball.ply", &Synth::new(Shape::Sphere, 2_000, 1).to_mesh());
-    let mut mesh = Synth::new(Shape::Sphere, 2_000, 1).to_mesh();
-    let first = mesh.positions.len() as u32;
-    mesh.positions.extend([[90.0, 0.0, 0.0], [90.01, 0.0, 0.0], [90.0, 0.01, 0.0]]);
-    mesh.triangles.push([first, first + 1, first + 2]);
-    folder.write_mesh("specked.ply", &mesh);
-    let covered = |name: &str| {
-        let said = folder.stdout(&format!("render {name}.ply --viewport 80x60 -o {name}.png -q"));
-        let (_, _, pixels) = picture(&folder, &format!("{name}.png"));
-        (pixels.iter().filter(|pixel| **pixel != pixels[0]).count(), said)
-    };
-    let ((all, _), (specked, said)) = (covered("ball"), covered("specked"));
-    assert!(all > 1000 && all.abs_diff(specked) < all / 20, "{all} {specked}");
-    assert!(said.contains("specks far away"), "{said}");
-}
-
-#[test]
-fn paths_go_around_what_is_up() {
-    let folder = Folder::new();
-    house(&folder, 2, 0.0);
-    let cameras = |way: &str| -> Vec<Vec<f64>> {
-        folder.stdout(&format!("path {way} house.chpm --frames 8 -o {way}.path"));
-        let text = text(&folder.read(&format!("{way}.path")));
-        let lines = text.lines().filter(|line| !line.starts_with(['c', '#']));
-        lines.map(|line| line.split(' ').map(|n| n.parse().expect("a number")).collect()).collect()
-    };
-    for way in ["orbit", "dive", "random"] {
-        let all = cameras(way);
-        assert!(all.len() == 8 && all.iter().all(|camera| camera[6..9] == [0.0, 0.0, 1.0]), "{way}: {all:?}");
-        // At one height, from one distance.
-        let away = |c: &[f64]| (0..3).map(|axis| (c[axis] - c[3 + axis]).powi(2)).sum::<f64>().sqrt();
-        let same = |c: &Vec<f64>| (c[2] - all[0][2]).abs() < 1e-9 && (away(c) - away(&all[0])).abs() < 1e-9;
-        assert!(way != "orbit" || all.iter().all(same), "{all:?}");
     }
 }
