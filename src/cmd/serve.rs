@@ -180,8 +180,9 @@ async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Resp
     if path.is_empty() {
         return front(&served);
     }
+    let query = request.uri().query().map(str::to_owned);
     if path == PAGE
-        && let Some(page) = page_as_seen(&served, request.uri().query()).await
+        && let Some(page) = page_as_seen(Arc::clone(&served), query).await
     {
         return own(page.into(), "text/html; charset=utf-8", request.headers());
     }
@@ -209,8 +210,7 @@ async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Resp
 }
 
 /// The page of a model, made beside the thread that answers: pages of the model are read for it.
-async fn page_as_seen(served: &Arc<Served>, query: Option<&str>) -> Option<String> {
-    let (served, query) = (Arc::clone(served), query.map(str::to_owned));
+async fn page_as_seen(served: Arc<Served>, query: Option<String>) -> Option<String> {
     tokio::task::spawn_blocking(move || served.page(query.as_deref())).await.ok().flatten()
 }
 
