@@ -81,6 +81,18 @@ fn errors_name_the_file_that_they_are_about() {
         assert!(error.contains(names), "{words}: {error}");
         assert!(!error.contains("a target away from the position"), "{words}: {error}");
     }
+    // Of two files, the damaged one alone.
+    let mut bytes = folder.read("ball.chpm");
+    let half = bytes.len() / 2;
+    bytes[half..].fill(0xff);
+    folder.write("torn.chpm", bytes);
+    for words in ["compare torn.chpm ball.chpm -q", "compare ball.chpm torn.chpm -q"] {
+        let error = folder.stderr(words, 2);
+        assert!(
+            error.contains("cannot read 'torn.chpm'") && !error.contains("'ball.chpm'"),
+            "{words}: {error}"
+        );
+    }
 }
 
 #[test]
