@@ -338,7 +338,7 @@ fn the_frame_of_the_world_is_what_was_asked_for() {
         ("--3dtiles new --origin-at centre", "--origin <LON,LAT,H>"),
         ("", "--3dtiles"),
         ("--3dtiles out", "--force"),
-        ("--3dtiles far.obj -f", "no folder"),
+        ("--3dtiles far.obj -f", "export makes a folder"),
         ("--3dtiles . -f", "no name"),
         ("--3dtiles no/such", "cannot make a folder"),
         ("--3dtiles new --memory 1M", "--memory"),
