@@ -229,7 +229,7 @@ impl OrderArg {
 enum NormalsArg {
     /// Those of the source, if it has any
     Source,
-    /// Those of all faces about a vertex in the mean, by area and angle, in 3 bytes: smooth shading then shows no seams between clusters
+    /// Those of all faces about a vertex in the mean, by area and angle, in 3 bytes: coarse levels then look like the fine one in other programs, too
     Computed,
     /// None
     None,

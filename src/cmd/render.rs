@@ -60,7 +60,7 @@ pub(crate) struct Args {
     no_occlusion: bool,
     /// Instead of a picture, the item buffer: each triangle in a colour of its own that does not depend on light or camera, on black.
     /// Beyond 16 million triangles in the file, colours repeat
-    #[arg(long, conflicts_with_all = ["color", "smooth", "wireframe", "one_sided", "background"])]
+    #[arg(long, conflicts_with_all = ["color", "shading", "smooth", "wireframe", "one_sided", "background"])]
     ids: bool,
     #[command(flatten)]
     look: LookArgs,

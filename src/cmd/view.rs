@@ -9,7 +9,7 @@ use crate::forecast::Forecast;
 use crate::number::{self, Triangles};
 use crate::output;
 use crate::picture::sketch::Sketch;
-use crate::picture::{DeviceArgs, StanceArgs};
+use crate::picture::{DeviceArgs, StanceArgs, shading};
 use crate::progress::{Meter, line};
 use crate::proximity::RelateArgs;
 use crate::report::count;
@@ -23,7 +23,7 @@ use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
 use chpm_viewer::window::remember::Memory;
 use chpm_viewer::window::{self, Options, Outcome, Prepare};
-use chpm_viewer::{Accuracy, Budgets};
+use chpm_viewer::{Accuracy, Budgets, Shading};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -49,6 +49,9 @@ pub(crate) struct Args {
     /// The finest mesh of about so many triangles, as in 20k, or of a share of the model's, as in 1%, in place of a bound on the error
     #[arg(long, value_name = "N")]
     triangles: Option<Triangles>,
+    /// How light falls on triangles; what was used last, or smooth, if not given
+    #[arg(long, value_name = "HOW", value_parser = shading(), help_heading = "Looks")]
+    shading: Option<Shading>,
     #[command(flatten)]
     stance: StanceArgs,
     /// Go along this camera path first (see chpm path), one camera a frame
@@ -110,6 +113,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         second,
         budgets: Budgets { memory: args.memory, gpu_memory: args.device.gpu_memory },
         adapter: args.device.adapter.clone(),
+        shading: args.shading,
         accuracy: args.poe.map(Accuracy::PoE).or(triangles),
         up: args.stance.up,
         side: args.stance.side,

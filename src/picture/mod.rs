@@ -79,8 +79,11 @@ pub(crate) struct LookArgs {
     /// What colours show
     #[arg(long, value_name = "WHAT", value_parser = coloring(), default_value = Coloring::default().name())]
     color: Coloring,
-    /// Light by the normals of the vertices, not by each triangle's own plane
-    #[arg(long)]
+    /// How light falls on triangles
+    #[arg(long, value_name = "HOW", value_parser = shading(), default_value = Shading::default().name())]
+    shading: Shading,
+    /// What `--shading smooth` was called
+    #[arg(long, hide = true, conflicts_with = "shading")]
     smooth: bool,
     /// Edges over the faces
     #[arg(long)]
@@ -134,7 +137,7 @@ impl LookArgs {
     pub(crate) fn look(&self) -> Look {
         let default = Look::default();
         Look {
-            shading: if self.smooth { Shading::Smooth } else { Shading::Flat },
+            shading: if self.smooth { Shading::Smooth } else { self.shading },
             colors: self.color,
             wireframe: self.wireframe,
             one_sided: self.one_sided,
@@ -148,6 +151,12 @@ impl LookArgs {
 fn coloring() -> impl TypedValueParser<Value = Coloring> {
     let names = Coloring::ALL.map(|(_, name, shows)| PossibleValue::new(name).help(shows));
     PossibleValuesParser::new(names).map(|name| Coloring::named(&name).unwrap_or_default())
+}
+
+/// Ways of shading by their names.
+pub(crate) fn shading() -> impl TypedValueParser<Value = Shading> {
+    let names = Shading::ALL.map(|(_, name, does)| PossibleValue::new(name).help(does));
+    PossibleValuesParser::new(names).map(|name| Shading::named(&name).unwrap_or_default())
 }
 
 /// `ff8000`, with or without a `#`.

@@ -42,8 +42,8 @@ pub(crate) struct RenderArgs {
 }
 
 /// Options of other commands too, which mean nothing without pictures here.
-const OF_PICTURES: [&str; 7] =
-    ["color", "smooth", "wireframe", "one_sided", "background", "adapter", "gpu_memory"];
+const OF_PICTURES: [&str; 8] =
+    ["color", "shading", "smooth", "wireframe", "one_sided", "background", "adapter", "gpu_memory"];
 
 fn needs_render(arg: clap::Arg) -> clap::Arg {
     if OF_PICTURES.contains(&arg.get_id().as_str()) { arg.requires("render") } else { arg }

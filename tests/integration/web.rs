@@ -339,7 +339,14 @@ fn the_reader_and_the_page_pass_their_tests() {
         return;
     }
     let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/web/test");
-    let names = ["source.test.mjs", "orbit.test.mjs", "reader.test.mjs", "select.test.mjs", "page.test.mjs"];
+    let names = [
+        "facing.test.mjs",
+        "source.test.mjs",
+        "orbit.test.mjs",
+        "reader.test.mjs",
+        "select.test.mjs",
+        "page.test.mjs",
+    ];
     let out = Command::new("node").current_dir(tests).env("CHPM", CHPM).arg("--test").args(names).output();
     let out = out.expect("a process");
     let said = String::from_utf8_lossy(&out.stdout);

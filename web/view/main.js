@@ -47,15 +47,15 @@ const COLORS = {
   error: (_, error, __, largest) => hue(0.66 * (1 - Math.min(1, Math.sqrt(error / (largest || 1))))),
 };
 
-const settings = () => ({ pixels: 2 ** Number($("pixels").value), budget: 10 ** Number($("budget").value), colors: $("colors").value });
+const settings = () => ({ pixels: 2 ** Number($("pixels").value), budget: 10 ** Number($("budget").value), colors: $("colors").value, shading: $("shading").value });
 
 function draw() {
   scheduled = false;
   if (!model?.isReady) return;
-  const { pixels, budget, colors } = settings();
+  const { pixels, budget, colors, shading } = settings();
   const largest = last?.error ?? 0;
   const colorOf = (cluster, error) => COLORS[colors](cluster, error, model.file.header, largest);
-  last = model.draw(state.orbit, { pixels, budget, colorOf });
+  last = model.draw(state.orbit, { pixels, budget, colorOf, shading });
   if (state.status === "loading" || state.status === "settled") tell(last.settled ? "settled" : "loading");
   if (last.settling || (colors === "error" && largest !== last.error)) changed();
   statistics();
@@ -75,17 +75,24 @@ function statistics() {
   if (!last || !model?.file) return;
   const { header } = model.file;
   const { statistics: traffic } = model.source;
-  const rows = {
-    source: `${whole.format(header.sourceTriangleCount)} triangles`,
-    drawn: `${whole.format(last.triangles)} triangles`,
+  const counters = {
     clusters: `${last.clusters} of ${whole.format(header.clusterCount)}`,
-    error: `${length(last.error)} units`,
-    ...(last.relaxed > 1 && { allowed: `${numbers.format(pixels * last.relaxed)} px, to keep the budget` }),
     ...(traffic && { fetched: `${bytes(traffic.bytes)}, ${traffic.requests} requests` }),
     file: bytes(header.fileLength),
     ...(model.note && { note: model.note }),
   };
-  $("statistics").replaceChildren(
+  list($("counters"), counters);
+  list($("statistics"), {
+    source: `${whole.format(header.sourceTriangleCount)} triangles`,
+    drawn: `${whole.format(last.triangles)} triangles`,
+    error: `${length(last.error)} units`,
+    ...(last.relaxed > 1 && { allowed: `${numbers.format(pixels * last.relaxed)} px, to keep the budget` }),
+  });
+}
+
+/** Names and what is told of them. */
+function list(element, rows) {
+  element.replaceChildren(
     ...Object.entries(rows).flatMap(([name, value]) => {
       const [term, told] = [document.createElement("dt"), document.createElement("dd")];
       [term.textContent, told.textContent] = [name, value];
@@ -149,7 +156,7 @@ function start() {
     event.preventDefault();
     tell("failed", "the graphics driver was reset; load the page again");
   });
-  for (const id of ["pixels", "budget", "colors"]) $(id).addEventListener("input", () => (statistics(), changed()));
+  for (const id of ["pixels", "budget", "colors", "shading"]) $(id).addEventListener("input", () => (statistics(), changed()));
   $("up").addEventListener("input", () => {
     state.orbit.up = $("up").value;
     changed();
@@ -167,6 +174,9 @@ function start() {
   const query = new URLSearchParams(location.search);
   const asked = Number(query.get("pixels"));
   if (asked > 0) $("pixels").value = Math.log2(asked);
+  if (query.get("shading") === "flat") $("shading").value = "flat";
+  // Where it would lie over most of the model, the panel is only its title until somebody opens it.
+  $("panel").open = innerWidth >= 480 && innerHeight >= 320;
   statistics();
   const up = query.get("up");
   if ([...$("up").options].some((option) => option.value === up)) $("up").value = state.orbit.up = up;

@@ -1,6 +1,7 @@
 // An open model: what of it is drawn for a camera, and what is fetched next.
 
 import { camera as cameraRule, open, selectFromMemory } from "../chpm/index.js";
+import { Borders } from "./facing.js";
 
 /** Batches of splits that are under way at once, and clusters that the splits of one bring, about. */
 const AT_ONCE = 2;
@@ -56,6 +57,7 @@ export class Model {
     const absent = this.roots.filter((id) => !this.renderer.has(id));
     await this.file.eachPage(absent, (page) => this.renderer.add(page, this.place), signal);
     this.kept = new Set(this.roots);
+    this.borders = new Borders(this.file, this.roots, (id) => this.renderer.page(id));
     /** Before, there is nothing to draw, whatever changes. */
     this.isReady = true;
   }
@@ -69,7 +71,7 @@ export class Model {
    * Draws what is there, and fetches what the view wants beside it.
    * @returns what was drawn, and whether anything is still to come
    */
-  draw(orbit, { pixels, budget, colorOf }) {
+  draw(orbit, { pixels, budget, colorOf, shading }) {
     const { file, renderer } = this;
     const height = renderer.canvas.clientHeight;
     const eye = orbit.eye().map((x, axis) => x / this.place.stretch[axis]);
@@ -78,7 +80,7 @@ export class Model {
     const fine = this.place.stretch.every((factor) => factor === 1) ? 1 : 1e-6;
     const rule = view(pixels * fine * this.relaxed);
     const { cut, waiting } = selectFromMemory(file, this.roots, rule, (id) => renderer.has(id));
-    const drawn = renderer.draw(cut, orbit, this.place, colorOf);
+    const drawn = renderer.draw(cut, orbit, this.place, colorOf, shading === "flat" ? null : this.borders);
 
     // Where a view asks for more triangles than are allowed, all of it gets coarser until it fits.
     const before = this.relaxed;

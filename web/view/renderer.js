@@ -2,15 +2,31 @@
 
 const VERTEX = `#version 300 es
 uniform mat4 matrix;
+uniform bool smoothly;
+uniform vec3 stretch;
 layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
+layout(location = 1) in vec4 facing;
 layout(location = 2) in vec4 color;
 out vec3 at;
+// What becomes of the plane of a face: a symmetric matrix, its diagonal and what is beside it.
+out vec3 straight;
 out vec3 across;
 out vec4 tint;
 void main() {
   at = position;
-  across = normal;
+  straight = vec3(1.0);
+  across = vec3(0.0);
+  if (smoothly && facing.w != 0.0) {
+    // Where heights are stretched, a line goes with them, and a normal the other way.
+    vec3 way = normalize(facing.w < 0.0 ? facing.xyz * stretch : facing.xyz / stretch);
+    straight = way * way;
+    across = way.yzx * way.zxy;
+    // On a crease, it loses what it leans along it.
+    if (facing.w < 0.0) {
+      straight = 1.0 - straight;
+      across = -across;
+    }
+  }
   tint = color;
   gl_Position = matrix * vec4(position, 1.0);
 }`;
@@ -21,16 +37,20 @@ uniform vec3 eye;
 uniform vec3 light;
 uniform vec4 flat_color;
 in vec3 at;
+in vec3 straight;
 in vec3 across;
 in vec4 tint;
 out vec4 color;
 void main() {
   vec3 to_eye = normalize(eye - at);
-  vec3 normal = cross(dFdx(at), dFdy(at));
-  if (dot(across, across) > 0.0) normal = across;
-  normal = normalize(normal);
   // Both sides of a surface are lit.
-  if (dot(normal, to_eye) < 0.0) normal = -normal;
+  vec3 plane = normalize(cross(dFdx(at), dFdy(at)));
+  if (dot(plane, to_eye) < 0.0) plane = -plane;
+  vec3 normal = straight * plane + across.zxy * plane.yzx + across.yzx * plane.zxy;
+  float size = length(normal);
+  normal = size > 1e-3 ? normal / size : plane;
+  // Near a silhouette it may look away from the eye although the triangle does not.
+  normal = normalize(mix(normal, plane, smoothstep(-0.15, 0.15, -dot(normal, to_eye))));
   vec3 base = mix(tint.rgb, flat_color.rgb, flat_color.a);
   float shade = 0.35 + 0.65 * max(dot(normal, light), 0.0);
   color = vec4(base * shade, 1.0);
@@ -55,7 +75,7 @@ export class Renderer {
     if (!gl) throw new Error("this browser has no WebGL 2, which the page draws with");
     Object.assign(this, { gl, canvas, blocks: new Map(), bytes: 0, frame: 0 });
     this.program = program(gl);
-    this.places = Object.fromEntries(["matrix", "eye", "light", "flat_color"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
+    this.places = Object.fromEntries(["matrix", "eye", "light", "flat_color", "smoothly", "stretch"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
     gl.enable(gl.DEPTH_TEST);
   }
 
@@ -83,7 +103,13 @@ export class Renderer {
     };
     const positions = page.positions.map((x, i) => (x * stretch[i % 3] - center[i % 3]) / scale);
     let bytes = attribute(0, positions, 3, gl.FLOAT, false);
-    if (page.normals) bytes += attribute(1, page.normals.map((x, i) => x / stretch[i % 3]), 3, gl.FLOAT, false);
+    const facing = gl.createBuffer();
+    buffers.push(facing);
+    gl.bindBuffer(gl.ARRAY_BUFFER, facing);
+    gl.bufferData(gl.ARRAY_BUFFER, 8 * page.cluster.vertexCount, gl.DYNAMIC_DRAW);
+    gl.enableVertexAttribArray(1);
+    gl.vertexAttribPointer(1, 4, gl.SHORT, true, 0, 0);
+    bytes += 8 * page.cluster.vertexCount;
     if (page.colors) bytes += attribute(2, page.colors, 4, gl.UNSIGNED_BYTE, true);
     const index = gl.createBuffer();
     buffers.push(index);
@@ -92,7 +118,7 @@ export class Renderer {
     gl.bindVertexArray(null);
     bytes += page.triangles.byteLength;
     this.bytes += bytes;
-    this.blocks.set(page.cluster.id, { page, vao, buffers, bytes, position: -1, corners: 0, used: this.frame });
+    this.blocks.set(page.cluster.id, { page, vao, buffers, facing, bytes, position: -1, turned: 0, corners: 0, used: this.frame });
   }
 
   remove(id) {
@@ -108,8 +134,13 @@ export class Renderer {
     [...this.blocks.keys()].forEach((id) => this.remove(id));
   }
 
-  /** Draws a cut; how many triangles that were, and the largest error. */
-  draw(cut, camera, place, colorOf) {
+  /** The page of a cluster that is there. */
+  page(id) {
+    return this.blocks.get(id)?.page;
+  }
+
+  /** Draws a cut; how many triangles that were, and the largest error. `borders` is null for each triangle by its own plane. */
+  draw(cut, camera, place, colorOf, borders) {
     const { gl, canvas, places } = this;
     this.frame += 1;
     const ratio = Math.min(globalThis.devicePixelRatio || 1, 2);
@@ -126,6 +157,9 @@ export class Renderer {
     const light = [0, 1, 2].map((axis) => back[axis] + 0.5 * up[axis] + 0.4 * right[axis]);
     gl.uniform3fv(places.light, light.map((x) => x / Math.hypot(...light)));
 
+    gl.uniform1i(places.smoothly, borders ? 1 : 0);
+    gl.uniform3fv(places.stretch, place.stretch);
+
     let [triangles, error] = [0, 0];
     for (const { cluster, bound } of cut) {
       const block = this.blocks.get(cluster);
@@ -135,6 +169,12 @@ export class Renderer {
         const corners = block.page.indices(position);
         gl.bufferSubData(gl.ELEMENT_ARRAY_BUFFER, 0, corners);
         Object.assign(block, { position, corners: corners.length });
+      }
+      if (borders && position > block.turned) {
+        const { array, turned } = borders.of(block.page);
+        gl.bindBuffer(gl.ARRAY_BUFFER, block.facing);
+        gl.bufferSubData(gl.ARRAY_BUFFER, 0, array);
+        block.turned = turned;
       }
       block.used = this.frame;
       error = Math.max(error, block.page.errorAt(position));

@@ -5,6 +5,7 @@
 //! depth alone and with the answers at once, until nothing changes any more, and then draws what is visible. Of several models, each
 //! has the camera in the coordinates of its own file, and all are drawn into one depth before anything is tested against it.
 
+mod exact;
 mod flow;
 mod model;
 mod paint;
@@ -26,6 +27,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Aabb;
 use chpm_refine::{Camera, Changes, Outline, Portrait, Side, Up};
+pub use exact::Spot;
 use flow::Picture;
 use model::{Eye, Model};
 use paint::Colors;

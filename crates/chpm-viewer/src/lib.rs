@@ -23,7 +23,7 @@ pub mod stats;
 pub mod window;
 
 pub use error::ViewerError;
-pub use frame::Viewer;
+pub use frame::{Spot, Viewer};
 pub use gpu::{AdapterChoice, Gpu};
 pub use headless::{IdImage, Image, TriangleId};
 pub use place::Place;

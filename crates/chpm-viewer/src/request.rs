@@ -34,10 +34,33 @@ pub enum Accuracy {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Shading {
     /// Each triangle by its own plane.
-    #[default]
     Flat,
-    /// Normals of the vertices: those of the file, or the mean of the triangles about a vertex in its cluster.
+    /// By the normals of the file; where it has none, by what the triangles about a vertex have in common: those that lean more than 40 degrees
+    /// from each other meet in a crease.
+    #[default]
     Smooth,
+}
+
+impl Shading {
+    /// Both, by their names on the command line, in the panel and in files, with what they do.
+    pub const ALL: [(Shading, &'static str, &'static str); 2] = [
+        (Shading::Flat, "flat", "each triangle by its own plane"),
+        (
+            Shading::Smooth,
+            "smooth",
+            "by the model's normals; without, by the triangles about each vertex, with creases from 40 degrees on",
+        ),
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(shading, ..)| *shading == self).map_or("", |(_, name, _)| name)
+    }
+
+    /// The one of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(_, known, _)| *known == name).map(|(shading, ..)| *shading)
+    }
 }
 
 /// What colours show.

@@ -5,6 +5,7 @@
 //! is short. Where something comes into the image, the boxes of all groups that it wants split are asked at once, level below level: a
 //! camera that jumps has its cut one answer later, if the pages are there.
 
+mod borders;
 pub mod visibility;
 
 use crate::error::ViewerError;
@@ -12,6 +13,7 @@ use crate::fetch::{Fetch, PageData};
 use crate::gpu::TestBox;
 use crate::gpu::block::Layout;
 use crate::request::Budgets;
+use borders::Borders;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, ClusterRecord, PageBuf};
 use chpm_mesh::{Bytes, ClusterId, GroupId};
@@ -53,6 +55,7 @@ pub struct Scene {
     budgets: Budgets,
     fetch: Fetch,
     pages: Vec<Option<Arc<PageData>>>,
+    borders: Borders,
     visibility: Visibility,
     /// By group: the last frame that it was asked in.
     asked: Vec<u32>,
@@ -124,6 +127,7 @@ impl Scene {
             gpu_residency: Residency::of_sizes(&file, gpu_room, |cluster| gpu_bytes(cluster, colors)),
             fetch,
             pages: file.clusters().iter().map(|_| None).collect(),
+            borders: Borders::new(&file),
             visibility: Visibility::new(&file),
             asked: vec![0; file.groups().len()],
             damage: None,

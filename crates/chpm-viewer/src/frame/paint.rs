@@ -230,8 +230,8 @@ impl Model {
             if self.arena.get(cluster).is_some() {
                 continue;
             }
-            let Some(page) = self.scene.page(cluster) else { continue };
-            all &= self.arena.insert(gpu, cluster, &page.block(), now)?;
+            let Some((block, turned)) = self.scene.block(cluster) else { continue };
+            all &= self.arena.insert(gpu, cluster, (&block, turned), now)?;
         }
         Ok(all)
     }
@@ -239,6 +239,12 @@ impl Model {
     /// Sends the triangles of positions that have moved, and puts what was chosen in order.
     fn arrange(&mut self, gpu: &Gpu, plan: Plan) {
         for Item { member: Member { cluster, vertices }, .. } in &self.items {
+            // Seams come with the whole group, and only then is all of what is about them there.
+            if self.arena.get(*cluster).is_some_and(|resident| *vertices > resident.turned())
+                && let Some((block, turned)) = self.scene.block(*cluster)
+            {
+                self.arena.turn(gpu, *cluster, (&block, turned));
+            }
             let is_there = |resident: &Resident| resident.position().vertices == *vertices;
             if !self.arena.get(*cluster).is_some_and(is_there)
                 && let Some(page) = self.scene.page(*cluster)

@@ -30,6 +30,8 @@ pub struct Resident {
     /// Its parts.
     pub layout: Layout,
     position: Position,
+    /// The first vertex of which it is not known yet which way it faces; as many as there are where all is known.
+    turned: u32,
     /// The frame that it was last drawn in.
     used: u64,
     /// The frame that it was written in.
@@ -40,6 +42,11 @@ impl Resident {
     /// The position whose triangles it has.
     pub fn position(&self) -> Position {
         self.position
+    }
+
+    /// The first vertex of which it is not known yet which way it faces.
+    pub fn turned(&self) -> u32 {
+        self.turned
     }
 
     /// Its first corner, where corners are numbered from the start of the slab.
@@ -147,7 +154,7 @@ impl Arena {
         &mut self,
         gpu: &Gpu,
         cluster: ClusterId,
-        block: &Block,
+        (block, turned): (&Block, u32),
         frame: u64,
     ) -> Result<bool, ViewerError> {
         let layout = block.layout();
@@ -157,9 +164,18 @@ impl Arena {
         self.uploaded_bytes += layout.vertex_bytes();
         let position = Position::default();
         self.residents[cluster.index()] =
-            Some(Resident { slab, first, layout, position, used: frame, since: frame });
+            Some(Resident { slab, first, layout, position, turned, used: frame, since: frame });
         self.kept.push(cluster);
         Ok(true)
+    }
+
+    /// Writes the vertices of a cluster that is there once more, which has become known which way they face.
+    pub fn turn(&mut self, gpu: &Gpu, cluster: ClusterId, (block, turned): (&Block, u32)) {
+        let Some(resident) = &mut self.residents[cluster.index()] else { return };
+        let place = u64::from(resident.first) * self.unit;
+        gpu.queue.write_buffer(&self.slabs[resident.slab].buffer, place, block.bytes());
+        self.uploaded_bytes += block.layout().vertex_bytes();
+        resident.turned = turned;
     }
 
     /// Writes the triangles of another position of a cluster that is there, O(finest mesh); they take effect with the next submission.

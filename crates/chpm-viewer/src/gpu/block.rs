@@ -1,12 +1,12 @@
 //! A cluster as the GPU has it: its vertices, written once, and behind them room for the triangles of any position of its progressive
 //! mesh.
 //!
-//! A unit is a vertex: position, normal, and colour if the file has colours. So a block can start wherever a vertex could, and its first
+//! A unit is a vertex: position, which way it faces, and colour if the file has colours. So a block can start wherever a vertex could, and its first
 //! unit is the number that is added to its corners. The corners are those of one position, in the order of the file; they are written
 //! whenever the position is another one ([`super::Arena::move_to`]), and are all that is written again.
 
+use super::facing::Facing;
 use chpm_format::Page;
-use chpm_mesh::octahedral;
 use nalgebra::Vector3;
 
 /// Words of a vertex.
@@ -57,15 +57,21 @@ impl Block {
     pub fn of_page(page: &Page<'_>) -> Self {
         let (vertices, triangles) = (page.positions.len() as u32, page.triangles.len() as u32);
         let layout = Layout::new(vertices, triangles, !page.colors.is_empty());
-        let own = if page.attributes().has_normals() { Vec::new() } else { normals(page) };
+        let own = if page.attributes().has_normals() { Vec::new() } else { facings(page) };
         let mut words = Vec::with_capacity((layout.vertex_bytes() / 4) as usize);
         for (vertex, [x, y, z]) in page.positions.iter().enumerate() {
-            let normal = page.normal(vertex).unwrap_or_else(|| own[vertex]);
-            words.extend([x.to_bits(), y.to_bits(), z.to_bits(), encode_normal(normal)]);
+            let facing = page.normal(vertex).map_or_else(|| own[vertex], Facing::of_normal);
+            words.extend([x.to_bits(), y.to_bits(), z.to_bits(), facing.code()]);
             words.extend(page.colors.get(vertex).map(|color| bytemuck::cast::<_, u32>(*color)));
         }
         debug_assert_eq!(4 * words.len() as u64, layout.vertex_bytes());
         Block { layout, words }
+    }
+
+    /// Which way one of its vertices faces.
+    pub fn turn(&mut self, vertex: u16, code: u32) {
+        let words = self.layout.unit as usize / 4;
+        self.words[usize::from(vertex) * words + 3] = code;
     }
 
     /// Where its parts are.
@@ -79,30 +85,33 @@ impl Block {
     }
 }
 
-/// The mean of the normals about each vertex, by area.
-fn normals(page: &Page<'_>) -> Vec<[f32; 3]> {
-    let mut sums = vec![Vector3::<f32>::zeros(); page.positions.len()];
-    for corners in page.triangles {
-        let [a, b, c] = corners.map(|v| Vector3::from(page.positions[usize::from(v)]));
-        let area = (b - a).cross(&(c - a));
-        for vertex in corners {
-            sums[usize::from(*vertex)] += area;
-        }
-    }
-    sums.into_iter().map(|sum| sum.into()).collect()
+/// The normal of a face, as long as twice its area.
+pub fn area(page: &Page<'_>, corners: &[u16; 3]) -> [f64; 3] {
+    let [a, b, c] = corners.map(|v| Vector3::from(page.positions[usize::from(v)].map(f64::from)));
+    (b - a).cross(&(c - a)).into()
 }
 
-/// No direction: a corner of the square, which any other corner can stand for.
-const NO_DIRECTION: u32 = 0x8001_8001;
-
-/// A direction as a point of the unfolded octahedron, 16 bits a side.
-fn encode_normal(normal: [f32; 3]) -> u32 {
-    let Some([u, v]) = octahedral::square(normal.map(f64::from)) else { return NO_DIRECTION };
-    let pack = |t: f64| u32::from((t.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
-    match pack(u) | pack(v) << 16 {
-        NO_DIRECTION => pack(1.0) | pack(1.0) << 16,
-        code => code,
+/// Which way each vertex faces, by the faces that its cluster has about it at its finest.
+fn facings(page: &Page<'_>) -> Vec<Facing> {
+    // Faces vertex by vertex: where those of each end, and below that, where they begin.
+    let mut ends = vec![0_usize; page.positions.len()];
+    page.triangles.as_flattened().iter().for_each(|vertex| ends[usize::from(*vertex)] += 1);
+    let mut sum = 0;
+    for end in &mut ends {
+        sum += *end;
+        *end = sum - *end;
     }
+    let mut areas = vec![[0.0; 3]; sum];
+    for corners in page.triangles {
+        let area = area(page, corners);
+        for vertex in corners {
+            let place = &mut ends[usize::from(*vertex)];
+            areas[*place] = area;
+            *place += 1;
+        }
+    }
+    let begins = std::iter::once(0).chain(ends.iter().copied());
+    begins.zip(&ends).map(|(begin, end)| Facing::of_faces(&areas[begin..*end])).collect()
 }
 
 #[cfg(test)]
@@ -132,7 +141,7 @@ mod tests {
             for (vertex, bytes) in block.bytes().chunks_exact(4 * words as usize).enumerate() {
                 let words: &[u32] = bytemuck::cast_slice(bytes);
                 let expected = parts.vertices.positions[vertex].map(f32::to_bits);
-                assert_eq!((&words[..3], words[3]), (&expected[..], encode_normal([0.0, 0.0, 1.0])));
+                assert_eq!((&words[..3], words[3]), (&expected[..], Facing::Toward([0.0, 0.0, 1.0]).code()));
                 assert_eq!(bytes.get(16..), colors.get(vertex).map(|color| &color[..]).or(Some(&[])));
             }
         }
@@ -149,25 +158,5 @@ mod tests {
                 assert!((needed..needed + u64::from(layout.unit)).contains(&room), "{layout:?}");
             }
         }
-    }
-
-    #[test]
-    fn normals_survive_their_sixteen_bits() {
-        let decode = |code: u32| {
-            let unpack = |bits: u32| f64::from(bits as u16 as i16) / 32767.0;
-            let (u, v) = (unpack(code & 0xffff), unpack(code >> 16));
-            let z = 1.0 - u.abs() - v.abs();
-            let t = (-z).max(0.0);
-            Vector3::new(u - t.copysign(u), v - t.copysign(v), z).normalize()
-        };
-        for (x, y, z) in [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.3, -0.5, -0.2), (-1e-20, 2e-20, 3e-20)] {
-            let normal = Vector3::<f64>::new(x, y, z);
-            let code = encode_normal([x as f32, y as f32, z as f32]);
-            assert!((decode(code) - normal.normalize()).norm() < 1e-4, "{normal:?}");
-        }
-        assert_eq!(encode_normal([0.0; 3]), NO_DIRECTION);
-        // Near the corner that stands for no direction.
-        assert!((decode(encode_normal([-1e-6, -1e-6, -1.0])) + Vector3::z()).norm() < 1e-4);
-        assert_ne!(encode_normal([-1e-6, -1e-6, -1.0]), NO_DIRECTION);
     }
 }

@@ -157,7 +157,7 @@ impl Pipelines {
         // Where there are no colours, nothing looks at them.
         let attributes = [
             attribute(0, VertexFormat::Float32x3, 0),
-            attribute(1, VertexFormat::Snorm16x2, 12),
+            attribute(1, VertexFormat::Uint32, 12),
             attribute(2, VertexFormat::Unorm8x4, if self.colors { 16 } else { 12 }),
         ];
         let vertices = [Some(wgpu::VertexBufferLayout {

@@ -19,7 +19,7 @@ struct Draw {
 
 struct Vertex {
     @location(0) position: vec3<f32>,
-    @location(1) normal: vec2<f32>,
+    @location(1) facing: u32,
     @location(2) color: vec4<f32>,
 }
 
@@ -33,22 +33,24 @@ struct Bare {
     @location(1) @interpolate(flat, either) tint: u32,
 }
 
-// A colour and a normal for each vertex.
+// A colour for each vertex, and what becomes of the plane of a face at it: a symmetric matrix, its diagonal and what is beside it.
 struct Seen {
     @builtin(position) @invariant position: vec4<f32>,
     @location(0) at: vec3<f32>,
-    @location(1) normal: vec3<f32>,
-    @location(2) color: vec3<f32>,
+    @location(1) straight: vec3<f32>,
+    @location(2) across: vec3<f32>,
+    @location(3) color: vec3<f32>,
 }
 
 // The same, by triangle.
 struct Apart {
     @builtin(position) @invariant position: vec4<f32>,
     @location(0) at: vec3<f32>,
-    @location(1) normal: vec3<f32>,
-    @location(2) color: vec3<f32>,
-    @location(3) corner: vec3<f32>,
-    @location(4) @interpolate(flat, either) key: u32,
+    @location(1) straight: vec3<f32>,
+    @location(2) across: vec3<f32>,
+    @location(3) color: vec3<f32>,
+    @location(4) corner: vec3<f32>,
+    @location(5) @interpolate(flat, either) key: u32,
 }
 
 @group(0) @binding(1) var<storage, read> draws: array<Draw>;
@@ -56,11 +58,10 @@ struct Apart {
 
 const PLAIN = vec3<f32>(0.78, 0.76, 0.72);
 
+// No direction; see gpu/facing.rs.
+const FLAT = 0x80018001u;
+
 fn unfolded(uv: vec2<f32>) -> vec3<f32> {
-    // No direction; see gpu/block.rs.
-    if all(uv == vec2(-1.0)) {
-        return vec3(0.0);
-    }
     let z = 1.0 - abs(uv.x) - abs(uv.y);
     let t = max(-z, 0.0);
     return vec3(uv - select(vec2(-t), vec2(t), uv >= vec2(0.0)), z);
@@ -70,9 +71,21 @@ fn see(vertex: Vertex, index: u32) -> Seen {
     var seen: Seen;
     seen.at = relative(vertex.position);
     seen.position = project(seen.at);
-    seen.normal = vec3(0.0);
-    if frame.look.x == 1u {
-        seen.normal = unfolded(vertex.normal);
+    // A plane stays as it is.
+    seen.straight = vec3(1.0);
+    seen.across = vec3(0.0);
+    if frame.look.x == 1u && vertex.facing != FLAT {
+        let is_crease = (vertex.facing & 1u) != 0u;
+        // Where heights are stretched, a line goes with them, and a normal the other way.
+        let stretch = select(1.0 / frame.stretch.xyz, frame.stretch.xyz, is_crease);
+        let way = normalize(normalize(unfolded(unpack2x16snorm(vertex.facing))) * stretch);
+        seen.straight = way * way;
+        seen.across = way.yzx * way.zxy;
+        if is_crease {
+            // On a crease, it loses what it leans along it.
+            seen.straight = 1.0 - seen.straight;
+            seen.across = -seen.across;
+        }
     }
     seen.color = PLAIN;
     if frame.look.y == 1u {
@@ -101,13 +114,12 @@ fn pulled(@builtin(vertex_index) corner: u32, @builtin(instance_index) index: u3
     let number = (data[place / 2u] >> (16u * (place % 2u))) & 0xffffu;
     let at = unit * (draws[index].vertices + number);
     let position = bitcast<vec3<f32>>(vec3(data[at], data[at + 1u], data[at + 2u]));
-    let normal = unpack2x16snorm(data[at + 3u]);
     // Without colours nobody looks at it.
     let color = unpack4x8unorm(data[at + unit - 1u]);
-    let seen = see(Vertex(position, normal, color), index);
+    let seen = see(Vertex(position, data[at + 3u], color), index);
     var weights = vec3(0.0);
     weights[corner % 3u] = 1.0;
-    return Apart(seen.position, seen.at, seen.normal, seen.color, weights, draws[index].key + corner / 3u);
+    return Apart(seen.position, seen.at, seen.straight, seen.across, seen.color, weights, draws[index].key + corner / 3u);
 }
 
 @vertex
@@ -115,25 +127,25 @@ fn depth_only(@location(0) position: vec3<f32>) -> @builtin(position) @invariant
     return project(relative(position));
 }
 
-fn shade(at: vec3<f32>, smooth_normal: vec3<f32>, color: vec3<f32>) -> vec3<f32> {
-    // Both sides are lit, whichever is seen: the plane faces the eye.
+// The plane of the triangle, facing the eye: both sides are lit, whichever is seen. Its length is 1, or 0 for no plane.
+fn facing_plane(at: vec3<f32>) -> vec3<f32> {
     let plane = cross(evened(dpdx(at)), evened(dpdy(at)));
+    let length = length(plane);
     let toward = select(plane, -plane, dot(plane, at) > 0.0);
-    var normal = smooth_normal;
-    if dot(normal, normal) == 0.0 {
-        // Vertices without a direction, and flat shading.
-        normal = toward;
-    } else {
-        // A normal is turned with its triangle. Near a silhouette it may look away from the eye although the triangle does not: the
-        // triangle's own takes its place there, by and by.
-        normal = normalize(select(normal, -normal, dot(normal, toward) < 0.0));
-        let away = dot(normal, normalize(evened(at)));
-        let flat_length = length(toward);
-        normal = mix(normal, select(normal, toward / flat_length, flat_length > 0.0), smoothstep(-0.15, 0.15, away));
-    }
-    let length = length(normal);
-    normal = select(vec3(0.0), normal / length, length > 0.0);
-    return color * light(normal, at);
+    return select(vec3(0.0), toward / length, length > 0.0);
+}
+
+// What vertices make of it.
+fn smoothed(at: vec3<f32>, straight: vec3<f32>, across: vec3<f32>) -> vec3<f32> {
+    let toward = facing_plane(at);
+    let made = straight * toward + across.zxy * toward.yzx + across.yzx * toward.zxy;
+    let size = length(made);
+    let normal = select(toward, made / size, size > 1e-3);
+    // Near a silhouette it may look away from the eye although the triangle does not: the triangle's own takes its place there, by and by.
+    let away = dot(normal, normalize(evened(at)));
+    let mixed = mix(normal, toward, smoothstep(-0.15, 0.15, away));
+    let rest = length(mixed);
+    return select(toward, mixed / rest, rest > 1e-3);
 }
 
 // Leaves out what is clipped; after all that looks at neighbours.
@@ -154,14 +166,14 @@ fn encoded(color: vec3<f32>) -> vec4<f32> {
 @fragment
 fn bared(seen: Bare) -> Shown {
     let color = select(PLAIN, unpack4x8unorm(seen.tint).rgb, frame.look.y == 2u);
-    let lit = shade(seen.at, vec3(0.0), color);
+    let lit = color * light(facing_plane(seen.at), seen.at);
     cut(seen.at);
     return shown(encoded(lit), seen.position, seen.at);
 }
 
 @fragment
 fn colored(seen: Seen) -> Shown {
-    let lit = shade(seen.at, seen.normal, seen.color);
+    let lit = seen.color * light(smoothed(seen.at, seen.straight, seen.across), seen.at);
     cut(seen.at);
     return shown(encoded(lit), seen.position, seen.at);
 }
@@ -175,7 +187,7 @@ fn wired(seen: Apart) -> Shown {
         hash = hash ^ (hash >> 13u);
         color = 0.25 + 0.75 * unpack4x8unorm(hash).rgb;
     }
-    let lit = shade(seen.at, seen.normal, color);
+    let lit = color * light(smoothed(seen.at, seen.straight, seen.across), seen.at);
     let steps = max(fwidth(seen.corner), vec3(1e-20));
     let distance = seen.corner / steps;
     // Where triangles come down to a few pixels, edges would hide what they are the edges of.

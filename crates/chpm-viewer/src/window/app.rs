@@ -5,6 +5,7 @@ mod files;
 mod input;
 
 use crate::error::ViewerError;
+use crate::request::Shading;
 use crate::window::browse::Browser;
 use crate::window::canvas::{Canvas, clear};
 use crate::window::couple::Couple;
@@ -150,7 +151,7 @@ impl App {
     /// Width by height of the middle of the window that the panel leaves free.
     fn aspect(&self) -> f64 {
         let [width, height] = self.size().map(f64::from);
-        let scale = self.canvas.as_ref().map_or(1.0, |canvas| canvas.window.scale_factor());
+        let scale = self.canvas.as_ref().map_or(1.0, Canvas::scale);
         let beside = width - 2.0 * scale * f64::from(panel::TAKES);
         let free = if self.settings.panel && beside > 0.3 * width { beside } else { width };
         free / height
@@ -190,7 +191,7 @@ impl App {
         let attributes = Window::default_attributes()
             .with_title("chpm")
             .with_inner_size(PhysicalSize::new(width, height))
-            .with_min_inner_size(PhysicalSize::new(320, 240));
+            .with_min_inner_size(PhysicalSize::new(320, 200));
         let window =
             events.create_window(attributes).map_err(|e| ViewerError::Window(super::told(&e.to_string())))?;
         self.canvas = Some(Canvas::new(
@@ -200,9 +201,7 @@ impl App {
         )?);
 
         // What was asked for goes before what was remembered.
-        if let Some(accuracy) = self.options.accuracy {
-            self.settings = self.settings.clone().with_accuracy(accuracy);
-        }
+        self.settings = self.asked(self.settings.clone());
         if let Some(model) = model.as_deref().filter(|model| self.options.prepare.takes(model)) {
             self.build(model);
             self.is_first = true;
@@ -214,6 +213,17 @@ impl App {
             }
         }
         Ok(())
+    }
+
+    /// Settings with what was asked for in their place.
+    fn asked(&self, mut settings: Settings) -> Settings {
+        if let Some(shading) = self.options.shading {
+            settings.smooth = shading == Shading::Smooth;
+        }
+        match self.options.accuracy {
+            Some(accuracy) => settings.with_accuracy(accuracy),
+            None => settings,
+        }
     }
 
     fn recall(&mut self, model: &Path) -> Option<Remembered> {
@@ -239,10 +249,7 @@ impl App {
         let name = model.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         canvas.window.set_title(&format!("{name} - chpm"));
         if let Some(remembered) = remembered {
-            self.settings = remembered.settings.clone();
-            if let Some(accuracy) = self.options.accuracy {
-                self.settings = self.settings.clone().with_accuracy(accuracy);
-            }
+            self.settings = self.asked(remembered.settings.clone());
             if (up, side) == (None, None) {
                 let (camera, roll) = remembered.camera();
                 if session.navigator.jump(&camera) {

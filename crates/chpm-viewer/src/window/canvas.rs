@@ -4,6 +4,7 @@ use crate::error::ViewerError;
 use crate::gpu::buffers;
 use crate::gpu::{AdapterChoice, Gpu, context};
 use crate::request::Target;
+use crate::window::style;
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 use std::sync::Arc;
 use wgpu::CurrentSurfaceTexture::{Lost, Occluded, Outdated, Suboptimal, Success, Timeout, Validation};
@@ -23,6 +24,8 @@ pub(super) struct Canvas {
     picture: Option<buffers::Canvas>,
     blitter: TextureBlitter,
     input: egui_winit::State,
+    /// How much larger what is painted over the model is than the system says, by the size of the window.
+    zoom: f32,
     /// Something painted over the model wants the next frame after so long.
     pub(super) repaint: std::time::Duration,
 }
@@ -64,7 +67,7 @@ impl Canvas {
 
         let longest = gpu.device.limits().max_texture_dimension_2d as usize;
         let context = egui::Context::default();
-        crate::window::style::apply(&context);
+        style::apply(&context);
         let input = egui_winit::State::new(
             context,
             egui::ViewportId::ROOT,
@@ -75,12 +78,28 @@ impl Canvas {
         );
         let gpu = Arc::new(gpu);
         let repaint = std::time::Duration::MAX;
-        Ok(Canvas { window, gpu, surface, config, painter, picture: None, blitter, input, repaint })
+        Ok(Canvas {
+            window,
+            gpu,
+            surface,
+            config,
+            painter,
+            picture: None,
+            blitter,
+            input,
+            zoom: 1.0,
+            repaint,
+        })
     }
 
     /// Width and height of the picture, pixels.
     pub(super) fn size(&self) -> [u32; 2] {
         [self.config.width, self.config.height]
+    }
+
+    /// Pixels of a point of what is painted over the model.
+    pub(super) fn scale(&self) -> f64 {
+        self.window.scale_factor() * f64::from(self.input.egui_ctx().zoom_factor())
     }
 
     /// Another model is to be drawn, or none: the picture is nobody's.
@@ -111,6 +130,12 @@ impl Canvas {
 
     /// Lays out what is painted over the model.
     pub(super) fn lay_out(&mut self, paint: impl FnMut(&egui::Context)) -> egui::FullOutput {
+        // Once for each size: who has zoomed by hand keeps that.
+        let zoom = style::zoom(self.size().map(|side| f64::from(side) / self.window.scale_factor()));
+        if zoom != self.zoom {
+            self.zoom = zoom;
+            self.input.egui_ctx().set_zoom_factor(zoom);
+        }
         let raw = self.input.take_egui_input(&self.window);
         let context = self.input.egui_ctx().clone();
         let mut output = context.run_pass(raw, paint);

@@ -132,6 +132,72 @@ pub fn digits(value: f64) -> String {
     }
 }
 
+/// A length and by how much it may differ, as in `46.123 +- 0.032`: two digits of what is uncertain, and no more than six of all. What is
+/// told of the uncertainty is rounded up, and counts what the length was rounded by.
+pub fn measured(length: f64, differs: f64) -> String {
+    let size = length.abs().max(differs.abs());
+    if !(size > 0.0 && size.is_finite()) {
+        return format!("{length} \u{b1} {differs}");
+    }
+    let exponent = power(size);
+    let [length, differs] = [length, differs].map(|x| x / 10_f64.powi(exponent));
+    let most = 5.0 - (size / 10_f64.powi(exponent)).log10().floor();
+    let certain = if differs > 0.0 { 1.0 - differs.log10().floor() } else { most };
+    let places = certain.min(most).max(0.0) as usize;
+    let unit = 10_f64.powi(places as i32);
+    let rounded = (length * unit).round() / unit;
+    let differs = ((differs + (length - rounded).abs()) * unit * (1.0 - 1e-12)).ceil() / unit;
+    match exponent {
+        0 => format!("{rounded:.places$} \u{b1} {differs:.places$}"),
+        _ => format!("({rounded:.places$} \u{b1} {differs:.places$})e{exponent}"),
+    }
+}
+
+/// An interval in words: as many digits as tell both ends apart, and two, but no more than seven. Rounded outward: what is told is proven, too.
+pub fn between([least, most]: [f64; 2]) -> String {
+    let size = if most.is_finite() { most } else { least }.abs();
+    if !(size > 0.0 && size.is_finite()) {
+        return "0".to_owned();
+    }
+    let exponent = power(size);
+    let scale = 10_f64.powi(exponent);
+    let apart = if most.is_finite() { (most - least) / scale } else { 0.0 };
+    let seven = 6.0 - (size / scale).log10().floor();
+    let wanted = if apart > 0.0 { 2.0 - apart.log10().floor() } else { seven };
+    let places = wanted.min(seven).max(0.0) as usize;
+    let unit = 10_f64.powi(places as i32);
+    let told = |x: f64, round: fn(f64) -> f64, nudged: f64| {
+        let x = round(if exponent == 0 { x } else { nudged } / scale * unit) / unit;
+        let text = format!("{x:.places$}");
+        // Where both ends are one, digits that are all zeros tell nothing.
+        let bare = match text.contains('.') && apart == 0.0 {
+            true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+            false => text,
+        };
+        match (x == 0.0, exponent) {
+            (true, _) if exponent != 0 => "0".to_owned(),
+            (_, 0) => bare,
+            _ => format!("{bare}e{exponent}"),
+        }
+    };
+    match (least == most, most.is_finite()) {
+        (true, _) => told(most, f64::round, most),
+        (false, true) => {
+            format!(
+                "{} to {}",
+                told(least, f64::floor, least.next_down().max(0.0)),
+                told(most, f64::ceil, most.next_up())
+            )
+        }
+        (false, false) => format!("at least {}", told(least, f64::floor, least.next_down().max(0.0))),
+    }
+}
+
+/// The power of ten that people write a length with; 0 for those that they write out.
+fn power(size: f64) -> i32 {
+    if (1e-3..1e7).contains(&size) { 0 } else { size.log10().floor() as i32 }
+}
+
 /// Milliseconds: `0.12`, `1.23`, `12.3`, `123`.
 pub fn ms(value: f64) -> String {
     digits(value.max(0.0))
@@ -176,6 +242,40 @@ mod tests {
     }
 
     #[test]
+    fn lengths_are_told_as_people_read_them() {
+        for (length, differs, told) in [
+            (46.0, 53.0, "46 \u{b1} 53"),
+            (46.123456, 0.0312, "46.123 \u{b1} 0.032"),
+            (46.123456, 3e-9, "46.1235 \u{b1} 0.0001"),
+            (3.0, 0.0, "3.00000 \u{b1} 0.00000"),
+            (123_456.7, 0.4, "123457 \u{b1} 1"),
+            (3.21e-9, 1.2e-10, "(3.21 \u{b1} 0.12)e-9"),
+            (4.5e12, 1e9, "(4.5000 \u{b1} 0.0010)e12"),
+            (0.0, 0.0, "0 \u{b1} 0"),
+        ] {
+            assert_eq!(measured(length, differs), told);
+        }
+    }
+
+    #[test]
+    fn an_interval_has_the_digits_that_are_certain() {
+        for (interval, told) in [
+            ([1.25, 1.25], "1.25"),
+            ([1.2345678, 1.2346789], "1.234567 to 1.234679"),
+            ([0.0, 0.0], "0"),
+            ([2.0, f64::INFINITY], "at least 2"),
+            ([0.0, 12.0], "0.0 to 12.0"),
+            ([123_456.0, 125_456.0], "123456 to 125456"),
+            // What was told as 0.000000000000 to 0.000000000013.
+            ([0.0, 1.3e-11], "0 to 1.31e-11"),
+            ([46.123_456_789, 46.123_456_790], "46.12345 to 46.12346"),
+            ([1e-30, 2.5e-30], "0.99e-30 to 2.51e-30"),
+        ] {
+            assert_eq!(between(interval), told);
+        }
+    }
+
+    #[test]
     fn the_parts_are_all_of_a_frame() {
         let mut figures = Figures::default();
         take(&mut figures, 10, 0.01, false);
@@ -207,6 +307,24 @@ mod tests {
     }
 
     proptest! {
+        /// What is told holds, whatever was rounded.
+        #[test]
+        fn what_is_told_is_proven(least in 0.0..1e9f64, width in 0.0..1e9f64, scale in -12..12i32) {
+            let [least, most] = [least, least + width].map(|x| x * 10_f64.powi(scale));
+            let told = between([least, most]);
+            let ends: Vec<f64> = told.split(" to ").map(|end| end.parse().unwrap()).collect();
+            if let [low, high] = ends[..] {
+                prop_assert!(low <= least && most <= high, "{} of {:?}", told, [least, most]);
+            }
+            let told = measured(most, least);
+            let bare = told.replace(['(', ')'], "");
+            let (value, rest) = bare.split_once(" \u{b1} ").unwrap();
+            let (differs, power) = rest.split_once('e').unwrap_or((rest, "0"));
+            let scale = 10_f64.powi(power.parse().unwrap());
+            let [value, differs] = [value, differs].map(|x| x.parse::<f64>().unwrap() * scale);
+            prop_assert!((value - most).abs() + least <= differs * (1.0 + 1e-9), "{} of {:?}", told, [most, least]);
+        }
+
         /// A smoothed time lies between the smallest and the largest of what it smooths, and comes to what stays.
         #[test]
         fn smoothing_stays_between(times in prop::collection::vec((0u64..500, 0.0..0.2f64), 1..50), last in 0u64..500) {

@@ -29,7 +29,7 @@ mod tally;
 
 use crate::error::ViewerError;
 use crate::gpu::AdapterChoice;
-use crate::request::{Accuracy, Budgets};
+use crate::request::{Accuracy, Budgets, Shading};
 use app::{App, Event};
 use chpm_refine::{CameraPath, Side, Up};
 use relation::Second;
@@ -50,6 +50,8 @@ pub struct Options {
     pub adapter: AdapterChoice,
     /// How fine, whatever was remembered.
     pub accuracy: Option<Accuracy>,
+    /// How light falls on triangles, whatever was remembered.
+    pub shading: Option<Shading>,
     /// What is up, whatever was remembered; chosen by the model if not told.
     pub up: Option<Up>,
     /// The side that is shown first, whatever was remembered.

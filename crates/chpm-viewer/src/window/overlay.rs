@@ -1,6 +1,7 @@
 //! What lies over the model beside the panel: keys, notes, the open dialog, progress, the frozen camera's borders.
 
 use crate::window::browse::Browser;
+use crate::window::figures::measured;
 use crate::window::frustum::{Line, project};
 use crate::window::keys::{KEYS, MOTIONS};
 use crate::window::rulers::{Mark, distance, scale_bar, triad};
@@ -210,9 +211,7 @@ pub(super) fn marks(context: &egui::Context, marks: &[Mark], camera: &Camera, si
     if let Some(line) = seen(a, b) {
         painter.line_segment(line.map(point), Stroke::new(1.5, LIVE));
         let middle = point([0, 1].map(|axis| 0.5 * (line[0][axis] + line[1][axis])));
-        // No more digits than are certain, and one.
-        let digits = (1.0 - differs.max(1e-9 * length).log10().floor()).clamp(0.0, 9.0) as usize;
-        let text = format!("{length:.digits$} \u{b1} {differs:.digits$} units");
+        let text = format!("{} units", measured(length, differs));
         let galley = painter.layout_no_wrap(text, FontId::monospace(12.0), CLEAR);
         let place = Align2::CENTER_BOTTOM.anchor_size(middle - vec2(0.0, 8.0), galley.size());
         painter.rect_filled(place.expand(4.0), 4.0, style::BACK);

@@ -35,6 +35,14 @@ pub(super) struct About<'a> {
     pub(super) can_replay: bool,
 }
 
+/// Windows in which the panel would lie over the model: it is a button there until somebody wants it. Points.
+const SMALL: egui::Vec2 = vec2(640.0, 360.0);
+
+/// Whether the panel is folded into a button at first.
+pub(super) fn is_folded(window: egui::Vec2) -> bool {
+    window.x < SMALL.x || window.y < SMALL.y
+}
+
 /// Shows the panel; answers what its buttons ask for.
 pub(super) fn show(
     context: &egui::Context,
@@ -46,23 +54,51 @@ pub(super) fn show(
     // A low window scrolls it.
     let room = (context.content_rect().height() - 46.0).max(100.0);
     let area = egui::Area::new(Id::unique("panel")).anchor(Align2::LEFT_TOP, vec2(10.0, 10.0));
+    let unfolded = Id::unique("panel unfolded");
+    let is_folded = is_folded(context.content_rect().size());
+    let mut is_open = !is_folded || context.data(|data| data.get_temp(unfolded)).unwrap_or(false);
+    if !is_open {
+        let folded =
+            area.show(context, |ui| ui.button("panel").on_hover_text("settings and counters").clicked());
+        context.data_mut(|data| data.insert_temp(unfolded, folded.inner));
+        return commands;
+    }
     area.default_size(vec2(WIDTH, room)).show(context, |ui| {
         style::frame().show(ui, |ui| {
             ui.set_width(WIDTH);
             egui::ScrollArea::vertical().max_height(room).min_scrolled_height(room).show(ui, |ui| {
                 ui.set_width(WIDTH);
                 // What a visitor needs, then what a developer looks at.
+                if is_folded {
+                    is_open = !ui.button("fold the panel").clicked();
+                }
                 header(ui, about);
                 detail(ui, settings, &figures.last);
                 look(ui, settings, about, &figures.last, &mut commands);
                 camera(ui, settings, about, &mut commands);
-                frame_time(ui, figures);
-                drawn(ui, figures);
-                memory(ui, figures, about);
+                counters(ui, settings, figures, about);
             });
         });
     });
+    if !is_open {
+        context.data_mut(|data| data.insert_temp(unfolded, false));
+    }
     commands
+}
+
+/// What a developer looks at, if it is unfolded.
+fn counters(ui: &mut Ui, settings: &mut Settings, figures: &Figures, about: &About<'_>) {
+    ui.add_space(5.0);
+    let name = RichText::new("COUNTERS").small().strong().color(ACCENT);
+    let fold = egui::CollapsingHeader::new(name).id_salt("counters").open(Some(settings.counters));
+    let shown = fold.show_unindented(ui, |ui| {
+        frame_time(ui, figures);
+        drawn(ui, figures);
+        memory(ui, figures, about);
+    });
+    if shown.header_response.clicked() {
+        settings.counters = !settings.counters;
+    }
 }
 
 fn header(ui: &mut Ui, about: &About<'_>) {
@@ -395,8 +431,8 @@ mod tests {
 
     #[test]
     fn no_text_lies_over_another() {
-        let mut settings = Settings { colors: Coloring::Error, ..Settings::default() };
-        for size in [vec2(1280.0, 1400.0), vec2(800.0, 600.0), vec2(320.0, 240.0)] {
+        let mut settings = Settings { colors: Coloring::Error, counters: true, ..Settings::default() };
+        for size in [vec2(1280.0, 1400.0), vec2(800.0, 600.0), vec2(640.0, 360.0)] {
             let texts = texts(size, &mut settings, full());
             assert!(texts.len() > 5, "{texts:?}");
             for (place, (a, one)) in texts.iter().enumerate() {
@@ -410,7 +446,7 @@ mod tests {
 
     #[test]
     fn what_a_visitor_needs_comes_first_and_all_of_it_is_reached() {
-        let mut settings = Settings::default();
+        let mut settings = Settings { counters: true, ..Settings::default() };
         let low = texts(vec2(800.0, 600.0), &mut settings, full());
         let top = |texts: &[(String, Rect)], name: &str| {
             texts.iter().find(|(text, _)| text == name).map(|(_, rect)| rect.top())
@@ -421,5 +457,23 @@ mod tests {
         let high = texts(vec2(800.0, 1400.0), &mut settings, full());
         assert!(top(&high, "CAMERA") < top(&high, "FRAME") && top(&high, "FRAME") < top(&high, "MEMORY"));
         assert!(high.iter().any(|(text, _)| text == "uploaded"));
+    }
+
+    #[test]
+    fn counters_are_folded_away_until_somebody_wants_them() {
+        let shown = texts(vec2(800.0, 1400.0), &mut Settings::default(), full());
+        let has = |name: &str| shown.iter().any(|(text, _)| text == name);
+        assert!(has("COUNTERS") && has("shown") && has("CAMERA"), "{shown:?}");
+        assert!(!has("FRAME") && !has("uploaded") && !has("occluded"), "{shown:?}");
+    }
+
+    #[test]
+    fn in_a_small_window_the_panel_is_a_button() {
+        let size = vec2(320.0, 200.0);
+        let shown = texts(size, &mut Settings::default(), full());
+        let [(text, place)] = &shown[..] else { panic!("{shown:?}") };
+        assert_eq!(text, "panel");
+        assert!(place.area() < 0.02 * size.x * size.y && place.right() < 80.0, "{place}");
+        assert!(is_folded(size) && !is_folded(vec2(800.0, 600.0)));
     }
 }

@@ -1,7 +1,7 @@
 //! One open model: the viewer, the camera, and what is recorded, replayed or frozen.
 
 use crate::error::ViewerError;
-use crate::frame::Viewer;
+use crate::frame::{Spot, Viewer};
 use crate::gpu::Gpu;
 use crate::headless::{self, Image, TriangleId};
 use crate::place::Place;
@@ -374,14 +374,23 @@ impl Session {
         point
     }
 
-    /// The point of the next mark, or the end of measuring.
+    /// The point of the next mark, or the end of measuring. A mark is on the source's own triangles where they are within reach, however
+    /// coarse the picture is.
     pub(super) fn measure(&mut self, at: [f64; 2], size: [u32; 2]) -> Result<(), ViewerError> {
-        if self.marks.len() > 1 {
-            self.marks.clear();
-        } else if let (Some(point), Some((.., error))) = (self.pick(at, size), self.cluster_at(at, size)?) {
-            self.marks.push(Mark { point, error: f64::from(error) });
-        } else {
-            self.marks.clear();
+        let inside = (0..2).all(|axis| at[axis] >= 0.0 && at[axis] < f64::from(size[axis]));
+        let request = self.asked.filter(|_| inside && self.marks.len() < 2);
+        let spot = match request {
+            Some(request) => {
+                let request = FrameRequest { viewport: size, ..request };
+                self.viewer.exact(&request, at.map(|x| x as u32))?
+            }
+            None => None,
+        };
+        // The depth that picking looks at is that of one pixel now: whoever picks before the next frame finds nothing there.
+        (self.drawn_over, self.quiet, self.picked) = (true, 0, None);
+        match spot {
+            Some(Spot { point, error }) => self.marks.push(Mark { point, error }),
+            None => self.marks.clear(),
         }
         Ok(())
     }

@@ -82,6 +82,8 @@ pub struct Settings {
     pub fly: bool,
     /// Whether the panel is shown.
     pub panel: bool,
+    /// Whether what a developer looks at is unfolded in it.
+    pub counters: bool,
     /// Whether scale bar and axes are.
     pub rulers: bool,
 }
@@ -94,7 +96,7 @@ impl Default for Settings {
             budgeted: false,
             frame: 30.0,
             adaptive: true,
-            smooth: false,
+            smooth: true,
             antialias: None,
             light: Look::LIGHT,
             clip: 0,
@@ -106,6 +108,7 @@ impl Default for Settings {
             occlusion_culling: true,
             fly: false,
             panel: true,
+            counters: false,
             rulers: true,
         }
     }

@@ -63,6 +63,14 @@ pub(super) fn apply(context: &egui::Context) {
     });
 }
 
+/// How much larger than usual all that lies over the model is, in a window of so many points: a system that does not say that its screen is
+/// large and dense leaves nothing of a panel there.
+pub(super) fn zoom([width, height]: [f64; 2]) -> f32 {
+    let screens = (width / 1920.0).min(height / 1080.0);
+    let quarters = (4.0 * screens).floor() / 4.0;
+    if quarters >= 1.5 { quarters.min(4.0) as f32 } else { 1.0 }
+}
+
 /// The frame of the panel and of what lies over the model.
 pub(super) fn frame() -> egui::Frame {
     egui::Frame::new()
@@ -70,4 +78,22 @@ pub(super) fn frame() -> egui::Frame {
         .stroke(Stroke::new(1.0, Color32::from_white_alpha(18)))
         .corner_radius(CornerRadius::same(8))
         .inner_margin(Margin::same(12))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_over_the_model_is_larger_where_a_window_has_more_points() {
+        let zooms = [
+            [320.0, 200.0],
+            [1280.0, 800.0],
+            [2560.0, 1440.0],
+            [3840.0, 2160.0],
+            [3840.0, 1080.0],
+            [7680.0, 4320.0],
+        ];
+        assert_eq!(zooms.map(zoom), [1.0, 1.0, 1.0, 2.0, 1.0, 4.0]);
+    }
 }

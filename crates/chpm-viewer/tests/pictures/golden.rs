@@ -88,8 +88,8 @@ fn colored() -> Model {
 fn flat_and_smooth() {
     let model = Model::synth(Shape::Isosurface, 8000, 256);
     let camera = Camera::looking([0.5, 0.6, 1.0], [0.11, 0.11, 0.5]);
-    draw("flat", &model, camera, look(Coloring::Plain), 1.0);
-    draw("smooth", &model, camera, Look { shading: Shading::Smooth, ..look(Coloring::Plain) }, 1.0);
+    draw("flat", &model, camera, Look { shading: Shading::Flat, ..look(Coloring::Plain) }, 1.0);
+    draw("smooth", &model, camera, look(Coloring::Plain), 1.0);
 }
 
 /// The light of a studio: darker in corners and on the ground below.

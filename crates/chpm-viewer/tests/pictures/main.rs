@@ -19,6 +19,8 @@ mod fetch;
 mod golden;
 /// Models much larger than what may be used.
 mod limits;
+/// What is measured is on the source, however coarse the picture is.
+mod measure;
 /// Pictures from the processor, triangle by triangle.
 mod raster;
 /// They are the same.

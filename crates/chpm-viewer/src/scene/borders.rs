@@ -1,0 +1,159 @@
+//! Which way a smooth surface faces where clusters meet, of files without normals: the same for all clusters that have a vertex, whichever of
+//! them are drawn.
+//!
+//! A cluster has only a part of the faces about a vertex that it shares. All of them are in the coarsest clusters that still have the vertex,
+//! and those are always read before any finer ones, together: a vertex that goes on upward is in the clusters above a split, too, one that
+//! collapses does so in one group, and is drawn only with all of it. So what those clusters say holds for all below, depends on nothing but
+//! the file, and is known before the vertex is drawn. It takes four bytes for each id.
+
+use super::Scene;
+use crate::fetch::PageData;
+use crate::gpu::block::area;
+use crate::gpu::{Block, Facing};
+use chpm_extmem::MappedFile;
+use chpm_format::Chpm;
+use chpm_mesh::{ClusterId, GroupId};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// What is known of shared vertices.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Borders {
+    /// By id: which way it faces, so changed that 0 is what no code can be.
+    codes: Vec<u32>,
+    /// By group: whether what its split brings has been looked at, and what collapses in it.
+    below: Vec<bool>,
+    seams: Vec<bool>,
+    roots: bool,
+}
+
+/// No vertex has this code.
+const UNKNOWN: u32 = 0x8000_8000;
+
+/// Clusters that are looked at together.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Together {
+    Roots,
+    /// What the split of a group brings.
+    Below(GroupId),
+    /// The coarse clusters of a group, for what collapses in them.
+    Seams(GroupId),
+}
+
+impl Borders {
+    /// Nothing is known; nothing need be where the file has normals.
+    pub(super) fn new(file: &Chpm<MappedFile>) -> Self {
+        if file.header().attributes().has_normals() {
+            return Borders::default();
+        }
+        let groups = file.groups().len();
+        Borders {
+            codes: vec![0; file.header().shared_vertex_count as usize],
+            below: vec![false; groups],
+            seams: vec![false; groups],
+            roots: false,
+        }
+    }
+
+    fn code(&self, id: u32) -> Option<u32> {
+        Some(self.codes[id as usize] ^ UNKNOWN).filter(|code| *code != UNKNOWN)
+    }
+
+    fn is_done(&mut self, together: Together) -> &mut bool {
+        match together {
+            Together::Roots => &mut self.roots,
+            Together::Below(group) => &mut self.below[group.index()],
+            Together::Seams(group) => &mut self.seams[group.index()],
+        }
+    }
+
+    /// Looks at clusters, if all of their pages are there, and at those above them before.
+    fn learn(&mut self, file: &Chpm<MappedFile>, pages: &[Option<Arc<PageData>>], together: Together) {
+        let mut due = vec![together];
+        while let Some(&together) = due.last() {
+            let before = due.len();
+            if let Together::Below(group) = together
+                && !*self.is_done(together)
+            {
+                let above = file.coarse(group).iter().map(|coarse| brought_by(file, ClusterId(*coarse)));
+                // What has collapsed in the group is there below it.
+                for above in above.chain([Together::Seams(group)]) {
+                    if !*self.is_done(above) {
+                        due.push(above);
+                    }
+                }
+            }
+            if due.len() == before {
+                due.pop();
+                if !*self.is_done(together) && !self.look(file, pages, together) {
+                    return;
+                }
+                *self.is_done(together) = true;
+            }
+        }
+    }
+
+    /// Takes in what clusters have about each vertex that nothing is known of; not without all of their pages.
+    fn look(&mut self, file: &Chpm<MappedFile>, pages: &[Option<Arc<PageData>>], together: Together) -> bool {
+        let clusters: Vec<u32> = match together {
+            Together::Roots => file.roots().map(|root| root.0).collect(),
+            Together::Below(group) => file.fine(group).to_vec(),
+            Together::Seams(group) => file.coarse(group).to_vec(),
+        };
+        let pages: Option<Vec<_>> = clusters.iter().map(|id| pages[*id as usize].as_ref()).collect();
+        let Some(pages) = pages else { return false };
+        let mut faces: HashMap<u32, Vec<[f64; 3]>> = HashMap::new();
+        let mut ids = Vec::new();
+        for page in pages {
+            let page = page.page();
+            ids.clear();
+            ids.resize(page.vertex_count(), None);
+            for (vertex, id) in page.shared() {
+                let collapses = usize::from(vertex) >= page.base_vertex_count;
+                if self.code(id).is_none() && collapses == matches!(together, Together::Seams(_)) {
+                    ids[usize::from(vertex)] = Some(id);
+                }
+            }
+            for corners in page.triangles {
+                for id in corners.iter().filter_map(|vertex| ids[usize::from(*vertex)]) {
+                    faces.entry(id).or_default().push(area(&page, corners));
+                }
+            }
+        }
+        for (id, faces) in faces {
+            self.codes[id as usize] = Facing::of_faces(&faces).code() ^ UNKNOWN;
+        }
+        true
+    }
+}
+
+/// Those that a cluster is read with.
+fn brought_by(file: &Chpm<MappedFile>, cluster: ClusterId) -> Together {
+    let record = &file.clusters()[cluster.index()];
+    if record.is_root() { Together::Roots } else { Together::Below(record.parent_group()) }
+}
+
+impl Scene {
+    /// What the GPU is sent of a cluster of the cut, and the first vertex of which it is not known yet which way it faces: one that is not
+    /// drawn before all of the cluster's group is there.
+    pub fn block(&mut self, cluster: ClusterId) -> Option<(Block, u32)> {
+        let Scene { file, pages, borders, .. } = self;
+        let data = pages[cluster.index()].as_ref()?;
+        let (page, mut block) = (data.page(), data.block());
+        let mut turned = page.vertex_count() as u32;
+        if !borders.codes.is_empty() {
+            borders.learn(file, pages, brought_by(file, cluster));
+            let record = &file.clusters()[cluster.index()];
+            if page.shared().any(|(vertex, _)| usize::from(vertex) >= page.base_vertex_count) {
+                borders.learn(file, pages, Together::Seams(record.group()));
+            }
+            for (vertex, id) in page.shared() {
+                match borders.code(id) {
+                    Some(code) => block.turn(vertex, code),
+                    None => turned = turned.min(u32::from(vertex)),
+                }
+            }
+        }
+        Some((block, turned))
+    }
+}
