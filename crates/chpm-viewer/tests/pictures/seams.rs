@@ -78,41 +78,6 @@ fn smooth_pictures_show_no_borders_of_clusters() {
     }
 }
 
-/// How far a smooth picture is from the one of the same mesh in one piece, in the mean, of 255: along borders, and elsewhere.
-fn means(drawn: &Model, as_one: &Model, camera: Camera) -> [f64; 2] {
-    let (mut viewer, mut reference) = (open(drawn, PLENTY), open(as_one, PLENTY));
-    let smooth = request(camera, 1.0, Shading::Smooth);
-    let (picture, _) = headless::image(&mut viewer, &smooth).expect("a picture");
-    let ids = ids(&mut viewer, &smooth).0;
-    let (expected, _) =
-        headless::image(&mut reference, &request(camera, 0.0, Shading::Smooth)).expect("a picture");
-    let mut sums = [(0.0, 0.0); 2];
-    for (place, (a, b)) in picture.pixels.chunks_exact(4).zip(expected.pixels.chunks_exact(4)).enumerate() {
-        if ids.pixels[place].is_some() {
-            let (sum, count) = &mut sums[usize::from(!is_border(&ids, place))];
-            *sum += f64::from(a[0].abs_diff(b[0]));
-            *count += 1.0;
-        }
-    }
-    sums.map(|(sum, count): (f64, f64)| sum / count.max(1.0))
-}
-
-/// Without normals in the file, what clusters have about a vertex is put together.
-#[test]
-fn borders_are_not_seen_without_normals_either() {
-    for (shape, position, target) in [
-        (Shape::Isosurface, [0.5, 0.6, 1.0], [0.11, 0.11, 0.5]),
-        (Shape::Terrain, [0.5, -0.4, 0.7], [0.5, 0.5, 0.0]),
-        (Shape::Torus, [1.5, 2.5, 2.0], [0.0; 3]),
-    ] {
-        let camera = Camera::looking(position, target);
-        let bare = model(&Synth::new(shape, 16_000, 1).to_mesh(), Normals::None);
-        let [border, elsewhere] = means(&bare, &as_one(&bare, camera, 1.0), camera);
-        println!("{shape}: {border} along borders, {elsewhere} elsewhere");
-        assert!(border < 1.5 * elsewhere + 0.5, "{shape}: {border} along borders, {elsewhere} elsewhere");
-    }
-}
-
 /// What is smooth depends on the file alone: on nothing that was drawn or left out before.
 #[test]
 fn the_same_picture_whatever_was_drawn_before() {
