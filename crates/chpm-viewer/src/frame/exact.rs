@@ -104,7 +104,7 @@ impl Model {
         let zero = Point3::from(self.zero()) - eye;
         let from_eye = corners.map(|corner| {
             let position = page.positions[usize::from(corner)].map(f64::from);
-            self.place.turn(position.into()) + zero
+            self.place.way(position.into()) + zero
         });
         let [a, b, c] = from_eye;
         // Shares of the corners; one that is seen from beside is met at its edge.
