@@ -20,7 +20,8 @@ pub(super) fn scale(outline: &Outline, origin: [f64; 3]) -> Option<f64> {
     // Longitude first, or latitude.
     let is_on_earth = is_within(0, 180.0) && is_within(1, 90.0) || is_within(0, 90.0) && is_within(1, 180.0);
     let ground = size.x * size.y;
-    if !is_on_earth || !(ground > 0.0 && size.z > TALL * size.x.max(size.y)) {
+    let is_tall = ground > 0.0 && size.z > TALL * size.x.max(size.y);
+    if !(is_on_earth && is_tall) {
         return None;
     }
     let upward = |corners: [nalgebra::Point3<f64>; 3]| {
