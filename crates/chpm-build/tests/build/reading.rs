@@ -246,9 +246,11 @@ fn what_is_wrong_with_a_scan_names_the_list_and_the_scan() {
     let far = ply("double", &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1e37, 0.0]], &[[0, 1, 2]]);
     fs::write(dir.path().join("one.ply"), &good).unwrap();
     fs::write(&list, "bmesh one.ply 0 0 0 0 0 0 1\nbmesh two.ply 0 0 0 0 0 0 1\n").unwrap();
-    for (bytes, words) in
-        [(&good[..good.len() - 4], "the file ends here"), (&far, "vertex 2"), (b"nothing", "not a PLY")]
-    {
+    for (bytes, words) in [
+        (&good[..good.len() - 4], "the file ends here"),
+        (&far, "vertex 2"),
+        (b"nothing", "text that is no mesh"),
+    ] {
         fs::write(dir.path().join("two.ply"), bytes).unwrap();
         let output = dir.path().join("out.chpm");
         let error = build(&list, &output, &config(64), &Silent, &Cancel::default()).unwrap_err();
