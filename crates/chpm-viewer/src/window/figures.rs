@@ -185,13 +185,16 @@ pub fn between([least, most]: [f64; 2]) -> String {
         (false, true) => {
             format!(
                 "{} to {}",
-                told(least, f64::floor, least.next_down().max(0.0)),
-                told(most, f64::ceil, most.next_up())
+                told(least, f64::floor, least * (1.0 - NUDGE)),
+                told(most, f64::ceil, most * (1.0 + NUDGE))
             )
         }
-        (false, false) => format!("at least {}", told(least, f64::floor, least.next_down().max(0.0))),
+        (false, false) => format!("at least {}", told(least, f64::floor, least * (1.0 - NUDGE))),
     }
 }
+
+/// More than powers of ten and divisions by them are rounded by.
+const NUDGE: f64 = 1e-13;
 
 /// The power of ten that people write a length with; 0 for those that they write out.
 fn power(size: f64) -> i32 {
