@@ -257,7 +257,8 @@ fn several_views_come_in_several_pictures_or_in_one() {
 #[test]
 fn looks_look_different() {
     let folder = built();
-    let looks = ["", "--shading flat", "--wireframe", "--color cluster", "--color level", "--color error", "--ids"];
+    let looks =
+        ["", "--shading flat", "--wireframe", "--color cluster", "--color level", "--color error", "--ids"];
     let pictures: BTreeSet<Vec<u8>> = looks
         .iter()
         .map(|look| {

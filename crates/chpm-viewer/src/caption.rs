@@ -67,7 +67,8 @@ mod tests {
     use super::*;
 
     fn dark(image: &Image) -> usize {
-        image.pixels.chunks_exact(4).filter(|pixel| pixel[0] < 100 && pixel[3] == 255).count()
+        // The picture was clear; what the plate alone covers is light.
+        image.pixels.chunks_exact(4).filter(|pixel| pixel[0] < 100 && pixel[3] > 0).count()
     }
 
     #[test]

@@ -404,7 +404,10 @@ fn every_axis_comes_upward_at_once_with_the_whole_model_in_view() {
         seen.push(navigator.upward());
         let again = navigator.destination();
         navigator.home(1.5);
-        assert_eq!(navigator.destination(), again, "it is at home");
+        // But for what turning there by the shortest way rounds.
+        let home = navigator.destination();
+        let moved = apart(home.position, again.position).max(apart(home.target, again.target));
+        assert!(moved < 1e-12 * bounds().diagonal() && home.up == again.up, "it is at home: {moved}");
     }
     assert!(Up::ALL.iter().all(|up| seen.contains(up)), "{seen:?}");
 }
