@@ -41,11 +41,11 @@ judge() {
 }
 random() { echo $(((RANDOM << 15 | RANDOM) % $1)); }
 
-"$CHPM" synth isosurface --triangles 60000 -q -o scan.ply || exit 2
-"$CHPM" synth terrain --triangles 20000 -q -o other.ply || exit 2
-"$CHPM" build scan.ply -q -o raw.chpm --pages raw --cluster-triangles 1024 || exit 2
-"$CHPM" build scan.ply -q -o packed.chpm --pages packed --cluster-triangles 1024 || exit 2
-"$CHPM" build other.ply -q -o other.chpm || exit 2
+"$CHPM" synth isosurface --triangles 60000 -q -o scan.ply >/dev/null || exit 2
+"$CHPM" synth terrain --triangles 20000 -q -o other.ply >/dev/null || exit 2
+"$CHPM" build scan.ply -q -o raw.chpm --pages raw --cluster-triangles 1024 >/dev/null || exit 2
+"$CHPM" build scan.ply -q -o packed.chpm --pages packed --cluster-triangles 1024 >/dev/null || exit 2
+"$CHPM" build other.ply -q -o other.chpm >/dev/null || exit 2
 echo "# $("$CHPM" --version), seed $seed, $rounds rounds"
 
 # Verbs that write: arguments, output, and where the output goes by itself.
@@ -64,17 +64,29 @@ writers=(
 # Verbs that read one file.
 readers=(
     "info F" "info F --cache" "dump F" "stats F" "verify F -q" "extract F -q --level 0 -o out.ply" "extract F -q --error 1% -o out.stl"
-    "relayout F -q -o out.chpm" "export F -q --3dtiles out" "share F -q -o out" "report F -q -o out.html" "measure F -q"
-    "distance F other.chpm" "clearance F other.chpm --distance 1e-3" "contacts F other.chpm" "compare F other.chpm -q -o out.ply"
-    "render F -q -o out.png --size 64x64"
+    "relayout F -q --pages packed -o out.chpm" "export F -q --3dtiles out" "share F -q -o out" "report F -q -o out.html" "measure F --against scan.ply -q --samples 1 --positions 1"
+    "distance F other.chpm" "clearance F other.chpm --above 1e-3" "contacts F other.chpm" "compare F other.chpm -q -o out.ply"
+    "render F -q -o out.png --viewport 64x64"
 )
 clean() { rm -rf out out.* log; }
+# A digest of all that a verb wrote.
+digest() { find . -mindepth 1 \( -path './out' -o -path './out.*' -o -path './out/*' \) -type f | sort | xargs -r -d '\n' cat | md5sum; }
 # Anything beside what was there, hidden or not.
 leftovers() {
-    find . -mindepth 1 -maxdepth 1 ! -name scan.ply ! -name other.ply ! -name '*.chpm' ! -name log ! -name expected | sort | tr '\n' ' '
+    find . -mindepth 1 -maxdepth 1 ! -name scan.ply ! -name other.ply ! -name '*.chpm' ! -name log | sort | tr '\n' ' '
 }
 
 # 1. kill -9 at random moments; then the same command must give what an undisturbed one gives, and leave nothing beside it.
+declare -A expected
+for writer in "${writers[@]}"; do
+    IFS='|' read -r words output <<<"$writer"
+    clean
+    attack kill "undisturbed: $words"
+    # shellcheck disable=SC2086
+    "$CHPM" $words >log 2>&1
+    judge $? 0
+    expected[$words]=$(digest)
+done
 for round in $(seq "$rounds"); do
     for writer in "${writers[@]}"; do
         IFS='|' read -r words output <<<"$writer"
@@ -92,6 +104,7 @@ for round in $(seq "$rounds"); do
         left=$(find . -mindepth 1 -maxdepth 1 ! -name scan.ply ! -name other.ply ! -name raw.chpm ! -name packed.chpm ! -name other.chpm \
             ! -name log ! -name "$output" | tr '\n' ' ')
         [ -z "$left" ] || broken "left behind: $left"
+        [ "$(digest)" = "${expected[$words]}" ] || broken "other bytes than undisturbed"
         find "$output" -name '.*' -mindepth 1 2>/dev/null | grep -q . && broken "hidden files in $output"
         rm -rf "$output"
     done
@@ -123,8 +136,6 @@ clean
 
 # 3. A flipped bit anywhere in a file: every verb refuses it, or, where it was in padding, gives what the whole file gives.
 bytes() { stat -c %s "$1"; }
-# A digest of all that a verb wrote.
-digest() { find out out.* expected -type f 2>/dev/null | sort | xargs -r cat | md5sum; }
 for name in raw packed; do
     for reader in "${readers[@]}"; do
         clean
@@ -132,6 +143,8 @@ for name in raw packed; do
         # shellcheck disable=SC2086
         "$CHPM" $words >said 2>log
         whole=$? said=$(cat said; digest)
+        attack "flipped bit" "whole file: $words"
+        judge $whole 0 1
         for round in $(seq "$rounds"); do
             rm -rf out out.*
             cp $name.chpm bad.chpm

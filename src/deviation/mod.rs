@@ -406,12 +406,40 @@ pub(crate) fn drawn_tiles<'a>(
     Tiles::new(boxes, budget, load)
 }
 
-/// A cluster's mesh at a position.
+/// A cluster's mesh at a position; an empty one where the file was changed since its page was read the first time, which
+/// [`reading`](crate::cmd::reading) tells at the end, whatever came of it.
 pub(crate) fn mesh_of(file: &Chpm<MappedFile>, member: Member) -> TriMesh {
-    let Ok(page) = file.page(member.cluster) else { unreachable!("all pages were read before") };
+    let Ok(page) = file.page(member.cluster) else {
+        assert!(file.get_ref().check_unchanged().is_err(), "all pages were read before");
+        return TriMesh::default();
+    };
     let page = page.view();
     let mut triangles = Vec::with_capacity(page.triangles.len());
     page.progressive_mesh().triangles_at(member.vertices as usize, &mut triangles);
     let triangles = triangles.iter().map(|t| t.map(u32::from)).collect();
     TriMesh::new(page.positions[..member.vertices as usize].to_vec(), triangles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_build::{BuildConfig, Silent, build};
+    use chpm_import::ply::{Encoding, write_mesh};
+    use chpm_synth::hand;
+    use std::fs::File;
+
+    #[test]
+    fn what_is_cut_while_it_is_measured_is_no_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let [source, path] = ["in.ply", "out.chpm"].map(|name| folder.path().join(name));
+        write_mesh(File::create(&source).unwrap(), &hand::icosphere(3), Encoding::BinaryLittleEndian)
+            .unwrap();
+        build(&source, &path, &BuildConfig::default(), &Silent, &Cancel::default()).unwrap();
+        let file = Chpm::open(MappedFile::open(&path).unwrap()).unwrap();
+        assert_eq!(finest(&file, ClusterId(0)).triangles.len(), 1280);
+        let other = File::options().write(true).open(&path).unwrap();
+        other.set_len(file.clusters()[0].page_offset).unwrap();
+        assert!(finest(&file, ClusterId(0)).triangles.is_empty());
+        assert!(file.get_ref().check_unchanged().unwrap_err().to_string().contains("was cut short"));
+    }
 }
