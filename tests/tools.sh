@@ -83,7 +83,9 @@ if has_node && has npm; then
 fi
 
 # The engine that the workflow of data/workflow is written for.
-if has_venv && ! has snakemake && [ ! -x target/tools/bin/snakemake ]; then
-    python3 -m venv target/tools && target/tools/bin/pip install --quiet --disable-pip-version-check "$(cat tests/snakemake.txt)" ||
+runs_workflows() { PATH="$PATH:target/tools/bin" snakemake --version >/dev/null 2>&1; }
+if has_venv && ! runs_workflows; then
+    # Anew: what is there may be of a checkout that lay elsewhere.
+    { python3 -m venv --clear target/tools && target/tools/bin/pip install --quiet --disable-pip-version-check --requirement tests/snakemake.txt; } ||
         lacks "snakemake" "python3 -m venv target/tools && target/tools/bin/pip install snakemake" "the workflow"
 fi
