@@ -14,7 +14,7 @@ lacks() {
 # What a tool is looked for by, its package in Debian, and what is skipped without it.
 has_compilers() { command -v cc >/dev/null && command -v c++ >/dev/null; }
 has_vulkan() { ldconfig -p | grep -q libvulkan.so.1; }
-has_vulkan_driver() { compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null; }
+has_vulkan_driver() { compgen -G '/usr/share/vulkan/icd.d/lvp_icd*.json' >/dev/null; }
 has_egl() { ldconfig -p | grep -q libEGL.so.1; }
 has_gl_driver() { compgen -G '/usr/lib/*/dri/swrast_dri.so' >/dev/null; }
 has_node() { command -v node >/dev/null && node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)'; }
