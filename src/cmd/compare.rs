@@ -121,7 +121,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let (scan, reference) = (scan?, reference?);
     let header = scan.file.header();
     let page_bytes = if html.is_some() { PAGE } else { 0 };
-    let own = VERTEX * header.source_vertex_count + 4 * u64::from(header.shared_vertex_count) + page_bytes;
+    // A header may claim any number of vertices; more than its leaves have there are not.
+    let leaves = scan.file.clusters().iter().filter(|cluster| cluster.is_leaf());
+    let vertices =
+        leaves.map(|leaf| u64::from(leaf.vertex_count)).sum::<u64>().min(header.source_vertex_count);
+    let own = VERTEX * vertices + 4 * u64::from(header.shared_vertex_count) + page_bytes;
     let groups = GROUP * reference.file.groups().len() as u64;
     let [_, pages] =
         memory::divide_among([(&scan.file, own), (&reference.file, groups)], args.memory.memory())?;

@@ -2,7 +2,7 @@
 
 use crate::command::{chpm, names, said};
 use crate::judge::Failure;
-use chpm_format::Chpm;
+use chpm_format::{Chpm, ErrorKind};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -74,9 +74,13 @@ pub(crate) fn use_verbs(folder: &Path, file: &str, sound: bool) -> Result<(), Fa
     let (line, codes) = QUESTIONS[(draw >> 32) as usize % QUESTIONS.len()];
     // Where a source meets itself is asked of the source.
     let is_trimmed = || Chpm::open(&bytes).is_ok_and(|file| file.is_trimmed());
-    let codes = if sound && line.contains("--self") && is_trimmed() { &[2] } else { codes };
-    run(line, codes)?;
-    if sound && line.starts_with("distance F F -q --memory=128M --json") {
+    // And nothing is proven with errors that are estimates.
+    let proves = ["distance", "clearance", "contacts", "compare"].iter().any(|verb| line.starts_with(verb));
+    let is_estimated =
+        proves && Chpm::open(&bytes).is_ok_and(|file| file.header().error_kind() == Some(ErrorKind::Quadric));
+    let is_refused = is_estimated || line.contains("--self") && is_trimmed();
+    run(line, if sound && is_refused { &[2] } else { codes })?;
+    if sound && !is_estimated && line.starts_with("distance F F -q --memory=128M --json") {
         let told = said(folder, &words(line));
         let answer = serde_json::from_str::<Value>(&told).map(|told| told["answers"][0].clone());
         let [least, most] = ["least", "most"].map(|name| answer.as_ref().ok()?[name].as_f64());

@@ -149,7 +149,8 @@ impl Outline {
 
         // Never among the points, and not at the one point that there may be.
         let size = [x.0 + x.1, y.0 + y.1, far - near].into_iter().fold(0.0, f64::max);
-        let size = if size > 0.0 { size } else { 1.0 };
+        // Far from zero, less than that is lost beside the coordinates.
+        let size = if size > 0.0 { size.max(1e-9 * center.coords.amax()) } else { 1.0 };
         let away = x.2.max(y.2).max(0.1 * size - near);
         let middle = |(high, low, _): (f64, f64, f64), slopes: [f64; 2]| {
             0.5 * (high - low - away * (slopes[0] + slopes[1]))

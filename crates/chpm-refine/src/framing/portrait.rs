@@ -156,6 +156,15 @@ mod tests {
     }
 
     #[test]
+    fn what_has_next_to_no_size_is_looked_at_from_away() {
+        let at = |z: f32| [5e6, -1_666_666.6, z];
+        let points = [at(0.0), at(1e-20), at(0.0), at(1e-20)];
+        let outline = Outline::of_mesh(&points, &[[0, 1, 2], [1, 2, 3]]);
+        let camera = Portrait::new(outline, Aabb::of_points(&points), None, None).camera(1.0);
+        assert_ne!(camera.position, camera.target);
+    }
+
+    #[test]
     fn few_points_frame_like_all() {
         // A ball of many points.
         let ball: Vec<[f32; 3]> = (0..4000)
