@@ -86,11 +86,11 @@ pub(super) fn look(
 fn eye_at_the_right(portrait: &Portrait, camera: &Camera) -> Camera {
     let [right, ..] = camera.axes();
     let frame = portrait.frame();
-    let radius = Some(0.5 * frame.diagonal()).filter(|radius| *radius > 0.0);
-    // A single point is looked at from somewhere, too.
     let away = Point3::from(camera.position) - Point3::from(camera.target);
     let middle = frame.center();
-    let eye = middle + right * radius.unwrap_or(away.norm());
+    let eye = middle + right * (0.5 * frame.diagonal());
+    // A single point, and what is lost beside its coordinates, is looked at from somewhere, too.
+    let eye = if eye == middle { middle + right * away.norm() } else { eye };
     let [eye, middle] = [eye, middle].map(|point| point.coords.component_div(&portrait.stretch()).into());
     Camera::looking(eye, middle)
 }
