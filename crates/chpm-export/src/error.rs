@@ -1,4 +1,4 @@
-//! What can be wrong with an export.
+//! Errors of an export.
 
 use chpm_format::FormatError;
 use chpm_mesh::{ClusterId, GroupId};
@@ -11,29 +11,29 @@ pub enum ExportError {
     /// The output could not be written.
     #[error("writing {format} failed: {source}")]
     Write {
-        /// What was written.
+        /// Format that was written.
         format: &'static str,
-        /// What the output said.
+        /// Cause.
         source: io::Error,
     },
     /// More of something than the format has room for.
     #[error("{format} has room for {limit} {what}, and this mesh takes {got}; {remedy}")]
     TooLarge {
-        /// What was to be written.
+        /// Format that was to be written.
         format: &'static str,
-        /// What there is too much of.
+        /// Name of the quantity that is too large.
         what: &'static str,
         /// How much there may be.
         limit: u64,
         /// How much there is.
         got: u64,
-        /// What helps.
+        /// Remedy, in words.
         remedy: &'static str,
     },
     /// A mesh that is not as it was announced.
     #[error("{what}: {expected} announced, {got} given")]
     Count {
-        /// What was counted.
+        /// Name of the quantity.
         what: &'static str,
         /// How many were announced.
         expected: u64,
@@ -45,7 +45,7 @@ pub enum ExportError {
     Compression {
         /// Its length.
         bytes: usize,
-        /// What the library said.
+        /// Message of the library.
         reason: String,
     },
     /// A page that is damaged.

@@ -5,7 +5,7 @@ use crate::vertex::Stride;
 use chpm_mesh::Attributes;
 use serde_json::{Map, Value, json};
 
-/// What readers know `EXT_meshopt_compression` as.
+/// Name of the extension `EXT_meshopt_compression`.
 const MESHOPT: &str = "EXT_meshopt_compression";
 
 /// Where a mesh stands.
@@ -19,7 +19,7 @@ pub enum Placement {
     ZUp,
 }
 
-/// What a GLB tells besides its mesh.
+/// Facts of a GLB beside its mesh.
 #[derive(Clone, Debug)]
 pub struct Facts {
     /// The program that wrote it.

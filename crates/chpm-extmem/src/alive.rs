@@ -1,4 +1,4 @@
-//! What the killed leave: told from what somebody is at work on by a lock of the kernel (`flock`) on the file or folder itself, which is given back
+//! Left-over files of killed processes, told from live ones by a lock of the kernel (`flock`) on the file or folder itself, which is given back
 //! however a process ends.
 //!
 //! Where a file system has no such locks, nothing is ever taken for left.

@@ -14,7 +14,7 @@ pub struct MemoryBudget {
     limit: u64,
     charge_limit: u64,
     used: AtomicU64,
-    /// What of it is charged.
+    /// Bytes reserved.
     charged: AtomicU64,
     peak: AtomicU64,
     /// Tasks that hold a charge and will give it back.
@@ -165,7 +165,7 @@ pub struct Reservation {
     kind: Kind,
 }
 
-/// What a task holds of a [`MemoryBudget`]; others may go on when it is dropped.
+/// Memory of a task out of a [`MemoryBudget`]; given back when it is dropped.
 #[derive(Debug)]
 pub struct TaskShare(Option<Reservation>);
 

@@ -1,4 +1,4 @@
-//! What can go wrong between memory and disk, said so that the reader knows what to do next.
+//! Errors between memory and disk, each with a remedy.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ pub enum ExtmemError {
         mib(*asked), mib(*used), mib(*limit), mib(*enough)
     )]
     Budget {
-        /// What the memory was for.
+        /// Purpose of the memory.
         what: &'static str,
         /// Bytes asked for.
         asked: u64,
@@ -50,7 +50,7 @@ pub enum ExtmemError {
     Locked {
         /// The file to be made.
         path: PathBuf,
-        /// What the holder of the lock says of itself.
+        /// Note that the holder of the lock left in it.
         owner: String,
     },
 
@@ -75,7 +75,7 @@ pub enum ExtmemError {
     Irregular {
         /// The name as given.
         path: PathBuf,
-        /// What has it.
+        /// Kind of thing that is in the way.
         is: &'static str,
     },
 
@@ -87,7 +87,7 @@ pub enum ExtmemError {
     Dangling {
         /// The link.
         path: PathBuf,
-        /// What is in it.
+        /// Target of the link.
         to: PathBuf,
     },
 
@@ -138,7 +138,7 @@ pub enum ExtmemError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Reason, in words.
         reason: &'static str,
     },
 
@@ -147,7 +147,7 @@ pub enum ExtmemError {
     Changed {
         /// The file.
         path: PathBuf,
-        /// What happened to it.
+        /// Kind of damage.
         how: &'static str,
     },
 

@@ -7,7 +7,7 @@ use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// What is to go wrong; nothing by default. Clones count together.
+/// Planned failures of file accesses; none by default. Clones count together.
 #[derive(Clone, Debug, Default)]
 pub struct Faults(Option<Arc<Armed>>);
 
@@ -16,7 +16,7 @@ struct Armed {
     /// The access that it happens at; the first one is 0.
     at: u64,
     seen: AtomicU64,
-    /// What the access fails with, or none if the process ends.
+    /// Error of the failing access, or none if the process ends there.
     error: Option<Errno>,
 }
 

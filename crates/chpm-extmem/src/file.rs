@@ -40,7 +40,7 @@ impl DataFile {
         DataFile { file, name, dir: Arc::clone(dir) }
     }
 
-    /// What it is called, if it is.
+    /// File name, if it has one.
     pub(crate) fn name(&self) -> Option<&str> {
         self.name.as_ref().map(|name| name.name.as_str())
     }
@@ -63,7 +63,7 @@ impl DataFile {
         self.attempt("write a work file in", bytes.len() as u64, || self.file.write_all_at(bytes, offset))
     }
 
-    /// What is never written reads as zeros.
+    /// Sets the length; bytes that are never written read as zeros.
     pub(crate) fn set_len(&self, len: u64) -> Result<(), ExtmemError> {
         self.attempt("extend a work file in", len, || self.file.set_len(len))
     }

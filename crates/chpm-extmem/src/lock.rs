@@ -64,7 +64,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     are_of_one(file.metadata(), fs::metadata(path))
 }
 
-/// What the holder wrote, shortened to something safe to print.
+/// Note of the holder, shortened to something safe to print.
 fn owner(file: &mut File) -> String {
     let mut bytes = Vec::new();
     let read = file.take(100).read_to_end(&mut bytes);

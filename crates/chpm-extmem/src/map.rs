@@ -262,7 +262,7 @@ fn allocate(file: &File, bytes: u64) -> std::io::Result<()> {
     file.set_len(bytes)
 }
 
-/// What a truncated file does to a map of it: the system answers every access behind its new end with SIGBUS. The handler here maps
+/// Truncation of a mapped file: the system answers every access behind its new end with SIGBUS. The handler here maps
 /// zeros over the rest of the map and notes it, so that the access goes on and its result can be refused.
 #[cfg(target_os = "linux")]
 mod cut {
@@ -295,7 +295,7 @@ mod cut {
         }
     }; SLOTS];
 
-    /// What the process did about such signals before, as a library that is loaded into another program has to know; `None` if there is
+    /// Signal actions before ours, as a library that is loaded into another program has to keep them; `None` if there is
     /// no handler.
     static BEFORE: OnceLock<Option<SigAction>> = OnceLock::new();
 

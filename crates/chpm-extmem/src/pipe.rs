@@ -1,4 +1,4 @@
-//! What comes through a pipe, as a file: it can be read more than once, and has a length.
+//! Seekable copy of a pipe's bytes: it can be read more than once, and has a length.
 
 use crate::{ExtmemError, Faults, WorkDir};
 use nix::errno::Errno;

@@ -1,4 +1,4 @@
-//! What the process really uses, as the operating system tells it. Known on Linux, `None` elsewhere.
+//! Resource usage of the process, from the operating system. Known on Linux, `None` elsewhere.
 
 use std::fs;
 

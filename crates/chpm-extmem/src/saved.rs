@@ -1,4 +1,4 @@
-//! What a manifest says of a file: its name, its length, and hashes that show whether it is whole.
+//! Record of a file in a manifest: name, length, and hashes that show whether it is whole.
 
 use crate::file::DataFile;
 use crate::{ExtmemError, WorkDir};

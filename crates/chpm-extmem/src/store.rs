@@ -1,4 +1,4 @@
-//! What every spilling container needs at hand: a budget to ask and a directory to turn to.
+//! Memory budget and work directory of a spilling container.
 
 use crate::{ExtmemError, MemoryBudget, WorkDir};
 use std::path::Path;

@@ -82,7 +82,7 @@ impl WorkDir {
         self.listed.is_some()
     }
 
-    /// What is to go wrong with its files.
+    /// Planned failures of its files.
     pub fn faults(&self) -> &Faults {
         &self.faults
     }

@@ -36,7 +36,7 @@ struct Node {
     child: [u32; WIDTH],
 }
 
-/// What tells children of a node from others of it.
+/// Separation of two sets of a node's children.
 #[derive(Clone, Copy, Debug)]
 struct Parted {
     parting: Parting,
@@ -47,7 +47,7 @@ struct Parted {
 const ITEM: u32 = 1 << 31;
 /// No child.
 const NONE: u32 = u32::MAX;
-/// What is left of a square with rounding on the safe side: that of singles takes a few of their last bits.
+/// Factor that keeps a squared distance a lower bound: singles lose a few of their last bits.
 const SAFE: f32 = 1.0 - 16.0 * f32::EPSILON;
 /// Below so many items a parting is looked for only under another one: those of ordinary surfaces cost more than they spare.
 const PARTABLE: usize = 2 * WIDTH;
@@ -181,7 +181,7 @@ impl BoxTree {
         &self.order
     }
 
-    /// What tells the two halves apart where their boxes do not.
+    /// Separation of the two halves where their boxes overlap.
     pub(crate) fn halves(&self) -> Option<Parting> {
         self.halves
     }
@@ -282,7 +282,7 @@ struct Split {
     is_in_one_another: bool,
 }
 
-/// What a tree is built of.
+/// Input of a tree's construction.
 struct Builder<'a, F, P> {
     boxes: &'a [Aabb],
     middles: Vec<[f64; 3]>,

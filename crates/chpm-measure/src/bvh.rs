@@ -65,7 +65,7 @@ impl Bvh {
         self.tree.len_bytes() + size_of_val(&self.corners[..]) + size_of_val(&self.shells[..])
     }
 
-    /// What tells its two halves apart where their boxes do not.
+    /// Separation of the two halves where their boxes overlap.
     pub(crate) fn halves(&self) -> Option<Parting> {
         self.tree.halves()
     }

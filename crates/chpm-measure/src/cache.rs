@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::ops::AddAssign;
 
-/// What a vertex cache had to do.
+/// Counts of a simulated vertex cache.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct VertexCache {
     /// Triangles drawn.

@@ -16,7 +16,7 @@ pub struct EdgeCensus {
     pub inconsistent: usize,
 }
 
-/// What a mesh is made of. Vertices that no triangle uses are not counted.
+/// Topology of a mesh. Vertices that no triangle uses are not counted.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Topology {
     /// Vertices that triangles use.

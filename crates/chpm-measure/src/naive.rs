@@ -47,7 +47,7 @@ struct State<'a> {
     costs: BTreeMap<(u32, u32), u64>,
 }
 
-/// What the directed edges opposite a vertex make: its link.
+/// Link of a vertex: the directed edges opposite it.
 struct Link {
     /// First vertex of the open path, where there is one.
     start: Option<u32>,

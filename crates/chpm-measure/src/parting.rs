@@ -19,7 +19,7 @@ const IN_ONE_ANOTHER: f64 = 0.5;
 /// They are apart where it is no more than this.
 const APART: f64 = 0.125;
 
-/// What is lost of a sum of products, as a share of the largest coordinate, and more.
+/// Rounding error of a sum of products, relative to the largest coordinate, with room.
 const LOST: f64 = 1.0 / (1u64 << 48) as f64;
 
 impl Parting {
@@ -83,7 +83,7 @@ fn dot(across: [f32; 3], point: Point3<f64>) -> f64 {
     f64::from(x) * point.x + f64::from(y) * point.y + f64::from(z) * point.z
 }
 
-/// What two ranges have in common, as a part of the smaller one; all of it where that is a point in the other.
+/// Overlap of two ranges, as a part of the smaller one; 1 where that is a point in the other.
 fn common([[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
     let (both, least) = (b.min(d) - a.max(c), (b - a).min(d - c));
     match (least > 0.0, both >= 0.0) {

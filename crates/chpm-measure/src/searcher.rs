@@ -73,7 +73,7 @@ impl<'t> Searcher<'t> {
         }
     }
 
-    /// What was nearest before, from another point.
+    /// Distance from another point to the triangle that was nearest before: an upper bound to start with.
     fn again(&mut self, point: Point3<f64>) -> Option<Hit> {
         let last = self.last?;
         let square = self.held.bvh(self.tiles, last.tile).squared_distance(last.place, point);

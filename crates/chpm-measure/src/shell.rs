@@ -1,4 +1,4 @@
-//! What a point is away from a triangle at least, found in a few operations: most triangles that come near a search are not the nearest one.
+//! Lower bound on the distance of a point and a triangle, in a few operations: most triangles that come near a search are not the nearest one.
 
 use crate::proof::Corners;
 use chpm_mesh::geom;
@@ -17,7 +17,7 @@ pub(crate) struct Shell {
 
 /// Lost of a sum of products, as a share of these, and more.
 const LOST: f32 = 1.0 / (1u32 << 20) as f32;
-/// What is left of a square, as directions are neither of length one nor upright on each other by a few roundings.
+/// Factor that keeps a square a lower bound: directions are off unit length and a right angle by a few roundings.
 const SAFE: f64 = 1.0 - 1e-6;
 
 impl Shell {

@@ -72,7 +72,7 @@ impl Block {
     }
 }
 
-/// What a search from each sample finds.
+/// Runs a search from each sample.
 fn find<S, F: Send>(
     held: &[Held],
     start: &(impl Fn() -> S + Sync),

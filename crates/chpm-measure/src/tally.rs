@@ -1,4 +1,4 @@
-//! What distances come to: the largest and where, the mean, the root mean square.
+//! Statistics of distances: the largest and where, the mean, the root mean square.
 
 use nalgebra::Point3;
 
@@ -58,7 +58,7 @@ impl Tally {
         self.farthest.map_or(0.0, |(max, _)| max)
     }
 
-    /// What it comes to.
+    /// Statistics so far.
     pub fn side(&self) -> Side {
         let per_area = |sum: f64| if self.area > 0.0 { sum / self.area } else { 0.0 };
         Side {

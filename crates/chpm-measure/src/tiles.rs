@@ -23,7 +23,7 @@ pub struct Tiles<'a> {
 #[derive(Default)]
 struct Slot {
     bvh: Mutex<Option<Arc<Bvh>>>,
-    /// What is known of its halves since it was first loaded, if boxes say little: it need not be loaded to see that it is far away.
+    /// Separation of the halves, found when the tile was first loaded, if boxes say little: it need not be loaded to see that it is far away.
     halves: OnceLock<Option<Parting>>,
     /// When it was loaded or last asked for under pressure.
     used: AtomicU64,
@@ -107,7 +107,7 @@ impl<'a> Tiles<'a> {
     }
 }
 
-/// What tells two sets of tiles apart: looked for where they meet, at that triangle of the tile in between which is nearest to the first set.
+/// Separation of two sets of tiles: looked for where they meet, at that triangle of the tile in between which is nearest to the first set.
 fn part(
     boxes: &[Aabb],
     load: &impl Fn(usize) -> TriMesh,

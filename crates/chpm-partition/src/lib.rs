@@ -44,7 +44,7 @@ pub struct Partition {
     pub parts: Vec<u32>,
     /// The number of parts, none of them empty: the number asked for, or the number of nodes if that is smaller.
     pub part_count: u32,
-    /// What the repair found and did.
+    /// Findings and changes of the repair.
     pub report: RepairReport,
     /// The algorithm that made the partition: [`Partitioner::Greedy`] also where METIS was asked for and failed.
     pub used: Partitioner,

@@ -4,7 +4,7 @@ use crate::{CsrGraph, PartitionError};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
-/// What [`repair`] found and did.
+/// Findings and changes of [`repair`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct RepairReport {
     /// Pieces that were given to a neighbouring part.

@@ -14,12 +14,12 @@ use std::collections::{HashMap, HashSet};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-/// What is asked.
+/// A question about contacts.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Near {
     /// All that is within this distance is to be found.
     pub within: f64,
-    /// What is farther than `within` by more than this is not to be told, but for rounding: edges that are nearly parallel and nearly
+    /// Tolerance of the answer: pairs farther than `within` by more than this are not in it, but for rounding. Edges that are nearly parallel and nearly
     /// touch are told apart to some 1e-8 of their length.
     pub error: f64,
     /// Most triangles that may be near, and most pairs of groups that may be.
@@ -56,7 +56,7 @@ pub struct Contacts {
     pub regions: Vec<Region>,
     /// Whether nothing is missed; not, where the caller had enough.
     pub complete: bool,
-    /// What was read, of each model.
+    /// Reads of each model.
     pub reads: [Reads; 2],
     /// Pairs of triangles that are near.
     pub pairs: u64,
@@ -120,7 +120,7 @@ struct Search<'s, 'a, 'b, D, E> {
     found: Found,
     pairs: u64,
     farthest: f64,
-    /// What is to be compared next.
+    /// Pairs still to be compared.
     jobs: Vec<Job>,
 }
 
@@ -328,7 +328,7 @@ fn depth(t: &Corners, u: &Corners) -> f64 {
     behind(t, u).min(behind(u, t))
 }
 
-/// What is known of a region, kept at its first triangle.
+/// Best pair of a region, kept at its first triangle.
 #[derive(Clone, Copy, Debug)]
 struct Best {
     least: f64,

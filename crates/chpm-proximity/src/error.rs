@@ -1,4 +1,4 @@
-//! What can be wrong with a question about two models.
+//! Errors of a question about two models.
 
 use chpm_format::FormatError;
 
@@ -14,17 +14,17 @@ pub enum ProximityError {
         "{expected} expected, got {got}: nothing can be proven with it; build the file again with this version of chpm"
     )]
     Unproven {
-        /// What would be right.
+        /// Expected form.
         expected: &'static str,
-        /// What is there.
+        /// Found form.
         got: &'static str,
     },
     /// A motion that changes distances, or is none.
     #[error("pose: {expected} expected, got {got}; scale the model before it is built, not in the pose")]
     Pose {
-        /// What would be right.
+        /// Expected value.
         expected: &'static str,
-        /// What is there.
+        /// Found value.
         got: String,
     },
     /// A length that nothing can be compared with.
@@ -32,7 +32,7 @@ pub enum ProximityError {
     Length {
         /// Which.
         what: &'static str,
-        /// What is there.
+        /// Found value.
         got: f64,
     },
     /// More is in contact than there is memory for.
@@ -40,7 +40,7 @@ pub enum ProximityError {
         "more than {limit} {what} are near, which the memory has no room for; ask for a smaller distance (--within) or a larger --error, or give more --memory"
     )]
     TooMany {
-        /// What there is too much of.
+        /// Name of the quantity that is too large.
         what: &'static str,
         /// Most that fit.
         limit: usize,

@@ -1,4 +1,4 @@
-//! What a search leaves to the next one: pairs of groups that stand for everything together, and how near they are at least. Where the models have moved by
+//! State between one search and the next: pairs of groups that stand for everything together, with a lower bound each. Where the models have moved by
 //! some length since, they are nearer by that at most. So a step looks at those alone that may have come near enough to matter.
 
 use crate::pose::Between;
@@ -37,7 +37,7 @@ impl PartialOrd for Pair {
     }
 }
 
-/// What is known of two models from the poses before. It is of these two models alone.
+/// Pairs and bounds of two models from earlier poses. It belongs to these two models alone.
 #[derive(Debug, Default)]
 pub struct Front {
     pub(crate) waiting: BinaryHeap<Pair>,
@@ -106,12 +106,12 @@ impl Front {
         self.whole = pairs;
     }
 
-    /// What a bound of now is kept as: rounded down.
+    /// Key under which a present bound is kept: rounded down.
     pub(crate) fn key(&self, least: f64) -> f64 {
         if self.moved == 0.0 { least } else { (least + self.moved) * (1.0 - 4.0 * f64::EPSILON) }
     }
 
-    /// What a pair's bound is by now.
+    /// Lower bound of a pair by now.
     pub(crate) fn least(&self, pair: &Pair) -> f64 {
         if self.moved == 0.0 { pair.key } else { pair.key - self.moved - 4.0 * f64::EPSILON * self.moved }
     }

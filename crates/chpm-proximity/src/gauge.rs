@@ -14,7 +14,7 @@ use std::sync::Arc;
 pub struct Gauge<'m, 'a, D> {
     reference: &'m Model<'a, D>,
     between: Between,
-    /// What the points are off by: from their source's, and by what f64 loses.
+    /// Error of the points: against their source, and by rounding.
     points: f64,
     tolerance: f64,
 }

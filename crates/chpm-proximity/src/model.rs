@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What was read to answer.
+/// Bytes and pages read for an answer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Reads {
     /// Pages.
@@ -118,7 +118,7 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
         self.rounding
     }
 
-    /// What was read so far.
+    /// Reads so far.
     pub fn reads(&self) -> Reads {
         lock(&self.shelf).reads
     }

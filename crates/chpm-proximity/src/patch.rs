@@ -59,7 +59,7 @@ impl Node {
     }
 }
 
-/// What a search among the triangles of two patches has found.
+/// Result of a search among the triangles of two patches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Found {
     /// No triangles of the patches are nearer.
@@ -294,7 +294,7 @@ impl Spot {
     }
 }
 
-/// What may be left open of a distance, as a share of the coordinates, before more is done about it.
+/// Relative width of an interval that needs no further work.
 const SURE: f64 = 1e-13;
 
 /// Whether to divide the first box (or the second); none where neither is divided.
@@ -381,7 +381,7 @@ struct Search<'a> {
     b: &'a Patch,
     between: &'a Between,
     slack: f64,
-    /// What is at least so far away is of no interest.
+    /// Distance from which on nothing matters.
     most: f64,
     least: f64,
     near: Option<(Near, [u32; 2])>,

@@ -111,7 +111,7 @@ fn nearest_rotation(given: &Matrix3<f64>) -> Matrix3<f64> {
 /// A model's frame and how large it is in it, as far as a pose is concerned.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
-    /// What local positions are relative to.
+    /// Origin of local positions.
     pub(crate) origin: [f64; 3],
     /// No local position is farther from zero.
     pub(crate) reach: f64,
@@ -161,7 +161,7 @@ impl Between {
     }
 }
 
-/// What moving a point, and the distance of two triangles, lose at most as a share of the largest position: three products and sums for each, with room.
+/// Rounding error of moving a point and of the distance of two triangles, relative to the largest position: three products and sums for each, with room.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// A number as the sum of two, the second below the last digit of the first.

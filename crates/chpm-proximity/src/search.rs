@@ -7,7 +7,7 @@ use crate::pose::{Between, Pose};
 use crate::triangle::{self, Near};
 use chpm_mesh::{ClusterId, GroupId};
 
-/// What is asked.
+/// A question about the distance.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Question {
     /// The interval may be this wide, object units.
@@ -57,7 +57,7 @@ pub struct Answer {
     pub witness: Option<Witness>,
     /// Why it is not narrower.
     pub end: End,
-    /// What was read for it, of each model.
+    /// Reads of each model.
     pub reads: [Reads; 2],
     /// Pairs of groups that were looked at.
     pub pairs: u64,
@@ -168,9 +168,9 @@ struct Search<'s, 'a, 'b, D, E> {
     question: &'s Question,
     /// Somewhere the sources are as near.
     most: f64,
-    /// What was compared at the sources' triangles is nowhere nearer.
+    /// Lower bound over the pairs that were compared at the sources' triangles.
     settled: f64,
-    /// What that was.
+    /// Pairs that were compared there.
     done: Vec<Pair>,
     witness: Option<Witness>,
     front: &'s mut Front,
@@ -294,7 +294,7 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
         }
     }
 
-    /// What is farther away than this plays no part.
+    /// Distance from which on a pair plays no part.
     fn limit(&self) -> f64 {
         // Beyond what is asked for by the margin, so that what is found to be so far away is above it.
         self.question.above.map_or(self.most, |above| self.most.min(above + self.between.margin))

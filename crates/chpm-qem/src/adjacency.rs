@@ -14,7 +14,7 @@ impl Face {
         self.dead != 0
     }
 
-    /// What it is about one of its corners, while it lives.
+    /// A live face as seen from one of its corners; `None` where it is dead or has no such corner.
     fn wing(&self, face: u32, vertex: u16) -> Option<Wing> {
         let [x, y, z] = self.corners;
         let (a, b) = if x == vertex {

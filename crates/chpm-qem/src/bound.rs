@@ -18,17 +18,17 @@ use nalgebra::Point3;
 /// A component lies apart if its points would have to go so many times as far as it is large to end on another. It is also what a
 /// component that vanishes costs, as a multiple of its size.
 const APART: f64 = 4.0;
-/// What is so much beyond a limit is beyond it, whatever rounding does.
+/// A margin over a limit that no rounding explains.
 const BEYOND: f64 = 1.000_001;
 
-/// What a collapse would do to the faces about it.
+/// The effect of a collapse on the faces about it.
 #[derive(Debug, Default)]
 pub(crate) struct Proposal {
     /// Faces that would be displaced, and how far they would then be.
     pub(crate) faces: Vec<Displaced>,
     /// The price of what would vanish; 0 if nothing would.
     vanished: f64,
-    /// What would vanish.
+    /// The component that the collapse would drop.
     pub(crate) remnant: Option<Remnant>,
     /// Where the faces that lose their area put their points; only where the fans do not lie over each other.
     handed: Vec<Handed>,
@@ -90,7 +90,7 @@ impl Proposal {
     }
 }
 
-/// What a bound is found from: a patch, its faces that are left with their displacements, and the fan of u.
+/// The inputs of a bound: a patch, its live faces with their displacements, and the one-ring of u.
 #[derive(Clone, Copy)]
 pub(crate) struct Scene<'a> {
     pub(crate) given: &'a Given<'a>,
@@ -247,7 +247,7 @@ fn sum(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
     [0, 1].map(|i| round_up(f64::from(a[i]) + f64::from(b[i])))
 }
 
-/// What a face that gets points has of the edge that they are on.
+/// The edge that hands points to a face, as that face has it.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Via {
     /// All of it.

@@ -25,8 +25,8 @@ use chpm_mesh::geom::round_up;
 /// asked for is done, a collapse whose bound is so many times the error up to there is left to a level on which it is cheap.
 const STEEP: f64 = 4.0;
 
-/// What was locked on many levels is denser than what lies about it. So beyond what was asked for, a seam goes on as long as that costs
-/// next to nothing: up to so many times the error that its patch came with.
+/// Factor on the incoming error of a patch, up to which a group border goes on beyond the target. Vertices that were locked on many levels
+/// are denser than what lies about them, so collapsing some more of them costs next to nothing.
 const CATCH_UP: f64 = 1.2;
 
 /// Share of a forced collapse's cost below which the quadric's says that the vertex would go for nothing if it could.
@@ -62,7 +62,7 @@ pub struct Decimator {
     displacements: Vec<Displacement>,
     looks: LookTracker,
     collapses: Vec<Collapse>,
-    /// What has vanished, and the error when the first of it did.
+    /// Dropped components, and the error when the first of them was dropped.
     remnants: Vec<Remnant>,
     vanishing: f32,
 }

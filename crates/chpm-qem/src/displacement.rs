@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::round_up;
 use nalgebra::Vector3;
 
-/// What a sum of two numbers can lose in f64, as a share of either, and more.
+/// Relative rounding error of a sum of two f64 numbers, with room.
 const LOST: f64 = 1.0 / (1u64 << 50) as f64;
 
 /// The box of displacements of a face: the composed map of all collapses takes every point of the source surface to a point

@@ -131,7 +131,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// What a look at all of them finds, and without asking about most.
+        /// Same answer as brute force, with few vertices tested.
         #[test]
         fn it_is_the_nearest_and_few_are_asked_about(
             places in prop::collection::vec(prop::array::uniform3(-1.0f32..1.0), 1..2000),

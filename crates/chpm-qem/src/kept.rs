@@ -45,7 +45,7 @@ impl Kept {
         self.slots[usize::from(u)].count = 0;
     }
 
-    /// What was kept of u at a price: where it would go, the bound, and the displacements after that. A vertex that is in the queue
+    /// The proposal that u was queued with at this price: target, bound, and displacements. A vertex that is in the queue
     /// twice may come up at a price that was another proposal's.
     pub(crate) fn at_price(&self, u: u16, price: f32) -> Option<(u16, f64, &[Displaced])> {
         let slot = self.slots[usize::from(u)];

@@ -9,7 +9,7 @@ use chpm_mesh::geom::area_vector;
 
 /// A collapse is a flip if the cosine between a face's normals before and after is not above this.
 const MIN_COSINE: f64 = 0.25;
-/// What is so much beyond the square of the limit is beyond the limit, whatever rounding does; products above this have all their digits.
+/// A margin over the squared limit that no rounding explains; products above this have all their digits.
 const CLEAR: f64 = 1.000_001;
 const LEAST_SQUARES: f64 = 1e-250;
 

@@ -13,7 +13,7 @@ use chpm_mesh::geom::round_up;
 use chpm_mesh::{Octahedral, VertexSlices};
 use nalgebra::{Vector3, Vector4};
 
-/// What f64 can lose of a difference of attributes, as a share of the values that it is made of, and more.
+/// Relative rounding error of a difference of attributes, with room.
 const LOST: f64 = 1.0 / (1u64 << 48) as f64;
 
 /// Normals and colours are handled alike, as values from 0 to 255: this is what coordinates of a unit normal are scaled by.
@@ -24,7 +24,7 @@ const COLOR: usize = 1;
 /// A vertex's normal, scaled, or its colour.
 type Value = Vector4<f64>;
 
-/// What the vertices of a patch look like, and how far its triangles are from how the source looks.
+/// Attributes of a patch's vertices, and how far its triangles deviate from the source's attributes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Looks<'a> {
     /// Normals of any length, one a vertex or none.
@@ -38,7 +38,7 @@ pub struct Looks<'a> {
 }
 
 impl<'a> Looks<'a> {
-    /// What vertices and `faces` look like.
+    /// Attribute error of `faces` over these vertices.
     pub fn new(vertices: VertexSlices<'a>, faces: &'a [FaceLook]) -> Self {
         let VertexSlices { normals, octahedral, colors, .. } = vertices;
         Looks { normals, octahedral, colors, faces }
@@ -168,7 +168,7 @@ impl Range {
 }
 
 impl FaceLook {
-    /// What the face has now.
+    /// Deviation of the face as it is now.
     pub fn deviation(&self) -> Deviation {
         let [normal, color] = self.deviations;
         Deviation { normal: round_up(f64::from(normal) / NORMAL_SCALE), color }
@@ -197,7 +197,7 @@ fn larger(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
     [a[0].max(b[0]), a[1].max(b[1])]
 }
 
-/// What a difference of values counts: the length of a normal, the largest channel of a colour.
+/// Size of a difference: the length of a normal, the largest channel of a colour.
 fn length(attribute: usize, difference: &Value) -> f64 {
     if attribute == NORMAL { difference.norm() } else { difference.amax() }
 }
@@ -212,7 +212,7 @@ pub(crate) struct LookTracker {
     largest: [f32; 2],
     /// Differences at the corners of the cells.
     corners: Vec<[f32; 2]>,
-    /// What the faces about v come to.
+    /// Deviations of the faces about v after the collapse.
     changed: Vec<FaceLook>,
 }
 

@@ -13,7 +13,7 @@ pub(crate) struct Nearest {
     known: Vec<Known>,
 }
 
-/// What was last found about a vertex.
+/// Last known nearest vertex of a vertex.
 #[derive(Clone, Copy, Debug)]
 struct Known {
     /// The nearest other one that has faces; the vertex itself if there was none, or none was looked for.
@@ -79,7 +79,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// What a look at every vertex finds, while faces die.
+        /// Same answer as brute force, while faces die.
         #[test]
         fn it_is_the_nearest(
             positions in prop::collection::vec(prop::array::uniform3(-4i8..4), 3..90),

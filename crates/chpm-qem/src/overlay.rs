@@ -20,19 +20,19 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 use seen::{Projected, ROOM, Seen};
 use std::ops::Range;
 
-/// What f64 can lose of a projected area, as a share of the fan's squared size: coordinates lose at most 3 * 2^-53 of the size, and
+/// Rounding error of a projected area, relative to the squared size of the one-ring: coordinates lose at most 3 * 2^-53 of the size, and
 /// a cross product of two of their differences less than 2^-46 of its square.
 const AREA_LOSS: f64 = 1.0 / (1u64 << 46) as f64;
 /// Areas below this share count as none; what passes has its sign for certain.
 const AREA_SHARE: f64 = 1.0 / (1u64 << 36) as f64;
-/// What f64 can lose of a height, as a share of the fan's size, and more.
+/// Rounding error of a height, relative to the size of the one-ring, with room.
 const HEIGHT_LOSS: f64 = 1.0 / (1u64 << 48) as f64;
 
 /// Where an old and a new edge cross, as shares of them.
 struct Crossing {
     on_old: f64,
     on_new: f64,
-    /// What was divided by.
+    /// Divisor of the weights.
     area: f64,
     /// One over that; zero for zero.
     per_area: f64,
@@ -255,7 +255,7 @@ impl Overlay {
         Some([low, high])
     }
 
-    /// What the two vertices of the loop that u lies between have of it, in the new face there, and what was divided by.
+    /// Weights of u for the two loop vertices that it lies between in the new face there, and their divisor.
     fn apex_shares(&self, sector: usize) -> ([f64; 2], f64) {
         let area = self.new.at(sector).cross(self.new.at(sector + 1));
         let per_area = 1.0 / area;
@@ -373,7 +373,7 @@ impl Sweep {
     }
 }
 
-/// What rounding can do to a displacement.
+/// Rounding error of a displacement.
 struct Loss {
     /// To a height.
     height: f64,

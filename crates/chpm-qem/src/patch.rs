@@ -1,4 +1,4 @@
-//! What goes into a decimation and what comes out.
+//! Input and output of a decimation.
 
 use crate::displacement::Displacement;
 use crate::look::Looks;
@@ -18,7 +18,7 @@ pub struct Patch<'a> {
     pub displacements: &'a [Displacement],
     /// Per vertex, whether another cluster shares it, so that it may not collapse.
     pub locked: &'a [bool],
-    /// What the vertices look like; it has no influence on what collapses.
+    /// Attributes of the vertices; they have no influence on the order of collapses.
     pub looks: Looks<'a>,
 }
 
@@ -45,7 +45,7 @@ pub struct Collapse {
     pub error: f32,
 }
 
-/// What a decimation did.
+/// Result of a decimation.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome<'a> {
     /// The collapses in the order in which they were carried out.
@@ -64,7 +64,7 @@ pub struct Outcome<'a> {
     pub refusals: Refusals,
 }
 
-/// What a run is given: a patch, and in a seam which members have a vertex.
+/// Input of a run: a patch, and for a group border the members that have each vertex.
 #[derive(Clone, Copy)]
 pub(crate) struct Given<'a> {
     pub(crate) patch: &'a Patch<'a>,

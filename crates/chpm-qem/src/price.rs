@@ -1,4 +1,4 @@
-//! What a collapse costs: what orders the vertices until the bound of their collapse is known, and after that.
+//! Cost of a collapse: first a guess, then its bound.
 
 use crate::adjacency::Wing;
 use crate::displacement::Displacement;
@@ -20,8 +20,8 @@ const LENGTH_TERM: f64 = 1e-12;
 /// measured ones, and the build took 1.1 and 1.2 times as long.
 const BOUND_TERM: f64 = 1.0;
 
-/// What a vertex costs until its bound is known, as a multiple of its quadric's cost and the squared displacement about it together:
-/// the bound is seldom less than they are. When this was chosen, a CT scan took 3.1 bounds for each collapse without a guess (by the quadric's
+/// Factor of a guess: a vertex costs this multiple of its quadric's cost and the squared displacement about it together,
+/// until its bound is known, which is seldom less. When this was chosen, a CT scan took 3.1 bounds for each collapse without a guess (by the quadric's
 /// cost alone), and with 1, 1.25 and 1.5 here 2.6, 2.1 and 1.7; the measured RMS of a level was larger by up to 0, 2 and 4 %.
 const GUESS: f32 = 1.0;
 const HASTY_GUESS: f32 = 1.25;
@@ -36,9 +36,9 @@ pub(crate) struct Prices {
     quadrics: Vec<Quadric>,
     /// By face, the squared length of its longest displacement.
     displaced: Vec<f64>,
-    /// What a guess is multiplied by.
+    /// Factor of every guess.
     factor: f32,
-    /// What costs are multiplied by so that they fit an f32 for a model of any size.
+    /// Factor that makes costs fit an f32 for a model of any size.
     scale: f64,
     /// One over the area of the patch that falls to a vertex.
     per_mean_area: f64,
@@ -154,14 +154,14 @@ impl Prices {
         out.iter().fold(f32::INFINITY, |least, (cost, _)| if *cost < least { *cost } else { least })
     }
 
-    /// What a vertex will cost whose least half-edge cost is given: its faces keep the displacement that they have.
+    /// Guess for a vertex whose cheapest half-edge cost is given: its faces keep the displacement that they have.
     pub(crate) fn guess(&self, wings: &[Wing], least: f32) -> f32 {
         let squares = wings.iter().map(|wing| self.displaced[wing.face as usize]);
         let displaced = squares.fold(0.0, |most: f64, square| if square > most { square } else { most });
         self.factor * (least + (BOUND_TERM * displaced * self.scale) as f32)
     }
 
-    /// What a collapse costs that leaves displacements up to a bound.
+    /// Cost of a collapse whose displacements stay below a bound.
     pub(crate) fn of_bound(&self, bound: f64) -> f32 {
         (BOUND_TERM * bound * bound * self.scale) as f32
     }

@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(crate) struct Entry(u64);
 
-/// What a cost stands for, in the order in which equal ones come up.
+/// Kinds of cost, in the order in which equal ones come up.
 const GUESS: u64 = 0;
 const BOUND: u64 = 1;
 const OFFER: u64 = 2;

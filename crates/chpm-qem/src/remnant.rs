@@ -10,7 +10,7 @@ use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::{round_up, to_f64};
 use nalgebra::{Point3, Vector3};
 
-/// What the place of a ball can lose in f64, as a share of its coordinates, and more.
+/// Relative rounding error of a ball's centre, with room.
 const LOST: f64 = 1.0 / (1u64 << 50) as f64;
 
 /// A ball about points of the source that have vanished, object units.
@@ -127,7 +127,7 @@ mod tests {
     }
 
     proptest! {
-        /// What the box says of the points that ended somewhere, the ball holds.
+        /// Every point of the box lies in the ball.
         #[test]
         fn a_remnant_holds_its_points(
             at in prop::array::uniform3(-1e3f64..1e3),

@@ -1,4 +1,4 @@
-//! What is known of each vertex during a run, a byte each.
+//! Flags of each vertex during a run, a byte each.
 
 /// Flags of a vertex.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]

@@ -1,4 +1,4 @@
-//! What can be wrong with a selection.
+//! Errors of a selection.
 
 use chpm_format::FormatError;
 use chpm_mesh::{ClusterId, Counted};
@@ -27,17 +27,17 @@ pub enum RefineError {
     /// No mesh has so few triangles.
     #[error("the coarsest mesh has {}; ask for at least as many", Counted(*least, "triangle"))]
     Coarsest {
-        /// What the coarsest mesh has.
+        /// Size of the coarsest mesh.
         least: u64,
     },
     /// A view that nothing can be seen in.
     #[error("view: {what}: {expected} expected, got {got}")]
     View {
-        /// What is wrong.
+        /// Name of the wrong argument.
         what: &'static str,
-        /// What would be right.
+        /// Expected value.
         expected: &'static str,
-        /// What is there.
+        /// Found value.
         got: String,
     },
     /// A camera path that cannot be read.
@@ -45,9 +45,9 @@ pub enum RefineError {
     Path {
         /// Line of the text, from 1.
         line: usize,
-        /// What would be right.
+        /// Expected value.
         expected: &'static str,
-        /// What is there.
+        /// Found value.
         got: String,
     },
     /// The cut names a cluster that the file lacks.

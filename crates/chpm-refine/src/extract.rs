@@ -106,7 +106,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         self.triangle_count
     }
 
-    /// What the vertices carry. Normals are three numbers each, however the file has them.
+    /// Attributes of the vertices. Normals are three numbers each, however the file has them.
     pub fn attributes(&self) -> Attributes {
         self.file.header().attributes().decoded()
     }

@@ -34,7 +34,7 @@ pub(crate) struct Fill<'a, D, W, G> {
     lod: Lod,
 }
 
-/// What is refined next, the greatest first.
+/// A split that waits in the queue, the greatest first.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     weight: f64,

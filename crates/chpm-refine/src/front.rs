@@ -6,7 +6,7 @@ use crate::view::View;
 use chpm_format::{Chpm, ClusterRecord};
 use chpm_mesh::{ClusterId, GroupId};
 
-/// What a frame changed.
+/// Splits and collapses of a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Changes {
     /// Groups that were split.

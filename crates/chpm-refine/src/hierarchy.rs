@@ -5,7 +5,7 @@ use crate::view::{Region, View};
 use chpm_format::{Chpm, GroupRecord};
 use chpm_mesh::{GroupId, geom};
 
-/// What decides whether a group is split, for all groups of a file. Whatever the file, a group that a view wants split has only
+/// Split criteria of all groups of a file. Whatever the file, a group that a view wants split has only
 /// groups above that it wants split too: so there are no forced splits. A file that keeps I6 loses nothing by it; in
 /// another one errors are raised, spheres and boxes widened as far as needed.
 #[derive(Clone, Debug)]

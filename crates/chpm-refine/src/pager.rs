@@ -1,6 +1,6 @@
-//! What is to be read for a view, and for the one after it.
+//! Reads for a view, and prefetch for the next one.
 //!
-//! A front follows the view, whether the pages are there or not; what it has split is asked of a [`Residency`], the most pixels of error first. A second front follows
+//! A front follows the view, whether the pages are there or not; what it has split is wanted from a [`Residency`], the largest screen-space error first. A second front follows
 //! the view that is expected next. Who draws keeps the cut to the groups that are ready ([`Pager::is_ready`]).
 
 use crate::front::Front;
@@ -62,7 +62,7 @@ impl Pager {
         self.residency.update(file, hierarchy, wanted)
     }
 
-    /// What to read for a view to come, after [`Pager::want`], up to `limit` bytes: all that it splits where that is `allowed`, and
+    /// Prefetches for a view to come, after [`Pager::want`], up to `limit` bytes: all that it splits where that is `allowed`, and
     /// what it would split `next`.
     pub fn foresee<D: AsRef<[u8]>>(
         &mut self,
@@ -87,7 +87,7 @@ impl Pager {
         self.residency.arrive(file, cluster)
     }
 
-    /// What the last view wants, whether it is there or not.
+    /// Front of the last view, whether its pages are there or not.
     pub fn wanted(&self) -> &Front {
         &self.wanted
     }

@@ -1,4 +1,4 @@
-//! What a cluster is at every number of its vertices. Choosing a cut asks that again and again of the same clusters, and to read and
+//! Triangles and error of a cluster at every number of its vertices. Choosing a cut needs them again and again for the same clusters, and to read and
 //! unpack their pages each time would be most of the work.
 
 use crate::error::RefineError;
@@ -90,7 +90,7 @@ impl Profile {
         Profile { base_vertex_count: base, own_end: own_end(page), errors, triangles }
     }
 
-    /// What it takes in memory.
+    /// Bytes of a profile in memory.
     fn bytes(page: &Page<'_>) -> u64 {
         // The last is for its place among the others.
         (8 * (page.vertex_count() - page.base_vertex_count + 1) + 3 * size_of::<Profile>()) as u64

@@ -23,7 +23,7 @@ pub enum Request {
     View(View),
 }
 
-/// What was asked for and a file does not have.
+/// Requested quality that a file does not have.
 #[derive(Clone, Copy, PartialEq, Debug)]
 #[non_exhaustive]
 pub enum Shortfall {
@@ -34,7 +34,7 @@ pub enum Shortfall {
         /// How far the finest mesh is, object units.
         least: f32,
     },
-    /// What has vanished may be farther: the file is of version 1.0.
+    /// Dropped components may be farther: the file is of version 1.0.
     Unknown,
     /// The finest mesh has fewer triangles.
     Triangles {
@@ -93,7 +93,7 @@ impl Request {
         if least <= limit { Ok(()) } else { Err(RefineError::Coarsest { least }) }
     }
 
-    /// What of it the file does not have, where the cut that it gave keeps to such a distance, object units.
+    /// Missing quality, where the cut that it gave keeps to such a distance, object units.
     pub fn shortfall<D: AsRef<[u8]>>(&self, file: &Chpm<D>, cut: &Cut, distance: f32) -> Option<Shortfall> {
         let header = file.header();
         match *self {
@@ -138,7 +138,7 @@ impl Shortfall {
     }
 }
 
-/// What is left of a bound for a mesh that is rounded: never more than was asked for.
+/// Bound that is left for a mesh that is rounded: never more than was asked for.
 fn less(bound: f64, rounding: f64) -> f32 {
     match rounding > 0.0 {
         true => ((bound - rounding) as f32).next_down().max(0.0),

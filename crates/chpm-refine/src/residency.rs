@@ -17,11 +17,11 @@ use std::cmp::Reverse;
 pub struct Wanted {
     /// The group; all groups above it are wanted too, and listed before it.
     pub group: GroupId,
-    /// What matters more comes first where not everything fits; groups above matter at least as much. Pixels of error, for example.
+    /// Priority where not everything fits, the largest first; groups above have at least as much. Screen-space error, for example.
     pub priority: f64,
 }
 
-/// What is to be done after an update.
+/// Reads and evictions of an update.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Traffic {
     /// Pages to read, most urgent first; [`Residency::arrive`] is to be told of each.
@@ -275,7 +275,7 @@ impl Unit {
     }
 }
 
-/// What matters more comes first, groups above before those below.
+/// Order by priority, groups above before those below.
 fn by_priority(hierarchy: &Hierarchy, a: &Wanted, b: &Wanted) -> std::cmp::Ordering {
     let rank = |wanted: &Wanted| hierarchy.rank(wanted.group);
     b.priority.total_cmp(&a.priority).then_with(|| rank(a).cmp(&rank(b)))

@@ -1,4 +1,4 @@
-//! What a camera sees, and how much error it allows where.
+//! Camera, and the error that it allows where.
 //!
 //! Quick-VDR 2: the error-bound of a cluster is the largest deviation, in object units, that covers at most the allowed pixels at
 //! the cluster's nearest point to the viewer. A pixel is the angle of one in the middle of the image; perspective stretches what is
@@ -13,7 +13,7 @@ use nalgebra::{Point3, Vector3};
 pub struct Camera {
     /// The viewer.
     pub position: [f64; 3],
-    /// What is in the middle of the image; any other point than the position.
+    /// Point in the middle of the image; any other than the position.
     pub target: [f64; 3],
     /// Roughly upward in the image. Along the line of sight, or zero, any direction across it serves.
     pub up: [f64; 3],

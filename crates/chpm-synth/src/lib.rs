@@ -17,7 +17,7 @@ mod sphere;
 use chpm_mesh::TriMesh;
 use std::{fmt, str::FromStr};
 
-/// What to generate.
+/// Kinds of generated meshes.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub enum Shape {
     /// A fractal height field over the unit square: one component with an open boundary.
@@ -118,7 +118,7 @@ impl Synth {
         Synth { shape, plan }
     }
 
-    /// What it generates.
+    /// Shape that it generates.
     pub fn shape(&self) -> Shape {
         self.shape
     }

@@ -8,9 +8,9 @@ use super::noise::{hash, turn, unit, wave};
 /// An odd shape by name.
 #[derive(Clone, Copy)]
 pub struct Odd {
-    /// What it is called.
+    /// Name on the command line.
     pub name: &'static str,
-    /// What it is.
+    /// Description.
     pub is: &'static str,
     plan: fn(u32) -> Plan,
 }

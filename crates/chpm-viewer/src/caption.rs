@@ -7,7 +7,7 @@ use egui::epaint::{Color32, ColorImage};
 /// Of the smaller side of a picture, how high letters are; in pixels, at least and at most.
 const SHARE: f32 = 1.0 / 22.0;
 const HEIGHTS: [f32; 2] = [11.0, 40.0];
-/// What is behind words, and how much of it: they are read on any picture.
+/// Plate behind words, and its opacity: they are read on any picture.
 const PLATE: f32 = 255.0;
 const COVER: f32 = 0.8;
 const INK: f32 = 30.0;

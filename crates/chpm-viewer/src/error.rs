@@ -1,4 +1,4 @@
-//! What can go wrong between a file and a picture.
+//! Errors between a file and a picture.
 
 use chpm_extmem::ExtmemError;
 use chpm_format::FormatError;
@@ -19,7 +19,7 @@ pub enum ViewerError {
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Cause.
         source: FormatError,
     },
     /// A file cannot be opened.
@@ -27,7 +27,7 @@ pub enum ViewerError {
     Open {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Cause.
         source: io::Error,
     },
     /// The system refuses a thread.
@@ -47,7 +47,7 @@ pub enum ViewerError {
         offset: u64,
         /// Its length, bytes.
         len: u32,
-        /// What the system says.
+        /// Cause.
         source: io::Error,
     },
     /// A page is damaged.
@@ -66,9 +66,9 @@ pub enum ViewerError {
         "graphics: no adapter found ({wanted} wanted): {reason}; install a driver, or a software adapter such as mesa-vulkan-drivers; WGPU_BACKEND=vulkan or gl asks for one interface"
     )]
     NoAdapter {
-        /// What was looked for.
+        /// Adapter that was looked for.
         wanted: String,
-        /// What the system says.
+        /// Reason, in the system's words.
         reason: String,
     },
     /// The adapter cannot do what every picture needs.
@@ -78,7 +78,7 @@ pub enum ViewerError {
     Unable {
         /// The adapter.
         adapter: String,
-        /// What it lacks.
+        /// Feature that it lacks.
         what: String,
     },
     /// The device was lost or refused something.
@@ -90,7 +90,7 @@ pub enum ViewerError {
         adapter: String,
         /// During what.
         what: &'static str,
-        /// What the driver says.
+        /// Message of the driver.
         reason: String,
     },
     /// Not even the coarsest mesh fits.
@@ -100,7 +100,7 @@ pub enum ViewerError {
         what: &'static str,
         /// The least that serves.
         needed: Bytes,
-        /// What was allowed.
+        /// Allowed bytes.
         got: Bytes,
     },
     /// A picture of nothing.
@@ -111,7 +111,7 @@ pub enum ViewerError {
     Size {
         /// Longest side.
         limit: u32,
-        /// What was asked for.
+        /// Requested size.
         got: [u32; 2],
     },
     /// There are more triangles than 32-bit ids tell apart.

@@ -33,7 +33,7 @@ pub struct Fetch {
     threads: Vec<JoinHandle<()>>,
 }
 
-/// What the threads have in common.
+/// State that the threads share.
 #[derive(Debug)]
 struct Shared {
     file: Arc<Chpm<MappedFile>>,
@@ -119,7 +119,7 @@ impl Fetch {
         self.shared.news.notify_all();
     }
 
-    /// What has arrived since the last call, by cluster ids. Never waits.
+    /// Pages that arrived since the last call, by cluster ids. Never waits.
     pub fn try_arrived(&mut self) -> Vec<Arrival> {
         self.shared.lock().take_arrived()
     }
@@ -149,7 +149,7 @@ impl Fetch {
     }
 }
 
-/// What tests and measurements ask.
+/// Access for tests and measurements.
 #[cfg(feature = "internals")]
 impl Fetch {
     /// Pages asked for that have not arrived.

@@ -45,7 +45,7 @@ pub struct Viewer {
     gpu: Arc<Gpu>,
     /// One at least.
     models: Vec<Model>,
-    /// What the coordinates of the picture are relative to where they are rounded.
+    /// Origin of the picture's coordinates where they are rounded.
     origin: [f64; 3],
     /// The box around all models, relative to that.
     bounds: Aabb,
@@ -62,7 +62,7 @@ pub struct Viewer {
     now: u64,
     /// Of the last frame that flowed.
     before: Option<Camera>,
-    /// What the last frame that flowed drew.
+    /// Picture of the last frame that was rendered until it converged.
     drawn: Option<Picture>,
     rate: Rate,
     /// Pixels of error that a number of triangles has led to.
@@ -192,7 +192,7 @@ impl Viewer {
         self.bounds
     }
 
-    /// What the coordinates of boxes and outlines are relative to, in the picture's: that of the first file.
+    /// Origin of the coordinates of boxes and outlines, in the picture's: that of the first file.
     pub fn origin(&self) -> [f64; 3] {
         self.origin
     }
@@ -290,7 +290,7 @@ impl Viewer {
         if ok { Ok(()) } else { Err(ViewerError::Size { limit, got }) }
     }
 
-    /// What a picture is seen through with this camera.
+    /// Camera uniform of a picture with this camera.
     fn lens_of(&self, camera: &Camera, request: &FrameRequest) -> Lens {
         let (camera, bounds) = (camera.relative_to(self.origin), self.bounds);
         let lens = Lens::new(&camera, request.viewport, &bounds).of_request(request, self.origin);
@@ -302,7 +302,7 @@ impl Viewer {
         lens.with_near(nears.reduce(f64::min).unwrap_or(lens.near()))
     }
 
-    /// What a frame sees of each model with this camera.
+    /// Eye of each model with this camera.
     fn eyes(&self, camera: &Camera, request: &FrameRequest, poe: f64) -> Result<Vec<Eye>, ViewerError> {
         let lens = self.lens_of(camera, request);
         self.models.iter().map(|model| model.eye(camera, &lens, request, poe)).collect()

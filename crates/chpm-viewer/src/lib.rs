@@ -30,7 +30,7 @@ pub use place::Place;
 pub use request::{Accuracy, Budgets, Clip, Coloring, FrameRequest, Look, Shading, Target};
 pub use stats::{Stats, Times};
 
-/// What tests and benches look at.
+/// Access for tests and benches.
 #[cfg(feature = "internals")]
 pub mod internals {
     pub use crate::fetch::{Arrival, Fetch, PageData};

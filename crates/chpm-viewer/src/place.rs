@@ -34,7 +34,7 @@ impl Place {
         Place { stretch, ..Place::STILL }
     }
 
-    /// What each coordinate of the model is multiplied by.
+    /// Factor on each coordinate of the model.
     pub(crate) fn stretch(&self) -> Vector3<f64> {
         self.stretch
     }

@@ -1,11 +1,11 @@
-//! What one frame is asked for.
+//! Request for one frame.
 
 use chpm_mesh::Bytes;
 use chpm_refine::Camera;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// What a viewer may use; both hold on models that are many times larger.
+/// Memory that a viewer may use; both limits hold on models that are many times larger.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Budgets {
     /// Main memory for pages and what is made of them.
@@ -63,7 +63,7 @@ impl Shading {
     }
 }
 
-/// What colours show.
+/// Meaning of colours.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Coloring {
     /// One colour.
@@ -175,7 +175,7 @@ impl FromStr for Clip {
 pub struct Look {
     /// Flat or smooth.
     pub shading: Shading,
-    /// What colours show.
+    /// Meaning of colours.
     pub colors: Coloring,
     /// Edges as lines, over the faces.
     pub wireframe: bool,
@@ -222,11 +222,11 @@ pub struct FrameRequest {
     pub accuracy: Accuracy,
     /// How it looks.
     pub look: Look,
-    /// What lies outside the image is neither drawn nor refined.
+    /// Whether surface outside the image is neither drawn nor refined.
     pub frustum_culling: bool,
-    /// What is hidden is neither drawn nor refined.
+    /// Whether hidden surface is neither drawn nor refined.
     pub occlusion_culling: bool,
-    /// What is beyond a plane is not drawn, whatever is asked for, and neither refined nor read where what is outside the image is not.
+    /// Clipping plane: surface beyond it is never drawn, and neither refined nor read where `frustum_culling` is on.
     pub clip: Option<Clip>,
     /// A frozen selection: the mesh is selected and culled for this camera, and drawn from the other one.
     pub select_from: Option<Camera>,
@@ -243,7 +243,7 @@ pub struct FrameRequest {
     pub kept: bool,
 }
 
-/// What a frame may take to refine, if nothing else is told.
+/// Time that a frame may take to refine, by default.
 const PATIENCE: Duration = Duration::from_millis(10);
 
 impl FrameRequest {
@@ -271,7 +271,7 @@ impl FrameRequest {
     }
 }
 
-/// What a frame is drawn into; its size is the request's viewport. The viewer brings its own depth and clears both.
+/// Target of a frame; its size is the request's viewport. The viewer brings its own depth and clears both.
 #[derive(Clone, Copy, Debug)]
 pub struct Target<'a> {
     /// The colour attachment, of usage `RENDER_ATTACHMENT`.

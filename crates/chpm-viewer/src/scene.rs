@@ -1,8 +1,8 @@
-//! What is drawn of one model: selection, pages in memory, and what is hidden.
+//! Draw list of one model: selection, pages in memory, and hidden parts.
 //!
-//! Two fronts: what the view wants of what may be seen, whether it is in memory or not; and the cut that is drawn, which follows as
+//! Two fronts: one that the view wants of the visible part, whether it is in memory or not; and the cut that is drawn, which follows as
 //! far as pages have come and fit. Both stop at groups of which nothing is seen; a hidden group that is split stays so until memory
-//! is short. Where something comes into the image, the boxes of all groups that it wants split are asked at once, level below level: a
+//! is short. Where something comes into the image, the boxes of all groups that it wants split are tested at once, level below level: a
 //! camera that jumps has its cut one answer later, if the pages are there.
 
 mod borders;
@@ -26,12 +26,12 @@ use std::sync::Arc;
 use std::time::Duration;
 use visibility::{Sight, Subject, Visibility};
 
-/// What is culled.
+/// Kinds of culling.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Culling {
-    /// What lies outside the image.
+    /// Whether surface outside the image is culled.
     pub frustum: bool,
-    /// What is hidden.
+    /// Whether hidden surface is culled.
     pub occlusion: bool,
 }
 
@@ -65,7 +65,7 @@ pub struct Scene {
     damaged: Vec<ClusterId>,
 }
 
-/// What came into sight.
+/// Clusters that came into sight.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct News {
     /// Clusters of the cut.

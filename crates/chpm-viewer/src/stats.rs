@@ -1,4 +1,4 @@
-//! What a frame did, and how long each part of it took.
+//! Work of a frame, and the time of each part of it.
 
 use std::ops::AddAssign;
 use std::time::Duration;

@@ -30,7 +30,7 @@ pub struct Options {
     pub y_up: bool,
     /// Whether the tiles are compressed with `EXT_meshopt_compression`.
     pub packed: bool,
-    /// What takes the model's coordinates to those of the world, column by column.
+    /// Matrix from the model's coordinates to those of the world, column by column.
     pub transform: Option<[f64; 16]>,
     /// Levels of the hierarchy that lie in one file of the tileset.
     pub span: u32,

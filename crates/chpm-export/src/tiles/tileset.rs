@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 pub struct Tileset {
     /// Where it lies in the tileset's folder.
     pub path: String,
-    /// What it says.
+    /// Content of the file.
     pub json: String,
 }
 
@@ -111,7 +111,7 @@ impl<D: AsRef<[u8]>> Writer<'_, D> {
         tile
     }
 
-    /// What a viewer decides by: the same for all coarse clusters of a group.
+    /// Error and bounds that a viewer decides by: the same for all coarse clusters of a group.
     fn node(&self, cluster: ClusterId) -> Value {
         let group = self.group(cluster);
         let error = self.tree.error(self.file.clusters()[cluster.index()].group());

@@ -73,7 +73,7 @@ fn falling<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<f32> {
     errors
 }
 
-/// What finds the parents within a group.
+/// Search for parents within a group.
 #[derive(Default)]
 struct Family {
     /// Triangles of the fine clusters, each with its cluster's number in the group; ascending, and each once.

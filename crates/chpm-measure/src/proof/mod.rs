@@ -54,7 +54,7 @@ pub struct Witness {
     pub tile: usize,
 }
 
-/// What was shown of a triangle.
+/// Outcome of a proof for one triangle.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Verdict {
     /// All of it is near enough.
@@ -65,10 +65,10 @@ pub enum Verdict {
     Undecided,
 }
 
-/// What is known of a triangle.
+/// Answer for one triangle.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Found {
-    /// What was asked.
+    /// Answer to the question.
     pub verdict: Verdict,
     /// No point is farther from the surface than this, whatever the verdict.
     pub reached: f64,
@@ -104,7 +104,7 @@ impl Allowed {
     }
 }
 
-/// What a run is to find out.
+/// Question of a run.
 enum Goal<'g> {
     Keep(&'g Allowed),
     /// The largest distance: what is farther than all before raises what is asked for.
@@ -336,8 +336,8 @@ impl<'a> Prover<'a> {
         most
     }
 
-    /// What to say of a point that no triangle keeps to: a proof that none does, or a larger distance to ask for, with which it is all
-    /// right after all.
+    /// Verdict on a point that no triangle keeps to: a proof that none does, or a larger distance to prove instead, which
+    /// may hold.
     fn refute(
         &mut self,
         point: Point3<f64>,
@@ -391,7 +391,7 @@ impl<'a> Prover<'a> {
         Some(Candidate::new(&mut self.target, hit, point, allowed, scale))
     }
 
-    /// What no point of a piece is beyond.
+    /// Upper bound on how far any point of a piece is.
     fn reach(&mut self, piece: &Piece, scale: f64) -> f64 {
         let middle = piece.middle();
         let Some(hit) = self.target.nearest(middle) else { return f64::INFINITY };

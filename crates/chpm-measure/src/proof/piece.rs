@@ -60,7 +60,7 @@ impl Piece {
         self.corners().iter().map(|corner| (corner - from).norm()).fold(0.0, f64::max)
     }
 
-    /// What is inside and what is outside of a plane; what is outside by less than `slack` is inside. None where rounding has bent the piece, or
+    /// Splits into the parts inside and outside of a plane; points that are outside by less than `slack` are inside. None where rounding has bent the piece, or
     /// its parts would have too many corners.
     pub(crate) fn cut(&self, plane: &Plane, slack: f64) -> Option<[Option<Piece>; 2]> {
         let mut heights = [0.0; MOST];

@@ -10,7 +10,7 @@ use nalgebra::{Point3, Vector3};
 /// Corners as they are stored.
 pub(crate) type Corners = [[f32; 3]; 3];
 
-/// What all that is computed here may be off by, as a share of the largest coordinate that took part: 2048 times what f64 rounds by. A place on
+/// Rounding error of everything that is computed here, relative to the largest coordinate that took part: 2048 times what f64 rounds by. A place on
 /// a triangle takes 12 roundings and a distance 10 more, each of at most twice the largest coordinate by the root of 3; and the corners of a piece are off
 /// their triangle by 14 roundings for each cut that it comes from, of which there are fewer than 96.
 pub const LOSS: f64 = 1.0 / (1u64 << 42) as f64;

@@ -1,4 +1,4 @@
-//! What is told, held against whole numbers of any length: of doubles far from zero, where the leaves round.
+//! Answers held against whole numbers of any length: doubles far from zero, where the leaves round.
 
 use crate::site::Built;
 use chpm_mesh::{Bytes, ClusterId, TriMesh};

@@ -38,7 +38,7 @@ fn placed(a: &Built, b: &Built, sides: [f64; 3], turned: bool) -> Pose {
     Pose::of_matrix(rows, [0, 1, 2].map(|axis| to[axis] - from[axis] + sides[axis] * side(axis))).unwrap()
 }
 
-/// What f64 may lose of coordinates like these, in formulas as those of the truth.
+/// Rounding error at coordinates like these, in formulas as those of the truth.
 pub(crate) fn rounding(a: &Built, b: &Built) -> f64 {
     let away = a.center().iter().chain(&b.center()).fold(0.0, |m: f64, x| m.max(x.abs()));
     1e-12 * (a.diagonal() + b.diagonal() + away)

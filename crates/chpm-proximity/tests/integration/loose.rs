@@ -1,4 +1,4 @@
-//! What coarse meshes, trimmed models and poses of few digits leave open: however loose the question, what is answered holds.
+//! Coarse meshes, trimmed models and poses of few digits: however loose the question, the answer holds.
 
 use crate::brute;
 use crate::site::{Built, Random};
@@ -143,7 +143,7 @@ fn given(built: &Built, place: impl Fn([f64; 3]) -> [f64; 3]) -> Vec<[[f64; 3]; 
     built.placed(&Pose::IDENTITY).into_iter().map(|t| t.map(&place)).collect()
 }
 
-/// What is missing of the digits of either pose widens the answer, so that it holds for what was given.
+/// Missing digits of either pose widen the answer, so that it holds for what was given.
 #[test]
 fn poses_of_few_digits_count_on_both_sides() {
     let ball = Built::new("ball", hand::icosphere(2), [0.0; 3], false);

@@ -13,7 +13,7 @@ pub(super) const CROSSINGS: u16 = 2;
 /// Most corners of what an old and a new face have in common.
 const MAX_CORNERS: usize = 4;
 
-/// What an old and a new face have in common.
+/// Intersection of an old and a new face.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
     /// The old face.

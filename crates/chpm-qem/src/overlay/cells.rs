@@ -5,7 +5,7 @@ use super::{AREA_LOSS, Crossing, Laid, Overlay};
 use crate::ring::{NO_FACE, View};
 use std::ops::RangeInclusive;
 
-/// What a share of an edge can be off by, as a share of the size squared over the area that it was divided by: twice what an area
+/// Rounding error of a weight on an edge, relative to the squared size over the area that it was divided by: twice what an area
 /// loses, and as much again for the area's own loss.
 const PLACE_LOSS: f64 = 4.0 * AREA_LOSS;
 
@@ -16,7 +16,7 @@ pub(crate) struct Place {
     pub(crate) old: (u16, f64),
     /// From v so far towards two vertices of the loop.
     pub(crate) new: [(u16, f64); 2],
-    /// What each of the shares may be off by.
+    /// Rounding error of each weight.
     pub(crate) loss: f64,
 }
 

@@ -35,7 +35,7 @@ fn exact3(p: [f64; 3]) -> [RBig; 3] {
 /// The fans about a loop, exactly.
 struct Fans {
     normal: [RBig; 3],
-    /// What u does before it goes along the normal.
+    /// Motion of u within the plane, before it goes along the normal.
     slide: [RBig; 3],
     /// u, once it has slid.
     foot: Place,
@@ -89,7 +89,7 @@ fn area(a: &Place, b: &Place, c: &Place) -> RBig {
     (&b.x - &a.x) * (&c.y - &a.y) - (&b.y - &a.y) * (&c.x - &a.x)
 }
 
-/// What is left of a convex polygon on the inner side of a line.
+/// Part of a convex polygon on the inner side of a line.
 fn clip(polygon: &[Place], a: &Place, b: &Place, sense: Ordering) -> Vec<Place> {
     let beside: Vec<RBig> = polygon.iter().map(|p| area(a, b, p)).collect();
     let is_in = |i: usize| beside[i].cmp(&RBig::ZERO) != sense.reverse();

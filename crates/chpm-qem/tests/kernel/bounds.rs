@@ -10,7 +10,7 @@ use proptest::prelude::*;
 /// Samples for each triangle of the finer mesh.
 const SAMPLES: usize = 10;
 
-/// What the sampler's own rounding may add, as a share of the model's size.
+/// Rounding error of the sampler, as a share of the model's size.
 const SAMPLING: f64 = 1e-9;
 
 fn check(name: &str, mesh: &TriMesh, topology: Topology) -> Vec<f64> {
@@ -107,7 +107,7 @@ fn a_row_of_specks_opens_no_hole_that_the_error_does_not_tell() {
     assert!(run.max_error() > 10.0, "{}", run.max_error());
 }
 
-/// What lies apart vanishes at a price by its size; how far it was is told apart.
+/// A separate component is dropped at a price by its size; its distance is recorded apart.
 #[test]
 fn a_speck_that_lies_apart_vanishes_and_is_not_forgotten() {
     let sheet = Synth::new(Shape::Terrain, 400, 1).to_mesh();

@@ -7,7 +7,7 @@ use chpm_qem::{Collapse, Decimator, Deviation, FaceLook, Looks, Patch, Topology}
 use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
-/// What a decimation left.
+/// Mesh and deviations after a decimation.
 struct Run {
     collapses: Vec<Collapse>,
     /// Triangles and how they look.
@@ -155,7 +155,7 @@ fn a_face_that_comes_along_costs_what_its_corner_does() {
     assert!(near(said[0], 70.0) && near(said[1], 30.0) && run.largest.color == said[0], "{said:?}");
 }
 
-/// What such a face had before stays, whatever the points that it gets come with: here it looks like a spot that has gone.
+/// A face that gets points keeps its own deviation, whatever the points come with: here it looks like a spot that has gone.
 #[test]
 fn a_face_that_gets_points_keeps_its_own_deviation() {
     let mut square = square_with_a_spot();

@@ -3,7 +3,7 @@
 use chpm_mesh::TriMesh;
 use chpm_qem::{Collapse, Decimator, Patch, Record, Refusal, Refusals, Remnant, Topology};
 
-/// What a decimation did, with its mesh.
+/// A decimation's result and mesh.
 #[derive(Debug)]
 pub(crate) struct Run {
     pub(crate) collapses: Vec<Collapse>,

@@ -1,4 +1,4 @@
-//! What must hold on any mesh: random pieces, random vertex order, random locks.
+//! Properties of any mesh: random pieces, random vertex order, random locks.
 
 use crate::play::{Run, corner_sets, local, run, run_with};
 use chpm_measure::{edge_census, topology};

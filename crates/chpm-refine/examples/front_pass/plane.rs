@@ -41,7 +41,7 @@ fn page(level: u32, at: [u32; 2], out: &mut Vec<u8>) -> Result<(), FormatError> 
     .map(drop)
 }
 
-/// What is done with a level, a place in it, and the page of the cluster there.
+/// Callback for a level, a place in it, and the page of the cluster there.
 type Visit<'a> = dyn FnMut(u32, [u32; 2], &[u8]) -> Result<(), FormatError> + 'a;
 
 /// The file.

@@ -88,9 +88,9 @@ pub enum Side {
     Front,
     /// The side opposite to it.
     Back,
-    /// What is to the left of who looks at the front.
+    /// Left-hand side of who looks at the front.
     Left,
-    /// What is to the right.
+    /// Right-hand side.
     Right,
     /// From above, with the front below in the image.
     Top,

@@ -5,10 +5,10 @@ use super::outline::Outline;
 use super::sight::look;
 use nalgebra::{Point3, Vector3};
 
-/// What a model stands on. Areas are shares of its silhouette from above.
+/// Footprint of a model. Areas are shares of its silhouette from above.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Ground {
-    /// What its lowest points span, where its centre of mass is above that; else nothing.
+    /// Area that its lowest points span, where its centre of mass is above that; else zero.
     pub(super) support: f64,
     /// Flat surface at the bottom that faces down.
     pub(super) base: f64,

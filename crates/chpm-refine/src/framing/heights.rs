@@ -10,7 +10,7 @@ const TALL: f64 = 10.0;
 /// Of the ground, what a surface that is open above covers, at least: a rod or a wall has as much surface up as down.
 const OPEN: f64 = 0.3;
 
-/// What heights are multiplied by to be looked at, where an outline is such a terrain; `origin` is what its points are relative to.
+/// Factor on heights for a terrain's picture; `origin` is what the outline's points are relative to.
 pub(super) fn scale(outline: &Outline, origin: [f64; 3]) -> Option<f64> {
     let (low, size) = outline.bounds();
     let is_within = |axis: usize, most: f64| {

@@ -18,7 +18,7 @@ pub struct Portrait {
     outline: Outline,
     bounds: Aabb,
     stance: Stance,
-    /// What heights, that is z, are multiplied by, where that is not 1.
+    /// Factor on heights, that is z, where it is not 1.
     heights: Option<f64>,
 }
 
@@ -52,12 +52,12 @@ impl Portrait {
         Portrait { heights: Some(scale), ..Portrait::new(outline, bounds, up, side) }
     }
 
-    /// What each coordinate is multiplied by to be looked at.
+    /// Factor on each coordinate in the picture.
     pub fn stretch(&self) -> Vector3<f64> {
         Vector3::new(1.0, 1.0, self.heights.unwrap_or(1.0))
     }
 
-    /// What a picture has to say of its heights, where they are not as the model has them.
+    /// Note about heights that are not drawn as the model has them.
     pub fn note(&self) -> Option<String> {
         let times = (1.0 / self.heights?).round();
         Some(format!("heights divided by {times}: places look like degrees, heights like metres"))
@@ -68,7 +68,7 @@ impl Portrait {
         &self.stance
     }
 
-    /// What was chosen, in words: the stance, and what is left out of the frame.
+    /// Reasons of the choice, in words: the stance, and parts left out of the frame.
     pub fn why(&self) -> String {
         let left_out = Some(self.outline.left_out()).filter(|share| *share > 0.0);
         let specks = left_out

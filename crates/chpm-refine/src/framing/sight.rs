@@ -1,16 +1,16 @@
-//! What is seen of an outline from afar, along one direction: a small picture of depths.
+//! Silhouette of an outline from afar, along one direction: a small picture of depths.
 
 use super::outline::Outline;
 use nalgebra::{Point3, Vector3};
 
-/// What is seen.
+/// Areas of a silhouette.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Seen {
     /// Area of the silhouette.
     pub(super) silhouette: f64,
     /// Area of the surface that shows: folds and details count by what there is of them.
     pub(super) surface: f64,
-    /// What of the surface shows its outer side.
+    /// Area that shows its outer side.
     pub(super) outside: f64,
 }
 

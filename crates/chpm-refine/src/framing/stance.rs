@@ -17,7 +17,7 @@ pub struct Stance {
     why: String,
 }
 
-/// What a direction counts for before anything is known of the model: files have y or z upward.
+/// Prior weight of a direction: files have y or z upward.
 fn habit(up: Up) -> f64 {
     match (up.axis(), up.is_negative()) {
         (1, false) => 0.30,
@@ -34,13 +34,13 @@ const FIRM: f64 = 0.15;
 const FLAT: f64 = 0.5;
 /// The same for what is hardly more than a picture, and shown like one.
 const SHEET: f64 = 0.02;
-/// What lies more than it stands is seen from above: its silhouette from there by that of its widest side.
+/// Ratio from which on a model lies, and is seen from above: its silhouette from there by that of its widest side.
 const LIES: f64 = 1.4;
 /// How much wider another side than the front has to be, to be shown.
 const WIDER: f64 = 1.6;
-/// What is seen edge-on from where it would be shown: its silhouette by that from another side at the same height.
+/// Ratio below which a view is edge-on: its silhouette by that from another side at the same height.
 const EDGE_ON: f64 = 0.5;
-/// What stands is seen a little from above, radians.
+/// Elevation of the view of a standing model, radians.
 const ABOVE: f64 = 10.0 * std::f64::consts::PI / 180.0;
 
 impl Stance {
@@ -62,7 +62,7 @@ impl Stance {
         sight(self.up, self.angles)
     }
 
-    /// What was chosen, and what the choice rests on, in words; empty where nothing was.
+    /// Choice and reasons, in words; empty where nothing was chosen.
     pub fn why(&self) -> &str {
         &self.why
     }

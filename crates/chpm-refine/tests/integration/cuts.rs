@@ -140,7 +140,7 @@ fn distances_select_as_the_naive_rule_does() {
     }
 }
 
-/// What a written format rounds by is a part of what may be lost: taken off the bound, and no more than that.
+/// Rounding of a written format is a part of the allowed error: taken off the bound, and no more than that.
 #[test]
 fn a_mesh_that_is_rounded_keeps_to_what_was_asked_with_that() {
     let file = WOVEN.build_with_gaps();

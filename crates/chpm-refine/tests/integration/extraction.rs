@@ -295,7 +295,7 @@ fn pages_that_are_kept_show_in_nothing() {
     }
 }
 
-/// What a mesh is told to be from the source is what its members say, gaps and all.
+/// Error and distance of a mesh are the largest of its members, gaps and all.
 #[test]
 fn errors_and_distances_are_the_largest_of_the_members() {
     for plan in [PAIRS, DEPENDENT, WOVEN] {

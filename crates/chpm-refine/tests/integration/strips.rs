@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 const WIDTH: u32 = 4;
 const LENGTH: u32 = 8;
 
-/// What is above the strips.
+/// Hierarchy above the strips.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plan {
     pub(crate) strips: u32,

@@ -65,7 +65,7 @@ fn culling_knows_five_planes() {
     assert!(view.misses_box(&Aabb::EMPTY));
 }
 
-/// What a view misses of a file whose heights are multiplied is what it misses of a file with such heights.
+/// A stretched view misses the same as a view of a file with such heights.
 #[test]
 fn a_stretched_view_sees_what_is_stretched() {
     let stretch = [1.0, 1.0, 0.01];

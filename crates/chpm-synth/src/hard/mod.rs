@@ -17,17 +17,17 @@ use std::fmt;
 /// A hard mesh by name.
 #[derive(Clone, Copy)]
 pub struct Case {
-    /// What it is called.
+    /// Name on the command line.
     pub name: &'static str,
-    /// What it is.
+    /// Description.
     pub is: &'static str,
-    /// What it must give beyond what all cases must.
+    /// Expected result, beyond what all cases must give.
     pub gives: &'static str,
     /// Triangles at full size.
     pub full: u32,
     /// How many times as long as a terrain of as many triangles it may take.
     pub slowest: f64,
-    /// What is to be added to every position, in double precision; zero unless the mesh needs it.
+    /// Offset of every position, in double precision; zero unless the mesh needs it.
     pub offset: [f64; 3],
     make: fn(u32) -> TriMesh,
 }

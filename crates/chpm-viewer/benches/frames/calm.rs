@@ -1,4 +1,4 @@
-//! What occlusion culling costs where nothing is hidden: a terrain from above, each frame with and without it in turn.
+//! Cost of occlusion culling where nothing is hidden: a terrain from above, each frame with and without it in turn.
 
 use crate::film::{Film, Shot, median};
 use chpm_refine::Camera;

@@ -1,6 +1,6 @@
-//! What pages that come from the disk cost a moving path, frame by frame: cold (the system's cache of the file is dropped before each
-//! round), warm (it is in that cache), and resident (all that the path draws is on the GPU beforehand). What a resident frame takes is the
-//! path's own; what another takes beyond it is because of I/O.
+//! Cost of pages that come from the disk on a moving path, frame by frame: cold (the system's cache of the file is dropped before each
+//! round), warm (it is in that cache), and resident (all that the path draws is on the GPU beforehand). A resident frame's time is the
+//! path's own; the rest of another's is due to I/O.
 
 use crate::film::{Film, Shot, median, ms};
 use chpm_refine::{Camera, CameraPath};

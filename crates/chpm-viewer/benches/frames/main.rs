@@ -1,4 +1,4 @@
-//! What frames cost, on the adapter that is there: `cargo bench -p chpm-viewer --bench frames -- PART [FILE.chpm]`. A wait for the device
+//! Frame times on the adapter that is there: `cargo bench -p chpm-viewer --bench frames -- PART [FILE.chpm]`. A wait for the device
 //! follows each frame. Parts are told in their modules; what `benches/README.md` has records of prints CSV.
 
 #[path = "../../../chpm-refine/examples/front_pass/plane.rs"]

@@ -21,7 +21,7 @@ pub struct PageData {
     len: usize,
     /// Who is told when the bytes go.
     charged: Option<Arc<Shared>>,
-    /// What the GPU is sent, until somebody takes it; its bytes are taken from [`Shared`]'s room for blocks.
+    /// Block for the GPU, until somebody takes it; its bytes are taken from [`Shared`]'s room for blocks.
     block: Mutex<Option<Block>>,
 }
 
@@ -65,7 +65,7 @@ impl PageData {
         self
     }
 
-    /// What the GPU is sent: made by the reader and handed out once, or made now.
+    /// Block for the GPU: made by the reader and handed out once, or made now.
     pub fn block(&self) -> Block {
         self.take_block().unwrap_or_else(|| Block::of_page(&self.page()))
     }
@@ -85,7 +85,7 @@ impl PageData {
     }
 }
 
-/// What tests and measurements ask.
+/// Access for tests and measurements.
 #[cfg(feature = "internals")]
 impl PageData {
     /// Whose page it is.

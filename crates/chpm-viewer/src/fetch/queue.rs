@@ -1,4 +1,4 @@
-//! What is asked for, being read, and there: the order of reading and the room for it, without threads.
+//! Queue of pages: wanted, being read, and there; the order of reading and the room for it, without threads.
 
 use super::Arrival;
 use chpm_mesh::ClusterId;
@@ -165,7 +165,7 @@ impl Queue {
     }
 }
 
-/// What tests and measurements ask.
+/// Access for tests and measurements.
 #[cfg(feature = "internals")]
 impl Queue {
     /// Requests that have not arrived.

@@ -1,4 +1,4 @@
-//! What a pixel shows, refined there to the source's own triangles: for who measures.
+//! Surface at a pixel, refined there to the source's own triangles: for measuring.
 
 use super::Viewer;
 use super::model::Model;

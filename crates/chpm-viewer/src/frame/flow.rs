@@ -17,7 +17,7 @@ const LOOK_AHEAD: f64 = 8.0;
 /// Frames from one look ahead to the next; a page takes longer than that anyway.
 const AHEAD_EVERY: u64 = 4;
 
-/// What decides about a picture beside the cut, and what was in it.
+/// Cache key of a picture beside its cut, and its members.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Picture {
     camera: Camera,

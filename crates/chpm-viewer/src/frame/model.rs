@@ -121,7 +121,7 @@ impl Model {
         self.scene.file().header().origin
     }
 
-    /// What positions of the file are relative to, in the picture.
+    /// Origin of the file's positions, in the picture.
     pub(super) fn zero(&self) -> [f64; 3] {
         self.place.apply(self.origin())
     }
@@ -160,7 +160,7 @@ impl Model {
         Ok(if stays { outline } else { outline.moved(|point| self.shown_at(point, origin)) })
     }
 
-    /// What is seen of it with a camera of the picture.
+    /// View of it by a camera of the picture.
     pub(super) fn eye(
         &self,
         camera: &Camera,
@@ -218,7 +218,7 @@ impl Model {
         Ok(changes)
     }
 
-    /// What is to be tested: the clusters of the draw list, in its order; those that are hidden, unless they are in the list; and the groups
+    /// Boxes to be tested: the clusters of the draw list, in its order; those that are hidden, unless they are in the list; and the groups
     /// of which nothing is seen.
     pub(super) fn questions(&mut self, eye: &Eye, listed: bool, now: u64) -> (Vec<Subject>, Vec<TestBox>) {
         let clusters = self.scene.file().clusters();
@@ -332,7 +332,7 @@ impl Model {
         seen.map(|(member, _)| member).map(triangles).sum()
     }
 
-    /// What the cut and the memory look like after a frame.
+    /// Adds counts of the cut and of the memory after a frame.
     pub(super) fn count(&mut self, stats: &mut Stats) {
         stats.clusters_active += self.scene.len() as u64;
         for (_, sight) in self.scene.members() {

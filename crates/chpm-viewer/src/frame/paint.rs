@@ -26,7 +26,7 @@ pub(super) struct Colors {
     is_other: bool,
 }
 
-/// What a model that is not the first has in the place of one colour.
+/// Colour of a model that is not the first.
 const OTHER: [u8; 3] = [150, 180, 208];
 
 impl Colors {
@@ -161,7 +161,7 @@ fn share(value: f32, [least, most]: [f32; 2]) -> f64 {
 }
 
 impl Model {
-    /// What a scale of colours shows of a cluster.
+    /// Value of a cluster on a scale of colours.
     fn measure(&self, coloring: Coloring, member: Member) -> Option<f32> {
         match coloring {
             Coloring::Level => Some(self.scene.file().clusters()[member.cluster.index()].level as f32),
@@ -202,7 +202,7 @@ impl Model {
         }
     }
 
-    /// What of a plan is going to be drawn. All of it is kept from here on, whatever has to make room.
+    /// Chooses the part of a plan that is drawn. All of it is kept from here on, whatever has to make room.
     fn choose(&mut self, plan: Plan, now: u64) {
         let items = self.scene.members().filter(|(_, sight)| plan.includes(*sight));
         self.items.clear();

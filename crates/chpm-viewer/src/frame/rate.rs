@@ -1,4 +1,4 @@
-//! What a frame can bring to the GPU in a time, by what it took before.
+//! Upload rate: how much a frame can bring to the GPU in a time, by earlier frames.
 
 use std::time::Duration;
 

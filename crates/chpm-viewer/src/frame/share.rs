@@ -2,7 +2,7 @@
 
 use chpm_mesh::Bytes;
 
-/// What a model needs at least, and what it could use at most.
+/// Smallest and largest memory that a model can use.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Need {
     pub(super) least: u64,

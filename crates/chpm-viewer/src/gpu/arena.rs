@@ -17,7 +17,7 @@ use wgpu::BufferUsages;
 /// Largest slab. A smaller budget makes a smaller one.
 const SLAB: u64 = 64 << 20;
 
-/// What fails where there is less memory than the budget has.
+/// Name of the operation that fails where there is less memory than the budget has.
 const TAKING: &str = "taking GPU memory (allow less of it)";
 
 /// A block that is on the GPU.

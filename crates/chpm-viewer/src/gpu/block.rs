@@ -45,7 +45,7 @@ impl Layout {
     }
 }
 
-/// What is written once of a cluster's block.
+/// Part of a cluster's block that is written once.
 #[derive(Clone, Debug, Default)]
 pub struct Block {
     layout: Layout,

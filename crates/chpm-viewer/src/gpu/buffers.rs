@@ -87,7 +87,7 @@ impl Canvas {
         place.get_or_insert_with(|| Canvas::new(gpu, "depth", size, super::pipelines::DEPTH))
     }
 
-    /// What is drawn into.
+    /// View to draw into.
     pub fn view(&self) -> &wgpu::TextureView {
         &self.view
     }
@@ -135,7 +135,7 @@ impl Canvas {
     }
 }
 
-/// What is drawn into with several samples a pixel: colours and depths that nobody reads but who makes their mean.
+/// Multisampled target: colours and depths that only the resolve reads.
 #[derive(Debug)]
 pub struct Sampled {
     size: [u32; 2],

@@ -43,11 +43,11 @@ impl fmt::Display for AdapterChoice {
 /// A device to draw with. Asks the adapter for nothing that it lacks.
 #[derive(Debug)]
 pub struct Gpu {
-    /// What draws.
+    /// Adapter that draws.
     pub adapter: wgpu::Adapter,
-    /// What makes things on it.
+    /// Device that makes buffers, textures and pipelines.
     pub device: wgpu::Device,
-    /// What takes its orders.
+    /// Queue of its commands.
     pub queue: wgpu::Queue,
     /// The optional features that it has and that are used.
     pub features: Features,

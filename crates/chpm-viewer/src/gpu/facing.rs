@@ -21,7 +21,7 @@ const NEEDLE: f64 = 0.04;
 /// Faces beyond which each is held against the mean alone.
 const MANY: usize = 128;
 
-/// What a pixel makes of its face's plane, at a vertex.
+/// Use of a face's plane at a vertex, by a pixel.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Facing {
     /// A smooth surface: its normal takes the plane's place.
@@ -134,7 +134,7 @@ fn groups(faces: &[(Vector3<f64>, Vector3<f64>)]) -> Vec<Vector3<f64>> {
 mod tests {
     use super::*;
 
-    /// What a shader makes of a face's normal at a vertex.
+    /// Normal at a vertex that a shader makes of a face's normal.
     fn made(facing: Facing, face: [f64; 3]) -> Vector3<f64> {
         let face = Vector3::from(face).normalize();
         let made = match facing {

@@ -1,6 +1,6 @@
-//! What a device complains of when nobody waits for it.
+//! Errors of a device that come when nobody waits for it.
 //!
-//! Most of what is asked of a device is done later, and by default wgpu panics where that fails. Here the first complaint is kept, until
+//! Most commands of a device run later, and by default wgpu panics where one fails. Here the first error is kept, until
 //! somebody asks whether all is well.
 
 use std::cell::Cell;
@@ -33,7 +33,7 @@ impl Fault {
     }
 }
 
-/// What wgpu says in many lines.
+/// Message of wgpu in one line instead of many.
 pub fn one_line(complaint: &str) -> String {
     let lines = complaint.lines().map(|line| line.trim().trim_end_matches(':'));
     let said = lines.filter(|line| !line.is_empty() && *line != "Caused by");

@@ -40,14 +40,14 @@ pub struct Lens {
     viewport: [u32; 2],
     /// How far all of the image is moved, right and up, pixels.
     shift: [f64; 2],
-    /// What is up in the model, and how far above the eye (below: negative) its lowest corner is along that.
+    /// Upward direction of the model, and how far above the eye (below: negative) its lowest corner is along that.
     sky: (Vector3<f64>, f64),
     diagonal: f64,
     /// Where the key light is, degrees to the right of the eye and above it.
     light: [f64; 2],
     /// The plane beyond which nothing is drawn, if that is asked for: its normal, and its place relative to the eye.
     clip: (Vector3<f64>, f64),
-    /// What coordinates of the file are multiplied by; those of the lens are so already.
+    /// Factor on coordinates of the file; those of the camera uniform have it already.
     stretch: Vector3<f64>,
 }
 
@@ -158,7 +158,7 @@ impl Lens {
     }
 }
 
-/// What is up, and the ground's height above the eye.
+/// Upward direction, and the ground's height above the eye.
 fn sky(camera: &Camera, bounds: &Aabb) -> (Vector3<f64>, f64) {
     let up = Vector3::from(camera.up);
     let up = if up.norm() > 0.0 { up.normalize() } else { camera.axes()[1] };

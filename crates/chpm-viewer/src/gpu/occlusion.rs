@@ -97,16 +97,16 @@ pub struct Occlusion {
     idle: Vec<wgpu::Buffer>,
 }
 
-/// What is asked.
+/// Boxes to test.
 #[derive(Clone, Copy, Debug)]
 pub struct Questions<'a> {
-    /// What was drawn so far.
+    /// Depths that were drawn so far.
     pub depth: &'a Canvas,
-    /// What may be hidden behind it.
+    /// Boxes that may be hidden behind them.
     pub boxes: &'a [TestBox],
     /// The camera, and the draws that boxes show.
     pub draws: &'a DrawBuffers,
-    /// What these draws make.
+    /// Output of these draws.
     pub kind: Kind,
 }
 

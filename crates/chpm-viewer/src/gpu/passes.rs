@@ -19,7 +19,7 @@ struct Draw {
     tint: u32,
 }
 
-/// What a draw shows beside its shape.
+/// Mark on a draw, beside its shape.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Mark {
     /// Id of its first triangle.
@@ -121,13 +121,13 @@ impl DrawList {
         self.triangles
     }
 
-    /// What the draws make.
+    /// Output of the draws.
     pub fn kind(&self) -> Kind {
         self.kind
     }
 }
 
-/// What is drawn, and with what.
+/// Draws of a pass, with their resources.
 #[derive(Clone, Copy, Debug)]
 pub struct Drawn<'a> {
     /// How; a pipeline that was prepared.

@@ -11,7 +11,7 @@ pub const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// Format of ids.
 pub const IDS: TextureFormat = TextureFormat::R32Uint;
 
-/// What a draw makes.
+/// Output of a draw.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kind {
     /// Depth alone.
@@ -42,7 +42,7 @@ impl Kind {
         self.format().is_some_and(|format| format.is_srgb())
     }
 
-    /// What is drawn into, but for depth.
+    /// Texture format of the output; none for depth alone.
     pub fn format(self) -> Option<TextureFormat> {
         match self {
             Kind::Depth => None,
@@ -52,7 +52,7 @@ impl Kind {
     }
 }
 
-/// What a pipeline makes, one-sided or not, clipped or not, with so many samples a pixel.
+/// Key of a pipeline: output, one-sided or not, clipped or not, samples a pixel.
 type Way = (Kind, bool, bool, u32);
 
 /// The pipelines that draw clusters; made when they are first used.

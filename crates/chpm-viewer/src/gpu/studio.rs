@@ -1,4 +1,4 @@
-//! What a studio adds to a picture that is drawn: corners and the ground below the model are darker.
+//! Lighting of a picture that is drawn: corners and the ground below the model are darker.
 
 use super::buffers::{Canvas, buffer};
 use super::context::Gpu;

@@ -16,7 +16,7 @@ use chpm_mesh::{ClusterId, GroupId};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What is known of shared vertices.
+/// Facts about shared vertices.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Borders {
     /// By id: which way it faces, so changed that 0 is what no code can be.
@@ -34,7 +34,7 @@ const UNKNOWN: u32 = 0x8000_8000;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Together {
     Roots,
-    /// What the split of a group brings.
+    /// A group whose split brings it.
     Below(GroupId),
     /// The coarse clusters of a group, for what collapses in them.
     Seams(GroupId),
@@ -134,7 +134,7 @@ fn brought_by(file: &Chpm<MappedFile>, cluster: ClusterId) -> Together {
 }
 
 impl Scene {
-    /// What the GPU is sent of a cluster of the cut, and the first vertex of which it is not known yet which way it faces: one that is not
+    /// Block of a cluster of the cut for the GPU, and the first vertex of which it is not known yet which way it faces: one that is not
     /// drawn before all of the cluster's group is there.
     pub fn block(&mut self, cluster: ClusterId) -> Option<(Block, u32)> {
         let Scene { file, pages, borders, .. } = self;

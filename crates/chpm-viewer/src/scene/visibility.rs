@@ -1,8 +1,8 @@
-//! What is known to be hidden, by cluster and by group, from frame to frame.
+//! Visibility by cluster and by group, from frame to frame.
 //!
-//! Clusters of the cut are visible, hidden, or outside the image. What a split or a collapse brings inherits the answer of what it replaces: it is
-//! visible if any of it was. Groups that the view wants split, and that none of their visible clusters vouches for, are asked by
-//! the box around all that is below. No clock, no GPU: who calls it does the asking.
+//! Clusters of the cut are visible, hidden, or outside the image. Clusters that a split or a collapse brings inherit the answer of those that they replace: they are
+//! visible if any of those was. Groups that the view wants split, and that none of their visible clusters vouches for, are tested by
+//! the box around all that is below. No clock, no GPU: who calls it does the testing.
 
 use chpm_format::Chpm;
 use chpm_mesh::{ClusterId, GroupId};
@@ -20,7 +20,7 @@ pub enum Sight {
     Visible,
 }
 
-/// What a test is about.
+/// Subject of a test.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Subject {
     /// A cluster of the cut.
@@ -59,7 +59,7 @@ impl Visibility {
         }
     }
 
-    /// What is known of a cluster of the cut.
+    /// Visibility of a cluster of the cut.
     pub fn of(&self, cluster: ClusterId) -> Sight {
         self.clusters[cluster.index()]
     }

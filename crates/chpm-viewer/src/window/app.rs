@@ -37,19 +37,19 @@ const SIZE: [u32; 2] = [1280, 800];
 const FRAME: (f64, f64) = (1.0 / 60.0, 0.25);
 /// Between two looks at what may have changed by itself: missing pages, a signal.
 const GLANCE: Duration = Duration::from_millis(250);
-/// What one press of a key moves the clipping plane by, a share of the model's box.
+/// Step of the clipping plane for one press of a key, a share of the model's box.
 const CLIP: f64 = 0.025;
-/// What one press of a key turns the picture by, degrees.
+/// Step of the roll for one press of a key, degrees.
 const ROLL: f64 = 5.0;
 /// How long a note stays.
 const NOTE: Duration = Duration::from_secs(6);
 
-/// What comes from other threads.
+/// Messages from other threads.
 #[derive(Debug)]
 pub(super) enum Event {
     /// Of a build.
     Build(News),
-    /// What is known of two models at a step of their motion.
+    /// Relation of two models at a step of their motion.
     Related(usize, Result<Relation, String>),
 }
 
@@ -59,7 +59,7 @@ pub(super) struct App {
     proxy: EventLoopProxy<Event>,
     canvas: Option<Canvas>,
     session: Option<Session>,
-    /// What is known of the two models of a session that has two.
+    /// Relation of the two models of a session that has two.
     couple: Option<Couple>,
     settings: Settings,
     gestures: Gestures,
@@ -81,7 +81,7 @@ pub(super) struct App {
     forgot: Option<String>,
     /// The model that is shown is a preview of what is built.
     preview: bool,
-    /// What is built is the model that the window was opened for.
+    /// Whether the build is of the model that the window was opened for.
     is_first: bool,
     fault: Option<ViewerError>,
 }
@@ -457,7 +457,7 @@ impl App {
         Ok(())
     }
 
-    /// What lies over the model; answers what its buttons ask for.
+    /// Lays out the panel and dialogs over the model; returns the commands of their buttons.
     fn lay_out(&mut self, context: &egui::Context, size: [u32; 2]) -> Vec<Command> {
         if let Some(session) = &self.session {
             let scale = context.pixels_per_point();

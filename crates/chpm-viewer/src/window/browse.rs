@@ -39,7 +39,7 @@ impl Browser {
         &self.folder
     }
 
-    /// What is in it: folders first, by name.
+    /// Entries of the folder: folders first, by name.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }

@@ -20,7 +20,7 @@ pub(super) struct Canvas {
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     painter: Renderer,
-    /// What the model is drawn into, if that has its picture.
+    /// Picture of the model, if it has one.
     picture: Option<buffers::Canvas>,
     blitter: TextureBlitter,
     input: egui_winit::State,
@@ -117,7 +117,7 @@ impl Canvas {
         }
     }
 
-    /// What is painted over the model hears of an event; answers whether the event is for it alone, and whether it looks different now.
+    /// Hands an event to the layer over the model; returns whether the event is for it alone, and whether it looks different now.
     pub(super) fn hear(&mut self, event: &WindowEvent) -> (bool, bool) {
         let response = self.input.on_window_event(&self.window, event);
         (response.consumed, response.repaint)

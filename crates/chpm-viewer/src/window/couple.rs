@@ -16,7 +16,7 @@ const PACE: f64 = 30.0;
 /// Regions that are listed, and that are marked.
 const LISTED: usize = 5;
 const MARKED: usize = 200;
-/// What regions are marked with.
+/// Colour of marked regions.
 const MARK: Color32 = Color32::from_rgb(255, 214, 90);
 
 /// Two models in motion.
@@ -25,7 +25,7 @@ pub(super) struct Couple {
     step: usize,
     /// Steps that have gone by since the motion was started, where it plays.
     playing: Option<f64>,
-    /// What is known, and of which step.
+    /// Last answer, and its step.
     known: Option<(usize, Result<Relation, String>)>,
     desk: Arc<Desk>,
     thread: Option<JoinHandle<()>>,
@@ -72,7 +72,7 @@ impl Couple {
         self.known = Some((step, answer));
     }
 
-    /// What is known of the step that is shown.
+    /// Answer at the step that is shown.
     fn now(&self) -> Option<&Result<Relation, String>> {
         self.known.as_ref().filter(|(step, _)| *step == self.step).map(|(_, answer)| answer)
     }
@@ -161,7 +161,7 @@ fn length(x: f64) -> String {
     between([x, x])
 }
 
-/// What is told of an answer, and in which colour.
+/// Lines about an answer, and their colours.
 fn lines(answer: Option<&Result<Relation, String>>) -> Vec<(String, Color32)> {
     let relation = match answer {
         None => return vec![("looking ...".to_owned(), QUIET)],

@@ -1,7 +1,7 @@
 //! How fine the next frame is: as fine as was asked for at rest, and while the picture moves as fine as a frame can be in time.
 //! Triangles and times of frames in, pixels of error out; no clock.
 
-/// What a person wants of the pictures.
+/// Wanted quality and speed of the pictures.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Wish {
     /// Pixels of error that are allowed; no picture is finer.
@@ -19,7 +19,7 @@ pub struct Took {
     pub poe: f64,
     /// Triangles in it.
     pub triangles: u64,
-    /// What it took, if that is known.
+    /// Time of the frame, if it is known.
     pub ms: Option<f64>,
 }
 
@@ -36,7 +36,7 @@ const SLOW: f64 = 1.15;
 /// How much coarser than one that took too long the next attempts are, and what remains of that from frame to frame.
 const MARGIN: f64 = 1.25;
 const FORGET: f64 = 0.995;
-/// What the last frame counts for in what frames cost.
+/// Weight of the last frame in the smoothed cost.
 const SMOOTH: f64 = 0.3;
 
 /// Goes from frame to frame.
@@ -103,7 +103,7 @@ impl Detail {
     }
 }
 
-/// What frames cost in milliseconds, smoothed: what is the same for all, as frames tell that draw nothing new, and each triangle.
+/// Cost of frames in milliseconds, smoothed: a fixed part, as frames tell that draw nothing new, and a part for each triangle.
 #[derive(Clone, Debug, Default)]
 struct Costs {
     fixed: f64,

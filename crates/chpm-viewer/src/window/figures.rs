@@ -1,4 +1,4 @@
-//! What the panel tells of the last frames: smoothed times, and numbers as people read them.
+//! Figures of the last frames in the panel: smoothed times, and numbers as people read them.
 
 use crate::stats::Stats;
 use std::collections::VecDeque;
@@ -310,7 +310,7 @@ mod tests {
     }
 
     proptest! {
-        /// What is told holds, whatever was rounded.
+        /// A displayed interval holds the proven one, whatever was rounded.
         #[test]
         fn what_is_told_is_proven(least in 0.0..1e9f64, width in 0.0..1e9f64, scale in -12..12i32) {
             let [least, most] = [least, least + width].map(|x| x * 10_f64.powi(scale));

@@ -1,4 +1,4 @@
-//! What a frozen camera sees, as lines in the image of another camera.
+//! Frustum of a frozen camera, as lines in the image of another camera.
 
 use chpm_refine::Camera;
 use nalgebra::{Point3, Vector3};

@@ -1,10 +1,10 @@
-//! What a pointer, a wheel, a touchpad or fingers do, as motions of the camera. Times come from outside.
+//! Pointer, wheel, touchpad and fingers as motions of the camera. Times come from outside.
 
 use std::collections::BTreeMap;
 
 /// Seconds and pixels within which a second press is a double click.
 const DOUBLE: (f64, f64) = (0.4, 6.0);
-/// What one notch of a wheel makes of a distance.
+/// Factor on the distance for one notch of a wheel.
 const NOTCH: f64 = 0.85;
 /// Pixels of scrolling that are worth a notch where scrolling is a dolly.
 const PIXELS_PER_NOTCH: f64 = 50.0;
@@ -29,7 +29,7 @@ pub enum Scroll {
     Pixels([f64; 2]),
 }
 
-/// What a finger does.
+/// Phase of a finger.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Finger {
     /// It is there, new or not.
@@ -38,7 +38,7 @@ pub enum Finger {
     Up,
 }
 
-/// What the camera has to do. Pixels, to the right and down.
+/// Motion of the camera. Pixels, to the right and down.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Motion {
     /// A drag begins here: what is there is what it holds.

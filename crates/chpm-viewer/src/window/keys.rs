@@ -1,8 +1,8 @@
-//! What each key does: the one table that the keyboard, the help and the manual agree with.
+//! Table of keys: the one that the keyboard, the help and the manual agree with.
 
 use winit::keyboard::KeyCode;
 
-/// What a key or a button asks for.
+/// Command of a key or a button.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Command {
     /// Shows or hides the table of keys.
@@ -73,11 +73,11 @@ impl Command {
 pub struct Binding {
     code: KeyCode,
     ctrl: bool,
-    /// What it does.
+    /// Command of the key.
     pub command: Command,
     /// The key as it is called.
     pub key: &'static str,
-    /// What it does, in words.
+    /// Description for the help.
     pub does: &'static str,
 }
 
@@ -130,7 +130,7 @@ pub const KEYS: [Binding; 27] = [
     ctrl(KeyCode::KeyQ, "Ctrl+Q", Command::Quit, "quit"),
 ];
 
-/// What has no row in [`KEYS`]: flight and the pointer.
+/// Input without a row in [`KEYS`]: flight and the pointer.
 pub const MOTIONS: [(&str, &str); 9] = [
     ("W A S D", "fly forward, left, back, right; Shift: faster"),
     ("Q E", "fly down, up"),
@@ -143,7 +143,7 @@ pub const MOTIONS: [(&str, &str); 9] = [
     ("double click", "focus on the point"),
 ];
 
-/// What a key that went down asks for.
+/// Command of a key that went down.
 pub fn command(code: KeyCode, ctrl: bool) -> Option<Command> {
     let code = match code {
         KeyCode::NumpadAdd => KeyCode::Equal,

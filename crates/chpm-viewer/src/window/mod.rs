@@ -38,13 +38,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winit::event_loop::{ControlFlow, EventLoop};
 
-/// What a window is opened with.
+/// Options of a window.
 pub struct Options {
     /// The model, a CHPM or what one is made of; one can be opened later.
     pub model: Option<PathBuf>,
     /// Another one beside it, for as long as no other model is opened. The first is a CHPM then, and nothing is remembered.
     pub second: Option<Second>,
-    /// What it may use.
+    /// Memory that it may use.
     pub budgets: Budgets,
     /// Who draws.
     pub adapter: AdapterChoice,
@@ -52,7 +52,7 @@ pub struct Options {
     pub accuracy: Option<Accuracy>,
     /// How light falls on triangles, whatever was remembered.
     pub shading: Option<Shading>,
-    /// What is up, whatever was remembered; chosen by the model if not told.
+    /// Upward axis, whatever was remembered; chosen by the model if not given.
     pub up: Option<Up>,
     /// The side that is shown first, whatever was remembered.
     pub side: Option<Side>,
@@ -62,7 +62,7 @@ pub struct Options {
     pub frames: Option<u64>,
     /// Writes the last picture of such a run, complete and without the panel, as a PNG. A file of this name is replaced.
     pub screenshot: Option<PathBuf>,
-    /// What is known of models from earlier.
+    /// Settings that were kept of models from earlier.
     pub memory: Memory,
     /// Whether what is known is used.
     pub recall: bool,
@@ -96,7 +96,7 @@ pub trait Prepare: Send + Sync {
     fn cancel(&self);
 }
 
-/// What was done.
+/// Result of a session.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Outcome {
     /// Frames that were drawn.
@@ -107,7 +107,7 @@ pub struct Outcome {
     pub moving: Option<[f64; 2]>,
     /// Seconds from the end of the motion until the picture was complete.
     pub complete: Option<f64>,
-    /// What drew them.
+    /// Adapter that drew the frames.
     pub adapter: String,
     /// Why what was set was not remembered, if it was not.
     pub forgot: Option<String>,
@@ -132,7 +132,7 @@ pub fn run(options: Options) -> Result<Outcome, ViewerError> {
     app.finish()
 }
 
-/// What winit says without the place in its own sources, which comes first: `os error at FILE:LINE: `.
+/// Message of winit without the place in its own sources, which comes first: `os error at FILE:LINE: `.
 fn told(error: &str) -> String {
     let why = error.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
     why.map_or(error, |(_, why)| why).to_owned()

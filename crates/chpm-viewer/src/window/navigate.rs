@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 #[cfg(test)]
 mod tests;
 
-/// What a turn turns about.
+/// Centre of rotation.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Pivot {
     /// The point that is looked at: the camera goes around it.
@@ -30,7 +30,7 @@ const TRAVEL: f64 = 0.15;
 const THRUST: f64 = 0.12;
 /// Images that the sight goes through for one that the pointer does.
 const LOOK: f64 = 2.0;
-/// What is nearer to its goal than this is there: radians, and shares of the distance to the focus.
+/// Distance from its goal at which a motion ends: radians, and shares of the distance to the focus.
 const SETTLED: f64 = 1e-5;
 /// Distances of the focus, in radii of the model.
 const NEAREST: f64 = 1e-5;
@@ -144,7 +144,7 @@ impl Navigator {
         }
     }
 
-    /// What turns turn about.
+    /// Centre of rotation.
     pub fn pivot(&self) -> Pivot {
         self.pivot
     }
@@ -295,7 +295,7 @@ impl Navigator {
         self.thrust = Vector3::from(thrust.map(|x| sane(x).clamp(-16.0, 16.0)));
     }
 
-    /// What is looked at is so far away: the measure of every speed. The camera stays.
+    /// Sets the distance to the focus: the measure of every speed. The camera stays.
     pub fn set_distance(&mut self, distance: f64) {
         if !(distance > 0.0 && distance.is_finite()) {
             return;

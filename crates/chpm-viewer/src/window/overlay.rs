@@ -1,4 +1,4 @@
-//! What lies over the model beside the panel: keys, notes, the open dialog, progress, the frozen camera's borders.
+//! Layers over the model beside the panel: keys, notes, the open dialog, progress, the frozen camera's borders.
 
 use crate::window::browse::Browser;
 use crate::window::figures::measured;
@@ -56,7 +56,7 @@ pub(super) fn note(context: &egui::Context, note: &Note) {
     });
 }
 
-/// What is there while no model is.
+/// Invitation while no model is open.
 pub(super) fn nothing(context: &egui::Context) {
     let area = egui::Area::new(Id::unique("nothing")).anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0));
     area.interactable(false).show(context, |ui| {
@@ -85,7 +85,7 @@ pub(super) fn progress(context: &egui::Context, what: &str, share: f32, has_prev
     shown.inner
 }
 
-/// What of the model cannot be shown as it should be; it stays.
+/// Note on the part of a model that cannot be shown as it should be; it stays.
 pub(super) fn damage(context: &egui::Context, text: &str) {
     let area = egui::Area::new(Id::unique("damage")).anchor(Align2::RIGHT_TOP, vec2(-10.0, 10.0));
     area.interactable(false).order(Order::Foreground).show(context, |ui| {
@@ -97,7 +97,7 @@ pub(super) fn damage(context: &egui::Context, text: &str) {
     });
 }
 
-/// What a user wants of the open dialog.
+/// Choice of a user in the open dialog.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) enum Choice {
     /// Nothing yet.
@@ -110,7 +110,7 @@ pub(super) enum Choice {
     Closed,
 }
 
-/// What a path that was typed asks for, taken from the folder that is shown.
+/// Choice that a typed path stands for, taken from the folder that is shown.
 pub(super) fn entered(browser: &Browser, typed: &str) -> Choice {
     let path = browser.folder().join(typed.trim());
     match typed.trim().is_empty() {
@@ -196,7 +196,7 @@ fn number(length: f64) -> String {
     if (1e-3..1e5).contains(&length) { format!("{length}") } else { format!("{length:e}") }
 }
 
-/// What is measured: points, the line between them, its length.
+/// Measured points, the line between them, its length.
 pub(super) fn marks(context: &egui::Context, marks: &[Mark], camera: &Camera, size: [u32; 2], scale: f32) {
     let painter = context.layer_painter(LayerId::new(Order::Background, Id::unique("marks")));
     let point = |[x, y]: [f64; 2]| pos2(x as f32 / scale, y as f32 / scale);
@@ -219,7 +219,7 @@ pub(super) fn marks(context: &egui::Context, marks: &[Mark], camera: &Camera, si
     }
 }
 
-/// What is known of a cluster.
+/// Facts about a cluster.
 pub(super) fn record(context: &egui::Context, lines: &[String]) {
     if lines.is_empty() {
         return;

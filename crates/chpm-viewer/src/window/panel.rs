@@ -13,10 +13,10 @@ use egui::{Align2, Color32, Id, Rect, RichText, Sense, Ui, vec2};
 
 /// Width of what is in the panel, points.
 const WIDTH: f32 = 256.0;
-/// What the panel takes of the window's left side, points.
+/// Width of the panel, points.
 pub(super) const TAKES: f32 = WIDTH + 34.0;
 
-/// What the panel tells beside the figures.
+/// Facts in the panel beside the figures.
 pub(super) struct About<'a> {
     pub(super) model: &'a str,
     /// Triangles of the source.
@@ -86,7 +86,7 @@ pub(super) fn show(
     commands
 }
 
-/// What a developer looks at, if it is unfolded.
+/// Counters for developers, if they are unfolded.
 fn counters(ui: &mut Ui, settings: &mut Settings, figures: &Figures, about: &About<'_>) {
     ui.add_space(5.0);
     let name = RichText::new("COUNTERS").small().strong().color(ACCENT);
@@ -311,7 +311,7 @@ fn clip(ui: &mut Ui, settings: &mut Settings) {
     });
 }
 
-/// What the colours of a scale stand for.
+/// Legend of a scale of colours.
 fn legend(ui: &mut Ui, colors: Coloring, [least, most]: [f32; 2]) {
     let (bar, _) = ui.allocate_exact_size(vec2(WIDTH, 7.0), Sense::hover());
     let steps = 32;

@@ -60,7 +60,7 @@ pub struct Replay {
     pace: Pace,
 }
 
-/// What decides which camera is next.
+/// Rule that chooses the next camera.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Pace {
     /// Time: slow frames leave cameras out.

@@ -23,7 +23,7 @@ pub trait Relate: Send + Sync {
     fn relate(&self, desk: &Desk);
 }
 
-/// What is known of two models at one step. Points are where their places put them.
+/// Relation of two models at one step. Points are where their places put them.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Relation {
     /// The distance is proven to be between these; the second may be infinite.

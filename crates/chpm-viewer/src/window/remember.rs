@@ -1,4 +1,4 @@
-//! What a person set for a model, from one time to the next: a small TOML file for each model in the user's state folder.
+//! Settings of a person for a model, from one time to the next: a small TOML file for each model in the user's state folder.
 //!
 //! The file's name is made of the model's absolute path, and the path is in it, too. A file that is missing says nothing; one that is
 //! damaged, or of another path, says so and is ignored, and replaced when the window closes.
@@ -17,7 +17,7 @@ const VERSION: u32 = 1;
 /// Sizes of a window, in pixels, that are taken for one.
 const SIZES: std::ops::RangeInclusive<u32> = 64..=32_768;
 
-/// What is remembered of a model.
+/// Remembered settings of a model.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Remembered {
     version: u32,
@@ -43,7 +43,7 @@ struct View {
 }
 
 impl Remembered {
-    /// What is to be remembered of a model: an upright camera, and how far its picture is rolled.
+    /// Settings to remember of a model: an upright camera, and how far its picture is rolled.
     pub fn new(model: &Path, window: [u32; 2], camera: &Camera, roll: f64, settings: &Settings) -> Self {
         let Camera { position, target, up, fov, .. } = *camera;
         let camera = View { position, target, up, fov, roll };
@@ -93,7 +93,7 @@ impl Memory {
         Memory { folder: Some(folder) }
     }
 
-    /// What is remembered of a model, if anything is; a note for the user if it cannot be read.
+    /// Remembered settings of a model, if there are any; a note for the user if they cannot be read.
     pub fn recall(&self, model: &Path) -> Result<Option<Remembered>, String> {
         let Some(file) = self.file(model) else { return Ok(None) };
         let note = |why: String| {
@@ -181,7 +181,7 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path().join("deep/state")).unwrap().count(), 1, "no temporary files");
     }
 
-    /// What an earlier version kept is a camera without roll.
+    /// A camera that an earlier version kept has no roll.
     #[test]
     fn an_upright_camera_says_nothing_of_roll() {
         let folder = tempfile::tempdir().unwrap();

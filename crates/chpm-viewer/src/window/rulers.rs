@@ -1,4 +1,4 @@
-//! What tells sizes and directions in a picture: a scale bar, the model's axes, the distance of two points.
+//! Rulers in a picture: a scale bar, the model's axes, the distance of two points.
 
 use chpm_refine::Camera;
 use nalgebra::{Point3, Vector3};

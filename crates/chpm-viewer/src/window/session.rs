@@ -31,7 +31,7 @@ const MISSING: u32 = 30;
 /// Of a screenshot.
 const SAMPLES: u32 = 8;
 
-/// What happens next, as far as the picture goes.
+/// Next step of the event loop, as far as the picture goes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Next {
     /// The next frame will be another one.
@@ -42,10 +42,10 @@ pub(super) enum Next {
     Rest,
 }
 
-/// What a pan drags.
+/// Target of a pan.
 #[derive(Clone, Copy, Debug)]
 enum Held {
-    /// What was at this pixel when the drag began.
+    /// Surface at this pixel when the drag began.
     Pixel([f64; 2]),
     /// Something at this depth; nothing known.
     Depth(Option<f64>),
@@ -70,7 +70,7 @@ pub(super) struct Session {
     pub(super) frozen: Option<(Camera, f64)>,
     pub(super) recorder: Option<Recorder>,
     pub(super) replay: Option<Replay>,
-    /// What a replay goes along.
+    /// Path of a replay.
     pub(super) recorded: Option<CameraPath>,
     camera: Camera,
     held: Held,
@@ -93,7 +93,7 @@ pub(super) struct Session {
     took: Option<Took>,
     /// The last frame drew nothing new.
     idle: bool,
-    /// What the last frame was asked for.
+    /// Request of the last frame.
     asked: Option<FrameRequest>,
     /// Its picture was drawn over since.
     drawn_over: bool,
@@ -144,7 +144,7 @@ impl Session {
         })
     }
 
-    /// What the models' files are called.
+    /// Names of the models' files.
     pub(super) fn name(&self) -> String {
         let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
         let names: Vec<_> = self.viewer.files().filter_map(|file| name(file.get_ref().path())).collect();
@@ -182,7 +182,7 @@ impl Session {
         }
     }
 
-    /// What the next frame is asked for; `since` is what the last one took, if this one follows it at once.
+    /// Request for the next frame; `since` is the time of the last one, if this one follows it at once.
     pub(super) fn request(
         &mut self,
         settings: &Settings,
@@ -421,7 +421,7 @@ impl Session {
         Ok(())
     }
 
-    /// What is seen at a pixel, the position of its cluster, and the error of that.
+    /// Cluster at a pixel, its position, and its error.
     fn cluster_at(
         &mut self,
         at: [f64; 2],

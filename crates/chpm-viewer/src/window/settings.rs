@@ -1,4 +1,4 @@
-//! What a person can set in the panel; what a frame is asked for follows from it.
+//! Settings of the panel; the request for a frame follows from them.
 
 use crate::gpu::Gpu;
 use crate::request::{Accuracy, Clip, Coloring, FrameRequest, Look, Shading};
@@ -67,7 +67,7 @@ pub struct Settings {
     pub clip: u8,
     /// The share of the model's box that it leaves.
     pub clip_share: f64,
-    /// What colours show.
+    /// Meaning of colours.
     #[serde(with = "color_name")]
     pub colors: Coloring,
     /// Edges over faces.
@@ -135,7 +135,7 @@ impl Settings {
         if self.budgeted { Accuracy::Triangles(self.triangles) } else { Accuracy::PoE(self.poe) }
     }
 
-    /// What decides how fine the next frame is, for an image of this size.
+    /// Wanted detail of the next frame, for an image of this size.
     pub fn wish(&self, [width, height]: [u32; 2]) -> Wish {
         let pixels = if self.adaptive { u64::from(width) * u64::from(height) } else { u64::MAX };
         Wish {

@@ -4,13 +4,13 @@ use egui::{Color32, CornerRadius, FontFamily, FontId, Margin, Shadow, Stroke, Te
 
 /// Behind the panel.
 pub(super) const BACK: Color32 = Color32::from_rgba_premultiplied(15, 17, 21, 225);
-/// What is chosen, and what is a number to look at.
+/// Colour of selections and of important numbers.
 pub(super) const ACCENT: Color32 = Color32::from_rgb(94, 180, 255);
 /// Names.
 pub(super) const QUIET: Color32 = Color32::from_rgb(140, 148, 160);
 /// Values.
 pub(super) const CLEAR: Color32 = Color32::from_rgb(222, 227, 234);
-/// What went wrong.
+/// Colour of failures.
 pub(super) const WARNING: Color32 = Color32::from_rgb(255, 138, 108);
 /// A recording, and a frozen selection.
 pub(super) const LIVE: Color32 = Color32::from_rgb(255, 92, 92);

@@ -1,4 +1,4 @@
-//! What the frames of a script took.
+//! Frame times of a script.
 
 /// Follows the frames.
 #[derive(Clone, Debug, Default)]

@@ -95,7 +95,7 @@ fn whatever_the_accuracy() {
     }
 }
 
-/// What is seen from behind is left out and hides nothing, wherever the camera is.
+/// Back sides that are left out hide nothing, wherever the camera is.
 #[test]
 fn back_sides_hide_nothing_where_they_are_left_out() {
     let model = models::shells();

@@ -1,4 +1,4 @@
-//! What a device refuses, and a device that goes, are errors that name the adapter and a remedy.
+//! Refusals and the loss of a device are errors that name the adapter and a remedy.
 
 use crate::models;
 use crate::screen::{PLENTY, exact, open};

@@ -7,11 +7,11 @@ mod screen;
 
 /// A clipping plane, the light and roll.
 mod clip;
-/// What is hidden is left out, and nothing that is seen.
+/// Culling leaves out hidden surface, and nothing that is seen.
 mod culling;
 /// How far a picture is from that of the full model.
 mod deviation;
-/// What a device refuses is an error.
+/// Refusals of a device are errors.
 mod faults;
 /// Pages come whole, checked, and within their budget, or with an error that says what is wrong.
 mod fetch;
@@ -19,7 +19,7 @@ mod fetch;
 mod golden;
 /// Models much larger than what may be used.
 mod limits;
-/// What is measured is on the source, however coarse the picture is.
+/// Measured points are on the source, however coarse the picture is.
 mod measure;
 /// Pictures from the processor, triangle by triangle.
 mod raster;

@@ -1,4 +1,4 @@
-//! What is measured is on the source, however coarse the picture is.
+//! Measured points are on the source, however coarse the picture is.
 
 use crate::models::Model;
 use crate::screen::{PLENTY, exact, open};

@@ -78,7 +78,7 @@ fn smooth_pictures_show_no_borders_of_clusters() {
     }
 }
 
-/// What is smooth depends on the file alone: on nothing that was drawn or left out before.
+/// Smoothness depends on the file alone: on nothing that was drawn or left out before.
 #[test]
 fn the_same_picture_whatever_was_drawn_before() {
     let model = model(&Synth::new(Shape::Isosurface, 16_000, 1).to_mesh(), Normals::None);
@@ -98,7 +98,7 @@ fn the_same_picture_whatever_was_drawn_before() {
     }
 }
 
-/// What has no direction is drawn by its plane, as flat shading does.
+/// Vertices without a direction are drawn by their plane, as flat shading does.
 #[test]
 fn vertices_without_a_direction_are_flat() {
     let mut sheet = hand::grid(8, 8);

@@ -82,7 +82,7 @@ fn a_smooth_frame_is_near_the_mean_of_many() {
     }
 }
 
-/// What is picked, what is hidden and the item buffer are those of hard edges.
+/// Picking, culling and the item buffer are those of hard edges.
 #[test]
 fn nothing_but_the_picture_differs() {
     let model: Model = models::wall();

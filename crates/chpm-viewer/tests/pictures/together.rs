@@ -278,7 +278,7 @@ fn what_flows_becomes_exact() {
     }
 }
 
-/// What is picked is on the model that is seen there, wherever it was put.
+/// Picked points are on the model that is seen there, wherever it was put.
 #[test]
 fn what_is_picked_is_where_it_is_seen() {
     let model = Model::of(&sphere(4000), 128);

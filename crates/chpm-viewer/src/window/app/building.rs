@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use winit::event_loop::ActiveEventLoop;
 
-/// What a build tells.
+/// Messages of a build.
 #[derive(Debug)]
 pub(in crate::window) enum News {
     /// It does this, and has done this share of it.
@@ -20,7 +20,7 @@ pub(in crate::window) enum News {
 
 /// A build that runs.
 pub(super) struct Building {
-    /// What it does.
+    /// Present step.
     pub(super) what: String,
     /// The share of that which is done.
     pub(super) share: f32,

@@ -1,4 +1,4 @@
-//! What is opened, built and written from within the window.
+//! Opening, building and writing files from within the window.
 
 use super::{App, Event};
 use crate::window::browse::Browser;
@@ -132,7 +132,7 @@ impl App {
     }
 }
 
-/// What a file is that was dropped or chosen.
+/// Kind of a file that was dropped or chosen.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Given {
     /// A camera path.

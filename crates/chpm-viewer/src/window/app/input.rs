@@ -1,4 +1,4 @@
-//! What the window system reports, as gestures and commands.
+//! Events of the window system, as gestures and commands.
 
 use super::App;
 use crate::window::gesture::{Button, Finger, Motion, Scroll};

@@ -371,7 +371,7 @@ proptest! {
         prop_assert!(apart(once.camera().position, twice.camera().position) < 1e-9 * size);
     }
 
-    /// What a camera was set to, it is.
+    /// A camera is where it was set.
     #[test]
     fn a_camera_that_was_set_is_there(position in [-50.0..50.0, -50.0..50.0, -50.0..50.0f64],
                                       target in [-5.0..5.0, -5.0..5.0, -5.0..5.0f64]) {

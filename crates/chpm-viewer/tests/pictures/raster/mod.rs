@@ -24,10 +24,10 @@ pub(crate) struct Raster {
     outline: Vec<Corner>,
 }
 
-/// What is known of a pixel. Nearness is one over depth along the line of sight: it is linear in the image.
+/// Sample of a pixel. Nearness is one over depth along the line of sight: it is linear in the image.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pixel {
-    /// What is seen at the sample, and how near it is.
+    /// Triangle at the sample, and how near it is.
     seen: Option<(TriangleId, f64)>,
     /// Of those that cover the sample whatever is rounded, the nearest, and how near it is at least.
     sure: Option<(TriangleId, f64)>,
@@ -136,7 +136,7 @@ impl Raster {
         self.projection.viewport
     }
 
-    /// What is seen at each pixel.
+    /// Triangle at each pixel.
     pub(crate) fn ids(&self) -> IdImage {
         let pixels = self.pixels.iter().map(|pixel| pixel.seen.map(|(id, _)| id)).collect();
         IdImage { size: self.size(), pixels }

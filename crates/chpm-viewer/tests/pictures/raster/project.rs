@@ -26,7 +26,7 @@ pub(super) struct Projection {
 /// Depth relative to a triangle's farthest corner below which it is not drawn.
 const TOUCHING: f64 = 1e-9;
 
-/// What lies farther aside than so many times the image is cut off, so that no coordinate is large.
+/// Guard band in images: geometry farther aside is cut off, so that no coordinate is large.
 const BAND: f64 = 4.0;
 
 /// The corners of a triangle that five planes may have cut.
@@ -42,7 +42,7 @@ impl Outline {
         self.len += 1;
     }
 
-    /// What is on the side of a plane that its normal points to.
+    /// Part on the side of a plane that its normal points to.
     fn cut(self, normal: Vector3<f64>, offset: f64) -> Outline {
         let height = |point: Vector3<f64>| normal.dot(&point) - offset;
         let mut rest = Outline { len: 0, ..self };
