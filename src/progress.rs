@@ -2,7 +2,7 @@
 
 use crate::escape;
 use crate::forecast::Forecast;
-use chpm_build::{Progress, Stage};
+use chpm_build::{BuildProgress, Progress, Stage};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressFinish, ProgressStyle};
 use std::io::{self, IsTerminal, Write};
 use std::sync::{Mutex, MutexGuard};
@@ -142,8 +142,8 @@ impl Build {
     }
 }
 
-impl Progress for Meter {
-    fn begin(&self, stage: Stage, total: u64) {
+impl BuildProgress for Meter {
+    fn begin_stage(&self, stage: Stage, total: u64) {
         let mut build = self.build();
         let build = build.get_or_insert_with(|| Build::begin(self.face == Face::Bars));
         build.forecast.begin(stage);
@@ -154,22 +154,32 @@ impl Progress for Meter {
         self.set_out(&stage.to_string(), total, None, Some(build.clone()));
     }
 
-    fn advance(&self, done: u64) {
-        self.add(done);
-    }
-
     fn counted(&self, triangles: u64) {
         if let Some(build) = self.build().as_mut() {
             build.forecast.counted(triangles);
         }
     }
 
-    fn end(&self, stage: Stage) {
+    fn end_stage(&self, stage: Stage) {
         self.finish();
         // The next build is another one.
         if stage == Stage::Emit {
             *self.build() = None;
         }
+    }
+}
+
+impl Progress for Meter {
+    fn begin(&self, task: &str, total: u64) {
+        self.start(task, total);
+    }
+
+    fn advance(&self, done: u64) {
+        self.add(done);
+    }
+
+    fn end(&self) {
+        self.finish();
     }
 
     fn note(&self, text: &str) {

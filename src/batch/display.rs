@@ -4,7 +4,7 @@
 use super::summary::{Row, Status};
 use crate::escape::{escaped, in_line};
 use crate::progress::line;
-use chpm_build::{Progress, Stage};
+use chpm_build::{BuildProgress, Progress};
 use chpm_mesh::Counted;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{self, IsTerminal};
@@ -81,11 +81,11 @@ impl Drop for Display {
 }
 
 impl Progress for ModelMeter {
-    fn begin(&self, stage: Stage, total: u64) {
+    fn begin(&self, task: &str, total: u64) {
         if let Some(bar) = &self.bar {
             bar.set_length(total);
             bar.set_position(0);
-            bar.set_prefix(format!("{} {stage}", self.name));
+            bar.set_prefix(format!("{} {task}", self.name));
         }
     }
 
@@ -95,8 +95,10 @@ impl Progress for ModelMeter {
         }
     }
 
-    fn end(&self, _: Stage) {}
+    fn end(&self) {}
 }
+
+impl BuildProgress for ModelMeter {}
 
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())

@@ -6,7 +6,7 @@ use super::stamp::{self, Need};
 use super::summary::{Row, Status, Summary};
 use crate::{cmd, report};
 use anyhow::{Context, Result};
-use chpm_build::{BuildConfig, BuildError, BuildReport, Cancel, Progress, input};
+use chpm_build::{BuildConfig, BuildError, BuildProgress, BuildReport, Cancel, input};
 use chpm_mesh::Bytes;
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -125,7 +125,7 @@ fn share(config: &mut BuildConfig, jobs: usize) {
 }
 
 /// Builds one model and says what became of it.
-fn make(task: &Task, meter: &dyn Progress, cancel: &Cancel) -> Row {
+fn make(task: &Task, meter: &dyn BuildProgress, cancel: &Cancel) -> Row {
     let mut row = task.row.clone();
     if cancel.is_cancelled() {
         row.status = Status::Stopped;
@@ -155,7 +155,7 @@ fn make(task: &Task, meter: &dyn Progress, cancel: &Cancel) -> Row {
     row
 }
 
-fn build(row: &Row, config: &BuildConfig, meter: &dyn Progress, cancel: &Cancel) -> Result<BuildReport> {
+fn build(row: &Row, config: &BuildConfig, meter: &dyn BuildProgress, cancel: &Cancel) -> Result<BuildReport> {
     if let Some(folder) = row.output.parent() {
         fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder '{}'", folder.display()))?;

@@ -16,7 +16,7 @@ use crate::report::count;
 use crate::stop::Stop;
 use crate::view;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::{BuildConfig, Cancel, Progress, Silent, Stage, input};
+use chpm_build::{BuildConfig, BuildProgress, Cancel, Progress, Silent, Stage, input};
 use chpm_extmem::{Store, WorkDir};
 use chpm_import::ply::{Encoding, write_mesh};
 use chpm_mesh::{Bytes, Counted};
@@ -343,11 +343,17 @@ impl Teller<'_> {
     }
 }
 
+impl BuildProgress for Teller<'_> {
+    fn begin_stage(&self, stage: Stage, total: u64) {
+        self.change(|running| running.forecast.begin(stage));
+        self.begin(stage.name(), total);
+    }
+}
+
 impl Progress for Teller<'_> {
-    fn begin(&self, stage: Stage, total: u64) {
+    fn begin(&self, task: &str, total: u64) {
         self.change(|running| {
-            running.forecast.begin(stage);
-            (running.name, running.total, running.done, running.told) = (stage.to_string(), total, 0, None);
+            (running.name, running.total, running.done, running.told) = (task.to_owned(), total, 0, None);
         });
     }
 
@@ -355,5 +361,5 @@ impl Progress for Teller<'_> {
         self.change(|running| running.done += done);
     }
 
-    fn end(&self, _: Stage) {}
+    fn end(&self) {}
 }

@@ -2,9 +2,9 @@
 
 use crate::clock::Clock;
 use crate::error::BuildError;
-use crate::progress::{Cancel, Progress, Stage};
+use crate::progress::{BuildProgress, Stage};
 use crate::report::StageReport;
-use chpm_extmem::{Store, process};
+use chpm_extmem::{Cancel, Store, process};
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -15,7 +15,7 @@ pub struct Context<'a> {
     /// The build's own threads.
     pub pool: rayon::ThreadPool,
     /// Where progress goes.
-    pub progress: &'a dyn Progress,
+    pub progress: &'a dyn BuildProgress,
     /// The request to stop.
     pub cancel: Cancel,
     /// When the work is to be saved.
@@ -25,14 +25,19 @@ pub struct Context<'a> {
 
 impl<'a> Context<'a> {
     /// Surroundings with `pool`'s threads, and without checkpoints.
-    pub fn new(store: Store, pool: rayon::ThreadPool, progress: &'a dyn Progress, cancel: Cancel) -> Self {
+    pub fn new(
+        store: Store,
+        pool: rayon::ThreadPool,
+        progress: &'a dyn BuildProgress,
+        cancel: Cancel,
+    ) -> Self {
         Self::with_clock(store, pool, progress, cancel, Clock::new(None))
     }
 
     pub(crate) fn with_clock(
         store: Store,
         pool: rayon::ThreadPool,
-        progress: &'a dyn Progress,
+        progress: &'a dyn BuildProgress,
         cancel: Cancel,
         clock: Clock,
     ) -> Self {
@@ -47,10 +52,10 @@ impl<'a> Context<'a> {
         run: impl FnOnce() -> Result<T, BuildError> + Send,
     ) -> Result<T, BuildError> {
         self.check()?;
-        self.progress.begin(stage, total);
+        self.progress.begin_stage(stage, total);
         let start = Instant::now();
         let result = self.pool.install(run);
-        self.progress.end(stage);
+        self.progress.end_stage(stage);
         let row = StageReport {
             stage,
             seconds: start.elapsed().as_secs_f64(),

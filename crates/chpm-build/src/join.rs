@@ -127,8 +127,8 @@ fn join(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::{Cancel, Silent};
     use chpm_extmem::{BufferWriter, Store};
+    use chpm_extmem::{Cancel, Silent};
 
     fn column<T: bytemuck::Pod>(store: &Store, items: &[T]) -> Column<T> {
         let mut writer = BufferWriter::new(store, "items", items.len()).unwrap();

@@ -31,11 +31,11 @@ mod trim;
 mod vertex_columns;
 
 pub use allowance::MIN_MEMORY;
-pub use chpm_extmem::Faults;
+pub use chpm_extmem::{Cancel, Faults, Progress, Silent};
 pub use config::{BuildConfig, Resources, Settings};
 pub use error::BuildError;
 pub use ingest::input;
 pub use layout::{MOST_ORDERED, ORDER_BYTES, order_mesh, page_order};
 pub use pipeline::build;
-pub use progress::{Cancel, Progress, Silent, Stage};
+pub use progress::{BuildProgress, Stage};
 pub use report::{BuildReport, Reached};

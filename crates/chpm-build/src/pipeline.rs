@@ -6,11 +6,11 @@ use crate::config::{BuildConfig, Resources, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::ingest::Supply;
-use crate::progress::{Cancel, Progress, Stage};
+use crate::progress::{BuildProgress, Stage};
 use crate::report::BuildReport;
 use crate::stamp::Stamp;
 use crate::{allowance, decompose, emit, hierarchy, ingest, layout, simplify, trim};
-use chpm_extmem::{AtomicFile, ExtmemError, Lock, Store, WorkDir, process};
+use chpm_extmem::{AtomicFile, Cancel, ExtmemError, Lock, Store, WorkDir, process};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub fn build(
     source: &Path,
     output: &Path,
     config: &BuildConfig,
-    progress: &dyn Progress,
+    progress: &dyn BuildProgress,
     cancel: &Cancel,
 ) -> Result<BuildReport, BuildError> {
     // Lock, partial file and work belong to the file that is written, by whatever link it is named.
@@ -140,7 +140,7 @@ fn context<'a>(
     dir: WorkDir,
     source_len: u64,
     resources: &Resources,
-    progress: &'a dyn Progress,
+    progress: &'a dyn BuildProgress,
     cancel: &Cancel,
 ) -> Result<Context<'a>, BuildError> {
     process::return_large_blocks();

@@ -1,8 +1,7 @@
-//! Progress is data: stages report counts, the command draws them.
+//! The stages of a build, and who is told how far it is.
 
+use chpm_extmem::{Progress, Silent};
 use std::fmt;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The stages of a build, in order.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
@@ -25,57 +24,40 @@ impl Stage {
     /// All stages in order.
     pub const ALL: [Stage; 6] =
         [Stage::Ingest, Stage::Decompose, Stage::Hierarchy, Stage::Simplify, Stage::Layout, Stage::Emit];
-}
 
-impl fmt::Display for Stage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
             Stage::Ingest => "ingest",
             Stage::Decompose => "decompose",
             Stage::Hierarchy => "hierarchy",
             Stage::Simplify => "simplify",
             Stage::Layout => "layout",
             Stage::Emit => "emit",
-        })
+        }
     }
 }
 
-/// Receives progress; called from worker threads.
-pub trait Progress: Sync {
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// Receives the progress of a build, stage by stage. Whoever does not care for stages has nothing to add to [`Progress`].
+pub trait BuildProgress: Progress {
     /// A stage starts; `total` units of work are expected (triangles, clusters or bytes, whatever the stage counts).
-    fn begin(&self, stage: Stage, total: u64);
-    /// `done` more units of the running stage are done.
-    fn advance(&self, done: u64);
+    fn begin_stage(&self, stage: Stage, total: u64) {
+        self.begin(stage.name(), total);
+    }
+
     /// The source has been read, and has so many triangles.
     fn counted(&self, _triangles: u64) {}
+
     /// The stage has ended.
-    fn end(&self, stage: Stage);
-    /// Something that whoever waits should know, about earlier work for example.
-    fn note(&self, _text: &str) {}
-}
-
-/// Draws nothing.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Silent;
-
-impl Progress for Silent {
-    fn begin(&self, _: Stage, _: u64) {}
-    fn advance(&self, _: u64) {}
-    fn end(&self, _: Stage) {}
-}
-
-/// A request to stop, shared with whoever may ask for it. A build looks at it between pieces of work of some milliseconds.
-#[derive(Clone, Debug, Default)]
-pub struct Cancel(Arc<AtomicBool>);
-
-impl Cancel {
-    /// Asks for the stop.
-    pub fn cancel(&self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-
-    /// Whether it was asked for.
-    pub fn is_cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+    fn end_stage(&self, _stage: Stage) {
+        self.end();
     }
 }
+
+impl BuildProgress for Silent {}

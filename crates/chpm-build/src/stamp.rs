@@ -2,7 +2,7 @@
 
 use crate::error::BuildError;
 use crate::ingest::{Supply, input};
-use crate::progress::Cancel;
+use chpm_extmem::Cancel;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};

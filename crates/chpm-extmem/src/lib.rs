@@ -1,6 +1,7 @@
 //! External memory: a budget that is asked before memory is taken, a work directory that cleans up after itself or keeps what
 //! another run can go on with, arrays, sequences and blobs that live in memory when the budget grants it and on disk when
-//! it does not, files that appear complete or not at all, faults on purpose, and the project's only memory map.
+//! it does not, files that appear complete or not at all, the request to stop and
+//! the report of progress that all long work knows, faults on purpose, and the project's only memory map.
 //!
 //! The crate knows bytes and plain records, not meshes. Whether an array was granted memory never shows in its
 //! content, so a result does not depend on the budget.
@@ -10,6 +11,7 @@ mod alive;
 mod buckets;
 mod budget;
 mod buffer;
+mod cancel;
 mod column;
 mod error;
 mod fault;
@@ -20,6 +22,7 @@ mod manifest;
 mod map;
 mod pipe;
 pub mod process;
+mod progress;
 mod publish;
 mod saved;
 mod spool;
@@ -30,12 +33,14 @@ mod workdir;
 pub use buckets::{Buckets, Drain};
 pub use budget::{MemoryBudget, Reservation, TaskShare};
 pub use buffer::{Buffer, BufferWriter};
+pub use cancel::{Cancel, Cancelled};
 pub use column::{Column, Part};
 pub use error::ExtmemError;
 pub use fault::Faults;
 pub use lock::Lock;
 pub use map::{Access, MappedBuffer, MappedFile};
 pub use pipe::receive;
+pub use progress::{Progress, Silent};
 pub use publish::AtomicFile;
 pub use saved::SavedFile;
 pub use spool::Spool;

@@ -12,7 +12,7 @@ use crate::config::Resources;
 use crate::context::Context;
 use crate::emit::Known;
 use crate::error::BuildError;
-use crate::progress::Progress;
+use crate::progress::BuildProgress;
 use crate::report::Reached;
 use chpm_extmem::{ExtmemError, WorkDir};
 pub(crate) use key::{Key, beside};
@@ -42,7 +42,7 @@ impl Checkpoints {
         parent: &Path,
         key: &Key,
         resources: &Resources,
-        progress: &dyn Progress,
+        progress: &dyn BuildProgress,
     ) -> Result<(Self, WorkDir), BuildError> {
         let dir = WorkDir::resumable(&parent.join(key.folder()), resources.faults.clone())?;
         let mut checkpoints =
@@ -81,7 +81,7 @@ impl Checkpoints {
         Ok(Default::default())
     }
 
-    fn note(&mut self, text: String, progress: &dyn Progress) {
+    fn note(&mut self, text: String, progress: &dyn BuildProgress) {
         progress.note(&text);
         self.notes.push(text);
     }

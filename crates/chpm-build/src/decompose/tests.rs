@@ -1,9 +1,9 @@
 //! Leaves against the source, by definition, for regions of every kind.
 
 use super::*;
-use crate::progress::{Cancel, Silent};
 use crate::vertex_columns::VertexColumns;
 use chpm_extmem::{BufferWriter, Store};
+use chpm_extmem::{Cancel, Silent};
 use chpm_format::Source as Provenance;
 use chpm_import::ply::Tally;
 use chpm_mesh::{Aabb, TriMesh, VertexSlices};

@@ -156,8 +156,8 @@ impl Slice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::{Cancel, Silent};
     use chpm_extmem::{BufferWriter, Store};
+    use chpm_extmem::{Cancel, Silent};
     use proptest::prelude::*;
 
     /// By vertex the first one of its component: the least number goes from corner to corner until none changes.

@@ -3,8 +3,7 @@
 use super::input::Input;
 use super::supply::Supply;
 use crate::error::BuildError;
-use crate::progress::Cancel;
-use chpm_extmem::Store;
+use chpm_extmem::{Cancel, Store};
 use chpm_import::ply::{Batch, BatchKind, Coordinates, MAX_VERTICES, Options, PlyError, Tally, VertexFormat};
 use chpm_import::{Pose, RangeScans};
 use chpm_mesh::Attributes;

@@ -279,9 +279,9 @@ impl Extent {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::{Cancel, Silent};
     use crate::vertex_columns::VertexColumns;
     use chpm_extmem::Store;
+    use chpm_extmem::{Cancel, Silent};
     use chpm_mesh::Vertices;
     use std::path::Path;
 

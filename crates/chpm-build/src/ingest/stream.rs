@@ -4,8 +4,7 @@
 //! two reads is bounded by its window.
 
 use super::supply::Supply;
-use crate::progress::Cancel;
-use chpm_extmem::Faults;
+use chpm_extmem::{Cancel, Faults};
 use chpm_import::Format;
 use std::cell::RefCell;
 use std::fmt;

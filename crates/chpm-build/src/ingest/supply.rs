@@ -1,8 +1,7 @@
 //! Where a source's bytes come from: a file, or a pipe that was read to its end.
 
 use crate::error::BuildError;
-use crate::progress::Cancel;
-use chpm_extmem::Faults;
+use chpm_extmem::{Cancel, Faults};
 use std::fs::{self, File, FileType};
 use std::io;
 use std::os::unix::fs::FileTypeExt;

@@ -2,7 +2,7 @@
 
 use crate::site::{Site, config, with_attributes};
 use chpm_build::config::{Length, Normals, Positions};
-use chpm_build::{BuildConfig, BuildError, Cancel, Faults, Progress, Reached, Silent, Stage};
+use chpm_build::{BuildConfig, BuildError, BuildProgress, Cancel, Faults, Progress, Reached, Silent, Stage};
 use chpm_extmem::ExtmemError;
 use chpm_mesh::Bytes;
 use chpm_synth::{Shape, Synth, hand};
@@ -45,10 +45,14 @@ struct StopAfter {
     cancel: Cancel,
 }
 
-impl Progress for StopAfter {
-    fn begin(&self, stage: Stage, _: u64) {
+impl BuildProgress for StopAfter {
+    fn begin_stage(&self, stage: Stage, _: u64) {
         self.has_begun.fetch_or(stage >= self.from, Ordering::Relaxed);
     }
+}
+
+impl Progress for StopAfter {
+    fn begin(&self, _: &str, _: u64) {}
 
     fn advance(&self, _: u64) {
         let counts = self.has_begun.load(Ordering::Relaxed);
@@ -57,7 +61,7 @@ impl Progress for StopAfter {
         }
     }
 
-    fn end(&self, _: Stage) {}
+    fn end(&self) {}
 }
 
 /// Stops after so many advances from a stage on; answers how far it was then, or none if it was done before.
@@ -246,17 +250,21 @@ fn work_that_is_kept_serves_the_next_build() {
 /// Changes the source while it is read.
 struct Meddler<'a>(&'a Site);
 
-impl Progress for Meddler<'_> {
-    fn begin(&self, stage: Stage, _: u64) {
+impl BuildProgress for Meddler<'_> {
+    fn begin_stage(&self, stage: Stage, _: u64) {
         if stage == Stage::Ingest {
             let time = SystemTime::now() + Duration::from_secs(5);
             File::options().write(true).open(self.0.source()).unwrap().set_modified(time).unwrap();
         }
     }
+}
+
+impl Progress for Meddler<'_> {
+    fn begin(&self, _: &str, _: u64) {}
 
     fn advance(&self, _: u64) {}
 
-    fn end(&self, _: Stage) {}
+    fn end(&self) {}
 }
 
 #[test]

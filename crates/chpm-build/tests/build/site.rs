@@ -1,7 +1,7 @@
 //! A place to build in, and what must hold for every file that is built there.
 
 use chpm_build::{
-    BuildConfig, BuildError, BuildReport, Cancel, Progress, Resources, Settings, Silent, build,
+    BuildConfig, BuildError, BuildProgress, BuildReport, Cancel, Resources, Settings, Silent, build,
 };
 use chpm_format::{Chpm, verify};
 use chpm_import::ply::{Encoding, PlyWriter, write_mesh};
@@ -64,7 +64,7 @@ impl Site {
     pub(crate) fn try_build(
         &self,
         config: &BuildConfig,
-        progress: &dyn Progress,
+        progress: &dyn BuildProgress,
         cancel: &Cancel,
     ) -> Result<BuildReport, BuildError> {
         build(&self.source(), &self.output(), config, progress, cancel)

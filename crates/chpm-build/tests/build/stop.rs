@@ -1,7 +1,7 @@
 //! Builds that do not end well leave nothing behind.
 
 use crate::site::{Site, config};
-use chpm_build::{BuildError, Cancel, Progress, Silent, Stage};
+use chpm_build::{BuildError, BuildProgress, Cancel, Progress, Silent, Stage};
 use chpm_synth::{Shape, Synth};
 use std::fs;
 use std::sync::Mutex;
@@ -14,13 +14,17 @@ struct StopAt {
     cancel: Cancel,
 }
 
-impl Progress for StopAt {
-    fn begin(&self, stage: Stage, _: u64) {
+impl BuildProgress for StopAt {
+    fn begin_stage(&self, stage: Stage, _: u64) {
         *self.running.lock().unwrap() = Some(stage);
         if stage == self.stage && !self.advanced {
             self.cancel.cancel();
         }
     }
+}
+
+impl Progress for StopAt {
+    fn begin(&self, _: &str, _: u64) {}
 
     fn advance(&self, _: u64) {
         if *self.running.lock().unwrap() == Some(self.stage) {
@@ -28,7 +32,7 @@ impl Progress for StopAt {
         }
     }
 
-    fn end(&self, _: Stage) {}
+    fn end(&self) {}
 }
 
 #[test]
