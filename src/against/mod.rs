@@ -441,7 +441,7 @@ fn each_triangle(
 ) -> Result<()> {
     let opened = Stream::open(path, target.store.budget.limit(), Arc::clone(&target.read))?;
     let stream = opened.stream;
-    let _window = target.store.budget.charge("the window of a zstd stream", opened.window)?;
+    let _window = target.store.budget.reserve_work("the window of a zstd stream", opened.window)?;
     let extension = stream::extension(path);
     if let Some(foreign) = Foreign::detect(&opened.head, opened.len, extension.as_deref()) {
         bail!("'{}': {foreign}", path.display());

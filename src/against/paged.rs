@@ -27,7 +27,7 @@ impl<T: Pod> Paged<T> {
     pub(super) fn zeroed(store: &Store, what: &'static str, len: usize) -> Result<Self> {
         let column = Column::<T>::zeroed(store, what, len)?;
         let count = if column.is_on_disk() { BLOCKS } else { 0 };
-        let share = store.budget.charge(what, (count * BLOCK) as u64)?;
+        let share = store.budget.reserve_work(what, (count * BLOCK) as u64)?;
         let none = || Block { number: usize::MAX, items: Vec::new(), is_changed: false };
         let blocks = std::iter::repeat_with(none).take(count).collect();
         Ok(Paged { column, blocks, len: BLOCK / size_of::<T>(), _share: share })

@@ -247,7 +247,7 @@ impl Boxes {
             Size::Percent(percent) => percent / 100.0 * diagonal(whole),
         };
         let words = self.count as usize / 64 + 1;
-        let share = store.budget.charge("small components", 8 * words as u64)?;
+        let share = store.budget.reserve_work("small components", 8 * words as u64)?;
         let mut small = Small { of: self.of, words: vec![0; words], components: 0, _share: share };
         for number in 0..self.count as usize {
             if diagonal(self.boxes.get(number)?) < least {

@@ -29,20 +29,20 @@ pub(crate) fn divide(resources: &Resources, available: usize, source_len: u64) -
     let total = memory.max(MIN_MEMORY) - PROGRAM;
     let threads = (wanted as u64).clamp(1, total / (THREAD + REGION));
     let beside_arrays = PROGRAM + threads * (THREAD + REGION);
-    // Arrays come first and stay: what is charged after them has to be kept free from the start.
+    // Arrays come first and stay: what work reserves after them has to be kept free from the start.
     let arrays = memory.saturating_sub(beside_arrays);
     let arrays = arrays - (source_len / SOURCE_PER_TABLE).min(arrays);
     // And no more than half, so that with more memory there is more for work, whatever arrays there are.
     let arrays = arrays.min(total / 2);
-    (threads as usize, MemoryBudget::with_charges(arrays, total - threads * THREAD))
+    (threads as usize, MemoryBudget::with_work_limit(arrays, total - threads * THREAD))
 }
 
-/// The least memory above what was given, in whole MiB, with which `work` bytes can be charged, however large the arrays are.
+/// The least memory above what was given, in whole MiB, with which `work` bytes can be reserved, however large the arrays are.
 pub(crate) fn enough(resources: &Resources, available: usize, source_len: u64, work: u64) -> u64 {
     let fits = |memory: &u64| {
         let resources = Resources { memory: Bytes(*memory), ..resources.clone() };
         let (_, budget) = divide(&resources, available, source_len);
-        budget.chargeable() - budget.limit() >= work
+        budget.available_for_work() - budget.limit() >= work
     };
     let first = resources.memory.0.max(MIN_MEMORY).next_multiple_of(1 << 20);
     (first..).step_by(1 << 20).skip(1).find(fits).unwrap_or(u64::MAX)
@@ -138,7 +138,7 @@ mod tests {
         let of = |threads, mib, source: u64| {
             let resources = Resources { threads, memory: Bytes::mib(mib), ..Resources::default() };
             let (threads, budget) = divide(&resources, 8, source << 20);
-            (threads, budget.limit() >> 20, budget.chargeable() >> 20)
+            (threads, budget.limit() >> 20, budget.available_for_work() >> 20)
         };
         assert_eq!(of(2, 128, 0), (2, 48, 88));
         assert_eq!(of(0, 1024, 0), (8, 502, 924));
@@ -161,7 +161,7 @@ mod tests {
                 let (_, budget) = divide(&resources, 8, source << 20);
                 // Arrays take all that they are granted, and stay.
                 let _arrays = budget.reserve("arrays", budget.limit()).unwrap();
-                budget.charge("work", work << 20).is_ok()
+                budget.reserve_work("work", work << 20).is_ok()
             };
             assert!(
                 left(enough) && left(enough + (64 << 20)) && !left(enough - (1 << 20)),

@@ -1,6 +1,6 @@
 //! What a build is told: settings decide the bytes of the output, resources only how it gets there.
 
-use chpm_extmem::Faults;
+use chpm_extmem::FailPoints;
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 pub use chpm_mesh::asked::{Length, LengthError};
@@ -246,7 +246,7 @@ pub struct Resources {
     /// Whether the work directory stays when the build is done, with all that layout and emit start from.
     pub keep_work: bool,
     /// What is to go wrong, for tests.
-    pub faults: Faults,
+    pub fail_points: FailPoints,
 }
 
 impl Default for Resources {
@@ -257,7 +257,7 @@ impl Default for Resources {
             work_dir: None,
             checkpoint: Some(Duration::from_secs(15)),
             keep_work: false,
-            faults: Faults::default(),
+            fail_points: FailPoints::default(),
         }
     }
 }

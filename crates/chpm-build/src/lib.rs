@@ -31,7 +31,7 @@ mod trim;
 mod vertex_columns;
 
 pub use allowance::MIN_MEMORY;
-pub use chpm_extmem::{Cancel, Faults, Progress, Silent};
+pub use chpm_extmem::{Cancel, FailPoints, Progress, Silent};
 pub use config::{BuildConfig, Resources, Settings};
 pub use error::BuildError;
 pub use ingest::input;

@@ -32,10 +32,10 @@ pub fn build(
     // Lock, partial file and work belong to the file that is written, by whatever link it is named.
     let output = &chpm_extmem::target(output, config.overwrite)?;
     let _lock = Lock::acquire(output)?;
-    let out = AtomicFile::create_with(output, config.overwrite, config.resources.faults.clone())?;
+    let out = AtomicFile::create_with(output, config.overwrite, config.resources.fail_points.clone())?;
     let resources = &config.resources;
     let folder = resources.work_dir.as_deref().unwrap_or(beside(output));
-    let source = &Supply::take(source, folder, &resources.faults, cancel)?;
+    let source = &Supply::take(source, folder, &resources.fail_points, cancel)?;
     let stamp = Stamp::of(source, cancel)?;
     stamp.refuse_output(output)?;
     // What came through a pipe does not come again, so that no other run could go on.
@@ -45,7 +45,9 @@ pub fn build(
         Some(_) => {
             Checkpoints::open(folder, &Key::of(output, &stamp, &config.settings)?, resources, progress)?
         }
-        None => (Checkpoints::default(), WorkDir::create(folder)?.with_faults(resources.faults.clone())),
+        None => {
+            (Checkpoints::default(), WorkDir::create(folder)?.with_fail_points(resources.fail_points.clone()))
+        }
     };
     let context = &context(dir, stamp.len, resources, progress, cancel)?;
     let dir = &context.store.workdir;
@@ -93,7 +95,7 @@ fn run(
     })?;
 
     let tables = allowance::tables(work.node_count());
-    let _tables = context.store.budget.charge("tables of clusters", tables)?;
+    let _tables = context.store.budget.reserve_work("tables of clusters", tables)?;
     work.simplify(|arranged, begun, keep| {
         let nodes = arranged.tree.nodes.len() as u64;
         context.stage(Stage::Simplify, nodes, || {

@@ -1,4 +1,4 @@
-//! The memory budget: whoever keeps a large array asks first and gives back by dropping.
+//! The memory budget: whoever keeps a large array reserves its memory first and gives it back by dropping.
 
 use crate::ExtmemError;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -6,18 +6,18 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// A limit in bytes on what is reserved at any one time, shared by all threads.
 ///
-/// Arrays, which may also live on disk, *ask* ([`Self::reserve`]) and are granted memory up to a first limit. What work cannot do
-/// without is *charged* ([`Self::charge`]), up to a second, higher one; tasks of many wait for each other ([`Self::charge_task`]). It counts
-/// what it is told of; it measures nothing. See [`crate::process`] for what the process really uses.
+/// Arrays, which may also spill to disk, reserve memory up to a first limit ([`Self::reserve`]). Work that cannot spill reserves
+/// up to a second, higher one ([`Self::reserve_work`]); tasks of many wait for each other ([`Self::reserve_task`]). It counts
+/// reservations; it measures nothing. See [`crate::process`] for what the process really uses.
 #[derive(Debug)]
 pub struct MemoryBudget {
     limit: u64,
-    charge_limit: u64,
+    work_limit: u64,
     used: AtomicU64,
-    /// Bytes reserved.
-    charged: AtomicU64,
+    /// Bytes that work holds.
+    work: AtomicU64,
     peak: AtomicU64,
-    /// Tasks that hold a charge and will give it back.
+    /// Tasks that hold a reservation and will give it back.
     tasks: Mutex<usize>,
     given_back: Condvar,
 }
@@ -30,18 +30,18 @@ enum Kind {
 }
 
 impl MemoryBudget {
-    /// A budget of `limit_bytes` for arrays, nothing of it in use, and without limit for what is charged.
+    /// A budget of `limit_bytes` for arrays, nothing of it in use, and without limit for work.
     pub fn new(limit_bytes: u64) -> Arc<Self> {
-        Self::with_charges(limit_bytes, u64::MAX)
+        Self::with_work_limit(limit_bytes, u64::MAX)
     }
 
-    /// A budget of `limit_bytes` for arrays and `charge_limit_bytes` for arrays and charges together.
-    pub fn with_charges(limit_bytes: u64, charge_limit_bytes: u64) -> Arc<Self> {
+    /// A budget of `limit_bytes` for arrays and `work_limit_bytes` for arrays and work together.
+    pub fn with_work_limit(limit_bytes: u64, work_limit_bytes: u64) -> Arc<Self> {
         Arc::new(MemoryBudget {
             limit: limit_bytes,
-            charge_limit: charge_limit_bytes,
+            work_limit: work_limit_bytes,
             used: AtomicU64::new(0),
-            charged: AtomicU64::new(0),
+            work: AtomicU64::new(0),
             peak: AtomicU64::new(0),
             tasks: Mutex::new(0),
             given_back: Condvar::new(),
@@ -56,26 +56,34 @@ impl MemoryBudget {
         self.hold(what, bytes, Kind::Array)
     }
 
-    /// Counts `bytes` of work that cannot do without them, until the reservation is dropped. Arrays get so much less.
+    /// Reserves `bytes` for work that cannot spill, until the reservation is dropped. Arrays get so much less.
     ///
     /// # Errors
     /// [`ExtmemError::Budget`] when that is more than all of the budget.
-    pub fn charge(self: &Arc<Self>, what: &'static str, bytes: u64) -> Result<Reservation, ExtmemError> {
+    pub fn reserve_work(
+        self: &Arc<Self>,
+        what: &'static str,
+        bytes: u64,
+    ) -> Result<Reservation, ExtmemError> {
         self.hold(what, bytes, Kind::Work)
     }
 
-    /// Charges `bytes` for one of several tasks side by side: where they do not fit beside what the others hold, waits until those have
+    /// Reserves `bytes` for one of several tasks side by side: where they do not fit beside what the others hold, waits until those have
     /// given back.
     ///
     /// # Errors
     /// [`ExtmemError::Budget`] when it does not fit although no other task holds anything.
-    pub fn charge_task(self: &Arc<Self>, what: &'static str, bytes: u64) -> Result<TaskShare, ExtmemError> {
+    pub fn reserve_task(
+        self: &Arc<Self>,
+        what: &'static str,
+        bytes: u64,
+    ) -> Result<TaskReservation, ExtmemError> {
         let mut tasks = self.tasks();
         loop {
-            match self.charge(what, bytes) {
-                Ok(share) => {
+            match self.reserve_work(what, bytes) {
+                Ok(reservation) => {
                     *tasks += 1;
-                    return Ok(TaskShare(Some(share)));
+                    return Ok(TaskReservation(Some(reservation)));
                 }
                 Err(error) if *tasks == 0 => return Err(error),
                 Err(_) => tasks = self.given_back.wait(tasks).unwrap_or_else(PoisonError::into_inner),
@@ -97,9 +105,9 @@ impl MemoryBudget {
         Ok(Reservation { budget: Arc::clone(self), what, bytes, kind })
     }
 
-    /// Bytes that may still be charged.
-    pub fn chargeable(&self) -> u64 {
-        self.charge_limit.saturating_sub(self.used())
+    /// Bytes that work may still reserve.
+    pub fn available_for_work(&self) -> u64 {
+        self.work_limit.saturating_sub(self.used())
     }
 
     /// Like [`Self::reserve`], for callers that have another place to go.
@@ -128,20 +136,19 @@ impl MemoryBudget {
     }
 
     fn take(&self, what: &'static str, bytes: u64, kind: Kind) -> Result<(), ExtmemError> {
-        let limit = if kind == Kind::Work { self.charge_limit } else { self.limit };
+        let limit = if kind == Kind::Work { self.work_limit } else { self.limit };
         // The counters order no other memory, so relaxed operations suffice.
         let fits = |used: u64| used.checked_add(bytes).filter(|&sum| sum <= limit);
         match self.used.fetch_update(Relaxed, Relaxed, fits) {
             Ok(before) => {
                 self.peak.fetch_max(before + bytes, Relaxed);
                 if kind == Kind::Work {
-                    self.charged.fetch_add(bytes, Relaxed);
+                    self.work.fetch_add(bytes, Relaxed);
                 }
                 Ok(())
             }
             Err(used) => {
-                let work =
-                    if kind == Kind::Work { self.charged.load(Relaxed).saturating_add(bytes) } else { 0 };
+                let work = if kind == Kind::Work { self.work.load(Relaxed).saturating_add(bytes) } else { 0 };
                 let enough = used.saturating_add(bytes);
                 Err(ExtmemError::Budget { what, asked: bytes, used, limit, work, enough })
             }
@@ -150,13 +157,13 @@ impl MemoryBudget {
 
     fn give(&self, bytes: u64, kind: Kind) {
         if kind == Kind::Work {
-            self.charged.fetch_sub(bytes, Relaxed);
+            self.work.fetch_sub(bytes, Relaxed);
         }
         self.used.fetch_sub(bytes, Relaxed);
     }
 }
 
-/// A share of a [`MemoryBudget`], given back when dropped.
+/// Reserved bytes of a [`MemoryBudget`], given back when dropped.
 #[derive(Debug)]
 pub struct Reservation {
     budget: Arc<MemoryBudget>,
@@ -167,13 +174,13 @@ pub struct Reservation {
 
 /// Memory of a task out of a [`MemoryBudget`]; given back when it is dropped.
 #[derive(Debug)]
-pub struct TaskShare(Option<Reservation>);
+pub struct TaskReservation(Option<Reservation>);
 
-impl Drop for TaskShare {
+impl Drop for TaskReservation {
     fn drop(&mut self) {
-        if let Some(share) = self.0.take() {
-            let budget = Arc::clone(&share.budget);
-            drop(share);
+        if let Some(reservation) = self.0.take() {
+            let budget = Arc::clone(&reservation.budget);
+            drop(reservation);
             *budget.tasks() -= 1;
             budget.given_back.notify_all();
         }
@@ -186,13 +193,13 @@ impl Reservation {
         self.bytes
     }
 
-    /// Grows or shrinks the share to `bytes`; the share is unchanged if that fails.
+    /// Grows or shrinks the reservation to `bytes`; it is unchanged if that fails.
     ///
     /// # Errors
     /// [`ExtmemError::Budget`] when the budget cannot grant the difference.
     pub fn resize(&mut self, bytes: u64) -> Result<(), ExtmemError> {
         match bytes.checked_sub(self.bytes) {
-            // Nothing is asked, also where charges left arrays nothing.
+            // Nothing more is needed, also where work left arrays nothing.
             Some(0) => {}
             Some(more) => self.budget.take(self.what, more, self.kind)?,
             None => self.budget.give(self.bytes - bytes, self.kind),
@@ -214,7 +221,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_share_is_granted_up_to_the_limit_and_given_back() {
+    fn reservations_end_at_the_limit() {
         let budget = MemoryBudget::new(100);
         let first = budget.reserve("first", 60).unwrap();
         assert!(budget.try_reserve("second", 41).is_none());
@@ -227,27 +234,27 @@ mod tests {
     }
 
     #[test]
-    fn charges_come_first_and_have_a_limit_of_their_own() {
-        let budget = MemoryBudget::with_charges(100, 150);
+    fn work_comes_first_and_has_its_own_limit() {
+        let budget = MemoryBudget::with_work_limit(100, 150);
         let mut array = budget.reserve("array", 80).unwrap();
-        let mut work = budget.charge("work", 60).unwrap();
+        let mut work = budget.reserve_work("work", 60).unwrap();
         assert!(array.resize(80).is_ok() && array.resize(81).is_err());
-        assert_eq!((budget.used(), budget.available(), budget.chargeable()), (140, 0, 10));
-        assert!(budget.try_reserve("array", 1).is_none() && budget.charge("more", 11).is_err());
+        assert_eq!((budget.used(), budget.available(), budget.available_for_work()), (140, 0, 10));
+        assert!(budget.try_reserve("array", 1).is_none() && budget.reserve_work("more", 11).is_err());
         work.resize(70).unwrap();
         assert!(work.resize(71).is_err());
         drop(array);
-        assert_eq!((budget.available(), budget.chargeable(), budget.peak()), (30, 80, 150));
+        assert_eq!((budget.available(), budget.available_for_work(), budget.peak()), (30, 80, 150));
     }
 
     #[test]
     fn a_task_waits_for_another_and_fails_where_none_would_give_back() {
-        let budget = MemoryBudget::with_charges(0, 100);
+        let budget = MemoryBudget::with_work_limit(0, 100);
         let order = Mutex::new(Vec::new());
-        let first = budget.charge_task("task", 70).unwrap();
+        let first = budget.reserve_task("task", 70).unwrap();
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                let second = budget.charge_task("task", 60).unwrap();
+                let second = budget.reserve_task("task", 60).unwrap();
                 order.lock().unwrap().push("second began");
                 assert_eq!(budget.used(), 60);
                 drop(second);
@@ -256,8 +263,8 @@ mod tests {
             drop(first);
         });
         assert_eq!(*order.lock().unwrap(), ["first ends", "second began"]);
-        let _kept = budget.charge("tables", 50).unwrap();
-        match budget.charge_task("task", 60).unwrap_err() {
+        let _kept = budget.reserve_work("tables", 50).unwrap();
+        match budget.reserve_task("task", 60).unwrap_err() {
             ExtmemError::Budget { asked: 60, used: 50, work: 110, .. } => {}
             other => panic!("{other}"),
         }

@@ -8,11 +8,11 @@ use std::ops::{Deref, DerefMut};
 
 /// An array of records, wherever it lives.
 #[derive(Debug)]
-pub struct Buffer<T: Pod>(Place<T>);
+pub struct Buffer<T: Pod>(Storage<T>);
 
 #[derive(Debug)]
-enum Place<T: Pod> {
-    Memory { data: Vec<T>, _share: Reservation },
+enum Storage<T: Pod> {
+    Memory { data: Vec<T>, _reservation: Reservation },
     Disk(MappedBuffer<T>),
 }
 
@@ -27,16 +27,16 @@ impl<T: Pod> Buffer<T> {
         let in_memory = store
             .budget
             .try_reserve(what, bytes)
-            .and_then(|share| Some((bytemuck::try_zeroed_vec(len).ok()?, share)));
+            .and_then(|reservation| Some((bytemuck::try_zeroed_vec(len).ok()?, reservation)));
         Ok(Buffer(match in_memory {
-            Some((data, _share)) => Place::Memory { data, _share },
-            None => Place::Disk(MappedBuffer::zeroed(&store.workdir, what, len)?),
+            Some((data, _reservation)) => Storage::Memory { data, _reservation },
+            None => Storage::Disk(MappedBuffer::zeroed(&store.workdir, what, len)?),
         }))
     }
 
     /// Whether the array lives in a file.
     pub fn is_on_disk(&self) -> bool {
-        matches!(self.0, Place::Disk(_))
+        matches!(self.0, Storage::Disk(_))
     }
 }
 
@@ -45,8 +45,8 @@ impl<T: Pod> Deref for Buffer<T> {
 
     fn deref(&self) -> &[T] {
         match &self.0 {
-            Place::Memory { data, .. } => data,
-            Place::Disk(map) => map,
+            Storage::Memory { data, .. } => data,
+            Storage::Disk(map) => map,
         }
     }
 }
@@ -54,8 +54,8 @@ impl<T: Pod> Deref for Buffer<T> {
 impl<T: Pod> DerefMut for Buffer<T> {
     fn deref_mut(&mut self) -> &mut [T] {
         match &mut self.0 {
-            Place::Memory { data, .. } => data,
-            Place::Disk(map) => map,
+            Storage::Memory { data, .. } => data,
+            Storage::Disk(map) => map,
         }
     }
 }
@@ -71,7 +71,7 @@ pub struct BufferWriter<T: Pod> {
 
 #[derive(Debug)]
 enum Growing<T> {
-    Memory { data: Vec<T>, share: Reservation },
+    Memory { data: Vec<T>, reservation: Reservation },
     Disk(Appender),
 }
 
@@ -84,7 +84,9 @@ impl<T: Pod> BufferWriter<T> {
         let bytes = byte_len::<T>(what, expected_len)? as u64;
         let mut data = Vec::new();
         let place = match store.budget.try_reserve(what, bytes) {
-            Some(share) if data.try_reserve_exact(expected_len).is_ok() => Growing::Memory { data, share },
+            Some(reservation) if data.try_reserve_exact(expected_len).is_ok() => {
+                Growing::Memory { data, reservation }
+            }
             _ => Growing::Disk(spill_file(store)?),
         };
         Ok(BufferWriter { store: store.clone(), what, len: 0, place })
@@ -106,8 +108,8 @@ impl<T: Pod> BufferWriter<T> {
     /// [`ExtmemError::DiskFull`] or [`ExtmemError::Io`] naming the work directory; the writer is then useless.
     pub fn extend_from_slice(&mut self, items: &[T]) -> Result<(), ExtmemError> {
         let len = self.len.saturating_add(items.len());
-        if let Growing::Memory { data, share } = &mut self.place
-            && !(len <= data.capacity() || grow::<T>(data, share, self.what, len)?)
+        if let Growing::Memory { data, reservation } = &mut self.place
+            && !(len <= data.capacity() || grow::<T>(data, reservation, self.what, len)?)
         {
             let mut file = spill_file(&self.store)?;
             file.append(bytemuck::cast_slice(data))?;
@@ -128,13 +130,13 @@ impl<T: Pod> BufferWriter<T> {
     pub fn finish(self) -> Result<Buffer<T>, ExtmemError> {
         let bytes = byte_len::<T>(self.what, self.len)?;
         Ok(Buffer(match self.place {
-            Growing::Memory { mut data, mut share } => {
+            Growing::Memory { mut data, mut reservation } => {
                 data.shrink_to_fit();
-                share.resize(bytes as u64)?;
-                Place::Memory { data, _share: share }
+                reservation.resize(bytes as u64)?;
+                Storage::Memory { data, _reservation: reservation }
             }
             Growing::Disk(file) => {
-                Place::Disk(MappedBuffer::adopt(file.finish()?, &self.store.workdir, bytes)?)
+                Storage::Disk(MappedBuffer::adopt(file.finish()?, &self.store.workdir, bytes)?)
             }
         }))
     }
@@ -146,10 +148,10 @@ impl<T: Pod> BufferWriter<T> {
     pub fn finish_column(self) -> Result<Column<T>, ExtmemError> {
         let bytes = byte_len::<T>(self.what, self.len)?;
         Ok(match self.place {
-            Growing::Memory { mut data, mut share } => {
+            Growing::Memory { mut data, mut reservation } => {
                 data.shrink_to_fit();
-                share.resize(bytes as u64)?;
-                Column::in_memory(self.what, data, share)
+                reservation.resize(bytes as u64)?;
+                Column::in_memory(self.what, data, reservation)
             }
             Growing::Disk(file) => Column::on_disk(self.what, file.finish()?, self.len),
         })
@@ -159,13 +161,13 @@ impl<T: Pod> BufferWriter<T> {
 /// Makes room for `len` elements, half as many again where the budget allows; false if it does not allow `len`.
 fn grow<T: Pod>(
     data: &mut Vec<T>,
-    share: &mut Reservation,
+    reservation: &mut Reservation,
     what: &'static str,
     len: usize,
 ) -> Result<bool, ExtmemError> {
     for capacity in [len.saturating_add(len / 2), len] {
         if let Ok(bytes) = byte_len::<T>(what, capacity)
-            && share.resize(bytes as u64).is_ok()
+            && reservation.resize(bytes as u64).is_ok()
         {
             return Ok(data.try_reserve_exact(capacity - data.len()).is_ok());
         }

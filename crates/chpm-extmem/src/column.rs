@@ -12,14 +12,14 @@ use xxhash_rust::xxh3::Xxh3;
 /// An array of records, read and written by ranges.
 #[derive(Debug)]
 pub struct Column<T: Pod> {
-    place: Place<T>,
+    place: Storage<T>,
     len: usize,
     what: &'static str,
 }
 
 #[derive(Debug)]
-enum Place<T: Pod> {
-    Memory { data: Vec<T>, _share: Reservation },
+enum Storage<T: Pod> {
+    Memory { data: Vec<T>, _reservation: Reservation },
     Disk(DataFile),
 }
 
@@ -34,22 +34,22 @@ impl<T: Pod> Column<T> {
         let in_memory = store
             .budget
             .try_reserve(what, bytes)
-            .and_then(|share| Some((bytemuck::try_zeroed_vec(len).ok()?, share)));
-        if let Some((data, share)) = in_memory {
-            return Ok(Self::in_memory(what, data, share));
+            .and_then(|reservation| Some((bytemuck::try_zeroed_vec(len).ok()?, reservation)));
+        if let Some((data, reservation)) = in_memory {
+            return Ok(Self::in_memory(what, data, reservation));
         }
         let file = DataFile::create(&store.workdir, None)?;
         file.set_len(bytes)?;
         Ok(Self::on_disk(what, file, len))
     }
 
-    pub(crate) fn in_memory(what: &'static str, data: Vec<T>, share: Reservation) -> Self {
-        Column { len: data.len(), place: Place::Memory { data, _share: share }, what }
+    pub(crate) fn in_memory(what: &'static str, data: Vec<T>, reservation: Reservation) -> Self {
+        Column { len: data.len(), place: Storage::Memory { data, _reservation: reservation }, what }
     }
 
     /// The first `len` elements of a file.
     pub(crate) fn on_disk(what: &'static str, file: DataFile, len: usize) -> Self {
-        Column { place: Place::Disk(file), len, what }
+        Column { place: Storage::Disk(file), len, what }
     }
 
     /// Copies the array to the file `name`, for another run; the array itself may change afterwards.
@@ -115,22 +115,22 @@ impl<T: Pod> Column<T> {
 
     /// Whether the array lives in a file.
     pub fn is_on_disk(&self) -> bool {
-        matches!(self.place, Place::Disk(_))
+        matches!(self.place, Storage::Disk(_))
     }
 
     /// All elements, if they are in memory.
     pub fn as_slice(&self) -> Option<&[T]> {
         match &self.place {
-            Place::Memory { data, .. } => Some(data),
-            Place::Disk(_) => None,
+            Storage::Memory { data, .. } => Some(data),
+            Storage::Disk(_) => None,
         }
     }
 
     /// All elements, if they are in memory.
     pub fn as_mut_slice(&mut self) -> Option<&mut [T]> {
         match &mut self.place {
-            Place::Memory { data, .. } => Some(data),
-            Place::Disk(_) => None,
+            Storage::Memory { data, .. } => Some(data),
+            Storage::Disk(_) => None,
         }
     }
 
@@ -141,8 +141,8 @@ impl<T: Pod> Column<T> {
     pub fn read<'a>(&'a self, range: Range<usize>, scratch: &'a mut Vec<T>) -> Result<&'a [T], ExtmemError> {
         self.check(&range)?;
         match &self.place {
-            Place::Memory { data, .. } => Ok(&data[range]),
-            Place::Disk(file) => {
+            Storage::Memory { data, .. } => Ok(&data[range]),
+            Storage::Disk(file) => {
                 scratch.resize(range.len(), T::zeroed());
                 read_at(file, range.start, scratch)?;
                 Ok(scratch)
@@ -158,11 +158,11 @@ impl<T: Pod> Column<T> {
         let range = start..start.saturating_add(items.len());
         self.check(&range)?;
         match &mut self.place {
-            Place::Memory { data, .. } => {
+            Storage::Memory { data, .. } => {
                 data[range].copy_from_slice(items);
                 Ok(())
             }
-            Place::Disk(file) => write_at(file, start, items),
+            Storage::Disk(file) => write_at(file, start, items),
         }
     }
 
@@ -171,11 +171,11 @@ impl<T: Pod> Column<T> {
         let len = len.max(1);
         let starts = (0..self.len).step_by(len);
         match &mut self.place {
-            Place::Memory { data, .. } => {
+            Storage::Memory { data, .. } => {
                 let parts = data.chunks_mut(len).zip(starts);
                 parts.map(|(items, start)| Part { start, place: PartPlace::Memory(items) }).collect()
             }
-            Place::Disk(file) => {
+            Storage::Disk(file) => {
                 let end = self.len;
                 let part = |start| PartPlace::Disk { file, len: len.min(end - start) };
                 starts.map(|start| Part { start, place: part(start) }).collect()
@@ -261,7 +261,7 @@ fn write_at<T: Pod>(file: &DataFile, start: usize, items: &[T]) -> Result<(), Ex
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Faults, MemoryBudget, WorkDir};
+    use crate::{FailPoints, MemoryBudget, WorkDir};
     use proptest::prelude::*;
     use std::sync::Arc;
 
@@ -314,7 +314,7 @@ mod tests {
             (at, fresh) in (0usize..60, prop::collection::vec(any::<[u32; 3]>(), 0..10)),
         ) {
             let dir = tempfile::tempdir().unwrap();
-            let workdir = WorkDir::resumable(&dir.path().join("work"), Faults::default()).unwrap();
+            let workdir = WorkDir::resumable(&dir.path().join("work"), FailPoints::default()).unwrap();
             let store = Store { budget: MemoryBudget::new(limit), workdir: Arc::new(workdir) };
             let mut plain = items.clone();
             let mut writer = BufferWriter::new(&store, "items", 7).unwrap();

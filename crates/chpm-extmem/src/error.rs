@@ -32,7 +32,7 @@ pub enum ExtmemError {
         used: u64,
         /// The budget's limit in bytes.
         limit: u64,
-        /// Bytes that would then be charged for work; 0 if this was asked for an array.
+        /// Bytes that work would then hold; 0 if this was for an array.
         work: u64,
         /// The limit that would do. Whoever divides a larger whole into limits raises it to what that whole has to be.
         enough: u64,

@@ -79,7 +79,7 @@ impl DataFile {
         needed: u64,
         run: impl FnOnce() -> io::Result<T>,
     ) -> Result<T, ExtmemError> {
-        let result = self.dir.faults().access().and_then(|()| run());
+        let result = self.dir.fail_points().access().and_then(|()| run());
         result.map_err(|source| ExtmemError::io(action, self.dir.place(), needed, source))
     }
 }

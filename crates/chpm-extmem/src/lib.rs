@@ -1,7 +1,7 @@
 //! External memory: a budget that is asked before memory is taken, a work directory that cleans up after itself or keeps what
 //! another run can go on with, arrays, sequences and blobs that live in memory when the budget grants it and on disk when
 //! it does not, files that appear complete or not at all, the request to stop and
-//! the report of progress that all long work knows, faults on purpose, and the project's only memory map.
+//! the report of progress that all long work knows, fail points (planned errors), and the project's only memory map.
 //!
 //! The crate knows bytes and plain records, not meshes. Whether an array was granted memory never shows in its
 //! content, so a result does not depend on the budget.
@@ -14,7 +14,7 @@ mod buffer;
 mod cancel;
 mod column;
 mod error;
-mod fault;
+mod fail_point;
 mod file;
 mod lock;
 mod manifest;
@@ -31,12 +31,12 @@ mod target;
 mod workdir;
 
 pub use buckets::{Buckets, Drain};
-pub use budget::{MemoryBudget, Reservation, TaskShare};
+pub use budget::{MemoryBudget, Reservation, TaskReservation};
 pub use buffer::{Buffer, BufferWriter};
 pub use cancel::{Cancel, Cancelled};
 pub use column::{Column, Part};
 pub use error::ExtmemError;
-pub use fault::Faults;
+pub use fail_point::FailPoints;
 pub use lock::Lock;
 pub use map::{Access, MappedBuffer, MappedFile};
 pub use pipe::receive;

@@ -33,20 +33,20 @@ impl WorkDir {
         self.write_next(write).map_err(failed)?;
         names.iter().for_each(|name| self.protect(name));
         let renamed = self
-            .faults()
+            .fail_points()
             .access()
             .and_then(|()| fs::rename(self.path().join(Self::NEXT), self.manifest_path()));
         renamed.map_err(failed)?;
         self.keep(true);
         let synced =
-            self.faults().access().and_then(|()| File::open(self.path())).and_then(|dir| dir.sync_all());
+            self.fail_points().access().and_then(|()| File::open(self.path())).and_then(|dir| dir.sync_all());
         synced.map_err(failed)?;
         self.list(names);
         Ok(())
     }
 
     fn write_next(&self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-        self.faults().access()?;
+        self.fail_points().access()?;
         let file = File::create(self.path().join(Self::NEXT))?;
         let mut out = Hashing { inner: BufWriter::new(file), hash: Xxh3::new() };
         out.write_all(&MAGIC)?;
@@ -54,9 +54,9 @@ impl WorkDir {
         let hash = out.hash.digest().to_le_bytes();
         let mut file = out.inner;
         file.write_all(&hash)?;
-        self.faults().access()?;
+        self.fail_points().access()?;
         file.flush()?;
-        self.faults().access()?;
+        self.fail_points().access()?;
         file.get_ref().sync_data()
     }
 
@@ -68,7 +68,7 @@ impl WorkDir {
         let path = self.manifest_path();
         let failed = |source| ExtmemError::io("read", &path, 0, source);
         let damaged = |reason| ExtmemError::Damaged { path: path.clone(), reason };
-        let open = || self.faults().access().and_then(|()| File::open(&path));
+        let open = || self.fail_points().access().and_then(|()| File::open(&path));
         let file = match open() {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             opened => opened.map_err(failed)?,
@@ -149,12 +149,12 @@ impl<T: Read> Read for Hashing<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Faults, MemoryBudget, Spool, Store};
+    use crate::{FailPoints, MemoryBudget, Spool, Store};
     use std::path::Path;
     use std::sync::Arc;
 
-    fn open(path: &Path, faults: Faults) -> Store {
-        let workdir = Arc::new(WorkDir::resumable(path, faults).unwrap());
+    fn open(path: &Path, fail_points: FailPoints) -> Store {
+        let workdir = Arc::new(WorkDir::resumable(path, fail_points).unwrap());
         Store { budget: MemoryBudget::new(1 << 20), workdir }
     }
 
@@ -182,7 +182,7 @@ mod tests {
     fn files_stay_as_long_as_a_manifest_names_them() {
         let parent = tempfile::tempdir().unwrap();
         let path = parent.path().join("work");
-        let store = open(&path, Faults::default());
+        let store = open(&path, FailPoints::default());
         assert_eq!(content(&store), None);
         let spools = ["a", "b", "c"].map(|name| Spool::named(&store, "blobs", name));
         spools.iter().for_each(|spool| assert_eq!(spool.append(b"0123456789").unwrap(), 0));
@@ -203,7 +203,7 @@ mod tests {
 
         // Another run finds what was saved, and nothing that came later.
         fs::write(path.join("left"), b"half-writ").unwrap();
-        let store = open(&path, Faults::default());
+        let store = open(&path, FailPoints::default());
         store.workdir.resume(["a".to_owned()].into()).unwrap();
         assert_eq!(names(&path), ["a", "manifest"]);
         let a = Spool::load(&store, "blobs", "a", &saved).unwrap();
@@ -224,7 +224,7 @@ mod tests {
     fn what_is_not_what_was_written_is_damaged() {
         let parent = tempfile::tempdir().unwrap();
         let path = parent.path().join("work");
-        let store = open(&path, Faults::default());
+        let store = open(&path, FailPoints::default());
         let spool = Spool::named(&store, "blobs", "a");
         spool.append(&[7; 3000]).unwrap();
         spool.save().unwrap();
@@ -261,14 +261,14 @@ mod tests {
         for at in 0.. {
             let parent = tempfile::tempdir().unwrap();
             let path = parent.path().join("work");
-            let store = open(&path, Faults::default());
+            let store = open(&path, FailPoints::default());
             publish(&store, "first", &[]).unwrap();
             drop(store);
             // The first access makes the directory.
-            let faults = Faults::fail_at(at + 1, at % 2 == 0);
-            let result = publish(&open(&path, faults.clone()), "second", &[]);
-            let found = content(&open(&path, Faults::default())).unwrap();
-            if faults.seen() <= at + 1 {
+            let fail_points = FailPoints::fail_at(at + 1, at % 2 == 0);
+            let result = publish(&open(&path, fail_points.clone()), "second", &[]);
+            let found = content(&open(&path, FailPoints::default())).unwrap();
+            if fail_points.seen() <= at + 1 {
                 result.unwrap();
                 assert!(found == "second" && at > 3, "{at}");
                 return;

@@ -179,7 +179,7 @@ impl<T: Pod> MappedBuffer<T> {
     pub fn zeroed(workdir: &WorkDir, what: &'static str, len: usize) -> Result<Self, ExtmemError> {
         let bytes = byte_len::<T>(what, len)?;
         let file = workdir.unnamed_file()?;
-        let allocated = workdir.faults().access().and_then(|()| allocate(&file, bytes as u64));
+        let allocated = workdir.fail_points().access().and_then(|()| allocate(&file, bytes as u64));
         allocated.map_err(|source| {
             ExtmemError::io("extend a work file in", workdir.place(), bytes as u64, source)
         })?;

@@ -1,6 +1,6 @@
 //! Seekable copy of a pipe's bytes: it can be read more than once, and has a length.
 
-use crate::{ExtmemError, Faults, WorkDir};
+use crate::{ExtmemError, FailPoints, WorkDir};
 use nix::errno::Errno;
 use nix::fcntl::OFlag;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -23,7 +23,7 @@ const WAIT: u16 = 100;
 pub fn receive(
     path: &Path,
     parent: &Path,
-    faults: &Faults,
+    fail_points: &FailPoints,
     stopped: impl Fn() -> bool,
 ) -> Result<Option<File>, ExtmemError> {
     let unread = |source| ExtmemError::io("read", path, 0, source);
@@ -31,7 +31,7 @@ pub fn receive(
     let mut open = File::options();
     let mut pipe = open.read(true).custom_flags(OFlag::O_NONBLOCK.bits()).open(path).map_err(unread)?;
     // The file stays when its folder goes.
-    let mut file = WorkDir::create(parent)?.with_faults(faults.clone()).unnamed_file()?;
+    let mut file = WorkDir::create(parent)?.with_fail_points(fail_points.clone()).unnamed_file()?;
     let mut bytes = vec![0; STEP];
     while !stopped() {
         let mut ends = [PollFd::new(pipe.as_fd(), PollFlags::POLLIN)];
@@ -47,7 +47,7 @@ pub fn receive(
             }
             Err(error) => return Err(unread(error)),
         };
-        let written = faults.access().and_then(|()| match count {
+        let written = fail_points.access().and_then(|()| match count {
             0 => file.rewind(),
             _ => file.write_all(&bytes[..count]),
         });
@@ -80,7 +80,7 @@ mod tests {
             let (path, sent) = (path.clone(), sent.clone());
             std::thread::spawn(move || File::options().write(true).open(path).unwrap().write_all(&sent))
         };
-        let mut file = receive(&path, dir.path(), &Faults::default(), || false).unwrap().unwrap();
+        let mut file = receive(&path, dir.path(), &FailPoints::default(), || false).unwrap().unwrap();
         writer.join().unwrap().unwrap();
         let mut received = Vec::new();
         file.read_to_end(&mut received).unwrap();
@@ -96,7 +96,7 @@ mod tests {
             asked.set(asked.get() + 1);
             asked.get() > 2
         };
-        assert!(receive(&path, dir.path(), &Faults::default(), stopped).unwrap().is_none());
+        assert!(receive(&path, dir.path(), &FailPoints::default(), stopped).unwrap().is_none());
         assert_eq!(asked.get(), 3);
     }
 
@@ -108,7 +108,7 @@ mod tests {
             std::thread::spawn(move || File::options().write(true).open(path).unwrap().write_all(b"x"))
         };
         // The first access makes the file.
-        let error = receive(&path, dir.path(), &Faults::fail_at(1, true), || false).unwrap_err();
+        let error = receive(&path, dir.path(), &FailPoints::fail_at(1, true), || false).unwrap_err();
         writer.join().unwrap().unwrap();
         assert!(matches!(&error, ExtmemError::DiskFull { path, .. } if path == dir.path()), "{error}");
     }

@@ -1,6 +1,6 @@
 //! Results that appear complete or not at all: written under a hidden name, synced, then renamed.
 
-use crate::{ExtmemError, Faults, alive, hidden_name, target};
+use crate::{ExtmemError, FailPoints, alive, hidden_name, target};
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -23,7 +23,7 @@ pub struct AtomicFile {
     target: PathBuf,
     overwrite: bool,
     published: bool,
-    faults: Faults,
+    fail_points: FailPoints,
 }
 
 impl AtomicFile {
@@ -32,21 +32,21 @@ impl AtomicFile {
     /// # Errors
     /// Whatever [`target`] refuses; an error of the system if the partial file cannot be created.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, ExtmemError> {
-        Self::create_with(path, overwrite, Faults::default())
+        Self::create_with(path, overwrite, FailPoints::default())
     }
 
     /// Like [`Self::create`], with something going wrong: at any access but those through [`Write`].
     ///
     /// # Errors
     /// As [`Self::create`].
-    pub fn create_with(path: &Path, overwrite: bool, faults: Faults) -> Result<Self, ExtmemError> {
+    pub fn create_with(path: &Path, overwrite: bool, fail_points: FailPoints) -> Result<Self, ExtmemError> {
         let target = target(path, overwrite)?;
         let place =
             |slot: u32| target.with_file_name(hidden_name(name(&target), &format!(".{slot}{PARTIAL}")));
-        let opened = faults.access().and_then(|()| take(place));
+        let opened = fail_points.access().and_then(|()| take(place));
         let (file, partial) = opened.map_err(|source| ExtmemError::making("create", &target, source))?;
         let file = BufWriter::with_capacity(WRITE_BUFFER, file);
-        Ok(AtomicFile { file, partial, target, overwrite, published: false, faults })
+        Ok(AtomicFile { file, partial, target, overwrite, published: false, fail_points })
     }
 
     /// The name that the file will have.
@@ -69,7 +69,7 @@ impl AtomicFile {
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
     pub fn set_len(&self, len: u64) -> Result<(), ExtmemError> {
-        let extended = self.faults.access().and_then(|()| self.file.get_ref().set_len(len));
+        let extended = self.fail_points.access().and_then(|()| self.file.get_ref().set_len(len));
         extended.map_err(|source| ExtmemError::io("extend", &self.target, len, source))
     }
 
@@ -78,7 +78,8 @@ impl AtomicFile {
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
     pub fn write_all_at(&self, bytes: &[u8], offset: u64) -> Result<(), ExtmemError> {
-        let written = self.faults.access().and_then(|()| self.file.get_ref().write_all_at(bytes, offset));
+        let written =
+            self.fail_points.access().and_then(|()| self.file.get_ref().write_all_at(bytes, offset));
         written.map_err(|source| ExtmemError::io("write", &self.target, bytes.len() as u64, source))
     }
 
@@ -87,7 +88,7 @@ impl AtomicFile {
     /// # Errors
     /// [`ExtmemError::Io`].
     pub fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> Result<(), ExtmemError> {
-        let read = self.faults.access().and_then(|()| self.file.get_ref().read_exact_at(bytes, offset));
+        let read = self.fail_points.access().and_then(|()| self.file.get_ref().read_exact_at(bytes, offset));
         read.map_err(|source| ExtmemError::io("read", &self.target, bytes.len() as u64, source))
     }
 
@@ -97,18 +98,19 @@ impl AtomicFile {
     /// What [`target`] refuses, if something has the name by now that may not be replaced, [`ExtmemError::Io`] or
     /// [`ExtmemError::DiskFull`]; up to the rename the partial file is then removed and the target untouched.
     pub fn publish(mut self) -> Result<(), ExtmemError> {
-        let written = self.faults.access().and_then(|()| self.file.flush());
+        let written = self.fail_points.access().and_then(|()| self.file.flush());
         let synced = written.and_then(|()| self.file.get_ref().sync_all());
         synced.map_err(|source| self.error(source))?;
         if target(&self.target, self.overwrite)? != self.target {
             return Err(ExtmemError::Irregular { path: self.target.clone(), is: "a link by now" });
         }
-        let renamed = self.faults.access().and_then(|()| fs::rename(&self.partial, &self.target));
+        let renamed = self.fail_points.access().and_then(|()| fs::rename(&self.partial, &self.target));
         renamed.map_err(|source| ExtmemError::io("rename the finished file to", &self.target, 0, source))?;
         self.published = true;
         // The new name itself lives in the directory, and survives a power cut only if that is synced too.
         let directory = directory(&self.target);
-        let synced = self.faults.access().and_then(|()| File::open(directory)).and_then(|dir| dir.sync_all());
+        let synced =
+            self.fail_points.access().and_then(|()| File::open(directory)).and_then(|dir| dir.sync_all());
         synced.map_err(|source| ExtmemError::io("sync the directory", directory, 0, source))
     }
 }
@@ -332,16 +334,16 @@ mod tests {
             let dir = tempfile::tempdir().unwrap();
             let target = dir.path().join("model.chpm");
             fs::write(&target, b"old").unwrap();
-            let make = |faults| {
-                let file = AtomicFile::create_with(&target, true, faults)?;
+            let make = |fail_points| {
+                let file = AtomicFile::create_with(&target, true, fail_points)?;
                 file.set_len(3)?;
                 file.write_all_at(b"new", 0)?;
                 file.publish()
             };
-            assert!(make(Faults::fail_at(at, at % 2 == 0)).is_err(), "{at}");
+            assert!(make(FailPoints::fail_at(at, at % 2 == 0)).is_err(), "{at}");
             assert_eq!(fs::read(&target).unwrap(), if was_renamed { b"new" } else { b"old" }, "{at}");
             assert_eq!(names(dir.path()), ["model.chpm"]);
-            make(Faults::fail_at(6, true)).unwrap();
+            make(FailPoints::fail_at(6, true)).unwrap();
         }
     }
 

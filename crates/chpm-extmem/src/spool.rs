@@ -38,7 +38,7 @@ struct Segments {
 
 #[derive(Debug)]
 enum Segment {
-    Memory { bytes: RwLock<Vec<u8>>, _share: Reservation },
+    Memory { bytes: RwLock<Vec<u8>>, _reservation: Reservation },
     Disk(Arc<DataFile>),
 }
 
@@ -267,11 +267,11 @@ impl Spool {
 
     fn new_segment(&self, segments: &mut Segments) -> Result<Segment, ExtmemError> {
         if !segments.is_full {
-            let share = self.store.budget.try_reserve(self.what, self.segment_len as u64);
-            if let Some(_share) = share
+            let reservation = self.store.budget.try_reserve(self.what, self.segment_len as u64);
+            if let Some(_reservation) = reservation
                 && let Ok(bytes) = bytemuck::try_zeroed_vec(self.segment_len)
             {
-                return Ok(Segment::Memory { bytes: RwLock::new(bytes), _share });
+                return Ok(Segment::Memory { bytes: RwLock::new(bytes), _reservation });
             }
             segments.is_full = true;
         }

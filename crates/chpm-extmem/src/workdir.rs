@@ -1,6 +1,6 @@
 //! The work directory: a place for intermediate files, gone when the work ends, unless another run is to go on with it.
 
-use crate::{ExtmemError, Faults, alive};
+use crate::{ExtmemError, FailPoints, alive};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io;
@@ -13,7 +13,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub struct WorkDir {
     path: PathBuf,
     kept: AtomicBool,
-    faults: Faults,
+    fail_points: FailPoints,
     /// Open, which says that somebody is at work; not where another run may go on, whose makers take turns by themselves.
     _held: Option<File>,
     /// Where another run may go on: names of files that stay when they are closed, since a manifest names them, or soon will.
@@ -40,7 +40,7 @@ impl WorkDir {
                 return Ok(WorkDir {
                     path,
                     kept: AtomicBool::new(false),
-                    faults: Faults::default(),
+                    fail_points: FailPoints::default(),
                     _held: Some(held),
                     listed: None,
                 });
@@ -53,8 +53,8 @@ impl WorkDir {
     ///
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the directory.
-    pub fn resumable(path: &Path, faults: Faults) -> Result<Self, ExtmemError> {
-        let made = faults.access().and_then(|()| match fs::create_dir(path) {
+    pub fn resumable(path: &Path, fail_points: FailPoints) -> Result<Self, ExtmemError> {
+        let made = fail_points.access().and_then(|()| match fs::create_dir(path) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
             made => made,
         });
@@ -63,17 +63,17 @@ impl WorkDir {
         Ok(WorkDir {
             path: path.to_owned(),
             kept: AtomicBool::new(path.join(Self::MANIFEST).exists()),
-            faults,
+            fail_points,
             _held: None,
             listed: Some(Mutex::default()),
         })
     }
 
     /// The same directory with something going wrong.
-    pub fn with_faults(self, faults: Faults) -> Self {
+    pub fn with_fail_points(self, fail_points: FailPoints) -> Self {
         // Fields cannot be moved out of what is dropped, so that this is a change.
         let mut dir = self;
-        dir.faults = faults;
+        dir.fail_points = fail_points;
         dir
     }
 
@@ -83,8 +83,8 @@ impl WorkDir {
     }
 
     /// Planned failures of its files.
-    pub fn faults(&self) -> &Faults {
-        &self.faults
+    pub fn fail_points(&self) -> &FailPoints {
+        &self.fail_points
     }
 
     /// Where the directory is.
@@ -122,7 +122,7 @@ impl WorkDir {
     pub fn create_file(&self, name: &str) -> Result<File, ExtmemError> {
         let path = self.path.join(name);
         let open = || File::options().read(true).write(true).create_new(true).open(&path);
-        let opened = self.faults.access().and_then(|()| open());
+        let opened = self.fail_points.access().and_then(|()| open());
         opened.map_err(|source| ExtmemError::io("create a work file in", self.place(), 0, source))
     }
 
@@ -133,7 +133,7 @@ impl WorkDir {
     pub fn open_file(&self, name: &str) -> Result<File, ExtmemError> {
         let path = self.path.join(name);
         let open = || File::options().read(true).write(true).open(&path);
-        self.faults.access().and_then(|()| open()).map_err(|source| match source.kind() {
+        self.fail_points.access().and_then(|()| open()).map_err(|source| match source.kind() {
             io::ErrorKind::NotFound => ExtmemError::Damaged { path, reason: "is not there" },
             _ => ExtmemError::io("open a work file in", self.place(), 0, source),
         })
@@ -144,7 +144,7 @@ impl WorkDir {
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the [`place`](Self::place).
     pub fn unnamed_file(&self) -> Result<File, ExtmemError> {
-        let made = self.faults.access().and_then(|()| tempfile::tempfile_in(&self.path).map_err(plain));
+        let made = self.fail_points.access().and_then(|()| tempfile::tempfile_in(&self.path).map_err(plain));
         made.map_err(|source| ExtmemError::io("create a work file in", self.place(), 0, source))
     }
 
@@ -177,7 +177,7 @@ impl WorkDir {
     pub(crate) fn sweep(&self, names: &BTreeSet<String>, manifest: bool) -> Result<(), ExtmemError> {
         let failed = |source| ExtmemError::io("clear a work directory in", self.place(), 0, source);
         let is_needed = |name: &str| names.contains(name) || (manifest && name == Self::MANIFEST);
-        for entry in self.faults.access().and_then(|()| fs::read_dir(&self.path)).map_err(failed)? {
+        for entry in self.fail_points.access().and_then(|()| fs::read_dir(&self.path)).map_err(failed)? {
             let entry = entry.map_err(failed)?;
             if !entry.file_name().to_str().is_some_and(is_needed) {
                 fs::remove_file(entry.path()).map_err(failed)?;
@@ -273,7 +273,7 @@ mod tests {
                 .all(|name| at(name).join("pages").exists())
         );
         leave();
-        drop(WorkDir::resumable(&at(".x.work"), Faults::default()).unwrap());
+        drop(WorkDir::resumable(&at(".x.work"), FailPoints::default()).unwrap());
         assert!(!at(".chpm-0aZ9xy.work").exists() && alive.path().exists());
     }
 
@@ -312,7 +312,8 @@ mod tests {
         let missing = parent.path().join("not-here");
         let told = WorkDir::create(&missing).err().unwrap().to_string();
         assert!(told.contains("not-here'") && !told.contains("chpm-"), "{told}");
-        let told = WorkDir::resumable(&missing.join(".x.work"), Faults::default()).err().unwrap().to_string();
+        let told =
+            WorkDir::resumable(&missing.join(".x.work"), FailPoints::default()).err().unwrap().to_string();
         assert!(told.contains("not-here'") && !told.contains(".work"), "{told}");
     }
 }

@@ -44,7 +44,7 @@ impl Checkpoints {
         resources: &Resources,
         progress: &dyn BuildProgress,
     ) -> Result<(Self, WorkDir), BuildError> {
-        let dir = WorkDir::resumable(&parent.join(key.folder()), resources.faults.clone())?;
+        let dir = WorkDir::resumable(&parent.join(key.folder()), resources.fail_points.clone())?;
         let mut checkpoints =
             Checkpoints { key: Some(key.hash), keep_work: resources.keep_work, ..Checkpoints::default() };
         for other in key.others(parent) {

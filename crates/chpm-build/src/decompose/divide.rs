@@ -107,7 +107,7 @@ pub(crate) fn run(
         context.check()?;
 
         let joints = joints(&triangles, &cells, context)?.sums();
-        let _share = store.budget.charge("the graph of cells", graph_bytes(joints.len()))?;
+        let _share = store.budget.reserve_work("the graph of cells", graph_bytes(joints.len()))?;
         let graph = cell_graph::build(&cells.list, joints, settings.cell_neighbors)?;
         regions = partition::parts(&graph, wanted.min(cells.list.len() as u32), settings, context)?;
     } else {
@@ -138,7 +138,7 @@ pub(crate) fn run(
         border: Vec::new(),
         border_starts: vec![0],
         copies: 0,
-        _share: store.budget.charge("border vertices", 0)?,
+        _share: store.budget.reserve_work("border vertices", 0)?,
     };
 
     // Triangles go first; regions that got too many are split; then it is known which vertices of others each region has.
@@ -267,8 +267,10 @@ impl Divided {
         for home in 0..self.home_count() {
             context.check()?;
             visiting.clear();
-            let _share =
-                context.store.budget.charge("uses of border vertices", 8 * visits.uses.len(home) as u64)?;
+            let _share = context
+                .store
+                .budget
+                .reserve_work("uses of border vertices", 8 * visits.uses.len(home) as u64)?;
             visits.uses.read(home, &mut visiting)?;
             // Triangles of a split region have gone to others, which visit for themselves.
             visiting.retain(|[_, region]| self.was_split.get(*region as usize) != Some(&true));
@@ -294,7 +296,8 @@ impl Divided {
         self.border.shrink_to_fit();
         // Border number, and what the census and the shared vertices keep for each.
         let len = if settings.normals == Normals::Computed { 24 + size_of::<Octahedral>() } else { 24 };
-        self._share = context.store.budget.charge("border vertices", (len * self.border.len()) as u64)?;
+        self._share =
+            context.store.budget.reserve_work("border vertices", (len * self.border.len()) as u64)?;
         Ok(())
     }
 

@@ -57,7 +57,7 @@ impl Decomposition {
         shared: SharedVertices,
         store: &Store,
     ) -> Result<Self, BuildError> {
-        let _share = store.budget.charge("shared vertices", shared.bytes())?;
+        let _share = store.budget.reserve_work("shared vertices", shared.bytes())?;
         Ok(Decomposition { rounding, spool, leaves, shared, _share })
     }
 
@@ -187,8 +187,9 @@ fn workers(
     };
     let largest = (0..divided.region_count()).map(cost).max().unwrap_or(0);
     let budget = &context.store.budget;
-    let fitting = (budget.chargeable() / largest.max(1)).clamp(1, rayon::current_num_threads() as u64);
-    let share = budget.charge("a region", fitting * largest)?;
+    let fitting =
+        (budget.available_for_work() / largest.max(1)).clamp(1, rayon::current_num_threads() as u64);
+    let share = budget.reserve_work("a region", fitting * largest)?;
     Ok((fitting as usize, share))
 }
 

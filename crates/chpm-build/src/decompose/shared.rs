@@ -109,7 +109,7 @@ impl Collector {
         let shares = (border_count >> SHARE_LOG) + 1;
         let sums = || Buckets::new(store, "sums of normals", shares, BLOCK);
         Ok(Collector {
-            share: store.budget.charge("sets of clusters that share vertices", 0)?,
+            share: store.budget.reserve_work("sets of clusters that share vertices", 0)?,
             sums: is_computed.then(sums),
             leaves: Vec::new(),
             inner: Interfaces { starts: vec![0], ..Interfaces::default() },

@@ -22,7 +22,7 @@ pub(crate) fn run(
     context: &Context<'_>,
 ) -> Result<(Tree, Vec<u8>), BuildError> {
     let edges = cluster_graph::edges(decomposition);
-    let _share = context.store.budget.charge("the graph of clusters", graph_bytes(edges.len()))?;
+    let _share = context.store.budget.reserve_work("the graph of clusters", graph_bytes(edges.len()))?;
     let graph = cluster_graph::build(decomposition, edges)?;
     let tree = Tree::build(&graph, settings, context)?;
     let release = decomposition.shared.interfaces().map(|(users, _)| tree.merge_level(users)).collect();

@@ -34,7 +34,7 @@ fn links_by(
     context: &Context<'_>,
 ) -> Result<Column<u32>, BuildError> {
     let store = &context.store;
-    let _share = store.budget.charge("components", 4 * len as u64)?;
+    let _share = store.budget.reserve_work("components", 4 * len as u64)?;
     let last = vertices.saturating_sub(1) / len;
     let of = |vertex: u32| vertex as usize / len;
 

@@ -7,7 +7,7 @@ use super::stream::{self, Packing, Stream, Tap};
 use super::supply::Supply;
 use super::weld::{WeldError, Welder};
 use crate::error::BuildError;
-use chpm_extmem::{Cancel, Faults, Reservation, Store};
+use chpm_extmem::{Cancel, FailPoints, Reservation, Store};
 use chpm_format::Source as Provenance;
 use chpm_import::PlyReader;
 use chpm_import::ply::{Batch, BatchKind, Options, Tally, VertexFormat};
@@ -85,7 +85,7 @@ impl Input {
         lists: bool,
         cancel: &Cancel,
     ) -> Result<Input, BuildError> {
-        let opened = Tap::open(supply, store.workdir.faults(), cancel);
+        let opened = Tap::open(supply, store.workdir.fail_points(), cancel);
         let opened = opened.map_err(|source| BuildError::Source { path: supply.path.clone(), source });
         let input = opened.and_then(|tap| Self::from_tap(supply, tap, options, store, lists, cancel));
         input.map_err(|error| heeded(error, cancel))
@@ -101,8 +101,8 @@ impl Input {
     ) -> Result<Input, BuildError> {
         let path = &supply.path;
         let unread = |source| BuildError::Source { path: path.to_owned(), source };
-        let opened = stream::open(&tap, Format::HEAD, store.budget.chargeable()).map_err(unread)?;
-        let window = store.budget.charge("the window of a zstd stream", opened.window)?;
+        let opened = stream::open(&tap, Format::HEAD, store.budget.available_for_work()).map_err(unread)?;
+        let window = store.budget.reserve_work("the window of a zstd stream", opened.window)?;
 
         let import = |source| BuildError::Import { path: path.to_owned(), source: Box::new(source) };
         let extension = extension(path);
@@ -266,7 +266,7 @@ fn heeded(error: BuildError, cancel: &Cancel) -> BuildError {
 /// [`BuildError::Source`] or [`BuildError::NotAFile`] if it cannot be read, [`BuildError::Import`] if it is no valid list.
 pub fn files(path: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, BuildError> {
     let unread = |source| heeded(BuildError::Source { path: path.to_owned(), source }, cancel);
-    let opened = Tap::open(&Supply::file(path)?, &Faults::default(), cancel)
+    let opened = Tap::open(&Supply::file(path)?, &FailPoints::default(), cancel)
         // Only the first bytes are unpacked, and a window is not filled.
         .and_then(|tap| stream::open(&tap, Format::HEAD, u64::MAX))
         .map_err(unread)?;
@@ -288,7 +288,8 @@ pub fn files(path: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, BuildError> {
 pub fn fingerprint(files: &[PathBuf], cancel: &Cancel) -> Result<(u64, u64), BuildError> {
     let one = |path: &PathBuf| {
         let supply = Supply::file(path)?;
-        let read = || -> io::Result<(u64, u64)> { Tap::open(&supply, &Faults::default(), cancel)?.finish() };
+        let read =
+            || -> io::Result<(u64, u64)> { Tap::open(&supply, &FailPoints::default(), cancel)?.finish() };
         read().map_err(|source| heeded(BuildError::Source { path: path.clone(), source }, cancel))
     };
     let all = files.iter().map(one).collect::<Result<Vec<_>, _>>()?;

@@ -146,8 +146,9 @@ impl<T: Pod + Into<f64>> Mesh<'_, T> {
         context: &Context<'_>,
     ) -> Result<u64, BuildError> {
         let (store, count) = (&context.store, self.positions.len());
-        let _share =
-            store.budget.charge("boxes of components", (count.min(SLICE) * size_of::<Extent>()) as u64)?;
+        let _share = store
+            .budget
+            .reserve_work("boxes of components", (count.min(SLICE) * size_of::<Extent>()) as u64)?;
         let slices = count.div_ceil(SLICE);
         let mut parts = Buckets::new(store, "boxes of components", slices, BLOCK);
         let mut recent = [Part { extent: Extent::NONE, vertex: 0 }; RECENT];

@@ -5,7 +5,7 @@ use super::input::Input;
 use super::stream::Tap;
 use super::supply::Supply;
 use crate::error::BuildError;
-use chpm_extmem::{Cancel, Faults, Store};
+use chpm_extmem::{Cancel, FailPoints, Store};
 use chpm_import::ply::{Batch, BatchKind, Invalid, Options};
 use std::cell::Cell;
 use std::io::{self, Read, Write};
@@ -61,7 +61,7 @@ fn stopped(name: &str, head: &[u8], body: &[u8], before: usize, invalid: Invalid
     let path = dir.path().join(name);
     std::fs::write(&path, "").unwrap();
     let supply = Supply::file(&path).unwrap();
-    let tap = Tap::of(Box::new(source), 1 << 40, &Faults::default(), &cancel);
+    let tap = Tap::of(Box::new(source), 1 << 40, &FailPoints::default(), &cancel);
     let options = Options { invalid, ..Options::default() };
     let read = || -> Result<(), BuildError> {
         let mut input = Input::from_tap(&supply, tap, options, &store, true, &cancel)?;
@@ -160,7 +160,7 @@ fn a_window_is_granted_by_more_memory() {
     let frame = [&[0x28, 0xb5, 0x2f, 0xfd, 0, 18 << 3, 4 << 3 | 1, 0, 0][..], b"ply\n"].concat();
     let read = |memory: u64| {
         let cancel = Cancel::default();
-        let tap = Tap::of(Box::new(io::Cursor::new(frame.clone())), 13, &Faults::default(), &cancel);
+        let tap = Tap::of(Box::new(io::Cursor::new(frame.clone())), 13, &FailPoints::default(), &cancel);
         super::stream::open(&tap, 4, memory).map(|opened| opened.head)
     };
     assert_eq!(read(1 << 30).unwrap(), b"ply\n");

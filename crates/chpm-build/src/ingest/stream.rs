@@ -4,7 +4,7 @@
 //! two reads is bounded by its window.
 
 use super::supply::Supply;
-use chpm_extmem::{Cancel, Faults};
+use chpm_extmem::{Cancel, FailPoints};
 use chpm_import::Format;
 use std::cell::RefCell;
 use std::fmt;
@@ -69,19 +69,19 @@ struct Inner {
     file_len: u64,
     hash: Xxh3,
     len: u64,
-    faults: Faults,
+    fail_points: FailPoints,
     cancel: Cancel,
 }
 
 impl Tap {
-    pub(super) fn open(supply: &Supply, faults: &Faults, cancel: &Cancel) -> io::Result<Tap> {
-        faults.access()?;
-        Ok(Tap::of(Box::new(supply.open()?), supply.len(), faults, cancel))
+    pub(super) fn open(supply: &Supply, fail_points: &FailPoints, cancel: &Cancel) -> io::Result<Tap> {
+        fail_points.access()?;
+        Ok(Tap::of(Box::new(supply.open()?), supply.len(), fail_points, cancel))
     }
 
-    pub(super) fn of(bytes: Box<dyn Read>, file_len: u64, faults: &Faults, cancel: &Cancel) -> Tap {
-        let (faults, cancel) = (faults.clone(), cancel.clone());
-        Tap(Rc::new(RefCell::new(Inner { bytes, file_len, hash: Xxh3::new(), len: 0, faults, cancel })))
+    pub(super) fn of(bytes: Box<dyn Read>, file_len: u64, fail_points: &FailPoints, cancel: &Cancel) -> Tap {
+        let (fail_points, cancel) = (fail_points.clone(), cancel.clone());
+        Tap(Rc::new(RefCell::new(Inner { bytes, file_len, hash: Xxh3::new(), len: 0, fail_points, cancel })))
     }
 
     /// Bytes read up to now.
@@ -101,7 +101,7 @@ impl Read for Tap {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let inner = &mut *self.0.borrow_mut();
         heed(&inner.cancel)?;
-        inner.faults.access()?;
+        inner.fail_points.access()?;
         let count = inner.bytes.read(buffer)?;
         inner.hash.update(&buffer[..count]);
         inner.len += count as u64;

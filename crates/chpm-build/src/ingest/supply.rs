@@ -1,7 +1,7 @@
 //! Where a source's bytes come from: a file, or a pipe that was read to its end.
 
 use crate::error::BuildError;
-use chpm_extmem::{Cancel, Faults};
+use chpm_extmem::{Cancel, FailPoints};
 use std::fs::{self, File, FileType};
 use std::io;
 use std::os::unix::fs::FileTypeExt;
@@ -35,13 +35,13 @@ impl Supply {
     pub(crate) fn take(
         path: &Path,
         folder: &Path,
-        faults: &Faults,
+        fail_points: &FailPoints,
         cancel: &Cancel,
     ) -> Result<Supply, BuildError> {
         if !kind(path)?.is_fifo() {
             return Supply::file(path);
         }
-        let received = chpm_extmem::receive(path, folder, faults, || cancel.is_cancelled())?;
+        let received = chpm_extmem::receive(path, folder, fail_points, || cancel.is_cancelled())?;
         Ok(Supply { path: path.to_owned(), spooled: Some(received.ok_or(BuildError::Cancelled)?) })
     }
 

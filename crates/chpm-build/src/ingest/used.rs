@@ -16,7 +16,7 @@ pub(super) struct Used {
 
 impl Used {
     pub(super) fn new(store: &Store) -> Result<Self, BuildError> {
-        let share = store.budget.charge("which vertices are used", 0)?;
+        let share = store.budget.reserve_work("which vertices are used", 0)?;
         Ok(Used { words: Vec::new(), count: 0, is_partial: false, share })
     }
 

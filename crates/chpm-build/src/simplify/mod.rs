@@ -186,7 +186,7 @@ impl Levels {
                 more => {
                     // What the thread has kept counts as part of it, and goes before the rest is asked for; nothing so large is kept.
                     *scratch = Scratch::default();
-                    let _share = context.store.budget.charge_task("a group of clusters", more)?;
+                    let _share = context.store.budget.reserve_task("a group of clusters", more)?;
                     let done = scratch.run(&task, group)?;
                     *scratch = Scratch::default();
                     done

@@ -2,7 +2,9 @@
 
 use crate::site::{Site, config, with_attributes};
 use chpm_build::config::{Length, Normals, Positions};
-use chpm_build::{BuildConfig, BuildError, BuildProgress, Cancel, Faults, Progress, Reached, Silent, Stage};
+use chpm_build::{
+    BuildConfig, BuildError, BuildProgress, Cancel, FailPoints, Progress, Reached, Silent, Stage,
+};
 use chpm_extmem::ExtmemError;
 use chpm_mesh::Bytes;
 use chpm_synth::{Shape, Synth, hand};
@@ -144,9 +146,9 @@ fn a_fault_of_any_access_is_an_error_and_nothing_is_lost() {
     let (mut failed, mut resumed) = (0, 0);
     for at in (0..200).chain((200..).step_by(17)) {
         let mut faulty = eager(1);
-        faulty.resources.faults = Faults::fail_at(at, at % 2 == 0);
+        faulty.resources.fail_points = FailPoints::fail_at(at, at % 2 == 0);
         let result = site.try_build(&faulty, &Silent, &Cancel::default());
-        if faulty.resources.faults.seen() <= at {
+        if faulty.resources.fail_points.seen() <= at {
             result.unwrap();
             break;
         }
@@ -280,7 +282,7 @@ fn a_full_disk_says_where_the_work_is_kept() {
     let site = site();
     let full = (0..).map(|n| {
         let mut faulty = eager(2);
-        faulty.resources.faults = Faults::fail_at(300 + 50 * n, true);
+        faulty.resources.fail_points = FailPoints::fail_at(300 + 50 * n, true);
         site.try_build(&faulty, &Silent, &Cancel::default()).unwrap_err()
     });
     let kept = full.take(20).find(|error| matches!(error, BuildError::Kept { .. })).expect("a checkpoint");

@@ -1,4 +1,4 @@
-//! Faults on purpose: one access to a file fails, or the process ends there. All of this crate's files ask before they are
+//! Fail points: one access to a file fails, or the process ends there. All of this crate's files pass one before they are
 //! created, opened, read, written, extended, synced or renamed.
 
 use nix::errno::Errno;
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Planned failures of file accesses; none by default. Clones count together.
 #[derive(Clone, Debug, Default)]
-pub struct Faults(Option<Arc<Armed>>);
+pub struct FailPoints(Option<Arc<Armed>>);
 
 #[derive(Debug)]
 struct Armed {
@@ -20,7 +20,7 @@ struct Armed {
     error: Option<Errno>,
 }
 
-impl Faults {
+impl FailPoints {
     /// The access of this number, the first one being 0, fails: with a full disk if `full`, else with a fault of the device.
     pub fn fail_at(at: u64, full: bool) -> Self {
         Self::armed(at, Some(if full { Errno::ENOSPC } else { Errno::EIO }))
@@ -32,7 +32,7 @@ impl Faults {
     }
 
     fn armed(at: u64, error: Option<Errno>) -> Self {
-        Faults(Some(Arc::new(Armed { at, seen: AtomicU64::new(0), error })))
+        FailPoints(Some(Arc::new(Armed { at, seen: AtomicU64::new(0), error })))
     }
 
     /// Accesses up to now; 0 where nothing is to go wrong, since then none is counted.
@@ -70,7 +70,7 @@ impl Armed {
 }
 
 /// The same faults, counted together.
-impl PartialEq for Faults {
+impl PartialEq for FailPoints {
     fn eq(&self, other: &Self) -> bool {
         match (&self.0, &other.0) {
             (None, None) => true,
@@ -87,18 +87,21 @@ mod tests {
     #[test]
     fn only_the_chosen_access_fails() {
         for (full, kind) in [(true, io::ErrorKind::StorageFull), (false, io::ErrorKind::Other)] {
-            let faults = Faults::fail_at(2, full);
-            let clone = faults.clone();
-            assert!(faults.access().is_ok() && clone.access().is_ok());
-            let error = faults.access().unwrap_err();
+            let fail_points = FailPoints::fail_at(2, full);
+            let clone = fail_points.clone();
+            assert!(fail_points.access().is_ok() && clone.access().is_ok());
+            let error = fail_points.access().unwrap_err();
             assert!(if full {
                 error.kind() == kind
             } else {
                 error.raw_os_error() == Some(Errno::EIO as i32)
             });
             assert!(clone.access().is_ok());
-            assert_eq!((faults.seen(), faults == clone, faults == Faults::default()), (4, true, false));
+            assert_eq!(
+                (fail_points.seen(), fail_points == clone, fail_points == FailPoints::default()),
+                (4, true, false)
+            );
         }
-        assert!(Faults::default().access().is_ok());
+        assert!(FailPoints::default().access().is_ok());
     }
 }
