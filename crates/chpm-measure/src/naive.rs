@@ -19,7 +19,7 @@ const LEAST_COSINE: f64 = 0.25;
 /// # Panics
 /// If a triangle names a vertex that is not there.
 pub fn simplify(mesh: &TriMesh, target_triangles: usize, locked: &[bool]) -> TriMesh {
-    let mut state = State::new(mesh, locked);
+    let mut state = Simplifier::new(mesh, locked);
     for vertex in 0..state.points.len() as u32 {
         state.queue_around(vertex);
     }
@@ -33,7 +33,7 @@ pub fn simplify(mesh: &TriMesh, target_triangles: usize, locked: &[bool]) -> Tri
     state.into_mesh(mesh)
 }
 
-struct State<'a> {
+struct Simplifier<'a> {
     points: Vec<Point3<f64>>,
     quadrics: Vec<Matrix4<f64>>,
     locked: &'a [bool],
@@ -57,7 +57,7 @@ struct Link {
     manifold: bool,
 }
 
-impl<'a> State<'a> {
+impl<'a> Simplifier<'a> {
     fn new(mesh: &TriMesh, locked: &'a [bool]) -> Self {
         // Quadrics hold squares of coordinates: keep those small.
         let center = Aabb::of_points(&mesh.positions).center();
@@ -70,7 +70,7 @@ impl<'a> State<'a> {
                 stars[*v as usize].insert(index);
             }
         }
-        let mut state = State {
+        let mut state = Simplifier {
             quadrics: vec![Matrix4::zeros(); points.len()],
             removed: vec![false; points.len()],
             live: faces.len(),

@@ -88,7 +88,7 @@ pub fn contacts<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync>(
     }
     let between = Between::new(&a.frame(poses[0]), &b.frame(poses[1]));
     let before = [a.reads(), b.reads()];
-    let mut search = Search {
+    let mut search = ContactSearch {
         between,
         near,
         found: Found::default(),
@@ -109,7 +109,7 @@ pub fn contacts<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync>(
     Ok(Contacts { regions, complete, reads, pairs, margin, rounding, farthest })
 }
 
-struct Search<'s, 'a, 'b, D, E> {
+struct ContactSearch<'s, 'a, 'b, D, E> {
     a: &'s Model<'a, D>,
     b: &'s Model<'b, E>,
     poses: [&'s Pose; 2],
@@ -153,7 +153,7 @@ const EACH: usize = 4;
 /// Most pairs of clusters that wait to be compared.
 const WAITING: usize = 256;
 
-impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> Search<'_, '_, '_, D, E> {
+impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, E> {
     fn run(
         &mut self,
         before: [Reads; 2],

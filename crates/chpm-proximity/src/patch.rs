@@ -128,7 +128,7 @@ impl Patch {
 
     /// The nearest triangles of two patches, if they are nearer than `below`; found to `slack`.
     pub(crate) fn nearest(&self, other: &Patch, between: &Between, below: f64, slack: f64) -> Found {
-        let mut search = Search {
+        let mut search = PatchSearch {
             a: self,
             b: other,
             between,
@@ -376,7 +376,7 @@ fn divide(corners: &[[[f32; 3]; 3]], items: &mut [Item], first: u32, nodes: &mut
     bounds
 }
 
-struct Search<'a> {
+struct PatchSearch<'a> {
     a: &'a Patch,
     b: &'a Patch,
     between: &'a Between,
@@ -389,7 +389,7 @@ struct Search<'a> {
     along: Vector3<f64>,
 }
 
-impl Search<'_> {
+impl PatchSearch<'_> {
     /// Whether boxes that are so far apart have nothing to add; then they are not nearer than what is told.
     fn is_done(&mut self, away: f64) -> bool {
         let done = away >= self.most - self.slack;

@@ -105,7 +105,7 @@ pub fn follow<D: AsRef<[u8]>, E: AsRef<[u8]>>(
     let last = front.between();
     let room = front.follow(&between, &bounds);
     let rounding = between.margin + a.rounding() + b.rounding();
-    let mut search = Search {
+    let mut search = DistanceSearch {
         a,
         b,
         pose: poses[0],
@@ -127,7 +127,7 @@ pub fn follow<D: AsRef<[u8]>, E: AsRef<[u8]>>(
         search.put_roots();
         end = search.run(before, None, go_on);
     }
-    let Search { most, settled, done, witness, pairs, .. } = search;
+    let DistanceSearch { most, settled, done, witness, pairs, .. } = search;
     // There is always one where there was room for all.
     let end = end.inspect_err(|_| front.begin())?.unwrap_or(End::Stopped);
     let open = front.waiting.peek().map_or(f64::INFINITY, |pair| front.least(pair));
@@ -158,7 +158,7 @@ pub(crate) fn witness_of<D: AsRef<[u8]>>(
     (placed.map(|(point, _)| point), [error(0), error(1)])
 }
 
-struct Search<'s, 'a, 'b, D, E> {
+struct DistanceSearch<'s, 'a, 'b, D, E> {
     a: &'s Model<'a, D>,
     b: &'s Model<'b, E>,
     pose: &'s Pose,
@@ -177,7 +177,7 @@ struct Search<'s, 'a, 'b, D, E> {
     pairs: u64,
 }
 
-impl<D: AsRef<[u8]>, E: AsRef<[u8]>> Search<'_, '_, '_, D, E> {
+impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
     fn begin(&mut self, from_roots: bool) -> Result<(), ProximityError> {
         if let Some(hint) = self.front.witness {
             self.begin_at(&hint)?;

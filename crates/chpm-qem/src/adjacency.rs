@@ -1,6 +1,6 @@
 //! Faces of a cluster and the faces about each vertex, in flat arrays that a collapse keeps up to date.
 
-use crate::fan::MAX_SPINE;
+use crate::one_ring::MAX_SPINE;
 
 /// A face: three local vertices and a flag.
 #[derive(Clone, Copy, Debug)]

@@ -1,17 +1,17 @@
-//! The displacements that a collapse would leave behind: what its error rests on. And, once it is carried out, the looks.
+//! The displacements that a collapse would leave behind: what its error rests on. And, once it is carried out, the attribute errors.
 //!
 //! Where the last faces of a component go, their points go on with the nearest face of another, at the price of the way there; so pieces that
 //! lie beside each other open no hole that the error does not tell. Only what lies apart, by many times its own size, vanishes at a
-//! price by its size, and stays behind as a [`Remnant`].
+//! price by its size, and stays behind as a [`DroppedComponent`].
 
 use crate::adjacency::{Adjacency, Wing};
+use crate::attribute_error::AttributeErrorTracker;
 use crate::displacement::{Displaced, Displacement};
-use crate::fan::{Fan, FanKind};
-use crate::look::LookTracker;
+use crate::dropped::DroppedComponent;
 use crate::nearest::Nearest;
-use crate::overlay::{Overlay, Place, Sweep};
+use crate::one_ring::{OneRing, OneRingKind};
+use crate::overlay::{CellPoint, Overlay, Sweep};
 use crate::patch::Given;
-use crate::remnant::Remnant;
 use chpm_mesh::geom::round_up;
 use nalgebra::Point3;
 
@@ -29,10 +29,10 @@ pub(crate) struct Proposal {
     /// The price of what would vanish; 0 if nothing would.
     vanished: f64,
     /// The component that the collapse would drop.
-    pub(crate) remnant: Option<Remnant>,
-    /// Where the faces that lose their area put their points; only where the fans do not lie over each other.
+    pub(crate) dropped: Option<DroppedComponent>,
+    /// Where the faces that lose their area put their points; only where the one-rings do not lie over each other.
     handed: Vec<Handed>,
-    /// Whether the map is that which is valid for any fan.
+    /// Whether the map is that which is valid for any one-ring.
     swept: bool,
 }
 
@@ -56,10 +56,10 @@ impl Proposal {
     fn clear(&mut self) {
         self.faces.clear();
         self.handed.clear();
-        (self.vanished, self.remnant, self.swept) = (0.0, None, false);
+        (self.vanished, self.dropped, self.swept) = (0.0, None, false);
     }
 
-    /// Proposes again what fans that lie over each other gave.
+    /// Proposes again what one-rings that lie over each other gave.
     pub(crate) fn repeat(&mut self, faces: &[Displaced]) {
         self.clear();
         self.faces.extend_from_slice(faces);
@@ -96,7 +96,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) given: &'a Given<'a>,
     pub(crate) mesh: &'a Adjacency,
     pub(crate) displacements: &'a [Displacement],
-    pub(crate) fan: &'a Fan,
+    pub(crate) one_ring: &'a OneRing,
     /// Faces that are left.
     pub(crate) alive: usize,
 }
@@ -122,41 +122,41 @@ impl Bounder {
         (flattened || self.sweep(scene, v)).then(|| self.proposal.norm())
     }
 
-    /// Bounds the map between the fans that lie over each other. False if they do not.
+    /// Bounds the map between the one-rings that lie over each other. False if they do not.
     fn lay_over(&mut self, scene: &Scene<'_>, v: u16) -> bool {
         self.overlay.clear();
-        match scene.fan.kind() {
-            FanKind::Closed => {}
-            FanKind::Open(first, last) if v == first || v == last => {}
-            FanKind::Open(..) | FanKind::Broken => return false,
+        match scene.one_ring.kind() {
+            OneRingKind::Closed => {}
+            OneRingKind::Open(first, last) if v == first || v == last => {}
+            OneRingKind::Open(..) | OneRingKind::Broken => return false,
         }
-        let Some(ring) = scene.fan.ring.seen_from(v) else { return false };
+        let Some(ring) = scene.one_ring.ring.seen_from(v) else { return false };
         self.overlay.bound(ring, scene.displacements, &mut self.proposal.faces)
     }
 
-    /// The map that takes every face of u along, linearly, is valid for any fan; nothing goes farther than u. False if a component
+    /// The map that takes every face of u along, linearly, is valid for any one-ring; nothing goes farther than u. False if a component
     /// would vanish that has to stay.
     fn sweep(&mut self, scene: &Scene<'_>, v: u16) -> bool {
-        let Scene { given, displacements, fan, .. } = *scene;
+        let Scene { given, displacements, one_ring, .. } = *scene;
         self.proposal.swept = true;
         let position = |w: u16| given.position(w);
         let go = |from: Point3<f64>, to: Point3<f64>| Sweep::to_segment(from, to, to);
-        let u = fan.vertex();
-        let (step, share) = match fan.kind() {
+        let u = one_ring.vertex();
+        let (step, share) = match one_ring.kind() {
             // A lone face is folded onto its opposite edge.
-            FanKind::Open(first, last) if fan.wings.len() == 1 => {
+            OneRingKind::Open(first, last) if one_ring.wings.len() == 1 => {
                 let step = Sweep::to_segment(position(u), position(first), position(last));
                 (step, if v == first { step.share } else { 1.0 - step.share })
             }
             _ => (go(position(u), position(v)), 0.0),
         };
         let moved = |face: u32| displacements[face as usize].moved(step.lo, step.hi);
-        let surviving = fan.wings.iter().filter(|wing| !wing.has(v));
+        let surviving = one_ring.wings.iter().filter(|wing| !wing.has(v));
         self.proposal.faces.extend(surviving.map(|wing| (wing.face, moved(wing.face))));
         // A face that loses its area becomes an edge from v. Its points go on with a face at that edge; if there is none, they go to one
         // of its ends and on with any face there; if there is none either, to v and from there to another component, or nowhere.
         let mut left_over = Displacement::EMPTY;
-        for wing in fan.wings.iter().filter(|wing| wing.has(v)) {
+        for wing in one_ring.wings.iter().filter(|wing| wing.has(v)) {
             let w = wing.a ^ wing.b ^ v;
             let points = moved(wing.face);
             let (to, end) = match receiver(scene, v, w) {
@@ -187,8 +187,8 @@ impl Bounder {
     /// Takes the points that are left at v without a face to another component, or lets them vanish where all others lie apart. False
     /// if there is no other, or if v is not this patch's alone: what hangs on there may go on elsewhere.
     fn leave(&mut self, scene: &Scene<'_>, v: u16, points: &Displacement) -> bool {
-        let Scene { given, mesh, displacements, fan, alive } = *scene;
-        let is_last = alive <= fan.wings.len();
+        let Scene { given, mesh, displacements, one_ring, alive } = *scene;
+        let is_last = alive <= one_ring.wings.len();
         if given.is_locked(v) || !given.sides.is_empty() || is_last {
             return false;
         }
@@ -196,13 +196,13 @@ impl Bounder {
         // Whatever is farther away than this lies apart: points go no less far than the way less their size.
         let reach = (APART + 1.0) * size * BEYOND;
         let within = (reach * reach).max(f64::MIN_POSITIVE);
-        let beside = self.nearest.find(given.patch.positions, mesh, [fan.vertex(), v], within);
+        let beside = self.nearest.find(given.patch.positions, mesh, [one_ring.vertex(), v], within);
         let moved = beside.map(|(face, nearest)| {
             let way = given.offset(v, nearest);
             (face, nearest, points.moved(way, way))
         });
         let Some((face, nearest, moved)) = moved.filter(|(.., moved)| moved.norm() <= APART * size) else {
-            self.proposal.remnant = Some(Remnant::new(given.position(v), points));
+            self.proposal.dropped = Some(DroppedComponent::new(given.position(v), points));
             self.proposal.vanished = APART * size;
             return true;
         };
@@ -213,31 +213,38 @@ impl Bounder {
         true
     }
 
-    /// Carries the looks on over the collapse u -> v that was proposed last and is about to be carried out.
-    pub(crate) fn carry_looks(&self, mesh: &Adjacency, fan: &Fan, v: u16, looks: &mut LookTracker) {
-        let u = fan.vertex();
-        if let Some(ring) = fan.ring.seen_from(v).filter(|_| self.overlay.is_laid()) {
-            looks.carry_over(&self.overlay, ring, u, v);
+    /// Carries the attribute errors on over the collapse u -> v that was proposed last and is about to be carried out.
+    pub(crate) fn carry_attribute_errors(
+        &self,
+        mesh: &Adjacency,
+        one_ring: &OneRing,
+        v: u16,
+        attribute_errors: &mut AttributeErrorTracker,
+    ) {
+        let u = one_ring.vertex();
+        if let Some(ring) = one_ring.ring.seen_from(v).filter(|_| self.overlay.is_laid()) {
+            attribute_errors.carry_over(&self.overlay, ring, u, v);
             return;
         }
         // u goes to a place on the edge from v to another vertex.
-        let to = |other: u16, share: f64| Place { old: (u, 0.0), new: [(other, share), (v, 0.0)], loss: 0.0 };
-        let moved = looks.differences(u, v, &to(v, 0.0));
-        for wing in fan.wings.iter().filter(|wing| !wing.has(v)) {
-            looks.sweep(wing.face, moved, [v, wing.a, wing.b]);
+        let to =
+            |other: u16, share: f64| CellPoint { old: (u, 0.0), new: [(other, share), (v, 0.0)], loss: 0.0 };
+        let moved = attribute_errors.differences(u, v, &to(v, 0.0));
+        for wing in one_ring.wings.iter().filter(|wing| !wing.has(v)) {
+            attribute_errors.sweep(wing.face, moved, [v, wing.a, wing.b]);
         }
         for handed in &self.proposal.handed {
-            let mut moved = looks.differences(u, v, &to(handed.other, handed.share));
+            let mut moved = attribute_errors.differences(u, v, &to(handed.other, handed.share));
             if handed.to_end {
-                let end = Place { old: (handed.other, 0.0), new: [(v, 0.0); 2], loss: 0.0 };
-                moved = sum(moved, looks.differences(handed.other, v, &end));
+                let end = CellPoint { old: (handed.other, 0.0), new: [(v, 0.0); 2], loss: 0.0 };
+                moved = sum(moved, attribute_errors.differences(handed.other, v, &end));
             }
             if let Some(beyond) = handed.beyond {
-                let there = Place { old: (v, 0.0), new: [(beyond, 0.0); 2], loss: 0.0 };
-                moved = sum(moved, looks.differences(v, beyond, &there));
+                let there = CellPoint { old: (v, 0.0), new: [(beyond, 0.0); 2], loss: 0.0 };
+                moved = sum(moved, attribute_errors.differences(v, beyond, &there));
             }
             let corners = |face: u32| mesh.faces[face as usize].corners.map(|w| if w == u { v } else { w });
-            looks.hand_over(handed.from, moved, handed.to, handed.to.map_or([v; 3], corners));
+            attribute_errors.hand_over(handed.from, moved, handed.to, handed.to.map_or([v; 3], corners));
         }
     }
 }
@@ -261,11 +268,11 @@ enum Via {
 /// The face that gets the points on the edge from v to `w` once u has gone to v: one at the edge, else one at v, else one at
 /// `w`. One of a member that has u if there is any: others do not know of the collapse, nor of its error.
 fn receiver(scene: &Scene<'_>, v: u16, w: u16) -> Option<(u32, Via)> {
-    let Scene { given, mesh, fan, .. } = *scene;
-    let u = fan.vertex();
+    let Scene { given, mesh, one_ring, .. } = *scene;
+    let u = one_ring.vertex();
     let at_v = |wing: &Wing| if wing.has(w) { Via::Edge } else { Via::Target };
     let is_foreign = |corner: u16, wing: &Wing| !given.has_member_of(u, [corner, wing.a, wing.b]);
-    let own = fan.wings.iter().filter(|wing| !wing.has(v)).map(|wing| (false, at_v(wing), wing.face));
+    let own = one_ring.wings.iter().filter(|wing| !wing.has(v)).map(|wing| (false, at_v(wing), wing.face));
     let beside = |corner: u16| mesh.all_wings(corner).filter(move |wing| !wing.has(u));
     let of_v = beside(v).map(|wing| (is_foreign(v, &wing), at_v(&wing), wing.face));
     let of_w = beside(w).map(|wing| (is_foreign(w, &wing), Via::Other, wing.face));

@@ -6,19 +6,19 @@
 //! back by it.
 
 use crate::adjacency::Adjacency;
+use crate::attribute_error::{AttributeErrorTracker, Deviation, FaceAttributeError};
 use crate::bound::{Bounder, Scene};
 use crate::displacement::Displacement;
-use crate::fan::{Fan, FanKind, MAX_SPINE, MAX_VALENCE};
+use crate::dropped::DroppedComponent;
 use crate::forced::{self, Neighbors};
 use crate::kept::Kept;
 use crate::legality;
-use crate::look::{Deviation, FaceLook, LookTracker};
+use crate::one_ring::{MAX_SPINE, MAX_VALENCE, OneRing, OneRingKind};
 use crate::patch::{Collapse, Given, Outcome, Patch, Topology};
 use crate::price::Prices;
 use crate::queue::{Entry, Queue};
 use crate::refusal::{Refusal, Refusals};
-use crate::remnant::Remnant;
-use crate::state::State;
+use crate::vertex_flags::VertexFlags;
 use chpm_mesh::geom::round_up;
 
 /// Seams are halved so that the next level has less to lock, which is worth something but not any error: once half of what was
@@ -49,21 +49,21 @@ pub struct Decimator {
     /// Whether fewer bounds are found for the price of a somewhat worse order.
     pub hasty: bool,
     mesh: Adjacency,
-    fan: Fan,
+    one_ring: OneRing,
     prices: Prices,
     bounder: Bounder,
     kept: Kept,
     neighbors: Neighbors,
-    states: Vec<State>,
+    states: Vec<VertexFlags>,
     queue: Queue,
     /// Half-edges of the vertex that came up, by what they cost.
     candidates: Vec<(f32, u16)>,
     /// Per face, how far it is from the source surface.
     displacements: Vec<Displacement>,
-    looks: LookTracker,
+    attribute_errors: AttributeErrorTracker,
     collapses: Vec<Collapse>,
     /// Dropped components, and the error when the first of them was dropped.
-    remnants: Vec<Remnant>,
+    dropped: Vec<DroppedComponent>,
     vanishing: f32,
 }
 
@@ -92,7 +92,7 @@ impl Decimator {
     /// Collapses `count` vertices of the seams of a group of clusters, whose union the patch is; fewer if the last of them cost too
     /// much, more if they cost next to nothing. `sides` has a bit for each member that has a vertex. A seam vertex has several and goes
     /// only to a vertex that all of its members have, so that each of them can carry out the same collapse.
-    pub fn decimate_seams(
+    pub fn decimate_group_border(
         &mut self,
         patch: &Patch<'_>,
         sides: &[u8],
@@ -102,7 +102,7 @@ impl Decimator {
         let mut run = Run::begin(self, Given { patch, sides }, min_error);
         for (state, sides) in run.all.states.iter_mut().zip(sides) {
             if sides.count_ones() < 2 {
-                state.set(State::FIXED);
+                state.set(VertexFlags::FIXED);
             }
         }
         let stalled = run.until(Goal::Seams { count, beyond: CATCH_UP * f64::from(min_error) });
@@ -114,15 +114,15 @@ impl Decimator {
         &self.displacements
     }
 
-    /// Per face of the patch, how it looks beside the source after the last decimation; of no meaning for faces that are gone.
-    /// Empty if the patch has no looks.
-    pub fn face_looks(&self) -> &[FaceLook] {
-        &self.looks.faces
+    /// Per face of the patch, its attribute error after the last decimation; of no meaning for faces that are gone.
+    /// Empty if the patch has no attributes.
+    pub fn face_attribute_errors(&self) -> &[FaceAttributeError] {
+        &self.attribute_errors.faces
     }
 
     /// The largest deviation of the attributes that a collapse of the last decimation left, at any step of it.
     pub fn deviation(&self) -> Deviation {
-        self.looks.largest()
+        self.attribute_errors.largest()
     }
 
     /// Whether a face of the patch is left after the last decimation.
@@ -153,17 +153,17 @@ impl<'a, 'd> Run<'a, 'd> {
     fn begin(all: &'d mut Decimator, given: Given<'a>, min_error: f32) -> Self {
         let patch = given.patch;
         all.collapses.clear();
-        all.remnants.clear();
+        all.dropped.clear();
         all.vanishing = f32::INFINITY;
         all.bounder.clear();
         all.kept.clear(patch.positions.len());
         all.mesh.build(patch.positions.len(), patch.triangles);
-        all.fan.reset(patch.positions.len());
+        all.one_ring.reset(patch.positions.len());
         all.prices.begin(patch, all.hasty);
         all.displacements.clear();
         all.displacements.extend_from_slice(patch.displacements);
         all.displacements.resize(patch.triangles.len(), Displacement::default());
-        all.looks.begin(patch);
+        all.attribute_errors.begin(patch);
         let (alive, refusals) = (patch.triangles.len(), Refusals::default());
         let mut run = Run { given, all, alive, error: min_error, forced: 0, refusals };
         run.classify_vertices();
@@ -176,7 +176,7 @@ impl<'a, 'd> Run<'a, 'd> {
             triangle_count: self.alive,
             stalled,
             forced: self.forced,
-            remnants: &self.all.remnants,
+            dropped: &self.all.dropped,
             vanishing: self.all.vanishing,
             refusals: self.refusals,
         }
@@ -184,34 +184,36 @@ impl<'a, 'd> Run<'a, 'd> {
 
     /// Sorts out who may collapse, and gives boundary edges their planes.
     fn classify_vertices(&mut self) {
-        let Decimator { topology, mesh, fan, prices, states, .. } = &mut *self.all;
+        let Decimator { topology, mesh, one_ring, prices, states, .. } = &mut *self.all;
         states.clear();
         for vertex in 0..self.given.patch.positions.len() as u32 {
             let vertex = vertex as u16;
             let (count, locked) = (mesh.count(vertex), self.given.is_locked(vertex));
-            let mut state = State::default();
+            let mut state = VertexFlags::default();
             if locked {
-                state.set(State::FIXED);
+                state.set(VertexFlags::FIXED);
             }
             let mut stays = |refusal| {
                 if !locked {
                     self.refusals.add(refusal);
-                    state.set(State::FIXED);
+                    state.set(VertexFlags::FIXED);
                 }
             };
             if count > MAX_SPINE {
                 stays(Refusal::Valence);
             } else if count > MAX_VALENCE
                 || *topology == Topology::Keep
-                || Fan::may_be_open(mesh.wings(vertex))
+                || OneRing::may_be_open(mesh.wings(vertex))
             {
-                let kind = fan.gather(mesh, vertex);
-                prices.add_boundary(&self.given, fan);
+                let kind = one_ring.gather(mesh, vertex);
+                prices.add_boundary(&self.given, one_ring);
                 match kind {
-                    FanKind::Closed | FanKind::Open(..) if count > MAX_VALENCE => stays(Refusal::Valence),
-                    FanKind::Open(..) => state.set(State::BOUNDARY),
-                    FanKind::Broken if *topology == Topology::Keep => stays(Refusal::NonManifold),
-                    FanKind::Closed | FanKind::Broken => {}
+                    OneRingKind::Closed | OneRingKind::Open(..) if count > MAX_VALENCE => {
+                        stays(Refusal::Valence)
+                    }
+                    OneRingKind::Open(..) => state.set(VertexFlags::BOUNDARY),
+                    OneRingKind::Broken if *topology == Topology::Keep => stays(Refusal::NonManifold),
+                    OneRingKind::Closed | OneRingKind::Broken => {}
                 }
             }
             states.push(state);
@@ -232,9 +234,9 @@ impl<'a, 'd> Run<'a, 'd> {
         prices.set_displacements(displacements);
         queue.refill(|entries| {
             for (vertex, state) in states.iter_mut().enumerate() {
-                if !state.is(State::FIXED) {
-                    state.set(State::STALE);
-                    let (vertex, on_boundary) = (vertex as u16, state.is(State::BOUNDARY));
+                if !state.is(VertexFlags::FIXED) {
+                    state.set(VertexFlags::STALE);
+                    let (vertex, on_boundary) = (vertex as u16, state.is(VertexFlags::BOUNDARY));
                     let wings = mesh.wings(vertex);
                     let least = prices.half_edges(&self.given, vertex, wings, on_boundary, candidates);
                     entries.push(Entry::new(prices.guess(wings, least), vertex));
@@ -263,10 +265,10 @@ impl<'a, 'd> Run<'a, 'd> {
             let Some(entry) = self.all.queue.pop() else { break };
             let u = entry.vertex();
             if entry.is_offer() {
-                self.state(u).drop(State::OFFERED);
+                self.state(u).drop(VertexFlags::OFFERED);
             }
             let state = *self.state(u);
-            if state.is(State::GONE) || self.all.mesh.count(u) == 0 {
+            if state.is(VertexFlags::GONE) || self.all.mesh.count(u) == 0 {
                 continue;
             }
 
@@ -276,16 +278,16 @@ impl<'a, 'd> Run<'a, 'd> {
             {
                 // Along neither of its two edges may it go: its component would vanish.
                 (0..2).for_each(|_| self.refusals.add(Refusal::Component));
-                self.state(u).set(State::WAITING);
-                self.all.fan.gather(&self.all.mesh, u);
-                if !self.state(u).is(State::OFFERED) && self.force(goal, v, None) {
+                self.state(u).set(VertexFlags::WAITING);
+                self.all.one_ring.gather(&self.all.mesh, u);
+                if !self.state(u).is(VertexFlags::OFFERED) && self.force(goal, v, None) {
                     break;
                 }
                 continue;
             }
             // It costs what it did when it was put back, and so the least of all.
             if entry.is_bound()
-                && !state.is(State::STALE)
+                && !state.is(VertexFlags::STALE)
                 && let Some((v, bound)) = self.recall(u, entry.cost())
             {
                 debug_assert!(self.all.prices.of_bound(bound) <= entry.cost(), "it costs what it did");
@@ -300,11 +302,11 @@ impl<'a, 'd> Run<'a, 'd> {
             // at.
             let all = &mut *self.all;
             let wings = all.mesh.wings(u);
-            let on_boundary = state.is(State::BOUNDARY);
+            let on_boundary = state.is(VertexFlags::BOUNDARY);
             let least = all.prices.half_edges(&self.given, u, wings, on_boundary, &mut all.candidates);
             let next = all.queue.next_cost();
             // A price that a bound gave is right as long as nothing changes; any other is only as good as the guess.
-            let guessed = !entry.is_offer() && (entry.is_guess() || state.is(State::STALE));
+            let guessed = !entry.is_offer() && (entry.is_guess() || state.is(VertexFlags::STALE));
             if guessed {
                 let due = all.prices.guess(wings, least);
                 if due > next {
@@ -315,12 +317,12 @@ impl<'a, 'd> Run<'a, 'd> {
 
             // The cheapest collapse that the legality tests leave, at the price of its bound, is carried out, or comes up again
             // at that price.
-            let kind = all.fan.gather(&all.mesh, u);
-            all.fan.place(&self.given);
+            let kind = all.one_ring.gather(&all.mesh, u);
+            all.one_ring.place(&self.given);
             let locked = self.refusals.of(Refusal::LockedEdge);
             if let Some((cost, v)) = self.cheapest_legal() {
                 let all = &mut *self.all;
-                let due = all.prices.guess(&all.fan.wings, cost);
+                let due = all.prices.guess(&all.one_ring.wings, cost);
                 if guessed && due > next {
                     all.queue.push(Entry::new(due, u));
                     continue;
@@ -334,7 +336,7 @@ impl<'a, 'd> Run<'a, 'd> {
                     break;
                 }
                 if cost > next {
-                    self.state(u).drop(State::STALE);
+                    self.state(u).drop(VertexFlags::STALE);
                     self.keep(u, v, bound, cost);
                     self.all.queue.push(Entry::bounded(cost, u));
                 } else {
@@ -344,15 +346,15 @@ impl<'a, 'd> Run<'a, 'd> {
             }
 
             // Nothing is legal: it waits for a change nearby, or is offered at the price of force.
-            self.state(u).set(State::WAITING);
+            self.state(u).set(VertexFlags::WAITING);
             // An offer that is in the queue already is looked at again when it comes up.
-            if self.all.topology == Topology::Keep || self.state(u).is(State::OFFERED) {
+            if self.all.topology == Topology::Keep || self.state(u).is(VertexFlags::OFFERED) {
                 continue;
             }
             let held = self.refusals.of(Refusal::LockedEdge) > locked
-                || (!self.given.sides.is_empty() && kind != FanKind::Broken);
-            let Decimator { neighbors, mesh, fan, .. } = &mut *self.all;
-            let Some(v) = neighbors.nearest(&self.given, mesh, fan) else { continue };
+                || (!self.given.sides.is_empty() && kind != OneRingKind::Broken);
+            let Decimator { neighbors, mesh, one_ring, .. } = &mut *self.all;
+            let Some(v) = neighbors.nearest(&self.given, mesh, one_ring) else { continue };
             // What is flat and only held back by locks or a seam needs no force: on a higher level it will be free.
             if self.force(goal, v, held.then_some(least)) {
                 break;
@@ -364,7 +366,7 @@ impl<'a, 'd> Run<'a, 'd> {
     /// Forces the gathered vertex to v if that costs least, or offers to do so at its price; answers whether it is too steep. If it is
     /// `held` back at a cost by its quadric that is next to nothing, neither is done.
     fn force(&mut self, goal: Goal, v: u16, held: Option<f32>) -> bool {
-        let (u, next) = (self.all.fan.vertex(), self.all.queue.next_cost());
+        let (u, next) = (self.all.one_ring.vertex(), self.all.queue.next_cost());
         let Some(bound) = self.propose(v) else {
             self.refuse(u);
             return false;
@@ -374,7 +376,7 @@ impl<'a, 'd> Run<'a, 'd> {
             return false;
         }
         if cost > next {
-            self.state(u).set(State::OFFERED);
+            self.state(u).set(VertexFlags::OFFERED);
             self.all.queue.push(Entry::offer(cost, u));
             return false;
         }
@@ -386,21 +388,21 @@ impl<'a, 'd> Run<'a, 'd> {
         false
     }
 
-    fn state(&mut self, vertex: u16) -> &mut State {
+    fn state(&mut self, vertex: u16) -> &mut VertexFlags {
         &mut self.all.states[usize::from(vertex)]
     }
 
     /// The bound of the collapse of the gathered vertex.
     fn propose(&mut self, v: u16) -> Option<f64> {
-        let Decimator { mesh, fan, displacements, bounder, .. } = &mut *self.all;
+        let Decimator { mesh, one_ring, displacements, bounder, .. } = &mut *self.all;
         let alive = self.alive;
-        bounder.propose(&Scene { given: &self.given, mesh, displacements, fan, alive }, v)
+        bounder.propose(&Scene { given: &self.given, mesh, displacements, one_ring, alive }, v)
     }
 
     /// Keeps what was proposed last for when u comes up again, if that is all that there is to it.
     fn keep(&mut self, u: u16, v: u16, bound: f64, price: f32) {
-        let Decimator { kept, bounder, looks, .. } = &mut *self.all;
-        if !bounder.proposal.is_swept() && looks.is_empty() {
+        let Decimator { kept, bounder, attribute_errors, .. } = &mut *self.all;
+        if !bounder.proposal.is_swept() && attribute_errors.is_empty() {
             kept.keep(u, v, bound, price, &bounder.proposal.faces);
         } else {
             kept.forget(u);
@@ -410,14 +412,14 @@ impl<'a, 'd> Run<'a, 'd> {
     /// Proposes what was kept of u at a price, about which nothing has changed, and answers with the bound. None if there is nothing,
     /// or if more has come to v than it may have.
     fn recall(&mut self, u: u16, price: f32) -> Option<(u16, f64)> {
-        let Decimator { kept, mesh, fan, bounder, displacements: current, .. } = &mut *self.all;
+        let Decimator { kept, mesh, one_ring, bounder, displacements: current, .. } = &mut *self.all;
         let (v, bound, displacements) = kept.at_price(u, price)?;
-        fan.gather(mesh, u);
-        legality::check_topology(&self.given, mesh, fan, v).ok()?;
+        one_ring.gather(mesh, u);
+        legality::check_topology(&self.given, mesh, one_ring, v).ok()?;
         if cfg!(debug_assertions) {
-            fan.place(&self.given);
+            one_ring.place(&self.given);
             let alive = self.alive;
-            let scene = Scene { given: &self.given, mesh, displacements: current, fan, alive };
+            let scene = Scene { given: &self.given, mesh, displacements: current, one_ring, alive };
             // By another, so that what this one holds is the same without the test.
             let mut again = Bounder::default();
             assert_eq!(again.propose(&scene, v), Some(bound), "nothing has changed");
@@ -430,7 +432,7 @@ impl<'a, 'd> Run<'a, 'd> {
     /// A component would vanish that has to stay.
     fn refuse(&mut self, u: u16) {
         self.refusals.add(Refusal::Component);
-        self.state(u).set(State::WAITING);
+        self.state(u).set(VertexFlags::WAITING);
     }
 
     /// Whether a collapse of a seam costs too much.
@@ -446,17 +448,17 @@ impl<'a, 'd> Run<'a, 'd> {
     /// Carries out what was proposed last.
     fn carry_out(&mut self, v: u16, bound: f64, cost: f32) {
         let all = &mut *self.all;
-        let u = all.fan.vertex();
+        let u = all.one_ring.vertex();
         self.error = self.error.max(round_up(bound));
         for (face, displacement) in &all.bounder.proposal.faces {
             all.displacements[*face as usize] = *displacement;
             all.prices.set_displacement(*face, displacement);
         }
-        if !all.looks.is_empty() {
-            all.bounder.carry_looks(&all.mesh, &all.fan, v, &mut all.looks);
+        if !all.attribute_errors.is_empty() {
+            all.bounder.carry_attribute_errors(&all.mesh, &all.one_ring, v, &mut all.attribute_errors);
         }
-        if let Some(remnant) = all.bounder.proposal.remnant {
-            all.remnants.push(remnant);
+        if let Some(dropped) = all.bounder.proposal.dropped {
+            all.dropped.push(dropped);
             all.vanishing = all.vanishing.min(self.error);
         }
         if all.bounder.proposal.is_swept() {
@@ -464,19 +466,19 @@ impl<'a, 'd> Run<'a, 'd> {
             for corner in
                 all.bounder.proposal.faces.iter().flat_map(|(face, _)| all.mesh.faces[*face as usize].corners)
             {
-                all.states[usize::from(corner)].set(State::STALE);
+                all.states[usize::from(corner)].set(VertexFlags::STALE);
             }
         }
         all.prices.hand_on(u, v, self.given.offset(u, v));
-        self.alive -= all.mesh.collapse(u, v, all.fan.kind() == FanKind::Closed);
-        all.states[usize::from(u)].set(State::GONE);
+        self.alive -= all.mesh.collapse(u, v, all.one_ring.kind() == OneRingKind::Closed);
+        all.states[usize::from(u)].set(VertexFlags::GONE);
         all.collapses.push(Collapse { from: u, to: v, error: self.error });
         // Ring vertices that had no legal collapse are put back into the queue: the ring has changed.
-        for w in all.fan.wings.iter().flat_map(|wing| [wing.a, wing.b]) {
+        for w in all.one_ring.wings.iter().flat_map(|wing| [wing.a, wing.b]) {
             let state = &mut all.states[usize::from(w)];
-            state.set(State::STALE);
-            if state.is(State::WAITING) {
-                state.drop(State::WAITING);
+            state.set(VertexFlags::STALE);
+            if state.is(VertexFlags::WAITING) {
+                state.drop(VertexFlags::WAITING);
                 all.queue.push(Entry::new(cost, w));
             }
         }
@@ -484,14 +486,14 @@ impl<'a, 'd> Run<'a, 'd> {
 
     /// The cheapest of the half-edges that may collapse.
     fn cheapest_legal(&mut self) -> Option<(f32, u16)> {
-        let Decimator { mesh, fan, candidates, .. } = &mut *self.all;
-        if fan.kind() == FanKind::Broken {
+        let Decimator { mesh, one_ring, candidates, .. } = &mut *self.all;
+        if one_ring.kind() == OneRingKind::Broken {
             candidates.drain(..).for_each(|_| self.refusals.add(Refusal::NonManifold));
         }
         let rank = |&(cost, v): &(f32, u16)| (cost.to_bits(), v);
         while let Some(best) = (0..candidates.len()).min_by_key(|i| rank(&candidates[*i])) {
             let (cost, v) = candidates.swap_remove(best);
-            match legality::check(&self.given, mesh, fan, v) {
+            match legality::check(&self.given, mesh, one_ring, v) {
                 Ok(()) => return Some((cost, v)),
                 Err(refusal) => self.refusals.add(refusal),
             }

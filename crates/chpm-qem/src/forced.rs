@@ -5,7 +5,7 @@
 //! and what other clusters know.
 
 use crate::adjacency::{Adjacency, MANY};
-use crate::fan::{Fan, MAX_SPINE, MAX_VALENCE};
+use crate::one_ring::{MAX_SPINE, MAX_VALENCE, OneRing};
 use crate::patch::Given;
 
 /// Vertices about one, each with the number of faces that lead there. The scratch of [`Self::nearest`].
@@ -13,18 +13,18 @@ use crate::patch::Given;
 pub(crate) struct Neighbors(Vec<(u16, u32)>);
 
 impl Neighbors {
-    /// Where the vertex of a fan may be forced to: the nearest, along an edge of three or more faces if it has one.
-    pub(crate) fn nearest(&mut self, given: &Given<'_>, mesh: &Adjacency, fan: &Fan) -> Option<u16> {
-        self.gather(fan);
+    /// Where the vertex of a one-ring may be forced to: the nearest, along an edge of three or more faces if it has one.
+    pub(crate) fn nearest(&mut self, given: &Given<'_>, mesh: &Adjacency, one_ring: &OneRing) -> Option<u16> {
+        self.gather(one_ring);
         let on_boundary = self.0.iter().any(|(_, faces)| faces % 2 == 1);
         let mut best: Option<(bool, f64, u16)> = None;
         for &(v, faces) in &self.0 {
             // A boundary vertex stays on the boundary.
-            if on_boundary && faces % 2 == 0 || !may_force(given, mesh, fan, v, faces) {
+            if on_boundary && faces % 2 == 0 || !may_force(given, mesh, one_ring, v, faces) {
                 continue;
             }
             let off_spine = faces < 3;
-            let rank = (off_spine, given.offset(fan.vertex(), v).norm_squared(), v);
+            let rank = (off_spine, given.offset(one_ring.vertex(), v).norm_squared(), v);
             if best.is_none_or(|nearest| rank < nearest) {
                 best = Some(rank);
             }
@@ -32,10 +32,10 @@ impl Neighbors {
         best.map(|(.., v)| v)
     }
 
-    fn gather(&mut self, fan: &Fan) {
+    fn gather(&mut self, one_ring: &OneRing) {
         let all = &mut self.0;
         all.clear();
-        all.extend(fan.wings.iter().flat_map(|wing| [(wing.a, 1), (wing.b, 1)]));
+        all.extend(one_ring.wings.iter().flat_map(|wing| [(wing.a, 1), (wing.b, 1)]));
         all.sort_unstable();
         all.dedup_by(|next, kept| {
             let same = next.0 == kept.0;
@@ -55,21 +55,21 @@ pub(crate) fn alone(given: &Given<'_>, mesh: &Adjacency, u: u16) -> Option<u16> 
     (given.sides.is_empty() && is_free(wing.a) && is_free(wing.b)).then_some(nearer)
 }
 
-/// Whether the fan's vertex may go to v, to which `faces` faces lead.
-fn may_force(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: u16, faces: u32) -> bool {
-    if !given.is_known_with(fan.vertex(), v) {
+/// Whether the one-ring's vertex may go to v, to which `faces` faces lead.
+fn may_force(given: &Given<'_>, mesh: &Adjacency, one_ring: &OneRing, v: u16, faces: u32) -> bool {
+    if !given.is_known_with(one_ring.vertex(), v) {
         return false;
     }
     // Where more than two faces meet along an edge, its ends may have more in the same measure.
     let most = ((MAX_VALENCE + 4) * faces as usize / 2).clamp(MAX_VALENCE + 4, MAX_SPINE);
     let dying = if faces > 2 { 2 * faces as usize } else { 0 };
-    if mesh.count(v) + fan.wings.len() > (most + dying).min(MANY) {
+    if mesh.count(v) + one_ring.wings.len() > (most + dying).min(MANY) {
         return false;
     }
     // Another cluster may have, or make, an edge or a face between locked vertices.
     let locked = |w: u16| given.is_locked(w);
-    let beside_edge = |w: u16| fan.wings.iter().any(|wing| wing.has(v) && wing.has(w));
-    let mut surviving = fan.wings.iter().filter(|wing| !wing.has(v));
+    let beside_edge = |w: u16| one_ring.wings.iter().any(|wing| wing.has(v) && wing.has(w));
+    let mut surviving = one_ring.wings.iter().filter(|wing| !wing.has(v));
     !locked(v)
         || !surviving.any(|wing| {
             (locked(wing.a) && locked(wing.b))

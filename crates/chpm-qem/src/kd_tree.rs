@@ -10,7 +10,7 @@ pub(crate) struct KdTree {
     vertices: Vec<u16>,
     /// Where they are, in the same order.
     places: Vec<[f32; 3]>,
-    /// Parts that a search has yet to look through.
+    /// Parts that a search has yet to visit.
     later: Vec<Part>,
 }
 
@@ -52,7 +52,7 @@ impl KdTree {
     ) -> Option<(f64, u16)> {
         let KdTree { vertices, places, later } = self;
         let at = at.coords.into();
-        let mut search = Search { vertices, places, at, accept, least: within, nearest: None };
+        let mut search = NearestSearch { vertices, places, at, accept, least: within, nearest: None };
         later.clear();
         let mut part = Part { range: 0..vertices.len(), middle: 0, axis: 0, aside: [0.0; 3] };
         loop {
@@ -69,7 +69,7 @@ impl KdTree {
                 later.push(Part { range: far, middle, axis, aside });
                 (part.range, part.axis) = (near, axis);
             }
-            part.range.for_each(|index| search.look(index));
+            part.range.for_each(|index| search.visit(index));
             part = loop {
                 let Some(part) = later.pop() else {
                     return search.nearest.map(|vertex| (search.least, vertex));
@@ -78,7 +78,7 @@ impl KdTree {
                     break part;
                 }
             };
-            search.look(part.middle);
+            search.visit(part.middle);
         }
     }
 }
@@ -95,7 +95,7 @@ fn divide(positions: &[[f32; 3]], part: &mut [u16], axis: usize) {
     }
 }
 
-struct Search<'a, F> {
+struct NearestSearch<'a, F> {
     vertices: &'a [u16],
     places: &'a [[f32; 3]],
     at: [f64; 3],
@@ -105,9 +105,9 @@ struct Search<'a, F> {
     nearest: Option<u16>,
 }
 
-impl<F: FnMut(u16) -> bool> Search<'_, F> {
+impl<F: FnMut(u16) -> bool> NearestSearch<'_, F> {
     #[inline(always)]
-    fn look(&mut self, index: usize) {
+    fn visit(&mut self, index: usize) {
         let [x, y, z] = self.places[index];
         let [a, b, c] = self.at;
         let squared = squared([f64::from(x) - a, f64::from(y) - b, f64::from(z) - c]);

@@ -1,10 +1,10 @@
 //! The list of tests that a collapse has to pass; what fails has a reason that is counted.
 
 use crate::adjacency::Adjacency;
-use crate::fan::{Fan, FanKind, MAX_VALENCE};
+use crate::one_ring::{MAX_VALENCE, OneRing, OneRingKind};
 use crate::patch::{Given, Patch};
 use crate::refusal::Refusal;
-use crate::ring::View;
+use crate::ring::RingView;
 use chpm_mesh::geom::area_vector;
 
 /// A collapse is a flip if the cosine between a face's normals before and after is not above this.
@@ -13,28 +13,33 @@ const MIN_COSINE: f64 = 0.25;
 const CLEAR: f64 = 1.000_001;
 const LEAST_SQUARES: f64 = 1e-250;
 
-/// Whether u -> v may be carried out, given the fan of u. The tests go from cheap to dear.
-pub(crate) fn check(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: u16) -> Result<(), Refusal> {
-    check_topology(given, mesh, fan, v)?;
-    match fan.ring.seen_from(v) {
+/// Whether u -> v may be carried out, given the one-ring of u. The tests go from cheap to dear.
+pub(crate) fn check(given: &Given<'_>, mesh: &Adjacency, one_ring: &OneRing, v: u16) -> Result<(), Refusal> {
+    check_topology(given, mesh, one_ring, v)?;
+    match one_ring.ring.seen_from(v) {
         Some(ring) if is_far_from_flips(ring) => Ok(()),
-        _ => check_flips(given.patch, fan, v),
+        _ => check_flips(given.patch, one_ring, v),
     }
 }
 
 /// The tests that do not ask where vertices are. They ask for faces of v that are none of u's.
-pub(crate) fn check_topology(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: u16) -> Result<(), Refusal> {
-    match fan.kind() {
-        FanKind::Broken => return Err(Refusal::NonManifold),
-        FanKind::Open(first, last) if v != first && v != last => return Err(Refusal::Boundary),
+pub(crate) fn check_topology(
+    given: &Given<'_>,
+    mesh: &Adjacency,
+    one_ring: &OneRing,
+    v: u16,
+) -> Result<(), Refusal> {
+    match one_ring.kind() {
+        OneRingKind::Broken => return Err(Refusal::NonManifold),
+        OneRingKind::Open(first, last) if v != first && v != last => return Err(Refusal::Boundary),
         _ => {}
     }
-    let degree = fan.wings.len();
+    let degree = one_ring.wings.len();
     if mesh.count(v) > 4 * MAX_VALENCE {
         return Err(Refusal::Valence);
     }
     let (mut before, mut after) = (None, None);
-    for wing in &fan.wings {
+    for wing in &one_ring.wings {
         if wing.b == v {
             before = Some(wing.a);
         }
@@ -42,10 +47,10 @@ pub(crate) fn check_topology(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: 
             after = Some(wing.b);
         }
     }
-    if given.is_locked(v) && joins_locked(given, fan, [Some(v), before, after]) {
+    if given.is_locked(v) && joins_locked(given, one_ring, [Some(v), before, after]) {
         return Err(Refusal::LockedEdge);
     }
-    let (remaining, keeps_apex) = check_link(mesh, fan, v, [before, after])?;
+    let (remaining, keeps_apex) = check_link(mesh, one_ring, v, [before, after])?;
     if remaining + degree > MAX_VALENCE + 4 {
         return Err(Refusal::Valence);
     }
@@ -58,28 +63,28 @@ pub(crate) fn check_topology(given: &Given<'_>, mesh: &Adjacency, fan: &Fan, v: 
 
 /// Whether a new edge at the locked vertex v would end at another locked vertex, or the last of three faces would have
 /// locked corners only: another cluster may own such an edge or face.
-fn joins_locked(given: &Given<'_>, fan: &Fan, apexes: [Option<u16>; 3]) -> bool {
-    if fan.wings.len() == 3 && fan.wings.iter().all(|wing| given.is_locked(wing.a)) {
+fn joins_locked(given: &Given<'_>, one_ring: &OneRing, apexes: [Option<u16>; 3]) -> bool {
+    if one_ring.wings.len() == 3 && one_ring.wings.iter().all(|wing| given.is_locked(wing.a)) {
         return true;
     }
     let beyond = |w: u16| !apexes.contains(&Some(w)) && given.is_locked(w);
-    fan.wings.iter().any(|wing| beyond(wing.a) || beyond(wing.b))
+    one_ring.wings.iter().any(|wing| beyond(wing.a) || beyond(wing.b))
 }
 
 /// The link condition: besides the apexes of the edge, u and v have no neighbour in common, and no face of v lies opposite to
 /// the edge. Answers how many faces v has apart from those of u, and whether one of them is at an apex.
 fn check_link(
     mesh: &Adjacency,
-    fan: &Fan,
+    one_ring: &OneRing,
     v: u16,
     apexes: [Option<u16>; 2],
 ) -> Result<(usize, bool), Refusal> {
     let (mut remaining, mut keeps_apex, mut linked) = (0, false, false);
     for wing in mesh.wings(v) {
-        let own = wing.has(fan.vertex());
+        let own = wing.has(one_ring.vertex());
         let apex = |w: u16| (apexes[0] == Some(w)) | (apexes[1] == Some(w));
         let (a, b) = (apex(wing.a), apex(wing.b));
-        let common = (fan.has(wing.a) & !a) | (fan.has(wing.b) & !b) | (a & b);
+        let common = (one_ring.has(wing.a) & !a) | (one_ring.has(wing.b) & !b) | (a & b);
         linked |= common & !own;
         remaining += usize::from(!own);
         keeps_apex |= (a | b) & !own;
@@ -88,7 +93,7 @@ fn check_link(
 }
 
 /// Whether all faces are so far from turning by the limit, and from losing their area, that it needs no root to tell.
-fn is_far_from_flips(ring: View<'_>) -> bool {
+fn is_far_from_flips(ring: RingView<'_>) -> bool {
     let ([x, y, z], [areas_x, areas_y, areas_z]) = (ring.places(), ring.areas());
     let v = [x[0], y[0], z[0]];
     // The first and the last face are at v and go.
@@ -111,10 +116,10 @@ fn is_far_from_flips(ring: View<'_>) -> bool {
 }
 
 /// No face may turn by more than the limit or lose its area. A face that has none already cannot get worse.
-fn check_flips(patch: &Patch<'_>, fan: &Fan, v: u16) -> Result<(), Refusal> {
+fn check_flips(patch: &Patch<'_>, one_ring: &OneRing, v: u16) -> Result<(), Refusal> {
     let position = |w: u16| patch.positions[usize::from(w)];
-    let (from, to) = (position(fan.vertex()), position(v));
-    for wing in fan.wings.iter().filter(|wing| !wing.has(v)) {
+    let (from, to) = (position(one_ring.vertex()), position(v));
+    for wing in one_ring.wings.iter().filter(|wing| !wing.has(v)) {
         let (a, b) = (position(wing.a), position(wing.b));
         let (old, new) = (area_vector(from, a, b), area_vector(to, a, b));
         let (old_squared, new_squared) = (old.norm_squared(), new.norm_squared());

@@ -19,26 +19,27 @@
 //! # Why the error is a bound
 //!
 //! 1. Every face has a box of displacements: each of its points is a source point moved by a vector of that box, and every source point of its part is on it.
-//! 2. A collapse maps the old fan onto the new one, piecewise linear and onto (an overlay of the two). A linear piece moves no point farther than its corners.
+//! 2. A collapse maps the old one-ring onto the new one, piecewise linear and onto (an overlay of the two). A linear piece moves no point farther than its corners.
 //! 3. So the boxes of the new faces hold the old ones' boxes, widened by what the overlay's corners move. All is rounded outward.
 //! 4. By induction from the source, the farthest corner of any box bounds the distance from mesh to source and back.
 //! 5. What vanishes with its component goes on with the nearest face that stays, at the price of the way; what lies apart stays behind as a
-//!    [`Remnant`], which the *distance* of a mesh has in it and the error of pictures does not.
+//!    [`DroppedComponent`], which the *distance* of a mesh has in it and the error of pictures does not.
 //!
 //! The steps, with the function that takes each, are in `PROOF.md` beside this crate; an oracle in exact arithmetic tests step 3.
 #![forbid(unsafe_code)]
 
 mod adjacency;
+mod attribute_error;
 mod bound;
 mod decimate;
 mod displacement;
-mod fan;
+mod dropped;
 mod forced;
 mod kd_tree;
 mod kept;
 mod legality;
-mod look;
 mod nearest;
+mod one_ring;
 mod overlay;
 mod patch;
 mod price;
@@ -46,15 +47,14 @@ mod quadric;
 mod queue;
 mod record;
 mod refusal;
-mod remnant;
 mod ring;
-mod state;
+mod vertex_flags;
 
+pub use attribute_error::{AttributeErrors, Deviation, FaceAttributeError};
 pub use decimate::Decimator;
 pub use displacement::Displacement;
-pub use look::{Deviation, FaceLook, Looks};
+pub use dropped::{DroppedComponent, gap, thin_out};
 pub use patch::{Collapse, Outcome, Patch, Topology};
 pub use quadric::Quadric;
 pub use record::Record;
 pub use refusal::{Refusal, Refusals};
-pub use remnant::{Remnant, gap, thin_out};

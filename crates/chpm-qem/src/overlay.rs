@@ -1,9 +1,9 @@
-//! A bound on what one collapse moves: the map between the fans before and after it, along a common normal.
+//! A bound on what one collapse moves: the map between the one-rings before and after it, along a common normal.
 //!
 //! The faces about u before a collapse u -> v and those about v after it fill one loop of edges. If both lie one-to-one over a plane, each
-//! point of the old fan maps to the new one straight along the plane's normal. The map is linear on every cell that an old and a new
+//! point of the old one-ring maps to the new one straight along the plane's normal. The map is linear on every cell that an old and a new
 //! face have in common, so that its extremes are at the cells' corners: at the loop, where nothing moves; at u; and where an
-//! old edge from u crosses a new edge from v. Their order is known from the loop alone, since both fans are star-shaped.
+//! old edge from u crosses a new edge from v. Their order is known from the loop alone, since both one-rings are star-shaped.
 
 mod arrangement;
 mod cells;
@@ -12,9 +12,9 @@ mod exact;
 mod seen;
 
 use crate::displacement::{Along, Displaced, Displacement, Reach};
-use crate::ring::{NO_FACE, View};
+use crate::ring::{NO_FACE, RingView};
 use arrangement::{APEX, Arrangement, CROSSINGS, Cell};
-pub(crate) use cells::Place;
+pub(crate) use cells::CellPoint;
 use nalgebra::{Point3, Vector3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
 use seen::{Projected, ROOM, Seen};
@@ -38,7 +38,7 @@ struct Crossing {
     per_area: f64,
 }
 
-/// How the fans of the last bound lie over each other.
+/// How the one-rings of the last bound lie over each other.
 #[derive(Clone, Copy, Debug)]
 struct Laid {
     /// Of a boundary vertex, how far along the line that its boundary edges become it is, once it is there.
@@ -48,7 +48,7 @@ struct Laid {
     size: f64,
 }
 
-/// The fans before and after a collapse u -> v, seen along a normal.
+/// The one-rings before and after a collapse u -> v, seen along a normal.
 #[derive(Debug, Default)]
 pub(crate) struct Overlay {
     /// The loop relative to where u is, once it is on the line that its boundary edges become.
@@ -69,9 +69,14 @@ impl Overlay {
         self.laid = None;
     }
 
-    /// Appends to `out` every new face with its displacements after the collapse; false if neither of two normals shows both fans
+    /// Appends to `out` every new face with its displacements after the collapse; false if neither of two normals shows both one-rings
     /// one-to-one, and then `out` is as it was.
-    pub(crate) fn bound(&mut self, ring: View<'_>, of: &[Displacement], out: &mut Vec<Displaced>) -> bool {
+    pub(crate) fn bound(
+        &mut self,
+        ring: RingView<'_>,
+        of: &[Displacement],
+        out: &mut Vec<Displaced>,
+    ) -> bool {
         self.laid = None;
         if ring.len() < 3 {
             return false;
@@ -88,7 +93,7 @@ impl Overlay {
     fn bound_along(
         &mut self,
         normal: Vector3<f64>,
-        ring: View<'_>,
+        ring: RingView<'_>,
         of: &[Displacement],
         out: &mut Vec<Displaced>,
     ) -> bool {
@@ -126,7 +131,7 @@ impl Overlay {
         self.new.find_beside(edge, len);
         let Some(sectors) = self.find_sectors(ring, boundary, size) else { return false };
 
-        // What rounding may have lost. Where the fan is flat, heights are within that, and only displacements matter.
+        // What rounding may have lost. Where the one-ring is flat, heights are within that, and only displacements matter.
         let loss = Loss {
             height: HEIGHT_LOSS * size,
             // A place on an edge is off by the share of the area that it was divided by; twice, for the two edges.
@@ -189,7 +194,7 @@ impl Overlay {
     }
 
     /// Projects the loop.
-    fn project(&mut self, normal: Vector3<f64>, ring: View<'_>) {
+    fn project(&mut self, normal: Vector3<f64>, ring: RingView<'_>) {
         let axis = Vector3::ith(normal.iamin(), 1.0);
         let across = normal.cross(&axis).normalize();
         let up = normal.cross(&across);
@@ -202,7 +207,7 @@ impl Overlay {
         }
     }
 
-    /// Whether both fans lie one-to-one over the plane: all faces turn the same way, and the old ones go about their apex once.
+    /// Whether both one-rings lie one-to-one over the plane: all faces turn the same way, and the old ones go about their apex once.
     fn is_one_to_one(&self, boundary: Option<usize>, last: usize, least_area: f64) -> bool {
         let old = &self.old;
         if !self.new.are_larger(1..last, least_area) {
@@ -221,7 +226,7 @@ impl Overlay {
     }
 
     /// Where u slides on the segment from v to `l_other`, its neighbours on the mesh boundary: how far, and the place.
-    fn foot(&self, ring: View<'_>, other: usize) -> (Sweep, Projected) {
+    fn foot(&self, ring: RingView<'_>, other: usize) -> (Sweep, Projected) {
         let slide = Sweep::to_segment(ring.apex(), ring.point(0), ring.point(other));
         let (a, b) = (self.old.at(0), self.old.at(other));
         let between = |a: f64, b: f64| a + slide.share * (b - a);
@@ -232,7 +237,7 @@ impl Overlay {
 
     /// The new faces that u may lie over, first and last. More than one only where u is so close to an edge from v that rounding
     /// decides on which side of it.
-    fn find_sectors(&self, ring: View<'_>, boundary: Option<usize>, size: f64) -> Option<[usize; 2]> {
+    fn find_sectors(&self, ring: RingView<'_>, boundary: Option<usize>, size: f64) -> Option<[usize; 2]> {
         let last = ring.len() - 1;
         match boundary {
             Some(1) => return Some([1, 1]),
@@ -284,7 +289,7 @@ impl Overlay {
             loss.about((v + on_new * new) - (foot + on_old * old), per_area)
         }));
         if let Some(sector) = sector {
-            // How far the new fan is above u.
+            // How far the new one-ring is above u.
             let ([of_a, of_b], area) = self.apex_shares(sector);
             let (a, b) = (self.new.height[sector], self.new.height[sector + 1]);
             corners[usize::from(APEX)] = loss.about(v + of_a * a + of_b * b, 1.0 / area);
@@ -315,7 +320,7 @@ fn merged(cells: &[Cell], faces: &[u32], of: &[Displacement]) -> Displacement {
 }
 
 /// Whether u and the loop are in one plane, exactly.
-fn is_flat(ring: View<'_>, sector: usize) -> bool {
+fn is_flat(ring: RingView<'_>, sector: usize) -> bool {
     let [a, b, c] = [0, sector, sector + 1].map(|i| coord(ring.point(i)));
     let on_plane = |p: Point3<f64>| orient3d(a, b, c, coord(p)) == 0.0;
     on_plane(ring.apex()) && (0..ring.len()).all(|i| on_plane(ring.point(i)))
@@ -330,7 +335,7 @@ fn sum_from_last([x, y, z]: [&[f64]; 3], of: impl Fn(Vector3<f64>) -> Vector3<f6
 }
 
 /// The same of the areas of the faces that v makes with the loop.
-fn unit_areas_about_v(ring: View<'_>, of: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vector3<f64> {
+fn unit_areas_about_v(ring: RingView<'_>, of: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vector3<f64> {
     let (len, v) = (ring.len(), ring.arm(0));
     let mut sum = Vector3::zeros();
     let mut a = ring.arm(len - 1) - v;

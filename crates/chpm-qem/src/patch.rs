@@ -1,9 +1,9 @@
 //! Input and output of a decimation.
 
+use crate::attribute_error::AttributeErrors;
 use crate::displacement::Displacement;
-use crate::look::Looks;
+use crate::dropped::DroppedComponent;
 use crate::refusal::Refusals;
-use crate::remnant::Remnant;
 use chpm_mesh::geom::to_f64;
 use nalgebra::{Point3, Vector3};
 
@@ -19,7 +19,7 @@ pub struct Patch<'a> {
     /// Per vertex, whether another cluster shares it, so that it may not collapse.
     pub locked: &'a [bool],
     /// Attributes of the vertices; they have no influence on the order of collapses.
-    pub looks: Looks<'a>,
+    pub attribute_errors: AttributeErrors<'a>,
 }
 
 /// Whether a simplification may change the topology.
@@ -41,7 +41,7 @@ pub struct Collapse {
     /// The neighbour that it goes to.
     pub to: u16,
     /// Error of the mesh after this collapse, object units: an upper bound of its distance from the source surface, both ways, but
-    /// for the points of the source in [`Outcome::remnants`].
+    /// for the points of the source in [`Outcome::dropped`].
     pub error: f32,
 }
 
@@ -57,7 +57,7 @@ pub struct Outcome<'a> {
     /// Collapses that changed the topology or turned a face over.
     pub forced: usize,
     /// Where components were that lay apart and have vanished.
-    pub remnants: &'a [Remnant],
+    pub dropped: &'a [DroppedComponent],
     /// The least error of a mesh in which one of them is missing; infinite without any.
     pub vanishing: f32,
     /// Collapses refused, by reason.

@@ -2,7 +2,7 @@
 
 use crate::adjacency::Wing;
 use crate::displacement::Displacement;
-use crate::fan::{Fan, FanKind};
+use crate::one_ring::{OneRing, OneRingKind};
 use crate::patch::{Given, Patch};
 use crate::quadric::Quadric;
 use chpm_mesh::Aabb;
@@ -63,11 +63,11 @@ impl Prices {
     }
 
     /// Gives the edges at the ends of an open fan their planes.
-    pub(crate) fn add_boundary(&mut self, given: &Given<'_>, fan: &Fan) {
-        let FanKind::Open(first, last) = fan.kind() else { return };
-        let vertex = fan.vertex();
+    pub(crate) fn add_boundary(&mut self, given: &Given<'_>, one_ring: &OneRing) {
+        let OneRingKind::Open(first, last) = one_ring.kind() else { return };
+        let vertex = one_ring.vertex();
         let position = |v: u16| given.patch.positions[usize::from(v)];
-        for wing in &fan.wings {
+        for wing in &one_ring.wings {
             let normal = area_vector(position(vertex), position(wing.a), position(wing.b));
             let ends = [(wing.a == first).then_some(wing.a), (wing.b == last).then_some(wing.b)];
             for end in ends.into_iter().flatten() {

@@ -3,7 +3,7 @@
 //! It does not matter where a loop begins, but a collapse u -> v is looked at from v on. So everything is there twice, one after the
 //! other: from any vertex on the whole loop follows without a gap.
 
-use crate::fan::MAX_VALENCE;
+use crate::one_ring::MAX_VALENCE;
 use nalgebra::{Point3, Vector3};
 
 /// Most vertices of a loop: a boundary vertex of the highest valence has one more than faces.
@@ -99,13 +99,13 @@ impl Ring {
 
     /// The loop from its i-th vertex on.
     #[inline]
-    pub(crate) fn begun_at(&self, start: usize) -> View<'_> {
-        View { ring: self, start }
+    pub(crate) fn begun_at(&self, start: usize) -> RingView<'_> {
+        RingView { ring: self, start }
     }
 
     /// The same, from a vertex on that it has.
     #[inline]
-    pub(crate) fn seen_from(&self, vertex: u16) -> Option<View<'_>> {
+    pub(crate) fn seen_from(&self, vertex: u16) -> Option<RingView<'_>> {
         let start = self.vertices[..self.len].iter().position(|v| *v == vertex)?;
         Some(self.begun_at(start))
     }
@@ -113,12 +113,12 @@ impl Ring {
 
 /// A loop l_0 = v, l_1, ..., of `len` vertices, and after that v again.
 #[derive(Clone, Copy)]
-pub(crate) struct View<'a> {
+pub(crate) struct RingView<'a> {
     ring: &'a Ring,
     start: usize,
 }
 
-impl<'a> View<'a> {
+impl<'a> RingView<'a> {
     #[inline]
     pub(crate) fn len(self) -> usize {
         self.ring.len

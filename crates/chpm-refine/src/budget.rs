@@ -36,7 +36,7 @@ pub(crate) fn best_anywhere<D: AsRef<[u8]>, E: From<RefineError>>(
 ) -> Result<Cut, E> {
     let hierarchy = Hierarchy::new(file);
     let profiles = Profiles::new(file, room, go_on);
-    let search = Search { file, hierarchy: &hierarchy, bound: |_, error| error, profiles };
+    let search = BudgetSearch { file, hierarchy: &hierarchy, bound: |_, error| error, profiles };
     search.best(limit, |_, error| Some(f64::from(error)))
 }
 
@@ -70,18 +70,18 @@ pub(crate) fn best_in_view<D: AsRef<[u8]>, E: From<RefineError>>(
         (!view.culls(region)).then(|| view.pixels_of(error, region))
     };
     let profiles = Profiles::new(file, room, go_on);
-    Search { file, hierarchy, bound, profiles }.best(limit, pixels)
+    BudgetSearch { file, hierarchy, bound, profiles }.best(limit, pixels)
 }
 
 /// Cuts by one number, with which the bounds of all groups grow.
-struct Search<'a, D, B, G> {
+struct BudgetSearch<'a, D, B, G> {
     file: &'a Chpm<D>,
     hierarchy: &'a Hierarchy,
     bound: B,
     profiles: Profiles<'a, D, G>,
 }
 
-impl<D, E, B, G> Search<'_, D, B, G>
+impl<D, E, B, G> BudgetSearch<'_, D, B, G>
 where
     D: AsRef<[u8]>,
     E: From<RefineError>,
@@ -103,7 +103,7 @@ where
         let least = f32::from_bits(high);
         // A camera in the middle of it all allows no error there, whatever the number.
         let fits = self.fits(least, limit)?;
-        let Search { file, hierarchy, bound, mut profiles } = self;
+        let BudgetSearch { file, hierarchy, bound, mut profiles } = self;
         let bound = |group| if fits { bound(group, least) } else { f32::INFINITY };
         let wants = |group| hierarchy.wants(group, bound(group));
         let cut = select_where(file, hierarchy, wants, bound, |cluster, bound| {

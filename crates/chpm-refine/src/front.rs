@@ -29,7 +29,7 @@ impl Changes {
 /// and work for what changes. It reads no page.
 #[derive(Clone, Debug)]
 pub struct Front {
-    states: Vec<State>,
+    states: Vec<GroupState>,
     /// Groups that are whole and not split.
     open: Vec<GroupId>,
     /// Groups that are split, every one after those above it.
@@ -48,7 +48,7 @@ pub struct Entered {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct State {
+struct GroupState {
     /// The view's bound, of an open group.
     bound: f32,
     /// Coarse clusters that are still to be brought.
@@ -65,7 +65,7 @@ impl Front {
         let ids = || (0..file.groups().len() as u32).map(GroupId);
         let state = |id| {
             let missing = file.coarse(id).iter().map(unbrought).sum();
-            State { bound: f32::INFINITY, missing, below: 0, split: false }
+            GroupState { bound: f32::INFINITY, missing, below: 0, split: false }
         };
         let states: Vec<_> = ids().map(state).collect();
         let open = ids().filter(|id| states[id.index()].missing == 0).collect();
@@ -196,7 +196,7 @@ impl Front {
     }
 }
 
-impl State {
+impl GroupState {
     fn is_open(&self) -> bool {
         !self.split && self.missing == 0
     }

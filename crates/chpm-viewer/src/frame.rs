@@ -1,24 +1,24 @@
 //! A picture, drawn frame by frame: the loop of Quick-VDR 5.4.
 //!
-//! A frame that flows refines, draws what was visible before, has the boxes of the rest tested against that depth and what they
+//! An interactive frame refines, draws what was visible before, has the boxes of the rest tested against that depth and what they
 //! show drawn, all in one submission: nothing is read back before a later frame. A frame that waits repeats refining and testing, in
 //! depth alone and with the answers at once, until nothing changes any more, and then draws what is visible. Of several models, each
 //! has the camera in the coordinates of its own file, and all are drawn into one depth before anything is tested against it.
 
+mod converge;
 mod exact;
-mod flow;
+mod interactive;
 mod model;
 mod paint;
 mod rate;
 mod samples;
-mod settle;
 mod share;
 mod smooth;
 
 use crate::error::ViewerError;
 use crate::gpu::buffers::{Canvas, Sampled};
-use crate::gpu::studio::Studio;
-use crate::gpu::{Gpu, Lens, Probe, passes};
+use crate::gpu::lighting::Lighting;
+use crate::gpu::{CameraUniform, Gpu, Probe, passes};
 use crate::place::Place;
 use crate::request::{Accuracy, Budgets, FrameRequest, Target};
 use crate::scene::Culling;
@@ -27,13 +27,13 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Aabb;
 use chpm_refine::{Camera, Changes, Outline, Portrait, Side, Up};
+use converge::next_poe;
 pub use exact::Spot;
-use flow::Picture;
+use interactive::CacheKey;
 use model::{Eye, Model};
 use paint::Colors;
 pub(crate) use paint::heat;
 use rate::Rate;
-use settle::next_poe;
 use share::{Need, shares};
 use std::path::Path;
 use std::sync::Arc;
@@ -51,19 +51,19 @@ pub struct Viewer {
     bounds: Aabb,
     probe: Probe,
     /// Made when it is first used.
-    studio: Option<Studio>,
+    lighting: Option<Lighting>,
     depth: Option<Canvas>,
     /// For pictures of several samples.
     sampled: Option<Sampled>,
     canvas: Option<Canvas>,
     /// Of the last frame, for picking.
-    lens: Option<Lens>,
+    camera_uniform: Option<CameraUniform>,
     /// Number of the round.
     now: u64,
-    /// Of the last frame that flowed.
+    /// Of the last interactive frame.
     before: Option<Camera>,
     /// Picture of the last frame that was rendered until it converged.
-    drawn: Option<Picture>,
+    drawn: Option<CacheKey>,
     rate: Rate,
     /// Pixels of error that a number of triangles has led to.
     found: f64,
@@ -71,22 +71,22 @@ pub struct Viewer {
 
 /// How far a refinement goes: how long it waits for pages, and how many bytes it brings for the GPU; none for all.
 #[derive(Clone, Copy, Debug)]
-struct Haste {
+struct Deadline {
     wait: Option<Duration>,
     most: Option<u64>,
 }
 
-impl Haste {
-    const NONE: Haste = Haste { wait: None, most: None };
+impl Deadline {
+    const NONE: Deadline = Deadline { wait: None, most: None };
 
     fn of(most: u64) -> Self {
-        Haste { wait: Some(Duration::ZERO), most: Some(most) }
+        Deadline { wait: Some(Duration::ZERO), most: Some(most) }
     }
 
     /// For one of so many models.
     fn share(self, models: usize) -> Self {
         let models = models.max(1) as u32;
-        Haste {
+        Deadline {
             wait: self.wait.map(|wait| wait / models),
             most: self.most.map(|most| most / u64::from(models)),
         }
@@ -134,11 +134,11 @@ impl Viewer {
             models,
             bounds: Aabb::of_points([]),
             probe,
-            studio: None,
+            lighting: None,
             depth: None,
             sampled: None,
             canvas: None,
-            lens: None,
+            camera_uniform: None,
             now: 0,
             before: None,
             drawn: None,
@@ -255,14 +255,14 @@ impl Viewer {
         self.set_ways(request.look.one_sided, request.clip.is_some());
         let mut stats = if request.wait || request.select_from.is_some() {
             self.drawn = None;
-            let mut stats = self.settle(request)?;
+            let mut stats = self.converge(request)?;
             let colors = self.colors(request, target);
             let samples = if request.wait { request.samples.max(1) } else { 1 };
             let first = samples::shifts(samples).next().unwrap_or_default();
             self.paint(request, Some(target.color), &colors, first, &mut stats)?;
             stats
         } else {
-            self.flow(request, target)?
+            self.interactive_frame(request, target)?
         };
         self.gpu.check("drawing")?;
         stats.times.total = start.elapsed();
@@ -291,21 +291,21 @@ impl Viewer {
     }
 
     /// Camera uniform of a picture with this camera.
-    fn lens_of(&self, camera: &Camera, request: &FrameRequest) -> Lens {
+    fn camera_uniform(&self, camera: &Camera, request: &FrameRequest) -> CameraUniform {
         let (camera, bounds) = (camera.relative_to(self.origin), self.bounds);
-        let lens = Lens::new(&camera, request.viewport, &bounds).of_request(request, self.origin);
+        let camera_uniform =
+            CameraUniform::new(&camera, request.viewport, &bounds).of_request(request, self.origin);
         // The smallest of the models may be looked at from as near as it can alone.
-        let nears = self
-            .models
-            .iter()
-            .map(|model| Lens::new(&camera, request.viewport, &model.scene.file().header().aabb()).near());
-        lens.with_near(nears.reduce(f64::min).unwrap_or(lens.near()))
+        let nears = self.models.iter().map(|model| {
+            CameraUniform::new(&camera, request.viewport, &model.scene.file().header().aabb()).near()
+        });
+        camera_uniform.with_near(nears.reduce(f64::min).unwrap_or(camera_uniform.near()))
     }
 
     /// Eye of each model with this camera.
     fn eyes(&self, camera: &Camera, request: &FrameRequest, poe: f64) -> Result<Vec<Eye>, ViewerError> {
-        let lens = self.lens_of(camera, request);
-        self.models.iter().map(|model| model.eye(camera, &lens, request, poe)).collect()
+        let camera_uniform = self.camera_uniform(camera, request);
+        self.models.iter().map(|model| model.eye(camera, &camera_uniform, request, poe)).collect()
     }
 
     fn culling(&self, request: &FrameRequest) -> Culling {
@@ -320,15 +320,20 @@ impl Viewer {
     }
 
     /// Selects for each model, up to the cut.
-    fn refine(&mut self, eyes: &[Eye], haste: Haste, stats: &mut Stats) -> Result<Changes, ViewerError> {
+    fn refine(
+        &mut self,
+        eyes: &[Eye],
+        deadline: Deadline,
+        stats: &mut Stats,
+    ) -> Result<Changes, ViewerError> {
         // What all want is asked for before anything is waited for.
         for (model, eye) in self.models.iter_mut().zip(eyes) {
             model.want(eye, stats)?;
         }
-        let haste = haste.share(self.models.len());
+        let deadline = deadline.share(self.models.len());
         let mut all = Changes::default();
         for (model, eye) in self.models.iter_mut().zip(eyes) {
-            let changes = model.refine(eye, haste, stats)?;
+            let changes = model.refine(eye, deadline, stats)?;
             all.splits += changes.splits;
             all.collapses += changes.collapses;
             all.pm_steps += changes.pm_steps;
@@ -346,14 +351,16 @@ impl Viewer {
     /// # Errors
     /// [`ViewerError::Device`].
     pub fn pick(&self, pixel: [u32; 2]) -> Result<Option<[f64; 3]>, ViewerError> {
-        let (Some(lens), Some(depth)) = (&self.lens, &self.depth) else { return Ok(None) };
+        let (Some(camera_uniform), Some(depth)) = (&self.camera_uniform, &self.depth) else {
+            return Ok(None);
+        };
         let [width, height] = depth.size();
         if pixel[0] >= width || pixel[1] >= height {
             return Ok(None);
         }
         let depth = self.probe.depth(&self.gpu, depth, pixel)?;
         let absolute = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] + self.origin[axis]);
-        Ok(lens.point(pixel, depth).map(absolute))
+        Ok(camera_uniform.point(pixel, depth).map(absolute))
     }
 }
 

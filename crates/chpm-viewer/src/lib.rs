@@ -34,5 +34,5 @@ pub use stats::{Stats, Times};
 #[cfg(feature = "internals")]
 pub mod internals {
     pub use crate::fetch::{Arrival, Fetch, PageData};
-    pub use crate::gpu::{Block, buffers, lens, passes};
+    pub use crate::gpu::{Block, buffers, camera_uniform, passes};
 }

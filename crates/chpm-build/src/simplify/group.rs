@@ -15,7 +15,9 @@ use chpm_extmem::Spool;
 use chpm_format::{Gaps, PageParts};
 use chpm_mesh::geom::round_up;
 use chpm_mesh::{Aabb, ProgressiveMesh};
-use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Patch, Record, Remnant};
+use chpm_qem::{
+    Collapse, Decimator, Deviation, Displacement, DroppedComponent, FaceAttributeError, Patch, Record,
+};
 use std::mem;
 
 /// Triangles that the root goes down to, since no level above it will: a model in the distance.
@@ -71,7 +73,7 @@ struct Member {
     /// Of the base mesh.
     base_triangles: Vec<[u16; 3]>,
     displacements: Vec<Displacement>,
-    looks: Vec<FaceLook>,
+    attribute_errors: Vec<FaceAttributeError>,
     vanished: Vanished,
     /// Box around its part of the source.
     source: Aabb,
@@ -184,11 +186,11 @@ impl Scratch {
                 displacements.read(page.base_triangles, len, &mut read.triangles)?;
                 let len = page.base_triangle_count as usize * size_of::<Displacement>();
                 displacements.read(page.displacements, len, &mut read.displacements)?;
-                let len = page.look_count as usize * size_of::<FaceLook>();
-                displacements.read(page.looks, len, &mut read.looks)?;
-                let len = page.remnant_count as usize * size_of::<Remnant>();
-                displacements.read(page.remnants, len, &mut read.remnants)?;
-                member.vanished.add_child(&read.remnants, page.gaps.base);
+                let len = page.attribute_error_count as usize * size_of::<FaceAttributeError>();
+                displacements.read(page.attribute_errors, len, &mut read.attribute_errors)?;
+                let len = page.dropped_count as usize * size_of::<DroppedComponent>();
+                displacements.read(page.dropped, len, &mut read.dropped)?;
+                member.vanished.add_child(&read.dropped, page.gaps.base);
                 member.source.merge(&page.source);
                 member.deviation = member.deviation.max(page.deviation);
                 member.min_error = member.min_error.max(page.group_error);
@@ -226,7 +228,7 @@ impl Member {
             triangles: &set.triangles,
             displacements: &set.displacements,
             locked: &self.locked,
-            looks: set.looks(),
+            attribute_errors: set.attribute_errors(),
         };
         let target = (set.triangles.len() as f64 * task.settings.keep) as usize;
         let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
@@ -260,9 +262,9 @@ impl Member {
         self.base_triangles.extend(left().map(|face| decimator.corners(face).map(new)));
         self.displacements.clear();
         self.displacements.extend(left().map(|face| decimator.displacements()[face]));
-        self.looks.clear();
-        if !decimator.face_looks().is_empty() {
-            self.looks.extend(left().map(|face| decimator.face_looks()[face]));
+        self.attribute_errors.clear();
+        if !decimator.face_attribute_errors().is_empty() {
+            self.attribute_errors.extend(left().map(|face| decimator.face_attribute_errors()[face]));
         }
 
         self.deviation = self.deviation.max(decimator.deviation());
@@ -314,7 +316,7 @@ impl Member {
         .encode(page)?;
 
         let distances = &task.displacements[task.level as usize];
-        let remnants = self.vanished.bytes();
+        let dropped = self.vanished.bytes();
         let spooled = PageRef {
             offset: task.pages.append(page)?,
             len: page.len() as u32,
@@ -325,10 +327,10 @@ impl Member {
             base_triangle_count: self.displacements.len() as u32,
             base_triangles: distances.append(bytemuck::cast_slice(&self.base_triangles))?,
             displacements: distances.append(bytemuck::cast_slice(&self.displacements))?,
-            looks: distances.append(bytemuck::cast_slice(&self.looks))?,
-            look_count: self.looks.len() as u32,
-            remnants: distances.append(remnants)?,
-            remnant_count: (remnants.len() / size_of::<Remnant>()) as u32,
+            attribute_errors: distances.append(bytemuck::cast_slice(&self.attribute_errors))?,
+            attribute_error_count: self.attribute_errors.len() as u32,
+            dropped: distances.append(dropped)?,
+            dropped_count: (dropped.len() / size_of::<DroppedComponent>()) as u32,
             gaps: Gaps::default(),
             deviation: self.deviation,
         };
@@ -351,7 +353,7 @@ mod tests {
             triangle_count: 1,
             stalled: false,
             forced: 0,
-            remnants: &[Remnant::default()],
+            dropped: &[DroppedComponent::default()],
             vanishing: 7.0,
             refusals: Refusals::default(),
         };

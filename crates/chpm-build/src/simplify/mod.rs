@@ -52,12 +52,12 @@ pub(crate) struct PageRef {
     base_triangles: u64,
     /// Where their displacements are.
     displacements: u64,
-    /// Where their looks are, and how many: none without normals and colours.
-    looks: u64,
-    look_count: u32,
-    /// Where the remnants of what has vanished are in the same spool, and how many.
-    remnants: u64,
-    remnant_count: u32,
+    /// Where their attribute errors are, and how many: none without normals and colours.
+    attribute_errors: u64,
+    attribute_error_count: u32,
+    /// Where the dropped components are in the same spool, and how many.
+    dropped: u64,
+    dropped_count: u32,
     /// Those of its group.
     #[serde(with = "GapsFields")]
     pub(crate) gaps: Gaps,

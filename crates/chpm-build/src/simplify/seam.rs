@@ -5,7 +5,7 @@
 
 use super::working_set::WorkingSet;
 use chpm_mesh::Vertices;
-use chpm_qem::{Collapse, Decimator, Deviation, Displacement, FaceLook, Looks, Patch};
+use chpm_qem::{AttributeErrors, Collapse, Decimator, Deviation, Displacement, FaceAttributeError, Patch};
 
 /// Scratch of the union.
 #[derive(Debug, Default)]
@@ -23,7 +23,7 @@ pub(super) struct Seam {
     id_of: Vec<Option<u32>>,
     collapses: Vec<Collapse>,
     displacements: Vec<Displacement>,
-    face_looks: Vec<FaceLook>,
+    face_attribute_errors: Vec<FaceAttributeError>,
     /// The largest deviation that a collapse left.
     pub(super) deviation: Deviation,
     /// Per triangle of the union, the member's; the members' come one after another, and end at these places.
@@ -60,15 +60,15 @@ impl Seam {
             triangles: &self.triangles,
             displacements: &self.displacements,
             locked: &self.locked,
-            looks: Looks::new(self.vertices.view(), &self.face_looks),
+            attribute_errors: AttributeErrors::new(self.vertices.view(), &self.face_attribute_errors),
         };
-        let outcome = decimator.decimate_seams(&patch, &self.sides, count, min_error);
+        let outcome = decimator.decimate_group_border(&patch, &self.sides, count, min_error);
 
         self.collapses.extend_from_slice(outcome.collapses);
         self.displacements.clear();
         self.displacements.extend_from_slice(decimator.displacements());
-        self.face_looks.clear();
-        self.face_looks.extend_from_slice(decimator.face_looks());
+        self.face_attribute_errors.clear();
+        self.face_attribute_errors.extend_from_slice(decimator.face_attribute_errors());
         self.deviation = decimator.deviation();
         true
     }
@@ -79,7 +79,7 @@ impl Seam {
         self.vertices.clear_vertices();
         self.triangles.clear();
         self.displacements.clear();
-        self.face_looks.clear();
+        self.face_attribute_errors.clear();
         self.triangle_of.clear();
         self.ends.clear();
         self.locked.clear();
@@ -125,7 +125,7 @@ impl Seam {
                 self.triangles.push(*triangle);
                 self.triangle_of.push(index as u32);
                 self.displacements.push(member.displacements.get(index).copied().unwrap_or_default());
-                self.face_looks.extend(member.face_looks.get(index));
+                self.face_attribute_errors.extend(member.face_attribute_errors.get(index));
             }
         }
         for v in self.triangles[first..].as_flattened() {
@@ -180,7 +180,7 @@ impl Seam {
         }));
     }
 
-    /// Gives the given member's triangles, those that are left, the displacements and looks that they have after the seam's
+    /// Gives the given member's triangles, those that are left, the displacements and attribute errors that they have after the seam's
     /// collapses.
     pub(super) fn hand_to(&self, side: usize, member: &mut WorkingSet) {
         member.displacements.resize(member.triangles.len(), Displacement::default());
@@ -188,8 +188,8 @@ impl Seam {
         for union in start..self.ends[side] {
             let own = self.triangle_of[union] as usize;
             member.displacements[own] = self.displacements[union];
-            if let Some(look) = self.face_looks.get(union) {
-                member.face_looks[own] = *look;
+            if let Some(look) = self.face_attribute_errors.get(union) {
+                member.face_attribute_errors[own] = *look;
             }
         }
     }
@@ -230,7 +230,8 @@ mod tests {
             set.triangles.iter_mut().for_each(|t| t.swap(0, 1));
         }
         set.shared = (0..ROWS).map(|row| (3 * row, row.into())).collect();
-        Looks::new(set.vertices.view(), &[]).of_source(&set.triangles, &mut set.face_looks);
+        AttributeErrors::new(set.vertices.view(), &[])
+            .of_source(&set.triangles, &mut set.face_attribute_errors);
         set
     }
 
@@ -248,10 +249,11 @@ mod tests {
             seam.collapses_of(side, &mut collapses);
             assert!(collapses.iter().any(|collapse| collapse.from == 3 * SPIKE));
             seam.hand_to(side, member);
-            let color = member.face_looks.iter().map(|look| look.deviation().color).fold(0.0, f32::max);
+            let color =
+                member.face_attribute_errors.iter().map(|look| look.deviation().color).fold(0.0, f32::max);
             let error = member.displacements.iter().map(Displacement::error).fold(0.0, f32::max);
             assert!(color >= 200.0 && error > 0.0, "side {side}: {color} {error}");
-            assert_eq!(member.face_looks.len(), member.triangles.len());
+            assert_eq!(member.face_attribute_errors.len(), member.triangles.len());
         }
     }
 }

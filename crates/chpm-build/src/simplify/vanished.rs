@@ -6,16 +6,16 @@
 
 use super::working_set::WorkingSet;
 use chpm_mesh::ProgressiveMesh;
-use chpm_qem::{Outcome, Record, Remnant, gap, thin_out};
+use chpm_qem::{DroppedComponent, Outcome, Record, gap, thin_out};
 
-/// Most remnants that a cluster keeps apart: finding their gaps then takes a small part of the time that its collapses take.
+/// Most dropped components that a cluster keeps apart: finding their gaps then takes a small part of the time that its collapses take.
 const MOST: usize = 256;
 
-/// The remnants of a cluster, while it is simplified.
+/// Dropped components of a cluster, while it is simplified.
 #[derive(Debug, Default)]
 pub(super) struct Vanished {
     /// What its children left, and then its own.
-    all: Vec<Remnant>,
+    all: Vec<DroppedComponent>,
     below: usize,
     /// The error with which the first of its own came about; infinite if there are none.
     from: f32,
@@ -33,16 +33,16 @@ impl Vanished {
     }
 
     /// Takes in what a child has left, whose group has the given gap.
-    pub(super) fn add_child(&mut self, remnants: &[u8], gap: f32) {
-        let each = remnants.chunks_exact(size_of::<Remnant>());
-        self.all.extend(each.map(bytemuck::pod_read_unaligned::<Remnant>));
+    pub(super) fn add_child(&mut self, dropped: &[u8], gap: f32) {
+        let each = dropped.chunks_exact(size_of::<DroppedComponent>());
+        self.all.extend(each.map(bytemuck::pod_read_unaligned::<DroppedComponent>));
         self.below = self.all.len();
         self.gap_below = self.gap_below.max(gap);
     }
 
     /// Takes in what a decimation left.
     pub(super) fn add_own(&mut self, outcome: &Outcome<'_>) {
-        self.all.extend_from_slice(outcome.remnants);
+        self.all.extend_from_slice(outcome.dropped);
         self.from = outcome.vanishing;
     }
 
@@ -58,7 +58,7 @@ impl Vanished {
         self.from
     }
 
-    /// The gap of all remnants at the base mesh.
+    /// The gap of all dropped components at the base mesh.
     pub(super) fn base_gap(&mut self, set: &WorkingSet, record: &Record) -> f32 {
         let base = record.base_vertex_count();
         self.gap(self.all.len(), set, record, base).max(self.gap_below)
@@ -70,7 +70,7 @@ impl Vanished {
         self.gap(self.below, set, record, record.base_vertex_count() + far).max(self.gap_below)
     }
 
-    /// The gap of the first `count` remnants at the position `n`.
+    /// The gap of the first `count` of them at the position `n`.
     fn gap(&mut self, count: usize, set: &WorkingSet, record: &Record, n: usize) -> f32 {
         if count == 0 {
             return 0.0;
@@ -93,7 +93,7 @@ impl Vanished {
         gap(&self.all[..count], &set.vertices.positions, drawn).min(f32::MAX)
     }
 
-    /// The remnants, as a parent reads them.
+    /// The dropped components, as a parent reads them.
     pub(super) fn bytes(&mut self) -> &[u8] {
         thin_out(&mut self.all, MOST);
         bytemuck::cast_slice(&self.all)
@@ -111,13 +111,13 @@ mod tests {
         bytemuck::cast_slice(&[x, y, z, radius]).to_vec()
     }
 
-    fn outcome(remnants: &[Remnant], vanishing: f32) -> Outcome<'_> {
+    fn outcome(dropped: &[DroppedComponent], vanishing: f32) -> Outcome<'_> {
         Outcome {
             collapses: &[],
             triangle_count: 1,
             stalled: false,
             forced: 0,
-            remnants,
+            dropped,
             vanishing,
             refusals: Refusals::default(),
         }
@@ -189,7 +189,7 @@ mod tests {
         vanished.clear();
         vanished.limit(|error| error.min(2.0));
         assert_eq!(vanished.from(), f32::INFINITY, "nothing is missing");
-        vanished.add_own(&outcome(&[Remnant::default()], 5.0));
+        vanished.add_own(&outcome(&[DroppedComponent::default()], 5.0));
         vanished.limit(|error| error.min(2.0));
         assert_eq!(vanished.from(), 2.0);
     }

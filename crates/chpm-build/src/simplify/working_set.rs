@@ -4,7 +4,7 @@ use super::merge::Merger;
 use crate::decompose::LeafPage;
 use chpm_format::{FormatError, Page};
 use chpm_mesh::Vertices;
-use chpm_qem::{Displacement, FaceLook, Looks, Record};
+use chpm_qem::{AttributeErrors, Displacement, FaceAttributeError, Record};
 
 /// What a parent reads of a child.
 #[derive(Debug, Default)]
@@ -15,8 +15,8 @@ pub(super) struct Child {
     /// Of these triangles.
     pub(super) displacements: Vec<u8>,
     /// Likewise; empty without normals and colours.
-    pub(super) looks: Vec<u8>,
-    pub(super) remnants: Vec<u8>,
+    pub(super) attribute_errors: Vec<u8>,
+    pub(super) dropped: Vec<u8>,
 }
 
 /// One cluster's mesh in flat arrays that are reused from cluster to cluster.
@@ -27,7 +27,7 @@ pub(super) struct WorkingSet {
     /// Per triangle, how far it is from the source; empty for a leaf that is the source.
     pub(super) displacements: Vec<Displacement>,
     /// Per triangle, how it looks beside the source; empty without normals and colours.
-    pub(super) face_looks: Vec<FaceLook>,
+    pub(super) face_attribute_errors: Vec<FaceAttributeError>,
     /// Local index and shared id of the vertices that other clusters use too, by local index.
     pub(super) shared: Vec<(u16, u32)>,
     merger: Merger,
@@ -38,7 +38,7 @@ impl WorkingSet {
         self.vertices.clear_vertices();
         self.triangles.clear();
         self.displacements.clear();
-        self.face_looks.clear();
+        self.face_attribute_errors.clear();
         self.shared.clear();
     }
 
@@ -51,7 +51,8 @@ impl WorkingSet {
         if rounding != Displacement::default() {
             self.displacements.resize(self.triangles.len(), rounding);
         }
-        Looks::new(self.vertices.view(), &[]).of_source(&self.triangles, &mut self.face_looks);
+        AttributeErrors::new(self.vertices.view(), &[])
+            .of_source(&self.triangles, &mut self.face_attribute_errors);
     }
 
     /// The union of two children's base meshes, joined at the vertices that both share.
@@ -67,16 +68,16 @@ impl WorkingSet {
         for child in children {
             let each = child.displacements.chunks_exact(size_of::<Displacement>());
             self.displacements.extend(each.map(bytemuck::pod_read_unaligned::<Displacement>));
-            let each = child.looks.chunks_exact(size_of::<FaceLook>());
-            self.face_looks.extend(each.map(bytemuck::pod_read_unaligned::<FaceLook>));
+            let each = child.attribute_errors.chunks_exact(size_of::<FaceAttributeError>());
+            self.face_attribute_errors.extend(each.map(bytemuck::pod_read_unaligned::<FaceAttributeError>));
         }
         self.shared.extend_from_slice(&merger.shared);
         Ok(())
     }
 
     /// What the kernel is told about normals and colours.
-    pub(super) fn looks(&self) -> Looks<'_> {
-        Looks::new(self.vertices.view(), &self.face_looks)
+    pub(super) fn attribute_errors(&self) -> AttributeErrors<'_> {
+        AttributeErrors::new(self.vertices.view(), &self.face_attribute_errors)
     }
 
     /// The same mesh with vertices numbered as the record has it.

@@ -19,7 +19,7 @@ use crate::tiles::Tiles;
 use nalgebra::Point3;
 use piece::{DEEPEST, Piece, Plane};
 pub(crate) use triangle::{Corners, Face};
-use triangle::{Feature, Place};
+use triangle::{Feature, NearestPoint};
 
 /// A piece wider than so many of the triangles that it lies on is halved first; else the lines of each would cut all others.
 const WIDE: f64 = 4.0;
@@ -129,7 +129,7 @@ impl Goal<'_> {
 struct Candidate {
     hit: Hit,
     face: Face,
-    place: Place,
+    place: NearestPoint,
     keeps: bool,
 }
 
@@ -401,7 +401,7 @@ impl<'a> Prover<'a> {
 }
 
 /// Two parts of a piece whose middle is nearest to an edge: on either side of that, so that each lies on one triangle.
-fn along_edge(piece: &Piece, face: &Face, place: &Place, middle: Point3<f64>) -> Option<[Piece; 2]> {
+fn along_edge(piece: &Piece, face: &Face, place: &NearestPoint, middle: Point3<f64>) -> Option<[Piece; 2]> {
     let Feature::Edge(edge) = place.feature else { return None };
     let up = if place.distance > 0.0 { middle - place.at } else { face.normal };
     match piece.cut(&Plane { normal: face.edges[edge].cross(&up), at: place.at }, 0.0)? {

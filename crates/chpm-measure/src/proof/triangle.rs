@@ -29,7 +29,7 @@ pub(crate) enum Feature {
 
 /// A place of a triangle, meant to be the nearest one to a point.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Place {
+pub(crate) struct NearestPoint {
     pub(crate) at: Point3<f64>,
     pub(crate) distance: f64,
     pub(crate) feature: Feature,
@@ -65,8 +65,8 @@ impl Face {
     }
 
     /// The nearest place to a point, as well as it can be found. It is on the triangle, up to [`LOSS`], in any case.
-    pub(crate) fn nearest(&self, point: Point3<f64>) -> Place {
-        let nearer = |a: Place, b: Place| if b.distance < a.distance { b } else { a };
+    pub(crate) fn nearest(&self, point: Point3<f64>) -> NearestPoint {
+        let nearer = |a: NearestPoint, b: NearestPoint| if b.distance < a.distance { b } else { a };
         let on_edges = || {
             let edge = |i: usize| self.on_edge(i, point);
             nearer(nearer(edge(0), edge(1)), edge(2))
@@ -96,12 +96,12 @@ impl Face {
         on_edges()
     }
 
-    fn inside(&self, weights: [f64; 3], point: Point3<f64>) -> Place {
+    fn inside(&self, weights: [f64; 3], point: Point3<f64>) -> NearestPoint {
         let at = self.corners[0] + self.edges[0] * weights[1] - self.edges[2] * weights[2];
-        Place { at, distance: (point - at).norm(), feature: Feature::Inside }
+        NearestPoint { at, distance: (point - at).norm(), feature: Feature::Inside }
     }
 
-    fn on_edge(&self, edge: usize, point: Point3<f64>) -> Place {
+    fn on_edge(&self, edge: usize, point: Point3<f64>) -> NearestPoint {
         let (from, along) = (self.corners[edge], self.edges[edge]);
         let length_squared = along.norm_squared();
         let part = along.dot(&(point - from)) / length_squared;
@@ -110,7 +110,7 @@ impl Face {
             part if part >= 1.0 => (self.corners[(edge + 1) % 3], Feature::Corner),
             _ => (from, Feature::Corner),
         };
-        Place { at, distance: (point - at).norm(), feature }
+        NearestPoint { at, distance: (point - at).norm(), feature }
     }
 
     /// A distance that the point has from the triangle at least; what rounding may do is taken off.

@@ -4,7 +4,7 @@
 use crate::ring::MAX_LOOP;
 use std::sync::OnceLock;
 
-/// A corner on the loop: of both fans, so that nothing changes there.
+/// A corner on the loop: of both one-rings, so that nothing changes there.
 pub(super) const LOOP: u16 = 0;
 /// Where u was.
 pub(super) const APEX: u16 = 1;

@@ -2,16 +2,16 @@
 
 use super::arrangement::Arrangement;
 use super::{AREA_LOSS, Crossing, Laid, Overlay};
-use crate::ring::{NO_FACE, View};
+use crate::ring::{NO_FACE, RingView};
 use std::ops::RangeInclusive;
 
 /// Rounding error of a weight on an edge, relative to the squared size over the area that it was divided by: twice what an area
 /// loses, and as much again for the area's own loss.
 const PLACE_LOSS: f64 = 4.0 * AREA_LOSS;
 
-/// Where a corner is in the old fan and in the new one, by vertices of the patch.
+/// Where a corner is in the old one-ring and in the new one, by vertices of the patch.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub(crate) struct CellPoint {
     /// From u so far towards a vertex of the loop.
     pub(crate) old: (u16, f64),
     /// From v so far towards two vertices of the loop.
@@ -22,7 +22,7 @@ pub(crate) struct Place {
 
 impl Overlay {
     /// A new face, and its corners by vertices of the patch.
-    pub(crate) fn new_face(ring: View<'_>, new: usize) -> (u32, [u16; 3]) {
+    pub(crate) fn new_face(ring: RingView<'_>, new: usize) -> (u32, [u16; 3]) {
         let vertices = ring.vertices();
         (ring.faces()[new], [vertices[0], vertices[new], vertices[new + 1]])
     }
@@ -39,8 +39,8 @@ impl Overlay {
     }
 
     /// Calls `visit` with the places of all corners off the loop, in order, if u lies over the new face `sector`: corners are
-    /// numbered from 1, and 0 is the loop, of both fans, so that nothing changes there.
-    pub(crate) fn places(&self, ring: View<'_>, sector: usize, mut visit: impl FnMut(Place)) {
+    /// numbered from 1, and 0 is the loop, of both one-rings, so that nothing changes there.
+    pub(crate) fn places(&self, ring: RingView<'_>, sector: usize, mut visit: impl FnMut(CellPoint)) {
         let Some(Laid { share, size, .. }) = self.laid else { return };
         let vertices = ring.vertices();
         let loss = |area: f64| (PLACE_LOSS * size * size / area.abs()).min(1.0);
@@ -51,18 +51,18 @@ impl Overlay {
             Some(share) => ([0.0, share], f64::INFINITY),
         };
         let new = [(vertices[sector], of_a), (vertices[sector + 1], of_b)];
-        visit(Place { old: (vertices[0], 0.0), new, loss: loss(area) });
+        visit(CellPoint { old: (vertices[0], 0.0), new, loss: loss(area) });
         for &(a, b) in &Arrangement::of(ring.len(), sector).crossings {
             let Crossing { on_old, on_new, area, .. } = self.crossing(a, b);
             let (a, b) = (usize::from(a), usize::from(b));
             let new = [(vertices[b], on_new), (vertices[0], 0.0)];
-            visit(Place { old: (vertices[a], on_old), new, loss: loss(area) });
+            visit(CellPoint { old: (vertices[a], on_old), new, loss: loss(area) });
         }
     }
 
     /// Calls `visit` with the place in the loop of each new face, and of each old one that it has a cell in common with, and with
     /// the cell's corners; new faces in order.
-    pub(crate) fn cells(ring: View<'_>, sector: usize, mut visit: impl FnMut(usize, u32, &[u16])) {
+    pub(crate) fn cells(ring: RingView<'_>, sector: usize, mut visit: impl FnMut(usize, u32, &[u16])) {
         let arrangement = Arrangement::of(ring.len(), sector);
         for new in 1..ring.len() - 1 {
             for cell in arrangement.cells(new) {

@@ -3,7 +3,7 @@
 
 use super::Overlay;
 use crate::displacement::Displacement;
-use crate::ring::{NO_FACE, Ring, View};
+use crate::ring::{NO_FACE, Ring, RingView};
 use dashu_ratio::RBig;
 use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
@@ -12,7 +12,7 @@ use std::cmp::Ordering;
 /// A point along the normal: its place across and its height, so that the point is `(x, y, 0) + height * normal` with the
 /// third axis last.
 #[derive(Clone, Debug)]
-struct Place {
+struct ExactPoint {
     x: RBig,
     y: RBig,
     height: RBig,
@@ -32,18 +32,18 @@ fn exact3(p: [f64; 3]) -> [RBig; 3] {
     p.map(exact)
 }
 
-/// The fans about a loop, exactly.
-struct Fans {
+/// The one-rings about a loop, exactly.
+struct BothOneRings {
     normal: [RBig; 3],
     /// Motion of u within the plane, before it goes along the normal.
     slide: [RBig; 3],
     /// u, once it has slid.
-    foot: Place,
-    ring: Vec<Place>,
+    foot: ExactPoint,
+    ring: Vec<ExactPoint>,
 }
 
-impl Fans {
-    fn new(ring: View<'_>, normal: Vector3<f64>, slide: [RBig; 3]) -> Self {
+impl BothOneRings {
+    fn new(ring: RingView<'_>, normal: Vector3<f64>, slide: [RBig; 3]) -> Self {
         // Across the axis that the normal is nearest to.
         let third = normal.iamax();
         let axes = [(third + 1) % 3, (third + 2) % 3, third];
@@ -51,19 +51,19 @@ impl Fans {
         let place = |p: [RBig; 3]| {
             let height = &p[axes[2]] / &normal[axes[2]];
             let across = |axis: usize| &p[axis] - &height * &normal[axis];
-            Place { x: across(axes[0]), y: across(axes[1]), height }
+            ExactPoint { x: across(axes[0]), y: across(axes[1]), height }
         };
         let apex = exact3(ring.apex().coords.into());
         let foot = place([0, 1, 2].map(|axis| &apex[axis] + &slide[axis]));
         let ring = (0..ring.len()).map(|i| place(exact3(ring.point(i).coords.into()))).collect();
-        Fans { normal, slide, foot, ring }
+        BothOneRings { normal, slide, foot, ring }
     }
 
     /// The corners of what old face `old` and new face `new` have in common; none where that is no more than an edge.
     fn overlap(&self, old: usize, new: usize) -> Vec<Corner> {
         let before = [&self.foot, &self.ring[old], &self.ring[(old + 1) % self.ring.len()]];
         let after = [&self.ring[0], &self.ring[new], &self.ring[new + 1]];
-        let mut polygon: Vec<Place> = before.into_iter().cloned().collect();
+        let mut polygon: Vec<ExactPoint> = before.into_iter().cloned().collect();
         let sense = area(after[0], after[1], after[2]).cmp(&RBig::ZERO);
         for side in 0..3 {
             polygon = clip(&polygon, after[side], after[(side + 1) % 3], sense);
@@ -76,7 +76,7 @@ impl Fans {
         if twice == RBig::ZERO {
             return vec![];
         }
-        let corner = |at: &Place| {
+        let corner = |at: &ExactPoint| {
             let (of_u, from) = height_over(before, at);
             let (_, to) = height_over(after, at);
             Corner { along: to - from, of_u }
@@ -85,12 +85,12 @@ impl Fans {
     }
 }
 
-fn area(a: &Place, b: &Place, c: &Place) -> RBig {
+fn area(a: &ExactPoint, b: &ExactPoint, c: &ExactPoint) -> RBig {
     (&b.x - &a.x) * (&c.y - &a.y) - (&b.y - &a.y) * (&c.x - &a.x)
 }
 
 /// Part of a convex polygon on the inner side of a line.
-fn clip(polygon: &[Place], a: &Place, b: &Place, sense: Ordering) -> Vec<Place> {
+fn clip(polygon: &[ExactPoint], a: &ExactPoint, b: &ExactPoint, sense: Ordering) -> Vec<ExactPoint> {
     let beside: Vec<RBig> = polygon.iter().map(|p| area(a, b, p)).collect();
     let is_in = |i: usize| beside[i].cmp(&RBig::ZERO) != sense.reverse();
     let mut left = Vec::new();
@@ -103,7 +103,7 @@ fn clip(polygon: &[Place], a: &Place, b: &Place, sense: Ordering) -> Vec<Place> 
             let share = &beside[i] / (&beside[i] - &beside[next]);
             let between = |p: &RBig, q: &RBig| p + &share * (q - p);
             let (p, q) = (&polygon[i], &polygon[next]);
-            left.push(Place {
+            left.push(ExactPoint {
                 x: between(&p.x, &q.x),
                 y: between(&p.y, &q.y),
                 height: between(&p.height, &q.height),
@@ -114,7 +114,7 @@ fn clip(polygon: &[Place], a: &Place, b: &Place, sense: Ordering) -> Vec<Place> 
 }
 
 /// The share that a triangle's first corner has of a place in it, and the triangle's height there.
-fn height_over([a, b, c]: [&Place; 3], at: &Place) -> (RBig, RBig) {
+fn height_over([a, b, c]: [&ExactPoint; 3], at: &ExactPoint) -> (RBig, RBig) {
     let whole = area(a, b, c);
     let shares = [area(at, b, c) / &whole, area(a, at, c) / &whole, area(a, b, at) / &whole];
     let height = &shares[0] * &a.height + &shares[1] * &b.height + &shares[2] * &c.height;
@@ -123,7 +123,7 @@ fn height_over([a, b, c]: [&Place; 3], at: &Place) -> (RBig, RBig) {
 }
 
 /// Where u slides to: nowhere inside the mesh; on its boundary to the line that its edges become, at the share that was stored.
-fn slide(overlay: &Overlay, ring: View<'_>) -> [RBig; 3] {
+fn slide(overlay: &Overlay, ring: RingView<'_>) -> [RBig; 3] {
     let last = ring.len() - 1;
     let other = match [ring.faces()[0] == NO_FACE, ring.faces()[last] == NO_FACE] {
         [false, false] => return [RBig::ZERO, RBig::ZERO, RBig::ZERO],
@@ -142,14 +142,14 @@ fn slide(overlay: &Overlay, ring: View<'_>) -> [RBig; 3] {
     [0, 1, 2].map(|axis| &share * &along[axis] - &from[axis])
 }
 
-/// Bounds the collapse along a normal and holds every box against the exact map. False if the fans do not lie over each other.
-fn check(overlay: &mut Overlay, ring: View<'_>, normal: Vector3<f64>, before: &[Displacement]) -> bool {
+/// Bounds the collapse along a normal and holds every box against the exact map. False if the one-rings do not lie over each other.
+fn check(overlay: &mut Overlay, ring: RingView<'_>, normal: Vector3<f64>, before: &[Displacement]) -> bool {
     let mut bounds = Vec::new();
     if !overlay.bound_along(normal, ring, before, &mut bounds) {
         return false;
     }
     let unit = normal.try_normalize(0.0).expect("a direction");
-    let fans = Fans::new(ring, unit, slide(overlay, ring));
+    let fans = BothOneRings::new(ring, unit, slide(overlay, ring));
     for new in 1..ring.len() - 1 {
         let (face, stored) = bounds[new - 1];
         assert_eq!(face, ring.faces()[new]);
@@ -175,9 +175,9 @@ fn check(overlay: &mut Overlay, ring: View<'_>, normal: Vector3<f64>, before: &[
     true
 }
 
-/// A fan in a plane of any tilt: how flat it is in one direction of the plane, and how far from the plane its vertices are.
+/// A one-ring in a plane of any tilt: how flat it is in one direction of the plane, and how far from the plane its vertices are.
 #[derive(Clone, Debug)]
-struct Fan {
+struct OneRing {
     tilt: [f64; 3],
     /// Turn to the next vertex and distance from u, both as shares.
     ring: Vec<(f64, f64)>,
@@ -191,8 +191,8 @@ struct Fan {
     behind: Option<f64>,
 }
 
-impl Fan {
-    fn strategy() -> impl Strategy<Value = Fan> {
+impl OneRing {
+    fn strategy() -> impl Strategy<Value = OneRing> {
         let unit = || prop::array::uniform3(-1.0..1.0f64);
         let squash = prop_oneof![Just(1.0), Just(1e-4), Just(1e-8), Just(3e-10)];
         let roughness = prop_oneof![Just(1.0), Just(0.01), Just(1e-7), Just(1e-13), Just(0.0)];
@@ -208,7 +208,7 @@ impl Fan {
                 let before = prop::collection::vec((unit(), unit()), count);
                 (Just((ring, tilt, kind, heights, behind)), before)
             })
-            .prop_map(|((ring, tilt, (squash, roughness, open), heights, behind), before)| Fan {
+            .prop_map(|((ring, tilt, (squash, roughness, open), heights, behind), before)| OneRing {
                 tilt,
                 ring,
                 squash,
@@ -278,8 +278,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
-    fn boxes_hold_the_exact_map(fan in Fan::strategy(), displaced in any::<bool>()) {
-        let (ring, normal, mut before) = fan.lay();
+    fn boxes_hold_the_exact_map(one_ring in OneRing::strategy(), displaced in any::<bool>()) {
+        let (ring, normal, mut before) = one_ring.lay();
         if !displaced {
             before.fill(Displacement::default());
         }
@@ -287,10 +287,10 @@ proptest! {
     }
 }
 
-/// The property above says something: most fans lie over each other, of every kind.
+/// The property above says something: most one-rings lie over each other, of every kind.
 #[test]
 fn the_oracle_is_asked() {
-    let base = Fan {
+    let base = OneRing {
         tilt: [0.3, -0.5, 0.6],
         ring: vec![(0.5, 0.8), (0.4, 0.8), (0.5, 0.8), (0.6, 0.8), (0.45, 0.8)],
         squash: 1.0,
@@ -302,8 +302,8 @@ fn the_oracle_is_asked() {
     };
     for (squash, roughness) in [(1.0, 1.0), (1.0, 1e-13), (1e-8, 1.0), (1e-8, 1e-7), (1e-9, 0.01)] {
         for open in [None, Some(true), Some(false)] {
-            let fan = Fan { squash, roughness, open, ..base.clone() };
-            let (ring, normal, before) = fan.lay();
+            let one_ring = OneRing { squash, roughness, open, ..base.clone() };
+            let (ring, normal, before) = one_ring.lay();
             assert!(
                 check(&mut Overlay::default(), ring.begun_at(0), normal, &before),
                 "{squash} {roughness} {open:?}"
@@ -318,7 +318,7 @@ fn a_vertex_behind_u_is_on_either_side() {
     let mut uncertain = 0;
     for step in 0..200 {
         let far = 0.3 + 0.003 * f64::from(step);
-        let fan = Fan {
+        let one_ring = OneRing {
             tilt: [0.3 - 0.002 * f64::from(step), -0.5, 0.6],
             ring: vec![(0.5, 0.8), (0.4, 0.8), (0.5, far), (0.6, 0.8), (0.45, 0.8)],
             squash: 1.0,
@@ -328,7 +328,7 @@ fn a_vertex_behind_u_is_on_either_side() {
             open: None,
             behind: Some(far),
         };
-        let (ring, normal, before) = fan.lay();
+        let (ring, normal, before) = one_ring.lay();
         let mut overlay = Overlay::default();
         assert!(check(&mut overlay, ring.begun_at(0), normal, &before), "{far}");
         uncertain += u32::from(overlay.sectors().count() > 1);

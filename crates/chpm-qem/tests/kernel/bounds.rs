@@ -93,7 +93,7 @@ fn hold(name: &str, mesh: &TriMesh, target: usize) -> Run {
 #[test]
 fn the_last_component_stays() {
     let run = hold("speck", &hand::tetrahedron(), 0);
-    assert!(run.triangle_count > 0 && run.remnants.is_empty());
+    assert!(run.triangle_count > 0 && run.dropped.is_empty());
     assert!(run.refused(Refusal::Component) > 0);
 }
 
@@ -102,7 +102,7 @@ fn the_last_component_stays() {
 fn a_row_of_specks_opens_no_hole_that_the_error_does_not_tell() {
     let row: Vec<_> = (0..20).map(|i| (hand::tetrahedron(), [1.5 * i as f32, 0.0, 0.0])).collect();
     let run = hold("row", &together(&row), 4);
-    assert!(run.triangle_count <= 4 && run.remnants.is_empty(), "{run:?}");
+    assert!(run.triangle_count <= 4 && run.dropped.is_empty(), "{run:?}");
     // All the way from one end of the row to what is left has been paid for.
     assert!(run.max_error() > 10.0, "{}", run.max_error());
 }
@@ -116,7 +116,7 @@ fn a_speck_that_lies_apart_vanishes_and_is_not_forgotten() {
     speck.positions.iter_mut().flatten().for_each(|x| *x *= 1e-3 * size);
     let mesh = together(&[(sheet, [0.0; 3]), (speck, [0.0, 0.0, 2.0 * size])]);
     let run = hold("apart", &mesh, 20);
-    assert_eq!(run.remnants.len(), 1);
+    assert_eq!(run.dropped.len(), 1);
     assert!(run.vanishing >= 4e-3 * size && run.vanishing < 2e-2 * size, "{} of {size}", run.vanishing);
     let far = run.distance_after(run.collapses.len());
     assert!(far > 1.5 * size && far < 2.5 * size, "{far} of {size}");
@@ -141,7 +141,7 @@ fn the_error_of_the_first_that_vanishes_is_told() {
         (speck(2e-3), above(1.0)),
     ]);
     let run = hold("three", &mesh, 20);
-    assert_eq!(run.remnants.len(), 3);
+    assert_eq!(run.dropped.len(), 3);
     let whole = |steps: usize| {
         let left = played(&mesh, &run.collapses[..steps]).triangles.concat();
         (0..3).all(|speck| left.iter().any(|v| (count + 4 * speck..count + 4 * speck + 4).contains(v)))
@@ -171,10 +171,10 @@ fn what_another_cluster_shares_does_not_vanish() {
     slim.triangles.drain(1..4);
     let locked = [2, 3].map(|shared| std::array::from_fn::<_, 8, _>(|v| v == shared));
     let run = run_with(&mut decimator, &slim, &locked[0], 0, 0.0);
-    assert!(run.mesh.triangles.iter().any(|t| t.contains(&2)) && run.remnants.is_empty(), "{run:?}");
+    assert!(run.mesh.triangles.iter().any(|t| t.contains(&2)) && run.dropped.is_empty(), "{run:?}");
     // Nothing else keeps it.
     let run = run_with(&mut decimator, &slim, &locked[1], 0, 0.0);
-    assert!(!run.mesh.triangles.iter().any(|t| t.contains(&2)) && run.remnants.len() == 1, "{run:?}");
+    assert!(!run.mesh.triangles.iter().any(|t| t.contains(&2)) && run.dropped.len() == 1, "{run:?}");
 }
 
 /// Errors follow chains of collapses from one run to the next.

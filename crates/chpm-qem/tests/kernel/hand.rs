@@ -192,7 +192,7 @@ fn a_vertex_of_two_fans_stays_and_its_fans_too() {
     let run = free(&hand::bow_tie(), 0);
     assert!(run.collapses.iter().all(|c| c.from != 0));
     assert!(run.refused(Refusal::NonManifold) >= 1);
-    assert_eq!(run.triangle_count, 2, "each triangle is the last of its fan");
+    assert_eq!(run.triangle_count, 2, "each triangle is the last of its one_ring");
     assert!(run.refused(Refusal::Component) > 0);
 }
 

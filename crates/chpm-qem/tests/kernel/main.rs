@@ -1,9 +1,9 @@
 //! The kernel from outside: exact answers on small meshes, what must hold on any mesh, and its quality beside an oracle.
 
+mod attributes;
 mod bounds;
 mod forced;
 mod hand;
-mod looks;
 mod play;
 mod properties;
 mod quality;

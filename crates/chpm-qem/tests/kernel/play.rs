@@ -1,7 +1,7 @@
 //! Decimates a plain mesh, and carries collapses out again without any of the kernel's structures.
 
 use chpm_mesh::TriMesh;
-use chpm_qem::{Collapse, Decimator, Patch, Record, Refusal, Refusals, Remnant, Topology};
+use chpm_qem::{Collapse, Decimator, DroppedComponent, Patch, Record, Refusal, Refusals, Topology};
 
 /// A decimation's result and mesh.
 #[derive(Debug)]
@@ -10,7 +10,7 @@ pub(crate) struct Run {
     pub(crate) triangle_count: usize,
     pub(crate) stalled: bool,
     pub(crate) refusals: Refusals,
-    pub(crate) remnants: Vec<Remnant>,
+    pub(crate) dropped: Vec<DroppedComponent>,
     pub(crate) vanishing: f32,
     pub(crate) record: Record,
     pub(crate) mesh: TriMesh,
@@ -35,7 +35,7 @@ impl Run {
     pub(crate) fn distance_after(&self, steps: usize) -> f32 {
         let error = self.error_after(steps);
         let drawn = self.mesh.triangles.as_flattened().iter().map(|v| *v as u16);
-        let gap = || chpm_qem::gap(&self.remnants, &self.mesh.positions, drawn);
+        let gap = || chpm_qem::gap(&self.dropped, &self.mesh.positions, drawn);
         if error < self.vanishing { error } else { error.max(gap()) }
     }
 }
@@ -76,7 +76,7 @@ pub(crate) fn run_with(
         triangle_count: outcome.triangle_count,
         stalled: outcome.stalled,
         refusals: outcome.refusals,
-        remnants: outcome.remnants.to_vec(),
+        dropped: outcome.dropped.to_vec(),
         vanishing: outcome.vanishing,
         record,
         mesh: played(mesh, outcome.collapses),

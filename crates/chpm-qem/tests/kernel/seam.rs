@@ -67,7 +67,7 @@ fn points_are_not_handed_to_who_does_not_know() {
     let patch = Patch { positions: &positions, triangles: &triangles, locked: &locked, ..Patch::default() };
     let mut decimator = Decimator::default();
     decimator.topology = Topology::Change;
-    let outcome = decimator.decimate_seams(&patch, &sides, 1, 0.0);
+    let outcome = decimator.decimate_group_border(&patch, &sides, 1, 0.0);
     assert_eq!(outcome.collapses.len(), 1);
     let Collapse { from, to, error } = outcome.collapses[0];
     assert_eq!((from, to), (0, 1));
@@ -97,7 +97,7 @@ fn thin_out(count: usize, min_error: f32) -> (Vec<Collapse>, usize) {
     let locked = vec![false; positions.len()];
     let patch = Patch { positions: &positions, triangles: &triangles, locked: &locked, ..Patch::default() };
     let mut decimator = Decimator::default();
-    let outcome = decimator.decimate_seams(&patch, &sides, count, min_error);
+    let outcome = decimator.decimate_group_border(&patch, &sides, count, min_error);
     let spikes = outcome.collapses.iter().filter(|c| positions[usize::from(c.from)][2] == 1.0).count();
     (outcome.collapses.to_vec(), spikes)
 }

@@ -30,7 +30,7 @@ pub(crate) fn run(gpu: &Arc<Gpu>) -> Result<(), Box<dyn Error>> {
     let request = FrameRequest { accuracy: Accuracy::PoE(pixels), ..FrameRequest::new(camera, [256, 256]) };
     for occlusion_culling in [true, false] {
         let request = FrameRequest { occlusion_culling, ..request };
-        film.settle(&request)?;
+        film.converge(&request)?;
         for moving in [false, true] {
             let step = |frame: usize| {
                 let [x, y, z] = camera.position;

@@ -122,7 +122,7 @@ fn go(gpu: &Arc<Gpu>, path: &Path, name: &str, state: &str) -> Result<Vec<Shot>,
             film.shoot(&FrameRequest { wait: true, occlusion_culling: false, ..request(camera) })?;
         }
         // Back at the beginning.
-        film.settle(&request(&cameras[0]))?;
+        film.converge(&request(&cameras[0]))?;
     }
     let shots = cameras.iter().map(|camera| film.shoot(&request(camera)));
     Ok(shots.collect::<Result<Vec<_>, _>>()?.split_off(WARM_UP))

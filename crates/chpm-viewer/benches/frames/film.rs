@@ -60,7 +60,7 @@ impl Film {
     }
 
     /// Levels come one by one, and answers a frame later: until nothing changes any more.
-    pub(crate) fn settle(&mut self, request: &FrameRequest) -> Result<(), ViewerError> {
+    pub(crate) fn converge(&mut self, request: &FrameRequest) -> Result<(), ViewerError> {
         let mut calm = 0;
         while calm < 3 {
             let stats = self.shoot(request)?.stats;

@@ -4,7 +4,7 @@ use crate::film::{FORMAT, Film, median, ms};
 use crate::plain::Plain;
 use chpm_refine::{Hierarchy, View, select};
 use chpm_viewer::internals::buffers::Canvas;
-use chpm_viewer::internals::lens::Lens;
+use chpm_viewer::internals::camera_uniform::CameraUniform;
 use chpm_viewer::internals::passes;
 use chpm_viewer::{Accuracy, Coloring, FrameRequest, Gpu, Look, Viewer};
 use std::error::Error;
@@ -28,7 +28,7 @@ pub(crate) fn run(gpu: &Arc<Gpu>, path: &Path) -> Result<(), Box<dyn Error>> {
                 ..FrameRequest::new(film.viewer.framing(), viewport)
             };
             let open = request.without_culling();
-            film.settle(&open)?;
+            film.converge(&open)?;
             let flat = Flat::new(&film.viewer, &request, poe)?;
             let mut pairs = Vec::new();
             let mut last = Default::default();
@@ -39,7 +39,7 @@ pub(crate) fn run(gpu: &Arc<Gpu>, path: &Path) -> Result<(), Box<dyn Error>> {
                 last = shot.stats;
             }
             assert_eq!(flat.triangles as u64, last.triangles, "the same triangles");
-            film.settle(&request)?;
+            film.converge(&request)?;
             let culled = film.repeat(&request, FRAMES)?;
             println!(
                 "{},{},{poe},{},{},{:.3},{:.3},{:.3},{},{:.3}",
@@ -88,8 +88,8 @@ impl Flat {
             gpu.device.create_buffer_init(&descriptor)
         };
         let plain = Plain::new(gpu);
-        let lens = Lens::new(&camera, request.viewport, &viewer.bounds());
-        plain.look_through(gpu, &lens.uniform([0; 4]));
+        let camera_uniform = CameraUniform::new(&camera, request.viewport, &viewer.bounds());
+        plain.look_through(gpu, &camera_uniform.uniform([0; 4]));
         Ok(Flat {
             plain,
             vertices: buffer(bytemuck::cast_slice(&positions), BufferUsages::VERTEX),

@@ -3,7 +3,7 @@
 use crate::film::FORMAT;
 use chpm_viewer::Gpu;
 use chpm_viewer::internals::buffers::buffer;
-use chpm_viewer::internals::lens::{FrameUniform, WGSL};
+use chpm_viewer::internals::camera_uniform::{FrameUniform, WGSL};
 use wgpu::BufferUsages;
 
 const SHADER: &str = "

@@ -1,14 +1,15 @@
 //! One model of a picture: what of it is selected, in memory and on the GPU, and what is known to be hidden.
 
-use super::Haste;
+use super::Deadline;
 use super::paint::Item;
 use super::share::Need;
 use crate::error::ViewerError;
 use crate::gpu::arena::Resident;
 use crate::gpu::buffers::Canvas;
-use crate::gpu::lens::FrameUniform;
+use crate::gpu::camera_uniform::FrameUniform;
 use crate::gpu::{
-    Answers, Arena, DrawBuffers, DrawList, Drawn, Gpu, Kind, Lens, Occlusion, Pipelines, Questions, TestBox,
+    Answers, Arena, CameraUniform, DrawBuffers, DrawList, Drawn, Gpu, Kind, Occlusion, Pipelines, Questions,
+    TestBox,
 };
 use crate::place::Place;
 use crate::request::{Budgets, FrameRequest};
@@ -48,7 +49,7 @@ pub(super) struct Model {
 /// A camera as a frame has it, in the coordinates of a model's file.
 pub(super) struct Eye {
     pub(super) view: View,
-    pub(super) lens: Lens,
+    pub(super) camera_uniform: CameraUniform,
     pub(super) culling: Culling,
 }
 
@@ -164,7 +165,7 @@ impl Model {
     pub(super) fn eye(
         &self,
         camera: &Camera,
-        lens: &Lens,
+        camera_uniform: &CameraUniform,
         request: &FrameRequest,
         poe: f64,
     ) -> Result<Eye, ViewerError> {
@@ -176,7 +177,7 @@ impl Model {
         };
         Ok(Eye {
             view: view.stretched(self.place.stretch().into()),
-            lens: lens.within(&self.place, &camera),
+            camera_uniform: camera_uniform.within(&self.place, &camera),
             culling: Culling { frustum: request.frustum_culling, occlusion: request.occlusion_culling },
         })
     }
@@ -198,12 +199,12 @@ impl Model {
     pub(super) fn refine(
         &mut self,
         eye: &Eye,
-        haste: Haste,
+        deadline: Deadline,
         stats: &mut Stats,
     ) -> Result<Changes, ViewerError> {
-        if haste.wait != Some(Duration::ZERO) {
+        if deadline.wait != Some(Duration::ZERO) {
             let start = Instant::now();
-            let came = self.scene.receive(haste.wait)?;
+            let came = self.scene.receive(deadline.wait)?;
             if came > 0 {
                 stats.stalls += 1;
                 stats.times.stall += start.elapsed();
@@ -211,7 +212,7 @@ impl Model {
         }
 
         let sent = |cluster| self.arena.get(cluster).is_some();
-        let changes = self.scene.refine(&eye.view, haste.most, sent)?;
+        let changes = self.scene.refine(&eye.view, deadline.most, sent)?;
         stats.splits += changes.splits;
         stats.collapses += changes.collapses;
         stats.pm_steps += changes.pm_steps;
@@ -229,7 +230,7 @@ impl Model {
         let calm = self.list.clusters().all(|(_, shown)| shown);
         let every = if calm { ASK_CALMLY } else { ASK_EVERY };
         for (draw, (cluster, shown)) in self.list.clusters().enumerate() {
-            // In a frame that flows, what is visible is asked about now and then: it costs no more than what it draws in vain.
+            // In an interactive frame, what is visible is asked about now and then: it costs no more than what it draws in vain.
             let turn = if calm { now } else { now + u64::from(cluster.0) };
             if listed && shown && !turn.is_multiple_of(every) {
                 continue;

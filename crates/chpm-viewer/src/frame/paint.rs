@@ -6,7 +6,7 @@ use crate::error::ViewerError;
 use crate::frame::samples::{Mean, shifts};
 use crate::frame::smooth::Picture;
 use crate::gpu::arena::Resident;
-use crate::gpu::studio::Studio;
+use crate::gpu::lighting::Lighting;
 use crate::gpu::{Gpu, Kind, Mark};
 use crate::headless::{IdImage, Image, TriangleId};
 use crate::request::{Coloring, FrameRequest, Look, Shading, Target};
@@ -341,10 +341,10 @@ impl Viewer {
         self.gather(colors, plan, stats)?;
 
         let start = Instant::now();
-        let lens = self.lens_of(&request.camera, request);
+        let camera_uniform = self.camera_uniform(&request.camera, request);
         let eyes = self.eyes(&request.camera, request, stats.poe)?;
         for ((model, eye), colors) in self.models.iter_mut().zip(&eyes).zip(colors) {
-            model.write(&self.gpu, &eye.lens.shifted(shift).uniform(colors.uniform()));
+            model.write(&self.gpu, &eye.camera_uniform.shifted(shift).uniform(colors.uniform()));
         }
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
@@ -359,13 +359,13 @@ impl Viewer {
             self.smooth(&mut encoder, picture, |model| model.shown)?;
         }
         if let (Some(color), Some(format)) = (color, look.kind().format().filter(|_| look.look.studio)) {
-            if self.studio.as_ref().is_none_or(|studio| studio.format() != format) {
-                self.studio =
-                    Some(self.gpu.attempt("preparing the studio", || Studio::new(&self.gpu, format))?);
+            if self.lighting.as_ref().is_none_or(|lighting| lighting.format() != format) {
+                self.lighting =
+                    Some(self.gpu.attempt("preparing the lighting", || Lighting::new(&self.gpu, format))?);
             }
-            if let (Some(studio), Some(depth)) = (&self.studio, &self.depth) {
-                let uniform = lens.shifted(shift).uniform(look.uniform());
-                studio.record(&self.gpu, &mut encoder, color, depth, &uniform);
+            if let (Some(lighting), Some(depth)) = (&self.lighting, &self.depth) {
+                let uniform = camera_uniform.shifted(shift).uniform(look.uniform());
+                lighting.record(&self.gpu, &mut encoder, color, depth, &uniform);
             }
         }
         self.gpu.queue.submit([encoder.finish()]);
@@ -377,7 +377,7 @@ impl Viewer {
         stats.triangles = self.models.iter().map(|model| model.list.triangles()).sum();
         stats.clusters_drawn = self.models.iter().map(|model| model.shown as u64).sum();
         self.count(stats);
-        self.lens = Some(lens);
+        self.camera_uniform = Some(camera_uniform);
         Ok(())
     }
 
@@ -433,7 +433,7 @@ impl Viewer {
         self.set_ways(false, request.clip.is_some());
         let canvas = self.canvas_of(request, "ids", crate::gpu::pipelines::IDS)?;
         self.drawn = None;
-        let mut stats = self.settle(request)?;
+        let mut stats = self.converge(request)?;
         let colors = vec![Colors::ids(); self.models.len()];
         self.paint(request, Some(canvas.view()), &colors, [0.0; 2], &mut stats)?;
         let bytes = canvas.read(&self.gpu)?;

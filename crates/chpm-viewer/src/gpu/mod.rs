@@ -3,21 +3,21 @@
 pub mod arena;
 pub mod block;
 pub mod buffers;
+pub mod camera_uniform;
 pub mod context;
 pub mod facing;
 pub mod fault;
-pub mod lens;
+pub mod lighting;
 pub mod occlusion;
 pub mod passes;
 pub mod pipelines;
 pub mod probe;
-pub mod studio;
 
 pub use arena::Arena;
 pub use block::Block;
+pub use camera_uniform::CameraUniform;
 pub use context::{AdapterChoice, Gpu};
 pub use facing::Facing;
-pub use lens::Lens;
 pub use occlusion::{Answers, Occlusion, Questions, TestBox};
 pub use passes::{DrawBuffers, DrawList, Drawn, Mark};
 pub use pipelines::{Kind, Pipelines};

@@ -5,8 +5,8 @@
 //! the side of "visible", and a box inside another one is never visible where that one is not.
 
 use super::buffers::{Canvas, Growing, buffer, read};
+use super::camera_uniform;
 use super::context::Gpu;
-use super::lens;
 use super::passes::DrawBuffers;
 use super::pipelines::{DEPTH_TEXTURE, Kind, READ, UNIFORM, WRITE, compute, group, layout};
 use crate::error::ViewerError;
@@ -123,7 +123,7 @@ pub struct Answers {
 impl Occlusion {
     /// For a device.
     pub fn new(gpu: &Gpu) -> Self {
-        let shader = gpu.shader(&[lens::WGSL, include_str!("../shaders/occlusion.wgsl")]);
+        let shader = gpu.shader(&[camera_uniform::WGSL, include_str!("../shaders/occlusion.wgsl")]);
         let bindings = [UNIFORM, UNIFORM, DEPTH_TEXTURE, WRITE, READ, WRITE, WRITE];
         let main = layout(gpu, "occlusion", &bindings.map(|binding| (ShaderStages::COMPUTE, binding)));
         let step = layout(gpu, "level", &[(ShaderStages::COMPUTE, UNIFORM)]);

@@ -150,7 +150,7 @@ pub struct DrawBuffers {
 impl DrawBuffers {
     /// Empty ones.
     pub fn new(gpu: &Gpu, pipelines: &Pipelines) -> Self {
-        let size = size_of::<super::lens::FrameUniform>() as u64;
+        let size = size_of::<super::camera_uniform::FrameUniform>() as u64;
         let uniform =
             super::buffers::buffer(gpu, "frame", size, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
         let draws = Growing::new(gpu, "draws", BufferUsages::STORAGE);
@@ -165,7 +165,7 @@ impl DrawBuffers {
         gpu: &Gpu,
         pipelines: &Pipelines,
         list: &DrawList,
-        uniform: &super::lens::FrameUniform,
+        uniform: &super::camera_uniform::FrameUniform,
     ) {
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(uniform));
         self.arguments.write(gpu, bytemuck::cast_slice(&list.arguments));

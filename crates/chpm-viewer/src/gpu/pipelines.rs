@@ -1,8 +1,8 @@
 //! Shaders, what they are bound to, and the pipelines made of them.
 
 use super::block::words_of_unit;
+use super::camera_uniform;
 use super::context::Gpu;
-use super::lens;
 use crate::error::ViewerError;
 use wgpu::{BindingType, BufferBindingType, CompareFunction, ShaderStages, TextureFormat, VertexFormat};
 
@@ -85,12 +85,12 @@ impl Pipelines {
             false => [include_str!("../shaders/depth_kept.wgsl"), ""],
         };
         let clusters = include_str!("../shaders/clusters.wgsl");
-        let shader = gpu.shader(&[lens::WGSL, kept[0], kept[1], clusters]);
+        let shader = gpu.shader(&[camera_uniform::WGSL, kept[0], kept[1], clusters]);
         // A depth that is written is that of all samples of a pixel, unless each is looked at on its own.
         let sampled = (gpu.writes_depth() && gpu.multisamples()).then(|| {
             let apart = "@location(0) @interpolate(perspective, sample) at:";
             let kept = include_str!("../shaders/depth_sampled.wgsl");
-            gpu.shader(&[lens::WGSL, kept, shown, &clusters.replace("@location(0) at:", apart)])
+            gpu.shader(&[camera_uniform::WGSL, kept, shown, &clusters.replace("@location(0) at:", apart)])
         });
         let both = ShaderStages::VERTEX_FRAGMENT;
         let frame = layout(gpu, "frame", &[(both, UNIFORM), (ShaderStages::VERTEX, READ)]);

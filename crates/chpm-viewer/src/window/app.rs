@@ -159,13 +159,13 @@ impl App {
 
     fn tell(&mut self, text: impl Into<String>, is_fault: bool) {
         self.note = Some((Note { text: text.into(), is_fault }, Instant::now()));
-        self.stir();
+        self.wake();
     }
 
     /// The next frame is another one.
-    fn stir(&mut self) {
+    fn wake(&mut self) {
         if let Some(session) = &mut self.session {
-            session.stir();
+            session.wake();
         }
         if let Some(canvas) = &self.canvas {
             canvas.window.request_redraw();
@@ -265,7 +265,7 @@ impl App {
         self.couple = second.and_then(|second| self.pair_up(&second));
         self.session = Some(session);
         self.before = None;
-        self.stir();
+        self.wake();
         Ok(())
     }
 
@@ -280,7 +280,7 @@ impl App {
         }
     }
 
-    fn obey(&mut self, command: Command, events: &ActiveEventLoop) {
+    fn handle_command(&mut self, command: Command, events: &ActiveEventLoop) {
         let (size, aspect) = (self.size(), self.aspect());
         let settings = &mut self.settings;
         match command {
@@ -340,7 +340,7 @@ impl App {
             Command::Record => self.record(),
             Command::Screenshot => self.screenshot(),
         }
-        self.stir();
+        self.wake();
     }
 
     fn back(&mut self) {
@@ -378,7 +378,7 @@ impl App {
                 session.navigator.set_pivot(if self.settings.fly { Pivot::Eye } else { Pivot::Focus });
                 session.navigator.fly(self.flight.thrust(self.shift));
                 if before != self.settings {
-                    session.stir();
+                    session.wake();
                 }
                 session.step(seconds, size);
                 if let Some(place) = self.couple.as_mut().and_then(|couple| couple.place(seconds)) {
@@ -411,7 +411,7 @@ impl App {
         let shown = shown?;
 
         for command in asked {
-            self.obey(command, events);
+            self.handle_command(command, events);
         }
         if let Some(path) = chosen {
             self.take(&path);
@@ -472,7 +472,7 @@ impl App {
             }
         }
         if self.couple.as_mut().is_some_and(|couple| couple.show(context)) {
-            self.stir();
+            self.wake();
         }
         let mut commands = self.show_panel(context);
         if self.session.is_none() && self.building.is_none() {
@@ -544,7 +544,7 @@ impl ApplicationHandler<Event> for App {
                 }
             }
         }
-        self.stir();
+        self.wake();
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {

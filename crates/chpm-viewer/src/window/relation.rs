@@ -66,7 +66,7 @@ pub struct Region {
 
 /// Where questions are asked and answered, from two threads.
 pub struct Desk {
-    state: Mutex<State>,
+    state: Mutex<RelationState>,
     /// Something else is wanted.
     bell: Condvar,
     /// Takes the answers.
@@ -74,7 +74,7 @@ pub struct Desk {
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct State {
+struct RelationState {
     wanted: Option<usize>,
     /// The last question that somebody took.
     taken: Option<usize>,
@@ -87,7 +87,7 @@ impl Desk {
         Desk { state: Mutex::default(), bell: Condvar::new(), hear: Box::new(hear) }
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, RelationState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -25,14 +25,14 @@ pub struct Remembered {
     model: String,
     /// Width and height of the window, pixels.
     pub window: [u32; 2],
-    camera: View,
+    camera: SavedCamera,
     /// The panel.
     pub settings: Settings,
 }
 
 /// A camera as text.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-struct View {
+struct SavedCamera {
     position: [f64; 3],
     target: [f64; 3],
     up: [f64; 3],
@@ -46,13 +46,13 @@ impl Remembered {
     /// Settings to remember of a model: an upright camera, and how far its picture is rolled.
     pub fn new(model: &Path, window: [u32; 2], camera: &Camera, roll: f64, settings: &Settings) -> Self {
         let Camera { position, target, up, fov, .. } = *camera;
-        let camera = View { position, target, up, fov, roll };
+        let camera = SavedCamera { position, target, up, fov, roll };
         Remembered { version: VERSION, model: key(model), window, camera, settings: settings.clone() }
     }
 
     /// The camera, in the model's coordinates, and how far its picture is rolled. Whether it can be one, who uses it checks.
     pub fn camera(&self) -> (Camera, f64) {
-        let View { position, target, up, fov, roll } = self.camera;
+        let SavedCamera { position, target, up, fov, roll } = self.camera;
         (Camera { position, target, up, fov, near: 0.0 }, roll)
     }
 

@@ -283,7 +283,7 @@ impl Session {
     }
 
     /// Something else is asked for from now on.
-    pub(super) fn stir(&mut self) {
+    pub(super) fn wake(&mut self) {
         self.quiet = 0;
     }
 
@@ -332,14 +332,14 @@ impl Session {
     /// Goes along a path.
     pub(super) fn follow(&mut self, path: &CameraPath, pace: Pace) {
         self.replay = Replay::new(path.clone(), pace);
-        self.stir();
+        self.wake();
     }
 
     /// Holds the selection for this camera, or lets it go.
     pub(super) fn freeze(&mut self, size: [u32; 2]) {
         let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
         self.frozen = if self.frozen.is_some() { None } else { Some((self.camera, aspect)) };
-        self.stir();
+        self.wake();
     }
 
     /// The borders of what the frozen camera sees.

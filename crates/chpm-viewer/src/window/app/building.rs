@@ -62,7 +62,7 @@ impl App {
             Ok(thread) => self.building = Some(Building { what, share: 0.0, thread, is_aside: false }),
             Err(error) => self.tell(format!("cannot start a build: {error}"), true),
         }
-        self.stir();
+        self.wake();
     }
 
     /// Another model was opened: what is built is not shown in its place, and if it fails, the window stays.

@@ -35,7 +35,7 @@ impl App {
             Some(session) => {
                 session.follow(&path, Pace::Clock);
                 session.recorded = Some(path);
-                self.stir();
+                self.wake();
             }
             None => self.tell("a path needs a model: open one first", true),
         }

@@ -19,7 +19,7 @@ impl App {
         match event {
             WindowEvent::Resized(size) => {
                 canvas.resize(size.width, size.height);
-                self.stir();
+                self.wake();
             }
             WindowEvent::ModifiersChanged(modifiers) => {
                 let state = modifiers.state();
@@ -78,7 +78,7 @@ impl App {
         let dialog = self.browser.is_some();
         let typing = consumed || dialog || self.canvas.as_ref().is_some_and(|canvas| canvas.is_typing());
         if self.flight.hold(code, down && !typing && !self.ctrl) && !self.ctrl {
-            return self.stir_camera();
+            return self.wake_camera();
         }
         // Who types at once means the field, which has the focus from the dialog's first frame on.
         if down && dialog && !self.ctrl && !self.canvas.as_ref().is_some_and(|it| it.is_typing()) {
@@ -90,7 +90,7 @@ impl App {
             if let (true, true, Some(command @ (Command::Back | Command::Quit))) =
                 (down, dialog, keys::command(code, self.ctrl))
             {
-                self.obey(command, events);
+                self.handle_command(command, events);
             }
             return;
         }
@@ -101,7 +101,7 @@ impl App {
         }
         // A key that is held would switch to and fro.
         if let Some(command) = keys::command(code, self.ctrl).filter(|it| !key.repeat || it.repeats()) {
-            self.obey(command, events);
+            self.handle_command(command, events);
         }
     }
 
@@ -139,16 +139,16 @@ impl App {
         let size = self.size();
         if let Motion::Light(drag) = motion {
             self.settings.move_light(drag, f64::from(size[1]));
-            return self.stir();
+            return self.wake();
         }
         if let Some(session) = &mut self.session {
             session.go(motion, size);
         }
-        self.stir_camera();
+        self.wake_camera();
     }
 
     /// The camera may move: the next frame shows it.
-    fn stir_camera(&mut self) {
+    fn wake_camera(&mut self) {
         if let Some(canvas) = &self.canvas {
             canvas.window.request_redraw();
         }

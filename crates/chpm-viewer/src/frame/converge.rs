@@ -2,7 +2,7 @@
 
 use super::model::{Eye, Model};
 use super::paint::{Colors, Plan};
-use super::{Haste, Viewer, Watch};
+use super::{Deadline, Viewer, Watch};
 use crate::error::ViewerError;
 use crate::gpu::buffers::Canvas;
 use crate::gpu::{Kind, passes};
@@ -15,13 +15,13 @@ const ROUNDS: u64 = 200;
 
 impl Viewer {
     /// Refines and tests for the camera that selects, until nothing changes if the frame waits; draws nothing but depth.
-    pub(super) fn settle(&mut self, request: &FrameRequest) -> Result<Stats, ViewerError> {
+    pub(super) fn converge(&mut self, request: &FrameRequest) -> Result<Stats, ViewerError> {
         let Accuracy::Triangles(limit) = request.accuracy else {
-            return self.settle_at(request, self.pixels_of_error(request.accuracy));
+            return self.converge_at(request, self.pixels_of_error(request.accuracy));
         };
         // A frozen selection goes on from frame to frame.
         if !request.wait {
-            let stats = self.settle_at(request, self.found)?;
+            let stats = self.converge_at(request, self.found)?;
             self.found = next_poe(self.found, stats.triangles, limit);
             return Ok(stats);
         }
@@ -30,7 +30,7 @@ impl Viewer {
         let (mut poe, mut fine, mut coarse) = (1.0, None, None);
         let mut stats = Stats::default();
         for _ in 0..SEARCH {
-            let step = self.settle_at(request, poe)?;
+            let step = self.converge_at(request, poe)?;
             stats.add_work(&step);
             if step.triangles > limit {
                 fine = Some(poe);
@@ -50,13 +50,13 @@ impl Viewer {
 
         // The last one may have had too many.
         if let Some(coarse) = coarse.filter(|coarse| *coarse != stats.poe) {
-            let step = self.settle_at(request, coarse)?;
+            let step = self.converge_at(request, coarse)?;
             stats.add_work(&step);
         }
         Ok(stats)
     }
 
-    fn settle_at(&mut self, request: &FrameRequest, poe: f64) -> Result<Stats, ViewerError> {
+    fn converge_at(&mut self, request: &FrameRequest, poe: f64) -> Result<Stats, ViewerError> {
         let eyes = self.eyes(&request.select_from.unwrap_or(request.camera), request, poe)?;
         let culling = self.culling(request);
         let colors = vec![Colors::depth(); self.models.len()];
@@ -72,8 +72,9 @@ impl Viewer {
             stats.rounds += 1;
             let mut watch = Watch::start();
             let stalled = stats.times.stall;
-            let haste = if request.wait { Haste::NONE } else { Haste::of(self.rate.bytes(request.patience)) };
-            let changes = self.refine(&eyes, haste, &mut stats)?;
+            let deadline =
+                if request.wait { Deadline::NONE } else { Deadline::of(self.rate.bytes(request.patience)) };
+            let changes = self.refine(&eyes, deadline, &mut stats)?;
             for (model, eye) in self.models.iter_mut().zip(&eyes) {
                 model.scene.look(&eye.view, culling);
             }
@@ -99,10 +100,10 @@ impl Viewer {
         // Depth alone, waited for: its time is not that of the tests.
         let mut watch = Watch::start();
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let size = eyes.first().map_or([1; 2], |eye| eye.lens.viewport());
+        let size = eyes.first().map_or([1; 2], |eye| eye.camera_uniform.viewport());
         let depth = Canvas::fit(&mut self.depth, &self.gpu, size);
         for (model, eye) in self.models.iter_mut().zip(eyes) {
-            model.write(&self.gpu, &eye.lens.uniform([0; 4]));
+            model.write(&self.gpu, &eye.camera_uniform.uniform([0; 4]));
         }
         let mut pass = passes::begin(&mut encoder, None, depth.view(), Some(wgpu::Color::BLACK));
         for model in &self.models {

@@ -1,4 +1,4 @@
-// What a studio adds to a picture: corners are darker, since less light comes there, and so is the ground below the model. All of it by the
+// The lighting of a picture: corners are darker, since less light comes there, and so is the ground below the model. All of it by the
 // depths around a pixel: 1 leaves a colour as it is.
 
 @group(0) @binding(1) var depth: texture_2d<f32>;

@@ -1,27 +1,28 @@
 //! Lighting of a picture that is drawn: corners and the ground below the model are darker.
 
 use super::buffers::{Canvas, buffer};
+use super::camera_uniform::{self, FrameUniform};
 use super::context::Gpu;
-use super::lens::{self, FrameUniform};
 use super::pipelines::{DEPTH_TEXTURE, UNIFORM, group, layout};
 use wgpu::{BlendComponent, BlendFactor, BlendOperation, BufferUsages, ShaderStages, TextureFormat};
 
 /// A pass over a picture and its depth.
 #[derive(Debug)]
-pub struct Studio {
+pub struct Lighting {
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::RenderPipeline,
     format: TextureFormat,
     uniform: wgpu::Buffer,
 }
 
-impl Studio {
+impl Lighting {
     /// For pictures of a format.
     pub fn new(gpu: &Gpu, format: TextureFormat) -> Self {
-        let shader = gpu.shader(&[lens::WGSL, include_str!("../shaders/studio.wgsl")]);
-        let layout = layout(gpu, "studio", &[UNIFORM, DEPTH_TEXTURE].map(|it| (ShaderStages::FRAGMENT, it)));
+        let shader = gpu.shader(&[camera_uniform::WGSL, include_str!("../shaders/lighting.wgsl")]);
+        let layout =
+            layout(gpu, "lighting", &[UNIFORM, DEPTH_TEXTURE].map(|it| (ShaderStages::FRAGMENT, it)));
         let whole = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("studio"),
+            label: Some("lighting"),
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
         });
@@ -37,7 +38,7 @@ impl Studio {
             write_mask: wgpu::ColorWrites::ALL,
         };
         let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("studio"),
+            label: Some("lighting"),
             layout: Some(&whole),
             vertex: wgpu::VertexState {
                 module: &shader,
@@ -58,8 +59,8 @@ impl Studio {
             cache: None,
         });
         let size = size_of::<FrameUniform>() as u64;
-        let uniform = buffer(gpu, "studio", size, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
-        Studio { layout, pipeline, format, uniform }
+        let uniform = buffer(gpu, "lighting", size, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        Lighting { layout, pipeline, format, uniform }
     }
 
     /// The format of the pictures.
@@ -83,7 +84,7 @@ impl Studio {
             &[self.uniform.as_entire_binding(), wgpu::BindingResource::TextureView(depth.view())],
         );
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("studio"),
+            label: Some("lighting"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                 view: color,
                 depth_slice: None,

@@ -1,4 +1,4 @@
-//! The fan of faces about one vertex, and whether they form one.
+//! The one-ring of a vertex: the faces about it, and whether they form one fan.
 
 use crate::adjacency::{Adjacency, Wing};
 use crate::patch::Given;
@@ -11,7 +11,7 @@ pub(crate) const MAX_SPINE: usize = 1024;
 
 /// How the faces about a vertex lie together.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(crate) enum FanKind {
+pub(crate) enum OneRingKind {
     /// One closed ring: an interior vertex.
     Closed,
     /// One open fan, with its first and last ring vertex: a vertex on the mesh boundary.
@@ -33,9 +33,9 @@ struct Mark {
 
 /// The faces about one vertex, and the loop of edges about them if they form a single fan. Marks make clearing free.
 #[derive(Debug, Default)]
-pub(crate) struct Fan {
+pub(crate) struct OneRing {
     vertex: u16,
-    kind: FanKind,
+    kind: OneRingKind,
     pub(crate) wings: Vec<Wing>,
     /// The loop of a single fan, if it is not too long, else empty.
     pub(crate) ring: Ring,
@@ -44,7 +44,7 @@ pub(crate) struct Fan {
     tick: u32,
 }
 
-impl Fan {
+impl OneRing {
     pub(crate) fn reset(&mut self, vertex_count: usize) {
         if self.marks.len() < vertex_count || self.tick > u32::MAX / 2 {
             self.marks.clear();
@@ -54,7 +54,7 @@ impl Fan {
     }
 
     /// Looks at the faces of a vertex, and finds its loop. Afterwards [`Self::has`] answers for the ring's vertices.
-    pub(crate) fn gather(&mut self, mesh: &Adjacency, vertex: u16) -> FanKind {
+    pub(crate) fn gather(&mut self, mesh: &Adjacency, vertex: u16) -> OneRingKind {
         let wings = mesh.wings(vertex);
         self.wings.clear();
         self.wings.extend_from_slice(wings);
@@ -74,11 +74,11 @@ impl Fan {
     }
 
     /// How its faces lie together.
-    pub(crate) fn kind(&self) -> FanKind {
+    pub(crate) fn kind(&self) -> OneRingKind {
         self.kind
     }
 
-    fn classify(&mut self, wings: &[Wing]) -> FanKind {
+    fn classify(&mut self, wings: &[Wing]) -> OneRingKind {
         self.ring.clear();
         self.tick += 1;
         let (tick, marks) = (self.tick, &mut self.marks[..]);
@@ -92,13 +92,13 @@ impl Fan {
             mark.arriving = tick;
         }
         if !manifold {
-            return FanKind::Broken;
+            return OneRingKind::Broken;
         }
         // An open fan starts at the one vertex that nothing arrives at; a closed one may be entered anywhere.
         let mut starts = wings.iter().map(|wing| wing.a).filter(|a| marks[usize::from(*a)].arriving != tick);
         let open = starts.next();
         if starts.next().is_some() {
-            return FanKind::Broken;
+            return OneRingKind::Broken;
         }
         let first = open.unwrap_or(wings[0].a);
         let fits = wings.len() + usize::from(open.is_some()) <= MAX_LOOP;
@@ -112,14 +112,14 @@ impl Fan {
             let ended = marks[usize::from(vertex)].leaving != tick || vertex == first;
             if ended != (step == wings.len()) {
                 self.ring.clear();
-                return FanKind::Broken;
+                return OneRingKind::Broken;
             }
         }
-        let Some(start) = open else { return FanKind::Closed };
+        let Some(start) = open else { return OneRingKind::Closed };
         if fits {
             self.ring.push(vertex, NO_FACE);
         }
-        FanKind::Open(start, vertex)
+        OneRingKind::Open(start, vertex)
     }
 
     /// Looks up where the loop is.
@@ -140,30 +140,34 @@ impl Fan {
 mod tests {
     use super::*;
 
-    fn kind(triangles: &[[u16; 3]], vertex: u16) -> FanKind {
+    fn kind(triangles: &[[u16; 3]], vertex: u16) -> OneRingKind {
         let mut adjacency = Adjacency::default();
         adjacency.build(10, triangles);
-        let mut fan = Fan::default();
-        fan.reset(10);
-        fan.gather(&adjacency, vertex)
+        let mut one_ring = OneRing::default();
+        one_ring.reset(10);
+        one_ring.gather(&adjacency, vertex)
     }
 
     #[test]
     fn fans_are_told_apart() {
-        assert_eq!(kind(&[[0, 1, 2], [0, 2, 3], [0, 3, 1]], 0), FanKind::Closed);
-        assert_eq!(kind(&[[0, 2, 3], [0, 1, 2]], 0), FanKind::Open(1, 3));
-        assert_eq!(kind(&[[0, 1, 2]], 0), FanKind::Open(1, 2));
+        assert_eq!(kind(&[[0, 1, 2], [0, 2, 3], [0, 3, 1]], 0), OneRingKind::Closed);
+        assert_eq!(kind(&[[0, 2, 3], [0, 1, 2]], 0), OneRingKind::Open(1, 3));
+        assert_eq!(kind(&[[0, 1, 2]], 0), OneRingKind::Open(1, 2));
     }
 
     #[test]
     fn whatever_is_no_single_fan_is_broken() {
-        assert_eq!(kind(&[], 0), FanKind::Broken);
-        assert_eq!(kind(&[[0, 1, 2], [0, 3, 4]], 0), FanKind::Broken, "bow-tie");
-        assert_eq!(kind(&[[0, 1, 2], [0, 3, 1], [0, 1, 4]], 0), FanKind::Broken, "three faces on an edge");
-        assert_eq!(kind(&[[0, 1, 2], [0, 3, 2]], 0), FanKind::Broken, "mixed winding");
+        assert_eq!(kind(&[], 0), OneRingKind::Broken);
+        assert_eq!(kind(&[[0, 1, 2], [0, 3, 4]], 0), OneRingKind::Broken, "bow-tie");
+        assert_eq!(
+            kind(&[[0, 1, 2], [0, 3, 1], [0, 1, 4]], 0),
+            OneRingKind::Broken,
+            "three faces on an edge"
+        );
+        assert_eq!(kind(&[[0, 1, 2], [0, 3, 2]], 0), OneRingKind::Broken, "mixed winding");
         let two_rings = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [0, 4, 5], [0, 5, 6], [0, 6, 4]];
-        assert_eq!(kind(&two_rings, 0), FanKind::Broken, "two cones on one apex");
+        assert_eq!(kind(&two_rings, 0), OneRingKind::Broken, "two cones on one apex");
         let ring_and_fan = [[0, 1, 2], [0, 4, 5], [0, 5, 6], [0, 6, 4]];
-        assert_eq!(kind(&ring_and_fan, 0), FanKind::Broken, "a cone and a face on one apex");
+        assert_eq!(kind(&ring_and_fan, 0), OneRingKind::Broken, "a cone and a face on one apex");
     }
 }

@@ -8,9 +8,9 @@ use chpm_refine::Camera;
 use nalgebra::{Point3, Vector3};
 
 /// The uniform that all shaders share, and how they look through it.
-pub const WGSL: &str = include_str!("../shaders/lens.wgsl");
+pub const WGSL: &str = include_str!("../shaders/camera_uniform.wgsl");
 
-/// The uniform; see `lens.wgsl`.
+/// The uniform; see `camera_uniform.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameUniform {
@@ -30,7 +30,7 @@ pub struct FrameUniform {
 /// A camera and its image. Depth is reversed and the far plane infinitely far: near / distance, which a float keeps to the same
 /// relative precision everywhere.
 #[derive(Clone, Copy, Debug)]
-pub struct Lens {
+pub struct CameraUniform {
     eye: Point3<f64>,
     /// To the right, upward, forward.
     axes: [Vector3<f64>; 3],
@@ -51,7 +51,7 @@ pub struct Lens {
     stretch: Vector3<f64>,
 }
 
-impl Lens {
+impl CameraUniform {
     /// Nearest distance that is drawn for a camera without a near plane, relative to the diagonal of the model.
     const NEAR: f64 = 1e-6;
 
@@ -59,7 +59,7 @@ impl Lens {
     pub fn new(camera: &Camera, viewport: [u32; 2], bounds: &Aabb) -> Self {
         let rise = (0.5 * camera.fov.to_radians()).tan();
         let diagonal = Some(bounds.diagonal()).filter(|diagonal| *diagonal > 0.0).unwrap_or(1.0);
-        Lens {
+        CameraUniform {
             eye: Point3::from(camera.position),
             axes: camera.axes(),
             slopes: [rise * f64::from(viewport[0]) / f64::from(viewport[1]), rise],
@@ -80,12 +80,12 @@ impl Lens {
             let normal = Vector3::from(clip.normal());
             (normal, clip.offset_from(origin) - normal.dot(&self.eye.coords))
         });
-        Lens { light: request.look.light, clip: clip.unwrap_or(self.clip), ..self }
+        CameraUniform { light: request.look.light, clip: clip.unwrap_or(self.clip), ..self }
     }
 
     /// The same with nothing nearer than this drawn.
     pub fn with_near(self, near: f64) -> Self {
-        Lens { near, ..self }
+        CameraUniform { near, ..self }
     }
 
     /// The nearest distance that is drawn.
@@ -96,7 +96,7 @@ impl Lens {
     /// The same camera as a model has it that was put somewhere, in the coordinates of its file.
     pub fn within(self, place: &Place, camera: &Camera) -> Self {
         let back = |v| place.turn_back(v);
-        Lens {
+        CameraUniform {
             eye: Point3::from(camera.position),
             axes: self.axes.map(back),
             // How far above the eye the ground is, and where the plane is, are the same from wherever.
@@ -109,10 +109,10 @@ impl Lens {
 
     /// The same with its image moved by a part of a pixel, right and up.
     pub fn shifted(self, shift: [f64; 2]) -> Self {
-        Lens { shift, ..self }
+        CameraUniform { shift, ..self }
     }
 
-    /// The uniform, with how it looks (see `lens.wgsl`).
+    /// The uniform, with how it looks (see `camera_uniform.wgsl`).
     pub fn uniform(&self, look: [u32; 4]) -> FrameUniform {
         let eye = Point3::from(self.eye.coords.component_div(&self.stretch));
         let high = eye.map(|x| x as f32);
@@ -176,30 +176,32 @@ mod tests {
     fn what_is_projected_comes_back() {
         let bounds = Aabb { min: [-1.0; 3], max: [1.0; 3] };
         let camera = Camera::looking([3.0, 2.0, 5.0], [0.1, 0.2, 0.3]);
-        let lens = Lens::new(&camera, [200, 100], &bounds);
-        let uniform = lens.uniform([0; 4]);
+        let camera_uniform = CameraUniform::new(&camera, [200, 100], &bounds);
+        let uniform = camera_uniform.uniform([0; 4]);
         for point in [[0.0, 0.0, 0.0], [0.5, -0.5, 0.25], [-0.9, 0.1, 0.0]] {
-            let at = Point3::from(point) - lens.eye;
+            let at = Point3::from(point) - camera_uniform.eye;
             let dot = |v: [f32; 4]| at.x * f64::from(v[0]) + at.y * f64::from(v[1]) + at.z * f64::from(v[2]);
             let w = dot(uniform.forward);
             let x = (0.5 * dot(uniform.right) / w + 0.5) * 200.0;
             let y = (0.5 - 0.5 * dot(uniform.up) / w) * 100.0;
             let depth = f64::from(uniform.forward[3]) / w;
-            let back = lens.point([x as u32, y as u32], depth as f32).unwrap();
+            let back = camera_uniform.point([x as u32, y as u32], depth as f32).unwrap();
             let off = (Point3::from(back) - Point3::from(point)).norm();
             // Half a pixel's diagonal at that distance.
-            assert!(off < 0.75 * w * 2.0 * lens.slopes[1] / 100.0, "{point:?} {back:?}");
+            assert!(off < 0.75 * w * 2.0 * camera_uniform.slopes[1] / 100.0, "{point:?} {back:?}");
         }
-        assert_eq!(lens.point([0, 0], 0.0), None);
+        assert_eq!(camera_uniform.point([0, 0], 0.0), None);
     }
 
     #[test]
     fn a_shift_moves_everything_alike() {
         let bounds = Aabb { min: [-1.0; 3], max: [1.0; 3] };
-        let lens = Lens::new(&Camera::looking([3.0, 2.0, 5.0], [0.0; 3]), [200, 100], &bounds);
-        let (still, moved) = (lens.uniform([0; 4]), lens.shifted([0.25, -0.5]).uniform([0; 4]));
+        let camera_uniform =
+            CameraUniform::new(&Camera::looking([3.0, 2.0, 5.0], [0.0; 3]), [200, 100], &bounds);
+        let (still, moved) =
+            (camera_uniform.uniform([0; 4]), camera_uniform.shifted([0.25, -0.5]).uniform([0; 4]));
         for point in [[0.0, 0.0, 0.0], [0.5, -0.5, 0.25], [-90.0, 3.0, -70.0]] {
-            let at = Point3::from(point) - lens.eye;
+            let at = Point3::from(point) - camera_uniform.eye;
             let dot = |v: [f32; 4]| at.x * f64::from(v[0]) + at.y * f64::from(v[1]) + at.z * f64::from(v[2]);
             let image = |of: &FrameUniform| [dot(of.right), dot(of.up)].map(|x| x / dot(of.forward));
             let (from, to) = (image(&still), image(&moved));
@@ -213,7 +215,7 @@ mod tests {
     #[test]
     fn the_eye_keeps_more_than_a_float() {
         let camera = Camera::looking([1e7 + 0.123456, 0.0, 0.0], [0.0; 3]);
-        let uniform = Lens::new(&camera, [1, 1], &Aabb::of_points(&[[0.0; 3]])).uniform([0; 4]);
+        let uniform = CameraUniform::new(&camera, [1, 1], &Aabb::of_points(&[[0.0; 3]])).uniform([0; 4]);
         let x = f64::from(uniform.eye_high[0]) + f64::from(uniform.eye_low[0]);
         assert!((x - camera.position[0]).abs() < 1e-7);
     }

@@ -2,7 +2,7 @@
 
 use super::model::Eye;
 use super::paint::Plan;
-use super::{Haste, Viewer, Watch, next_poe, smooth};
+use super::{Deadline, Viewer, Watch, next_poe, smooth};
 use crate::error::ViewerError;
 use crate::gpu::buffers::Canvas;
 use crate::gpu::{Kind, passes};
@@ -19,7 +19,7 @@ const AHEAD_EVERY: u64 = 4;
 
 /// Cache key of a picture beside its cut, and its members.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Picture {
+pub(super) struct CacheKey {
     camera: Camera,
     viewport: [u32; 2],
     look: Look,
@@ -31,9 +31,9 @@ pub(super) struct Picture {
     scale: Option<[f32; 2]>,
 }
 
-impl Picture {
-    fn is_of(&self, request: &FrameRequest, culling: Culling) -> bool {
-        let Picture { camera, viewport, look, samples, clip, .. } = *self;
+impl CacheKey {
+    fn matches(&self, request: &FrameRequest, culling: Culling) -> bool {
+        let CacheKey { camera, viewport, look, samples, clip, .. } = *self;
         (camera, viewport, look) == (request.camera, request.viewport, request.look)
             && (samples, clip, self.culling) == (request.samples, request.clip, culling)
     }
@@ -41,7 +41,11 @@ impl Picture {
 
 impl Viewer {
     /// One frame that waits for nothing.
-    pub(super) fn flow(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
+    pub(super) fn interactive_frame(
+        &mut self,
+        request: &FrameRequest,
+        target: &Target<'_>,
+    ) -> Result<Stats, ViewerError> {
         let poe = self.pixels_of_error(request.accuracy);
         let eyes = self.eyes(&request.camera, request, poe)?;
         let culling = self.culling(request);
@@ -54,11 +58,11 @@ impl Viewer {
         stats.times.occlusion += watch.lap();
         let before = self.before.replace(request.camera);
         let rests = before == Some(request.camera);
-        let haste = Haste {
+        let deadline = Deadline {
             wait: Some(if rests { request.patience } else { Duration::ZERO }),
             most: Some(self.rate.bytes(request.patience)),
         };
-        let changes = self.refine(&eyes, haste, &mut stats)?;
+        let changes = self.refine(&eyes, deadline, &mut stats)?;
 
         // Where the camera is going, pages are read before they are wanted.
         if let Some(before) = before
@@ -79,7 +83,7 @@ impl Viewer {
 
         // What is in the target may be what is asked for.
         let moved = changes != Changes::default() || stats.newly_visible > 0;
-        let last = self.drawn.filter(|last| request.kept && !moved && last.is_of(request, culling));
+        let last = self.drawn.filter(|last| request.kept && !moved && last.matches(request, culling));
         if let Some(last) = last {
             self.keep(&eyes, last, &mut stats);
             return Ok(stats);
@@ -96,7 +100,7 @@ impl Viewer {
         self.gather(&colors, plan, &mut stats)?;
         let brought = watch.lap();
         for ((model, eye), colors) in self.models.iter_mut().zip(&eyes).zip(&colors) {
-            model.write(&self.gpu, &eye.lens.uniform(colors.uniform()));
+            model.write(&self.gpu, &eye.camera_uniform.uniform(colors.uniform()));
         }
         stats.times.draw += watch.lap();
         let mut asked = Vec::with_capacity(self.models.len());
@@ -135,7 +139,7 @@ impl Viewer {
         if sampled {
             // All of it: what the tests show is switched on by now.
             let (view, background) = (target.color, look.background());
-            let picture = smooth::Picture { view, size: request.viewport, background };
+            let picture = smooth::CacheKey { view, size: request.viewport, background };
             self.smooth(&mut encoder, picture, |model| model.list.count())?;
         }
         self.gpu.queue.submit([encoder.finish()]);
@@ -156,8 +160,8 @@ impl Viewer {
         if let Accuracy::Triangles(limit) = request.accuracy {
             self.found = next_poe(self.found, stats.triangles, limit);
         }
-        self.lens = Some(self.lens_of(&request.camera, request));
-        self.drawn = Some(Picture {
+        self.camera_uniform = Some(self.camera_uniform(&request.camera, request));
+        self.drawn = Some(CacheKey {
             camera: request.camera,
             viewport: request.viewport,
             look: request.look,
@@ -172,7 +176,7 @@ impl Viewer {
     }
 
     /// The picture of before stays; only what is hidden in it and wanted is asked about.
-    fn keep(&mut self, eyes: &[Eye], last: Picture, stats: &mut Stats) {
+    fn keep(&mut self, eyes: &[Eye], last: CacheKey, stats: &mut Stats) {
         let mut watch = Watch::start();
         self.now += 1;
         if let Some(depth) = &self.depth {

@@ -2,35 +2,35 @@
 
 /// Flags of a vertex.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(crate) struct State(u8);
+pub(crate) struct VertexFlags(u8);
 
-impl State {
+impl VertexFlags {
     /// Locked or of too high a valence: stays.
-    pub(crate) const FIXED: State = State(1);
+    pub(crate) const FIXED: VertexFlags = VertexFlags(1);
     /// Has collapsed.
-    pub(crate) const GONE: State = State(1 << 1);
+    pub(crate) const GONE: VertexFlags = VertexFlags(1 << 1);
     /// Of an open fan. Collapses that pass the link test keep it so.
-    pub(crate) const BOUNDARY: State = State(1 << 2);
+    pub(crate) const BOUNDARY: VertexFlags = VertexFlags(1 << 2);
     /// Nothing legal could be done with it when it came up.
-    pub(crate) const WAITING: State = State(1 << 3);
+    pub(crate) const WAITING: VertexFlags = VertexFlags(1 << 3);
     /// In the queue at the price of a forced collapse.
-    pub(crate) const OFFERED: State = State(1 << 4);
+    pub(crate) const OFFERED: VertexFlags = VertexFlags(1 << 4);
     /// Something about it has changed since its bound was found.
-    pub(crate) const STALE: State = State(1 << 5);
+    pub(crate) const STALE: VertexFlags = VertexFlags(1 << 5);
 
     /// Whether it has any of these flags.
     #[inline]
-    pub(crate) fn is(self, flags: State) -> bool {
+    pub(crate) fn is(self, flags: VertexFlags) -> bool {
         self.0 & flags.0 != 0
     }
 
     #[inline]
-    pub(crate) fn set(&mut self, flags: State) {
+    pub(crate) fn set(&mut self, flags: VertexFlags) {
         self.0 |= flags.0;
     }
 
     #[inline]
-    pub(crate) fn drop(&mut self, flags: State) {
+    pub(crate) fn drop(&mut self, flags: VertexFlags) {
         self.0 &= !flags.0;
     }
 }

@@ -5,9 +5,9 @@
 //! cell. Along a chain of collapses these differences add up. Where attributes jump about, their sum says too much, and the range of what
 //! the source points in a face look like says more; of the two bounds the smaller one holds.
 
-use crate::overlay::{Overlay, Place};
+use crate::overlay::{CellPoint, Overlay};
 use crate::patch::Patch;
-use crate::ring::View;
+use crate::ring::RingView;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::round_up;
 use chpm_mesh::{Octahedral, VertexSlices};
@@ -26,7 +26,7 @@ type Value = Vector4<f64>;
 
 /// Attributes of a patch's vertices, and how far its triangles deviate from the source's attributes.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Looks<'a> {
+pub struct AttributeErrors<'a> {
     /// Normals of any length, one a vertex or none.
     pub normals: &'a [[f32; 3]],
     /// Normals of three bytes, one a vertex or none.
@@ -34,23 +34,23 @@ pub struct Looks<'a> {
     /// Colours (RGBA), one a vertex or none.
     pub colors: &'a [[u8; 4]],
     /// One a triangle; empty if the patch is the source.
-    pub faces: &'a [FaceLook],
+    pub faces: &'a [FaceAttributeError],
 }
 
-impl<'a> Looks<'a> {
+impl<'a> AttributeErrors<'a> {
     /// Attribute error of `faces` over these vertices.
-    pub fn new(vertices: VertexSlices<'a>, faces: &'a [FaceLook]) -> Self {
+    pub fn new(vertices: VertexSlices<'a>, faces: &'a [FaceAttributeError]) -> Self {
         let VertexSlices { normals, octahedral, colors, .. } = vertices;
-        Looks { normals, octahedral, colors, faces }
+        AttributeErrors { normals, octahedral, colors, faces }
     }
 
-    /// Whether there is nothing to look at.
+    /// Whether the vertices have no attributes.
     pub fn is_empty(&self) -> bool {
         self.normals.is_empty() && self.octahedral.is_empty() && self.colors.is_empty()
     }
 
-    /// Appends how triangles of the source look, which is like the source; nothing where there is nothing to look at.
-    pub fn of_source(&self, triangles: &[[u16; 3]], faces: &mut Vec<FaceLook>) {
+    /// Appends the attribute errors of the source's own triangles, which are zero; none where there are no attributes.
+    pub fn of_source(&self, triangles: &[[u16; 3]], faces: &mut Vec<FaceAttributeError>) {
         let mut values = [Vec::new(), Vec::new()];
         self.append_values(&mut values);
         if !self.is_empty() {
@@ -66,14 +66,14 @@ impl<'a> Looks<'a> {
     }
 }
 
-/// Appends how triangles look that are like the source.
-fn append_faces(values: &[Vec<Value>; 2], triangles: &[[u16; 3]], faces: &mut Vec<FaceLook>) {
+/// Appends attribute errors of zero, with the range of values of each triangle.
+fn append_faces(values: &[Vec<Value>; 2], triangles: &[[u16; 3]], faces: &mut Vec<FaceAttributeError>) {
     faces.extend(triangles.iter().map(|corners| {
-        let mut look = FaceLook::default();
-        for (range, values) in look.ranges.iter_mut().zip(values).filter(|(_, values)| !values.is_empty()) {
+        let mut error = FaceAttributeError::default();
+        for (range, values) in error.ranges.iter_mut().zip(values).filter(|(_, values)| !values.is_empty()) {
             *range = Range::of(corners.map(|v| values[usize::from(v)]));
         }
-        look
+        error
     }));
 }
 
@@ -115,10 +115,10 @@ impl Deviation {
     }
 }
 
-/// How a face looks beside the source: its deviation, and the range of the source's values at the points that are in it now.
+/// Attribute error of a face: its deviation from the source, and the range of the source's values at the points that are in it now.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
-pub struct FaceLook {
+pub struct FaceAttributeError {
     deviations: [f32; 2],
     ranges: [Range; 2],
 }
@@ -167,7 +167,7 @@ impl Range {
     }
 }
 
-impl FaceLook {
+impl FaceAttributeError {
     /// Deviation of the face as it is now.
     pub fn deviation(&self) -> Deviation {
         let [normal, color] = self.deviations;
@@ -175,7 +175,7 @@ impl FaceLook {
     }
 
     /// The same after a further difference.
-    fn after(mut self, differences: [f32; 2]) -> FaceLook {
+    fn after(mut self, differences: [f32; 2]) -> FaceAttributeError {
         for (deviation, more) in self.deviations.iter_mut().zip(differences) {
             if more != 0.0 {
                 *deviation = round_up(f64::from(*deviation) + f64::from(more));
@@ -185,7 +185,7 @@ impl FaceLook {
     }
 
     /// Takes in points of another face.
-    fn merge(&mut self, other: &FaceLook) {
+    fn merge(&mut self, other: &FaceAttributeError) {
         self.deviations = larger(self.deviations, other.deviations);
         for (range, other) in self.ranges.iter_mut().zip(&other.ranges) {
             range.merge(other);
@@ -202,48 +202,48 @@ fn length(attribute: usize, difference: &Value) -> f64 {
     if attribute == NORMAL { difference.norm() } else { difference.amax() }
 }
 
-/// The looks of a patch while it is decimated. Does nothing where there is nothing to look at.
+/// The attribute errors of a patch while it is decimated. Does nothing where there are no attributes.
 #[derive(Debug, Default)]
-pub(crate) struct LookTracker {
+pub(crate) struct AttributeErrorTracker {
     /// By attribute, of the vertices; empty if they do not have it.
     values: [Vec<Value>; 2],
-    pub(crate) faces: Vec<FaceLook>,
+    pub(crate) faces: Vec<FaceAttributeError>,
     /// The largest deviations that a collapse left.
     largest: [f32; 2],
     /// Differences at the corners of the cells.
     corners: Vec<[f32; 2]>,
     /// Deviations of the faces about v after the collapse.
-    changed: Vec<FaceLook>,
+    changed: Vec<FaceAttributeError>,
 }
 
-impl LookTracker {
+impl AttributeErrorTracker {
     pub(crate) fn begin(&mut self, patch: &Patch<'_>) {
         self.values.iter_mut().for_each(Vec::clear);
         self.faces.clear();
         self.largest = [0.0; 2];
-        let looks = &patch.looks;
-        if looks.is_empty() {
+        let attribute_errors = &patch.attribute_errors;
+        if attribute_errors.is_empty() {
             return;
         }
-        looks.append_values(&mut self.values);
-        self.faces.extend_from_slice(looks.faces);
+        attribute_errors.append_values(&mut self.values);
+        self.faces.extend_from_slice(attribute_errors.faces);
         if self.faces.is_empty() {
             append_faces(&self.values, patch.triangles, &mut self.faces);
         }
     }
 
-    /// Whether there is nothing to look at.
+    /// Whether the vertices have no attributes.
     pub(crate) fn is_empty(&self) -> bool {
         self.faces.is_empty()
     }
 
     /// The largest deviation that a collapse of the run left.
     pub(crate) fn largest(&self) -> Deviation {
-        FaceLook { deviations: self.largest, ..FaceLook::default() }.deviation()
+        FaceAttributeError { deviations: self.largest, ..FaceAttributeError::default() }.deviation()
     }
 
-    /// Carries the looks of the faces about u on over the collapse u -> v, cell by cell.
-    pub(crate) fn carry_over(&mut self, overlay: &Overlay, ring: View<'_>, u: u16, v: u16) {
+    /// Carries the attribute errors of the faces about u on over the collapse u -> v, cell by cell.
+    pub(crate) fn carry_over(&mut self, overlay: &Overlay, ring: RingView<'_>, u: u16, v: u16) {
         let mut at = std::mem::take(&mut self.corners);
         let mut changed = std::mem::take(&mut self.changed);
         changed.clear();
@@ -260,9 +260,9 @@ impl LookTracker {
                 }
             });
         }
-        for (new, look) in (1..).zip(&changed) {
+        for (new, error) in (1..).zip(&changed) {
             let (face, corners) = Overlay::new_face(ring, new);
-            self.keep(Some(face), *look, corners);
+            self.keep(Some(face), *error, corners);
         }
         (self.changed, self.corners) = (changed, at);
     }
@@ -274,28 +274,28 @@ impl LookTracker {
 
     /// Hands the points of a face over to another, which has the given corners, or to the point where they end for good.
     pub(crate) fn hand_over(&mut self, from: u32, moved: [f32; 2], to: Option<u32>, corners: [u16; 3]) {
-        let mut look = self.faces[from as usize].after(moved);
+        let mut error = self.faces[from as usize].after(moved);
         if let Some(face) = to {
-            look.merge(&self.faces[face as usize]);
+            error.merge(&self.faces[face as usize]);
         }
-        self.keep(to, look, corners);
+        self.keep(to, error, corners);
     }
 
-    fn keep(&mut self, face: Option<u32>, mut look: FaceLook, corners: [u16; 3]) {
+    fn keep(&mut self, face: Option<u32>, mut error: FaceAttributeError, corners: [u16; 3]) {
         for (attribute, values) in self.values.iter().enumerate().filter(|(_, v)| !v.is_empty()) {
-            let reach = look.ranges[attribute].reach(attribute, corners.map(|v| values[usize::from(v)]));
-            let deviation = &mut look.deviations[attribute];
+            let reach = error.ranges[attribute].reach(attribute, corners.map(|v| values[usize::from(v)]));
+            let deviation = &mut error.deviations[attribute];
             *deviation = deviation.min(round_up(reach));
         }
-        self.largest = larger(self.largest, look.deviations);
+        self.largest = larger(self.largest, error.deviations);
         if let Some(face) = face {
-            self.faces[face as usize] = look;
+            self.faces[face as usize] = attribute_error;
         }
     }
 
-    /// How far the attributes at a place of the new fan are from those at the same place of the old one, rounded up. Taken from
+    /// How far the attributes at a place of the new one-ring are from those at the same place of the old one, rounded up. Taken from
     /// differences of vertices, so that it is zero where they have one value.
-    pub(crate) fn differences(&self, u: u16, v: u16, place: &Place) -> [f32; 2] {
+    pub(crate) fn differences(&self, u: u16, v: u16, place: &CellPoint) -> [f32; 2] {
         [NORMAL, COLOR].map(|attribute| {
             let values = &self.values[attribute];
             if values.is_empty() {

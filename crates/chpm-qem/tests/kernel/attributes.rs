@@ -3,7 +3,7 @@
 use crate::play::{local, played, went};
 use chpm_measure::deviation;
 use chpm_mesh::{TriMesh, geom};
-use chpm_qem::{Collapse, Decimator, Deviation, FaceLook, Looks, Patch, Topology};
+use chpm_qem::{AttributeErrors, Collapse, Decimator, Deviation, FaceAttributeError, Patch, Topology};
 use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
@@ -11,30 +11,36 @@ use proptest::prelude::*;
 struct Run {
     collapses: Vec<Collapse>,
     /// Triangles and how they look.
-    left: Vec<([u32; 3], FaceLook)>,
+    left: Vec<([u32; 3], FaceAttributeError)>,
     largest: Deviation,
 }
 
-fn run(mesh: &TriMesh, before: &[FaceLook], topology: Topology, target: usize) -> Run {
+fn run(mesh: &TriMesh, before: &[FaceAttributeError], topology: Topology, target: usize) -> Run {
     run_with(mesh, before, &vec![false; mesh.positions.len()], topology, target)
 }
 
-fn run_with(mesh: &TriMesh, before: &[FaceLook], locked: &[bool], topology: Topology, target: usize) -> Run {
+fn run_with(
+    mesh: &TriMesh,
+    before: &[FaceAttributeError],
+    locked: &[bool],
+    topology: Topology,
+    target: usize,
+) -> Run {
     let mut decimator = Decimator::default();
     decimator.topology = topology;
     let patch = Patch {
         positions: &mesh.positions,
         triangles: &local(mesh),
         locked,
-        looks: Looks::new(mesh.view(), before),
+        attribute_errors: AttributeErrors::new(mesh.view(), before),
         ..Patch::default()
     };
     let collapses = decimator.decimate(&patch, target, 0.0).collapses.to_vec();
     let ends = went(mesh.positions.len(), &collapses);
     let living = (0..mesh.triangles.len()).filter(|face| decimator.is_left(*face));
-    let look = |face: usize| decimator.face_looks().get(face).copied().unwrap_or_default();
+    let look = |face: usize| decimator.face_attribute_errors().get(face).copied().unwrap_or_default();
     let left = living.map(|face| (mesh.triangles[face].map(|v| ends[v as usize]), look(face))).collect();
-    let before = before.iter().map(FaceLook::deviation);
+    let before = before.iter().map(FaceAttributeError::deviation);
     let largest = before.fold(decimator.deviation(), Deviation::max);
     Run { collapses, left, largest }
 }
@@ -166,7 +172,7 @@ fn a_face_that_gets_points_keeps_its_own_deviation() {
 
     let (mesh, locked) = three_about_a_vertex();
     let mut before = Vec::new();
-    Looks::new(mesh.view(), &[]).of_source(&local(&mesh), &mut before);
+    AttributeErrors::new(mesh.view(), &[]).of_source(&local(&mesh), &mut before);
     before[1] = spotted;
     let run = run_with(&mesh, &before, &locked, Topology::Change, 2);
     let said: Vec<f32> = run.left.iter().map(|(_, look)| look.deviation().color).collect();
@@ -183,11 +189,14 @@ fn nothing_to_look_at_takes_nothing() {
     let colors = vec![[1; 4]; mesh.positions.len()];
     let plain =
         Patch { positions: &mesh.positions, triangles: &triangles, locked: &locked, ..Patch::default() };
-    let colored = Patch { looks: Looks { colors: &colors, ..Looks::default() }, ..plain };
+    let colored = Patch {
+        attribute_errors: AttributeErrors { colors: &colors, ..AttributeErrors::default() },
+        ..plain
+    };
     decimator.decimate(&colored, 10, 0.0);
-    assert_eq!(decimator.face_looks().len(), triangles.len());
+    assert_eq!(decimator.face_attribute_errors().len(), triangles.len());
     decimator.decimate(&plain, 10, 0.0);
-    assert!(decimator.face_looks().is_empty());
+    assert!(decimator.face_attribute_errors().is_empty());
 }
 
 #[test]
@@ -282,7 +291,7 @@ fn no_point_of_a_plate_deviates_more_than_its_triangle_says() {
         let first = free(&mesh, 120);
         // From there in a second run, as a parent goes on from its children.
         let half = TriMesh { triangles: first.left.iter().map(|l| l.0).collect(), ..mesh.clone() };
-        let before: Vec<FaceLook> = first.left.iter().map(|l| l.1).collect();
+        let before: Vec<FaceAttributeError> = first.left.iter().map(|l| l.1).collect();
         let second = run(&half, &before, Topology::Keep, 40);
         for run in [&first, &second] {
             let (normal, color) = measured(&mesh, run);

@@ -16,12 +16,12 @@ const LOST: f64 = 1.0 / (1u64 << 50) as f64;
 /// A ball about points of the source that have vanished, object units.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
-pub struct Remnant {
+pub struct DroppedComponent {
     center: [f32; 3],
     radius: f32,
 }
 
-impl Remnant {
+impl DroppedComponent {
     /// The points that ended at `at`, after displacements in the box.
     pub(crate) fn new(at: Point3<f64>, ended: &Displacement) -> Self {
         let (lo, hi) = ended.reach();
@@ -31,11 +31,11 @@ impl Remnant {
         let farthest = (high - rounded).abs().sup(&(low - rounded).abs());
         // Far from zero a small box loses digits in the corners.
         let lost = LOST * low.coords.amax().max(high.coords.amax());
-        Remnant { center: center.into(), radius: round_up(farthest.norm() + lost) }
+        DroppedComponent { center: center.into(), radius: round_up(farthest.norm() + lost) }
     }
 
     /// A ball about two.
-    fn around(a: &Remnant, b: &Remnant) -> Remnant {
+    fn around(a: &DroppedComponent, b: &DroppedComponent) -> DroppedComponent {
         let (large, small) = if a.radius < b.radius { (b, a) } else { (a, b) };
         let way: Vector3<f64> = to_f64(small.center) - to_f64(large.center);
         let (length, reach) = (way.norm(), f64::from(large.radius));
@@ -45,57 +45,57 @@ impl Remnant {
         }
         let center = (to_f64(large.center) + way * (0.5 * beyond / length)).coords.map(|x| x as f32);
         let rounded = Point3::from(center.map(f64::from));
-        let far = |ball: &Remnant| (to_f64(ball.center) - rounded).norm() + f64::from(ball.radius);
-        Remnant { center: center.into(), radius: round_up(far(large).max(far(small))) }
+        let far = |ball: &DroppedComponent| (to_f64(ball.center) - rounded).norm() + f64::from(ball.radius);
+        DroppedComponent { center: center.into(), radius: round_up(far(large).max(far(small))) }
     }
 }
 
-/// How far the points of all remnants are from the nearest of some vertices, at most: 0 without remnants, infinite without vertices.
+/// How far the points of all dropped components are from the nearest of some vertices, at most: 0 without components, infinite without vertices.
 /// Rounded up.
-pub fn gap(remnants: &[Remnant], positions: &[[f32; 3]], vertices: impl Iterator<Item = u16>) -> f32 {
-    if remnants.is_empty() {
+pub fn gap(dropped: &[DroppedComponent], positions: &[[f32; 3]], vertices: impl Iterator<Item = u16>) -> f32 {
+    if dropped.is_empty() {
         return 0.0;
     }
     let mut tree = KdTree::default();
     tree.fill(positions, vertices);
-    let mut gap = |remnant: &Remnant| {
-        let nearest = tree.nearest(to_f64(remnant.center), f64::INFINITY, |_| true);
-        nearest.map_or(f64::INFINITY, |(squared, _)| squared.sqrt() + f64::from(remnant.radius))
+    let mut gap = |dropped: &DroppedComponent| {
+        let nearest = tree.nearest(to_f64(dropped.center), f64::INFINITY, |_| true);
+        nearest.map_or(f64::INFINITY, |(squared, _)| squared.sqrt() + f64::from(dropped.radius))
     };
-    round_up(remnants.iter().map(&mut gap).fold(0.0, f64::max))
+    round_up(dropped.iter().map(&mut gap).fold(0.0, f64::max))
 }
 
 /// Puts neighbours together until there are at most `most`.
-pub fn thin_out(remnants: &mut Vec<Remnant>, most: usize) {
-    while remnants.len() > most.max(1) {
-        sort_along_boxes(remnants);
-        let pairs = remnants.chunks(2).map(|pair| match pair {
-            [a, b] => Remnant::around(a, b),
+pub fn thin_out(dropped: &mut Vec<DroppedComponent>, most: usize) {
+    while dropped.len() > most.max(1) {
+        sort_along_boxes(dropped);
+        let pairs = dropped.chunks(2).map(|pair| match pair {
+            [a, b] => DroppedComponent::around(a, b),
             _ => pair[0],
         });
-        *remnants = pairs.collect();
+        *dropped = pairs.collect();
     }
 }
 
 /// Sorts so that neighbours in the list are neighbours in space: halves across the longest side of the box, and each half again.
-fn sort_along_boxes(remnants: &mut [Remnant]) {
-    if remnants.len() <= 2 {
+fn sort_along_boxes(dropped: &mut [DroppedComponent]) {
+    if dropped.len() <= 2 {
         return;
     }
-    let centers = || remnants.iter().map(|remnant| Vector3::from(remnant.center));
+    let centers = || dropped.iter().map(|dropped| Vector3::from(dropped.center));
     let low = centers().fold(Vector3::repeat(f32::INFINITY), |low, center| low.inf(&center));
     let high = centers().fold(Vector3::repeat(f32::NEG_INFINITY), |high, center| high.sup(&center));
     let axis = (high - low).imax();
-    let key = |remnant: &Remnant| remnant.center[axis];
+    let key = |dropped: &DroppedComponent| dropped.center[axis];
     // A half of an even length, so that no pair is of both.
-    let middle = (remnants.len() / 2).next_multiple_of(2);
+    let middle = (dropped.len() / 2).next_multiple_of(2);
     // All of it decides between equals, so that the order in which they came does not.
-    remnants.sort_unstable_by(|a, b| {
+    dropped.sort_unstable_by(|a, b| {
         let (all_a, all_b) = (a.center.into_iter().chain([a.radius]), b.center.into_iter().chain([b.radius]));
         let others = || all_a.zip(all_b).map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne());
         key(a).total_cmp(&key(b)).then_with(|| others().unwrap_or(std::cmp::Ordering::Equal))
     });
-    let (left, right) = remnants.split_at_mut(middle.min(remnants.len()));
+    let (left, right) = dropped.split_at_mut(middle.min(dropped.len()));
     sort_along_boxes(left);
     sort_along_boxes(right);
 }
@@ -105,14 +105,14 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn ball(center: [f32; 3], radius: f32) -> Remnant {
-        Remnant { center, radius }
+    fn ball(center: [f32; 3], radius: f32) -> DroppedComponent {
+        DroppedComponent { center, radius }
     }
 
     #[test]
     fn a_small_box_far_away_is_not_lost() {
         let tiny = Displacement::default().moved(Vector3::repeat(-1e-30), Vector3::repeat(1e-30));
-        let ball = Remnant::new(Point3::new(1e6, 1e6, 1e6), &tiny);
+        let ball = DroppedComponent::new(Point3::new(1e6, 1e6, 1e6), &tiny);
         assert!(ball.radius > 1e-30 && ball.radius < 1e-8, "{}", ball.radius);
     }
 
@@ -129,14 +129,14 @@ mod tests {
     proptest! {
         /// Every point of the box lies in the ball.
         #[test]
-        fn a_remnant_holds_its_points(
+        fn a_ball_holds_its_points(
             at in prop::array::uniform3(-1e3f64..1e3),
             low in prop::array::uniform3(-9.0f64..0.0),
             high in prop::array::uniform3(0.0f64..9.0),
             share in prop::array::uniform3(0.0f64..1.0),
         ) {
             let ended = Displacement::default().moved(low.into(), high.into());
-            let ball = Remnant::new(at.into(), &ended);
+            let ball = DroppedComponent::new(at.into(), &ended);
             let point: [f64; 3] = std::array::from_fn(|a| at[a] - (low[a] + share[a] * (high[a] - low[a])));
             let distance = (Point3::from(point) - to_f64(ball.center)).norm();
             prop_assert!(distance <= f64::from(ball.radius));
@@ -150,18 +150,18 @@ mod tests {
             balls in prop::collection::vec((prop::array::uniform3(-9.0f32..9.0), 0.0f32..2.0), 1..60),
             most in 0usize..20,
         ) {
-            let all: Vec<Remnant> = balls.iter().map(|(center, radius)| ball(*center, *radius)).collect();
+            let all: Vec<DroppedComponent> = balls.iter().map(|(center, radius)| ball(*center, *radius)).collect();
             let mut fewer = all.clone();
             thin_out(&mut fewer, most);
             prop_assert!(fewer.len() <= most.max(1));
-            let holds = |outer: &Remnant, inner: &Remnant| {
+            let holds = |outer: &DroppedComponent, inner: &DroppedComponent| {
                 let way = (to_f64(outer.center) - to_f64(inner.center)).norm();
                 way + f64::from(inner.radius) <= f64::from(outer.radius) * (1.0 + 1e-12)
             };
             for one in &all {
                 prop_assert!(fewer.iter().any(|outer| holds(outer, one)), "{one:?}");
             }
-            let mut turned: Vec<Remnant> = all.iter().rev().copied().collect();
+            let mut turned: Vec<DroppedComponent> = all.iter().rev().copied().collect();
             thin_out(&mut turned, most);
             prop_assert!(all.len() <= most || turned == fewer, "the order does not matter");
         }
