@@ -70,6 +70,7 @@ pub(crate) fn front(facts: &Facts, attributes: Attributes, parts: &[Part]) -> Re
     let body: u64 = parts.iter().flat_map(|part| part.stored(stride)).map(padded).sum();
     let mut text = root(facts, stride, parts, body).to_string().into_bytes();
     text.resize(padded(text.len() as u64) as usize, b' ');
+
     let chunk = if body > 0 { 8 + body } else { 0 };
     let len = 12 + 8 + text.len() as u64 + chunk;
     let whole = u32::try_from(len).map_err(|_| ExportError::TooLarge {
@@ -79,6 +80,7 @@ pub(crate) fn front(facts: &Facts, attributes: Attributes, parts: &[Part]) -> Re
         got: len,
         remedy: "write a PLY, ask for fewer triangles, or compress it with --meshopt",
     })?;
+
     let mut front = Vec::with_capacity(28 + text.len());
     front.extend(b"glTF");
     front.extend(2_u32.to_le_bytes());
@@ -145,18 +147,21 @@ impl Tables {
         let [packed_vertices, packed_indices] = part.packed.map_or([None; 2], |packed| packed.map(Some));
         let view = self.view(vertices, packed_vertices, stride.bytes as u64, part.vertices, true);
         let wide = |numbers: [f32; 3]| numbers.map(f64::from);
+
         let mut attributes = Map::new();
         let position = json!({
             "bufferView": view, "componentType": 5126, "type": "VEC3", "count": part.vertices,
             "min": wide(part.low), "max": wide(part.high),
         });
         attributes.insert("POSITION".to_owned(), self.accessor(position));
+
         if let Some(offset) = stride.normal {
             let normal = json!({
                 "bufferView": view, "byteOffset": offset, "componentType": 5126, "type": "VEC3", "count": part.vertices,
             });
             attributes.insert("NORMAL".to_owned(), self.accessor(normal));
         }
+
         if let Some(offset) = stride.color {
             let color = json!({
                 "bufferView": view, "byteOffset": offset, "componentType": 5123, "normalized": true, "type": "VEC4",
@@ -164,6 +169,7 @@ impl Tables {
             });
             attributes.insert("COLOR_0".to_owned(), self.accessor(color));
         }
+
         let (len, count) = (part.index_len(), 3 * part.triangles);
         let view = self.view(indices, packed_indices, len, count, false);
         let component = if len == 2 { 5123 } else { 5125 };

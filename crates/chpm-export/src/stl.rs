@@ -55,6 +55,7 @@ impl<W: Write> StlWriter<W> {
             buffer.extend(header);
             buffer.extend(count.to_le_bytes());
         }
+
         Ok(StlWriter { writer, buffer, is_text, announced: triangles, triangles: 0 })
     }
 

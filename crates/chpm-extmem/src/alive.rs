@@ -74,6 +74,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("file");
         let held = AtomicU32::new(0);
+
         std::thread::scope(|scope| {
             for _ in 0..4 {
                 scope.spawn(|| {

@@ -217,17 +217,20 @@ mod tests {
             let store = Store::create(dir.path(), limit).unwrap();
             let mut buckets = Buckets::new(&store, "records", 4, block_bytes);
             prop_assert_eq!(buckets.add(), 4);
+
             let mut plain = vec![Vec::new(); 5];
             for (sequence, record) in &records {
                 buckets.push(*sequence, *record).unwrap();
                 plain[*sequence].push(*record);
             }
+
             let mut scratch = Vec::new();
             for (sequence, expected) in plain.iter_mut().enumerate() {
                 prop_assert_eq!((buckets.len(sequence), buckets.is_empty(sequence)), (expected.len(), expected.is_empty()));
                 let mut read = vec![7];
                 buckets.read(sequence, &mut read).unwrap();
                 prop_assert_eq!((&read[..1], &read[1..]), (&[7][..], &expected[..]));
+
                 let change = |items: &mut [u32]| items.iter_mut().for_each(|x| *x = x.wrapping_mul(3));
                 let mut blocks = Vec::new();
                 for block in 0..buckets.block_count(sequence) {
@@ -238,6 +241,7 @@ mod tests {
                 buckets.update(sequence, &mut scratch, change).unwrap();
                 change(expected);
             }
+
             let mut drain = buckets.drain();
             let mut at = [0; 5];
             for (sequence, _) in records {

@@ -120,6 +120,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let target = dir.path().join("model.chpm");
         let (inside, taken, start) = (AtomicU32::new(0), AtomicU32::new(0), Barrier::new(4));
+
         std::thread::scope(|scope| {
             for _ in 0..4 {
                 scope.spawn(|| {
@@ -138,6 +139,7 @@ mod tests {
                 });
             }
         });
+
         assert!(taken.load(Ordering::SeqCst) > 0);
         assert!(!dir.path().join(".model.chpm.lock").exists());
     }

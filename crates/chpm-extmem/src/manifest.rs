@@ -69,6 +69,7 @@ impl WorkDir {
         let failed = |source| ExtmemError::io("read", &path, 0, source);
         let damaged = |reason| ExtmemError::Damaged { path: path.clone(), reason };
         let open = || self.fail_points().access().and_then(|()| File::open(&path));
+
         let file = match open() {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             opened => opened.map_err(failed)?,
@@ -77,6 +78,8 @@ impl WorkDir {
         let Some(content) = len.checked_sub(MAGIC.len() as u64 + HASH) else {
             return Err(damaged("is too short"));
         };
+
+        // The hash is checked first: nobody gets to read a byte that is not as it was written.
         let mut magic = [0; MAGIC.len()];
         let mut hashing = Hashing { inner: BufReader::new(file), hash: Xxh3::new() };
         hashing.read_exact(&mut magic).map_err(failed)?;
@@ -89,6 +92,7 @@ impl WorkDir {
         if hashing.hash.digest() != u64::from_le_bytes(stored) {
             return Err(damaged("is not what was written"));
         }
+
         let mut file = BufReader::new(open().map_err(failed)?);
         file.read_exact(&mut magic).map_err(failed)?;
         Ok(Some(file.take(content)))
@@ -225,6 +229,7 @@ mod tests {
         let parent = tempfile::tempdir().unwrap();
         let path = parent.path().join("work");
         let store = open(&path, FailPoints::default());
+
         let spool = Spool::named(&store, "blobs", "a");
         spool.append(&[7; 3000]).unwrap();
         spool.save().unwrap();
@@ -232,6 +237,7 @@ mod tests {
         let saved = spool.save().unwrap();
         publish(&store, "text", &["a"]).unwrap();
         drop(spool);
+
         for (name, len) in [("manifest", 8 + 4 + 8), ("a", 4000)] {
             let whole = fs::read(path.join(name)).unwrap();
             for at in [0, 9, 19, 2999, 3999].into_iter().filter(|at| *at < len) {
@@ -244,6 +250,7 @@ mod tests {
                 };
                 assert!(matches!(error, Some(ExtmemError::Damaged { .. })), "{name} at {at}: {error:?}");
             }
+
             fs::write(path.join(name), &whole[..len.min(3000) - 1]).unwrap();
             let error = match name {
                 "a" => Spool::load(&store, "blobs", "a", &saved).err(),
@@ -252,6 +259,7 @@ mod tests {
             assert!(matches!(error, Some(ExtmemError::Damaged { .. })), "{name}: {error:?}");
             fs::write(path.join(name), &whole).unwrap();
         }
+
         Spool::load(&store, "blobs", "a", &saved).unwrap();
         assert_eq!(content(&store).as_deref(), Some("text"));
     }

@@ -55,10 +55,12 @@ impl SavedFile {
         mut take: impl FnMut(&[u8]) -> Result<(), ExtmemError>,
     ) -> Result<DataFile, ExtmemError> {
         let damaged = |reason| ExtmemError::Damaged { path: dir.path().join(&self.name), reason };
+
         let file = DataFile::open(dir, &self.name)?;
         if file.len()? < self.len() {
             return Err(damaged("is shorter than it was"));
         }
+
         let mut scratch = vec![0; STEP.min(self.len() as usize)];
         let mut offset = 0;
         for (end, expected) in &self.ranges {
@@ -73,6 +75,7 @@ impl SavedFile {
                 take(&scratch[..step])?;
                 offset += step as u64;
             }
+
             if hash.digest() != *expected {
                 return Err(damaged("is not what was saved"));
             }

@@ -93,9 +93,11 @@ impl Spool {
         if offset == end {
             return Ok(saved);
         }
+
         let file = self.segments.write().unwrap_or_else(PoisonError::into_inner).file(self)?;
         let name = file.name().ok_or_else(unnamed)?;
         let (mut hash, mut scratch) = (Xxh3::new(), vec![0; STEP.min((end - offset) as usize)]);
+
         while offset < end {
             let step = STEP.min((end - offset) as usize);
             self.each_piece(offset, step, |segment, range, at| {
@@ -115,6 +117,7 @@ impl Spool {
             })?;
             offset += step as u64;
         }
+
         file.sync()?;
         self.store.workdir.protect(name);
         saved.extend(end, hash.digest());
@@ -346,6 +349,7 @@ mod tests {
         for limit in [0, 1000, 1 << 20] {
             let (_dir, store) = store(limit);
             let spool = Spool::with_segment_len(&store, "blobs", 128);
+
             let written: Vec<Vec<(u64, Vec<u8>)>> = std::thread::scope(|scope| {
                 let spool = &spool;
                 let workers: Vec<_> = (0..4u8)
@@ -358,6 +362,7 @@ mod tests {
                     .collect();
                 workers.into_iter().map(|worker| worker.join().unwrap()).collect()
             });
+
             let mut blobs = written.concat();
             blobs.sort();
             let mut end = 0;
@@ -368,6 +373,7 @@ mod tests {
                 assert_eq!(&out, blob);
                 end += blob.len() as u64;
             }
+
             assert_eq!(spool.len(), end);
         }
     }

@@ -101,6 +101,7 @@ mod tests {
         nix::unistd::mkfifo(&at("fifo"), Mode::S_IRWXU).unwrap();
         let _socket = UnixListener::bind(at("socket")).unwrap();
         fs::create_dir(at("folder")).unwrap();
+
         for (name, is) in [("fifo", "a FIFO"), ("socket", "a socket"), ("folder", "a directory")] {
             symlink(name, at("link")).unwrap();
             for path in [at(name), at("link")] {
@@ -115,6 +116,7 @@ mod tests {
             }
             fs::remove_file(at("link")).unwrap();
         }
+
         fs::write(at("file"), "").unwrap();
         assert_eq!(target(&at("file"), true).unwrap(), at("file"));
         assert!(matches!(target(&at("file"), false), Err(ExtmemError::Exists { .. })));

@@ -40,6 +40,7 @@ pub fn vertex_cache(triangles: impl IntoIterator<Item = [u32; 3]>, size: usize) 
     let mut counts = VertexCache::default();
     let mut fifo = VecDeque::with_capacity(size.min(1 << 16));
     let mut missed = Vec::new();
+
     for triangle in triangles {
         counts.triangles += 1;
         for vertex in triangle {
@@ -55,6 +56,8 @@ pub fn vertex_cache(triangles: impl IntoIterator<Item = [u32; 3]>, size: usize) 
             }
         }
     }
+
+    // Each vertex has to be loaded once, whatever the order.
     counts.misses = missed.len() as u64;
     missed.sort_unstable();
     missed.dedup();

@@ -179,9 +179,11 @@ fn t_junctions(mesh: &TriMesh, edges: &[[u32; 2]]) -> Vec<Crack> {
     let ends = |[a, b]: &[u32; 2]| [*a, *b].map(|v| mesh.positions[v as usize]);
     let boxes: Vec<Aabb> = edges.iter().map(|edge| Aabb::of_points(&ends(edge))).collect();
     let tree = BoxTree::reaching(&boxes, |edge| T_JUNCTION_TOLERANCE * length(edges[edge]));
+
     let mut vertices = edges.concat();
     vertices.sort_unstable();
     vertices.dedup();
+
     let mut found = Vec::new();
     for vertex in vertices {
         let point = position(vertex);

@@ -201,14 +201,17 @@ impl<'a> Simplifier<'a> {
                 self.stars[v as usize].insert(index);
             }
         }
+
         let merged = self.quadrics[u as usize];
         self.quadrics[v as usize] += merged;
         self.removed[u as usize] = true;
+
         for half in around.into_iter().flat_map(|w| [(u, w), (w, u)]) {
             if let Some(cost) = self.costs.remove(&half) {
                 self.queue.remove(&(cost, half.0, half.1));
             }
         }
+
         self.queue_around(v);
         for w in self.neighbours(v) {
             self.queue_around(w);

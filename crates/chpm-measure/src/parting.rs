@@ -114,10 +114,12 @@ mod tests {
         let turned = |degrees: f32| [degrees.to_radians().cos(), degrees.to_radians().sin(), 0.3];
         let page = |i: u32| [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], turned(40.0 + i as f32)];
         let blade = |i: u32| [[0.0, 0.0, 1.0], turned(40.0 + i as f32), turned(41.0 + i as f32)];
+
         for triangles in [(0..8).map(page).collect::<Vec<_>>(), (0..8).map(blade).collect()] {
             let found =
                 Parting::find(triangles[4], Parting::corners_of(&triangles, [&[0, 1, 2, 3], &[4, 5, 6, 7]]))
                     .unwrap();
+
             let middle = |i: usize| {
                 nalgebra::Point3::from(
                     triangles[i].iter().fold(Vector3::zeros(), |sum, c| sum + geom::to_f64(*c).coords / 3.0),
@@ -126,6 +128,7 @@ mod tests {
             let [low, high] = [found.squared_distances(middle(0)), found.squared_distances(middle(7))];
             assert!(low[0] == 0.0 && low[1] > 1e-4 && high[0] > 1e-4 && high[1] == 0.0, "{low:?} {high:?}");
         }
+
         let sheet = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let sheets = [sheet; 4];
         let corners = Parting::corners_of(&sheets, [&[0, 1], &[2, 3]]);

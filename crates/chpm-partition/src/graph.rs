@@ -138,12 +138,14 @@ impl CsrGraph {
         for (new, &old) in nodes.iter().enumerate() {
             local[old as usize] = new as u32;
         }
+
         let mut graph = CsrGraph {
             offsets: Vec::with_capacity(nodes.len() + 1),
             neighbors: Vec::new(),
             edge_weights: Vec::new(),
             node_weights: nodes.iter().map(|&node| self.node_weight(node)).collect(),
         };
+
         graph.offsets.push(0);
         for &node in nodes {
             for (neighbor, weight) in self.neighbors_of(node) {

@@ -102,6 +102,7 @@ impl<'a> Bisection<'a> {
         if nodes < 2 {
             return vec![0; nodes];
         }
+
         let mut best: Option<(u64, Vec<u8>)> = None;
         for attempt in 0..TRIES {
             let near = (mix(seed, attempt) % nodes as u64) as u32;
@@ -111,6 +112,7 @@ impl<'a> Bisection<'a> {
                 best = Some((cut, side));
             }
         }
+
         self.side = best.map(|(_, side)| side).unwrap_or_default();
         self.take_stock();
         for _ in 0..PASSES {
@@ -222,11 +224,14 @@ impl<'a> Bisection<'a> {
                 heaps[usize::from(side)].push((self.gain[node as usize], Reverse(node)));
             }
         }
+
+        // Moves go on past a worse state; at the end all behind the best one are taken back.
         let mut moved = vec![false; nodes];
         let mut moves: Vec<u32> = Vec::new();
         let patience = PATIENCE.max(nodes / 64);
         let (mut fall, mut best_fall) = (0i64, 0i64);
         let (mut best_excess, mut best_length) = (self.excess(), 0);
+
         while moves.len() < best_length + patience
             && let Some(node) = self.next_move(&mut heaps, &moved)
         {
@@ -240,11 +245,13 @@ impl<'a> Bisection<'a> {
                     heaps[side].push((self.gain[neighbor as usize], Reverse(neighbor)));
                 }
             }
+
             let excess = self.excess();
             if (excess, -fall) < (best_excess, -best_fall) {
                 (best_excess, best_fall, best_length) = (excess, fall, moves.len());
             }
         }
+
         for node in moves.drain(best_length..).rev() {
             self.flip(node);
         }
@@ -269,11 +276,14 @@ impl<'a> Bisection<'a> {
                 }
             }
         }
+
+        // A side that is too heavy gives first; else the larger gain decides.
         let overweight = (0..2).find(|&side| self.weights[side] > self.limits[side]);
         let from = match overweight {
             Some(side) if candidates[side].is_some() => side,
             _ => usize::from(candidates[1] > candidates[0]),
         };
+
         let (_, Reverse(node)) = candidates[from]?;
         heaps[from].pop();
         Some(node)

@@ -32,10 +32,12 @@ impl Quality {
                 }
             }
         }
+
         let mut fragments = vec![0; part_count as usize];
         for fragment in &Fragments::of(graph, parts).list {
             fragments[fragment.part as usize] += 1;
         }
+
         let heaviest = weights.iter().copied().max().unwrap_or(0);
         let total = graph.total_weight();
         let imbalance = if total == 0 { 1.0 } else { heaviest as f64 * f64::from(part_count) / total as f64 };

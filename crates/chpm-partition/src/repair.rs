@@ -43,10 +43,12 @@ impl Fragments {
         let mut of_node = vec![u32::MAX; parts.len()];
         let mut list = Vec::new();
         let mut stack = Vec::new();
+
         for (first, &part) in parts.iter().enumerate() {
             if of_node[first] != u32::MAX {
                 continue;
             }
+
             let id = list.len() as u32;
             let mut weight = 0;
             of_node[first] = id;
@@ -60,6 +62,7 @@ impl Fragments {
                     }
                 }
             }
+
             list.push(Fragment { part, weight, first: first as u32 });
         }
         Fragments { list, of_node }
@@ -230,16 +233,19 @@ fn fill_empty(graph: &CsrGraph, parts: &mut [u32], part_count: u32, report: &mut
     for (node, &part) in parts.iter().enumerate() {
         members[part as usize].push(node as u32);
     }
+
     let empty: Vec<u32> = (0..part_count).filter(|&part| members[part as usize].is_empty()).collect();
     if empty.is_empty() {
         return;
     }
+
     let weigh = |part: u32, nodes: &[u32]| {
         let weight: u64 = nodes.iter().map(|&node| u64::from(graph.node_weight(node))).sum();
         (nodes.len() > 1).then_some((weight, Reverse(part)))
     };
     let mut divisible: BinaryHeap<_> =
         (0..part_count).filter_map(|part| weigh(part, &members[part as usize])).collect();
+
     for new in empty {
         let Some((_, Reverse(old))) = divisible.pop() else {
             break;

@@ -86,6 +86,7 @@ pub fn contacts<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync>(
             return Err(ProximityError::Length { what, got });
         }
     }
+
     let between = Between::new(&a.frame(poses[0]), &b.frame(poses[1]));
     let before = [a.reads(), b.reads()];
     let mut search = ContactSearch {
@@ -101,6 +102,7 @@ pub fn contacts<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync>(
         pool,
         jobs: Vec::new(),
     };
+
     let complete = search.run(before, go_on)?;
     let regions = search.found.regions();
     let reads = [since(a.reads(), before[0]), since(b.reads(), before[1])];
@@ -265,9 +267,11 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
         let ((t, place), (u, other)) = (p.triangle(i), q.moved(j, &self.between));
         let errors = [self.a.wrong(a).error, self.b.wrong(b).error];
         let levels = [self.a.level(a), self.b.level(b)];
+
         let (origin, pose) = (Vector3::from(self.a.file().header().origin), *self.poses[0]);
         let world = move |point: Vector3<f64>| pose.apply((point + origin).into());
         let counts = [self.counts(self.a, x), self.counts(self.b, y)];
+
         self.pairs += 1;
         let first = self.found.mark(0, (x, place), levels[0], counts[0], &t, &world);
         let second = self.found.mark(1, (y, other), levels[1], counts[1], &u, &world);
@@ -275,6 +279,7 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
             let what = "triangles";
             return Err(ProximityError::TooMany { what, limit: self.near.most });
         }
+
         let root = self.found.join(first, second);
         let best = &mut self.found.best[root];
         let near = &close.near;
@@ -282,6 +287,7 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
         best.least = best.least.min((near.least - lost).max(0.0));
         let most = near.most + errors[0] + errors[1] + self.between.margin;
         self.farthest = self.farthest.max(most);
+
         if most < best.most || best.witness.is_none() {
             best.most = most;
             let triangles = [place, other];
@@ -422,6 +428,7 @@ impl Found {
             let root = self.root(id);
             let (best, mark) = (self.best[root], self.marks[id]);
             let Some(witness) = best.witness else { continue };
+
             let region = regions.entry(root).or_insert_with(|| {
                 order.push(root);
                 Region {
@@ -436,6 +443,7 @@ impl Found {
                     high: mark.high,
                 }
             });
+
             region.triangles[mark.side] += 1;
             region.area[mark.side] += mark.area;
             region.levels[mark.side] = region.levels[mark.side].max(mark.level);
@@ -444,6 +452,7 @@ impl Found {
                 region.high[axis] = region.high[axis].max(mark.high[axis]);
             }
         }
+
         let mut regions: Vec<Region> = order.iter().filter_map(|root| regions.remove(root)).collect();
         regions.sort_by(|a, b| a.least.total_cmp(&b.least).then(b.depth.total_cmp(&a.depth)));
         regions

@@ -129,6 +129,7 @@ impl<D: AsRef<[u8]> + Sync> Finder<'_, '_, D> {
             {
                 return ControlFlow::Continue(());
             }
+
             let crossing = Crossing {
                 clusters: [x, y],
                 triangles: [p.place(i), q.place(j)],
@@ -139,6 +140,7 @@ impl<D: AsRef<[u8]> + Sync> Finder<'_, '_, D> {
                 Err(error) => ControlFlow::Break(error),
             }
         });
+
         match end {
             ControlFlow::Break(error) => Err(error),
             ControlFlow::Continue(()) => Ok(()),

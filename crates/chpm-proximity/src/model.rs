@@ -91,10 +91,12 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
             let got = if certified { "version 1.0, which has no gaps" } else { "estimated errors" };
             return Err(ProximityError::Unproven { expected: "a file with proven distances", got });
         }
+
         let shelf =
             Shelf { budget: budget.0, used: 0, clock: 0, kept: HashMap::new(), reads: Reads::default() };
         let leaves = file.clusters().iter().filter(|record| record.is_leaf() && !record.is_trimmed());
         let rounding = leaves.map(|record| f64::from(record.min_error)).fold(0.0, f64::max);
+
         let (hierarchy, beyond) = (Hierarchy::new(file), vec![0.0; file.groups().len()]);
         let mut model = Model { file, hierarchy, rounding, beyond, farthest: 0.0, shelf: Mutex::new(shelf) };
         for group in model.hierarchy.top_down().iter().rev() {
@@ -103,6 +105,7 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
             model.beyond[group.index()] =
                 if model.is_leaf(*group) { model.wrong(*group).distance } else { below };
         }
+
         let ends = model.beyond.iter().filter(|beyond| **beyond < f64::from(f32::MAX));
         model.farthest = ends.copied().fold(0.0, f64::max);
         Ok(model)

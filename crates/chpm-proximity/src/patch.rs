@@ -195,6 +195,7 @@ impl Patch {
         if self.is_empty() || other.is_empty() {
             return ControlFlow::Continue(());
         }
+
         let squared = reach * reach;
         let mut open = vec![(0, 0)];
         while let Some((a, b)) = open.pop() {
@@ -202,6 +203,7 @@ impl Patch {
             if between.squared(&x.block(), &y.block()) > squared {
                 continue;
             }
+
             match further(x, y) {
                 None => {
                     for i in x.triangles() {
@@ -353,11 +355,13 @@ fn divide(corners: &[[[f32; 3]; 3]], items: &mut [Item], first: u32, nodes: &mut
     let at = nodes.len();
     let count: u32 = items.iter().map(|item| item.count).sum();
     nodes.push(Node { min: [0.0; 3], max: [0.0; 3], first, count, other: 0 });
+
     let mut bounds = Aabb::EMPTY;
     if count as usize <= FEW {
         let places = items.iter().flat_map(Item::places);
         places.for_each(|place| corners[place as usize].iter().for_each(|corner| bounds.add(*corner)));
     } else {
+        // Two halves by the median along the longest axis.
         let mut middles = Aabb::EMPTY;
         items.iter().for_each(|item| middles.add(item.middle));
         let size = |axis: usize| middles.max[axis] - middles.min[axis];
@@ -372,6 +376,7 @@ fn divide(corners: &[[[f32; 3]; 3]], items: &mut [Item], first: u32, nodes: &mut
         nodes[at].other = nodes.len() as u32;
         bounds.merge(&divide(corners, high, first + begun, nodes));
     }
+
     (nodes[at].min, nodes[at].max) = (bounds.min, bounds.max);
     bounds
 }

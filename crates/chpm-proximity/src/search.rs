@@ -211,6 +211,7 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
                 end = Some(decided);
                 break;
             }
+
             let is_crowded = self.front.pairs() > self.question.most_pairs;
             if room.is_some_and(|room| self.pairs - from > room || is_crowded) {
                 return Ok(None);
@@ -222,10 +223,12 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
             if !go_on(a.plus(b)) {
                 return Ok(Some(End::Stopped));
             }
+
             self.front.waiting.pop();
             self.pairs += 1;
             self.take(pair, least)?;
         }
+
         if room.is_none() {
             self.front.is_whole(self.pairs - from);
         }

@@ -64,13 +64,16 @@ impl Adjacency {
         for corner in triangles.as_flattened() {
             self.slices[usize::from(*corner)].1 += 1;
         }
+
         let mut offset = 0;
         for slice in &mut self.slices {
             slice.0 = offset;
             offset += std::mem::take(&mut slice.1);
         }
+
         self.arena.clear();
         self.arena.resize(offset as usize, Wing::default());
+
         for (face, &[x, y, z]) in (0..).zip(triangles) {
             for (vertex, a, b) in [(x, y, z), (y, z, x), (z, x, y)] {
                 let slice = &mut self.slices[usize::from(vertex)];
@@ -124,6 +127,7 @@ impl Adjacency {
         let merged = self.arena.len();
         let (v_offset, v_count) = self.slices[usize::from(v)];
         let (u_offset, u_count) = self.slices[usize::from(u)];
+
         let mut died = 0;
         for i in u_offset..u_offset + u_count {
             let wing = self.arena[i as usize];
@@ -140,12 +144,14 @@ impl Adjacency {
                 self.rename(wing.b, u, v);
             }
         }
+
         for i in v_offset..v_offset + v_count {
             let wing = self.arena[i as usize];
             if !wing.has(u) {
                 self.arena.push(wing);
             }
         }
+
         self.slices[usize::from(v)] = (merged as u32, (self.arena.len() - merged) as u32);
         self.slices[usize::from(u)].1 = 0;
         died

@@ -247,6 +247,7 @@ impl AttributeErrorTracker {
         let mut at = std::mem::take(&mut self.corners);
         let mut changed = std::mem::take(&mut self.changed);
         changed.clear();
+
         for sector in overlay.sectors() {
             at.clear();
             at.push([0.0; 2]);
@@ -260,6 +261,7 @@ impl AttributeErrorTracker {
                 }
             });
         }
+
         for (new, error) in (1..).zip(&changed) {
             let (face, corners) = Overlay::new_face(ring, new);
             self.keep(Some(face), *error, corners);
@@ -289,7 +291,7 @@ impl AttributeErrorTracker {
         }
         self.largest = larger(self.largest, error.deviations);
         if let Some(face) = face {
-            self.faces[face as usize] = attribute_error;
+            self.faces[face as usize] = error;
         }
     }
 

@@ -193,12 +193,14 @@ impl<'a, 'd> Run<'a, 'd> {
             if locked {
                 state.set(VertexFlags::FIXED);
             }
+
             let mut stays = |refusal| {
                 if !locked {
                     self.refusals.add(refusal);
                     state.set(VertexFlags::FIXED);
                 }
             };
+
             if count > MAX_SPINE {
                 stays(Refusal::Valence);
             } else if count > MAX_VALENCE
@@ -216,6 +218,7 @@ impl<'a, 'd> Run<'a, 'd> {
                     OneRingKind::Closed | OneRingKind::Broken => {}
                 }
             }
+
             states.push(state);
         }
     }
@@ -371,10 +374,13 @@ impl<'a, 'd> Run<'a, 'd> {
             self.refuse(u);
             return false;
         };
+
         let cost = self.all.prices.of_bound(bound);
         if held.is_some_and(|least| least < HELD_BACK * cost) {
             return false;
         }
+
+        // It comes up again at its price.
         if cost > next {
             self.state(u).set(VertexFlags::OFFERED);
             self.all.queue.push(Entry::offer(cost, u));
@@ -383,6 +389,7 @@ impl<'a, 'd> Run<'a, 'd> {
         if self.is_steep(goal, bound) {
             return true;
         }
+
         self.forced += 1;
         self.carry_out(v, bound, cost);
         false

@@ -34,10 +34,12 @@ pub(crate) fn check_topology(
         OneRingKind::Open(first, last) if v != first && v != last => return Err(Refusal::Boundary),
         _ => {}
     }
+
     let degree = one_ring.wings.len();
     if mesh.count(v) > 4 * MAX_VALENCE {
         return Err(Refusal::Valence);
     }
+
     let (mut before, mut after) = (None, None);
     for wing in &one_ring.wings {
         if wing.b == v {
@@ -47,6 +49,7 @@ pub(crate) fn check_topology(
             after = Some(wing.b);
         }
     }
+
     if given.is_locked(v) && joins_locked(given, one_ring, [Some(v), before, after]) {
         return Err(Refusal::LockedEdge);
     }
@@ -54,6 +57,7 @@ pub(crate) fn check_topology(
     if remaining + degree > MAX_VALENCE + 4 {
         return Err(Refusal::Valence);
     }
+
     let dying = usize::from(before.is_some()) + usize::from(after.is_some());
     if degree == dying && !keeps_apex {
         return Err(Refusal::Component);

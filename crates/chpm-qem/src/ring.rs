@@ -79,6 +79,7 @@ impl Ring {
                 (self.arms[axis][i], self.arms[axis][len + i]) = (arm, arm);
             }
         }
+
         let [x, y, z] = &self.arms;
         let mut reach: f64 = 0.0;
         for i in 0..len {
@@ -94,6 +95,7 @@ impl Ring {
             let squared = x[i] * x[i] + y[i] * y[i] + z[i] * z[i];
             reach = if squared > reach { squared } else { reach };
         }
+
         self.reach = reach;
     }
 

@@ -100,6 +100,7 @@ impl ActiveList {
         let (front, left) = (&self.front, &mut self.left);
         let clusters = file.clusters();
         left.clear();
+
         if changed {
             self.members.retain(|active| {
                 let cluster = active.member.cluster;
@@ -110,6 +111,7 @@ impl ActiveList {
                 stays
             });
         }
+
         let mut steps = 0;
         for active in &mut self.members {
             let bound = front.bound(active.group);
@@ -120,6 +122,7 @@ impl ActiveList {
                 steps += u64::from(before.abs_diff(active.member.vertices));
             }
         }
+
         let entered = front.entered().iter().map(|entered| (entered.cluster, entered.finest));
         for (cluster, finest) in roots.iter().map(|root| (*root, false)).chain(entered) {
             let record = &clusters[cluster.index()];

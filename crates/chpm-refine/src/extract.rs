@@ -62,11 +62,13 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         mut go_on: impl FnMut() -> Result<(), E>,
     ) -> Result<Self, E> {
         cut.check(file)?;
+
         let mut room = bytes;
         let mut kept = Vec::new();
         let [mut error, mut distance] = [0.0_f32; 2];
         let mut triangles = 0;
         let mut weld = Weld::new(file.header().shared_vertex_count);
+
         for (number, member) in cut.members().iter().enumerate() {
             let page = member.page(file)?;
             let view = page.view();
@@ -75,6 +77,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             let own = view.error_at(member.vertices as usize);
             error = error.max(own);
             distance = distance.max(file.gaps(file.clusters()[member.cluster.index()].group()).distance(own));
+
+            // Pages are kept from the first one on, as far as they fit.
             let takes = page.bytes_or(&[]).len() as u64;
             if kept.len() == number && takes <= room {
                 room -= takes;
@@ -82,6 +86,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             }
             go_on()?;
         }
+
         let vertex_count = weld.count;
         Ok(Extraction { file, cut, vertex_count, triangle_count: triangles, error, distance, kept })
     }
@@ -167,12 +172,14 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             let page = self.page(number)?;
             let page = page.view();
             let before = piece.positions.len();
+
             if before > 0 && before + member.vertices as usize > limit {
                 sink(piece.view(), &piece.triangles)?;
                 piece.clear_vertices();
                 piece.triangles.clear();
                 weld.forget(shared.drain(..));
             }
+
             weld.enter(&page, member.vertices as usize)?;
             shared.extend_from_slice(page.shared_ids);
             piece.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
@@ -274,6 +281,7 @@ impl Weld {
         for v in self.triangles.as_flattened() {
             self.index[usize::from(*v)] = 0;
         }
+
         self.fresh.clear();
         let mut shared = page.shared().peekable();
         for (local, index) in self.index.iter_mut().enumerate() {
@@ -281,6 +289,7 @@ impl Weld {
             if *index == UNUSED {
                 continue;
             }
+
             let known = id.and_then(|(_, id)| self.shared[id as usize]);
             let next = self.count.checked_add(1).and_then(NonZeroU32::new);
             let number = known.or(next).ok_or(RefineError::TooManyVertices { limit: UNUSED })?;

@@ -166,11 +166,13 @@ where
         let pages = coarse().map(|cluster| self.profiles.page(cluster)).collect::<Result<Vec<_>, E>>()?;
         let pages: Vec<_> = pages.iter().map(PageBuf::view).collect();
         let mut seams = Seams::new(&pages, coarse().map(|cluster| self.vertices(cluster)).collect());
+
         let lod = &mut self.lod;
         let mut count = |positions: &[usize]| -> u64 {
             let meshes = pages.iter().map(Page::progressive_mesh).zip(positions);
             meshes.map(|(mesh, n)| lod.count(&mesh, *n) as u64).sum()
         };
+
         let before = count(seams.positions(0));
         let steps = seams.undo_all();
         let mut added = |step| count(seams.positions(step)).saturating_sub(before);
@@ -179,6 +181,7 @@ where
         for (cluster, n) in coarse().zip(seams.positions(reached)) {
             self.positions[cluster.index()] = *n as u32;
         }
+
         if reached < steps || file.groups()[group.index()].is_leaf() {
             return Ok(());
         }

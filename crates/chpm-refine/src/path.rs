@@ -110,10 +110,12 @@ impl FromStr for CameraPath {
         let bare = |line: &'_ str| line.find('#').map_or(line.len(), |at| at);
         let lines = (1..).zip(text.lines()).map(|(n, line)| (n, line[..bare(line)].trim()));
         let mut lines = lines.filter(|(_, line)| !line.is_empty());
+
         let first = lines.next().unwrap_or((1, ""));
         if !first.1.split_whitespace().eq(VERSION.split_whitespace()) {
             return Err(wrong(first.0, VERSION, first.1));
         }
+
         let camera = |(n, line): (usize, &str)| {
             let numbers: Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
             match numbers.as_deref() {

@@ -62,6 +62,7 @@ impl Request {
         go_on: impl FnMut() -> Result<(), E>,
     ) -> Result<Cut, E> {
         let model = file.header().source_triangle_count;
+
         match *self {
             Request::Within(bound) => {
                 let distance = less(bound.of(file.header().aabb().diagonal()), rounding);

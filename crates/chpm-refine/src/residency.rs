@@ -111,12 +111,15 @@ impl Residency {
                 self.request(root, &mut traffic);
             }
         }
+
         let bytes = |wanted: &Wanted| self.units[wanted.group.index()].bytes;
         let by_priority = |a: &Wanted, b: &Wanted| by_priority(hierarchy, a, b);
         let mut room = self.budget.saturating_sub(self.root_bytes);
         if wanted.iter().map(bytes).sum::<u64>() > room {
             wanted.sort_by(by_priority);
         }
+
+        // A group is of use only where those above it are there.
         wanted.retain(|wanted| {
             let bytes = self.units[wanted.group.index()].bytes;
             let used = |above: GroupId| self.units[above.index()].used == self.now;
@@ -127,6 +130,7 @@ impl Residency {
             }
             fits && !self.units[wanted.group.index()].kept
         });
+
         wanted.sort_by(by_priority);
         self.fetch_all(file, hierarchy, &wanted, &mut traffic);
         traffic

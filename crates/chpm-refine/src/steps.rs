@@ -44,9 +44,11 @@ impl Steps {
         let base = mesh.base_vertex_count;
         let mut lists = Lists::of_collapsed(mesh);
         let (births, corners) = (&mut self.place, &mut self.corners);
+
         corners.clear();
         self.ends.clear();
         self.ends.resize(mesh.targets.len() + 1, 0);
+
         for (collapse, target) in mesh.targets.iter().enumerate().rev() {
             let mut next = lists.first[collapse];
             while next != NONE {
@@ -66,6 +68,7 @@ impl Steps {
                     lists.push(list, corner);
                 }
             }
+
             self.ends[collapse] = corners.len() as u32;
         }
     }

@@ -66,6 +66,7 @@ pub fn icosphere(level: u32) -> TriMesh {
         [-g, 0.0, -1.0],
         [-g, 0.0, 1.0],
     ];
+
     let mut points: Vec<[f64; 3]> = corners.map(unit).to_vec();
     let mut triangles: Vec<[u32; 3]> = vec![
         [0, 11, 5],
@@ -89,6 +90,7 @@ pub fn icosphere(level: u32) -> TriMesh {
         [8, 6, 7],
         [9, 8, 1],
     ];
+
     for _ in 0..level {
         let mut middles = BTreeMap::new();
         let mut middle = |a: u32, b: u32| {

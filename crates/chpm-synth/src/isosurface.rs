@@ -119,9 +119,11 @@ impl Isosurface {
         let mut below = self.field(0, self.nz);
         let mut above = self.field(1, self.nz);
         let mut low = self.layer(&below, &above, &mut next);
+
         for z in 0..self.nz {
             let beyond = self.field(z + 2, self.nz);
             let high = self.layer(&above, &beyond, &mut next);
+
             for (x, y) in rows(self.n) {
                 for triangle in &self.cells[usize::from(self.inside(&below, &above, x, y))] {
                     batch.push(triangle.map(|cut| {
@@ -133,6 +135,7 @@ impl Isosurface {
                     }))?;
                 }
             }
+
             (below, above, low) = (above, beyond, high);
         }
         Ok(())

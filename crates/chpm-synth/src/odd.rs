@@ -387,12 +387,14 @@ mod tests {
                 let plan = odd.plan(wanted);
                 let (name, got) = (odd.name, f64::from(plan.triangles));
                 assert!((got / f64::from(wanted) - 1.0).abs() < 0.1, "{name}: {got} of {wanted}");
+
                 let mut used = vec![false; plan.vertices as usize];
                 for t in 0..plan.triangles {
                     let [a, b, c] = plan.corners(t);
                     assert!(a != b && b != c && c != a, "{name}: {t}");
                     [a, b, c].iter().for_each(|v| used[*v as usize] = true);
                 }
+
                 let unused = used.iter().filter(|used| !**used).count();
                 assert!(
                     unused * 100 <= used.len() * if name == "random" { 6 } else { 1 },
@@ -401,6 +403,7 @@ mod tests {
                 assert!((0..plan.vertices).all(|v| plan.place(v).iter().all(|x| x.is_finite())), "{name}");
             }
         }
+
         let names: BTreeSet<&str> = ODDS.iter().map(|odd| odd.name).collect();
         assert_eq!(names.len(), ODDS.len());
     }

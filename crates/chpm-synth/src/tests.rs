@@ -12,6 +12,7 @@ fn euler_of_closed(mesh: &TriMesh, name: &str) -> i64 {
             next.insert((u, v), w);
         }
     }
+
     let mut valence = vec![0; mesh.positions.len()];
     let mut start = vec![None; mesh.positions.len()];
     for &(u, v) in &edges {
@@ -19,6 +20,7 @@ fn euler_of_closed(mesh: &TriMesh, name: &str) -> i64 {
         valence[u as usize] += 1;
         start[u as usize] = Some(v);
     }
+
     for (u, first) in start.iter().enumerate() {
         let first = first.unwrap_or_else(|| panic!("{name}: {u} is isolated"));
         let (mut at, mut steps) = (first, 0);
@@ -31,6 +33,7 @@ fn euler_of_closed(mesh: &TriMesh, name: &str) -> i64 {
         }
         assert_eq!(steps, valence[u], "{name}: {u} has several fans");
     }
+
     mesh.positions.len() as i64 - edges.len() as i64 / 2 + mesh.triangles.len() as i64
 }
 

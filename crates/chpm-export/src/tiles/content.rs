@@ -51,6 +51,7 @@ pub fn tile<D: AsRef<[u8]>>(
     let n = mesh.position(&page);
     let mesh = compact(&page, n);
     let error = page.error_at(n);
+
     let facts = Facts {
         generator: options.generator.clone(),
         placement: options.placement(),
@@ -60,6 +61,7 @@ pub fn tile<D: AsRef<[u8]>>(
     if options.packed && count > 0 {
         return Ok((packed_glb::whole(&facts, attributes, mesh.view(), &mesh.triangles)?, count));
     }
+
     let bounds = Aabb::of_points(&mesh.positions);
     let vertices = mesh.positions.len() as u64;
     let mut glb = GlbWriter::new(Vec::new(), &facts, attributes, vertices, count, &bounds)?;

@@ -211,15 +211,18 @@ fn every_cluster_is_a_part_of_one_that_it_covers_with_the_others() {
     let tree = tree(&file);
     let mut seen = BTreeSet::new();
     let mut several = 0;
+
     for parent in (0..file.clusters().len() as u32).map(ClusterId) {
         let record = &file.clusters()[parent.index()];
         let children: Vec<ClusterId> = tree.children(&file, parent).collect();
         several += u32::from(file.groups()[record.group().index()].coarse_count > 1 && !children.is_empty());
         assert_eq!(children.is_empty(), record.is_leaf(), "{parent:?}");
+
         for child in &children {
             assert_eq!(file.clusters()[child.index()].parent_group(), record.group());
             assert!(seen.insert(child.0), "{child:?} is a part of one alone");
         }
+
         if !children.is_empty() {
             let mut below: Vec<_> =
                 children.iter().flat_map(|child| triangles(&file, *child, Mesh::Base)).collect();
@@ -237,6 +240,7 @@ fn every_cluster_is_a_part_of_one_that_it_covers_with_the_others() {
 fn a_tile_has_the_mesh_and_the_bounds_of_its_cluster() {
     let file = built(Shape::Isosurface, 1500, None);
     let mut gaps = 0;
+
     for cluster in (0..file.clusters().len() as u32).map(ClusterId) {
         for mesh in Mesh::of(&file, cluster) {
             let (bytes, count) = glb(&file, (cluster, *mesh), &options(true, 8));

@@ -56,6 +56,7 @@ impl<D: AsRef<[u8]>> Writer<'_, D> {
     fn top(&mut self) -> String {
         let header = self.file.header();
         let size = header.aabb().diagonal();
+
         let roots: Vec<ClusterId> = self.file.roots().collect();
         let mut root = match roots[..] {
             [root] => self.tile(root, ""),
@@ -71,10 +72,12 @@ impl<D: AsRef<[u8]>> Writer<'_, D> {
                 json!({ "boundingVolume": self.sphere(center.into(), radius), "geometricError": NOTHING * size, "children": children })
             }
         };
+
         root["refine"] = "REPLACE".into();
         if let Some(transform) = self.transform() {
             root["transform"] = json!(transform);
         }
+
         let asset = json!({ "version": "1.1", "extras": { "generator": self.options.generator } });
         let levels = json!({ "triangles": header.source_triangle_count, "diagonal": size });
         json!({ "asset": asset, "geometricError": NOTHING * size, "extras": levels, "root": root })
@@ -87,6 +90,7 @@ impl<D: AsRef<[u8]>> Writer<'_, D> {
         let record = &file.clusters()[cluster.index()];
         let mut tile = self.node(cluster);
         tile["content"] = self.content(cluster, Mesh::Base, up);
+
         let mut children = Vec::new();
         for child in self.tree.children(file, cluster) {
             let level = file.clusters()[child.index()].level;
@@ -99,12 +103,14 @@ impl<D: AsRef<[u8]>> Writer<'_, D> {
             children.push(outside);
             self.waiting.push(child);
         }
+
         if Mesh::of(file, cluster).contains(&Mesh::Finest) {
             let mut finest = self.node(cluster);
             finest["geometricError"] = 0.into();
             finest["content"] = self.content(cluster, Mesh::Finest, up);
             children.push(finest);
         }
+
         if !children.is_empty() {
             tile["children"] = children.into();
         }

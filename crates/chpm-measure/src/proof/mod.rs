@@ -320,6 +320,7 @@ impl<'a> Prover<'a> {
             }
             Feature::Corner => return None,
         };
+
         let (mut part, before) = (*piece, self.stack.len());
         for plane in planes {
             let Some([Some(inside), outside]) = part.cut(plane, 0.25 * loss) else {
@@ -329,6 +330,7 @@ impl<'a> Prover<'a> {
             part = inside;
             self.stack.extend(outside);
         }
+
         let most = farthest_corner(&part, face, allowed + loss).filter(|_| self.stack.len() > before);
         if most.is_none() {
             self.stack.truncate(before);
@@ -353,6 +355,7 @@ impl<'a> Prover<'a> {
                     Allowed::Same(distance) => self.target.at_least(point) - loss > *distance,
                     Allowed::Own(own) => self.target.is_beyond(point, &own.near, |tile| own.of[tile] + loss),
                 };
+
                 if is_beyond {
                     let distance = (self.target.at_least(point) - loss).max(0.0);
                     let witness = Witness { at: point.coords.into(), distance, tile: candidate.hit.tile };
@@ -362,6 +365,7 @@ impl<'a> Prover<'a> {
                 }
                 false
             }
+
             Goal::Raise { allowed, least, at, tolerance } => {
                 let distance = self.target.at_least(point) - loss;
                 if distance > *least {

@@ -69,16 +69,20 @@ impl Piece {
             *height = plane.normal.dot(&(corner - plane.at));
         }
         let heights = &heights[..count];
+
         if heights.iter().all(|height| *height <= slack) {
             return Some([Some(*self), None]);
         }
         if heights.iter().all(|height| *height > 0.0) {
             return Some([None, Some(*self)]);
         }
+
+        // A convex polygon crosses a plane twice; another one was bent by rounding.
         let crosses = |i: usize| (heights[i] > 0.0) != (heights[(i + 1) % count] > 0.0);
         if (0..count).filter(|i| crosses(*i)).count() != 2 || count + 2 > MOST {
             return None;
         }
+
         let (mut inside, mut outside) = (Piece::empty(self.depth + 1), Piece::empty(self.depth + 1));
         for (i, corner) in self.corners().iter().enumerate() {
             let part = if heights[i] > 0.0 { &mut outside } else { &mut inside };
@@ -91,6 +95,7 @@ impl Piece {
                 outside.push(between);
             }
         }
+
         Some([Some(inside), Some(outside)])
     }
 

@@ -284,6 +284,7 @@ proptest! {
         let crowd: Vec<Corners> = crowd.into_iter().map(|t| t.map(flat)).collect();
         let triangle = triangle.map(flat);
         let count = crowd.len() as u32;
+
         let mesh = TriMesh::new(
             crowd.as_flattened().to_vec(),
             (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
@@ -292,6 +293,7 @@ proptest! {
         let found = prover(&target).within(triangle, &Allowed::Same(distance), LIMIT);
         let alone = TriMesh::new(triangle.to_vec(), vec![[0, 1, 2]]);
         let most = sampled(&alone, &mesh, 30);
+
         match found.verdict {
             Verdict::Within => {
                 prop_assert!(most <= distance + 1e-9, "{most} {distance}");

@@ -115,9 +115,11 @@ mod tests {
             for sector in 1..count - 1 {
                 let u =
                     [0, 1].map(|k| 0.31 * ring[0][k] + 0.33 * ring[sector][k] + 0.36 * ring[sector + 1][k]);
+
                 let arrangement = Arrangement::new(count, sector);
                 let mut expected = BTreeSet::new();
                 let mut found = BTreeSet::new();
+
                 for new in 1..count - 1 {
                     found.extend(arrangement.cells(new).iter().map(|c| (new, usize::from(c.old))));
                     for old in 0..count {
@@ -128,6 +130,7 @@ mod tests {
                         }
                     }
                 }
+
                 assert_eq!(found, expected, "loop of {count}, u over face {sector}");
             }
         }
@@ -152,6 +155,7 @@ mod tests {
             }
             polygon = kept;
         }
+
         let doubled = |i: usize| {
             let (x, y) = (polygon[i], polygon[(i + 1) % polygon.len()]);
             x[0] * y[1] - x[1] * y[0]

@@ -64,10 +64,13 @@ impl BothOneRings {
         let before = [&self.foot, &self.ring[old], &self.ring[(old + 1) % self.ring.len()]];
         let after = [&self.ring[0], &self.ring[new], &self.ring[new + 1]];
         let mut polygon: Vec<ExactPoint> = before.into_iter().cloned().collect();
+
         let sense = area(after[0], after[1], after[2]).cmp(&RBig::ZERO);
         for side in 0..3 {
             polygon = clip(&polygon, after[side], after[(side + 1) % 3], sense);
         }
+
+        // Faces that only touch have no cell in common.
         let twice: RBig = polygon
             .iter()
             .zip(polygon.iter().cycle().skip(1))
@@ -76,6 +79,7 @@ impl BothOneRings {
         if twice == RBig::ZERO {
             return vec![];
         }
+
         let corner = |at: &ExactPoint| {
             let (of_u, from) = height_over(before, at);
             let (_, to) = height_over(after, at);
@@ -93,6 +97,7 @@ fn area(a: &ExactPoint, b: &ExactPoint, c: &ExactPoint) -> RBig {
 fn clip(polygon: &[ExactPoint], a: &ExactPoint, b: &ExactPoint, sense: Ordering) -> Vec<ExactPoint> {
     let beside: Vec<RBig> = polygon.iter().map(|p| area(a, b, p)).collect();
     let is_in = |i: usize| beside[i].cmp(&RBig::ZERO) != sense.reverse();
+
     let mut left = Vec::new();
     for i in 0..polygon.len() {
         let next = (i + 1) % polygon.len();
@@ -110,6 +115,7 @@ fn clip(polygon: &[ExactPoint], a: &ExactPoint, b: &ExactPoint, sense: Ordering)
             });
         }
     }
+
     left
 }
 
@@ -148,12 +154,14 @@ fn check(overlay: &mut Overlay, ring: RingView<'_>, normal: Vector3<f64>, before
     if !overlay.bound_along(normal, ring, before, &mut bounds) {
         return false;
     }
+
     let unit = normal.try_normalize(0.0).expect("a direction");
     let fans = BothOneRings::new(ring, unit, slide(overlay, ring));
     for new in 1..ring.len() - 1 {
         let (face, stored) = bounds[new - 1];
         assert_eq!(face, ring.faces()[new]);
         let faces = (0..ring.len()).filter(|old| ring.faces()[*old] != NO_FACE);
+
         for (old, corner) in faces.flat_map(|old| fans.overlap(old, new).into_iter().map(move |c| (old, c))) {
             let of = before[ring.faces()[old] as usize].ends();
             let stored = stored.ends();
@@ -300,6 +308,7 @@ fn the_oracle_is_asked() {
         open: None,
         behind: None,
     };
+
     for (squash, roughness) in [(1.0, 1.0), (1.0, 1e-13), (1e-8, 1.0), (1e-8, 1e-7), (1e-9, 0.01)] {
         for open in [None, Some(true), Some(false)] {
             let one_ring = OneRing { squash, roughness, open, ..base.clone() };

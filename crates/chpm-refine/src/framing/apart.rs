@@ -112,12 +112,14 @@ fn parts(points: &[Point3<f64>], triangles: &[[u32; 3]]) -> Vec<Part> {
         }
         point
     };
+
     for [a, b, c] in triangles {
         for (one, other) in [(a, b), (a, c)] {
             let (one, other) = (find(&mut leaders, *one), find(&mut leaders, *other));
             leaders[one.max(other) as usize] = one.min(other);
         }
     }
+
     let mut numbers = vec![usize::MAX; points.len()];
     let mut parts: Vec<Part> = Vec::new();
     for (place, corners) in (0..).zip(triangles) {
@@ -126,6 +128,7 @@ fn parts(points: &[Point3<f64>], triangles: &[[u32; 3]]) -> Vec<Part> {
             *number = parts.len();
             parts.push(Part { extent: Extent::NOTHING, area: 0.0, triangles: Vec::new() });
         }
+
         let part = &mut parts[*number];
         part.triangles.push(place);
         part.area += area(points, corners);

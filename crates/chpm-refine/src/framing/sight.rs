@@ -76,9 +76,11 @@ fn cover(at: [[f64; 3]; 3], [width, height]: [usize; 2], mut tell: impl FnMut(us
         let high = at.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
         (low - 0.5).ceil().max(0.0) as usize..((high - 0.5).floor() + 1.0).clamp(0.0, count as f64) as usize
     };
+
     if area == 0.0 {
         return;
     }
+
     for row in range(1, height) {
         for column in range(0, width) {
             let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);

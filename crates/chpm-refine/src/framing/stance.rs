@@ -172,6 +172,7 @@ mod tests {
     /// With z up: a desk, a column on a plinth, a horse of boxes along y, and hills.
     fn known() -> [(&'static str, Mesh); 4] {
         let [mut desk, mut column, mut horse, mut hills] = [const { (Vec::new(), Vec::new()) }; 4];
+
         add_box(&mut desk, [-2.0, -1.0, 1.4], [2.0, 1.0, 1.5]);
         add_box(&mut horse, [-0.4, -1.5, 1.2], [0.4, 1.5, 2.2]);
         add_box(&mut horse, [-0.2, 1.2, 2.0], [0.2, 1.6, 3.4]);
@@ -181,6 +182,7 @@ mod tests {
         }
         add_box(&mut column, [-1.0, -1.0, 0.0], [1.0, 1.0, 0.5]);
         add_box(&mut column, [-0.5, -0.6, 0.5], [0.5, 0.6, 6.0]);
+
         let side = 40;
         for place in 0..side * side {
             let [x, y] = [place % side, place / side].map(|n| 0.2 * n as f32);
@@ -191,6 +193,7 @@ mod tests {
                     .extend([[place, place + 1, place + side], [place + 1, place + side + 1, place + side]]);
             }
         }
+
         [("desk", desk), ("column", column), ("horse", horse), ("hills", hills)]
     }
 
@@ -272,6 +275,7 @@ mod tests {
             }
             fish.1.extend([[first, first + 1, first + 2], [first, first + 2, first + 1]]);
         }
+
         fish
     }
 

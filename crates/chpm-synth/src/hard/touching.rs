@@ -74,6 +74,7 @@ pub(super) fn pages(triangles: u32) -> TriMesh {
     let wanted = f64::from(triangles) / f64::from(2 * PAGES);
     let deep = ((wanted / 4.0).sqrt().round() as u32).max(1);
     let high = ((wanted / f64::from(deep)).round() as u32).max(1);
+
     let mut mesh = TriMesh::default();
     for faces in 3..=50u32 {
         let spine = mesh.positions.len() as u32;
@@ -81,6 +82,7 @@ pub(super) fn pages(triangles: u32) -> TriMesh {
         let steps = |n: u32| 1.0 / f64::from(n);
         let height = |i: u32| 4.0 * steps(high) * f64::from(i);
         mesh.positions.extend((0..=high).map(|i| [x, 0.0, height(i)].map(|c| c as f32)));
+
         for page in 0..faces {
             let (cos, sin) = turn(f64::from(page) / f64::from(faces));
             let first = mesh.positions.len() as u32;
@@ -91,6 +93,7 @@ pub(super) fn pages(triangles: u32) -> TriMesh {
                 let column = (0..=high).map(|i| [place[0], place[1], height(i)].map(|c| c as f32));
                 mesh.positions.extend(column);
             }
+
             let at = |along: u32, i: u32| match along {
                 0 => spine + i,
                 _ => first + (along - 1) * (high + 1) + i,
@@ -121,6 +124,7 @@ fn faces_of_cells(size: [u32; 3], wanted: impl Fn([i64; 3], [i64; 3]) -> bool) -
     let [w, h, d] = size;
     let corners = (0..=d).flat_map(|z| (0..=h).flat_map(move |y| (0..=w).map(move |x| [x, y, z])));
     let at = |[x, y, z]: [u32; 3]| (z * (h + 1) + y) * (w + 1) + x;
+
     let mut mesh = TriMesh::new(corners.map(|corner| corner.map(|c| c as f32)).collect(), Vec::new());
     for cell in (0..d).flat_map(|z| (0..h).flat_map(move |y| (0..w).map(move |x| [x, y, z]))) {
         for (axis, side) in [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)] {
@@ -129,6 +133,7 @@ fn faces_of_cells(size: [u32; 3], wanted: impl Fn([i64; 3], [i64; 3]) -> bool) -
             if !wanted(cell.map(i64::from), next) {
                 continue;
             }
+
             let corner = |along: u32, up: u32| {
                 let mut corner = cell;
                 corner[axis] += side;
@@ -136,6 +141,7 @@ fn faces_of_cells(size: [u32; 3], wanted: impl Fn([i64; 3], [i64; 3]) -> bool) -
                 corner[(axis + 2) % 3] += up;
                 at(corner)
             };
+
             let [a, b, c, e] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
             let two = if side == 1 { [[a, b, c], [a, c, e]] } else { [[a, c, b], [a, e, c]] };
             mesh.triangles.extend(two);

@@ -179,11 +179,13 @@ impl Viewer {
     fn keep(&mut self, eyes: &[Eye], last: CacheKey, stats: &mut Stats) {
         let mut watch = Watch::start();
         self.now += 1;
+
         if let Some(depth) = &self.depth {
             for (model, eye) in self.models.iter_mut().zip(eyes) {
                 if !eye.culling.occlusion || !model.asked.is_empty() {
                     continue;
                 }
+
                 let doubtful = model.scene.doubtful(&eye.view, eye.culling);
                 if doubtful.is_empty() {
                     continue;
@@ -197,6 +199,7 @@ impl Viewer {
                 model.send(subjects, answers);
             }
         }
+
         (stats.triangles, stats.clusters_drawn, stats.kept) = (last.triangles, last.clusters, true);
         stats.scale = last.scale;
         self.count(stats);

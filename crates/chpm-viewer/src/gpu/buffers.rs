@@ -115,6 +115,7 @@ impl Canvas {
         let row = 4 * width;
         let pitch = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let bytes = u64::from(pitch) * u64::from(height);
+
         let staging = buffer(gpu, "image", bytes, BufferUsages::COPY_DST | BufferUsages::MAP_READ);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_texture_to_buffer(
@@ -129,6 +130,7 @@ impl Canvas {
             },
             self.texture.size(),
         );
+
         gpu.queue.submit([encoder.finish()]);
         let padded = read(gpu, &staging, bytes)?;
         Ok(padded.chunks_exact(pitch as usize).flat_map(|line| &line[..row as usize]).copied().collect())

@@ -124,15 +124,18 @@ impl Occlusion {
     /// For a device.
     pub fn new(gpu: &Gpu) -> Self {
         let shader = gpu.shader(&[camera_uniform::WGSL, include_str!("../shaders/occlusion.wgsl")]);
+
         let bindings = [UNIFORM, UNIFORM, DEPTH_TEXTURE, WRITE, READ, WRITE, WRITE];
         let main = layout(gpu, "occlusion", &bindings.map(|binding| (ShaderStages::COMPUTE, binding)));
         let step = layout(gpu, "level", &[(ShaderStages::COMPUTE, UNIFORM)]);
         let pipeline = |entry| compute(gpu, &[&main, &step], &shader, entry);
+
         let steps = (0..LEVELS as u32).map(|level| {
             let uniform = buffer(gpu, "level", 16, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
             gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&[level, 0, 0, 0]));
             group(gpu, &step, &[uniform.as_entire_binding()])
         });
+
         let size = size_of::<Params>() as u64;
         Occlusion {
             steps: steps.collect(),

@@ -100,10 +100,12 @@ impl Borders {
             Together::Below(group) => file.fine(group).to_vec(),
             Together::Seams(group) => file.coarse(group).to_vec(),
         };
+
         let pages: Option<Vec<_>> = clusters.iter().map(|id| pages[*id as usize].as_ref()).collect();
         let Some(pages) = pages else { return false };
         let mut faces: HashMap<u32, Vec<[f64; 3]>> = HashMap::new();
         let mut ids = Vec::new();
+
         for page in pages {
             let page = page.page();
             ids.clear();
@@ -120,6 +122,7 @@ impl Borders {
                 }
             }
         }
+
         for (id, faces) in faces {
             self.codes[id as usize] = Facing::of_faces(&faces).code() ^ UNKNOWN;
         }

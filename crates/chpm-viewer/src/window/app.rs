@@ -471,10 +471,12 @@ impl App {
                 couple.mark(context, session.camera(), size, scale);
             }
         }
+
         if self.couple.as_mut().is_some_and(|couple| couple.show(context)) {
             self.wake();
         }
         let mut commands = self.show_panel(context);
+
         if self.session.is_none() && self.building.is_none() {
             overlay::nothing(context);
         }
@@ -486,9 +488,11 @@ impl App {
         {
             self.options.prepare.cancel();
         }
+
         if let Some(damage) = self.session.as_ref().and_then(|session| session.viewer.damage()) {
             overlay::damage(context, &damage.to_string());
         }
+
         self.note = self.note.take().filter(|(_, since)| since.elapsed() < NOTE);
         if let Some((note, _)) = &self.note {
             overlay::note(context, note);

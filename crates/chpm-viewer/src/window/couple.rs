@@ -81,6 +81,7 @@ impl Couple {
     pub(super) fn show(&mut self, context: &egui::Context) -> bool {
         let (mut step, mut plays) = (self.step, self.is_playing());
         let area = egui::Area::new(Id::unique("relation")).anchor(Align2::RIGHT_CENTER, vec2(-10.0, 0.0));
+
         area.show(context, |ui| {
             style::frame().show(ui, |ui| {
                 ui.set_max_width(300.0);
@@ -99,6 +100,7 @@ impl Couple {
                 }
             });
         });
+
         let changes = step != self.step || plays != self.is_playing();
         self.go(step);
         if plays != self.is_playing() {
@@ -111,9 +113,11 @@ impl Couple {
     pub(super) fn mark(&self, context: &egui::Context, camera: &Camera, size: [u32; 2], scale: f32) {
         let Some(Ok(relation)) = self.now() else { return };
         let painter = context.layer_painter(LayerId::new(Order::Background, Id::unique("relation marks")));
+
         let point = |[x, y]: [f64; 2]| pos2(x as f32 / scale, y as f32 / scale);
         let seen =
             |ends: [[f64; 3]; 2]| project(ends.map(Point3::from), camera, size).map(|line| line.map(point));
+
         for region in relation.regions.iter().flat_map(|regions| &regions.all).take(MARKED) {
             for edge in edges(region) {
                 if let Some(line) = seen(edge) {
@@ -124,11 +128,13 @@ impl Couple {
                 painter.circle_filled(at, 2.5, MARK);
             }
         }
+
         let Some([a, b]) = relation.ends.and_then(seen) else { return };
         painter.line_segment([a, b], Stroke::new(2.0, LIVE));
         for end in [a, b] {
             painter.circle_stroke(end, 4.0, Stroke::new(1.5, LIVE));
         }
+
         let text = format!("{} units", between(relation.distance));
         let galley = painter.layout_no_wrap(text, FontId::monospace(12.0), CLEAR);
         let place = Align2::CENTER_BOTTOM.anchor_size(a + 0.5 * (b - a) - vec2(0.0, 8.0), galley.size());
@@ -168,6 +174,7 @@ fn lines(answer: Option<&Result<Relation, String>>) -> Vec<(String, Color32)> {
         Some(Err(told)) => return vec![(told.clone(), WARNING)],
         Some(Ok(relation)) => relation,
     };
+
     let mut lines = vec![
         (format!("distance {} units", between(relation.distance)), CLEAR),
         (relation.state.clone(), QUIET),
@@ -175,6 +182,7 @@ fn lines(answer: Option<&Result<Relation, String>>) -> Vec<(String, Color32)> {
     let Some(Regions { within, all, complete }) = &relation.regions else { return lines };
     let few = if all.len() == 1 { "region" } else { "regions" };
     lines.push((format!("{} {few} within {} units", count(all.len() as u64), length(*within)), MARK));
+
     for Region { distance: [_, most], area: [a, b], levels: [l, m], .. } in all.iter().take(LISTED) {
         let [most, a, b] = [*most, *a, *b].map(length);
         lines.push((format!("{most} apart, area {a} and {b}, level {l} and {m}"), CLEAR));
@@ -182,6 +190,7 @@ fn lines(answer: Option<&Result<Relation, String>>) -> Vec<(String, Color32)> {
     if let Some(more @ 1..) = all.len().checked_sub(LISTED) {
         lines.push((format!("and {more} more"), QUIET));
     }
+
     if !complete {
         lines.push(("undecided: there may be more".to_owned(), WARNING));
     }

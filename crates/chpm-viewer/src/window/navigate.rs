@@ -68,6 +68,7 @@ impl Navigator {
     pub fn new(bounds: &Aabb, origin: [f64; 3]) -> Self {
         let camera = Camera::framing(bounds).relative_to(origin.map(|x| -x));
         let radius = Some(0.5 * bounds.diagonal()).filter(|r| *r > 0.0 && r.is_finite()).unwrap_or(1.0);
+
         let frame = Frame::upward(Vector3::y());
         let pose = Pose { anchor: Point3::from(camera.target), yaw: 0.0, pitch: 0.0, reach: 0.0 };
         let mut navigator = Navigator {
@@ -87,6 +88,7 @@ impl Navigator {
             front: (0.0, 0.0),
             roll: 0.0,
         };
+
         navigator.jump(&camera);
         navigator
     }

@@ -221,6 +221,7 @@ fn detail(ui: &mut Ui, settings: &mut Settings, last: &Stats) {
         ui.selectable_value(&mut settings.budgeted, false, "pixels of error");
         ui.selectable_value(&mut settings.budgeted, true, "triangles");
     });
+
     if settings.budgeted {
         ui.add(
             egui::Slider::new(&mut settings.triangles, TRIANGLES)
@@ -230,6 +231,7 @@ fn detail(ui: &mut Ui, settings: &mut Settings, last: &Stats) {
     } else {
         ui.add(egui::Slider::new(&mut settings.poe, POE).logarithmic(true).max_decimals(2).suffix(" px"));
     }
+
     ui.horizontal(|ui| {
         let does = "coarser while something moves, so that a frame takes no longer than this; and never more triangles than pixels";
         ui.toggle_value(&mut settings.adaptive, "fluid").on_hover_text(does);
@@ -237,6 +239,7 @@ fn detail(ui: &mut Ui, settings: &mut Settings, last: &Stats) {
         ui.spacing_mut().slider_width = 110.0;
         ui.add_enabled(settings.adaptive, slider.suffix(" ms"));
     });
+
     row(ui, "shown", &format!("{} triangles, {} px", count(last.triangles), digits(last.poe)));
 }
 

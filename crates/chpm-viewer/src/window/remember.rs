@@ -199,10 +199,12 @@ mod tests {
         let model = Path::new("/no/where/model.chpm");
         let file = memory.file(model).unwrap();
         let good = toml::to_string(&remembered(model)).unwrap();
+
         let swapped = |from: &str, to: &str| {
             assert!(good.contains(from), "{from} in {good}");
             good.replacen(from, to, 1).into_bytes()
         };
+
         for bad in [
             Vec::new(),
             b"\xff\xfe".to_vec(),
@@ -216,6 +218,7 @@ mod tests {
             let note = memory.recall(model).unwrap_err();
             assert!(note.contains(file.to_str().unwrap()), "{note}");
         }
+
         fs::write(&file, &good).unwrap();
         assert_eq!(memory.recall(model), Ok(Some(remembered(model))));
         assert_eq!(Memory { folder: None }.recall(model), Ok(None));

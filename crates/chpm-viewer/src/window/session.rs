@@ -177,6 +177,7 @@ impl Session {
                 moves
             }
         };
+
         if let Some(recorder) = &mut self.recorder {
             recorder.go(&self.camera, seconds);
         }
@@ -401,6 +402,7 @@ impl Session {
         let Some((seen, member, error)) = self.cluster_at(at, size)? else { return Ok(()) };
         let Some(file) = self.viewer.files().nth(seen.model as usize) else { return Ok(()) };
         let record = &file.clusters()[member.cluster.index()];
+
         let group = if record.is_root() {
             "a root".to_owned()
         } else {
@@ -411,6 +413,7 @@ impl Session {
         } else {
             String::new()
         };
+
         self.inspected = vec![
             format!("{} of level {}, in group {}, {group}{of}", member.cluster, record.level, record.group),
             format!("drawn with {} of {} vertices", member.vertices, record.vertex_count),
