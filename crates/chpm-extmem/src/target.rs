@@ -24,8 +24,7 @@ const TAIL: usize = 24;
 pub fn target(path: &Path, overwrite: bool) -> Result<PathBuf, ExtmemError> {
     let failed = |source| ExtmemError::io("create", path, 0, source);
     // What ends in a slash or a dot is a directory, whether it is there or not.
-    let ends_in_name = |name: &OsStr| path.as_os_str().as_bytes().ends_with(name.as_bytes());
-    if !path.file_name().is_some_and(ends_in_name) {
+    if !path.file_name().is_some_and(|name| path.as_os_str().as_bytes().ends_with(name.as_bytes())) {
         return Err(ExtmemError::NotAFile { path: path.to_owned() });
     }
     let is_link = match path.symlink_metadata() {

@@ -164,12 +164,16 @@ impl BoxTree {
     /// Keeps partings, each with its node.
     fn keep(&mut self, mut parted: Vec<(u32, Parted)>) {
         parted.sort_by_key(|(node, _)| *node);
-        let before = |node: u32| parted.partition_point(|(other, _)| *other < node) as u32;
-        self.first_partings = (0..=self.nodes.len() as u32).map(before).collect();
+        self.first_partings = (0..=self.nodes.len() as u32)
+            .map(|node| parted.partition_point(|(other, _)| *other < node) as u32)
+            .collect();
         self.partings = parted.into_iter().map(|(_, parted)| parted).collect();
         let all = self.nodes[0].count() as u8;
-        let is_whole = |parted: &&Parted| parted.sets[0][0] == 0 && parted.sets[1][1] == all;
-        self.halves = self.partings_of(0).iter().find(is_whole).map(|parted| parted.parting);
+        self.halves = self
+            .partings_of(0)
+            .iter()
+            .find(|parted| parted.sets[0][0] == 0 && parted.sets[1][1] == all)
+            .map(|parted| parted.parting);
     }
 
     fn partings_of(&self, node: usize) -> &[Parted] {

@@ -166,8 +166,10 @@ pub fn cracks(lod: &TriMesh, source: &TriMesh) -> Vec<Crack> {
     let mut allowed: Vec<[u32; 3]> = boundary_vertices(source).into_iter().map(|v| bits(source, v)).collect();
     allowed.sort_unstable();
     let edges = boundary_edges(lod);
-    let is_allowed = |v: &u32| allowed.binary_search(&bits(lod, *v)).is_ok();
-    let opened = edges.iter().filter(|e| !e.iter().all(is_allowed)).map(|&edge| Crack::Opened { edge });
+    let opened = edges
+        .iter()
+        .filter(|e| !e.iter().all(|v| allowed.binary_search(&bits(lod, *v)).is_ok()))
+        .map(|&edge| Crack::Opened { edge });
     let mut found: Vec<Crack> = opened.chain(t_junctions(lod, &edges)).collect();
     found.sort_unstable();
     found

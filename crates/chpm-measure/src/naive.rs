@@ -62,8 +62,13 @@ impl<'a> Simplifier<'a> {
         // Quadrics hold squares of coordinates: keep those small.
         let center = Aabb::of_points(&mesh.positions).center();
         let points: Vec<_> = mesh.positions.iter().map(|p| Point3::from(geom::to_f64(*p) - center)).collect();
-        let proper = |&[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
-        let faces: Vec<_> = mesh.triangles.iter().copied().filter(proper).map(Some).collect();
+        let faces: Vec<_> = mesh
+            .triangles
+            .iter()
+            .copied()
+            .filter(|&[a, b, c]| a != b && b != c && c != a)
+            .map(Some)
+            .collect();
         let mut stars = vec![BTreeSet::new(); points.len()];
         for (index, face) in faces.iter().enumerate() {
             for v in face.iter().flatten() {
@@ -172,8 +177,9 @@ impl<'a> Simplifier<'a> {
 
     /// Faces that the collapse keeps, before and after.
     fn moved_faces(&self, u: u32, v: u32) -> impl Iterator<Item = ([u32; 3], [u32; 3])> {
-        let moved = move |face: [u32; 3]| (face, face.map(|w| if w == u { v } else { w }));
-        self.star(u).filter(move |face| !face.contains(&v)).map(moved)
+        self.star(u)
+            .filter(move |face| !face.contains(&v))
+            .map(move |face| (face, face.map(|w| if w == u { v } else { w })))
     }
 
     fn has_face(&self, face: [u32; 3]) -> bool {

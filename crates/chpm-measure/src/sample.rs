@@ -39,9 +39,9 @@ impl<'a> Sampler<'a> {
         let mut is_used = vec![false; mesh.positions.len()];
         mesh.triangles.as_flattened().iter().for_each(|v| is_used[*v as usize] = true);
         let vertices = (0..).zip(is_used).filter(|(_, used)| *used).map(|(v, _)| v).collect();
-        let sides = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
         let edge = |(u, v): (u32, u32)| u64::from(u.min(v)) << 32 | u64::from(u.max(v));
-        let mut edges: Vec<u64> = mesh.triangles.iter().flat_map(sides).map(edge).collect();
+        let mut edges: Vec<u64> =
+            mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).map(edge).collect();
         edges.sort_unstable();
         edges.dedup();
         let edges = edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]).collect();

@@ -111,8 +111,7 @@ fn order(held: &[Held]) -> Vec<u64> {
         let [x, y, z] = [0, 1, 2].map(|axis| ((sample.point[axis] - low[axis]) * cells) as u32);
         spread(x) | spread(y) << 1 | spread(z) << 2
     };
-    let place = |(i, sample)| u64::from(cell(sample)) << 32 | i;
-    let mut order: Vec<u64> = (0..).zip(held).map(place).collect();
+    let mut order: Vec<u64> = (0..).zip(held).map(|(i, sample)| u64::from(cell(sample)) << 32 | i).collect();
     order.sort_unstable();
     order
 }

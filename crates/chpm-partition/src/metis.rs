@@ -99,8 +99,10 @@ impl Task<'_> {
         };
         drop(guard);
         result.map_err(|error| failed(error.to_string()))?;
-        let part = |part: i32| u32::try_from(part).ok().filter(|&part| part < self.parts);
-        let in_range: Option<Vec<u32>> = assignment.into_iter().map(part).collect();
+        let in_range: Option<Vec<u32>> = assignment
+            .into_iter()
+            .map(|part| u32::try_from(part).ok().filter(|&part| part < self.parts))
+            .collect();
         in_range.ok_or_else(|| failed("a part out of range".to_owned()))
     }
 }

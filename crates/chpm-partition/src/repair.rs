@@ -298,8 +298,9 @@ fn half_of(graph: &CsrGraph, members: &[u32], parts: &[u32]) -> Vec<u32> {
             weights[order[place].1] += weights[place];
         }
     }
-    let off_half = |&place: &usize| (weights[place] * 2).abs_diff(total);
-    let chosen = (0..order.len()).filter(|&place| weights[place] < total).min_by_key(off_half);
+    let chosen = (0..order.len())
+        .filter(|&place| weights[place] < total)
+        .min_by_key(|&place| (weights[place] * 2).abs_diff(total));
 
     let mut taken = vec![false; order.len()];
     for (place, &(_, parent)) in order.iter().enumerate() {

@@ -61,8 +61,8 @@ fn views_meet(s: &[Point3<f64>; 2], r: &[Point3<f64>; 2], axis: usize) -> bool {
 /// Whether a point of a triangle's plane is in the triangle; never, where the triangle is none.
 fn is_inside(p: Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> bool {
     let is_triangle = (0..3).any(|axis| turn(*a, *b, *c, axis) != 0.0);
-    let view = |axis: usize| agree([turn(*a, *b, p, axis), turn(*b, *c, p, axis), turn(*c, *a, p, axis)]);
-    is_triangle && (0..3).all(view)
+    is_triangle
+        && (0..3).all(|axis| agree([turn(*a, *b, p, axis), turn(*b, *c, p, axis), turn(*c, *a, p, axis)]))
 }
 
 #[cfg(test)]

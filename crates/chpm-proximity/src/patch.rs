@@ -71,8 +71,8 @@ pub(crate) struct Found {
 impl Patch {
     /// `often`: boxes that are tighter, and take longer to make.
     pub(crate) fn new(page: &Page<'_>, often: bool) -> Self {
-        let corner = |v: u16| page.positions[usize::from(v)];
-        let corners: Vec<[[f32; 3]; 3]> = page.triangles.iter().map(|t| t.map(corner)).collect();
+        let corners: Vec<[[f32; 3]; 3]> =
+            page.triangles.iter().map(|t| t.map(|v| page.positions[usize::from(v)])).collect();
         let mut items = if often { each_alone(&corners) } else { in_runs(&corners) };
         let mut nodes = Vec::with_capacity(corners.len());
         if !corners.is_empty() {

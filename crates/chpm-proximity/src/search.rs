@@ -329,8 +329,11 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
         let mut order: Vec<(f64, ClusterId, ClusterId)> = Vec::new();
         for x in self.a.coarse(a) {
             let block = self.a.cluster_block(x);
-            let pair = |y| (self.between.squared(&block, &self.b.cluster_block(y)).sqrt(), x, y);
-            order.extend(self.b.coarse(b).map(pair));
+            order.extend(
+                self.b
+                    .coarse(b)
+                    .map(|y| (self.between.squared(&block, &self.b.cluster_block(y)).sqrt(), x, y)),
+            );
         }
         order.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
         // Meshes that are farther apart prove that the pair plays no part.

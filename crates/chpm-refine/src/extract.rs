@@ -150,8 +150,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         let mut triangles = Vec::new();
         self.walk(|_, weld| {
             triangles.clear();
-            let welded = |corners: &[u16; 3]| corners.map(|v| weld.index[usize::from(v)]);
-            triangles.extend(weld.triangles.iter().map(welded));
+            triangles
+                .extend(weld.triangles.iter().map(|corners| corners.map(|v| weld.index[usize::from(v)])));
             sink(&triangles)
         })
     }
@@ -184,8 +184,9 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             shared.extend_from_slice(page.shared_ids);
             piece.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
             piece.decode_normals();
-            let welded = |corners: &[u16; 3]| corners.map(|v| weld.index[usize::from(v)]);
-            piece.triangles.extend(weld.triangles.iter().map(welded));
+            piece
+                .triangles
+                .extend(weld.triangles.iter().map(|corners| corners.map(|v| weld.index[usize::from(v)])));
         }
         if piece.triangles.is_empty() { Ok(()) } else { sink(piece.view(), &piece.triangles) }
     }
@@ -213,8 +214,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             fresh.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
             fresh.decode_normals();
             triangles.clear();
-            let welded = |corners: &[u16; 3]| corners.map(|v| weld.index[usize::from(v)]);
-            triangles.extend(weld.triangles.iter().map(welded));
+            triangles
+                .extend(weld.triangles.iter().map(|corners| corners.map(|v| weld.index[usize::from(v)])));
             sink(fresh.view(), &triangles)
         })
     }

@@ -61,10 +61,10 @@ struct GroupState {
 impl Front {
     /// The coarsest cut of a file.
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
-        let unbrought = |id: &u32| u32::from(!file.clusters()[*id as usize].is_root());
         let ids = || (0..file.groups().len() as u32).map(GroupId);
         let state = |id| {
-            let missing = file.coarse(id).iter().map(unbrought).sum();
+            let missing =
+                file.coarse(id).iter().map(|id| u32::from(!file.clusters()[*id as usize].is_root())).sum();
             GroupState { bound: f32::INFINITY, missing, below: 0, split: false }
         };
         let states: Vec<_> = ids().map(state).collect();

@@ -122,8 +122,8 @@ impl Residency {
         // A group is of use only where those above it are there.
         wanted.retain(|wanted| {
             let bytes = self.units[wanted.group.index()].bytes;
-            let used = |above: GroupId| self.units[above.index()].used == self.now;
-            let fits = bytes <= room && parents(file, wanted.group).all(used);
+            let fits = bytes <= room
+                && parents(file, wanted.group).all(|above| self.units[above.index()].used == self.now);
             if fits {
                 room -= bytes;
                 self.units[wanted.group.index()].used = self.now;

@@ -45,8 +45,10 @@ pub fn fan(n: u32) -> TriMesh {
 /// A flat zigzag strip of `n` triangles over `n + 2` vertices.
 pub fn strip(n: u32) -> TriMesh {
     let positions = (0..n + 2).map(|i| [(i / 2) as f32, (i % 2) as f32, 0.0]).collect();
-    let triangle = |i: u32| if i.is_multiple_of(2) { [i, i + 2, i + 1] } else { [i, i + 1, i + 2] };
-    TriMesh::new(positions, (0..n).map(triangle).collect())
+    TriMesh::new(
+        positions,
+        (0..n).map(|i| if i.is_multiple_of(2) { [i, i + 2, i + 1] } else { [i, i + 1, i + 2] }).collect(),
+    )
 }
 
 /// A ball of `20 * 4^level` triangles: an icosahedron, subdivided onto the unit sphere.
@@ -199,11 +201,15 @@ pub fn mixed_winding() -> TriMesh {
 
 /// `n` triangles side by side that share no vertex.
 pub fn soup(n: u32) -> TriMesh {
-    let corners = |i: u32| {
-        let x = 2.0 * i as f32;
-        [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]]
-    };
-    TriMesh::new((0..n).flat_map(corners).collect(), (0..n).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
+    TriMesh::new(
+        (0..n)
+            .flat_map(|i| {
+                let x = 2.0 * i as f32;
+                [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]]
+            })
+            .collect(),
+        (0..n).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+    )
 }
 
 /// `k` triangles about the one edge between vertices 0 and 1, like pages of an open book.

@@ -143,11 +143,10 @@ fn terrain_is_one_rough_sheet() {
     let heights = chpm_mesh::Aabb::of_points(&mesh.positions);
     assert_eq!((heights.min[0], heights.max[1]), (0.0, 1.0));
     assert!(heights.max[2] - heights.min[2] > 0.05);
-    let looks_up = |t: &[u32; 3]| {
+    assert!(mesh.triangles.iter().all(|t| {
         let [a, b, c] = mesh.corners(*t);
         chpm_mesh::geom::area_vector(a, b, c).z > 0.0
-    };
-    assert!(mesh.triangles.iter().all(looks_up));
+    }));
     assert_eq!(components(&mesh), 1);
 }
 

@@ -359,8 +359,9 @@ impl Viewer {
             return Ok(None);
         }
         let depth = self.probe.depth(&self.gpu, depth, pixel)?;
-        let absolute = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] + self.origin[axis]);
-        Ok(camera_uniform.point(pixel, depth).map(absolute))
+        Ok(camera_uniform
+            .point(pixel, depth)
+            .map(|point| std::array::from_fn(|axis| point[axis] + self.origin[axis])))
     }
 }
 

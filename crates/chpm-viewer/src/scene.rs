@@ -206,8 +206,11 @@ impl Scene {
             }
             // Those below come first.
             for wanted in wanted.iter_mut().rev() {
-                let below = |fine: &u32| seen[self.file.clusters()[*fine as usize].group().index()];
-                let any = self.file.fine(wanted.group).iter().any(below);
+                let any = self
+                    .file
+                    .fine(wanted.group)
+                    .iter()
+                    .any(|fine| seen[self.file.clusters()[*fine as usize].group().index()]);
                 seen[wanted.group.index()] |= any;
                 if !seen[wanted.group.index()] {
                     wanted.priority = 0.0;
@@ -395,8 +398,10 @@ impl Scene {
                 groups.extend(below.filter(|below| asks(*below)));
             }
         }
-        let question = |group| (Subject::Group(group), TestBox::of_region(hierarchy.region(group)));
-        groups.into_iter().map(question).collect()
+        groups
+            .into_iter()
+            .map(|group| (Subject::Group(group), TestBox::of_region(hierarchy.region(group))))
+            .collect()
     }
 
     /// Takes in answers.

@@ -286,8 +286,11 @@ fn the_origin_comes_before_what_was_asked_for() {
     let mesh = TriMesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]]);
     let folder = tempfile::tempdir().unwrap();
     let [source, output] = ["far.obj", "far.chpm"].map(|name| folder.path().join(name));
-    let line = |p: &[f32; 3]| format!("v {} {} {}\n", p[0] + 1000.1, p[1] + 2000.0, p[2] - 300.0);
-    let text: String = mesh.positions.iter().map(line).collect();
+    let text: String = mesh
+        .positions
+        .iter()
+        .map(|p| format!("v {} {} {}\n", p[0] + 1000.1, p[1] + 2000.0, p[2] - 300.0))
+        .collect();
     fs::write(&source, text + "f 1 2 3\n").unwrap();
     build(&source, &output, &BuildConfig::default(), &Silent, &Cancel::default()).unwrap();
     let file = Chpm::open(fs::read(output).unwrap()).unwrap();

@@ -131,8 +131,8 @@ impl Face {
             return 0.0;
         }
         let direction = away / length;
-        let behind = |corner: &Point3<f64>| direction.dot(&(point - corner));
-        let least = self.corners.iter().map(behind).fold(f64::INFINITY, f64::min);
+        let least =
+            self.corners.iter().map(|corner| direction.dot(&(point - corner))).fold(f64::INFINITY, f64::min);
         (least - LOSS * self.largest.max(point.coords.amax())).max(0.0)
     }
 }

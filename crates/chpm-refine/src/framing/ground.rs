@@ -80,8 +80,7 @@ impl Ground {
         // On the ground: the two other axes, so that areas are positive counterclockwise.
         let axes = [(up.axis() + 1) % 3, (up.axis() + 2) % 3];
         let below = |point: &Point3<f64>| axes.map(|axis| point[axis]);
-        let is_low = |patch: &&Patch| height(patch) <= low + TOUCHES * tall;
-        let touching = || patches.iter().filter(is_low);
+        let touching = || patches.iter().filter(|patch| height(patch) <= low + TOUCHES * tall);
         let (area, moment, rise) = patches.iter().fold((0.0, [0.0; 2], 0.0), |(area, [x, y], z), patch| {
             let (share, at) = (patch.normal.norm(), below(&patch.at));
             (area + share, [x + share * at[0], y + share * at[1]], z + share * (height(patch) - low))

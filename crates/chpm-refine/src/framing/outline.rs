@@ -51,10 +51,11 @@ impl Outline {
     pub fn of_file<D: AsRef<[u8]>>(file: &Chpm<D>) -> Result<Self, RefineError> {
         let clusters = file.clusters();
         let most = |member: &Member| u64::from(clusters[member.cluster.index()].triangle_count);
-        let is_coarse = |cut: &Cut| cut.members().iter().map(most).sum::<u64>() <= TRIANGLES;
         let top = file.header().level_count.saturating_sub(1);
         let mut cuts = (0..=top).map(|level| Cut::at_level(file, Level(level)));
-        let cut = cuts.find(is_coarse).unwrap_or_else(|| Cut::at_level(file, Level(top)));
+        let cut = cuts
+            .find(|cut| cut.members().iter().map(most).sum::<u64>() <= TRIANGLES)
+            .unwrap_or_else(|| Cut::at_level(file, Level(top)));
         let mesh = extract(file, &cut)?;
         Ok(Outline::of_mesh(&mesh.positions, &mesh.triangles).without_specks())
     }
@@ -62,10 +63,15 @@ impl Outline {
     /// Of any mesh; triangles of points that it does not have, or that are nowhere, are left out.
     pub fn of_mesh(points: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
         let points: Vec<Point3<f64>> = points.iter().map(|p| Point3::from(p.map(f64::from))).collect();
-        let is_there = |corner: &u32| {
-            points.get(*corner as usize).is_some_and(|point| point.iter().all(|x| x.is_finite()))
-        };
-        let triangles = triangles.iter().filter(|corners| corners.iter().all(is_there)).copied().collect();
+        let triangles = triangles
+            .iter()
+            .filter(|corners| {
+                corners.iter().all(|corner| {
+                    points.get(*corner as usize).is_some_and(|point| point.iter().all(|x| x.is_finite()))
+                })
+            })
+            .copied()
+            .collect();
         Outline { triangles, points, left_out: 0.0 }
     }
 

@@ -21,11 +21,15 @@ pub(super) fn cylinder(triangles: u32) -> TriMesh {
     let around = side(triangles).max(3);
     let along = (triangles / (2 * around)).max(1);
     let rings = (0..=along).flat_map(|y| (0..around).map(move |x| (x, y)));
-    let place = |(x, y): (u32, u32)| {
-        let (cos, sin) = turn(f64::from(x) / f64::from(around));
-        [cos as f32, sin as f32, y as f32 / 64.0]
-    };
-    TriMesh::new(rings.map(place).collect(), quads(around, along, |x, y| y * around + x % around).collect())
+    TriMesh::new(
+        rings
+            .map(|(x, y)| {
+                let (cos, sin) = turn(f64::from(x) / f64::from(around));
+                [cos as f32, sin as f32, y as f32 / 64.0]
+            })
+            .collect(),
+        quads(around, along, |x, y| y * around + x % around).collect(),
+    )
 }
 
 /// Whole multiples of (1, 2, 4), all different: column after column.

@@ -49,8 +49,7 @@ fn every_case_is_a_mesh_of_about_the_size_that_was_asked_for() {
             let mut used = vec![false; mesh.positions.len()];
             mesh.triangles.as_flattened().iter().for_each(|v| used[*v as usize] = true);
             assert!(used.iter().all(|used| *used), "{case:?} has vertices that no triangle uses");
-            let proper = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
-            assert!(mesh.triangles.iter().all(proper), "{case:?}");
+            assert!(mesh.triangles.iter().all(|[a, b, c]| a != b && b != c && c != a), "{case:?}");
         }
         let bits = |mesh: TriMesh| -> Vec<u32> {
             mesh.positions.concat().into_iter().map(f32::to_bits).chain(mesh.triangles.concat()).collect()
@@ -64,8 +63,7 @@ fn every_case_is_a_mesh_of_about_the_size_that_was_asked_for() {
 #[test]
 fn names_are_words_and_differ() {
     let mut names: Vec<&str> = CASES.iter().map(|case| case.name).collect();
-    let is_word = |name: &&str| name.chars().all(|c| c.is_ascii_lowercase() || c == '-');
-    assert!(names.iter().all(is_word));
+    assert!(names.iter().all(|name| name.chars().all(|c| c.is_ascii_lowercase() || c == '-')));
     names.sort_unstable();
     names.dedup();
     assert_eq!(names.len(), CASES.len());
@@ -120,11 +118,13 @@ fn flat_ones_are_flat_to_the_last_bit() {
 fn plates_look_up_wherever_their_vertices_went() {
     for name in ["plane", "needles"] {
         let mesh = mesh(name, 10_000);
-        let looks_up = |t: &[u32; 3]| {
-            let [a, b, c] = mesh.corners(*t);
-            geom::area_vector(a, b, c).z > 0.0
-        };
-        assert!(mesh.triangles.iter().all(looks_up), "{name}");
+        assert!(
+            mesh.triangles.iter().all(|t| {
+                let [a, b, c] = mesh.corners(*t);
+                geom::area_vector(a, b, c).z > 0.0
+            }),
+            "{name}"
+        );
     }
 }
 

@@ -126,8 +126,7 @@ impl Viewer {
         stats.times.draw += watch.lap();
         let mut answers = Vec::with_capacity(self.models.len());
         for (model, (_, boxes)) in self.models.iter_mut().zip(&asked) {
-            let test = || model.test(&self.gpu, &mut encoder, depth, boxes);
-            answers.push((!boxes.is_empty()).then(test));
+            answers.push((!boxes.is_empty()).then(|| model.test(&self.gpu, &mut encoder, depth, boxes)));
         }
         stats.times.occlusion += watch.lap();
         if self.models.iter().any(|model| model.shown < model.list.count()) {
@@ -139,7 +138,7 @@ impl Viewer {
         if sampled {
             // All of it: what the tests show is switched on by now.
             let (view, background) = (target.color, look.background());
-            let picture = smooth::CacheKey { view, size: request.viewport, background };
+            let picture = smooth::Picture { view, size: request.viewport, background };
             self.smooth(&mut encoder, picture, |model| model.list.count())?;
         }
         self.gpu.queue.submit([encoder.finish()]);

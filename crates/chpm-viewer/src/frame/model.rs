@@ -352,8 +352,11 @@ impl Model {
             return Vec::new();
         };
         let (mesh, n) = (page.page().progressive_mesh(), resident.position().vertices as usize);
-        let is_drawn = |(_, corners): &(u32, &[u16; 3])| mesh.birth(**corners) <= n;
-        (0..).zip(mesh.triangles).filter(is_drawn).map(|(place, _)| place).collect()
+        (0..)
+            .zip(mesh.triangles)
+            .filter(|(_, corners)| mesh.birth(**corners) <= n)
+            .map(|(place, _)| place)
+            .collect()
     }
 }
 

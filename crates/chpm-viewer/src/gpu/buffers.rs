@@ -160,8 +160,7 @@ impl Sampled {
         size: [u32; 2],
         format: TextureFormat,
     ) -> Result<&'a Sampled, ViewerError> {
-        let is_it = |sampled: &Sampled| (sampled.size, sampled.format) == (size, format);
-        let made = match place.take().filter(is_it) {
+        let made = match place.take().filter(|sampled| (sampled.size, sampled.format) == (size, format)) {
             Some(sampled) => sampled,
             None => gpu.attempt("making an image of several samples", || Sampled::new(gpu, size, format))?,
         };

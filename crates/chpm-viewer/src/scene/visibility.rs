@@ -71,8 +71,8 @@ impl Visibility {
 
     /// Whether a group may be split for what is seen of it: one of its clusters is, or something below.
     pub fn sees<D: AsRef<[u8]>>(&self, file: &Chpm<D>, group: GroupId) -> bool {
-        let seen = |cluster: &u32| self.clusters[*cluster as usize] == Sight::Visible;
-        self.groups[group.index()].visible || file.coarse(group).iter().any(seen)
+        self.groups[group.index()].visible
+            || file.coarse(group).iter().any(|cluster| self.clusters[*cluster as usize] == Sight::Visible)
     }
 
     /// Begins a frame.

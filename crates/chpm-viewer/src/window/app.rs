@@ -450,8 +450,12 @@ impl App {
             let size = self.size();
             if let (Some(path), Some(session)) = (&self.options.screenshot, &mut self.session) {
                 let image = session.image(&self.settings, size)?;
-                let told = |error: std::io::Error| ViewerError::Window(format!("no picture: {error}"));
-                save::write(path, true, &save::png(&image).map_err(told)?)?;
+                save::write(
+                    path,
+                    true,
+                    &save::png(&image)
+                        .map_err(|error| ViewerError::Window(format!("no picture: {error}")))?,
+                )?;
             }
         }
         Ok(())

@@ -238,8 +238,10 @@ pub(super) fn record(context: &egui::Context, lines: &[String]) {
 /// The borders of what a frozen camera sees; `scale` is pixels of the image for one of the panel's points.
 pub(super) fn borders(context: &egui::Context, lines: &[Line], scale: f32) {
     let painter = context.layer_painter(LayerId::new(Order::Background, Id::unique("borders")));
-    let point = |[x, y]: [f64; 2]| egui::pos2(x as f32 / scale, y as f32 / scale);
     for line in lines {
-        painter.line_segment(line.map(point), Stroke::new(1.5, LIVE));
+        painter.line_segment(
+            line.map(|[x, y]| egui::pos2(x as f32 / scale, y as f32 / scale)),
+            Stroke::new(1.5, LIVE),
+        );
     }
 }

@@ -345,8 +345,9 @@ impl Session {
 
     /// The borders of what the frozen camera sees.
     pub(super) fn frozen_lines(&self, size: [u32; 2]) -> Vec<frustum::Line> {
-        let lines = |(camera, aspect): (Camera, f64)| frustum::lines(&camera, aspect, &self.camera, size);
-        self.frozen.map(lines).unwrap_or_default()
+        self.frozen
+            .map(|(camera, aspect)| frustum::lines(&camera, aspect, &self.camera, size))
+            .unwrap_or_default()
     }
 
     fn held_depth(&mut self, size: [u32; 2]) -> Option<f64> {
