@@ -5,7 +5,6 @@ use super::{Canvas, Instant, Viewer, Watch, passes};
 use crate::error::ViewerError;
 use crate::frame::samples::{Mean, shifts};
 use crate::frame::smooth::Picture;
-use crate::gpu::arena::Resident;
 use crate::gpu::lighting::Lighting;
 use crate::gpu::{Gpu, Kind, Mark};
 use crate::headless::{IdImage, Image, TriangleId};
