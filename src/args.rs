@@ -21,7 +21,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Turns a triangle mesh (PLY, STL, OBJ, as they are or as .gz or .zst; Stanford .conf sets) into one memory-mapped clustered
+/// Turns a triangle mesh ({meshes}) into one memory-mapped clustered
 /// hierarchy of progressive meshes (CHPM).
 #[derive(Parser, Debug)]
 #[command(name = "chpm", version, after_help = AFTER_HELP)]
@@ -37,7 +37,7 @@ Start with: chpm demo";
 /// What to do.
 #[derive(Subcommand, Debug)]
 pub(crate) enum Command {
-    /// Build a .chpm file from a mesh: PLY, STL or OBJ, as it is or as .gz or .zst, or a .conf set of scans
+    /// Build a .chpm file from a mesh: {meshes}
     Build(build::Args),
     /// Build many meshes into one folder: what is missing, changed or failed before
     Batch(batch::Args),

@@ -1,6 +1,7 @@
 //! The command line with an example or more for each verb, as `chpm help VERB` and the man pages show them.
 
 use crate::args::Cli;
+use crate::formats;
 use clap::{Command, CommandFactory};
 use std::fmt::Write;
 
@@ -209,7 +210,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
 
 /// The command line.
 pub(crate) fn command() -> Command {
-    EXAMPLES.iter().fold(Cli::command(), |command, (verb, examples)| {
+    EXAMPLES.iter().fold(formats::named(Cli::command()), |command, (verb, examples)| {
         // Without the viewer two of them are not there.
         if command.find_subcommand(verb).is_none() {
             return command;

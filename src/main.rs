@@ -26,6 +26,7 @@ mod escape;
 mod examples;
 mod folder;
 mod forecast;
+mod formats;
 mod frame;
 mod memory;
 mod mesh_file;

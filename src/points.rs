@@ -2,11 +2,9 @@
 
 use crate::progress::Meter;
 use anyhow::Result;
-use chpm_build::Cancel;
-use chpm_build::input::Input;
-use chpm_extmem::Store;
+use chpm_extmem::{Cancel, Store};
 use chpm_import::ply::{Batch, BatchKind, Options};
-use chpm_import::{Triangulator, polygon};
+use chpm_import::{Input, Triangulator, polygon};
 use chpm_mesh::TriMesh;
 use std::path::Path;
 

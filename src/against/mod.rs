@@ -27,7 +27,7 @@ use anyhow::{Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_extmem::Store;
 use chpm_format::Chpm;
-use chpm_import::{Foreign, Format};
+use chpm_import::{Foreign, Format, Start, StlReader, extension};
 use chpm_mesh::{ClusterId, Counted};
 use conf::Motion;
 use copies::{Found, Multiset};
@@ -442,25 +442,29 @@ fn each_triangle(
     let opened = Stream::open(path, target.store.budget.limit(), Arc::clone(&target.read))?;
     let stream = opened.stream;
     let _window = target.store.budget.reserve_work("the window of a zstd stream", opened.window)?;
-    let extension = stream::extension(path);
-    if let Some(foreign) = Foreign::detect(&opened.head, opened.len, extension.as_deref()) {
+    let extension = extension(path);
+    let start = Start { head: &opened.head, len: opened.len, extension: extension.as_deref() };
+    if let Some(foreign) = Foreign::detect(&start) {
         bail!("'{}': {foreign}", path.display());
     }
-    let format = Format::detect(&opened.head, opened.len, extension.as_deref());
+    let format = Format::detect(&start);
     let mut sink = |triangle| look(motion, triangle);
-    match (format, motion) {
-        (Format::RangeScans, None) => {
+    match (format.name, motion) {
+        (_, None) if format.is_list() => {
             for scan in conf::read(stream)? {
                 let file = path.with_file_name(&scan.file);
                 each_triangle(&file, Some(&scan.motion), target, counts, look)?;
             }
             Ok(())
         }
-        (Format::RangeScans, Some(_)) => bail!("'{}' is a list of scans within another", path.display()),
-        (Format::Ply, _) => ply::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
-        (Format::Obj, _) => obj::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
-        (Format::StlBinary, _) => stl::read_binary(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
-        (Format::StlAscii, _) => stl::read_ascii(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
+        _ if format.is_list() => bail!("'{}' is a list of scans within another", path.display()),
+        ("PLY", _) => ply::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
+        ("OBJ", _) => obj::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
+        ("STL", _) if StlReader::<Stream>::is_text(&start) => {
+            stl::read_ascii(stream, &mut Mesh::new(target, motion, counts, &mut sink))
+        }
+        ("STL", _) => stl::read_binary(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
+        (name, _) => bail!("'{}' is {name}, which files are not compared with", path.display()),
     }
 }
 

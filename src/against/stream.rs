@@ -244,13 +244,6 @@ fn first(reader: &mut impl Read, len: usize) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The extension below the one that names a compression.
-pub(super) fn extension(path: &Path) -> Option<String> {
-    let name = path.file_name()?.to_string_lossy().to_ascii_lowercase();
-    let name = [".gz", ".zst"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(&name);
-    name.rsplit_once('.').map(|(_, extension)| extension.to_owned())
-}
-
 /// The words of a line, which need not be text.
 pub(super) fn raw_words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(|byte| is_blank(*byte)).filter(|word| !word.is_empty())

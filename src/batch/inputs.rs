@@ -2,16 +2,13 @@
 
 use super::manifest;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::{Cancel, input};
+use chpm_build::Cancel;
+use chpm_import::{COMPRESSED, FORMATS, extension, extensions, input};
 use glob::MatchOptions;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::BufRead;
 use std::path::{Component, Path, PathBuf};
-
-/// Extensions that meshes in folders have.
-const MESHES: [&str; 4] = ["ply", "stl", "obj", "conf"];
-const PACKED: [&str; 2] = ["gz", "zst"];
 
 /// A model to build.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,7 +46,12 @@ fn take(input: &Path, found: &mut Vec<Model>) -> Result<()> {
     let before = found.len();
     if input.is_dir() {
         walk(input, input, found)?;
-        ensure!(found.len() > before, "no mesh in the folder '{}' ({})", input.display(), MESHES.join(", "));
+        ensure!(
+            found.len() > before,
+            "no mesh in the folder '{}' ({})",
+            input.display(),
+            extensions().collect::<Vec<_>>().join(", ")
+        );
     } else if input.exists() && manifest::is_manifest(input) {
         for listed in manifest::read(input)? {
             let name = listed.name.map_or_else(|| stem(&listed.source), Ok)?;
@@ -91,7 +93,7 @@ fn walk(root: &Path, folder: &Path, found: &mut Vec<Model>) -> Result<()> {
     }
     entries.sort();
     let mut parts = BTreeSet::new();
-    for list in entries.iter().filter(|path| extension(path).as_deref() == Some("conf")) {
+    for list in entries.iter().filter(|path| is_list(path)) {
         // What is wrong with a list is told when it is built.
         parts.extend(input::files(list, &Cancel::default()).unwrap_or_default().into_iter().skip(1));
     }
@@ -134,25 +136,25 @@ fn unique(found: Vec<Model>) -> Result<Vec<Model>> {
 pub(crate) fn stem(path: &Path) -> Result<String> {
     let name = path.file_name().and_then(|name| name.to_str());
     let name = name.with_context(|| format!("'{}' has no name in UTF-8", path.display()))?;
-    let cut = |name: &str, extensions: &[&str]| {
+    let cut = |name: &str, is_known: fn(&str) -> bool| {
         let (stem, extension) = name.rsplit_once('.')?;
-        let known = extensions.iter().any(|known| extension.eq_ignore_ascii_case(known));
-        (known && !stem.is_empty()).then(|| stem.to_owned())
+        (is_known(&extension.to_ascii_lowercase()) && !stem.is_empty()).then(|| stem.to_owned())
     };
-    let name = cut(name, &PACKED).unwrap_or_else(|| name.to_owned());
-    Ok(cut(&name, &MESHES).unwrap_or(name))
+    let name = cut(name, |extension| COMPRESSED.contains(&extension)).unwrap_or_else(|| name.to_owned());
+    Ok(cut(&name, is_of_mesh).unwrap_or(name))
 }
 
-/// The extension in front of one that names a compression.
-fn extension(path: &Path) -> Option<String> {
-    let lower =
-        |path: &Path| path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-    let last = lower(path)?;
-    if PACKED.contains(&last.as_str()) { lower(Path::new(path.file_stem()?)) } else { Some(last) }
+fn is_list(path: &Path) -> bool {
+    let lists = FORMATS.iter().filter(|format| format.is_list()).flat_map(|format| format.extensions);
+    extension(path).is_some_and(|extension| lists.into_iter().any(|list| *list == extension))
+}
+
+fn is_of_mesh(name: &str) -> bool {
+    extensions().any(|extension| extension == name)
 }
 
 pub(crate) fn is_mesh(path: &Path) -> bool {
-    extension(path).is_some_and(|extension| MESHES.contains(&extension.as_str())) && path.is_file()
+    extension(path).is_some_and(|extension| is_of_mesh(&extension)) && path.is_file()
 }
 
 /// A name from a list must stay below the output folder.

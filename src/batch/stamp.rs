@@ -3,7 +3,8 @@
 use super::summary::Row;
 use crate::cmd;
 use anyhow::Result;
-use chpm_build::{Cancel, Settings, input};
+use chpm_build::{Cancel, Settings};
+use chpm_import::input;
 use std::fmt::Write;
 use std::fs;
 use std::os::unix::fs::MetadataExt;

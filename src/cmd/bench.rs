@@ -26,7 +26,7 @@ use std::time::Instant;
 /// What `chpm bench` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set); it is read into memory to be measured against
+    /// The mesh ({meshes}); it is read into memory to be measured against
     source: PathBuf,
     /// Timed runs of each contender, in turn; medians are told
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = number::count(1_u32..=1000))]

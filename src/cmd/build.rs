@@ -21,8 +21,7 @@ use std::path::{Path, PathBuf};
 /// What `chpm build` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The mesh: PLY (ASCII or binary), STL or OBJ, as it is or as .gz or .zst; a Stanford .conf set of scans. A file, or a pipe
-    /// that one comes through; - is standard input
+    /// The mesh: {meshes}. A file, or a pipe that one comes through; - is standard input
     source: PathBuf,
     /// The file to build; the source's name with .chpm, beside it, if not given
     #[arg(short, long, value_name = "FILE")]

@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 /// What `chpm compare` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The scan: a .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), which is built into a temporary one first
+    /// The scan: a .chpm file; or a mesh ({meshes}), which is built into a temporary one first
     scan: PathBuf,
     /// What it is compared with, likewise
     reference: PathBuf,

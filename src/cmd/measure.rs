@@ -28,12 +28,12 @@ const MEASURES: u64 = 1664;
 /// What `chpm measure` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// A mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set); with --against, a .chpm file
+    /// A mesh ({meshes}); with --against, a .chpm file
     first: PathBuf,
     /// The mesh to measure it against, and that against it; both are read into memory
     #[arg(required_unless_present = "against", conflicts_with = "against")]
     second: Option<PathBuf>,
-    /// The mesh that the .chpm file was built from (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set). Its triangles must be those of the leaves, which are then read cluster by
+    /// The mesh that the .chpm file was built from ({meshes}). Its triangles must be those of the leaves, which are then read cluster by
     /// cluster, so that the source need not fit into memory
     #[arg(long, value_name = "MESH")]
     against: Option<PathBuf>,

@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// What `chpm render` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), which is built into a temporary folder first and leaves
+    /// The .chpm file; or a mesh ({meshes}), which is built into a temporary folder first and leaves
     /// nothing behind
     file: PathBuf,
     /// Another one, or the same, that is drawn with it, put somewhere by --pose

@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
-    /// The mesh that it was built from (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set): its triangles must be those of the leaves, but for small components that the build left out; not compared if detail was left out
+    /// The mesh that it was built from ({meshes}): its triangles must be those of the leaves, but for small components that the build left out; not compared if detail was left out
     #[arg(long, value_name = "MESH")]
     against: Option<PathBuf>,
     /// Another .chpm file that must hold the same: the same clusters, errors and groups, bit for bit, and with them the same cuts. In which order they

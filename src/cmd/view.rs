@@ -16,8 +16,9 @@ use crate::report::count;
 use crate::stop::Stop;
 use crate::view;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::{BuildConfig, BuildProgress, Cancel, Progress, Silent, Stage, input};
+use chpm_build::{BuildConfig, BuildProgress, Cancel, Progress, Silent, Stage};
 use chpm_extmem::{Store, WorkDir};
+use chpm_import::input;
 use chpm_import::ply::{Encoding, write_mesh};
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
@@ -32,7 +33,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// What `chpm view` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), whose .chpm is built beside it first, unless it
+    /// The .chpm file; or a mesh ({meshes}), whose .chpm is built beside it first, unless it
     /// is there. A model can also be dropped on the window
     model: Option<PathBuf>,
     /// Another one, or the same, that is shown with it, put somewhere by --pose, and how near they are. Meshes are built before the window opens

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 /// What every question has.
 #[derive(clap::Args, Debug)]
 pub(crate) struct AskArgs {
-    /// A .chpm file; or a mesh (PLY, STL, OBJ, as it is or as .gz or .zst; a .conf set), which is built into a temporary one first
+    /// A .chpm file; or a mesh ({meshes}), which is built into a temporary one first
     pub(crate) first: PathBuf,
     #[command(flatten)]
     pub(crate) poses: PoseArgs,

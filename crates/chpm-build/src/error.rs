@@ -2,71 +2,16 @@
 
 use crate::progress::Stage;
 use crate::report::Reached;
-use chpm_mesh::FAR;
+use chpm_import::SourceError;
 use std::path::PathBuf;
 
 /// What can stop a build. Nothing is left behind when it does, unless it is [`BuildError::Kept`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {
-    /// The source could not be opened or read.
-    #[error("cannot read {path}: {source}")]
-    Source {
-        /// The source file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// What is no file cannot be read twice, or has no end.
-    #[error("{path} is {what}, where a file is needed; save it as one and name that")]
-    NotAFile {
-        /// The path as given.
-        path: PathBuf,
-        /// What it is.
-        what: &'static str,
-    },
-    /// The source came through a pipe and names files that lie beside it.
-    #[error("{path} is a list of range scans, which names files beside it; give the list as a file")]
-    ListThroughPipe {
-        /// The pipe.
-        path: PathBuf,
-    },
-    /// A scan of a list cannot be read.
-    #[error("{list}: scan {index}: {error}")]
-    Scan {
-        /// The list.
-        list: PathBuf,
-        /// Which of its scans, from 0.
-        index: usize,
-        /// What is wrong with it.
-        error: Box<BuildError>,
-    },
-    /// A coordinate is beyond what errors and spheres can be stored for.
-    #[error("{path}: {place}: coordinate {value:e} is farther from zero than {FAR:e}; scale the model down")]
-    TooFar {
-        /// The source file.
-        path: PathBuf,
-        /// The vertex.
-        place: chpm_import::ply::Place,
-        /// Its coordinate.
-        value: f64,
-    },
-    /// The source is no valid PLY.
-    #[error("{path}: {source}")]
-    Ply {
-        /// The source file.
-        path: PathBuf,
-        /// What is wrong, and where.
-        source: chpm_import::ply::PlyError,
-    },
-    /// The source is no valid STL, OBJ or list of range scans.
-    #[error("{path}: {source}")]
-    Import {
-        /// The source file.
-        path: PathBuf,
-        /// What is wrong, and where.
-        source: Box<chpm_import::ImportError>,
-    },
+    /// The source cannot be read.
+    #[error(transparent)]
+    Source(Box<SourceError>),
     /// The source has no triangle that could be built.
     #[error("{path}: {}: nothing was written", nothing(*faces))]
     Empty {
@@ -195,10 +140,18 @@ impl BuildError {
     pub fn is_cancelled(&self) -> bool {
         match self {
             BuildError::Cancelled => true,
-            BuildError::Kept { error, .. }
-            | BuildError::WorkRemoved { error, .. }
-            | BuildError::Scan { error, .. } => error.is_cancelled(),
+            BuildError::Kept { error, .. } | BuildError::WorkRemoved { error, .. } => error.is_cancelled(),
             _ => false,
+        }
+    }
+}
+
+impl From<SourceError> for BuildError {
+    fn from(error: SourceError) -> Self {
+        match error {
+            SourceError::Cancelled => BuildError::Cancelled,
+            SourceError::Extmem(error) => error.into(),
+            error => BuildError::Source(Box::new(error)),
         }
     }
 }

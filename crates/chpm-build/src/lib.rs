@@ -34,7 +34,6 @@ pub use allowance::MIN_MEMORY;
 pub use chpm_extmem::{Cancel, FailPoints, Progress, Silent};
 pub use config::{BuildConfig, Resources, Settings};
 pub use error::BuildError;
-pub use ingest::input;
 pub use layout::{MOST_ORDERED, ORDER_BYTES, order_mesh, page_order};
 pub use pipeline::build;
 pub use progress::{BuildProgress, Stage};

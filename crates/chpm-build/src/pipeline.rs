@@ -5,16 +5,16 @@ use crate::clock::Clock;
 use crate::config::{BuildConfig, Resources, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
-use crate::ingest::Supply;
 use crate::progress::{BuildProgress, Stage};
 use crate::report::BuildReport;
 use crate::stamp::Stamp;
 use crate::{allowance, decompose, emit, hierarchy, ingest, layout, simplify, trim};
 use chpm_extmem::{AtomicFile, Cancel, ExtmemError, Lock, Store, WorkDir, process};
+use chpm_import::Supply;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Builds `output` from `source`, a mesh file of any format that [`Input`](crate::input::Input) reads, or a pipe that one comes
+/// Builds `output` from `source`, a mesh file of any format that [`Input`](chpm_import::Input) reads, or a pipe that one comes
 /// through: it is copied to a file of the work directory first, and such a build keeps no checkpoints.
 ///
 /// The output appears complete or not at all. The same source and settings give the same bytes, whatever the resources, and

@@ -1,8 +1,8 @@
 //! What files are, without reading them: paths, lengths and times.
 
 use crate::error::BuildError;
-use crate::ingest::{Supply, input};
 use chpm_extmem::Cancel;
+use chpm_import::{SourceError, Supply, input};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -37,11 +37,12 @@ impl Stamp {
         let stamp = |(at, path)| match (at, File::of(path)) {
             // Behind a list come its scans.
             (1.., Err(error)) => {
-                Err(BuildError::Scan { list: list.clone(), index: at - 1, error: Box::new(error) })
+                Err(SourceError::Scan { list: list.clone(), index: at - 1, error: Box::new(error) })
             }
             (_, stamp) => stamp,
         };
-        found.into_iter().enumerate().map(stamp).collect::<Result<_, _>>().map(Stamp::new)
+        let files = found.into_iter().enumerate().map(stamp).collect::<Result<_, _>>()?;
+        Ok(Stamp::new(files))
     }
 
     fn new(files: Vec<File>) -> Stamp {
@@ -84,12 +85,12 @@ impl Stamp {
 }
 
 impl File {
-    fn of(path: PathBuf) -> Result<File, BuildError> {
+    fn of(path: PathBuf) -> Result<File, SourceError> {
         let look = || {
             let metadata = fs::metadata(&path)?;
             let time = (metadata.mtime(), metadata.mtime_nsec());
             Ok(File { path: path.canonicalize()?, len: metadata.len(), time })
         };
-        look().map_err(|source| BuildError::Source { path: path.clone(), source })
+        look().map_err(|source| SourceError::Read { path: path.clone(), source })
     }
 }

@@ -1,5 +1,5 @@
 //! External memory: a budget that is asked before memory is taken, a work directory that cleans up after itself or keeps what
-//! another run can go on with, arrays, sequences and blobs that live in memory when the budget grants it and on disk when
+//! another run can go on with, arrays, sequences, blobs and sorts that live in memory when the budget grants it and on disk when
 //! it does not, files that appear complete or not at all, the request to stop and
 //! the report of progress that all long work knows, fail points (planned errors), and the project's only memory map.
 //!
@@ -25,6 +25,7 @@ pub mod process;
 mod progress;
 mod publish;
 mod saved;
+mod sorter;
 mod spool;
 mod store;
 mod target;
@@ -43,6 +44,7 @@ pub use pipe::receive;
 pub use progress::{Progress, Silent};
 pub use publish::AtomicFile;
 pub use saved::SavedFile;
+pub use sorter::{Sorted, Sorter};
 pub use spool::Spool;
 pub use store::Store;
 pub use target::{hidden_name, same_file, target};

@@ -1,11 +1,43 @@
 //! Lists of range scans as the Stanford 3D Scanning Repository has them (`.conf`): which scans make up a model, and how each
 //! of them is moved into the model's frame.
 
-use super::error::ImportError;
+use super::error::{ImportError, SourceError};
+use super::format::{Format, Likeness, first_line, is_text};
 use super::lines::{Lines, number, words};
 use crate::ply::excerpt;
+use crate::reader::{MeshReader, Opening, Start};
+use crate::scans::ScanSet;
+use crate::stream::Stream;
 use chpm_mesh::FAR;
 use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Lists of range scans.
+pub(crate) const FORMAT: Format =
+    Format { name: "Stanford .conf set of scans", extensions: &["conf"], sniff, open, names: Some(files) };
+
+/// Goes by the first line that is no comment.
+fn sniff(start: &Start<'_>) -> Likeness {
+    let line = first_line(start.head);
+    let is_list = matches!(words(line).next(), Some(b"bmesh" | b"camera")) && words(line).count() >= 8;
+    if is_list && is_text(start.head) { Likeness::Likely } else { Likeness::None }
+}
+
+fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
+    let Opening { stream, options, store, cancel, supply, .. } = opening;
+    if supply.is_spooled() {
+        let (path, what) = (supply.path.clone(), "a list of range scans");
+        return Err(SourceError::NamesFiles { path, what }.into());
+    }
+    let list = RangeScans::read(stream)?;
+    Ok(Box::new(ScanSet::open(&supply.path, list, options, store, cancel)?))
+}
+
+/// The scans of the list at `path`.
+fn files(stream: Stream, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    let list = RangeScans::read(stream)?;
+    Ok(list.scans.iter().map(|scan| path.with_file_name(&scan.file)).collect())
+}
 
 /// The scans of one model.
 #[derive(Clone, PartialEq, Debug, Default)]

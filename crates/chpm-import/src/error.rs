@@ -1,11 +1,13 @@
-//! What can be wrong with a mesh that is no PLY, and where.
+//! Errors of reading: in a mesh, and with the file that it is in.
 
 use crate::foreign::Foreign;
-use crate::ply::Place;
+use crate::ply::{Place, PlyError};
+use chpm_extmem::ExtmemError;
 use chpm_mesh::FAR;
 use std::io;
+use std::path::PathBuf;
 
-/// Why an STL, an OBJ or a list of range scans cannot be read.
+/// Reasons why the bytes of a mesh cannot be read. [`SourceError`] adds which file they are in.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportError {
@@ -90,4 +92,94 @@ pub enum ImportError {
     /// The stream was asked for more after it had failed.
     #[error("an earlier error has ended this stream")]
     Ended,
+    /// A PLY is not valid.
+    #[error(transparent)]
+    Ply(#[from] PlyError),
+    /// Memory or disk.
+    #[error(transparent)]
+    Extmem(#[from] ExtmemError),
+    /// Another file, which the mesh names, cannot be read; or one that has its name in the error already.
+    #[error(transparent)]
+    Source(Box<SourceError>),
+}
+
+impl From<SourceError> for ImportError {
+    fn from(error: SourceError) -> Self {
+        ImportError::Source(Box::new(error))
+    }
+}
+
+/// Reasons why a source cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SourceError {
+    /// The source could not be opened or read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// The source file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// What is no file cannot be read twice, or has no end.
+    #[error("{path} is {what}, where a file is needed; save it as one and name that")]
+    NotAFile {
+        /// The path as given.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+    },
+    /// The source came through a pipe and names files that lie beside it.
+    #[error("{path} is {what}, which names files beside it; give it as a file")]
+    NamesFiles {
+        /// The pipe.
+        path: PathBuf,
+        /// What came through it.
+        what: &'static str,
+    },
+    /// A scan of a list cannot be read.
+    #[error("{list}: scan {index}: {error}")]
+    Scan {
+        /// The list.
+        list: PathBuf,
+        /// Which of its scans, from 0.
+        index: usize,
+        /// What is wrong with it.
+        error: Box<SourceError>,
+    },
+    /// A coordinate is beyond what errors and spheres can be stored for.
+    #[error("{path}: {place}: coordinate {value:e} is farther from zero than {FAR:e}; scale the model down")]
+    TooFar {
+        /// The source file.
+        path: PathBuf,
+        /// The vertex.
+        place: Place,
+        /// Its coordinate.
+        value: f64,
+    },
+    /// The source is no valid mesh.
+    #[error("{path}: {source}")]
+    Import {
+        /// The source file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        source: Box<ImportError>,
+    },
+    /// Memory or disk.
+    #[error(transparent)]
+    Extmem(#[from] ExtmemError),
+    /// Someone asked to stop.
+    #[error("stopped on request; nothing was written")]
+    Cancelled,
+}
+
+impl SourceError {
+    /// Names the file in which something is wrong.
+    pub(crate) fn of(path: &std::path::Path, error: impl Into<ImportError>) -> Self {
+        match error.into() {
+            ImportError::Source(error) => *error,
+            ImportError::Extmem(error) => error.into(),
+            error => SourceError::Import { path: path.to_owned(), source: Box::new(error) },
+        }
+    }
 }

@@ -1,7 +1,8 @@
 //! What a file is that there is no reader for, by its first bytes: so that a refusal can name it, and what to do.
 
-use super::format::{Format, first_line, is_text};
+use super::format::{Format, first_line, is_text, read_formats};
 use super::lines::words;
+use super::reader::Start;
 use std::fmt;
 
 /// A file that is not read.
@@ -69,12 +70,13 @@ const MAGICS: [(&[u8], &str, &str); 43] = [
 impl Foreign {
     /// What an input is that begins with `head` and is `len` bytes long, if that is known, and is of none of the formats that are
     /// read. None for what a reader is for, or for what `extension` says is a format without a beginning of its own.
-    pub fn detect(head: &[u8], len: Option<u64>, extension: Option<&str>) -> Option<Foreign> {
+    pub fn detect(input: &Start<'_>) -> Option<Foreign> {
+        let Start { head, extension, .. } = *input;
         let named = |what, remedy| Some(Foreign { what, remedy });
         if head.is_empty() {
             return named("an empty file", "copy it again");
         }
-        if Format::has_magic(head, len) {
+        if Format::is_certain(input) {
             return None;
         }
         // Text editors put this before what they save.
@@ -94,11 +96,11 @@ impl Foreign {
             return named("a tar archive", UNPACK);
         }
         if is_text(head) {
-            return of_text(start, extension);
+            return of_text(start, input);
         }
-        match Format::detect(head, len, extension) {
-            Format::Ply => named("of no format that is known", "name a mesh"),
-            _ => None,
+        match Format::detect(input).is_fallback() {
+            true => named("of no format that is known", "name a mesh"),
+            false => None,
         }
     }
 
@@ -109,7 +111,7 @@ impl Foreign {
 }
 
 /// What a text is.
-fn of_text(head: &[u8], extension: Option<&str>) -> Option<Foreign> {
+fn of_text(head: &[u8], input: &Start<'_>) -> Option<Foreign> {
     let named = |what, remedy| Some(Foreign { what, remedy });
     let line = first_line(head);
     let first = words(line).next().unwrap_or_default();
@@ -122,8 +124,7 @@ fn of_text(head: &[u8], extension: Option<&str>) -> Option<Foreign> {
         return named("an OFF mesh", CONVERT);
     }
     if head.trim_ascii_start().first() == Some(&b'{') {
-        let is_gltf =
-            has(head, b"\"asset\"") || extension.is_some_and(|name| name.eq_ignore_ascii_case("gltf"));
+        let is_gltf = has(head, b"\"asset\"") || input.is_named("gltf");
         let what = if is_gltf { "glTF" } else { "JSON" };
         return named(what, CONVERT);
     }
@@ -140,7 +141,7 @@ fn of_text(head: &[u8], extension: Option<&str>) -> Option<Foreign> {
         let found = xml.iter().find(|(word, _)| has(head, word));
         return named(found.map_or("XML", |(_, what)| what), CONVERT);
     }
-    if Format::detect(head, None, extension) != Format::Ply {
+    if !Format::detect(&Start { head, ..*input }).is_fallback() {
         return None;
     }
     let is_number = |word: &[u8]| std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok());
@@ -169,10 +170,7 @@ fn has(head: &[u8], wanted: &[u8]) -> bool {
 impl fmt::Display for Foreign {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Foreign { what, remedy } = self;
-        write!(
-            f,
-            "this is {what}; what is read is PLY, STL and OBJ, each as it is or as .gz or .zst, and a Stanford .conf set of scans: {remedy}"
-        )
+        write!(f, "this is {what}; what is read is {}: {remedy}", read_formats())
     }
 }
 
@@ -181,7 +179,7 @@ mod tests {
     use super::*;
 
     fn told(head: &[u8], extension: Option<&str>) -> Option<&'static str> {
-        Foreign::detect(head, Some(head.len() as u64), extension).map(|foreign| foreign.what)
+        Foreign::detect(&Start { head, len: Some(head.len() as u64), extension }).map(|foreign| foreign.what)
     }
 
     #[test]

@@ -1,109 +1,127 @@
-//! What an input is, by its first bytes.
+//! The table of formats that are read, and what an input is by its first bytes.
 
 use super::lines::words;
+use crate::error::ImportError;
+use crate::reader::{MeshReader, Opening, Start};
+use crate::stream::Stream;
+use crate::{conf, obj, ply, stl};
 use std::fmt;
+use std::path::{Path, PathBuf};
 
-/// The formats that meshes come in.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Format {
-    /// Stanford PLY; also the answer where nothing else fits, since its reader says best what is wrong.
-    Ply,
-    /// STL as records of 50 bytes.
-    StlBinary,
-    /// STL as text.
-    StlAscii,
-    /// Wavefront OBJ.
-    Obj,
-    /// A list of range scans with their poses.
-    RangeScans,
+/// All formats that are read. What an input is, is asked in this order; the first is the answer where nothing else fits, since its
+/// reader says best what is wrong.
+pub static FORMATS: &[Format] = &[ply::FORMAT, stl::FORMAT, conf::FORMAT, obj::FORMAT];
+
+/// Extensions of compressed files, which come behind those of formats.
+pub const COMPRESSED: [&str; 2] = ["gz", "zst"];
+
+/// A format that meshes come in.
+pub struct Format {
+    /// What users call it.
+    pub name: &'static str,
+    /// Extensions of such files, in lower case.
+    pub extensions: &'static [&'static str],
+    /// How sure it is that an input is of this format.
+    pub(crate) sniff: fn(&Start<'_>) -> Likeness,
+    /// Begins to read.
+    pub(crate) open: fn(Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError>,
+    /// The other files that the one at a path names; no function if none of them does.
+    pub(crate) names: Option<fn(Stream, &Path) -> Result<Vec<PathBuf>, ImportError>>,
+}
+
+/// How sure a format is that an input is its own.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub(crate) enum Likeness {
+    None,
+    /// By words that such a file begins with.
+    Likely,
+    /// By what no other file has.
+    Certain,
 }
 
 impl Format {
     /// Bytes of the beginning that [`Format::detect`] makes use of.
     pub const HEAD: usize = 4096;
 
-    /// Tells by the beginning, `head`, of an input of `len` bytes if that is known. The extension of its name decides only
-    /// where the content leaves it open: a binary STL begins with 80 bytes of anything.
-    pub fn detect(head: &[u8], len: Option<u64>, extension: Option<&str>) -> Format {
-        let is_named = |name: &str| extension.is_some_and(|extension| extension.eq_ignore_ascii_case(name));
-        if is_ply(head) {
-            return Format::Ply;
-        }
-        if Format::is_binary_stl(head, len) {
-            return Format::StlBinary;
-        }
-        let is_text = is_text(head);
-        let begins_solid = words(head).next().is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-        if is_text && begins_solid {
-            return Format::StlAscii;
-        }
-        if is_text && let Some(format) = first_keywords(head) {
-            return format;
-        }
-        match () {
-            () if is_named("stl") => Format::StlBinary,
-            () if is_named("obj") => Format::Obj,
-            () if is_named("conf") => Format::RangeScans,
-            () => Format::Ply,
-        }
-    }
-
-    /// Whether an input of `len` bytes is as long as it is as a binary STL. Its header may be any 80 bytes, also those that another
-    /// format or a compressed file begins with.
-    pub fn is_binary_stl(head: &[u8], len: Option<u64>) -> bool {
-        let promised = head
-            .get(80..84)
-            .map(|count| 84 + 50 * u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])));
-        promised.is_some() && promised == len
+    /// Tells by its beginning what an input is. The extension of its name decides only where the content leaves it open: a binary STL
+    /// begins with 80 bytes of anything.
+    pub fn detect(start: &Start<'_>) -> &'static Format {
+        let content = FORMATS.iter().find(|format| (format.sniff)(start) != Likeness::None);
+        let name = || FORMATS.iter().find(|format| format.extensions.iter().any(|it| start.is_named(it)));
+        content.or_else(name).unwrap_or(&FORMATS[0])
     }
 
     /// Whether an input has what no other format has.
-    pub(crate) fn has_magic(head: &[u8], len: Option<u64>) -> bool {
-        is_ply(head) || head == b"ply" || Format::is_binary_stl(head, len)
+    pub(crate) fn is_certain(start: &Start<'_>) -> bool {
+        FORMATS.iter().any(|format| (format.sniff)(start) == Likeness::Certain)
+    }
+
+    /// Whether this is the one that is the answer where nothing else fits.
+    pub(crate) fn is_fallback(&self) -> bool {
+        *self == FORMATS[0]
+    }
+
+    /// Whether files of this format are lists of meshes, not meshes.
+    pub fn is_list(&self) -> bool {
+        *self == conf::FORMAT
     }
 }
 
-fn is_ply(head: &[u8]) -> bool {
-    head.starts_with(b"ply") && head.get(3).is_some_and(|byte| matches!(byte, b'\n' | b'\r' | b' '))
+impl PartialEq for Format {
+    fn eq(&self, other: &Format) -> bool {
+        self.name == other.name
+    }
+}
+
+impl fmt::Debug for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// All extensions of meshes, in lower case and without a dot.
+pub fn extensions() -> impl Iterator<Item = &'static str> {
+    FORMATS.iter().flat_map(|format| format.extensions.iter().copied())
+}
+
+/// The formats in words, for helps and refusals: `PLY, STL or OBJ, as it is or as .gz or .zst, or a Stanford .conf set of scans`.
+pub fn read_formats() -> String {
+    let (sets, meshes): (Vec<&Format>, Vec<&Format>) =
+        FORMATS.iter().partition(|format| format.name.contains(' '));
+    let [last, others @ ..] = &meshes.iter().rev().map(|format| format.name).collect::<Vec<_>>()[..] else {
+        return String::new();
+    };
+    let others: Vec<&str> = others.iter().rev().copied().collect();
+    let packed = COMPRESSED.map(|extension| format!(".{extension}")).join(" or ");
+    let sets: String = sets.iter().map(|format| format!(", or a {}", format.name)).collect();
+    format!("{} or {last}, as it is or as {packed}{sets}", others.join(", "))
+}
+
+/// The extension of a name in lower case, below one that names a compression.
+pub fn extension(path: &Path) -> Option<String> {
+    let name = path.file_name()?.to_string_lossy().to_ascii_lowercase();
+    let packed = COMPRESSED.iter().find_map(|packed| name.strip_suffix(packed)?.strip_suffix('.'));
+    packed.unwrap_or(&name).rsplit_once('.').map(|(_, extension)| extension.to_owned())
 }
 
 pub(crate) fn is_text(head: &[u8]) -> bool {
     !head.iter().any(|byte| matches!(byte, 0..=8 | 14..=31))
 }
 
-/// The first line that is no comment; empty if there is none.
+/// The first line that is no comment; empty if there is none, or if the input is no text.
 pub(crate) fn first_line(head: &[u8]) -> &[u8] {
     let mut lines = head.split(|byte| matches!(byte, b'\n' | b'\r'));
     let says = |line: &&[u8]| words(line).next().is_some_and(|word| !word.starts_with(b"#"));
     lines.find(says).unwrap_or_default()
 }
 
-/// By the first line that is no comment.
-fn first_keywords(head: &[u8]) -> Option<Format> {
-    let line = first_line(head);
-    let (word, count) = (words(line).next()?, words(line).count());
-    match word {
-        b"bmesh" | b"camera" if count >= 8 => Some(Format::RangeScans),
-        b"v" | b"vn" | b"vt" | b"vp" | b"f" | b"mtllib" | b"usemtl" | b"o" | b"g" | b"s" => Some(Format::Obj),
-        _ => None,
-    }
-}
-
-impl fmt::Display for Format {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Format::Ply => "ply",
-            Format::StlBinary => "stl, binary",
-            Format::StlAscii => "stl, ascii",
-            Format::Obj => "obj",
-            Format::RangeScans => "range scans",
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn detect(head: &[u8], len: Option<u64>, extension: Option<&str>) -> &'static str {
+        Format::detect(&Start { head, len, extension }).name
+    }
 
     #[test]
     fn content_decides_whatever_the_name() {
@@ -111,21 +129,21 @@ mod tests {
         stl[..5].copy_from_slice(b"solid");
         stl.extend(2u32.to_le_bytes());
         let stl_len = Some(84 + 100);
-        let cases: [(&[u8], Option<u64>, Format); 10] = [
-            (b"ply\nformat", None, Format::Ply),
-            (b"ply\r\nformat", None, Format::Ply),
-            (b"solid cube\nfacet normal 0 0 1\n", Some(30), Format::StlAscii),
-            (b"  SOLID\n", None, Format::StlAscii),
-            (&stl, stl_len, Format::StlBinary),
-            (b"# made by hand\n\nmtllib x.mtl\nv 0 0 0\n", None, Format::Obj),
-            (b"v 1 2 3", None, Format::Obj),
-            (b"camera 0 0 0 0 0 0 1\nbmesh a.ply 0 0 0 0 0 0 1\n", None, Format::RangeScans),
-            (b"bmesh a.ply 0 0 0 0 0 0 1", None, Format::RangeScans),
-            (b"plywood", None, Format::Ply),
+        let cases: [(&[u8], Option<u64>, &str); 10] = [
+            (b"ply\nformat", None, "PLY"),
+            (b"ply\r\nformat", None, "PLY"),
+            (b"solid cube\nfacet normal 0 0 1\n", Some(30), "STL"),
+            (b"  SOLID\n", None, "STL"),
+            (&stl, stl_len, "STL"),
+            (b"# made by hand\n\nmtllib x.mtl\nv 0 0 0\n", None, "OBJ"),
+            (b"v 1 2 3", None, "OBJ"),
+            (b"camera 0 0 0 0 0 0 1\nbmesh a.ply 0 0 0 0 0 0 1\n", None, conf::FORMAT.name),
+            (b"bmesh a.ply 0 0 0 0 0 0 1", None, conf::FORMAT.name),
+            (b"plywood", None, "PLY"),
         ];
         for (head, len, format) in cases {
             for extension in [None, Some("ply"), Some("dat")] {
-                assert_eq!(Format::detect(head, len, extension), format, "{}", head.escape_ascii());
+                assert_eq!(detect(head, len, extension), format, "{}", head.escape_ascii());
             }
         }
     }
@@ -133,10 +151,23 @@ mod tests {
     #[test]
     fn the_name_decides_what_the_content_leaves_open() {
         let garbage = [0x89; 200];
-        assert_eq!(Format::detect(&garbage, Some(200), Some("STL")), Format::StlBinary);
-        assert_eq!(Format::detect(&garbage, Some(200), Some("ply")), Format::Ply);
-        assert_eq!(Format::detect(b"", None, Some("obj")), Format::Obj);
-        assert_eq!(Format::detect(b"# nothing\n", None, Some("conf")), Format::RangeScans);
-        assert_eq!(Format::detect(b"", None, None), Format::Ply);
+        assert_eq!(detect(&garbage, Some(200), Some("STL")), "STL");
+        assert_eq!(detect(&garbage, Some(200), Some("ply")), "PLY");
+        assert_eq!(detect(b"", None, Some("obj")), "OBJ");
+        assert_eq!(detect(b"# nothing\n", None, Some("conf")), conf::FORMAT.name);
+        assert_eq!(detect(b"", None, None), "PLY");
+    }
+
+    #[test]
+    fn words_and_extensions_come_from_the_table() {
+        let told = read_formats();
+        for format in FORMATS {
+            assert!(told.contains(format.name), "{told}");
+        }
+        for (path, found) in
+            [("a.ply", Some("ply")), ("a.PLY.gz", Some("ply")), ("b/a.x.stl.zst", Some("stl")), ("a", None)]
+        {
+            assert_eq!(extension(Path::new(path)).as_deref(), found);
+        }
     }
 }

@@ -1,13 +1,52 @@
 //! Wavefront OBJ: `v` and `f` lines; whatever else there is, is left out with a warning.
 
 use super::error::ImportError;
+use super::format::{Format, Likeness, first_line, is_text};
 use super::lines::{Lines, WINDOW, number, words};
 use crate::ply::{
     Batch, BatchKind, Coordinates, Invalid, MAX_VERTICES, Options, Place, Tally, VertexFormat, VertexSet,
     Warning, excerpt,
 };
+use crate::reader::{MeshReader, Opening, SourceInfo, Start};
+use crate::stream::Stream;
 use chpm_mesh::{Attributes, FAR};
 use std::io::Read;
+
+/// Wavefront OBJ.
+pub(crate) const FORMAT: Format = Format { name: "OBJ", extensions: &["obj"], sniff, open, names: None };
+
+/// Goes by the first line that is no comment.
+fn sniff(start: &Start<'_>) -> Likeness {
+    let keyword = words(first_line(start.head)).next().unwrap_or_default();
+    let is_obj =
+        matches!(keyword, b"v" | b"vn" | b"vt" | b"vp" | b"f" | b"mtllib" | b"usemtl" | b"o" | b"g" | b"s");
+    if is_obj && is_text(start.head) { Likeness::Likely } else { Likeness::None }
+}
+
+fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
+    Ok(Box::new(ObjReader::new(opening.stream, opening.options)?))
+}
+
+impl MeshReader for ObjReader<Stream> {
+    fn format(&self) -> VertexFormat {
+        self.vertex_format()
+    }
+
+    fn next(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
+        self.next_batch(batch)
+    }
+
+    fn finish(self: Box<Self>) -> Result<SourceInfo, ImportError> {
+        Ok(SourceInfo {
+            encoding: "obj".to_owned(),
+            vertex_count: self.vertices(),
+            face_count: self.faces(),
+            tally: self.tally(),
+            warnings: self.warnings(),
+            ..SourceInfo::default()
+        })
+    }
+}
 
 /// Reads an OBJ once, front to back.
 ///

@@ -1,12 +1,47 @@
 //! STL: a soup of facets, each with its own three corners. Joining corners to vertices needs all of them and is left to the caller.
 
 use super::error::ImportError;
-use super::format::Format;
+use super::format::{Format, Likeness, is_text};
 use super::lines::{Lines, number, words};
 use crate::Triangulator;
 use crate::ply::{Invalid, Place, Tally};
+use crate::reader::{MeshReader, Opening, Start};
+use crate::stream::Stream;
+use crate::weld::Welder;
 use chpm_mesh::FAR;
 use std::io::{self, Read};
+
+/// STL, binary or as text.
+pub(crate) const FORMAT: Format = Format { name: "STL", extensions: &["stl"], sniff, open, names: None };
+
+fn sniff(start: &Start<'_>) -> Likeness {
+    match () {
+        () if is_binary(start.head, start.len) => Likeness::Certain,
+        () if begins_solid(start.head) => Likeness::Likely,
+        () => Likeness::None,
+    }
+}
+
+/// Whether an input of `len` bytes is as long as it is as a binary STL. Its header may be any 80 bytes, also those that another
+/// format or a compressed file begins with.
+pub(crate) fn is_binary(head: &[u8], len: Option<u64>) -> bool {
+    let count = head.get(80..84).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
+    count.is_some_and(|count| len == Some(84 + 50 * u64::from(count)))
+}
+
+fn begins_solid(head: &[u8]) -> bool {
+    is_text(head) && words(head).next().is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))
+}
+
+fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
+    let Opening { stream, start, options, store, .. } = opening;
+    let is_text = StlReader::<Stream>::is_text(&start);
+    let reader = StlReader::new(stream, is_text, options.invalid)?;
+    Ok(match is_text {
+        true => Box::new(Welder::<[u128; 2]>::new(reader, store)),
+        false => Box::new(Welder::<u128>::new(reader, store)),
+    })
+}
 
 /// Positions of a facet's corners, in order.
 pub type Corners = [[f64; 3]; 3];
@@ -51,12 +86,17 @@ struct Records<R> {
 }
 
 impl<R: Read> StlReader<R> {
-    /// Reads what comes before the facets.
+    /// Whether an STL that begins so is text.
+    pub fn is_text(start: &Start<'_>) -> bool {
+        !is_binary(start.head, start.len) && begins_solid(start.head)
+    }
+
+    /// Reads what comes before the facets, which are text or records.
     ///
     /// # Errors
     /// If the input cannot be read or is shorter than its header.
-    pub fn new(reader: R, format: Format, invalid: Invalid) -> Result<Self, ImportError> {
-        let body = if format == Format::StlAscii {
+    pub fn new(reader: R, is_text: bool, invalid: Invalid) -> Result<Self, ImportError> {
+        let body = if is_text {
             let corners = Vec::new();
             Body::Ascii { lines: Lines::new(reader), inside: false, corners, solids: 0, closed: 0 }
         } else {
@@ -72,6 +112,14 @@ impl<R: Read> StlReader<R> {
             attributed: 0,
             state: State::Open,
         })
+    }
+
+    /// What it is in words.
+    pub fn encoding(&self) -> &'static str {
+        match &self.body {
+            Body::Binary(_) => "stl, binary",
+            Body::Ascii { .. } => "stl, ascii",
+        }
     }
 
     /// Facets that a binary header declares.

@@ -2,21 +2,12 @@
 //! in range, with bounds and counts. One pass over the file; memory is the arrays, three batches, and a bit for each vertex.
 
 mod components;
-pub mod input;
 mod lattice;
 mod local;
 mod normals;
 mod polygons;
-mod scans;
 mod small;
-mod sorter;
-mod steps;
-#[cfg(test)]
-mod stopping;
-mod stream;
-mod supply;
 mod used;
-mod weld;
 
 use crate::allowance;
 use crate::config::{Normals, Positions, Settings};
@@ -28,14 +19,14 @@ use crate::vertex_columns::{POSITIONS, SavedVertices, VertexColumns, VertexWrite
 use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
 use chpm_format::Source as Provenance;
 use chpm_import::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
+use chpm_import::{Beside, Input, SourceError, SourceInfo, Supply};
 use chpm_mesh::{Aabb, Attributes};
-use input::Input;
 use local::Local;
+use normals::CornerNormals;
 use polygons::Faces;
 use serde::{Deserialize, Serialize};
 use std::panic::resume_unwind;
 use std::sync::mpsc;
-pub(crate) use supply::Supply;
 use used::Used;
 
 /// The validated source.
@@ -120,7 +111,8 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     let kept = kept(format.attributes, settings);
     let mut arrays = Arrays::expecting(&input, supply.len(), kept, &context.store)?;
     arrays.fill(&mut input, context)?;
-    let Arrays { vertices, doubles, mut triangles, polygons, bounds, mut used, far } = arrays;
+    let Arrays { vertices, doubles, mut triangles, polygons, corner_normals, bounds, mut used, far, .. } =
+        arrays;
 
     // Polygons are cut last, since their corners' positions may come after them.
     let mut read = input.finish()?;
@@ -135,7 +127,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         false => polygons.cut(&vertices.positions, context, &mut take)?,
     };
     if triangles.is_empty() {
-        return Err(BuildError::Empty { path: supply.path.clone(), faces: read.provenance.face_count });
+        return Err(BuildError::Empty { path: supply.path.clone(), faces: read.face_count });
     }
     let triangles = triangles.finish_column()?;
 
@@ -143,8 +135,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     used.complete(&triangles, count, context)?;
     refuse_far(&far.finish_column()?, &used, supply, &read, context)?;
 
-    let input::Read { provenance, tally, mut warnings, normals: normals_of_corners, .. } = read;
-    let (corner_normals, of_normals) = match normals_of_corners {
+    let (corner_normals, of_normals) = match corner_normals {
         Some(normals) => normals.join(count, context)?,
         None => (None, None),
     };
@@ -168,6 +159,8 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
             (Positions::Lattice(bits), false) => lattice::round(&vertices.positions, bits, &used, context)?,
         };
     vertices.positions = positions;
+    let provenance = provenance(&read);
+    let SourceInfo { tally, mut warnings, .. } = read;
     warnings.extend(warning);
     warnings.extend(of_normals);
     Ok(Source {
@@ -196,10 +189,13 @@ struct Arrays {
     doubles: BufferWriter<[f64; 3]>,
     triangles: BufferWriter<[u32; 3]>,
     polygons: Faces,
+    /// Of formats that give them to corners.
+    corner_normals: Option<CornerNormals>,
     /// Of all singles.
     bounds: Aabb,
     used: Used,
     far: BufferWriter<Far>,
+    store: Store,
 }
 
 /// The arrays when all has come.
@@ -244,6 +240,8 @@ impl Arrays {
             doubles: BufferWriter::new(store, POSITIONS, doubles)?,
             triangles: BufferWriter::new(store, TRIANGLES, faces)?,
             polygons: Faces::new(store)?,
+            corner_normals: None,
+            store: store.clone(),
             bounds: Aabb::EMPTY,
             used: Used::new(store)?,
             far: BufferWriter::new(store, "vertices far from zero", 0)?,
@@ -305,6 +303,13 @@ impl Arrays {
         self.vertices.extend_from_slices(batch.vertices.view())?;
         self.doubles.extend_from_slice(&batch.positions_f64)?;
         self.polygons.add(&batch.polygons)?;
+        if !batch.listed_normals.is_empty() || !batch.corner_normals.is_empty() {
+            let normals = match self.corner_normals.take() {
+                Some(normals) => normals,
+                None => CornerNormals::new(&self.store)?,
+            };
+            self.corner_normals.insert(normals).take(batch)?;
+        }
         Ok(self.triangles.extend_from_slice(&batch.triangles)?)
     }
 }
@@ -314,7 +319,7 @@ fn refuse_far(
     far: &Column<Far>,
     used: &Used,
     supply: &Supply,
-    read: &input::Read,
+    read: &SourceInfo,
     context: &Context<'_>,
 ) -> Result<(), BuildError> {
     local::each(far, context, |_, places| {
@@ -329,16 +334,32 @@ fn refuse_far(
             line: Some(line).filter(|line| *line > 0),
         };
         let value = f64::from_bits(value);
-        let path = supply.path.clone();
-        Err(match read.scans.iter().rposition(|(base, _)| *base <= vertex) {
-            None => BuildError::TooFar { path, place: place(0), value },
-            Some(index) => {
-                let (base, scan) = &read.scans[index];
-                let error = BuildError::TooFar { path: scan.clone(), place: place(*base), value };
-                BuildError::Scan { list: path, index, error: Box::new(error) }
+        let list = supply.path.clone();
+        let scan = |(_, beside): &(usize, &Beside)| beside.first.is_some_and(|first| first <= vertex);
+        let error = match read.beside.iter().enumerate().rfind(scan) {
+            None => SourceError::TooFar { path: list, place: place(0), value },
+            Some((index, scan)) => {
+                let place = place(scan.first.unwrap_or(0));
+                let error = SourceError::TooFar { path: scan.path.clone(), place, value };
+                SourceError::Scan { list, index, error: Box::new(error) }
             }
-        })
+        };
+        Err(error.into())
     })
+}
+
+/// What the file tells of its source.
+fn provenance(read: &SourceInfo) -> Provenance {
+    Provenance {
+        name: read.name.clone(),
+        encoding: read.encoding.clone(),
+        byte_len: read.byte_len,
+        hash: read.hash,
+        vertex_count: read.vertex_count,
+        face_count: read.face_count,
+        comments: read.comments.clone(),
+        ..Provenance::default()
+    }
 }
 
 /// Counts that ingest found, as the repair report wants them.

@@ -1,11 +1,10 @@
 //! Normals that a source gives to corners of faces: vertices get them if each has just one.
 
-use super::sorter::{Sorted, Sorter};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::vertex_columns::NORMALS;
 use bytemuck::{Pod, Zeroable};
-use chpm_extmem::{BufferWriter, Column, Store};
+use chpm_extmem::{BufferWriter, Column, Sorted, Sorter, Store};
 use chpm_import::ply::Batch;
 use chpm_mesh::Counted;
 

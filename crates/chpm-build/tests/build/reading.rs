@@ -3,6 +3,7 @@
 use crate::site::{ChpmFile, Site, check_against, config};
 use chpm_build::{BuildError, BuildReport, Cancel, Silent, build};
 use chpm_format::{Chpm, verify};
+use chpm_import::SourceError;
 use chpm_mesh::{FAR, TriMesh};
 use chpm_synth::{Shape, Synth, hand};
 use std::fs;
@@ -186,7 +187,10 @@ fn coordinates_are_accepted_up_to_a_limit_and_refused_beyond() {
     for mesh in meshes() {
         let site = Site::of(&scaled(mesh, limit * 1.001));
         let error = site.try_build(&config(64), &Silent, &Cancel::default()).unwrap_err();
-        assert!(matches!(&error, BuildError::TooFar { place, .. } if place.offset > 0), "{error}");
+        assert!(
+            matches!(&error, BuildError::Source(error) if matches!(&**error, SourceError::TooFar { place, .. } if place.offset > 0)),
+            "{error}"
+        );
         assert!(error.to_string().contains("scale the model down"), "{error}");
         assert_eq!(site.files(), ["mesh.ply"]);
     }
@@ -254,7 +258,10 @@ fn what_is_wrong_with_a_scan_names_the_list_and_the_scan() {
         fs::write(dir.path().join("two.ply"), bytes).unwrap();
         let output = dir.path().join("out.chpm");
         let error = build(&list, &output, &config(64), &Silent, &Cancel::default()).unwrap_err();
-        assert!(matches!(error, BuildError::Scan { index: 1, .. }), "{error}");
+        assert!(
+            matches!(&error, BuildError::Source(error) if matches!(**error, SourceError::Scan { index: 1, .. })),
+            "{error}"
+        );
         let error = error.to_string();
         assert!(["all.conf", "two.ply", words].iter().all(|word| error.contains(word)), "{error}");
     }
@@ -266,7 +273,10 @@ fn what_is_no_file_is_refused_as_that() {
     let output = dir.path().join("out.chpm");
     for (source, what) in [(dir.path(), "a folder"), (Path::new("/dev/null"), "a terminal or device")] {
         let error = build(source, &output, &config(64), &Silent, &Cancel::default()).unwrap_err();
-        assert!(matches!(error, BuildError::NotAFile { what: found, .. } if found == what), "{error}");
+        assert!(
+            matches!(&error, BuildError::Source(error) if matches!(**error, SourceError::NotAFile { what: found, .. } if found == what)),
+            "{error}"
+        );
     }
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
 }

@@ -2,6 +2,7 @@
 
 use crate::site::{Site, config};
 use chpm_build::{BuildError, BuildProgress, Cancel, Progress, Silent, Stage};
+use chpm_import::SourceError;
 use chpm_synth::{Shape, Synth};
 use std::fs;
 use std::sync::Mutex;
@@ -91,11 +92,17 @@ fn a_broken_source_is_an_error_with_its_place() {
     let bytes = fs::read(site.source()).unwrap();
     fs::write(site.source(), &bytes[..bytes.len() / 2]).unwrap();
     let result = site.try_build(&config(256), &Silent, &Cancel::default());
-    assert!(matches!(result, Err(BuildError::Ply { .. })), "{result:?}");
+    assert!(
+        matches!(&result, Err(BuildError::Source(error)) if matches!(**error, SourceError::Import { .. })),
+        "{result:?}"
+    );
     assert_eq!(site.files(), ["mesh.ply"]);
 
     fs::remove_file(site.source()).unwrap();
     let result = site.try_build(&config(256), &Silent, &Cancel::default());
-    assert!(matches!(result, Err(BuildError::Source { .. })), "{result:?}");
+    assert!(
+        matches!(&result, Err(BuildError::Source(error)) if matches!(**error, SourceError::Read { .. })),
+        "{result:?}"
+    );
     assert!(site.files().is_empty());
 }

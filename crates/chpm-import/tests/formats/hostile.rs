@@ -2,7 +2,7 @@
 
 use crate::{obj, stl};
 use chpm_import::ply::{Invalid, Options};
-use chpm_import::{Format, RangeScans};
+use chpm_import::{Format, RangeScans, Start};
 use proptest::prelude::*;
 
 fn options(drop: bool) -> Options {
@@ -22,15 +22,15 @@ fn survive(bytes: &[u8]) -> Result<(), TestCaseError> {
             );
             prop_assert!(obj.colors.is_empty() || obj.colors.len() == obj.positions.len());
         }
-        for format in [Format::StlBinary, Format::StlAscii] {
-            if let Ok((facets, ..)) = stl::read(bytes, format, options.invalid) {
+        for is_text in [false, true] {
+            if let Ok((facets, ..)) = stl::read(bytes, is_text, options.invalid) {
                 let numbers = facets.as_flattened().as_flattened();
                 prop_assert!(numbers.iter().all(|x| x.is_finite() && x.to_bits() != 1 << 31));
             }
         }
     }
     let _ = RangeScans::read(bytes);
-    let _ = Format::detect(bytes, Some(bytes.len() as u64), None);
+    let _ = Format::detect(&Start { head: bytes, len: Some(bytes.len() as u64), extension: None });
     Ok(())
 }
 

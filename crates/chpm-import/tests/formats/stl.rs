@@ -1,14 +1,14 @@
 //! STL: both kinds, whole and damaged.
 
 use chpm_import::ply::{Invalid, Tally};
-use chpm_import::{Corners, Format, ImportError, StlReader};
+use chpm_import::{Corners, ImportError, StlReader};
 
 pub(crate) fn read(
     bytes: &[u8],
-    format: Format,
+    is_text: bool,
     invalid: Invalid,
 ) -> Result<(Vec<Corners>, Tally, Vec<String>), ImportError> {
-    let mut reader = StlReader::new(bytes, format, invalid)?;
+    let mut reader = StlReader::new(bytes, is_text, invalid)?;
     let (mut all, mut batch) = (Vec::new(), Vec::new());
     while reader.next_batch(&mut batch)? {
         all.append(&mut batch);
@@ -47,8 +47,8 @@ fn soup(count: usize) -> Vec<Corners> {
 fn both_kinds_tell_the_same_facets() {
     for count in [0, 1, 7, 20_000] {
         let soup = soup(count);
-        let (b, _, warnings) = read(&binary(&soup), Format::StlBinary, Invalid::Refuse).unwrap();
-        let (a, _, _) = read(ascii(&soup).as_bytes(), Format::StlAscii, Invalid::Refuse).unwrap();
+        let (b, _, warnings) = read(&binary(&soup), false, Invalid::Refuse).unwrap();
+        let (a, _, _) = read(ascii(&soup).as_bytes(), true, Invalid::Refuse).unwrap();
         assert!(a == soup && b == soup && warnings.is_empty(), "{count}");
     }
 }
@@ -56,8 +56,8 @@ fn both_kinds_tell_the_same_facets() {
 #[test]
 fn minus_zero_is_zero() {
     let soup = [[[-0.0f64; 3]; 3]];
-    let (b, ..) = read(&binary(&soup), Format::StlBinary, Invalid::Refuse).unwrap();
-    let (a, ..) = read(ascii(&soup).as_bytes(), Format::StlAscii, Invalid::Refuse).unwrap();
+    let (b, ..) = read(&binary(&soup), false, Invalid::Refuse).unwrap();
+    let (a, ..) = read(ascii(&soup).as_bytes(), true, Invalid::Refuse).unwrap();
     for facets in [a, b] {
         assert!(facets.as_flattened().as_flattened().iter().all(|x| x.to_bits() == 0));
     }
@@ -67,7 +67,7 @@ fn minus_zero_is_zero() {
 fn text_may_be_written_otherwise() {
     let text = "SOLID\nFACET NORMAL 0 0 0 OUTER LOOP\nVERTEX 0 0 0 VERTEX 1 0 0 VERTEX 0 1 0\nENDLOOP ENDFACET\nEndSolid\n\
                 solid second facet vertex\nfacet\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nvertex 0 1 0\nendfacet\nfacet\nendfacet\nendsolid";
-    let (facets, tally, _) = read(text.as_bytes(), Format::StlAscii, Invalid::Refuse).unwrap();
+    let (facets, tally, _) = read(text.as_bytes(), true, Invalid::Refuse).unwrap();
     assert_eq!(facets.len(), 3);
     assert_eq!((tally.polygons_triangulated, tally.degenerate_faces), (1, 1));
     assert_eq!(facets[2], [[0.0; 3], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
@@ -78,7 +78,7 @@ fn attributes_and_trailing_bytes_are_told() {
     let mut bytes = binary(&soup(3));
     bytes[84 + 50 + 48] = 1;
     bytes.extend(b"more");
-    let (facets, _, warnings) = read(&bytes, Format::StlBinary, Invalid::Refuse).unwrap();
+    let (facets, _, warnings) = read(&bytes, false, Invalid::Refuse).unwrap();
     assert_eq!(facets, soup(3));
     assert_eq!(
         warnings,
@@ -94,28 +94,20 @@ fn errors_name_place_and_reason() {
     let mut bad = soup(2);
     bad[1][2][0] = f64::NAN;
     let (whole, text) = (binary(&soup(2)), ascii(&soup(2)));
-    let cases: [(&[u8], Format, &str); 9] = [
-        (
-            &whole[..50],
-            Format::StlBinary,
-            "header 0, byte 50: the file ends here; expected a header of 84 bytes",
-        ),
-        (&whole[..140], Format::StlBinary, "facet 1, byte 140: the file ends here; expected 1 facets more"),
-        (&binary(&bad), Format::StlBinary, "facet 1, byte 134: a coordinate is NaN"),
-        (&ascii(&bad).into_bytes(), Format::StlAscii, "facet 1, byte"),
-        (
-            &text.as_bytes()[..text.find("endsolid").unwrap()],
-            Format::StlAscii,
-            "the file ends here; expected 'endsolid'",
-        ),
-        (&text.as_bytes()[..100], Format::StlAscii, "expected"),
-        (b"solid\nfacet\nvertex 0 0\n", Format::StlAscii, "line 3: expected three numbers after 'vertex'"),
+    let cases: [(&[u8], bool, &str); 9] = [
+        (&whole[..50], false, "header 0, byte 50: the file ends here; expected a header of 84 bytes"),
+        (&whole[..140], false, "facet 1, byte 140: the file ends here; expected 1 facets more"),
+        (&binary(&bad), false, "facet 1, byte 134: a coordinate is NaN"),
+        (&ascii(&bad).into_bytes(), true, "facet 1, byte"),
+        (&text.as_bytes()[..text.find("endsolid").unwrap()], true, "the file ends here; expected 'endsolid'"),
+        (&text.as_bytes()[..100], true, "expected"),
+        (b"solid\nfacet\nvertex 0 0\n", true, "line 3: expected three numbers after 'vertex'"),
         (
             b"solid\nvertex 0 0 0\n",
-            Format::StlAscii,
+            true,
             "facet 0, byte 6, line 2: expected 'facet' or 'endsolid', got 'vertex'",
         ),
-        (b"solid\nfacet\nfacet\n", Format::StlAscii, "expected 'vertex' or 'endfacet', got 'facet'"),
+        (b"solid\nfacet\nfacet\n", true, "expected 'vertex' or 'endfacet', got 'facet'"),
     ];
     for (bytes, format, words) in cases {
         let error = read(bytes, format, Invalid::Refuse).unwrap_err().to_string();
@@ -128,12 +120,12 @@ fn invalid_data_is_dropped_and_counted_on_request() {
     let mut bad = soup(3);
     bad[1][0][0] = f64::INFINITY;
     let bytes = binary(&bad);
-    let (facets, tally, _) = read(&bytes[..bytes.len() - 10], Format::StlBinary, Invalid::Drop).unwrap();
+    let (facets, tally, _) = read(&bytes[..bytes.len() - 10], false, Invalid::Drop).unwrap();
     assert_eq!(facets, soup(1));
     assert_eq!((tally.dropped_faces, tally.missing_faces), (1, 1));
     let text = ascii(&bad);
     let cut = text.rfind("    endloop").unwrap();
-    let (facets, tally, _) = read(&text.as_bytes()[..cut], Format::StlAscii, Invalid::Drop).unwrap();
+    let (facets, tally, _) = read(&text.as_bytes()[..cut], true, Invalid::Drop).unwrap();
     assert_eq!(facets, soup(1));
     assert_eq!((tally.dropped_faces, tally.missing_faces), (1, 1));
 }

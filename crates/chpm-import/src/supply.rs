@@ -1,6 +1,6 @@
 //! Where a source's bytes come from: a file, or a pipe that was read to its end.
 
-use crate::error::BuildError;
+use crate::error::SourceError;
 use chpm_extmem::{Cancel, FailPoints};
 use std::fs::{self, File, FileType};
 use std::io;
@@ -8,8 +8,9 @@ use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
 /// A source under its name.
-pub(crate) struct Supply {
-    pub(crate) path: PathBuf,
+pub struct Supply {
+    /// Where it is, or the pipe.
+    pub path: PathBuf,
     /// What came through a pipe; none if the path is a file.
     spooled: Option<File>,
 }
@@ -18,12 +19,12 @@ impl Supply {
     /// The file at `path`.
     ///
     /// # Errors
-    /// [`BuildError::NotAFile`] for what is none, [`BuildError::Source`] if it is not there.
-    pub(crate) fn file(path: &Path) -> Result<Supply, BuildError> {
+    /// [`SourceError::NotAFile`] for what is none, [`SourceError::Read`] if it is not there.
+    pub fn file(path: &Path) -> Result<Supply, SourceError> {
         let kind = kind(path)?;
         if !kind.is_file() {
             let (path, what) = (path.to_owned(), name(kind));
-            return Err(BuildError::NotAFile { path, what });
+            return Err(SourceError::NotAFile { path, what });
         }
         Ok(Supply { path: path.to_owned(), spooled: None })
     }
@@ -31,27 +32,22 @@ impl Supply {
     /// Like [`Supply::file`]; what comes through a pipe is copied to a file without a name in `folder` first.
     ///
     /// # Errors
-    /// As [`Supply::file`]; also [`BuildError::Cancelled`], and those of the disk.
-    pub(crate) fn take(
-        path: &Path,
-        folder: &Path,
-        fail_points: &FailPoints,
-        cancel: &Cancel,
-    ) -> Result<Supply, BuildError> {
+    /// As [`Supply::file`]; also [`SourceError::Cancelled`], and those of the disk.
+    pub fn take(path: &Path, folder: &Path, fail_points: &FailPoints, cancel: &Cancel) -> Result<Supply, SourceError> {
         if !kind(path)?.is_fifo() {
             return Supply::file(path);
         }
         let received = chpm_extmem::receive(path, folder, fail_points, || cancel.is_cancelled())?;
-        Ok(Supply { path: path.to_owned(), spooled: Some(received.ok_or(BuildError::Cancelled)?) })
+        Ok(Supply { path: path.to_owned(), spooled: Some(received.ok_or(SourceError::Cancelled)?) })
     }
 
     /// Whether the bytes came through a pipe, so that another run cannot have them.
-    pub(crate) fn is_spooled(&self) -> bool {
+    pub fn is_spooled(&self) -> bool {
         self.spooled.is_some()
     }
 
     /// The bytes from their beginning. What was spooled is handed out to one reader after the other.
-    pub(crate) fn open(&self) -> io::Result<File> {
+    pub fn open(&self) -> io::Result<File> {
         match &self.spooled {
             None => File::open(&self.path),
             Some(file) => {
@@ -63,15 +59,15 @@ impl Supply {
     }
 
     /// Bytes of the file, where the system tells.
-    pub(crate) fn len(&self) -> u64 {
+    pub fn len(&self) -> u64 {
         let found = self.spooled.as_ref().map_or_else(|| fs::metadata(&self.path), File::metadata);
         found.map_or(0, |metadata| metadata.len())
     }
 }
 
-fn kind(path: &Path) -> Result<FileType, BuildError> {
+fn kind(path: &Path) -> Result<FileType, SourceError> {
     let found = fs::metadata(path).map(|metadata| metadata.file_type());
-    found.map_err(|source| BuildError::Source { path: path.to_owned(), source })
+    found.map_err(|source| SourceError::Read { path: path.to_owned(), source })
 }
 
 fn name(kind: FileType) -> &'static str {

@@ -3,9 +3,9 @@
 //! Before and behind decompression every read looks at whether to stop first, so that no reader has to: what it does between
 //! two reads is bounded by its window.
 
-use super::supply::Supply;
+use crate::stl;
+use crate::supply::Supply;
 use chpm_extmem::{Cancel, FailPoints};
-use chpm_import::Format;
 use std::cell::RefCell;
 use std::fmt;
 use std::io::{self, BufReader, Cursor, Read};
@@ -23,11 +23,11 @@ const ZSTD_LEAST: u64 = 1 << 23;
 const PACKED_HEAD: usize = 84;
 
 /// Decompressed bytes.
-pub(super) type Stream = Box<dyn Read>;
+pub type Stream = Box<dyn Read>;
 
 /// How a file is compressed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Packing {
+pub(crate) enum Packing {
     None,
     Gzip,
     Zstd,
@@ -38,7 +38,7 @@ impl Packing {
     fn detect(head: &[u8], len: u64) -> Packing {
         match head {
             // Whatever its header begins with.
-            _ if Format::is_binary_stl(head, Some(len)) => Packing::None,
+            _ if stl::is_binary(head, Some(len)) => Packing::None,
             [0x1f, 0x8b, 8, ..] => Packing::Gzip,
             [0x28, 0xb5, 0x2f, 0xfd, ..] => Packing::Zstd,
             // A skippable frame may come first.
@@ -61,7 +61,7 @@ impl fmt::Display for Packing {
 
 /// A file that hashes what is read from it. Clones read on where the others stopped.
 #[derive(Clone)]
-pub(super) struct Tap(Rc<RefCell<Inner>>);
+pub(crate) struct Tap(Rc<RefCell<Inner>>);
 
 struct Inner {
     bytes: Box<dyn Read>,
@@ -74,23 +74,23 @@ struct Inner {
 }
 
 impl Tap {
-    pub(super) fn open(supply: &Supply, fail_points: &FailPoints, cancel: &Cancel) -> io::Result<Tap> {
+    pub(crate) fn open(supply: &Supply, fail_points: &FailPoints, cancel: &Cancel) -> io::Result<Tap> {
         fail_points.access()?;
         Ok(Tap::of(Box::new(supply.open()?), supply.len(), fail_points, cancel))
     }
 
-    pub(super) fn of(bytes: Box<dyn Read>, file_len: u64, fail_points: &FailPoints, cancel: &Cancel) -> Tap {
+    pub(crate) fn of(bytes: Box<dyn Read>, file_len: u64, fail_points: &FailPoints, cancel: &Cancel) -> Tap {
         let (fail_points, cancel) = (fail_points.clone(), cancel.clone());
         Tap(Rc::new(RefCell::new(Inner { bytes, file_len, hash: Xxh3::new(), len: 0, fail_points, cancel })))
     }
 
     /// Bytes read up to now.
-    pub(super) fn len(&self) -> u64 {
+    pub(crate) fn len(&self) -> u64 {
         self.0.borrow().len
     }
 
     /// Reads what is left, and answers the length and the hash of the whole.
-    pub(super) fn finish(mut self) -> io::Result<(u64, u64)> {
+    pub(crate) fn finish(mut self) -> io::Result<(u64, u64)> {
         io::copy(&mut self, &mut io::sink())?;
         let inner = self.0.borrow();
         Ok((inner.len, inner.hash.digest()))
@@ -128,15 +128,15 @@ fn heed(cancel: &Cancel) -> io::Result<()> {
 }
 
 /// A stream and what is known of it before anything is read.
-pub(super) struct Opened {
-    pub(super) stream: Stream,
-    pub(super) packing: Packing,
+pub(crate) struct Opened {
+    pub(crate) stream: Stream,
+    pub(crate) packing: Packing,
     /// The first bytes of the stream, which still come.
-    pub(super) head: Vec<u8>,
+    pub(crate) head: Vec<u8>,
     /// Its length, unless it is compressed.
-    pub(super) len: Option<u64>,
+    pub(crate) len: Option<u64>,
     /// Bytes that decompression may have in memory.
-    pub(super) window: u64,
+    pub(crate) window: u64,
 }
 
 /// A zstd stream whose window is limited.
@@ -162,7 +162,7 @@ impl<R: Read> Read for Zstd<R> {
 
 /// Decompresses what `tap` reads, if its first bytes say so, and looks at the `head` first bytes of the result. Decompression may
 /// have a quarter of `memory`, and 8 MiB in any case.
-pub(super) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
+pub(crate) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
     let mut tap = tap.clone();
     let (len, cancel) = (tap.0.borrow().file_len, tap.0.borrow().cancel.clone());
     let start = begin(&mut tap, PACKED_HEAD)?;

@@ -3,14 +3,13 @@
 //! Corners are sorted by position; equal ones become a vertex, numbered in the order of the sort, which follows a Morton curve so that
 //! vertices that are near are near in number. What comes out, corner and vertex, is sorted back by corner.
 
-use super::sorter::{Sorted, Sorter};
-use super::stream::Stream;
-use crate::error::BuildError;
+use crate::error::ImportError;
+use crate::ply::{Batch, BatchKind, Coordinates, Place, Tally, VertexFormat};
+use crate::reader::{MeshReader, SourceInfo};
+use crate::stl::{Corners, StlReader};
+use crate::stream::Stream;
 use bytemuck::Pod;
-use chpm_extmem::Store;
-use chpm_format::Source as Provenance;
-use chpm_import::ply::{Batch, BatchKind, Coordinates, Place, Tally, VertexFormat};
-use chpm_import::{Corners, ImportError, StlReader};
+use chpm_extmem::{Sorted, Sorter, Store};
 use chpm_mesh::{Attributes, Vertices};
 
 /// Vertices or triangles of a batch.
@@ -19,7 +18,7 @@ const FULL: usize = 1 << 14;
 const MAX_FACETS: u64 = (u32::MAX / 3) as u64;
 
 /// An STL as a mesh, whose corners are sorted as items `C`.
-pub(super) struct Welder<C> {
+pub(crate) struct Welder<C> {
     reader: StlReader<Stream>,
     store: Store,
     phase: Phase<C>,
@@ -37,39 +36,11 @@ enum Phase<C> {
     Ended,
 }
 
-/// What can go wrong while welding.
-pub(super) enum WeldError {
-    Import(ImportError),
-    Build(Box<BuildError>),
-}
-
-impl From<ImportError> for WeldError {
-    fn from(error: ImportError) -> Self {
-        WeldError::Import(error)
-    }
-}
-
-impl From<BuildError> for WeldError {
-    fn from(error: BuildError) -> Self {
-        WeldError::Build(Box::new(error))
-    }
-}
-
 impl<C: Corner> Welder<C> {
-    pub(super) fn new(reader: StlReader<Stream>, store: &Store) -> Self {
+    pub(crate) fn new(reader: StlReader<Stream>, store: &Store) -> Self {
         let corners = Sorter::new(store, "corners");
         let phase = Phase::Reading { soup: Vec::new(), corners };
         Welder { reader, store: store.clone(), phase, facets: 0, vertices: 0, triangles: 0, degenerate: 0 }
-    }
-
-    pub(super) fn vertex_format(&self) -> VertexFormat {
-        VertexFormat { coordinates: C::COORDINATES, attributes: Attributes::NONE }
-    }
-
-    /// What was left out, and in words; the counts go to `provenance`.
-    pub(super) fn finish<T>(&self, provenance: &mut Provenance) -> (Tally, Vec<String>, Option<T>) {
-        (provenance.vertex_count, provenance.face_count) = (self.vertices, self.reader.facets());
-        (self.tally(), self.reader.warnings().to_vec(), None)
     }
 
     fn tally(&self) -> Tally {
@@ -77,8 +48,79 @@ impl<C: Corner> Welder<C> {
         Tally { degenerate_faces: tally.degenerate_faces + self.degenerate, ..tally }
     }
 
-    /// Does a piece of work. Vertices may be none, while the facets are read.
-    pub(super) fn next_batch(&mut self, batch: &mut Batch) -> Result<BatchKind, WeldError> {
+    /// Hands the corners of the facets that come next to the sort; false if there are none.
+    fn read_facets(&mut self, soup: &mut Vec<Corners>, corners: &mut Sorter<C>) -> Result<bool, ImportError> {
+        if !self.reader.next_batch(soup)? {
+            return Ok(false);
+        }
+        if self.facets + soup.len() as u64 > MAX_FACETS {
+            let place = Place { element: "facet".to_owned(), index: MAX_FACETS, offset: 0, line: None };
+            return Err(ImportError::TooMany { place, what: "facets", limit: MAX_FACETS });
+        }
+        for facet in soup.iter() {
+            for (corner, position) in (3 * self.facets..).zip(facet) {
+                corners.push(C::new(*position, corner as u32))?;
+            }
+            self.facets += 1;
+        }
+        Ok(true)
+    }
+
+    /// Gives equal corners, which now follow one another, the number of one vertex, and sends the numbers back by corner; false if
+    /// no corner is left. Many corners may be one vertex, so that there may be none for the batch.
+    fn join_corners(
+        &mut self,
+        corners: &mut Sorted<C>,
+        last: &mut Option<C>,
+        back: &mut Sorter<u64>,
+        batch: &mut Batch,
+    ) -> Result<bool, ImportError> {
+        batch.first = self.vertices;
+        let mut taken = 0;
+        while taken < FULL
+            && let Some(corner) = corners.next()?
+        {
+            if last.is_none_or(|last| last.place() != corner.place()) {
+                *last = Some(corner);
+                let position = corner.position();
+                match C::COORDINATES {
+                    Coordinates::Single => batch.vertices.positions.push(position.map(|x| x as f32)),
+                    _ => batch.positions_f64.push(position),
+                }
+                self.vertices += 1;
+            }
+            back.push(u64::from(corner.number()) << 32 | (self.vertices - 1))?;
+            taken += 1;
+        }
+        Ok(taken > 0)
+    }
+
+    /// Three numbers are a facet again; those with two equal ones are counted. False if none are left.
+    fn take_triangles(&mut self, back: &mut Sorted<u64>, batch: &mut Batch) -> Result<bool, ImportError> {
+        batch.first = self.triangles;
+        let mut taken = 0;
+        while taken < FULL
+            && let (Some(a), Some(b), Some(c)) = (back.next()?, back.next()?, back.next()?)
+        {
+            taken += 1;
+            let [a, b, c] = [a, b, c].map(|item| item as u32);
+            if a == b || b == c || c == a {
+                self.degenerate += 1;
+            } else {
+                batch.triangles.push([a, b, c]);
+            }
+        }
+        self.triangles += batch.triangles.len() as u64;
+        Ok(taken > 0)
+    }
+}
+
+impl<C: Corner> MeshReader for Welder<C> {
+    fn format(&self) -> VertexFormat {
+        VertexFormat { coordinates: C::COORDINATES, attributes: Attributes::NONE }
+    }
+
+    fn next(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
         *batch = Batch {
             vertices: Vertices::new(take(&mut batch.vertices.positions)),
             positions_f64: take(&mut batch.positions_f64),
@@ -114,70 +156,15 @@ impl<C: Corner> Welder<C> {
         }
     }
 
-    /// Hands the corners of the facets that come next to the sort; false if there are none.
-    fn read_facets(&mut self, soup: &mut Vec<Corners>, corners: &mut Sorter<C>) -> Result<bool, WeldError> {
-        if !self.reader.next_batch(soup)? {
-            return Ok(false);
-        }
-        if self.facets + soup.len() as u64 > MAX_FACETS {
-            let place = Place { element: "facet".to_owned(), index: MAX_FACETS, offset: 0, line: None };
-            return Err(ImportError::TooMany { place, what: "facets", limit: MAX_FACETS }.into());
-        }
-        for facet in soup.iter() {
-            for (corner, position) in (3 * self.facets..).zip(facet) {
-                corners.push(C::new(*position, corner as u32))?;
-            }
-            self.facets += 1;
-        }
-        Ok(true)
-    }
-
-    /// Gives equal corners, which now follow one another, the number of one vertex, and sends the numbers back by corner; false if
-    /// no corner is left. Many corners may be one vertex, so that there may be none for the batch.
-    fn join_corners(
-        &mut self,
-        corners: &mut Sorted<C>,
-        last: &mut Option<C>,
-        back: &mut Sorter<u64>,
-        batch: &mut Batch,
-    ) -> Result<bool, WeldError> {
-        batch.first = self.vertices;
-        let mut taken = 0;
-        while taken < FULL
-            && let Some(corner) = corners.next()?
-        {
-            if last.is_none_or(|last| last.place() != corner.place()) {
-                *last = Some(corner);
-                let position = corner.position();
-                match C::COORDINATES {
-                    Coordinates::Single => batch.vertices.positions.push(position.map(|x| x as f32)),
-                    _ => batch.positions_f64.push(position),
-                }
-                self.vertices += 1;
-            }
-            back.push(u64::from(corner.number()) << 32 | (self.vertices - 1))?;
-            taken += 1;
-        }
-        Ok(taken > 0)
-    }
-
-    /// Three numbers are a facet again; those with two equal ones are counted. False if none are left.
-    fn take_triangles(&mut self, back: &mut Sorted<u64>, batch: &mut Batch) -> Result<bool, WeldError> {
-        batch.first = self.triangles;
-        let mut taken = 0;
-        while taken < FULL
-            && let (Some(a), Some(b), Some(c)) = (back.next()?, back.next()?, back.next()?)
-        {
-            taken += 1;
-            let [a, b, c] = [a, b, c].map(|item| item as u32);
-            if a == b || b == c || c == a {
-                self.degenerate += 1;
-            } else {
-                batch.triangles.push([a, b, c]);
-            }
-        }
-        self.triangles += batch.triangles.len() as u64;
-        Ok(taken > 0)
+    fn finish(self: Box<Self>) -> Result<SourceInfo, ImportError> {
+        Ok(SourceInfo {
+            encoding: self.reader.encoding().to_owned(),
+            vertex_count: self.vertices,
+            face_count: self.reader.facets(),
+            tally: self.tally(),
+            warnings: self.reader.warnings().to_vec(),
+            ..SourceInfo::default()
+        })
     }
 }
 
@@ -190,7 +177,7 @@ fn take<T>(vector: &mut Vec<T>) -> Vec<T> {
 /// A corner as an item to sort: where its position is on the curve, then its number.
 ///
 /// The bits of a position's coordinates that have equal weight are together. Numbers keep their order, negative ones included.
-pub(super) trait Corner: Pod + Ord + Send {
+pub(crate) trait Corner: Pod + Ord + Send {
     /// What positions are delivered as.
     const COORDINATES: Coordinates;
 
@@ -292,8 +279,7 @@ fn gather(bits: u128) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chpm_import::Format;
-    use chpm_import::ply::Invalid;
+    use crate::ply::Invalid;
     use std::collections::BTreeMap;
 
     fn stl(facets: &[Corners]) -> Vec<u8> {
@@ -309,15 +295,15 @@ mod tests {
 
     type Mesh = (Vec<[f64; 3]>, Vec<[u32; 3]>, u64);
 
-    fn weld<C: Corner>(bytes: Vec<u8>, format: Format, limit: u64) -> Mesh {
+    fn weld<C: Corner>(bytes: Vec<u8>, is_text: bool, limit: u64) -> Mesh {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::create(dir.path(), limit).unwrap();
         let stream: Stream = Box::new(std::io::Cursor::new(bytes));
-        let reader = StlReader::new(stream, format, Invalid::Refuse).unwrap();
+        let reader = StlReader::new(stream, is_text, Invalid::Refuse).unwrap();
         let mut welder = Welder::<C>::new(reader, &store);
         let (mut positions, mut triangles, mut batch) = (Vec::new(), Vec::new(), Batch::default());
         loop {
-            match welder.next_batch(&mut batch).unwrap_or_else(|_| panic!("a batch")) {
+            match welder.next(&mut batch).unwrap_or_else(|_| panic!("a batch")) {
                 BatchKind::Vertices => {
                     positions.extend(batch.vertices.positions.iter().map(|p| p.map(f64::from)));
                     positions.append(&mut batch.positions_f64);
@@ -339,9 +325,9 @@ mod tests {
     }
 
     /// Checks one welding against a map from bits to vertices, in any budget.
-    fn check<C: Corner>(bytes: Vec<u8>, format: Format, facets: &[Corners]) -> Mesh {
-        let (positions, triangles, degenerate) = weld::<C>(bytes.clone(), format, 0);
-        assert!(weld::<C>(bytes, format, 1 << 30) == (positions.clone(), triangles.clone(), degenerate));
+    fn check<C: Corner>(bytes: Vec<u8>, is_text: bool, facets: &[Corners]) -> Mesh {
+        let (positions, triangles, degenerate) = weld::<C>(bytes.clone(), is_text, 0);
+        assert!(weld::<C>(bytes, is_text, 1 << 30) == (positions.clone(), triangles.clone(), degenerate));
         let bits = |p: &[f64; 3]| p.map(f64::to_bits);
         let vertices: BTreeMap<[u64; 3], usize> =
             positions.iter().enumerate().map(|(i, p)| (bits(p), i)).collect();
@@ -366,13 +352,13 @@ mod tests {
         let random = |i: u64| i.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
         let facets: Vec<Corners> =
             (0..30_000).map(|i| std::array::from_fn(|k| place(random(3 * i + k as u64)))).collect();
-        let binary = check::<u128>(stl(&facets), Format::StlBinary, &facets);
+        let binary = check::<u128>(stl(&facets), false, &facets);
         // The same numbers as text are the same mesh.
-        assert!(check::<[u128; 2]>(text(&facets), Format::StlAscii, &facets) == binary);
+        assert!(check::<[u128; 2]>(text(&facets), true, &facets) == binary);
         // Singles could not tell these from one another.
         let apart: Vec<Corners> =
             facets.iter().map(|facet| facet.map(|p| p.map(|x| 5e6 + 1e-3 * x))).collect();
-        let (positions, ..) = check::<[u128; 2]>(text(&apart), Format::StlAscii, &apart);
+        let (positions, ..) = check::<[u128; 2]>(text(&apart), true, &apart);
         assert!(positions.len() > 100, "{}", positions.len());
     }
 
@@ -406,11 +392,11 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::create(dir.path(), 0).unwrap();
         let stream: Stream = Box::new(std::io::Cursor::new(stl(&facets)));
-        let reader = StlReader::new(stream, Format::StlBinary, Invalid::Refuse).unwrap();
+        let reader = StlReader::new(stream, false, Invalid::Refuse).unwrap();
         let mut welder = Welder::<u128>::new(reader, &store);
         let (mut batch, mut kinds) = (Batch::default(), [0, 0]);
         loop {
-            match welder.next_batch(&mut batch).unwrap_or_else(|_| panic!("a batch")) {
+            match welder.next(&mut batch).unwrap_or_else(|_| panic!("a batch")) {
                 BatchKind::Vertices => kinds[0] += 1,
                 BatchKind::Triangles => kinds[1] += 1,
                 BatchKind::End => break,

@@ -1,8 +1,7 @@
 //! Sorting what may not fit in memory: sorted runs in a spool, merged.
 
-use crate::error::BuildError;
+use crate::{ExtmemError, Reservation, Spool, Store};
 use bytemuck::Pod;
-use chpm_extmem::{Reservation, Spool, Store};
 use rayon::slice::ParallelSliceMut;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -14,7 +13,7 @@ const LEAST_RUN: u64 = 1 << 20;
 const BLOCK: usize = 1 << 16;
 
 /// Takes items in any order.
-pub(super) struct Sorter<T> {
+pub struct Sorter<T> {
     run: Vec<T>,
     capacity: usize,
     share: Option<Reservation>,
@@ -24,7 +23,8 @@ pub(super) struct Sorter<T> {
 }
 
 impl<T: Pod + Ord + Send> Sorter<T> {
-    pub(super) fn new(store: &Store, what: &'static str) -> Self {
+    /// Nothing yet. A run is as long as the budget of `store` grants; `what` names it.
+    pub fn new(store: &Store, what: &'static str) -> Self {
         let mut bytes = RUN.min(store.budget.limit() / 8).max(LEAST_RUN);
         let share = loop {
             match store.budget.try_reserve(what, bytes) {
@@ -37,7 +37,11 @@ impl<T: Pod + Ord + Send> Sorter<T> {
         Sorter { run: Vec::new(), capacity, share, spool: Spool::new(store, what), runs: Vec::new() }
     }
 
-    pub(super) fn push(&mut self, item: T) -> Result<(), BuildError> {
+    /// Takes an item.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub fn push(&mut self, item: T) -> Result<(), ExtmemError> {
         if self.run.len() == self.capacity {
             self.spill()?;
         }
@@ -46,10 +50,13 @@ impl<T: Pod + Ord + Send> Sorter<T> {
     }
 
     /// All items in order; equal ones cannot be told apart.
-    pub(super) fn finish(mut self) -> Result<Sorted<T>, BuildError> {
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub fn finish(mut self) -> Result<Sorted<T>, ExtmemError> {
         if self.runs.is_empty() {
             self.run.par_sort_unstable();
-            return Ok(Sorted::Memory { items: self.run, next: 0, _share: self.share });
+            return Ok(Sorted(State::Memory { items: self.run, next: 0, _share: self.share }));
         }
         self.spill()?;
         let Sorter { spool, runs, .. } = self;
@@ -58,10 +65,10 @@ impl<T: Pod + Ord + Send> Sorter<T> {
             merge.runs.push(Run { next, left, block: Vec::new(), at: 0 });
             merge.take(index)?;
         }
-        Ok(Sorted::Merge(merge))
+        Ok(Sorted(State::Merge(merge)))
     }
 
-    fn spill(&mut self) -> Result<(), BuildError> {
+    fn spill(&mut self) -> Result<(), ExtmemError> {
         self.run.par_sort_unstable();
         let offset = self.spool.append(bytemuck::cast_slice(&self.run))?;
         self.runs.push((offset, self.run.len() as u64));
@@ -71,13 +78,15 @@ impl<T: Pod + Ord + Send> Sorter<T> {
 }
 
 /// Hands items out in order.
-pub(super) enum Sorted<T> {
+pub struct Sorted<T>(State<T>);
+
+enum State<T> {
     Memory { items: Vec<T>, next: usize, _share: Option<Reservation> },
     Merge(Merge<T>),
 }
 
 /// Runs side by side; the heap holds the next item of each.
-pub(super) struct Merge<T> {
+struct Merge<T> {
     spool: Spool,
     runs: Vec<Run<T>>,
     heap: BinaryHeap<Reverse<(T, usize)>>,
@@ -93,13 +102,18 @@ struct Run<T> {
 }
 
 impl<T: Pod + Ord> Sorted<T> {
-    pub(super) fn next(&mut self) -> Result<Option<T>, BuildError> {
-        match self {
-            Sorted::Memory { items, next, .. } => {
+    /// The next item; none at the end.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    #[expect(clippy::should_implement_trait, reason = "it may fail")]
+    pub fn next(&mut self) -> Result<Option<T>, ExtmemError> {
+        match &mut self.0 {
+            State::Memory { items, next, .. } => {
                 *next += 1;
                 Ok(items.get(*next - 1).copied())
             }
-            Sorted::Merge(merge) => {
+            State::Merge(merge) => {
                 let Some(Reverse((item, run))) = merge.heap.pop() else { return Ok(None) };
                 merge.take(run)?;
                 Ok(Some(item))
@@ -110,7 +124,7 @@ impl<T: Pod + Ord> Sorted<T> {
 
 impl<T: Pod + Ord> Merge<T> {
     /// Puts the next item of a run on the heap, if there is one.
-    fn take(&mut self, index: usize) -> Result<(), BuildError> {
+    fn take(&mut self, index: usize) -> Result<(), ExtmemError> {
         let run = &mut self.runs[index];
         if run.at == run.block.len() && run.left > 0 {
             let count = run.left.min((BLOCK / size_of::<T>()) as u64) as usize;

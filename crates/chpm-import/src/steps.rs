@@ -1,8 +1,7 @@
 //! Where a range grid jumps in depth, its neighbours are no neighbours on the surface: such triangles are left out.
 
-use crate::error::BuildError;
-use chpm_extmem::{Buffer, BufferWriter, Store};
-use chpm_import::ply::Batch;
+use crate::ply::Batch;
+use chpm_extmem::{Buffer, BufferWriter, ExtmemError, Store};
 use chpm_mesh::Counted;
 
 /// A triangle whose longest edge is more than so many times its shortest hangs across a step. Samples of a surface that is seen at
@@ -10,18 +9,18 @@ use chpm_mesh::Counted;
 const RATIO: f64 = 6.0;
 
 /// The positions of a grid, to measure its triangles with.
-pub(super) enum Steps {
+pub(crate) enum Steps {
     Coming(BufferWriter<[f32; 3]>),
     Known { positions: Buffer<[f32; 3]>, left_out: u64 },
 }
 
 impl Steps {
-    pub(super) fn new(store: &Store) -> Result<Self, BuildError> {
+    pub(crate) fn new(store: &Store) -> Result<Self, ExtmemError> {
         Ok(Steps::Coming(BufferWriter::new(store, "samples of a range grid", 0)?))
     }
 
     /// Takes vertices.
-    pub(super) fn vertices(&mut self, batch: &Batch) -> Result<(), BuildError> {
+    pub(crate) fn vertices(&mut self, batch: &Batch) -> Result<(), ExtmemError> {
         if let Steps::Coming(writer) = self {
             writer.extend_from_slice(&batch.vertices.positions)?;
             let singles: Vec<[f32; 3]> = batch.positions_f64.iter().map(|p| p.map(|x| x as f32)).collect();
@@ -31,7 +30,7 @@ impl Steps {
     }
 
     /// Removes triangles across steps; those of vertices that come later are kept, since nothing is known of them.
-    pub(super) fn triangles(self, batch: &mut Batch) -> Result<Self, BuildError> {
+    pub(crate) fn triangles(self, batch: &mut Batch) -> Result<Self, ExtmemError> {
         let (positions, mut left_out) = match self {
             Steps::Coming(writer) => (writer.finish()?, 0),
             Steps::Known { positions, left_out } => (positions, left_out),
@@ -47,7 +46,7 @@ impl Steps {
     }
 
     /// What was left out, in words.
-    pub(super) fn warning(&self) -> Option<String> {
+    pub(crate) fn warning(&self) -> Option<String> {
         match self {
             Steps::Known { left_out, .. } if *left_out > 0 => Some(format!(
                 "left out {} across steps in depth",

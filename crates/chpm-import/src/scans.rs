@@ -1,16 +1,17 @@
 //! A model made of range scans: each is read in its turn and moved into the model's frame on the way.
 
-use super::input::Input;
-use super::supply::Supply;
-use crate::error::BuildError;
+use crate::conf::{Pose, RangeScans};
+use crate::error::{ImportError, SourceError};
+use crate::input::Input;
+use crate::ply::{Batch, BatchKind, Coordinates, MAX_VERTICES, Options, PlyError, VertexFormat};
+use crate::reader::{Beside, MeshReader, SourceInfo};
+use crate::supply::Supply;
 use chpm_extmem::{Cancel, Store};
-use chpm_import::ply::{Batch, BatchKind, Coordinates, MAX_VERTICES, Options, PlyError, Tally, VertexFormat};
-use chpm_import::{Pose, RangeScans};
 use chpm_mesh::Attributes;
 use std::path::{Path, PathBuf};
 
 /// Scans one after the other.
-pub(super) struct ScanSet {
+pub(crate) struct ScanSet {
     list: PathBuf,
     scans: Vec<(PathBuf, Pose)>,
     options: Options,
@@ -24,31 +25,18 @@ pub(super) struct ScanSet {
     base: u64,
     vertices: u64,
     faces: u64,
-    read: ScansRead,
-}
-
-/// What is known of all scans at the end.
-#[derive(Default)]
-pub(super) struct ScansRead {
-    pub(super) len: u64,
-    pub(super) hashes: Vec<u64>,
-    /// The first vertex of each scan.
-    pub(super) firsts: Vec<(u64, PathBuf)>,
-    pub(super) vertices: u64,
-    pub(super) faces: u64,
-    pub(super) tally: Tally,
-    pub(super) warnings: Vec<String>,
+    read: SourceInfo,
 }
 
 impl ScanSet {
     /// Looks into every scan of the list, which lie relative to it: attributes are kept only if all of them have them.
-    pub(super) fn open(
+    pub(crate) fn open(
         path: &Path,
         list: RangeScans,
         options: Options,
         store: &Store,
         cancel: &Cancel,
-    ) -> Result<Self, BuildError> {
+    ) -> Result<Self, SourceError> {
         let (mut attributes, mut some) = (Attributes::ALL, Attributes::NONE);
         let mut scans = Vec::new();
         for (index, scan) in list.scans.into_iter().enumerate() {
@@ -59,7 +47,7 @@ impl ScanSet {
             scans.push((file, scan.pose));
         }
 
-        let mut read = ScansRead::default();
+        let mut read = SourceInfo { encoding: "range scans".to_owned(), ..SourceInfo::default() };
         if some.normals && !attributes.normals {
             read.warnings.push("dropped normals, which not all of the scans have".to_owned());
         }
@@ -86,30 +74,14 @@ impl ScanSet {
         })
     }
 
-    pub(super) fn vertex_format(&self) -> VertexFormat {
-        self.format
-    }
-
-    pub(super) fn bytes_read(&self) -> u64 {
-        self.read.len + self.current.as_ref().map_or(0, Input::bytes_read)
-    }
-
-    pub(super) fn next_batch(&mut self, batch: &mut Batch) -> Result<BatchKind, BuildError> {
-        let index = self.at;
-        self.refill(batch).map_err(|error| named(&self.list, index, error))
-    }
-
-    fn refill(&mut self, batch: &mut Batch) -> Result<BatchKind, BuildError> {
+    fn refill(&mut self, batch: &mut Batch) -> Result<BatchKind, SourceError> {
         let Some((path, pose)) = self.scans.get(self.at) else {
             *batch = Batch::default();
             return Ok(BatchKind::End);
         };
         let input = match &mut self.current {
             Some(input) => input,
-            none => {
-                self.read.firsts.push((self.base, path.clone()));
-                none.insert(open(path, self.options, &self.store, &self.cancel)?)
-            }
+            none => none.insert(open(path, self.options, &self.store, &self.cancel)?),
         };
 
         match input.next_batch(batch)? {
@@ -126,7 +98,7 @@ impl ScanSet {
                 self.vertices += batch.positions_f64.len() as u64;
                 if self.vertices > MAX_VERTICES {
                     let source = PlyError::TooManyVertices { count: self.vertices, limit: MAX_VERTICES };
-                    return Err(BuildError::Ply { path: path.clone(), source });
+                    return Err(SourceError::of(path, source));
                 }
                 Ok(BatchKind::Vertices)
             }
@@ -137,7 +109,7 @@ impl ScanSet {
                 if let Some(v) = corners.copied().find(|v| beyond(*v)) {
                     let count = u64::from(v) + self.base;
                     let source = PlyError::TooManyVertices { count, limit: MAX_VERTICES };
-                    return Err(BuildError::Ply { path: path.clone(), source });
+                    return Err(SourceError::of(path, source));
                 }
 
                 let base = self.base as u32;
@@ -151,12 +123,12 @@ impl ScanSet {
                 if let Some(input) = self.current.take() {
                     let scan = input.finish()?;
                     let all = &mut self.read;
-                    all.len += scan.provenance.byte_len;
-                    all.hashes.push(scan.provenance.hash);
-                    all.vertices += scan.provenance.vertex_count;
-                    all.faces += scan.provenance.face_count;
+                    let (path, first) = (path.clone(), Some(self.base));
+                    all.beside.push(Beside { path, first, len: scan.byte_len, hash: scan.hash });
+                    all.vertex_count += scan.vertex_count;
+                    all.face_count += scan.face_count;
                     all.tally.add(&scan.tally);
-                    let name = &scan.provenance.name;
+                    let name = &scan.name;
                     all.warnings.extend(scan.warnings.iter().map(|warning| format!("{name}: {warning}")));
                 }
                 self.base = self.vertices;
@@ -167,21 +139,36 @@ impl ScanSet {
             }
         }
     }
+}
 
-    /// What was read, after the last batch.
-    pub(super) fn finish(self) -> ScansRead {
-        self.read
+impl MeshReader for ScanSet {
+    fn format(&self) -> VertexFormat {
+        self.format
+    }
+
+    fn bytes_beside(&self) -> u64 {
+        let read: u64 = self.read.beside.iter().map(|scan| scan.len).sum();
+        read + self.current.as_ref().map_or(0, Input::bytes_read)
+    }
+
+    fn next(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
+        let index = self.at;
+        Ok(self.refill(batch).map_err(|error| named(&self.list, index, error))?)
+    }
+
+    fn finish(self: Box<Self>) -> Result<SourceInfo, ImportError> {
+        Ok(self.read)
     }
 }
 
-fn open(path: &Path, options: Options, store: &Store, cancel: &Cancel) -> Result<Input, BuildError> {
+fn open(path: &Path, options: Options, store: &Store, cancel: &Cancel) -> Result<Input, SourceError> {
     Input::open_as(&Supply::file(path)?, options, store, false, cancel)
 }
 
 /// What is wrong with a scan, and whose it is.
-fn named(list: &Path, index: usize, error: BuildError) -> BuildError {
+fn named(list: &Path, index: usize, error: SourceError) -> SourceError {
     match error {
-        BuildError::Cancelled | BuildError::Extmem(_) => error,
-        error => BuildError::Scan { list: list.to_owned(), index, error: Box::new(error) },
+        SourceError::Cancelled | SourceError::Extmem(_) => error,
+        error => SourceError::Scan { list: list.to_owned(), index, error: Box::new(error) },
     }
 }

@@ -4,9 +4,9 @@
 use super::input::Input;
 use super::stream::Tap;
 use super::supply::Supply;
-use crate::error::BuildError;
+use crate::error::SourceError;
+use crate::ply::{Batch, BatchKind, Invalid, Options};
 use chpm_extmem::{Cancel, FailPoints, Store};
-use chpm_import::ply::{Batch, BatchKind, Invalid, Options};
 use std::cell::Cell;
 use std::io::{self, Read, Write};
 use std::path::Path;
@@ -63,7 +63,7 @@ fn stopped(name: &str, head: &[u8], body: &[u8], before: usize, invalid: Invalid
     let supply = Supply::file(&path).unwrap();
     let tap = Tap::of(Box::new(source), 1 << 40, &FailPoints::default(), &cancel);
     let options = Options { invalid, ..Options::default() };
-    let read = || -> Result<(), BuildError> {
+    let read = || -> Result<(), SourceError> {
         let mut input = Input::from_tap(&supply, tap, options, &store, true, &cancel)?;
         let mut batch = Batch::default();
         while input.next_batch(&mut batch)? != BatchKind::End {}
@@ -72,7 +72,8 @@ fn stopped(name: &str, head: &[u8], body: &[u8], before: usize, invalid: Invalid
     let error = read().unwrap_err();
     assert!(cancel.is_cancelled(), "{name}: {error}");
     // A reader that is still being made does not know why it fails; whoever opens it does.
-    let is_read = matches!(&error, BuildError::Cancelled) || error.to_string().contains("stopped on request");
+    let is_read =
+        matches!(&error, SourceError::Cancelled) || error.to_string().contains("stopped on request");
     assert!(is_read, "{name}: {error}");
     after.get()
 }
@@ -150,8 +151,8 @@ fn whole_files_are_hashed_until_a_stop() {
     let files = [path.clone()];
     assert_eq!(super::input::fingerprint(&files, &cancel).unwrap().0, 1000);
     cancel.cancel();
-    assert!(matches!(super::input::fingerprint(&files, &cancel), Err(BuildError::Cancelled)));
-    assert!(matches!(super::input::files(Path::new(&path), &cancel), Err(BuildError::Cancelled)));
+    assert!(matches!(super::input::fingerprint(&files, &cancel), Err(SourceError::Cancelled)));
+    assert!(matches!(super::input::files(Path::new(&path), &cancel), Err(SourceError::Cancelled)));
 }
 
 /// A frame of a few bytes that asks for a window of 256 MiB to be unpacked in.
