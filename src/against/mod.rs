@@ -460,7 +460,7 @@ fn each_triangle(
         _ if format.is_list() => bail!("'{}' is a list of scans within another", path.display()),
         ("PLY", _) => ply::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
         ("OBJ", _) => obj::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
-        ("STL", _) if StlReader::<Stream>::is_text(&start) => {
+        ("STL", _) if StlReader::<chpm_import::Stream>::is_text(&start) => {
             stl::read_ascii(stream, &mut Mesh::new(target, motion, counts, &mut sink))
         }
         ("STL", _) => stl::read_binary(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
