@@ -524,7 +524,8 @@ fn what_is_not_read_is_named_with_a_remedy() {
     let face = header("element face 1\nproperty list uchar int vertex_indices\n");
     let edge = header("element edge 2\nproperty int vertex1\nproperty int vertex2\n");
     let cases = [
-        ("a.off", "OFF\n3 1 0\n".to_owned(), "an OFF mesh", "convert it"),
+        ("a.dae", "<?xml version=\"1.0\"?>\n<COLLADA>".to_owned(), "a COLLADA scene", "convert it"),
+        ("a.off", "OFF\n3 1 0\n".to_owned(), "expected 3 vertices more", "copy the file again"),
         ("a.stl", String::new(), "an empty file", "copy it again"),
         ("a.ply", "<!DOCTYPE html><html>".to_owned(), "a web page", "download it again"),
         ("lines.ply", edge + "0 0 0\n1 0 0\n0 1 0\n0 1\n1 2\n", "2 lines between 3 vertices", "a mesh"),

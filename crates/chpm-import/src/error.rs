@@ -89,6 +89,9 @@ pub enum ImportError {
     /// A list of range scans without one.
     #[error("no 'bmesh' line: this list names no range scan")]
     NoScans,
+    /// A file of a format that is read, in a variant of it that is not.
+    #[error("{0}")]
+    Unsupported(String),
     /// The stream was asked for more after it had failed.
     #[error("an earlier error has ended this stream")]
     Ended,

@@ -1,6 +1,6 @@
 //! What a file is that there is no reader for, by its first bytes: so that a refusal can name it, and what to do.
 
-use super::format::{Format, first_line, is_text, read_formats};
+use super::format::{Format, first_line, is_text, read_formats, without_mark};
 use super::lines::words;
 use super::reader::Start;
 use std::fmt;
@@ -79,8 +79,7 @@ impl Foreign {
         if Format::is_certain(input) {
             return None;
         }
-        // Text editors put this before what they save.
-        let start = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
+        let start = without_mark(head);
         if let Some((magic, what, remedy)) = MAGICS.iter().find(|(magic, ..)| start.starts_with(magic)) {
             let is_3mf = *magic == b"PK\x03\x04" && has(head, b"3D/3dmodel.model");
             let is_office = *magic == b"PK\x03\x04" && has(head, b"[Content_Types].xml");
@@ -115,14 +114,6 @@ fn of_text(head: &[u8], input: &Start<'_>) -> Option<Foreign> {
     let named = |what, remedy| Some(Foreign { what, remedy });
     let line = first_line(head);
     let first = words(line).next().unwrap_or_default();
-    // `COFF`, `STNOFF4`: with colours, normals, texture coordinates.
-    let is_off = |word: &[u8]| {
-        let word = word.strip_suffix(b"n").unwrap_or(word);
-        word.strip_suffix(b"OFF").is_some_and(|before| before.iter().all(|byte| b"STCN4".contains(byte)))
-    };
-    if is_off(first) {
-        return named("an OFF mesh", CONVERT);
-    }
     if head.trim_ascii_start().first() == Some(&b'{') {
         let is_gltf = has(head, b"\"asset\"") || input.is_named("gltf");
         let what = if is_gltf { "glTF" } else { "JSON" };
@@ -185,10 +176,8 @@ mod tests {
     #[test]
     fn what_is_not_read_is_named() {
         let tar = [&[b'a'; 257][..], b"ustar\0"].concat();
-        let cases: [(&[u8], Option<&str>, &str); 18] = [
+        let cases: [(&[u8], Option<&str>, &str); 16] = [
             (b"", Some("stl"), "an empty file"),
-            (b"OFF\n8 6 0\n", None, "an OFF mesh"),
-            (b"# made by hand\nSTCNOFF\n8 6 0\n", Some("off"), "an OFF mesh"),
             (b"glTF\x02\0\0\0", Some("glb"), "a GLB (binary glTF)"),
             (b" {\"asset\": {\"version\": \"2.0\"}}", None, "glTF"),
             (b"PK\x03\x04....3D/3dmodel.model", None, "a 3MF model"),
@@ -219,7 +208,7 @@ mod tests {
         let mut stl = b"glTF".to_vec();
         stl.resize(80, b' ');
         stl.extend([0; 4]);
-        let cases: [(&[u8], Option<&str>); 9] = [
+        let cases: [(&[u8], Option<&str>); 11] = [
             (b"ply\nformat", None),
             (b"ply", None),
             (&stl, None),
@@ -227,6 +216,8 @@ mod tests {
             (b"v 0 0 0", Some("ply")),
             (b"o\nv 0 0 0", None),
             (b"bmesh a.ply 0 0 0 0 0 0 1", None),
+            (b"\xef\xbb\xbfOFF\n8 6 0\n", None),
+            (b"# made by hand\nSTCNOFF\n8 6 0\n", None),
             // What these readers say of it is more.
             (&[0x01; 90], Some("stl")),
             (b"hello", Some("obj")),

@@ -4,13 +4,13 @@ use super::lines::words;
 use crate::error::ImportError;
 use crate::reader::{MeshReader, Opening, Start};
 use crate::stream::Stream;
-use crate::{conf, obj, ply, stl};
+use crate::{conf, obj, off, ply, stl};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// All formats that are read. What an input is, is asked in this order; the first is the answer where nothing else fits, since its
 /// reader says best what is wrong.
-pub static FORMATS: &[Format] = &[ply::FORMAT, stl::FORMAT, conf::FORMAT, obj::FORMAT];
+pub static FORMATS: &[Format] = &[ply::FORMAT, stl::FORMAT, conf::FORMAT, obj::FORMAT, off::FORMAT];
 
 /// Extensions of compressed files, which come behind those of formats.
 pub const COMPRESSED: [&str; 2] = ["gz", "zst"];
@@ -108,9 +108,14 @@ pub(crate) fn is_text(head: &[u8]) -> bool {
     !head.iter().any(|byte| matches!(byte, 0..=8 | 14..=31))
 }
 
-/// The first line that is no comment; empty if there is none, or if the input is no text.
+/// A text without the mark of its encoding, which text editors put before what they save.
+pub(crate) fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
+}
+
+/// The first line that is no comment; empty if there is none.
 pub(crate) fn first_line(head: &[u8]) -> &[u8] {
-    let mut lines = head.split(|byte| matches!(byte, b'\n' | b'\r'));
+    let mut lines = without_mark(head).split(|byte| matches!(byte, b'\n' | b'\r'));
     let says = |line: &&[u8]| words(line).next().is_some_and(|word| !word.starts_with(b"#"));
     lines.find(says).unwrap_or_default()
 }

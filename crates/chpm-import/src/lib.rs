@@ -1,8 +1,13 @@
-//! Meshes from the world: PLY ([`ply`]), STL, OBJ, and Stanford's lists of range scans.
+//! The one door from bytes to triangles.
 //!
-//! Everything here takes untrusted bytes. The readers stream, open no file, start no thread, are total on hostile bytes, and allocate
-//! nothing by a number that the input states. [`Format::detect`] tells by the first bytes what an input is; faces of more than three
-//! corners are cut by one [`Triangulator`], whatever the format. The writer of PLY is here too, beside its reader.
+//! [`FORMATS`] is the table of formats that are read: each row has its name, its extensions, how it is told by the first bytes, and how a
+//! [`MeshReader`] of it is opened. [`Input`] opens a file of any of them, unpacks and hashes it on the way, and hands over
+//! batches of vertices and faces.
+//!
+//! Everything here takes untrusted bytes. The readers stream, start no thread, are total on hostile bytes, and allocate
+//! nothing by a number that the input states; what a format has to hold is asked of the memory budget, and goes to disk where that
+//! refuses. Faces of more than three corners are cut by one [`Triangulator`], whatever the format. The writer of PLY is here too,
+//! beside its reader.
 #![forbid(unsafe_code)]
 
 mod conf;
@@ -12,6 +17,7 @@ mod format;
 pub mod input;
 mod lines;
 mod obj;
+mod off;
 pub mod ply;
 pub mod polygon;
 mod reader;
