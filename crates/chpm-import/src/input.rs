@@ -166,7 +166,8 @@ pub fn files(path: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, SourceError> 
 pub fn fingerprint(files: &[PathBuf], cancel: &Cancel) -> Result<(u64, u64), SourceError> {
     let one = |path: &PathBuf| {
         let supply = Supply::file(path)?;
-        let read = || -> io::Result<(u64, u64)> { Tap::open(&supply, &FailPoints::default(), cancel)?.finish() };
+        let read =
+            || -> io::Result<(u64, u64)> { Tap::open(&supply, &FailPoints::default(), cancel)?.finish() };
         read().map_err(|source| heeded(SourceError::Read { path: path.clone(), source }, cancel))
     };
     let all = files.iter().map(one).collect::<Result<Vec<_>, _>>()?;

@@ -33,7 +33,12 @@ impl Supply {
     ///
     /// # Errors
     /// As [`Supply::file`]; also [`SourceError::Cancelled`], and those of the disk.
-    pub fn take(path: &Path, folder: &Path, fail_points: &FailPoints, cancel: &Cancel) -> Result<Supply, SourceError> {
+    pub fn take(
+        path: &Path,
+        folder: &Path,
+        fail_points: &FailPoints,
+        cancel: &Cancel,
+    ) -> Result<Supply, SourceError> {
         if !kind(path)?.is_fifo() {
             return Supply::file(path);
         }
