@@ -146,7 +146,9 @@ impl Tables {
         let (stride, [vertices, indices]) = (self.stride, part.plain(self.stride));
         let [packed_vertices, packed_indices] = part.packed.map_or([None; 2], |packed| packed.map(Some));
         let view = self.view(vertices, packed_vertices, stride.bytes as u64, part.vertices, true);
-        let wide = |numbers: [f32; 3]| numbers.map(f64::from);
+        fn wide(numbers: [f32; 3]) -> [f64; 3] {
+            numbers.map(f64::from)
+        }
 
         let mut attributes = Map::new();
         let position = json!({

@@ -9,6 +9,18 @@ const BLOCK: usize = 1 << 16;
 
 /// Writes vertices and then triangles. Every number reads back as the same. Colours are three numbers from 0 to 1
 /// behind the position, as many programs read them; alpha has no place.
+///
+/// ```
+/// use chpm_export::ObjWriter;
+///
+/// let mesh = chpm_synth::hand::tetrahedron();
+/// let mut writer = ObjWriter::new(Vec::new(), 4, 4, mesh.attributes(), "a tetrahedron")?;
+/// writer.vertices(mesh.view(), None)?;
+/// writer.triangles(&mesh.triangles)?;
+/// let text = String::from_utf8(writer.finish()?).unwrap();
+/// assert_eq!(text.lines().filter(|line| line.starts_with("f ")).count(), 4);
+/// # Ok::<(), chpm_export::ExportError>(())
+/// ```
 pub struct ObjWriter<W: Write> {
     writer: W,
     buffer: Vec<u8>,

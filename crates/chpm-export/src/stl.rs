@@ -8,6 +8,15 @@ use std::io::Write;
 const BLOCK: usize = 1 << 16;
 
 /// Writes triangles by the positions of their corners. Binary STL has single precision; text keeps all digits.
+///
+/// ```
+/// use chpm_export::StlWriter;
+///
+/// let mut writer = StlWriter::new(Vec::new(), false, 1, "a triangle")?;
+/// writer.triangles([[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])?;
+/// assert_eq!(writer.finish()?.len(), 80 + 4 + 50);
+/// # Ok::<(), chpm_export::ExportError>(())
+/// ```
 pub struct StlWriter<W: Write> {
     writer: W,
     buffer: Vec<u8>,
@@ -120,8 +129,10 @@ fn failed(source: std::io::Error) -> ExportError {
 }
 
 fn normal([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
-    let less = |p: [f64; 3]| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
-    let ([ux, uy, uz], [vx, vy, vz]) = (less(b), less(c));
+    fn less(p: [f64; 3], a: &[f64; 3]) -> [f64; 3] {
+        [p[0] - a[0], p[1] - a[1], p[2] - a[2]]
+    }
+    let ([ux, uy, uz], [vx, vy, vz]) = (less(b, &a), less(c, &a));
     let cross = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
     let length = cross.iter().map(|x| x * x).sum::<f64>().sqrt();
     // Zero says that the reader is to find it.

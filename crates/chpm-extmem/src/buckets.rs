@@ -7,6 +7,20 @@ use crate::{ExtmemError, Spool, Store};
 use bytemuck::Pod;
 
 /// A number of sequences of records. Memory: one block for each sequence that has any, and 8 bytes for each full block.
+///
+/// ```
+/// use chpm_extmem::{Buckets, Store};
+///
+/// let store = Store::create(&std::env::temp_dir(), 1 << 20)?;
+/// let mut buckets = Buckets::new(&store, "corners", 2, 4096);
+/// for number in 0..10u32 {
+///     buckets.push(number as usize % 2, number)?;
+/// }
+/// let mut odd = Vec::new();
+/// buckets.read(1, &mut odd)?;
+/// assert_eq!(odd, [1, 3, 5, 7, 9]);
+/// # Ok::<(), chpm_extmem::ExtmemError>(())
+/// ```
 #[derive(Debug)]
 pub struct Buckets<T: Pod> {
     spool: Spool,

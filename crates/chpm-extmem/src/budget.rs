@@ -9,6 +9,17 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 /// Arrays, which may also spill to disk, reserve memory up to a first limit ([`Self::reserve`]). Work that cannot spill reserves
 /// up to a second, higher one ([`Self::reserve_work`]); tasks of many wait for each other ([`Self::reserve_task`]). It counts
 /// reservations; it measures nothing. See [`crate::process`] for what the process really uses.
+///
+/// ```
+/// use chpm_extmem::MemoryBudget;
+///
+/// let budget = MemoryBudget::new(1 << 20);
+/// let reservation = budget.reserve("positions", 1 << 19)?;
+/// assert!(budget.try_reserve("normals", 1 << 20).is_none());
+/// drop(reservation);
+/// assert_eq!((budget.used(), budget.peak()), (0, 1 << 19));
+/// # Ok::<(), chpm_extmem::ExtmemError>(())
+/// ```
 #[derive(Debug)]
 pub struct MemoryBudget {
     limit: u64,

@@ -61,6 +61,17 @@ impl<T: Pod> DerefMut for Buffer<T> {
 }
 
 /// Builds a [`Buffer`] front to back, moving it to disk when the budget does not let it grow.
+///
+/// ```
+/// use chpm_extmem::{BufferWriter, Store};
+///
+/// let store = Store::create(&std::env::temp_dir(), 1 << 20)?;
+/// let mut writer = BufferWriter::new(&store, "triangles", 2)?;
+/// writer.extend_from_slice(&[[0u32, 1, 2], [2, 1, 3]])?;
+/// let column = writer.finish_column()?;
+/// assert_eq!((column.len(), column.is_on_disk()), (2, false));
+/// # Ok::<(), chpm_extmem::ExtmemError>(())
+/// ```
 #[derive(Debug)]
 pub struct BufferWriter<T: Pod> {
     store: Store,

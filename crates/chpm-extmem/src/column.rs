@@ -10,6 +10,18 @@ use std::ops::Range;
 use xxhash_rust::xxh3::Xxh3;
 
 /// An array of records, read and written by ranges.
+///
+/// ```
+/// use chpm_extmem::{Column, Store};
+///
+/// // Nothing fits a budget of no bytes, so that the column lies on disk.
+/// let store = Store::create(&std::env::temp_dir(), 0)?;
+/// let mut column = Column::zeroed(&store, "numbers", 1000)?;
+/// column.write(10, &[1u32, 2, 3])?;
+/// assert!(column.is_on_disk());
+/// assert_eq!(column.read(9..12, &mut Vec::new())?, [0, 1, 2]);
+/// # Ok::<(), chpm_extmem::ExtmemError>(())
+/// ```
 #[derive(Debug)]
 pub struct Column<T: Pod> {
     place: Storage<T>,

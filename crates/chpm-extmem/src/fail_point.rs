@@ -8,6 +8,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Planned failures of file accesses; none by default. Clones count together.
+///
+/// ```
+/// use chpm_extmem::FailPoints;
+///
+/// let fail_points = FailPoints::fail_at(1, true);
+/// assert!(fail_points.access().is_ok());
+/// assert_eq!(fail_points.access().unwrap_err().kind(), std::io::ErrorKind::StorageFull);
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct FailPoints(Option<Arc<Armed>>);
 

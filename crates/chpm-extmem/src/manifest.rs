@@ -7,7 +7,7 @@ use crate::{ExtmemError, WorkDir};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, Read, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::Xxh3;
 
 /// The last digit is the version of what surrounds the content.
@@ -67,7 +67,9 @@ impl WorkDir {
     pub fn manifest(&self) -> Result<Option<impl Read + use<>>, ExtmemError> {
         let path = self.manifest_path();
         let failed = |source| ExtmemError::io("read", &path, 0, source);
-        let damaged = |reason| ExtmemError::Damaged { path: path.clone(), reason };
+        fn damaged(reason: &'static str, path: &Path) -> ExtmemError {
+            ExtmemError::Damaged { path: path.to_owned(), reason }
+        }
         let open = || self.fail_points().access().and_then(|()| File::open(&path));
 
         let file = match open() {
@@ -76,7 +78,7 @@ impl WorkDir {
         };
         let len = file.metadata().map_err(failed)?.len();
         let Some(content) = len.checked_sub(MAGIC.len() as u64 + HASH) else {
-            return Err(damaged("is too short"));
+            return Err(damaged("is too short", &path));
         };
 
         // The hash is checked first: nobody gets to read a byte that is not as it was written.
@@ -84,13 +86,13 @@ impl WorkDir {
         let mut hashing = Hashing { inner: BufReader::new(file), hash: Xxh3::new() };
         hashing.read_exact(&mut magic).map_err(failed)?;
         if magic != MAGIC {
-            return Err(damaged("is of another version"));
+            return Err(damaged("is of another version", &path));
         }
         io::copy(&mut (&mut hashing).take(content), &mut io::sink()).map_err(failed)?;
         let mut stored = [0; HASH as usize];
         hashing.inner.read_exact(&mut stored).map_err(failed)?;
         if hashing.hash.digest() != u64::from_le_bytes(stored) {
-            return Err(damaged("is not what was written"));
+            return Err(damaged("is not what was written", &path));
         }
 
         let mut file = BufReader::new(open().map_err(failed)?);

@@ -16,6 +16,19 @@ const SLOTS: u32 = 1000;
 /// it its name; dropping it removes it. Errors name the target.
 ///
 /// N is the first number that nobody is at work on: so the next to write a target finds what those left who were killed, and removes it.
+///
+/// ```
+/// use chpm_extmem::{AtomicFile, WorkDir};
+///
+/// let folder = WorkDir::create(&std::env::temp_dir())?;
+/// let path = folder.path().join("model.chpm");
+/// let file = AtomicFile::create(&path, false)?;
+/// file.write_all_at(b"all of it", 0)?;
+/// assert!(!path.exists());
+/// file.publish()?;
+/// assert_eq!(std::fs::read(&path).unwrap(), b"all of it");
+/// # Ok::<(), chpm_extmem::ExtmemError>(())
+/// ```
 #[derive(Debug)]
 pub struct AtomicFile {
     file: BufWriter<File>,

@@ -16,6 +16,18 @@ const SEGMENT: usize = 8 << 20;
 ///
 /// Every method takes `&self`: threads copy into different places at the same time, and wait for one another only
 /// where they touch the same segment in memory.
+///
+/// ```
+/// use chpm_extmem::{Spool, Store};
+///
+/// let store = Store::create(&std::env::temp_dir(), 1 << 20)?;
+/// let spool = Spool::new(&store, "pages");
+/// let place = spool.append(b"a page")?;
+/// let mut page = Vec::new();
+/// spool.read(place, 6, &mut page)?;
+/// assert_eq!(page, b"a page");
+/// # Ok::<(), chpm_extmem::ExtmemError>(())
+/// ```
 #[derive(Debug)]
 pub struct Spool {
     store: Store,

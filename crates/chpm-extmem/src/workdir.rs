@@ -9,6 +9,17 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A directory that is removed with all its files when dropped, unless it is to be kept.
+///
+/// ```
+/// use chpm_extmem::WorkDir;
+///
+/// let folder = WorkDir::create(&std::env::temp_dir())?;
+/// let path = folder.path().to_owned();
+/// assert!(path.is_dir());
+/// drop(folder);
+/// assert!(!path.exists());
+/// # Ok::<(), chpm_extmem::ExtmemError>(())
+/// ```
 #[derive(Debug)]
 pub struct WorkDir {
     path: PathBuf,
@@ -121,8 +132,10 @@ impl WorkDir {
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the [`place`](Self::place).
     pub fn create_file(&self, name: &str) -> Result<File, ExtmemError> {
         let path = self.path.join(name);
-        let open = || File::options().read(true).write(true).create_new(true).open(&path);
-        let opened = self.fail_points.access().and_then(|()| open());
+        fn open(path: &Path) -> Result<File, io::Error> {
+            File::options().read(true).write(true).create_new(true).open(path)
+        }
+        let opened = self.fail_points.access().and_then(|()| open(&path));
         opened.map_err(|source| ExtmemError::io("create a work file in", self.place(), 0, source))
     }
 
@@ -132,8 +145,10 @@ impl WorkDir {
     /// [`ExtmemError::Damaged`] if it is not there, [`ExtmemError::Io`] naming the [`place`](Self::place).
     pub fn open_file(&self, name: &str) -> Result<File, ExtmemError> {
         let path = self.path.join(name);
-        let open = || File::options().read(true).write(true).open(&path);
-        self.fail_points.access().and_then(|()| open()).map_err(|source| match source.kind() {
+        fn open(path: &Path) -> Result<File, io::Error> {
+            File::options().read(true).write(true).open(path)
+        }
+        self.fail_points.access().and_then(|()| open(&path)).map_err(|source| match source.kind() {
             io::ErrorKind::NotFound => ExtmemError::Damaged { path, reason: "is not there" },
             _ => ExtmemError::io("open a work file in", self.place(), 0, source),
         })

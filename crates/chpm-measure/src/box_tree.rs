@@ -376,8 +376,10 @@ impl<F: Fn(usize) -> f64, P: Fn(usize, [&[u32]; 2]) -> Option<Parting>> Builder<
                 *range = (range.0.min(c), range.1.max(c));
             }
         }
-        let width = |a: &usize| extent[*a].1 - extent[*a].0;
-        let axis = (0..3).max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(0);
+        fn width(a: &usize, extent: &[(f64, f64); 3]) -> f64 {
+            extent[*a].1 - extent[*a].0
+        }
+        let axis = (0..3).max_by(|a, b| width(a, &extent).total_cmp(&width(b, &extent))).unwrap_or(0);
         // As many children on either side, all but the last of them full.
         let even = Half { at: items.len().div_ceil(room) / 2 * room, axis };
         let split = self.split(items, &even, looks);
@@ -423,12 +425,17 @@ impl<F: Fn(usize) -> f64, P: Fn(usize, [&[u32]; 2]) -> Option<Parting>> Builder<
 
 /// Squared distance from a point to a box; 0 inside.
 pub fn squared_distance_to_box(point: Point3<f64>, bounds: &Aabb) -> f64 {
-    let excess = |a: usize| {
-        let (low, high) = (f64::from(bounds.min[a]), f64::from(bounds.max[a]));
-        (low - point[a]).max(point[a] - high).max(0.0)
-    };
-    let (x, y, z) = (excess(0), excess(1), excess(2));
+    let (x, y, z) = (
+        excess(0, &point, &bounds.min, &bounds.max),
+        excess(1, &point, &bounds.min, &bounds.max),
+        excess(2, &point, &bounds.min, &bounds.max),
+    );
     x * x + y * y + z * z
+}
+
+fn excess(a: usize, point: &Point3<f64>, bounds_min: &[f32; 3], bounds_max: &[f32; 3]) -> f64 {
+    let (low, high) = (f64::from(bounds_min[a]), f64::from(bounds_max[a]));
+    (low - point[a]).max(point[a] - high).max(0.0)
 }
 
 #[cfg(test)]

@@ -8,6 +8,14 @@ use chpm_mesh::{Aabb, geom};
 use nalgebra::{Point3, Vector3};
 
 /// A hierarchy of boxes over triangles, with its own copy of their corners.
+///
+/// ```
+/// use chpm_measure::Bvh;
+///
+/// let cube = chpm_synth::hand::cube();
+/// let bvh = Bvh::new(&cube.positions, &cube.triangles);
+/// assert_eq!(bvh.distance([0.5, 0.5, 3.0].into()), 2.0);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Bvh {
     tree: BoxTree,
@@ -147,21 +155,6 @@ const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Each triangle once, whatever the order of its corners.
 fn different(mut triangles: Vec<[[f32; 3]; 3]>) -> Vec<[[f32; 3]; 3]> {
-    let key = |corners: &[[f32; 3]; 3]| {
-        let mut bits = corners.map(|corner| corner.map(f32::to_bits));
-        bits.sort_unstable();
-        bits
-    };
-    // Equal triangles have equal sums, which are quicker to sort than triangles; those of few others are equal.
-    let sum = |corners: &[[f32; 3]; 3]| {
-        let mixed = corners.map(|corner| {
-            let word = |hash: u64, x: f32| {
-                (hash ^ u64::from(x.to_bits())).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
-            };
-            corner.into_iter().fold(0, word)
-        });
-        mixed.into_iter().fold(0, u64::wrapping_add)
-    };
     let mut order: Vec<(u64, u32)> = triangles.iter().map(sum).zip(0..).collect();
     order.sort_unstable();
     let mut twin = Vec::new();
@@ -177,6 +170,23 @@ fn different(mut triangles: Vec<[[f32; 3]; 3]>) -> Vec<[[f32; 3]; 3]> {
         triangles.retain(|_| !is_twin.next().unwrap_or(false));
     }
     triangles
+}
+
+fn key(corners: &[[f32; 3]; 3]) -> [[u32; 3]; 3] {
+    let mut bits = corners.map(|corner| corner.map(f32::to_bits));
+    bits.sort_unstable();
+    bits
+}
+
+/// Equal triangles have equal sums, which are quicker to sort than triangles; those of few others are equal.
+fn sum(corners: &[[f32; 3]; 3]) -> u64 {
+    let mixed = corners.map(|corner| {
+        fn word(hash: u64, x: f32) -> u64 {
+            (hash ^ u64::from(x.to_bits())).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
+        }
+        corner.into_iter().fold(0, word)
+    });
+    mixed.into_iter().fold(0, u64::wrapping_add)
 }
 
 /// Squared distance from a point to a triangle, which may have no area.

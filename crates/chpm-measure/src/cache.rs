@@ -36,6 +36,12 @@ impl AddAssign for VertexCache {
 }
 
 /// Draws triangles through a first-in first-out cache of `size` vertices. A hit does not move a vertex.
+///
+/// ```
+/// let strip = chpm_synth::hand::strip(100).triangles;
+/// let cached = chpm_measure::cache::vertex_cache(strip.iter().copied(), 16);
+/// assert_eq!((cached.triangles, cached.misses), (100, 102));
+/// ```
 pub fn vertex_cache(triangles: impl IntoIterator<Item = [u32; 3]>, size: usize) -> VertexCache {
     let mut counts = VertexCache::default();
     let mut fifo = VecDeque::with_capacity(size.min(1 << 16));

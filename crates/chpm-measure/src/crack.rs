@@ -141,12 +141,20 @@ pub fn boundary_vertices(mesh: &TriMesh) -> Vec<u32> {
 ///
 /// # Panics
 /// If a triangle names a vertex that is not there.
+///
+/// # Examples
+/// ```
+/// let soup = chpm_measure::weld(&chpm_synth::hand::cube());
+/// assert_eq!(soup.positions.len(), 8);
+/// ```
 pub fn weld(mesh: &TriMesh) -> TriMesh {
-    let key = |v: u32| mesh.positions[v as usize].map(f32::to_bits);
+    fn key(v: u32, mesh: &TriMesh) -> [u32; 3] {
+        mesh.positions[v as usize].map(f32::to_bits)
+    }
     let mut order: Vec<u32> = (0..mesh.positions.len() as u32).collect();
-    order.sort_unstable_by_key(|&v| (key(v), v));
+    order.sort_unstable_by_key(|&v| (key(v, mesh), v));
     let mut first = vec![0; order.len()];
-    for same in order.chunk_by(|&a, &b| key(a) == key(b)) {
+    for same in order.chunk_by(|&a, &b| key(a, mesh) == key(b, mesh)) {
         same.iter().for_each(|&v| first[v as usize] = same[0]);
     }
     let welded = mesh.triangles.iter().map(|t| t.map(|v| first[v as usize]));
@@ -161,8 +169,19 @@ pub fn weld(mesh: &TriMesh) -> TriMesh {
 ///
 /// # Panics
 /// If a triangle of either names a vertex that is not there.
+///
+/// # Examples
+/// ```
+/// let source = chpm_synth::hand::icosphere(1);
+/// let mut broken = source.clone();
+/// broken.triangles.pop();
+/// assert!(chpm_measure::cracks(&source, &source).is_empty());
+/// assert!(!chpm_measure::cracks(&broken, &source).is_empty());
+/// ```
 pub fn cracks(lod: &TriMesh, source: &TriMesh) -> Vec<Crack> {
-    let bits = |mesh: &TriMesh, v: u32| mesh.positions[v as usize].map(f32::to_bits);
+    fn bits(mesh: &TriMesh, v: u32) -> [u32; 3] {
+        mesh.positions[v as usize].map(f32::to_bits)
+    }
     let mut allowed: Vec<[u32; 3]> = boundary_vertices(source).into_iter().map(|v| bits(source, v)).collect();
     allowed.sort_unstable();
     let edges = boundary_edges(lod);
@@ -176,10 +195,14 @@ pub fn cracks(lod: &TriMesh, source: &TriMesh) -> Vec<Crack> {
 }
 
 fn t_junctions(mesh: &TriMesh, edges: &[[u32; 2]]) -> Vec<Crack> {
-    let position = |v: u32| geom::to_f64(mesh.positions[v as usize]);
-    let length = |[a, b]: [u32; 2]| (position(b) - position(a)).norm();
-    let ends = |[a, b]: &[u32; 2]| [*a, *b].map(|v| mesh.positions[v as usize]);
-    let boxes: Vec<Aabb> = edges.iter().map(|edge| Aabb::of_points(&ends(edge))).collect();
+    fn position(v: u32, mesh: &TriMesh) -> nalgebra::Point3<f64> {
+        geom::to_f64(mesh.positions[v as usize])
+    }
+    let length = |[a, b]: [u32; 2]| (position(b, mesh) - position(a, mesh)).norm();
+    fn ends([a, b]: &[u32; 2], mesh: &TriMesh) -> [[f32; 3]; 2] {
+        [*a, *b].map(|v| mesh.positions[v as usize])
+    }
+    let boxes: Vec<Aabb> = edges.iter().map(|edge| Aabb::of_points(&ends(edge, mesh))).collect();
     let tree = BoxTree::reaching(&boxes, |edge| T_JUNCTION_TOLERANCE * length(edges[edge]));
 
     let mut vertices = edges.concat();
@@ -188,10 +211,10 @@ fn t_junctions(mesh: &TriMesh, edges: &[[u32; 2]]) -> Vec<Crack> {
 
     let mut found = Vec::new();
     for vertex in vertices {
-        let point = position(vertex);
+        let point = position(vertex, mesh);
         tree.for_each_reaching(point, |place| {
             let edge @ [a, b] = edges[tree.order()[place] as usize];
-            let (along, to) = (position(b) - position(a), point - position(a));
+            let (along, to) = (position(b, mesh) - position(a, mesh), point - position(a, mesh));
             let length = length(edge);
             let t = along.dot(&to) / (length * length);
             let inside = t > T_JUNCTION_TOLERANCE && t < 1.0 - T_JUNCTION_TOLERANCE;
@@ -205,6 +228,12 @@ fn t_junctions(mesh: &TriMesh, edges: &[[u32; 2]]) -> Vec<Crack> {
 }
 
 /// Counts components, boundary loops and the rest.
+///
+/// ```
+/// let sphere = chpm_measure::topology(&chpm_synth::hand::icosphere(2));
+/// assert!(sphere.is_closed() && sphere.is_manifold());
+/// assert!(!chpm_measure::topology(&chpm_synth::hand::bow_tie()).is_manifold());
+/// ```
 pub fn topology(mesh: &TriMesh) -> Topology {
     let halves = half_edges(&mesh.triangles);
     let census = edge_census(mesh);

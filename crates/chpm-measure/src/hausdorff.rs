@@ -49,6 +49,16 @@ impl Deviation {
 ///
 /// # Panics
 /// If a triangle names a vertex that is not there.
+///
+/// # Examples
+/// ```
+/// use chpm_synth::hand;
+///
+/// let (coarse, fine) = (hand::icosphere(1), hand::icosphere(3));
+/// let found = chpm_measure::deviation(&coarse, &fine, 10);
+/// assert!(found.mean() < found.rms() && found.rms() < found.max());
+/// assert_eq!(chpm_measure::deviation(&fine, &fine, 10).max(), 0.0);
+/// ```
 pub fn deviation(a: &TriMesh, b: &TriMesh, samples_per_triangle: usize) -> Deviation {
     deviation_told(a, b, samples_per_triangle, &|_, _| {})
 }

@@ -25,8 +25,10 @@ const LOST: f64 = 1.0 / (1u64 << 48) as f64;
 impl Parting {
     /// Whether two boxes say little about which set a point is near.
     pub(crate) fn is_needed(boxes: [&Aabb; 2]) -> bool {
-        let ranges = |axis: usize| boxes.map(|b| [b.min[axis], b.max[axis]].map(f64::from));
-        (0..3).all(|axis| common(ranges(axis)) >= IN_ONE_ANOTHER)
+        fn ranges(axis: usize, boxes: &[&Aabb; 2]) -> [[f64; 2]; 2] {
+            boxes.map(|b| [b.min[axis], b.max[axis]].map(f64::from))
+        }
+        (0..3).all(|axis| common(ranges(axis, &boxes)) >= IN_ONE_ANOTHER)
     }
 
     /// Looks for a direction among those upright on `between`, a triangle where the sets meet, and on its sides. `corners` hands out those

@@ -39,7 +39,9 @@ impl<'a> Sampler<'a> {
         let mut is_used = vec![false; mesh.positions.len()];
         mesh.triangles.as_flattened().iter().for_each(|v| is_used[*v as usize] = true);
         let vertices = (0..).zip(is_used).filter(|(_, used)| *used).map(|(v, _)| v).collect();
-        let edge = |(u, v): (u32, u32)| u64::from(u.min(v)) << 32 | u64::from(u.max(v));
+        fn edge((u, v): (u32, u32)) -> u64 {
+            u64::from(u.min(v)) << 32 | u64::from(u.max(v))
+        }
         let mut edges: Vec<u64> =
             mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).map(edge).collect();
         edges.sort_unstable();
@@ -110,7 +112,9 @@ impl<'a> Sampler<'a> {
 
     /// Samples strictly inside an edge, at equal steps.
     pub fn on_edge(&self, edge: usize) -> impl Iterator<Item = Point3<f64>> {
-        let root = |n: usize| (n as f64).sqrt().ceil();
+        fn root(n: usize) -> f64 {
+            (n as f64).sqrt().ceil()
+        }
         let share =
             root(self.density.budget) * root(self.edges.len()) * self.length(edge) / self.total_length;
         let count = (share as usize).max(root(self.density.per_triangle) as usize);

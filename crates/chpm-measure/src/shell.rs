@@ -25,7 +25,9 @@ impl Shell {
         let [a, b, c] = corners.map(geom::to_f64);
         let edges = [b - a, c - b, a - c];
         let longest = (0..3).fold(0, |best, i| if edges[i].norm() > edges[best].norm() { i } else { best });
-        let unit = |v: Vector3<f64>| v.try_normalize(f64::MIN_POSITIVE);
+        fn unit(v: Vector3<f64>) -> Option<Vector3<f64>> {
+            v.try_normalize(f64::MIN_POSITIVE)
+        }
         // Of the two shortest edges, as for needles nothing else is right.
         let up = unit(
             unit(edges[(longest + 1) % 3])
@@ -48,16 +50,10 @@ impl Shell {
             }
         };
         let directions = directions.map(|direction| direction.map(|x| x as f32));
-        let reach = |direction: Vector3<f32>| {
-            let direction = direction.map(f64::from);
-            let ways = [Vector3::zeros(), b - a, c - a];
-            let lost = 1e-15 * ways.iter().map(|way| way.amax()).fold(0.0, f64::max);
-            (ways.iter().map(|way| direction.dot(way)).fold(0.0, f64::max) + lost) as f32
-        };
         Shell {
             directions: std::array::from_fn(|axis| directions.map(|direction| direction[axis])),
-            most: directions.map(|direction| reach(direction).next_up()),
-            below: reach(-directions[0]).next_up(),
+            most: directions.map(|direction| reach(direction, &b, &a, &c).next_up()),
+            below: reach(-directions[0], &b, &a, &c).next_up(),
         }
     }
 
@@ -81,12 +77,21 @@ impl Shell {
         for i in 0..4 {
             excess[i] = along[i] - self.most[i] - lost[i];
         }
-        let larger = |a: f32, b: f32| if a > b { a } else { b };
+        fn larger(a: f32, b: f32) -> f32 {
+            if a > b { a } else { b }
+        }
         let under = -along[0] - self.below - lost[0] - LOST * self.below;
         let upright = f64::from(larger(larger(excess[0], under), 0.0));
         let beside = f64::from(larger(larger(larger(excess[1], excess[2]), excess[3]), 0.0));
         (upright * upright + beside * beside) * SAFE
     }
+}
+
+fn reach(direction: Vector3<f32>, b: &Point3<f64>, a: &Point3<f64>, c: &Point3<f64>) -> f32 {
+    let direction = direction.map(f64::from);
+    let ways = [Vector3::zeros(), *b - *a, *c - *a];
+    let lost = 1e-15 * ways.iter().map(|way| way.amax()).fold(0.0, f64::max);
+    (ways.iter().map(|way| direction.dot(way)).fold(0.0, f64::max) + lost) as f32
 }
 
 #[cfg(test)]

@@ -107,13 +107,15 @@ fn order(held: &[Held]) -> Vec<u64> {
     }
     let widest = (0..3).map(|axis| high[axis] - low[axis]).fold(f64::MIN_POSITIVE, f64::max);
     let cells = f64::from(CELLS - 1) / widest;
-    let cell = |sample: &Held| {
-        let [x, y, z] = [0, 1, 2].map(|axis| ((sample.point[axis] - low[axis]) * cells) as u32);
-        spread(x) | spread(y) << 1 | spread(z) << 2
-    };
-    let mut order: Vec<u64> = (0..).zip(held).map(|(i, sample)| u64::from(cell(sample)) << 32 | i).collect();
+    let mut order: Vec<u64> =
+        (0..).zip(held).map(|(i, sample)| u64::from(cell(sample, &low, cells)) << 32 | i).collect();
     order.sort_unstable();
     order
+}
+
+fn cell(sample: &Held, low: &[f64; 3], cells: f64) -> u32 {
+    let [x, y, z] = [0, 1, 2].map(|axis| ((sample.point[axis] - low[axis]) * cells) as u32);
+    spread(x) | spread(y) << 1 | spread(z) << 2
 }
 
 /// Cells along an axis.

@@ -60,12 +60,14 @@ impl Tally {
 
     /// Statistics so far.
     pub fn side(&self) -> Side {
-        let per_area = |sum: f64| if self.area > 0.0 { sum / self.area } else { 0.0 };
+        fn per_area(sum: f64, area: f64) -> f64 {
+            if area > 0.0 { sum / area } else { 0.0 }
+        }
         Side {
             max: self.max(),
             at: self.farthest.map(|(_, at)| at),
-            mean: per_area(self.sum),
-            rms: per_area(self.squares).sqrt(),
+            mean: per_area(self.sum, self.area),
+            rms: per_area(self.squares, self.area).sqrt(),
             samples: self.samples,
         }
     }

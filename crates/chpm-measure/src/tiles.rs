@@ -114,21 +114,24 @@ fn part(
     between: usize,
     sets: [&[u32]; 2],
 ) -> Option<Parting> {
-    let middle = |set: &[u32]| {
-        let all = set.iter().map(|tile| boxes[*tile as usize].center().coords);
-        all.sum::<Vector3<f64>>() / set.len() as f64
-    };
-    let away = middle(sets[1]) - middle(sets[0]);
+    let away = middle(sets[1], boxes) - middle(sets[0], boxes);
     let mesh = load(between);
-    let along =
-        |t: &&[u32; 3]| -> f64 { mesh.corners(**t).map(|c| geom::to_f64(c).coords.dot(&away)).iter().sum() };
-    let first = mesh.triangles.iter().min_by(|a, b| along(a).total_cmp(&along(b)))?;
+    fn along(t: &&[u32; 3], mesh: &TriMesh, away: &Vector3<f64>) -> f64 {
+        mesh.corners(**t).map(|c| geom::to_f64(c).coords.dot(away)).iter().sum()
+    }
+    let first =
+        mesh.triangles.iter().min_by(|a, b| along(a, &mesh, &away).total_cmp(&along(b, &mesh, &away)))?;
     Parting::find(mesh.corners(*first), |set, visit| {
         for tile in sets[set] {
             let mesh = load(*tile as usize);
             mesh.triangles.as_flattened().iter().for_each(|v| visit(mesh.positions[*v as usize]));
         }
     })
+}
+
+fn middle(set: &[u32], boxes: &[Aabb]) -> Vector3<f64> {
+    let all = set.iter().map(|tile| boxes[*tile as usize].center().coords);
+    all.sum::<Vector3<f64>>() / set.len() as f64
 }
 
 fn lock(bvh: &Mutex<Option<Arc<Bvh>>>) -> MutexGuard<'_, Option<Arc<Bvh>>> {

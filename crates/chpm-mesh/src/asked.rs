@@ -50,6 +50,14 @@ pub fn decimal(text: &str) -> Result<f64, AskedError> {
 }
 
 /// A length that is asked for: `0.25` in object units, or `0.1%` of the diagonal of the model's bounding box.
+///
+/// ```
+/// use chpm_mesh::Length;
+///
+/// let length: Length = "0.1%".parse().unwrap();
+/// assert_eq!(length.of(500.0), 0.5);
+/// assert_eq!("0.25".parse::<Length>().unwrap().of(500.0), 0.25);
+/// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Length {
     /// Object units.

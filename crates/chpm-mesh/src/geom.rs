@@ -7,6 +7,14 @@ use nalgebra::{Point3, Vector3};
 pub const FAR: f64 = 1e36;
 
 /// An axis-aligned box in object units; empty until a point is added.
+///
+/// ```
+/// use chpm_mesh::Aabb;
+///
+/// let bounds = Aabb::of_points(&[[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]]);
+/// assert_eq!(bounds.diagonal(), 5.0);
+/// assert!(Aabb::EMPTY.is_empty());
+/// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Aabb {
     /// Smallest corner.

@@ -7,6 +7,13 @@ use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 /// A direction, at most 0.06 degrees from the one that it was made of; or none. FORMAT.md, "Octahedral normals", has its bits.
+///
+/// ```
+/// use chpm_mesh::Octahedral;
+///
+/// assert_eq!(Octahedral::of([0.0, 0.0, 7.0]).vector(), [0.0, 0.0, 1.0]);
+/// assert_eq!(Octahedral::of([0.0; 3]), Octahedral::NONE);
+/// ```
 #[derive(
     Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Pod, Zeroable, Serialize, Deserialize,
 )]

@@ -7,6 +7,21 @@
 //! base mesh M^0, `vertex_count` the finest mesh M^k.
 
 /// A view of one cluster's finest triangles and its collapse order.
+///
+/// ```
+/// use chpm_mesh::ProgressiveMesh;
+///
+/// // A square of two triangles; its last vertex collapses to the first one.
+/// let mesh = ProgressiveMesh {
+///     vertex_count: 4,
+///     base_vertex_count: 3,
+///     triangles: &[[0, 1, 2], [0, 2, 3]],
+///     targets: &[0],
+/// };
+/// let mut coarse = Vec::new();
+/// mesh.triangles_at(3, &mut coarse);
+/// assert_eq!(coarse, [[0, 1, 2]]);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ProgressiveMesh<'a> {
     /// Vertices of the finest mesh.

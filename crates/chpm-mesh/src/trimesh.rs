@@ -4,6 +4,13 @@ use crate::vertices::Vertices;
 use std::ops::{Deref, DerefMut};
 
 /// Triangles over shared vertices, whose arrays are reached as the mesh's own: `mesh.positions`.
+///
+/// ```
+/// use chpm_mesh::TriMesh;
+///
+/// let mesh = TriMesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]]);
+/// assert_eq!(mesh.corners(mesh.triangles[0])[1], [1.0, 0.0, 0.0]);
+/// ```
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct TriMesh {
     /// Positions and what else the vertices carry.

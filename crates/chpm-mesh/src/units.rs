@@ -16,6 +16,14 @@ impl fmt::Display for ObjectError {
 
 /// A number of bytes. Parses `4096`, `512K`, `256M`, `256MB`, `1.5GiB`; every suffix is a power of 1024, and parts of a byte are
 /// left out.
+///
+/// ```
+/// use chpm_mesh::Bytes;
+///
+/// let memory: Bytes = "1.5GiB".parse().unwrap();
+/// assert_eq!(memory, Bytes::mib(1536));
+/// assert_eq!(memory.to_string(), "1.5 GiB");
+/// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize)]
 pub struct Bytes(pub u64);
 
@@ -40,6 +48,10 @@ impl fmt::Display for Bytes {
 }
 
 /// A number with a comma between thousands: `3,664,152`.
+///
+/// ```
+/// assert_eq!(chpm_mesh::Thousands(3_664_152).to_string(), "3,664,152");
+/// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Thousands(pub u64);
 
@@ -54,6 +66,13 @@ impl fmt::Display for Thousands {
 }
 
 /// So many of something, in words: `1 cluster`, `3,664,152 triangles`, `0 vertices`.
+///
+/// ```
+/// use chpm_mesh::Counted;
+///
+/// assert_eq!(Counted(1, "cluster").to_string(), "1 cluster");
+/// assert_eq!(Counted(0, "vertex").to_string(), "0 vertices");
+/// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Counted<'a>(pub u64, pub &'a str);
 

@@ -7,6 +7,16 @@ const LIMIT: usize = i32::MAX as usize;
 
 /// An undirected graph. Every edge is stored at both of its ends, no node neighbours itself, the neighbours of a
 /// node ascend, and every weight is at least 1.
+///
+/// ```
+/// use chpm_partition::CsrGraph;
+///
+/// let path = CsrGraph::from_edges(vec![1; 3], &[(0, 1, 5), (2, 1, 7)])?;
+/// assert_eq!((path.node_count(), path.edge_count()), (3, 2));
+/// assert_eq!(path.neighbors_of(1).collect::<Vec<_>>(), [(0, 5), (2, 7)]);
+/// assert!(path.is_connected());
+/// # Ok::<(), chpm_partition::PartitionError>(())
+/// ```
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct CsrGraph {
     offsets: Vec<u32>,

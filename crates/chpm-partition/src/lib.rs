@@ -28,6 +28,17 @@ use std::str::FromStr;
 pub const BALANCE: f64 = 1.03;
 
 /// Which algorithm partitions.
+///
+/// ```
+/// use chpm_partition::{CsrGraph, Partitioner, Quality};
+///
+/// let edges: Vec<_> = (0..99).map(|node| (node, node + 1, 1)).collect();
+/// let path = CsrGraph::from_edges(vec![1; 100], &edges)?;
+/// let partition = Partitioner::Greedy.kway(&path, 4, 17)?;
+/// let quality = Quality::measure(&path, &partition.parts, partition.part_count)?;
+/// assert!(quality.all_connected() && quality.edge_cut == 3);
+/// # Ok::<(), chpm_partition::PartitionError>(())
+/// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Partitioner {
     /// METIS: multilevel, few cut edges; one call at a time per process.

@@ -79,7 +79,9 @@ impl Task<'_> {
         let edge_weights = scaled(graph.edge_weights());
         let mut assignment = vec![0i32; graph.node_count()];
 
-        let failed = |reason: String| PartitionError::Metis { reason };
+        fn failed(reason: String) -> PartitionError {
+            PartitionError::Metis { reason }
+        }
         if self.outweighs_parts() {
             return Err(failed("a node weighs as much as several parts".to_owned()));
         }

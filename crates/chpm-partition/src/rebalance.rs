@@ -35,19 +35,10 @@ pub fn rebalance_bisection(
         return Ok(0);
     }
 
-    // Those at the border go first, then those that save most weight of cut edges.
-    let rank = |side: &[u8], node: u32| {
-        let mut gain = 0i64;
-        let mut boundary = false;
-        for (neighbor, weight) in graph.neighbors_of(node) {
-            let outside = side[neighbor as usize] != from;
-            boundary |= outside;
-            gain += if outside { i64::from(weight) } else { -i64::from(weight) };
-        }
-        (boundary, gain, Reverse(node))
-    };
-    let mut heap: BinaryHeap<_> =
-        (0..nodes as u32).filter(|&node| side[node as usize] == from).map(|node| rank(side, node)).collect();
+    let mut heap: BinaryHeap<_> = (0..nodes as u32)
+        .filter(|&node| side[node as usize] == from)
+        .map(|node| rank(side, node, from, graph))
+        .collect();
     let mut moved = 0;
     while moved < surplus
         && let Some((.., Reverse(node))) = heap.pop()
@@ -60,11 +51,23 @@ pub fn rebalance_bisection(
         moved += 1;
         for (neighbor, _) in graph.neighbors_of(node) {
             if side[neighbor as usize] == from {
-                heap.push(rank(side, neighbor));
+                heap.push(rank(side, neighbor, from, graph));
             }
         }
     }
     Ok(moved)
+}
+
+/// Those at the border go first, then those that save most weight of cut edges.
+fn rank(side: &[u8], node: u32, from: u8, graph: &CsrGraph) -> (bool, i64, Reverse<u32>) {
+    let mut gain = 0i64;
+    let mut boundary = false;
+    for (neighbor, weight) in graph.neighbors_of(node) {
+        let outside = side[neighbor as usize] != from;
+        boundary |= outside;
+        gain += if outside { i64::from(weight) } else { -i64::from(weight) };
+    }
+    (boundary, gain, Reverse(node))
 }
 
 #[cfg(test)]

@@ -80,6 +80,18 @@ impl Fragments {
 ///
 /// # Errors
 /// [`PartitionError::AssignmentLength`] or [`PartitionError::PartOutOfRange`]; `parts` is then unchanged.
+///
+/// # Examples
+/// ```
+/// use chpm_partition::{CsrGraph, repair};
+///
+/// // Node 2 lies alone among nodes of the other part.
+/// let path = CsrGraph::from_edges(vec![1; 5], &[(0, 1, 1), (1, 2, 1), (2, 3, 1), (3, 4, 1)])?;
+/// let mut parts = [1, 0, 1, 0, 0];
+/// repair(&path, &mut parts, 2, 4)?;
+/// assert_eq!(parts, [1, 0, 0, 0, 0]);
+/// # Ok::<(), chpm_partition::PartitionError>(())
+/// ```
 pub fn repair(
     graph: &CsrGraph,
     parts: &mut [u32],
@@ -239,12 +251,8 @@ fn fill_empty(graph: &CsrGraph, parts: &mut [u32], part_count: u32, report: &mut
         return;
     }
 
-    let weigh = |part: u32, nodes: &[u32]| {
-        let weight: u64 = nodes.iter().map(|&node| u64::from(graph.node_weight(node))).sum();
-        (nodes.len() > 1).then_some((weight, Reverse(part)))
-    };
     let mut divisible: BinaryHeap<_> =
-        (0..part_count).filter_map(|part| weigh(part, &members[part as usize])).collect();
+        (0..part_count).filter_map(|part| weigh(part, &members[part as usize], graph)).collect();
 
     for new in empty {
         let Some((_, Reverse(old))) = divisible.pop() else {
@@ -257,15 +265,23 @@ fn fill_empty(graph: &CsrGraph, parts: &mut [u32], part_count: u32, report: &mut
         members[old as usize].retain(|&node| parts[node as usize] == old);
         members[new as usize] = moved;
         report.empty_filled += 1;
-        divisible.extend([old, new].into_iter().filter_map(|part| weigh(part, &members[part as usize])));
+        divisible
+            .extend([old, new].into_iter().filter_map(|part| weigh(part, &members[part as usize], graph)));
     }
+}
+
+fn weigh(part: u32, nodes: &[u32], graph: &CsrGraph) -> Option<(u64, Reverse<u32>)> {
+    let weight: u64 = nodes.iter().map(|&node| u64::from(graph.node_weight(node))).sum();
+    (nodes.len() > 1).then_some((weight, Reverse(part)))
 }
 
 /// The subtree of a part's spanning forest whose weight comes closest to half the part's; never all of it. The part
 /// has at least two nodes, and removing a subtree leaves the rest as connected as it was.
 fn half_of(graph: &CsrGraph, members: &[u32], parts: &[u32]) -> Vec<u32> {
     const ROOT: usize = usize::MAX;
-    let position = |node: u32| members.binary_search(&node).ok();
+    fn position(node: u32, members: &[u32]) -> Option<usize> {
+        members.binary_search(&node).ok()
+    }
     let mut order: Vec<(usize, usize)> = Vec::with_capacity(members.len()); // (member, place of the parent in order)
     let mut seen = vec![false; members.len()];
     for root in 0..members.len() {
@@ -278,7 +294,7 @@ fn half_of(graph: &CsrGraph, members: &[u32], parts: &[u32]) -> Vec<u32> {
             let node = members[member];
             for (neighbor, _) in graph.neighbors_of(node) {
                 if parts[neighbor as usize] == parts[node as usize]
-                    && let Some(other) = position(neighbor)
+                    && let Some(other) = position(neighbor, members)
                     && !std::mem::replace(&mut seen[other], true)
                 {
                     order.push((other, next));

@@ -326,12 +326,13 @@ fn each_close<X>(
 
 /// How far a triangle that meets another reaches behind it, the less far of both.
 fn depth(t: &Corners, u: &Corners) -> f64 {
-    let behind = |of: &Corners, plane: &Corners| {
-        let normal = (plane[1] - plane[0]).cross(&(plane[2] - plane[0]));
-        let normal = normal.try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
-        of.iter().map(|p| normal.dot(&(plane[0] - p))).fold(0.0, f64::max)
-    };
     behind(t, u).min(behind(u, t))
+}
+
+fn behind(of: &Corners, plane: &Corners) -> f64 {
+    let normal = (plane[1] - plane[0]).cross(&(plane[2] - plane[0]));
+    let normal = normal.try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
+    of.iter().map(|p| normal.dot(&(plane[0] - p))).fold(0.0, f64::max)
 }
 
 /// Best pair of a region, kept at its first triangle.
@@ -382,8 +383,10 @@ impl Found {
         }
         let area = 0.5 * (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).norm();
         let at = corners.map(world);
-        let fold = |f: fn(f64, f64) -> f64| [0, 1, 2].map(|axis| f(f(at[0][axis], at[1][axis]), at[2][axis]));
-        let (low, high) = (fold(f64::min), fold(f64::max));
+        fn fold(f: fn(f64, f64) -> f64, at: &[[f64; 3]; 3]) -> [f64; 3] {
+            [0, 1, 2].map(|axis| f(f(at[0][axis], at[1][axis]), at[2][axis]))
+        }
+        let (low, high) = (fold(f64::min, &at), fold(f64::max, &at));
         self.marks.push(Mark { side, level, area: if counts { area } else { 0.0 }, low, high });
         self.parent.push(new);
         self.best.push(Best { least: f64::INFINITY, most: f64::INFINITY, depth: 0.0, witness: None });

@@ -9,7 +9,9 @@ type Corners = [[f32; 3]; 3];
 /// Whether two triangles, with their borders, have a point in common.
 pub(crate) fn meet(t: &Corners, u: &Corners) -> bool {
     let (t, u) = (t.map(geom::to_f64), u.map(geom::to_f64));
-    let edges = |c: &[Point3<f64>; 3]| [[c[0], c[1]], [c[1], c[2]], [c[2], c[0]]];
+    fn edges(c: &[Point3<f64>; 3]) -> [[Point3<f64>; 2]; 3] {
+        [[c[0], c[1]], [c[1], c[2]], [c[2], c[0]]]
+    }
     edges(&t).iter().any(|edge| edge_meets(edge, &u)) || edges(&u).iter().any(|edge| edge_meets(edge, &t))
 }
 
@@ -51,11 +53,12 @@ fn views_meet(s: &[Point3<f64>; 2], r: &[Point3<f64>; 2], axis: usize) -> bool {
     let apart = [(axis + 1) % 3, (axis + 2) % 3]
         .into_iter()
         .any(|x| s[0][x].max(s[1][x]) < r[0][x].min(r[1][x]) || r[0][x].max(r[1][x]) < s[0][x].min(s[1][x]));
-    let divides = |by: &[Point3<f64>; 2], other: &[Point3<f64>; 2]| {
-        let (from, to) = (turn(by[0], by[1], other[0], axis), turn(by[0], by[1], other[1], axis));
-        !((from > 0.0 && to > 0.0) || (from < 0.0 && to < 0.0))
-    };
-    !apart && divides(s, r) && divides(r, s)
+    !apart && divides(s, r, axis) && divides(r, s, axis)
+}
+
+fn divides(by: &[Point3<f64>; 2], other: &[Point3<f64>; 2], axis: usize) -> bool {
+    let (from, to) = (turn(by[0], by[1], other[0], axis), turn(by[0], by[1], other[1], axis));
+    !((from > 0.0 && to > 0.0) || (from < 0.0 && to < 0.0))
 }
 
 /// Whether a point of a triangle's plane is in the triangle; never, where the triangle is none.

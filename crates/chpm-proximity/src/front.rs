@@ -26,7 +26,9 @@ impl Eq for Pair {}
 impl Ord for Pair {
     /// The nearest is the greatest; finer ones before coarser ones.
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        let rest = |pair: &Pair| (pair.a, pair.b, pair.compared, pair.asked);
+        fn rest(pair: &Pair) -> (GroupId, GroupId, u32, u32) {
+            (pair.a, pair.b, pair.compared, pair.asked)
+        }
         other.key.total_cmp(&self.key).then_with(|| rest(self).cmp(&rest(other)))
     }
 }

@@ -200,7 +200,9 @@ fn ends<'p>(points: impl Iterator<Item = &'p Vector3<f64>>) -> (Vector3<f64>, Ve
 fn along_a_curve(points: &[Vector3<f64>]) -> Vec<u32> {
     let (low, high) = ends(points.iter());
     let scale = (high - low).map(|size| if size > 0.0 { CELLS / size } else { 0.0 });
-    let spread = |cell: u64| (0..BITS).map(|bit| (cell >> bit & 1) << (3 * bit)).sum::<u64>();
+    fn spread(cell: u64) -> u64 {
+        (0..BITS).map(|bit| (cell >> bit & 1) << (3 * bit)).sum::<u64>()
+    }
     let key = |point: &Vector3<f64>| {
         let cell = (point - low).component_mul(&scale);
         (0..3).map(|axis| spread(cell[axis] as u64) << axis).sum::<u64>()

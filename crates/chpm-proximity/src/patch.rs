@@ -116,14 +116,9 @@ impl Patch {
 
     /// Whether a triangle has a vertex that one of another cluster, or of the same one, has too.
     pub(crate) fn has_common_vertex(&self, index: usize, other: &Patch, at: usize, is_one: bool) -> bool {
-        let same = |v: u16, w: u16| match is_one {
-            true => v == w,
-            false => {
-                let id = self.shared[usize::from(v)];
-                id != NONE && id == other.shared[usize::from(w)]
-            }
-        };
-        self.vertices[index].iter().any(|v| other.vertices[at].iter().any(|w| same(*v, *w)))
+        self.vertices[index]
+            .iter()
+            .any(|v| other.vertices[at].iter().any(|w| same(*v, *w, is_one, &self.shared, &other.shared)))
     }
 
     /// The nearest triangles of two patches, if they are nearer than `below`; found to `slack`.
@@ -228,6 +223,16 @@ impl Patch {
     /// The same in the frame of another model.
     pub(crate) fn moved(&self, index: usize, between: &Between) -> (Corners, u32) {
         (self.corners[index].map(|corner| between.apply(corner)), self.places[index])
+    }
+}
+
+fn same(v: u16, w: u16, is_one: bool, shared: &[u32], other_shared: &[u32]) -> bool {
+    match is_one {
+        true => v == w,
+        false => {
+            let id = shared[usize::from(v)];
+            id != NONE && id == other_shared[usize::from(w)]
+        }
     }
 }
 
@@ -342,8 +347,9 @@ fn in_runs(corners: &[[[f32; 3]; 3]]) -> Vec<Item> {
 }
 
 fn each_alone(corners: &[[[f32; 3]; 3]]) -> Vec<Item> {
-    let middle =
-        |[a, b, c]: &[[f32; 3]; 3]| [0, 1, 2].map(|axis| a[axis] / 3.0 + b[axis] / 3.0 + c[axis] / 3.0);
+    fn middle([a, b, c]: &[[f32; 3]; 3]) -> [f32; 3] {
+        [0, 1, 2].map(|axis| a[axis] / 3.0 + b[axis] / 3.0 + c[axis] / 3.0)
+    }
     (0..).zip(corners).map(|(place, corners)| Item { middle: middle(corners), place, count: 1 }).collect()
 }
 
@@ -449,8 +455,12 @@ impl PatchSearch<'_> {
 
 /// The distance of the boxes of two triangles.
 fn boxes_apart(t: &Corners, u: &Corners) -> f64 {
-    let low = |c: &Corners| c[0].inf(&c[1]).inf(&c[2]);
-    let high = |c: &Corners| c[0].sup(&c[1]).sup(&c[2]);
+    fn low(c: &Corners) -> Vector3<f64> {
+        c[0].inf(&c[1]).inf(&c[2])
+    }
+    fn high(c: &Corners) -> Vector3<f64> {
+        c[0].sup(&c[1]).sup(&c[2])
+    }
     let away = (low(u) - high(t)).sup(&(low(t) - high(u)));
     away.map(|x| x.max(0.0)).norm()
 }

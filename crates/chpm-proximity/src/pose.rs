@@ -133,7 +133,9 @@ impl Between {
         let (to_a, of_b) = (a.pose.rotation.transpose(), b.pose.rotation);
         let rotation = if a.pose.rotation == IDENTITY { of_b } else { to_a * of_b };
         // Origins may be far away and cancel: twice the digits.
-        let twofold = |v: Vector3<f64>| [0, 1, 2].map(|i| Twofold(v[i], 0.0));
+        fn twofold(v: Vector3<f64>) -> [Twofold; 3] {
+            [0, 1, 2].map(|i| Twofold(v[i], 0.0))
+        }
         let origin = |frame: &Frame| twofold(Vector3::from(frame.origin));
         let mut place = transform(&of_b, origin(b));
         for (axis, x) in place.iter_mut().enumerate() {
@@ -145,7 +147,9 @@ impl Between {
             high + low
         });
 
-        let far = |v: [f64; 3]| Vector3::from(v).norm();
+        fn far(v: [f64; 3]) -> f64 {
+            Vector3::from(v).norm()
+        }
         let (x, y) = (a.reach + far(a.origin), b.reach + far(b.origin));
         let moved = a.pose.translation.norm() + b.pose.translation.norm();
         let unsure = a.pose.unsure * (2.0 * x + y + moved) + b.pose.unsure * y;

@@ -23,12 +23,14 @@ pub(crate) fn distance(t: &Corners, u: &Corners) -> Near {
     each_near(t, u, &mut |a, b| best.take(a, b));
     // What rounding alone may leave between the bounds.
     let noise = 4e-15 * (t[0].amax() + u[0].amax());
-    let is_wide = |least: f64, most: f64| most - least > WIDTH * most + noise;
+    fn is_wide(least: f64, most: f64, noise: f64) -> bool {
+        most - least > WIDTH * most + noise
+    }
     // What is apart along the way between these points is not pierced, and no others are nearer.
     let Best { squared, a, b } = best;
     let most = squared.sqrt();
     let least = apart_along(a - b, t, u);
-    if least > 0.0 && !is_wide(least, most) {
+    if least > 0.0 && !is_wide(least, most, noise) {
         return Near { least: least.min(most), most, a, b };
     }
     for i in 0..3 {
@@ -42,11 +44,11 @@ pub(crate) fn distance(t: &Corners, u: &Corners) -> Near {
     let Best { squared, a, b } = best;
     let most = squared.sqrt();
     let mut least = apart_along(a - b, t, u);
-    if is_wide(least, most) {
+    if is_wide(least, most, noise) {
         // Squares do not tell points apart that are off by half of their digits; what lies along the way between them does.
         each_near(t, u, &mut |a, b| least = least.max(apart_along(a - b, t, u)));
     }
-    if is_wide(least, most) {
+    if is_wide(least, most, noise) {
         least = separations(t, u).map(|direction| apart_along(direction, t, u)).fold(least, f64::max);
     }
     Near { least: least.min(most), most, a, b }
@@ -91,7 +93,9 @@ impl Best {
 
 /// Directions along which triangles that are apart are, too: upright on one, or on an edge of each.
 fn separations(t: &Corners, u: &Corners) -> impl Iterator<Item = Vector3<f64>> {
-    let edges = |c: &Corners| [c[1] - c[0], c[2] - c[1], c[0] - c[2]];
+    fn edges(c: &Corners) -> [Vector3<f64>; 3] {
+        [c[1] - c[0], c[2] - c[1], c[0] - c[2]]
+    }
     let (e, f) = (edges(t), edges(u));
     let faces = [e[0].cross(&e[1]), f[0].cross(&f[1])];
     let pairs = e.into_iter().flat_map(move |e| f.into_iter().map(move |f| e.cross(&f)));
@@ -139,16 +143,17 @@ pub(crate) fn distance_of_point(point: &Vector3<f64>, t: &Corners) -> (f64, f64)
     let most = ways.iter().map(|way| way.norm()).fold(f64::INFINITY, f64::min);
     // Upright on an edge, and on the face: twice, since the first time leaves what it has lost.
     let edges = [b - a, c - b, a - c];
-    let upright = |way: Vector3<f64>, edge: &Vector3<f64>| {
-        let length = edge.norm_squared();
-        if length > 0.0 { way - edge * (way.dot(edge) / length) } else { way }
-    };
     let of_edges = [0, 1, 2].map(|i| upright(ways[i + 1], &edges[i]));
     let face = edges[0].cross(&edges[1]);
     let face = upright(upright(face, &edges[0]), &edges[1]);
     let least = ways.into_iter().chain(of_edges).chain([face, -face]);
     let least = least.map(|way| beyond(&way, point, t)).fold(0.0, f64::max);
     (least.min(most), most)
+}
+
+fn upright(way: Vector3<f64>, edge: &Vector3<f64>) -> Vector3<f64> {
+    let length = edge.norm_squared();
+    if length > 0.0 { way - edge * (way.dot(edge) / length) } else { way }
 }
 
 /// How far a point is beyond all of a triangle in a direction; negative or 0 where it is not.

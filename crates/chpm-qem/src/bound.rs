@@ -140,7 +140,9 @@ impl Bounder {
         let Scene { given, displacements, one_ring, .. } = *scene;
         self.proposal.swept = true;
         let position = |w: u16| given.position(w);
-        let go = |from: Point3<f64>, to: Point3<f64>| Sweep::to_segment(from, to, to);
+        fn go(from: Point3<f64>, to: Point3<f64>) -> Sweep {
+            Sweep::to_segment(from, to, to)
+        }
         let u = one_ring.vertex();
         let (step, share) = match one_ring.kind() {
             // A lone face is folded onto its opposite edge.
@@ -227,14 +229,15 @@ impl Bounder {
             return;
         }
         // u goes to a place on the edge from v to another vertex.
-        let to =
-            |other: u16, share: f64| CellPoint { old: (u, 0.0), new: [(other, share), (v, 0.0)], loss: 0.0 };
-        let moved = attribute_errors.differences(u, v, &to(v, 0.0));
+        fn to(other: u16, share: f64, u: u16, v: u16) -> CellPoint {
+            CellPoint { old: (u, 0.0), new: [(other, share), (v, 0.0)], loss: 0.0 }
+        }
+        let moved = attribute_errors.differences(u, v, &to(v, 0.0, u, v));
         for wing in one_ring.wings.iter().filter(|wing| !wing.has(v)) {
             attribute_errors.sweep(wing.face, moved, [v, wing.a, wing.b]);
         }
         for handed in &self.proposal.handed {
-            let mut moved = attribute_errors.differences(u, v, &to(handed.other, handed.share));
+            let mut moved = attribute_errors.differences(u, v, &to(handed.other, handed.share, u, v));
             if handed.to_end {
                 let end = CellPoint { old: (handed.other, 0.0), new: [(v, 0.0); 2], loss: 0.0 };
                 moved = sum(moved, attribute_errors.differences(handed.other, v, &end));
@@ -270,11 +273,13 @@ enum Via {
 fn receiver(scene: &Scene<'_>, v: u16, w: u16) -> Option<(u32, Via)> {
     let Scene { given, mesh, one_ring, .. } = *scene;
     let u = one_ring.vertex();
-    let at_v = |wing: &Wing| if wing.has(w) { Via::Edge } else { Via::Target };
+    fn at_v(wing: &Wing, w: u16) -> Via {
+        if wing.has(w) { Via::Edge } else { Via::Target }
+    }
     let is_foreign = |corner: u16, wing: &Wing| !given.has_member_of(u, [corner, wing.a, wing.b]);
-    let own = one_ring.wings.iter().filter(|wing| !wing.has(v)).map(|wing| (false, at_v(wing), wing.face));
+    let own = one_ring.wings.iter().filter(|wing| !wing.has(v)).map(|wing| (false, at_v(wing, w), wing.face));
     let beside = |corner: u16| mesh.all_wings(corner).filter(move |wing| !wing.has(u));
-    let of_v = beside(v).map(|wing| (is_foreign(v, &wing), at_v(&wing), wing.face));
+    let of_v = beside(v).map(|wing| (is_foreign(v, &wing), at_v(&wing, w), wing.face));
     let of_w = beside(w).map(|wing| (is_foreign(w, &wing), Via::Other, wing.face));
     let mut best: Option<(bool, Via, u32)> = None;
     for one in own.chain(of_v).chain(of_w) {

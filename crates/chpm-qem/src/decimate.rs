@@ -42,6 +42,20 @@ enum Goal {
 }
 
 /// The kernel's scratch: give each thread its own and use it for cluster after cluster.
+///
+/// ```
+/// use chpm_qem::{Decimator, Patch};
+///
+/// // A flat grid of 8 x 8 squares: its corners are all that it takes, without any error.
+/// let grid = chpm_synth::hand::grid(8, 8);
+/// let triangles: Vec<[u16; 3]> = grid.triangles.iter().map(|t| t.map(|v| v as u16)).collect();
+/// let locked = vec![false; grid.positions.len()];
+/// let patch = Patch { positions: &grid.positions, triangles: &triangles, locked: &locked, ..Patch::default() };
+/// let mut decimator = Decimator::default();
+/// let outcome = decimator.decimate(&patch, 2, 0.0);
+/// assert_eq!(outcome.triangle_count, 2);
+/// assert!(outcome.collapses.iter().all(|collapse| collapse.error < 1e-5));
+/// ```
 #[derive(Debug, Default)]
 pub struct Decimator {
     /// Whether collapses may be forced.
@@ -497,7 +511,9 @@ impl<'a, 'd> Run<'a, 'd> {
         if one_ring.kind() == OneRingKind::Broken {
             candidates.drain(..).for_each(|_| self.refusals.add(Refusal::NonManifold));
         }
-        let rank = |&(cost, v): &(f32, u16)| (cost.to_bits(), v);
+        fn rank(&(cost, v): &(f32, u16)) -> (u32, u16) {
+            (cost.to_bits(), v)
+        }
         while let Some(best) = (0..candidates.len()).min_by_key(|i| rank(&candidates[*i])) {
             let (cost, v) = candidates.swap_remove(best);
             match legality::check(&self.given, mesh, one_ring, v) {

@@ -11,6 +11,13 @@ const LOST: f64 = 1.0 / (1u64 << 50) as f64;
 /// The box of displacements of a face: the composed map of all collapses takes every point of the source surface to a point
 /// of the current one, and for those that end in the face, target minus source lies in here. Signed, so that what a later
 /// collapse takes back cancels. Object units, rounded outward.
+///
+/// ```
+/// use chpm_qem::Displacement;
+///
+/// assert_eq!(Displacement::default().error(), 0.0);
+/// assert!(Displacement::within(1.0).norm() >= 3.0_f64.sqrt());
+/// ```
 #[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Displacement {
@@ -38,11 +45,12 @@ impl Displacement {
 
     /// The square of [`Self::norm`].
     pub(crate) fn norm_squared(&self) -> f64 {
-        let reach = |axis: usize| {
-            let (lo, hi) = (self.lo[axis].abs(), self.hi[axis].abs());
+        fn reach(axis: usize, self_lo: &[f32; 3], self_hi: &[f32; 3]) -> f64 {
+            let (lo, hi) = (self_lo[axis].abs(), self_hi[axis].abs());
             f64::from(if lo > hi { lo } else { hi })
-        };
-        let [x, y, z] = [reach(0), reach(1), reach(2)];
+        }
+        let [x, y, z] =
+            [reach(0, &self.lo, &self.hi), reach(1, &self.lo, &self.hi), reach(2, &self.lo, &self.hi)];
         x * x + y * y + z * z
     }
 
@@ -142,7 +150,9 @@ impl Reach {
 #[inline]
 fn step(x: f32, by: i32) -> f32 {
     // Numbers of one sign are in the order of their bits.
-    let ordered = |bits: i32| bits ^ ((bits >> 31) as u32 >> 1) as i32;
+    fn ordered(bits: i32) -> i32 {
+        bits ^ ((bits >> 31) as u32 >> 1) as i32
+    }
     let infinity = f32::INFINITY.to_bits() as i32;
     let place = (ordered(x.to_bits() as i32) + by).clamp(-infinity - 1, infinity);
     f32::from_bits(ordered(place) as u32)

@@ -45,8 +45,13 @@ impl DroppedComponent {
         }
         let center = (to_f64(large.center) + way * (0.5 * beyond / length)).coords.map(|x| x as f32);
         let rounded = Point3::from(center.map(f64::from));
-        let far = |ball: &DroppedComponent| (to_f64(ball.center) - rounded).norm() + f64::from(ball.radius);
-        DroppedComponent { center: center.into(), radius: round_up(far(large).max(far(small))) }
+        fn far(ball: &DroppedComponent, rounded: &Point3<f64>) -> f64 {
+            (to_f64(ball.center) - *rounded).norm() + f64::from(ball.radius)
+        }
+        DroppedComponent {
+            center: center.into(),
+            radius: round_up(far(large, &rounded).max(far(small, &rounded))),
+        }
     }
 }
 
@@ -86,14 +91,16 @@ fn sort_along_boxes(dropped: &mut [DroppedComponent]) {
     let low = centers().fold(Vector3::repeat(f32::INFINITY), |low, center| low.inf(&center));
     let high = centers().fold(Vector3::repeat(f32::NEG_INFINITY), |high, center| high.sup(&center));
     let axis = (high - low).imax();
-    let key = |dropped: &DroppedComponent| dropped.center[axis];
+    fn key(dropped: &DroppedComponent, axis: usize) -> f32 {
+        dropped.center[axis]
+    }
     // A half of an even length, so that no pair is of both.
     let middle = (dropped.len() / 2).next_multiple_of(2);
     // All of it decides between equals, so that the order in which they came does not.
     dropped.sort_unstable_by(|a, b| {
         let (all_a, all_b) = (a.center.into_iter().chain([a.radius]), b.center.into_iter().chain([b.radius]));
         let others = || all_a.zip(all_b).map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne());
-        key(a).total_cmp(&key(b)).then_with(|| others().unwrap_or(std::cmp::Ordering::Equal))
+        key(a, axis).total_cmp(&key(b, axis)).then_with(|| others().unwrap_or(std::cmp::Ordering::Equal))
     });
     let (left, right) = dropped.split_at_mut(middle.min(dropped.len()));
     sort_along_boxes(left);

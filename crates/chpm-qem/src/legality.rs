@@ -86,8 +86,10 @@ fn check_link(
     let (mut remaining, mut keeps_apex, mut linked) = (0, false, false);
     for wing in mesh.wings(v) {
         let own = wing.has(one_ring.vertex());
-        let apex = |w: u16| (apexes[0] == Some(w)) | (apexes[1] == Some(w));
-        let (a, b) = (apex(wing.a), apex(wing.b));
+        fn apex(w: u16, apexes: &[Option<u16>; 2]) -> bool {
+            (apexes[0] == Some(w)) | (apexes[1] == Some(w))
+        }
+        let (a, b) = (apex(wing.a, &apexes), apex(wing.b, &apexes));
         let common = (one_ring.has(wing.a) & !a) | (one_ring.has(wing.b) & !b) | (a & b);
         linked |= common & !own;
         remaining += usize::from(!own);
@@ -103,7 +105,9 @@ fn is_far_from_flips(ring: RingView<'_>) -> bool {
     // The first and the last face are at v and go.
     let last = ring.len() - 1;
     let arm = |i: usize| [x[i] - v[0], y[i] - v[1], z[i] - v[2]];
-    let product = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    fn product(a: [f64; 3], b: [f64; 3]) -> f64 {
+        a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    }
     let mut near = 0;
     let mut a = arm(1);
     for i in 1..last {
@@ -121,10 +125,12 @@ fn is_far_from_flips(ring: RingView<'_>) -> bool {
 
 /// No face may turn by more than the limit or lose its area. A face that has none already cannot get worse.
 fn check_flips(patch: &Patch<'_>, one_ring: &OneRing, v: u16) -> Result<(), Refusal> {
-    let position = |w: u16| patch.positions[usize::from(w)];
-    let (from, to) = (position(one_ring.vertex()), position(v));
+    fn position(w: u16, patch_positions: &[[f32; 3]]) -> [f32; 3] {
+        patch_positions[usize::from(w)]
+    }
+    let (from, to) = (position(one_ring.vertex(), patch.positions), position(v, patch.positions));
     for wing in one_ring.wings.iter().filter(|wing| !wing.has(v)) {
-        let (a, b) = (position(wing.a), position(wing.b));
+        let (a, b) = (position(wing.a, patch.positions), position(wing.b, patch.positions));
         let (old, new) = (area_vector(from, a, b), area_vector(to, a, b));
         let (old_squared, new_squared) = (old.norm_squared(), new.norm_squared());
         if old_squared == 0.0 {

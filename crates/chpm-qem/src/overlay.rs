@@ -85,7 +85,9 @@ impl Overlay {
         if self.bound_along(areas, ring, of, out) {
             return true;
         }
-        let unit = |area: Vector3<f64>| area.try_normalize(0.0).unwrap_or_default();
+        fn unit(area: Vector3<f64>) -> Vector3<f64> {
+            area.try_normalize(0.0).unwrap_or_default()
+        }
         let both = sum_from_last(ring.areas(), unit) + unit_areas_about_v(ring, unit);
         self.bound_along(both, ring, of, out)
     }
@@ -213,15 +215,11 @@ impl Overlay {
         if !self.new.are_larger(1..last, least_area) {
             return false;
         }
-        let half_turn = |start: usize, others: Range<usize>| {
-            let start = old.at(start);
-            others.into_iter().all(|i| start.cross(old.at(i)) > least_area)
-        };
         match boundary {
             None => old.are_larger(0..last + 1, least_area) && old.rises(last + 1) == 1,
             // A half turn from one boundary edge to the other.
-            Some(1) => old.are_larger(1..last + 1, least_area) && half_turn(1, 2..last + 1),
-            Some(_) => old.are_larger(0..last, least_area) && half_turn(0, 1..last),
+            Some(1) => old.are_larger(1..last + 1, least_area) && half_turn(1, 2..last + 1, least_area, old),
+            Some(_) => old.are_larger(0..last, least_area) && half_turn(0, 1..last, least_area, old),
         }
     }
 
@@ -229,9 +227,14 @@ impl Overlay {
     fn foot(&self, ring: RingView<'_>, other: usize) -> (Sweep, Projected) {
         let slide = Sweep::to_segment(ring.apex(), ring.point(0), ring.point(other));
         let (a, b) = (self.old.at(0), self.old.at(other));
-        let between = |a: f64, b: f64| a + slide.share * (b - a);
-        let foot =
-            Projected { x: between(a.x, b.x), y: between(a.y, b.y), height: between(a.height, b.height) };
+        fn between(a: f64, b: f64, slide_share: f64) -> f64 {
+            a + slide_share * (b - a)
+        }
+        let foot = Projected {
+            x: between(a.x, b.x, slide.share),
+            y: between(a.y, b.y, slide.share),
+            height: between(a.height, b.height, slide.share),
+        };
         (slide, foot)
     }
 
@@ -305,9 +308,21 @@ impl Overlay {
         let area = self.old.at(a).cross(self.new.at(b));
         // Of parallel edges any place will do, but not one that is no number: their loss covers both edges.
         let per_area = if area == 0.0 { 0.0 } else { 1.0 / area };
-        let share = |of: f64| (of * per_area).clamp(0.0, 1.0);
-        Crossing { on_old: share(self.new.beside[b]), on_new: share(self.old.beside[a]), area, per_area }
+        fn share(of: f64, per_area: f64) -> f64 {
+            (of * per_area).clamp(0.0, 1.0)
+        }
+        Crossing {
+            on_old: share(self.new.beside[b], per_area),
+            on_new: share(self.old.beside[a], per_area),
+            area,
+            per_area,
+        }
     }
+}
+
+fn half_turn(start: usize, others: Range<usize>, least_area: f64, old: &Seen) -> bool {
+    let start = old.at(start);
+    others.into_iter().all(|i| start.cross(old.at(i)) > least_area)
 }
 
 /// The box of all old faces of some cells, of which no point moves.
@@ -400,11 +415,15 @@ fn coord(p: Point3<f64>) -> Coord3D<f64> {
 
 /// Whether `b` lies on the line through `a` and `c`, between them, exactly.
 fn is_straight(a: Point3<f64>, b: Point3<f64>, c: Point3<f64>) -> bool {
-    let straight = |i: usize, j: usize| {
-        let [a, b, c] = [a, b, c].map(|p| Coord { x: p[i], y: p[j] });
-        orient2d(a, b, c) == 0.0
-    };
-    (a - b).dot(&(c - b)) <= 0.0 && straight(0, 1) && straight(1, 2) && straight(2, 0)
+    (a - b).dot(&(c - b)) <= 0.0
+        && straight(0, 1, &a, &b, &c)
+        && straight(1, 2, &a, &b, &c)
+        && straight(2, 0, &a, &b, &c)
+}
+
+fn straight(i: usize, j: usize, a: &Point3<f64>, b: &Point3<f64>, c: &Point3<f64>) -> bool {
+    let [a, b, c] = [*a, *b, *c].map(|p| Coord { x: p[i], y: p[j] });
+    orient2d(a, b, c) == 0.0
 }
 
 #[cfg(test)]

@@ -66,9 +66,15 @@ impl Prices {
     pub(crate) fn add_boundary(&mut self, given: &Given<'_>, one_ring: &OneRing) {
         let OneRingKind::Open(first, last) = one_ring.kind() else { return };
         let vertex = one_ring.vertex();
-        let position = |v: u16| given.patch.positions[usize::from(v)];
+        fn position(v: u16, given_patch_positions: &[[f32; 3]]) -> [f32; 3] {
+            given_patch_positions[usize::from(v)]
+        }
         for wing in &one_ring.wings {
-            let normal = area_vector(position(vertex), position(wing.a), position(wing.b));
+            let normal = area_vector(
+                position(vertex, given.patch.positions),
+                position(wing.a, given.patch.positions),
+                position(wing.b, given.patch.positions),
+            );
             let ends = [(wing.a == first).then_some(wing.a), (wing.b == last).then_some(wing.b)];
             for end in ends.into_iter().flatten() {
                 self.quadrics[usize::from(vertex)].add_boundary(given.offset(vertex, end), normal);

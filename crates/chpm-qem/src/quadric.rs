@@ -6,6 +6,17 @@
 use nalgebra::Vector3;
 
 /// Sum of weighted squared distances to planes, as a function of the offset from the quadric's own point.
+///
+/// ```
+/// use chpm_qem::Quadric;
+/// use nalgebra::Vector3;
+///
+/// // The plane z = 0, through the vertex itself.
+/// let mut quadric = Quadric::default();
+/// quadric.add_face(Vector3::z());
+/// assert_eq!(quadric.at(Vector3::x()), 0.0);
+/// assert!(quadric.at(Vector3::new(0.0, 0.0, 2.0)) > 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Quadric {
     xx: f64,

@@ -16,6 +16,17 @@ const LEG: usize = 30;
 
 /// One camera for each frame. As text: a line `chpm-path 1`, then ten numbers a line (position, target, up, field of view in degrees)
 /// in the source's coordinates; what follows a `#` is a comment. Numbers are written so that reading gives the same bits.
+///
+/// ```
+/// use chpm_mesh::Aabb;
+/// use chpm_refine::CameraPath;
+///
+/// let bounds = Aabb::of_points(&[[-1.0; 3], [1.0; 3]]);
+/// let orbit = CameraPath::orbit(&bounds, 36);
+/// let again: CameraPath = orbit.to_string().parse()?;
+/// assert_eq!((orbit.cameras.len(), again), (36, orbit));
+/// # Ok::<(), chpm_refine::RefineError>(())
+/// ```
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct CameraPath {
     /// The cameras. Near planes are not written.
@@ -106,7 +117,9 @@ impl FromStr for CameraPath {
     type Err = RefineError;
 
     fn from_str(text: &str) -> Result<Self, RefineError> {
-        let wrong = |line, expected, got: &str| RefineError::Path { line, expected, got: got.to_owned() };
+        fn wrong(line: usize, expected: &'static str, got: &str) -> RefineError {
+            RefineError::Path { line, expected, got: got.to_owned() }
+        }
         let bare = |line: &'_ str| line.find('#').map_or(line.len(), |at| at);
         let lines = (1..).zip(text.lines()).map(|(n, line)| (n, line[..bare(line)].trim()));
         let mut lines = lines.filter(|(_, line)| !line.is_empty());

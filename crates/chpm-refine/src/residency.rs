@@ -200,10 +200,12 @@ impl Residency {
             return;
         }
         let mut victims = self.kept.clone();
-        let last = |group: &GroupId| self.units[group.index()].last();
-        victims.retain(|group| last(group) < self.now);
+        fn last(group: &GroupId, units: &[Unit]) -> u64 {
+            units[group.index()].last()
+        }
+        victims.retain(|group| last(group, &self.units) < self.now);
         // A unit was used or foreseen whenever one below it was: those below come first.
-        victims.sort_by_key(|group| (last(group), Reverse(hierarchy.rank(*group))));
+        victims.sort_by_key(|group| (last(group, &self.units), Reverse(hierarchy.rank(*group))));
         for group in victims {
             let Unit { bytes, missing, below, .. } = self.units[group.index()];
             if self.reserved.saturating_add(needed) <= self.budget {
@@ -281,6 +283,8 @@ impl Unit {
 
 /// Order by priority, groups above before those below.
 fn by_priority(hierarchy: &Hierarchy, a: &Wanted, b: &Wanted) -> std::cmp::Ordering {
-    let rank = |wanted: &Wanted| hierarchy.rank(wanted.group);
-    b.priority.total_cmp(&a.priority).then_with(|| rank(a).cmp(&rank(b)))
+    fn rank(wanted: &Wanted, hierarchy: &Hierarchy) -> u32 {
+        hierarchy.rank(wanted.group)
+    }
+    b.priority.total_cmp(&a.priority).then_with(|| rank(a, hierarchy).cmp(&rank(b, hierarchy)))
 }

@@ -9,6 +9,14 @@ use chpm_mesh::{Aabb, Sphere, geom};
 use nalgebra::{Point3, Vector3};
 
 /// Where a picture is taken from. Coordinates are the source's, or relative to the origin of a file: see [`Camera::relative_to`].
+///
+/// ```
+/// use chpm_mesh::Aabb;
+/// use chpm_refine::Camera;
+///
+/// let bounds = Aabb::of_points(&[[0.0; 3], [2.0, 2.0, 2.0]]);
+/// assert_eq!(Camera::framing(&bounds).target, [1.0; 3]);
+/// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Camera {
     /// The viewer.
@@ -59,17 +67,19 @@ impl Camera {
 
     /// The same camera in the coordinates of a file with this origin.
     pub fn relative_to(&self, origin: [f64; 3]) -> Self {
-        let less = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] - origin[axis]);
-        Camera { position: less(self.position), target: less(self.target), ..*self }
+        fn less(point: [f64; 3], origin: &[f64; 3]) -> [f64; 3] {
+            std::array::from_fn(|axis| point[axis] - origin[axis])
+        }
+        Camera { position: less(self.position, &origin), target: less(self.target, &origin), ..*self }
     }
 
     /// Where this camera will be after so many frames if it goes on as it came from `before`, the frame before.
     pub fn onward(&self, before: &Camera, frames: f64) -> Self {
-        let ahead = |now: [f64; 3], before: [f64; 3]| {
+        fn ahead(now: [f64; 3], before: [f64; 3], frames: f64) -> [f64; 3] {
             std::array::from_fn(|axis| now[axis] + frames * (now[axis] - before[axis]))
-        };
-        let position = ahead(self.position, before.position);
-        Camera { position, target: ahead(self.target, before.target), ..*self }
+        }
+        let position = ahead(self.position, before.position, frames);
+        Camera { position, target: ahead(self.target, before.target, frames), ..*self }
     }
 
     fn check(&self) -> Result<(), RefineError> {
@@ -88,17 +98,18 @@ impl Camera {
     /// To the right, upward and forward in the image, each of length 1.
     pub fn axes(&self) -> [Vector3<f64>; 3] {
         let forward = (Point3::from(self.target) - Point3::from(self.position)).normalize();
-        let across = |up: Vector3<f64>| {
-            let right = forward.cross(&up);
-            // Relative to both lengths: the sine of the angle between them.
-            (right.norm() > 1e-9 * up.norm()).then(|| right.normalize())
-        };
         let most_across = forward.iamin();
-        let right = across(Vector3::from(self.up))
-            .or_else(|| across(Vector3::ith(most_across, 1.0)))
+        let right = across(Vector3::from(self.up), &forward)
+            .or_else(|| across(Vector3::ith(most_across, 1.0), &forward))
             .unwrap_or_else(Vector3::x);
         [right, right.cross(&forward), forward]
     }
+}
+
+fn across(up: Vector3<f64>, forward: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let right = forward.cross(&up);
+    // Relative to both lengths: the sine of the angle between them.
+    (right.norm() > 1e-9 * up.norm()).then(|| right.normalize())
 }
 
 /// A sphere and a box that a view is asked about: what lies in both. Asked for a sphere and a box inside them, a view never answers
@@ -137,6 +148,17 @@ impl Region {
 }
 
 /// A camera, the image it makes, and the error allowed in it.
+///
+/// ```
+/// use chpm_refine::{Camera, Region, View};
+///
+/// let camera = Camera::looking([0.0, 0.0, 10.0], [0.0; 3]);
+/// let view = View::new(&camera, [1920, 1080], 1.0)?;
+/// // What is farther away may be coarser.
+/// let [near, far] = [0.0, -90.0].map(|z| view.bound(&Region::sphere([0.0, 0.0, z], 1.0)));
+/// assert!(near < far);
+/// # Ok::<(), chpm_refine::RefineError>(())
+/// ```
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct View {
     eye: Point3<f64>,
@@ -164,7 +186,9 @@ impl View {
         let [right, up, forward] = camera.axes();
         let rise = (0.5 * camera.fov.to_radians()).tan();
         let run = rise * f64::from(width) / f64::from(height);
-        let side = |across: Vector3<f64>, slope: f64| ((forward * slope + across).normalize(), 0.0);
+        fn side(across: Vector3<f64>, slope: f64, forward: &Vector3<f64>) -> (Vector3<f64>, f64) {
+            ((*forward * slope + across).normalize(), 0.0)
+        }
         Ok(View {
             eye: Point3::from(camera.position),
             near: camera.near,
@@ -172,10 +196,10 @@ impl View {
             pixels,
             culling: false,
             planes: [
-                side(right, run),
-                side(-right, run),
-                side(up, rise),
-                side(-up, rise),
+                side(right, run, &forward),
+                side(-right, run, &forward),
+                side(up, rise, &forward),
+                side(-up, rise, &forward),
                 (forward, -camera.near),
                 // None, until there is one.
                 (Vector3::zeros(), f64::INFINITY),

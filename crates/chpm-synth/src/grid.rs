@@ -130,8 +130,15 @@ impl Torus {
             let next_y = (y + 1) % ny;
             for x in 0..nx {
                 let next_x = (x + 1) % nx;
-                let at = |x, y| y * nx + x;
-                batch.push_quad([at(x, y), at(x, next_y), at(next_x, next_y), at(next_x, y)])?;
+                fn at(x: u32, y: u32, nx: u32) -> u32 {
+                    y * nx + x
+                }
+                batch.push_quad([
+                    at(x, y, nx),
+                    at(x, next_y, nx),
+                    at(next_x, next_y, nx),
+                    at(next_x, y, nx),
+                ])?;
             }
         }
         Ok(())

@@ -26,11 +26,11 @@ pub fn cube() -> TriMesh {
 pub fn grid(nx: u32, ny: u32) -> TriMesh {
     let positions = (0..=ny).flat_map(|y| (0..=nx).map(move |x| [x as f32, y as f32, 0.0])).collect();
     let row = nx + 1;
-    let quad = |x: u32, y: u32| {
+    fn quad(x: u32, y: u32, row: u32) -> [[u32; 3]; 2] {
         let a = y * row + x;
         [[a, a + 1, a + row + 1], [a, a + row + 1, a + row]]
-    };
-    let triangles = (0..ny).flat_map(|y| (0..nx).flat_map(move |x| quad(x, y))).collect();
+    }
+    let triangles = (0..ny).flat_map(|y| (0..nx).flat_map(move |x| quad(x, y, row))).collect();
     TriMesh::new(positions, triangles)
 }
 
@@ -52,6 +52,11 @@ pub fn strip(n: u32) -> TriMesh {
 }
 
 /// A ball of `20 * 4^level` triangles: an icosahedron, subdivided onto the unit sphere.
+///
+/// ```
+/// let sphere = chpm_synth::hand::icosphere(2);
+/// assert_eq!(sphere.triangles.len(), 20 * 4 * 4);
+/// ```
 pub fn icosphere(level: u32) -> TriMesh {
     let g = (1.0 + 5.0_f64.sqrt()) / 2.0;
     let corners = [
@@ -123,13 +128,13 @@ pub fn bow_tie() -> TriMesh {
 /// is walked the same way by both its faces.
 pub fn moebius(n: u32) -> TriMesh {
     let n = n.max(3);
-    let point = |i: u32, side: f64| {
+    fn point(i: u32, side: f64, n: u32) -> [f32; 3] {
         let (half_cos, half_sin) = turn(0.5 * f64::from(i) / f64::from(n));
         let [x, y, _] = circle_f64(i, n);
         let reach = 1.0 + 0.3 * side * half_cos;
         [reach * x, reach * y, 0.3 * side * half_sin].map(|c| c as f32)
-    };
-    let positions = (0..n).flat_map(|i| [point(i, -1.0), point(i, 1.0)]).collect();
+    }
+    let positions = (0..n).flat_map(|i| [point(i, -1.0, n), point(i, 1.0, n)]).collect();
     let quad = |i: u32| {
         let (a, b) = (2 * i, 2 * i + 1);
         let (c, d) = if i + 1 < n { (a + 2, a + 3) } else { (1, 0) };
@@ -141,23 +146,27 @@ pub fn moebius(n: u32) -> TriMesh {
 /// A Klein bottle (the figure-eight one) of `n` by `n` quads, `n >= 3`: closed, Euler characteristic 0, not orientable.
 pub fn klein_bottle(n: u32) -> TriMesh {
     let n = n.max(3);
-    let point = |i: u32, j: u32| {
-        let (half_cos, half_sin) = turn(0.5 * f64::from(i) / f64::from(n));
-        let [x, y, _] = circle_f64(i, n);
-        let t = f64::from(j) / f64::from(n);
-        let (s1, s2) = (turn(t).1, turn(2.0 * t).1);
-        let reach = 2.0 + half_cos * s1 - half_sin * s2;
-        [reach * x, reach * y, half_sin * s1 + half_cos * s2].map(|c| c as f32)
-    };
-    let positions = (0..n).flat_map(|i| (0..n).map(move |j| point(i, j))).collect();
+    let positions = (0..n).flat_map(|i| (0..n).map(move |j| point(i, j, n))).collect();
     // After a whole turn the figure eight has made half a one, which sends angle j to -j.
-    let vertex = |i: u32, j: u32| if i < n { i * n + j % n } else { (n - j % n) % n };
-    let quad = |i: u32, j: u32| {
-        let [a, b, c, d] = [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
+    fn vertex(i: u32, j: u32, n: u32) -> u32 {
+        if i < n { i * n + j % n } else { (n - j % n) % n }
+    }
+    fn quad(i: u32, j: u32, n: u32) -> [[u32; 3]; 2] {
+        let [a, b, c, d] =
+            [vertex(i, j, n), vertex(i + 1, j, n), vertex(i + 1, j + 1, n), vertex(i, j + 1, n)];
         [[a, b, c], [a, c, d]]
-    };
-    let triangles = (0..n).flat_map(|i| (0..n).flat_map(move |j| quad(i, j))).collect();
+    }
+    let triangles = (0..n).flat_map(|i| (0..n).flat_map(move |j| quad(i, j, n))).collect();
     TriMesh::new(positions, triangles)
+}
+
+fn point(i: u32, j: u32, n: u32) -> [f32; 3] {
+    let (half_cos, half_sin) = turn(0.5 * f64::from(i) / f64::from(n));
+    let [x, y, _] = circle_f64(i, n);
+    let t = f64::from(j) / f64::from(n);
+    let (s1, s2) = (turn(t).1, turn(2.0 * t).1);
+    let reach = 2.0 + half_cos * s1 - half_sin * s2;
+    [reach * x, reach * y, half_sin * s1 + half_cos * s2].map(|c| c as f32)
 }
 
 /// Two unit cubes that share the two vertices of one edge, which so has four faces.

@@ -46,14 +46,16 @@ impl Isosurface {
     pub(super) fn new(target: u64, seed: u64) -> Self {
         let n = (target as f64 / (4.0 * Self::TRIANGLES_PER_CELL)).cbrt().round() as u32;
         let n = n.clamp(6, 1 << 12);
-        let off = |plan: &Isosurface| target.abs_diff(plan.triangles);
+        fn off(plan: &Isosurface, target: u64) -> u64 {
+            target.abs_diff(plan.triangles)
+        }
         let mut best = Self::stacked(target, seed, n);
         for wider in 1..4 {
-            if 50 * off(&best) <= target {
+            if 50 * off(&best, target) <= target {
                 break;
             }
             let other = Self::stacked(target, seed, n + wider);
-            best = if off(&other) < off(&best) { other } else { best };
+            best = if off(&other, target) < off(&best, target) { other } else { best };
         }
         best
     }
@@ -197,7 +199,9 @@ impl Isosurface {
 
     /// A layer of the field; positive is inside, and nothing on the hull of a stack of `nz` cells is.
     fn field(&self, z: u32, nz: u32) -> Vec<f32> {
-        let hull = |c: u32, n: u32| c == 0 || c >= n;
+        fn hull(c: u32, n: u32) -> bool {
+            c == 0 || c >= n
+        }
         let mut values = Vec::with_capacity(self.layer_len());
         for (x, y) in rows(self.n + 1) {
             let outside = hull(x, self.n) || hull(y, self.n) || hull(z, nz);
@@ -210,7 +214,9 @@ impl Isosurface {
     fn density(&self, cell: [u32; 3]) -> f32 {
         let p = cell.map(f64::from);
         let [x, y, z] = p.map(|c| c / Self::PERIOD);
-        let cosine = |t: f64| wave(t + 0.25);
+        fn cosine(t: f64) -> f64 {
+            wave(t + 0.25)
+        }
         let gyroid = wave(x) * cosine(y) + wave(y) * cosine(z) + wave(z) * cosine(x);
         let drift = 1.5 * value3(self.seed, p.map(|c| c / 61.0));
         let rough = 0.9 * value3(self.seed ^ 0x0f0f, p.map(|c| c / 3.7));
@@ -235,13 +241,13 @@ fn cell_table() -> Vec<Vec<[Cut; 3]>> {
         ([2, 1, 0], true),
         ([1, 0, 2], true),
     ];
-    let cell = |inside: usize| {
+    fn cell(inside: usize) -> Vec<[Cut; 3]> {
         let mut triangles = Vec::new();
         for ([a, b, _], odd) in ORDERS {
             add_tetrahedron([0, 1 << a, 1 << a | 1 << b, 7], odd, inside, &mut triangles);
         }
         triangles
-    };
+    }
     (0..256).map(cell).collect()
 }
 
@@ -250,19 +256,20 @@ fn add_tetrahedron(corners: [u8; 4], odd: bool, inside: usize, out: &mut Vec<[Cu
     let order: Vec<usize> = (0..4).filter(is_inside).chain((0..4).filter(|i| !is_inside(i))).collect();
     let inversions = (0..4).flat_map(|i| (0..i).map(move |j| (j, i))).filter(|&(j, i)| order[j] > order[i]);
     let flip = odd ^ (inversions.count() % 2 == 1);
-    let cut = |i: usize, j: usize| {
-        let (from, to) = (corners[order[i].min(order[j])], corners[order[i].max(order[j])]);
-        Cut { corner: from, direction: to & !from }
-    };
     let mut add = |[a, b, c]: [Cut; 3]| out.push(if flip { [a, c, b] } else { [a, b, c] });
     // In even order: a triangle about the one inside corner faces away from it, and so on.
     match (0..4).filter(is_inside).count() {
-        1 => add([cut(0, 1), cut(0, 2), cut(0, 3)]),
+        1 => add([cut(0, 1, &corners, &order), cut(0, 2, &corners, &order), cut(0, 3, &corners, &order)]),
         2 => {
-            add([cut(0, 2), cut(0, 3), cut(1, 3)]);
-            add([cut(0, 2), cut(1, 3), cut(1, 2)]);
+            add([cut(0, 2, &corners, &order), cut(0, 3, &corners, &order), cut(1, 3, &corners, &order)]);
+            add([cut(0, 2, &corners, &order), cut(1, 3, &corners, &order), cut(1, 2, &corners, &order)]);
         }
-        3 => add([cut(3, 0), cut(3, 1), cut(3, 2)]),
+        3 => add([cut(3, 0, &corners, &order), cut(3, 1, &corners, &order), cut(3, 2, &corners, &order)]),
         _ => {}
     }
+}
+
+fn cut(i: usize, j: usize, corners: &[u8; 4], order: &[usize]) -> Cut {
+    let (from, to) = (corners[order[i].min(order[j])], corners[order[i].max(order[j])]);
+    Cut { corner: from, direction: to & !from }
 }

@@ -71,6 +71,15 @@ impl FromStr for Shape {
 pub type Sink<'a, T, E> = &'a mut dyn FnMut(&[T]) -> Result<(), E>;
 
 /// The description of a generated mesh.
+///
+/// ```
+/// use chpm_synth::{Shape, Synth};
+///
+/// let torus = Synth::new(Shape::Torus, 10_000, 0);
+/// let mesh = torus.to_mesh();
+/// assert_eq!(mesh.triangles.len() as u64, torus.triangle_count());
+/// assert!(torus.triangle_count().abs_diff(10_000) < 500);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Synth {
     shape: Shape,

@@ -47,21 +47,22 @@ pub(super) fn wave(t: f64) -> f64 {
 pub(super) fn turn(t: f64) -> (f64, f64) {
     let quarter = (4.0 * t).round();
     let x = (4.0 * t - quarter) * std::f64::consts::FRAC_PI_2;
-    // Taylor series on an eighth of a turn to either side; the next terms are below the last bit.
-    let series = |first: f64, start: u32| {
-        let step = |(sum, term): (f64, f64), k: u32| {
-            let next = -term * x * x / f64::from((2 * k + start) * (2 * k + start - 1));
-            (sum + next, next)
-        };
-        (1..9).fold((first, first), step).0
-    };
-    let (cos, sin) = (series(1.0, 0), series(x, 1));
+    let (cos, sin) = (series(1.0, 0, x), series(x, 1, x));
     match quarter.rem_euclid(4.0) as u8 {
         0 => (cos, sin),
         1 => (-sin, cos),
         2 => (-cos, -sin),
         _ => (sin, -cos),
     }
+}
+
+/// Taylor series on an eighth of a turn to either side; the next terms are below the last bit.
+fn series(first: f64, start: u32, x: f64) -> f64 {
+    let step = |(sum, term): (f64, f64), k: u32| {
+        let next = -term * x * x / f64::from((2 * k + start) * (2 * k + start - 1));
+        (sum + next, next)
+    };
+    (1..9).fold((first, first), step).0
 }
 
 fn fade(t: f64) -> f64 {

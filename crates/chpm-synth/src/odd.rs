@@ -259,11 +259,13 @@ fn poles(n: u32) -> Plan {
 
 fn needles(n: u32) -> Plan {
     let count = n / 2;
-    let place = move |v: u32| {
+    fn place(v: u32) -> [f64; 3] {
         let (i, far) = (f64::from(v / 2), f64::from(v % 2));
         [1e-4 * i, 1000.0 * far, wave(i / 600.0 + 0.25 * far)]
-    };
-    let triangle = |t: u32| if t.is_multiple_of(2) { [t, t + 2, t + 1] } else { [t + 1, t + 2, t] };
+    }
+    fn triangle(t: u32) -> [u32; 3] {
+        if t.is_multiple_of(2) { [t, t + 2, t + 1] } else { [t + 1, t + 2, t] }
+    }
     Plan::new(2 * count + 2, 2 * count, place, triangle)
 }
 
@@ -351,13 +353,14 @@ fn stretched(n: u32) -> Plan {
 fn logarithmic(n: u32) -> Plan {
     let grid = Grid::of(n);
     let side = f64::from(grid.m);
-    // Powers of two with straight lines between them: no platform's exponential.
-    let power = move |x: f64| {
-        let exponent = 86.0 * x / side - 43.0;
-        let whole = exponent.floor();
-        (1.0 + exponent - whole) * 2f64.powi(whole as i32)
-    };
-    grid.bent(move |[x, y, z]| [power(x), power(y), z])
+    grid.bent(move |[x, y, z]| [power(x, side), power(y, side), z])
+}
+
+/// Powers of two with straight lines between them: no platform's exponential.
+fn power(x: f64, side: f64) -> f64 {
+    let exponent = 86.0 * x / side - 43.0;
+    let whole = exponent.floor();
+    (1.0 + exponent - whole) * 2f64.powi(whole as i32)
 }
 
 fn giant(n: u32) -> Plan {

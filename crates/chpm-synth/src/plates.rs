@@ -135,18 +135,22 @@ impl Plate {
     /// The vertex at the `k`-th point around a square.
     fn on_outline(self, square: u32, k: u32) -> u32 {
         let q = self.q;
-        let line = |line: u32, j: u32| line * (q + 1) + j;
-        let side = |top: u32, i: u32| match i {
-            0 => line(square, top * q),
-            i if i == q => line(square + 1, top * q),
-            i => (self.holes + 1) * (q + 1) + (2 * square + top) * (q - 1) + i - 1,
-        };
+        fn line(line: u32, j: u32, q: u32) -> u32 {
+            line * (q + 1) + j
+        }
+        fn side(top: u32, i: u32, square: u32, q: u32, holes: u32) -> u32 {
+            match i {
+                0 => line(square, top * q, q),
+                i if i == q => line(square + 1, top * q, q),
+                i => (holes + 1) * (q + 1) + (2 * square + top) * (q - 1) + i - 1,
+            }
+        }
         let i = k % q;
         match k / q % 4 {
-            0 => side(0, i),
-            1 => line(square + 1, i),
-            2 => side(1, q - i),
-            _ => line(square, q - i),
+            0 => side(0, i, square, q, self.holes),
+            1 => line(square + 1, i, q),
+            2 => side(1, q - i, square, q, self.holes),
+            _ => line(square, q - i, q),
         }
     }
 

@@ -97,7 +97,9 @@ impl Sphere {
     fn position(&self, cell: [u32; 3]) -> [f32; 3] {
         let c: [f64; 3] = std::array::from_fn(|a| 2.0 * f64::from(cell[a]) / f64::from(self.n[a]) - 1.0);
         let [x, y, z] = c.map(|c| c * c);
-        let root = |a: f64, b: f64| (1.0 - a / 2.0 - b / 2.0 + a * b / 3.0).sqrt();
+        fn root(a: f64, b: f64) -> f64 {
+            (1.0 - a / 2.0 - b / 2.0 + a * b / 3.0).sqrt()
+        }
         [c[0] * root(y, z), c[1] * root(z, x), c[2] * root(x, y)].map(|c| c as f32)
     }
 }

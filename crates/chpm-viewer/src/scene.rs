@@ -184,7 +184,9 @@ impl Scene {
 
     /// The groups that are wanted split; where memory may be short, those of which nothing is seen come last.
     fn wanted_by_priority(&self, view: &View, culling: Culling) -> Vec<Wanted> {
-        let is_short = |used: Bytes, all: Bytes| used.0 > all.0 / 4 * 3;
+        fn is_short(used: Bytes, all: Bytes) -> bool {
+            used.0 > all.0 / 4 * 3
+        }
         let short = is_short(self.pager.reserved(), self.budgets.memory)
             || is_short(self.gpu_residency.reserved(), self.budgets.gpu_memory);
 
@@ -444,7 +446,9 @@ impl Scene {
 
     /// Groups that are wanted split and are not.
     pub fn withheld(&self) -> u64 {
-        let splits = |front: &Front| front.split_groups().len() as u64;
+        fn splits(front: &Front) -> u64 {
+            front.split_groups().len() as u64
+        }
         splits(self.pager.wanted()).saturating_sub(splits(self.list.front()))
     }
 }

@@ -66,7 +66,9 @@ impl Face {
 
     /// The nearest place to a point, as well as it can be found. It is on the triangle, up to [`LOSS`], in any case.
     pub(crate) fn nearest(&self, point: Point3<f64>) -> NearestPoint {
-        let nearer = |a: NearestPoint, b: NearestPoint| if b.distance < a.distance { b } else { a };
+        fn nearer(a: NearestPoint, b: NearestPoint) -> NearestPoint {
+            if b.distance < a.distance { b } else { a }
+        }
         let on_edges = || {
             let edge = |i: usize| self.on_edge(i, point);
             nearer(nearer(edge(0), edge(1)), edge(2))

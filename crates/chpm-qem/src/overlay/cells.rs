@@ -43,7 +43,9 @@ impl Overlay {
     pub(crate) fn places(&self, ring: RingView<'_>, sector: usize, mut visit: impl FnMut(CellPoint)) {
         let Some(Laid { share, size, .. }) = self.laid else { return };
         let vertices = ring.vertices();
-        let loss = |area: f64| (PLACE_LOSS * size * size / area.abs()).min(1.0);
+        fn loss(area: f64, size: f64) -> f64 {
+            (PLACE_LOSS * size * size / area.abs()).min(1.0)
+        }
         let ([of_a, of_b], area) = match share {
             None => self.apex_shares(sector),
             // Beside the edge to v that the boundary edges become, which is that to l_1 or that to the last.
@@ -51,12 +53,12 @@ impl Overlay {
             Some(share) => ([0.0, share], f64::INFINITY),
         };
         let new = [(vertices[sector], of_a), (vertices[sector + 1], of_b)];
-        visit(CellPoint { old: (vertices[0], 0.0), new, loss: loss(area) });
+        visit(CellPoint { old: (vertices[0], 0.0), new, loss: loss(area, size) });
         for &(a, b) in &Arrangement::of(ring.len(), sector).crossings {
             let Crossing { on_old, on_new, area, .. } = self.crossing(a, b);
             let (a, b) = (usize::from(a), usize::from(b));
             let new = [(vertices[b], on_new), (vertices[0], 0.0)];
-            visit(CellPoint { old: (vertices[a], on_old), new, loss: loss(area) });
+            visit(CellPoint { old: (vertices[a], on_old), new, loss: loss(area, size) });
         }
     }
 

@@ -48,14 +48,10 @@ impl BothOneRings {
         let third = normal.iamax();
         let axes = [(third + 1) % 3, (third + 2) % 3, third];
         let normal = exact3(normal.into());
-        let place = |p: [RBig; 3]| {
-            let height = &p[axes[2]] / &normal[axes[2]];
-            let across = |axis: usize| &p[axis] - &height * &normal[axis];
-            ExactPoint { x: across(axes[0]), y: across(axes[1]), height }
-        };
         let apex = exact3(ring.apex().coords.into());
-        let foot = place([0, 1, 2].map(|axis| &apex[axis] + &slide[axis]));
-        let ring = (0..ring.len()).map(|i| place(exact3(ring.point(i).coords.into()))).collect();
+        let foot = place([0, 1, 2].map(|axis| &apex[axis] + &slide[axis]), &axes, &normal);
+        let ring =
+            (0..ring.len()).map(|i| place(exact3(ring.point(i).coords.into()), &axes, &normal)).collect();
         BothOneRings { normal, slide, foot, ring }
     }
 
@@ -89,6 +85,12 @@ impl BothOneRings {
     }
 }
 
+fn place(p: [RBig; 3], axes: &[usize; 3], normal: &[RBig; 3]) -> ExactPoint {
+    let height = &p[axes[2]] / &normal[axes[2]];
+    let across = |axis: usize| &p[axis] - &height * &normal[axis];
+    ExactPoint { x: across(axes[0]), y: across(axes[1]), height }
+}
+
 fn area(a: &ExactPoint, b: &ExactPoint, c: &ExactPoint) -> RBig {
     (&b.x - &a.x) * (&c.y - &a.y) - (&b.y - &a.y) * (&c.x - &a.x)
 }
@@ -106,12 +108,14 @@ fn clip(polygon: &[ExactPoint], a: &ExactPoint, b: &ExactPoint, sense: Ordering)
         }
         if is_in(i) != is_in(next) && beside[i] != beside[next] {
             let share = &beside[i] / (&beside[i] - &beside[next]);
-            let between = |p: &RBig, q: &RBig| p + &share * (q - p);
+            fn between(p: &RBig, q: &RBig, share: &RBig) -> RBig {
+                p + share * (q - p)
+            }
             let (p, q) = (&polygon[i], &polygon[next]);
             left.push(ExactPoint {
-                x: between(&p.x, &q.x),
-                y: between(&p.y, &q.y),
-                height: between(&p.height, &q.height),
+                x: between(&p.x, &q.x, &share),
+                y: between(&p.y, &q.y, &share),
+                height: between(&p.height, &q.height, &share),
             });
         }
     }
@@ -201,7 +205,9 @@ struct OneRing {
 
 impl OneRing {
     fn strategy() -> impl Strategy<Value = OneRing> {
-        let unit = || prop::array::uniform3(-1.0..1.0f64);
+        fn unit() -> prop::array::UniformArrayStrategy<std::ops::Range<f64>, [f64; 3]> {
+            prop::array::uniform3(-1.0..1.0f64)
+        }
         let squash = prop_oneof![Just(1.0), Just(1e-4), Just(1e-8), Just(3e-10)];
         let roughness = prop_oneof![Just(1.0), Just(0.01), Just(1e-7), Just(1e-13), Just(0.0)];
         let any = (squash, roughness, prop::option::of(any::<bool>()));

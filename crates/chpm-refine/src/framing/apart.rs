@@ -104,14 +104,6 @@ fn area(points: &[Point3<f64>], corners: &[u32; 3]) -> f64 {
 
 fn parts(points: &[Point3<f64>], triangles: &[[u32; 3]]) -> Vec<Part> {
     let mut leaders: Vec<u32> = (0..points.len() as u32).collect();
-    let find = |leaders: &mut Vec<u32>, mut point: u32| {
-        while leaders[point as usize] != point {
-            let above = leaders[leaders[point as usize] as usize];
-            leaders[point as usize] = above;
-            point = above;
-        }
-        point
-    };
 
     for [a, b, c] in triangles {
         for (one, other) in [(a, b), (a, c)] {
@@ -138,6 +130,15 @@ fn parts(points: &[Point3<f64>], triangles: &[[u32; 3]]) -> Vec<Part> {
         }
     }
     parts
+}
+
+fn find(leaders: &mut Vec<u32>, mut point: u32) -> u32 {
+    while leaders[point as usize] != point {
+        let above = leaders[leaders[point as usize] as usize];
+        leaders[point as usize] = above;
+        point = above;
+    }
+    point
 }
 
 #[cfg(test)]

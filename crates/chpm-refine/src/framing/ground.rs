@@ -41,8 +41,9 @@ const TOLERANCE: f64 = 0.02;
 
 /// Even patches of all triangles, those of large ones many.
 pub(super) fn patches(outline: &Outline) -> Vec<Patch> {
-    let normal =
-        |corners: &[Point3<f64>; 3]| 0.5 * (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+    fn normal(corners: &[Point3<f64>; 3]) -> Vector3<f64> {
+        0.5 * (corners[1] - corners[0]).cross(&(corners[2] - corners[0]))
+    }
     let total: f64 = outline.triangles().map(|corners| normal(&corners).norm()).sum();
     let mut patches = Vec::new();
     for corners in outline.triangles() {
@@ -53,9 +54,11 @@ pub(super) fn patches(outline: &Outline) -> Vec<Patch> {
         }
         // A grid over the parallelogram of twice the triangle, its far half turned onto the near one.
         let count = (share * PATCHES).sqrt().ceil().max(1.0) as u32;
-        let along = |n: u32| (f64::from(n) + 0.5) / f64::from(count);
+        fn along(n: u32, count: u32) -> f64 {
+            (f64::from(n) + 0.5) / f64::from(count)
+        }
         for (u, v) in (0..count).flat_map(|i| (0..count).map(move |j| (i, j))) {
-            let (u, v) = (along(u), along(v));
+            let (u, v) = (along(u, count), along(v, count));
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             let at = corners[0] + (corners[1] - corners[0]) * u + (corners[2] - corners[0]) * v;
             patches.push(Patch { at, normal: whole / f64::from(count * count) });
@@ -79,14 +82,16 @@ impl Ground {
 
         // On the ground: the two other axes, so that areas are positive counterclockwise.
         let axes = [(up.axis() + 1) % 3, (up.axis() + 2) % 3];
-        let below = |point: &Point3<f64>| axes.map(|axis| point[axis]);
+        fn below(point: &Point3<f64>, axes: &[usize; 2]) -> [f64; 2] {
+            axes.map(|axis| point[axis])
+        }
         let touching = || patches.iter().filter(|patch| height(patch) <= low + TOUCHES * tall);
         let (area, moment, rise) = patches.iter().fold((0.0, [0.0; 2], 0.0), |(area, [x, y], z), patch| {
-            let (share, at) = (patch.normal.norm(), below(&patch.at));
+            let (share, at) = (patch.normal.norm(), below(&patch.at, &axes));
             (area + share, [x + share * at[0], y + share * at[1]], z + share * (height(patch) - low))
         });
         let (spanned, inside) =
-            span(touching().map(|patch| below(&patch.at)).collect(), moment.map(|x| x / area));
+            span(touching().map(|patch| below(&patch.at, &axes)).collect(), moment.map(|x| x / area));
         let stands = inside > -TOLERANCE * silhouette.sqrt();
 
         let faces_down = |patch: &&Patch| patch.normal.dot(&vector) < -0.9 * patch.normal.norm();
@@ -110,13 +115,13 @@ impl Ground {
 fn lopsided(patches: &[Patch], axis: usize, low: Point3<f64>, tall: f64, cell: f64) -> f64 {
     // A cell more at every side, for the neighbours.
     const SIDE: usize = CELLS as usize + 3;
-    let place = |at: &Point3<f64>| {
+    fn place(at: &Point3<f64>, low: &Point3<f64>, cell: f64) -> usize {
         let along = |axis: usize| ((at[axis] - low[axis]) / cell).clamp(0.0, CELLS) as usize + 1;
         (along(2) * SIDE + along(1)) * SIDE + along(0)
-    };
+    }
     let mut near = vec![false; SIDE * SIDE * SIDE];
     for patch in patches {
-        let center = place(&patch.at);
+        let center = place(&patch.at, &low, cell);
         for neighbour in 0..27 {
             let [x, y, z] = [neighbour % 3, neighbour / 3 % 3, neighbour / 9];
             // One back along every axis, and then from none to two on.
@@ -129,15 +134,16 @@ fn lopsided(patches: &[Patch], axis: usize, low: Point3<f64>, tall: f64, cell: f
         mirrored[axis] = low[axis] + (tall - (patch.at[axis] - low[axis]));
         let area = patch.normal.norm();
         all += area;
-        missed += if near[place(&mirrored)] { 0.0 } else { area };
+        missed += if near[place(&mirrored, &low, cell)] { 0.0 } else { area };
     }
     missed / all
 }
 
 /// The area of the convex hull of points, and how far another point is inside (negative: outside).
 fn span(mut points: Vec<[f64; 2]>, center: [f64; 2]) -> (f64, f64) {
-    let turn =
-        |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    }
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
 
     // The lower chain, and then the upper one.

@@ -13,23 +13,32 @@ const OPEN: f64 = 0.3;
 /// Factor on heights for a terrain's picture; `origin` is what the outline's points are relative to.
 pub(super) fn scale(outline: &Outline, origin: [f64; 3]) -> Option<f64> {
     let (low, size) = outline.bounds();
-    let is_within = |axis: usize, most: f64| {
-        let least = low[axis] + origin[axis];
-        least >= -most && least + size[axis] <= most
-    };
     // Longitude first, or latitude.
-    let is_on_earth = is_within(0, 180.0) && is_within(1, 90.0) || is_within(0, 90.0) && is_within(1, 180.0);
+    let is_on_earth = is_within(0, 180.0, &low, &origin, &size) && is_within(1, 90.0, &low, &origin, &size)
+        || is_within(0, 90.0, &low, &origin, &size) && is_within(1, 180.0, &low, &origin, &size);
     let ground = size.x * size.y;
     let is_tall = ground > 0.0 && size.z > TALL * size.x.max(size.y);
     if !(is_on_earth && is_tall) {
         return None;
     }
-    let upward = |corners: [nalgebra::Point3<f64>; 3]| {
-        let normal: Vector3<f64> = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
-        0.5 * normal.z
-    };
     let open: f64 = outline.triangles().map(upward).sum();
     (open.abs() > OPEN * ground).then_some(1.0 / DEGREE)
+}
+
+fn is_within(
+    axis: usize,
+    most: f64,
+    low: &nalgebra::Point3<f64>,
+    origin: &[f64; 3],
+    size: &Vector3<f64>,
+) -> bool {
+    let least = low[axis] + origin[axis];
+    least >= -most && least + size[axis] <= most
+}
+
+fn upward(corners: [nalgebra::Point3<f64>; 3]) -> f64 {
+    let normal: Vector3<f64> = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+    0.5 * normal.z
 }
 
 #[cfg(test)]

@@ -106,13 +106,13 @@ impl Portrait {
     /// where there is no outline.
     pub fn outermost(&self) -> Vec<Point3<f64>> {
         let points: Vec<Point3<f64>> = self.outline.framed(&self.bounds).collect();
-        let direction = |n: u32| {
+        fn direction(n: u32) -> Vector3<f64> {
             // Evenly over the sphere: a spiral by the golden angle.
             let z = 1.0 - (2.0 * f64::from(n) + 1.0) / f64::from(DIRECTIONS);
             let (sin, cos) = (f64::from(n) * PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
             let across = (1.0 - z * z).max(0.0).sqrt();
             Vector3::new(across * cos, across * sin, z)
-        };
+        }
         let farthest = |n: u32| {
             let direction = direction(n);
             let along = |place: &usize| points[*place].coords.dot(&direction);

@@ -23,11 +23,13 @@ const STEEPEST: f64 = 4.0;
 pub(super) fn look(outline: &Outline, sight: Vector3<f64>) -> Seen {
     let aside = sight.cross(&Vector3::ith(sight.iamin(), 1.0)).normalize();
     let axes = [aside, aside.cross(&sight)];
-    let flat = |p: &Point3<f64>| axes.map(|axis| p.coords.dot(&axis));
+    fn flat(p: &Point3<f64>, axes: &[Vector3<f64>; 2]) -> [f64; 2] {
+        axes.map(|axis| p.coords.dot(&axis))
+    }
 
     // The rectangle that it takes.
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for at in outline.corners().map(|point| flat(&point)) {
+    for at in outline.corners().map(|point| flat(&point, &axes)) {
         low = [low[0].min(at[0]), low[1].min(at[1])];
         high = [high[0].max(at[0]), high[1].max(at[1])];
     }
@@ -48,7 +50,7 @@ pub(super) fn look(outline: &Outline, sight: Vector3<f64>) -> Seen {
         }
         let steep = (normal.norm() / facing.abs()).min(STEEPEST);
         let at = corners.map(|corner| {
-            let [x, y] = flat(&corner);
+            let [x, y] = flat(&corner, &axes);
             [(x - low[0]) / pixel, (y - low[1]) / pixel, corner.coords.dot(&sight)]
         });
         cover(at, [width, height], |place, depth| {
@@ -68,21 +70,17 @@ pub(super) fn look(outline: &Outline, sight: Vector3<f64>) -> Seen {
 
 /// Tells the places of pixels whose middle a triangle covers, and its depth there.
 fn cover(at: [[f64; 3]; 3], [width, height]: [usize; 2], mut tell: impl FnMut(usize, f64)) {
-    let edge =
-        |a: [f64; 3], b: [f64; 3], x: f64, y: f64| (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
+    fn edge(a: [f64; 3], b: [f64; 3], x: f64, y: f64) -> f64 {
+        (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
+    }
     let area = edge(at[0], at[1], at[2][0], at[2][1]);
-    let range = |axis: usize, count: usize| {
-        let low = at.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-        let high = at.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
-        (low - 0.5).ceil().max(0.0) as usize..((high - 0.5).floor() + 1.0).clamp(0.0, count as f64) as usize
-    };
 
     if area == 0.0 {
         return;
     }
 
-    for row in range(1, height) {
-        for column in range(0, width) {
+    for row in range(1, height, &at) {
+        for column in range(0, width, &at) {
             let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);
             let shares = [edge(at[1], at[2], x, y), edge(at[2], at[0], x, y), edge(at[0], at[1], x, y)];
             let shares = shares.map(|share| share / area);
@@ -92,6 +90,12 @@ fn cover(at: [[f64; 3]; 3], [width, height]: [usize; 2], mut tell: impl FnMut(us
             }
         }
     }
+}
+
+fn range(axis: usize, count: usize, at: &[[f64; 3]; 3]) -> std::ops::Range<usize> {
+    let low = at.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+    let high = at.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+    (low - 0.5).ceil().max(0.0) as usize..((high - 0.5).floor() + 1.0).clamp(0.0, count as f64) as usize
 }
 
 #[cfg(test)]

@@ -72,7 +72,9 @@ impl Stance {
 fn upright(outline: &Outline, why: &mut String) -> Up {
     let patches = patches(outline);
     let rated = Up::ALL.map(|up| (up, Ground::of(outline, &patches, up)));
-    let open = |ground: &Ground| ground.open * (1.0 - ground.height / FLAT).max(0.0);
+    fn open(ground: &Ground) -> f64 {
+        ground.open * (1.0 - ground.height / FLAT).max(0.0)
+    }
     let points = |up: Up, ground: &Ground| {
         // What barely touches the ground says nothing.
         let support = if ground.support > SUPPORT { ground.support } else { 0.0 };
@@ -88,7 +90,9 @@ fn upright(outline: &Outline, why: &mut String) -> Up {
         }
     }
     let (up, ground) = best;
-    let percent = |share: f64| (100.0 * share).round();
+    fn percent(share: f64) -> f64 {
+        (100.0 * share).round()
+    }
     let reason = match ground {
         Ground { support, base, .. } if support > SUPPORT || base > SUPPORT => {
             format!("it stands on {} % of its ground, {} % flat", percent(support), percent(base))
@@ -119,25 +123,20 @@ fn shown(outline: &Outline, up: Up, why: &mut String) -> (f64, f64) {
     // What is long across is shown from there; and of an open surface, the outer side.
     let turns = right.silhouette > WIDER * front.silhouette;
     let pair = if turns { [Side::Right, Side::Left] } else { [Side::Front, Side::Back] };
-    let is_outside = |seen: Seen| seen.outside > 0.5 * seen.surface;
+    fn is_outside(seen: Seen) -> bool {
+        seen.outside > 0.5 * seen.surface
+    }
     let turned = pair.map(|side| is_outside(seen(side))) == [false, true];
     let side = if turned { pair[1] } else { pair[0] };
     let (around, _) = side.angles();
-    // Where that is its edge, from another side at the same height.
-    let broad = |angles: (f64, f64)| {
-        let area = |angles: (f64, f64)| look(outline, sight(up, angles)).silhouette;
-        let others = [1.0, 2.0, 3.0].map(|quarters| (angles.0 + quarters * FRAC_PI_2, angles.1));
-        let best = others.into_iter().max_by(|a, b| area(*a).total_cmp(&area(*b))).unwrap_or(angles);
-        (area(angles) < EDGE_ON * area(best)).then_some(best)
-    };
     if top.silhouette > LIES * along {
         let corner = (around + Side::Iso.angles().0, Side::Iso.angles().1);
-        let other = broad(corner);
+        let other = broad(corner, up, outline);
         let why = if other.is_some() { ", and from another one it is seen edge-on" } else { "" };
         tell(format!("seen from a corner above: it lies more than it stands{why}"));
         return other.unwrap_or(corner);
     }
-    if let Some(other) = broad((around, ABOVE)) {
+    if let Some(other) = broad((around, ABOVE), up, outline) {
         tell(format!("seen from another side than the {}, which is its edge", side.name()));
         return other;
     }
@@ -150,6 +149,14 @@ fn shown(outline: &Outline, up: Up, why: &mut String) -> (f64, f64) {
         (false, false) => format!("seen from the {name}"),
     });
     (around, ABOVE)
+}
+
+/// Where that is its edge, from another side at the same height.
+fn broad(angles: (f64, f64), up: Up, outline: &Outline) -> Option<(f64, f64)> {
+    let area = |angles: (f64, f64)| look(outline, sight(up, angles)).silhouette;
+    let others = [1.0, 2.0, 3.0].map(|quarters| (angles.0 + quarters * FRAC_PI_2, angles.1));
+    let best = others.into_iter().max_by(|a, b| area(*a).total_cmp(&area(*b))).unwrap_or(angles);
+    (area(angles) < EDGE_ON * area(best)).then_some(best)
 }
 
 #[cfg(test)]

@@ -14,13 +14,14 @@ fn chance(piece: u32, part: i64) -> f64 {
 /// As large as their mean distance.
 pub(super) fn soup(triangles: u32) -> TriMesh {
     let size = 1.0 / f64::from(triangles.max(1)).cbrt();
-    let corner = |t: u32, k: i64| {
-        let at = |axis| chance(t, axis) + size * (chance(t, 3 + 3 * k + axis) - 0.5);
-        [at(0) as f32, at(1) as f32, at(2) as f32]
-    };
     let positions = (0..triangles.max(1)).flat_map(|t| (0..3).map(move |k| (t, k)));
-    let positions = positions.map(|(t, k)| corner(t, k)).collect();
+    let positions = positions.map(|(t, k)| corner(t, k, size)).collect();
     TriMesh::new(positions, (0..triangles.max(1)).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect())
+}
+
+fn corner(t: u32, k: i64, size: f64) -> [f32; 3] {
+    let at = |axis| chance(t, axis) + size * (chance(t, 3 + 3 * k + axis) - 0.5);
+    [at(0) as f32, at(1) as f32, at(2) as f32]
 }
 
 /// In a cube of cells of side 1; sizes fall with the square of chance, from 0.5 down to 0.0005.
@@ -40,14 +41,17 @@ pub(super) fn components(triangles: u32) -> TriMesh {
 
 pub(super) fn unwelded(triangles: u32) -> TriMesh {
     let ball = Synth::new(Shape::Sphere, u64::from(triangles), 0).to_mesh();
-    let moved = |corner: u32, p: [f32; 3]| match hash(3, [corner.into(), 0, 0]) % 3 {
-        0 => p,
-        1 => p.map(one_step),
-        _ => p.map(|x| x + 1e-6),
-    };
     let corners = ball.triangles.iter().flatten().zip(0..);
     let positions = corners.map(|(v, corner)| moved(corner, ball.positions[*v as usize])).collect();
     TriMesh::new(positions, (0..ball.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect())
+}
+
+fn moved(corner: u32, p: [f32; 3]) -> [f32; 3] {
+    match hash(3, [corner.into(), 0, 0]) % 3 {
+        0 => p,
+        1 => p.map(one_step),
+        _ => p.map(|x| x + 1e-6),
+    }
 }
 
 pub(super) fn giant(triangles: u32) -> TriMesh {

@@ -44,18 +44,18 @@ pub(super) fn orders(triangles: u32) -> TriMesh {
     const OCTAVES: u32 = 40;
     let around = (side(triangles) / 4).max(8);
     let along = (triangles / (2 * around)).max(OCTAVES);
-    let ring = |y: u32| {
+    fn ring(y: u32, along: u32) -> f64 {
         let t = f64::from(OCTAVES) * f64::from(y) / f64::from(along);
         (1.0 + t.fract()) * 2.0_f64.powi(t.floor() as i32 - OCTAVES as i32 / 2)
-    };
-    let place = |x: u32, y: u32| {
+    }
+    fn place(x: u32, y: u32, around: u32, along: u32) -> [f32; 3] {
         let (cos, sin) = turn(f64::from(x) / f64::from(around));
-        let (reach, wave) = (ring(y), value2(3, [f64::from(x), f64::from(y)]));
+        let (reach, wave) = (ring(y, along), value2(3, [f64::from(x), f64::from(y)]));
         let radius = (0.5 + 0.02 * wave) * reach;
         [radius * cos, radius * sin, reach].map(|c| c as f32)
-    };
+    }
     let rings = (0..=along).flat_map(|y| (0..around).map(move |x| (x, y)));
-    let positions = rings.map(|(x, y)| place(x, y)).collect();
+    let positions = rings.map(|(x, y)| place(x, y, around, along)).collect();
     TriMesh::new(positions, quads(around, along, |x, y| y * around + x % around).collect())
 }
 
@@ -66,18 +66,19 @@ pub(super) fn denormals(triangles: u32) -> TriMesh {
 /// The two halves share no vertex: -0.0 and 0.0 are equal numbers and different bits.
 pub(super) fn zeros(triangles: u32) -> TriMesh {
     let n = side(triangles / 2);
-    let half = |sign: f32| {
-        sheet(n, n, move |x, y| {
-            let height = if (x + y).is_multiple_of(2) { 0.0 } else { -0.0 };
-            let rise = if x.is_multiple_of(7) && y.is_multiple_of(5) { 0.25 } else { height };
-            [sign * x as f32, y as f32 - (n / 2) as f32, sign * rise]
-        })
-    };
-    let mut mesh = half(1.0);
+    let mut mesh = half(1.0, n);
     let first = mesh.positions.len() as u32;
-    let other = half(-1.0);
+    let other = half(-1.0, n);
     mesh.positions.extend(other.vertices.positions);
     // Mirrored, so turned over to look up again.
     mesh.triangles.extend(other.triangles.iter().map(|&[a, b, c]| [a, c, b].map(|v| v + first)));
     mesh
+}
+
+fn half(sign: f32, n: u32) -> TriMesh {
+    sheet(n, n, move |x, y| {
+        let height = if (x + y).is_multiple_of(2) { 0.0 } else { -0.0 };
+        let rise = if x.is_multiple_of(7) && y.is_multiple_of(5) { 0.25 } else { height };
+        [sign * x as f32, y as f32 - (n / 2) as f32, sign * rise]
+    })
 }

@@ -17,8 +17,10 @@ pub(super) fn sheets(triangles: u32) -> TriMesh {
             _ => [x, y, z + 1e-6],
         }));
         let over = !copy.is_multiple_of(2);
-        let turned = |&[a, b, c]: &[u32; 3]| if over { [a, c, b] } else { [a, b, c] };
-        mesh.triangles.extend(one.triangles.iter().map(|t| turned(t).map(|v| v + copy * count)));
+        fn turned(&[a, b, c]: &[u32; 3], over: bool) -> [u32; 3] {
+            if over { [a, c, b] } else { [a, b, c] }
+        }
+        mesh.triangles.extend(one.triangles.iter().map(|t| turned(t, over).map(|v| v + copy * count)));
     }
     mesh
 }
@@ -79,7 +81,9 @@ pub(super) fn pages(triangles: u32) -> TriMesh {
     for faces in 3..=50u32 {
         let spine = mesh.positions.len() as u32;
         let x = f64::from(3 * faces);
-        let steps = |n: u32| 1.0 / f64::from(n);
+        fn steps(n: u32) -> f64 {
+            1.0 / f64::from(n)
+        }
         let height = |i: u32| 4.0 * steps(high) * f64::from(i);
         mesh.positions.extend((0..=high).map(|i| [x, 0.0, height(i)].map(|c| c as f32)));
 
@@ -114,9 +118,10 @@ pub(super) fn cubes(triangles: u32) -> TriMesh {
 /// Cells of a lattice that are full or not, by chance: their hull touches itself along edges and at corners.
 pub(super) fn voxels(triangles: u32) -> TriMesh {
     let n = (f64::from(triangles) / 3.0).cbrt().round().max(2.0) as u32;
-    let is_full =
-        |cell: [i64; 3]| cell.iter().all(|c| (0..i64::from(n)).contains(c)) && hash(5, cell) & 1 == 1;
-    compact(faces_of_cells([n; 3], |cell, next| is_full(cell) && !is_full(next)))
+    fn is_full(cell: [i64; 3], n: u32) -> bool {
+        cell.iter().all(|c| (0..i64::from(n)).contains(c)) && hash(5, cell) & 1 == 1
+    }
+    compact(faces_of_cells([n; 3], |cell, next| is_full(cell, n) && !is_full(next, n)))
 }
 
 /// The faces of a block of cells, of two triangles each, looking from a cell to the next one, where they are wanted.

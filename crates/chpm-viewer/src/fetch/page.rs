@@ -36,16 +36,18 @@ impl PageData {
         let mut len = record.page_len as usize;
         let mut words = vec![0; len.div_ceil(size_of::<u32>())];
         let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];
-        let path = || file.get_ref().path().to_path_buf();
+        fn path(file: &Chpm<MappedFile>) -> std::path::PathBuf {
+            file.get_ref().path().to_path_buf()
+        }
         pages.read_exact_at(bytes, record.page_offset).map_err(|source| ViewerError::Read {
             cluster,
-            path: path(),
+            path: path(file),
             offset: record.page_offset,
             len: record.page_len,
             source,
         })?;
         let page = file.page_checked_in(cluster, bytes);
-        let page = page.map_err(|source| ViewerError::Page { path: path(), source })?;
+        let page = page.map_err(|source| ViewerError::Page { path: path(file), source })?;
         if let Some(unpacked) = page.into_words() {
             (words, len) = (unpacked, file.page_len(cluster) as usize);
         }

@@ -152,9 +152,11 @@ impl Model {
     /// A coarse mesh of it in the picture, relative to an origin there.
     pub(super) fn outline(&self, origin: [f64; 3]) -> Result<Outline, ViewerError> {
         let file = self.scene.file();
-        let path = || file.get_ref().path().to_path_buf();
+        fn path(file: &Arc<Chpm<MappedFile>>) -> std::path::PathBuf {
+            file.get_ref().path().to_path_buf()
+        }
         let outline = Outline::of_file(file).map_err(|error| match error {
-            RefineError::Format(source) => ViewerError::Page { path: path(), source },
+            RefineError::Format(source) => ViewerError::Page { path: path(file), source },
             error => error.into(),
         })?;
         let stays = self.place.is_still() && self.origin() == origin;

@@ -466,7 +466,9 @@ impl Viewer {
 
     /// The triangle of a key: keys count the triangles of a position, ids all of the page.
     fn triangle(&self, key: u32, places: &mut [Vec<Option<Vec<u32>>>]) -> TriangleId {
-        let first = |model: &Model| model.keys.first().copied().unwrap_or(u32::MAX);
+        fn first(model: &Model) -> u32 {
+            model.keys.first().copied().unwrap_or(u32::MAX)
+        }
         let place = self.models.partition_point(|model| first(model) <= key) - 1;
         let model = &self.models[place];
         let index = model.keys.partition_point(|first| *first <= key) - 1;

@@ -3,10 +3,14 @@
 /// How far each of so many pictures is moved, right and up, in pixels: evenly over one pixel, its middle in the mean.
 pub(super) fn shifts(samples: u32) -> impl Iterator<Item = [f64; 2]> {
     // The golden section spreads the heights, whatever the number; a single picture stays where it is.
-    let golden = |n: u32| (0.618_033_988_749_895 * f64::from(n)).fract();
+    fn golden(n: u32) -> f64 {
+        (0.618_033_988_749_895 * f64::from(n)).fract()
+    }
     let mean = (0..samples).map(golden).sum::<f64>() / f64::from(samples.max(1));
-    let along = move |n: u32| (f64::from(n) + 0.5) / f64::from(samples) - 0.5;
-    (0..samples).map(move |n| [along(n), golden(n) - mean])
+    fn along(n: u32, samples: u32) -> f64 {
+        (f64::from(n) + 0.5) / f64::from(samples) - 0.5
+    }
+    (0..samples).map(move |n| [along(n, samples), golden(n) - mean])
 }
 
 /// The mean of pictures of one size.
@@ -28,7 +32,9 @@ impl Mean {
 
     /// The mean. Where there is nothing behind the model, colours are the mean of the pictures that show it.
     pub(super) fn pixels(&self, transparent: bool) -> Vec<u8> {
-        let whole = |sum: u32, of: u32| ((sum + of / 2) / of.max(1)) as u8;
+        fn whole(sum: u32, of: u32) -> u8 {
+            ((sum + of / 2) / of.max(1)) as u8
+        }
         let pixel = |sums: &[u32]| {
             let shown = if transparent { sums[3].div_ceil(255) } else { self.count };
             let color = |channel: usize| whole(sums[channel], shown);

@@ -197,7 +197,9 @@ impl Sampled {
 /// # Errors
 /// [`ViewerError::Device`].
 pub fn read(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, ViewerError> {
-    let failed = |reason: &str| gpu.failed("reading back", reason);
+    fn failed(reason: &str, gpu: &Gpu) -> ViewerError {
+        gpu.failed("reading back", reason)
+    }
     let (sender, receiver) = std::sync::mpsc::channel();
     let slice = staging.slice(..bytes);
     slice.map_async(wgpu::MapMode::Read, move |result| {
@@ -208,9 +210,9 @@ pub fn read(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, Vi
     // It is done, but who else waits for the same device may be the one that is about to say so.
     receiver
         .recv()
-        .map_err(|error| failed(&error.to_string()))?
-        .map_err(|error| failed(&error.to_string()))?;
-    let view = slice.get_mapped_range().map_err(|error| failed(&error.to_string()))?;
+        .map_err(|error| failed(&error.to_string(), gpu))?
+        .map_err(|error| failed(&error.to_string(), gpu))?;
+    let view = slice.get_mapped_range().map_err(|error| failed(&error.to_string(), gpu))?;
     let copy = view.to_vec();
     drop(view);
     staging.unmap();

@@ -122,7 +122,9 @@ impl CameraUniform {
         let light = (right * aside - forward * toward) * level + up * above;
         // Moved by what grows with the distance, so that it is the same everywhere in the image.
         let across = |axis: usize| 2.0 * self.shift[axis] / f64::from(self.viewport[axis]);
-        let four = |v: Vector3<f64>, w: f64| [v.x as f32, v.y as f32, v.z as f32, w as f32];
+        fn four(v: Vector3<f64>, w: f64) -> [f32; 4] {
+            [v.x as f32, v.y as f32, v.z as f32, w as f32]
+        }
         FrameUniform {
             eye_high: [high.x, high.y, high.z, 0.0],
             eye_low: four(low, 0.0),
@@ -145,10 +147,12 @@ impl CameraUniform {
 
     /// The point at the middle of a pixel with this depth; `None` for the background.
     pub fn point(&self, pixel: [u32; 2], depth: f32) -> Option<[f64; 3]> {
-        let across =
-            |axis: usize| 2.0 * (f64::from(pixel[axis]) + 0.5) / f64::from(self.viewport[axis]) - 1.0;
+        fn across(axis: usize, pixel: &[u32; 2], viewport: &[u32; 2]) -> f64 {
+            2.0 * (f64::from(pixel[axis]) + 0.5) / f64::from(viewport[axis]) - 1.0
+        }
         let [right, up, forward] = self.axes;
-        let ray = forward + right * (across(0) * self.slopes[0]) - up * (across(1) * self.slopes[1]);
+        let ray = forward + right * (across(0, &pixel, &self.viewport) * self.slopes[0])
+            - up * (across(1, &pixel, &self.viewport) * self.slopes[1]);
         (depth > 0.0).then(|| (self.eye + ray * (self.near / f64::from(depth))).into())
     }
 

@@ -94,7 +94,9 @@ impl Gpu {
     }
 
     fn new(adapter: wgpu::Adapter) -> Result<Gpu, ViewerError> {
-        let unable = |what: &str| ViewerError::Unable { adapter: describe(&adapter), what: what.to_owned() };
+        fn unable(what: &str, adapter: &wgpu::Adapter) -> ViewerError {
+            ViewerError::Unable { adapter: describe(adapter), what: what.to_owned() }
+        }
 
         // Without these no picture can be drawn at all.
         let can = adapter.get_downlevel_capabilities().flags;
@@ -107,7 +109,7 @@ impl Gpu {
             (DownlevelFlags::UNRESTRICTED_INDEX_BUFFER, "index buffers that are storage too"),
         ] {
             if !can.contains(flag) {
-                return Err(unable(what));
+                return Err(unable(what, &adapter));
             }
         }
 
@@ -243,7 +245,9 @@ fn request(
 pub fn none(said: &str) -> ViewerError {
     let said = said.strip_prefix("No suitable graphics adapter found; ").unwrap_or(said);
     // Of those that nobody asked for, and of the one that draws nothing, there is nothing to say.
-    let is_idle = |part: &&str| part.ends_with("not requested") || part.starts_with("noop ");
+    fn is_idle(part: &&str) -> bool {
+        part.ends_with("not requested") || part.starts_with("noop ")
+    }
     let said: Vec<&str> = said.trim_end_matches(": {}").split(", ").filter(|part| !is_idle(part)).collect();
     let asked = std::env::var("WGPU_BACKEND").map(|name| format!(" of WGPU_BACKEND={name}"));
     ViewerError::NoAdapter {

@@ -35,7 +35,9 @@ pub enum Facing {
 impl Facing {
     /// Of a vertex, by the normals of the faces about it, each as long as its area.
     pub fn of_faces(areas: &[[f64; 3]]) -> Self {
-        let area = |area: &[f64; 3]| Vector3::from(*area);
+        fn area(area: &[f64; 3]) -> Vector3<f64> {
+            Vector3::from(*area)
+        }
         let sum: Vector3<f64> = areas.iter().map(area).sum();
         let faces = || areas.iter().map(area).filter_map(|area| unit(area).map(|unit| (unit, area)));
         let mean = unit(sum);
@@ -89,7 +91,9 @@ impl Facing {
             Facing::Flat => return FLAT,
         };
         let Some([u, v]) = octahedral::square(direction) else { return FLAT };
-        let pack = |t: f64| u32::from((t.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
+        fn pack(t: f64) -> u32 {
+            u32::from((t.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16)
+        }
         match (pack(u) & !1 | crease) | pack(v) << 16 {
             // Any other corner of the square is the same direction.
             FLAT => (pack(1.0) & !1 | crease) | pack(1.0) << 16,

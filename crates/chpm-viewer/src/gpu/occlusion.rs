@@ -202,7 +202,9 @@ impl Occlusion {
             buffer(gpu, "answers", size, BufferUsages::COPY_DST | BufferUsages::MAP_READ)
         });
         encoder.copy_buffer_to_buffer(self.flags.get(), 0, &staging, 0, bytes);
-        let flag = || Arc::new(AtomicBool::new(false));
+        fn flag() -> Arc<AtomicBool> {
+            Arc::new(AtomicBool::new(false))
+        }
         Answers { staging, count: boxes.len(), there: flag(), failed: flag() }
     }
 

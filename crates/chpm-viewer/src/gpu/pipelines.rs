@@ -152,8 +152,9 @@ impl Pipelines {
         let options = || wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
 
         // Vertices as blocks have them, where triangles have indices.
-        let attribute =
-            |shader_location, format, offset| wgpu::VertexAttribute { format, offset, shader_location };
+        fn attribute(shader_location: u32, format: VertexFormat, offset: u64) -> wgpu::VertexAttribute {
+            wgpu::VertexAttribute { format, offset, shader_location }
+        }
         // Where there are no colours, nothing looks at them.
         let attributes = [
             attribute(0, VertexFormat::Float32x3, 0),
@@ -257,9 +258,9 @@ pub fn compute(
 
 /// A layout of bindings 0, 1, 2 and so on.
 pub fn layout(gpu: &Gpu, label: &str, bindings: &[(ShaderStages, BindingType)]) -> wgpu::BindGroupLayout {
-    let entry = |(binding, (visibility, ty)): (u32, &(ShaderStages, BindingType))| {
+    fn entry((binding, (visibility, ty)): (u32, &(ShaderStages, BindingType))) -> wgpu::BindGroupLayoutEntry {
         wgpu::BindGroupLayoutEntry { binding, visibility: *visibility, ty: *ty, count: None }
-    };
+    }
     let entries: Vec<_> = (0..).zip(bindings).map(entry).collect();
     gpu.device
         .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })

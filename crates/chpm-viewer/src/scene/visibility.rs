@@ -51,7 +51,9 @@ const FRESH: u64 = 8;
 impl Visibility {
     /// Nothing is known: the roots are drawn.
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
-        let sight = |root| if root { Sight::Visible } else { Sight::Outside };
+        fn sight(root: bool) -> Sight {
+            if root { Sight::Visible } else { Sight::Outside }
+        }
         Visibility {
             clusters: file.clusters().iter().map(|cluster| sight(cluster.is_root())).collect(),
             groups: vec![Told::default(); file.groups().len()],

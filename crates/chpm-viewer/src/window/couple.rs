@@ -154,11 +154,12 @@ impl Drop for Couple {
 /// The edges of a region's box.
 fn edges(region: &Region) -> impl Iterator<Item = [[f64; 3]; 2]> {
     let Region { low, high, .. } = *region;
-    let corner =
-        move |bits: usize| [0, 1, 2].map(|axis| if bits >> axis & 1 == 0 { low[axis] } else { high[axis] });
+    fn corner(bits: usize, low: [f64; 3], high: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| if bits >> axis & 1 == 0 { low[axis] } else { high[axis] })
+    }
     (0..8_usize).flat_map(move |from| {
         let others = (0..3).map(move |axis| from | 1 << axis).filter(move |to| *to != from);
-        others.map(move |to| [corner(from), corner(to)])
+        others.map(move |to| [corner(from, low, high), corner(to, low, high)])
     })
 }
 

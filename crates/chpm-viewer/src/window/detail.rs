@@ -79,12 +79,7 @@ impl Detail {
 
     fn after(&mut self, wish: &Wish, took: &Took, moves: bool) -> f64 {
         let triangles = took.triangles.max(1) as f64;
-        // What is nearly as many stays. Triangles fall with the square of the error at most: what is too coarse is approached, not passed.
-        let toward = |share: f64, coarse: f64| match share {
-            share if (0.85..=coarse).contains(&share) => took.poe,
-            share => took.poe * (share / 0.95).sqrt().clamp(0.5, 2.0),
-        };
-        let by_count = toward(triangles / wish.triangles.max(1) as f64, 1.0);
+        let by_count = toward(triangles / wish.triangles.max(1) as f64, 1.0, took.poe);
         if !moves {
             return by_count;
         }
@@ -93,13 +88,21 @@ impl Detail {
         let share = triangles / self.costs.affordable(wish.ms);
         self.too_fine =
             if share > SLOW { self.too_fine.max(MARGIN * took.poe) } else { FORGET * self.too_fine };
-        let by_time = toward(share, SLOW);
+        let by_time = toward(share, SLOW, took.poe);
         by_count.max(if by_time < took.poe { by_time.max(self.too_fine).min(took.poe) } else { by_time })
     }
 
     /// A frame found its picture as it was, and took so many milliseconds all the same.
     pub fn take_empty(&mut self, ms: f64) {
         self.costs.take_empty(ms);
+    }
+}
+
+/// What is nearly as many stays. Triangles fall with the square of the error at most: what is too coarse is approached, not passed.
+fn toward(share: f64, coarse: f64, took_poe: f64) -> f64 {
+    match share {
+        share if (0.85..=coarse).contains(&share) => took_poe,
+        share => took_poe * (share / 0.95).sqrt().clamp(0.5, 2.0),
     }
 }
 

@@ -40,12 +40,14 @@ impl Figures {
     /// included; `moving` if it came as soon as it could: then it took as long as there was from one to the next.
     pub fn take(&mut self, stats: &Stats, whole: Duration, seconds: f64, moving: bool) {
         let share = if self.frames == 0 { 1.0 } else { 1.0 - (-seconds.clamp(0.0, 1.0) / CALM).exp() };
-        let calm = |old: &mut f64, new: f64| *old += (new - *old) * share;
+        fn calm(old: &mut f64, new: f64, share: f64) {
+            *old += (new - *old) * share
+        }
         for (old, (_, part)) in self.parts.iter_mut().zip(PARTS) {
-            calm(old, milliseconds(part(stats)));
+            calm(old, milliseconds(part(stats)), share);
         }
         let took = if moving { milliseconds(whole).max(1e3 * seconds) } else { milliseconds(whole) };
-        calm(&mut self.total, took);
+        calm(&mut self.total, took, share);
         self.moving = moving;
         self.curve.push_back(took as f32);
         if self.curve.len() > CURVE {

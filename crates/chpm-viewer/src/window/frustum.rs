@@ -34,8 +34,10 @@ pub(super) fn project(line: [Point3<f64>; 2], by: &Camera, viewport: [u32; 2]) -
     if a.z < near && b.z < near {
         return None;
     }
-    let cut = |from: Vector3<f64>, to: Vector3<f64>| from + (to - from) * ((near - from.z) / (to.z - from.z));
-    (a, b) = (if a.z < near { cut(a, b) } else { a }, if b.z < near { cut(b, a) } else { b });
+    fn cut(from: Vector3<f64>, to: Vector3<f64>, near: f64) -> Vector3<f64> {
+        from + (to - from) * ((near - from.z) / (to.z - from.z))
+    }
+    (a, b) = (if a.z < near { cut(a, b, near) } else { a }, if b.z < near { cut(b, a, near) } else { b });
     let [width, height] = viewport.map(f64::from);
     let scale = 0.5 * height / (0.5 * by.fov.to_radians()).tan();
     let pixel = |p: Vector3<f64>| [0.5 * width + scale * p.x / p.z, 0.5 * height - scale * p.y / p.z];

@@ -137,10 +137,12 @@ impl Gestures {
 
     /// A wheel goes nearer or away from what is below the pointer; two fingers on a touchpad pan, or go nearer with Ctrl.
     pub fn scroll(&mut self, scroll: Scroll) -> Option<Motion> {
-        let dolly = |notches: f64| Motion::Dolly { factor: NOTCH.powf(notches), at: self.at };
+        fn dolly(notches: f64, self_at: &[f64; 2]) -> Motion {
+            Motion::Dolly { factor: NOTCH.powf(notches), at: *self_at }
+        }
         let motion = match scroll {
-            Scroll::Lines([_, y]) => dolly(y),
-            Scroll::Pixels([_, y]) if self.ctrl => dolly(y / PIXELS_PER_NOTCH),
+            Scroll::Lines([_, y]) => dolly(y, &self.at),
+            Scroll::Pixels([_, y]) if self.ctrl => dolly(y / PIXELS_PER_NOTCH, &self.at),
             Scroll::Pixels([x, y]) => Motion::Pan([x, y]),
         };
         let (Scroll::Lines([x, y]) | Scroll::Pixels([x, y])) = scroll;

@@ -118,18 +118,19 @@ pub struct Outcome {
 /// # Errors
 /// [`ViewerError::Window`] where there is no window system; where nobody looks (`frames`), whatever a picture fails with.
 pub fn run(options: Options) -> Result<Outcome, ViewerError> {
-    let refused = |error: winit::error::EventLoopError| {
-        let why = told(&error.to_string());
-        ViewerError::Window(format!(
-            "{}; a window needs a display, a picture does not",
-            why.trim_end_matches('.')
-        ))
-    };
     let events = EventLoop::<Event>::with_user_event().build().map_err(refused)?;
     events.set_control_flow(ControlFlow::Wait);
     let mut app = App::new(options, events.create_proxy());
     events.run_app(&mut app).map_err(refused)?;
     app.finish()
+}
+
+fn refused(error: winit::error::EventLoopError) -> ViewerError {
+    let why = told(&error.to_string());
+    ViewerError::Window(format!(
+        "{}; a window needs a display, a picture does not",
+        why.trim_end_matches('.')
+    ))
 }
 
 /// Message of winit without the place in its own sources, which comes first: `os error at FILE:LINE: `.

@@ -165,10 +165,12 @@ pub(super) fn rulers(context: &egui::Context, camera: &Camera, size: [u32; 2], s
     if let Some((length, pixels)) = scale_bar(camera, size[1], 160.0 * f64::from(scale)) {
         let (right, y) = (corner.x - 84.0, corner.y - 22.0);
         let left = right - pixels as f32 / scale;
-        let line = |from, to| painter.line_segment([from, to], Stroke::new(1.5, CLEAR));
-        line(pos2(left, y), pos2(right, y));
+        fn line(from: egui::Pos2, to: egui::Pos2, painter: &egui::Painter) -> egui::layers::ShapeIdx {
+            painter.line_segment([from, to], Stroke::new(1.5, CLEAR))
+        }
+        line(pos2(left, y), pos2(right, y), &painter);
         for x in [left, right] {
-            line(pos2(x, y - 4.0), pos2(x, y + 4.0));
+            line(pos2(x, y - 4.0), pos2(x, y + 4.0), &painter);
         }
         let text = format!("{} units", number(length));
         painter.text(

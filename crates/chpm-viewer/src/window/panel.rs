@@ -185,9 +185,11 @@ fn drawn(ui: &mut Ui, figures: &Figures) {
         "clusters drawn / active",
         &format!("{} / {}", count(last.clusters_drawn), count(last.clusters_active)),
     );
-    let share = |clusters| format!("{}  {:>5}", count(clusters), percent(figures.share(clusters)));
-    row(ui, "outside the image", &share(last.frustum_culled));
-    row(ui, "occluded", &share(last.occluded));
+    fn share(clusters: u64, figures: &Figures) -> String {
+        format!("{}  {:>5}", count(clusters), percent(figures.share(clusters)))
+    }
+    row(ui, "outside the image", &share(last.frustum_culled, figures));
+    row(ui, "occluded", &share(last.occluded, figures));
     row(ui, "newly visible", &count(last.newly_visible));
     row(ui, "splits / collapses", &format!("{} / {}", count(last.splits), count(last.collapses)));
     row(ui, "vertex steps", &count(last.pm_steps));
@@ -298,10 +300,6 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
 fn clip(ui: &mut Ui, settings: &mut Settings) {
     ui.horizontal(|ui| {
         ui.label(RichText::new("clip").color(QUIET));
-        let name = |clip: u8| match clip.checked_sub(1).and_then(|place| Up::ALL.get(usize::from(place))) {
-            Some(side) => side.to_string(),
-            None => "off".to_owned(),
-        };
         let chosen = egui::ComboBox::from_id_salt("clip").selected_text(name(settings.clip)).width(50.0);
         chosen.show_ui(ui, |ui| {
             for clip in 0..=Up::ALL.len() as u8 {
@@ -312,6 +310,13 @@ fn clip(ui: &mut Ui, settings: &mut Settings) {
         let slider = egui::Slider::new(&mut settings.clip_share, 0.0..=1.0).max_decimals(3);
         ui.add_enabled(settings.clip > 0, slider).on_hover_text("the share of the model that is left");
     });
+}
+
+fn name(clip: u8) -> String {
+    match clip.checked_sub(1).and_then(|place| Up::ALL.get(usize::from(place))) {
+        Some(side) => side.to_string(),
+        None => "off".to_owned(),
+    }
 }
 
 /// Legend of a scale of colours.

@@ -64,12 +64,14 @@ impl Pose {
 
     /// A share of the way to another pose.
     pub(super) fn toward(&self, other: &Pose, share: f64) -> Pose {
-        let between = |a: f64, b: f64| a + (b - a) * share;
+        fn between(a: f64, b: f64, share: f64) -> f64 {
+            a + (b - a) * share
+        }
         Pose {
             anchor: self.anchor + (other.anchor - self.anchor) * share,
-            yaw: between(self.yaw, other.yaw),
-            pitch: between(self.pitch, other.pitch),
-            reach: between(self.reach, other.reach),
+            yaw: between(self.yaw, other.yaw, share),
+            pitch: between(self.pitch, other.pitch, share),
+            reach: between(self.reach, other.reach, share),
         }
     }
 

@@ -111,13 +111,17 @@ impl Replay {
 }
 
 fn between(from: &Camera, to: &Camera, share: f64) -> Camera {
-    let mix = |a: f64, b: f64| if share == 1.0 { b } else { a + (b - a) * share };
-    let point = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|axis| mix(a[axis], b[axis]));
+    fn mix(a: f64, b: f64, share: f64) -> f64 {
+        if share == 1.0 { b } else { a + (b - a) * share }
+    }
+    fn point(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
+        std::array::from_fn(|axis| mix(a[axis], b[axis], share))
+    }
     Camera {
-        position: point(from.position, to.position),
-        target: point(from.target, to.target),
+        position: point(from.position, to.position, share),
+        target: point(from.target, to.target, share),
         up: to.up,
-        fov: mix(from.fov, to.fov),
+        fov: mix(from.fov, to.fov, share),
         near: to.near,
     }
 }

@@ -81,7 +81,9 @@ impl Memory {
     /// In the user's state folder: `$XDG_STATE_HOME/chpm`, `~/Library/Application Support/chpm` on a Mac, else `~/.local/state/chpm`.
     /// Where there is none, nothing is remembered.
     pub fn of_user() -> Self {
-        let absolute = |name: &str| env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+        fn absolute(name: &str) -> Option<PathBuf> {
+            env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute())
+        }
         let home = |below: &str| absolute("HOME").map(|home| home.join(below));
         let mac = || home("Library/Application Support").filter(|_| cfg!(target_os = "macos"));
         let folder = absolute("XDG_STATE_HOME").or_else(mac).or_else(|| home(".local/state"));

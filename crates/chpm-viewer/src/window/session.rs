@@ -146,7 +146,9 @@ impl Session {
 
     /// Names of the models' files.
     pub(super) fn name(&self) -> String {
-        let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+        fn name(path: &Path) -> Option<String> {
+            path.file_name().map(|name| name.to_string_lossy().into_owned())
+        }
         let names: Vec<_> = self.viewer.files().filter_map(|file| name(file.get_ref().path())).collect();
         names.join(", ")
     }
@@ -461,7 +463,9 @@ impl Session {
 fn changed(before: &Stats, now: &Stats) -> bool {
     let work = [now.splits, now.collapses, now.pm_steps, now.newly_visible, now.uploaded_bytes];
     let poe = (before.poe - now.poe).abs() > 1e-3 * now.poe;
-    let shown = |s: &Stats| (s.triangles, s.clusters_drawn, s.resident_bytes, s.withheld);
+    fn shown(s: &Stats) -> (u64, u64, u64, u64) {
+        (s.triangles, s.clusters_drawn, s.resident_bytes, s.withheld)
+    }
     poe || shown(before) != shown(now) || work.iter().any(|count| *count > 0) || now.requested_bytes > 0
 }
 

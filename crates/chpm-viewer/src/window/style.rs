@@ -29,7 +29,9 @@ pub(super) const PARTS: [Color32; 7] = [
 pub(super) fn apply(context: &egui::Context) {
     context.set_theme(egui::Theme::Dark);
     context.all_styles_mut(|style| {
-        let font = |size, family: FontFamily| FontId::new(size, family);
+        fn font(size: f32, family: FontFamily) -> FontId {
+            FontId::new(size, family)
+        }
         style.text_styles = [
             (TextStyle::Heading, font(16.0, FontFamily::Proportional)),
             (TextStyle::Body, font(12.5, FontFamily::Proportional)),

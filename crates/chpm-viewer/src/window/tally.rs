@@ -28,8 +28,10 @@ impl Tally {
     pub(super) fn moving(&self) -> Option<[f64; 2]> {
         let mut all = self.moving.clone();
         all.sort_by(f64::total_cmp);
-        let at = |share: f64| all.get(((all.len() as f64 * share).ceil() as usize).max(1) - 1).copied();
-        Some([at(0.5)?, at(0.95)?])
+        fn at(share: f64, all: &[f64]) -> Option<f64> {
+            all.get(((all.len() as f64 * share).ceil() as usize).max(1) - 1).copied()
+        }
+        Some([at(0.5, &all)?, at(0.95, &all)?])
     }
 
     /// Seconds from the end of the motion to the complete picture.

@@ -48,10 +48,13 @@ impl App {
         prepare.begin();
         let work = move || {
             // A window that is closed hears nothing more.
-            let send = |news: News| drop(proxy.send_event(Event::Build(news)));
-            let tell = |what: &str, share: f32| send(News::Progress(what.to_owned(), share));
-            let built = prepare.prepare(&path, &tell, &|preview: PathBuf| send(News::Preview(preview)));
-            send(News::Built(built));
+            fn send(news: News, proxy: &winit::event_loop::EventLoopProxy<Event>) {
+                drop(proxy.send_event(Event::Build(news)))
+            }
+            let tell = |what: &str, share: f32| send(News::Progress(what.to_owned(), share), &proxy);
+            let built =
+                prepare.prepare(&path, &tell, &|preview: PathBuf| send(News::Preview(preview), &proxy));
+            send(News::Built(built), &proxy);
         };
         let what = format!("building {}", source.display());
         if let Some(canvas) = &self.canvas {
