@@ -85,11 +85,11 @@ impl Fragments {
 /// ```
 /// use chpm_partition::{CsrGraph, repair};
 ///
-/// // Node 2 lies alone among nodes of the other part.
+/// // Each part is in two pieces.
 /// let path = CsrGraph::from_edges(vec![1; 5], &[(0, 1, 1), (1, 2, 1), (2, 3, 1), (3, 4, 1)])?;
 /// let mut parts = [1, 0, 1, 0, 0];
 /// repair(&path, &mut parts, 2, 4)?;
-/// assert_eq!(parts, [1, 0, 0, 0, 0]);
+/// assert_eq!(parts, [1, 1, 0, 0, 0]);
 /// # Ok::<(), chpm_partition::PartitionError>(())
 /// ```
 pub fn repair(
