@@ -34,7 +34,7 @@ const AFTER_HELP: &str =
     "Exit codes: 0 success; 1 a verification found a fault; 2 error; 129, 130, 143 stopped by a signal.
 Start with: chpm demo";
 
-/// What to do.
+/// Verbs.
 #[derive(Subcommand, Debug)]
 pub(crate) enum Command {
     /// Build a .chpm file from a mesh: {meshes}
@@ -102,7 +102,7 @@ pub(crate) enum Command {
     Man(completions::ManArgs),
 }
 
-/// What decides the bytes of the output.
+/// Settings, which decide the bytes of the output.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Settings (they decide the bytes of the output)")]
 pub(crate) struct SettingsArgs {
@@ -245,7 +245,7 @@ impl NormalsArg {
     }
 }
 
-/// What may be used; none of it shows in the output.
+/// Resources; none of them shows in the output.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Resources (none of them shows in the output)")]
 pub(crate) struct ResourceArgs {

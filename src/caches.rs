@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 /// Vertices that the cache holds, first in, first out.
 pub(crate) const SIZE: usize = 16;
 
-/// What the cache had to do when clusters were drawn, one after the other, at their finest, middle and base positions.
+/// Misses of the cache when clusters were drawn, one after the other, at their finest, middle and base positions.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Drawn([VertexCache; 3]);
 

@@ -71,7 +71,7 @@ pub(crate) struct Sheet<'a> {
     pub(crate) beside: bool,
     /// Pixels of each chart.
     pub(crate) size: [u32; 2],
-    /// What is named: a colour, and a mark if it is about marks.
+    /// Legend: names with a colour each, and a mark if they are about marks.
     pub(crate) names: Vec<(String, usize, Option<Mark>)>,
 }
 
@@ -182,7 +182,7 @@ impl Chart<'_> {
     }
 }
 
-/// What bars are long by, and in which steps an axis tells that.
+/// Unit of the bars, and the steps of its axis.
 #[derive(Clone, Copy)]
 pub(crate) enum Measure {
     Seconds,

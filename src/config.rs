@@ -66,7 +66,7 @@ struct Own {
     resources: ResourceArgs,
 }
 
-/// What is set for a source besides what is typed; what wins comes first.
+/// Settings for a source besides those on the command line; the first wins.
 pub(crate) fn layers(args: &ConfigArgs, source: Option<&Path>) -> Result<Vec<Layer>> {
     let mut layers = Vec::new();
     let mut preset = args.preset;

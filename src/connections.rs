@@ -22,11 +22,11 @@ const OWN: u64 = 16;
 const REQUEST: usize = 16 << 10;
 /// Until descriptors are asked for again where there were none.
 const PAUSE: Duration = Duration::from_millis(100);
-/// What is said to whom no place is left for.
+/// Answer where no place is left.
 const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\nContent-Type: text/plain\r\nContent-Length: 33\r\n\r\n\
     too many connections; come again\n";
 
-/// What connections are held to.
+/// Limits of connections.
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub(crate) struct Limits {
     /// Connections at a time, or fewer where the process may not have that many files open; others are refused

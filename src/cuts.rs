@@ -44,7 +44,7 @@ const WORK: u64 = 4;
 const PIXELS: f64 = 16.0;
 const HALVINGS: u64 = 12;
 
-/// What was found.
+/// Findings about cuts.
 #[derive(Debug)]
 pub(crate) struct Cuts {
     /// Cuts that were drawn.
@@ -117,7 +117,7 @@ struct Checker<'a, D> {
     seams: Seams,
 }
 
-/// What a cut showed.
+/// Findings about one cut.
 struct Looked {
     triangles: u64,
     /// Number of wrong places, and the first one.

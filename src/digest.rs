@@ -13,7 +13,7 @@ use std::path::Path;
 
 /// Rows of the table of what can be drawn, at most.
 const ROWS: usize = 6;
-/// What a level should have of the triangles of the one below: half, and what is still near that.
+/// Largest share of the triangles of the level below that still counts as halved.
 const HALVED: f64 = 0.6;
 /// Shared vertices among those of a level, from which on seams are a burden.
 const SHARED: f64 = 0.4;
@@ -85,7 +85,7 @@ fn some<T: Copy>(rows: &[T]) -> Vec<T> {
     (0..shown).filter_map(|row| rows.get(place(row)).copied()).collect()
 }
 
-/// What people look at first.
+/// Prints the facts that people look at first.
 pub(crate) fn print(
     path: &Path,
     file: &Chpm<MappedFile>,
@@ -191,7 +191,7 @@ fn print_drawables<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write) -> io::
     writeln!(out, "\n{}", report::table(&head, rows))
 }
 
-/// What is not as it should be, and where to look further.
+/// Remarks on things that are not as they should be, and where to look further.
 pub(crate) fn remarks<D: AsRef<[u8]>>(
     file: &Chpm<D>,
     metadata: Option<&Metadata>,
@@ -244,7 +244,7 @@ pub(crate) fn remarks<D: AsRef<[u8]>>(
     remarks
 }
 
-/// What is as it should be.
+/// Remark on a file where all is as it should be.
 pub(crate) fn praise<D: AsRef<[u8]>>(file: &Chpm<D>, levels: &[LevelRow]) -> String {
     let ratios = levels
         .array_windows()

@@ -5,7 +5,7 @@ use crate::formats;
 use clap::{Command, CommandFactory};
 use std::fmt::Write;
 
-/// What is typed, and what it does. Tests run each of them beside `scan.ply`, what is built of it, and a folder `scans`.
+/// A command line and its meaning. Tests run each of them beside `scan.ply`, what is built of it, and a folder `scans`.
 type Example = (&'static str, &'static str);
 
 const EXAMPLES: &[(&str, &[Example])] = &[

@@ -18,7 +18,7 @@ pub(crate) struct OutputFolder {
     partial: PathBuf,
     target: PathBuf,
     journal: File,
-    /// What was written before, by the hash of its name.
+    /// Files of an earlier run, by the hash of the name.
     before: Vec<Written>,
     /// Files that the journal names.
     count: AtomicU64,
@@ -27,7 +27,7 @@ pub(crate) struct OutputFolder {
     _lock: Lock,
 }
 
-/// What the journal says of a file: the hash of its name, its length, the hash of its bytes, and a number that its writer wants back.
+/// Journal entry of a file: the hash of its name, its length, the hash of its bytes, and a number that its writer wants back.
 type Written = [u64; 4];
 
 /// The journal's name, and how it begins; behind that is the key.
@@ -116,7 +116,7 @@ impl OutputFolder {
         format!("cannot write '{name}' of '{}'", self.target.display())
     }
 
-    /// What has come to be stays for a next run, if it is worth anything; the error with that.
+    /// Keeps the finished files for a next run, if they are worth anything; returns the error with a note.
     pub(crate) fn keep(mut self, error: Error) -> Error {
         let count = self.count.load(Relaxed);
         if count == 0 {

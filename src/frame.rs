@@ -23,16 +23,16 @@ impl Up {
     }
 }
 
-/// What becomes of a vertex of a file.
+/// Transformation of a file's vertices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
     /// The axis that points up in the file, and in what is written; the same where nothing is turned.
     turn: Option<(Up, Up)>,
-    /// What positions of the file are relative to, turned.
+    /// Origin of the file's positions, turned.
     origin: [f64; 3],
-    /// What is taken off positions, besides the file's origin.
+    /// Vector taken off positions, besides the file's origin.
     less: [f32; 3],
-    /// What is written is relative to this, turned; nothing where coordinates are the model's.
+    /// Origin of written positions, turned; none where coordinates are the model's.
     offset: Option<[f64; 3]>,
     /// How far writing moves a vertex at most.
     rounding: f64,
@@ -77,12 +77,12 @@ impl Frame {
         Frame { rounding: self.rounding + rounding, ..self }
     }
 
-    /// What is written is relative to this; nothing where coordinates are the model's.
+    /// Origin of written positions; none where coordinates are the model's.
     pub(crate) fn offset(&self) -> Option<[f64; 3]> {
         self.offset
     }
 
-    /// What has to be added to what is handed out, unless it is zero: then it takes more than single precision.
+    /// Vector to add to positions that are handed out, unless it is zero: then it takes more than single precision.
     pub(crate) fn origin(&self) -> Option<[f64; 3]> {
         Some(self.origin).filter(|origin| self.offset.is_none() && *origin != [0.0; 3])
     }

@@ -1,4 +1,4 @@
-//! What a verb that reads a `.chpm` may have in memory, and how that is divided.
+//! Memory budget of a verb that reads a `.chpm`, and its division.
 
 use crate::args::MemorySize;
 use anyhow::{Result, ensure};
@@ -20,7 +20,7 @@ pub(crate) struct MemoryArgs {
 }
 
 impl MemoryArgs {
-    /// What there is.
+    /// Budget.
     pub(crate) fn memory(&self) -> Bytes {
         self.memory.0
     }

@@ -112,7 +112,7 @@ pub(crate) struct Ready<'m, 'a> {
     pub(crate) warning: Option<String>,
 }
 
-/// What a cut keeps to, with what the format rounds.
+/// Bounds that a cut keeps, with the format's rounding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
     pub(crate) error: f32,
@@ -120,7 +120,7 @@ pub(crate) struct Bounds {
 }
 
 impl MeshArgs {
-    /// What is written, unless nothing is that has such a name.
+    /// Format to write, unless nothing is that has such a name.
     fn format(&self, by: &str) -> Result<MeshFormat> {
         let named =
             |name| MeshFormat::NAMES.iter().find(|(known, _)| *known == name).map(|(_, format)| *format);
@@ -251,7 +251,7 @@ impl<'m, 'a> Ready<'m, 'a> {
         Ok(Ready { target, mesh, frame, bounds, warning })
     }
 
-    /// What is written, for programs.
+    /// Facts about the written file, for programs.
     pub(crate) fn json(&self) -> Map<String, Value> {
         let MeshArgs { output, up, .. } = self.target.args;
         let aside = self.target.aside.as_ref().map(|(path, _)| path.display().to_string());

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 /// Names that stand for standard output.
 const STDOUT: [&str; 4] = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
 
-/// What a verb, or one of its options, writes.
+/// Formats that a verb, or one of its options, writes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Writes {
     by: &'static str,
@@ -60,10 +60,10 @@ const EXTENSIONS: &[(&str, &str)] = &[
     ("vtk", "VTK"), ("vtp", "VTK"), ("vtu", "VTK"), ("webm", "WebM"), ("webp", "WebP"), ("wrl", "VRML"), ("x3d", "X3D"), ("xml", "XML"),
     ("xyz", "points"), ("zip", "zip"), ("zst", "zstd"),
 ];
-/// What is text by any name.
+/// Format of text, whatever its name.
 const TEXT: &str = "text";
 
-/// What a name says of a format.
+/// Format that a name promises.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Promise {
     /// Nothing: it has no extension.
@@ -94,7 +94,7 @@ pub(crate) fn check_folder(by: &str, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What is wrong with a name, for an error that says what is written: `is a name for FBX`.
+/// Reason against a name, for an error that says what is written: `is a name for FBX`.
 pub(crate) fn otherwise(path: &Path) -> String {
     match promised(path) {
         Promise::Format(name) => format!("'{}' is a name for {name}", path.display()),
@@ -257,7 +257,7 @@ pub(crate) fn finish(path: &Path) {
     FINISHED.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_owned());
 }
 
-/// What is complete.
+/// Outputs that are complete.
 pub(crate) fn finished() -> Vec<PathBuf> {
     std::mem::take(&mut FINISHED.lock().unwrap_or_else(PoisonError::into_inner))
 }

@@ -27,7 +27,7 @@ pub(crate) struct Far {
 }
 
 impl Place {
-    /// What takes metres to the east, to the north and upward from here to earth-centred coordinates, column by column.
+    /// Matrix from metres to the east, to the north and upward from here to earth-centred coordinates, column by column.
     pub(crate) fn frame(self) -> [f64; 16] {
         let ((so, co), (sa, ca)) =
             (self.longitude.to_radians().sin_cos(), self.latitude.to_radians().sin_cos());

@@ -95,7 +95,7 @@ impl Meter {
         }
     }
 
-    /// What has begun has ended, well or not. Its bar goes: the table at the end tells the same, and an error more. That of a build
+    /// Ends a stage, well or not. Its bar goes: the table at the end tells the same, and an error more. That of a build
     /// stays until the last stage of it has ended.
     pub(crate) fn finish(&self) {
         let Some(stage) = self.running().take() else { return };
@@ -116,7 +116,7 @@ impl Meter {
 }
 
 impl Running {
-    /// What is done of it, 0 to 1.
+    /// Share that is done, 0 to 1.
     fn share(&self) -> f64 {
         (self.done as f64 / self.total.max(1) as f64).min(1.0)
     }

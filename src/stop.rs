@@ -69,7 +69,7 @@ impl Stop {
     }
 }
 
-/// What is said of work that was stopped.
+/// Message about work that was stopped.
 pub(crate) const TOLD: &str = "stopped on request; nothing was written";
 
 /// An error if a stop was asked for.

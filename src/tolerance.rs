@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use chpm_build::config::Length;
 use std::str::FromStr;
 
-/// What one unit of a model is. No format that is read says so.
+/// Unit of a model. No format that is read says so.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Unit {
     /// Micrometre

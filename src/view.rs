@@ -20,7 +20,7 @@ pub(crate) struct ImageArgs {
 }
 
 impl ImageArgs {
-    /// What a camera in the source's coordinates sees of a file.
+    /// View of a file by a camera in the source's coordinates.
     pub(crate) fn view(&self, file: &Chpm<MappedFile>, camera: &Camera, pixels: f64) -> Result<View> {
         let camera = camera.relative_to(file.header().origin);
         let view = View::new(&camera, self.viewport.0, pixels);

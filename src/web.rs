@@ -11,9 +11,9 @@ use serde_json::json;
 pub(crate) struct WebFile {
     /// Its path below the page's folder.
     pub(crate) path: &'static str,
-    /// What it is, for the browser.
+    /// Media type, for the browser.
     pub(crate) media_type: &'static str,
-    /// What is in it.
+    /// Content.
     pub(crate) text: &'static str,
 }
 

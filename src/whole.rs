@@ -68,7 +68,7 @@ impl<'a> Whole<'a> {
         self.frame.attributes(self.mesh.attributes())
     }
 
-    /// What is to be added to positions, unless it is zero.
+    /// Vector to add to positions, unless it is zero.
     pub(crate) fn origin(&self) -> Option<[f64; 3]> {
         self.frame.origin()
     }

@@ -59,7 +59,7 @@ fn put(records: &mut Buckets<[u64; 3]>, hash: u128, count: u64) -> Result<()> {
     Ok(())
 }
 
-/// What the comparison found.
+/// Result of the comparison.
 #[derive(PartialEq, Debug, Default)]
 pub(super) struct Found {
     /// Buckets, numbered as the sums are, with a triangle that only one side has or the leaves have more often; ascending.

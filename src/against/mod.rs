@@ -53,7 +53,7 @@ const TOLD: u64 = 1 << 14;
 /// Triangles that are named.
 const NAMED: usize = 20;
 
-/// What the comparison found.
+/// Result of the comparison.
 #[derive(Debug)]
 pub(crate) struct Comparison {
     /// Triangles of all leaves' finest meshes.
@@ -77,7 +77,7 @@ impl Comparison {
         self.fault_count == 0
     }
 
-    /// What the leaves lack since it is small, in words.
+    /// Small components that the leaves lack, in words.
     pub(crate) fn told_small(&self) -> String {
         let components = Counted(self.small_components, "component");
         let triangles = Counted(self.small_component_triangles, "triangle");
@@ -115,7 +115,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// What a source was read as, besides its triangles.
+/// Counts of a source, besides its triangles.
 #[derive(Default)]
 struct Counts {
     triangles: u64,
@@ -229,13 +229,13 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
     Ok(comparison)
 }
 
-/// What the file counts of its source by a name. Metadata that does not decode is a fault of its own.
+/// Count in the file's metadata by a name. Metadata that does not decode is a fault of its own.
 fn told<D: AsRef<[u8]>>(file: &Chpm<D>, name: &str) -> Option<u64> {
     let repairs = file.metadata().ok()?.repairs;
     repairs.iter().find(|(told, _)| told == name).map(|(_, count)| *count)
 }
 
-/// What the file says about its source that is not so.
+/// Facts about the source that the file has wrong.
 fn told_otherwise<D: AsRef<[u8]>>(file: &Chpm<D>, counts: &Counts) -> Vec<String> {
     let mut faults = Vec::new();
     for (name, count) in counts.stored() {
@@ -339,7 +339,7 @@ struct Source<'a, D> {
 }
 
 impl<D: AsRef<[u8]>> Source<'_, D> {
-    /// What the file is to lack, if it was built so.
+    /// Rule for small components, if the file was built with one.
     fn small(&self) -> Result<Option<Small>> {
         let Some(size) = Size::of(self.file)? else { return Ok(None) };
         self.meter.start("components", 2 * self.file.header().source_triangle_count);

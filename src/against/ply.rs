@@ -309,7 +309,7 @@ enum Corner {
     Restart,
 }
 
-/// What is made of lists of corners.
+/// Consumer of lists of corners.
 trait Lists {
     fn restarts(&self) -> bool {
         false
@@ -397,7 +397,7 @@ struct Grid {
     columns: u64,
     above: Vec<Option<u32>>,
     row: Vec<Option<u32>>,
-    /// What the list began with.
+    /// First corner of the list.
     sample: Option<Corner>,
 }
 

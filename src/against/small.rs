@@ -23,7 +23,7 @@ const BLOCK: usize = 1 << 11;
 /// Places that are remembered, so that a million corners in one place are one record.
 const RECENT: usize = 1 << 14;
 
-/// What is smaller is left out.
+/// Size below which a component is left out.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Size {
     Units(f64),
@@ -32,7 +32,7 @@ pub(super) enum Size {
 }
 
 impl Size {
-    /// What the file was built with, if it was.
+    /// Size that the file was built with, if it was.
     pub(super) fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Result<Option<Size>> {
         let settings = file.metadata().map(|metadata| metadata.settings).unwrap_or_default();
         let Some((_, told)) = settings.into_iter().find(|(name, _)| name == "min-component") else {
@@ -59,7 +59,7 @@ pub(super) struct Search<'a> {
     /// Corners of facets: a hash of the position and the corner's number. What has the place of a recent one has its number, too.
     places: Buckets<[u32; 4]>,
     recent: Vec<Option<[u32; 4]>>,
-    /// What went wrong first.
+    /// First error.
     failed: Result<()>,
 }
 

@@ -12,14 +12,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const HEAD: usize = 4096;
 /// Bytes of a binary STL before its facets, the last four of which count them.
 const STL_HEADER: usize = 84;
-/// What gzip and zstd begin with.
+/// First bytes of gzip and zstd.
 const PACKED: [&[u8]; 2] = [&[0x1f, 0x8b, 8], &[0x28, 0xb5, 0x2f, 0xfd]];
 /// A line, or a word, that is longer is damage.
 const LONGEST: usize = 1 << 20;
 /// The window that zstd may have in any case, bytes.
 const LEAST_WINDOW: u64 = 8 << 20;
 
-/// What a source is read through.
+/// Stream of a source's bytes.
 pub(super) struct Stream {
     path: PathBuf,
     reader: BufReader<Box<dyn Read>>,
@@ -254,7 +254,7 @@ pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &str> {
     raw_words(line).map(text)
 }
 
-/// What is no text is no number and no keyword either.
+/// Text of a word; one that is no text is no number and no keyword either.
 pub(super) fn text(word: &[u8]) -> &str {
     std::str::from_utf8(word).unwrap_or("\u{fffd}")
 }

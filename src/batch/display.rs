@@ -10,7 +10,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{self, IsTerminal};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What is shown of a batch.
+/// Display of a batch.
 pub(super) struct Display {
     bars: Option<(MultiProgress, ProgressBar)>,
     quiet: bool,
@@ -18,7 +18,7 @@ pub(super) struct Display {
     done: AtomicUsize,
 }
 
-/// What is shown of one model that is being built.
+/// Display of one model that is being built.
 pub(super) struct ModelMeter {
     bar: Option<ProgressBar>,
     name: String,

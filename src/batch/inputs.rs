@@ -1,4 +1,4 @@
-//! What was typed becomes models: files, folders, patterns, lists.
+//! Models from typed inputs: files, folders, patterns, lists.
 
 use super::manifest;
 use anyhow::{Context, Result, bail, ensure};
@@ -41,7 +41,7 @@ pub(crate) fn collect(inputs: &[PathBuf], stdin: impl BufRead) -> Result<Vec<Mod
     unique(found)
 }
 
-/// What one input names.
+/// Adds the models of one input.
 fn take(input: &Path, found: &mut Vec<Model>) -> Result<()> {
     let before = found.len();
     if input.is_dir() {

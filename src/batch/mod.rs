@@ -2,7 +2,7 @@
 
 /// One progress display for all models.
 mod display;
-/// What was typed becomes models with names.
+/// Models with names, from typed inputs.
 pub(crate) mod inputs;
 /// Lists of models with settings of their own.
 pub(crate) mod manifest;
@@ -12,5 +12,5 @@ pub(crate) mod run;
 pub(crate) mod shard;
 /// Whether an output is what a build would make.
 pub(crate) mod stamp;
-/// What became of every model, for people and programs.
+/// Results of every model, for people and programs.
 pub(crate) mod summary;

@@ -77,7 +77,7 @@ pub(crate) fn plan(
     models.into_iter().map(task).collect()
 }
 
-/// What would be done.
+/// Rows of a dry run.
 pub(crate) fn planned(tasks: Vec<Task>) -> Vec<Row> {
     tasks.into_iter().map(|task| task.row).collect()
 }
@@ -166,7 +166,7 @@ fn build(row: &Row, config: &BuildConfig, meter: &dyn BuildProgress, cancel: &Ca
     Ok(chpm_build::build(&row.source, &row.output, &config, meter, cancel)?)
 }
 
-/// What a panic says.
+/// Message of a panic.
 fn told(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")

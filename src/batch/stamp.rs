@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// The program and version that the files of this one name.
 const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
 
-/// What there is to do for a model.
+/// Work that a model needs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Need {
     /// Nothing: the output is what a build would make.

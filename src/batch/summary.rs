@@ -1,4 +1,4 @@
-//! What became of every model: a table for people, JSON and CSV for programs, and the merging of several machines' results.
+//! Results of every model: a table for people, JSON and CSV for programs, and the merging of several machines' results.
 
 use super::shard::Shard;
 use crate::report::{self, count, per_triangle};
@@ -16,7 +16,7 @@ const SCHEMA: &str = "chpm-batch/1";
 /// A batch's result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Summary {
-    /// What the keys mean; summaries of earlier programs have none.
+    /// Meaning of the keys; summaries of earlier programs have none.
     #[serde(default)]
     pub(crate) schema: String,
     /// The program's version.
@@ -27,7 +27,7 @@ pub(crate) struct Summary {
     pub(crate) models: Vec<Row>,
 }
 
-/// What became of one model.
+/// Result of one model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Row {
     pub(crate) name: String,
@@ -133,7 +133,7 @@ impl Summary {
         format!("{models}: {parts}; {} in {}", Counted(triangles, "triangle"), Bytes(bytes))
     }
 
-    /// What is wrong with models that failed, one a line.
+    /// Errors of models that failed, one a line.
     pub(crate) fn errors(&self) -> impl Iterator<Item = String> {
         self.models.iter().filter_map(|row| row.error.as_ref().map(|error| format!("{}: {error}", row.name)))
     }

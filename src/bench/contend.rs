@@ -1,4 +1,4 @@
-//! What one contender does in its process.
+//! Work of one contender in its process.
 
 use super::{Contender, DIVISORS, clod, in_core};
 use crate::points::Points;

@@ -5,7 +5,7 @@ use super::Contender;
 /// One mesh of a contender, measured.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Point {
-    /// What the source's triangles were divided by.
+    /// Divisor of the source's triangles.
     pub(crate) divisor: u64,
     /// Triangles that there are.
     pub(crate) triangles: u64,

@@ -70,7 +70,7 @@ impl Contender {
         }
     }
 
-    /// What it runs with, for the record.
+    /// Settings that it runs with, for the record.
     pub(crate) fn settings(self) -> &'static str {
         match self {
             Contender::Chpm => "defaults, all processors; a file of all levels",

@@ -9,7 +9,7 @@ const PANEL: [u32; 2] = [440, 480];
 /// A shape for each fraction.
 const MARKS: [Mark; DIVISORS.len()] = [Mark::Disc, Mark::Cross, Mark::Triangle, Mark::Ring];
 
-/// What a panel shows of a mesh.
+/// Value of a mesh in a panel.
 type Measure = fn(&Point) -> f64;
 
 /// Triangles per second to the right, deviation in per cent of the diagonal upward; a line of marks for each contender, and for each fraction of

@@ -37,7 +37,7 @@ const LEAST: f64 = 64.0;
 /// How much wider than it need be an interval of the true distance may be, as a share of it.
 const TOLERANCE: f64 = 0.01;
 
-/// What is to be certified.
+/// Request for a certification.
 #[derive(Clone, Debug)]
 pub(crate) struct Wanted {
     /// Only these levels; all if there are none.
@@ -50,7 +50,7 @@ pub(crate) struct Wanted {
     pub(crate) effort: u32,
 }
 
-/// What was found.
+/// Result of a certification.
 #[derive(Debug, Default)]
 pub(crate) struct Certified {
     pub(crate) levels: Vec<Row>,
@@ -68,7 +68,7 @@ pub(crate) enum Which {
     Cut { seed: u64 },
 }
 
-/// What was found about the clusters of a level, or about a cut.
+/// Result for the clusters of a level, or for a cut.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
     pub(crate) which: Which,
@@ -84,7 +84,7 @@ pub(crate) struct Row {
     pub(crate) of_source: Side,
 }
 
-/// What was found one way.
+/// Result in one direction.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Side {
     /// Some point is at least so far.
@@ -108,7 +108,7 @@ pub(crate) struct Side {
 pub(crate) struct Violation {
     /// How far it is at least.
     pub(crate) distance: f64,
-    /// What is stored.
+    /// Stored error.
     pub(crate) stored: f64,
     pub(crate) at: [f64; 3],
 }

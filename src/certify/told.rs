@@ -1,4 +1,4 @@
-//! What a certification found: faults, a table, JSON.
+//! Output of a certification: faults, a table, JSON.
 
 use super::{Certified, Row, Side, TOLERANCE, Which};
 use crate::number::Units;

@@ -22,7 +22,7 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-/// What `chpm batch` is told.
+/// Arguments of `chpm batch`.
 #[derive(clap::Args, Debug)]
 #[command(args_override_self = true)]
 pub(crate) struct Args {

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-/// What `chpm bench` is told.
+/// Arguments of `chpm bench`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The mesh ({meshes}); it is read into memory to be measured against
@@ -57,7 +57,7 @@ pub(crate) struct Args {
     quiet: bool,
 }
 
-/// What the process of a contender is told.
+/// Arguments of a contender's process.
 #[derive(clap::Args, Debug)]
 pub(crate) struct ContendArgs {
     #[arg(value_enum)]

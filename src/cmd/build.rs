@@ -18,7 +18,7 @@ use std::io::{self, Write};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
-/// What `chpm build` is told.
+/// Arguments of `chpm build`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The mesh: {meshes}. A file, or a pipe that one comes through; - is standard input
@@ -130,7 +130,7 @@ pub(super) fn of(source: &Path, error: BuildError) -> Error {
     }
 }
 
-/// What came of it, how long it took, warnings and repairs; tables, if they are wanted.
+/// Prints the result, its time, warnings and repairs; tables, if they are wanted.
 pub(super) fn print(
     report: &BuildReport,
     output: &Path,

@@ -11,7 +11,7 @@ use chpm_proximity::{Answer, Question, Reads};
 use serde_json::{Value, json};
 use std::io::Write;
 
-/// What `chpm clearance` is told.
+/// Arguments of `chpm clearance`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     #[command(flatten)]

@@ -24,7 +24,7 @@ use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What `chpm compare` is told.
+/// Arguments of `chpm compare`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The scan: a .chpm file; or a mesh ({meshes}), which is built into a temporary one first
@@ -239,12 +239,12 @@ struct Work<'w> {
     /// Bytes for pages of the reference.
     pages: u64,
     tolerance: f64,
-    /// What is near enough: who is on which side of it is decided exactly.
+    /// Distance that is near enough: points on either side of it are told apart exactly.
     limit: Option<f64>,
     signed: bool,
 }
 
-/// What was measured.
+/// Measured distances.
 struct Measured {
     /// The distances of the vertices of each leaf, in the order of the file.
     values: Vec<Vec<f64>>,

@@ -13,7 +13,7 @@ use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// What `chpm completions` is told.
+/// Arguments of `chpm completions`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The shell
@@ -21,7 +21,7 @@ pub(crate) struct Args {
     shell: Shell,
 }
 
-/// What `chpm man` is told.
+/// Arguments of `chpm man`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct ManArgs {
     /// The folder of the pages; made if it is not there

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;
 
-/// What `chpm config` is told.
+/// Arguments of `chpm config`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The mesh that would be built, for the chpm.toml beside it

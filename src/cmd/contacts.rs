@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What `chpm contacts` is told.
+/// Arguments of `chpm contacts`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -143,7 +143,7 @@ fn to_json(pair: &Pair, near: &Near, steps: &[Contacts], is_path: bool) -> Value
     value
 }
 
-/// What people are told of a step of a path.
+/// Row of a step of a path, for people.
 fn row_of(step: usize, found: &Contacts) -> Vec<String> {
     let Contacts { regions, complete, reads, .. } = found;
     let triangles = |side: usize| count(regions.iter().map(|region| region.triangles[side]).sum());

@@ -16,7 +16,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What `chpm demo` is told.
+/// Arguments of `chpm demo`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// Where to leave the model and the built file; a temporary folder that is removed if not given

@@ -12,7 +12,7 @@ use chpm_proximity::{Answer, End, Question, Reads};
 use serde_json::{Value, json};
 use std::io::Write;
 
-/// What `chpm distance` is told.
+/// Arguments of `chpm distance`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     #[command(flatten)]

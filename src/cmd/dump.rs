@@ -9,7 +9,7 @@ use chpm_mesh::ClusterId;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// What `chpm dump` is told.
+/// Arguments of `chpm dump`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     })
 }
 
-/// What goes wrong with the output is not about the file.
+/// Error of the output, which is not about the file.
 fn plain(error: FormatError) -> Error {
     match error {
         FormatError::Write(source) => source.into(),

@@ -25,7 +25,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// What `chpm export` is told.
+/// Arguments of `chpm export`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file
@@ -78,13 +78,13 @@ enum At {
     Centre,
 }
 
-/// What an export's folder holds.
+/// Names in an export's folder.
 const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
 
-/// What a cluster takes besides the tables: its parent, twice, its group's list of them, error and place in an order, its id, and what a stopped run
-/// says of its tiles.
+/// Memory of a cluster besides the tables: its parent, twice, its group's list of them, error and place in an order, its id, and a stopped run's
+/// record of its tiles.
 const EACH: u64 = 20 + 40 + 2 * 2 * 32;
-/// What a thread takes for one tile, at most: 65,535 vertices and twice as many triangles.
+/// Memory of a thread for one tile, at most: 65,535 vertices and twice as many triangles.
 const WORK: u64 = 12 << 20;
 
 /// Exports into a folder.
@@ -151,7 +151,7 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
     Ok(out.flush()?)
 }
 
-/// What takes the model, z upward, to its place on the earth. Says so where it does not get there.
+/// Matrix from the model, z upward, to its place on the earth. Says so where it does not get there.
 fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> [f64; 16] {
     let header = file.header();
     let Aabb { min, max } = header.aabb();
@@ -183,7 +183,7 @@ fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> [f64; 16] {
     place.frame_about(about)
 }
 
-/// What decides all bytes: the options, and the file, whose header has a checksum of the checksums of all that is in it.
+/// Hash of everything that decides the bytes: the options, and the file, whose header has a checksum of the checksums of all that is in it.
 fn key(file: &Chpm<MappedFile>, options: &Options) -> u64 {
     xxh3_64(format!("{:016x} {options:?}", file.header().header_checksum).as_bytes())
 }

@@ -18,7 +18,7 @@ use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// What `chpm extract` is told.
+/// Arguments of `chpm extract`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file
@@ -120,7 +120,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     Ok(if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good })
 }
 
-/// What was asked for.
+/// Request of the arguments.
 fn request(file: &Chpm<MappedFile>, args: &Args) -> Result<Request> {
     let view = |pixels| {
         let camera = args.camera.unwrap_or_else(|| view::framing(file));

@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// What `chpm info` is told.
+/// Arguments of `chpm info`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file

@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 /// Bytes that are found out about each cluster.
 const MEASURES: u64 = 1664;
 
-/// What `chpm measure` is told.
+/// Arguments of `chpm measure`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// A mesh ({meshes}); with --against, a .chpm file

@@ -22,7 +22,7 @@ const OUTLINE: u64 = 16 << 20;
 /// Sides from which an orbit has to see the whole model.
 const SIDES: u32 = 72;
 
-/// What `chpm path` is told.
+/// Arguments of `chpm path`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The way of the camera

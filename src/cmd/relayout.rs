@@ -22,7 +22,7 @@ use std::path::PathBuf;
 /// Pages that are worked on before they are written.
 const BATCH: usize = 64;
 
-/// What `chpm relayout` is told.
+/// Arguments of `chpm relayout`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file

@@ -23,7 +23,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What `chpm render` is told.
+/// Arguments of `chpm render`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file; or a mesh ({meshes}), which is built into a temporary folder first and leaves
@@ -273,7 +273,7 @@ fn cameras(args: &Args, viewer: &mut Viewer) -> Result<(Vec<Camera>, Option<Stri
     Ok((cameras, why, note))
 }
 
-/// What a picture of a contact sheet is called there.
+/// Caption of a picture on a contact sheet.
 fn label(args: &Args, place: usize) -> Option<String> {
     let side = || SHEET.get(place).map(|side| side.name().to_owned());
     let turned = |count: u32| {
@@ -283,7 +283,7 @@ fn label(args: &Args, place: usize) -> Option<String> {
     args.contact_sheet.then(|| args.turntable.map(turned).or_else(side)).flatten()
 }
 
-/// What was asked for and is not in the picture.
+/// Requests that the picture does not meet.
 fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image: &Image) -> Option<String> {
     let names: Vec<String> = sources(args).map(|source| format!("'{}'", source.display())).collect();
     let name = names.join(" and ");

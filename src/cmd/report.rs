@@ -13,7 +13,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What `chpm report` is told.
+/// Arguments of `chpm report`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file

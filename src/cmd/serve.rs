@@ -23,7 +23,7 @@ use xxhash_rust::xxh3::xxh3_64;
 /// Threads that read files, beside the one that answers.
 const READERS: usize = 8;
 
-/// What `chpm serve` is told.
+/// Arguments of `chpm serve`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// A .chpm file, or a folder of them
@@ -41,7 +41,7 @@ pub(crate) struct Args {
     limits: Limits,
 }
 
-/// What may be read.
+/// Files that may be read.
 struct Served {
     /// The folder, without links.
     folder: PathBuf,
@@ -235,14 +235,14 @@ fn names(list: &HeaderValue, tag: &[u8]) -> bool {
     list.split(',').map(str::trim).any(|one| one == "*" || one.trim_start_matches("W/").as_bytes() == tag)
 }
 
-/// What tells a file from any that had its name before, also within a second; and its length.
+/// Tag that tells a file from any that had its name before, also within a second; and its length.
 fn version(path: &Path) -> Result<(HeaderValue, u64)> {
     let found = fs::metadata(path)?;
     let tag = format!("\"{:x}-{:x}-{:x}.{:x}\"", found.ino(), found.len(), found.mtime(), found.mtime_nsec());
     Ok((HeaderValue::from_str(&tag)?, found.len()))
 }
 
-/// What the headers ask of the file of this tag and length that `ServeFile` does not know of (RFC 9110, 13 and 14): the answer, or nothing where it
+/// Answer to those headers that `ServeFile` does not know of (RFC 9110, 13 and 14), for the file of this tag and length; nothing where it
 /// has only to serve what is left of them.
 fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<StatusCode> {
     let names = |value: &HeaderValue| names(value, tag.as_bytes());
@@ -275,7 +275,7 @@ fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<Statu
     None
 }
 
-/// What is at the root: the only file's page, a list if that was asked for, else the page without a model.
+/// Page at the root: the only file's page, a list if that was asked for, else the page without a model.
 fn front(served: &Served) -> Response {
     if let Some(only) = &served.only {
         return Redirect::temporary(&page_of(only)).into_response();

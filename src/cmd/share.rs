@@ -13,7 +13,7 @@ use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// What `chpm share` is told.
+/// Arguments of `chpm share`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file
@@ -41,7 +41,7 @@ pub(crate) struct Args {
 const MODEL: &str = "model.chpm";
 /// The page's name there, which hosts show for the folder.
 const INDEX: &str = "index.html";
-/// What the folder holds.
+/// Names in the folder.
 const NAMES: [&str; 4] = [MODEL, INDEX, "view", "chpm"];
 
 /// Writes the folder, which is whole or not there.

@@ -21,7 +21,7 @@ use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What `chpm simplify` is told.
+/// Arguments of `chpm simplify`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The mesh: what `chpm build` takes

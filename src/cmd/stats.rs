@@ -12,7 +12,7 @@ use chpm_format::Chpm;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// What `chpm stats` is told.
+/// Arguments of `chpm stats`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file

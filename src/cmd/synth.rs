@@ -23,7 +23,7 @@ const TRIANGLES: u64 = 100_000;
 /// Vertices or triangles of a hard mesh that are written between two looks at the signals.
 const BATCH: usize = 8192;
 
-/// What `chpm synth` is told.
+/// Arguments of `chpm synth`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// What to generate: terrain, isosurface, sphere, torus, plates, or one of the meshes of --list as hard:NAME or odd:NAME

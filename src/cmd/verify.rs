@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What `chpm verify` is told.
+/// Arguments of `chpm verify`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file
@@ -68,7 +68,7 @@ pub(crate) struct Args {
     storage: StorageArgs,
 }
 
-/// What was found.
+/// Findings of all checks.
 struct Findings {
     /// Every fault that is told in full, one a line.
     faults: Vec<String>,
@@ -202,7 +202,7 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
     Ok(Findings { faults, fault_count, checked: Some(checked), trimmed, compared, errors, cuts, origin })
 }
 
-/// What differs from another file.
+/// Differences from another file.
 fn same(file: &Chpm<MappedFile>, other: &Path, meter: &Meter) -> Result<Differences> {
     let other = open(other)?;
     let clusters = file.clusters().len() + other.clusters().len();

@@ -30,7 +30,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What `chpm view` is told.
+/// Arguments of `chpm view`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file; or a mesh ({meshes}), whose .chpm is built beside it first, unless it
@@ -229,7 +229,7 @@ struct Builder {
     overwrite: bool,
     /// Of the build that was begun last.
     cancel: Mutex<Cancel>,
-    /// What is looked at meanwhile; gone with it.
+    /// Previews, looked at meanwhile; gone with it.
     previews: Mutex<Vec<WorkDir>>,
 }
 

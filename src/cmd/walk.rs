@@ -25,7 +25,7 @@ use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// What `chpm walk` is told.
+/// Arguments of `chpm walk`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file
@@ -71,7 +71,7 @@ const SELECTION: u64 = 1024;
 /// How many frames beyond the latency are read ahead: time to spread the reading over.
 const LOOK_AHEAD: u32 = 5;
 
-/// What one frame took; times in milliseconds.
+/// Work of one frame; times in milliseconds.
 #[derive(Clone, Copy, Debug, Default)]
 struct Frame {
     triangles: u64,
@@ -293,7 +293,7 @@ impl<'a> Walk<'a> {
         })
     }
 
-    /// What is to be read for a view to come: all that it splits, and what it would split next.
+    /// Clusters to prefetch for a view to come: all that it splits, and what it would split next.
     fn read_ahead(&mut self, ahead: &View) -> Vec<ClusterId> {
         let Some(limit) = self.prefetch else { return Vec::new() };
         let traffic = self.pager.foresee(self.file, &self.hierarchy, ahead, limit, |_| true, |_| true);

@@ -15,7 +15,7 @@ use chpm_refine::Portrait;
 /// Pixels of the picture.
 const PICTURE: [usize; 2] = [960, 640];
 
-/// What is told beside the picture.
+/// Facts beside the picture.
 pub(crate) struct Told<'a> {
     pub(crate) title: &'a str,
     pub(crate) note: &'a str,

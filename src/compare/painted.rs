@@ -58,7 +58,7 @@ impl Painted {
         })
     }
 
-    /// What may be standard output.
+    /// Output, if it is wanted; it may be standard output.
     pub(crate) fn output(&self) -> Option<&Output> {
         match self {
             Painted::Ply(output) | Painted::Glb(output) => Some(output),

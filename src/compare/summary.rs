@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-/// What a set of distances is like.
+/// Statistics of a set of distances.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Summary {
     pub(crate) count: u64,
@@ -113,7 +113,7 @@ impl Summary {
         found
     }
 
-    /// What these numbers lose of the distances at most, however many there are.
+    /// Rounding of these numbers at most, however many distances there are.
     pub(crate) fn lost(&self) -> f64 {
         8.0 * f64::EPSILON * self.min.abs().max(self.max.abs())
     }

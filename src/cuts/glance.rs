@@ -11,7 +11,7 @@ use chpm_mesh::pm::is_alive;
 use chpm_refine::Cut;
 use std::ops::Range;
 
-/// What a glance at a cut told.
+/// Findings of a glance at a cut.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Told {
     pub(super) triangles: u64,

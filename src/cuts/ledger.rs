@@ -51,7 +51,7 @@ impl<R: Record> Ledger<R> {
         self.limit = self.limit.max(2 * self.records.len());
     }
 
-    /// What is left of the records of this pass.
+    /// Records of this pass that are left.
     pub(super) fn settled(&mut self) -> &[R] {
         R::settle(&mut self.records);
         &self.records

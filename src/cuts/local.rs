@@ -3,7 +3,7 @@
 use chpm_format::Page;
 use chpm_mesh::Places;
 
-/// What a vertex that no other cluster has is called instead of a shared id.
+/// Stand-in for the shared id of a vertex that no other cluster has.
 pub(super) const UNSHARED: u32 = u32::MAX;
 
 /// Plays one page after the other in the same memory.

@@ -48,7 +48,7 @@ struct OfLeaf {
     leaf: u32,
 }
 
-/// What a group adds: the seams of its coarse clusters, and the rims of their base meshes for the groups above.
+/// Part of a group: the borders of its coarse clusters, and the rims of their base meshes for the groups above.
 #[derive(Default)]
 struct OfGroup {
     seams: Vec<(ClusterId, Vec<[u16; 2]>)>,
@@ -321,7 +321,7 @@ fn shared_ids<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: u32) -> Result<Vec<u32>, 
     Ok(file.page_known(ClusterId(cluster))?.view().shared_ids.to_vec())
 }
 
-/// What is odd in the base mesh, which was entered, and does not come from the seam; by shared ids.
+/// Odd edges of the base mesh, which was entered, that do not come from the border; by shared ids.
 fn rim_of_base(page: &Page<'_>, seam: &[[u16; 2]], local: &mut Local) -> Vec<[u32; 2]> {
     let mut rim = local.odd_edges(page).to_vec();
     let moved = seam.iter().map(|edge| edge.map(|v| local.at(v))).filter(|[a, b]| a != b);

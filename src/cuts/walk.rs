@@ -64,7 +64,7 @@ fn place(ends: [[u32; 3]; 2]) -> u64 {
     checksum(&bytes)
 }
 
-/// What a cut showed.
+/// Findings about a cut.
 #[derive(Default)]
 pub(super) struct Found {
     pub(super) triangles: u64,

@@ -10,7 +10,7 @@ use chpm_measure::{Side, Tally};
 use chpm_mesh::{GroupId, Level};
 use chpm_refine::{Cut, Member, RefineError};
 
-/// What was found about a level, or a cut.
+/// Deviation of a level, or of a cut.
 #[derive(Clone, Debug)]
 pub(crate) struct LevelDeviation {
     pub(crate) clusters: u64,

@@ -40,7 +40,7 @@ pub(crate) struct Judge<'a> {
     slack: f64,
 }
 
-/// What was found about one cluster of a cut.
+/// Deviation of one cluster of a cut.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MemberDeviation {
     pub(crate) member: Member,
@@ -107,7 +107,7 @@ impl Violations {
     }
 }
 
-/// What one task found about one cluster.
+/// Share of one task in one cluster.
 #[derive(Clone, Copy, Default)]
 struct Part {
     of_source: Tally,
@@ -268,7 +268,7 @@ impl Largest {
     }
 }
 
-/// What the tasks of a leaf found, brought together by member.
+/// Joins the results of a leaf's tasks by member.
 fn together(parts: impl Iterator<Item = Vec<(usize, Part)>>) -> Vec<(usize, Part)> {
     let mut all: Vec<(usize, Part)> = Vec::new();
     for (index, part) in parts.flatten() {
@@ -392,7 +392,7 @@ pub(crate) fn source_tiles<'a>(
     (leaves, Tiles::new(boxes, budget, load))
 }
 
-/// What members with these boxes draw, likewise.
+/// Triangles that members with these boxes draw, likewise.
 pub(crate) fn drawn_tiles<'a>(
     file: &'a Chpm<MappedFile>,
     members: &'a [Member],

@@ -49,7 +49,7 @@ struct Picture {
     data: String,
     size: [usize; 2],
     caption: &'static str,
-    /// What the first and the last of its colours stand for, if they are of a range.
+    /// Values of the first and the last of its colours, if they are of a range.
     ends: Option<[String; 2]>,
 }
 

@@ -10,7 +10,7 @@ const NOTHING: u32 = u32::MAX;
 /// Samples of a pixel, along each side: edges are smooth.
 const SAMPLES: usize = 2;
 
-/// What is seen in each sample.
+/// Triangle and depth of each sample.
 pub(crate) struct Canvas {
     /// In pixels.
     size: [usize; 2],
@@ -18,7 +18,7 @@ pub(crate) struct Canvas {
     part: Vec<u32>,
     /// Its light, 0 to 1.
     light: Vec<f32>,
-    /// What its corners were given, in between.
+    /// Colour, interpolated between the corners.
     tint: Vec<[f32; 3]>,
     /// Inverse depth: nothing is at zero.
     near: Vec<f32>,

@@ -14,7 +14,7 @@ const TRIANGLES: u64 = 150_000;
 /// A surface without colours of its own.
 const PLAIN: [f32; 3] = [199.0, 194.0, 184.0];
 
-/// What a picture's colours show.
+/// Meaning of a picture's colours.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Shows {
     Surface,

@@ -14,7 +14,7 @@ const SHOWN: usize = 20_000;
 /// Vertices that are looked up for each cluster: one in so many, at least.
 const ASKED: usize = 64;
 
-/// What a cluster merged into, for all that a split brings. A file tells of groups only; but the finest mesh of a coarse cluster is made of base
+/// Cluster that each cluster merged into, for all that a split brings. A file tells of groups only; but the finest mesh of a coarse cluster is made of base
 /// meshes of fine ones, so that their vertices are its own.
 fn parents(file: &Chpm<MappedFile>) -> Result<Vec<Option<u32>>> {
     let mut parents = vec![None; file.clusters().len()];

@@ -18,7 +18,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What draws.
+/// Choice of the GPU.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Drawing")]
 pub(crate) struct DeviceArgs {
@@ -42,7 +42,7 @@ impl DeviceArgs {
         self.open_on(self.gpu()?, files, memory)
     }
 
-    /// What draws.
+    /// The chosen GPU.
     pub(crate) fn gpu(&self) -> Result<Arc<Gpu>> {
         Ok(Arc::new(Gpu::headless(&self.adapter)?))
     }
@@ -96,7 +96,7 @@ pub(crate) struct LookArgs {
     background: Option<[f32; 3]>,
 }
 
-/// What only pictures without a window have.
+/// Options of pictures without a window.
 #[derive(clap::Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Looks")]
 pub(crate) struct StillArgs {
@@ -182,7 +182,7 @@ pub(crate) fn write_png(image: &Image, file: Output) -> Result<Output> {
     Ok(png.into_inner().map_err(|error| error.into_error())?)
 }
 
-/// What a frame did, for programs.
+/// Statistics of a frame, for programs.
 pub(crate) fn as_json(stats: &Stats) -> Value {
     let ms = |time: std::time::Duration| 1e3 * time.as_secs_f64();
     let times = &stats.times;

@@ -7,7 +7,7 @@ use anyhow::Result;
 
 const PANEL: [u32; 2] = [900, 230];
 
-/// What a panel shows of a frame.
+/// A panel: title, value of a frame, label.
 type Panel = (&'static str, fn(&Frame) -> f64, fn(f64) -> String);
 
 const PANELS: [Panel; 3] = [

@@ -20,7 +20,7 @@ struct Pair {
     complete: Viewer,
 }
 
-/// What was compared, and what was left out meanwhile.
+/// Comparisons, and parts that were left out meanwhile.
 #[derive(Default)]
 struct Proof {
     pixels: u64,

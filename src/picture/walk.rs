@@ -15,7 +15,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What `chpm walk --render` is told beside what `chpm walk` is.
+/// Arguments of `chpm walk --render`, beside those of `chpm walk`.
 #[derive(clap::Args, Debug)]
 #[command(next_help_heading = "With pictures", mut_args(needs_render))]
 pub(crate) struct RenderArgs {
@@ -49,7 +49,7 @@ fn needs_render(arg: clap::Arg) -> clap::Arg {
     if OF_PICTURES.contains(&arg.get_id().as_str()) { arg.requires("render") } else { arg }
 }
 
-/// What it shares with the walk without pictures.
+/// State that it shares with the walk without pictures.
 pub(crate) struct Walk<'a> {
     pub(crate) file: &'a Path,
     pub(crate) path_file: &'a Path,

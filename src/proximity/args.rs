@@ -1,4 +1,4 @@
-//! What the verbs of proximity are asked with.
+//! Arguments of the verbs of proximity.
 
 use super::poses::{read_path, typed};
 use super::{Limits, Pair};
@@ -15,7 +15,7 @@ use chpm_proximity::Pose;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What every question has.
+/// Arguments of every question.
 #[derive(clap::Args, Debug)]
 pub(crate) struct AskArgs {
     /// A .chpm file; or a mesh ({meshes}), which is built into a temporary one first

@@ -182,7 +182,7 @@ pub(crate) fn write_csv(answers: &[Answer], out: &mut impl Write) -> Result<()> 
     Ok(())
 }
 
-/// What was read of both models.
+/// Reads of both models.
 pub(crate) fn read(answer: &Answer) -> Reads {
     let [a, b] = answer.reads;
     a.plus(b)

@@ -1,4 +1,4 @@
-//! What the window is told of two models: their distance, and where they come near.
+//! Relation of two models in the window: their distance, and where they come near.
 
 use super::{Pair, PoseArgs};
 use crate::args::MemorySize;
@@ -16,7 +16,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What is asked about two models in a window.
+/// Question about two models in a window.
 #[derive(clap::Args, Debug)]
 #[command(next_help_heading = "Two models")]
 pub(crate) struct RelateArgs {

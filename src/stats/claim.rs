@@ -1,4 +1,4 @@
-//! What a pipeline asserts of a file: `acmr24<0.8`.
+//! Assertions of a pipeline about a file: `acmr24<0.8`.
 
 use serde_json::{Map, Value};
 use std::fmt;

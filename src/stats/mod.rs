@@ -43,7 +43,7 @@ pub(crate) struct LevelStats {
     /// Of the finest mesh of a cluster, and of its base mesh.
     pub(crate) triangles: Option<Spread>,
     base_triangles: Option<Spread>,
-    /// What `info` has, too.
+    /// Triangles of all clusters, as in `info`.
     #[serde(skip)]
     pub(crate) total_triangles: u64,
     /// Vertices that other clusters have, too, by vertices.
@@ -100,7 +100,7 @@ pub(crate) struct Row<'a> {
 }
 
 impl ByteStats {
-    /// What the bytes of the file are for, by name.
+    /// Bytes of the file's parts, by name.
     pub(crate) fn all(&self) -> impl Iterator<Item = (String, f64)> {
         let parts =
             self.parts.iter().map(|(part, bytes)| (part.replace('_', " "), bytes.as_f64().unwrap_or(0.0)));

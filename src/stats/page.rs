@@ -1,4 +1,4 @@
-//! What only a page tells: the bytes of its parts, how its triangles serve a vertex cache, how far apart the ends of edges lie, and for
+//! Statistics that take a page: the bytes of its parts, how its triangles serve a vertex cache, how far apart the ends of edges lie, and for
 //! how many levels its shared vertices are shared.
 
 use anyhow::Result;

@@ -21,7 +21,7 @@ pub(crate) struct Named {
     pub(crate) value: f64,
 }
 
-/// What a cluster is measured by; of more than one cluster the larger is the worse.
+/// Value of a cluster; of more than one cluster the larger is the worse.
 type Measure = fn(&Row<'_>, &[Option<Spread>]) -> Option<f64>;
 
 /// Names and measures. The second argument has the errors of each level.
@@ -49,7 +49,7 @@ const MEASURES: [(&str, &str, Measure); 10] = [
     ("deviation", "deviation of normals, degrees", |row, _| Some(row.record.normal_deviation.into())),
 ];
 
-/// What a measure is, in words.
+/// Meaning of a measure, in words.
 pub(crate) fn words(measure: &str) -> &'static str {
     MEASURES.iter().find(|(name, ..)| *name == measure).map_or("", |(_, words, _)| words)
 }

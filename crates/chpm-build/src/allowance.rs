@@ -12,7 +12,7 @@ pub const MIN_MEMORY: u64 = 128 << 20;
 const PROGRAM: u64 = 20 << 20;
 /// Stack and scratch of a thread: one group of clusters with all that simplifying and ordering it takes.
 pub(crate) const THREAD: u64 = 10 << 20;
-/// What a thread needs for a region of usual size, and what is kept from arrays for that.
+/// Memory of a thread for a region of usual size, which arrays may not take.
 const REGION: u64 = 20 << 20;
 
 /// Bytes of a source for each byte of what grows with it and has to be in memory: border vertices, and a row of the tables for

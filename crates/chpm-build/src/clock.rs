@@ -17,7 +17,7 @@ pub(crate) struct Clock {
 #[derive(Clone, Copy, Debug)]
 struct Last {
     at: Instant,
-    /// What it took.
+    /// Time that it took.
     cost: Duration,
 }
 

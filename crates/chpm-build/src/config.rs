@@ -1,4 +1,4 @@
-//! What a build is told: settings decide the bytes of the output, resources only how it gets there.
+//! Configuration of a build: settings decide the bytes of the output, resources only how it gets there.
 
 use chpm_extmem::FailPoints;
 use chpm_format::BoundaryMode;
@@ -15,15 +15,15 @@ use std::time::Duration;
 /// Everything a build is told.
 #[derive(Clone, Debug, Default)]
 pub struct BuildConfig {
-    /// What decides the output.
+    /// Settings, which decide the output.
     pub settings: Settings,
-    /// What it may use.
+    /// Resources, which do not.
     pub resources: Resources,
     /// Whether an existing output may be replaced.
     pub overwrite: bool,
 }
 
-/// What decides the output, byte for byte; stored in the file.
+/// Settings that decide the output, byte for byte; stored in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Triangles of a leaf cluster that the decomposition aims for (Quick-VDR 4.1: about 2K vertices, so 4K triangles).
@@ -145,7 +145,7 @@ impl fmt::Display for Layout {
     }
 }
 
-/// What becomes of the source's coordinates.
+/// Treatment of the source's coordinates.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Positions {
     /// Singles keep their bits, what has more digits is rounded to singles.
@@ -230,7 +230,7 @@ impl Settings {
     }
 }
 
-/// What a build may use; none of it shows in the output.
+/// Resources of a build; none of them shows in the output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resources {
     /// Worker threads; 0 takes one per processor.
@@ -245,7 +245,7 @@ pub struct Resources {
     pub checkpoint: Option<Duration>,
     /// Whether the work directory stays when the build is done, with all that layout and emit start from.
     pub keep_work: bool,
-    /// What is to go wrong, for tests.
+    /// Planned failures, for tests.
     pub fail_points: FailPoints,
 }
 

@@ -1,4 +1,4 @@
-//! What every stage is handed: storage, threads, progress and the request to stop.
+//! Context of every stage: storage, threads, progress and the request to stop.
 
 use crate::clock::Clock;
 use crate::error::BuildError;

@@ -18,14 +18,14 @@ use chpm_format::{
 use chpm_mesh::{Aabb, Attributes, GroupId, Sphere};
 use serde::{Deserialize, Serialize};
 
-/// What is known of a source once it was read.
+/// Facts of a source once it was read.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Known {
     pub(crate) facts: Facts,
     pub(crate) repairs: Repairs,
 }
 
-/// What the file says about its source, kept while the source's arrays are gone.
+/// Facts that the file stores about its source, kept while the source's arrays are gone.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Facts {
     pub(crate) triangles: u64,
@@ -60,7 +60,7 @@ impl Facts {
     }
 }
 
-/// What was written.
+/// Output of the last stage.
 pub(crate) struct Written {
     pub(crate) len: u64,
     pub(crate) clusters: u32,
@@ -188,6 +188,7 @@ fn places(order: &[u32], tree: &Tree) -> Vec<Option<u32>> {
 fn link_groups(order: &[u32], tree: &Tree, clusters: &Clusters) -> (Vec<GroupRecord>, Vec<u32>) {
     let places = places(order, tree);
     let mut members = Vec::new();
+
     let groups = (clusters.groups.iter())
         .map(|group| {
             let coarse_first = members.len() as u32;
@@ -205,6 +206,7 @@ fn link_groups(order: &[u32], tree: &Tree, clusters: &Clusters) -> (Vec<GroupRec
             }
         })
         .collect();
+
     (groups, members)
 }
 

@@ -1,11 +1,11 @@
-//! What can stop a build.
+//! Errors of a build.
 
 use crate::progress::Stage;
 use crate::report::Reached;
 use chpm_import::SourceError;
 use std::path::PathBuf;
 
-/// What can stop a build. Nothing is left behind when it does, unless it is [`BuildError::Kept`].
+/// Reasons why a build stops. Nothing is left behind when it does, unless it is [`BuildError::Kept`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {
@@ -71,9 +71,9 @@ pub enum BuildError {
     /// The build ended early, and can go on.
     #[error("{error}; what was done is kept up to {reached} in '{}', and the same command goes on there", folder.display())]
     Kept {
-        /// What ended it.
+        /// Cause.
         error: Box<BuildError>,
-        /// What the next run goes on from.
+        /// Progress that the next run goes on from.
         reached: Reached,
         /// Where that is.
         folder: PathBuf,
@@ -81,9 +81,9 @@ pub enum BuildError {
     /// The work directory was removed during the build, which is what ended it, or what lets nothing be kept.
     #[error("{error}; the work folder '{}' was removed meanwhile, so nothing is kept: run the build again", folder.display())]
     WorkRemoved {
-        /// What ended the build.
+        /// Cause.
         error: Box<BuildError>,
-        /// What is gone.
+        /// Folder that is gone.
         folder: PathBuf,
     },
     /// The output would replace what it is built from.
@@ -100,7 +100,7 @@ pub enum BuildError {
     Limit {
         /// Where it was found.
         stage: Stage,
-        /// What there is too much of.
+        /// Name of the quantity that is too large.
         what: &'static str,
         /// How much there is.
         got: u64,

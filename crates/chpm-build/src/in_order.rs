@@ -43,6 +43,7 @@ pub(crate) fn while_not_due<S, R: Send>(
     make: impl Fn(&mut S, usize) -> Result<R, BuildError> + Sync,
 ) -> Result<Vec<R>, BuildError> {
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+
     let by_thread = rayon::broadcast(|_| {
         let (mut scratch, mut made) = (scratch(), Vec::new());
         loop {
@@ -62,6 +63,7 @@ pub(crate) fn while_not_due<S, R: Send>(
             }
         }
     });
+
     let mut all = Vec::new();
     for made in by_thread {
         all.extend(made?);
@@ -115,6 +117,7 @@ mod tests {
             assert!(all.is_ok());
             assert_eq!(taken, (0..200).map(|job| slow(job).unwrap()).collect::<Vec<_>>());
         }
+
         let fails = |job: usize| if job == 60 { Err(BuildError::Cancelled) } else { Ok(job) };
         let mut last = 0;
         let result = pool.install(|| {

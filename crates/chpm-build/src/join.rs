@@ -49,7 +49,7 @@ pub(crate) fn run(
     left.chunks(SEGMENT).try_for_each(|steps| join(triangles, steps, mapping, context))
 }
 
-/// What a thread looks up with.
+/// Buffers of a thread that looks up.
 #[derive(Default)]
 struct Scratch {
     triangles: Vec<[u32; 3]>,
@@ -94,12 +94,14 @@ fn join(
 ) -> Result<(), BuildError> {
     let mut corners = Buckets::new(&context.store, "corners", mapping.len().div_ceil(SLICE), BLOCK);
     let mut scratch = Vec::new();
+
     for step in steps {
         context.check()?;
         for v in triangles.read(step.clone(), &mut scratch)?.as_flattened() {
             corners.push(*v as usize / SLICE, *v)?;
         }
     }
+
     let (mut numbers, mut block) = (Vec::new(), Vec::new());
     for bucket in (0..corners.count()).filter(|b| !corners.is_empty(*b)).collect::<Vec<_>>() {
         context.check()?;
@@ -109,6 +111,7 @@ fn join(
             corners.iter_mut().for_each(|v| *v = numbers[*v as usize - first]);
         })?;
     }
+
     let mut resolved = corners.drain();
     let mut renumbered = Vec::new();
     for step in steps {

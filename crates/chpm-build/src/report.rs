@@ -1,4 +1,4 @@
-//! What a build did: stages, levels, repairs, sizes.
+//! Report of a build: stages, levels, repairs, sizes.
 
 use crate::foreign::RefusalsFields;
 use crate::progress::Stage;
@@ -55,7 +55,7 @@ pub struct LevelReport {
     pub refusals: Refusals,
 }
 
-/// What was found in the source and built anyway, or left out.
+/// Defects of the source that were built anyway, or left out.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Repairs {
     /// Triangles left out since two corners are one vertex, and faces of fewer than three corners.
@@ -107,6 +107,7 @@ impl Repairs {
         let small = self.small_components.map(|small| {
             [("small-components", small.components), ("small-component-triangles", small.triangles)]
         });
+
         [
             ("degenerate-faces", self.degenerate_faces),
             ("zero-area-faces", self.zero_area_faces),
@@ -156,7 +157,7 @@ impl fmt::Display for Reached {
     }
 }
 
-/// What a build did.
+/// Report of a build.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
     /// Vertices that the source declares.
@@ -175,13 +176,13 @@ pub struct BuildReport {
     pub stages: Vec<StageReport>,
     /// The levels, leaves first.
     pub levels: Vec<LevelReport>,
-    /// What was found and repaired.
+    /// Defects and repairs.
     pub repairs: Repairs,
-    /// What was left out of the source, in words.
+    /// Losses, in words.
     pub warnings: Vec<String>,
     /// Where the build went on, if it did not start from the beginning.
     pub resumed: Option<Reached>,
-    /// What became of earlier work, in words.
+    /// Notes about earlier work, in words.
     pub notes: Vec<String>,
     /// Largest amount of the memory budget that was in use, bytes.
     pub budget_peak: u64,

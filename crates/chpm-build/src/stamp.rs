@@ -1,4 +1,4 @@
-//! What files are, without reading them: paths, lengths and times.
+//! Identity of files, without reading them: paths, lengths and times.
 
 use crate::error::BuildError;
 use chpm_extmem::Cancel;

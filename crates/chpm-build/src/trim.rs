@@ -22,11 +22,11 @@ use std::ops::Range;
 pub(crate) struct Built {
     pub(crate) tree: Tree,
     pub(crate) clusters: Clusters,
-    /// What is left where detail of the source was left out.
+    /// Clusters that are left where detail of the source was left out.
     pub(crate) trimmed: Option<Trimmed>,
 }
 
-/// What is left where detail of the source was left out.
+/// Clusters that are left where detail of the source was left out.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Trimmed {
     /// Vertices of the leaves, shared ones counted once.
@@ -129,7 +129,7 @@ fn set_levels(clusters: &Clusters, tree: &mut Tree) {
     }
 }
 
-/// What became of a cluster.
+/// Result of clipping a cluster.
 struct Clipped {
     page: PageRef,
     report: LevelReport,
@@ -140,7 +140,7 @@ struct Clipped {
     shared_ids: Vec<u32>,
 }
 
-/// What one thread works with.
+/// Buffers of one thread.
 #[derive(Default)]
 struct Scratch {
     bytes: Vec<u8>,
@@ -200,6 +200,7 @@ impl Scratch {
     fn encode(&mut self, page: &Page<'_>, positions: Range<usize>) -> Result<(), FormatError> {
         let Range { start, end } = positions;
         let base = page.base_vertex_count;
+
         self.places.go_to(&page.progressive_mesh(), end);
         self.triangles.clear();
         self.triangles.extend(self.places.triangles(page.triangles));
@@ -207,6 +208,7 @@ impl Scratch {
         self.errors.extend((start..end).map(|n| page.error_at(n)));
         self.shared.clear();
         self.shared.extend(page.shared().filter(|(vertex, _)| usize::from(*vertex) < end));
+
         self.out.clear();
         PageParts {
             vertices: page.vertices.first(end),

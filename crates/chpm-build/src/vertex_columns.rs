@@ -7,7 +7,7 @@ use chpm_mesh::{Attributes, VertexSlices, Vertices};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// What the columns are called, here and on disk.
+/// Names of the columns, here and on disk.
 pub(crate) const POSITIONS: &str = "positions";
 pub(crate) const NORMALS: &str = "normals";
 const COLORS: &str = "colors";
@@ -19,7 +19,7 @@ pub(crate) struct VertexColumns {
     pub(crate) colors: Option<Column<[u8; 4]>>,
 }
 
-/// What is done to every column of vertices, whatever its items are.
+/// An operation on every column of vertices, whatever its items are.
 pub(crate) trait ColumnMap {
     /// Makes another column of one; `what` is what it is called.
     fn map<T: Pod + Send + Sync>(
@@ -30,7 +30,7 @@ pub(crate) trait ColumnMap {
 }
 
 impl VertexColumns {
-    /// What the vertices carry.
+    /// Attributes of the vertices.
     pub(crate) fn attributes(&self) -> Attributes {
         Attributes { normals: self.normals.is_some(), colors: self.colors.is_some(), ..Attributes::NONE }
     }

@@ -1,4 +1,4 @@
-//! What a reader far away asks for before it can draw: requests and bytes for the tables, for the roots, and for a model that is refined where it is worst.
+//! Requests and bytes of a reader far away before it can draw: for the tables, for the roots, and for a model that is refined where it is worst.
 //!
 //! `cargo run --release -p chpm-format --example first_requests -- scan.chpm`. Ranges are read from a file here, as they would be from a server.
 

@@ -45,7 +45,7 @@ pub(crate) fn encode(tables: [&[u8]; 3]) -> Vec<u64> {
     [chunk_len].into_iter().chain(sums).collect()
 }
 
-/// What a section says of tables of these lengths: how long a chunk is, and the checksums of each table's.
+/// Decodes a section for tables of these lengths: how long a chunk is, and the checksums of each table's.
 pub(crate) fn decode(section: &[u8], tables: [u64; 3]) -> Result<(u64, [Vec<u64>; 3]), FormatError> {
     let place = Place::Section(SectionKind::Chunks);
     let mut words = section.chunks_exact(WORD).map(bytemuck::pod_read_unaligned::<u64>);
@@ -57,7 +57,7 @@ pub(crate) fn decode(section: &[u8], tables: [u64; 3]) -> Result<(u64, [Vec<u64>
     Ok((chunk_len, sums))
 }
 
-/// What is wrong with the order of the tables: the top of the hierarchy comes first.
+/// Checks the order of the tables: the top of the hierarchy comes first.
 pub(crate) fn check_order(
     clusters: &[ClusterRecord],
     groups: &[GroupRecord],

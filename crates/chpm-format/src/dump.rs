@@ -64,17 +64,20 @@ fn header<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write) -> Result<(), Fo
     writeln!(out, "chpm {}.{} file_len {}", h.version_major, h.version_minor, h.file_len)?;
     writeln!(out, "attributes normals {} colors {}", has.has_normals(), has.colors)?;
     writeln!(out, "source vertices {} triangles {}", h.source_vertex_count, h.source_triangle_count)?;
+
     let (c, g, l, r, leaves) = (h.cluster_count, h.group_count, h.level_count, h.root_count, h.leaf_count);
     writeln!(out, "counts clusters {c} groups {g} levels {l} roots {r} leaves {leaves}")?;
     writeln!(out, "shared_vertices {}", h.shared_vertex_count)?;
     if let (Some(boundary), Some(error)) = (h.boundary_mode(), h.error_kind()) {
         writeln!(out, "boundary {boundary}, error {error}")?;
     }
+
     writeln!(
         out,
         "origin {:?} min {:?} max {:?} max_error {:?}",
         h.origin, h.aabb_min, h.aabb_max, h.max_error
     )?;
+
     for (kind, range) in file.sections() {
         writeln!(out, "section {kind} {range:?}")?;
     }
@@ -133,6 +136,7 @@ fn dump_cluster(id: ClusterId, record: &ClusterRecord, out: &mut impl Write) -> 
 
 fn dump_page(page: &Page<'_>, out: &mut impl Write) -> Result<(), FormatError> {
     writeln!(out, "  page min_error {:?} error_scale {:?}", page.min_error, page.error_scale)?;
+
     let mut shared = page.shared().peekable();
     for (vertex, position) in page.positions.iter().enumerate() {
         write!(out, "  vertex {vertex} {position:?}")?;
@@ -156,6 +160,7 @@ fn dump_page(page: &Page<'_>, out: &mut impl Write) -> Result<(), FormatError> {
         }
         writeln!(out)?;
     }
+
     for corners in page.triangles {
         writeln!(out, "  triangle {corners:?}")?;
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with a file, or with what is to become one.
+//! Errors of a file, or of the input of one.
 
 use crate::SectionKind;
 use chpm_mesh::{ClusterId, GroupId};
@@ -59,9 +59,9 @@ pub enum FormatError {
     Version {
         /// Header or page.
         place: Place,
-        /// What this reader reads.
+        /// Version that this reader reads.
         expected: &'static str,
-        /// What the file says.
+        /// Version of the file.
         got: String,
     },
     /// The file needs a feature that this reader does not know.
@@ -77,7 +77,7 @@ pub enum FormatError {
         "{place}: {expected} bytes expected, {got} present; the file is cut short or was never finished, copy or build it again"
     )]
     Truncated {
-        /// What does not fit.
+        /// Part of the file.
         place: Place,
         /// Bytes needed.
         expected: u64,
@@ -99,11 +99,11 @@ pub enum FormatError {
         "{place}: checksum {expected:016x} expected, {got:016x} found; the file is damaged, copy or build it again"
     )]
     Checksum {
-        /// What is damaged.
+        /// Part of the file.
         place: Place,
-        /// What the file says.
+        /// Checksum in the file.
         expected: u64,
-        /// What the bytes give.
+        /// Checksum of the bytes.
         got: u64,
     },
     /// A value that the format does not allow, or two values that contradict each other.
@@ -113,9 +113,9 @@ pub enum FormatError {
         place: Place,
         /// The field or rule.
         field: &'static str,
-        /// What the format allows here.
+        /// Values that the format allows here.
         expected: String,
-        /// What is there.
+        /// Found value.
         got: String,
     },
     /// The metadata section does not decode.

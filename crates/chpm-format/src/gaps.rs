@@ -1,4 +1,4 @@
-//! What has vanished from a group: how far that is from what the group draws.
+//! Dropped components of a group: how far they are from what the group draws.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -100,7 +100,7 @@ pub enum BoundaryMode {
     VPartition = 2,
 }
 
-/// What the stored errors mean.
+/// Meaning of the stored errors.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[repr(u32)]
 pub enum ErrorKind {
@@ -136,17 +136,17 @@ pub(crate) fn attribute_bits(attributes: Attributes) -> u32 {
     u32::from(normals) | u32::from(colors) << 1 | u32::from(octahedral) << 2
 }
 
-/// What the attribute bits mean; `None` for a bit that means nothing, and for normals of both kinds.
+/// Attributes of these bits; `None` for a bit that means nothing, and for normals of both kinds.
 pub(crate) fn attributes_of(bits: u32) -> Option<Attributes> {
     let bit = |place: u32| bits >> place & 1 == 1;
     let attributes = Attributes { normals: bit(0), octahedral: bit(2), colors: bit(1) };
     (bits < 8 && !(attributes.normals && attributes.octahedral)).then_some(attributes)
 }
 
-/// What attribute bits may be, for a message.
+/// Allowed attribute bits, for a message.
 pub(crate) const ATTRIBUTE_BITS: &str = "bits 0 to 2, and not both of bits 0 and 2";
 
-/// What a reader must know of a file that has this, and the first minor version that has it.
+/// Required flags of a file that has this, and the first minor version that has it.
 pub(crate) fn needs(fields: &HeaderFields) -> (u32, u16) {
     let octahedral = fields.attributes.octahedral;
     let packed = if fields.packed { PACKED_PAGES } else { 0 };
@@ -158,13 +158,13 @@ pub(crate) fn needs(fields: &HeaderFields) -> (u32, u16) {
     }
 }
 
-/// What pages are aligned to.
+/// Alignment of pages.
 pub(crate) fn page_align(packed: bool) -> u64 {
     if packed { PACKED_ALIGN } else { PAGE_ALIGN }
 }
 
 impl Header {
-    /// What the vertices carry.
+    /// Attributes of the vertices.
     pub fn attributes(&self) -> Attributes {
         attributes_of(self.attributes).unwrap_or_default()
     }
@@ -176,7 +176,7 @@ impl Header {
             .copied()
     }
 
-    /// What the errors mean; `None` for a code that [`crate::Chpm::open`] would have refused.
+    /// Meaning of the errors; `None` for a code that [`crate::Chpm::open`] would have refused.
     pub fn error_kind(&self) -> Option<ErrorKind> {
         [ErrorKind::Quadric, ErrorKind::Certified].get(self.error_kind as usize).copied()
     }
@@ -230,14 +230,17 @@ impl Header {
             let version = format!("{}.{}", self.version_major, self.version_minor);
             return Err(FormatError::Version { place, expected: "1.x", got: version });
         }
+
         let (expected, found) = (self.own_checksum(), self.header_checksum);
         if expected != found {
             return Err(FormatError::Checksum { place, expected: found, got: expected });
         }
+
         let unknown = self.required_flags & !(PACKED_PAGES | OCTAHEDRAL_NORMALS);
         if unknown != 0 {
             return Err(FormatError::Feature { place, got: unknown });
         }
+
         require_eq(place, "header_len", HEADER_LEN as u32, self.header_len)?;
         require_eq(place, "section_table_offset", HEADER_LEN as u32, self.section_table_offset)?;
         require_eq(place, "page_align", page_align(self.is_packed()), self.page_align.into())?;
@@ -245,12 +248,14 @@ impl Header {
             return Err(FormatError::Truncated { place: Place::File, expected: self.file_len, got });
         }
         require_eq(place, "file_len", got, self.file_len)?;
+
         let attributes = attributes_of(self.attributes);
         require(attributes.is_some(), place, "attributes", ATTRIBUTE_BITS, self.attributes)?;
         let flagged = self.required_flags & OCTAHEDRAL_NORMALS != 0;
         require_eq(place, "flag of octahedral normals", self.attributes().octahedral, flagged)?;
         require(self.boundary_mode().is_some(), place, "boundary_mode", "0, 1 or 2", self.boundary_mode)?;
         require(self.error_kind().is_some(), place, "error_kind", "0 or 1", self.error_kind)?;
+
         let finite = self.origin.iter().all(|x| x.is_finite());
         require(finite, place, "origin", "finite numbers", format_args!("{:?}", self.origin))?;
         let (min, max) = (self.aabb_min, self.aabb_max);

@@ -22,9 +22,9 @@ pub struct Metadata {
     pub source: Source,
     /// Settings of the build, name and value, in a fixed order.
     pub settings: Vec<(String, String)>,
-    /// What was repaired, and how often.
+    /// Repairs, and how often each was made.
     pub repairs: Vec<(String, u64)>,
-    /// What the builder warned about.
+    /// Warnings of the builder.
     pub warnings: Vec<String>,
 }
 
@@ -52,7 +52,7 @@ fn config() -> impl bincode::config::Config {
 }
 
 impl Metadata {
-    /// What all coordinates of the file are whole multiples of, if it says that its positions are on a lattice.
+    /// Step that all coordinates of the file are whole multiples of, if it says that its positions are on a lattice.
     ///
     /// # Errors
     /// [`FormatError::Metadata`] where it is no power of two.

@@ -38,7 +38,7 @@ pub struct PageHeader {
     pub shared_count: u32,
     /// Error of the finest mesh.
     pub min_error: f32,
-    /// What error codes are relative to: a power of two, or 0.
+    /// Unit of error codes: a power of two, or 0.
     pub error_scale: f32,
     /// Zero.
     pub reserved: [u8; 28],
@@ -103,7 +103,7 @@ pub struct Page<'a> {
     pub base_triangle_count: usize,
     /// Error of the finest mesh, object units.
     pub min_error: f32,
-    /// What the codes are relative to.
+    /// Unit of the codes.
     pub error_scale: f32,
 }
 

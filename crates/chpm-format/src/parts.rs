@@ -1,4 +1,4 @@
-//! What a page is made of, and how it is encoded.
+//! Parts of a page, and their encoding.
 
 use crate::MAX_CLUSTER_VERTICES;
 use crate::error::{FormatError, Place, invalid, require, require_eq};

@@ -119,7 +119,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.table(SectionKind::Groups)
     }
 
-    /// What has vanished from a group; nothing that is known of where [`Header::has_gaps`] is false.
+    /// Gaps of a group; unknown where [`Header::has_gaps`] is false.
     ///
     /// # Panics
     /// For a group that the file does not have.

@@ -82,6 +82,7 @@ impl ClusterRecord {
         let sphere = Sphere::of_points(page.positions);
         let page_len = u32::try_from(payload.len())
             .map_err(|_| invalid(Place::Page(ClusterId::NONE), "length", "less than 4 GiB", payload.len()))?;
+
         Ok(ClusterRecord {
             page_offset: 0,
             page_len,
@@ -180,7 +181,7 @@ pub struct GroupRecord {
     pub center: [f32; 3],
     /// Its radius.
     pub radius: f32,
-    /// What has vanished, from version 1.1 on; see [`crate::Chpm::gaps`].
+    /// Gaps, from version 1.1 on; see [`crate::Chpm::gaps`].
     pub gaps: Gaps,
     /// Zero.
     pub reserved: [u8; 4],

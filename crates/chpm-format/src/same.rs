@@ -13,7 +13,7 @@ use xxhash_rust::xxh3::Xxh3;
 /// Differences that are told in full.
 const TOLD: usize = 20;
 
-/// What the content of two files differs in; nothing if both have the same clusters, errors and groups, and with them the same cuts. The
+/// Differences of two files' content; none if both have the same clusters, errors and groups, and with them the same cuts. The
 /// order of clusters, groups and triangles, how pages are stored, and provenance do not count.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Differences {
@@ -88,7 +88,7 @@ fn compare_sets(what: &str, [here, there]: [Vec<u128>; 2], differences: &mut Dif
     }
 }
 
-/// What each cluster holds, as a number.
+/// Hash of each cluster's content.
 fn clusters<D: AsRef<[u8]>>(file: &Chpm<D>, progress: &mut impl FnMut()) -> Result<Vec<u128>, FormatError> {
     let mut triangles = Vec::new();
     (0..)
@@ -97,6 +97,7 @@ fn clusters<D: AsRef<[u8]>>(file: &Chpm<D>, progress: &mut impl FnMut()) -> Resu
         .map(|(id, record)| {
             let page = file.page_checked(id)?;
             let mut hash = Xxh3::new();
+
             let alike = ClusterRecord {
                 page_offset: 0,
                 page_len: 0,
@@ -106,6 +107,7 @@ fn clusters<D: AsRef<[u8]>>(file: &Chpm<D>, progress: &mut impl FnMut()) -> Resu
                 flags: record.flags & ClusterRecord::TRIMMED,
                 ..*record
             };
+
             hash.update(bytemuck::bytes_of(&alike));
             add_page(&page.view(), &mut triangles, &mut hash);
             progress();
@@ -139,7 +141,7 @@ fn add_page(page: &Page<'_>, triangles: &mut Vec<[u16; 3]>, hash: &mut Xxh3) {
     hash.update(bytemuck::bytes_of(&page.error_scale));
 }
 
-/// What each group holds: what its clusters hold, and its own errors, gaps and sphere.
+/// Hash of each group: of its clusters' content, and its own errors, gaps and sphere.
 fn groups<D: AsRef<[u8]>>(file: &Chpm<D>, clusters: &[u128]) -> Vec<u128> {
     let mut held = Vec::new();
     (0..)

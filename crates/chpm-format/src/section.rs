@@ -72,7 +72,7 @@ impl SectionKind {
         }
     }
 
-    /// What it is aligned to in the file.
+    /// Alignment in the file.
     pub(crate) fn align(self) -> u64 {
         if self == SectionKind::Pages { PAGE_ALIGN } else { TABLE_ALIGN }
     }

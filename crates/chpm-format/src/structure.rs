@@ -122,16 +122,18 @@ impl Structure<'_> {
     }
 }
 
-/// What a cluster's record must be by itself, in a file with this header.
+/// Checks a cluster's record by itself, in a file with this header.
 pub(crate) fn check_cluster(header: &Header, place: Place, c: &ClusterRecord) -> Result<(), FormatError> {
     let (v, t, levels, groups) = (c.vertex_count, c.triangle_count, header.level_count, header.group_count);
     require(c.level < levels, place, "level", format_args!("less than {levels}"), c.level)?;
     require(v <= MAX_CLUSTER_VERTICES, place, "vertex_count", "at most 65535", v)?;
+
     let base = c.base_vertex_count;
     require(1 <= base && base <= v, place, "base_vertex_count", format_args!("1 to {v}"), base)?;
     let base = c.base_triangle_count;
     require(base <= t, place, "base_triangle_count", format_args!("at most {t}"), base)?;
     require(c.shared_count <= v, place, "shared_count", format_args!("at most {v}"), c.shared_count)?;
+
     let (unpacked, len) = (c.unpacked_len(header.attributes()), u64::from(c.page_len));
     if header.is_packed() && c.flags & ClusterRecord::PACKED != 0 {
         let least = unpacked.div_ceil(MOST_TIMES as u64);
@@ -140,21 +142,24 @@ pub(crate) fn check_cluster(header: &Header, place: Place, c: &ClusterRecord) ->
     } else {
         require_eq(place, "page_len", unpacked, len)?;
     }
+
     let less = format_args!("less than {groups}");
     require(c.group < groups, place, "group", less, c.group)?;
     let parent = c.parent_group < groups || c.is_root();
     require(parent, place, "parent_group", format_args!("less than {groups}, or none"), c.parent_group)?;
+
     require_errors(place, c.min_error, c.max_error)?;
     let (normal, color) = (c.normal_deviation, c.color_deviation);
     require((0.0..=180.0).contains(&normal), place, "normal_deviation", "0 to 180", normal)?;
     require((0.0..=255.0).contains(&color), place, "color_deviation", "0 to 255", color)?;
+
     let boxed = (0..3)
         .all(|a| c.aabb_min[a].is_finite() && c.aabb_max[a].is_finite() && c.aabb_min[a] <= c.aabb_max[a]);
     require(boxed, place, "box", "finite, min <= max", format_args!("{:?} {:?}", c.aabb_min, c.aabb_max))?;
     require_sphere(place, c.center, c.radius)
 }
 
-/// What a group's record must be by itself, in a file with this header.
+/// Checks a group's record by itself, in a file with this header.
 pub(crate) fn check_group(header: &Header, place: Place, group: &GroupRecord) -> Result<(), FormatError> {
     let levels = header.level_count;
     require(group.level < levels, place, "level", format_args!("less than {levels}"), group.level)?;

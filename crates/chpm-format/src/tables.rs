@@ -14,16 +14,16 @@ use bytemuck::Zeroable;
 use chpm_mesh::{Aabb, Attributes, ClusterId, GroupId};
 use std::mem;
 
-/// What the header says that the tables do not.
+/// Fields of the header that the tables do not tell.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct HeaderFields {
-    /// What the vertices carry.
+    /// Attributes of the vertices.
     pub attributes: Attributes,
     /// Vertices that leaf triangles use, each counted once.
     pub source_vertex_count: u64,
     /// How boundaries were treated.
     pub boundary_mode: BoundaryMode,
-    /// What the errors mean.
+    /// Meaning of the errors.
     pub error_kind: ErrorKind,
     /// Number of shared vertex ids.
     pub shared_vertex_count: u32,
@@ -38,7 +38,7 @@ pub struct HeaderFields {
 /// The tables of a file to be. [`crate::ChpmWriter::begin`] completes and checks them.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Tables {
-    /// What the other tables do not tell.
+    /// Fields that the other tables do not tell.
     pub header: HeaderFields,
     /// Clusters, in the order of their pages; `page_offset` is filled in.
     pub clusters: Vec<ClusterRecord>,
@@ -61,6 +61,7 @@ impl Tables {
         let header = file.header();
         let known = |field| move || invalid(Place::Header, field, "a code that is known", "another");
         let groups = (0..).map(GroupId).zip(file.groups());
+
         Ok(Tables {
             header: HeaderFields {
                 attributes: header.attributes(),
@@ -200,6 +201,7 @@ impl Tables {
             |field, len: usize| u32::try_from(len).map_err(|_| invalid(place, field, "less than 2^32", len));
         let bounds = bounds(&self.clusters);
         let (required_flags, version_minor) = crate::header::needs(&self.header);
+
         Ok(Header {
             magic: MAGIC,
             version_major: VERSION_MAJOR,

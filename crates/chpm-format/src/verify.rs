@@ -60,11 +60,11 @@ impl fmt::Display for Invariant {
 /// One thing that is wrong.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Fault {
-    /// What is broken.
+    /// Broken invariant.
     pub invariant: Invariant,
     /// Where.
     pub place: Place,
-    /// What was expected, and what is there.
+    /// Expected and found values, in words.
     pub message: String,
 }
 
@@ -74,7 +74,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// What [`verify`] found.
+/// Findings of [`verify`].
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Report {
     /// Pages whose checksum and structure are right.

@@ -122,6 +122,7 @@ impl RangeScans {
                 expected,
                 got,
             };
+
             match line[..] {
                 [] | [b"camera", ..] => {}
                 [word, ..] if word.starts_with(b"#") => {}
@@ -144,6 +145,7 @@ impl RangeScans {
                 [word, ..] => return Err(wrong("'bmesh' or 'camera'", excerpt(word))),
             }
         }
+
         if scans.is_empty() { Err(ImportError::NoScans) } else { Ok(RangeScans { scans }) }
     }
 }

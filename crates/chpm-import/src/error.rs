@@ -19,7 +19,7 @@ pub enum ImportError {
     Read {
         /// Bytes that were read before.
         offset: u64,
-        /// What the input said.
+        /// Cause.
         source: io::Error,
     },
     /// A line that no sensible file has.
@@ -35,9 +35,9 @@ pub enum ImportError {
     Text {
         /// Where the text is.
         place: Place,
-        /// What may be there.
+        /// Expected text.
         expected: &'static str,
-        /// What is there, shortened.
+        /// Found text, shortened.
         got: String,
     },
     /// A coordinate that is NaN or infinite.
@@ -73,7 +73,7 @@ pub enum ImportError {
     TooMany {
         /// The first that is too much.
         place: Place,
-        /// What there is too much of.
+        /// Name of the quantity that is too large.
         what: &'static str,
         /// How many there may be.
         limit: u64,
@@ -81,9 +81,9 @@ pub enum ImportError {
     /// The input ends too early.
     #[error("{place}: the file ends here; expected {expected}; copy the file again")]
     Truncated {
-        /// What is not whole, and the length of the file.
+        /// Part that is cut off, and the length of the file.
         place: Place,
-        /// What should have come.
+        /// Expected bytes.
         expected: String,
     },
     /// A list of range scans without one.
@@ -121,15 +121,15 @@ pub enum SourceError {
     Read {
         /// The source file.
         path: PathBuf,
-        /// What the system says.
+        /// Cause.
         source: io::Error,
     },
-    /// What is no file cannot be read twice, or has no end.
+    /// A source that is no file cannot be read twice, or has no end.
     #[error("{path} is {what}, where a file is needed; save it as one and name that")]
     NotAFile {
         /// The path as given.
         path: PathBuf,
-        /// What it is.
+        /// Kind of thing that it is.
         what: &'static str,
     },
     /// The source came through a pipe and names files that lie beside it.
@@ -137,7 +137,7 @@ pub enum SourceError {
     NamesFiles {
         /// The pipe.
         path: PathBuf,
-        /// What came through it.
+        /// Name of its content.
         what: &'static str,
     },
     /// A scan of a list cannot be read.
@@ -147,7 +147,7 @@ pub enum SourceError {
         list: PathBuf,
         /// Which of its scans, from 0.
         index: usize,
-        /// What is wrong with it.
+        /// Cause.
         error: Box<SourceError>,
     },
     /// A coordinate is beyond what errors and spheres can be stored for.
@@ -165,7 +165,7 @@ pub enum SourceError {
     Import {
         /// The source file.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// Cause, and where.
         source: Box<ImportError>,
     },
     /// Memory or disk.

@@ -1,4 +1,4 @@
-//! What a file is that there is no reader for, by its first bytes: so that a refusal can name it, and what to do.
+//! Names of formats without a reader, by a file's first bytes: so that a refusal can name it and a remedy.
 
 use super::format::{Format, first_line, is_text, read_formats, without_mark};
 use super::lines::words;
@@ -20,7 +20,7 @@ const RECONSTRUCT: &str =
 const UNPACK: &str = "unpack it and name the mesh in it";
 const NO_MESH: &str = "name a mesh";
 
-/// What begins with these bytes.
+/// First bytes of formats, their names, and remedies.
 const MAGICS: [(&[u8], &str, &str); 43] = [
     (b"\x89CHPM", "a .chpm file, which is built already", "look at it with chpm info or chpm view"),
     (b"glTF", "a GLB (binary glTF)", CONVERT),
@@ -68,8 +68,8 @@ const MAGICS: [(&[u8], &str, &str); 43] = [
 ];
 
 impl Foreign {
-    /// What an input is that begins with `head` and is `len` bytes long, if that is known, and is of none of the formats that are
-    /// read. None for what a reader is for, or for what `extension` says is a format without a beginning of its own.
+    /// Recognizes an input that is of none of the formats that are read, by its first bytes and its length, if that is known.
+    /// None for what a reader is for, or for what `extension` says is a format without a beginning of its own.
     pub fn detect(input: &Start<'_>) -> Option<Foreign> {
         let Start { head, extension, .. } = *input;
         let named = |what, remedy| Some(Foreign { what, remedy });
@@ -109,7 +109,7 @@ impl Foreign {
     }
 }
 
-/// What a text is.
+/// Recognizes a text.
 fn of_text(head: &[u8], input: &Start<'_>) -> Option<Foreign> {
     let named = |what, remedy| Some(Foreign { what, remedy });
     let line = first_line(head);
@@ -198,6 +198,7 @@ mod tests {
             ("Dreiecksnetz für Köln".as_bytes(), None, "text that is no mesh"),
             (&tar, Some("ply"), "a tar archive"),
         ];
+
         for (head, extension, what) in cases {
             assert_eq!(told(head, extension), Some(what), "{}", head.escape_ascii());
         }

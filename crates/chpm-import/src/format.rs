@@ -17,7 +17,7 @@ pub const COMPRESSED: [&str; 2] = ["gz", "zst"];
 
 /// A format that meshes come in.
 pub struct Format {
-    /// What users call it.
+    /// Name for users.
     pub name: &'static str,
     /// Extensions of such files, in lower case.
     pub extensions: &'static [&'static str],
@@ -146,6 +146,7 @@ mod tests {
             (b"bmesh a.ply 0 0 0 0 0 0 1", None, conf::FORMAT.name),
             (b"plywood", None, "PLY"),
         ];
+
         for (head, len, format) in cases {
             for extension in [None, Some("ply"), Some("dat")] {
                 assert_eq!(detect(head, len, extension), format, "{}", head.escape_ascii());

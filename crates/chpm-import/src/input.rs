@@ -90,7 +90,7 @@ impl Input {
         Ok(Input { path, reader, tap, packing, cancel, _window: window })
     }
 
-    /// What the delivered vertices are made of.
+    /// Format of the delivered vertices.
     pub fn vertex_format(&self) -> VertexFormat {
         self.reader.format()
     }

@@ -63,7 +63,7 @@ pub struct ObjReader<R: Read> {
     state: State,
 }
 
-/// What the statements up to now have said.
+/// State of the statements up to now.
 #[derive(Default)]
 struct Statements {
     invalid_data: Invalid,
@@ -130,7 +130,7 @@ impl<R: Read> ObjReader<R> {
         Ok(obj)
     }
 
-    /// What the delivered vertices are made of.
+    /// Format of the delivered vertices.
     pub fn vertex_format(&self) -> VertexFormat {
         let attributes = Attributes { colors: self.read.colored, ..Attributes::NONE };
         VertexFormat { coordinates: Coordinates::Text, attributes }
@@ -146,12 +146,12 @@ impl<R: Read> ObjReader<R> {
         self.read.faces
     }
 
-    /// What was not delivered up to now.
+    /// Elements that were not delivered up to now.
     pub fn tally(&self) -> Tally {
         self.read.tally
     }
 
-    /// What is left out; complete when the stream has ended.
+    /// Losses, in words; complete when the stream has ended.
     pub fn warnings(&self) -> Vec<String> {
         let LeftOut { texture, materials, lines_and_points, .. } = self.read.left_out;
         let LeftOut { vertex_numbers, late_colors, statements, ref names, .. } = self.read.left_out;
@@ -189,8 +189,10 @@ impl<R: Read> ObjReader<R> {
         while self.state == State::Open && !self.read.is_full() {
             self.line()?;
         }
+
         std::mem::swap(&mut batch.listed_normals, &mut self.read.pending.listed_normals);
         std::mem::swap(&mut batch.corner_normals, &mut self.read.pending.corner_normals);
+
         let vertices = self.read.pending.positions_f64.len();
         if vertices > 0 && (vertices >= Batch::FULL || !self.read.pending.is_full_of_faces()) {
             std::mem::swap(&mut batch.positions_f64, &mut self.read.pending.positions_f64);
@@ -222,6 +224,7 @@ impl<R: Read> ObjReader<R> {
             let lines = &self.lines;
             return self.read.statement(lines.current(), &|element, index| lines.place(element, index));
         }
+
         self.joined.clear();
         loop {
             let line = self.lines.current();
@@ -236,6 +239,7 @@ impl<R: Read> ObjReader<R> {
                 break;
             }
         }
+
         let lines = &self.lines;
         self.read.statement(&self.joined, &|element, index| lines.place(element, index))
     }

@@ -27,7 +27,7 @@ fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
     Ok(Box::new(OffReader::new(stream, start.head, options)?))
 }
 
-/// What a vertex has besides its position, as the keyword says: `STCNOFF` has all.
+/// Attributes of a vertex besides its position, as the keyword says: `STCNOFF` has all.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 struct Keyword {
     texture: bool,
@@ -58,7 +58,7 @@ struct OffReader<R> {
     body: Body<R>,
     keyword: Keyword,
     invalid_data: Invalid,
-    /// What is delivered of what the keyword says.
+    /// Attributes that are delivered of those.
     attributes: Attributes,
     /// Vertices and faces that the header declares, and those that are behind us.
     declared: [u64; 2],

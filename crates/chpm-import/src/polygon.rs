@@ -94,8 +94,10 @@ impl Triangulator {
             corners.windows(2).skip(1).for_each(|side| push(triangles, [corners[0], side[0], side[1]]));
             return (corners.len() - 2 - (triangles.len() - before)) as u64;
         }
+
         self.flatten(corners, positions);
         let count = self.ring.len();
+
         if let Some(apex) = (0..count.min(APEXES)).find(|apex| self.is_fan(*apex)) {
             (1..count.saturating_sub(1)).for_each(|i| {
                 let at = |i: usize| self.ring[(apex + i) % count];
@@ -108,6 +110,7 @@ impl Triangulator {
             }
             self.fill(triangles);
         }
+
         corners.len().saturating_sub(2 + triangles.len() - before) as u64
     }
 
@@ -117,6 +120,7 @@ impl Triangulator {
         self.plane.clear();
         let origin = positions.first().copied().unwrap_or_default();
         let local = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|axis| p[axis] - origin[axis]) };
+
         let mut area = [0.0f64; 3];
         for (p, q) in positions.iter().zip(positions.iter().cycle().skip(1)) {
             let (p, q) = (local(*p), local(*q));
@@ -125,9 +129,11 @@ impl Triangulator {
                 *sum += p[u] * q[v] - p[v] * q[u];
             }
         }
+
         let axis = (0..3).fold(0, |best, axis| if area[axis].abs() > area[best].abs() { axis } else { best });
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let sign = if area[axis] < 0.0 { -1.0 } else { 1.0 };
+
         for (at, (corner, position)) in corners.iter().zip(positions).enumerate() {
             if *corner != corners[(at + 1) % corners.len()] {
                 let p = local(*position);
@@ -273,6 +279,7 @@ mod tests {
             .chain((0..60).rev().map(|i| (f64::from(i) * 0.3, 1.5 + f64::from(i) * 0.2)))
             .map(|(angle, radius)| [radius * angle.cos(), radius * angle.sin()])
             .collect();
+
         let step = vec![
             [0.0, 0.0],
             [1.0, 0.0],
@@ -283,6 +290,7 @@ mod tests {
             [0.0, 2.0],
             [0.0, 1.0],
         ];
+
         for mut points in [arrow, comb, spiral, step] {
             for _ in 0..2 {
                 for first in 0..points.len() {

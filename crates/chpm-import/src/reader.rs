@@ -7,13 +7,13 @@ use crate::supply::Supply;
 use chpm_extmem::{Cancel, Store};
 use std::path::{Path, PathBuf};
 
-/// What a reader is given.
+/// Input of a reader.
 pub struct Opening<'a> {
     /// Decompressed bytes, from the first on.
     pub stream: Stream,
     /// The first bytes of the stream and its length, to look at.
     pub start: Start<'a>,
-    /// What is wanted of the mesh.
+    /// Wanted parts of the mesh.
     pub options: Options,
     /// Memory and disk for what has to be held.
     pub store: &'a Store,
@@ -49,7 +49,7 @@ impl Start<'_> {
 
 /// A mesh that is being read, whatever its format.
 pub trait MeshReader {
-    /// What the delivered vertices are made of.
+    /// Format of the delivered vertices.
     fn format(&self) -> VertexFormat;
 
     /// Vertices and faces that a header declares, true or not.
@@ -69,14 +69,14 @@ pub trait MeshReader {
     /// What is wrong, and where; or memory and disk.
     fn next(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError>;
 
-    /// What is known at the end, to be asked for after the last batch.
+    /// Facts about the source, to be asked for after the last batch.
     ///
     /// # Errors
     /// Those of reading what is left.
     fn finish(self: Box<Self>) -> Result<SourceInfo, ImportError>;
 }
 
-/// What is known of a mesh when all of it was read.
+/// Facts about a mesh when all of it was read.
 #[derive(Default, Debug)]
 pub struct SourceInfo {
     /// The file's name.
@@ -93,9 +93,9 @@ pub struct SourceInfo {
     pub face_count: u64,
     /// Comments of its header.
     pub comments: Vec<String>,
-    /// What was not delivered.
+    /// Elements that were not delivered.
     pub tally: Tally,
-    /// What was left out or changed, in words.
+    /// Losses and changes, in words.
     pub warnings: Vec<String>,
     /// Further files that the mesh is made of, in its order.
     pub beside: Vec<Beside>,

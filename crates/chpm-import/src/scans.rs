@@ -165,7 +165,7 @@ fn open(path: &Path, options: Options, store: &Store, cancel: &Cancel) -> Result
     Input::open_as(&Supply::file(path)?, options, store, false, cancel)
 }
 
-/// What is wrong with a scan, and whose it is.
+/// Error of a scan, with the scan's name.
 fn named(list: &Path, index: usize, error: SourceError) -> SourceError {
     match error {
         SourceError::Cancelled | SourceError::Extmem(_) => error,

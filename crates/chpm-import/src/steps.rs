@@ -45,7 +45,7 @@ impl Steps {
         Ok(Steps::Known { positions, left_out })
     }
 
-    /// What was left out, in words.
+    /// Count of the cells that were left out, in words.
     pub(crate) fn warning(&self) -> Option<String> {
         match self {
             Steps::Known { left_out, .. } if *left_out > 0 => Some(format!(

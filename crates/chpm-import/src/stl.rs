@@ -114,7 +114,7 @@ impl<R: Read> StlReader<R> {
         })
     }
 
-    /// What it is in words.
+    /// Name of the encoding.
     pub fn encoding(&self) -> &'static str {
         match &self.body {
             Body::Binary(_) => "stl, binary",
@@ -135,12 +135,12 @@ impl<R: Read> StlReader<R> {
         self.facets
     }
 
-    /// What was not delivered up to now.
+    /// Elements that were not delivered up to now.
     pub fn tally(&self) -> Tally {
         self.tally
     }
 
-    /// What is left out; complete when the stream has ended.
+    /// Losses, in words; complete when the stream has ended.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
@@ -154,11 +154,13 @@ impl<R: Read> StlReader<R> {
         if self.state == State::Failed {
             return Err(ImportError::Ended);
         }
+
         let result = match (self.state, &mut self.body) {
             (State::Open, Body::Binary(_)) => self.fill_binary(batch),
             (State::Open, Body::Ascii { .. }) => self.fill_ascii(batch),
             _ => Ok(false),
         };
+
         match result {
             Ok(true) => {}
             Ok(false) if self.state == State::Open => {
@@ -171,6 +173,7 @@ impl<R: Read> StlReader<R> {
             Ok(false) => {}
             Err(_) => self.state = State::Failed,
         }
+
         result
     }
 

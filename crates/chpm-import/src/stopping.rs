@@ -86,6 +86,7 @@ fn every_loop_over_input_heeds_a_stop() {
     let ply = |format: &str, elements: &str| format!("ply\nformat {format} 1.0\n{elements}end_header\n");
     let text = |elements: &str| ply("ascii", elements);
     let binary = |elements: &str| ply("binary_little_endian", elements);
+
     let fixed = "element junk 4000000000000\nproperty double a\nproperty int b\n";
     let lists = "element junk 4000000000000\nproperty list uchar int b\n";
     let mut stl = vec![0; 80];
@@ -94,6 +95,7 @@ fn every_loop_over_input_heeds_a_stop() {
     let faces = format!("{VERTICES}{FACES}");
     let corners = "0 0 0\n1 0 0\n0 1 0\n";
     let zeros = [0u8; 36];
+
     let cases: [(&str, Vec<u8>, &[u8], Invalid); 14] = [
         ("fixed.ply", binary(&format!("{fixed}{faces}")).into(), b"\0", Invalid::Refuse),
         ("lists.ply", binary(&format!("{lists}{faces}")).into(), b"\x01abcd", Invalid::Refuse),
@@ -115,6 +117,7 @@ fn every_loop_over_input_heeds_a_stop() {
         ("degenerate.stl", stl, &[0; 50], Invalid::Refuse),
         ("list.conf", b"bmesh a.ply 0 0 0 0 0 0 1\n".to_vec(), b"# nothing\n", Invalid::Refuse),
     ];
+
     for (name, head, body, invalid) in cases {
         let after = stopped(name, &head, body, BEFORE, invalid);
         assert!(after <= AFTER, "{name}: {after} bytes");

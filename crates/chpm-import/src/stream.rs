@@ -49,7 +49,7 @@ impl Packing {
 }
 
 impl fmt::Display for Packing {
-    /// What is added to the name of an encoding.
+    /// Suffix of an encoding's name.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Packing::None => "",
@@ -109,7 +109,7 @@ impl Read for Tap {
     }
 }
 
-/// What comes out of decompression. A few bytes of a file may become gigabytes there.
+/// Watched output of a decompressor. A few bytes of a file may become gigabytes there.
 struct Watched<R> {
     stream: R,
     cancel: Cancel,
@@ -168,6 +168,7 @@ pub(crate) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
     let start = begin(&mut tap, PACKED_HEAD)?;
     let packing = Packing::detect(&start, len);
     let bytes = Cursor::new(start).chain(tap);
+
     let mut window = 0;
     let mut stream: Stream = match packing {
         Packing::None => Box::new(bytes),
@@ -183,6 +184,7 @@ pub(crate) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
             Box::new(Zstd { decoder, window })
         }
     };
+
     let head = begin(&mut stream, head)?;
     let stream = Box::new(Watched { stream: Cursor::new(head.clone()).chain(stream), cancel });
     Ok(Opened { stream, packing, head, len: Some(len).filter(|_| packing == Packing::None), window })

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 pub struct Supply {
     /// Where it is, or the pipe.
     pub path: PathBuf,
-    /// What came through a pipe; none if the path is a file.
+    /// Copy of a pipe's bytes; none if the path is a file.
     spooled: Option<File>,
 }
 

@@ -178,7 +178,7 @@ fn take<T>(vector: &mut Vec<T>) -> Vec<T> {
 ///
 /// The bits of a position's coordinates that have equal weight are together. Numbers keep their order, negative ones included.
 pub(crate) trait Corner: Pod + Ord + Send {
-    /// What positions are delivered as.
+    /// Type of delivered positions.
     const COORDINATES: Coordinates;
 
     fn new(position: [f64; 3], number: u32) -> Self;
@@ -371,6 +371,7 @@ mod tests {
                 (corner.position().map(f64::to_bits), corner.number()),
                 (p.map(f64::to_bits), u32::MAX - 7)
             );
+
             let p = p.map(|x| x * 1.000_000_000_1);
             let corner = <[u128; 2] as Corner>::new(p, u32::MAX - 7);
             assert_eq!(
@@ -378,6 +379,7 @@ mod tests {
                 (p.map(f64::to_bits), u32::MAX - 7)
             );
         }
+
         fn order<C: Corner>() {
             let at = |x: f64| C::new([x, 0.0, 0.0], 9);
             assert!(at(-2.0) < at(-1.0) && at(-1.0) < at(0.0) && at(0.0) < at(1e-30) && at(1.0) < at(2.0));

@@ -1,4 +1,4 @@
-//! What people ask for, as they type it: lengths and numbers of triangles.
+//! Lengths and numbers of triangles, as people type them.
 
 use crate::{Number, NumberError, Units};
 use std::fmt::{self, Display};
@@ -18,6 +18,7 @@ pub fn whole(text: &str) -> Result<u64, AskedError> {
         let known = "understood are 20000, 20,000, 20_000, 20k, 1.5M, 2e4";
         AskedError(format!("'{text}' is not a whole number; {known}"))
     };
+
     let (number, unit) = Number::read(text).map_err(|error| match error {
         NumberError::NoNumber(_) => told(),
         error => AskedError(error.to_string()),

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 #[repr(transparent)]
 pub struct Octahedral([u8; 3]);
 
-/// What stands for 0, and how many steps it is from there to 1.
+/// Code of 0, and the number of steps from there to 1.
 const ZERO: u32 = 2048;
 const STEPS: f64 = 2047.0;
 

@@ -40,7 +40,7 @@ impl Attributes {
         Attributes { normals: self.has_normals(), octahedral: false, ..self }
     }
 
-    /// What both have.
+    /// Attributes that both have.
     pub fn common(self, other: Attributes) -> Attributes {
         Attributes {
             normals: self.normals && other.normals,
@@ -49,7 +49,7 @@ impl Attributes {
         }
     }
 
-    /// What one of the two has, or both.
+    /// Attributes that one of the two has, or both.
     pub fn joined(self, other: Attributes) -> Attributes {
         Attributes {
             normals: self.normals || other.normals,
@@ -119,7 +119,7 @@ impl Vertices {
         }
     }
 
-    /// What they carry.
+    /// Attributes of the vertices.
     pub fn attributes(&self) -> Attributes {
         self.view().attributes()
     }
@@ -204,7 +204,7 @@ impl<'a> VertexSlices<'a> {
         VertexSlices { positions, ..VertexSlices::default() }
     }
 
-    /// What they carry.
+    /// Attributes of the vertices.
     pub fn attributes(self) -> Attributes {
         Attributes {
             normals: !self.normals.is_empty(),

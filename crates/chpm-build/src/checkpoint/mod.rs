@@ -28,11 +28,11 @@ pub(crate) struct Checkpoints {
     /// None: none are made, and none is looked for.
     key: Option<u64>,
     keep_work: bool,
-    /// What the manifest holds.
+    /// Progress that the manifest records.
     reached: Option<Reached>,
-    /// What this run began with.
+    /// Progress that this run began with.
     pub(crate) resumed: Option<Reached>,
-    /// What is to be told about earlier work.
+    /// Notes about earlier work.
     pub(crate) notes: Vec<String>,
 }
 
@@ -57,7 +57,7 @@ impl Checkpoints {
         Ok((checkpoints, dir))
     }
 
-    /// What the last checkpoint of an earlier run holds, or the beginning. A checkpoint that is not what was written is not used.
+    /// Restores the last checkpoint of an earlier run, or begins. A checkpoint that is not as it was written is not used.
     fn restore(&mut self, context: &Context<'_>) -> Result<(Known, Left), BuildError> {
         let Some(key) = self.key else { return Ok(Default::default()) };
         let dir = &context.store.workdir;
@@ -65,6 +65,7 @@ impl Checkpoints {
             Some(point) => Ok(Some((point.reached(), point.restore(context)?))),
             None => Ok(None),
         };
+
         match read() {
             Ok(Some((reached, restored))) => {
                 self.note(format!("going on after {reached}"), context.progress);
@@ -77,6 +78,7 @@ impl Checkpoints {
             }
             Err(error) => return Err(error),
         }
+
         dir.clear()?;
         Ok(Default::default())
     }

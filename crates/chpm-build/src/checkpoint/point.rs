@@ -133,6 +133,7 @@ impl Point<'static> {
     pub(super) fn restore(self, context: &Context<'_>) -> Result<(Known, Left), BuildError> {
         let store = &context.store;
         store.workdir.resume(self.names())?;
+
         let left = match self.work {
             SavedWork::Ingested(source) => Left::Ingested(Box::new(source.load(store)?)),
             SavedWork::Decomposed(leaves) => Left::Decomposed(leaves.load(store)?),
@@ -150,6 +151,7 @@ impl Point<'static> {
                 Left::Simplified(Built { tree, clusters, trimmed: trimmed.map(Cow::into_owned) })
             }
         };
+
         Ok((self.known.into_owned(), left))
     }
 }

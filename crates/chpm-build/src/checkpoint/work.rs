@@ -1,4 +1,4 @@
-//! What the stages of a build have left so far. Each stage is run unless an earlier run has done it, and may be followed by a checkpoint.
+//! Results of the stages of a build so far. Each stage is run unless an earlier run has done it, and may be followed by a checkpoint.
 
 use super::Checkpoints;
 use super::point::Point;
@@ -11,7 +11,7 @@ use crate::ingest::{self, Source};
 use crate::simplify::Levels;
 use crate::trim::Built;
 
-/// What the stage that ran last has left for the next.
+/// Results of the last stage for the next.
 #[derive(Default)]
 pub(crate) enum Left {
     #[default]
@@ -126,7 +126,7 @@ impl<'a> Work<'a> {
         self.leave(Left::Simplified(built))
     }
 
-    /// What all stages have left.
+    /// Results of all stages.
     ///
     /// # Panics
     /// Before [`Work::simplify`].

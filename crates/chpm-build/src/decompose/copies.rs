@@ -16,7 +16,7 @@ fn key([a, b, c]: [u32; 3]) -> [u32; 3] {
 /// Drops copies that come soon after one another, so that a million of them take no room. Those that it lets through are for
 /// [`drop_all`].
 pub(super) struct Sieve {
-    /// What was let through last, by hash.
+    /// Triangles that were let through last, by hash.
     seen: Vec<[u32; 3]>,
     /// Copies that were dropped.
     pub(super) dropped: u64,

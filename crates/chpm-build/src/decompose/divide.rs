@@ -158,7 +158,7 @@ fn region_count(vertices: usize, leaves: u32, settings: &Settings) -> u32 {
     (leaves / REGION_LEAVES).max(1 << by_vertices).max(1)
 }
 
-/// What a sample of the triangles says about the cells.
+/// Graph of the cells from a sample of the triangles.
 fn joints(triangles: &Column<[u32; 3]>, cells: &Cells, context: &Context<'_>) -> Result<Pairs, BuildError> {
     let steps = triangles.len().div_ceil(STEP);
     let step = |scratch: &mut Vec<[u32; 3]>, step: usize| {
@@ -395,7 +395,7 @@ impl Runs<'_> {
     }
 }
 
-/// What most of a triangle's corners have; where all differ, one of the three by a rule that does not depend on the order of
+/// Value that most of a triangle's corners have; where all differ, one of the three by a rule that does not depend on the order of
 /// the corners, so that copies of a triangle stay together.
 pub(crate) fn majority(triangle: [u32; 3], of_corners: [u32; 3]) -> u32 {
     let [a, b, c] = of_corners;

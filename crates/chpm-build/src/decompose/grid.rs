@@ -69,7 +69,7 @@ struct Counter {
     largest: AtomicU64,
 }
 
-/// What is known of a slot's vertices once they are counted.
+/// Facts of a slot's vertices once they are counted.
 #[derive(Clone, Copy, Debug)]
 struct Counted {
     least: u64,

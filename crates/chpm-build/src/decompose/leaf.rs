@@ -88,7 +88,7 @@ impl LeafMesh {
     }
 }
 
-/// What a thread writes leaves with.
+/// Buffers of a thread that writes leaves.
 #[derive(Default)]
 pub(super) struct LeafWriter {
     vertices: Vertices,

@@ -102,7 +102,7 @@ impl SavedLeaves<'_> {
     }
 }
 
-/// What the leaves' spool is called, here and on disk.
+/// Name of the leaves' spool, here and on disk.
 const LEAVES: &str = "leaves";
 
 /// Times that all triangles are gone through: they find the new numbers of their vertices, their regions, and their leaves.

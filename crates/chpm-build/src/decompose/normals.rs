@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 /// Faces whose normals come to less than this share of their lengths cancel out: what is left is rounding.
 const LOST: f64 = 1.0 / (1u64 << 40) as f64;
 
-/// What some faces about a vertex come to.
+/// Sum of the normals of some faces about a vertex.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct Sum {
@@ -22,7 +22,7 @@ pub(crate) struct Sum {
     length: f64,
 }
 
-/// What the faces of one region about a border vertex come to.
+/// Sum of the normals of one region's faces about a border vertex.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct BorderSum {
@@ -50,7 +50,7 @@ impl Sum {
     }
 }
 
-/// What the faces of a mesh come to, by vertex, in the order of the faces.
+/// Sums of the faces' normals, by vertex, in the order of the faces.
 fn sums(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<Sum> {
     let mut sums = vec![Sum::default(); positions.len()];
     for corners in triangles {

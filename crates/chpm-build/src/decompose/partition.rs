@@ -34,19 +34,24 @@ fn partition_region(
     assignment: &mut [u32],
 ) -> Result<(), BuildError> {
     context.check()?;
+
     let count = range.end - range.start;
     let regions = if count > ROUND_PARTS && count.is_multiple_of(ROUND_PARTS) { ROUND_PARTS } else { count };
     let partition = settings.partitioner.kway(graph, regions, settings.seed)?.parts;
+
     if regions == count {
         for (cell, part) in cells.iter().zip(partition) {
             assignment[*cell as usize] = range.start + part;
         }
         return Ok(());
     }
+
+    // Too many parts for one cut: a few first, then each of them by itself.
     let mut members = vec![Vec::new(); regions as usize];
     for (node, region) in partition.iter().enumerate() {
         members[*region as usize].push(node as u32);
     }
+
     let step = count / regions;
     for (first, nodes) in (range.start..).step_by(step as usize).zip(&members) {
         let cells: Vec<u32> = nodes.iter().map(|n| cells[*n as usize]).collect();

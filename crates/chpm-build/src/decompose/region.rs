@@ -33,17 +33,17 @@ pub(crate) struct Mesh {
     pub(crate) referenced: u64,
 }
 
-/// What was made of a region. Leaves are numbered from 0 in it.
+/// Result of a region. Leaves are numbered from 0 in it.
 pub(crate) struct Done {
     pub(crate) leaves: Vec<Leaf>,
     pub(crate) interfaces: Interfaces,
     /// Border number and leaf, for each leaf that uses a border vertex; ascending.
     pub(crate) border_uses: Vec<(u32, u32)>,
-    /// What was counted, with border numbers, and numbers of inner shared vertices above all of those.
+    /// Counts, with border numbers, and numbers of inner shared vertices above all of those.
     pub(crate) census: Census,
     pub(crate) referenced: u64,
     pub(crate) copies: u64,
-    /// What the faces about border vertices come to, if normals are computed.
+    /// Sums of normals about border vertices, if normals are computed.
     pub(crate) normals: Vec<BorderSum>,
 }
 

@@ -56,9 +56,11 @@ fn outcome(mesh: &TriMesh, settings: &Settings, threads: usize, memory: u64) -> 
     let store = Store::create(parent.path(), memory).unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let context = Context::new(store, pool, &Silent, Cancel::default());
+
     let mut repairs = Repairs::default();
     let decomposition =
         context.pool.install(|| run(source(mesh, &context.store), settings, &context, &mut repairs)).unwrap();
+
     let mut outcome = Outcome { leaves: vec![], shared: vec![], users: vec![], repairs };
     let mut bytes = Vec::new();
     for leaf in 0..decomposition.leaves.len() as u32 {
@@ -68,6 +70,7 @@ fn outcome(mesh: &TriMesh, settings: &Settings, threads: usize, memory: u64) -> 
         outcome.shared.push(leaf.shared().map(|(v, id)| (vertex(v), id)).collect());
         assert!(leaf.shared().is_sorted_by(|a, b| a.0 < b.0));
     }
+
     let shared = &decomposition.shared;
     outcome.users = (0..shared.len() as u32).map(|id| shared.users(id).to_vec()).collect();
     let mut counts = BTreeMap::<&[u32], u32>::new();

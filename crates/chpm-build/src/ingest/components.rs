@@ -131,6 +131,7 @@ impl Slice {
                 return None;
             }
         }
+
         let link = self.link(root);
         if *link == root {
             *link = out;

@@ -15,7 +15,7 @@ const STEP: usize = 1 << 14;
 /// Rounding beyond this share of the diagonal can be seen, and is told.
 const VISIBLE: f64 = 1e-6;
 
-/// What became of the positions.
+/// Positions in single precision, with their origin and rounding.
 pub(super) struct Local {
     /// Unused vertices are moved into the bounds.
     pub(super) positions: Column<[f32; 3]>,
@@ -24,7 +24,7 @@ pub(super) struct Local {
     pub(super) origin: [f64; 3],
     /// By how much a coordinate of a used vertex was changed at most.
     pub(super) rounding: f64,
-    /// What all coordinates are multiples of, if they lie on a lattice.
+    /// Step that all coordinates are multiples of, if they lie on a lattice.
     pub(super) lattice_step: Option<f64>,
     pub(super) warning: Option<String>,
 }
@@ -121,7 +121,7 @@ fn lost_by_difference(from: f64, less: f64, difference: f64) -> f64 {
     ((from - (difference - part)) - (less + part)).abs()
 }
 
-/// What rounding did, and why if it can be seen.
+/// Message about the rounding, and its reason if it can be seen.
 fn told(rounding: f64, origin: [f64; 3], diagonal: f64) -> String {
     let mut text = format!(
         "double coordinates were rounded to 24 bits about the origin {origin:?}: by at most {rounding:.3e}"
@@ -137,7 +137,7 @@ fn told(rounding: f64, origin: [f64; 3], diagonal: f64) -> String {
     text
 }
 
-/// What is known of double coordinates.
+/// Bounds and precision of double coordinates.
 #[derive(Default)]
 struct Extent {
     range: Option<[(f64, f64); 3]>,
@@ -145,7 +145,7 @@ struct Extent {
     rounds: bool,
     /// Whether all of them are what a single is printed as.
     are_singles: bool,
-    /// What they would lose about zero.
+    /// Precision that they would lose about zero.
     lost: f64,
     digits: String,
 }

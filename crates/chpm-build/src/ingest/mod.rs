@@ -40,10 +40,10 @@ pub(crate) struct Source {
     pub(crate) bounds: Aabb,
     /// By how much a coordinate was changed at most: what errors start from. Zero for f32 sources that are on no lattice.
     pub(crate) rounding: f64,
-    /// What all coordinates are multiples of, if they lie on a lattice.
+    /// Step that all coordinates are multiples of, if they lie on a lattice.
     pub(crate) lattice_step: Option<f64>,
     pub(crate) tally: Tally,
-    /// What was left out, if that was asked for.
+    /// Components that were left out, if that was asked for.
     pub(crate) small: Option<SmallComponents>,
     pub(crate) warnings: Vec<String>,
     pub(crate) provenance: Provenance,
@@ -177,7 +177,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     })
 }
 
-/// What vertices will have in the file.
+/// Attributes of vertices in the file.
 pub(crate) fn kept(read: Attributes, settings: &Settings) -> Attributes {
     Attributes { octahedral: settings.normals == Normals::Computed, ..read }
 }
@@ -327,12 +327,14 @@ fn refuse_far(
         else {
             return Ok(());
         };
+
         let place = |base| Place {
             element: "vertex".to_owned(),
             index: vertex - base,
             offset,
             line: Some(line).filter(|line| *line > 0),
         };
+
         let value = f64::from_bits(value);
         let list = supply.path.clone();
         let scan = |(_, beside): &(usize, &Beside)| beside.first.is_some_and(|first| first <= vertex);
@@ -348,7 +350,7 @@ fn refuse_far(
     })
 }
 
-/// What the file tells of its source.
+/// Provenance, as the file stores it.
 fn provenance(read: &SourceInfo) -> Provenance {
     Provenance {
         name: read.name.clone(),

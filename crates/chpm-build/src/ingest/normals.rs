@@ -18,7 +18,7 @@ const HEED: u64 = 1 << 14;
 /// Normals by vertex, or in words why there are none.
 pub(super) type Joined = (Option<Column<[f32; 3]>>, Option<String>);
 
-/// What corners say, in the order of the source.
+/// Normals of corners, in the order of the source.
 pub(super) struct CornerNormals {
     values: BufferWriter<[f32; 3]>,
     /// The number of a normal, and below it that of a vertex.
@@ -83,7 +83,7 @@ impl CornerNormals {
         Ok((Some(normals.finish_column()?), None))
     }
 
-    /// What normals vertices have, by vertex; none if a corner has none.
+    /// Normals of vertices, by vertex; none if a corner has none.
     fn looks(self, context: &Context<'_>) -> Result<Option<Sorted<Look>>, BuildError> {
         // By normal first, so that these are read front to back.
         let values = self.values.finish_column()?;

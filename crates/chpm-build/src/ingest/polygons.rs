@@ -36,6 +36,7 @@ impl Faces {
         let mut positions = Places::new(positions);
         let (mut triangulator, mut triangles, mut degenerate) = (Triangulator::default(), Vec::new(), 0);
         let (mut at, mut scratch, mut corner_positions) = (0, Vec::new(), Vec::new());
+
         while at < words.len() {
             context.check()?;
             let mut window = words.read(at..words.len().min(at + WINDOW), &mut scratch)?;
@@ -43,6 +44,7 @@ impl Faces {
             if first > window.len() {
                 window = words.read(at..at + first, &mut scratch)?;
             }
+
             for corners in polygon::each(window) {
                 at += 1 + corners.len();
                 corner_positions.clear();
@@ -53,6 +55,7 @@ impl Faces {
                 }
                 degenerate += triangulator.cut(corners, &corner_positions, &mut triangles);
             }
+
             take(&triangles)?;
             triangles.clear();
         }

@@ -92,7 +92,7 @@ impl ColumnMap for Kept<'_> {
     }
 }
 
-/// What `choose` takes of the items, some at a time.
+/// Items that `choose` takes, some at a time.
 fn filtered<T: Pod>(
     items: Column<T>,
     what: &'static str,
@@ -300,6 +300,7 @@ mod tests {
         const VERTICES: u32 = 11 * STRIPS;
         let number = |i: u32| (u64::from(i) * 1_000_003 % u64::from(VERTICES)) as u32;
         let is_long = |strip: u32| strip.is_multiple_of(3);
+
         let mut positions = vec![[0.0f32; 3]; VERTICES as usize];
         let mut triangles = Vec::new();
         for strip in 0..STRIPS {
@@ -310,6 +311,7 @@ mod tests {
             }
             triangles.extend((0..8).map(|i| [vertex(i + 2), vertex(i), vertex(i + 1)]));
         }
+
         triangles.sort_unstable_by_key(|t| t[0].wrapping_mul(0x9e37_79b9));
         let vertices = Vertices {
             positions,
@@ -318,6 +320,7 @@ mod tests {
         };
         let positions = &vertices.positions;
         let dir = tempfile::tempdir().unwrap();
+
         for memory in [0, 1 << 30] {
             let store = Store::create(dir.path(), memory).unwrap();
             let mut used = Used::new(&store).unwrap();
@@ -334,16 +337,19 @@ mod tests {
             let run = || leave_out(columns, Length::Units(5.0), Path::new("strips"), &context);
             let (kept, counts) = context.pool.install(run).unwrap();
             let strips = u64::from(STRIPS);
+
             assert_eq!(
                 counts,
                 SmallComponents { components: 2 * strips / 3, triangles: 8 * (2 * strips / 3) }
             );
             assert_eq!(kept.used.count(), 10 * strips / 3);
+
             let mut stays = vec![false; VERTICES as usize];
             for (strip, i) in (0..STRIPS).flat_map(|strip| (0..11).map(move |i| (strip, i))) {
                 stays[number(11 * strip + i) as usize] = is_long(strip) || i == 10;
             }
             let names: Vec<u32> = (0..VERTICES).filter(|v| stays[*v as usize]).collect();
+
             let (mut items, mut points) = (Vec::new(), Vec::new());
             let colors = kept.vertices.colors.as_ref().unwrap();
             let colors = colors.read(0..colors.len(), &mut Vec::new()).unwrap().to_vec();

@@ -25,6 +25,7 @@ pub(super) fn order(tree: &Tree, bounds: impl Fn(u32) -> Option<Aabb>) -> Vec<u3
         out: Vec::with_capacity(count),
         multilevel: Multilevel::default(),
     };
+
     let bounds: Vec<Option<Aabb>> = (0..count as u32).map(bounds).collect();
     for (node, aabb) in bounds.iter().enumerate() {
         let center = aabb.map_or([0.0; 3], |b| b.center().coords.map(|x| x as f32).into());
@@ -32,6 +33,7 @@ pub(super) fn order(tree: &Tree, bounds: impl Fn(u32) -> Option<Aabb>) -> Vec<u3
         layout.leaves[node] =
             tree.nodes[node].children.map_or(1, |c| c.map(|c| layout.leaves[c as usize]).into_iter().sum());
     }
+
     let built = |node: u32| bounds[node as usize].is_some();
     let is_root = |node: &u32| built(*node) && tree.nodes[*node as usize].parent.is_none_or(|p| !built(p));
     let roots: Vec<u32> = (0..count as u32).rev().filter(is_root).collect();

@@ -151,6 +151,7 @@ impl Multilevel {
             self.steps.push(Step::default());
         }
         std::mem::swap(graph, &mut self.steps[0].graph);
+
         let mut depth = 0;
         while self.steps[depth].graph.node_count() > GROUP {
             if !go_on() {
@@ -159,6 +160,7 @@ impl Multilevel {
             if self.steps.len() == depth + 1 {
                 self.steps.push(Step::default());
             }
+
             let (fine, coarse) = self.steps.split_at_mut(depth + 1);
             let fine = &mut fine[depth];
             self.grouping.group(fine);
@@ -183,6 +185,7 @@ impl Multilevel {
                 self.expanded.push(*member);
             }
         }
+
         let mut at = 0;
         for node in &self.order {
             if !go_on() {
@@ -192,6 +195,7 @@ impl Multilevel {
             self.permuting.permute(&step.graph, &mut self.expanded[at..end], at as u32, &mut self.position);
             at = end;
         }
+
         std::mem::swap(&mut self.order, &mut self.expanded);
         Some(())
     }

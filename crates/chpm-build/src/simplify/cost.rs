@@ -1,4 +1,4 @@
-//! What it takes to simplify a group, known before it begins: so many bytes for each triangle and vertex of its members.
+//! Memory that simplifying a group takes, known before it begins: so many bytes for each triangle and vertex of its members.
 
 use super::PageRef;
 use crate::allowance::THREAD;

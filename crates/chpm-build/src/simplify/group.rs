@@ -26,7 +26,7 @@ const ROOT_TRIANGLES: usize = 100;
 /// Levels that are simplified in haste: three quarters of the work. What the coarse ones lose is seen in everything far away.
 const HASTY_LEVELS: u32 = 2;
 
-/// What the groups of a level have in common.
+/// Context that the groups of a level share.
 pub(super) struct GroupTask<'a> {
     pub(super) level: u32,
     pub(super) tree: &'a Tree,
@@ -40,14 +40,14 @@ pub(super) struct GroupTask<'a> {
     pub(super) settings: &'a Settings,
 }
 
-/// What was made of a group.
+/// Result of a group.
 pub(super) struct GroupDone {
     pub(super) members: Vec<(PageRef, LevelReport)>,
     /// Shared vertices that collapsed.
     pub(super) removed: Vec<u32>,
 }
 
-/// What one thread works with.
+/// Buffers of one thread.
 #[derive(Default)]
 pub(super) struct Scratch {
     members: Vec<Member>,
@@ -143,7 +143,7 @@ impl Scratch {
         Ok(GroupDone { members, removed })
     }
 
-    /// What no error exceeds, whatever the collapses say: a cluster draws vertices of its part of the source, so that the two are within one
+    /// Upper bound on any error, whatever the collapses say: a cluster draws vertices of its part of the source, so that the two are within one
     /// box. Infinite if a member draws nothing.
     fn farthest(&self, members: usize, rounding: f32) -> f32 {
         let members = &self.members[..members];

@@ -57,23 +57,27 @@ impl Merger {
         self.fresh[side].clear();
         self.local.clear();
         let mut shared = page.shared().peekable();
+
         for vertex in 0..page.base_vertex_count as u16 {
             let id = shared.next_if(|(v, _)| *v == vertex).map(|(_, id)| id);
             if !self.used[usize::from(vertex)] {
                 self.local.push(NONE);
                 continue;
             }
+
             let found = id.and_then(|id| self.known[..before].binary_search_by_key(&id, |k| k.0).ok());
             if let Some(known) = found {
                 self.local.push(self.known[known].1);
                 continue;
             }
+
             self.shared.extend(id.map(|id| (*next, id)));
             self.known.extend(id.map(|id| (id, *next)));
             self.fresh[side].push(vertex);
             self.local.push(*next);
             *next += 1;
         }
+
         self.known.sort_unstable();
     }
 }

@@ -93,7 +93,7 @@ impl Clusters {
     }
 }
 
-/// What the levels are built from.
+/// Inputs of the levels.
 pub(crate) struct Inputs<'a> {
     pub(crate) decomposition: &'a Decomposition,
     pub(crate) tree: &'a Tree,

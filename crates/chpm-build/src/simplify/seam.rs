@@ -222,6 +222,7 @@ mod tests {
                 set.vertices.colors.push([if is_spike { 220 } else { 20 }; 4]);
             }
         }
+
         for corner in (0..ROWS - 1).flat_map(|row| [3 * row, 3 * row + 1]) {
             let [a, b, c, d] = [corner, corner + 1, corner + 4, corner + 3];
             set.triangles.extend([[a, b, c], [a, c, d]]);
@@ -229,13 +230,14 @@ mod tests {
         if side < 0.0 {
             set.triangles.iter_mut().for_each(|t| t.swap(0, 1));
         }
+
         set.shared = (0..ROWS).map(|row| (3 * row, row.into())).collect();
         AttributeErrors::new(set.vertices.view(), &[])
             .of_source(&set.triangles, &mut set.face_attribute_errors);
         set
     }
 
-    /// What a seam's collapses do to the faces about them, both members have to know: their own collapses go on from there.
+    /// Displacements that a group border's collapses leave are in both members: their own collapses go on from there.
     #[test]
     fn both_sides_are_told_how_far_their_faces_are() {
         let mut members = [half(-1.0), half(1.0)];

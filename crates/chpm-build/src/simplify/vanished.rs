@@ -1,7 +1,7 @@
-//! What has vanished from the clusters of a group, and how far that is from what they draw.
+//! Dropped components of a group's clusters, and how far they are from what is drawn.
 //!
 //! A vertex of a position is drawn at every finer one, too, if triangles use it at the first: so gaps are found at two positions only, one
-//! before anything vanishes and the base mesh. Vertices that other clusters share do not count, since a seam's collapses may
+//! before anything is dropped and the base mesh. Vertices that other clusters share do not count, since a group border's collapses may
 //! pass over a cluster's own triangles.
 
 use super::working_set::WorkingSet;
@@ -14,7 +14,7 @@ const MOST: usize = 256;
 /// Dropped components of a cluster, while it is simplified.
 #[derive(Debug, Default)]
 pub(super) struct Vanished {
-    /// What its children left, and then its own.
+    /// Components that its children dropped, and then its own.
     all: Vec<DroppedComponent>,
     below: usize,
     /// The error with which the first of its own came about; infinite if there are none.

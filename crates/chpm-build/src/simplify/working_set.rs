@@ -6,7 +6,7 @@ use chpm_format::{FormatError, Page};
 use chpm_mesh::Vertices;
 use chpm_qem::{AttributeErrors, Displacement, FaceAttributeError, Record};
 
-/// What a parent reads of a child.
+/// Part of a child that a parent reads.
 #[derive(Debug, Default)]
 pub(super) struct Child {
     pub(super) page: Vec<u8>,
@@ -75,7 +75,7 @@ impl WorkingSet {
         Ok(())
     }
 
-    /// What the kernel is told about normals and colours.
+    /// Normals and colours for the kernel.
     pub(super) fn attribute_errors(&self) -> AttributeErrors<'_> {
         AttributeErrors::new(self.vertices.view(), &self.face_attribute_errors)
     }

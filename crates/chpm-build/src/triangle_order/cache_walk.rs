@@ -10,7 +10,7 @@ use super::hubs::Hubs;
 const SIZE: usize = 14;
 /// Score of a vertex in the cache.
 const CACHED: i32 = 60;
-/// What it gains at each of these ages: the oldest ones are best used before they are lost.
+/// Score at each of these ages: the oldest vertices are best used before they are lost.
 const OLDER: i32 = 5;
 const AGES: [usize; 2] = [4, 8];
 /// Score of a vertex for each triangle fewer than `FEW` that it has left: what is nearly done is finished.
@@ -62,10 +62,12 @@ impl CacheWalk {
         self.gather(triangles, vertex_count);
         self.order.clear();
         self.came.clear();
+
         let mut cache = [NONE; SIZE];
         let mut recent = [NONE; RECENT];
         let mut time = SIZE + 1;
         let mut rest = 0..vertex_count as u16;
+
         while let Some(index) = self.best(&recent, triangles).or_else(|| self.restart(&mut rest)) {
             self.order.push(index);
             self.hubs.take(index);
@@ -89,11 +91,13 @@ impl CacheWalk {
         for corner in triangles.as_flattened() {
             self.vertices[usize::from(*corner)].end += 1;
         }
+
         self.hubs.find(self.vertices.iter().map(|vertex| vertex.end));
         #[cfg(test)]
         if self.plain {
             self.hubs = Hubs::default();
         }
+
         self.scores.clear();
         let mut start = 0;
         for vertex in &mut self.vertices {
@@ -102,9 +106,11 @@ impl CacheWalk {
             *vertex = Vertex { start, end: start, came: 0 };
             start += count;
         }
+
         self.around.clear();
         self.around.resize(start as usize, Around::default());
         self.hubs.gather(triangles, &self.scores);
+
         for (index, [a, b, c]) in (0..).zip(triangles) {
             for (corner, others) in [(*a, [*b, *c]), (*b, [*c, *a]), (*c, [*a, *b])] {
                 let vertex = &mut self.vertices[usize::from(corner)];
@@ -252,7 +258,7 @@ mod tests {
         assert_eq!(acmr(ordered(&strip.triangles, strip.positions.len()), 3), 52.0 / 50.0);
     }
 
-    /// What looking at each triangle of a vertex gives, however many there are.
+    /// Same order by looking at each triangle of a vertex, however many there are.
     fn plain(triangles: &[[u16; 3]], vertex_count: usize) -> Vec<u32> {
         let mut walk = CacheWalk { plain: true, ..CacheWalk::default() };
         walk.order(triangles, vertex_count).to_vec()

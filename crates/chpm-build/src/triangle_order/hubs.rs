@@ -16,7 +16,7 @@ const NO_GROUP: u32 = u32::MAX;
 struct Group {
     /// Ascending; then [`NONE`].
     hubs: [u16; 3],
-    /// What the other corners of a triangle score, and its index. Of each that is left there is one that is no less than its score.
+    /// Score of the other corners of a triangle, and its index. Of each that is left there is one that is no less than its score.
     heap: BinaryHeap<(i32, u32)>,
     left: usize,
 }
@@ -60,14 +60,17 @@ impl Hubs {
         self.places.resize(triangles.len(), [0; 3]);
         self.is_taken.clear();
         self.is_taken.resize(triangles.len(), false);
+
         let mut known: HashMap<[u16; 3], u32> = HashMap::new();
         let mut entries: Vec<Vec<(i32, u32)>> = Vec::new();
+
         for (index, corners) in (0..).zip(triangles) {
             let hubs = self.hubs(*corners);
             if hubs == [NONE; 3] {
                 self.group_of.push(NO_GROUP);
                 continue;
             }
+
             let fresh = entries.len() as u32;
             let group = *known.entry(hubs).or_insert(fresh);
             if group == fresh {
@@ -77,9 +80,11 @@ impl Hubs {
                     self.groups_of.entry(hub).or_default().push(group);
                 }
             }
+
             self.group_of.push(group);
             entries[group as usize].push((others(*corners, &hubs, scores), index));
         }
+
         for (group, entries) in self.groups.iter_mut().zip(entries) {
             group.left = entries.len();
             group.heap = entries.into();
@@ -172,7 +177,7 @@ impl Group {
     }
 }
 
-/// What the corners score that are no hubs.
+/// Score of the corners that are no hubs.
 fn others(corners: [u16; 3], hubs: &[u16; 3], scores: &[i32]) -> i32 {
     corners.iter().filter(|corner| !hubs.contains(corner)).map(|corner| scores[usize::from(*corner)]).sum()
 }

@@ -36,6 +36,8 @@ impl TriangleOrder {
         let middle = mesh.base_vertex_count.midpoint(mesh.vertex_count);
         self.play(mesh, middle);
         let order = self.walk.order(&self.corners, middle);
+
+        // Where each vertex comes first, in the middle mesh and in the finest one.
         reset(&mut self.first, mesh.vertex_count);
         reset(&mut self.first_there, middle);
         for (place, at) in (0..).zip(order) {
@@ -48,6 +50,8 @@ impl TriangleOrder {
                 *first = self.first_there[usize::from(*survivor)];
             }
         }
+
+        // Each triangle that is not in the middle mesh comes behind the last of its corners.
         let end = order.len();
         reset(&mut self.behind, end + 1);
         reset(&mut self.next, self.gone.len());
@@ -56,6 +60,7 @@ impl TriangleOrder {
             let last = places.into_iter().fold(0, u32::max) as usize;
             self.next[number] = std::mem::replace(&mut self.behind[last.min(end)], number as u32);
         }
+
         out.clear();
         for (place, behind) in self.behind.iter().enumerate() {
             out.extend(order.get(place).map(|at| mesh.triangles[self.there[*at as usize] as usize]));
@@ -131,14 +136,17 @@ mod tests {
         let mut ordered = Vec::new();
         let mut order = TriangleOrder::default();
         order.fill(&mesh, &mut ordered);
+
         let first = ordered.clone();
         order.fill(&mesh, &mut ordered);
         assert_eq!(first, ordered, "the scratch shows");
+
         let sorted = |mut triangles: Vec<[u16; 3]>| {
             triangles.sort_unstable();
             triangles
         };
         assert_eq!(sorted(ordered.clone()), sorted(triangles.clone()));
+
         let new = ProgressiveMesh { triangles: &ordered, ..mesh };
         for n in [base_vertex_count, base_vertex_count.midpoint(vertex_count), vertex_count] {
             let acmr = |mesh: &ProgressiveMesh<'_>| {

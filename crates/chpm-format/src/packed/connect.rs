@@ -30,7 +30,7 @@ impl Guess {
     }
 }
 
-/// What the walk has met.
+/// State of the walk: vertices and faces that it has met.
 #[derive(Default, Debug)]
 pub(super) struct Walk {
     /// Edges, as the triangle across has their ends, and the corner on this side.

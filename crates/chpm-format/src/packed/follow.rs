@@ -15,7 +15,7 @@ pub(super) fn by_vertex<T: Copy + Default>() -> ByVertex<T> {
     all.try_into().unwrap_or_else(|_| unreachable!("it has that length"))
 }
 
-/// What the walk has met: as in [`super::connect::Walk`], but with vertices for ranks.
+/// State of the walk: as in [`super::connect::Walk`], but with vertices for ranks.
 pub(super) struct Follower {
     edges: Vec<[u16; 4]>,
     met: Vec<u16>,
@@ -153,6 +153,7 @@ impl Follower {
     ) -> Result<[u16; 3], Damage> {
         let mut corners = [0; 3];
         let mut before = order.get(counts.vertices.saturating_sub(1)).copied().unwrap_or_default();
+
         for (symbol, corner) in symbols.into_iter().zip(&mut corners) {
             *corner = match symbol.checked_sub(1) {
                 Some(symbol) => again(&mut self.met, symbol.into(), counts, bits)?,
@@ -167,6 +168,7 @@ impl Follower {
             };
             before = *corner;
         }
+
         self.around.add(corners);
         let [a, b, c] = corners;
         for (from, to, across) in [(b, a, c), (c, b, a), (a, c, b)] {

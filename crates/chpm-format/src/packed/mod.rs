@@ -31,7 +31,7 @@ const KEPT: usize = mem::offset_of!(PageHeader, reserved);
 /// How a page says at which corners triangles start: each by itself, or at the least.
 const TOLD: u8 = 1;
 const LEAST_FIRST: u8 = 2;
-/// What a packed page does not keep to.
+/// A rule that a packed page breaks.
 #[derive(Clone, Copy, Debug)]
 struct Damage(&'static str);
 
@@ -93,7 +93,7 @@ pub fn sizes(raw: &[u8]) -> Result<[u64; PARTS.len()], FormatError> {
     })
 }
 
-/// What the bytes of a page are for; [`Page::sizes`] has those of one that is not packed.
+/// Names of a page's parts; [`Page::sizes`] has those of one that is not packed.
 pub const PARTS: [&str; 8] = [
     "positions",
     "connectivity",

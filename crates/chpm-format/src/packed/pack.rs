@@ -23,7 +23,7 @@ struct Part {
     written: usize,
 }
 
-/// What packing works with, kept from page to page.
+/// Buffers of packing, kept from page to page.
 pub(super) struct Packer {
     writer: Writer,
     walk_bits: BitWriter,
@@ -175,6 +175,7 @@ impl Packer {
         let ranks = &self.writer.ranks;
         self.around.clear(page.vertex_count());
         page.triangles.iter().for_each(|triangle| self.around.add(*triangle));
+
         for (vertex, to) in (page.base_vertex_count..).zip(page.targets) {
             if let Some(place) = self.around.of(vertex).iter().position(|next| next == to) {
                 self.symbols.push(place as u8);
@@ -186,7 +187,9 @@ impl Packer {
                 *symbol += NEIGHBORS as u8;
             }
         }
+
         self.end_part();
+
         let mut last = 0;
         for code in page.error_codes.iter().rev().copied().map(u32::from) {
             put_difference(code.wrapping_sub(last), &mut self.symbols, &mut self.bits);
@@ -199,6 +202,7 @@ impl Packer {
             last = *id;
         }
         self.end_part();
+
         self.symbols.extend_from_slice(page.shared_bits);
         self.end_part();
     }
@@ -209,6 +213,7 @@ impl Packer {
         self.zstd.reinit()?;
         self.zstd.set_pledged_src_size(Some(total as u64))?;
         let mut buffer = OutBuffer::around(&mut out[start..]);
+
         let mut from = 0;
         let last = self.parts.len() - 1;
         for (index, part) in self.parts.iter_mut().enumerate() {
@@ -224,6 +229,7 @@ impl Packer {
             }
             part.written = buffer.pos();
         }
+
         let len = buffer.pos();
         out.truncate(start + len);
         Ok(())

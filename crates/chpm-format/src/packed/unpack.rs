@@ -16,7 +16,7 @@ use chpm_mesh::Octahedral;
 use std::io;
 use std::mem;
 
-/// What unpacking works with.
+/// Buffers of unpacking.
 pub(super) struct Unpacker {
     walk: Follower,
     symbols: Vec<u8>,

@@ -93,6 +93,7 @@ impl View {
             if !number.is_finite() {
                 return None;
             }
+
             text.clear();
             use std::fmt::Write;
             write!(text, "{:e}", number.abs()).ok()?;
@@ -104,6 +105,7 @@ impl View {
                 return None;
             }
         }
+
         let view = View::Decimal { digits: digits as u8, places: places as u8 };
         let same = |number: &f32| {
             view.integer(*number)

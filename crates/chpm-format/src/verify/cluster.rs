@@ -1,4 +1,4 @@
-//! What one page shows, next to its record.
+//! Checks of one page, next to its record.
 
 use super::shared::SharedIds;
 use super::tables::page_padding_is_zero;

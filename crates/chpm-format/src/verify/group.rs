@@ -1,4 +1,4 @@
-//! What the pages of a group show together: coarse clusters are what the fine ones leave (I4, I8), and boundaries
+//! Checks of a group's pages together: coarse clusters are what the fine ones leave (I4, I8), and boundaries
 //! inside the group move alike (I7).
 
 use super::cluster::{self, Scratch};
@@ -28,7 +28,7 @@ pub(super) struct GroupCheck {
     boundary: Vec<BoundaryVertex>,
 }
 
-/// What a member does with a shared vertex: id, whether it collapses, at which error and where to.
+/// A shared vertex as a member has it: id, whether it collapses, at which error and where to.
 type BoundaryVertex = (u32, bool, u32, [u32; 3]);
 
 impl GroupCheck {
@@ -93,12 +93,14 @@ impl GroupCheck {
                 });
             }
         }
+
         self.boundary.sort_unstable_by_key(|member| member.0);
         for members in self.boundary.chunk_by_mut(|a, b| a.0 == b.0) {
             if members.iter().all(|member| *member == members[0]) {
                 continue;
             }
             members.sort_unstable();
+
             let (first, last) = (members[0], members[members.len() - 1]);
             let told = |(_, gone, error, to): BoundaryVertex| match gone {
                 false => "stays".to_owned(),

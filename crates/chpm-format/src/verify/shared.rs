@@ -6,7 +6,7 @@ use crate::header::{BoundaryMode, Header};
 use chpm_mesh::{ClusterId, GroupId};
 use std::ops::Range;
 
-/// What is known about a shared vertex so far.
+/// Facts about a shared vertex so far.
 #[derive(Clone, Copy)]
 struct SharedVertex {
     /// Bits of its position.
@@ -98,7 +98,7 @@ impl SharedIds {
         self.entries.iter().filter(|entry| entry.leaves > 0).count() as u64
     }
 
-    /// What only all lists together show.
+    /// Checks that need all lists together.
     pub(super) fn finish(&self, header: &Header, trimmed: bool, report: &mut Report) {
         // Partitioned again, a cluster may get neighbours where no two leaves met. Where leaves were coarser once, what they
         // shared may have vanished from one of them.

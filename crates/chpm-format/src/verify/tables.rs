@@ -1,4 +1,4 @@
-//! What the tables alone show: statistics, balance, errors and spheres over the groups.
+//! Checks of the tables alone: statistics, balance, errors and spheres over the groups.
 
 use super::{Invariant, Report};
 use crate::chunks::{self, CHUNKED};
@@ -85,11 +85,13 @@ fn check_chunks<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     if !file.is_chunked() {
         return;
     }
+
     let place = Place::Section(SectionKind::Chunks);
     let first = file.header().section_table_end().next_multiple_of(TABLE_ALIGN as usize);
     let list = file.sections().find(|(kind, _)| *kind == SectionKind::Chunks);
     let is_first = list.is_some_and(|(_, range)| range.start == first);
     report.expect(is_first, Invariant::Bytes, place, "the first section expected");
+
     let tables = CHUNKED.map(|kind| file.section(kind));
     match chunks::decode(file.section(SectionKind::Chunks), tables.map(|table| table.len() as u64)) {
         Err(error) => report.expect(false, Invariant::Bytes, place, error),
@@ -105,6 +107,7 @@ fn check_chunks<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
             }
         }
     }
+
     if let Err(error) = chunks::check_order(file.clusters(), file.groups(), file.members()) {
         report.expect(false, Invariant::Bytes, place, error);
     }

@@ -1,6 +1,6 @@
 //! Files from one end to the other: written, read, verified, damaged.
 
-/// What hostile bytes meet: every flip, every cut, every lie with right checksums.
+/// Hostile bytes: every flip, every cut, every lie with right checksums.
 mod hostile;
 /// Random damage under right checksums never panics.
 mod mutate;
@@ -8,7 +8,7 @@ mod mutate;
 mod packed;
 /// Ranges of a file say what the whole of it says, and what they say is not believed.
 mod remote;
-/// What is written is what is read.
+/// Round trips.
 mod round_trip;
 /// Small files to test with.
 mod sample;

@@ -358,7 +358,7 @@ fn damaged_packed_pages_are_refused_or_read() {
     damaged(std::env::var("CHPM_FUZZ_CASES").map_or(5_000, |cases| cases.parse().expect("a number")));
 }
 
-/// What a packed page says of itself must be what its record says, or nothing is allocated by it.
+/// Counts of a packed page must be those of its record, or nothing is allocated by them.
 #[test]
 fn counts_that_are_not_those_of_the_record_are_refused() {
     let (page, len) = &goods()[0];

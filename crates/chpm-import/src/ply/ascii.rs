@@ -59,6 +59,7 @@ impl<R: Read> Source<R> {
         self.mark = self.offset();
         self.word_line = self.line;
         self.after_return = false;
+
         let mut length = 0;
         loop {
             let rest = &self.bytes()[length..];
@@ -73,6 +74,7 @@ impl<R: Read> Source<R> {
                 break;
             }
         }
+
         if length > MAX_TOKEN {
             return Err(Fault::Number { expected: "a number", got: excerpt(self.bytes()) });
         }
@@ -128,7 +130,7 @@ fn integer(token: &[u8]) -> Option<i64> {
     Some(if negative { -value } else { value })
 }
 
-/// What C runtimes print that are not finite, as in `-nan(ind)` and `1.#QNAN`.
+/// Value of a non-finite number as C runtimes print it: `-nan(ind)`, `1.#QNAN`.
 fn odd_nan(token: &[u8]) -> Option<f64> {
     let unsigned = token.strip_prefix(b"-").unwrap_or(token);
     let odd =

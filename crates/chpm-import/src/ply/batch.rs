@@ -1,10 +1,10 @@
-//! What the reader is asked for, and what it hands over.
+//! Options of the reader, and batches.
 
 use super::error::Place;
 use crate::Polygons;
 use chpm_mesh::Vertices;
 
-/// What to do about data that is invalid.
+/// Treatment of invalid data.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Invalid {
     /// Stop with an error that says where.
@@ -22,7 +22,7 @@ pub enum Invalid {
 /// How to read.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Options {
-    /// What to do about invalid data. Default: refuse.
+    /// Treatment of invalid data. Default: refuse.
     pub invalid: Invalid,
     /// Whether to deliver vertex normals if there are any. Default: yes.
     pub normals: bool,
@@ -36,7 +36,7 @@ impl Default for Options {
     }
 }
 
-/// What a [`Batch`] holds.
+/// Content of a [`Batch`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum BatchKind {
     /// At least one vertex.
@@ -120,7 +120,7 @@ impl Batch {
     }
 }
 
-/// What was not delivered as it is in the file.
+/// Elements that were not delivered as they are in the file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Tally {
     /// Vertices with a coordinate that is not finite (delivered as zero and listed).

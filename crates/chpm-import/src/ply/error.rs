@@ -1,4 +1,4 @@
-//! What can be wrong with a PLY file, and where.
+//! Errors of PLY files, with their places.
 
 use super::header::Encoding;
 use std::{fmt, io};
@@ -32,7 +32,7 @@ pub enum PlyError {
     Read {
         /// Bytes that were read before.
         offset: u64,
-        /// What the input said.
+        /// Cause.
         source: io::Error,
     },
     /// The file does not begin with a line `ply`.
@@ -55,9 +55,9 @@ pub enum PlyError {
     Header {
         /// Line from 1.
         line: u64,
-        /// What may be there.
+        /// Expected text.
         expected: &'static str,
-        /// What is there, shortened.
+        /// Found text, shortened.
         got: String,
     },
     /// The format line names no known format.
@@ -68,7 +68,7 @@ pub enum PlyError {
     Format {
         /// Line from 1.
         line: u64,
-        /// What is there, shortened.
+        /// Found text, shortened.
         got: String,
     },
     /// The header has no vertices.
@@ -168,9 +168,9 @@ pub enum PlyError {
     Number {
         /// Where the text is.
         place: Place,
-        /// What may be there.
+        /// Expected text.
         expected: &'static str,
-        /// What is there, shortened.
+        /// Found text, shortened.
         got: String,
     },
     /// A list of a negative length.
@@ -209,13 +209,13 @@ pub enum PlyError {
     Write {
         /// How it is written.
         encoding: Encoding,
-        /// What the output said.
+        /// Cause.
         source: io::Error,
     },
     /// Vertices or triangles that are written are not as many as announced.
     #[error("expected {expected} {what} to write, got {got}")]
     WriteCount {
-        /// What is counted.
+        /// Name of the quantity.
         what: &'static str,
         /// As announced.
         expected: u64,
@@ -234,7 +234,7 @@ pub enum PlyError {
     },
 }
 
-/// What is wrong with a value, before the reader adds where it is: the source keeps the offset of the last value.
+/// Error of a value, before the reader adds its place: the source keeps the offset of the last value.
 #[derive(Debug)]
 pub(super) enum Fault {
     Io(io::Error),

@@ -87,6 +87,7 @@ impl<R: Read> Body<R> {
         if count > MAX_CORNERS {
             return Err(Fault::TooManyCorners(count));
         }
+
         self.corners.clear();
         for _ in 0..count {
             if let Some(corner) = self.corner(plan.item)? {
@@ -94,6 +95,7 @@ impl<R: Read> Body<R> {
             }
         }
         self.source.skip_values(types(element, plan.property + 1..element.properties.len()))?;
+
         if self.corners.len() as u64 == count {
             let _ = batch.push_face(&self.corners, &mut self.tally);
         } else {

@@ -90,7 +90,7 @@ impl ScalarType {
         })
     }
 
-    /// What a text must be to be of this type, for errors.
+    /// Description of a valid text of this type, for errors.
     pub(super) fn expectation(self) -> &'static str {
         match self {
             ScalarType::Char => "a whole number from -128 to 127",
@@ -134,7 +134,7 @@ impl fmt::Display for ScalarType {
     }
 }
 
-/// What a property holds.
+/// Type of a property.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum PropertyType {
     /// One number.
@@ -153,7 +153,7 @@ pub enum PropertyType {
 pub struct Property {
     /// Its name, unique in the element.
     pub name: String,
-    /// What it holds.
+    /// Type.
     pub ty: PropertyType,
 }
 
@@ -353,6 +353,7 @@ fn next_line<R: Read>(source: &mut Source<R>, end_of_line: u8) -> Result<&[u8], 
         if source.offset() + length as u64 > Header::MAX_LEN as u64 {
             return Err(too_long);
         }
+
         if found.is_some() {
             break;
         }
@@ -364,6 +365,7 @@ fn next_line<R: Read>(source: &mut Source<R>, end_of_line: u8) -> Result<&[u8], 
             return Err(PlyError::HeaderTruncated { offset });
         }
     }
+
     source.consume(length);
     source.line += 1;
     Ok(source.consumed(length))
@@ -434,6 +436,7 @@ mod tests {
                 other => panic!("{to}: {other:?}"),
             }
         }
+
         for format in ["format ascii 2.0", "format binary_middle_endian 1.0", "format ascii", "format"] {
             let result = parse(&HEADER.replace("format ascii 1.0", format));
             assert!(matches!(result, Err(PlyError::Format { line: 2, .. })), "{format}");

@@ -35,7 +35,7 @@ enum State {
     Failed,
 }
 
-/// What moves while the body is read.
+/// State that moves while the body is read.
 pub(super) struct Body<R> {
     pub(super) source: Source<R>,
     pub(super) invalid_data: Invalid,
@@ -74,12 +74,12 @@ impl<R: Read> PlyReader<R> {
         Ok(PlyReader { header, schema, body, element: 0, vertices: 0, faces: 0, state: State::Open })
     }
 
-    /// What the file says about itself.
+    /// Header of the file.
     pub fn header(&self) -> &Header {
         &self.header
     }
 
-    /// What the delivered vertices are made of.
+    /// Format of the delivered vertices.
     pub fn vertex_format(&self) -> VertexFormat {
         self.schema.format
     }
@@ -89,12 +89,12 @@ impl<R: Read> PlyReader<R> {
         self.schema.roles.iter().any(|role| matches!(role, Role::Grid(..)))
     }
 
-    /// What is left out or changed; complete when the stream has ended.
+    /// Losses and changes; complete when the stream has ended.
     pub fn warnings(&self) -> &[Warning] {
         &self.schema.warnings
     }
 
-    /// What was not delivered up to now.
+    /// Elements that were not delivered up to now.
     pub fn tally(&self) -> Tally {
         self.body.tally
     }
@@ -128,6 +128,7 @@ impl<R: Read> PlyReader<R> {
                 self.end()?;
                 break;
             };
+
             let role = &self.schema.roles[self.element];
             let result = match role {
                 Role::Skip => self.body.skip(element),
@@ -136,6 +137,7 @@ impl<R: Read> PlyReader<R> {
                 Role::Strips(plan) => self.body.strips(element, plan, batch),
                 Role::Grid(plan, columns) => self.body.grid(element, plan, *columns, batch),
             };
+
             match result {
                 Ok(()) if self.body.index >= element.count => {
                     self.element += 1;
@@ -145,6 +147,7 @@ impl<R: Read> PlyReader<R> {
                 Err(Fault::End) if self.body.invalid_data == Invalid::Drop => self.end_early(),
                 Err(fault) => return Err(self.body.locate(element, fault)),
             }
+
             if batch.vertex_count() > 0 {
                 batch.first = self.vertices;
                 self.vertices += batch.vertex_count() as u64;

@@ -1,4 +1,4 @@
-//! What each element and property of a header is to the mesh.
+//! Meaning of each element and property of a header for the mesh.
 
 use super::{
     batch::{Invalid, Options},
@@ -8,16 +8,16 @@ use super::{
 };
 use chpm_mesh::Attributes;
 
-/// What the delivered vertices are made of.
+/// Format of the delivered vertices.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct VertexFormat {
-    /// What coordinates are in the file, and how they are delivered.
+    /// Type of the coordinates in the file, and how they are delivered.
     pub coordinates: Coordinates,
-    /// What is delivered with each position.
+    /// Attributes that come with each position.
     pub attributes: Attributes,
 }
 
-/// What the coordinates of a file are.
+/// Type of a file's coordinates.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Coordinates {
     /// Of types that f32 holds; delivered as f32.
@@ -37,7 +37,7 @@ impl Coordinates {
     }
 }
 
-/// What the reader does with an element.
+/// Role of an element for the reader.
 #[derive(Debug)]
 pub(super) enum Role {
     Skip,
@@ -66,11 +66,11 @@ pub(super) struct VertexPlan {
     pub(super) alpha: Option<Field>,
     /// Bytes of a record, unless there are lists.
     pub(super) stride: Option<usize>,
-    /// What each property is, for records that are read number by number.
+    /// Meaning of each property, for records that are read number by number.
     pub(super) slots: Vec<Slot>,
 }
 
-/// What a property of a vertex is; the number is the axis or the channel.
+/// Meaning of a vertex's property; the number is the axis or the channel.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Slot {
     Skip,

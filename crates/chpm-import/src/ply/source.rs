@@ -47,7 +47,7 @@ impl<R: Read> Source<R> {
         }
     }
 
-    /// What is read and not yet consumed.
+    /// Bytes that are read and not yet consumed.
     pub(super) fn bytes(&self) -> &[u8] {
         &self.buffer[self.start..self.end]
     }

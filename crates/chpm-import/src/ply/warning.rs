@@ -1,4 +1,4 @@
-//! What a file has that does not reach the mesh.
+//! Content of a file that does not reach the mesh.
 
 use super::header::ScalarType;
 use chpm_mesh::Counted;

@@ -98,7 +98,7 @@ impl Detail {
     }
 }
 
-/// What is nearly as many stays. Triangles fall with the square of the error at most: what is too coarse is approached, not passed.
+/// Next screen-space error towards a number of triangles; one that is nearly right stays. Triangles fall with the square of the error at most: a picture that is too coarse is approached, not passed.
 fn toward(share: f64, coarse: f64, took_poe: f64) -> f64 {
     match share {
         share if (0.85..=coarse).contains(&share) => took_poe,

@@ -10,7 +10,7 @@ pub(super) const LOOSE: u32 = u32::MAX;
 /// Local vertices that there can be; a table of this length takes any `u16` without a check.
 const TABLE: usize = 1 << 16;
 
-/// What was counted in one leaf, or in several, and what is handed over.
+/// Counts of one leaf, or of several, and edges and components that other leaves have to settle.
 #[derive(Debug, Default)]
 pub(crate) struct Census {
     /// Counts of all that is complete.
@@ -96,7 +96,7 @@ impl Faces {
     }
 }
 
-/// What the number of its faces makes of an edge.
+/// Kind of an edge by the number of its faces.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum EdgeKind {
     Boundary,
@@ -178,6 +178,7 @@ impl Surveyor {
         for &(local, id) in shared {
             self.ids[usize::from(local)] = id;
         }
+
         self.count_zero_areas(triangles, vertices, positions, &mut leaf);
         self.count_components(triangles, vertices.len(), shared, &mut leaf);
         self.gather_wings(triangles, vertices.len());
@@ -185,9 +186,11 @@ impl Surveyor {
         self.border.absent(if self.open.is_empty() { 0 } else { vertices.len() });
         self.doubtful.clear();
         self.next[..vertices.len()].fill((u16::MAX, 0));
+
         for index in 0..self.open.len() {
             self.look_at(self.open[index], &mut leaf);
         }
+
         if self.border.count > 0 {
             leaf.found.boundary_loops =
                 hand_over(&mut self.border, marked(shared), &mut self.first, &mut leaf.bordering);

@@ -78,6 +78,7 @@ fn naive(mesh: &TriMesh, leaves: &[usize]) -> Repairs {
     let mut links = BTreeMap::<u32, Vec<[u32; 2]>>::new();
     let mut copies = BTreeMap::<(usize, BTreeSet<u32>), u64>::new();
     let mut found = Repairs::default();
+
     for (&[a, b, c], leaf) in mesh.triangles.iter().zip(leaves) {
         for (v, from, to) in [(a, b, c), (b, c, a), (c, a, b)] {
             edges.entry([from.min(to), from.max(to)]).or_default()[usize::from(from > to)] += 1;
@@ -88,6 +89,7 @@ fn naive(mesh: &TriMesh, leaves: &[usize]) -> Repairs {
         let minor = |i: usize, j: usize| (q[i] - p[i]) * (r[j] - p[j]) - (q[j] - p[j]) * (r[i] - p[i]);
         found.zero_area_faces += u64::from([minor(0, 1), minor(1, 2), minor(2, 0)] == [0.0; 3]);
     }
+
     found.two_sided_faces = copies.values().map(|n| n - 1).sum();
     let of_degree = |wanted: fn(u32) -> bool| edges.iter().filter(move |(_, n)| wanted(n[0] + n[1]));
     found.boundary_edges = of_degree(|n| n == 1).count() as u64;
@@ -95,6 +97,7 @@ fn naive(mesh: &TriMesh, leaves: &[usize]) -> Repairs {
     found.non_manifold_edges = of_degree(|n| n > 2).count() as u64;
     found.mixed_winding_edges = of_degree(|n| n == 2).filter(|(_, n)| **n != [1, 1]).count() as u64;
     found.components = components(edges.keys().copied());
+
     let is_manifold = |link: &Vec<[u32; 2]>| {
         let mut degrees = BTreeMap::<u32, u32>::new();
         link.iter().flatten().for_each(|v| *degrees.entry(*v).or_default() += 1);
@@ -250,6 +253,7 @@ proptest! {
         step in 1..5usize,
     ) {
         let mut mesh = base;
+
         for i in copied {
             mesh.triangles.push(mesh.triangles[i % mesh.triangles.len()]);
         }
@@ -260,12 +264,14 @@ proptest! {
         for i in missing {
             mesh.triangles.swap_remove(i % mesh.triangles.len());
         }
+
         let vertex_count = mesh.positions.len() as u32;
         for (from, to) in welded {
             let (from, to) = (from % vertex_count, to % vertex_count);
             mesh.triangles.iter_mut().for_each(|t| *t = t.map(|v| if v == from { to } else { v }));
         }
         mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+
         let leaves: Vec<usize> = runs.iter().flat_map(|&(length, leaf)| std::iter::repeat_n(leaf, length)).collect();
         let leaves = &leaves[..mesh.triangles.len()];
         prop_assert_eq!(census(&mesh, leaves, step), naive(&mesh, leaves));
