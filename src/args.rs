@@ -17,6 +17,7 @@ use chpm_build::config::{Layout, Length, Normals, Positions, Topology};
 use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
+pub(crate) use chpm_mesh::MemorySize;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -286,28 +287,6 @@ impl StorageArgs {
     /// The memory budget.
     pub(crate) fn memory(&self) -> Bytes {
         self.memory.0
-    }
-}
-
-/// A size that prints as it is typed: `1G`, not `1.0 GiB`.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct MemorySize(pub(crate) Bytes);
-
-impl std::fmt::Display for MemorySize {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.0.0 {
-            n if n > 0 && n.is_multiple_of(1 << 30) => write!(f, "{}G", n >> 30),
-            n if n > 0 && n.is_multiple_of(1 << 20) => write!(f, "{}M", n >> 20),
-            n => write!(f, "{n}"),
-        }
-    }
-}
-
-impl std::str::FromStr for MemorySize {
-    type Err = <Bytes as std::str::FromStr>::Err;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        text.parse().map(MemorySize)
     }
 }
 

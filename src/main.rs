@@ -4,14 +4,13 @@
 //! Exit codes: 0 for success, 1 if a verification found a fault, 2 for errors, 129, 130 and 143 after SIGHUP, SIGINT and SIGTERM.
 #![forbid(unsafe_code)]
 
-mod against;
 mod args;
 mod batch;
 mod bench;
 #[cfg(feature = "viewer")]
 mod beside;
 mod caches;
-mod certify;
+mod certified;
 mod chart;
 mod cmd;
 mod colors;
@@ -19,8 +18,6 @@ mod compare;
 mod config;
 #[cfg(feature = "web")]
 mod connections;
-mod cuts;
-mod deviation;
 mod digest;
 mod escape;
 mod examples;
@@ -36,7 +33,6 @@ mod page;
 #[cfg(feature = "viewer")]
 mod picture;
 mod place;
-mod points;
 mod presets;
 mod progress;
 mod proximity;

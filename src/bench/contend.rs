@@ -1,8 +1,6 @@
 //! Work of one contender in its process.
 
 use super::{Contender, DIVISORS, clod, in_core};
-use crate::points::Points;
-use crate::progress::Meter;
 use anyhow::Result;
 use chpm_build::config::{Layout, Topology};
 use chpm_build::{BuildConfig, Cancel, Resources, Silent, build};
@@ -11,6 +9,7 @@ use chpm_format::{BoundaryMode, Chpm};
 use chpm_import::ply::{self, Encoding};
 use chpm_mesh::{Bytes, TriMesh};
 use chpm_refine::{Cut, extract};
+use chpm_verify::Points;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -80,7 +79,7 @@ fn config(contender: Contender, memory: Bytes) -> BuildConfig {
 /// Positions, rounded to single precision, and triangles of a mesh of any format.
 pub(crate) fn read(path: &Path) -> Result<TriMesh> {
     let store = Store::create(&std::env::temp_dir(), Resources::default().memory.0)?;
-    Ok(Points::read(path, &store, &Meter::new(true))?.relative([0.0; 3]))
+    Ok(Points::read(path, &store, &Silent, &Cancel::default())?.relative([0.0; 3]))
 }
 
 fn write(mesh: &TriMesh, path: &Path) -> Result<()> {

@@ -1,7 +1,6 @@
 //! `chpm demo`: the whole way once, with a generated model.
 
-use super::{Verdict, build, open, stdout, synth, temporary, verify, word};
-use crate::against;
+use super::{Verdict, build, open, stdout, synth, temporary, word};
 use crate::number;
 use crate::output::{self, Output};
 use crate::progress::Meter;
@@ -63,7 +62,7 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
     let chpm = open(&output)?;
     let checked = chpm_format::verify(&chpm, |_, _| {});
     let store = Store::create(folder, Resources::default().memory.0)?;
-    let compared = against::compare(&chpm, &source, &store, &meter, &cancel)?;
+    let compared = chpm_verify::against::compare(&chpm, &source, &store, &meter, &cancel)?;
 
     let mut out = stdout();
     build::print(&report, &output, false, &mut out)?;
@@ -72,7 +71,7 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
         let triangles = Counted(compared.leaf_triangles, "triangle");
         writeln!(out, "verified: every invariant holds, and the leaves are the source's {triangles}")?;
     } else {
-        let faults = checked.faults.iter().map(verify::told);
+        let faults = checked.faults.iter().map(chpm_verify::told);
         for fault in faults.chain(compared.faults.iter().map(ToString::to_string)) {
             writeln!(out, "{fault}")?;
         }

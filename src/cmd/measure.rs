@@ -1,31 +1,25 @@
 //! `chpm measure`: how far two meshes are from each other, or a file's levels and cuts from its source.
 
 use super::{Verdict, open, reading, stdout};
-use crate::against;
 use crate::args::StorageArgs;
-use crate::cuts;
-use crate::deviation::{self, Judge, LevelDeviation, Spread};
-use crate::memory;
 use crate::number::{self, Units};
-use crate::points::Points;
 use crate::progress::Meter;
 use crate::report::{count, table};
-use crate::stop::{self, Stop};
+use crate::stop::Stop;
 use crate::threads::ThreadArgs;
 use anyhow::{Result, bail, ensure};
-use chpm_extmem::{MappedFile, Store};
+use chpm_extmem::{Cancel, MappedFile, Store};
 use chpm_format::Chpm;
 use chpm_measure::{Deviation, Side, deviation_told};
 use chpm_mesh::{Aabb, Counted, TriMesh};
-use chpm_refine::Hierarchy;
+use chpm_verify::deviation::{LevelDeviation, Spread};
+use chpm_verify::measure::Which;
+use chpm_verify::{Measured, Measures, Points};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Bytes that are found out about each cluster.
-const MEASURES: u64 = 1664;
-
-/// Arguments of `chpm measure`.
+/// What `chpm measure` is told.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// A mesh ({meshes}); with --against, a .chpm file
@@ -81,7 +75,9 @@ fn meshes(args: &Args, second: &Path) -> Result<Verdict> {
     let meter = Meter::new(args.quiet);
     let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
     let store = Store::create(&scratch, args.storage.memory().0)?;
-    let (a, b) = (Points::read(&args.first, &store, &meter)?, Points::read(second, &store, &meter)?);
+    // The first signal ends the process.
+    let read = |path: &Path| Points::read(path, &store, &meter, &Cancel::default());
+    let (a, b) = (read(&args.first)?, read(second)?);
     for (mesh, path) in [(&a, &args.first), (&b, &second.to_path_buf())] {
         ensure!(!mesh.triangles.is_empty(), "'{}' has no triangles to measure", path.display());
     }
@@ -192,61 +188,26 @@ fn side_json(side: &Side, origin: [f64; 3]) -> Value {
     })
 }
 
-/// One measured cut of a model.
-struct Row {
-    name: String,
-    json: Value,
-    found: LevelDeviation,
-}
-
 fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.first)?;
     reading(&file, || judge(&file, args, source, stop))
 }
 
 fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
-    ensure!(
-        !file.is_trimmed(),
-        "'{}' was built without detail below an error, so its leaves are not '{}' to be measured against; measure what `chpm extract` takes out of it against the source",
-        args.first.display(),
-        source.display()
-    );
-    let meter = Meter::new(args.quiet);
-    let cancel = stop.heed();
-    let memory = memory::divide(file, args.storage.memory(), MEASURES * file.clusters().len() as u64)?;
-    let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
-    let compared = {
-        let store = Store::create(&scratch, memory.saturating_sub(against::OWN))?;
-        let compared = against::compare(file, source, &store, &meter, &cancel)?;
-        ensure!(
-            compared.is_equal(),
-            "the leaves of '{}' are not the triangles of '{}': {} differ; `chpm verify --against` names them",
-            args.first.display(),
-            source.display(),
-            count(compared.fault_count)
-        );
-        compared
+    let measures = Measures {
+        levels: args.levels || args.cuts.is_none(),
+        positions: args.positions,
+        cuts: args.cuts.unwrap_or(0),
+        seed: args.seed,
+        samples: args.samples,
     };
-    let judge = Judge::new(file, args.samples as usize, memory, &meter, &cancel)?;
-    let mut rows = Vec::new();
-    if args.levels || args.cuts.is_none() {
-        deviation::levels(&judge, args.positions, &meter, &cancel, |level, part, found| {
-            let name = format!("level {level}, {:.0} % collapsed", 100.0 * part);
-            rows.push(Row { name, json: json!({ "level": level, "collapsed": part }), found });
-        })?;
-    }
-    let levels = rows.len();
-    let hierarchy = Hierarchy::new(file);
-    for seed in (0..args.cuts.unwrap_or(0)).map(|i| args.seed.wrapping_add(i.into())) {
-        stop::check(&cancel)?;
-        let cut = cuts::draw(file, &hierarchy, seed)?;
-        let members = judge.cut(&cut, &format!("cut {seed}"), &meter, &cancel)?;
-        let found = LevelDeviation::of(&members, judge.slack());
-        rows.push(Row { name: format!("cut of seed {seed}"), json: json!({ "seed": seed }), found });
-    }
+    let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
+    let (memory, meter, cancel) = (args.storage.memory(), Meter::new(args.quiet), stop.heed());
+    let measured = chpm_verify::measure(file, source, &measures, memory, &scratch, &meter, &cancel)?;
+    let Measured { rows, levels, compared, slack } = &measured;
+    let violations = measured.violations();
     let origin = file.header().origin;
     let diagonal = file.header().aabb().diagonal();
-    let violations: u64 = rows.iter().map(|row| row.found.violations.samples).sum();
     let mut out = stdout();
     if args.json {
         let all: Vec<Value> = rows.iter().map(|row| row_json(row, origin)).collect();
@@ -256,16 +217,16 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
             "source": source.display().to_string(),
             "diagonal": diagonal,
             "samples_per_triangle": args.samples,
-            "slack": judge.slack(),
+            "slack": slack,
             "small_components_left_out": compared.small_components,
             "small_component_triangles_left_out": compared.small_component_triangles,
-            "levels": all[..levels],
-            "cuts": all[levels..],
+            "levels": all[..*levels],
+            "cuts": all[*levels..],
             "violations": violations,
         });
         writeln!(out, "{value:#}")?;
     } else {
-        print_rows(args, &rows, origin, diagonal, violations, &mut out)?;
+        print_rows(args, rows, origin, diagonal, violations, &mut out)?;
         if compared.small_components > 0 {
             let (path, source) = (args.first.display(), source.display());
             writeln!(
@@ -279,9 +240,14 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
     Ok(if violations == 0 { Verdict::Good } else { Verdict::Faulty })
 }
 
-fn row_json(row: &Row, origin: [f64; 3]) -> Value {
-    let found = &row.found;
-    let mut value = row.json.clone();
+/// A level or cut, and what was found about it.
+type Row = (Which, LevelDeviation);
+
+fn row_json((which, found): &Row, origin: [f64; 3]) -> Value {
+    let mut value = match which {
+        Which::Level { level, collapsed } => json!({ "level": level, "collapsed": collapsed }),
+        Which::Cut { seed } => json!({ "seed": seed }),
+    };
     let spread = |s: Spread| json!({ "clusters": s.count, "min": s.min, "median": s.median, "p95": s.p95, "max": s.max });
     let fields = json!({
         "clusters": found.clusters,
@@ -319,10 +285,9 @@ fn print_rows(
     violations: u64,
     out: &mut impl Write,
 ) -> Result<()> {
-    let cells = |row: &Row| {
-        let found = &row.found;
+    let cells = |(which, found): &Row| {
         let mut cells = vec![
-            row.name.clone(),
+            which.to_string(),
             count(found.clusters),
             count(found.triangles),
             Units(found.stored.into()).to_string(),
@@ -368,7 +333,7 @@ fn print_rows(
          diagonal {} units",
         Units(diagonal)
     )?;
-    let vanished = rows.iter().map(|row| row.found.vanished).max_by(|a, b| a.max.total_cmp(&b.max));
+    let vanished = rows.iter().map(|(_, found)| found.vanished).max_by(|a, b| a.max.total_cmp(&b.max));
     if let Some(vanished) = vanished.filter(|v| v.samples > 0) {
         writeln!(
             out,
@@ -377,16 +342,16 @@ fn print_rows(
         )?;
     }
     let path = args.first.display();
-    for row in rows {
-        if let Some((distance, at)) = row.found.violations.worst {
+    for (which, found) in rows {
+        if let Some((distance, at)) = found.violations.worst {
             let [x, y, z] = absolute(Some(at), origin).unwrap_or(at);
-            let clusters = Counted(row.found.violating, "cluster");
-            let samples = Counted(row.found.violations.samples, "sample");
+            let clusters = Counted(found.violating, "cluster");
+            let samples = Counted(found.violations.samples, "sample");
             writeln!(
                 out,
                 "{path}: I5 error: {}: beyond the stored distance are {samples} of {clusters}; the worst, \
                  at {x} {y} {z}, by a distance of {} units",
-                row.name,
+                which,
                 Units(distance)
             )?;
         }

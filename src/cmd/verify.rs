@@ -1,22 +1,19 @@
 //! `chpm verify`: every byte and invariant of a file, with `--against` its leaves and the source, with `--errors` what it says of distances, with `--cuts` random cuts.
 
 use super::{Verdict, open, reading, stdout};
-use crate::against::{self, Comparison};
 use crate::args::StorageArgs;
-use crate::certify::{self, Certified, Wanted};
-use crate::cuts::{self, Checked, Cuts};
-use crate::memory;
+use crate::certified;
 use crate::number;
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::Stop;
 use crate::threads::ThreadArgs;
-use anyhow::{Result, bail, ensure};
-use chpm_extmem::{Access, ExtmemError, MappedFile, Store};
+use anyhow::Result;
+use chpm_extmem::{Access, MappedFile};
+use chpm_format::Chpm;
 use chpm_format::same::{self, Differences};
-use chpm_format::verify::Fault;
-use chpm_format::{Chpm, Report};
 use chpm_mesh::Counted;
+use chpm_verify::{Checks, Verification};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -68,20 +65,6 @@ pub(crate) struct Args {
     storage: StorageArgs,
 }
 
-/// Findings of all checks.
-struct Findings {
-    /// Every fault that is told in full, one a line.
-    faults: Vec<String>,
-    fault_count: u64,
-    checked: Option<Report>,
-    /// Whether detail of the source was left out, so that the leaves are not it.
-    trimmed: bool,
-    compared: Option<Comparison>,
-    errors: Option<Certified>,
-    cuts: Option<Cuts>,
-    origin: [f64; 3],
-}
-
 /// Verifies, and prints faults one a line.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let pool = args.threads.pool()?;
@@ -96,110 +79,40 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(if findings.fault_count == 0 { Verdict::Good } else { Verdict::Faulty })
 }
 
-fn verify(args: &Args, stop: &Stop) -> Result<Findings> {
+fn verify(args: &Args, stop: &Stop) -> Result<Verification> {
     let map = MappedFile::open(&args.file)?;
     map.advise(Access::Sequential);
-    let file = match Chpm::open(map) {
-        Ok(file) => file.watched(MappedFile::note_read),
-        // A file that does not even open is what a verification is there to find, not a failure to verify.
-        Err(error) => {
-            let faults = vec![format!("I10 bytes: {error}")];
-            return Ok(Findings {
-                faults,
-                fault_count: 1,
-                checked: None,
-                trimmed: false,
-                compared: None,
-                errors: None,
-                cuts: None,
-                origin: [0.0; 3],
-            });
+    match Chpm::open(map) {
+        Ok(file) => {
+            let file = file.watched(MappedFile::note_read);
+            reading(&file, || look(&file, args, stop))
         }
-    };
-    reading(&file, || look(&file, args, stop))
+        // A file that does not even open is what a verification is there to find, not a failure to verify.
+        Err(error) => Ok(Verification::unopened(&error)),
+    }
 }
 
-fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Findings> {
+fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verification> {
     let meter = Meter::new(args.quiet);
-    let trimmed = file.is_trimmed();
-    ensure!(
-        !(args.errors && trimmed),
-        "'{}' was built without detail below an error, so its leaves are not the source that --errors could be held against",
-        args.file.display()
-    );
-    let levels = file.levels().len();
-    if let Some(level) = args.level.iter().find(|level| **level as usize >= levels) {
-        bail!("'{}' has no level {level}: its levels are 0 to {}", args.file.display(), levels - 1);
-    }
-    let mut own = if args.errors { certify::FOUND * file.clusters().len() as u64 } else { 0 };
-    if args.cuts.is_some() {
-        own += cuts::least(file);
-    }
-    let memory = memory::divide(file, args.storage.memory(), own)?;
-    let (mut before, mut is_told) = (0, false);
-    let checked = chpm_format::verify_within(file, memory, |done, all| {
-        if !std::mem::replace(&mut is_told, true) {
-            meter.start("verify", all);
-        }
-        meter.add(done - before);
-        before = done;
-    });
-    meter.finish();
-    let mut faults: Vec<String> = checked.faults.iter().map(told).collect();
-    let mut fault_count = checked.fault_count;
-    // Pages that cannot be read have been told; what their triangles were cannot be.
-    let readable = checked.good_pages == file.clusters().len() as u64;
-    // From here on there is a work directory to remove.
-    let begin = |memory: u64| {
-        let cancel = stop.heed();
-        let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
-        Ok::<_, ExtmemError>((cancel, Store::create(&scratch, memory)?))
+    let checks = Checks {
+        against: args.against.clone(),
+        errors: args.errors,
+        levels: args.level.clone(),
+        positions: args.positions,
+        effort: args.effort,
+        cuts: args.cuts,
+        seed: args.seed,
     };
-    if let Some(other) = args.same_as.as_deref().filter(|_| readable) {
+    let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
+    let mut found =
+        chpm_verify::verify(file, &checks, args.storage.memory(), &scratch, &meter, &|| stop.heed())?;
+    if let Some(other) = args.same_as.as_deref().filter(|_| found.is_readable(file)) {
         let differences = same(file, other, &meter)?;
         let other = other.display();
-        faults.extend(differences.told.iter().map(|told| format!("I9 not the same as '{other}': {told}")));
-        fault_count += differences.count;
+        let told = differences.told.iter().map(|told| format!("I9 not the same as '{other}': {told}"));
+        found.add(&told.collect::<Vec<_>>(), differences.count);
     }
-    let compared = match &args.against {
-        Some(source) if readable && !trimmed => {
-            let (cancel, store) = begin(memory.saturating_sub(against::OWN))?;
-            let compared = against::compare(file, source, &store, &meter, &cancel)?;
-            faults.extend_from_slice(&compared.faults);
-            fault_count += compared.fault_count;
-            Some(compared)
-        }
-        _ => None,
-    };
-    let origin = file.header().origin;
-    let errors = match &compared {
-        Some(compared) if args.errors && compared.is_equal() => {
-            let wanted = Wanted {
-                levels: args.level.clone(),
-                positions: args.positions,
-                cuts: (args.seed, args.cuts.unwrap_or(0)),
-                effort: args.effort,
-            };
-            let certified = certify::certify(file, &wanted, memory, &meter, &stop.heed())?;
-            let (told, triangles) = certify::faults(&certified, origin);
-            faults.extend(told);
-            fault_count += triangles;
-            Some(certified)
-        }
-        _ => None,
-    };
-    let cuts = match args.cuts {
-        Some(count) if readable => {
-            let (cancel, store) = begin(memory)?;
-            let sound = Checked { file, is_even: checked.is_ok() };
-            let cuts = cuts::check(sound, count, args.seed, &store, memory, &meter, &cancel)?;
-            faults.extend_from_slice(&cuts.faults);
-            fault_count += cuts.fault_count;
-            Some(cuts)
-        }
-        _ => None,
-    };
-    Ok(Findings { faults, fault_count, checked: Some(checked), trimmed, compared, errors, cuts, origin })
+    Ok(found)
 }
 
 /// Differences from another file.
@@ -212,16 +125,10 @@ fn same(file: &Chpm<MappedFile>, other: &Path, meter: &Meter) -> Result<Differen
     differences
 }
 
-/// A fault as it is printed. Where its message names the place already, it is not named twice.
-pub(super) fn told(fault: &Fault) -> String {
-    let names_place = fault.message.starts_with(&fault.place.to_string());
-    if names_place { format!("{}: {}", fault.invariant, fault.message) } else { fault.to_string() }
-}
-
-fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Result<()> {
+fn print(args: &Args, findings: &Verification, out: &mut impl Write) -> std::io::Result<()> {
     let path = args.file.display();
     if let Some(errors) = &findings.errors {
-        certify::print(errors, out)?;
+        certified::print(errors, out)?;
     }
     for fault in &findings.faults {
         writeln!(out, "{path}: {fault}")?;
@@ -273,7 +180,7 @@ fn print(args: &Args, findings: &Findings, out: &mut impl Write) -> std::io::Res
     Ok(())
 }
 
-fn as_json(args: &Args, findings: &Findings) -> Value {
+fn as_json(args: &Args, findings: &Verification) -> Value {
     let display = |path: &Path| path.display().to_string();
     json!({
         "schema": "chpm-verify/1",
@@ -294,7 +201,7 @@ fn as_json(args: &Args, findings: &Findings) -> Value {
             "small_components_left_out": compared.small_components,
             "small_component_triangles_left_out": compared.small_component_triangles,
         })),
-        "errors": findings.errors.as_ref().map(|errors| certify::as_json(errors, findings.origin)),
+        "errors": findings.errors.as_ref().map(|errors| certified::as_json(errors, findings.origin)),
         "cuts": findings.cuts.as_ref().map(|cuts| json!({
             "count": cuts.count,
             "seed": cuts.seed,

@@ -1,7 +1,6 @@
 //! `chpm view`: a window on a model, which is built first if need be.
 
 use super::{Verdict, build, open, stdout, temporary};
-use crate::against;
 use crate::args::MemorySize;
 use crate::batch::inputs;
 use crate::beside::Beside;
@@ -22,6 +21,7 @@ use chpm_import::input;
 use chpm_import::ply::{Encoding, write_mesh};
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
+use chpm_verify::against::each_corners;
 use chpm_viewer::window::remember::Memory;
 use chpm_viewer::window::{self, Options, Outcome, Prepare};
 use chpm_viewer::{Accuracy, Budgets, Shading};
@@ -242,15 +242,15 @@ impl Builder {
         let lens = input::files(source, cancel)?.into_iter().map(|file| Ok(fs::metadata(file)?.len()));
         let len: u64 = lens.sum::<Result<u64>>()?;
         let mut told = 0;
-        against::each_corners(source, &store, cancel, |read, corners| {
-            sketch.push(corners);
+        let tell = |read: u64| {
             // A window need not hear of less than a hundredth.
             let hundredths = 100 * read / len.max(1);
             if hundredths > told {
                 told = hundredths;
                 tell(hundredths.min(100) as f32 / 100.0);
             }
-        })?;
+        };
+        each_corners(source, &store, cancel, tell, |corners| sketch.push(corners))?;
         let mesh = sketch.finish().context("nothing to show")?;
         let (ply, output) = (folder.path().join("preview.ply"), folder.path().join("preview.chpm"));
         write_mesh(BufWriter::new(File::create(&ply)?), &mesh, Encoding::BinaryLittleEndian)?;

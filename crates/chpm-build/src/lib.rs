@@ -35,6 +35,6 @@ pub use chpm_extmem::{Cancel, FailPoints, Progress, Silent};
 pub use config::{BuildConfig, Resources, Settings};
 pub use error::BuildError;
 pub use layout::{MOST_ORDERED, ORDER_BYTES, order_mesh, page_order};
-pub use pipeline::build;
+pub use pipeline::{build, build_open};
 pub use progress::{BuildProgress, Stage};
 pub use report::{BuildReport, Reached};

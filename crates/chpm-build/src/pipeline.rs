@@ -11,6 +11,7 @@ use crate::stamp::Stamp;
 use crate::{allowance, decompose, emit, hierarchy, ingest, layout, simplify, trim};
 use chpm_extmem::{AtomicFile, Cancel, ExtmemError, Lock, Store, WorkDir, process};
 use chpm_import::Supply;
+use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -29,13 +30,41 @@ pub fn build(
     progress: &dyn BuildProgress,
     cancel: &Cancel,
 ) -> Result<BuildReport, BuildError> {
+    make(output, config, progress, cancel, |folder| {
+        Ok(Supply::take(source, folder, &config.resources.fail_points, cancel)?)
+    })
+}
+
+/// Builds `output` from what an open file holds, as if it came through a pipe under the name `name`. The file needs no name in a folder.
+///
+/// # Errors
+/// See [`BuildError`]; nothing is left behind then.
+pub fn build_open(
+    name: &Path,
+    source: File,
+    output: &Path,
+    config: &BuildConfig,
+    progress: &dyn BuildProgress,
+    cancel: &Cancel,
+) -> Result<BuildReport, BuildError> {
+    make(output, config, progress, cancel, |_| Ok(Supply::opened(name, source)))
+}
+
+/// Makes `output` from what `take` supplies; it is told a folder for what has to be copied.
+fn make(
+    output: &Path,
+    config: &BuildConfig,
+    progress: &dyn BuildProgress,
+    cancel: &Cancel,
+    take: impl FnOnce(&Path) -> Result<Supply, BuildError>,
+) -> Result<BuildReport, BuildError> {
     // Lock, partial file and work belong to the file that is written, by whatever link it is named.
     let output = &chpm_extmem::target(output, config.overwrite)?;
     let _lock = Lock::acquire(output)?;
     let out = AtomicFile::create_with(output, config.overwrite, config.resources.fail_points.clone())?;
     let resources = &config.resources;
     let folder = resources.work_dir.as_deref().unwrap_or(beside(output));
-    let source = &Supply::take(source, folder, &resources.fail_points, cancel)?;
+    let source = &take(folder)?;
     let stamp = Stamp::of(source, cancel)?;
     stamp.refuse_output(output)?;
     // What came through a pipe does not come again, so that no other run could go on.

@@ -21,6 +21,7 @@ mod lock;
 mod manifest;
 #[allow(unsafe_code)]
 mod map;
+mod paged;
 mod pipe;
 pub mod process;
 mod progress;
@@ -42,6 +43,7 @@ pub use error::ExtmemError;
 pub use fail_point::FailPoints;
 pub use lock::Lock;
 pub use map::{Access, MappedBuffer, MappedFile};
+pub use paged::Paged;
 pub use pipe::receive;
 pub use progress::{Progress, Silent};
 pub use publish::AtomicFile;

@@ -46,6 +46,11 @@ impl Supply {
         Ok(Supply { path: path.to_owned(), spooled: Some(received.ok_or(SourceError::Cancelled)?) })
     }
 
+    /// What an open file holds, under a name.
+    pub fn opened(name: &Path, file: File) -> Supply {
+        Supply { path: name.to_owned(), spooled: Some(file) }
+    }
+
     /// Whether the bytes came through a pipe, so that another run cannot have them.
     pub fn is_spooled(&self) -> bool {
         self.spooled.is_some()

@@ -24,5 +24,5 @@ pub use number::{Number, NumberError};
 pub use octahedral::Octahedral;
 pub use pm::{Places, ProgressiveMesh};
 pub use trimesh::TriMesh;
-pub use units::{AtLeast, AtMost, Bytes, Counted, Digits, ObjectError, Thousands, Units};
+pub use units::{AtLeast, AtMost, Bytes, Counted, Digits, MemorySize, ObjectError, Thousands, Units};
 pub use vertices::{Attributes, Vertex, VertexSlices, Vertices};

@@ -47,6 +47,28 @@ impl fmt::Display for Bytes {
     }
 }
 
+/// A size of memory that prints as it is typed: `1G`, not `1.0 GiB`.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub struct MemorySize(pub Bytes);
+
+impl fmt::Display for MemorySize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.0 {
+            n if n > 0 && n.is_multiple_of(1 << 30) => write!(f, "{}G", n >> 30),
+            n if n > 0 && n.is_multiple_of(1 << 20) => write!(f, "{}M", n >> 20),
+            n => write!(f, "{n}"),
+        }
+    }
+}
+
+impl FromStr for MemorySize {
+    type Err = <Bytes as FromStr>::Err;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        text.parse().map(MemorySize)
+    }
+}
+
 /// A number with a comma between thousands: `3,664,152`.
 ///
 /// ```

@@ -9,118 +9,148 @@
 //! Beside it the true distance of either side is enclosed: some point is at least so far, and none is farther than so much. First by what the proofs of all triangles came
 //! to, and then anew in those clusters that might have a point farther than the farthest that is known.
 
-mod told;
+mod faults;
 
-pub(crate) use told::{as_json, faults, print};
+pub use faults::faults;
 
 use crate::cuts;
 use crate::deviation::{at_position, drawn_tiles, finest, mesh_of, source_tiles};
-use crate::progress::Meter;
-use crate::stop;
-use anyhow::Result;
-use chpm_build::Cancel;
-use chpm_extmem::MappedFile;
+use crate::error::VerifyError;
+use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::Tiles;
 use chpm_measure::proof::{Allowed, LOSS, Prover, Verdict};
 use chpm_mesh::{Aabb, ClusterId, TriMesh, geom};
 use chpm_refine::{Cut, Hierarchy, Member};
 use rayon::prelude::*;
+use std::fmt;
 
 /// Bytes that are found out about each cluster.
-pub(crate) const FOUND: u64 = 1024;
+pub const FOUND: u64 = 1024;
 
 /// Triangles that one task judges in turn, each search hinting the next one; fixed, so that no result depends on threads.
 const CHUNK: usize = 64;
 /// Triangles of the other surface that a triangle of no area may lie on.
 const LEAST: f64 = 64.0;
 /// How much wider than it need be an interval of the true distance may be, as a share of it.
-const TOLERANCE: f64 = 0.01;
+pub const TOLERANCE: f64 = 0.01;
 
 /// Request for a certification.
 #[derive(Clone, Debug)]
-pub(crate) struct Wanted {
+pub struct Wanted {
     /// Only these levels; all if there are none.
-    pub(crate) levels: Vec<u32>,
+    pub levels: Vec<u32>,
     /// Positions of each level.
-    pub(crate) positions: u32,
+    pub positions: u32,
     /// Seed and number of random cuts.
-    pub(crate) cuts: (u64, u32),
+    pub cuts: (u64, u32),
     /// Pieces that a triangle may be cut into for each triangle of the other surface that may lie under it.
-    pub(crate) effort: u32,
+    pub effort: u32,
 }
 
 /// Result of a certification.
 #[derive(Debug, Default)]
-pub(crate) struct Certified {
-    pub(crate) levels: Vec<Row>,
-    pub(crate) cuts: Vec<Row>,
+pub struct Certified {
+    /// A row for each level and position, from the finest on.
+    pub levels: Vec<Row>,
+    /// A row for each cut.
+    pub cuts: Vec<Row>,
     /// How far the source itself may be from its triangles as singles hold them; the leaves state it.
-    pub(crate) rounding: f64,
+    pub rounding: f64,
     /// By how much what holds may be beyond what is stored at most: rounding of the proof.
-    pub(crate) slack: f64,
+    pub slack: f64,
 }
 
 /// Which cut a row is about.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Which {
-    Level { level: u32, collapsed: f64 },
-    Cut { seed: u64 },
+pub enum Which {
+    /// All clusters of a level.
+    Level {
+        /// Its number; 0 is the finest.
+        level: u32,
+        /// The part of the collapses that is applied.
+        collapsed: f64,
+    },
+    /// A random cut.
+    Cut {
+        /// It is made of this.
+        seed: u64,
+    },
+}
+
+impl fmt::Display for Which {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Which::Level { level, collapsed } => {
+                write!(f, "level {level}, {:.0} % collapsed", 100.0 * collapsed)
+            }
+            Which::Cut { seed } => write!(f, "cut of seed {seed}"),
+        }
+    }
 }
 
 /// Result for the clusters of a level, or for a cut.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Row {
-    pub(crate) which: Which,
-    pub(crate) clusters: u64,
-    pub(crate) triangles: u64,
+pub struct Row {
+    /// Which.
+    pub which: Which,
+    /// Clusters that were drawn.
+    pub clusters: u64,
+    /// Triangles that they drew.
+    pub triangles: u64,
     /// Largest stored error.
-    pub(crate) error: f32,
+    pub error: f32,
     /// Largest stored distance.
-    pub(crate) distance: f32,
+    pub distance: f32,
     /// From the mesh to the source, which the errors bound.
-    pub(crate) of_mesh: Side,
+    pub of_mesh: Side,
     /// From the source to the mesh, which the distances bound.
-    pub(crate) of_source: Side,
+    pub of_source: Side,
 }
 
 /// Result in one direction.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct Side {
+pub struct Side {
     /// Some point is at least so far.
-    pub(crate) least: f64,
+    pub least: f64,
     /// That point.
-    pub(crate) at: Option<[f64; 3]>,
+    pub at: Option<[f64; 3]>,
     /// No point is farther.
-    pub(crate) most: f64,
+    pub most: f64,
     /// Triangles with a point that is farther than the file states.
-    pub(crate) violations: u64,
+    pub violations: u64,
     /// The worst of those points.
-    pub(crate) worst: Option<Violation>,
+    pub worst: Option<Violation>,
     /// Triangles of which nothing was shown.
-    pub(crate) undecided: u64,
+    pub undecided: u64,
     /// Pieces that were looked at.
-    pub(crate) pieces: u64,
+    pub pieces: u64,
 }
 
 /// A point that is farther than the file states.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Violation {
+pub struct Violation {
     /// How far it is at least.
-    pub(crate) distance: f64,
-    /// Stored error.
-    pub(crate) stored: f64,
-    pub(crate) at: [f64; 3],
+    pub distance: f64,
+    /// What is stored.
+    pub stored: f64,
+    /// Where it is.
+    pub at: [f64; 3],
 }
 
 impl Row {
+    /// Its name: `level 3, 50 % collapsed`.
+    pub fn name(&self) -> String {
+        self.which.to_string()
+    }
+
     /// Triangles that violate what is stored, both ways.
-    pub(crate) fn violations(&self) -> u64 {
+    pub fn violations(&self) -> u64 {
         self.of_mesh.violations + self.of_source.violations
     }
 
     /// Triangles that are undecided, both ways.
-    pub(crate) fn undecided(&self) -> u64 {
+    pub fn undecided(&self) -> u64 {
         self.of_mesh.undecided + self.of_source.undecided
     }
 }
@@ -162,7 +192,7 @@ struct Certifier<'a> {
     /// Bytes of tiles of either surface to keep in memory.
     budget: u64,
     effort: f64,
-    meter: &'a Meter,
+    progress: &'a dyn Progress,
     cancel: &'a Cancel,
 }
 
@@ -173,14 +203,17 @@ struct Size {
 }
 
 /// Certifies what is wanted. All pages must be sound, and the leaves the source's triangles. Tiles may take `budget` bytes.
-pub(crate) fn certify(
+///
+/// # Errors
+/// [`VerifyError::Cancelled`], or those of a file that was changed meanwhile.
+pub fn certify(
     file: &Chpm<MappedFile>,
     wanted: &Wanted,
     budget: u64,
-    meter: &Meter,
+    progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Certified> {
-    let certifier = Certifier::new(file, wanted.effort, budget, meter, cancel)?;
+) -> Result<Certified, VerifyError> {
+    let certifier = Certifier::new(file, wanted.effort, budget, progress, cancel)?;
     let leaf_error = |id: &ClusterId| f64::from(file.clusters()[id.index()].min_error);
     let bounds = file.header().aabb();
     let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |most: f32, x| most.max(x.abs()));
@@ -216,13 +249,13 @@ impl<'a> Certifier<'a> {
         file: &'a Chpm<MappedFile>,
         effort: u32,
         budget: u64,
-        meter: &'a Meter,
+        progress: &'a dyn Progress,
         cancel: &'a Cancel,
-    ) -> Result<Self> {
+    ) -> Result<Self, VerifyError> {
         let budget = budget / 2;
         let (leaves, source) = source_tiles(file, budget, cancel);
         let size = size_of(leaves.len(), |leaf| finest(file, leaves[leaf]), cancel)?;
-        Ok(Certifier { file, leaves, source, size, budget, effort: f64::from(effort), meter, cancel })
+        Ok(Certifier { file, leaves, source, size, budget, effort: f64::from(effort), progress, cancel })
     }
 
     /// Certifies a cut; of the drawn clusters, those for which `is_asked`.
@@ -233,13 +266,13 @@ impl<'a> Certifier<'a> {
         label: &str,
         rounding: f64,
         is_asked: impl Fn(&Member) -> bool,
-    ) -> Result<Row> {
+    ) -> Result<Row, VerifyError> {
         let (file, members) = (self.file, cut.members());
         let asked: Vec<Member> = members.iter().filter(|member| is_asked(member)).copied().collect();
         let error = |m: &Member| Ok(file.page(m.cluster)?.view().error_at(m.vertices as usize));
-        let errors = asked.iter().map(error).collect::<Result<Vec<f32>>>()?;
+        let errors = asked.iter().map(error).collect::<Result<Vec<f32>, VerifyError>>()?;
         let distance = |m: &Member| Ok(m.distance(file)?);
-        let distances = members.iter().map(distance).collect::<Result<Vec<f32>>>()?;
+        let distances = members.iter().map(distance).collect::<Result<Vec<f32>, VerifyError>>()?;
         let own = members.iter().zip(&distances).filter(|(m, _)| is_asked(m)).map(|(_, distance)| *distance);
 
         // What is drawn, and how far each of its tiles may be from the source.
@@ -247,7 +280,7 @@ impl<'a> Certifier<'a> {
         let drawn = drawn_tiles(file, members, boxes, self.budget, self.cancel);
         let allowed = Allowed::own(&drawn, distances.iter().map(|d| f64::from(*d)).collect());
         let size = size_of(asked.len(), |index| mesh_of(file, asked[index]), self.cancel)?;
-        self.meter.start(label, 2 * (self.leaves.len() + asked.len()) as u64);
+        self.progress.begin(label, 2 * (self.leaves.len() + asked.len()) as u64);
 
         // From the mesh to the source, then from the source to all that is drawn.
         let each: Vec<Allowed> = errors.iter().map(|error| Allowed::Same(f64::from(*error))).collect();
@@ -266,7 +299,7 @@ impl<'a> Certifier<'a> {
             |_, tile| distances[tile].into(),
         )?;
 
-        self.meter.finish();
+        self.progress.end();
         of_mesh.widen(rounding);
         of_source.widen(rounding);
         Ok(Row {
@@ -302,7 +335,7 @@ impl Way<'_> {
         part: impl Fn(usize) -> TriMesh + Sync,
         allowed: impl Fn(usize) -> &'g Allowed + Sync,
         stored: impl Fn(usize, usize) -> f64 + Sync,
-    ) -> Result<Side> {
+    ) -> Result<Side, VerifyError> {
         // First every triangle is judged: within what is allowed, beyond it, or undecided. This also gives a distance that is
         // reached at least.
         let judge = |index: usize| {
@@ -329,11 +362,11 @@ impl Way<'_> {
                 side
             })
         };
-        let judged: Vec<Side> = (0..count).into_par_iter().map(judge).collect::<Result<_>>()?;
+        let judged: Vec<Side> = (0..count).into_par_iter().map(judge).collect::<Result<_, VerifyError>>()?;
         let mut all = Side::default();
         judged.iter().for_each(|side| all.merge(side));
         if all.least.is_infinite() {
-            self.certifier.meter.add(count as u64);
+            self.certifier.progress.advance(count as u64);
             return Ok(all);
         }
 
@@ -341,7 +374,7 @@ impl Way<'_> {
         let begin = all.least;
         let enclose = |index: usize| {
             if judged[index].most <= begin * (1.0 + TOLERANCE) {
-                self.certifier.meter.add(1);
+                self.certifier.progress.advance(1);
                 return Ok(Side { most: judged[index].most, ..Side::default() });
             }
             let mut side = self.each_chunk(&part(index), |prover, chunk| {
@@ -358,7 +391,8 @@ impl Way<'_> {
             side.most = side.most.min(judged[index].most);
             Ok(side)
         };
-        let enclosed: Vec<Side> = (0..count).into_par_iter().map(enclose).collect::<Result<_>>()?;
+        let enclosed: Vec<Side> =
+            (0..count).into_par_iter().map(enclose).collect::<Result<_, VerifyError>>()?;
         all.most = 0.0;
         enclosed.iter().for_each(|side| all.merge(side));
         Ok(all)
@@ -369,17 +403,17 @@ impl Way<'_> {
         &self,
         part: &TriMesh,
         judge: impl Fn(&mut Prover<'_>, &[[[f32; 3]; 3]]) -> Side + Sync,
-    ) -> Result<Side> {
+    ) -> Result<Side, VerifyError> {
         let cancel = self.certifier.cancel;
-        stop::check(cancel)?;
+        cancel.check()?;
         let is_stopped = || cancel.is_cancelled();
         let triangles: Vec<[[f32; 3]; 3]> = part.triangles.iter().map(|t| part.corners(*t)).collect();
         let sides: Vec<Side> = triangles
             .par_chunks(CHUNK)
             .map(|chunk| judge(&mut Prover::new(self.target, &is_stopped), chunk))
             .collect();
-        stop::check(cancel)?;
-        self.certifier.meter.add(1);
+        cancel.check()?;
+        self.certifier.progress.advance(1);
         let mut all = Side::default();
         sides.iter().for_each(|side| all.merge(side));
         Ok(all)
@@ -395,14 +429,18 @@ fn area(&[a, b, c]: &[[f32; 3]; 3]) -> f64 {
 }
 
 /// Triangles and area of parts.
-fn size_of(count: usize, part: impl Fn(usize) -> TriMesh + Sync, cancel: &Cancel) -> Result<Size> {
+fn size_of(
+    count: usize,
+    part: impl Fn(usize) -> TriMesh + Sync,
+    cancel: &Cancel,
+) -> Result<Size, VerifyError> {
     let size = |index: usize| {
-        stop::check(cancel)?;
+        cancel.check()?;
         let part = part(index);
         let area = part.triangles.iter().map(|t| area(&part.corners(*t))).sum();
         Ok(Size { triangles: part.triangles.len() as f64, area })
     };
-    let sizes: Vec<Size> = (0..count).into_par_iter().map(size).collect::<Result<_>>()?;
+    let sizes: Vec<Size> = (0..count).into_par_iter().map(size).collect::<Result<_, VerifyError>>()?;
     // Sums of floats depend on their order.
     Ok(sizes.iter().fold(Size::default(), |all, size| Size {
         triangles: all.triangles + size.triangles,

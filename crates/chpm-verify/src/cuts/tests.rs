@@ -2,7 +2,8 @@ use super::glance::Glance;
 use super::seams::Seams;
 use super::walk::{Found, Walker};
 use super::*;
-use chpm_build::{BuildConfig, Silent, build};
+use chpm_build::{BuildConfig, build};
+use chpm_extmem::Silent;
 use chpm_format::{ChpmWriter, Invariant, PageParts, Tables, checksum};
 use chpm_import::ply::{self, Encoding};
 use chpm_mesh::{ClusterId, GroupId, Level, TriMesh, VertexSlices};
@@ -33,7 +34,7 @@ fn synth(shape: Shape) -> TriMesh {
 fn look<'a>(file: &Model, memory: u64, cuts: impl IntoIterator<Item = &'a Cut>) -> Vec<Found> {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::create(folder.path(), memory).unwrap();
-    let seams = Seams::of(file, &store, memory, &Meter::new(true), &Cancel::default()).unwrap();
+    let seams = Seams::of(file, &store, memory, &Silent, &Cancel::default()).unwrap();
     let [mut lists, mut quick] = [false, true].map(|is_even| Walker::new(memory, is_even));
     let faults = chpm_format::verify(file, |_, _| ()).faults;
     let is_even = faults.iter().all(|fault| fault.invariant != Invariant::Coverage);
@@ -303,9 +304,9 @@ fn pages_are_read_a_few_times_for_each_cut_in_little_memory() {
     let folder = tempfile::tempdir().unwrap();
     let memory = 200_000 * rayon::current_num_threads() as u64;
     let store = Store::create(folder.path(), memory).unwrap();
-    let (meter, cancel, count) = (Meter::new(true), Cancel::default(), 20);
+    let (progress, cancel, count) = (Silent, Cancel::default(), 20);
     let sound = Checked { file: &file, is_even: true };
-    let found = check(sound, count, 0, &store, memory, &meter, &cancel).unwrap();
+    let found = check(sound, count, 0, &store, memory, &progress, &cancel).unwrap();
     assert_eq!(found.fault_count, 0);
     let pages: u64 = file.clusters().iter().map(|record| u64::from(record.page_len)).sum();
     let read = file.get_ref().1.load(Ordering::Relaxed);

@@ -4,45 +4,31 @@
 //! numbering of vertices does not. Both sides are streamed and every triangle's 128-bit hash is added to, or
 //! taken from, one of 65,536 sums; equal multisets leave only zeros. A second pass then looks only at a few
 //! sums that are not zero, and names the triangles that remain. Memory is the sums, besides the source's
-//! positions, which the store keeps in memory or on disk. Where the file tells that copies were left out, hashes are compared one by one
-//! instead ([`copies`]).
+//! positions and triangles, which the store keeps in memory or on disk. Where the file tells that copies were left out, hashes are
+//! compared one by one instead ([`copies`]).
 //!
-//! The source is read by readers of this module's own, which have no line in common with those that files are built by: what
-//! those lose is missed here. They are plain and take any damage for an error. Only what triangles a polygon stands for is
-//! decided by the same code, since there are many right ways to cut it.
+//! The source is read by the same readers that files are built by, and polygons are cut by the same code. All that comes after is done
+//! anew: what a build lost between its readers and its leaves is missed here. The readers themselves are held against those of others
+//! in their tests.
 
-mod conf;
 mod copies;
-mod mesh;
-mod obj;
-mod paged;
-mod ply;
 mod small;
-mod stl;
-mod stream;
+mod source;
 
-use crate::progress::Meter;
-use crate::stop;
-use anyhow::{Result, bail, ensure};
-use chpm_build::Cancel;
-use chpm_extmem::Store;
+use crate::error::VerifyError;
+use chpm_extmem::{Cancel, Progress, Silent, Store};
 use chpm_format::Chpm;
-use chpm_import::{Foreign, Format, Start, StlReader, extension};
 use chpm_mesh::{ClusterId, Counted};
-use conf::Motion;
 use copies::{Found, Multiset};
-use mesh::{Mesh, Target, Triangle};
-use small::{Search, Size, Small, Window};
+use small::{Size, Small, Window};
+use source::Source;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::Ordering;
-use stream::Stream;
 use xxhash_rust::xxh3::xxh3_128;
 
-/// Bytes that the comparison takes besides the source's positions: sums, suspects, what streams hold.
-pub(crate) const OWN: u64 = 8 << 20;
+/// Bytes that [`compare`] takes besides its store: sums, suspects, what streams hold.
+pub const OWN: u64 = 8 << 20;
 
 const BUCKETS: usize = 1 << 16;
 /// Buckets that the second pass looks into at most, and triangles that it holds, roughly.
@@ -55,30 +41,31 @@ const NAMED: usize = 20;
 
 /// Result of the comparison.
 #[derive(Debug)]
-pub(crate) struct Comparison {
+pub struct Comparison {
     /// Triangles of all leaves' finest meshes.
-    pub(crate) leaf_triangles: u64,
+    pub leaf_triangles: u64,
     /// Triangles of the source, without those that have two corners in one vertex and those of small components.
-    pub(crate) source_triangles: u64,
+    pub source_triangles: u64,
     /// Some of what differs, in words.
-    pub(crate) faults: Vec<String>,
+    pub faults: Vec<String>,
     /// How many triangles only one side has, at least, and how many other things differ.
-    pub(crate) fault_count: u64,
+    pub fault_count: u64,
     /// Copies of triangles that the leaves lack.
-    pub(crate) copies: u64,
-    /// Components of the source that are smaller than the file says it has, and their triangles: the leaves lack them.
-    pub(crate) small_components: u64,
-    pub(crate) small_component_triangles: u64,
+    pub copies: u64,
+    /// Components of the source that are smaller than the file says it has: the leaves lack them.
+    pub small_components: u64,
+    /// The triangles of these components.
+    pub small_component_triangles: u64,
 }
 
 impl Comparison {
     /// Whether both sides have the same triangles.
-    pub(crate) fn is_equal(&self) -> bool {
+    pub fn is_equal(&self) -> bool {
         self.fault_count == 0
     }
 
-    /// Small components that the leaves lack, in words.
-    pub(crate) fn told_small(&self) -> String {
+    /// The small components that the leaves lack, in words.
+    pub fn told_small(&self) -> String {
         let components = Counted(self.small_components, "component");
         let triangles = Counted(self.small_component_triangles, "triangle");
         format!("{components} of {triangles} that are smaller than --min-component")
@@ -115,7 +102,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// Counts of a source, besides its triangles.
+/// Counts of a source.
 #[derive(Default)]
 struct Counts {
     triangles: u64,
@@ -124,8 +111,6 @@ struct Counts {
     dropped_faces: u64,
     dropped_vertices: u64,
     missing_faces: u64,
-    /// Vertices of all files; each corner of a facet is one.
-    vertices: u32,
     small_components: u64,
     small_component_triangles: u64,
     /// The most that a coordinate of a triangle was moved by.
@@ -145,44 +130,48 @@ impl Counts {
     }
 }
 
-/// Compares the leaves of `file` with the mesh at `source`, read with the settings that the file was built with.
-pub(crate) fn compare<D: AsRef<[u8]>>(
+/// Compares the leaves of `file` with the mesh at `path`, read with the settings that the file was built with.
+///
+/// # Errors
+/// [`VerifyError::NotAFile`], [`VerifyError::Source`] or those of the store; what differs is a finding.
+pub fn compare<D: AsRef<[u8]>>(
     file: &Chpm<D>,
-    source: &Path,
+    path: &Path,
     store: &Store,
-    meter: &Meter,
+    progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Comparison> {
-    // It is read again where something differs.
-    ensure!(
-        source.metadata().is_ok_and(|found| found.is_file()),
-        "'{}' is a pipe or no file at all; save what is to be compared as a file and name that",
-        source.display()
-    );
-    let source = &Source { file, path: source, store, meter, cancel };
-    let small = source.small()?;
-    meter.start("compare", 2 * file.header().source_triangle_count);
+) -> Result<Comparison, VerifyError> {
+    if path.metadata().is_ok_and(|found| !found.is_file()) {
+        return Err(VerifyError::NotAFile { path: path.to_owned() });
+    }
+    let mut source = Source::of(file, path, store, progress, cancel)?;
+    let small = match Size::of(file)? {
+        Some(size) => Some(small::find(&mut source, size, store, progress, cancel)?),
+        None => None,
+    };
+    let mut source = Stored { file, source, small };
 
     // Triangles of leaves add their hash to one of many sums, those of the source subtract it: what is in both leaves nothing
     // behind.
+    progress.begin("compare", 2 * file.header().source_triangle_count);
     let mut sums = vec![0u128; BUCKETS];
     let mut leaf_triangles = 0;
     let copies_told = told(file, "merged-copies").unwrap_or(0);
     let multiset = |what| (copies_told > 0).then(|| Multiset::new(store, what));
     let (mut leaf_set, mut source_set) =
         (multiset("triangles of leaves"), multiset("triangles of the source"));
-    each_leaf_triangle(file, meter, cancel, &mut |_, corners| {
+    each_leaf_triangle(file, progress, cancel, &mut |_, corners| {
         leaf_triangles += 1;
         let hash = hash(corners);
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_add(hash);
         leaf_set.iter_mut().for_each(|set| set.add(hash));
     })?;
-    let counts = source.each_triangle(small.as_ref(), &mut |_, corners| {
+    let counts = source.each_triangle(progress, cancel, &mut |_, corners| {
         let hash = hash(corners);
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_sub(hash);
         source_set.iter_mut().for_each(|set| set.add(hash));
     })?;
-    meter.finish();
+    progress.end();
 
     let Found { different, missing: copies } = match (leaf_set, source_set) {
         (Some(leaves), Some(source)) => copies::compare(leaves, source)?,
@@ -207,10 +196,8 @@ pub(crate) fn compare<D: AsRef<[u8]>>(
         let all = leaf_triangles.max(counts.triangles);
         let some = (SUSPECTS * BUCKETS as u64 / all.max(1)).clamp(1, EXAMINED);
         different.iter().take(some as usize).for_each(|b| suspects.examined[*b] = true);
-        each_leaf_triangle(file, meter, cancel, &mut |place, corners| suspects.look(place, corners))?;
-        source.each_triangle(small.as_ref(), &mut |place, corners| {
-            suspects.look(place, corners);
-        })?;
+        each_leaf_triangle(file, &Silent, cancel, &mut |place, corners| suspects.look(place, corners))?;
+        source.each_triangle(&Silent, cancel, &mut |place, corners| suspects.look(place, corners))?;
         let faults = suspects.unmatched(copies_told > 0);
         let known: u64 = faults.iter().map(|fault| fault.copies).sum();
         comparison.fault_count = known.max(different.len() as u64);
@@ -310,162 +297,111 @@ impl Suspects {
 
 fn each_leaf_triangle<D: AsRef<[u8]>>(
     file: &Chpm<D>,
-    meter: &Meter,
+    progress: &dyn Progress,
     cancel: &Cancel,
     look: &mut dyn FnMut(Place, Corners),
-) -> Result<()> {
+) -> Result<(), VerifyError> {
     for (id, record) in (0..).map(ClusterId).zip(file.clusters()) {
         if !record.is_leaf() {
             continue;
         }
-        stop::check(cancel)?;
+        cancel.check()?;
         let page = file.page(id)?;
         let page = page.view();
         for (index, triangle) in (0..).zip(page.triangles) {
             look(Place::Leaf(id.0, index), triangle.map(|v| page.positions[usize::from(v)]));
         }
-        meter.add(page.triangles.len() as u64);
+        progress.advance(page.triangles.len() as u64);
     }
     Ok(())
 }
 
-/// A source that is read more than once.
-struct Source<'a, D> {
+/// A source, as a file stores it.
+struct Stored<'a, D> {
     file: &'a Chpm<D>,
-    path: &'a Path,
-    store: &'a Store,
-    meter: &'a Meter,
-    cancel: &'a Cancel,
+    source: Source,
+    /// The triangles that the file is to lack, if it was built so.
+    small: Option<Small>,
 }
 
-impl<D: AsRef<[u8]>> Source<'_, D> {
-    /// Rule for small components, if the file was built with one.
-    fn small(&self) -> Result<Option<Small>> {
-        let Some(size) = Size::of(self.file)? else { return Ok(None) };
-        self.meter.start("components", 2 * self.file.header().source_triangle_count);
-        let mut search = Search::new(self.store)?;
-        let counts = self.each(&mut |_, triangle| search.add(&triangle))?;
-        let mut boxes = search.join(counts.vertices, self.cancel)?;
-        self.each(&mut |motion, triangle| boxes.add(placed(motion, triangle.corners)))?;
-        let small = boxes.finish(size, self.store)?;
-        self.meter.finish();
-        Ok(Some(small))
-    }
-
-    /// Shows the triangles as a file stores them, without those that are `small`.
-    fn each_triangle(&self, small: Option<&Small>, look: &mut dyn FnMut(Place, Corners)) -> Result<Counts> {
-        let origin = self.file.header().origin;
-        let step = self.file.metadata().unwrap_or_default().lattice_step()?;
+impl<D: AsRef<[u8]>> Stored<'_, D> {
+    /// Shows the triangles without those that are small.
+    fn each_triangle(
+        &mut self,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+        look: &mut dyn FnMut(Place, Corners),
+    ) -> Result<Counts, VerifyError> {
+        let Stored { file, source, small } = self;
+        let (tally, is_told_single) = (source.tally, source.is_told_single);
+        let origin = file.header().origin;
+        let step = file.metadata().unwrap_or_default().lattice_step()?;
+        // Text of declared singles that has no more digits than these is what they are: the file was left without an origin.
+        let is_exact = step.is_none() && is_told_single && origin == [0.0; 3];
         let (mut index, mut left_out, mut rounding) = (0, 0, 0.0f64);
-        let (mut at, mut failed) = (Window::default(), Ok(()));
-        let counts = self.each(&mut |motion, triangle| {
+        let mut at = Window::default();
+        source.each_corners(cancel, |corners| {
             let place = Place::Source(index);
             index += 1;
-            match small.map_or(Ok(false), |small| small.next(&mut at)) {
-                Ok(false) => {}
-                Ok(true) => return left_out += 1,
-                Err(error) => return failed = Err(error),
+            if index % TOLD == 0 {
+                progress.advance(TOLD);
             }
-            let exact = placed(motion, triangle.corners)
-                .map(|corner| std::array::from_fn::<f64, 3, _>(|axis| corner[axis] - origin[axis]));
-            let stored = exact.map(|corner| {
-                corner.map(|x| match step {
-                    // There is one zero on a lattice.
-                    Some(step) => ((x / step).round_ties_even() * step) as f32 + 0.0,
-                    None => x as f32,
-                })
-            });
-            // Text of declared singles that has no more digits than these is what they are: the file was left without an origin.
-            let is_exact =
-                step.is_none() && triangle.is_told_single && motion.is_none() && origin == [0.0; 3];
-            for (exact, stored) in
-                exact.as_flattened().iter().zip(stored.as_flattened()).filter(|_| !is_exact)
+            if let Some(small) = small
+                && small.next(&mut at)?
             {
+                left_out += 1;
+                return Ok(());
+            }
+            let exact =
+                corners.map(|corner| std::array::from_fn::<f64, 3, _>(|axis| corner[axis] - origin[axis]));
+            let stored = exact.map(|corner| corner.map(|x| stored(x, step)));
+            let pairs = exact.as_flattened().iter().zip(stored.as_flattened());
+            for (exact, stored) in pairs.filter(|_| !is_exact) {
                 rounding = rounding.max((f64::from(*stored) - exact).abs());
             }
             look(place, stored);
+            Ok(())
         })?;
-        failed?;
         Ok(Counts {
             triangles: index - left_out,
-            small_components: small.map_or(0, |small| small.components),
+            degenerate_faces: tally.degenerate_faces,
+            polygons_triangulated: tally.polygons_triangulated,
+            dropped_faces: tally.dropped_faces,
+            dropped_vertices: tally.dropped_vertices,
+            missing_faces: tally.missing_faces,
+            small_components: small.as_ref().map_or(0, |small| small.components),
             small_component_triangles: left_out,
             rounding,
-            ..counts
         })
     }
+}
 
-    fn each(&self, look: &mut dyn FnMut(Option<&Motion>, Triangle)) -> Result<Counts> {
-        let settings = self.file.metadata().map(|metadata| metadata.settings).unwrap_or_default();
-        let drops = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
-        let target = Target { store: self.store, drops, cancel: self.cancel, read: Arc::default() };
-        let (mut counts, mut done) = (Counts::default(), 0u64);
-        each_triangle(self.path, None, &target, &mut counts, &mut |motion, triangle| {
-            look(motion, triangle);
-            done += 1;
-            if done.is_multiple_of(TOLD) {
-                self.meter.add(TOLD);
-            }
-        })?;
-        Ok(counts)
+/// A coordinate as a file has it, on a lattice of this step if there is one.
+fn stored(x: f64, step: Option<f64>) -> f32 {
+    match step {
+        // There is one zero on a lattice.
+        Some(step) => ((x / step).round_ties_even() * step) as f32 + 0.0,
+        None => x as f32,
     }
 }
 
-/// The corners of all triangles of a source, where they lie in the model, in no more memory than the store has.
-#[cfg_attr(not(feature = "viewer"), allow(dead_code))]
-pub(crate) fn each_corners(
-    source: &Path,
+/// Shows the corners of all triangles of a source, with the bytes of it that are behind us, in no more memory than the store has. What is
+/// invalid is left out.
+///
+/// # Errors
+/// [`VerifyError::Source`], or those of the store.
+pub fn each_corners(
+    path: &Path,
     store: &Store,
     cancel: &Cancel,
-    mut look: impl FnMut(u64, [[f64; 3]; 3]),
-) -> Result<()> {
-    let read = Arc::default();
-    let target = Target { store, drops: true, cancel, read: Arc::clone(&read) };
-    each_triangle(source, None, &target, &mut Counts::default(), &mut |motion, triangle| {
-        look(read.load(Ordering::Relaxed), placed(motion, triangle.corners));
+    tell: impl FnMut(u64),
+    mut look: impl FnMut([[f64; 3]; 3]),
+) -> Result<(), VerifyError> {
+    let mut source = Source::read(path, true, store, cancel, tell)?;
+    source.each_corners(cancel, |corners| {
+        look(corners);
+        Ok(())
     })
-}
-
-/// Corners where they lie in the model.
-fn placed(motion: Option<&Motion>, corners: mesh::Corners) -> mesh::Corners {
-    corners.map(|corner| motion.map_or(corner, |motion| motion.of(corner)))
-}
-
-/// Reads a file, in the frame of a list of scans if it is one of those.
-fn each_triangle(
-    path: &Path,
-    motion: Option<&Motion>,
-    target: &Target<'_>,
-    counts: &mut Counts,
-    look: &mut dyn FnMut(Option<&Motion>, Triangle),
-) -> Result<()> {
-    let opened = Stream::open(path, target.store.budget.limit(), Arc::clone(&target.read))?;
-    let stream = opened.stream;
-    let _window = target.store.budget.reserve_work("the window of a zstd stream", opened.window)?;
-    let extension = extension(path);
-    let start = Start { head: &opened.head, len: opened.len, extension: extension.as_deref() };
-    if let Some(foreign) = Foreign::detect(&start) {
-        bail!("'{}': {foreign}", path.display());
-    }
-    let format = Format::detect(&start);
-    let mut sink = |triangle| look(motion, triangle);
-    match (format.name, motion) {
-        (_, None) if format.is_list() => {
-            for scan in conf::read(stream)? {
-                let file = path.with_file_name(&scan.file);
-                each_triangle(&file, Some(&scan.motion), target, counts, look)?;
-            }
-            Ok(())
-        }
-        _ if format.is_list() => bail!("'{}' is a list of scans within another", path.display()),
-        ("PLY", _) => ply::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
-        ("OBJ", _) => obj::read(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
-        ("STL", _) if StlReader::<chpm_import::Stream>::is_text(&start) => {
-            stl::read_ascii(stream, &mut Mesh::new(target, motion, counts, &mut sink))
-        }
-        ("STL", _) => stl::read_binary(stream, &mut Mesh::new(target, motion, counts, &mut sink)),
-        (name, _) => bail!("'{}' is {name}, which files are not compared with", path.display()),
-    }
 }
 
 fn hash(corners: Corners) -> u128 {

@@ -4,8 +4,7 @@
 //! Hashes of both sides go to buckets, which are in memory or on disk, and each bucket is sorted by itself.
 
 use super::{BUCKETS, bucket};
-use anyhow::Result;
-use chpm_extmem::{Buckets, Store};
+use chpm_extmem::{Buckets, ExtmemError, Store};
 
 /// Buckets of hashes.
 const COUNT: usize = 1 << 12;
@@ -19,7 +18,7 @@ pub(super) struct Multiset {
     records: Buckets<[u64; 3]>,
     recent: Vec<(u128, u64)>,
     /// The first record that could not be kept.
-    failed: Result<()>,
+    failed: Result<(), ExtmemError>,
 }
 
 impl Multiset {
@@ -43,7 +42,7 @@ impl Multiset {
         }
     }
 
-    fn finish(mut self) -> Result<Buckets<[u64; 3]>> {
+    fn finish(mut self) -> Result<Buckets<[u64; 3]>, ExtmemError> {
         self.failed?;
         for (hash, count) in self.recent {
             put(&mut self.records, hash, count)?;
@@ -52,7 +51,7 @@ impl Multiset {
     }
 }
 
-fn put(records: &mut Buckets<[u64; 3]>, hash: u128, count: u64) -> Result<()> {
+fn put(records: &mut Buckets<[u64; 3]>, hash: u128, count: u64) -> Result<(), ExtmemError> {
     if count > 0 {
         records.push(bucket(hash) / (BUCKETS / COUNT), [(hash >> 64) as u64, hash as u64, count])?;
     }
@@ -69,7 +68,7 @@ pub(super) struct Found {
 }
 
 /// Compares the leaves with the source.
-pub(super) fn compare(leaves: Multiset, source: Multiset) -> Result<Found> {
+pub(super) fn compare(leaves: Multiset, source: Multiset) -> Result<Found, ExtmemError> {
     let (leaves, source) = (leaves.finish()?, source.finish()?);
     let mut found = Found::default();
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());

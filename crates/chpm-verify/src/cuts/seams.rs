@@ -7,12 +7,9 @@
 //! seam is what is odd in its own triangles less the rim that comes from below.
 
 use super::local::{Local, UNSHARED, by_vertices, keep_odd, key};
-use crate::progress::Meter;
-use crate::stop;
-use anyhow::Result;
+use crate::error::VerifyError;
 use bytemuck::{Pod, Zeroable};
-use chpm_build::Cancel;
-use chpm_extmem::{Buckets, BufferWriter, Column, Store};
+use chpm_extmem::{Buckets, BufferWriter, Cancel, Column, Progress, Store};
 use chpm_format::{Chpm, FormatError, Page};
 use chpm_mesh::{ClusterId, GroupId};
 use rayon::prelude::*;
@@ -65,9 +62,9 @@ impl Seams {
         file: &Chpm<D>,
         store: &Store,
         memory: u64,
-        meter: &Meter,
+        progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<Self> {
+    ) -> Result<Self, VerifyError> {
         let groups = file.groups();
         let mut rims = Buckets::new(store, "rims", groups.len(), BLOCK);
         let share = memory / SHARE;
@@ -76,7 +73,7 @@ impl Seams {
         // Levels from below: what a group leaves open goes to the group above it.
         let mut order: Vec<GroupId> = (0..groups.len() as u32).map(GroupId).collect();
         order.sort_by_key(|group| groups[group.index()].level);
-        meter.start("seams", order.len() as u64);
+        progress.begin("seams", order.len() as u64);
         let mut edges = BufferWriter::new(store, "seams", 0)?;
         let mut ranges = vec![0..0; file.clusters().len()];
         let ids = file.header().shared_vertex_count as usize;
@@ -88,14 +85,16 @@ impl Seams {
             let mut left = level;
             while !left.is_empty() {
                 let batch = first_batch(&mut left, share, |group| RIM * rims.len(group.index()) as u64);
-                let of_group = |local: &mut Local, group: &GroupId| -> Result<OfGroup> {
-                    stop::check(cancel)?;
+                let of_group = |local: &mut Local, group: &GroupId| -> Result<OfGroup, VerifyError> {
+                    cancel.check()?;
                     let mut below = Vec::new();
                     rims.read(group.index(), &mut below)?;
                     Ok(of_group(file, *group, below, &listed, local)?)
                 };
-                let found: Vec<OfGroup> =
-                    batch.par_iter().map_init(Local::default, of_group).collect::<Result<_>>()?;
+                let found: Vec<OfGroup> = batch
+                    .par_iter()
+                    .map_init(Local::default, of_group)
+                    .collect::<Result<_, VerifyError>>()?;
 
                 for (cluster, seam) in found.iter().flat_map(|group| &group.seams) {
                     ranges[cluster.index()] = edges.len()..edges.len() + seam.len();
@@ -108,7 +107,7 @@ impl Seams {
                     group.lost.iter().for_each(|id| loose[*id as usize] = true);
                     group.moved.iter().for_each(|(id, to)| targets[*id as usize] = *to);
                 }
-                meter.add(batch.len() as u64);
+                progress.advance(batch.len() as u64);
             }
 
             for group in level {
@@ -120,7 +119,7 @@ impl Seams {
                 }
             }
         }
-        meter.finish();
+        progress.end();
         for id in 0..ids {
             // What was marked before was followed to its end.
             let mut at = if loose[id] { targets[id] } else { UNSHARED };
@@ -156,7 +155,7 @@ impl Seams {
         &'a self,
         cluster: ClusterId,
         scratch: &'a mut Vec<[u16; 2]>,
-    ) -> Result<&'a [[u16; 2]]> {
+    ) -> Result<&'a [[u16; 2]], VerifyError> {
         Ok(self.edges.read(self.ranges[cluster.index()].clone(), scratch)?)
     }
 }
@@ -182,7 +181,7 @@ fn rims_of_leaves<D: AsRef<[u8]> + Sync>(
     memory: u64,
     rims: &mut Buckets<[u32; 2]>,
     cancel: &Cancel,
-) -> Result<()> {
+) -> Result<(), VerifyError> {
     let leaves = || (0..).map(ClusterId).zip(file.clusters()).filter(|(_, record)| record.is_leaf());
     let bytes = |triangles: u32| TRIANGLE * u64::from(triangles);
     let most: u64 = leaves().map(|(_, record)| bytes(record.triangle_count)).sum();
@@ -193,15 +192,16 @@ fn rims_of_leaves<D: AsRef<[u8]> + Sync>(
     while !left.is_empty() {
         let weight = |leaf: &ClusterId| bytes(file.clusters()[leaf.index()].triangle_count);
         let batch = first_batch(&mut left, memory, weight);
-        let odd = |local: &mut Local, leaf: &ClusterId| -> Result<Vec<[u32; 2]>> {
-            stop::check(cancel)?;
+        let odd = |local: &mut Local, leaf: &ClusterId| -> Result<Vec<[u32; 2]>, VerifyError> {
+            cancel.check()?;
             let page = file.page_known(*leaf)?;
             let page = page.view();
             local.enter(&page, page.vertex_count());
             let odd = local.odd_edges(&page).to_vec();
             Ok(odd.into_iter().map(|edge| local.by_id(edge)).collect())
         };
-        let found: Vec<_> = batch.par_iter().map_init(Local::default, odd).collect::<Result<_>>()?;
+        let found: Vec<_> =
+            batch.par_iter().map_init(Local::default, odd).collect::<Result<_, VerifyError>>()?;
         for (leaf, found) in batch.iter().zip(found) {
             for edge in found {
                 let part = key(&edge).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
@@ -211,7 +211,7 @@ fn rims_of_leaves<D: AsRef<[u8]> + Sync>(
     }
     let mut part = Vec::new();
     for of_part in 0..edges.count() {
-        stop::check(cancel)?;
+        cancel.check()?;
         part.clear();
         edges.read(of_part, &mut part)?;
         part.sort_unstable_by_key(|of: &OfLeaf| (key(&of.edge), of.leaf));

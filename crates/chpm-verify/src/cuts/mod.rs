@@ -25,11 +25,8 @@ mod local;
 mod seams;
 mod walk;
 
-use crate::progress::Meter;
-use crate::stop;
-use anyhow::Result;
-use chpm_build::Cancel;
-use chpm_extmem::Store;
+use crate::error::VerifyError;
+use chpm_extmem::{Cancel, Progress, Store};
 use chpm_format::Chpm;
 use chpm_refine::{CameraPath, Cut, Hierarchy, RefineError, View, random_cut, select};
 use rayon::prelude::*;
@@ -46,41 +43,44 @@ const HALVINGS: u64 = 12;
 
 /// Findings about cuts.
 #[derive(Debug)]
-pub(crate) struct Cuts {
+pub struct Cuts {
     /// Cuts that were drawn.
-    pub(crate) count: u32,
+    pub count: u32,
     /// Seed of the first one.
-    pub(crate) seed: u64,
+    pub seed: u64,
     /// Triangles of all of them.
-    pub(crate) triangles: u64,
+    pub triangles: u64,
     /// The first faults, of one cut each.
-    pub(crate) faults: Vec<String>,
+    pub faults: Vec<String>,
     /// Places that are wrong, over all cuts.
-    pub(crate) fault_count: u64,
+    pub fault_count: u64,
 }
 
 /// The file, as the other checks found it.
 #[derive(Clone, Copy)]
-pub(crate) struct Checked<'a, D> {
+pub struct Checked<'a, D> {
     /// Its pages are sound.
-    pub(crate) file: &'a Chpm<D>,
+    pub file: &'a Chpm<D>,
     /// Whether every shared vertex is in one place wherever it is listed.
-    pub(crate) is_even: bool,
+    pub is_even: bool,
 }
 
 /// Draws `count` cuts from `seed` on and looks at all their seams, several at a time. Even seeds are random
 /// legal cuts, odd ones what random cameras select. `memory` is in bytes.
-pub(crate) fn check<D: AsRef<[u8]> + Sync>(
+///
+/// # Errors
+/// [`VerifyError::Cancelled`], damage of the file, or those of the store.
+pub fn check<D: AsRef<[u8]> + Sync>(
     Checked { file, is_even }: Checked<'_, D>,
     count: u32,
     seed: u64,
     store: &Store,
     memory: u64,
-    meter: &Meter,
+    progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Cuts> {
-    let seams = Seams::of(file, store, memory / WORK, meter, cancel)?;
-    meter.start("cuts", count.into());
+) -> Result<Cuts, VerifyError> {
+    let seams = Seams::of(file, store, memory / WORK, progress, cancel)?;
+    progress.begin("cuts", count.into());
     let checker = Checker { file, hierarchy: Hierarchy::new(file), seams };
     let each = memory / WORK / rayon::current_num_threads() as u64;
     let looked_at: Vec<Looked> = (0..u64::from(count))
@@ -88,14 +88,14 @@ pub(crate) fn check<D: AsRef<[u8]> + Sync>(
         .map_init(
             || Walker::new(each, is_even),
             |walker, i| {
-                stop::check(cancel)?;
+                cancel.check()?;
                 let looked = checker.look(walker, seed.wrapping_add(i));
-                meter.add(1);
+                progress.advance(1);
                 looked
             },
         )
-        .collect::<Result<_>>()?;
-    meter.finish();
+        .collect::<Result<_, VerifyError>>()?;
+    progress.end();
     let mut found = Cuts { count, seed, triangles: 0, faults: Vec::new(), fault_count: 0 };
     for (i, looked) in (0..).zip(looked_at) {
         found.triangles += looked.triangles;
@@ -107,7 +107,7 @@ pub(crate) fn check<D: AsRef<[u8]> + Sync>(
 }
 
 /// Bytes that it takes to look at cuts of a file whatever memory there is.
-pub(crate) fn least<D: AsRef<[u8]>>(file: &Chpm<D>) -> u64 {
+pub fn least<D: AsRef<[u8]>>(file: &Chpm<D>) -> u64 {
     Seams::least(file)
 }
 
@@ -125,7 +125,7 @@ struct Looked {
 }
 
 impl<D: AsRef<[u8]>> Checker<'_, D> {
-    fn look(&self, walker: &mut Walker, seed: u64) -> Result<Looked> {
+    fn look(&self, walker: &mut Walker, seed: u64) -> Result<Looked, VerifyError> {
         let cut =
             match draw(self.file, &self.hierarchy, seed).and_then(|cut| cut.check(self.file).map(|()| cut)) {
                 Ok(cut) => cut,
@@ -144,11 +144,10 @@ impl<D: AsRef<[u8]>> Checker<'_, D> {
 }
 
 /// The cut of a seed.
-pub(crate) fn draw<D: AsRef<[u8]>>(
-    file: &Chpm<D>,
-    hierarchy: &Hierarchy,
-    seed: u64,
-) -> Result<Cut, RefineError> {
+///
+/// # Errors
+/// Damage of the file.
+pub fn draw<D: AsRef<[u8]>>(file: &Chpm<D>, hierarchy: &Hierarchy, seed: u64) -> Result<Cut, RefineError> {
     let path = CameraPath::random(&file.header().aabb(), seed, 1);
     match path.cameras.first() {
         Some(camera) if seed % 2 == 1 => {

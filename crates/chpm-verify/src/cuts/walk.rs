@@ -4,7 +4,7 @@ use super::glance::Glance;
 use super::ledger::{Ledger, Record};
 use super::local::{Local, keep_odd, key};
 use super::seams::Seams;
-use anyhow::Result;
+use crate::error::VerifyError;
 use chpm_format::{Chpm, Page, PageBuf, checksum};
 use chpm_refine::{Cut, Member};
 
@@ -94,7 +94,12 @@ impl Walker {
     }
 
     /// Looks at all seams of a cut whose members are at positions that they have.
-    pub(super) fn look<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, seams: &Seams, cut: &Cut) -> Result<Found> {
+    pub(super) fn look<D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        seams: &Seams,
+        cut: &Cut,
+    ) -> Result<Found, VerifyError> {
         let told = self.glance.as_mut().map(|glance| glance.look(file, seams, cut)).transpose()?;
         match told.filter(|told| told.is_whole) {
             Some(told) => Ok(Found { triangles: told.triangles, ..Found::default() }),
@@ -103,7 +108,12 @@ impl Walker {
     }
 
     /// The same by lists of all that clusters share.
-    fn list<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, seams: &Seams, cut: &Cut) -> Result<Found> {
+    fn list<D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        seams: &Seams,
+        cut: &Cut,
+    ) -> Result<Found, VerifyError> {
         let mut found = Found::default();
         self.sides.restart();
         self.vertices.restart();
@@ -147,7 +157,11 @@ impl Walker {
         Ok(found)
     }
 
-    fn enter<'a, D: AsRef<[u8]>>(&mut self, file: &'a Chpm<D>, member: Member) -> Result<PageBuf<'a>> {
+    fn enter<'a, D: AsRef<[u8]>>(
+        &mut self,
+        file: &'a Chpm<D>,
+        member: Member,
+    ) -> Result<PageBuf<'a>, VerifyError> {
         let page = file.page_known(member.cluster)?;
         self.local.enter(&page.view(), member.vertices as usize);
         Ok(page)
@@ -165,7 +179,7 @@ impl Walker {
         seams: &Seams,
         cut: &Cut,
         open: Side,
-    ) -> Result<Option<String>> {
+    ) -> Result<Option<String>, VerifyError> {
         for member in cut.members() {
             let page = self.enter(file, *member)?;
             let page = page.view();
@@ -182,7 +196,12 @@ impl Walker {
         Ok(None)
     }
 
-    fn tell_apart<D: AsRef<[u8]>>(&mut self, file: &Chpm<D>, cut: &Cut, id: u32) -> Result<Option<String>> {
+    fn tell_apart<D: AsRef<[u8]>>(
+        &mut self,
+        file: &Chpm<D>,
+        cut: &Cut,
+        id: u32,
+    ) -> Result<Option<String>, VerifyError> {
         let mut first = None;
         for member in cut.members() {
             let page = self.enter(file, *member)?;

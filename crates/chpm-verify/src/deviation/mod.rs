@@ -9,13 +9,11 @@
 
 mod levels;
 
-pub(crate) use levels::{LevelDeviation, Spread, at_position, levels};
+pub(crate) use levels::at_position;
+pub use levels::{LevelDeviation, Spread, levels};
 
-use crate::progress::Meter;
-use crate::stop;
-use anyhow::Result;
-use chpm_build::Cancel;
-use chpm_extmem::MappedFile;
+use crate::error::VerifyError;
+use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::box_tree::BoxTree;
 use chpm_measure::sample::{Density, Sampler};
@@ -30,7 +28,7 @@ use rayon::prelude::*;
 const SLACK: f64 = 1.0 / (1u64 << 32) as f64;
 
 /// A file and its source, ready to be measured.
-pub(crate) struct Judge<'a> {
+pub struct Judge<'a> {
     file: &'a Chpm<MappedFile>,
     source: Tiles<'a>,
     leaves: Vec<ClusterId>,
@@ -42,40 +40,46 @@ pub(crate) struct Judge<'a> {
 
 /// Deviation of one cluster of a cut.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct MemberDeviation {
-    pub(crate) member: Member,
-    pub(crate) triangles: u64,
+pub struct MemberDeviation {
+    /// The cluster and its position.
+    pub member: Member,
+    /// Triangles that it draws.
+    pub triangles: u64,
     /// The error that the file states for the position.
-    pub(crate) stored: f32,
+    pub stored: f32,
     /// The distance that it states: the error, or the gap of what has vanished if that is larger.
-    pub(crate) distance: f32,
+    pub distance: f32,
     /// From the source to the cut, where this cluster is what answers for the sample.
-    pub(crate) of_source: Tally,
+    pub of_source: Tally,
     /// From the cluster's mesh to the source.
-    pub(crate) of_mesh: Tally,
-    pub(crate) vanished: Vanished,
-    pub(crate) violations: Violations,
+    pub of_mesh: Tally,
+    /// Samples beyond the error, and within the distance.
+    pub vanished: Vanished,
+    /// Samples beyond what is stored.
+    pub violations: Violations,
 }
 
 /// Samples of the source that are farther than any error allows, and no farther than a distance.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct Vanished {
-    pub(crate) samples: u64,
+pub struct Vanished {
+    /// How many.
+    pub samples: u64,
     /// The farthest of them.
-    pub(crate) max: f64,
+    pub max: f64,
 }
 
 /// Samples that are farther away than the file states.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub(crate) struct Violations {
-    pub(crate) samples: u64,
+pub struct Violations {
+    /// How many.
+    pub samples: u64,
     /// The worst: measured distance and where.
-    pub(crate) worst: Option<(f64, [f64; 3])>,
+    pub worst: Option<(f64, [f64; 3])>,
 }
 
 impl MemberDeviation {
     /// The largest distance, either way.
-    pub(crate) fn measured(&self) -> f64 {
+    pub fn measured(&self) -> f64 {
         self.of_source.max().max(self.of_mesh.max())
     }
 
@@ -88,7 +92,7 @@ impl MemberDeviation {
 }
 
 impl Vanished {
-    pub(crate) fn merge(&mut self, other: &Vanished) {
+    fn merge(&mut self, other: &Vanished) {
         self.samples += other.samples;
         self.max = self.max.max(other.max);
     }
@@ -99,7 +103,7 @@ impl Violations {
         self.merge(&Violations { samples: 1, worst: Some((distance, point.coords.into())) });
     }
 
-    pub(crate) fn merge(&mut self, other: &Violations) {
+    fn merge(&mut self, other: &Violations) {
         self.samples += other.samples;
         if other.worst.is_some_and(|(d, _)| self.worst.is_none_or(|(worst, _)| d > worst)) {
             self.worst = other.worst;
@@ -118,23 +122,26 @@ struct Part {
 
 impl<'a> Judge<'a> {
     /// Reads every page once. `samples` go on each triangle of the source; tiles may take `budget` bytes.
-    pub(crate) fn new(
+    ///
+    /// # Errors
+    /// Damaged pages, or [`VerifyError::Cancelled`].
+    pub fn new(
         file: &'a Chpm<MappedFile>,
         samples: usize,
         budget: u64,
-        meter: &Meter,
+        progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<Self> {
+    ) -> Result<Self, VerifyError> {
         let count = file.clusters().len();
-        meter.start("pages", count as u64);
-        let check = |id: u32| -> Result<()> {
-            stop::check(cancel)?;
+        progress.begin("pages", count as u64);
+        let check = |id: u32| -> Result<(), VerifyError> {
+            cancel.check()?;
             file.page_checked(ClusterId(id))?;
-            meter.add(1);
+            progress.advance(1);
             Ok(())
         };
         (0..count as u32).into_par_iter().try_for_each(check)?;
-        meter.finish();
+        progress.end();
         let budget = budget / 2;
         let (leaves, source) = source_tiles(file, budget, cancel);
         let bounds = file.header().aabb();
@@ -144,13 +151,16 @@ impl<'a> Judge<'a> {
     }
 
     /// Measures a cut, both ways. Returns its members in their order.
-    pub(crate) fn cut(
+    ///
+    /// # Errors
+    /// [`VerifyError::Cancelled`], or those of a file that was changed meanwhile.
+    pub fn cut(
         &self,
         cut: &Cut,
         label: &str,
-        meter: &Meter,
+        progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<Vec<MemberDeviation>> {
+    ) -> Result<Vec<MemberDeviation>, VerifyError> {
         let (file, members) = (self.file, cut.members());
         let mut found = Vec::with_capacity(members.len());
         for member in members {
@@ -169,22 +179,22 @@ impl<'a> Judge<'a> {
         }
         let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
         let drawn = drawn_tiles(file, members, boxes.clone(), self.budget, cancel);
-        meter.start(label, (self.leaves.len() + members.len()) as u64);
+        progress.begin(label, (self.leaves.len() + members.len()) as u64);
         let near = BoxTree::reaching(&boxes, |index| f64::from(found[index].distance) + self.slack);
         let view = View { judge: self, drawn: &drawn, near, found: &found, cancel };
 
-        let of_source = |leaf: usize| -> Result<Vec<(usize, Part)>> {
-            stop::check(cancel)?;
+        let of_source = |leaf: usize| -> Result<Vec<(usize, Part)>, VerifyError> {
+            cancel.check()?;
             let mesh = self.source.mesh(leaf);
             let budget = self.samples * mesh.triangles.len();
             let sampler = Sampler::new(&mesh, Density { per_triangle: self.samples, budget, seed: 0 });
             let parts: Vec<_> = Block::all(&sampler).map(|block| view.of_source(&sampler, block)).collect();
-            stop::check(cancel)?;
-            meter.add(1);
+            cancel.check()?;
+            progress.advance(1);
             Ok(together(parts.into_iter().flatten()))
         };
         let from_leaves: Vec<_> =
-            (0..self.leaves.len()).into_par_iter().map(of_source).collect::<Result<Vec<_>>>()?;
+            (0..self.leaves.len()).into_par_iter().map(of_source).collect::<Result<Vec<_>, VerifyError>>()?;
 
         // A coarse mesh gets its share of the source's samples: its triangles were twice as many with every level below.
         let triangles = |id: ClusterId| f64::from(file.clusters()[id.index()].triangle_count);
@@ -192,8 +202,8 @@ impl<'a> Judge<'a> {
         let weight =
             |m: &Member| triangles(m.cluster) * f64::from(file.clusters()[m.cluster.index()].level).exp2();
         let density = source / members.iter().map(weight).sum::<f64>().max(1.0);
-        let of_mesh = |index: usize| -> Result<(u64, Part)> {
-            stop::check(cancel)?;
+        let of_mesh = |index: usize| -> Result<(u64, Part), VerifyError> {
+            cancel.check()?;
             let mesh = drawn.mesh(index);
             let budget = (self.samples as f64 * density * weight(&members[index])) as usize;
             let sampler = Sampler::new(&mesh, Density { per_triangle: self.samples, budget, seed: 0 });
@@ -201,13 +211,13 @@ impl<'a> Judge<'a> {
                 Block::all(&sampler).map(|block| view.of_mesh(index, &sampler, block)).collect();
             let mut all = Part::default();
             parts.iter().flatten().for_each(|part| all.merge(part));
-            stop::check(cancel)?;
-            meter.add(1);
+            cancel.check()?;
+            progress.advance(1);
             Ok((mesh.triangles.len() as u64, all))
         };
         let from_members: Vec<_> =
-            (0..members.len()).into_par_iter().map(of_mesh).collect::<Result<Vec<_>>>()?;
-        meter.finish();
+            (0..members.len()).into_par_iter().map(of_mesh).collect::<Result<Vec<_>, VerifyError>>()?;
+        progress.end();
 
         // Sums of floats depend on their order: leaves by id, then members by id.
         for (index, part) in from_leaves.iter().flatten() {
@@ -221,12 +231,12 @@ impl<'a> Judge<'a> {
     }
 
     /// The file.
-    pub(crate) fn file(&self) -> &'a Chpm<MappedFile> {
+    pub fn file(&self) -> &'a Chpm<MappedFile> {
         self.file
     }
 
     /// Distances up to this count as none.
-    pub(crate) fn slack(&self) -> f64 {
+    pub fn slack(&self) -> f64 {
         self.slack
     }
 }
@@ -407,7 +417,7 @@ pub(crate) fn drawn_tiles<'a>(
 }
 
 /// A cluster's mesh at a position; an empty one where the file was changed since its page was read the first time, which
-/// [`reading`](crate::cmd::reading) tells at the end, whatever came of it.
+/// whoever opened the file looks at in the end, whatever came of it.
 pub(crate) fn mesh_of(file: &Chpm<MappedFile>, member: Member) -> TriMesh {
     let Ok(page) = file.page(member.cluster) else {
         assert!(file.get_ref().check_unchanged().is_err(), "all pages were read before");
@@ -423,7 +433,8 @@ pub(crate) fn mesh_of(file: &Chpm<MappedFile>, member: Member) -> TriMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use chpm_build::{BuildConfig, Silent, build};
+    use chpm_build::{BuildConfig, build};
+    use chpm_extmem::Silent;
     use chpm_import::ply::{Encoding, write_mesh};
     use chpm_synth::hand;
     use std::fs::File;

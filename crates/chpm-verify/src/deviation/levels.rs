@@ -1,10 +1,8 @@
 //! Levels, one after the other: all clusters of a level at the same part of their collapses.
 
 use super::{Judge, MemberDeviation, Vanished, Violations};
-use crate::progress::Meter;
-use anyhow::Result;
-use chpm_build::Cancel;
-use chpm_extmem::MappedFile;
+use crate::error::VerifyError;
+use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::{Side, Tally};
 use chpm_mesh::{GroupId, Level};
@@ -12,36 +10,47 @@ use chpm_refine::{Cut, Member, RefineError};
 
 /// Deviation of a level, or of a cut.
 #[derive(Clone, Debug)]
-pub(crate) struct LevelDeviation {
-    pub(crate) clusters: u64,
-    pub(crate) triangles: u64,
+pub struct LevelDeviation {
+    /// Clusters that were measured.
+    pub clusters: u64,
+    /// Triangles that they draw.
+    pub triangles: u64,
     /// Largest stored error.
-    pub(crate) stored: f32,
+    pub stored: f32,
     /// Largest stored distance.
-    pub(crate) distance: f32,
-    pub(crate) of_source: Side,
-    pub(crate) of_mesh: Side,
+    pub distance: f32,
+    /// From the source to the mesh.
+    pub of_source: Side,
+    /// From the mesh to the source.
+    pub of_mesh: Side,
     /// Stored by measured distance, over the clusters for which there is such a ratio.
-    pub(crate) ratio: Option<Spread>,
-    pub(crate) vanished: Vanished,
-    pub(crate) violations: Violations,
+    pub ratio: Option<Spread>,
+    /// Samples beyond the error, and within the distance.
+    pub vanished: Vanished,
+    /// Samples beyond what is stored.
+    pub violations: Violations,
     /// Clusters with a violation.
-    pub(crate) violating: u64,
+    pub violating: u64,
 }
 
 /// How values are spread; of the nearest rank.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Spread {
-    pub(crate) count: usize,
-    pub(crate) min: f64,
-    pub(crate) median: f64,
-    pub(crate) p95: f64,
-    pub(crate) max: f64,
+pub struct Spread {
+    /// How many values there are.
+    pub count: usize,
+    /// The least.
+    pub min: f64,
+    /// Half of them are at most this.
+    pub median: f64,
+    /// 95 of 100 are at most this.
+    pub p95: f64,
+    /// The largest.
+    pub max: f64,
 }
 
 impl Spread {
     /// None of no values.
-    pub(crate) fn of(mut values: Vec<f64>) -> Option<Self> {
+    pub fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_unstable_by(f64::total_cmp);
         let rank =
             |part: f64| values[((part * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1];
@@ -52,7 +61,7 @@ impl Spread {
 
 impl LevelDeviation {
     /// Sums up members. One that deviates by no more than rounding has no ratio.
-    pub(crate) fn of(members: &[MemberDeviation], slack: f64) -> Self {
+    pub fn of(members: &[MemberDeviation], slack: f64) -> Self {
         let (mut of_source, mut of_mesh) = (Tally::default(), Tally::default());
         let (mut vanished, mut violations) = (Vanished::default(), Violations::default());
         for member in members {
@@ -78,17 +87,17 @@ impl LevelDeviation {
     }
 
     /// The larger maximum of both ways.
-    pub(crate) fn max(&self) -> f64 {
+    pub fn max(&self) -> f64 {
         self.of_source.max.max(self.of_mesh.max)
     }
 
     /// The larger root mean square of both ways.
-    pub(crate) fn rms(&self) -> f64 {
+    pub fn rms(&self) -> f64 {
         self.of_source.rms.max(self.of_mesh.rms)
     }
 
     /// The larger mean of both ways.
-    pub(crate) fn mean(&self) -> f64 {
+    pub fn mean(&self) -> f64 {
         self.of_source.mean.max(self.of_mesh.mean)
     }
 }
@@ -96,20 +105,23 @@ impl LevelDeviation {
 /// Measures every level at `positions` of its progressive meshes: the base mesh, and others at equal numbers of collapses from
 /// there up. The finest meshes are the base meshes of the level below (I4). Hands each to `tell` with level and the part
 /// of the collapses that is applied.
-pub(crate) fn levels(
+///
+/// # Errors
+/// As [`Judge::cut`].
+pub fn levels(
     judge: &Judge<'_>,
     positions: u32,
-    meter: &Meter,
+    progress: &dyn Progress,
     cancel: &Cancel,
     mut tell: impl FnMut(u32, f64, LevelDeviation),
-) -> Result<()> {
+) -> Result<(), VerifyError> {
     let file = judge.file();
     for level in 0..file.levels().len() as u32 {
         for step in (0..positions).rev() {
             let part = 1.0 - f64::from(step) / f64::from(positions);
             let cut = at_position(file, level, part)?;
             let label = format!("level {level}, {:.0} %", 100.0 * part);
-            let mut members = judge.cut(&cut, &label, meter, cancel)?;
+            let mut members = judge.cut(&cut, &label, progress, cancel)?;
             members.retain(|m| file.clusters()[m.member.cluster.index()].level == level);
             tell(level, part, LevelDeviation::of(&members, judge.slack()));
         }

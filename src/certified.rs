@@ -1,59 +1,17 @@
-//! Output of a certification: faults, a table, JSON.
+//! A certification as a table and as JSON.
 
-use super::{Certified, Row, Side, TOLERANCE, Which};
 use crate::number::Units;
 use crate::report::{count, table};
-use chpm_mesh::Counted;
+use chpm_verify::certify::{Certified, Row, Side, TOLERANCE, Which};
 use serde_json::{Value, json};
 use std::io::{self, Write};
-
-/// Every row that is not proven, in words, and the number of triangles. Places are told in the source's coordinates.
-pub(crate) fn faults(certified: &Certified, origin: [f64; 3]) -> (Vec<String>, u64) {
-    let mut faults = Vec::new();
-    for row in certified.levels.iter().chain(&certified.cuts) {
-        for (side, from, to, what) in
-            [(&row.of_mesh, "mesh", "source", "error"), (&row.of_source, "source", "mesh", "distance")]
-        {
-            let name = name(row);
-            if let Some(worst) = side.worst {
-                let [x, y, z] = absolute(worst.at, origin);
-                let triangles = Counted(side.violations, "triangle");
-                faults.push(format!(
-                    "I5 error: {name}: {triangles} of the {from} farther from the {to} than the stored {what}; the worst point, \
-                     at {x} {y} {z}, by {} units at least where {} are stored",
-                    Units(worst.distance),
-                    Units(worst.stored)
-                ));
-            }
-            if side.undecided > 0 {
-                let triangles = Counted(side.undecided, "triangle");
-                faults.push(format!(
-                    "I5 error: {name}: {triangles} of the {from} neither proven nor refuted; a larger --effort may decide"
-                ));
-            }
-        }
-    }
-    let all = certified.levels.iter().chain(&certified.cuts);
-    (faults, all.map(|row| row.violations() + row.undecided()).sum())
-}
-
-fn name(row: &Row) -> String {
-    match row.which {
-        Which::Level { level, collapsed } => format!("level {level}, {:.0} % collapsed", 100.0 * collapsed),
-        Which::Cut { seed } => format!("cut of seed {seed}"),
-    }
-}
-
-fn absolute(at: [f64; 3], origin: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|axis| at[axis] + origin[axis])
-}
 
 /// A row for each level and cut.
 pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<()> {
     let interval = |side: &Side| format!("{} to {}", Units(side.least), Units(side.most));
     let cells = |row: &Row| {
         vec![
-            name(row),
+            row.name(),
             count(row.clusters),
             count(row.triangles),
             Units(row.error.into()).to_string(),
@@ -138,4 +96,8 @@ fn side_json(side: &Side, origin: [f64; 3]) -> Value {
         "undecided": side.undecided,
         "pieces": side.pieces,
     })
+}
+
+fn absolute(at: [f64; 3], origin: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| at[axis] + origin[axis])
 }

@@ -6,6 +6,7 @@
 
 use super::local::UNSHARED;
 use super::seams::Seams;
+use crate::error::VerifyError;
 use chpm_format::{Chpm, FormatError, Page};
 use chpm_mesh::pm::is_alive;
 use chpm_refine::Cut;
@@ -46,7 +47,7 @@ impl Glance {
         file: &Chpm<D>,
         seams: &Seams,
         cut: &Cut,
-    ) -> anyhow::Result<Told> {
+    ) -> Result<Told, VerifyError> {
         let mut scratch = Vec::new();
         let (mut triangles, mut sides) = (0, 0);
         for member in cut.members() {

@@ -1,15 +1,28 @@
 //! An array in any order: in memory if the budget has room, else on disk, of which some blocks are at hand.
 
-use anyhow::Result;
+use crate::{Column, ExtmemError, Reservation, Store};
 use bytemuck::Pod;
-use chpm_extmem::{Column, Reservation, Store};
 
 /// Bytes of a block, and how many are at hand.
 const BLOCK: usize = 1 << 12;
 const BLOCKS: usize = 1 << 9;
 
-/// An array of zeros, to be changed.
-pub(super) struct Paged<T: Pod> {
+/// An array whose items are read and changed one by one.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// use chpm_extmem::{Paged, Store};
+///
+/// // No memory is granted, so the array is in a file, of which some blocks are at hand.
+/// let store = Store::create(folder.path(), 0)?;
+/// let mut numbers = Paged::<u64>::zeroed(&store, "numbers", 1_000_000)?;
+/// numbers.set(999_999, 7)?;
+/// assert_eq!(numbers.get(999_999)?, 7);
+/// assert_eq!(numbers.get(3)?, 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Paged<T: Pod> {
     column: Column<T>,
     blocks: Vec<Block<T>>,
     /// Items of a block.
@@ -17,6 +30,7 @@ pub(super) struct Paged<T: Pod> {
     _share: Reservation,
 }
 
+#[derive(Debug)]
 struct Block<T> {
     number: usize,
     items: Vec<T>,
@@ -24,8 +38,19 @@ struct Block<T> {
 }
 
 impl<T: Pod> Paged<T> {
-    pub(super) fn zeroed(store: &Store, what: &'static str, len: usize) -> Result<Self> {
-        let column = Column::<T>::zeroed(store, what, len)?;
+    /// `len` zeroed items; `what` names the array in errors.
+    ///
+    /// # Errors
+    /// As [`Column::zeroed`], and [`ExtmemError::Budget`] if there is no memory for the blocks at hand.
+    pub fn zeroed(store: &Store, what: &'static str, len: usize) -> Result<Self, ExtmemError> {
+        Self::new(store, what, Column::zeroed(store, what, len)?)
+    }
+
+    /// The items of a column.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Budget`] if there is no memory for the blocks at hand.
+    pub fn new(store: &Store, what: &'static str, column: Column<T>) -> Result<Self, ExtmemError> {
         let count = if column.is_on_disk() { BLOCKS } else { 0 };
         let share = store.budget.reserve_work(what, (count * BLOCK) as u64)?;
         let none = || Block { number: usize::MAX, items: Vec::new(), is_changed: false };
@@ -33,17 +58,39 @@ impl<T: Pod> Paged<T> {
         Ok(Paged { column, blocks, len: BLOCK / size_of::<T>(), _share: share })
     }
 
-    pub(super) fn get(&mut self, at: usize) -> Result<T> {
-        if let Some(all) = self.column.as_slice() {
-            return Ok(all[at]);
+    /// Number of items.
+    pub fn len(&self) -> usize {
+        self.column.len()
+    }
+
+    /// Whether there is no item.
+    pub fn is_empty(&self) -> bool {
+        self.column.is_empty()
+    }
+
+    /// The item at a place.
+    ///
+    /// # Errors
+    /// [`ExtmemError::OutOfRange`], or [`ExtmemError::Io`] naming the work directory.
+    pub fn get(&mut self, at: usize) -> Result<T, ExtmemError> {
+        if let Some(all) = self.column.as_slice()
+            && let Some(item) = all.get(at)
+        {
+            return Ok(*item);
         }
         let within = at % self.len;
         Ok(self.block(at)?.items[within])
     }
 
-    pub(super) fn set(&mut self, at: usize, item: T) -> Result<()> {
-        if let Some(all) = self.column.as_mut_slice() {
-            all[at] = item;
+    /// Replaces the item at a place.
+    ///
+    /// # Errors
+    /// [`ExtmemError::OutOfRange`], or [`ExtmemError::DiskFull`] or [`ExtmemError::Io`] naming the work directory.
+    pub fn set(&mut self, at: usize, item: T) -> Result<(), ExtmemError> {
+        if let Some(all) = self.column.as_mut_slice()
+            && let Some(place) = all.get_mut(at)
+        {
+            *place = item;
             return Ok(());
         }
         let within = at % self.len;
@@ -54,7 +101,11 @@ impl<T: Pod> Paged<T> {
     }
 
     /// The block of an item; what had its place before goes to disk if it was changed.
-    fn block(&mut self, at: usize) -> Result<&mut Block<T>> {
+    fn block(&mut self, at: usize) -> Result<&mut Block<T>, ExtmemError> {
+        if at >= self.column.len() || self.blocks.is_empty() {
+            // It is out of range: the column says so.
+            self.column.read(at..at.saturating_add(1), &mut Vec::new())?;
+        }
         let number = at / self.len;
         let block = &mut self.blocks[number % BLOCKS];
         if block.number != number {
@@ -92,6 +143,7 @@ mod tests {
                 paged.set(to, plain[to]).unwrap();
             }
             assert!((0..LEN).all(|at| paged.get(at).unwrap() == plain[at]));
+            assert!(paged.get(LEN).is_err() && paged.set(LEN, 1).is_err());
         }
     }
 }

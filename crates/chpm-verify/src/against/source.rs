@@ -1,0 +1,186 @@
+//! The source while it is held against a file: its vertices and triangles, in memory or on disk.
+
+use crate::error::VerifyError;
+use bytemuck::Pod;
+use chpm_extmem::{BufferWriter, Cancel, Column, Paged, Progress, Store};
+use chpm_format::{Chpm, Metadata};
+use chpm_import::ply::{Batch, BatchKind, Coordinates, Invalid, Options, Tally};
+use chpm_import::{Input, Triangulator, polygon};
+use std::path::Path;
+
+/// The corners of a triangle, as the source has them.
+pub(super) type Corners = [[f64; 3]; 3];
+
+/// Triangles, or words of polygons, that are read at once.
+const WINDOW: usize = 1 << 14;
+
+/// A source that was read to its end.
+pub(super) struct Source {
+    positions: Positions,
+    triangles: Column<[u32; 3]>,
+    pub(super) tally: Tally,
+    /// Whether coordinates are text that is declared to be of single precision.
+    pub(super) is_told_single: bool,
+}
+
+/// Vertices, in the precision that the source has.
+enum Positions {
+    Single(Paged<[f32; 3]>),
+    Double(Paged<[f64; 3]>),
+}
+
+impl Source {
+    /// Reads the source of `file`, with the settings that the file was built with.
+    pub(super) fn of<D: AsRef<[u8]>>(
+        file: &Chpm<D>,
+        path: &Path,
+        store: &Store,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<Self, VerifyError> {
+        let settings = file.metadata().map(|metadata: Metadata| metadata.settings).unwrap_or_default();
+        let drops = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
+        progress.begin("read", path.metadata().map_or(0, |metadata| metadata.len()));
+        let mut before = 0;
+        let source = Self::read(path, drops, store, cancel, |read| {
+            progress.advance(read - before);
+            before = read;
+        });
+        progress.end();
+        source
+    }
+
+    /// Reads a source; `tell` hears how many bytes of it are behind us.
+    pub(super) fn read(
+        path: &Path,
+        drops: bool,
+        store: &Store,
+        cancel: &Cancel,
+        mut tell: impl FnMut(u64),
+    ) -> Result<Self, VerifyError> {
+        let invalid = if drops { Invalid::Drop } else { Invalid::Refuse };
+        let options = Options { invalid, normals: false, colors: false };
+        let mut input = Input::open(path, options, store, cancel)?;
+        let coordinates = input.vertex_format().coordinates;
+
+        let mut singles = BufferWriter::<[f32; 3]>::new(store, POSITIONS, 0)?;
+        let mut doubles = BufferWriter::<[f64; 3]>::new(store, POSITIONS, 0)?;
+        let mut triangles = BufferWriter::new(store, "source triangles", 0)?;
+        let mut polygons = BufferWriter::new(store, "source polygons", 0)?;
+        let mut batch = Batch::default();
+        while input.next_batch(&mut batch)? != BatchKind::End {
+            cancel.check()?;
+            singles.extend_from_slice(&batch.vertices.positions)?;
+            doubles.extend_from_slice(&batch.positions_f64)?;
+            triangles.extend_from_slice(&batch.triangles)?;
+            polygons.extend_from_slice(batch.polygons.as_words())?;
+            tell(input.bytes_read());
+        }
+        let mut tally = input.finish()?.tally;
+
+        let mut positions = match coordinates.are_double() {
+            true => Positions::Double(Paged::new(store, POSITIONS, doubles.finish_column()?)?),
+            false => Positions::Single(Paged::new(store, POSITIONS, singles.finish_column()?)?),
+        };
+        let polygons = polygons.finish_column()?;
+        tally.degenerate_faces += cut(&polygons, &mut positions, &mut triangles, cancel)?;
+        Ok(Source {
+            positions,
+            triangles: triangles.finish_column()?,
+            tally,
+            is_told_single: coordinates == Coordinates::TextOfSingles,
+        })
+    }
+
+    /// Number of vertices.
+    pub(super) fn vertex_count(&self) -> usize {
+        match &self.positions {
+            Positions::Single(all) => all.len(),
+            Positions::Double(all) => all.len(),
+        }
+    }
+
+    /// Number of triangles.
+    pub(super) fn triangle_count(&self) -> u64 {
+        self.triangles.len() as u64
+    }
+
+    /// Shows the vertices of all triangles, in their order.
+    pub(super) fn each_triangle(
+        &self,
+        cancel: &Cancel,
+        look: impl FnMut([u32; 3]) -> Result<(), VerifyError>,
+    ) -> Result<(), VerifyError> {
+        each(&self.triangles, cancel, look)
+    }
+
+    /// Shows the corners of all triangles, in their order.
+    pub(super) fn each_corners(
+        &mut self,
+        cancel: &Cancel,
+        mut look: impl FnMut(Corners) -> Result<(), VerifyError>,
+    ) -> Result<(), VerifyError> {
+        let Source { positions, triangles, .. } = self;
+        each(triangles, cancel, |[a, b, c]| look([positions.get(a)?, positions.get(b)?, positions.get(c)?]))
+    }
+}
+
+const POSITIONS: &str = "source positions";
+
+impl Positions {
+    fn get(&mut self, vertex: u32) -> Result<[f64; 3], VerifyError> {
+        Ok(match self {
+            Positions::Single(all) => all.get(vertex as usize)?.map(f64::from),
+            Positions::Double(all) => all.get(vertex as usize)?,
+        })
+    }
+}
+
+/// Cuts polygons as the builder does, since there are many right ways to. Returns how many of their triangles name a vertex twice
+/// and are left out.
+fn cut(
+    polygons: &Column<u32>,
+    positions: &mut Positions,
+    triangles: &mut BufferWriter<[u32; 3]>,
+    cancel: &Cancel,
+) -> Result<u64, VerifyError> {
+    let (mut triangulator, mut cut, mut degenerate) = (Triangulator::default(), Vec::new(), 0);
+    let (mut at, mut scratch, mut places) = (0, Vec::new(), Vec::new());
+    while at < polygons.len() {
+        cancel.check()?;
+        let mut words = polygons.read(at..polygons.len().min(at + WINDOW), &mut scratch)?;
+        // A polygon of very many corners has a window of its own.
+        let len = 1 + words[0] as usize;
+        if len > words.len() {
+            words = polygons.read(at..at + len, &mut scratch)?;
+        }
+        for corners in polygon::each(words) {
+            at += 1 + corners.len();
+            places.clear();
+            if corners.len() <= Triangulator::EARS {
+                for corner in corners {
+                    places.push(positions.get(*corner)?);
+                }
+            }
+            degenerate += triangulator.cut(corners, &places, &mut cut);
+        }
+        triangles.extend_from_slice(&cut)?;
+        cut.clear();
+    }
+    Ok(degenerate)
+}
+
+/// Shows all items in their order.
+pub(super) fn each<T: Pod>(
+    column: &Column<T>,
+    cancel: &Cancel,
+    mut look: impl FnMut(T) -> Result<(), VerifyError>,
+) -> Result<(), VerifyError> {
+    let mut scratch = Vec::new();
+    for start in (0..column.len()).step_by(WINDOW) {
+        cancel.check()?;
+        let items = column.read(start..column.len().min(start + WINDOW), &mut scratch)?;
+        items.iter().try_for_each(|item| look(*item))?;
+    }
+    Ok(())
+}
