@@ -41,6 +41,7 @@ impl Amount {
 }
 
 /// The arguments of `File.select`.
+#[derive(Default)]
 pub(crate) struct Asked {
     pub(crate) error: Option<Amount>,
     pub(crate) triangles: Option<Amount>,

@@ -1,8 +1,10 @@
 //! What can go wrong, and which exception of the package it becomes.
 
+use chpm_build::BuildError;
 use chpm_extmem::ExtmemError;
 use chpm_format::FormatError;
 use chpm_refine::RefineError;
+use chpm_verify::VerifyError;
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use std::io;
@@ -10,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Exceptions are classes of Python, so that they can be caught as what Python has of the kind, too.
 mod raised {
+    pyo3::import_exception!(chpm._errors, BuildError);
     pyo3::import_exception!(chpm._errors, DamagedError);
     pyo3::import_exception!(chpm._errors, FileError);
     pyo3::import_exception!(chpm._errors, MissingFileError);
@@ -28,6 +31,10 @@ pub(crate) enum Failure {
     Read { path: PathBuf, source: FormatError },
     #[error("'{}' does not have that: {source}", path.display())]
     Lacks { path: PathBuf, source: RefineError },
+    #[error(transparent)]
+    Built(BuildError),
+    #[error(transparent)]
+    Judged(VerifyError),
     #[error(transparent)]
     Refused(RefineError),
     #[error("{0}")]
@@ -50,6 +57,27 @@ impl From<RefineError> for Failure {
 impl From<FormatError> for Failure {
     fn from(error: FormatError) -> Self {
         Failure::Refused(error.into())
+    }
+}
+
+impl From<BuildError> for Failure {
+    fn from(error: BuildError) -> Self {
+        match error {
+            BuildError::Extmem(error) => Failure::System(error),
+            error => Failure::Built(error),
+        }
+    }
+}
+
+impl From<VerifyError> for Failure {
+    fn from(error: VerifyError) -> Self {
+        match error {
+            VerifyError::Extmem(error) => Failure::System(error),
+            VerifyError::Source(error) => error.into(),
+            VerifyError::Format(error) => error.into(),
+            VerifyError::Refine(error) => Failure::Refused(error),
+            error => Failure::Judged(error),
+        }
     }
 }
 
@@ -79,6 +107,15 @@ impl From<Failure> for PyErr {
                     _ => raised::FileError::new_err(about),
                 }
             }
+            Failure::Built(BuildError::Source { path, source }) => {
+                let about = (told, source.raw_os_error(), path);
+                match source.kind() {
+                    io::ErrorKind::NotFound => raised::MissingFileError::new_err(about),
+                    _ => raised::FileError::new_err(about),
+                }
+            }
+            Failure::System(ExtmemError::Budget { .. }) => PyMemoryError::new_err(told),
+            Failure::Built(_) | Failure::Judged(_) => raised::BuildError::new_err(told),
             Failure::System(_) => raised::FileError::new_err(told),
             Failure::Open { .. } | Failure::Read { .. } => raised::DamagedError::new_err(told),
             Failure::Lacks { .. } | Failure::Refused(_) | Failure::Asked(_) => {

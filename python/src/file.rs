@@ -25,7 +25,7 @@ pub(crate) struct Model {
 }
 
 impl Model {
-    fn open(path: PathBuf) -> Result<Self, Failure> {
+    pub(crate) fn open(path: PathBuf) -> Result<Self, Failure> {
         match Chpm::open(MappedFile::open(&path)?) {
             Ok(file) => Ok(Model { file, path }),
             Err(source) => Err(Failure::Open { path, source }),
@@ -78,7 +78,7 @@ impl File {
 #[pymethods]
 impl File {
     #[new]
-    fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+    pub(crate) fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let model = py.detach(|| Model::open(path.clone()))?;
         Ok(File { path, open: RwLock::new(Some(Arc::new(model))) })
     }

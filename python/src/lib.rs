@@ -1,4 +1,5 @@
-//! The part of the Python package `chpm` that is not Python: opens files, selects meshes and hands them over as NumPy arrays.
+//! The part of the Python package `chpm` that is not Python: builds, opens and judges files, selects meshes and hands them over as NumPy
+//! arrays.
 //!
 //! What is selected, `chpm-refine` decides, as it does for `chpm extract`; the docstrings here are those that Python shows.
 #![forbid(unsafe_code)]
@@ -7,8 +8,12 @@ mod asked;
 mod camera;
 mod error;
 mod file;
+mod job;
+mod judge;
+mod make;
 mod page;
 mod selection;
+mod settings;
 mod view;
 
 use pyo3::prelude::*;
@@ -20,6 +25,10 @@ mod _chpm {
     use super::camera::Camera;
     #[pymodule_export]
     use super::file::{File, Level};
+    #[pymodule_export]
+    use super::judge::{measure_file, measure_meshes, verify};
+    #[pymodule_export]
+    use super::make::{build, simplify};
     #[pymodule_export]
     use super::page::Page;
     #[pymodule_export]

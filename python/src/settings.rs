@@ -21,7 +21,11 @@ fn refused(name: &str, told: impl Display) -> Failure {
 
 impl Given<'_> {
     /// Takes a value; none if it was not given, or given as None.
-    fn take<T>(&self, name: &str, of: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>) -> Result<Option<T>, Failure> {
+    fn take<T>(
+        &self,
+        name: &str,
+        of: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>,
+    ) -> Result<Option<T>, Failure> {
         let Some(value) = self.0.get_item(name)? else { return Ok(None) };
         self.0.del_item(name)?;
         if value.is_none() {
@@ -57,7 +61,10 @@ pub(crate) fn build_config(given: &Bound<'_, PyDict>) -> Result<BuildConfig, Fai
     let resources = resources(&given)?;
     let overwrite = given.is_set("force")?;
     if let Some(name) = given.0.keys().iter().next() {
-        return Err(refused(&name.to_string(), "there is no such setting; their names are those of `chpm build --help`"));
+        return Err(refused(
+            &name.to_string(),
+            "there is no such setting; their names are those of `chpm build --help`",
+        ));
     }
     Ok(BuildConfig { settings, resources, overwrite })
 }
@@ -77,7 +84,9 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
     if let Some(boundary) = given.word("boundary", &boundaries)? {
         settings.boundary = boundary;
     }
-    if let Some(topology) = given.word("topology", &[("keep", Topology::Keep), ("change", Topology::Change)])? {
+    if let Some(topology) =
+        given.word("topology", &[("keep", Topology::Keep), ("change", Topology::Change)])?
+    {
         settings.topology = topology;
     }
     settings.finest_error = given.parsed("finest_error")?;

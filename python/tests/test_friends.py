@@ -1,4 +1,4 @@
-"""trimesh, PyVista and meshio read what the command extracts; the command is called."""
+"""trimesh, PyVista and meshio read what the command extracts."""
 
 from __future__ import annotations
 
@@ -93,34 +93,3 @@ def test_readers_take_what_memory_can_hold(models, monkeypatch):
     monkeypatch.setattr("chpm._read.DEFAULT_TRIANGLES", 1500)
     assert 1000 < chpm.read(models["plain"]).triangle_count <= 1500
     assert chpm.read(models["plain"], level=0).triangle_count > 1500
-
-
-def test_build_calls_the_command(chpm_command, models, tmp_path):
-    source = models["plain"].parent / "looks.ply"
-    out = tmp_path / "built.chpm"
-    with chpm.build(source, out, command=chpm_command, cluster_triangles=512) as file:
-        assert file.path == out
-    # The same bytes as by hand.
-    assert out.read_bytes() == models["looks"].read_bytes()
-    with pytest.raises(chpm.CommandError, match="exists already; pass --force") as raised:
-        chpm.build(source, out, command=chpm_command)
-    assert raised.value.code == 2
-    chpm.build(source, out, command=chpm_command, force=True, no_colors=True, quiet=None, pages="packed").close()
-    with chpm.open(out) as file:
-        assert file.is_packed and not file.has_colors
-    with pytest.raises(chpm.CommandError, match="missing.ply"):
-        chpm.build(tmp_path / "missing.ply", out, command=chpm_command, force=True)
-    with pytest.raises(chpm.CommandError, match="--no-such-thing"):
-        chpm.build(source, out, command=chpm_command, no_such_thing=True)
-
-
-def test_a_command_that_is_not_there_is_told(monkeypatch, tmp_path):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(chpm.CommandError, match="'chpm' is not on PATH.*cargo install"):
-        chpm.build("in.ply", "out.chpm")
-    silent = tmp_path / "chpm"
-    silent.write_text("#!/bin/sh\nexit 3\n")
-    silent.chmod(stat.S_IRWXU)
-    with pytest.raises(chpm.CommandError, match="ended with 3"):
-        chpm.build("in.ply", "out.chpm")
-    assert os.environ["PATH"] == str(tmp_path)

@@ -1,11 +1,11 @@
-"""Reads ``.chpm`` files: triangle meshes of any size at every level of detail, with proven errors.
+"""Builds and reads ``.chpm`` files: triangle meshes of any size at every level of detail, with proven errors.
 
 >>> import chpm
->>> with chpm.open("scan.chpm") as scan:           # doctest: +SKIP
+>>> with chpm.build("scan.ply", "scan.chpm") as scan:   # doctest: +SKIP
 ...     mesh = scan.select(triangles=20_000)
 ...     print(mesh.vertices.shape, mesh.faces.shape, mesh.error)
 
-The package reads; :func:`build` calls the installed command. ``import chpm.pyvista`` and ``import chpm.meshio`` teach those two to read
+:func:`build` and :func:`simplify` take files and NumPy arrays; :func:`verify` and :func:`measure` judge what was built. ``import chpm.pyvista`` and ``import chpm.meshio`` teach those two to read
 ``.chpm`` files; :func:`read_trimesh` gives a mesh of trimesh.
 """
 
@@ -14,11 +14,11 @@ from __future__ import annotations
 from importlib.metadata import PackageNotFoundError as _NotInstalled
 from importlib.metadata import version as _version
 
-from ._build import build
+from ._build import build, simplify
 from ._chpm import Camera, File, Level, Page, Selection
 from ._errors import (
+    BuildError,
     ClosedError,
-    CommandError,
     DamagedError,
     Error,
     FileError,
@@ -26,27 +26,34 @@ from ._errors import (
     SelectionError,
     ShortfallWarning,
 )
+from ._judge import Deviation, Measurement, Verification, measure, verify
 from ._read import DEFAULT_TRIANGLES, open, read, read_trimesh
 
 __all__ = [
     "DEFAULT_TRIANGLES",
+    "BuildError",
     "Camera",
     "ClosedError",
-    "CommandError",
     "DamagedError",
+    "Deviation",
     "Error",
     "File",
     "FileError",
     "Level",
+    "Measurement",
     "MissingFileError",
     "Page",
     "Selection",
     "SelectionError",
     "ShortfallWarning",
+    "Verification",
     "build",
+    "measure",
     "open",
     "read",
     "read_trimesh",
+    "simplify",
+    "verify",
 ]
 
 try:

@@ -1,41 +1,64 @@
-"""Calls the installed command, which builds."""
+"""From a mesh to a file, or to a smaller mesh, in this process."""
 
 from __future__ import annotations
 
+import contextlib
 import os
-import shutil
-import subprocess
-from typing import Any
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Union, overload
 
-from ._chpm import File
-from ._errors import CommandError
+from numpy.typing import ArrayLike
 
-MISSING = (
-    "the command '{}' is not on PATH, and this package only reads: install it with "
-    "`cargo install --locked --path .` in the project's folder, or give command='/path/to/chpm'"
-)
+from . import _chpm
+from ._arrays import Mesh, spooled
+from ._chpm import File, Selection
+
+PathLike = Union[str, "os.PathLike[str]"]
+Progress = Callable[[str, int, int], Any]
+Source = Union[str, "os.PathLike[str]", tuple[int, str]]
 
 
+@overload
 def build(
-    source: str | os.PathLike[str],
-    output: str | os.PathLike[str],
+    source: PathLike, output: PathLike | None = None, /, *, progress: Progress | None = None, **settings: Any
+) -> File: ...
+@overload
+def build(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    output: PathLike,
+    /,
     *,
-    command: str | os.PathLike[str] = "chpm",
-    **options: Any,
-) -> File:
-    """Builds a ``.chpm`` file of a mesh, by the installed command ``chpm build``.
+    name: str = "arrays",
+    progress: Progress | None = None,
+    **settings: Any,
+) -> File: ...
+def build(*source: Any, name: str = "arrays", progress: Progress | None = None, **settings: Any) -> File:
+    """Builds a ``.chpm`` file of a mesh, in this process: ``build("scan.ply", "scan.chpm")`` or ``build(vertices, faces, "scan.chpm")``.
+
+    The bytes are those that ``chpm build`` writes for the same source and settings, whatever the threads and the memory.
 
     Parameters
     ----------
     source : str or os.PathLike
-        A mesh: PLY, STL, OBJ or a ``.conf`` set.
+        A mesh in a file, of any format that the command reads. Or two arrays: vertices, float32 or float64 of the shape (n, 3), and faces,
+        integers of the shape (m, 3).
     output : str or os.PathLike
-        The file to make. It is complete or not there.
-    command : str or os.PathLike
-        The command, if it is not on PATH or has another name.
-    **options
-        Options of ``chpm build`` without their dashes, ``_`` for ``-``: ``force=True``, ``memory="4G"``, ``pages="packed"``. True gives
-        an option without a value; False and None leave it out. A list repeats it.
+        The file to make; of a file the name with ``.chpm`` if not given. It is complete or not there.
+    name : str
+        What the file says that arrays come from.
+    progress : callable, optional
+        Called with the name of a stage, what is done of it, and its total, now and then, in the thread that builds.
+    normals : str or array
+        ``"source"``, ``"computed"`` or ``"none"``; with arrays also normals of the vertices, float of the shape (n, 3).
+    colors : bool or array
+        False leaves colours out; with arrays also colours of the vertices, uint8 of the shape (n, 3) or (n, 4).
+    **settings
+        By the names that options of ``chpm build`` have, ``_`` for ``-``: ``cluster_triangles``, ``partitioner``, ``boundary``, ``topology``,
+        ``finest_error``, ``target_error``, ``min_component``, ``seed``, ``drop_invalid``, ``order``, ``pages``, ``positions``; ``memory`` (as in
+        ``"4G"``), ``threads``, ``work_dir``; ``force=True`` replaces the output. ``resume=True`` keeps what is done every ``checkpoint`` seconds,
+        so that a build that was ended goes on there; without it an interrupt leaves nothing behind.
 
     Returns
     -------
@@ -44,35 +67,110 @@ def build(
 
     Raises
     ------
-    CommandError
-        If the command is not there, or fails: with what it said.
+    ValueError
+        If arrays or settings make no sense: the message names which, and where.
+    BuildError
+        If the mesh cannot be built; a ValueError, too.
+    FileError, MissingFileError
+        If a file cannot be read or written, or is there already.
+    MemoryError
+        If ``memory`` is too little.
     """
-    found = shutil.which(os.fspath(command))
-    if found is None:
-        raise CommandError(MISSING.format(os.fspath(command)))
-    # Names that begin with a dash are no options.
-    words = [found, "build", "--quiet", *_words(options), "--output", os.fspath(output), "--", os.fspath(source)]
-    with subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as running:
-        try:
-            _, told = running.communicate()
-        except KeyboardInterrupt:
-            # The command has had the signal, too, if it came from the terminal; it says how to go on, and ends.
-            running.terminate()
-            running.wait()
-            raise
-    if running.returncode != 0:
-        text = told.decode(errors="replace").strip().removeprefix("error: ")
-        raise CommandError(text or f"'{found}' ended with {running.returncode}", running.returncode)
-    return File(output)
+    if len(source) == 3:
+        vertices, faces, output = source
+        folder = settings.get("work_dir") or Path(output).parent
+    elif len(source) in (1, 2) and isinstance(source[0], (str, os.PathLike)):
+        vertices, faces, folder = source[0], None, None
+        output = source[1] if len(source) == 2 else None
+        if output is None:
+            output = Path(source[0]).with_suffix(".chpm")
+    else:
+        raise TypeError("a source and an output expected, or vertices, faces and an output")
+    with _opened(vertices, faces, settings, folder, name) as opened:
+        return _chpm.build(opened, os.fspath(output), settings, progress)
 
 
-def _words(options: dict[str, Any]) -> list[str]:
-    words: list[str] = []
-    for name, value in options.items():
-        flag = "--" + name.replace("_", "-")
-        for one in value if isinstance(value, (list, tuple)) else [value]:
-            if one is True:
-                words.append(flag)
-            elif one is not None and one is not False:
-                words.append(f"{flag}={os.fspath(one) if isinstance(one, os.PathLike) else one}")
-    return words
+@overload
+def simplify(
+    source: PathLike,
+    /,
+    *,
+    within: float | str | None = None,
+    triangles: float | str | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Selection: ...
+@overload
+def simplify(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    /,
+    *,
+    within: float | str | None = None,
+    triangles: float | str | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Selection: ...
+def simplify(
+    *source: Any,
+    within: float | str | None = None,
+    triangles: float | str | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Selection:
+    """A smaller mesh that is proven to be near a given one: ``simplify("scan.ply", within="0.1%")`` or ``simplify(vertices, faces, triangles="20k")``.
+
+    Parameters
+    ----------
+    source : str or os.PathLike
+        A mesh in a file, or two arrays, as :func:`build` takes them.
+    within : float or str
+        The coarsest mesh that is nowhere farther from the source, nor the source from it: in the model's units or, as in ``"0.1%"``, of the
+        diagonal of its box.
+    triangles : int or str
+        The finest mesh of at most so many triangles, as in ``20000`` or ``"20k"``, or of a share of the source's, as in ``"1%"``.
+    progress : callable, optional
+        As :func:`build` has it.
+    **settings
+        As :func:`build` has them. The work is done in a folder of ``work_dir``, or of the temporary folder, that is removed.
+
+    Returns
+    -------
+    Selection
+        The mesh, as arrays, with its bounds.
+
+    Raises
+    ------
+    SelectionError
+        If not exactly one of ``within`` and ``triangles`` is given, or nothing is so near; a ValueError, too.
+    ValueError, BuildError, FileError, MissingFileError, MemoryError
+        As :func:`build`.
+    """
+    if len(source) not in (1, 2):
+        raise TypeError("a source expected, or vertices and faces")
+    faces = source[1] if len(source) == 2 else None
+    if faces is None and not isinstance(source[0], (str, os.PathLike)):
+        raise TypeError("vertices without faces: give both")
+    with _opened(source[0], faces, settings, settings.get("work_dir"), "arrays") as opened:
+        return _chpm.simplify(opened, within, triangles, settings, progress)
+
+
+@contextlib.contextmanager
+def _opened(
+    source: Any, faces: Any, settings: dict[str, Any], folder: PathLike | None, name: str
+) -> Iterator[Source]:
+    """What the build is handed. Arrays that are among the settings are taken out of these."""
+    if faces is None:
+        yield os.fspath(source)
+        return
+    normals, colors = (_array(settings, which) for which in ("normals", "colors"))
+    mesh = Mesh(source, faces, normals, colors, drop_invalid=bool(settings.get("drop_invalid")))
+    with spooled(mesh, folder) as file:
+        yield file.fileno(), name
+
+
+def _array(settings: dict[str, Any], name: str) -> Any:
+    given = settings.get(name)
+    if given is None or isinstance(given, (str, bool)):
+        return None
+    return settings.pop(name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, final
@@ -180,3 +180,37 @@ class File:
     ) -> Selection: ...
     def page(self, cluster: int) -> Page: ...
     def pages(self, *, level: int | None = None) -> Iterator[Page]: ...
+
+def build(
+    source: str | os.PathLike[str] | tuple[int, str],
+    output: str | os.PathLike[str],
+    settings: dict[str, Any],
+    progress: Callable[[str, int, int], Any] | None,
+) -> File: ...
+def simplify(
+    source: str | os.PathLike[str] | tuple[int, str],
+    within: float | str | None,
+    triangles: float | str | None,
+    settings: dict[str, Any],
+    progress: Callable[[str, int, int], Any] | None,
+) -> Selection: ...
+def verify(
+    path: str | os.PathLike[str],
+    asked: dict[str, Any],
+    means: dict[str, Any],
+    progress: Callable[[str, int, int], Any] | None,
+) -> dict[str, Any]: ...
+def measure_file(
+    path: str | os.PathLike[str],
+    source: str | os.PathLike[str],
+    wanted: dict[str, Any],
+    means: dict[str, Any],
+    progress: Callable[[str, int, int], Any] | None,
+) -> dict[str, Any]: ...
+def measure_meshes(
+    first: str | os.PathLike[str],
+    second: str | os.PathLike[str],
+    samples: int,
+    means: dict[str, Any],
+    progress: Callable[[str, int, int], Any] | None,
+) -> dict[str, Any]: ...

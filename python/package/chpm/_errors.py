@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 __all__ = [
+    "BuildError",
     "ClosedError",
-    "CommandError",
     "DamagedError",
     "Error",
     "FileError",
@@ -49,12 +49,8 @@ class SelectionError(Error, ValueError):
     """The request makes no sense, or the file does not have what it asks for."""
 
 
-class CommandError(Error, RuntimeError):
-    """The command ``chpm`` is not there, or ended with an error, which the message is. ``code`` is its exit code, if it ran."""
-
-    def __init__(self, message: str, code: int | None = None) -> None:
-        super().__init__(message)
-        self.code = code
+class BuildError(Error, ValueError):
+    """A mesh cannot be built, verified or measured: what is wrong with it, or with what was asked for."""
 
 
 class ShortfallWarning(UserWarning):

@@ -1,0 +1,88 @@
+//! From a mesh to a file, or to a smaller mesh.
+
+use crate::asked::{Amount, Asked};
+use crate::error::Failure;
+use crate::file::{File, Model};
+use crate::job::{self, Board};
+use crate::selection::{self, Selection};
+use crate::settings::build_config;
+use chpm_build::{BuildConfig, BuildError};
+use chpm_extmem::{Cancel, WorkDir, same_file};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Where a mesh comes from.
+#[derive(FromPyObject)]
+pub(crate) enum Source {
+    /// A file that Python has open, and the name that its content goes by.
+    Open((u32, PathBuf)),
+    /// A file, or a pipe.
+    Path(PathBuf),
+}
+
+impl Source {
+    fn build(
+        self,
+        output: &Path,
+        config: &BuildConfig,
+        board: &Board,
+        cancel: &Cancel,
+    ) -> Result<(), Failure> {
+        match self {
+            Source::Path(path) => {
+                if same_file(&path, output) {
+                    return Err(BuildError::OutputIsSource { path: output.to_owned() }.into());
+                }
+                chpm_build::build(&path, output, config, board, cancel)?;
+            }
+            Source::Open((descriptor, name)) => {
+                let opened = fs::File::open(format!("/proc/self/fd/{descriptor}"));
+                let opened = opened.map_err(|source| BuildError::Source { path: name.clone(), source })?;
+                chpm_build::build_open(&name, opened, output, config, board, cancel)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Builds a file, and opens it; ``chpm.build`` is what to call.
+#[pyfunction]
+pub(crate) fn build(
+    py: Python<'_>,
+    source: Source,
+    output: PathBuf,
+    settings: &Bound<'_, PyDict>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<File> {
+    let config = build_config(settings)?;
+    job::run(py, progress, |board, cancel| source.build(&output, &config, board, cancel))?;
+    File::open(py, output)
+}
+
+/// Builds in a folder of its own and takes one mesh out; ``chpm.simplify`` is what to call.
+#[pyfunction]
+pub(crate) fn simplify(
+    py: Python<'_>,
+    source: Source,
+    within: Option<Amount>,
+    triangles: Option<Amount>,
+    settings: &Bound<'_, PyDict>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Selection> {
+    let config = build_config(settings)?;
+    let asked = Asked { error: within, triangles, ..Asked::default() };
+    let (selected, origin) = job::run(py, progress, |board, cancel| {
+        let place = config.resources.work_dir.clone().unwrap_or_else(std::env::temp_dir);
+        // All of the work is in one folder, so that all of it goes.
+        let folder = WorkDir::create(&place)?;
+        let model = folder.path().join("model.chpm");
+        source.build(&model, &config, board, cancel)?;
+        let model = Model::open(model)?;
+        let selected = selection::select(&model, &asked)?;
+        Ok((selected, model.file.header().origin))
+    })?;
+    let origin = crate::view::row(py, origin.to_vec());
+    Selection::new(py, selected, origin)
+}
