@@ -3,6 +3,7 @@
 use chpm_build::BuildError;
 use chpm_extmem::ExtmemError;
 use chpm_format::FormatError;
+use chpm_import::SourceError;
 use chpm_refine::RefineError;
 use chpm_verify::VerifyError;
 use pyo3::exceptions::PyMemoryError;
@@ -31,6 +32,8 @@ pub(crate) enum Failure {
     Read { path: PathBuf, source: FormatError },
     #[error("'{}' does not have that: {source}", path.display())]
     Lacks { path: PathBuf, source: RefineError },
+    #[error(transparent)]
+    Source(SourceError),
     #[error(transparent)]
     Built(BuildError),
     #[error(transparent)]
@@ -63,8 +66,18 @@ impl From<FormatError> for Failure {
 impl From<BuildError> for Failure {
     fn from(error: BuildError) -> Self {
         match error {
+            BuildError::Source(error) => (*error).into(),
             BuildError::Extmem(error) => Failure::System(error),
             error => Failure::Built(error),
+        }
+    }
+}
+
+impl From<SourceError> for Failure {
+    fn from(error: SourceError) -> Self {
+        match error {
+            SourceError::Extmem(error) => Failure::System(error),
+            error => Failure::Source(error),
         }
     }
 }
@@ -107,7 +120,7 @@ impl From<Failure> for PyErr {
                     _ => raised::FileError::new_err(about),
                 }
             }
-            Failure::Built(BuildError::Source { path, source }) => {
+            Failure::Source(SourceError::Read { path, source }) => {
                 let about = (told, source.raw_os_error(), path);
                 match source.kind() {
                     io::ErrorKind::NotFound => raised::MissingFileError::new_err(about),
@@ -115,7 +128,7 @@ impl From<Failure> for PyErr {
                 }
             }
             Failure::System(ExtmemError::Budget { .. }) => PyMemoryError::new_err(told),
-            Failure::Built(_) | Failure::Judged(_) => raised::BuildError::new_err(told),
+            Failure::Source(_) | Failure::Built(_) | Failure::Judged(_) => raised::BuildError::new_err(told),
             Failure::System(_) => raised::FileError::new_err(told),
             Failure::Open { .. } | Failure::Read { .. } => raised::DamagedError::new_err(told),
             Failure::Lacks { .. } | Failure::Refused(_) | Failure::Asked(_) => {

@@ -8,6 +8,7 @@ use crate::selection::{self, Selection};
 use crate::settings::build_config;
 use chpm_build::{BuildConfig, BuildError};
 use chpm_extmem::{Cancel, WorkDir, same_file};
+use chpm_import::SourceError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::fs;
@@ -39,7 +40,7 @@ impl Source {
             }
             Source::Open((descriptor, name)) => {
                 let opened = fs::File::open(format!("/proc/self/fd/{descriptor}"));
-                let opened = opened.map_err(|source| BuildError::Source { path: name.clone(), source })?;
+                let opened = opened.map_err(|source| SourceError::Read { path: name.clone(), source })?;
                 chpm_build::build_open(&name, opened, output, config, board, cancel)?;
             }
         }

@@ -172,6 +172,7 @@ fn the_python_package_has_the_same_crates() {
         "chpm-build",
         "chpm-extmem",
         "chpm-format",
+        "chpm-import",
         "chpm-measure",
         "chpm-mesh",
         "chpm-refine",
