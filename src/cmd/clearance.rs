@@ -38,7 +38,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     if let Some(csv) = &mut csv {
         write_csv(&answers, csv)?;
     }
-    let is_clear = |answer: &Answer| answer.least > above;
+    let is_clear = |answer: &Answer| answer.lower > above;
     if tell.json {
         let entry = |answer: &Answer| {
             let mut value = answer_json(answer);
@@ -58,9 +58,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             let Reads { pages, bytes } = read(answer);
             let lead = if answers.len() > 1 { format!("step {step}: ") } else { String::new() };
             writeln!(out, "{lead}{}; read {pages} pages, {bytes}", verdict(answer, above).1)?;
-            if let (false, Some(witness)) = (is_clear(answer), answer.witness) {
-                let [[x, y, z], [u, v, w]] = witness.points;
-                let [e, f] = witness.errors.map(AtMost);
+            if let (false, Some(closest)) = (is_clear(answer), answer.closest_points) {
+                let [[x, y, z], [u, v, w]] = closest.points;
+                let [e, f] = closest.errors.map(AtMost);
                 writeln!(out, "  {x} {y} {z} and {u} {v} {w}, within {e} and {f} units of the sources")?;
             }
         }
@@ -75,10 +75,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 /// Whether it is clear, where that is known, for programs; and in words.
 fn verdict(answer: &Answer, above: f64) -> (Option<bool>, String) {
-    let (least, most, above_units) = (AtLeast(answer.least), AtMost(answer.most), Units(above));
-    if answer.least > above {
+    let (least, most, above_units) = (AtLeast(answer.lower), AtMost(answer.upper), Units(above));
+    if answer.lower > above {
         (Some(true), format!("clear: {least} units or more apart, above {above_units}"))
-    } else if answer.most <= above {
+    } else if answer.upper <= above {
         (Some(false), format!("not clear: {most} units or less apart, not above {above_units}"))
     } else {
         (None, format!("undecided: from {least} to {most} units apart, and {above_units} asked for"))

@@ -71,7 +71,7 @@ fn between(
     let ([still, _], path) = (args.ask.poses.poses(), args.path.poses(&args.ask.poses)?);
     let diagonal = pair.diagonal();
     let near =
-        Near { within: args.within.of(diagonal), error: args.error.of(diagonal), most: pair.most_near() };
+        Near { within: args.within.of(diagonal), error: args.error.of(diagonal), limit: pair.most_near() };
     let pool = args.ask.threads.pool()?;
     let is_path = args.path.is_given();
     if let Some(csv) = &mut csv {
@@ -147,7 +147,7 @@ fn to_json(pair: &Pair, near: &Near, steps: &[Contacts], is_path: bool) -> Value
 fn row_of(step: usize, found: &Contacts) -> Vec<String> {
     let Contacts { regions, complete, reads, .. } = found;
     let triangles = |side: usize| count(regions.iter().map(|region| region.triangles[side]).sum());
-    let least = regions.iter().map(|region| region.least).reduce(f64::min);
+    let least = regions.iter().map(|region| region.lower).reduce(f64::min);
     let deepest = regions.iter().map(|region| region.depth).reduce(f64::max);
     let units = |length: Option<f64>| length.map_or("-".to_owned(), |x| Units(x).to_string());
     vec![
@@ -163,14 +163,14 @@ fn row_of(step: usize, found: &Contacts) -> Vec<String> {
 }
 
 fn region_json(region: &Region) -> Value {
-    let Region { least, most, witness, triangles, area, depth, levels, low, high } = region;
+    let Region { lower, upper, closest_points: closest, triangles, area, depth, levels, low, high } = region;
     json!({
-        "least": least,
-        "most": most,
-        "points": witness.points,
-        "point_errors": witness.errors,
-        "clusters": witness.clusters.map(|cluster| cluster.0),
-        "nearest_triangles": witness.triangles,
+        "least": lower,
+        "most": upper,
+        "points": closest.points,
+        "point_errors": closest.errors,
+        "clusters": closest.clusters.map(|cluster| cluster.0),
+        "nearest_triangles": closest.triangles,
         "triangles": triangles,
         "area": area,
         "depth": depth,
@@ -187,10 +187,18 @@ const HEADER: &str =
 fn write_csv(step: Option<usize>, regions: &[Region], out: &mut impl Write) -> Result<()> {
     let lead = step.map_or(String::new(), |step| format!("{step},"));
     for (at, region) in regions.iter().enumerate() {
-        let Region { least, most, witness, triangles: [t, u], area: [r, s], depth, levels: [l, m], .. } =
-            region;
-        let points: Vec<String> = witness.points.as_flattened().iter().map(f64::to_string).collect();
-        writeln!(out, "{lead}{at},{least},{most},{},{t},{u},{r},{s},{depth},{l},{m}", points.join(","))?;
+        let Region {
+            lower,
+            upper,
+            closest_points: closest,
+            triangles: [t, u],
+            area: [r, s],
+            depth,
+            levels: [l, m],
+            ..
+        } = region;
+        let points: Vec<String> = closest.points.as_flattened().iter().map(f64::to_string).collect();
+        writeln!(out, "{lead}{at},{lower},{upper},{},{t},{u},{r},{s},{depth},{l},{m}", points.join(","))?;
     }
     Ok(())
 }
@@ -212,9 +220,9 @@ fn print(pair: &Pair, found: &Contacts, near: &Near, out: &mut dyn Write) -> Res
     )?;
     if !found.regions.is_empty() {
         let rows = found.regions.iter().take(LISTED).enumerate().map(|(at, region)| {
-            let [x, y, z] = region.witness.points[0].map(|x| Units(x).to_string());
+            let [x, y, z] = region.closest_points.points[0].map(|x| Units(x).to_string());
             let mut row = vec![at.to_string()];
-            row.extend([AtLeast(region.least).to_string(), AtMost(region.most).to_string()]);
+            row.extend([AtLeast(region.lower).to_string(), AtMost(region.upper).to_string()]);
             row.push(Units(region.depth).to_string());
             row.extend(region.triangles.map(count));
             row.extend(region.area.map(|x| Units(x).to_string()));

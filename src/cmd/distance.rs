@@ -73,15 +73,15 @@ fn print(args: &Args, pair: &Pair, answers: &[Answer], out: &mut impl Write) -> 
             "{} and {}: from {} to {} units apart, of a diagonal of {} units",
             a.path.display(),
             b.path.display(),
-            answer.least,
-            answer.most,
+            answer.lower,
+            answer.upper,
             Units(diagonal)
         )?;
-        if let Some(witness) = answer.witness {
+        if let Some(closest) = answer.closest_points {
             for (model, i) in pair.models.iter().zip(0..2) {
-                let [x, y, z] = witness.points[i];
-                let (level, name) = (witness.levels[i], model.path.display());
-                let error = AtMost(witness.errors[i]);
+                let [x, y, z] = closest.points[i];
+                let (level, name) = (closest.levels[i], model.path.display());
+                let error = AtMost(closest.errors[i]);
                 writeln!(
                     out,
                     "  nearest found on {name}: {x} {y} {z}, at level {level}, within {error} units of the source"
@@ -94,7 +94,7 @@ fn print(args: &Args, pair: &Pair, answers: &[Answer], out: &mut impl Write) -> 
     } else {
         let rows = answers.iter().enumerate().map(|(step, answer)| {
             let Reads { pages, bytes } = read(answer);
-            let (least, most) = (AtLeast(answer.least).to_string(), AtMost(answer.most).to_string());
+            let (least, most) = (AtLeast(answer.lower).to_string(), AtMost(answer.upper).to_string());
             vec![step.to_string(), least, most, ended(answer.end).to_owned(), count(pages), bytes.to_string()]
         });
         writeln!(out, "{}", table(&["step", "least", "most", "ended", "pages", "bytes"], rows))?;

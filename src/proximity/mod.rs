@@ -173,11 +173,11 @@ pub(crate) fn ask_all(
 pub(crate) fn write_csv(answers: &[Answer], out: &mut impl Write) -> Result<()> {
     writeln!(out, "step,least,most,ended,ax,ay,az,bx,by,bz,pages,page_bytes")?;
     for (step, answer) in answers.iter().enumerate() {
-        let points = answer.witness.map_or([[f64::NAN; 3]; 2], |witness| witness.points);
+        let points = answer.closest_points.map_or([[f64::NAN; 3]; 2], |closest| closest.points);
         let points: Vec<String> = points.as_flattened().iter().map(f64::to_string).collect();
         let Reads { pages, bytes } = read(answer);
-        let Answer { least, most, end, .. } = answer;
-        writeln!(out, "{step},{least},{most},{},{},{pages},{}", ended(*end), points.join(","), bytes.0)?;
+        let Answer { lower, upper, end, .. } = answer;
+        writeln!(out, "{step},{lower},{upper},{},{},{pages},{}", ended(*end), points.join(","), bytes.0)?;
     }
     Ok(())
 }
@@ -200,17 +200,17 @@ pub(crate) fn ended(end: End) -> &'static str {
 
 /// An answer for programs.
 pub(crate) fn answer_json(answer: &Answer) -> Value {
-    let Answer { least, most, witness, end, reads, pairs, rounding, .. } = answer;
+    let Answer { lower, upper, closest_points, end, reads, pairs, rounding, .. } = answer;
     json!({
-        "least": least,
-        "most": most.is_finite().then_some(most),
+        "least": lower,
+        "most": upper.is_finite().then_some(upper),
         "ended": ended(*end),
         "rounding": rounding,
-        "points": witness.map(|w| w.points),
-        "point_errors": witness.map(|w| w.errors),
-        "levels": witness.map(|w| w.levels),
-        "clusters": witness.map(|w| w.clusters.map(|cluster| cluster.0)),
-        "triangles": witness.map(|w| w.triangles),
+        "points": closest_points.map(|w| w.points),
+        "point_errors": closest_points.map(|w| w.errors),
+        "levels": closest_points.map(|w| w.levels),
+        "clusters": closest_points.map(|w| w.clusters.map(|cluster| cluster.0)),
+        "triangles": closest_points.map(|w| w.triangles),
         "pages": reads.map(|read| read.pages),
         "page_bytes": reads.map(|read| read.bytes.0),
         "pairs": pairs,

@@ -130,14 +130,14 @@ impl Relater {
             desk.tell(step, Ok(relation.clone()));
         }
         let Some(within) = self.within else { return Ok(()) };
-        let near = Near { within, error: self.error, most: self.pair.most_near() };
+        let near = Near { within, error: self.error, limit: self.pair.most_near() };
         let found = contacts(a, b, poses, &near, &self.pool, &mut |_| go_on())?;
         if go_on() {
             let region = |region: &chpm_proximity::Region| Region {
                 low: region.low,
                 high: region.high,
-                ends: region.witness.points,
-                distance: [region.least, region.most],
+                ends: region.closest_points.points,
+                distance: [region.lower, region.upper],
                 area: region.area,
                 levels: region.levels,
             };
@@ -150,11 +150,11 @@ impl Relater {
 }
 
 fn told(answer: &Answer, goes_on: bool) -> Relation {
-    let state = match (answer.end, answer.witness) {
+    let state = match (answer.end, answer.closest_points) {
         (End::Decided, _) if goes_on => "looking closer ...".to_owned(),
-        (End::Decided, Some(witness)) => {
-            let [a, b] = witness.levels;
-            let error = AtMost(witness.errors[0].max(witness.errors[1]));
+        (End::Decided, Some(closest)) => {
+            let [a, b] = closest.levels;
+            let error = AtMost(closest.errors[0].max(closest.errors[1]));
             format!("proven at levels {a} and {b}; the ends are within {error} units of the sources")
         }
         (End::Decided, None) => "proven".to_owned(),
@@ -164,6 +164,6 @@ fn told(answer: &Answer, goes_on: bool) -> Relation {
             "undecided: more pairs would wait than fit into the memory (--memory)".to_owned()
         }
     };
-    let ends = answer.witness.map(|witness| witness.points);
-    Relation { distance: [answer.least, answer.most], ends, state, regions: None }
+    let ends = answer.closest_points.map(|closest| closest.points);
+    Relation { distance: [answer.lower, answer.upper], ends, state, regions: None }
 }

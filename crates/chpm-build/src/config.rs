@@ -173,7 +173,9 @@ impl FromStr for Positions {
     type Err = PositionsError;
 
     fn from_str(text: &str) -> Result<Self, PositionsError> {
-        let bits = |text: &str| text.parse().ok().filter(|bits| Positions::BITS.contains(bits));
+        fn bits(text: &str) -> Option<u8> {
+            text.parse().ok().filter(|bits| Positions::BITS.contains(bits))
+        }
         match text.strip_prefix("lattice:") {
             None if text == "exact" => Some(Positions::Exact),
             None => None,

@@ -216,7 +216,9 @@ fn nest(tables: &mut Tables, order: &[u32], tree: &Tree) {
     let Tables { clusters, groups, members, .. } = tables;
     for index in 0..groups.len() {
         let mut group = groups[index];
-        let range = |first: u32, count: u32| first as usize..(first + count) as usize;
+        fn range(first: u32, count: u32) -> std::ops::Range<usize> {
+            first as usize..(first + count) as usize
+        }
 
         // Groups go up the tree, so that those of the fine clusters are complete.
         let mut bounds = Aabb::EMPTY;

@@ -74,7 +74,9 @@ fn renumber(triangles: &mut [[u32; 3]], mapping: &Column<u32>, window: &mut Vec<
     let (first, numbers) = match mapping.as_slice() {
         Some(numbers) => (0, numbers),
         None => {
-            let ends = |(low, high): (u32, u32), v: &u32| (low.min(*v), high.max(*v));
+            fn ends((low, high): (u32, u32), v: &u32) -> (u32, u32) {
+                (low.min(*v), high.max(*v))
+            }
             let (low, high) = corners.iter().fold((u32::MAX, 0), ends);
             if high - low >= WINDOW {
                 return Err(Left::Apart);

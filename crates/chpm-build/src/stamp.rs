@@ -86,11 +86,12 @@ impl Stamp {
 
 impl File {
     fn of(path: PathBuf) -> Result<File, SourceError> {
-        let look = || {
-            let metadata = fs::metadata(&path)?;
-            let time = (metadata.mtime(), metadata.mtime_nsec());
-            Ok(File { path: path.canonicalize()?, len: metadata.len(), time })
-        };
-        look().map_err(|source| SourceError::Read { path: path.clone(), source })
+        look(&path).map_err(|source| SourceError::Read { path: path.clone(), source })
     }
+}
+
+fn look(path: &Path) -> Result<File, std::io::Error> {
+    let metadata = fs::metadata(path)?;
+    let time = (metadata.mtime(), metadata.mtime_nsec());
+    Ok(File { path: path.canonicalize()?, len: metadata.len(), time })
 }

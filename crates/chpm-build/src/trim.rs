@@ -105,7 +105,9 @@ pub(crate) fn run(
 /// groups, so nothing that is kept loses what is below it.
 fn drop_below(clusters: &mut Clusters, tree: &mut Tree, finest: f32) {
     let Clusters { refs, groups, .. } = clusters;
-    let distance = |page: PageRef| page.group_error.max(page.gaps.base);
+    fn distance(page: PageRef) -> f32 {
+        page.group_error.max(page.gaps.base)
+    }
     let errors: Vec<f32> = refs.iter().map(|page| page.map_or(0.0, distance)).collect();
     for group in groups.iter() {
         let below = || group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();

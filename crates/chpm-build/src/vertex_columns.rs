@@ -108,11 +108,13 @@ impl VertexWriter {
         count: usize,
         singles: usize,
     ) -> Result<Self, BuildError> {
-        let expected = |is_carried: bool| if is_carried { count } else { 0 };
+        fn expected(is_carried: bool, count: usize) -> usize {
+            if is_carried { count } else { 0 }
+        }
         Ok(VertexWriter {
             positions: BufferWriter::new(store, POSITIONS, singles)?,
-            normals: BufferWriter::new(store, NORMALS, expected(carried.normals))?,
-            colors: BufferWriter::new(store, COLORS, expected(carried.colors))?,
+            normals: BufferWriter::new(store, NORMALS, expected(carried.normals, count))?,
+            colors: BufferWriter::new(store, COLORS, expected(carried.colors, count))?,
             carried,
         })
     }

@@ -63,7 +63,9 @@ pub(crate) fn check_order(
     groups: &[GroupRecord],
     members: &[u32],
 ) -> Result<(), FormatError> {
-    let place = |kind| Place::Section(kind);
+    fn place(kind: SectionKind) -> Place {
+        Place::Section(kind)
+    }
     let roots_first = clusters.is_sorted_by_key(|cluster| Reverse(cluster.is_root()));
     require(roots_first, place(SectionKind::Clusters), "order", "the roots first", "others before them")?;
     let mut end = 0_u32;
@@ -87,11 +89,14 @@ pub(crate) fn check_order(
 
 /// Puts groups and members in their order. Ranges that lie outside are left to who checks the tables.
 pub(crate) fn sort(clusters: &mut [ClusterRecord], groups: &mut Vec<GroupRecord>, members: &mut Vec<u32>) {
-    let ids =
-        |first: u32, count: u32| members.get(first as usize..first as usize + count as usize).unwrap_or(&[]);
-    let least = |group: &GroupRecord| ids(group.coarse_first, group.coarse_count).iter().min().copied();
+    fn ids(first: u32, count: u32, members: &[u32]) -> &[u32] {
+        members.get(first as usize..first as usize + count as usize).unwrap_or(&[])
+    }
+    fn least(group: &GroupRecord, members: &[u32]) -> Option<u32> {
+        ids(group.coarse_first, group.coarse_count, members).iter().min().copied()
+    }
     let mut order: Vec<u32> = (0..groups.len() as u32).collect();
-    order.sort_by_key(|group| least(&groups[*group as usize]));
+    order.sort_by_key(|group| least(&groups[*group as usize], members));
 
     let mut place = vec![0; groups.len()];
     let mut sorted = Vec::with_capacity(members.len());
@@ -99,20 +104,21 @@ pub(crate) fn sort(clusters: &mut [ClusterRecord], groups: &mut Vec<GroupRecord>
         place[*old as usize] = new;
         let group = groups[*old as usize];
         let coarse_first = sorted.len() as u32;
-        sorted.extend_from_slice(ids(group.coarse_first, group.coarse_count));
+        sorted.extend_from_slice(ids(group.coarse_first, group.coarse_count, members));
         let fine_first = sorted.len() as u32;
-        sorted.extend_from_slice(ids(group.fine_first, group.fine_count));
+        sorted.extend_from_slice(ids(group.fine_first, group.fine_count, members));
         GroupRecord { coarse_first, fine_first, ..group }
     });
     *groups = moved.collect();
     *members = sorted;
-    let renumber = |group: &mut u32| {
-        if let Some(place) = place.get(GroupId(*group).index()) {
-            *group = *place;
-        }
-    };
     for cluster in clusters {
-        renumber(&mut cluster.group);
-        renumber(&mut cluster.parent_group);
+        renumber(&mut cluster.group, &place);
+        renumber(&mut cluster.parent_group, &place);
+    }
+}
+
+fn renumber(group: &mut u32, place: &[u32]) {
+    if let Some(place) = place.get(GroupId(*group).index()) {
+        *group = *place;
     }
 }

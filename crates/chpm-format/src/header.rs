@@ -138,8 +138,10 @@ pub(crate) fn attribute_bits(attributes: Attributes) -> u32 {
 
 /// Attributes of these bits; `None` for a bit that means nothing, and for normals of both kinds.
 pub(crate) fn attributes_of(bits: u32) -> Option<Attributes> {
-    let bit = |place: u32| bits >> place & 1 == 1;
-    let attributes = Attributes { normals: bit(0), octahedral: bit(2), colors: bit(1) };
+    fn bit(place: u32, bits: u32) -> bool {
+        bits >> place & 1 == 1
+    }
+    let attributes = Attributes { normals: bit(0, bits), octahedral: bit(2, bits), colors: bit(1, bits) };
     (bits < 8 && !(attributes.normals && attributes.octahedral)).then_some(attributes)
 }
 

@@ -61,7 +61,9 @@ impl Metadata {
             return Ok(None);
         };
         // A power of two has no other bits than those of its exponent.
-        let is_power = |step: &f64| step.is_normal() && *step > 0.0 && step.to_bits().trailing_zeros() >= 52;
+        fn is_power(step: &f64) -> bool {
+            step.is_normal() && *step > 0.0 && step.to_bits().trailing_zeros() >= 52
+        }
         let step = told.parse().ok().filter(is_power);
         step.map(Some)
             .ok_or_else(|| wrong(format_args!("a power of two expected as {LATTICE_STEP}, got '{told}'")))

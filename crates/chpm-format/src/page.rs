@@ -131,10 +131,12 @@ impl<'a> Page<'a> {
 
         let v = header.vertex_count as usize;
         let collapses = v - header.base_vertex_count as usize;
-        let carried = |is_carried| if is_carried { v } else { 0 };
+        fn carried(is_carried: bool, v: usize) -> usize {
+            if is_carried { v } else { 0 }
+        }
         let positions = take(&mut rest, v);
-        let normals = take(&mut rest, carried(attributes.normals));
-        let colors = take(&mut rest, carried(attributes.colors));
+        let normals = take(&mut rest, carried(attributes.normals, v));
+        let colors = take(&mut rest, carried(attributes.colors, v));
         Ok(Page {
             shared_ids: take(&mut rest, header.shared_count as usize),
             triangles: take(&mut rest, header.triangle_count as usize),
@@ -145,7 +147,7 @@ impl<'a> Page<'a> {
             vertices: VertexSlices {
                 positions,
                 normals,
-                octahedral: take(&mut rest, carried(attributes.octahedral)),
+                octahedral: take(&mut rest, carried(attributes.octahedral, v)),
                 colors,
             },
             base_vertex_count: header.base_vertex_count as usize,

@@ -62,8 +62,10 @@ impl PageParts<'_> {
         out.extend(self.shared.iter().flat_map(|(_, id)| id.to_le_bytes()));
         out.extend_from_slice(bytemuck::cast_slice(self.triangles));
         out.extend_from_slice(bytemuck::cast_slice(self.targets));
-        let code = |error: &f32| error_code::encode(*error, error_scale);
-        out.extend(self.errors.iter().flat_map(|error| code(error).to_le_bytes()));
+        fn code(error: &f32, error_scale: f32) -> u16 {
+            error_code::encode(*error, error_scale)
+        }
+        out.extend(self.errors.iter().flat_map(|error| code(error, error_scale).to_le_bytes()));
         let bits = out.len();
         out.resize(bits + self.vertices.positions.len().div_ceil(8), 0);
         for (local, _) in self.shared {
@@ -71,7 +73,10 @@ impl PageParts<'_> {
         }
         out.extend_from_slice(bytemuck::cast_slice(self.vertices.octahedral));
         debug_assert_eq!((out.len() - start) as u64, header.payload_len());
-        Ok(self.errors.first().map_or(self.min_error, |error| error_code::decode(code(error), error_scale)))
+        Ok(self
+            .errors
+            .first()
+            .map_or(self.min_error, |error| error_code::decode(code(error, error_scale), error_scale)))
     }
 
     fn base_triangle_count(&self) -> usize {
@@ -112,8 +117,10 @@ impl PageParts<'_> {
             ));
         }
 
-        let legal = |[a, b, c]: &[u16; 3]| a != b && b != c && c != a && usize::from(*a.max(b).max(c)) < v;
-        let bad = self.triangles.iter().find(|t| !legal(t));
+        fn legal([a, b, c]: &[u16; 3], v: usize) -> bool {
+            a != b && b != c && c != a && usize::from(*a.max(b).max(c)) < v
+        }
+        let bad = self.triangles.iter().find(|t| !legal(t, v));
         require(
             bad.is_none(),
             place,

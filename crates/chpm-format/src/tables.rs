@@ -197,8 +197,9 @@ impl Tables {
 
     fn header(&self) -> Result<Header, FormatError> {
         let place = Place::File;
-        let count =
-            |field, len: usize| u32::try_from(len).map_err(|_| invalid(place, field, "less than 2^32", len));
+        fn count(field: &'static str, len: usize, place: &Place) -> Result<u32, FormatError> {
+            u32::try_from(len).map_err(|_| invalid(*place, field, "less than 2^32", len))
+        }
         let bounds = bounds(&self.clusters);
         let (required_flags, version_minor) = crate::header::needs(&self.header);
 
@@ -214,9 +215,9 @@ impl Tables {
             attributes: crate::header::attribute_bits(self.header.attributes),
             source_vertex_count: self.header.source_vertex_count,
             source_triangle_count: leaf_triangles(&self.clusters),
-            cluster_count: count("clusters", self.clusters.len())?,
-            group_count: count("groups", self.groups.len())?,
-            level_count: count("levels", self.levels.len())?,
+            cluster_count: count("clusters", self.clusters.len(), &place)?,
+            group_count: count("groups", self.groups.len(), &place)?,
+            level_count: count("levels", self.levels.len(), &place)?,
             root_count: self.clusters.iter().filter(|c| c.is_root()).count() as u32,
             leaf_count: self.clusters.iter().filter(|c| c.is_leaf()).count() as u32,
             boundary_mode: self.header.boundary_mode as u32,

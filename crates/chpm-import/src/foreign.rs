@@ -111,7 +111,9 @@ impl Foreign {
 
 /// Recognizes a text.
 fn of_text(head: &[u8], input: &Start<'_>) -> Option<Foreign> {
-    let named = |what, remedy| Some(Foreign { what, remedy });
+    fn named(what: &'static str, remedy: &'static str) -> Option<Foreign> {
+        Some(Foreign { what, remedy })
+    }
     let line = first_line(head);
     let first = words(line).next().unwrap_or_default();
     if head.trim_ascii_start().first() == Some(&b'{') {
@@ -135,7 +137,9 @@ fn of_text(head: &[u8], input: &Start<'_>) -> Option<Foreign> {
     if !Format::detect(&Start { head, ..*input }).is_fallback() {
         return None;
     }
-    let is_number = |word: &[u8]| std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok());
+    fn is_number(word: &[u8]) -> bool {
+        std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok())
+    }
     let is_row = |line: &[u8]| {
         let cells = line.split(|byte| byte.is_ascii_whitespace() || matches!(byte, b',' | b';'));
         let mut cells = cells.filter(|cell| !cell.is_empty()).peekable();

@@ -116,7 +116,9 @@ pub(crate) fn without_mark(text: &[u8]) -> &[u8] {
 /// The first line that is no comment; empty if there is none.
 pub(crate) fn first_line(head: &[u8]) -> &[u8] {
     let mut lines = without_mark(head).split(|byte| matches!(byte, b'\n' | b'\r'));
-    let says = |line: &&[u8]| words(line).next().is_some_and(|word| !word.starts_with(b"#"));
+    fn says(line: &&[u8]) -> bool {
+        words(line).next().is_some_and(|word| !word.starts_with(b"#"))
+    }
     lines.find(says).unwrap_or_default()
 }
 

@@ -468,7 +468,9 @@ const COUNTS: &str = "the numbers of vertices and faces";
 
 /// Bytes of the first line that is no comment and of those before it, with the line's end.
 fn header_len(head: &[u8]) -> usize {
-    let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
+    fn is_end(byte: &u8) -> bool {
+        matches!(byte, b'\n' | b'\r')
+    }
     let mut at = 0;
     while let Some(len) = head[at..].iter().position(is_end) {
         let is_said = !first_line(&head[at..at + len]).is_empty();

@@ -119,11 +119,13 @@ impl Triangulator {
         self.ring.clear();
         self.plane.clear();
         let origin = positions.first().copied().unwrap_or_default();
-        let local = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|axis| p[axis] - origin[axis]) };
+        fn local(p: [f64; 3], origin: &[f64; 3]) -> [f64; 3] {
+            std::array::from_fn(|axis| p[axis] - origin[axis])
+        }
 
         let mut area = [0.0f64; 3];
         for (p, q) in positions.iter().zip(positions.iter().cycle().skip(1)) {
-            let (p, q) = (local(*p), local(*q));
+            let (p, q) = (local(*p, &origin), local(*q, &origin));
             for (axis, sum) in area.iter_mut().enumerate() {
                 let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
                 *sum += p[u] * q[v] - p[v] * q[u];
@@ -136,7 +138,7 @@ impl Triangulator {
 
         for (at, (corner, position)) in corners.iter().zip(positions).enumerate() {
             if *corner != corners[(at + 1) % corners.len()] {
-                let p = local(*position);
+                let p = local(*position, &origin);
                 self.ring.push(*corner);
                 self.plane.push([sign * p[u], p[v]]);
             }
@@ -195,7 +197,9 @@ impl Triangulator {
 
 /// Removes sides that are there in both senses.
 fn cancel(sides: &mut Vec<[u32; 2]>) {
-    let sorted = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
+    fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
+        [a.min(b), a.max(b)]
+    }
     sides.sort_unstable_by_key(|side| (sorted(*side), side[0]));
     let mut kept = 0;
     let mut at = 0;

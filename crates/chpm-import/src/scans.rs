@@ -104,9 +104,11 @@ impl ScanSet {
             }
             BatchKind::Triangles => {
                 // A face may come before the vertices that it names: that all of them come is checked at the scan's end.
-                let beyond = |v: u32| u64::from(v) + self.base >= MAX_VERTICES;
+                fn beyond(v: u32, base: u64) -> bool {
+                    u64::from(v) + base >= MAX_VERTICES
+                }
                 let corners = batch.triangles.as_flattened().iter().chain(batch.polygons.iter().flatten());
-                if let Some(v) = corners.copied().find(|v| beyond(*v)) {
+                if let Some(v) = corners.copied().find(|v| beyond(*v, self.base)) {
                     let count = u64::from(v) + self.base;
                     let source = PlyError::TooManyVertices { count, limit: MAX_VERTICES };
                     return Err(SourceError::of(path, source));

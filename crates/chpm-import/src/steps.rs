@@ -59,9 +59,9 @@ impl Steps {
 
 fn is_step(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> bool {
     // In double precision, so that no unit is too large or small to be squared.
-    let square = |a: [f32; 3], b: [f32; 3]| {
+    fn square(a: [f32; 3], b: [f32; 3]) -> f64 {
         a.iter().zip(b).map(|(x, y)| (f64::from(*x) - f64::from(y)).powi(2)).sum::<f64>()
-    };
+    }
     let edges = [square(a, b), square(b, c), square(c, a)];
     let (short, long) = edges.iter().fold((f64::INFINITY, 0.0f64), |(s, l), e| (s.min(*e), l.max(*e)));
     long > RATIO * RATIO * short

@@ -204,7 +204,9 @@ impl Corner for u128 {
     }
 
     fn position(self) -> [f64; 3] {
-        let single = |bits: u32| f32::from_bits(if bits >> 31 == 1 { bits & !(1 << 31) } else { !bits });
+        fn single(bits: u32) -> f32 {
+            f32::from_bits(if bits >> 31 == 1 { bits & !(1 << 31) } else { !bits })
+        }
         part(self >> 32).map(|bits| f64::from(single(bits)))
     }
 
@@ -261,14 +263,15 @@ fn part(key: u128) -> [u32; 3] {
 
 /// Puts two zeros in front of each bit.
 fn spread(bits: u32) -> u128 {
-    let half = |bits: u32| {
-        let mut x = u64::from(bits & 0xffff);
-        x = (x | x << 16) & 0xff00_00ff;
-        x = (x | x << 8) & 0x00f0_0f00_f00f;
-        x = (x | x << 4) & 0x0c30_c30c_30c3;
-        (x | x << 2) & 0x2492_4924_9249
-    };
     u128::from(half(bits)) | u128::from(half(bits >> 16)) << 48
+}
+
+fn half(bits: u32) -> u64 {
+    let mut x = u64::from(bits & 0xffff);
+    x = (x | x << 16) & 0xff00_00ff;
+    x = (x | x << 8) & 0x00f0_0f00_f00f;
+    x = (x | x << 4) & 0x0c30_c30c_30c3;
+    (x | x << 2) & 0x2492_4924_9249
 }
 
 /// Takes every third bit.

@@ -14,13 +14,13 @@ pub struct AskedError(String);
 /// # Errors
 /// [`AskedError`] for what is none, or more than 64 bits hold; here and below.
 pub fn whole(text: &str) -> Result<u64, AskedError> {
-    let told = || {
+    fn told(text: &&str) -> AskedError {
         let known = "understood are 20000, 20,000, 20_000, 20k, 1.5M, 2e4";
         AskedError(format!("'{text}' is not a whole number; {known}"))
-    };
+    }
 
     let (number, unit) = Number::read(text).map_err(|error| match error {
-        NumberError::NoNumber(_) => told(),
+        NumberError::NoNumber(_) => told(&text),
         error => AskedError(error.to_string()),
     })?;
     let factor = match unit {
@@ -28,11 +28,11 @@ pub fn whole(text: &str) -> Result<u64, AskedError> {
         "k" | "K" => 1_000,
         "m" | "M" => 1_000_000,
         "g" | "G" => 1_000_000_000,
-        _ => return Err(told()),
+        _ => return Err(told(&text)),
     };
     match number.times(factor) {
         Some((whole, true)) => Ok(whole),
-        Some(_) => Err(told()),
+        Some(_) => Err(told(&text)),
         None => Err(AskedError(format!("'{text}' is too large"))),
     }
 }
@@ -146,9 +146,10 @@ impl FromStr for Triangles {
     fn from_str(text: &str) -> Result<Self, AskedError> {
         if let Some(percent) = text.trim().strip_suffix('%') {
             let share = decimal(percent).ok().filter(|percent| 0.0 < *percent && *percent <= 100.0);
-            let told =
-                || format!("'{text}' is no share of the model's triangles: more than 0% and at most 100%");
-            return share.map(Triangles::Percent).ok_or_else(|| AskedError(told()));
+            fn told(text: &&str) -> String {
+                format!("'{text}' is no share of the model's triangles: more than 0% and at most 100%")
+            }
+            return share.map(Triangles::Percent).ok_or_else(|| AskedError(told(&text)));
         }
         match whole(text) {
             Ok(0) => Err(AskedError(format!("'{text}' is too small: at least 1"))),

@@ -37,7 +37,9 @@ impl Number {
     /// # Errors
     /// [`NumberError`] where there is none or where it can be read in two ways.
     pub fn read(text: &str) -> Result<(Number, &str), NumberError> {
-        let no_number = || NumberError::NoNumber(text.to_owned());
+        fn no_number(text: &str) -> NumberError {
+            NumberError::NoNumber(text.to_owned())
+        }
         let trimmed = text.trim();
         let unsigned = trimmed.strip_prefix('+').unwrap_or(trimmed);
         let (whole, rest) = split(unsigned, |byte| byte.is_ascii_digit() || matches!(byte, b',' | b'_'));
@@ -48,12 +50,16 @@ impl Number {
         if whole.contains(',') && !sets_thousands_apart(whole) || rest.starts_with(',') {
             return Err(NumberError::Comma(text.to_owned()));
         }
-        let is_apart = |part: &str| part.is_empty() || part.split('_').all(|digits| !digits.is_empty());
+        fn is_apart(part: &str) -> bool {
+            part.is_empty() || part.split('_').all(|digits| !digits.is_empty())
+        }
         if whole.is_empty() && fraction.is_empty() || !is_apart(whole) || !is_apart(fraction) {
-            return Err(no_number());
+            return Err(no_number(text));
         }
         let (power, rest) = power(rest);
-        let digits = |part: &str| part.bytes().filter(u8::is_ascii_digit).collect::<Vec<_>>();
+        fn digits(part: &str) -> Vec<u8> {
+            part.bytes().filter(u8::is_ascii_digit).collect::<Vec<_>>()
+        }
         let (whole, fraction) = (digits(whole), digits(fraction));
         let mut number = Number {
             digits: 0,
@@ -110,7 +116,9 @@ fn split(text: &str, belongs: impl Fn(u8) -> bool) -> (&str, &str) {
 
 /// `20,000` and `1,234,567`: three digits behind every comma, one to three before the first, and no zero in front.
 fn sets_thousands_apart(whole: &str) -> bool {
-    let is_digits = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
+    fn is_digits(part: &str) -> bool {
+        part.bytes().all(|byte| byte.is_ascii_digit())
+    }
     let mut parts = whole.split(',');
     let first = parts.next().unwrap_or_default();
     let leads = (1..=3).contains(&first.len()) && is_digits(first) && !first.starts_with('0');

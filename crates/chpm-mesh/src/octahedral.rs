@@ -79,7 +79,9 @@ pub fn square([x, y, z]: [f64; 3]) -> Option<[f64; 2]> {
     let [x, y, z] = [x, y, z].map(|t| t / largest);
     let sum = x.abs() + y.abs() + z.abs();
     let (u, v) = (x / sum, y / sum);
-    let fold = |a: f64, b: f64| (1.0 - b.abs()).copysign(a);
+    fn fold(a: f64, b: f64) -> f64 {
+        (1.0 - b.abs()).copysign(a)
+    }
     Some(if z < 0.0 { [fold(u, v), fold(v, u)] } else { [u, v] })
 }
 

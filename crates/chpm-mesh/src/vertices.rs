@@ -99,12 +99,14 @@ impl Vertices {
 
     /// No vertices, and room for `count` of them.
     pub fn with_capacity(count: usize, carried: Attributes) -> Self {
-        let room = |is_carried: bool| if is_carried { count } else { 0 };
+        fn room(is_carried: bool, count: usize) -> usize {
+            if is_carried { count } else { 0 }
+        }
         Vertices {
             positions: Vec::with_capacity(count),
-            normals: Vec::with_capacity(room(carried.normals)),
-            octahedral: Vec::with_capacity(room(carried.octahedral)),
-            colors: Vec::with_capacity(room(carried.colors)),
+            normals: Vec::with_capacity(room(carried.normals, count)),
+            octahedral: Vec::with_capacity(room(carried.octahedral, count)),
+            colors: Vec::with_capacity(room(carried.colors, count)),
         }
     }
 

@@ -4,7 +4,7 @@ use crate::error::ProximityError;
 use crate::model::{Model, Reads};
 use crate::patch::Patch;
 use crate::pose::{Between, Pose};
-use crate::search::{Witness, since, witness_of};
+use crate::search::{ClosestPoints, closest_points_of, since};
 use crate::triangle::{self, Corners};
 use chpm_mesh::{ClusterId, GroupId};
 use nalgebra::Vector3;
@@ -23,18 +23,18 @@ pub struct Near {
     /// touch are told apart to some 1e-8 of their length.
     pub error: f64,
     /// Most triangles that may be near, and most pairs of groups that may be.
-    pub most: usize,
+    pub limit: usize,
 }
 
 /// Triangles that hang together, by edges and by what they are near to.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Region {
     /// The sources are nowhere nearer in it.
-    pub least: f64,
+    pub lower: f64,
     /// Somewhere in it they are as near.
-    pub most: f64,
+    pub upper: f64,
     /// Where.
-    pub witness: Witness,
+    pub closest_points: ClosestPoints,
     /// Triangles of each model.
     pub triangles: [u64; 2],
     /// Their area.
@@ -166,7 +166,7 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
             open.extend(self.b.top().into_iter().map(|b| (a, b)));
         }
         // Few at first, so that a limit of some pages is not left far behind.
-        let mut most = 1;
+        let mut upper = 1;
         while let Some((a, b)) = open.pop() {
             let [x, y] = [since(self.a.reads(), before[0]), since(self.b.reads(), before[1])];
             if !go_on(x.plus(y)) {
@@ -176,8 +176,8 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
             if !self.known.insert((a, b)) || self.apart(a, b) > self.near.within {
                 continue;
             }
-            if self.known.len() > self.near.most {
-                return Err(ProximityError::TooMany { what: "pairs of groups", limit: self.near.most });
+            if self.known.len() > self.near.limit {
+                return Err(ProximityError::TooMany { what: "pairs of groups", limit: self.near.limit });
             }
             if self.is_coarse(self.a, a) {
                 open.extend(self.a.below(a).into_iter().map(|fine| (fine, b)));
@@ -185,9 +185,9 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
                 open.extend(self.b.below(b).into_iter().map(|fine| (a, fine)));
             } else {
                 self.put(a, b);
-                if self.jobs.len() >= most {
+                if self.jobs.len() >= upper {
                     self.work()?;
-                    most = (2 * most).min(WAITING);
+                    upper = (2 * upper).min(WAITING);
                 }
             }
         }
@@ -275,24 +275,25 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
         self.pairs += 1;
         let first = self.found.mark(0, (x, place), levels[0], counts[0], &t, &world);
         let second = self.found.mark(1, (y, other), levels[1], counts[1], &u, &world);
-        if self.found.marks.len() > self.near.most {
+        if self.found.marks.len() > self.near.limit {
             let what = "triangles";
-            return Err(ProximityError::TooMany { what, limit: self.near.most });
+            return Err(ProximityError::TooMany { what, limit: self.near.limit });
         }
 
         let root = self.found.join(first, second);
         let best = &mut self.found.best[root];
         let near = &close.near;
         best.depth = best.depth.max(close.depth);
-        best.least = best.least.min((near.least - lost).max(0.0));
-        let most = near.most + errors[0] + errors[1] + self.between.margin;
-        self.farthest = self.farthest.max(most);
+        best.lower = best.lower.min((near.lower - lost).max(0.0));
+        let upper = near.upper + errors[0] + errors[1] + self.between.margin;
+        self.farthest = self.farthest.max(upper);
 
-        if most < best.most || best.witness.is_none() {
-            best.most = most;
+        if upper < best.upper || best.closest_points.is_none() {
+            best.upper = upper;
             let triangles = [place, other];
-            let (points, errors) = witness_of(self.a, self.poses[0], near, errors, self.between.margin);
-            best.witness = Some(Witness { points, errors, levels, clusters: [x, y], triangles });
+            let (points, errors) =
+                closest_points_of(self.a, self.poses[0], near, errors, self.between.margin);
+            best.closest_points = Some(ClosestPoints { points, errors, levels, clusters: [x, y], triangles });
         }
         Ok(())
     }
@@ -309,10 +310,10 @@ fn each_close<X>(
     let end = p.pairs_within(q, between, reach, &mut |i, j| {
         let (t, u) = (p.triangle(i).0, q.moved(j, between).0);
         let near = triangle::distance(&t, &u);
-        if near.least > reach {
+        if near.lower > reach {
             return ControlFlow::Continue(());
         }
-        let depth = if near.least <= 0.0 { depth(&t, &u) } else { 0.0 };
+        let depth = if near.lower <= 0.0 { depth(&t, &u) } else { 0.0 };
         match found(Close { at: [i as u32, j as u32], near, depth }) {
             Ok(()) => ControlFlow::Continue(()),
             Err(error) => ControlFlow::Break(error),
@@ -338,10 +339,10 @@ fn behind(of: &Corners, plane: &Corners) -> f64 {
 /// Best pair of a region, kept at its first triangle.
 #[derive(Clone, Copy, Debug)]
 struct Best {
-    least: f64,
-    most: f64,
+    lower: f64,
+    upper: f64,
     depth: f64,
-    witness: Option<Witness>,
+    closest_points: Option<ClosestPoints>,
 }
 
 /// A triangle that is near.
@@ -389,7 +390,7 @@ impl Found {
         let (low, high) = (fold(f64::min, &at), fold(f64::max, &at));
         self.marks.push(Mark { side, level, area: if counts { area } else { 0.0 }, low, high });
         self.parent.push(new);
-        self.best.push(Best { least: f64::INFINITY, most: f64::INFINITY, depth: 0.0, witness: None });
+        self.best.push(Best { lower: f64::INFINITY, upper: f64::INFINITY, depth: 0.0, closest_points: None });
         for corner in corners {
             let bits: [u64; 3] = (corner + Vector3::zeros()).map(f64::to_bits).into();
             let other = *self.corners.entry((side, bits)).or_insert(new);
@@ -416,10 +417,10 @@ impl Found {
         self.parent[drop] = keep;
         let (one, two) = (self.best[keep], self.best[drop]);
         self.best[keep] = Best {
-            least: one.least.min(two.least),
-            most: one.most.min(two.most),
+            lower: one.lower.min(two.lower),
+            upper: one.upper.min(two.upper),
             depth: one.depth.max(two.depth),
-            witness: if two.most < one.most { two.witness } else { one.witness },
+            closest_points: if two.upper < one.upper { two.closest_points } else { one.closest_points },
         };
         keep
     }
@@ -430,14 +431,14 @@ impl Found {
         for id in 0..self.marks.len() {
             let root = self.root(id);
             let (best, mark) = (self.best[root], self.marks[id]);
-            let Some(witness) = best.witness else { continue };
+            let Some(closest_points) = best.closest_points else { continue };
 
             let region = regions.entry(root).or_insert_with(|| {
                 order.push(root);
                 Region {
-                    least: best.least,
-                    most: best.most,
-                    witness,
+                    lower: best.lower,
+                    upper: best.upper,
+                    closest_points,
                     triangles: [0; 2],
                     area: [0.0; 2],
                     depth: best.depth,
@@ -457,7 +458,7 @@ impl Found {
         }
 
         let mut regions: Vec<Region> = order.iter().filter_map(|root| regions.remove(root)).collect();
-        regions.sort_by(|a, b| a.least.total_cmp(&b.least).then(b.depth.total_cmp(&a.depth)));
+        regions.sort_by(|a, b| a.lower.total_cmp(&b.lower).then(b.depth.total_cmp(&a.depth)));
         regions
     }
 }

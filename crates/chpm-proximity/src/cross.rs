@@ -76,12 +76,12 @@ mod tests {
 
     #[test]
     fn triangles_meet_where_they_have_a_point_in_common() {
-        let least = f32::from_bits(1);
+        let lower = f32::from_bits(1);
         for (other, expected) in [
             // Through it, on it at a corner, and above it by the least number there is.
             ([[0.2, 0.2, -1.0], [0.2, 0.2, 1.0], [3.0, 3.0, 1.0]], true),
             ([[0.2, 0.2, 0.0], [0.2, 0.2, 1.0], [3.0, 3.0, 1.0]], true),
-            ([[0.2, 0.2, least], [0.2, 0.2, 1.0], [3.0, 3.0, 1.0]], false),
+            ([[0.2, 0.2, lower], [0.2, 0.2, 1.0], [3.0, 3.0, 1.0]], false),
             // In its plane: inside, across, with an edge in common, beside it.
             ([[0.1, 0.1, 0.0], [0.2, 0.1, 0.0], [0.1, 0.2, 0.0]], true),
             ([[-1.0, 0.2, 0.0], [2.0, 0.3, 0.0], [2.0, 0.2, 0.0]], true),

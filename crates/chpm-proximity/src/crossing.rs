@@ -47,7 +47,7 @@ pub fn crossings<D: AsRef<[u8]> + Sync, X: From<ProximityError>>(
     leaves.sort_by(|a, b| a.0.min[0].total_cmp(&b.0.min[0]).then(a.1.cmp(&b.1)));
     let frame = model.frame(&Pose::IDENTITY);
     let finder = Finder { model, pool, still: Between::new(&frame, &frame) };
-    let most = EACH * pool.current_num_threads();
+    let upper = EACH * pool.current_num_threads();
     let mut jobs = Vec::new();
     // Leaves in the order in which they begin along an axis; those that a leaf may meet begin before it ends.
     for (at, (bounds, x)) in leaves.iter().enumerate() {
@@ -64,7 +64,7 @@ pub fn crossings<D: AsRef<[u8]> + Sync, X: From<ProximityError>>(
                 jobs.push([*x, *y]);
             }
         }
-        if jobs.len() >= most {
+        if jobs.len() >= upper {
             finder.work(&mut jobs, found)?;
         }
     }

@@ -2,7 +2,7 @@
 //! some length since, they are nearer by that at most. So a step looks at those alone that may have come near enough to matter.
 
 use crate::pose::Between;
-use crate::search::Witness;
+use crate::search::ClosestPoints;
 use chpm_mesh::{Aabb, GroupId};
 use nalgebra::Vector3;
 use std::collections::hash_map::Entry;
@@ -49,7 +49,7 @@ pub struct Front {
     /// How far the second model has moved since the front was begun, all steps added.
     moved: f64,
     pub(crate) step: u32,
-    pub(crate) witness: Option<Witness>,
+    pub(crate) closest_points: Option<ClosestPoints>,
     /// Pairs that the last search from the roots looked at.
     whole: u64,
     /// The shortest step after which a search from the roots was better.
@@ -109,19 +109,19 @@ impl Front {
     }
 
     /// Key under which a present bound is kept: rounded down.
-    pub(crate) fn key(&self, least: f64) -> f64 {
-        if self.moved == 0.0 { least } else { (least + self.moved) * (1.0 - 4.0 * f64::EPSILON) }
+    pub(crate) fn key(&self, lower: f64) -> f64 {
+        if self.moved == 0.0 { lower } else { (lower + self.moved) * (1.0 - 4.0 * f64::EPSILON) }
     }
 
     /// Lower bound of a pair by now.
-    pub(crate) fn least(&self, pair: &Pair) -> f64 {
+    pub(crate) fn lower(&self, pair: &Pair) -> f64 {
         if self.moved == 0.0 { pair.key } else { pair.key - self.moved - 4.0 * f64::EPSILON * self.moved }
     }
 
     /// Whether a pair is to wait, being reached for something that is at least so far away. A group can be reached by several ways, each for a part of
     /// what it stands for: what is known of that part is not known of another.
-    pub(crate) fn is_new(&mut self, a: GroupId, b: GroupId, at_least: f64) -> bool {
-        let key = self.key(at_least);
+    pub(crate) fn is_new(&mut self, a: GroupId, b: GroupId, lower_bound: f64) -> bool {
+        let key = self.key(lower_bound);
         match self.known.entry((a, b)) {
             Entry::Occupied(entry) if *entry.get() <= key => return false,
             Entry::Occupied(mut entry) => *entry.get_mut() = key,
@@ -130,8 +130,8 @@ impl Front {
         true
     }
 
-    pub(crate) fn put(&mut self, a: GroupId, b: GroupId, least: f64, compared: u32) {
-        self.waiting.push(Pair { key: self.key(least), a, b, asked: self.step, compared });
+    pub(crate) fn put(&mut self, a: GroupId, b: GroupId, lower: f64, compared: u32) {
+        self.waiting.push(Pair { key: self.key(lower), a, b, asked: self.step, compared });
     }
 }
 
@@ -143,6 +143,6 @@ fn motion(from: &Between, to: &Between, bounds: &Aabb) -> f64 {
             |axis: usize| f64::from(if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] });
         (turned * Vector3::new(at(0), at(1), at(2)) + shifted).norm()
     };
-    let most = (0..8).map(corner).fold(0.0, f64::max);
-    (most + from.margin + to.margin) * (1.0 + 1e-9)
+    let upper = (0..8).map(corner).fold(0.0, f64::max);
+    (upper + from.margin + to.margin) * (1.0 + 1e-9)
 }

@@ -24,7 +24,7 @@ type Boxed = (Block, Arc<Patch>);
 
 /// A group of the reference that may be nearest to a point.
 struct Waiting {
-    least: f64,
+    lower: f64,
     group: GroupId,
 }
 
@@ -45,7 +45,7 @@ impl PartialOrd for Waiting {
 impl Ord for Waiting {
     /// The nearest is the greatest.
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        other.least.total_cmp(&self.least).then(other.group.cmp(&self.group))
+        other.lower.total_cmp(&self.lower).then(other.group.cmp(&self.group))
     }
 }
 
@@ -129,16 +129,16 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
         let (low, high) = ends(run());
         let center = (low + high) * 0.5;
         let radius = run().map(|point| (point - center).norm()).fold(0.0, f64::max);
-        let (mut most, mut coarsest) = (f64::INFINITY, 0.0_f64);
+        let (mut upper, mut coarsest) = (f64::INFINITY, 0.0_f64);
         let mut waiting = BinaryHeap::new();
         let mut known = BTreeSet::new();
         let mut found: Vec<(f64, ClusterId)> = Vec::new();
         for group in self.reference.top() {
             self.put(group, &center, &mut known, &mut waiting);
         }
-        while let Some(Waiting { least, group }) = waiting.pop() {
+        while let Some(Waiting { lower, group }) = waiting.pop() {
             // The middle's nearest point is this near to all others, but for twice the way to them.
-            if least > most + 2.0 * radius {
+            if lower > upper + 2.0 * radius {
                 break;
             }
             if !self.is_fine(group) {
@@ -151,18 +151,18 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
             coarsest = coarsest.max(wrong.error.max(wrong.distance));
             for cluster in self.reference.coarse(group) {
                 let away = self.reference.cluster_block(cluster).squared_from(&center).sqrt();
-                if away > most + 2.0 * radius {
+                if away > upper + 2.0 * radius {
                     continue;
                 }
                 found.push((away, cluster));
-                if away < most {
-                    let mut spot = Spot::beyond(most);
+                if away < upper {
+                    let mut spot = Spot::beyond(upper);
                     self.reference.patch_for_many(cluster)?.nearest_to(&center, &mut spot);
-                    most = most.min(spot.distance().abs() * (1.0 + 1e-9));
+                    upper = upper.min(spot.distance().abs() * (1.0 + 1e-9));
                 }
             }
         }
-        let near = found.iter().filter(|(away, _)| *away <= most + 2.0 * radius);
+        let near = found.iter().filter(|(away, _)| *away <= upper + 2.0 * radius);
         let mut patches = Vec::new();
         for (_, cluster) in near {
             patches.push((self.reference.cluster_block(*cluster), self.reference.patch_for_many(*cluster)?));
@@ -178,8 +178,8 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
         waiting: &mut BinaryHeap<Waiting>,
     ) {
         if known.insert(group) {
-            let least = self.reference.block(group).squared_from(center).sqrt();
-            waiting.push(Waiting { least, group });
+            let lower = self.reference.block(group).squared_from(center).sqrt();
+            waiting.push(Waiting { lower, group });
         }
     }
 }

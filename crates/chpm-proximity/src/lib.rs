@@ -32,4 +32,4 @@ pub use front::Front;
 pub use gauge::Gauge;
 pub use model::{Model, Reads};
 pub use pose::Pose;
-pub use search::{Answer, End, Question, Witness, distance, follow};
+pub use search::{Answer, ClosestPoints, End, Question, distance, follow};

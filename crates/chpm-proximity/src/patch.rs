@@ -63,7 +63,7 @@ impl Node {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Found {
     /// No triangles of the patches are nearer.
-    pub(crate) least: f64,
+    pub(crate) lower: f64,
     /// The nearest points found, and the places of their triangles in their pages.
     pub(crate) near: Option<(Near, [u32; 2])>,
 }
@@ -128,15 +128,15 @@ impl Patch {
             b: other,
             between,
             slack,
-            most: below,
-            least: below,
+            upper: below,
+            lower: below,
             near: None,
             along: Vector3::zeros(),
         };
         if !self.is_empty() && !other.is_empty() {
             search.descend(0, 0);
         }
-        Found { least: search.least, near: search.near }
+        Found { lower: search.lower, near: search.near }
     }
 
     /// Goes to the nearest point of the patch, if it is nearer than what was found. Answers its triangle, by its place in the boxes' order.
@@ -151,8 +151,8 @@ impl Patch {
         open[0] = (away(0), 0);
         while count > 0 {
             count -= 1;
-            let (least, at) = open[count];
-            if least > spot.reach() {
+            let (lower, at) = open[count];
+            if lower > spot.reach() {
                 continue;
             }
             let node = &self.nodes[at];
@@ -244,20 +244,20 @@ const DEEP: usize = 32;
 pub(crate) struct Spot {
     squared: f64,
     /// No triangle that was looked at is nearer, but for rounding.
-    least: f64,
+    lower: f64,
     /// Along the normal, as a share of the distance: of all triangles that are nearest, the one that is seen least aslant.
     upright: f64,
 }
 
 impl Spot {
-    /// Nothing but what is nearer than `most` is looked for.
-    pub(crate) fn beyond(most: f64) -> Self {
-        Spot { squared: most * most, least: most, upright: 0.0 }
+    /// Nothing but what is nearer than `upper` is looked for.
+    pub(crate) fn beyond(upper: f64) -> Self {
+        Spot { squared: upper * upper, lower: upper, upright: 0.0 }
     }
 
     /// How much nearer than what was found a triangle may be, where the formulas cannot tell.
     pub(crate) fn unsure(&self) -> f64 {
-        (self.squared.sqrt() - self.least).max(0.0)
+        (self.squared.sqrt() - self.lower).max(0.0)
     }
 
     /// Squared distances up to this are of interest.
@@ -278,13 +278,13 @@ impl Spot {
         let nearest = corners.iter().map(|corner| way.dot(&(point - corner))).fold(f64::INFINITY, f64::min);
         if nearest.max(0.0).powi(2) < self.squared * squared {
             let away = squared.sqrt();
-            let mut least = nearest.max(0.0) / away;
-            if away - least > SURE * (point.amax() + corners[0].amax()) {
-                let (careful, most) = triangle::distance_of_point(point, corners);
-                least = least.max(careful);
-                squared = squared.min(most * most);
+            let mut lower = nearest.max(0.0) / away;
+            if away - lower > SURE * (point.amax() + corners[0].amax()) {
+                let (careful, upper) = triangle::distance_of_point(point, corners);
+                lower = lower.max(careful);
+                squared = squared.min(upper * upper);
             }
-            self.least = self.least.min(least);
+            self.lower = self.lower.min(lower);
         }
         if squared > self.reach() {
             return false;
@@ -393,8 +393,8 @@ struct PatchSearch<'a> {
     between: &'a Between,
     slack: f64,
     /// Distance from which on nothing matters.
-    most: f64,
-    least: f64,
+    upper: f64,
+    lower: f64,
     near: Option<(Near, [u32; 2])>,
     /// From the second of the nearest points to the first.
     along: Vector3<f64>,
@@ -403,9 +403,9 @@ struct PatchSearch<'a> {
 impl PatchSearch<'_> {
     /// Whether boxes that are so far apart have nothing to add; then they are not nearer than what is told.
     fn is_done(&mut self, away: f64) -> bool {
-        let done = away >= self.most - self.slack;
+        let done = away >= self.upper - self.slack;
         if done {
-            self.least = self.least.min(away);
+            self.lower = self.lower.min(away);
         }
         done
     }
@@ -442,9 +442,9 @@ impl PatchSearch<'_> {
                     continue;
                 }
                 let near = triangle::distance(&t, u);
-                self.least = self.least.min(near.least);
-                if near.most < self.most {
-                    self.most = near.most;
+                self.lower = self.lower.min(near.lower);
+                if near.upper < self.upper {
+                    self.upper = near.upper;
                     self.along = near.a - near.b;
                     self.near = Some((near, [place, *other]));
                 }

@@ -46,7 +46,7 @@ impl Pose {
     /// Numbers that are not finite, and a quaternion of no length.
     pub fn of_quaternion([x, y, z, w]: [f64; 4], translation: [f64; 3]) -> Result<Self, ProximityError> {
         finite([x, y, z, w].iter().chain(&translation))?;
-        let largest = [x, y, z, w].into_iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let largest = [x, y, z, w].into_iter().fold(0.0, |upper: f64, x| upper.max(x.abs()));
         if largest <= 0.0 {
             let got = "a quaternion of length zero".to_owned();
             return Err(ProximityError::Pose { expected: "a rotation", got });

@@ -33,7 +33,7 @@ pub enum End {
 
 /// Two points that are as near as the upper end of the interval tells, up to the errors of the meshes that they are on.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Witness {
+pub struct ClosestPoints {
     /// On the meshes, where their poses put them.
     pub points: [[f64; 3]; 2],
     /// How far the source is from each at most, as it is told: what rounding and the poses do to it included.
@@ -50,11 +50,11 @@ pub struct Witness {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Answer {
     /// The sources are nowhere nearer.
-    pub least: f64,
+    pub lower: f64,
     /// Somewhere they are as near as this; infinite where no triangles have been compared.
-    pub most: f64,
+    pub upper: f64,
     /// Where.
-    pub witness: Option<Witness>,
+    pub closest_points: Option<ClosestPoints>,
     /// Why it is not narrower.
     pub end: End,
     /// Reads of each model.
@@ -112,10 +112,10 @@ pub fn follow<D: AsRef<[u8]>, E: AsRef<[u8]>>(
         between,
         rounding,
         question,
-        most: f64::INFINITY,
+        upper: f64::INFINITY,
         settled: f64::INFINITY,
         done: Vec::new(),
-        witness: None,
+        closest_points: None,
         front: &mut *front,
         pairs: 0,
     };
@@ -127,15 +127,15 @@ pub fn follow<D: AsRef<[u8]>, E: AsRef<[u8]>>(
         search.put_roots();
         end = search.run(before, None, go_on);
     }
-    let DistanceSearch { most, settled, done, witness, pairs, .. } = search;
+    let DistanceSearch { upper, settled, done, closest_points, pairs, .. } = search;
     // There is always one where there was room for all.
     let end = end.inspect_err(|_| front.begin())?.unwrap_or(End::Stopped);
-    let open = front.waiting.peek().map_or(f64::INFINITY, |pair| front.least(pair));
-    let least = open.min(settled).min(most).max(0.0);
+    let open = front.waiting.peek().map_or(f64::INFINITY, |pair| front.lower(pair));
+    let lower = open.min(settled).min(upper).max(0.0);
     front.waiting.extend(done);
-    front.witness = witness.or(front.witness);
+    front.closest_points = closest_points.or(front.closest_points);
     let reads = [since(a.reads(), before[0]), since(b.reads(), before[1])];
-    Ok(Answer { least, most, witness, end, reads, pairs, margin: between.margin, rounding })
+    Ok(Answer { lower, upper, closest_points, end, reads, pairs, margin: between.margin, rounding })
 }
 
 pub(crate) fn since(now: Reads, before: Reads) -> Reads {
@@ -145,7 +145,7 @@ pub(crate) fn since(now: Reads, before: Reads) -> Reads {
 
 /// The points of a pair in the first model's frame, where its pose puts them, and how far the sources are from there at most: `errors` from the meshes, `margin`
 /// from what arithmetic makes of these, and what is lost on the way from the frame.
-pub(crate) fn witness_of<D: AsRef<[u8]>>(
+pub(crate) fn closest_points_of<D: AsRef<[u8]>>(
     model: &Model<'_, D>,
     pose: &Pose,
     near: &Near,
@@ -167,19 +167,19 @@ struct DistanceSearch<'s, 'a, 'b, D, E> {
     rounding: f64,
     question: &'s Question,
     /// Somewhere the sources are as near.
-    most: f64,
+    upper: f64,
     /// Lower bound over the pairs that were compared at the sources' triangles.
     settled: f64,
     /// Pairs that were compared there.
     done: Vec<Pair>,
-    witness: Option<Witness>,
+    closest_points: Option<ClosestPoints>,
     front: &'s mut Front,
     pairs: u64,
 }
 
 impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
     fn begin(&mut self, from_roots: bool) -> Result<(), ProximityError> {
-        if let Some(hint) = self.front.witness {
+        if let Some(hint) = self.front.closest_points {
             self.begin_at(&hint)?;
         }
         if from_roots {
@@ -206,8 +206,8 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
         let from = self.pairs;
         let mut end = None;
         while let Some(pair) = self.front.waiting.peek().copied() {
-            let least = self.front.least(&pair);
-            if let Some(decided) = self.decided(least) {
+            let lower = self.front.lower(&pair);
+            if let Some(decided) = self.decided(lower) {
                 end = Some(decided);
                 break;
             }
@@ -226,7 +226,7 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
 
             self.front.waiting.pop();
             self.pairs += 1;
-            self.take(pair, least)?;
+            self.take(pair, lower)?;
         }
 
         if room.is_none() {
@@ -235,24 +235,24 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
         Ok(end.or_else(|| self.decided(self.settled)).or(Some(End::Exact)))
     }
 
-    /// Why enough is known where nothing that is left is nearer than `least`, if it is.
-    fn decided(&self, least: f64) -> Option<End> {
-        let least = least.min(self.settled).min(self.most).max(0.0);
+    /// Why enough is known where nothing that is left is nearer than `lower`, if it is.
+    fn decided(&self, lower: f64) -> Option<End> {
+        let lower = lower.min(self.settled).min(self.upper).max(0.0);
         let is_enough = match self.question.above {
-            Some(above) => least > above || self.most <= above,
-            None => self.most - least <= self.question.error,
+            Some(above) => lower > above || self.upper <= above,
+            None => self.upper - lower <= self.question.error,
         };
         // Models that meet do so in many places, and none tells more than the first.
-        let is_exact = || self.most - least <= 2.0 * self.rounding;
+        let is_exact = || self.upper - lower <= 2.0 * self.rounding;
         is_enough.then_some(End::Decided).or_else(|| is_exact().then_some(End::Exact))
     }
 
-    fn take(&mut self, pair: Pair, mut least: f64) -> Result<(), ProximityError> {
+    fn take(&mut self, pair: Pair, mut lower: f64) -> Result<(), ProximityError> {
         let (Pair { a, b, .. }, step) = (pair, self.front.step);
         if pair.asked != step {
             // It may have come nearer since it was asked for; the tables know whether it has.
             let tables = self.tables(a, b) - self.between.margin;
-            if tables > least {
+            if tables > lower {
                 self.front.put(a, b, tables, pair.compared);
                 return Ok(());
             }
@@ -260,12 +260,12 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
         let (is_end_a, is_end_b) = (self.a.is_leaf(a), self.b.is_leaf(b));
         let is_compared = pair.compared == step;
         if !is_compared && ((is_end_a && is_end_b) || self.is_worth(a, b)) {
-            least = least.max(self.compare(a, b)?);
-            self.front.put(a, b, least, step);
+            lower = lower.max(self.compare(a, b)?);
+            self.front.put(a, b, lower, step);
             return Ok(());
         }
         if is_end_a && is_end_b {
-            self.settled = self.settled.min(least);
+            self.settled = self.settled.min(lower);
             self.done.push(pair);
             return Ok(());
         }
@@ -274,11 +274,11 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
         let first = if is_compared { wrong_a.both() >= wrong_b.both() } else { size_a >= size_b };
         if !is_end_a && (first || is_end_b) {
             for fine in self.a.below(a) {
-                self.put(fine, b, least);
+                self.put(fine, b, lower);
             }
         } else {
             for fine in self.b.below(b) {
-                self.put(a, fine, least);
+                self.put(a, fine, lower);
             }
         }
         Ok(())
@@ -290,17 +290,17 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
     }
 
     /// Lets a pair wait, unless it waits already.
-    fn put(&mut self, a: GroupId, b: GroupId, at_least: f64) {
-        if self.front.is_new(a, b, at_least) {
-            let least = at_least.max(self.tables(a, b) - self.between.margin);
-            self.front.put(a, b, least, 0);
+    fn put(&mut self, a: GroupId, b: GroupId, lower_bound: f64) {
+        if self.front.is_new(a, b, lower_bound) {
+            let lower = lower_bound.max(self.tables(a, b) - self.between.margin);
+            self.front.put(a, b, lower, 0);
         }
     }
 
     /// Distance from which on a pair plays no part.
     fn limit(&self) -> f64 {
         // Beyond what is asked for by the margin, so that what is found to be so far away is above it.
-        self.question.above.map_or(self.most, |above| self.most.min(above + self.between.margin))
+        self.question.above.map_or(self.upper, |above| self.upper.min(above + self.between.margin))
     }
 
     /// How far two groups are apart at least, by the tables.
@@ -337,15 +337,15 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
         }
         order.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
         // Meshes that are farther apart prove that the pair plays no part.
-        let mut least = f64::INFINITY;
+        let mut lower = f64::INFINITY;
         // Nothing is finer than leaves: there, no more is left open than they are off by.
         let is_end = self.a.is_leaf(a) && self.b.is_leaf(b);
         let least_slack = if is_end { 0.0 } else { 0.1 * (wrong + error) };
         let slack = (SLACK * (self.question.error - wrong - error)).max(least_slack);
         for (away, x, y) in order {
-            let below = (self.limit() + wrong + margin).min(least + slack);
+            let below = (self.limit() + wrong + margin).min(lower + slack);
             if away >= below {
-                least = least.min(away);
+                lower = lower.min(away);
                 break;
             }
             let (p, q) = (self.a.patch(x)?, self.b.patch(y)?);
@@ -357,12 +357,12 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
                 continue;
             }
             let found = p.nearest(&q, &self.between, below, slack);
-            least = least.min(found.least);
+            lower = lower.min(found.lower);
             if let Some((near, triangles)) = found.near {
                 self.note(near, [wrong_a.error, wrong_b.error], [a, b], [x, y], triangles);
             }
         }
-        Ok(less(least, wrong + margin))
+        Ok(less(lower, wrong + margin))
     }
 
     fn note(
@@ -373,13 +373,13 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
         clusters: [ClusterId; 2],
         triangles: [u32; 2],
     ) {
-        let most = near.most + errors[0] + errors[1] + self.between.margin;
-        if most >= self.most {
+        let upper = near.upper + errors[0] + errors[1] + self.between.margin;
+        if upper >= self.upper {
             return;
         }
-        self.most = most;
-        let (points, errors) = witness_of(self.a, self.pose, &near, errors, self.between.margin);
-        self.witness = Some(Witness {
+        self.upper = upper;
+        let (points, errors) = closest_points_of(self.a, self.pose, &near, errors, self.between.margin);
+        self.closest_points = Some(ClosestPoints {
             points,
             errors,
             levels: [self.a.level(groups[0]), self.b.level(groups[1])],
@@ -389,7 +389,7 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
     }
 
     /// Compares the clusters of an earlier answer first: where little has moved, they are near again.
-    fn begin_at(&mut self, hint: &Witness) -> Result<(), ProximityError> {
+    fn begin_at(&mut self, hint: &ClosestPoints) -> Result<(), ProximityError> {
         let [x, y] = hint.clusters;
         let (count_a, count_b) = (self.a.file().clusters().len(), self.b.file().clusters().len());
         if x.index() >= count_a || y.index() >= count_b {
@@ -405,7 +405,7 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
             let near = triangle::distance(&p.triangle(i).0, &q.moved(j, &self.between).0);
             self.note(near, errors, groups, hint.clusters, hint.triangles);
         }
-        let below = less(self.most, errors[0] + errors[1] + self.between.margin);
+        let below = less(self.upper, errors[0] + errors[1] + self.between.margin);
         let found = p.nearest(&q, &self.between, below, 0.5 * self.question.error);
         if let Some((near, triangles)) = found.near {
             self.note(near, errors, groups, hint.clusters, triangles);

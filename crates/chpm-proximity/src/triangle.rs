@@ -9,9 +9,9 @@ pub(crate) type Corners = [Vector3<f64>; 3];
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Near {
     /// No two points of the triangles are nearer, but for rounding.
-    pub(crate) least: f64,
+    pub(crate) lower: f64,
     /// The points' distance.
-    pub(crate) most: f64,
+    pub(crate) upper: f64,
     pub(crate) a: Vector3<f64>,
     pub(crate) b: Vector3<f64>,
 }
@@ -23,15 +23,15 @@ pub(crate) fn distance(t: &Corners, u: &Corners) -> Near {
     each_near(t, u, &mut |a, b| best.take(a, b));
     // What rounding alone may leave between the bounds.
     let noise = 4e-15 * (t[0].amax() + u[0].amax());
-    fn is_wide(least: f64, most: f64, noise: f64) -> bool {
-        most - least > WIDTH * most + noise
+    fn is_wide(lower: f64, upper: f64, noise: f64) -> bool {
+        upper - lower > WIDTH * upper + noise
     }
     // What is apart along the way between these points is not pierced, and no others are nearer.
     let Best { squared, a, b } = best;
-    let most = squared.sqrt();
-    let least = apart_along(a - b, t, u);
-    if least > 0.0 && !is_wide(least, most, noise) {
-        return Near { least: least.min(most), most, a, b };
+    let upper = squared.sqrt();
+    let lower = apart_along(a - b, t, u);
+    if lower > 0.0 && !is_wide(lower, upper, noise) {
+        return Near { lower: lower.min(upper), upper, a, b };
     }
     for i in 0..3 {
         if let Some(at) = pierce(t[i], t[(i + 1) % 3], u) {
@@ -42,16 +42,16 @@ pub(crate) fn distance(t: &Corners, u: &Corners) -> Near {
         }
     }
     let Best { squared, a, b } = best;
-    let most = squared.sqrt();
-    let mut least = apart_along(a - b, t, u);
-    if is_wide(least, most, noise) {
+    let upper = squared.sqrt();
+    let mut lower = apart_along(a - b, t, u);
+    if is_wide(lower, upper, noise) {
         // Squares do not tell points apart that are off by half of their digits; what lies along the way between them does.
-        each_near(t, u, &mut |a, b| least = least.max(apart_along(a - b, t, u)));
+        each_near(t, u, &mut |a, b| lower = lower.max(apart_along(a - b, t, u)));
     }
-    if is_wide(least, most, noise) {
-        least = separations(t, u).map(|direction| apart_along(direction, t, u)).fold(least, f64::max);
+    if is_wide(lower, upper, noise) {
+        lower = separations(t, u).map(|direction| apart_along(direction, t, u)).fold(lower, f64::max);
     }
-    Near { least: least.min(most), most, a, b }
+    Near { lower: lower.min(upper), upper, a, b }
 }
 
 /// Of the distance: bounds that are as near to each other are good enough.
@@ -140,15 +140,15 @@ pub(crate) fn distance_of_point(point: &Vector3<f64>, t: &Corners) -> (f64, f64)
     let ways =
         [nearest_point(point, t), on_segment(point, a, b), on_segment(point, b, c), on_segment(point, c, a)]
             .map(|on| point - on);
-    let most = ways.iter().map(|way| way.norm()).fold(f64::INFINITY, f64::min);
+    let upper = ways.iter().map(|way| way.norm()).fold(f64::INFINITY, f64::min);
     // Upright on an edge, and on the face: twice, since the first time leaves what it has lost.
     let edges = [b - a, c - b, a - c];
     let of_edges = [0, 1, 2].map(|i| upright(ways[i + 1], &edges[i]));
     let face = edges[0].cross(&edges[1]);
     let face = upright(upright(face, &edges[0]), &edges[1]);
-    let least = ways.into_iter().chain(of_edges).chain([face, -face]);
-    let least = least.map(|way| beyond(&way, point, t)).fold(0.0, f64::max);
-    (least.min(most), most)
+    let lower = ways.into_iter().chain(of_edges).chain([face, -face]);
+    let lower = lower.map(|way| beyond(&way, point, t)).fold(0.0, f64::max);
+    (lower.min(upper), upper)
 }
 
 fn upright(way: Vector3<f64>, edge: &Vector3<f64>) -> Vector3<f64> {

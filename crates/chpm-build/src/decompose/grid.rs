@@ -111,7 +111,9 @@ impl Counted {
 
     /// The children that all of the vertices are in, one in another, as far as it is known.
     fn children(self) -> impl Iterator<Item = usize> {
-        let path = |level: u32, key: u64| key >> (32 + 3 * (AHEAD - 1 - level));
+        fn path(level: u32, key: u64) -> u64 {
+            key >> (32 + 3 * (AHEAD - 1 - level))
+        }
         (0..AHEAD)
             .take_while(move |level| path(*level, self.least) == path(*level, self.largest))
             .map(move |level| (path(level, self.least) & 7) as usize)
@@ -120,15 +122,16 @@ impl Counted {
 
 /// The children that a place in a cell of side 1 is in, one in another, three bits each.
 fn path(within: [f64; 3]) -> u32 {
-    // Three bits further apart, each.
-    let spread = |w: f64| {
-        let mut bits = ((w * f64::from(1 << AHEAD)) as u32).min((1 << AHEAD) - 1);
-        bits = (bits | bits << 16) & 0x0300_00ff;
-        bits = (bits | bits << 8) & 0x0300_f00f;
-        bits = (bits | bits << 4) & 0x030c_30c3;
-        (bits | bits << 2) & 0x0924_9249
-    };
     spread(within[0]) | spread(within[1]) << 1 | spread(within[2]) << 2
+}
+
+/// Three bits further apart, each.
+fn spread(w: f64) -> u32 {
+    let mut bits = ((w * f64::from(1 << AHEAD)) as u32).min((1 << AHEAD) - 1);
+    bits = (bits | bits << 16) & 0x0300_00ff;
+    bits = (bits | bits << 8) & 0x0300_f00f;
+    bits = (bits | bits << 4) & 0x030c_30c3;
+    (bits | bits << 2) & 0x0924_9249
 }
 
 /// The grid. Every vertex has a cell; cells that hold vertices are numbered from 0 in the order of slots.

@@ -71,8 +71,9 @@ fn sums(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<Sum> {
 /// Gives the vertices of a region their normals, those of the border none yet, and answers what its faces come to there.
 pub(super) fn compute(mesh: &mut Mesh) -> Vec<BorderSum> {
     let sums = sums(&mesh.vertices.positions, &mesh.triangles);
-    let is_inner =
-        |(sum, border): (&Sum, &u32)| if *border == INNER { sum.normal() } else { Octahedral::NONE };
+    fn is_inner((sum, border): (&Sum, &u32)) -> Octahedral {
+        if *border == INNER { sum.normal() } else { Octahedral::NONE }
+    }
     mesh.vertices.octahedral = sums.iter().zip(&mesh.border).map(is_inner).collect();
     let at_border = sums.iter().zip(&mesh.border).filter(|(_, border)| **border != INNER);
     at_border.map(|(sum, border)| BorderSum { sum: *sum, border: u64::from(*border) }).collect()

@@ -98,11 +98,7 @@ pub(crate) fn run(
         let mut marks: Vec<(u16, u32)> = (0..).zip(numbers).filter(|(_, number)| *number != INNER).collect();
         let census =
             surveyor.survey(&gathered.triangles, &gathered.vertices, &marks, &mesh.vertices.positions);
-        let code = |number: u32| match number.checked_sub(shared.inner_count) {
-            Some(border) => shared.border[border as usize],
-            None => number | leaf::INNER,
-        };
-        marks.iter_mut().for_each(|(_, number)| *number = code(*number));
+        marks.iter_mut().for_each(|(_, number)| *number = code(*number, &shared.border, shared.inner_count));
         let leaf = writer.write(mesh, gathered, &marks, spool)?;
         context.progress.advance(gathered.triangles.len() as u64);
         Ok((leaf, census))
@@ -124,6 +120,13 @@ pub(crate) fn run(
     let census = ledger.close(shared.inner_count).renumbered(global);
     let (referenced, copies) = (mesh.referenced, mesh.copies);
     Ok(Done { leaves, interfaces, border_uses, census, referenced, copies, normals: Vec::new() })
+}
+
+fn code(number: u32, shared_border: &[u32], shared_inner_count: u32) -> u32 {
+    match number.checked_sub(shared_inner_count) {
+        Some(border) => shared_border[border as usize],
+        None => number | leaf::INNER,
+    }
 }
 
 /// The part of each vertex (Quick-VDR 4.1: cells, cell graph, k-way partition).
@@ -225,7 +228,9 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
     }
 
     // Vertices of the same leaves come together: they are one interface, and numbered one after another.
-    let users = |same: &&[(u32, u32)]| same.iter().map(|(_, leaf)| *leaf).collect::<Vec<u32>>();
+    fn users(same: &&[(u32, u32)]) -> Vec<u32> {
+        same.iter().map(|(_, leaf)| *leaf).collect::<Vec<u32>>()
+    }
     inner.sort_by(|a, b| a.iter().map(|u| u.1).cmp(b.iter().map(|u| u.1)).then(a[0].0.cmp(&b[0].0)));
     let mut interfaces = Interfaces { starts: vec![0], ..Interfaces::default() };
     let mut next = 0;

@@ -36,7 +36,9 @@ fn links_by(
     let store = &context.store;
     let _share = store.budget.reserve_work("components", 4 * len as u64)?;
     let last = vertices.saturating_sub(1) / len;
-    let of = |vertex: u32| vertex as usize / len;
+    fn of(vertex: u32, len: usize) -> usize {
+        vertex as usize / len
+    }
 
     // Edges within the last slice are joined as triangles come; those of others wait for their slice.
     let mut edges = Buckets::<[u32; 2]>::new(store, "edges of components", last, BLOCK);
@@ -48,8 +50,8 @@ fn links_by(
             // Two edges join three corners.
             let [low, middle, high] = corners;
             for edge in [[high, low], [middle, low]] {
-                let left = if of(edge[0]) == last { slice.join(edge) } else { Some(edge) };
-                left.map_or(Ok(()), |edge| edges.push(of(edge[0]), edge))?;
+                let left = if of(edge[0], len) == last { slice.join(edge) } else { Some(edge) };
+                left.map_or(Ok(()), |edge| edges.push(of(edge[0], len), edge))?;
             }
         }
         Ok(())
@@ -65,7 +67,7 @@ fn links_by(
             context.check()?;
             edges.read_block(index, number, &mut block)?;
             for left in block.iter().filter_map(|edge| slice.join(*edge)) {
-                edges.push(of(left[0]), left)?;
+                edges.push(of(left[0], len), left)?;
             }
         }
         edges.clear(index);

@@ -42,10 +42,11 @@ where
     })?;
     let lattice = Lattice::of(ranges, bits);
     // Rounding keeps the order of numbers, so that the ends of the ranges go to the ends of the box.
-    let at = |end: fn(&(f64, f64)) -> f64| -> [f32; 3] {
+    fn at(end: fn(&(f64, f64)) -> f64, lattice: &Lattice, ranges: &[(f64, f64); 3]) -> [f32; 3] {
         std::array::from_fn(|axis| lattice.point(axis, end(&ranges[axis])).0)
-    };
-    let bounds = Aabb { min: at(|range| range.0), max: at(|range| range.1) };
+    }
+    let bounds =
+        Aabb { min: at(|range| range.0, &lattice, &ranges), max: at(|range| range.1, &lattice, &ranges) };
 
     let mut stored = BufferWriter::new(&context.store, POSITIONS, positions.len())?;
     let (mut singles, mut rounding) = (Vec::new(), 0.0f64);

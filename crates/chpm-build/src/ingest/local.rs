@@ -73,13 +73,15 @@ pub(super) fn doubles(
 
     let origin = extent.origin(coordinates);
     let (mut rounding, mut bounds) = (0.0f64, Aabb::EMPTY);
-    let local = |point: &[f64; 3]| std::array::from_fn::<f64, 3, _>(|axis| point[axis] - origin[axis]);
+    fn local(point: &[f64; 3], origin: &[f64; 3]) -> [f64; 3] {
+        std::array::from_fn::<f64, 3, _>(|axis| point[axis] - origin[axis])
+    }
 
     // Where unused vertices are to be moved must be known before the first of them is stored.
     if used.count() < positions.len() as u64 {
         each(&positions, context, |first, points| {
             let used = (first..).zip(points).filter(|(vertex, _)| used.contains(*vertex));
-            used.for_each(|(_, point)| bounds.add(local(point).map(|x| x as f32)));
+            used.for_each(|(_, point)| bounds.add(local(point, &origin).map(|x| x as f32)));
             Ok(())
         })?;
     }
@@ -90,7 +92,7 @@ pub(super) fn doubles(
     each(&positions, context, |first, points| {
         singles.clear();
         for (vertex, point) in (first..).zip(points) {
-            let exact = local(point);
+            let exact = local(point, &origin);
             let single = exact.map(|x| x as f32);
             if used.contains(vertex) {
                 bounds.add(single);
@@ -180,16 +182,17 @@ impl Extent {
             Coordinates::TextOfSingles => self.are_singles,
             _ => self.are_singles && self.lost <= VISIBLE * self.diagonal(),
         };
-        let middle = |(low, high): (f64, f64)| {
-            let middle = 0.5 * low + 0.5 * high;
-            let single = f64::from(middle as f32);
-            if (low..=high).contains(&single) { single } else { middle }
-        };
         match self.range {
             Some(range) if self.rounds && !suffice => range.map(middle),
             _ => [0.0; 3],
         }
     }
+}
+
+fn middle((low, high): (f64, f64)) -> f64 {
+    let middle = 0.5 * low + 0.5 * high;
+    let single = f64::from(middle as f32);
+    if (low..=high).contains(&single) { single } else { middle }
 }
 
 /// Half of the last decimal digit that it takes to tell `x` from other doubles. A single that is printed with as many digits

@@ -47,10 +47,12 @@ impl FirstUse {
         }
         out.extend_from_slice(bytemuck::cast_slice(&page.shared_ids[rest..]));
 
-        let new = |vertex: u16| self.new.get(usize::from(vertex)).copied().unwrap_or(vertex);
+        fn new(vertex: u16, new: &[u16]) -> u16 {
+            new.get(usize::from(vertex)).copied().unwrap_or(vertex)
+        }
         out.extend_from_slice(bytemuck::cast_slice(&self.triangles));
         for target in page.targets {
-            out.extend_from_slice(&new(*target).to_le_bytes());
+            out.extend_from_slice(&new(*target, &self.new).to_le_bytes());
         }
         out.extend_from_slice(bytemuck::cast_slice(page.error_codes));
         out.extend_from_slice(&bits);

@@ -39,11 +39,13 @@ impl LocalOrder {
         self.vertices.clear_vertices();
         self.vertices.gather(page.vertices, self.new_to_old.iter().map(|v| usize::from(*v)));
 
-        let new = |v: u16| self.old_to_new[usize::from(v)];
+        fn new(v: u16, old_to_new: &[u16]) -> u16 {
+            old_to_new[usize::from(v)]
+        }
         self.targets.clear();
-        self.targets.extend(page.targets.iter().map(|t| new(*t)));
+        self.targets.extend(page.targets.iter().map(|t| new(*t, &self.old_to_new)));
         self.shared.clear();
-        self.shared.extend(page.shared().map(|(v, id)| (new(v), id)));
+        self.shared.extend(page.shared().map(|(v, id)| (new(v, &self.old_to_new), id)));
         self.shared.sort_unstable();
         self.errors.clear();
         self.errors.extend((page.base_vertex_count..page.vertex_count()).map(|n| page.error_at(n)));
@@ -117,12 +119,13 @@ impl LocalOrder {
 
     /// Triangles by the position of their first vertex: a counting sort.
     fn induce_triangles(&mut self, page: &Page<'_>) {
-        let key =
-            |t: &[u16; 3]| t.map(|v| self.position[usize::from(v)]).into_iter().min().map_or(0, usize::from);
+        fn key(t: &[u16; 3], position: &[u16]) -> usize {
+            t.map(|v| position[usize::from(v)]).into_iter().min().map_or(0, usize::from)
+        }
         self.starts.clear();
         self.starts.resize(page.vertex_count() + 1, 0);
         for triangle in page.triangles {
-            self.starts[key(triangle) + 1] += 1;
+            self.starts[key(triangle, &self.position) + 1] += 1;
         }
         for i in 1..self.starts.len() {
             self.starts[i] += self.starts[i - 1];
@@ -130,7 +133,7 @@ impl LocalOrder {
         self.triangles.clear();
         self.triangles.resize(page.triangles.len(), [0; 3]);
         for triangle in page.triangles {
-            let slot = &mut self.starts[key(triangle)];
+            let slot = &mut self.starts[key(triangle, &self.position)];
             self.triangles[*slot as usize] = triangle.map(|v| self.old_to_new[usize::from(v)]);
             *slot += 1;
         }

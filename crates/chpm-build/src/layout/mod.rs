@@ -49,13 +49,14 @@ fn is_root(Built { tree, clusters, .. }: &Built, node: u32) -> bool {
 /// Pages that are read together: roots, and the fine clusters of groups.
 fn runs(built: &Built) -> Vec<Run> {
     let Built { tree, clusters, .. } = built;
-    let run = |error: f32, nodes: Vec<u32>| {
+    fn run(error: f32, nodes: Vec<u32>, clusters: &crate::simplify::Clusters) -> Run {
         let mut bounds = Aabb::EMPTY;
         nodes.iter().for_each(|node| bounds.merge(&clusters.page(*node).bounds));
         Run { error, center: bounds.center().coords.map(|x| x as f32).into(), clusters: nodes }
-    };
+    }
     let nodes = (0..tree.nodes.len() as u32).filter(|node| clusters.is_built(*node));
-    let roots = nodes.filter(|node| is_root(built, *node)).map(|root| run(f32::INFINITY, vec![root]));
+    let roots =
+        nodes.filter(|node| is_root(built, *node)).map(|root| run(f32::INFINITY, vec![root], clusters));
 
     let fine = |group: &Vec<u32>| -> Vec<u32> {
         let children = group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
@@ -64,7 +65,7 @@ fn runs(built: &Built) -> Vec<Run> {
     let splits = clusters.groups.iter().map(fine).filter(|fine| !fine.is_empty()).map(|fine| {
         // A split is asked for where the finest mesh above is too coarse, which is what these have as base meshes.
         let error = fine.iter().map(|node| clusters.page(*node).group_error).fold(0.0, f32::max);
-        run(error, fine)
+        run(error, fine, clusters)
     });
     roots.chain(splits).collect()
 }

@@ -21,8 +21,10 @@ pub struct Run {
 pub fn order(runs: Vec<Run>) -> Vec<u32> {
     let bounds = Aabb::of_points(runs.iter().map(|run| &run.center));
     // Numbers that are not negative order as their bits do.
-    let key = |run: &Run| (Reverse(run.error.max(0.0).to_bits()), hilbert(cell(run.center, &bounds)));
-    let mut keyed: Vec<_> = runs.into_iter().map(|run| (key(&run), run.clusters)).collect();
+    fn key(run: &Run, bounds: &Aabb) -> (Reverse<u32>, u64) {
+        (Reverse(run.error.max(0.0).to_bits()), hilbert(cell(run.center, bounds)))
+    }
+    let mut keyed: Vec<_> = runs.into_iter().map(|run| (key(&run, &bounds), run.clusters)).collect();
     keyed.sort_unstable();
     keyed.into_iter().flat_map(|(_, clusters)| clusters).collect()
 }

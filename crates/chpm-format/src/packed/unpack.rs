@@ -75,9 +75,11 @@ impl Unpacker {
         let corners = streams.next(edges.iter().map(|symbol| told(*symbol)).sum())?;
 
         let positions = take(&mut body, 12 * v);
-        let carried = |is_carried, len| if is_carried { len * v } else { 0 };
-        let normals = take(&mut body, carried(attributes.normals, 12));
-        let colors = take(&mut body, carried(attributes.colors, 4));
+        fn carried(is_carried: bool, len: usize, v: usize) -> usize {
+            if is_carried { len * v } else { 0 }
+        }
+        let normals = take(&mut body, carried(attributes.normals, 12, v));
+        let colors = take(&mut body, carried(attributes.colors, 4, v));
         let ids = take(&mut body, 4 * shared);
         let triangles = take(&mut body, 6 * t).as_chunks_mut().0;
         let symbols_of_walk = (edges, turns, corners);

@@ -148,7 +148,9 @@ impl View {
         let step = all / 10 * 9;
         let decade = if size < all { 0 } else { (size - all) / step.max(1) + 1 };
         let mantissa = f64::from(size - decade * step);
-        let ten = |power: u32| TENS.get(power as usize).copied();
+        fn ten(power: u32) -> Option<f64> {
+            TENS.get(power as usize).copied()
+        }
         let places = u32::from(places);
         let number = match places.checked_sub(decade) {
             Some(behind) => mantissa / ten(behind)?,

@@ -190,7 +190,9 @@ impl GroupCheck {
 /// A triangle by the ranks of its corners; the same for every rotation of them.
 fn triangle_key(corners: [u16; 3], rank: &[u32]) -> u128 {
     let [a, b, c] = corners.map(|v| u128::from(rank[usize::from(v)]));
-    let key = |a: u128, b: u128, c: u128| a << 64 | b << 32 | c;
+    fn key(a: u128, b: u128, c: u128) -> u128 {
+        a << 64 | b << 32 | c
+    }
     key(a, b, c).min(key(b, c, a)).min(key(c, a, b))
 }
 

@@ -74,14 +74,17 @@ impl<R: Read> Body<R> {
 
 /// The triangles of four neighbours in a ring, or the one of three of them. A sample that is named twice makes none.
 fn cell(ring: [Option<u32>; 4]) -> [Option<[u32; 3]>; 2] {
-    let triangle = |corners: [Option<u32>; 3]| match corners {
-        [Some(a), Some(b), Some(c)] if a != b && b != c && c != a => Some([a, b, c]),
-        _ => None,
-    };
     let [a, b, c, d] = ring;
     if a.is_some() && c.is_some() {
         [triangle([a, b, c]), triangle([a, c, d])]
     } else {
         [triangle([a, b, d]), triangle([b, c, d])]
+    }
+}
+
+fn triangle(corners: [Option<u32>; 3]) -> Option<[u32; 3]> {
+    match corners {
+        [Some(a), Some(b), Some(c)] if a != b && b != c && c != a => Some([a, b, c]),
+        _ => None,
     }
 }

@@ -301,7 +301,9 @@ fn property<'a>(mut words: impl Iterator<Item = &'a str>) -> Result<Property, &'
     const LINE: &str = "'property <type> <name>' or 'property list <type> <type> <name>'";
     const TYPE: &str = "a type: char, uchar, short, ushort, int, uint, float or double";
     let mut word = || words.next().ok_or(LINE);
-    let scalar = |name: &str| ScalarType::parse(name).ok_or(TYPE);
+    fn scalar(name: &str) -> Result<ScalarType, &'static str> {
+        ScalarType::parse(name).ok_or(TYPE)
+    }
     let first = word()?;
     let ty = if first == "list" {
         let (count, item) = (scalar(word()?)?, scalar(word()?)?);
@@ -320,7 +322,9 @@ fn property<'a>(mut words: impl Iterator<Item = &'a str>) -> Result<Property, &'
 ///
 /// A header of CR lines must be told from one of CRLF lines at once: after `end_header`, a line feed may be binary data.
 fn magic<R: Read>(source: &mut Source<R>) -> Result<u8, PlyError> {
-    let read = |offset, source| PlyError::Read { offset, source };
+    fn read(offset: u64, source: std::io::Error) -> PlyError {
+        PlyError::Read { offset, source }
+    }
     source.need(5).map_err(|error| read(0, error))?;
     let (end_of_line, length) = match source.bytes() {
         [b'p', b'l', b'y', b'\r', b'\n', ..] => (b'\n', 5),

@@ -223,21 +223,22 @@ fn vertex_plan(
 }
 
 fn list_plan(element: &Element, warnings: &mut Vec<Warning>) -> Result<ListPlan, PlyError> {
-    let corners = |name| {
-        let property = find(element, name)?;
-        match element.properties[property].ty {
-            PropertyType::List { count, item } if item.is_integer() => Some((property, count, item)),
-            _ => None,
-        }
-    };
-    let (property, count, item) = corners("vertex_indices")
-        .or_else(|| corners("vertex_index"))
+    let (property, count, item) = corners("vertex_indices", element)
+        .or_else(|| corners("vertex_index", element))
         .ok_or_else(|| PlyError::NoIndices { element: element.name.clone() })?;
     let properties = element.properties.len();
     warn_of_dropped(element, (0..properties).filter(|&at| at != property), warnings);
     let before = fixed_size(element, 0..property);
     let around = before.zip(fixed_size(element, property + 1..properties));
     Ok(ListPlan { property, count, item, around })
+}
+
+fn corners(name: &str, element: &Element) -> Option<(usize, ScalarType, ScalarType)> {
+    let property = find(element, name)?;
+    match element.properties[property].ty {
+        PropertyType::List { count, item } if item.is_integer() => Some((property, count, item)),
+        _ => None,
+    }
 }
 
 fn find(element: &Element, name: &str) -> Option<usize> {

@@ -47,9 +47,9 @@ impl<W: Write> PlyWriter<W> {
         for comment in comments {
             header += &format!("comment {}\n", comment.replace(['\r', '\n'], " "));
         }
-        let properties = |ty: ScalarType, names: &[&str]| -> String {
+        fn properties(ty: ScalarType, names: &[&str]) -> String {
             names.iter().map(|name| format!("property {ty} {name}\n")).collect()
-        };
+        }
         header += &format!("element vertex {vertex_count}\n");
         header += &properties(if double { ScalarType::Double } else { ScalarType::Float }, &["x", "y", "z"]);
         if attributes.normals {

@@ -37,14 +37,14 @@ fn within(error: f64) -> Question {
 
 /// Holds an answer against the truth, which is itself known up to `rounding`.
 fn check(answer: &Answer, truth: f64, rounding: f64, error: f64, told: &str) {
-    let Answer { least, most, margin, end, .. } = *answer;
+    let Answer { lower, upper, margin, end, .. } = *answer;
     assert!(
-        least <= truth + rounding && truth <= most + rounding,
-        "{told}: {truth} outside of {least} to {most}"
+        lower <= truth + rounding && truth <= upper + rounding,
+        "{told}: {truth} outside of {lower} to {upper}"
     );
     // What the source's leaves are rounded by counts like the margin: twice for each model.
     let width = error + 2.0 * margin + rounding;
-    assert!(most - least <= width, "{told}: {least} to {most} is wider than {width}");
+    assert!(upper - lower <= width, "{told}: {lower} to {upper} is wider than {width}");
     assert!(matches!(end, End::Decided | End::Exact), "{told}: {end:?}");
 }
 
@@ -72,9 +72,9 @@ fn intervals_hold_and_are_as_narrow_as_asked_for() {
         let above = truth * [0.5, 1.5][turn % 2];
         let answer = ask(a, b, [&still, &pose], &Question { above: Some(above), ..within(0.0) });
         if truth > above + rounding + stored + answer.margin {
-            assert!(answer.least > above, "{told}: {truth} is above {above}: {answer:?}");
+            assert!(answer.lower > above, "{told}: {truth} is above {above}: {answer:?}");
         } else if truth < above - rounding - stored - answer.margin {
-            assert!(answer.most <= above, "{told}: {truth} is below {above}: {answer:?}");
+            assert!(answer.upper <= above, "{told}: {truth} is below {above}: {answer:?}");
         }
         if truth > 0.0 { apart += 1 } else { meet += 1 }
     }
@@ -96,7 +96,7 @@ fn poses_of_both_count_and_far_origins_cancel() {
     let lifted =
         Pose::of_matrix([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], [0.0, 0.0, 3.0]).unwrap();
     let still = ask(&a, &a, [&turn, &turn], &within(0.0));
-    assert!(still.least == 0.0 && still.most <= 1e-6, "{still:?}");
+    assert!(still.lower == 0.0 && still.upper <= 1e-6, "{still:?}");
     let answer = ask(&a, &a, [&turn, &lifted], &within(0.0));
     let truth = brute::distance(&a.placed(&turn), &a.placed(&lifted));
     check(&answer, truth, 4.0 * f64::from(leaf_error(&a)) + 1e-8, 0.0, "lifted");
@@ -109,7 +109,7 @@ fn models_that_meet_in_many_places_are_asked_about_one() {
     let turned = Pose::of_quaternion([0.1, 0.2, 0.3, 1.0], [0.1, 0.0, 0.0]).unwrap();
     for pose in [Pose::IDENTITY, turned] {
         let answer = ask(&torus, &torus, [&Pose::IDENTITY, &pose], &within(0.0));
-        assert!(answer.least == 0.0 && answer.most <= 2.0 * answer.margin, "{answer:?}");
+        assert!(answer.lower == 0.0 && answer.upper <= 2.0 * answer.margin, "{answer:?}");
         // Levels of groups, and a few beside each; all that meet are thousands.
         assert!(answer.end == End::Exact && answer.pairs < 300, "{answer:?}");
     }
@@ -129,9 +129,9 @@ fn a_search_that_is_stopped_tells_what_is_proven() {
             left >= 0
         };
         let answer = distance(&a, &b, [&Pose::IDENTITY, &pose], &within(0.0), &mut go_on).unwrap();
-        assert!(answer.least <= truth && truth <= answer.most, "{limit}: {answer:?}");
-        assert!(answer.most - answer.least <= before, "{limit}");
-        before = answer.most - answer.least;
+        assert!(answer.lower <= truth && truth <= answer.upper, "{limit}: {answer:?}");
+        assert!(answer.upper - answer.lower <= before, "{limit}");
+        before = answer.upper - answer.lower;
         assert_eq!(answer.end == End::Stopped, limit < 1000, "{limit}: {answer:?}");
     }
     assert!(before < 1e-12);
@@ -172,7 +172,7 @@ mod peer {
             let theirs = f64::from(theirs);
             let (a, b) = (&models[i].name, &models[j].name);
             assert!(
-                ours.least <= theirs + slack && theirs - slack <= ours.most,
+                ours.lower <= theirs + slack && theirs - slack <= ours.upper,
                 "{a} {b}: {ours:?} {theirs}"
             );
             apart += usize::from(theirs > 0.0);

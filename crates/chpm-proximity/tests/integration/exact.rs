@@ -138,8 +138,8 @@ fn distances_of_points_hold_in_exact_arithmetic() {
                 let positions = page.view().positions;
                 let mut found = Vec::new();
                 let within = gauge.measure(positions, &mut found).unwrap();
-                let least = gauge.rounding() + 1e-14 * found.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-                assert!(within <= tolerance.max(least), "{told}: {within} of {least}");
+                let lower = gauge.rounding() + 1e-14 * found.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+                assert!(within <= tolerance.max(lower), "{told}: {within} of {lower}");
                 for (position, distance) in positions.iter().zip(&found).step_by(5) {
                     let truth = reference.squared_from(originals[&position.map(f32::to_bits)]);
                     assert!(is_root(&truth, *distance, within), "{told}: {distance} within {within}");
@@ -184,14 +184,14 @@ fn intervals_and_their_points_hold_in_exact_arithmetic() {
             let question = Question { error, above: None, most_pairs: 1 << 20 };
             let answer = distance(&x, &y, [&still, &still], &question, &mut |_| true).unwrap();
             let square = |x: f64| exact(x) * exact(x);
-            assert!(square(answer.least) <= truth && truth <= square(answer.most), "{told}: {answer:?}");
+            assert!(square(answer.lower) <= truth && truth <= square(answer.upper), "{told}: {answer:?}");
             // What is told of rounding is what an answer is wide for it.
-            let width = answer.most - answer.least;
-            assert!(width <= error.max(2.0 * answer.rounding + 1e-14 * answer.most), "{told}: {answer:?}");
-            let witness = answer.witness.unwrap();
+            let width = answer.upper - answer.lower;
+            assert!(width <= error.max(2.0 * answer.rounding + 1e-14 * answer.upper), "{told}: {answer:?}");
+            let closest_points = answer.closest_points.unwrap();
             for (model, i) in [(&a, 0), (&b, 1)] {
-                let (point, error) = (witness.points[i], witness.errors[i]);
-                assert!(is_root(&model.squared_from(point), 0.0, error), "{told}: {witness:?}");
+                let (point, error) = (closest_points.points[i], closest_points.errors[i]);
+                assert!(is_root(&model.squared_from(point), 0.0, error), "{told}: {closest_points:?}");
             }
         }
     }
@@ -205,22 +205,22 @@ fn contacts_hold_in_exact_arithmetic() {
         let [x, y, z] = offset;
         let b = Doubles::new("second", &hand::icosphere(0), 1.2 / 3.0, [x + 0.9, y + 0.07, z - 0.03]);
         let [x, y] = [&a, &b].map(|d| Model::new(&d.built.file, Bytes(1 << 20)).unwrap());
-        let (still, near) = (Pose::IDENTITY, Near { within: 0.3, error: 0.0, most: 1 << 16 });
+        let (still, near) = (Pose::IDENTITY, Near { within: 0.3, error: 0.0, limit: 1 << 16 });
         let found = contacts(&x, &y, [&still, &still], &near, &pool, &mut |_| true).unwrap();
         let (t, u) = (a.corners(), b.corners());
         let squares: Vec<Relaxed> = t.iter().flat_map(|t| u.iter().map(|u| apart(t, u))).collect();
         let count =
             |within: f64| squares.iter().filter(|s| **s <= exact(within) * exact(within)).count() as u64;
-        let (least, most) = (count(near.within), count(found.farthest));
-        assert!(least > 0 && least <= found.pairs && found.pairs <= most, "{least} {} {most}", found.pairs);
+        let (lower, upper) = (count(near.within), count(found.farthest));
+        assert!(lower > 0 && lower <= found.pairs && found.pairs <= upper, "{lower} {} {upper}", found.pairs);
         assert!(found.farthest <= near.within + 2.0 * found.rounding * (1.0 + 1e-9) + 1e-12, "{found:?}");
         let square = |x: f64| exact(x) * exact(x);
         let truth = squares.iter().min().unwrap();
-        let nearest = found.regions.iter().map(|region| region.least).fold(f64::INFINITY, f64::min);
-        assert!(square(nearest) <= *truth && *truth <= square(found.regions[0].most));
+        let nearest = found.regions.iter().map(|region| region.lower).fold(f64::INFINITY, f64::min);
+        assert!(square(nearest) <= *truth && *truth <= square(found.regions[0].upper));
         for region in &found.regions {
             for (model, i) in [(&a, 0), (&b, 1)] {
-                let (point, error) = (region.witness.points[i], region.witness.errors[i]);
+                let (point, error) = (region.closest_points.points[i], region.closest_points.errors[i]);
                 assert!(is_root(&model.squared_from(point), 0.0, error), "{region:?}");
             }
         }

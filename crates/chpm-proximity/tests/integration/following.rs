@@ -35,21 +35,21 @@ fn steps_are_as_narrow_as_questions_of_their_own_and_cost_less() {
             let told = format!("{above:?}, step {step}: {answer:?}, on its own {own:?}");
             followed += answer.pairs;
             fresh += own.pairs;
-            assert!(answer.least <= own.most && own.least <= answer.most, "{told}");
+            assert!(answer.lower <= own.upper && own.lower <= answer.upper, "{told}");
             match above {
-                None => assert!(answer.most - answer.least <= error || answer.end == End::Exact, "{told}"),
+                None => assert!(answer.upper - answer.lower <= error || answer.end == End::Exact, "{told}"),
                 Some(above) => {
-                    let verdict = |answer: &Answer| (answer.least > above, answer.most <= above);
+                    let verdict = |answer: &Answer| (answer.lower > above, answer.upper <= above);
                     assert_eq!(verdict(&answer), verdict(&own), "{told}");
-                    clear += u32::from(answer.least > above);
+                    clear += u32::from(answer.lower > above);
                 }
             }
-            met += u32::from(answer.least == 0.0);
+            met += u32::from(answer.lower == 0.0);
             if step % 50 == 7 {
                 let truth = brute::distance(&a.placed(&Pose::IDENTITY), &b.placed(&pose));
                 let rounding = answer.margin + 1e-8;
                 assert!(
-                    answer.least <= truth + rounding && truth <= answer.most + rounding,
+                    answer.lower <= truth + rounding && truth <= answer.upper + rounding,
                     "{told}: {truth}"
                 );
             }
@@ -78,9 +78,9 @@ fn a_step_that_was_stopped_is_no_harm_to_the_next() {
         let answer = follow(&mut front, &x, &x, poses, &question, &mut go_on).unwrap();
         let own =
             distance(&x, &x, poses, &Question { most_pairs: 1 << 20, ..question }, &mut |_| true).unwrap();
-        assert!(answer.least <= own.most && own.least <= answer.most, "{step}: {answer:?} {own:?}");
+        assert!(answer.lower <= own.upper && own.lower <= answer.upper, "{step}: {answer:?} {own:?}");
         if !matches!(answer.end, End::Stopped | End::Crowded) {
-            assert!(answer.most - answer.least <= question.error, "{step}: {answer:?}");
+            assert!(answer.upper - answer.lower <= question.error, "{step}: {answer:?}");
         }
     }
 }

@@ -72,27 +72,27 @@ fn intervals_and_contacts_hold_where_hard_meshes_touch() {
                 let truth = brute::distance(&a.placed(&Pose::IDENTITY), &b.placed(&pose));
                 let (slack, stored) = (rounding(a, b), stored(a, b));
                 for error in [0.0, 0.01 * (a.diagonal() + b.diagonal())] {
-                    let Answer { least, most, margin, end, .. } = ask(a, b, &pose, error);
-                    let held = least <= truth + slack + stored && truth <= most + slack + stored;
-                    assert!(held, "{told}: {truth} outside of {least} to {most}");
+                    let Answer { lower, upper, margin, end, .. } = ask(a, b, &pose, error);
+                    let held = lower <= truth + slack + stored && truth <= upper + slack + stored;
+                    assert!(held, "{told}: {truth} outside of {lower} to {upper}");
                     let width = error + 2.0 * margin + slack + 4.0 * stored;
-                    assert!(most - least <= width, "{told}: {least} to {most} is wider than {width}");
+                    assert!(upper - lower <= width, "{told}: {lower} to {upper} is wider than {width}");
                     assert!(matches!(end, End::Decided | End::Exact), "{told}: {end:?}");
                 }
 
                 // All pairs that are near, and none that is not.
                 let (within, slack) = (truth, slack + stored);
-                let near = Near { within: within + slack, error: 0.0, most: 1 << 20 };
+                let near = Near { within: within + slack, error: 0.0, limit: 1 << 20 };
                 let found = find(a, b, &pose, &near);
-                let least = near_pairs(a, b, &pose, within).len() as u64;
+                let lower = near_pairs(a, b, &pose, within).len() as u64;
                 // Edges that are nearly parallel are told apart to half of the digits.
                 let parallel = 1e-8 * (a.diagonal() + b.diagonal());
                 let beyond = within + 3.0 * slack + 2.0 * found.margin + parallel;
-                let most = near_pairs(a, b, &pose, beyond).len() as u64;
-                assert!(least > 0 && found.complete, "{told}");
+                let upper = near_pairs(a, b, &pose, beyond).len() as u64;
+                assert!(lower > 0 && found.complete, "{told}");
                 assert!(
-                    (least..=most).contains(&found.pairs),
-                    "{told}: {} of {least} to {most}",
+                    (lower..=upper).contains(&found.pairs),
+                    "{told}: {} of {lower} to {upper}",
                     found.pairs
                 );
                 if truth > slack { apart += 1 } else { touching += 1 }

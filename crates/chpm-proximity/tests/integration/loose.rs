@@ -39,10 +39,10 @@ fn many_small_clusters_hold_with_large_errors() {
         for share in [0.003, 0.01, 0.03, 0.1] {
             let told = format!("{turn}: {} and {} at {share}", fixed.name, moved.name);
             let answer = ask(fixed, moved, [&Pose::IDENTITY, &pose], share * size);
-            let holds = answer.least <= truth + slack && truth <= answer.most + slack;
+            let holds = answer.lower <= truth + slack && truth <= answer.upper + slack;
             assert!(holds, "{told}: {truth} outside of {answer:?}");
             if truth > 0.0 {
-                let near = Near { within: truth + slack, error: share * size, most: 1 << 20 };
+                let near = Near { within: truth + slack, error: share * size, limit: 1 << 20 };
                 let found = find(fixed, moved, &pose, &near);
                 assert!(!found.regions.is_empty(), "{told}: nothing within {truth}");
                 coarse += u32::from(found.regions[0].levels.iter().any(|level| *level > 0));
@@ -120,9 +120,9 @@ fn what_was_trimmed_away_is_still_in_the_way() {
             for poses in [[&Pose::IDENTITY, &pose], [&pose, &Pose::IDENTITY]] {
                 let (a, b) = if poses[0] == &pose { (&probe, &board) } else { (&board, &probe) };
                 let answer = ask(a, b, poses, 0.0);
-                assert!(answer.least <= truth && truth <= answer.most, "{truth} outside of {answer:?}");
+                assert!(answer.lower <= truth && truth <= answer.upper, "{truth} outside of {answer:?}");
             }
-            let near = Near { within: truth + 1e-9, error: 0.0, most: 1 << 20 };
+            let near = Near { within: truth + 1e-9, error: 0.0, limit: 1 << 20 };
             assert!(!find(&board, &probe, &pose, &near).regions.is_empty(), "nothing within {truth}");
         }
     }
@@ -156,9 +156,9 @@ fn poses_of_few_digits_count_on_both_sides() {
             for (answer, which) in
                 [(ask(a, b, [&rough, &exact], 0.0), "first"), (ask(b, a, [&exact, &rough], 0.0), "second")]
             {
-                let holds = answer.least <= truth && truth <= answer.most;
+                let holds = answer.lower <= truth && truth <= answer.upper;
                 assert!(holds, "{which}, {scale}: {truth} outside of {answer:?}");
-                assert!(answer.most - answer.least < 0.02, "{which}, {scale}: {answer:?}");
+                assert!(answer.upper - answer.lower < 0.02, "{which}, {scale}: {answer:?}");
             }
         }
     }
@@ -178,7 +178,7 @@ fn a_step_to_a_pose_of_few_digits_is_a_motion() {
         let poses = [&Pose::IDENTITY, &pose];
         let answer = follow(&mut front, &x, &y, poses, &question, &mut |_| true).unwrap();
         let slack = 1e-12;
-        let holds = answer.least <= truth + slack && truth <= answer.most + slack;
+        let holds = answer.lower <= truth + slack && truth <= answer.upper + slack;
         assert!(holds, "step {step}: {truth} outside of {answer:?}");
     }
 }

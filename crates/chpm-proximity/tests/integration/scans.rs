@@ -54,20 +54,20 @@ fn scans_are_as_far_apart_as_every_pair_of_triangles_says() {
         let truth = brute::distance(&a.placed(&Pose::IDENTITY), &b.placed(&pose));
         let (slack, stored, size) = (rounding(a, b), stored(a, b), a.diagonal() + b.diagonal());
         for error in [0.0, 1e-3 * size] {
-            let Answer { least, most, margin, .. } = ask(a, b, &pose, error);
-            let held = least <= truth + slack + stored && truth <= most + slack + stored;
-            assert!(held, "{told}: {truth} outside of {least} to {most}");
+            let Answer { lower, upper, margin, .. } = ask(a, b, &pose, error);
+            let held = lower <= truth + slack + stored && truth <= upper + slack + stored;
+            assert!(held, "{told}: {truth} outside of {lower} to {upper}");
             let width = error + 2.0 * margin + slack + 4.0 * stored;
-            assert!(most - least <= width, "{told}: {least} to {most} is wider than {width}");
+            assert!(upper - lower <= width, "{told}: {lower} to {upper} is wider than {width}");
         }
         // All that is a little farther than what is nearest, where that is not too much.
         let within = truth + 1e-4 * size;
-        let found = find(a, b, &pose, &Near { within, error: 0.0, most: 1 << 22 });
+        let found = find(a, b, &pose, &Near { within, error: 0.0, limit: 1 << 22 });
         let parallel = 1e-8 * size;
-        let [fewest, most] = [within - slack - stored, within + slack + stored + found.margin + parallel]
+        let [fewest, upper] = [within - slack - stored, within + slack + stored + found.margin + parallel]
             .map(|within| near_pairs(a, b, &pose, within).len() as u64);
         assert!(found.complete && fewest > 0, "{told}");
-        assert!((fewest..=most).contains(&found.pairs), "{told}: {} of {fewest} to {most}", found.pairs);
+        assert!((fewest..=upper).contains(&found.pairs), "{told}: {} of {fewest} to {upper}", found.pairs);
         println!("{told}: {truth} apart, {} pairs within {within}", found.pairs);
     }
 }

@@ -52,12 +52,12 @@ fn nothing_within_is_missed_and_nothing_far_beyond_is_told() {
         let truth = near_pairs(a, b, &pose, within);
 
         // At the triangles of the sources, all of them and no others.
-        let near = Near { within, error: 0.0, most: 1 << 20 };
+        let near = Near { within, error: 0.0, limit: 1 << 20 };
         let exact = find(a, b, &pose, &near);
         let slack = 1e-12 * size;
         assert!(exact.complete && exact.pairs >= truth.len() as u64, "{told}: {exact:?}");
-        let most = near_pairs(a, b, &pose, within + slack).len() as u64;
-        assert!(exact.pairs <= most, "{told}: {} of {most}", exact.pairs);
+        let upper = near_pairs(a, b, &pose, within + slack).len() as u64;
+        assert!(exact.pairs <= upper, "{told}: {} of {upper}", exact.pairs);
 
         // With an error, each true one is in a region, and each region is near.
         for error in [0.02, 0.2].map(|share| share * size) {
@@ -77,7 +77,7 @@ fn nothing_within_is_missed_and_nothing_far_beyond_is_told() {
             assert!(!beyond || found.regions.is_empty(), "{told}, error {error}: {:?}", found.regions);
             for region in &found.regions {
                 assert!(
-                    region.least <= within && region.most <= within + error + slack,
+                    region.lower <= within && region.upper <= within + error + slack,
                     "{told}: {region:?}"
                 );
             }
@@ -101,26 +101,26 @@ fn regions_are_told_apart_and_measured() {
     );
     let (two, plate) = (Built::new("two", two, [0.0; 3], false), Built::new("plate", plate, [0.0; 3], false));
     let at = |z: f64| Pose::of_quaternion([0.0, 0.0, 0.0, 1.0], [0.0, 0.0, z]).unwrap();
-    let near = |within: f64| Near { within, error: 0.0, most: 1000 };
+    let near = |within: f64| Near { within, error: 0.0, limit: 1000 };
     let lid = two.file.header().aabb().max[2];
     assert!(find(&two, &plate, &at(f64::from(lid) + 0.5), &near(0.4)).regions.is_empty());
     let found = find(&two, &plate, &at(f64::from(lid) + 0.5), &near(0.5));
     // The plate's two triangles are one piece, so that both cubes are near to one.
     assert_eq!(found.regions.len(), 1);
     let region = found.regions[0];
-    assert!((region.least - 0.5).abs() < 1e-12 && (region.most - 0.5).abs() < 1e-12, "{region:?}");
+    assert!((region.lower - 0.5).abs() < 1e-12 && (region.upper - 0.5).abs() < 1e-12, "{region:?}");
     assert_eq!(region.triangles[1], 2);
     assert!((region.area[1] - 18.0 * 18.0).abs() < 1e-9 && region.depth == 0.0);
     // Lower, triangles cross. The plate faces upward, and three quarters of the cubes are behind it.
     let found = find(&two, &plate, &at(f64::from(lid) - 0.25), &near(0.0));
-    assert!(found.regions[0].least == 0.0 && (found.regions[0].depth - 0.75).abs() < 1e-12, "{found:?}");
+    assert!(found.regions[0].lower == 0.0 && (found.regions[0].depth - 0.75).abs() < 1e-12, "{found:?}");
 }
 
 #[test]
 fn too_many_triangles_are_an_error_that_says_so() {
     let sphere = Built::new("sphere", hand::icosphere(2), [0.0; 3], false);
     let [a, b] = [0; 2].map(|_| Model::new(&sphere.file, Bytes(1 << 20)).unwrap());
-    let near = Near { within: 1.0, error: 0.0, most: 50 };
+    let near = Near { within: 1.0, error: 0.0, limit: 50 };
     let poses = [&Pose::IDENTITY, &Pose::IDENTITY];
     let error = contacts(&a, &b, poses, &near, &pool(), &mut |_| true).unwrap_err();
     assert!(matches!(error, ProximityError::TooMany { limit: 50, .. }), "{error}");

@@ -43,10 +43,6 @@ impl Divided {
         context: &Context<'_>,
     ) -> Result<(), BuildError> {
         let end = 3 * self.vertices.positions.len().max(1) as u64;
-        let bin = |triangle: &[u32; 3]| {
-            let sum: u64 = triangle.iter().map(|v| u64::from(*v)).sum();
-            (sum * BINS as u64 / end) as usize
-        };
 
         // How many triangles each bin has, from a first look at all of them.
         let blocks = self.triangles.block_count(home);
@@ -55,7 +51,7 @@ impl Divided {
         for number in 0..blocks {
             context.check()?;
             self.triangles.read_block(home, number, &mut block)?;
-            block.iter().for_each(|triangle| counts[bin(triangle)] += 1);
+            block.iter().for_each(|triangle| counts[bin(triangle, end)] += 1);
         }
 
         // Bins that follow one another make up a piece, as many as fit; a piece is a region.
@@ -74,7 +70,7 @@ impl Divided {
             context.check()?;
             self.triangles.read_block(home, number, &mut block)?;
             for triangle in &block {
-                let region = pieces[bin(triangle)];
+                let region = pieces[bin(triangle, end)];
                 self.triangles.push(region, *triangle)?;
                 for vertex in triangle {
                     let home = self.homes[self.cells.of(*vertex) as usize].0;
@@ -87,4 +83,9 @@ impl Divided {
         self.was_split[home] = true;
         Ok(())
     }
+}
+
+fn bin(triangle: &[u32; 3], end: u64) -> usize {
+    let sum: u64 = triangle.iter().map(|v| u64::from(*v)).sum();
+    (sum * BINS as u64 / end) as usize
 }
