@@ -5,7 +5,7 @@ use crate::gaps::Gaps;
 use crate::page::Page;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord, REFUSALS};
-use chpm_mesh::{ClusterId, GroupId};
+use chpm_mesh::{ClusterId, GroupId, Scalar, ScalarKind, ScalarRange, scalar_places};
 use std::io::Write;
 
 /// Writes the header, the tables and the metadata as text, one record a line, and with `pages` the content of every
@@ -50,7 +50,7 @@ pub fn cluster<D: AsRef<[u8]>>(
 ) -> Result<(), FormatError> {
     dump_cluster(id, &file.clusters()[id.index()], out)?;
     match file.page(id) {
-        Ok(page) => dump_page(&page.view(), out),
+        Ok(page) => dump_page(&page.view(), file.scalars(), out),
         Err(error) => {
             writeln!(out, "  unreadable {error}")?;
             Err(error)
@@ -63,6 +63,10 @@ fn header<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write) -> Result<(), Fo
     let has = h.attributes();
     writeln!(out, "chpm {}.{} file_len {}", h.version_major, h.version_minor, h.file_len)?;
     writeln!(out, "attributes normals {} colors {}", has.has_normals(), has.colors)?;
+    for Scalar { name, kind, range } in file.scalars() {
+        let ScalarRange { low, high, count } = range;
+        writeln!(out, "scalar {name:?} {kind} low {low:?} high {high:?} count {count}")?;
+    }
     writeln!(out, "source vertices {} triangles {}", h.source_vertex_count, h.source_triangle_count)?;
 
     let (c, g, l, r, leaves) = (h.cluster_count, h.group_count, h.level_count, h.root_count, h.leaf_count);
@@ -134,7 +138,7 @@ fn dump_cluster(id: ClusterId, record: &ClusterRecord, out: &mut impl Write) -> 
     Ok(())
 }
 
-fn dump_page(page: &Page<'_>, out: &mut impl Write) -> Result<(), FormatError> {
+fn dump_page(page: &Page<'_>, scalars: &[Scalar], out: &mut impl Write) -> Result<(), FormatError> {
     writeln!(out, "  page min_error {:?} error_scale {:?}", page.min_error, page.error_scale)?;
 
     let mut shared = page.shared().peekable();
@@ -145,6 +149,9 @@ fn dump_page(page: &Page<'_>, out: &mut impl Write) -> Result<(), FormatError> {
         }
         if let Some(color) = page.colors.get(vertex) {
             write!(out, " color {color:?}")?;
+        }
+        for (place, Scalar { name, kind, .. }) in scalar_places(scalars) {
+            dump_scalar(name, *kind, &page.scalars_of(vertex)[place], out)?;
         }
         if let Some((_, id)) = shared.next_if(|(local, _)| usize::from(*local) == vertex) {
             write!(out, " shared {id}")?;
@@ -163,6 +170,16 @@ fn dump_page(page: &Page<'_>, out: &mut impl Write) -> Result<(), FormatError> {
 
     for corners in page.triangles {
         writeln!(out, "  triangle {corners:?}")?;
+    }
+    Ok(())
+}
+
+/// What is no number is told by its words, since it has many.
+fn dump_scalar(name: &str, kind: ScalarKind, words: &[u32], out: &mut impl Write) -> Result<(), FormatError> {
+    let value = kind.value(words);
+    match value.is_nan() {
+        true => write!(out, " {name:?} words {words:x?}")?,
+        false => write!(out, " {name:?} {value:?}")?,
     }
     Ok(())
 }

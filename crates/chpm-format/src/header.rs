@@ -13,11 +13,13 @@ pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
 /// The last minor version that this crate knows. It writes the first that has all that a file needs.
-pub const VERSION_MINOR: u16 = 3;
+pub const VERSION_MINOR: u16 = 4;
 /// Required flag: pages may be packed, and lie at multiples of [`PACKED_ALIGN`].
 pub const PACKED_PAGES: u32 = 1;
 /// Required flag: vertices have normals of three bytes.
 pub const OCTAHEDRAL_NORMALS: u32 = 2;
+/// Required flag: vertices have named scalars.
+pub const NAMED_SCALARS: u32 = 4;
 /// Length of the header, bytes.
 pub const HEADER_LEN: usize = 256;
 
@@ -33,7 +35,7 @@ pub struct Header {
     pub version_minor: u16,
     /// [`HEADER_LEN`].
     pub header_len: u32,
-    /// Features that a reader must know: [`PACKED_PAGES`], [`OCTAHEDRAL_NORMALS`].
+    /// Features that a reader must know: [`PACKED_PAGES`], [`OCTAHEDRAL_NORMALS`], [`NAMED_SCALARS`].
     pub required_flags: u32,
     /// Features that a reader may ignore; none are defined.
     pub optional_flags: u32,
@@ -45,7 +47,7 @@ pub struct Header {
     pub section_table_offset: u32,
     /// [`PAGE_ALIGN`], or [`PACKED_ALIGN`] where pages are packed.
     pub page_align: u32,
-    /// Bit 0: normals; bit 1: colours; bit 2: octahedral normals in place of those of bit 0.
+    /// Bit 0: normals; bit 1: colours; bit 2: octahedral normals in place of those of bit 0; bits 8 to 15: words of named scalars.
     pub attributes: u32,
     /// Vertices that leaf triangles use, each counted once.
     pub source_vertex_count: u64,
@@ -132,28 +134,37 @@ impl fmt::Display for ErrorKind {
 
 /// The attribute bits of a header or page.
 pub(crate) fn attribute_bits(attributes: Attributes) -> u32 {
-    let Attributes { normals, octahedral, colors } = attributes;
-    u32::from(normals) | u32::from(colors) << 1 | u32::from(octahedral) << 2
+    let Attributes { normals, octahedral, colors, scalar_words } = attributes;
+    u32::from(normals)
+        | u32::from(colors) << 1
+        | u32::from(octahedral) << 2
+        | u32::from(scalar_words) << SCALAR_BITS.start
 }
 
 /// Attributes of these bits; `None` for a bit that means nothing, and for normals of both kinds.
 pub(crate) fn attributes_of(bits: u32) -> Option<Attributes> {
-    fn bit(place: u32, bits: u32) -> bool {
-        bits >> place & 1 == 1
-    }
-    let attributes = Attributes { normals: bit(0, bits), octahedral: bit(2, bits), colors: bit(1, bits) };
-    (bits < 8 && !(attributes.normals && attributes.octahedral)).then_some(attributes)
+    let bit = |place: u32| bits >> place & 1 == 1;
+    let scalar_words = (bits >> SCALAR_BITS.start) as u8;
+    let attributes = Attributes { normals: bit(0), octahedral: bit(2), colors: bit(1), scalar_words };
+    let is_known = attribute_bits(attributes) == bits;
+    (is_known && !(attributes.normals && attributes.octahedral)).then_some(attributes)
 }
 
+/// The attribute bits that are a number: words of a vertex's scalars.
+const SCALAR_BITS: std::ops::Range<u32> = 8..16;
+
 /// Allowed attribute bits, for a message.
-pub(crate) const ATTRIBUTE_BITS: &str = "bits 0 to 2, and not both of bits 0 and 2";
+pub(crate) const ATTRIBUTE_BITS: &str = "bits 0 to 2 and 8 to 15, and not both of bits 0 and 2";
 
 /// Required flags of a file that has this, and the first minor version that has it.
 pub(crate) fn needs(fields: &HeaderFields) -> (u32, u16) {
-    let octahedral = fields.attributes.octahedral;
-    let packed = if fields.packed { PACKED_PAGES } else { 0 };
-    let flags = packed | if octahedral { OCTAHEDRAL_NORMALS } else { 0 };
+    let Attributes { octahedral, scalar_words, .. } = fields.attributes;
+    let flag = |is_needed: bool, flag: u32| if is_needed { flag } else { 0 };
+    let flags = flag(fields.packed, PACKED_PAGES)
+        | flag(octahedral, OCTAHEDRAL_NORMALS)
+        | flag(scalar_words > 0, NAMED_SCALARS);
     match () {
+        () if scalar_words > 0 => (flags, 4),
         () if octahedral || fields.chunked => (flags, 3),
         () if fields.packed => (flags, 2),
         () => (flags, 1),
@@ -238,7 +249,7 @@ impl Header {
             return Err(FormatError::Checksum { place, expected: found, got: expected });
         }
 
-        let unknown = self.required_flags & !(PACKED_PAGES | OCTAHEDRAL_NORMALS);
+        let unknown = self.required_flags & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS);
         if unknown != 0 {
             return Err(FormatError::Feature { place, got: unknown });
         }
@@ -255,6 +266,8 @@ impl Header {
         require(attributes.is_some(), place, "attributes", ATTRIBUTE_BITS, self.attributes)?;
         let flagged = self.required_flags & OCTAHEDRAL_NORMALS != 0;
         require_eq(place, "flag of octahedral normals", self.attributes().octahedral, flagged)?;
+        let flagged = self.required_flags & NAMED_SCALARS != 0;
+        require_eq(place, "flag of named scalars", self.attributes().scalar_words > 0, flagged)?;
         require(self.boundary_mode().is_some(), place, "boundary_mode", "0, 1 or 2", self.boundary_mode)?;
         require(self.error_kind().is_some(), place, "error_kind", "0 or 1", self.error_kind)?;
 

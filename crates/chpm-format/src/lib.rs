@@ -62,6 +62,7 @@ pub mod reader;
 pub mod records;
 pub mod remote;
 pub mod same;
+mod scalars;
 pub mod section;
 mod structure;
 pub mod tables;

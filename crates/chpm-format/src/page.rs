@@ -137,6 +137,7 @@ impl<'a> Page<'a> {
         let positions = take(&mut rest, v);
         let normals = take(&mut rest, carried(attributes.normals, v));
         let colors = take(&mut rest, carried(attributes.colors, v));
+        let scalars = take(&mut rest, v * usize::from(attributes.scalar_words));
         Ok(Page {
             shared_ids: take(&mut rest, header.shared_count as usize),
             triangles: take(&mut rest, header.triangle_count as usize),
@@ -149,6 +150,7 @@ impl<'a> Page<'a> {
                 normals,
                 octahedral: take(&mut rest, carried(attributes.octahedral, v)),
                 colors,
+                scalars,
             },
             base_vertex_count: header.base_vertex_count as usize,
             base_triangle_count: header.base_triangle_count as usize,

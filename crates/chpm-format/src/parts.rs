@@ -59,6 +59,7 @@ impl PageParts<'_> {
         out.extend_from_slice(bytemuck::cast_slice(self.vertices.positions));
         out.extend_from_slice(bytemuck::cast_slice(self.vertices.normals));
         out.extend_from_slice(bytemuck::cast_slice(self.vertices.colors));
+        out.extend_from_slice(bytemuck::cast_slice(self.vertices.scalars));
         out.extend(self.shared.iter().flat_map(|(_, id)| id.to_le_bytes()));
         out.extend_from_slice(bytemuck::cast_slice(self.triangles));
         out.extend_from_slice(bytemuck::cast_slice(self.targets));

@@ -8,10 +8,11 @@ use crate::metadata::Metadata;
 use crate::page::Page;
 use crate::page_buf::PageBuf;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
+use crate::scalars;
 use crate::section::{SectionKind, Sections, check_sum};
 use crate::structure::{Structure, member_range, place_pages};
 use bytemuck::Pod;
-use chpm_mesh::{ClusterId, GroupId};
+use chpm_mesh::{ClusterId, GroupId, Scalar};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,6 +25,7 @@ pub struct Chpm<D> {
     data: D,
     header: Header,
     sections: Sections,
+    scalars: Vec<Scalar>,
     on_page: fn(&D, u64),
     /// A bit for each cluster: whether its page has been found to be what was written.
     intact: Arc<[AtomicU64]>,
@@ -45,7 +47,12 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         // No file has more records than bytes, and what is not listed is refused below.
         let words = sections.count(SectionKind::Clusters).div_ceil(u64::from(u64::BITS));
         let intact = (0..words).map(|_| AtomicU64::new(0)).collect();
-        let file = Chpm { data, header, sections, on_page: |_, _| (), intact };
+        let scalars = scalars::decode(
+            &bytes[sections.range(SectionKind::Scalars)],
+            sections.count(SectionKind::Scalars),
+            header.attributes().scalar_words,
+        )?;
+        let file = Chpm { data, header, sections, scalars, on_page: |_, _| (), intact };
         file.structure().check()?;
         file.check_pages()?;
         Ok(file)
@@ -107,6 +114,11 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// The header.
     pub fn header(&self) -> &Header {
         &self.header
+    }
+
+    /// The named scalars that vertices have, in the order of their words.
+    pub fn scalars(&self) -> &[Scalar] {
+        &self.scalars
     }
 
     /// The cluster table; a [`ClusterId`] is an index into it.

@@ -9,10 +9,11 @@ use crate::header::Header;
 use crate::page_buf::PageBuf;
 use crate::reader::check_page;
 use crate::records::{ClusterRecord, GroupRecord};
+use crate::scalars;
 use crate::section::{SectionKind, Sections, check_sum, table_range};
 use crate::structure::{check_cluster, check_group, member_range};
 use bytemuck::Pod;
-use chpm_mesh::{ClusterId, GroupId};
+use chpm_mesh::{ClusterId, GroupId, Scalar};
 use std::collections::BTreeMap;
 use std::io;
 use std::ops::Range;
@@ -27,6 +28,7 @@ pub struct RemoteChpm<R> {
     header: Header,
     sections: Sections,
     chunked: bool,
+    scalars: Vec<Scalar>,
     tables: [Table; 3],
 }
 
@@ -94,7 +96,7 @@ impl Table {
 }
 
 impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
-    /// Opens a file of `len` bytes: reads the first [`FIRST_BYTES`] of it, and what of the list of chunks is not in them.
+    /// Opens a file of `len` bytes: reads the first [`FIRST_BYTES`] of it, what of the list of chunks is not in them, and the list of scalars.
     ///
     /// # Errors
     /// The [`FormatError`] that names the damage; [`FormatError::Read`] with what `read` answered.
@@ -132,12 +134,24 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
                 (table.chunk_len, table.sums) = (chunk_len as usize, sums);
             }
         }
-        Ok(RemoteChpm { source, header, sections, chunked, tables })
+        let mut scalars = Vec::new();
+        if sections.has(SectionKind::Scalars) || header.attributes().scalar_words > 0 {
+            let kind = SectionKind::Scalars;
+            let list = source.bytes(sections.range(kind))?;
+            check_sum(Place::Section(kind), sections.checksum(kind), &list)?;
+            scalars = scalars::decode(&list, sections.count(kind), header.attributes().scalar_words)?;
+        }
+        Ok(RemoteChpm { source, header, sections, chunked, scalars, tables })
     }
 
     /// The header.
     pub fn header(&self) -> &Header {
         &self.header
+    }
+
+    /// The named scalars that vertices have, in the order of their words.
+    pub fn scalars(&self) -> &[Scalar] {
+        &self.scalars
     }
 
     /// Whether tables are read in chunks, and not as a whole.

@@ -50,6 +50,7 @@ pub fn compare<A: AsRef<[u8]>, B: AsRef<[u8]>>(
     let mut differences = Differences::default();
     let (a, b) = (here.header(), there.header());
     differences.compare("attributes", [a.attributes, b.attributes]);
+    differences.compare("scalars", [here.scalars(), there.scalars()]);
     differences.compare("vertices of the source", [a.source_vertex_count, b.source_vertex_count]);
     differences.compare("treatment of boundaries", [a.boundary_mode, b.boundary_mode]);
     differences.compare("meaning of errors", [a.error_kind, b.error_kind]);
@@ -134,6 +135,7 @@ fn add_page(page: &Page<'_>, triangles: &mut Vec<[u16; 3]>, hash: &mut Xxh3) {
     hash.update(bytemuck::cast_slice(page.normals));
     hash.update(bytemuck::cast_slice(page.octahedral));
     hash.update(bytemuck::cast_slice(page.colors));
+    hash.update(bytemuck::cast_slice(page.scalars));
     hash.update(bytemuck::cast_slice(page.shared_ids));
     hash.update(bytemuck::cast_slice(page.targets));
     hash.update(bytemuck::cast_slice(page.error_codes));

@@ -3,7 +3,7 @@
 use crate::error::{FormatError, Place, invalid, require, require_eq};
 use crate::header::{HEADER_LEN, Header};
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
-use crate::{PAGE_ALIGN, TABLE_ALIGN, align_up, checksum, chunks};
+use crate::{PAGE_ALIGN, TABLE_ALIGN, align_up, checksum, chunks, scalars};
 use bytemuck::{Pod, Zeroable};
 use std::{fmt, mem, ops::Range};
 
@@ -12,7 +12,7 @@ pub const MAX_SECTIONS: u32 = 64;
 /// Set in the kinds that a reader may skip without knowing them.
 pub const OPTIONAL_KIND: u32 = 1 << 31;
 
-/// The sections that are known: every file has each once, but for CHUNKS, which may be absent.
+/// The sections that are known: every file has each once, but for CHUNKS and SCALARS, which may be absent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[repr(u32)]
 pub enum SectionKind {
@@ -28,6 +28,8 @@ pub enum SectionKind {
     Metadata = 5,
     /// Cluster pages; the last section.
     Pages = 6,
+    /// Names and ranges of the scalars that vertices have; only where they have any.
+    Scalars = 7,
     /// Checksums of the tables' chunks; the first section where it is there.
     Chunks = OPTIONAL_KIND | 1,
 }
@@ -37,13 +39,14 @@ const KINDS: usize = SectionKind::ALL.len();
 
 impl SectionKind {
     /// All of them, in the order in which the writer lays them out.
-    pub const ALL: [SectionKind; 7] = [
+    pub const ALL: [SectionKind; 8] = [
         SectionKind::Chunks,
         SectionKind::Clusters,
         SectionKind::Groups,
         SectionKind::Members,
         SectionKind::Levels,
         SectionKind::Metadata,
+        SectionKind::Scalars,
         SectionKind::Pages,
     ];
 
@@ -54,17 +57,17 @@ impl SectionKind {
             SectionKind::Groups => mem::size_of::<GroupRecord>() as u32,
             SectionKind::Members => mem::size_of::<u32>() as u32,
             SectionKind::Levels => mem::size_of::<LevelRecord>() as u32,
-            SectionKind::Metadata | SectionKind::Pages => 0,
+            SectionKind::Metadata | SectionKind::Scalars | SectionKind::Pages => 0,
             SectionKind::Chunks => chunks::WORD as u32,
         }
     }
 
     /// Whether every file has it.
     fn is_needed(self) -> bool {
-        self as u32 & OPTIONAL_KIND == 0
+        self as u32 & OPTIONAL_KIND == 0 && self != SectionKind::Scalars
     }
 
-    /// Where it is in [`SectionKind::ALL`].
+    /// Its place among the kinds, below [`KINDS`].
     fn slot(self) -> usize {
         match self {
             SectionKind::Chunks => 0,
@@ -86,6 +89,7 @@ impl fmt::Display for SectionKind {
             SectionKind::Members => "MEMBERS",
             SectionKind::Levels => "LEVELS",
             SectionKind::Metadata => "METADATA",
+            SectionKind::Scalars => "SCALARS",
             SectionKind::Pages => "PAGES",
             SectionKind::Chunks => "CHUNKS",
         })
@@ -104,7 +108,7 @@ pub struct SectionEntry {
     pub offset: u64,
     /// Bytes, without padding behind.
     pub len: u64,
-    /// Records; 1 for METADATA, pages for PAGES.
+    /// Records; 1 for METADATA, scalars for SCALARS, pages for PAGES.
     pub count: u64,
     /// Checksum of the bytes; 0 for PAGES, whose pages carry their own.
     pub checksum: u64,
@@ -238,6 +242,10 @@ impl SectionEntry {
         require_eq(place, "record_len", kind.record_len(), self.record_len)?;
         match kind {
             SectionKind::Metadata => require_eq(place, "count", 1, self.count),
+            SectionKind::Scalars => {
+                let most = scalars::MOST_LEN;
+                require(self.len <= most, place, "len", format_args!("at most {most}"), self.len)
+            }
             SectionKind::Pages => require_eq(place, "checksum", 0, self.checksum),
             _ => {
                 let len = self.count.checked_mul(u64::from(self.record_len));

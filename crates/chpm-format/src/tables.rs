@@ -9,9 +9,9 @@ use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::section::{SectionEntry, SectionKind};
 use crate::structure::{Structure, member_range, place_pages};
-use crate::{align_up, checksum};
+use crate::{align_up, checksum, scalars};
 use bytemuck::Zeroable;
-use chpm_mesh::{Aabb, Attributes, ClusterId, GroupId};
+use chpm_mesh::{Aabb, Attributes, ClusterId, GroupId, Scalar};
 use std::mem;
 
 /// Fields of the header that the tables do not tell.
@@ -50,6 +50,8 @@ pub struct Tables {
     pub levels: Vec<LevelRecord>,
     /// Provenance.
     pub metadata: Metadata,
+    /// Names and ranges of the scalars that vertices have.
+    pub scalars: Vec<Scalar>,
 }
 
 impl Tables {
@@ -78,6 +80,7 @@ impl Tables {
             members: file.members().to_vec(),
             levels: file.levels().to_vec(),
             metadata: file.metadata()?,
+            scalars: file.scalars().to_vec(),
         })
     }
 
@@ -147,6 +150,7 @@ impl Tables {
             SectionKind::Members => self.members.len(),
             SectionKind::Levels => self.levels.len(),
             SectionKind::Metadata => return metadata_len,
+            SectionKind::Scalars => return scalars::section_len(&self.scalars),
             SectionKind::Chunks => return chunks::section_len(CHUNKED.map(|kind| self.section_len(kind, 0))),
             SectionKind::Pages => 0,
         };
@@ -162,8 +166,12 @@ impl Tables {
 
     /// The sections, in the order in which they are laid out.
     fn kinds(&self) -> impl Iterator<Item = SectionKind> + use<> {
-        let chunked = self.header.chunked;
-        SectionKind::ALL.into_iter().filter(move |kind| chunked || *kind != SectionKind::Chunks)
+        let (chunked, has_scalars) = (self.header.chunked, !self.scalars.is_empty());
+        SectionKind::ALL.into_iter().filter(move |kind| match kind {
+            SectionKind::Chunks => chunked,
+            SectionKind::Scalars => has_scalars,
+            _ => true,
+        })
     }
 
     /// Where the section table ends.
@@ -250,6 +258,7 @@ impl Tables {
         if self.header.chunked {
             chunks::check_order(&self.clusters, &self.groups, &self.members)?;
         }
+        scalars::check(&self.scalars, self.header.attributes.scalar_words)?;
         let origin = self.header.origin.iter().all(|x| x.is_finite());
         require(origin, Place::Header, "origin", "finite numbers", format_args!("{:?}", self.header.origin))?;
         header.file_len = self.file_len()?;
@@ -271,6 +280,7 @@ impl Tables {
                 SectionKind::Members => head.extend_from_slice(tables[2]),
                 SectionKind::Levels => head.extend_from_slice(bytemuck::cast_slice(&self.levels)),
                 SectionKind::Metadata => head.extend_from_slice(&metadata),
+                SectionKind::Scalars => head.extend_from_slice(&scalars::encode(&self.scalars)),
                 SectionKind::Pages => {}
             }
             let len = head.len() as u64 - offset;
@@ -279,7 +289,10 @@ impl Tables {
                 record_len: kind.record_len(),
                 offset,
                 len,
-                count: len.checked_div(u64::from(kind.record_len())).unwrap_or(1),
+                count: match kind {
+                    SectionKind::Scalars => self.scalars.len() as u64,
+                    _ => len.checked_div(u64::from(kind.record_len())).unwrap_or(1),
+                },
                 checksum: checksum(&head[offset as usize..]),
             };
         }

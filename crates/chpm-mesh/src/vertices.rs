@@ -4,6 +4,7 @@
 //! `VertexColumns` of `chpm-build` for what does not fit memory, to the readers and writers of sources, and to the page of the file.
 
 use crate::octahedral::Octahedral;
+use crate::scalar::MOST_SCALAR_WORDS;
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
@@ -16,13 +17,16 @@ pub struct Attributes {
     pub octahedral: bool,
     /// Colours, four bytes each: red, green, blue, alpha.
     pub colors: bool,
+    /// Words of named scalars, four bytes each; see [`scalar`](crate::scalar).
+    pub scalar_words: u8,
 }
 
 impl Attributes {
     /// Positions only.
-    pub const NONE: Attributes = Attributes { normals: false, octahedral: false, colors: false };
-    /// Every attribute that a source can have.
-    pub const ALL: Attributes = Attributes { normals: true, octahedral: false, colors: true };
+    pub const NONE: Attributes =
+        Attributes { normals: false, octahedral: false, colors: false, scalar_words: 0 };
+    /// Every attribute that a source can have without a name of its own.
+    pub const ALL: Attributes = Attributes { normals: true, colors: true, ..Attributes::NONE };
 
     /// Whether vertices have normals, however they are stored.
     pub fn has_normals(self) -> bool {
@@ -32,7 +36,8 @@ impl Attributes {
     /// Bytes of a vertex: its position and what it carries.
     pub fn vertex_len(self) -> usize {
         let lens = [(self.normals, 12), (self.octahedral, 3), (self.colors, 4)];
-        12 + lens.iter().map(|(is_carried, len)| if *is_carried { *len } else { 0 }).sum::<usize>()
+        let named = 4 * usize::from(self.scalar_words);
+        12 + named + lens.iter().map(|(is_carried, len)| if *is_carried { *len } else { 0 }).sum::<usize>()
     }
 
     /// The same with normals of three numbers each, if there are any.
@@ -46,6 +51,7 @@ impl Attributes {
             normals: self.normals && other.normals,
             octahedral: self.octahedral && other.octahedral,
             colors: self.colors && other.colors,
+            scalar_words: self.scalar_words.min(other.scalar_words),
         }
     }
 
@@ -55,11 +61,12 @@ impl Attributes {
             normals: self.normals || other.normals,
             octahedral: self.octahedral || other.octahedral,
             colors: self.colors || other.colors,
+            scalar_words: self.scalar_words.max(other.scalar_words),
         }
     }
 }
 
-/// One vertex with every attribute; those that its mesh does not carry are zero.
+/// One vertex with every attribute but named scalars; those that its mesh does not carry are zero.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Vertex {
@@ -72,7 +79,7 @@ pub struct Vertex {
 }
 
 impl Vertex {
-    /// The bits of all attributes, to sort and compare by.
+    /// The bits of these attributes, to sort and compare by.
     pub fn look(&self) -> ([u32; 3], [u8; 4]) {
         (self.normal.map(f32::to_bits), self.color)
     }
@@ -89,6 +96,8 @@ pub struct Vertices {
     pub octahedral: Vec<Octahedral>,
     /// Vertex colours (RGBA), or empty.
     pub colors: Vec<[u8; 4]>,
+    /// The words of each vertex's named scalars, as many for each; or empty.
+    pub scalars: Vec<u32>,
 }
 
 impl Vertices {
@@ -107,6 +116,7 @@ impl Vertices {
             normals: Vec::with_capacity(room(carried.normals, count)),
             octahedral: Vec::with_capacity(room(carried.octahedral, count)),
             colors: Vec::with_capacity(room(carried.colors, count)),
+            scalars: Vec::with_capacity(count * usize::from(carried.scalar_words)),
         }
     }
 
@@ -118,6 +128,7 @@ impl Vertices {
             normals: &self.normals,
             octahedral: &self.octahedral,
             colors: &self.colors,
+            scalars: &self.scalars,
         }
     }
 
@@ -138,9 +149,10 @@ impl Vertices {
         self.normals.clear();
         self.octahedral.clear();
         self.colors.clear();
+        self.scalars.clear();
     }
 
-    /// Appends a vertex with those of its attributes that are `carried`.
+    /// Appends a vertex with those of its attributes that are `carried`; its scalars are to follow.
     #[inline]
     pub fn push_vertex(&mut self, vertex: &Vertex, carried: Attributes) {
         self.positions.push(vertex.position);
@@ -156,6 +168,7 @@ impl Vertices {
         self.normals.extend_from_slice(from.normals);
         self.octahedral.extend_from_slice(from.octahedral);
         self.colors.extend_from_slice(from.colors);
+        self.scalars.extend_from_slice(from.scalars);
     }
 
     /// Appends those of other vertices that `order` names, in its order.
@@ -169,7 +182,10 @@ impl Vertices {
             self.octahedral.extend(order.clone().map(|v| from.octahedral[v]));
         }
         if !from.colors.is_empty() {
-            self.colors.extend(order.map(|v| from.colors[v]));
+            self.colors.extend(order.clone().map(|v| from.colors[v]));
+        }
+        if !from.scalars.is_empty() {
+            order.for_each(|v| self.scalars.extend_from_slice(from.scalars_of(v)));
         }
     }
 
@@ -184,6 +200,7 @@ impl Vertices {
         self.normals.append(&mut other.normals);
         self.octahedral.append(&mut other.octahedral);
         self.colors.append(&mut other.colors);
+        self.scalars.append(&mut other.scalars);
     }
 }
 
@@ -198,6 +215,8 @@ pub struct VertexSlices<'a> {
     pub octahedral: &'a [Octahedral],
     /// Colours (RGBA), one a vertex or none.
     pub colors: &'a [[u8; 4]],
+    /// The words of each vertex's named scalars, or none.
+    pub scalars: &'a [u32],
 }
 
 impl<'a> VertexSlices<'a> {
@@ -212,7 +231,20 @@ impl<'a> VertexSlices<'a> {
             normals: !self.normals.is_empty(),
             octahedral: !self.octahedral.is_empty(),
             colors: !self.colors.is_empty(),
+            scalar_words: self.scalars_each() as u8,
         }
+    }
+
+    /// Words of a vertex's scalars.
+    fn scalars_each(self) -> usize {
+        self.scalars.len().checked_div(self.positions.len()).unwrap_or(0)
+    }
+
+    /// The words of a vertex's scalars.
+    #[inline]
+    pub fn scalars_of(self, at: usize) -> &'a [u32] {
+        let words = self.scalars_each();
+        &self.scalars[at * words..(at + 1) * words]
     }
 
     /// The normal of a vertex, if vertices have any.
@@ -238,6 +270,7 @@ impl<'a> VertexSlices<'a> {
             normals: self.normals.get(..count).unwrap_or_default(),
             octahedral: self.octahedral.get(..count).unwrap_or_default(),
             colors: self.colors.get(..count).unwrap_or_default(),
+            scalars: &self.scalars[..count * self.scalars_each()],
         }
     }
 
@@ -248,10 +281,13 @@ impl<'a> VertexSlices<'a> {
             ("octahedral normals", self.octahedral.len()),
             ("colors", self.colors.len()),
         ];
-        lens.into_iter().find(|(_, len)| *len != 0 && *len != self.positions.len())
+        let uneven = lens.into_iter().find(|(_, len)| *len != 0 && *len != self.positions.len());
+        let (words, count) = (self.scalars.len(), self.positions.len());
+        let is_even = words == count * self.scalars_each() && self.scalars_each() <= MOST_SCALAR_WORDS;
+        uneven.or((!is_even).then_some(("words of scalars", words)))
     }
 
-    /// Whether every number is finite.
+    /// Whether every number is finite, but for scalars, which may be anything.
     pub fn is_finite(self) -> bool {
         let mut numbers = self.positions.as_flattened().iter().chain(self.normals.as_flattened());
         numbers.all(|x| x.is_finite())
@@ -275,14 +311,22 @@ mod tests {
             let normal = [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]][usize::from(i % 2)];
             let vertex = Vertex { position: [x; 3], normal, color: [i, 1, 2, 255] };
             vertices.push_vertex(&vertex, carried);
+            vertices
+                .scalars
+                .extend((0..carried.scalar_words).map(|word| u32::from(i) << 8 | u32::from(word)));
         }
         vertices
     }
 
     #[test]
     fn every_operation_takes_what_vertices_carry() {
-        for bits in 0..6 {
-            let carried = Attributes { normals: bits % 3 == 1, octahedral: bits % 3 == 2, colors: bits > 2 };
+        for bits in 0..18 {
+            let carried = Attributes {
+                normals: bits % 3 == 1,
+                octahedral: bits % 3 == 2,
+                colors: bits % 6 > 2,
+                scalar_words: bits / 6,
+            };
             let all = some(5, carried);
             assert_eq!((all.attributes(), all.vertex_count(), all.view().uneven()), (carried, 5, None));
 
@@ -291,6 +335,10 @@ mod tests {
             let expected = [4, 0, 4].map(|v| all.view().vertex(v));
             assert_eq!([0, 1, 2].map(|v| gathered.view().vertex(v)), expected);
             assert_eq!(gathered.attributes(), carried);
+            assert_eq!(
+                [0, 1].map(|v| gathered.view().scalars_of(v)),
+                [4, 0].map(|v| all.view().scalars_of(v))
+            );
 
             let mut joined = Vertices::default();
             joined.extend_from_slices(all.view().first(2));
@@ -310,6 +358,9 @@ mod tests {
         assert!(!vertices.view().is_finite());
         vertices.colors.pop();
         assert_eq!(vertices.view().uneven(), Some(("colors", 2)));
+        vertices.colors.clear();
+        vertices.scalars.extend([1, 2, 3, 4]);
+        assert_eq!(vertices.view().uneven(), Some(("words of scalars", 4)));
     }
 
     #[test]

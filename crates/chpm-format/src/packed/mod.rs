@@ -46,15 +46,20 @@ const PLACE: Place = Place::Page(ClusterId::NONE);
 /// Arrays of numbers that belong to vertices, other than positions: how many numbers a vertex has in each.
 fn arrays(attributes: Attributes) -> impl Iterator<Item = usize> {
     let normals = attributes.normals.then_some(3).or(attributes.octahedral.then_some(2));
-    normals.into_iter().chain(attributes.colors.then_some(4))
+    let words = std::iter::repeat_n(1, attributes.scalar_words.into());
+    normals.into_iter().chain(attributes.colors.then_some(4)).chain(words)
 }
+
+/// Symbols that say by which view the words of a scalar are numbers.
+const VIEW_SYMBOLS: usize = 2;
 
 /// Symbols of a page at most: those of triangles are as many as there are, or three more for each.
 fn most_symbols(header: &PageHeader, attributes: Attributes) -> usize {
     let (v, t) = (header.vertex_count as usize, header.triangle_count as usize);
     let numbers: usize = arrays(attributes).sum();
     let collapses = v - header.base_vertex_count as usize;
-    4 * t + v * (1 + 3 + numbers) + 2 * collapses + header.shared_count as usize + v.div_ceil(8)
+    let views = VIEW_SYMBOLS * usize::from(attributes.scalar_words);
+    views + 4 * t + v * (1 + 3 + numbers) + 2 * collapses + header.shared_count as usize + v.div_ceil(8)
 }
 
 thread_local! {

@@ -82,6 +82,7 @@ impl Packer {
         if !page.colors.is_empty() {
             self.put_array(page.colors.iter().map(|c| c.map(u32::from)), middle);
         }
+        self.put_scalars(page);
         self.put_collapses(page);
 
         let head = out.len();
@@ -140,8 +141,7 @@ impl Packer {
     }
 
     fn put_positions(&mut self, positions: &[[f32; 3]]) -> View {
-        let numbers = positions.as_flattened();
-        let view = View::lattice_of(numbers).or_else(|| View::decimal_of(numbers)).unwrap_or(View::Binary);
+        let view = View::of(positions.as_flattened());
         self.put_array(positions.iter().map(|p| p.map(|x| view.integer(x).unwrap_or_default())), across);
         view
     }
@@ -169,6 +169,18 @@ impl Packer {
             }
         }
         self.end_part();
+    }
+
+    /// The words of scalars, one array after the other, each with the view by which its bits are numbers.
+    fn put_scalars(&mut self, page: &Page<'_>) {
+        let words = usize::from(page.attributes().scalar_words);
+        for word in 0..words {
+            let column = page.scalars.chunks_exact(words).map(|row| f32::from_bits(row[word]));
+            let numbers: Vec<f32> = column.collect();
+            let view = View::of(&numbers);
+            self.symbols.extend_from_slice(&view.bytes());
+            self.put_array(numbers.iter().map(|x| [view.integer(*x).unwrap_or_default()]), middle);
+        }
     }
 
     fn put_collapses(&mut self, page: &Page<'_>) {

@@ -6,8 +6,8 @@ use super::connect::{NONE, told};
 use super::follow::Follower;
 use super::view::{View, turned};
 use super::{
-    Damage, ELSEWHERE, HEAD_LEN, KEPT, LEAST_FIRST, PACKED_MAGIC, PLACE, TOLD, across, index_len, middle,
-    most_symbols,
+    Damage, ELSEWHERE, HEAD_LEN, KEPT, LEAST_FIRST, PACKED_MAGIC, PLACE, TOLD, VIEW_SYMBOLS, across,
+    index_len, middle, most_symbols,
 };
 use crate::error::{FormatError, invalid, require_eq};
 use crate::page::{PAGE_HEADER_LEN, PageHeader};
@@ -80,6 +80,7 @@ impl Unpacker {
         }
         let normals = take(&mut body, carried(attributes.normals, 12, v));
         let colors = take(&mut body, carried(attributes.colors, 4, v));
+        let scalars = take(&mut body, 4 * usize::from(attributes.scalar_words) * v);
         let ids = take(&mut body, 4 * shared);
         let triangles = take(&mut body, 6 * t).as_chunks_mut().0;
         let symbols_of_walk = (edges, turns, corners);
@@ -104,6 +105,7 @@ impl Unpacker {
             self.read_array::<4>(streams.next(4 * v)?, middle, &mut bits);
             colors.iter_mut().zip(&self.numbers).for_each(|(byte, number)| *byte = *number as u8);
         }
+        self.read_scalars(&mut streams, scalars, attributes.scalar_words.into(), &mut bits)?;
         self.read_targets(streams.next(collapses)?, base, take(&mut body, 2 * collapses), &mut bits)?;
         let mut last = 0u32;
         let codes: &mut [[u8; 2]] = take(&mut body, 2 * collapses).as_chunks_mut().0;
@@ -210,6 +212,27 @@ impl Unpacker {
         }
         for (number, bytes) in self.numbers.iter().zip(out) {
             *bytes = view.float(*number).ok_or(Damage("a decimal number within bounds"))?.to_le_bytes();
+        }
+        Ok(())
+    }
+
+    /// The words of scalars, one array after the other.
+    fn read_scalars(
+        &mut self,
+        streams: &mut Streams<'_>,
+        out: &mut [u8],
+        words: usize,
+        bits: &mut BitReader<'_>,
+    ) -> Result<(), Damage> {
+        let out: &mut [[u8; 4]] = out.as_chunks_mut().0;
+        for word in 0..words {
+            let view = streams.next(VIEW_SYMBOLS)?;
+            let view = View::of_bytes([view[0], view[1]]).ok_or(Damage("a view that is known"))?;
+            self.read_array::<1>(streams.next(out.len() / words)?, middle, bits);
+            for (number, row) in self.numbers.iter().zip(out.chunks_exact_mut(words)) {
+                let value = view.float(*number).ok_or(Damage("a decimal number within bounds"))?;
+                row[word] = value.to_bits().to_le_bytes();
+            }
         }
         Ok(())
     }

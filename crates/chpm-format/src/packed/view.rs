@@ -53,6 +53,11 @@ impl View {
         }
     }
 
+    /// The view by which these numbers are short.
+    pub(super) fn of(numbers: &[f32]) -> Self {
+        Self::lattice_of(numbers).or_else(|| Self::decimal_of(numbers)).unwrap_or(View::Binary)
+    }
+
     /// The lattice with the largest step that has all these numbers, if they are few enough multiples of it.
     pub(super) fn lattice_of(numbers: &[f32]) -> Option<Self> {
         let (mut size, mut power) = (0, i16::MAX);

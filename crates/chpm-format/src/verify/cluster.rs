@@ -10,7 +10,7 @@ use crate::page::{PAGE_HEADER_LEN, Page};
 use crate::parts::count_base_triangles;
 use crate::reader::Chpm;
 use chpm_mesh::geom::distance;
-use chpm_mesh::{Aabb, ClusterId, Places};
+use chpm_mesh::{Aabb, ClusterId, Places, Scalar, scalar_places};
 use std::mem;
 
 /// The most that rounding to f32 can move a point of the box by, and what is lost where that is stored.
@@ -122,6 +122,14 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, report: &mut Repor
 fn check_bounds<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, page: &Page<'_>, report: &mut Report) {
     let place = Place::Page(id);
     report.expect(page.is_finite(), Invariant::Bytes, place, "finite numbers expected");
+
+    for (words, Scalar { name, kind, range }) in scalar_places(file.scalars()) {
+        let values = (0..page.vertex_count()).map(|v| kind.value(&page.scalars_of(v)[words.clone()]));
+        let outside = values.filter(|value| !range.holds(*value)).count();
+        let message =
+            format_args!("values of {name:?} in the range of SCALARS expected, {outside} are outside");
+        report.expect(outside == 0, Invariant::Bytes, place, message);
+    }
 
     let record = &file.clusters()[id.index()];
     let bounds = Aabb::of_points(page.positions);

@@ -22,7 +22,10 @@ pub(super) struct GroupCheck {
     /// Per vertex, a number that is the same for equal positions.
     rank: Vec<u32>,
     looks: Vec<Look>,
-    fine_looks: Vec<Look>,
+    /// By vertex, the words of its scalars.
+    scalars: Vec<u32>,
+    /// Vertices of the fine clusters in one place, by what they carry.
+    fine_alike: Vec<usize>,
     coarse_triangles: Vec<u128>,
     fine_triangles: Vec<u128>,
     boundary: Vec<BoundaryVertex>,
@@ -112,10 +115,11 @@ impl GroupCheck {
     }
 
     /// Numbers the positions of all coarse vertices and, behind them, of the fine clusters' base vertices; every
-    /// coarse vertex must be a fine one, in position, normal and colour (I8).
+    /// coarse vertex must be a fine one, in position, normal, colour and scalars (I8).
     fn rank_vertices(&mut self, id: GroupId, coarse: &[Page<'_>], fine: &[Page<'_>], report: &mut Report) {
         self.keys.clear();
         self.looks.clear();
+        self.scalars.clear();
         let attributes = coarse.iter().any(|p| p.attributes() != Attributes::NONE);
         let coarse_count: usize = coarse.iter().map(Page::vertex_count).sum();
         let all = coarse.iter().map(|p| (p, p.vertex_count()));
@@ -126,6 +130,7 @@ impl GroupCheck {
             }
             if attributes {
                 self.looks.extend((0..count).map(|v| page.vertex(v).look()));
+                self.scalars.extend_from_slice(page.first(count).scalars);
             }
         }
 
@@ -134,6 +139,9 @@ impl GroupCheck {
         self.rank.clear();
         self.rank.resize(self.keys.len(), 0);
         let mut moved = 0u64;
+        let words = self.scalars.len() / self.keys.len().max(1);
+        let (looks, scalars) = (&self.looks, &self.scalars);
+        let carried = |vertex: usize| (looks[vertex], &scalars[vertex * words..(vertex + 1) * words]);
         for (rank, run) in self.keys.chunk_by(|a, b| a >> 32 == b >> 32).enumerate() {
             let vertices = || run.iter().map(|key| *key as u32 as usize);
             vertices().for_each(|vertex| self.rank[vertex] = rank as u32);
@@ -142,10 +150,13 @@ impl GroupCheck {
             if coarse_len == run.len() {
                 moved += coarse_len as u64;
             } else if attributes && coarse_len > 0 {
-                self.fine_looks.clear();
-                self.fine_looks.extend(vertices().skip(coarse_len).map(|vertex| self.looks[vertex]));
-                self.fine_looks.sort_unstable();
-                let known = |vertex: &usize| self.fine_looks.binary_search(&self.looks[*vertex]).is_ok();
+                let fine = &mut self.fine_alike;
+                fine.clear();
+                fine.extend(vertices().skip(coarse_len));
+                fine.sort_unstable_by_key(|vertex| carried(*vertex));
+                let known = |vertex: &usize| {
+                    fine.binary_search_by_key(&carried(*vertex), |fine| carried(*fine)).is_ok()
+                };
                 moved += vertices().take(coarse_len).filter(|vertex| !known(vertex)).count() as u64;
             }
         }

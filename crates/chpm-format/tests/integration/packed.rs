@@ -10,6 +10,7 @@ use proptest::prelude::*;
 
 const ALL: Attributes = Attributes::ALL;
 const COLORS: Attributes = Attributes { colors: true, ..Attributes::NONE };
+const SCALARS: Attributes = Attributes { scalar_words: 4, ..Attributes::NONE };
 const CODED: Attributes = Attributes { octahedral: true, ..Attributes::NONE };
 
 fn unpacked(packed: &[u8], len: usize) -> Result<Vec<u8>, FormatError> {
@@ -56,7 +57,7 @@ fn pack_all(tables: &mut Tables, pages: &mut [Vec<u8>]) {
 
 #[test]
 fn a_packed_file_is_sound_shorter_and_the_same() {
-    for attributes in [Attributes::NONE, ALL, CODED, CODED.joined(COLORS)] {
+    for attributes in [Attributes::NONE, ALL, CODED, CODED.joined(COLORS), SCALARS, CODED.joined(SCALARS)] {
         let sample = sheet(64, 40, 4, attributes);
         let (raw, packed) = (Chpm::open(sample.bytes()).unwrap(), Chpm::open(packed_file(&sample)).unwrap());
         assert!(
@@ -129,11 +130,11 @@ fn a_reader_without_the_flag_refuses_and_an_unknown_flag_is_refused() {
     let mut bytes = packed_file(&sheet(16, 8, 2, ALL));
     assert_eq!(bytes[16..20], [1, 0, 0, 0], "required_flags");
     assert_eq!(bytes[10..12], [2, 0], "version_minor");
-    bytes[16] = 5;
+    bytes[16] = 9;
     let sum = checksum(&bytes[..248]).to_le_bytes();
     bytes[248..256].copy_from_slice(&sum);
     let error = Chpm::open(bytes).unwrap_err().to_string();
-    assert!(error.contains("unknown required feature 0x4"), "{error}");
+    assert!(error.contains("unknown required feature 0x8"), "{error}");
     // And where no page is packed, nothing has changed.
     assert_eq!(sheet(16, 8, 2, ALL).bytes()[10..20], [1, 0, 0, 1, 0, 0, 0, 0, 0, 0]);
 }
@@ -242,9 +243,17 @@ fn any_page() -> impl Strategy<Value = Vec<u8>> {
             .iter()
             .map(|_| Octahedral::from_steps([next(4096) as u32, next(4096) as u32]))
             .collect();
+        // Words of any bits beside those of a lattice.
+        let words = seed as usize / 7 % 4;
+        let scalars: Vec<u32> = numbers[..words * v.min(numbers.len() / words.max(1))]
+            .iter()
+            .map(|x| if next(2) == 0 { x.to_bits() } else { next(1 << 31) as u32 * 2 })
+            .collect();
+        let scalars = if scalars.len() == words * v { scalars } else { Vec::new() };
         let parts = PageParts {
             vertices: VertexSlices {
                 positions: &positions,
+                scalars: &scalars,
                 normals: if attributes % 3 == 1 { &normals } else { &[] },
                 octahedral: if attributes % 3 == 2 { &codes } else { &[] },
                 colors: if attributes > 2 { &colors } else { &[] },
@@ -280,8 +289,14 @@ fn goods() -> Vec<(Vec<u8>, usize)> {
             cluster.triangles.iter_mut().for_each(|t| *t = least_first(*t));
         }
     }
-    let samples =
-        [on_lattice, decimal, binary, sheet(24, 12, 2, ALL), sheet(24, 12, 2, CODED.joined(COLORS))];
+    let samples = [
+        on_lattice,
+        decimal,
+        binary,
+        sheet(24, 12, 2, ALL),
+        sheet(24, 12, 2, CODED.joined(COLORS)),
+        sheet(24, 12, 2, SCALARS),
+    ];
     let pages = samples.iter().flat_map(|sample| sample.tables().1);
     let packed = pages.filter_map(|page| {
         let mut packed = Vec::new();

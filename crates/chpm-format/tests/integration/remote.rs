@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::sync::LazyLock;
 
 const CHUNKS: u32 = 0x8000_0001;
-const ALL: Attributes = Attributes { normals: true, octahedral: false, colors: true };
+const ALL: Attributes = Attributes { scalar_words: 3, ..Attributes::ALL };
 
 fn chunked(columns: usize, strips: usize, attributes: Attributes) -> Vec<u8> {
     let (mut tables, pages) = sheet(columns, 1, strips, attributes).tables();

@@ -49,7 +49,10 @@ fn two_levels_come_back() {
 
 #[test]
 fn attributes_and_many_levels_come_back() {
-    for attributes in [Attributes::ALL, Attributes { normals: false, octahedral: true, ..Attributes::ALL }] {
+    let scalars = Attributes { scalar_words: 4, ..Attributes::ALL };
+    for attributes in
+        [Attributes::ALL, Attributes { normals: false, octahedral: true, ..Attributes::ALL }, scalars]
+    {
         come_back(attributes);
     }
 }

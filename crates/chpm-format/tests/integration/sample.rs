@@ -2,7 +2,9 @@ use chpm_format::{
     BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, Gaps, GroupRecord, Header, HeaderFields, LevelRecord,
     Metadata, PageParts, SectionEntry, Source, Tables, checksum,
 };
-use chpm_mesh::{Aabb, Attributes, GroupId, Level, Octahedral, Sphere, VertexSlices};
+use chpm_mesh::{
+    Aabb, Attributes, GroupId, Level, Octahedral, Scalar, ScalarKind, ScalarRange, Sphere, VertexSlices,
+};
 use std::collections::BTreeMap;
 
 /// A cluster with the global number of each vertex, which also is its position and look.
@@ -12,6 +14,7 @@ pub(crate) struct Cluster {
     pub(crate) normals: Vec<[f32; 3]>,
     pub(crate) octahedral: Vec<Octahedral>,
     pub(crate) colors: Vec<[u8; 4]>,
+    pub(crate) scalars: Vec<u32>,
     pub(crate) triangles: Vec<[u16; 3]>,
     pub(crate) targets: Vec<u16>,
     pub(crate) errors: Vec<f32>,
@@ -30,6 +33,7 @@ impl Cluster {
                 normals: &self.normals,
                 octahedral: &self.octahedral,
                 colors: &self.colors,
+                scalars: &self.scalars,
             },
             triangles: &self.triangles,
             targets: &self.targets,
@@ -91,7 +95,11 @@ impl Sample {
         let top = self.clusters.iter().map(|c| c.level).max().unwrap();
         let levels =
             (0..=top).map(|level| LevelRecord { level, refusals: [7; 8], ..Default::default() }).collect();
-        (Tables { header: self.header, clusters, groups, members, levels, metadata: metadata() }, pages)
+        let scalars = scalars(self.header.attributes.scalar_words);
+        (
+            Tables { header: self.header, clusters, groups, members, levels, metadata: metadata(), scalars },
+            pages,
+        )
     }
 
     pub(crate) fn bytes(&self) -> Vec<u8> {
@@ -104,6 +112,16 @@ pub(crate) fn write(tables: &mut Tables, pages: &[Vec<u8>]) -> Vec<u8> {
     let mut writer = ChpmWriter::begin(Vec::new(), tables).unwrap();
     pages.iter().for_each(|page| writer.page(page).unwrap());
     writer.finish().unwrap()
+}
+
+/// One of two words, as far as they go, and others of one.
+fn scalars(words: u8) -> Vec<Scalar> {
+    let wide = (words > 1).then(|| Scalar::new("wide \u{1b}", ScalarKind::Float64));
+    let single = |at: u8| Scalar::new(format!("number {at}"), ScalarKind::Float32);
+    let mut scalars: Vec<Scalar> = wide.into_iter().chain((2.min(words & !1)..words).map(single)).collect();
+    let range = ScalarRange { low: f64::NEG_INFINITY, high: f64::INFINITY, count: 1 };
+    scalars.iter_mut().for_each(|scalar| scalar.range = range);
+    scalars
 }
 
 pub(crate) fn metadata() -> Metadata {
@@ -268,6 +286,7 @@ impl Sheet {
                 .filter(|_| self.attributes.colors)
                 .map(|g| (*g as u32).to_le_bytes())
                 .collect(),
+            scalars: globals.iter().flat_map(|g| self.words(*g)).collect(),
             triangles,
             targets,
             errors: (0..collapses).map(|j| min_error + 0.01 * (collapses - j) as f32).collect(),
@@ -276,6 +295,14 @@ impl Sheet {
             ..Cluster::default()
         };
         (cluster, globals)
+    }
+
+    /// Two words of a double, a number on a lattice and one of any bits.
+    fn words(&self, global: usize) -> impl Iterator<Item = u32> {
+        let double = (global as f64).sqrt().to_bits();
+        let words =
+            [double as u32, (double >> 32) as u32, (global as f32).to_bits(), (global as u32) << 9 | 3];
+        words.into_iter().take(self.attributes.scalar_words.into())
     }
 
     fn position(&self, global: usize) -> [f32; 3] {

@@ -239,6 +239,10 @@ fn vertices() {
     assert_eq!(broken(sample.bytes()), []);
     sample.clusters[0].octahedral[2] = Octahedral::NONE;
     assert_eq!(broken(sample.bytes()), [Invariant::Vertices]);
+    let mut sample = sheet(4, 2, 2, Attributes { scalar_words: 4, ..Attributes::NONE });
+    assert_eq!(broken(sample.bytes()), []);
+    sample.clusters[0].scalars[7] ^= 1;
+    assert_eq!(broken(sample.bytes()), [Invariant::Vertices]);
 }
 
 #[test]
@@ -253,6 +257,13 @@ fn bytes() {
     assert_eq!(sealed(1152 + 8), [Invariant::Bytes], "statistics of a level");
     let not_finite = changed(|s| s.clusters[1].positions[0][0] = f32::NAN);
     assert!(not_finite.contains(&Invariant::Bytes));
+    let scalars = sheet(4, 2, 2, Attributes { scalar_words: 1, ..Attributes::NONE });
+    let (mut tables, pages) = scalars.tables();
+    tables.scalars[0].range = chpm_mesh::ScalarRange { low: 0.0, high: 13.0, count: 15 };
+    assert_eq!(broken(write(&mut tables, &pages)), [Invariant::Bytes], "a value outside its range");
+    tables.scalars[0].range.high = 14.0;
+    tables.header.attributes.scalar_words = 2;
+    assert!(chpm_format::ChpmWriter::begin(Vec::new(), &mut tables).is_err(), "words without a scalar");
     let mut damaged = good;
     damaged[8192 + 100] ^= 1;
     let report = verify(&Chpm::open(damaged).unwrap(), |_, _| ());
