@@ -14,7 +14,7 @@ use crate::cmd::{serve, share};
 use crate::number;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Layout, Length, Normals, Positions, Topology};
-use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings};
+use chpm_build::{BuildConfig, FailPoints, Keep, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 pub(crate) use chpm_mesh::MemorySize;
@@ -147,6 +147,10 @@ pub(crate) struct SettingsArgs {
     /// Leave vertex colours out
     #[arg(long)]
     no_colors: bool,
+    /// Keep a number that vertices have by its name, such as quality or intensity: every level has it, bit for bit. Can be given several times;
+    /// all keeps all that the source has. Properties of PLY alone
+    #[arg(long, value_name = "NAME")]
+    keep: Vec<String>,
     /// Drop and count invalid vertices and faces instead of refusing the file
     #[arg(long)]
     drop_invalid: bool,
@@ -164,6 +168,12 @@ pub(crate) struct SettingsArgs {
     /// 0.66; each coordinate moves by less than a 2^BITS-th of that side, which is part of all errors
     #[arg(long, value_name = "HOW", default_value_t = Settings::default().positions)]
     positions: Positions,
+}
+
+/// What `--keep` names: scalars, or all of them.
+fn kept(names: &[String]) -> Keep {
+    let all = names.iter().any(|name| name == "all");
+    Keep { all, names: names.iter().filter(|name| *name != "all").cloned().collect() }
 }
 
 /// [`BoundaryMode`], as far as it can be built.
@@ -322,6 +332,7 @@ pub(crate) fn build_config(
             seed: settings.seed,
             normals: if settings.no_normals { Normals::None } else { settings.normals.normals() },
             colors: !settings.no_colors,
+            scalars: kept(&settings.keep),
             drop_invalid: settings.drop_invalid,
             layout: if settings.no_layout { Layout::Simplification } else { settings.order.layout() },
             packed: settings.pages == Pages::Packed,

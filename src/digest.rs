@@ -6,7 +6,7 @@ use crate::report::{self, LevelRow, per_triangle};
 use chpm_build::config::Normals;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Metadata, SectionKind};
-use chpm_mesh::{Bytes, ClusterId, Counted, GroupId, Level};
+use chpm_mesh::{Bytes, ClusterId, Counted, GroupId, Level, Scalar, ScalarRange};
 use chpm_refine::{Cut, Member};
 use std::io::{self, Write};
 use std::path::Path;
@@ -152,6 +152,13 @@ fn print_model(file: &Chpm<MappedFile>, metadata: Option<&Metadata>, out: &mut i
     let (triangles, vertices) = (h.source_triangle_count, h.source_vertex_count);
     let (triangles, vertices) = (Short(triangles).of("triangle"), Short(vertices).of("vertex"));
     writeln!(out, "model      {triangles}, {vertices}, {attributes}")?;
+    for Scalar { name, kind, range: ScalarRange { low, high, count } } in file.scalars() {
+        let name = in_line(name);
+        let none = Short(h.source_vertex_count.saturating_sub(*count)).of("vertex");
+        let without =
+            if *count < h.source_vertex_count { format!(", none for {none}") } else { String::new() };
+        writeln!(out, "scalar     {name}: {kind}, {low} to {high}{without}")?;
+    }
     let bounds = h.aabb();
     let [x, y, z] = [0, 1, 2].map(|axis| Units(f64::from(bounds.max[axis]) - f64::from(bounds.min[axis])));
     let origin = if h.origin == [0.0; 3] {

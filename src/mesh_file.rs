@@ -35,7 +35,7 @@ pub(crate) struct MeshArgs {
     /// Write PLY or STL as text instead of binary little endian
     #[arg(long)]
     ascii: bool,
-    /// Compress a GLB: EXT_meshopt_compression, which three.js, Babylon.js and CesiumJS read
+    /// Compress a GLB: EXT_meshopt_compression, which three.js, Babylon.js and CesiumJS read. Named scalars are left out
     #[arg(long)]
     meshopt: bool,
     /// In which order vertices and triangles are
@@ -386,7 +386,8 @@ fn facts(
         extras.insert("origin".to_owned(), offset.to_vec().into());
     }
     let generator = format!("chpm {} {by}", env!("CARGO_PKG_VERSION"));
-    Facts { generator, placement: mesh.origin().map_or(Placement::Here, Placement::At), extras }
+    let placement = mesh.origin().map_or(Placement::Here, Placement::At);
+    Facts { generator, placement, extras, scalars: mesh.scalars().to_vec() }
 }
 
 /// In doubles if the model is far from the zero point: single precision would move vertices there.
@@ -396,8 +397,17 @@ fn ply(mesh: &Whole<'_>, output: Output, ascii: bool, comment: &str, steps: &Ste
     let origin = mesh.origin();
     steps.begin(vertices + triangles);
     let attributes = mesh.attributes();
-    let mut ply =
-        PlyWriter::new(output, encoding, vertices, triangles, attributes, origin.is_some(), &[comment])?;
+    let (scalars, double) = (mesh.scalars(), origin.is_some());
+    let mut ply = PlyWriter::with_scalars(
+        output,
+        encoding,
+        vertices,
+        triangles,
+        attributes,
+        scalars,
+        double,
+        &[comment],
+    )?;
     let mut absolute = Vec::new();
     mesh.vertices(|batch| {
         steps.done(batch.positions.len())?;

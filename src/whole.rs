@@ -6,7 +6,7 @@ use crate::stop;
 use anyhow::{Result, bail, ensure};
 use chpm_build::{Cancel, MOST_ORDERED, ORDER_BYTES, order_mesh};
 use chpm_extmem::MappedFile;
-use chpm_mesh::{Attributes, TriMesh, VertexSlices, Vertices};
+use chpm_mesh::{Attributes, Scalar, TriMesh, VertexSlices, Vertices};
 use chpm_refine::Extraction;
 
 /// In which order vertices and triangles are written.
@@ -66,6 +66,11 @@ impl<'a> Whole<'a> {
 
     pub(crate) fn attributes(&self) -> Attributes {
         self.frame.attributes(self.mesh.attributes())
+    }
+
+    /// The named scalars of the vertices.
+    pub(crate) fn scalars(&self) -> &'a [Scalar] {
+        self.mesh.scalars()
     }
 
     /// Vector to add to positions, unless it is zero.

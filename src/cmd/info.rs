@@ -12,7 +12,7 @@ use anyhow::Result;
 use chpm_extmem::MappedFile;
 use chpm_format::packed::{self, PARTS};
 use chpm_format::{Chpm, Metadata};
-use chpm_mesh::{Bytes, ClusterId, Counted};
+use chpm_mesh::{Bytes, ClusterId, Counted, Scalar};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -191,6 +191,13 @@ fn print_provenance(metadata: &Metadata, out: &mut impl Write) -> io::Result<()>
     Ok(())
 }
 
+/// A named scalar. JSON has no infinite numbers: they are null.
+fn scalar(scalar: &Scalar) -> Value {
+    let Scalar { name, kind, range } = scalar;
+    let (low, high) = (range.low, range.high);
+    json!({ "name": name, "type": kind.to_string(), "low": low, "high": high, "count": range.count })
+}
+
 fn as_json<D: AsRef<[u8]>>(
     path: &Path,
     file: &Chpm<D>,
@@ -221,6 +228,7 @@ fn as_json<D: AsRef<[u8]>>(
         "normals": h.attributes().has_normals(),
         "normals_from": normals_from(file, metadata),
         "colors": h.attributes().colors,
+        "scalars": file.scalars().iter().map(scalar).collect::<Vec<_>>(),
         "origin": h.origin,
         "box": { "min": h.aabb_min, "max": h.aabb_max },
         "max_error": h.max_error,

@@ -154,8 +154,12 @@ impl Colored<'_> {
         let placement = if origin == [0.0; 3] { Placement::Here } else { Placement::At(origin) };
         let range = self.colors.range().to_vec();
         let extras = Map::from_iter([("range".to_owned(), range.into())]);
-        let facts =
-            Facts { generator: format!("chpm {} compare", env!("CARGO_PKG_VERSION")), placement, extras };
+        let facts = Facts {
+            generator: format!("chpm {} compare", env!("CARGO_PKG_VERSION")),
+            placement,
+            extras,
+            scalars: Vec::new(),
+        };
         let mut bounds = Aabb::EMPTY;
         self.parts.vertices(self.file, |vertices, _| {
             bounds.merge(&Aabb::of_points(vertices.positions));

@@ -2,6 +2,7 @@
 
 use chpm_extmem::FailPoints;
 use chpm_format::BoundaryMode;
+pub use chpm_import::ply::Keep;
 use chpm_mesh::Bytes;
 pub use chpm_mesh::asked::{Length, LengthError};
 use chpm_partition::Partitioner;
@@ -63,6 +64,8 @@ pub struct Settings {
     pub normals: Normals,
     /// Whether vertex colours of the source are carried along.
     pub colors: bool,
+    /// Which named scalars of the source's vertices are carried along.
+    pub scalars: Keep,
     /// Whether invalid vertices and faces are dropped and counted rather than refused.
     pub drop_invalid: bool,
     /// In which order clusters, vertices and triangles are.
@@ -93,6 +96,7 @@ impl Default for Settings {
             min_component: None,
             normals: Normals::Source,
             colors: true,
+            scalars: Keep::default(),
             drop_invalid: false,
             layout: Layout::VertexCache,
             packed: false,
@@ -226,6 +230,8 @@ impl Settings {
         ];
         // Files of all that is there are as they were before this could be asked for.
         entries.extend(self.min_component.map(|size| entry("min-component", &size)));
+        entries.extend(self.scalars.all.then(|| entry("scalars", &"all")));
+        entries.extend(self.scalars.names.iter().map(|name| entry("scalar", name)));
         entries.extend(self.packed.then(|| entry("pages", &"packed")));
         entries.extend((self.positions != Positions::Exact).then(|| entry("positions", &self.positions)));
         entries

@@ -15,7 +15,7 @@ use chpm_format::{
     ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LATTICE_STEP, LevelRecord, Metadata, PACKED_ALIGN,
     Source as Provenance, Tables,
 };
-use chpm_mesh::{Aabb, Attributes, GroupId, Sphere};
+use chpm_mesh::{Aabb, Attributes, GroupId, Scalar, Sphere};
 use serde::{Deserialize, Serialize};
 
 /// Facts of a source once it was read.
@@ -34,6 +34,7 @@ pub(crate) struct Facts {
     lattice_step: Option<f64>,
     used_vertices: u64,
     shared_vertices: u32,
+    scalars: Vec<Scalar>,
     pub(crate) warnings: Vec<String>,
     pub(crate) provenance: Provenance,
 }
@@ -47,6 +48,7 @@ impl Facts {
             lattice_step: source.lattice_step,
             used_vertices: 0,
             shared_vertices: 0,
+            scalars: source.scalars.clone(),
             warnings: source.warnings.clone(),
             provenance: source.provenance.clone(),
         }
@@ -113,6 +115,7 @@ impl<'a> Output<'a> {
             members,
             levels: clusters.levels.iter().map(level_record).collect(),
             metadata: metadata(known, settings),
+            scalars: facts.scalars.clone(),
         };
 
         let len = tables.assign_offsets()?;

@@ -12,6 +12,14 @@ pub enum BuildError {
     /// The source cannot be read.
     #[error(transparent)]
     Source(Box<SourceError>),
+    /// A scalar that is to be kept is not there.
+    #[error("{path}: no scalar '{name}' to keep, of one type for all vertices; leave --keep {name} out")]
+    NoScalar {
+        /// The source file.
+        path: PathBuf,
+        /// The name that was asked for.
+        name: String,
+    },
     /// The source has no triangle that could be built.
     #[error("{path}: {}: nothing was written", nothing(*faces))]
     Empty {

@@ -32,7 +32,7 @@ mod vertex_columns;
 
 pub use allowance::MIN_MEMORY;
 pub use chpm_extmem::{Cancel, FailPoints, Progress, Silent};
-pub use config::{BuildConfig, Resources, Settings};
+pub use config::{BuildConfig, Keep, Resources, Settings};
 pub use error::BuildError;
 pub use layout::{MOST_ORDERED, ORDER_BYTES, order_mesh, page_order};
 pub use pipeline::{build, build_open};

@@ -11,12 +11,15 @@ use std::ops::Range;
 pub(crate) const POSITIONS: &str = "positions";
 pub(crate) const NORMALS: &str = "normals";
 const COLORS: &str = "colors";
+const SCALARS: &str = "scalars";
 
 /// Vertices, a column for each attribute that they carry.
 pub(crate) struct VertexColumns {
     pub(crate) positions: Column<[f32; 3]>,
     pub(crate) normals: Option<Column<[f32; 3]>>,
     pub(crate) colors: Option<Column<[u8; 4]>>,
+    /// A column for each word of the named scalars.
+    pub(crate) scalars: Vec<Column<u32>>,
 }
 
 /// An operation on every column of vertices, whatever its items are.
@@ -32,7 +35,12 @@ pub(crate) trait ColumnMap {
 impl VertexColumns {
     /// Attributes of the vertices.
     pub(crate) fn attributes(&self) -> Attributes {
-        Attributes { normals: self.normals.is_some(), colors: self.colors.is_some(), ..Attributes::NONE }
+        Attributes {
+            normals: self.normals.is_some(),
+            octahedral: false,
+            colors: self.colors.is_some(),
+            scalar_words: self.scalars.len() as u8,
+        }
     }
 
     /// Does the same to all columns, one after the other.
@@ -41,6 +49,11 @@ impl VertexColumns {
             positions: by.map(self.positions, POSITIONS)?,
             normals: self.normals.map(|column| by.map(column, NORMALS)).transpose()?,
             colors: self.colors.map(|column| by.map(column, COLORS)).transpose()?,
+            scalars: self
+                .scalars
+                .into_iter()
+                .map(|column| by.map(column, SCALARS))
+                .collect::<Result<_, _>>()?,
         })
     }
 
@@ -55,9 +68,26 @@ impl VertexColumns {
             slices.normals = normals.read(range.clone(), &mut scratch.normals)?;
         }
         if let Some(colors) = &self.colors {
-            slices.colors = colors.read(range, &mut scratch.colors)?;
+            slices.colors = colors.read(range.clone(), &mut scratch.colors)?;
         }
+        slices.scalars = self.read_scalars(range, &mut scratch.scalars)?;
         Ok(slices)
+    }
+
+    /// The words of a range of vertices, vertex by vertex.
+    pub(crate) fn read_scalars<'a>(
+        &self,
+        range: Range<usize>,
+        rows: &'a mut Vec<u32>,
+    ) -> Result<&'a [u32], BuildError> {
+        let (words, mut scratch) = (self.scalars.len(), Vec::new());
+        rows.clear();
+        rows.resize(words * range.len(), 0);
+        for (word, column) in self.scalars.iter().enumerate() {
+            let items = column.read(range.clone(), &mut scratch)?;
+            rows.iter_mut().skip(word).step_by(words).zip(items).for_each(|(place, item)| *place = *item);
+        }
+        Ok(rows)
     }
 
     /// Copies the columns to files, since they may change afterwards.
@@ -66,6 +96,10 @@ impl VertexColumns {
             positions: self.positions.save(store, POSITIONS)?,
             normals: self.normals.as_ref().map(|column| column.save(store, NORMALS)).transpose()?,
             colors: self.colors.as_ref().map(|column| column.save(store, COLORS)).transpose()?,
+            scalars: (0..)
+                .zip(&self.scalars)
+                .map(|(word, column): (u32, _)| column.save(store, &format!("{SCALARS} {word}")))
+                .collect::<Result<_, _>>()?,
         })
     }
 }
@@ -76,11 +110,12 @@ pub(crate) struct SavedVertices {
     positions: SavedFile,
     normals: Option<SavedFile>,
     colors: Option<SavedFile>,
+    scalars: Vec<SavedFile>,
 }
 
 impl SavedVertices {
     pub(crate) fn files(&self) -> impl Iterator<Item = &SavedFile> {
-        [&self.positions].into_iter().chain(&self.normals).chain(&self.colors)
+        [&self.positions].into_iter().chain(&self.normals).chain(&self.colors).chain(&self.scalars)
     }
 
     pub(crate) fn load(self, store: &Store) -> Result<VertexColumns, BuildError> {
@@ -88,6 +123,11 @@ impl SavedVertices {
             positions: Column::load(store, POSITIONS, &self.positions)?,
             normals: self.normals.map(|saved| Column::load(store, NORMALS, &saved)).transpose()?,
             colors: self.colors.map(|saved| Column::load(store, COLORS, &saved)).transpose()?,
+            scalars: self
+                .scalars
+                .iter()
+                .map(|saved| Column::load(store, SCALARS, saved))
+                .collect::<Result<_, _>>()?,
         })
     }
 }
@@ -97,6 +137,7 @@ pub(crate) struct VertexWriter {
     positions: BufferWriter<[f32; 3]>,
     normals: BufferWriter<[f32; 3]>,
     colors: BufferWriter<[u8; 4]>,
+    scalars: Vec<BufferWriter<u32>>,
     carried: Attributes,
 }
 
@@ -115,6 +156,9 @@ impl VertexWriter {
             positions: BufferWriter::new(store, POSITIONS, singles)?,
             normals: BufferWriter::new(store, NORMALS, expected(carried.normals, count))?,
             colors: BufferWriter::new(store, COLORS, expected(carried.colors, count))?,
+            scalars: (0..carried.scalar_words)
+                .map(|_| BufferWriter::new(store, SCALARS, count))
+                .collect::<Result<_, _>>()?,
             carried,
         })
     }
@@ -127,15 +171,23 @@ impl VertexWriter {
     pub(crate) fn extend_from_slices(&mut self, vertices: VertexSlices<'_>) -> Result<(), BuildError> {
         self.positions.extend_from_slice(vertices.positions)?;
         self.normals.extend_from_slice(vertices.normals)?;
-        Ok(self.colors.extend_from_slice(vertices.colors)?)
+        self.colors.extend_from_slice(vertices.colors)?;
+        let (words, mut column) = (self.scalars.len(), Vec::new());
+        for (word, writer) in self.scalars.iter_mut().enumerate() {
+            column.clear();
+            column.extend(vertices.scalars.iter().skip(word).step_by(words));
+            writer.extend_from_slice(&column)?;
+        }
+        Ok(())
     }
 
     pub(crate) fn finish(self) -> Result<VertexColumns, BuildError> {
-        let VertexWriter { positions, normals, colors, carried } = self;
+        let VertexWriter { positions, normals, colors, scalars, carried } = self;
         Ok(VertexColumns {
             positions: positions.finish_column()?,
             normals: carried.normals.then(|| normals.finish_column()).transpose()?,
             colors: carried.colors.then(|| colors.finish_column()).transpose()?,
+            scalars: scalars.into_iter().map(BufferWriter::finish_column).collect::<Result<_, _>>()?,
         })
     }
 }

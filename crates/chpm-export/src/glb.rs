@@ -32,7 +32,7 @@ impl<W: Write> GlbWriter<W> {
         let part = Part { vertices, triangles, low: bounds.min, high: bounds.max, packed: None };
         let parts = if triangles > 0 { &[part][..] } else { &[] };
         writer.write_all(&front(facts, attributes, parts)?).map_err(failed)?;
-        let interleave = Interleave::new(attributes);
+        let interleave = Interleave::new(attributes, &facts.scalars);
         Ok(GlbWriter { writer, buffer: Vec::new(), interleave, part, vertices: 0, triangles: 0 })
     }
 
@@ -96,11 +96,12 @@ pub(crate) fn failed(source: std::io::Error) -> ExportError {
 mod tests {
     use super::*;
     use crate::{PackedGlb, Placement};
+    use chpm_mesh::{Scalar, ScalarKind};
     use serde_json::{Map, Value};
 
     fn facts(placement: Placement) -> Facts {
         let extras = Map::from_iter([("error".to_owned(), 0.5.into())]);
-        Facts { generator: "test".to_owned(), placement, extras }
+        Facts { generator: "test".to_owned(), placement, extras, scalars: Vec::new() }
     }
 
     fn json(glb: &[u8]) -> Value {
@@ -116,6 +117,36 @@ mod tests {
         let packed = PackedGlb::new(facts(Placement::Here), Attributes::ALL).begin(Vec::new());
         assert_eq!(json(&packed.unwrap().finish().unwrap()), empty);
         assert_eq!((&empty["nodes"][0]["extras"]["error"], empty.get("meshes")), (&0.5.into(), None));
+    }
+
+    #[test]
+    fn scalars_are_attributes_of_their_own() {
+        let kinds = [("my quality", ScalarKind::Float32), ("My_Quality", ScalarKind::Float64)];
+        let scalars = kinds.map(|(name, kind)| Scalar::new(name, kind)).to_vec();
+        let mut words = Vec::new();
+        for values in [[0.5, 1e300], [f64::NAN, -0.1], [-2.0, f64::NEG_INFINITY]] {
+            scalars.iter().zip(values).for_each(|(scalar, value)| scalar.kind.put(value, &mut words));
+        }
+        let facts = Facts { scalars, ..facts(Placement::Here) };
+        let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let attributes = Attributes { scalar_words: 3, ..Attributes::NONE };
+        let bounds = Aabb::of_points(&positions);
+        let mut glb = GlbWriter::new(Vec::new(), &facts, attributes, 3, 1, &bounds).unwrap();
+        glb.vertices(VertexSlices { scalars: &words, ..VertexSlices::new(&positions) }).unwrap();
+        glb.triangles(&[[0, 1, 2]]).unwrap();
+        let bytes = glb.finish().unwrap();
+        let json = json(&bytes);
+        let attributes = &json["meshes"][0]["primitives"][0]["attributes"];
+        let accessor = |name: &str| &json["accessors"][attributes[name].as_u64().unwrap() as usize];
+        let [first, second] = ["_MY_QUALITY", "_MY_QUALITY_2"].map(accessor);
+        assert_eq!((&first["byteOffset"], &second["byteOffset"]), (&12.into(), &16.into()));
+        assert_eq!((&first["type"], &json["bufferViews"][0]["byteStride"]), (&"SCALAR".into(), &20.into()));
+        let start = bytes.len() - 8 - 60;
+        let value = |vertex: usize, at| {
+            f32::from_le_bytes(bytes[start + 20 * vertex + at..][..4].try_into().unwrap())
+        };
+        assert_eq!([0, 1, 2].map(|vertex| value(vertex, 12)), [0.5, 0.0, -2.0]);
+        assert_eq!([0, 1, 2].map(|vertex| value(vertex, 16)), [f32::MAX, -0.1, -f32::MAX]);
     }
 
     #[test]

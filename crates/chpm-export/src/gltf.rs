@@ -2,7 +2,7 @@
 
 use crate::error::ExportError;
 use crate::vertex::Stride;
-use chpm_mesh::Attributes;
+use chpm_mesh::{Attributes, Scalar, scalar_names};
 use serde_json::{Map, Value, json};
 
 /// Name of the extension `EXT_meshopt_compression`.
@@ -28,6 +28,8 @@ pub struct Facts {
     pub placement: Placement,
     /// Further numbers and words about the mesh, by name.
     pub extras: Map<String, Value>,
+    /// Named scalars of the vertices, each an attribute `_NAME`.
+    pub scalars: Vec<Scalar>,
 }
 
 /// A stretch of vertices and the triangles over them.
@@ -66,7 +68,7 @@ pub(crate) fn padded(len: u64) -> u64 {
 
 /// Everything of a GLB that comes before the vertices.
 pub(crate) fn front(facts: &Facts, attributes: Attributes, parts: &[Part]) -> Result<Vec<u8>, ExportError> {
-    let stride = Stride::of(attributes);
+    let stride = Stride::of(attributes, facts.scalars.len());
     let body: u64 = parts.iter().flat_map(|part| part.stored(stride)).map(padded).sum();
     let mut text = root(facts, stride, parts, body).to_string().into_bytes();
     text.resize(padded(text.len() as u64) as usize, b' ');
@@ -115,7 +117,8 @@ fn root(facts: &Facts, stride: Stride, parts: &[Part], body: u64) -> Value {
     node["mesh"] = 0.into();
     root["nodes"] = json!([node]);
     root["materials"] = json!([{ "doubleSided": true, "pbrMetallicRoughness": { "metallicFactor": 0 } }]);
-    let mut tables = Tables { stride, ..Tables::default() };
+    let names = scalar_names(&facts.scalars, &[], attribute_name);
+    let mut tables = Tables { stride, names, ..Tables::default() };
     let primitives: Vec<Value> = parts.iter().map(|part| tables.primitive(part)).collect();
     root["meshes"] = json!([{ "primitives": primitives, "extras": facts.extras }]);
     root["accessors"] = tables.accessors.into();
@@ -131,6 +134,12 @@ fn root(facts: &Facts, stride: Stride, parts: &[Part], body: u64) -> Value {
     root
 }
 
+/// The name of an attribute of its own: an underscore and capitals.
+fn attribute_name(name: &str) -> String {
+    let fit = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_uppercase() } else { '_' };
+    format!("_{}", name.chars().map(fit).collect::<String>())
+}
+
 #[derive(Default)]
 struct Tables {
     accessors: Vec<Value>,
@@ -139,6 +148,8 @@ struct Tables {
     stored: u64,
     plain: u64,
     stride: Stride,
+    /// Attributes of the scalars.
+    names: Vec<String>,
 }
 
 impl Tables {
@@ -170,6 +181,13 @@ impl Tables {
                 "count": part.vertices,
             });
             attributes.insert("COLOR_0".to_owned(), self.accessor(color));
+        }
+        for (at, name) in self.names.clone().into_iter().enumerate() {
+            let scalar = json!({
+                "bufferView": view, "byteOffset": stride.scalars + 4 * at, "componentType": 5126, "type": "SCALAR",
+                "count": part.vertices,
+            });
+            attributes.insert(name, self.accessor(scalar));
         }
 
         let (len, count) = (part.index_len(), 3 * part.triangles);

@@ -30,8 +30,9 @@ pub struct PackedGlbWriter<W: Write> {
 }
 
 impl PackedGlb {
-    /// No piece yet.
-    pub fn new(facts: Facts, attributes: Attributes) -> Self {
+    /// No piece yet. Named scalars are left out: the codec packs vertices of few lengths.
+    pub fn new(mut facts: Facts, attributes: Attributes) -> Self {
+        facts.scalars.clear();
         PackedGlb { facts, attributes, parts: Vec::new() }
     }
 
@@ -113,8 +114,8 @@ fn compressed(
     triangles: &[[u32; 3]],
 ) -> Result<[Vec<u8>; 2], ExportError> {
     let mut plain = Vec::new();
-    Interleave::new(attributes).append(vertices, &mut plain);
-    let packed = match Stride::of(attributes).bytes {
+    Interleave::new(attributes, &[]).append(vertices, &mut plain);
+    let packed = match Stride::of(attributes, 0).bytes {
         12 => of_vertices::<[u8; 12]>(&plain),
         20 => of_vertices::<[u8; 20]>(&plain),
         24 => of_vertices::<[u8; 24]>(&plain),

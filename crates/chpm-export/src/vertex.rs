@@ -1,10 +1,11 @@
 //! A vertex as glTF has it: position, unit normal and linear colour side by side.
 
-use chpm_mesh::{Attributes, VertexSlices};
+use chpm_mesh::{Attributes, Scalar, VertexSlices, scalar_places};
 
 /// Turns vertices into bytes.
 pub(crate) struct Interleave {
     attributes: Attributes,
+    scalars: Vec<Scalar>,
     /// By a channel of sRGB: the same, linear, in 16 bits. No two are equal.
     linear: Vec<u16>,
 }
@@ -18,10 +19,12 @@ pub(crate) struct Stride {
     pub(crate) normal: Option<usize>,
     /// Of the colour, if there is one.
     pub(crate) color: Option<usize>,
+    /// Of the first named scalar; four bytes each.
+    pub(crate) scalars: usize,
 }
 
 impl Stride {
-    pub(crate) fn of(attributes: Attributes) -> Self {
+    pub(crate) fn of(attributes: Attributes, scalars: usize) -> Self {
         let mut bytes = 12;
         let mut take = |is_there: bool, len: usize| {
             is_there.then(|| {
@@ -30,19 +33,19 @@ impl Stride {
             })
         };
         let (normal, color) = (take(attributes.normals, 12), take(attributes.colors, 8));
-        Stride { bytes, normal, color }
+        Stride { bytes: bytes + 4 * scalars, normal, color, scalars: bytes }
     }
 }
 
 impl Interleave {
-    pub(crate) fn new(attributes: Attributes) -> Self {
-        Interleave { attributes, linear: (0..=255).map(linear).collect() }
+    pub(crate) fn new(attributes: Attributes, scalars: &[Scalar]) -> Self {
+        Interleave { attributes, scalars: scalars.to_vec(), linear: (0..=255).map(linear).collect() }
     }
 
     /// Appends vertices, which carry what was announced.
     pub(crate) fn append(&self, vertices: VertexSlices<'_>, out: &mut Vec<u8>) {
         debug_assert_eq!(vertices.uneven(), None);
-        out.reserve(vertices.positions.len() * Stride::of(self.attributes).bytes);
+        out.reserve(vertices.positions.len() * Stride::of(self.attributes, self.scalars.len()).bytes);
         for (at, position) in vertices.positions.iter().enumerate() {
             put(out, *position);
             if self.attributes.normals {
@@ -55,8 +58,17 @@ impl Interleave {
                 }
                 out.extend((u16::from(alpha) * 257).to_le_bytes());
             }
+            for (place, scalar) in scalar_places(&self.scalars) {
+                let value = scalar.kind.value(&vertices.scalars_of(at)[place]);
+                out.extend(finite(value).to_le_bytes());
+            }
         }
     }
+}
+
+/// A value as glTF has it: the nearest single, and 0 for what is no number, since it allows nothing else.
+fn finite(value: f64) -> f32 {
+    if value.is_nan() { 0.0 } else { (value as f32).clamp(-f32::MAX, f32::MAX) }
 }
 
 fn put(out: &mut Vec<u8>, [x, y, z]: [f32; 3]) {
@@ -100,8 +112,10 @@ mod tests {
     #[test]
     fn attributes_lie_one_after_the_other() {
         let stride = |normals, colors| {
-            let Stride { bytes, normal, color } =
-                Stride::of(Attributes { normals, colors, ..Attributes::NONE });
+            let attributes = Attributes { normals, colors, ..Attributes::NONE };
+            let with = Stride::of(attributes, 2);
+            let Stride { bytes, normal, color, scalars } = Stride::of(attributes, 0);
+            assert_eq!((with.bytes, with.scalars, scalars), (bytes + 8, bytes, bytes));
             (bytes, normal, color)
         };
         assert_eq!(stride(false, false), (12, None, None));

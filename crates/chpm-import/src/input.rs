@@ -8,6 +8,7 @@ use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::stream::{self, Packing, Tap};
 use crate::supply::Supply;
 use chpm_extmem::{Cancel, FailPoints, Reservation, Store};
+use chpm_mesh::Scalar;
 use std::io;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::Xxh3;
@@ -93,6 +94,11 @@ impl Input {
     /// Format of the delivered vertices.
     pub fn vertex_format(&self) -> VertexFormat {
         self.reader.format()
+    }
+
+    /// The named scalars of the delivered vertices, without their ranges.
+    pub fn scalars(&self) -> &[Scalar] {
+        self.reader.scalars()
     }
 
     /// Vertices and faces that a header declares, true or not.

@@ -5,6 +5,7 @@ use crate::ply::{Batch, BatchKind, Options, Tally, VertexFormat};
 use crate::stream::Stream;
 use crate::supply::Supply;
 use chpm_extmem::{Cancel, Store};
+use chpm_mesh::Scalar;
 use std::path::{Path, PathBuf};
 
 /// Input of a reader.
@@ -51,6 +52,11 @@ impl Start<'_> {
 pub trait MeshReader {
     /// Format of the delivered vertices.
     fn format(&self) -> VertexFormat;
+
+    /// The named scalars of the delivered vertices, in the order of their words and without their ranges.
+    fn scalars(&self) -> &[Scalar] {
+        &[]
+    }
 
     /// Vertices and faces that a header declares, true or not.
     fn declared(&self) -> Option<(u64, u64)> {

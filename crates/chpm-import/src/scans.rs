@@ -3,11 +3,12 @@
 use crate::conf::{Pose, RangeScans};
 use crate::error::{ImportError, SourceError};
 use crate::input::Input;
-use crate::ply::{Batch, BatchKind, Coordinates, MAX_VERTICES, Options, PlyError, VertexFormat};
+use crate::ply::{Batch, BatchKind, Coordinates, Keep, MAX_VERTICES, Options, PlyError, VertexFormat};
 use crate::reader::{Beside, MeshReader, SourceInfo};
 use crate::supply::Supply;
 use chpm_extmem::{Cancel, Store};
-use chpm_mesh::Attributes;
+use chpm_mesh::{Attributes, Scalar, scalar_words};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Scans one after the other.
@@ -18,6 +19,8 @@ pub(crate) struct ScanSet {
     store: Store,
     cancel: Cancel,
     format: VertexFormat,
+    /// Those that all scans have.
+    scalars: Vec<Scalar>,
     /// The scan that is being read, and which one it is.
     current: Option<Input>,
     at: usize,
@@ -38,14 +41,19 @@ impl ScanSet {
         cancel: &Cancel,
     ) -> Result<Self, SourceError> {
         let (mut attributes, mut some) = (Attributes::ALL, Attributes::NONE);
-        let mut scans = Vec::new();
+        let (mut scans, mut scalars) = (Vec::new(), Common::default());
         for (index, scan) in list.scans.into_iter().enumerate() {
             let file = path.with_file_name(&scan.file);
-            let opened = open(&file, options, store, cancel).map_err(|error| named(path, index, error))?;
+            let opened =
+                open(&file, options.clone(), store, cancel).map_err(|error| named(path, index, error))?;
             let has = opened.vertex_format().attributes;
             (attributes, some) = (attributes.common(has), some.joined(has));
+            scalars.add(opened.scalars());
             scans.push((file, scan.pose));
         }
+        let Common { all: scalars, dropped } = scalars;
+        let scalars = scalars.unwrap_or_default();
+        attributes.scalar_words = scalar_words(&scalars) as u8;
 
         let mut read = SourceInfo { encoding: "range scans".to_owned(), ..SourceInfo::default() };
         if some.normals && !attributes.normals {
@@ -55,7 +63,15 @@ impl ScanSet {
             read.warnings.push("dropped colours, which not all of the scans have".to_owned());
         }
 
-        let options = Options { normals: attributes.normals, colors: attributes.colors, ..options };
+        if !dropped.is_empty() {
+            let names = dropped.into_iter().collect::<Vec<_>>().join(", ");
+            read.warnings
+                .push(format!("dropped scalars, which not all of the scans have as one type: {names}"));
+        }
+
+        // Each scan is to give the same in the same order.
+        let keep = Keep { all: false, names: scalars.iter().map(|scalar| scalar.name.clone()).collect() };
+        let options = Options { normals: attributes.normals, colors: attributes.colors, keep, ..options };
         let format = VertexFormat { coordinates: Coordinates::Double, attributes };
         let (list, store, cancel) = (path.to_owned(), store.clone(), cancel.clone());
         Ok(ScanSet {
@@ -65,6 +81,7 @@ impl ScanSet {
             store,
             cancel,
             format,
+            scalars,
             current: None,
             at: 0,
             base: 0,
@@ -81,7 +98,7 @@ impl ScanSet {
         };
         let input = match &mut self.current {
             Some(input) => input,
-            none => none.insert(open(path, self.options, &self.store, &self.cancel)?),
+            none => none.insert(open(path, self.options.clone(), &self.store, &self.cancel)?),
         };
 
         match input.next_batch(batch)? {
@@ -148,6 +165,10 @@ impl MeshReader for ScanSet {
         self.format
     }
 
+    fn scalars(&self) -> &[Scalar] {
+        &self.scalars
+    }
+
     fn bytes_beside(&self) -> u64 {
         let read: u64 = self.read.beside.iter().map(|scan| scan.len).sum();
         read + self.current.as_ref().map_or(0, Input::bytes_read)
@@ -160,6 +181,27 @@ impl MeshReader for ScanSet {
 
     fn finish(self: Box<Self>) -> Result<SourceInfo, ImportError> {
         Ok(self.read)
+    }
+}
+
+/// The scalars that all scans have, by name and type.
+#[derive(Default)]
+struct Common {
+    all: Option<Vec<Scalar>>,
+    /// Names of those that only some have.
+    dropped: BTreeSet<String>,
+}
+
+impl Common {
+    fn add(&mut self, of_scan: &[Scalar]) {
+        let Some(all) = &mut self.all else {
+            self.all = Some(of_scan.to_vec());
+            return;
+        };
+        let only_there = of_scan.iter().filter(|scalar| !all.contains(scalar));
+        self.dropped.extend(only_there.map(|scalar| scalar.name.clone()));
+        let only_here = all.extract_if(.., |scalar| !of_scan.contains(scalar));
+        self.dropped.extend(only_here.map(|scalar| scalar.name));
     }
 }
 

@@ -24,7 +24,9 @@ pub use ids::{ClusterId, GroupId, Level};
 pub use number::{Number, NumberError};
 pub use octahedral::Octahedral;
 pub use pm::{Places, ProgressiveMesh};
-pub use scalar::{MOST_SCALAR_WORDS, Scalar, ScalarKind, ScalarRange, scalar_places, scalar_words};
+pub use scalar::{
+    MOST_SCALAR_WORDS, Scalar, ScalarKind, ScalarRange, scalar_names, scalar_places, scalar_words,
+};
 pub use trimesh::TriMesh;
 pub use units::{AtLeast, AtMost, Bytes, Counted, Digits, MemorySize, ObjectError, Thousands, Units};
 pub use vertices::{Attributes, Vertex, VertexSlices, Vertices};

@@ -60,9 +60,18 @@ impl ScalarKind {
     /// Appends the words of a value of this kind, which single precision must hold where it takes one word. For a float in single precision
     /// that is no number, give the bits themselves.
     pub fn put(self, value: f64, words: &mut Vec<u32>) {
-        match self.words() {
-            1 => words.push((value as f32).to_bits()),
-            _ => words.extend([value.to_bits() as u32, (value.to_bits() >> 32) as u32]),
+        let mut own = [0; 2];
+        let own = &mut own[..self.words()];
+        self.fill(value, own);
+        words.extend_from_slice(own);
+    }
+
+    /// As [`ScalarKind::put`], into the words of this value.
+    pub fn fill(self, value: f64, words: &mut [u32]) {
+        match words {
+            [single] => *single = (value as f32).to_bits(),
+            [low, high] => (*low, *high) = (value.to_bits() as u32, (value.to_bits() >> 32) as u32),
+            _ => {}
         }
     }
 
@@ -156,6 +165,18 @@ pub fn scalar_places(scalars: &[Scalar]) -> impl Iterator<Item = (std::ops::Rang
     })
 }
 
+/// A name for each scalar in a format that knows fewer: `fit` makes a name of the format of one, and those that are taken get a number.
+pub fn scalar_names(scalars: &[Scalar], taken: &[&str], fit: impl Fn(&str) -> String) -> Vec<String> {
+    let mut names: Vec<String> = Vec::with_capacity(scalars.len());
+    for scalar in scalars {
+        let fitting = fit(&scalar.name);
+        let is_free = |name: &str| !names.iter().any(|other| other == name) && !taken.contains(&name);
+        let numbered = (2..).map(|number| format!("{fitting}_{number}"));
+        names.extend([fitting.clone()].into_iter().chain(numbered).find(|name| is_free(name)));
+    }
+    names
+}
+
 /// Words of a vertex.
 pub fn scalar_words(scalars: &[Scalar]) -> usize {
     scalars.iter().map(|scalar| scalar.kind.words()).sum()
@@ -194,6 +215,13 @@ mod tests {
         assert_eq!(range.fraction(f64::NAN), None);
         let whole = ScalarRange { low: -f64::MAX, high: f64::MAX, count: 2 };
         assert_eq!(whole.fraction(0.0), Some(0.5));
+    }
+
+    #[test]
+    fn fitting_names_are_not_given_twice() {
+        let scalars = ["a b", "a_b", "x", "a_b_2"].map(|name| Scalar::new(name, ScalarKind::Int8));
+        let names = scalar_names(&scalars, &["x"], |name| name.replace(' ', "_"));
+        assert_eq!(names, ["a_b", "a_b_2", "x_2", "a_b_2_2"]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::cut::Cut;
 use crate::error::RefineError;
 use crate::lod::Lod;
 use chpm_format::{Chpm, Page, PageBuf};
-use chpm_mesh::{Attributes, TriMesh, VertexSlices, Vertices};
+use chpm_mesh::{Attributes, Scalar, TriMesh, VertexSlices, Vertices};
 use std::borrow::Cow;
 use std::num::NonZeroU32;
 
@@ -114,6 +114,11 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
     /// Attributes of the vertices. Normals are three numbers each, however the file has them.
     pub fn attributes(&self) -> Attributes {
         self.file.header().attributes().decoded()
+    }
+
+    /// The named scalars of the vertices.
+    pub fn scalars(&self) -> &'a [Scalar] {
+        self.file.scalars()
     }
 
     /// The point that positions are relative to, unless it is zero: then they need more than single precision.

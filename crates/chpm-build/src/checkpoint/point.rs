@@ -22,7 +22,7 @@ use std::collections::BTreeSet;
 use std::io::{self, BufReader};
 
 /// Changes with the meaning of what is written.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// Most bytes that decoding may take.
 const LIMIT: usize = 1 << 36;
 

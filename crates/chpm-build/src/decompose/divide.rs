@@ -74,6 +74,8 @@ pub(crate) struct Divided {
     /// By region with vertices: whether its triangles were sent to regions of their own.
     was_split: Vec<bool>,
     foreign: Buckets<Foreign>,
+    /// The words of their scalars, in the same order.
+    foreign_scalars: Buckets<u32>,
     /// Border vertices, by border number: in the order of their home regions, ascending within one.
     border: Vec<u32>,
     /// Home region h has the border numbers `border_starts[h]..border_starts[h + 1]`.
@@ -135,6 +137,7 @@ pub(crate) fn run(
         triangles: Buckets::new(store, "triangles by region", home_count, block),
         was_split: vec![false; home_count],
         foreign: Buckets::new(store, "vertices of other regions", 0, block / 4),
+        foreign_scalars: Buckets::new(store, "scalars of other regions", 0, block / 4),
         border: Vec::new(),
         border_starts: vec![0],
         copies: 0,
@@ -262,6 +265,7 @@ impl Divided {
         // A bucket for each region, of which there are more since some were split.
         while self.foreign.count() < self.region_count() {
             self.foreign.add();
+            self.foreign_scalars.add();
         }
         let (mut visiting, mut scratch) = (Vec::new(), Vertices::default());
         for home in 0..self.home_count() {
@@ -289,6 +293,9 @@ impl Divided {
                     let border = self.border.len() as u32 - 1;
                     let data = vertices.vertex(*vertex as usize - first);
                     self.foreign.push(*region as usize, Foreign { vertex: *vertex, border, data })?;
+                    for word in vertices.scalars_of(*vertex as usize - first) {
+                        self.foreign_scalars.push(*region as usize, *word)?;
+                    }
                 }
             }
             self.border_starts.push(self.border.len() as u32);
@@ -307,6 +314,7 @@ impl Divided {
         let own: usize = own_cells.iter().map(|cell| self.cells.range(*cell).len()).sum();
         let mut foreign = Vec::new();
         self.foreign.read(region, &mut foreign)?;
+        let scalars = self.sorted_scalars(region, &foreign)?;
         foreign.sort_unstable_by_key(|f| f.vertex);
 
         let mut triangles = Vec::new();
@@ -349,8 +357,26 @@ impl Divided {
             triangles,
             border,
             referenced: own_used as u64 + visited_only,
-            vertices: runs.gather(&self.vertices, &foreign)?,
+            vertices: runs.gather(&self.vertices, &foreign, &scalars)?,
         })
+    }
+
+    /// The words of the scalars of other regions' vertices, by the numbers of these, which come as they were sent.
+    fn sorted_scalars(&self, region: usize, foreign: &[Foreign]) -> Result<Vec<u32>, BuildError> {
+        let words = self.vertices.scalars.len();
+        let (mut sent, mut sorted) = (Vec::new(), Vec::new());
+        if words > 0 {
+            self.foreign_scalars.read(region, &mut sent)?;
+            let mut order: Vec<usize> = (0..foreign.len()).collect();
+            order.sort_unstable_by_key(|at| foreign[*at].vertex);
+            order.iter().for_each(|at| sorted.extend_from_slice(&sent[at * words..(at + 1) * words]));
+        }
+        Ok(sorted)
+    }
+
+    /// Words of a vertex's named scalars.
+    pub(super) fn scalar_words(&self) -> usize {
+        self.vertices.scalars.len()
     }
 
     /// The number of a vertex among a region's own and then the foreign ones.
@@ -376,7 +402,12 @@ struct Runs<'a> {
 
 impl Runs<'_> {
     /// Those of the vertices that are used, and behind them the `foreign` ones.
-    fn gather(&self, vertices: &VertexColumns, foreign: &[Foreign]) -> Result<Vertices, BuildError> {
+    fn gather(
+        &self,
+        vertices: &VertexColumns,
+        foreign: &[Foreign],
+        scalars: &[u32],
+    ) -> Result<Vertices, BuildError> {
         let carried = vertices.attributes();
         let mut gathered = Vertices::with_capacity(self.count, carried);
         let mut scratch = Vertices::default();
@@ -391,6 +422,7 @@ impl Runs<'_> {
             (rest, numbers) = (&rest[run..], further);
         }
         foreign.iter().for_each(|vertex| gathered.push_vertex(&vertex.data, carried));
+        gathered.scalars.extend_from_slice(scalars);
         Ok(gathered)
     }
 }

@@ -178,11 +178,13 @@ fn workers(
             (divided.triangle_count(region) as u64, divided.vertex_count(region) as u64);
         let used = vertices.min(3 * triangles);
         let sums = if is_computed { divided.border_vertices(region) as u64 } else { 0 };
+        // Words are read, kept, and written, those of vertices that triangles do not have read alone.
+        let words = 4 * divided.scalar_words() as u64;
         let joined = if divided.is_joined_to_all(region) { triangles } else { 0 };
         TRIANGLE_COST * triangles
             + JOINED_COST * joined
-            + VERTEX_COST * used
-            + PASSED_COST * (vertices - used)
+            + (VERTEX_COST + 3 * words) * used
+            + (PASSED_COST + words) * (vertices - used)
             + SUM_COST * sums
     };
     let largest = (0..divided.region_count()).map(cost).max().unwrap_or(0);

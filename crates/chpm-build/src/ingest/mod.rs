@@ -20,7 +20,7 @@ use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
 use chpm_format::Source as Provenance;
 use chpm_import::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
 use chpm_import::{Beside, Input, SourceError, SourceInfo, Supply};
-use chpm_mesh::{Aabb, Attributes};
+use chpm_mesh::{Aabb, Attributes, Scalar, scalar_places};
 use local::Local;
 use normals::CornerNormals;
 use polygons::Faces;
@@ -47,6 +47,8 @@ pub(crate) struct Source {
     pub(crate) small: Option<SmallComponents>,
     pub(crate) warnings: Vec<String>,
     pub(crate) provenance: Provenance,
+    /// Named scalars, with the ranges of the vertices that faces use.
+    pub(crate) scalars: Vec<Scalar>,
 }
 
 impl Source {
@@ -93,6 +95,7 @@ impl SavedSource {
             small: None,
             warnings: Vec::new(),
             provenance: Provenance::default(),
+            scalars: Vec::new(),
         })
     }
 }
@@ -103,10 +106,16 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         invalid: if settings.drop_invalid { Invalid::Drop } else { Invalid::Refuse },
         normals: settings.normals == Normals::Source,
         colors: settings.colors,
+        keep: settings.scalars.clone(),
     };
     let mut input = Input::of(supply, options, &context.store, &context.cancel)?;
     let format = input.vertex_format();
     let is_double = format.coordinates.are_double();
+    let mut scalars = input.scalars().to_vec();
+    let is_missing = |name: &&String| scalars.iter().all(|scalar| scalar.name != **name);
+    if let Some(name) = settings.scalars.names.iter().find(is_missing) {
+        return Err(BuildError::NoScalar { path: supply.path.clone(), name: name.clone() });
+    }
 
     let kept = kept(format.attributes, settings);
     let mut arrays = Arrays::expecting(&input, supply.len(), kept, &context.store)?;
@@ -149,6 +158,8 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         small = Some(counts);
     }
 
+    ranges(&mut scalars, &columns, context)?;
+
     // From here on positions are singles, relative to the origin.
     let Columns { mut vertices, doubles, triangles, used, bounds } = columns;
     let Local { positions, bounds, origin, rounding, lattice_step, warning } =
@@ -174,7 +185,28 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         small,
         warnings,
         provenance,
+        scalars,
     })
+}
+
+/// Finds the range of each scalar, among the vertices that faces use.
+fn ranges(scalars: &mut [Scalar], columns: &Columns, context: &Context<'_>) -> Result<(), BuildError> {
+    const STEP: usize = 1 << 16;
+    let Columns { vertices, used, .. } = columns;
+    let (count, words) = (vertices.scalars.first().map_or(0, Column::len), vertices.scalars.len());
+    let places: Vec<_> = scalar_places(scalars).map(|(place, _)| place).collect();
+    let mut rows = Vec::new();
+    for start in (0..count).step_by(STEP) {
+        context.check()?;
+        let rows = vertices.read_scalars(start..count.min(start + STEP), &mut rows)?;
+        let used = (start..).zip(rows.chunks_exact(words)).filter(|(vertex, _)| used.contains(*vertex));
+        for (_, row) in used {
+            for (scalar, place) in scalars.iter_mut().zip(&places) {
+                scalar.range.add(scalar.kind.value(&row[place.clone()]));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Attributes of vertices in the file.

@@ -25,6 +25,7 @@ impl FirstUse {
         self.put(page.positions, out);
         self.put(page.normals, out);
         self.put(page.colors, out);
+        self.put_rows(page.scalars, usize::from(page.attributes().scalar_words), out);
 
         // Ids come by increasing vertex, and so do those of the vertices that collapse, which stay where they are.
         let base = page.base_vertex_count;
@@ -99,6 +100,17 @@ impl FirstUse {
             self.old.push(vertex);
         }
         *new
+    }
+
+    /// Appends an array of `words` for each vertex.
+    fn put_rows(&self, all: &[u32], words: usize, out: &mut Vec<u8>) {
+        if all.is_empty() {
+            return;
+        }
+        for vertex in self.old.iter().map(|vertex| usize::from(*vertex)) {
+            out.extend_from_slice(bytemuck::cast_slice(&all[vertex * words..(vertex + 1) * words]));
+        }
+        out.extend_from_slice(bytemuck::cast_slice(&all[self.old.len() * words..]));
     }
 
     /// Appends an array by vertex.

@@ -141,7 +141,7 @@ impl Seam {
         // A shared vertex is known from a member before this one, if at all: none has it twice.
         let mut shared = member.shared.iter().peekable();
         let before = self.known.len();
-        let (vertices, carried) = (member.vertices.view(), member.vertices.attributes());
+        let vertices = member.vertices.view();
         for vertex in 0..vertices.positions.len() {
             let id = shared.next_if(|(v, _)| usize::from(*v) == vertex).map(|(_, id)| *id);
             if !self.used[vertex] {
@@ -154,7 +154,7 @@ impl Seam {
                 Some(known) => self.known[known].1,
                 None => {
                     let fresh = self.vertices.vertex_count() as u16;
-                    self.vertices.push_vertex(&vertices.vertex(vertex), carried);
+                    self.vertices.gather(vertices, std::iter::once(vertex));
                     self.sides.push(0);
                     self.id_of.push(id);
                     self.locked.push(id.is_some_and(|id| !inside(id)));

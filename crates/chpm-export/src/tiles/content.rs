@@ -56,6 +56,7 @@ pub fn tile<D: AsRef<[u8]>>(
         generator: options.generator.clone(),
         placement: options.placement(),
         extras: facts(file, cluster, error),
+        scalars: Vec::new(),
     };
     let (attributes, count) = (file.header().attributes().decoded(), mesh.triangles.len() as u64);
     if options.packed && count > 0 {

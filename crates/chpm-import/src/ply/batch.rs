@@ -19,8 +19,17 @@ pub enum Invalid {
     Drop,
 }
 
+/// Which named scalars of vertices to deliver: numbers besides coordinates, normals and colours.
+#[derive(Clone, PartialEq, Eq, Debug, Default)]
+pub struct Keep {
+    /// All that the file has. None is missed where it has none.
+    pub all: bool,
+    /// These, in this order and before all others; each must be there.
+    pub names: Vec<String>,
+}
+
 /// How to read.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Options {
     /// Treatment of invalid data. Default: refuse.
     pub invalid: Invalid,
@@ -28,11 +37,13 @@ pub struct Options {
     pub normals: bool,
     /// Whether to deliver vertex colours if there are any. Default: yes.
     pub colors: bool,
+    /// Which named scalars to deliver. Default: none.
+    pub keep: Keep,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { invalid: Invalid::Refuse, normals: true, colors: true }
+        Options { invalid: Invalid::Refuse, normals: true, colors: true, keep: Keep::default() }
     }
 }
 

@@ -26,6 +26,11 @@ fn bytes<const BIG: bool, const N: usize>(record: &[u8]) -> [u8; N] {
     bytes
 }
 
+/// The bits that `record` begins with.
+pub(super) fn word<const BIG: bool>(record: &[u8]) -> u32 {
+    u32::from_le_bytes(bytes::<BIG, 4>(record))
+}
+
 /// The number that `record` begins with; every type fits an `f64`.
 pub(super) fn load<const BIG: bool>(record: &[u8], ty: ScalarType) -> f64 {
     match ty {

@@ -1,6 +1,7 @@
 //! Errors of PLY files, with their places.
 
 use super::header::Encoding;
+use chpm_mesh::MOST_SCALAR_WORDS;
 use std::{fmt, io};
 
 /// Where in the body of a file a value is.
@@ -20,6 +21,17 @@ impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}, byte {}", self.element, self.index, self.offset)?;
         self.line.map_or(Ok(()), |line| write!(f, ", line {line}"))
+    }
+}
+
+fn scalar_refused(name: &str, lies: Option<&str>, known: &[String]) -> String {
+    let known = match known {
+        [] => "vertices of this file have none".to_owned(),
+        known => format!("vertices of this file have {}", known.join(", ")),
+    };
+    match lies {
+        Some(what) => format!("'{name}' is {what} and no scalar to keep; {known}"),
+        None => format!("no scalar '{name}' to keep; {known}"),
     }
 }
 
@@ -87,6 +99,24 @@ pub enum PlyError {
         element: String,
         /// Name of the property.
         property: String,
+    },
+    /// A scalar that was asked for is not there, or is none.
+    #[error("{}", scalar_refused(name, *lies, known))]
+    NoScalar {
+        /// Its name.
+        name: String,
+        /// What has that name.
+        lies: Option<&'static str>,
+        /// Names that could be asked for.
+        known: Vec<String>,
+    },
+    /// More scalars than a vertex may have.
+    #[error(
+        "the scalars to keep take {words} words of a vertex; the limit is {MOST_SCALAR_WORDS}; name those that are needed"
+    )]
+    TooManyScalars {
+        /// Words that they take.
+        words: usize,
     },
     /// There is no list of integers to take corners from.
     #[error(

@@ -6,6 +6,7 @@ use crate::format::{Format, Likeness};
 use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::steps::Steps;
 use crate::stream::Stream;
+use chpm_mesh::Scalar;
 
 /// Stanford PLY.
 pub(crate) const FORMAT: Format =
@@ -36,6 +37,10 @@ impl PlyMesh {
 impl MeshReader for PlyMesh {
     fn format(&self) -> VertexFormat {
         self.reader.vertex_format()
+    }
+
+    fn scalars(&self) -> &[Scalar] {
+        self.reader.scalars()
     }
 
     fn declared(&self) -> Option<(u64, u64)> {

@@ -7,7 +7,8 @@
 //!   begins on a new line, so that a header with wrong counts is found out;
 //! - elements in any order, properties in any order and of any scalar type; other elements and properties are skipped, with
 //!   a [`Warning`];
-//! - `vertex`: `x y z`, and if asked for `nx ny nz`, and `red green blue [alpha]` or `diffuse_red ...`;
+//! - `vertex`: `x y z`, and if asked for `nx ny nz`, and `red green blue [alpha]` or `diffuse_red ...`, and
+//!   any other number as a named [scalar](chpm_mesh::scalar);
 //! - `face`: a list `vertex_indices` or `vertex_index`. Faces of more than three corners come as
 //!   [`Polygons`](crate::Polygons);
 //! - `tristrips`: the same lists, as strips of alternating winding that -1 restarts;
@@ -27,13 +28,14 @@ mod grid;
 mod header;
 mod mesh;
 mod read;
+mod scalars;
 mod schema;
 mod source;
 mod vertices;
 mod warning;
 mod write;
 
-pub use batch::{Batch, BatchKind, Invalid, Options, Tally};
+pub use batch::{Batch, BatchKind, Invalid, Keep, Options, Tally};
 pub(crate) use error::excerpt;
 pub use error::{Place, PlyError};
 pub use header::{Element, Encoding, Header, Property, PropertyType, ScalarType};

@@ -13,7 +13,7 @@ use super::{
     warning::Warning,
 };
 use crate::{Triangulator, polygon};
-use chpm_mesh::TriMesh;
+use chpm_mesh::{Scalar, TriMesh};
 use std::io::Read;
 
 /// Reads a PLY file once, front to back. See the [module](super) for what it understands.
@@ -59,7 +59,7 @@ impl<R: Read> PlyReader<R> {
     pub fn new(reader: R, options: Options) -> Result<Self, PlyError> {
         let mut source = Source::new(reader);
         let header = Header::parse(&mut source)?;
-        let schema = Schema::new(&header, options)?;
+        let schema = Schema::new(&header, &options)?;
         let body = Body {
             source,
             invalid_data: options.invalid,
@@ -82,6 +82,11 @@ impl<R: Read> PlyReader<R> {
     /// Format of the delivered vertices.
     pub fn vertex_format(&self) -> VertexFormat {
         self.schema.format
+    }
+
+    /// The named scalars that are delivered, without their ranges.
+    pub fn scalars(&self) -> &[Scalar] {
+        self.schema.scalars()
     }
 
     /// Whether triangles are made of a range grid.

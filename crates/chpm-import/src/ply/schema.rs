@@ -4,9 +4,10 @@ use super::{
     batch::{Invalid, Options},
     error::PlyError,
     header::{Element, Encoding, Header, PropertyType, ScalarType},
+    scalars::ScalarPlan,
     warning::Warning,
 };
-use chpm_mesh::Attributes;
+use chpm_mesh::{Attributes, Scalar};
 
 /// Format of the delivered vertices.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -68,6 +69,7 @@ pub(super) struct VertexPlan {
     pub(super) stride: Option<usize>,
     /// Meaning of each property, for records that are read number by number.
     pub(super) slots: Vec<Slot>,
+    pub(super) scalars: ScalarPlan,
 }
 
 /// Meaning of a vertex's property; the number is the axis or the channel.
@@ -97,7 +99,16 @@ pub(super) struct Schema {
 }
 
 impl Schema {
-    pub(super) fn new(header: &Header, options: Options) -> Result<Self, PlyError> {
+    /// The named scalars that are delivered.
+    pub(super) fn scalars(&self) -> &[Scalar] {
+        let plans = self.roles.iter().filter_map(|role| match role {
+            Role::Vertices(plan) => Some(&plan.scalars.scalars[..]),
+            _ => None,
+        });
+        plans.last().unwrap_or_default()
+    }
+
+    pub(super) fn new(header: &Header, options: &Options) -> Result<Self, PlyError> {
         let mut warnings = Vec::new();
         let mut roles = Vec::with_capacity(header.elements.len());
         let mut format = None;
@@ -163,6 +174,7 @@ impl VertexPlan {
             attributes: Attributes {
                 normals: self.normal.is_some(),
                 colors: self.color.is_some(),
+                scalar_words: self.scalars.words() as u8,
                 ..Attributes::NONE
             },
         }
@@ -171,7 +183,7 @@ impl VertexPlan {
 
 fn vertex_plan(
     element: &Element,
-    options: Options,
+    options: &Options,
     warnings: &mut Vec<Warning>,
 ) -> Result<VertexPlan, PlyError> {
     let mut position = Vec::with_capacity(3);
@@ -199,7 +211,9 @@ fn vertex_plan(
     assign(normal.as_ref().map_or(&[], |fields| fields.as_slice()), Slot::Normal);
     assign(color.as_ref().map_or(&[], |fields| fields.as_slice()), Slot::Color);
     assign(alpha.as_slice(), |_| Slot::Color(3));
-    let rest = (0..slots.len()).filter(|&at| slots[at] == Slot::Skip);
+    let scalars = ScalarPlan::new(element, &slots, &options.keep)?;
+    let is_kept = |at: usize| scalars.kept.iter().any(|kept| kept.field.property == at);
+    let rest = (0..slots.len()).filter(|&at| slots[at] == Slot::Skip && !is_kept(at));
     warn_of_dropped(element, rest, warnings);
 
     // What the caller does not ask for is no loss, and is skipped without a word.
@@ -215,11 +229,12 @@ fn vertex_plan(
     if let Some(field) = normal.iter().flatten().find(|field| field.ty.exceeds_single()) {
         warnings.push(Warning::NormalsRounded { from: field.ty });
     }
-    if let Some(field) = color.iter().flatten().chain(&alpha).find(|field| field.ty != ScalarType::UChar) {
+    let lost = |field: &&Field| field.ty != ScalarType::UChar && !is_kept(field.property);
+    if let Some(field) = color.iter().flatten().chain(&alpha).find(lost) {
         warnings.push(Warning::ColorsQuantised { from: field.ty });
     }
     let stride = fixed_size(element, 0..element.properties.len());
-    Ok(VertexPlan { position, normal, color, alpha, stride, slots })
+    Ok(VertexPlan { position, normal, color, alpha, stride, slots, scalars })
 }
 
 fn list_plan(element: &Element, warnings: &mut Vec<Warning>) -> Result<ListPlan, PlyError> {
@@ -246,7 +261,7 @@ fn find(element: &Element, name: &str) -> Option<usize> {
 }
 
 /// The property as a number, which a list is not.
-fn field(element: &Element, property: usize) -> Option<Field> {
+pub(super) fn field(element: &Element, property: usize) -> Option<Field> {
     match element.properties[property].ty {
         PropertyType::Scalar(ty) => {
             Some(Field { property, ty, offset: fixed_size(element, 0..property).unwrap_or(0) })

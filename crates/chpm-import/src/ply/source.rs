@@ -132,6 +132,16 @@ impl<R: Read> Source<R> {
         }
     }
 
+    /// The bits of the last number, if it was a `float` of a binary body: those that are no number have many.
+    pub(super) fn last_float(&self, ty: ScalarType) -> Option<u32> {
+        let bytes = || self.consumed(4).try_into().unwrap_or_default();
+        match (ty, self.encoding) {
+            (ScalarType::Float, Encoding::BinaryLittleEndian) => Some(u32::from_le_bytes(bytes())),
+            (ScalarType::Float, Encoding::BinaryBigEndian) => Some(u32::from_be_bytes(bytes())),
+            _ => None,
+        }
+    }
+
     /// The next vertex index of the body; text may exceed the declared type, the range check comes later.
     pub(super) fn index(&mut self, ty: ScalarType) -> Result<i64, Fault> {
         match self.encoding {

@@ -73,6 +73,7 @@ impl<R: Read> Body<R> {
         if let Some(fields) = &plan.color {
             binary::colors::<BIG>(records, stride, fields, plan.alpha, &mut batch.vertices.colors);
         }
+        plan.scalars.read_records::<BIG>(records, stride, &mut batch.vertices.scalars);
 
         // Rare, so that only then each vertex is looked at.
         if !near {
@@ -137,12 +138,19 @@ impl<R: Read> Body<R> {
         let mut color = [0, 0, 0, 255];
         let mut valid = true;
         let is_text = self.source.encoding == Encoding::Ascii;
+        // The words of this vertex are filled in the order in which its numbers come.
+        let words = batch.vertices.scalars.len();
+        batch.vertices.scalars.resize(words + plan.scalars.words(), 0);
         // Where its first coordinate is that is far from zero.
         let mut far = None;
         self.source.begin_element()?;
         for (at, (property, slot)) in element.properties.iter().zip(&plan.slots).enumerate() {
             let (ty, slot) = match (property.ty, slot) {
-                (PropertyType::Scalar(ty), slot) if *slot != Slot::Skip => (ty, *slot),
+                (PropertyType::Scalar(ty), slot)
+                    if *slot != Slot::Skip || plan.scalars.find(at).is_some() =>
+                {
+                    (ty, *slot)
+                }
                 (skipped, _) => {
                     self.source.skip_values([&skipped])?;
                     continue;
@@ -155,6 +163,10 @@ impl<R: Read> Body<R> {
             let value = self.source.scalar(ty)?;
             if is_position && value.abs() > FAR && far.is_none() {
                 far = Some((self.source.mark, self.source.line));
+            }
+            if let Some(kept) = plan.scalars.find(at) {
+                let row = &mut batch.vertices.scalars[words..];
+                kept.fill(row, value, self.source.last_float(ty));
             }
             match slot {
                 Slot::Skip => {}

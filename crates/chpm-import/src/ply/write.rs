@@ -3,8 +3,11 @@
 use super::{
     error::PlyError,
     header::{Encoding, ScalarType},
+    scalars::type_of,
 };
-use chpm_mesh::{Attributes, TriMesh, VertexSlices};
+use chpm_mesh::{
+    Attributes, Scalar, ScalarKind, TriMesh, VertexSlices, scalar_names, scalar_places, scalar_words,
+};
 use std::io::Write;
 
 /// Bytes that are gathered before they are written.
@@ -16,6 +19,7 @@ pub struct PlyWriter<W: Write> {
     buffer: Vec<u8>,
     encoding: Encoding,
     attributes: Attributes,
+    scalars: Vec<Scalar>,
     double: bool,
     vertex_count: u64,
     triangle_count: u64,
@@ -38,6 +42,25 @@ impl<W: Write> PlyWriter<W> {
         double: bool,
         comments: &[&str],
     ) -> Result<Self, PlyError> {
+        Self::with_scalars(writer, encoding, vertex_count, triangle_count, attributes, &[], double, comments)
+    }
+
+    /// As [`PlyWriter::new`], for vertices with named scalars; each is written as the type that its source had. A scalar that has the name of a
+    /// channel of the colour is written in its place.
+    ///
+    /// # Errors
+    /// As [`PlyWriter::new`].
+    #[expect(clippy::too_many_arguments, reason = "all of the header, said once")]
+    pub fn with_scalars(
+        writer: W,
+        encoding: Encoding,
+        vertex_count: u64,
+        triangle_count: u64,
+        attributes: Attributes,
+        scalars: &[Scalar],
+        double: bool,
+        comments: &[&str],
+    ) -> Result<Self, PlyError> {
         let limit = super::MAX_VERTICES;
         if vertex_count > limit {
             return Err(PlyError::TooManyVertices { count: vertex_count, limit });
@@ -56,7 +79,11 @@ impl<W: Write> PlyWriter<W> {
             header += &properties(ScalarType::Float, &["nx", "ny", "nz"]);
         }
         if attributes.colors {
-            header += &properties(ScalarType::UChar, &["red", "green", "blue", "alpha"]);
+            let names: Vec<&str> = CHANNELS.into_iter().filter(|name| !is_taken(name, scalars)).collect();
+            header += &properties(ScalarType::UChar, &names);
+        }
+        for (name, Scalar { kind, .. }) in scalar_names(scalars, &TAKEN, one_word).iter().zip(scalars) {
+            header += &properties(type_of(*kind), &[name]);
         }
         let index = if vertex_count > 1 << 31 { ScalarType::UInt } else { ScalarType::Int };
         header += &format!("element face {triangle_count}\nproperty list uchar {index} vertex_indices\n");
@@ -67,6 +94,7 @@ impl<W: Write> PlyWriter<W> {
             buffer: header.into_bytes(),
             encoding,
             attributes,
+            scalars: scalars.to_vec(),
             double,
             vertex_count,
             triangle_count,
@@ -106,6 +134,10 @@ impl<W: Write> PlyWriter<W> {
         let given = |wanted: bool| if wanted { positions.len() } else { 0 };
         expect("normals", given(self.attributes.normals) as u64, normals.len() as u64)?;
         expect("colours", given(self.attributes.colors) as u64, colors.len() as u64)?;
+        let words = scalar_words(&self.scalars);
+        expect("words of scalars", (words * positions.len()) as u64, vertices.scalars.len() as u64)?;
+        let channels = CHANNELS.map(|name| !is_taken(name, &self.scalars));
+        let scalars = std::mem::take(&mut self.scalars);
         self.vertices += positions.len() as u64;
         if self.vertices > self.vertex_count {
             expect("vertices", self.vertex_count, self.vertices)?;
@@ -118,12 +150,36 @@ impl<W: Write> PlyWriter<W> {
             for &x in normals.get(at).into_iter().flatten() {
                 self.put_f32(x);
             }
-            for &x in colors.get(at).into_iter().flatten() {
+            for (&x, _) in colors.get(at).into_iter().flatten().zip(channels).filter(|(_, written)| *written)
+            {
                 self.put_u8(x);
+            }
+            for (place, scalar) in scalar_places(&scalars) {
+                self.put_scalar(scalar.kind, &vertices.scalars[at * words..][place]);
             }
             self.end_element()?;
         }
+        self.scalars = scalars;
         self.flush()
+    }
+
+    /// A value as the type that its source had.
+    fn put_scalar(&mut self, kind: ScalarKind, words: &[u32]) {
+        let value = kind.value(words);
+        match (kind, self.encoding) {
+            (ScalarKind::Float64, _) => self.put_f64(value),
+            (ScalarKind::Float32, Encoding::Ascii) => self.put_f32(value as f32),
+            // The bits themselves, whatever they are.
+            (ScalarKind::Float32, _) => self.put_bytes(words[0].to_le_bytes()),
+            (_, Encoding::Ascii) => self.put_text(format_args!("{} ", value as i64)),
+            (ScalarKind::Int8 | ScalarKind::Uint8, _) => self.put_bytes([value as i64 as u8]),
+            (ScalarKind::Int16 | ScalarKind::Uint16, _) => {
+                self.put_bytes((value as i64 as u16).to_le_bytes())
+            }
+            (ScalarKind::Int32 | ScalarKind::Uint32, _) => {
+                self.put_bytes((value as i64 as u32).to_le_bytes())
+            }
+        }
     }
 
     /// Writes triangles, after all vertices.
@@ -222,6 +278,22 @@ impl<W: Write> PlyWriter<W> {
     }
 }
 
+/// What the parts of a colour are called.
+const CHANNELS: [&str; 4] = ["red", "green", "blue", "alpha"];
+
+/// Names that mean something else.
+const TAKEN: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
+
+/// A name as a header may have it: without blanks and line breaks.
+fn one_word(name: &str) -> String {
+    name.replace(|c: char| c.is_whitespace() || c.is_control(), "_")
+}
+
+/// Whether a scalar has the name of a channel, of which it then knows more.
+fn is_taken(channel: &str, scalars: &[Scalar]) -> bool {
+    scalars.iter().any(|scalar| scalar.name == channel)
+}
+
 fn expect(what: &'static str, expected: u64, got: u64) -> Result<(), PlyError> {
     if expected == got { Ok(()) } else { Err(PlyError::WriteCount { what, expected, got }) }
 }
@@ -233,7 +305,8 @@ fn expect(what: &'static str, expected: u64, got: u64) -> Result<(), PlyError> {
 pub fn write_mesh<W: Write>(writer: W, mesh: &TriMesh, encoding: Encoding) -> Result<(), PlyError> {
     let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
     let mut writer = PlyWriter::new(writer, encoding, vertices, triangles, mesh.attributes(), false, &[])?;
-    writer.vertices(mesh.view())?;
+    // Names of scalars are not known here.
+    writer.vertices(VertexSlices { scalars: &[], ..mesh.view() })?;
     writer.triangles(&mesh.triangles)?;
     writer.finish()?;
     Ok(())

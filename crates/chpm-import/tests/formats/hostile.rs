@@ -12,7 +12,7 @@ fn options(drop: bool) -> Options {
 fn survive(bytes: &[u8]) -> Result<(), TestCaseError> {
     for drop in [false, true] {
         let options = options(drop);
-        if let Ok(obj) = obj::read(bytes, options) {
+        if let Ok(obj) = obj::read(bytes, options.clone()) {
             let vertices = obj.positions.len() as u32;
             prop_assert!(obj.positions.as_flattened().iter().all(|x| x.is_finite()));
             prop_assert!(

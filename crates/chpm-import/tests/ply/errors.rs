@@ -2,12 +2,17 @@
 
 use crate::forge::{ENCODINGS, Random, SPECIMENS};
 use chpm_import::ply::{
-    Batch, BatchKind, Encoding, Invalid, Options, Place, PlyError, PlyReader, PlyWriter, Tally, Warning,
-    read_mesh, write_mesh,
+    Batch, BatchKind, Encoding, Invalid, Keep, Options, Place, PlyError, PlyReader, PlyWriter, Tally,
+    Warning, read_mesh, write_mesh,
 };
 use chpm_mesh::{Attributes, TriMesh, VertexSlices};
 
-const DROP: Options = Options { invalid: Invalid::Drop, normals: true, colors: true };
+const DROP: Options = Options {
+    invalid: Invalid::Drop,
+    normals: true,
+    colors: true,
+    keep: Keep { all: false, names: Vec::new() },
+};
 
 /// Four vertices and four triangles as text; line 10 is the first vertex.
 const TEXT: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\

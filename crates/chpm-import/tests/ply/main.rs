@@ -6,3 +6,4 @@ mod forge;
 mod grid;
 mod hostile;
 mod roundtrip;
+mod scalars;
