@@ -8,7 +8,7 @@ use crate::selection::{self, Selection};
 use crate::view::row;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, ErrorKind};
-use chpm_mesh::ClusterId;
+use chpm_mesh::{ClusterId, Scalar};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
@@ -203,6 +203,22 @@ impl File {
     #[getter]
     fn has_colors(&self) -> Result<bool, Failure> {
         Ok(self.model()?.file.header().attributes().colors)
+    }
+
+    /// Named scalars of the vertices: dict of name and a dict of ``type``, as the source had it, ``low`` and ``high``, the range of its
+    /// values, and ``count``, the vertices with a value that is a number.
+    #[getter]
+    fn scalars(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
+        let all = PyDict::new(py);
+        for Scalar { name, kind, range } in self.model()?.file.scalars() {
+            let told = PyDict::new(py);
+            told.set_item("type", kind.to_string())?;
+            told.set_item("low", range.low)?;
+            told.set_item("high", range.high)?;
+            told.set_item("count", range.count)?;
+            all.set_item(name, told)?;
+        }
+        Ok(all.unbind())
     }
 
     /// Whether pages may be packed, so that they have to be unpacked before they can be looked at: bool.

@@ -2,11 +2,12 @@
 
 use crate::error::Failure;
 use crate::file::Model;
-use crate::view::{look, look_rows, row, rows};
+use crate::view::{look, look_rows, row, rows, values};
 use chpm_format::Page as Parsed;
 use chpm_mesh::{ClusterId, Places};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::sync::Arc;
 
 /// One cluster: a progressive mesh, from its base mesh of ``base_vertex_count`` vertices to its finest of ``vertex_count``.
@@ -149,6 +150,13 @@ impl Page {
         let page = self.held.page()?;
         let there = self.held.model.file.header().attributes().colors;
         there.then(|| look_rows(py, &self.held, page.colors)).transpose()
+    }
+
+    /// Values of the named scalars of the vertices: dict of name and a new array of the shape (V,), float32 or, where that does not hold all
+    /// values of the source's type, float64.
+    #[getter]
+    fn scalars(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
+        values(py, self.held.model.file.scalars(), self.held.page()?.scalars)
     }
 
     /// Where the vertices B, B + 1, ... go: uint16 of the shape (V - B,), indices of vertices.

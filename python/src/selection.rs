@@ -3,13 +3,14 @@
 use crate::asked::Asked;
 use crate::error::Failure;
 use crate::file::Model;
-use crate::view::rows;
+use crate::view::{rows, values};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_mesh::{Attributes, TriMesh};
+use chpm_mesh::{Attributes, Scalar, TriMesh};
 use chpm_refine::{Extraction, Shortfall};
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -28,6 +29,10 @@ pub(crate) struct Selection {
     /// Colours of the vertices, red, green, blue and alpha: uint8 of the shape (n, 4), or None.
     #[pyo3(get)]
     colors: Option<Py<PyArray2<u8>>>,
+    /// Values of the named scalars of the vertices: dict of name and array of the shape (n,), float32 or, where that does not hold all values of
+    /// the source's type, float64.
+    #[pyo3(get)]
+    scalars: Py<PyDict>,
     /// What the vertices are relative to: float64 of the shape (3,); zeros unless single precision would not do.
     #[pyo3(get)]
     origin: Py<PyArray1<f64>>,
@@ -75,6 +80,7 @@ impl Selection {
 pub(crate) struct Selected {
     mesh: TriMesh,
     carried: Attributes,
+    scalars: Vec<Scalar>,
     error: f32,
     distance: Option<f32>,
     clusters: usize,
@@ -101,6 +107,7 @@ fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected
     Ok(Selected {
         mesh,
         carried: extraction.attributes(),
+        scalars: file.scalars().to_vec(),
         error,
         distance: file.has_gaps().then_some(distance),
         clusters: cut.members().len(),
@@ -121,6 +128,7 @@ fn mesh(extraction: &Extraction<'_, MappedFile>, patience: &mut Patience) -> Res
     if carried.colors {
         mesh.colors.try_reserve_exact(vertices).map_err(memory)?;
     }
+    mesh.scalars.try_reserve_exact(vertices * usize::from(carried.scalar_words)).map_err(memory)?;
     extraction.both(|vertices, triangles| {
         mesh.extend_from_slices(vertices);
         mesh.triangles.extend_from_slice(triangles);
@@ -150,10 +158,11 @@ impl Patience {
 
 impl Selection {
     pub(crate) fn new(py: Python<'_>, selected: Selected, origin: Py<PyArray1<f64>>) -> PyResult<Self> {
-        let Selected { mesh, carried, error, distance, clusters, shortfall } = selected;
+        let Selected { mesh, carried, scalars, error, distance, clusters, shortfall } = selected;
         let TriMesh { vertices, triangles } = mesh;
         Ok(Selection {
             normals: carried.has_normals().then(|| rows(py, vertices.normals)).transpose()?,
+            scalars: values(py, &scalars, &vertices.scalars)?,
             colors: carried.colors.then(|| rows(py, vertices.colors)).transpose()?,
             vertices: rows(py, vertices.positions)?,
             faces: rows(py, triangles)?,

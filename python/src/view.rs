@@ -1,5 +1,6 @@
 //! Arrays of NumPy: those that own their numbers, and those that look at numbers of a file.
 
+use chpm_mesh::{Scalar, scalar_places, scalar_words};
 use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -92,4 +93,20 @@ fn looked<T: Number>(
     let address = numbers.as_ptr().expose_provenance();
     let look = Look { _kept: kept.clone(), address, shape, code: T::CODE };
     Ok(py.import("numpy")?.call_method1("asarray", (look,))?.unbind())
+}
+
+/// Arrays of named scalars, by their names. `words` has those of each vertex in a row.
+pub(crate) fn values(py: Python<'_>, scalars: &[Scalar], words: &[u32]) -> PyResult<Py<PyDict>> {
+    let each = scalar_words(scalars).max(1);
+    let arrays = PyDict::new(py);
+    for (place, Scalar { name, kind, .. }) in scalar_places(scalars) {
+        let own = words.chunks_exact(each).map(|row| &row[place.clone()]);
+        match kind.words() {
+            // The bits themselves, whatever they are.
+            1 => arrays
+                .set_item(name, row(py, own.map(|words| f32::from_bits(words[0])).collect::<Vec<_>>()))?,
+            _ => arrays.set_item(name, row(py, own.map(|words| kind.value(words)).collect::<Vec<_>>()))?,
+        }
+    }
+    Ok(arrays.unbind())
 }

@@ -2,7 +2,7 @@
 
 import { unpack } from "./packed.js";
 import { readPage } from "./page.js";
-import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, expect, readCluster, readGroup, readHeader, readSections, viewOf } from "./records.js";
+import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, SCALARS, expect, readCluster, readGroup, readHeader, readScalars, readSections, viewOf } from "./records.js";
 import { ChpmError, readExactly, readSound } from "./source.js";
 import { xxh3 } from "./xxh3.js";
 import { expand } from "./zstd.js";
@@ -255,6 +255,7 @@ async function begin(source, signal, first, zstd) {
   expect(complete, () => `the file has ${size} bytes, and should have ${header.fileLength}: it is cut short or has something behind it`);
   const sections = readSections(header, bytes, xxh3);
 
+  header.scalars = await scalarsOf(source, header, sections.get(SCALARS), bytes, signal);
   const chunks = sections.get(CHUNKS);
   const tables = { isOrdered: Boolean(chunks) };
   const kinds = [["clusters", CLUSTERS], ["groups", GROUPS], ["members", MEMBERS]];
@@ -297,6 +298,17 @@ async function takeAll(source, tables, signal) {
   }
   const all = await readExactly(source, start, end - start, "the tables", signal);
   absent.forEach((table) => takeWhatCame(table, start, all));
+}
+
+/** The named scalars of the vertices. */
+async function scalarsOf(source, header, section, bytes, signal) {
+  if (!section) return [];
+  const { offset, length } = section;
+  expect(length <= 1 << 20, () => `a list of scalars of ${length} bytes`);
+  const there = offset + length <= bytes.byteLength;
+  const list = there ? bytes.slice(offset, offset + length) : await readExactly(source, offset, length, "the list of scalars", signal);
+  expect(xxh3(list) === section.checksum, () => "the list of scalars is damaged: its checksum is another one");
+  return readScalars(header, section, list);
 }
 
 async function readChunks(source, section, of, bytes, signal) {

@@ -54,6 +54,18 @@ class Bits {
   }
 }
 
+/** The bits of the float of a number: those of what is no number stay as they are. */
+function viewOfBits(kind, places, expectIt) {
+  if (kind === 0 && places === 0) return (number) => number ^ ((number >> 31) >>> 1);
+  const view = viewOfFloats(kind, places, expectIt);
+  const float = new Float32Array(1);
+  const bits = new Int32Array(float.buffer);
+  return (number) => {
+    float[0] = view(number);
+    return bits[0];
+  };
+}
+
 /** The float of a number, and none where a decimal view ends. */
 function viewOfFloats(kind, places, expectIt) {
   if (kind === 0 && places === 0) {
@@ -251,7 +263,8 @@ export function unpack(header, cluster, packed, zstd) {
   const bits = new Bits(packed.subarray(HEAD_LEN + lengths[0], HEAD_LEN + lengths[0] + lengths[1]));
 
   const widths = (header.hasFloatNormals ? 3 : 0) + (header.hasOctahedralNormals ? 2 : 0) + (header.hasColors ? 4 : 0);
-  const most = 4 * t + v * (4 + widths) + 2 * (v - b) + s + Math.ceil(v / 8);
+  const named = header.scalarWords * (2 + v);
+  const most = named + 4 * t + v * (4 + widths) + 2 * (v - b) + s + Math.ceil(v / 8);
   let symbols;
   try {
     symbols = zstd(packed.subarray(HEAD_LEN + lengths[0] + lengths[1]), most);
@@ -278,6 +291,7 @@ export function unpack(header, cluster, packed, zstd) {
   const positions = place(Float32Array, 3 * v);
   const normals = place(Float32Array, header.hasFloatNormals ? 3 * v : 0);
   const colors = place(Uint8Array, header.hasColors ? 4 * v : 0);
+  const words = place(Int32Array, header.scalarWords * v);
   const ids = place(Uint32Array, s);
   const triangles = place(Uint16Array, 3 * t);
   const targets = place(Uint16Array, v - b);
@@ -307,6 +321,11 @@ export function unpack(header, cluster, packed, zstd) {
     }
   }
   if (header.hasColors) colors.set(numbers(walk, take(4 * v), 4, middle, bits));
+  for (let word = 0; word < header.scalarWords; word++) {
+    const [kind, places] = take(2);
+    const bitsOf = viewOfBits(kind, places, expectIt);
+    numbers(walk, take(v), 1, middle, bits).forEach((number, i) => (words[header.scalarWords * i + word] = bitsOf(number)));
+  }
 
   const ranks = new Uint16Array(v);
   order.forEach((vertex, rank) => (ranks[vertex] = rank));

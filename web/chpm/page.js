@@ -65,6 +65,15 @@ export class Page {
     return indices.subarray(0, length);
   }
 
+  /** The values of a named scalar, one of `header.scalars`, by vertex. */
+  scalar({ word, words }) {
+    const { vertexCount: v } = this.cluster;
+    const each = this.words.length / v;
+    const own = new Uint32Array(words * v);
+    for (let i = 0; i < own.length; i++) own[i] = this.words[Math.floor(i / words) * each + word + (i % words)];
+    return words === 2 ? new Float64Array(own.buffer) : new Float32Array(own.buffer);
+  }
+
   /** The ids of shared vertices, by vertex, and -1 for the others. */
   ids() {
     const ids = new Float64Array(this.cluster.vertexCount).fill(-1);
@@ -105,7 +114,7 @@ export function readPage(header, cluster, bytes) {
   const view = viewOf(bytes);
   const u32 = (at) => view.getUint32(at, true);
   expect(u32(0) === 0x45475043 && view.getUint16(4, true) === 1, () => `${what} does not begin like one`);
-  const attributes = (header.hasFloatNormals ? 1 : 0) | (header.hasColors ? 2 : 0) | (header.hasOctahedralNormals ? 4 : 0);
+  const attributes = (header.hasFloatNormals ? 1 : 0) | (header.hasColors ? 2 : 0) | (header.hasOctahedralNormals ? 4 : 0) | (header.scalarWords << 8);
   expect(view.getUint16(6, true) === attributes, () => `${what} has other attributes than the file`);
   const counts = [cluster.vertexCount, cluster.baseVertexCount, cluster.triangleCount, cluster.baseTriangleCount, cluster.sharedCount];
   expect(counts.every((count, i) => u32(8 + 4 * i) === count), () => `${what} has other counts than its record`);
@@ -125,6 +134,8 @@ export function readPage(header, cluster, bytes) {
     positions: take(Float32Array, 3 * v),
     normals: header.hasFloatNormals ? take(Float32Array, 3 * v) : null,
     colors: header.hasColors ? take(Uint8Array, 4 * v) : null,
+    /** The words of the named scalars, vertex by vertex. */
+    words: take(Uint32Array, header.scalarWords * v),
     sharedIds: take(Uint32Array, s),
     triangles: take(Uint16Array, 3 * t),
     targets: take(Uint16Array, v - b),

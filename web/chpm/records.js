@@ -7,16 +7,20 @@ export const NONE = 0xffffffff;
 export const CLUSTERS = 1;
 export const GROUPS = 2;
 export const MEMBERS = 3;
+export const SCALARS = 7;
 export const CHUNKS = 0x80000001;
 
 const HEADER_LEN = 256;
 const ENTRY_LEN = 40;
 const MAX_SECTIONS = 64;
-const KINDS = { 1: 128, 2: 64, 3: 4, 4: 128, 5: 0, 6: 0 };
+const KINDS = { 1: 128, 2: 64, 3: 4, 4: 128, 5: 0, 6: 0, 7: 0 };
+/** Types of scalars, by their numbers less one. */
+const SCALAR_TYPES = ["int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"];
 const MAGIC = [0x89, 0x43, 0x48, 0x50, 0x4d, 0x0d, 0x0a, 0x1a];
 /** Features of a file that whoever reads it has to know. */
 const PACKED = 1;
 const OCTAHEDRAL = 2;
+const SCALARS_FLAG = 4;
 
 export function expect(is, message) {
   if (!is) throw new ChpmError(message());
@@ -46,7 +50,7 @@ export function readHeader(bytes, xxh3) {
   const sum = view.getBigUint64(248, true);
   expect(xxh3(bytes.subarray(0, 248)) === sum, () => "the header is damaged: its checksum is another one");
   const required = view.getUint32(16, true);
-  expect((required & ~(PACKED | OCTAHEDRAL)) === 0, () => `the file uses features that this reader does not know (${required})`);
+  expect((required & ~(PACKED | OCTAHEDRAL | SCALARS_FLAG)) === 0, () => `the file uses features that this reader does not know (${required})`);
 
   const header = {
     versionMinor: view.getUint16(10, true),
@@ -59,6 +63,8 @@ export function readHeader(bytes, xxh3) {
     hasOctahedralNormals: (view.getUint32(44, true) & 4) !== 0,
     hasNormals: (view.getUint32(44, true) & 5) !== 0,
     hasColors: (view.getUint32(44, true) & 2) !== 0,
+    /** Words of a vertex's named scalars. */
+    scalarWords: (view.getUint32(44, true) >>> 8) & 255,
     sourceVertexCount: u64(view, 48),
     sourceTriangleCount: u64(view, 56),
     clusterCount: view.getUint32(64, true),
@@ -76,7 +82,8 @@ export function readHeader(bytes, xxh3) {
   expect(view.getUint32(12, true) === HEADER_LEN, () => "header_len is not 256");
   expect(view.getUint32(36, true) === HEADER_LEN, () => "section_table_offset is not 256");
   const isOctahedral = (required & OCTAHEDRAL) !== 0;
-  const areKnown = view.getUint32(44, true) <= 7 && header.hasOctahedralNormals === isOctahedral && !(isOctahedral && header.hasFloatNormals);
+  const hasScalars = (required & SCALARS_FLAG) !== 0;
+  const areKnown = (view.getUint32(44, true) & ~0xff07) === 0 && header.scalarWords > 0 === hasScalars && header.hasOctahedralNormals === isOctahedral && !(isOctahedral && header.hasFloatNormals);
   expect(areKnown, () => "the file has attributes that this reader does not know");
   expect(header.sectionCount <= MAX_SECTIONS, () => `${header.sectionCount} sections; at most ${MAX_SECTIONS} are allowed`);
   expect(header.pageAlign >= 4 && header.pageAlign <= 4096, () => `pages aligned to ${header.pageAlign}`);
@@ -114,12 +121,43 @@ export function readSections(header, bytes, xxh3) {
     before = offset + length;
     sections.set(kind, section);
   }
-  for (const kind in KINDS) expect(sections.has(Number(kind)), () => `section kind ${kind} is missing`);
+  for (const kind in KINDS) {
+    const isNeeded = Number(kind) !== SCALARS || header.scalarWords > 0;
+    expect(sections.has(Number(kind)) === isNeeded, () => `section kind ${kind} is ${isNeeded ? "missing" : "there without scalars"}`);
+  }
   const counts = [[CLUSTERS, header.clusterCount], [GROUPS, header.groupCount]];
   for (const [kind, count] of counts) {
     expect(sections.get(kind).count === count, () => `section kind ${kind} has ${sections.get(kind).count} records, the header says ${count}`);
   }
   return sections;
+}
+
+/** The named scalars that a section lists: name, type, range, and the place of the words. */
+export function readScalars(header, section, bytes) {
+  const wrong = "the list of scalars is none";
+  const view = viewOf(bytes);
+  const scalars = [];
+  let [at, word] = [0, 0];
+  for (let i = 0; i < section.count; i++) {
+    expect(at + 32 <= bytes.byteLength, () => wrong);
+    const type = SCALAR_TYPES[view.getUint16(at, true) - 1];
+    const length = view.getUint16(at + 2, true);
+    expect(type && length > 0 && at + 32 + length <= bytes.byteLength, () => wrong);
+    const words = ["int32", "uint32", "float64"].includes(type) ? 2 : 1;
+    scalars.push({
+      name: new TextDecoder().decode(bytes.subarray(at + 32, at + 32 + length)),
+      type,
+      low: view.getFloat64(at + 8, true),
+      high: view.getFloat64(at + 16, true),
+      count: u64(view, at + 24),
+      word,
+      words,
+    });
+    word += words;
+    at += 32 + 8 * Math.ceil(length / 8);
+  }
+  expect(at === bytes.byteLength && word === header.scalarWords, () => wrong);
+  return scalars;
 }
 
 function sphere(view, at, what) {
@@ -138,7 +176,7 @@ function errors(view, at, what) {
 /** Bytes of a page that is not packed. */
 export function pageLength(header, cluster) {
   const { vertexCount: v, baseVertexCount: b, triangleCount: t, sharedCount: s } = cluster;
-  const attributes = (header.hasFloatNormals ? 12 : 0) + (header.hasOctahedralNormals ? 3 : 0) + (header.hasColors ? 4 : 0);
+  const attributes = (header.hasFloatNormals ? 12 : 0) + (header.hasOctahedralNormals ? 3 : 0) + (header.hasColors ? 4 : 0) + 4 * header.scalarWords;
   return 64 + (12 + attributes) * v + 4 * s + 6 * t + 4 * (v - b) + Math.ceil(v / 8);
 }
 

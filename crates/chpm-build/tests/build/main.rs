@@ -8,6 +8,7 @@ mod normals;
 mod odd;
 mod reading;
 mod resume;
+mod scalars;
 mod scene;
 mod shapes;
 mod site;

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, SystemTime};
 
 /// Clusters of 256 triangles, everything on disk, and a checkpoint at every opportunity.
-fn eager(threads: usize) -> BuildConfig {
+pub(crate) fn eager(threads: usize) -> BuildConfig {
     let mut config = config(256);
     let resources = &mut config.resources;
     (resources.threads, resources.memory, resources.checkpoint) = (threads, Bytes(0), Some(Duration::ZERO));
