@@ -2,6 +2,7 @@
 
 use super::{Verdict, build, temporary};
 use crate::batch::inputs;
+use crate::escape::in_line;
 use crate::number::{self, Triangles, Units};
 use crate::output::{self, Output};
 use crate::picture::sheet::{numbered, sheet};
@@ -15,9 +16,11 @@ use anyhow::{Context, Result, ensure};
 use chpm_build::BuildConfig;
 use chpm_extmem::WorkDir;
 use chpm_format::Chpm;
-use chpm_mesh::{Bytes, Counted};
+use chpm_mesh::{Bytes, Counted, Scalar};
 use chpm_refine::{Camera, Side};
-use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, TriangleId, Viewer, headless};
+use chpm_viewer::{
+    Accuracy, FrameRequest, IdImage, Image, Look, Stats, TriangleId, Viewer, headless, viridis,
+};
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -64,6 +67,10 @@ pub(crate) struct Args {
     ids: bool,
     #[command(flatten)]
     look: LookArgs,
+    /// Colour by a named scalar, such as quality, from its lowest value (dark blue) to its highest (yellow); what is no number is grey. Its name
+    /// and range are written below, with a bar of the colours
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["color", "ids"])]
+    color_by: Option<String>,
     #[command(flatten)]
     still: StillArgs,
     /// Main memory for the parts of the file that are in use, as in 256M; of two, half for each, and what one cannot use for the other
@@ -101,12 +108,12 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     // What is drawn, from where, and how fine.
     // What draws is looked for before a mesh is built, which may take long.
     let gpu = sources(args).any(inputs::is_mesh).then(|| args.device.gpu()).transpose()?;
-    let models =
-        sources(args).map(|source| Ready::new(source, args.quiet, stop)).collect::<Result<Vec<_>>>()?;
+    let models = sources(args).map(|source| Ready::new(source, args, stop)).collect::<Result<Vec<_>>>()?;
     let places = args.poses.poses().map(|pose| place(&pose));
     let files: Vec<_> = models.iter().map(|model| model.file.as_path()).zip(places).collect();
     let gpu = gpu.map_or_else(|| args.device.gpu(), Ok)?;
-    let mut viewer = args.device.open_on(gpu, &files, args.memory)?;
+    let mut viewer = args.device.open_colored(gpu, &files, args.memory, args.color_by.as_deref())?;
+    let legend = legend(args, &viewer)?;
     let (cameras, why, note) = cameras(args, &mut viewer)?;
     let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.rolled(args.still.roll)).collect();
     let model = viewer.files().map(|file| file.header().source_triangle_count).sum();
@@ -150,10 +157,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         let words = if args.ids {
             Vec::new()
         } else {
-            [label(args, place), note.clone()].into_iter().flatten().collect()
+            [label(args, place), note.clone(), legend.clone()].into_iter().flatten().collect()
         };
         if !words.is_empty() {
             image.caption(&words.join("; "));
+        }
+        if legend.is_some() {
+            image.color_bar(viridis);
         }
         if args.contact_sheet {
             drawn.push(image);
@@ -224,15 +234,34 @@ struct Ready {
 }
 
 impl Ready {
-    fn new(source: &Path, quiet: bool, stop: &Stop) -> Result<Self> {
+    fn new(source: &Path, args: &Args, stop: &Stop) -> Result<Self> {
         if !inputs::is_mesh(source) {
             return Ok(Ready { file: source.to_owned(), _folder: None });
         }
         let folder = temporary()?;
         let file = folder.path().join("model.chpm");
-        build::build(source, &file, &BuildConfig::default(), &Meter::new(quiet), stop)?;
+        let mut config = BuildConfig::default();
+        config.settings.scalars.names.extend(args.color_by.clone());
+        build::build(source, &file, &config, &Meter::new(args.quiet), stop)?;
         Ok(Ready { file, _folder: Some(folder) })
     }
+}
+
+/// What colours mean, where they show a scalar.
+fn legend(args: &Args, viewer: &Viewer) -> Result<Option<String>> {
+    let Some(name) = &args.color_by else { return Ok(None) };
+    let known = || {
+        let names = viewer.files().flat_map(|file| file.scalars()).map(|scalar| in_line(&scalar.name));
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let lacks = || match known() {
+        known if known.is_empty() => {
+            format!("--color-by: '{}' has no scalars; build it with --keep {name}", args.file.display())
+        }
+        known => format!("--color-by: '{}' has no scalar '{name}'; it has {known}", args.file.display()),
+    };
+    let Scalar { name, range, .. } = viewer.scalar().with_context(lacks)?;
+    Ok(Some(format!("{}: {} to {}", in_line(name), range.low, range.high)))
 }
 
 /// The files to write: one, or one for each view.

@@ -50,6 +50,9 @@ pub(crate) struct Args {
     /// The finest mesh of about so many triangles, as in 20k, or of a share of the model's, as in 1%, in place of a bound on the error
     #[arg(long, value_name = "N")]
     triangles: Option<Triangles>,
+    /// Colour by a named scalar of a .chpm, such as quality, from its lowest value (dark blue) to its highest (yellow)
+    #[arg(long, value_name = "NAME", requires = "model", help_heading = "Looks")]
+    color_by: Option<String>,
     /// How light falls on triangles; what was used last, or smooth, if not given
     #[arg(long, value_name = "HOW", value_parser = shading(), help_heading = "Looks")]
     shading: Option<Shading>,
@@ -108,12 +111,16 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let built = model.as_deref().filter(|model| !inputs::is_mesh(model));
     let triangles = args.triangles.map(|wanted| accuracy(wanted, built)).transpose()?;
 
+    if let (Some(name), Some(model)) = (&args.color_by, &args.model) {
+        has_scalar(model, name)?;
+    }
     let cancel = stop.heed();
     let options = Options {
         model,
         second,
         budgets: Budgets { memory: args.memory, gpu_memory: args.device.gpu_memory },
         adapter: args.device.adapter.clone(),
+        color_by: args.color_by.clone(),
         shading: args.shading,
         accuracy: args.poe.map(Accuracy::PoE).or(triangles),
         up: args.stance.up,
@@ -140,6 +147,22 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         tell(&outcome)?;
     }
     Ok(Verdict::Good)
+}
+
+/// Refuses a model without the scalar that colours are to show.
+fn has_scalar(model: &Path, name: &str) -> Result<()> {
+    let told = model.display();
+    ensure!(
+        !inputs::is_mesh(model),
+        "--color-by is for a .chpm: build '{told}' with --keep {name}, and show that"
+    );
+    let file = open(model)?;
+    let has = file.scalars().iter().any(|scalar| scalar.name == name);
+    ensure!(
+        has,
+        "'{told}' has no scalar '{name}': build it with --keep {name}; chpm info lists those that it has"
+    );
+    Ok(())
 }
 
 /// A count of triangles, of the model that is shown first.

@@ -49,7 +49,19 @@ impl DeviceArgs {
 
     /// Like [`Self::open_all`], where what draws was found before.
     pub(crate) fn open_on(&self, gpu: Arc<Gpu>, files: &[(&Path, Place)], memory: Bytes) -> Result<Viewer> {
-        Ok(Viewer::open_all(gpu, files, Budgets { memory, gpu_memory: self.gpu_memory })?)
+        self.open_colored(gpu, files, memory, None)
+    }
+
+    /// Like [`Self::open_on`], with vertices in the colours of a named scalar.
+    pub(crate) fn open_colored(
+        &self,
+        gpu: Arc<Gpu>,
+        files: &[(&Path, Place)],
+        memory: Bytes,
+        color_by: Option<&str>,
+    ) -> Result<Viewer> {
+        let budgets = Budgets { memory, gpu_memory: self.gpu_memory };
+        Ok(Viewer::open_colored(gpu, files, budgets, color_by)?)
     }
 }
 

@@ -13,6 +13,21 @@ const COVER: f32 = 0.8;
 const INK: f32 = 30.0;
 
 impl Image {
+    /// Draws a bar of colours, from that of 0 to that of 1, along the lower edge at the right.
+    pub fn color_bar(&mut self, color: impl Fn(f64) -> [u8; 3]) {
+        let [width, height] = self.size.map(|side| side as usize);
+        let letters = (SHARE * width.min(height) as f32).clamp(HEIGHTS[0], HEIGHTS[1]).round() as usize;
+        let (margin, long) = (letters / 2, width / 3);
+        let [left, top] = [width.saturating_sub(long + margin), height.saturating_sub(letters + margin)];
+        for (row, column) in (0..letters).flat_map(|row| (0..long).map(move |column| (row, column))) {
+            let [x, y] = [left + column, top + row];
+            if x < width && y < height {
+                let [r, g, b] = color((column as f64 + 0.5) / long as f64);
+                self.pixels[4 * (y * width + x)..][..4].copy_from_slice(&[r, g, b, 255]);
+            }
+        }
+    }
+
     /// Writes words into the lower left corner, on a plate.
     pub fn caption(&mut self, words: &str) {
         let [width, height] = self.size.map(|side| side as usize);
@@ -89,6 +104,11 @@ mod tests {
                 .collect::<Vec<_>>()
         };
         assert!(touched(&front).iter().all(|[x, y]| *x < 120 && *y > 200));
+        let mut image = blank([300, 200]);
+        image.color_bar(crate::viridis);
+        assert_eq!([image.pixel(196, 190), image.pixel(294, 190)].map(|p| p[3]), [255; 2]);
+        assert!(image.pixel(196, 190)[2] > image.pixel(294, 190)[2], "from blue to yellow");
+        assert_eq!(image.pixel(100, 190)[3], 0);
         // Long words go on below, and small pictures keep what fits.
         let long = "heights divided by 111320: places look like degrees, heights like metres";
         assert!(touched(&written(long, [320, 240])).iter().all(|[x, y]| *x < 320 && *y > 120));

@@ -13,13 +13,14 @@ mod queue;
 pub use page::PageData;
 
 use crate::ViewerError;
+use crate::tint::Tint;
 use chpm_extmem::{Access, MappedFile};
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, ClusterId};
 use queue::{Queue, Urgency};
 use std::fs::File;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -47,6 +48,14 @@ struct Shared {
     /// Bytes that blocks may take, and that those do which wait to be taken.
     room: AtomicU64,
     blocks: AtomicU64,
+    /// Colours of blocks; the file's own until others are set.
+    tint: OnceLock<Tint>,
+}
+
+impl Shared {
+    fn tint(&self) -> &Tint {
+        self.tint.get_or_init(|| Tint::of(&self.file, None))
+    }
 }
 
 impl Fetch {
@@ -62,10 +71,18 @@ impl Fetch {
         let lens: Vec<u64> =
             (0..file.header().cluster_count).map(|id| file.page_len(ClusterId(id))).collect();
         let roots = file.roots().map(|root| lens[root.index()]).sum();
-        let (room, blocks) = (AtomicU64::new(0), AtomicU64::new(0));
+        let (room, blocks, tint) = (AtomicU64::new(0), AtomicU64::new(0), OnceLock::new());
         let queue = Mutex::new(Queue::new(lens, budget.0.max(roots)));
-        let shared =
-            Arc::new(Shared { file, pages, queue, work: Condvar::new(), news: Condvar::new(), room, blocks });
+        let shared = Arc::new(Shared {
+            file,
+            pages,
+            queue,
+            work: Condvar::new(),
+            news: Condvar::new(),
+            room,
+            blocks,
+            tint,
+        });
         let mut fetch = Fetch { shared, threads: Vec::new() };
         for index in 0..threads.max(1) {
             let shared = Arc::clone(&fetch.shared);
@@ -80,6 +97,11 @@ impl Fetch {
     /// beside the budget; without room a block is made by who asks for it.
     pub fn make_blocks(&self, room: Bytes) {
         self.shared.room.store(room.0, Ordering::Relaxed);
+    }
+
+    /// Has blocks made in these colours. The first that are set hold.
+    pub(crate) fn set_tint(&self, tint: Tint) {
+        let _ = self.shared.tint.set(tint);
     }
 
     /// Asks for a page that a view wants. Those asked for first come first, before all that is read ahead. Asking for a page that is

@@ -23,9 +23,10 @@ use crate::place::Place;
 use crate::request::{Accuracy, Budgets, FrameRequest, Target};
 use crate::scene::Culling;
 use crate::stats::Stats;
+use crate::tint::Tint;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_mesh::Aabb;
+use chpm_mesh::{Aabb, Scalar};
 use chpm_refine::{Camera, Changes, Outline, Portrait, Side, Up};
 use converge::next_poe;
 pub use exact::Spot;
@@ -112,8 +113,24 @@ impl Viewer {
         paths: &[(&Path, Place)],
         budgets: Budgets,
     ) -> Result<Viewer, ViewerError> {
+        Viewer::open_colored(gpu, paths, budgets, None)
+    }
+
+    /// As [`Viewer::open_all`], with vertices in the colours of a named scalar, in the range that each file tells of it; a file without it keeps
+    /// its own colours.
+    ///
+    /// # Errors
+    /// As [`Viewer::open_all`].
+    pub fn open_colored(
+        gpu: Arc<Gpu>,
+        paths: &[(&Path, Place)],
+        budgets: Budgets,
+        color_by: Option<&str>,
+    ) -> Result<Viewer, ViewerError> {
         let files = paths.iter().map(|(path, _)| Model::file_of(path)).collect::<Result<Vec<_>, _>>()?;
-        let needs: Vec<[Need; 2]> = files.iter().map(|file| Model::needs(file)).collect();
+        let tints: Vec<Tint> = files.iter().map(|file| Tint::of(file, color_by)).collect();
+        let needs: Vec<[Need; 2]> =
+            files.iter().zip(&tints).map(|(file, tint)| Model::needs(file, tint)).collect();
         let share = |what, all, which: usize| {
             let needs: Vec<Need> = needs.iter().map(|needs| needs[which]).collect();
             let needed = chpm_mesh::Bytes(needs.iter().map(|need| need.least).sum());
@@ -124,9 +141,9 @@ impl Viewer {
         let memory = share("memory", budgets.memory, 0)?;
         let gpu_memory = share("GPU memory", budgets.gpu_memory, 1)?;
         let mut models = Vec::with_capacity(files.len());
-        for (place, file) in files.into_iter().enumerate() {
+        for (place, (file, tint)) in files.into_iter().zip(tints).enumerate() {
             let budgets = Budgets { memory: memory[place], gpu_memory: gpu_memory[place] };
-            models.push(Model::new(&gpu, file, paths[place].1, budgets)?);
+            models.push(Model::new(&gpu, file, tint, paths[place].1, budgets)?);
         }
         let probe = gpu.attempt("preparing shaders", || Probe::new(&gpu))?;
         let mut viewer = Viewer {
@@ -165,6 +182,11 @@ impl Viewer {
         self.drawn = None;
         self.bound();
         true
+    }
+
+    /// The scalar that colours show, of the first model that has it.
+    pub fn scalar(&self) -> Option<&Scalar> {
+        self.models.iter().find_map(|model| model.scene.tint().scalar())
     }
 
     /// The device that it draws with.

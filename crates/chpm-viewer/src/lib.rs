@@ -20,6 +20,8 @@ pub mod request;
 #[allow(unreachable_pub, reason = "`gpu` and `frame` use it")]
 mod scene;
 pub mod stats;
+#[allow(unreachable_pub, reason = "`gpu` and `frame` use it")]
+mod tint;
 pub mod window;
 
 pub use error::ViewerError;
@@ -29,6 +31,7 @@ pub use headless::{IdImage, Image, TriangleId};
 pub use place::Place;
 pub use request::{Accuracy, Budgets, Clip, Coloring, FrameRequest, Look, Shading, Target};
 pub use stats::{Stats, Times};
+pub use tint::viridis;
 
 /// Access for tests and benches.
 #[cfg(feature = "internals")]

@@ -13,6 +13,7 @@ use crate::fetch::{Fetch, PageData};
 use crate::gpu::TestBox;
 use crate::gpu::block::Layout;
 use crate::request::Budgets;
+use crate::tint::Tint;
 use borders::Borders;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, ClusterRecord, PageBuf};
@@ -63,6 +64,7 @@ pub struct Scene {
     damage: Option<ViewerError>,
     /// All of those.
     damaged: Vec<ClusterId>,
+    tint: Tint,
 }
 
 /// Clusters that came into sight.
@@ -88,10 +90,15 @@ impl Scene {
     ///
     /// # Errors
     /// [`ViewerError::Budget`], [`ViewerError::Open`], [`ViewerError::Thread`].
-    pub fn new(file: Arc<Chpm<MappedFile>>, budgets: Budgets, gpu_room: Bytes) -> Result<Self, ViewerError> {
+    pub fn new(
+        file: Arc<Chpm<MappedFile>>,
+        tint: Tint,
+        budgets: Budgets,
+        gpu_room: Bytes,
+    ) -> Result<Self, ViewerError> {
         // The roots are never let go, so they have to fit.
         let attributes = file.header().attributes();
-        let colors = attributes.colors;
+        let colors = tint.is_there();
         let of_roots = |size: &dyn Fn(&ClusterRecord) -> u64| {
             file.roots().map(|root| size(&file.clusters()[root.index()])).sum::<u64>()
         };
@@ -114,6 +121,7 @@ impl Scene {
         let room = BLOCKS.0.min(budgets.memory.0 / 8).min(budgets.memory.0 - page_bytes.0);
         let memory = Bytes(budgets.memory.0 - room);
         let fetch = Fetch::new(Arc::clone(&file), READERS, memory)?;
+        fetch.set_tint(tint.clone());
         fetch.make_blocks(Bytes(room));
 
         Ok(Scene {
@@ -132,9 +140,15 @@ impl Scene {
             asked: vec![0; file.groups().len()],
             damage: None,
             damaged: Vec::new(),
+            tint,
             budgets: Budgets { memory, gpu_memory: gpu_room },
             file,
         })
+    }
+
+    /// Where the colours of vertices come from.
+    pub fn tint(&self) -> &Tint {
+        &self.tint
     }
 
     /// Asks for what a view wants, and lets go what it does not need; answers the bytes of the pages asked for.
@@ -305,7 +319,7 @@ impl Scene {
         let (file, pages) = (&*self.file, &self.pages);
 
         // A group may split where all of it is there, and one frame can send what it brings.
-        let colors = file.header().attributes().colors;
+        let colors = self.tint.is_there();
         let to_send = |clusters: &[u32]| {
             let clusters = clusters.iter().filter(|cluster| !sent(ClusterId(**cluster)));
             clusters.map(|cluster| gpu_bytes(&file.clusters()[*cluster as usize], colors)).sum::<u64>()

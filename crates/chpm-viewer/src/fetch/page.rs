@@ -56,12 +56,11 @@ impl PageData {
 
     /// Counts it, and makes the block too if there is room.
     pub(super) fn charged_to(mut self, shared: Arc<Shared>) -> Self {
-        let file = &shared.file;
-        let colors = file.header().attributes().colors;
+        let (file, tint) = (&shared.file, shared.tint());
         let record = &file.clusters()[self.cluster.index()];
-        let layout = Layout::new(record.vertex_count, record.triangle_count, colors);
+        let layout = Layout::new(record.vertex_count, record.triangle_count, tint.is_there());
         if shared.take_room(layout.vertex_bytes()) {
-            self.block = Mutex::new(Some(Block::of_page(&self.page())));
+            self.block = Mutex::new(Some(Block::tinted(&self.page(), tint)));
         }
         self.charged = Some(shared);
         self
@@ -69,7 +68,9 @@ impl PageData {
 
     /// Block for the GPU: made by the reader and handed out once, or made now.
     pub fn block(&self) -> Block {
-        self.take_block().unwrap_or_else(|| Block::of_page(&self.page()))
+        let tinted = |shared: &Arc<Shared>| Block::tinted(&self.page(), shared.tint());
+        let made = || self.charged.as_ref().map_or_else(|| Block::of_page(&self.page()), tinted);
+        self.take_block().unwrap_or_else(made)
     }
 
     fn take_block(&self) -> Option<Block> {

@@ -16,6 +16,7 @@ use crate::request::{Budgets, FrameRequest};
 use crate::scene::visibility::{Sight, Subject};
 use crate::scene::{Culling, News, Scene, gpu_bytes};
 use crate::stats::Stats;
+use crate::tint::Tint;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Bytes, ClusterId};
@@ -67,11 +68,11 @@ impl Model {
     }
 
     /// Main memory and GPU memory that a file needs for its roots, and that it could use.
-    pub(super) fn needs(file: &Chpm<MappedFile>) -> [Need; 2] {
+    pub(super) fn needs(file: &Chpm<MappedFile>, tint: &Tint) -> [Need; 2] {
         let attributes = file.header().attributes();
         let clusters = || file.clusters().iter();
         let pages = |of: &chpm_format::ClusterRecord| of.unpacked_len(attributes);
-        let blocks = |of: &chpm_format::ClusterRecord| gpu_bytes(of, attributes.colors);
+        let blocks = |of: &chpm_format::ClusterRecord| gpu_bytes(of, tint.is_there());
         let roots = || file.roots().map(|root| &file.clusters()[root.index()]);
         // An eighth is for blocks that wait, and what is left at the ends of slabs is lost.
         let (all, on_gpu) = (clusters().map(pages).sum::<u64>(), clusters().map(blocks).sum::<u64>());
@@ -84,17 +85,18 @@ impl Model {
     pub(super) fn new(
         gpu: &Gpu,
         file: Arc<Chpm<MappedFile>>,
+        tint: Tint,
         place: Place,
         budgets: Budgets,
     ) -> Result<Self, ViewerError> {
         // What the GPU can count on decides what the scene may ask for.
-        let colors = file.header().attributes().colors;
+        let colors = tint.is_there();
         let largest = file.clusters().iter().map(|cluster| gpu_bytes(cluster, colors)).max().unwrap_or(0);
         let (pipelines, occlusion) =
             gpu.attempt("preparing shaders", || (Pipelines::new(gpu, colors), Occlusion::new(gpu)))?;
         let clusters = file.clusters().len();
         let arena = Arena::new(gpu, &pipelines, clusters, budgets.gpu_memory, largest);
-        let scene = Scene::new(file, budgets, arena.capacity(largest))?;
+        let scene = Scene::new(file, tint, budgets, arena.capacity(largest))?;
         Ok(Model {
             scene,
             place,
@@ -111,7 +113,7 @@ impl Model {
     }
 
     pub(super) fn has_colors(&self) -> bool {
-        self.scene.file().header().attributes().colors
+        self.scene.tint().is_there()
     }
 
     fn bounds(&self) -> Aabb {

@@ -6,6 +6,7 @@
 //! whenever the position is another one ([`super::Arena::move_to`]), and are all that is written again.
 
 use super::facing::Facing;
+use crate::tint::Tint;
 use chpm_format::Page;
 use nalgebra::Vector3;
 
@@ -53,16 +54,21 @@ pub struct Block {
 }
 
 impl Block {
-    /// Makes the block of a page that was checked.
+    /// Makes the block of a page that was checked, in its own colours.
     pub fn of_page(page: &Page<'_>) -> Self {
+        Self::tinted(page, &Tint::own(page))
+    }
+
+    /// The same in other colours.
+    pub fn tinted(page: &Page<'_>, tint: &Tint) -> Self {
         let (vertices, triangles) = (page.positions.len() as u32, page.triangles.len() as u32);
-        let layout = Layout::new(vertices, triangles, !page.colors.is_empty());
+        let layout = Layout::new(vertices, triangles, tint.is_there());
         let own = if page.attributes().has_normals() { Vec::new() } else { facings(page) };
         let mut words = Vec::with_capacity((layout.vertex_bytes() / 4) as usize);
         for (vertex, [x, y, z]) in page.positions.iter().enumerate() {
             let facing = page.normal(vertex).map_or_else(|| own[vertex], Facing::of_normal);
             words.extend([x.to_bits(), y.to_bits(), z.to_bits(), facing.code()]);
-            words.extend(page.colors.get(vertex).map(|color| bytemuck::cast::<_, u32>(*color)));
+            words.extend(tint.color(page, vertex).map(bytemuck::cast::<[u8; 4], u32>));
         }
         debug_assert_eq!(4 * words.len() as u64, layout.vertex_bytes());
         Block { layout, words }

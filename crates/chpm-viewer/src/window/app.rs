@@ -242,10 +242,11 @@ impl App {
     fn open(&mut self, model: &Path, remembered: Option<Remembered>) -> Result<(), ViewerError> {
         let Some(canvas) = &self.canvas else { return Ok(()) };
         let Options { up, side, budgets, .. } = self.options;
+        let color_by = self.options.color_by.as_deref();
         let whole = Whole { up, side, aspect: self.aspect() };
         // The second model goes with the first one that is opened.
         let second = self.options.second.take();
-        let mut session = Session::open(&canvas.gpu, model, second.as_ref(), budgets, &whole)?;
+        let mut session = Session::open(&canvas.gpu, model, second.as_ref(), budgets, color_by, &whole)?;
         let name = model.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         canvas.window.set_title(&format!("{name} - chpm"));
         if let Some(remembered) = remembered {
@@ -521,6 +522,7 @@ impl App {
             recording: session.recorder.as_ref().map(Recorder::seconds),
             replaying: session.replay.as_ref().map(|replay| replay.progress()),
             can_replay: session.recorded.is_some(),
+            scalar: session.viewer.scalar(),
         };
         panel::show(context, &mut self.settings, &session.figures, &about)
     }

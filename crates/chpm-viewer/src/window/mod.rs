@@ -50,6 +50,8 @@ pub struct Options {
     pub adapter: AdapterChoice,
     /// How fine, whatever was remembered.
     pub accuracy: Option<Accuracy>,
+    /// A named scalar that colours show, in models that have it.
+    pub color_by: Option<String>,
     /// How light falls on triangles, whatever was remembered.
     pub shading: Option<Shading>,
     /// Upward axis, whatever was remembered; chosen by the model if not given.

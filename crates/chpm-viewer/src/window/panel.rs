@@ -3,11 +3,12 @@
 use crate::frame::heat;
 use crate::request::Coloring;
 use crate::stats::Stats;
+use crate::tint::viridis;
 use crate::window::figures::{Figures, count, digits, ms, percent};
 use crate::window::keys::Command;
 use crate::window::settings::{FRAME, POE, Settings, Smooth, TRIANGLES};
 use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET};
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Scalar};
 use chpm_refine::Up;
 use egui::{Align2, Color32, Id, Rect, RichText, Sense, Ui, vec2};
 
@@ -33,6 +34,8 @@ pub(super) struct About<'a> {
     /// The share of a replay that is done.
     pub(super) replaying: Option<f32>,
     pub(super) can_replay: bool,
+    /// The scalar that the model's own colours show.
+    pub(super) scalar: Option<&'a Scalar>,
 }
 
 /// Windows in which the panel would lie over the model: it is a button there until somebody wants it. Points.
@@ -272,6 +275,9 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
     if let Some(range) = last.scale {
         legend(ui, settings.colors, range);
     }
+    if let Some(scalar) = about.scalar.filter(|_| settings.colors == Coloring::Vertex) {
+        scalar_legend(ui, scalar);
+    }
 
     ui.horizontal(|ui| {
         ui.label(RichText::new("antialiasing").color(QUIET));
@@ -319,16 +325,27 @@ fn name(clip: u8) -> String {
     }
 }
 
-/// Legend of a scale of colours.
-fn legend(ui: &mut Ui, colors: Coloring, [least, most]: [f32; 2]) {
+/// A bar of colours, from that of 0 to that of 1.
+fn color_bar(ui: &mut Ui, color: impl Fn(f64) -> [u8; 3]) {
     let (bar, _) = ui.allocate_exact_size(vec2(WIDTH, 7.0), Sense::hover());
     let steps = 32;
     for step in 0..steps {
         let [from, to] = [step, step + 1].map(|x| bar.left() + bar.width() * x as f32 / steps as f32);
-        let [r, g, b] = heat(f64::from(step) / f64::from(steps - 1));
+        let [r, g, b] = color(f64::from(step) / f64::from(steps - 1));
         let piece = Rect::from_min_max(egui::pos2(from, bar.top()), egui::pos2(to, bar.bottom()));
         ui.painter().rect_filled(piece, 0.0, Color32::from_rgb(r, g, b));
     }
+}
+
+/// Legend of the colours of a scalar: its name and range.
+fn scalar_legend(ui: &mut Ui, Scalar { name, range, .. }: &Scalar) {
+    color_bar(ui, viridis);
+    ui.label(RichText::new(format!("{name}: {} to {}", range.low, range.high)).small().color(QUIET));
+}
+
+/// Legend of a scale of colours.
+fn legend(ui: &mut Ui, colors: Coloring, [least, most]: [f32; 2]) {
+    color_bar(ui, heat);
     let (name, number): (&str, fn(f32) -> String) = match colors {
         Coloring::Level => ("level", |level| format!("{level:.0}")),
         _ => ("error, units", |error| format!("{error:.3e}")),

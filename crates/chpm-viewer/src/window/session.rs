@@ -106,11 +106,12 @@ impl Session {
         path: &Path,
         second: Option<&Second>,
         budgets: Budgets,
+        color_by: Option<&str>,
         whole: &Whole,
     ) -> Result<Self, ViewerError> {
         let mut paths = vec![(path, second.map_or(Place::STILL, |second| second.first))];
         paths.extend(second.and_then(|second| Some((second.model.as_path(), *second.steps.first()?))));
-        let viewer = Viewer::open_all(Arc::clone(gpu), &paths, budgets)?;
+        let viewer = Viewer::open_colored(Arc::clone(gpu), &paths, budgets, color_by)?;
         let mut navigator = Navigator::new(&viewer.bounds(), viewer.origin());
         // What is damaged is told when it is drawn.
         let outline = viewer.outline().unwrap_or_default();

@@ -1,0 +1,115 @@
+//! Colours of vertices: those that the file has, or those of a named scalar by its range.
+
+use chpm_extmem::MappedFile;
+use chpm_format::{Chpm, Page};
+use chpm_mesh::{Scalar, scalar_places};
+use std::ops::Range;
+
+/// Stops of the colour map viridis (Smith and van der Walt), evenly apart.
+const VIRIDIS: [[u8; 3]; 9] = [
+    [0x44, 0x01, 0x54],
+    [0x47, 0x2d, 0x7b],
+    [0x3b, 0x52, 0x8b],
+    [0x2c, 0x72, 0x8e],
+    [0x21, 0x91, 0x8c],
+    [0x28, 0xae, 0x80],
+    [0x5e, 0xc9, 0x62],
+    [0xad, 0xdc, 0x30],
+    [0xfd, 0xe7, 0x25],
+];
+/// The colour of what is no number.
+const NONE: [u8; 3] = [128; 3];
+
+/// A colour of viridis, from 0 to 1.
+pub fn viridis(fraction: f64) -> [u8; 3] {
+    let last = VIRIDIS.len() - 1;
+    let place = fraction.clamp(0.0, 1.0) * last as f64;
+    let stop = (place as usize).min(last - 1);
+    let part = place - stop as f64;
+    let [low, high] = [stop, stop + 1].map(|stop| VIRIDIS[stop].map(f64::from));
+    [0, 1, 2].map(|channel| (low[channel] + part * (high[channel] - low[channel])).round() as u8)
+}
+
+/// A scalar that colours show, and the place of its words.
+#[derive(Clone, Debug)]
+struct Shown {
+    words: Range<usize>,
+    scalar: Scalar,
+}
+
+/// Where the colours of vertices come from.
+#[derive(Clone, Debug, Default)]
+pub struct Tint {
+    has_own: bool,
+    scalar: Option<Shown>,
+}
+
+impl Tint {
+    /// The colours of a file: by the scalar of a name if it has that, else its own.
+    pub fn of(file: &Chpm<MappedFile>, color_by: Option<&str>) -> Self {
+        let named = scalar_places(file.scalars()).find(|(_, scalar)| Some(&*scalar.name) == color_by);
+        let scalar = named.map(|(words, scalar)| Shown { words, scalar: scalar.clone() });
+        Tint { has_own: file.header().attributes().colors, scalar }
+    }
+
+    /// The file's own colours, where a page has some.
+    pub fn own(page: &Page<'_>) -> Self {
+        Tint { has_own: !page.colors.is_empty(), scalar: None }
+    }
+
+    /// Whether vertices have colours.
+    pub fn is_there(&self) -> bool {
+        self.has_own || self.scalar.is_some()
+    }
+
+    /// The scalar that colours show.
+    pub fn scalar(&self) -> Option<&Scalar> {
+        self.scalar.as_ref().map(|shown| &shown.scalar)
+    }
+
+    /// The colour of a vertex, if vertices have colours.
+    pub fn color(&self, page: &Page<'_>, vertex: usize) -> Option<[u8; 4]> {
+        let Some(Shown { words, scalar }) = &self.scalar else { return page.colors.get(vertex).copied() };
+        let value = scalar.kind.value(&page.scalars_of(vertex)[words.clone()]);
+        let [red, green, blue] = scalar.range.fraction(value).map_or(NONE, viridis);
+        Some([red, green, blue, 255])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_format::PageParts;
+    use chpm_mesh::{ScalarKind, ScalarRange, VertexSlices};
+
+    #[test]
+    fn values_go_from_dark_to_bright() {
+        assert_eq!([viridis(0.0), viridis(0.5), viridis(1.0)], [VIRIDIS[0], VIRIDIS[4], VIRIDIS[8]]);
+        let light = |step: u32| viridis(f64::from(step) / 64.0).iter().map(|c| u32::from(*c)).sum::<u32>();
+        assert!((1..=64).all(|step| light(step) + 12 > light(step - 1)));
+    }
+
+    #[test]
+    fn a_vertex_has_the_colour_of_its_value() {
+        let mut scalar = Scalar::new("quality", ScalarKind::Float64);
+        scalar.range = ScalarRange { low: -1.0, high: 3.0, count: 2 };
+        let mut words = Vec::new();
+        for value in [-1.0, f64::NAN, 3.0] {
+            words.push(7);
+            scalar.kind.put(value, &mut words);
+        }
+        let vertices = VertexSlices {
+            scalars: &words,
+            ..VertexSlices::new(&[[0.0, 0.0, 0.5], [2.0, 0.0, 0.5], [2.0, 2.0, 0.5]])
+        };
+        let parts = PageParts { vertices, triangles: &[[0, 1, 2]], ..PageParts::default() };
+        let mut page = Vec::new();
+        parts.encode(&mut page).unwrap();
+        let page = Page::parse(&page).unwrap();
+        let tint = Tint { has_own: false, scalar: Some(Shown { words: 1..3, scalar }) };
+        let opaque = |[r, g, b]: [u8; 3]| Some([r, g, b, 255]);
+        let colors = [0, 1, 2].map(|vertex| tint.color(&page, vertex));
+        assert_eq!(colors, [opaque(VIRIDIS[0]), opaque(NONE), opaque(VIRIDIS[8])]);
+        assert_eq!((Tint::own(&page).is_there(), Tint::own(&page).color(&page, 0)), (false, None));
+    }
+}
