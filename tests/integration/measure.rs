@@ -123,6 +123,7 @@ pub(super) fn leaf_with(mesh: &TriMesh, targets: &[u16], errors: &[f32], gaps: G
         clusters: vec![record],
         members: vec![0],
         levels: vec![LevelRecord::default()],
+        scalars: Vec::new(),
         metadata: Metadata::default(),
     };
     let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).expect("a head");

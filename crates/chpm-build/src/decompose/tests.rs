@@ -38,6 +38,7 @@ fn source(mesh: &TriMesh, store: &Store) -> Source {
         tally: Tally::default(),
         small: None,
         warnings: Vec::new(),
+        scalars: Vec::new(),
         provenance: Provenance::default(),
     }
 }

@@ -25,7 +25,7 @@ fn source(triangles: u64) -> (TriMesh, Vec<Scalar>) {
     let scalars = KEPT.map(|(name, kind)| Scalar::new(name, kind)).to_vec();
     for vertex in 0..mesh.positions.len() as u32 {
         let number = f64::from(vertex);
-        let values = [number * 0.25 - 7.0, number.sqrt(), f64::from(vertex % 251), -number];
+        let values = [number * 0.25 - 7.0, number.sqrt(), f64::from(vertex % 251), 7.0 - number];
         KEPT.iter().zip(values).for_each(|((_, kind), value)| kind.put(value, &mut mesh.vertices.scalars));
         if vertex % 10 == 3 {
             let row = mesh.scalars.len() - 6;
@@ -89,7 +89,7 @@ fn every_level_has_the_bits_of_the_source() {
         let (_, raw) = site.build(&keeping(64));
         holds(&raw, &mesh);
         let count = mesh.positions.len() as u64;
-        let range = ScalarRange { low: 1.0 - count as f64, high: 0.0, count };
+        let range = ScalarRange { low: 8.0 - count as f64, high: 7.0, count };
         assert_eq!(raw.scalars()[3], Scalar { range, ..scalars[3].clone() });
         let numbers = (0..count).filter(|vertex| vertex % 10 != 3).count() as u64;
         assert_eq!(raw.scalars()[0].range.count, numbers);

@@ -170,6 +170,7 @@ impl Cluster {
         shared.sort_unstable();
         let parts = PageParts {
             vertices: VertexSlices {
+                scalars: &[],
                 positions: &vertices.iter().copied().map(position).collect::<Vec<_>>(),
                 normals: &vertices.iter().copied().map(normal).collect::<Vec<_>>(),
                 octahedral: &[],

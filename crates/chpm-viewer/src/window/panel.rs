@@ -417,6 +417,7 @@ mod tests {
             recording: Some(1234.5),
             replaying: Some(0.5),
             can_replay: true,
+            scalar: None,
         };
         let raw = egui::RawInput {
             screen_rect: Some(Rect::from_min_size(egui::Pos2::ZERO, size)),
