@@ -59,7 +59,7 @@ impl Source {
         mut tell: impl FnMut(u64),
     ) -> Result<Self, VerifyError> {
         let invalid = if drops { Invalid::Drop } else { Invalid::Refuse };
-        let options = Options { invalid, normals: false, colors: false };
+        let options = Options { invalid, normals: false, colors: false, ..Options::default() };
         let mut input = Input::open(path, options, store, cancel)?;
         let coordinates = input.vertex_format().coordinates;
 
