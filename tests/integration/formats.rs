@@ -115,6 +115,59 @@ fn every_format_holds_the_same_triangles() {
 }
 
 #[test]
+fn every_mesh_file_that_is_written_is_read_back() {
+    let (folder, _) = colored();
+    let sorted = |mesh: &TriMesh| {
+        let vertices = mesh.positions.iter().zip(&mesh.colors);
+        let mut all: Vec<_> = vertices.map(|(p, color)| (p.map(f32::to_bits), *color)).collect();
+        all.sort_unstable();
+        all
+    };
+    for wanted in ["--level 0", "--triangles 900"] {
+        folder.stdout(&format!("extract in.chpm {wanted} -o out.ply -qf"));
+        let expected = folder.read_mesh("out.ply");
+        for (name, more) in [
+            ("a.ply", ""),
+            ("text.ply", "--ascii"),
+            ("a.stl", ""),
+            ("text.stl", "--ascii"),
+            ("a.obj", ""),
+            ("a.glb", ""),
+            ("packed.glb", "--meshopt"),
+        ] {
+            folder.stdout(&format!("extract in.chpm {wanted} -o {name} {more} -qf"));
+            let mesh = read(&folder, name);
+            assert_eq!(triangles(&mesh), triangles(&expected), "{wanted} {name}");
+            if !name.ends_with("stl") {
+                assert_eq!(sorted(&mesh), sorted(&expected), "{wanted} {name}");
+                assert_eq!(mesh.normals.len(), mesh.positions.len(), "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn coordinates_far_from_zero_come_back_by_every_format() {
+    let folder = Folder::new();
+    folder.write(
+        "far.obj",
+        "v 500000.25 5800000.125 0\nv 500001.5 5800000 0\nv 500000 5800001.75 1\nf 1 2 3\n",
+    );
+    folder.stdout("build far.obj -q");
+    for (name, more) in
+        [("a.ply", ""), ("a.stl", "--ascii"), ("a.obj", ""), ("a.glb", ""), ("b.glb", "--meshopt")]
+    {
+        folder.stdout(&format!("extract far.chpm --level 0 -q {more} -f -o {name}"));
+        folder.stdout(&format!("build {name} -o back.chpm -qf"));
+        folder.stdout("extract back.chpm --level 0 -qf --ascii -o back.stl");
+        let text = text(&folder.read("back.stl"));
+        for corner in ["500000.25 5800000.125 0", "500001.5 5800000 0", "500000 5800001.75 1"] {
+            assert!(text.contains(corner), "{name}: {text}");
+        }
+    }
+}
+
+#[test]
 fn names_and_options_choose_the_format() {
     let (folder, _) = colored();
     let begins = |words: &str, name: &str, magic: &[u8]| {

@@ -2,23 +2,24 @@
 
 use crate::{Column, ExtmemError};
 use bytemuck::Pod;
+use std::borrow::Borrow;
 
 /// Elements of a block that is read at once where not all are in memory, and how many blocks are kept.
 const BLOCK: usize = 256;
 const BLOCKS: usize = 1 << 10;
 
 /// A column with some of its blocks in memory, if it is on disk.
-pub struct Cached<T: Pod> {
-    column: Column<T>,
+pub struct Cached<T: Pod, C: Borrow<Column<T>> = Column<T>> {
+    column: C,
     /// Which block is held where, and its elements.
     blocks: Vec<(usize, Vec<T>)>,
 }
 
-impl<T: Pod> Cached<T> {
+impl<T: Pod, C: Borrow<Column<T>>> Cached<T, C> {
     /// Nothing is read yet.
-    pub fn new(column: Column<T>) -> Self {
+    pub fn new(column: C) -> Self {
         let mut blocks = Vec::new();
-        if column.is_on_disk() {
+        if column.borrow().is_on_disk() {
             blocks.resize_with(BLOCKS, || (usize::MAX, Vec::new()));
         }
         Cached { column, blocks }
@@ -29,10 +30,11 @@ impl<T: Pod> Cached<T> {
     /// # Errors
     /// Those of the disk.
     pub fn get(&mut self, at: usize) -> Result<Option<T>, ExtmemError> {
-        if at >= self.column.len() {
+        let column = self.column.borrow();
+        if at >= column.len() {
             return Ok(None);
         }
-        if let Some(all) = self.column.as_slice() {
+        if let Some(all) = column.as_slice() {
             return Ok(Some(all[at]));
         }
         let block = at / BLOCK;
@@ -40,10 +42,8 @@ impl<T: Pod> Cached<T> {
         if *held != block {
             // A block that fails to be read must not be taken for one that was.
             *held = usize::MAX;
-            let range = block * BLOCK..self.column.len().min((block + 1) * BLOCK);
-            elements.clear();
-            let mut scratch = Vec::new();
-            elements.extend_from_slice(self.column.read(range, &mut scratch)?);
+            let range = block * BLOCK..column.len().min((block + 1) * BLOCK);
+            column.read(range, elements)?;
             *held = block;
         }
         Ok(Some(elements[at % BLOCK]))

@@ -89,6 +89,9 @@ pub enum ImportError {
     /// A list of range scans without one.
     #[error("no 'bmesh' line: this list names no range scan")]
     NoScans,
+    /// A text that is no JSON, or not that of a glTF.
+    #[error("its JSON is not that of a glTF: {0}")]
+    Json(String),
     /// A file of a format that is read, in a variant of it that is not.
     #[error("{0}")]
     Unsupported(String),

@@ -21,9 +21,8 @@ const UNPACK: &str = "unpack it and name the mesh in it";
 const NO_MESH: &str = "name a mesh";
 
 /// First bytes of formats, their names, and remedies.
-const MAGICS: [(&[u8], &str, &str); 43] = [
+const MAGICS: [(&[u8], &str, &str); 42] = [
     (b"\x89CHPM", "a .chpm file, which is built already", "look at it with chpm info or chpm view"),
-    (b"glTF", "a GLB (binary glTF)", CONVERT),
     (b"Kaydara FBX Binary", "an FBX scene", CONVERT),
     (b"; FBX", "an FBX scene as text", CONVERT),
     (b"BLENDER", "a Blender file", "export it from Blender as PLY or OBJ"),
@@ -117,9 +116,7 @@ fn of_text(head: &[u8], input: &Start<'_>) -> Option<Foreign> {
     let line = first_line(head);
     let first = words(line).next().unwrap_or_default();
     if head.trim_ascii_start().first() == Some(&b'{') {
-        let is_gltf = has(head, b"\"asset\"") || input.is_named("gltf");
-        let what = if is_gltf { "glTF" } else { "JSON" };
-        return named(what, CONVERT);
+        return if Format::is_likely(input) { None } else { named("JSON", CONVERT) };
     }
     if first.starts_with(b"<") {
         let xml = [
@@ -180,10 +177,9 @@ mod tests {
     #[test]
     fn what_is_not_read_is_named() {
         let tar = [&[b'a'; 257][..], b"ustar\0"].concat();
-        let cases: [(&[u8], Option<&str>, &str); 16] = [
+        let cases: [(&[u8], Option<&str>, &str); 15] = [
             (b"", Some("stl"), "an empty file"),
-            (b"glTF\x02\0\0\0", Some("glb"), "a GLB (binary glTF)"),
-            (b" {\"asset\": {\"version\": \"2.0\"}}", None, "glTF"),
+            (b" {\"version\": \"2.0\"}", Some("obj"), "JSON"),
             (b"PK\x03\x04....3D/3dmodel.model", None, "a 3MF model"),
             (b"PK\x03\x04....[Content_Types].xml", Some("3mf"), "a 3MF model"),
             (b"PK\x03\x04....scan.ply", None, "a ZIP archive"),
@@ -213,7 +209,7 @@ mod tests {
         let mut stl = b"glTF".to_vec();
         stl.resize(80, b' ');
         stl.extend([0; 4]);
-        let cases: [(&[u8], Option<&str>); 11] = [
+        let cases: [(&[u8], Option<&str>); 13] = [
             (b"ply\nformat", None),
             (b"ply", None),
             (&stl, None),
@@ -222,6 +218,8 @@ mod tests {
             (b"o\nv 0 0 0", None),
             (b"bmesh a.ply 0 0 0 0 0 0 1", None),
             (b"\xef\xbb\xbfOFF\n8 6 0\n", None),
+            (b"glTF\x02\0\0\0", None),
+            (b" {\"asset\": {\"version\": \"2.0\"}}", None),
             (b"# made by hand\nSTCNOFF\n8 6 0\n", None),
             // What these readers say of it is more.
             (&[0x01; 90], Some("stl")),

@@ -4,13 +4,14 @@ use super::lines::words;
 use crate::error::ImportError;
 use crate::reader::{MeshReader, Opening, Start};
 use crate::stream::Stream;
-use crate::{conf, obj, off, ply, stl};
+use crate::{conf, gltf, obj, off, ply, stl};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// All formats that are read. What an input is, is asked in this order; the first is the answer where nothing else fits, since its
 /// reader says best what is wrong.
-pub static FORMATS: &[Format] = &[ply::FORMAT, stl::FORMAT, conf::FORMAT, obj::FORMAT, off::FORMAT];
+pub static FORMATS: &[Format] =
+    &[ply::FORMAT, stl::FORMAT, gltf::FORMAT, conf::FORMAT, obj::FORMAT, off::FORMAT];
 
 /// Extensions of compressed files, which come behind those of formats.
 pub const COMPRESSED: [&str; 2] = ["gz", "zst"];
@@ -54,6 +55,11 @@ impl Format {
     /// Whether an input has what no other format has.
     pub(crate) fn is_certain(start: &Start<'_>) -> bool {
         FORMATS.iter().any(|format| (format.sniff)(start) == Likeness::Certain)
+    }
+
+    /// Whether an input begins as one of a format that is read does.
+    pub(crate) fn is_likely(start: &Start<'_>) -> bool {
+        FORMATS.iter().any(|format| (format.sniff)(start) != Likeness::None)
     }
 
     /// Whether this is the one that is the answer where nothing else fits.

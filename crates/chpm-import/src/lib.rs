@@ -14,6 +14,7 @@ mod conf;
 mod error;
 mod foreign;
 mod format;
+mod gltf;
 pub mod input;
 mod lines;
 mod obj;

@@ -3,14 +3,11 @@
 use crate::context::Context;
 use crate::error::BuildError;
 use bytemuck::Pod;
-use chpm_extmem::{BufferWriter, Column, Store};
+use chpm_extmem::{BufferWriter, Cached, Column, Store};
 use chpm_import::{Triangulator, polygon};
 
 /// Numbers of polygons that are read at once; a larger polygon is read by itself.
 const WINDOW: usize = 1 << 16;
-/// Vertices of a block that is read at once where not all are in memory, and how many blocks are kept.
-const BLOCK: usize = 256;
-const BLOCKS: usize = 1 << 10;
 
 /// The polygons of a source, as [`chpm_import::Polygons`] has them.
 pub(super) struct Faces(BufferWriter<u32>);
@@ -33,7 +30,7 @@ impl Faces {
         mut take: impl FnMut(&[[u32; 3]]) -> Result<(), BuildError>,
     ) -> Result<u64, BuildError> {
         let words = self.0.finish_column()?;
-        let mut positions = Places::new(positions);
+        let mut positions = Cached::new(positions);
         let (mut triangulator, mut triangles, mut degenerate) = (Triangulator::default(), Vec::new(), 0);
         let (mut at, mut scratch, mut corner_positions) = (0, Vec::new(), Vec::new());
 
@@ -50,7 +47,9 @@ impl Faces {
                 corner_positions.clear();
                 if corners.len() <= Triangulator::EARS {
                     for corner in corners {
-                        corner_positions.push(positions.get(*corner)?);
+                        // Zero if there is none, as it is for all that comes after.
+                        let position = positions.get(*corner as usize)?;
+                        corner_positions.push(position.map_or([0.0; 3], |p| p.map(Into::into)));
                     }
                 }
                 degenerate += triangulator.cut(corners, &corner_positions, &mut triangles);
@@ -60,43 +59,5 @@ impl Faces {
             triangles.clear();
         }
         Ok(degenerate)
-    }
-}
-
-/// Positions by vertex: those of the last faces are likely to be asked for again.
-struct Places<'a, T: Pod> {
-    column: &'a Column<[T; 3]>,
-    /// Which block is held where, and its positions.
-    blocks: Vec<(usize, Vec<[T; 3]>)>,
-}
-
-impl<'a, T: Pod + Into<f64>> Places<'a, T> {
-    fn new(column: &'a Column<[T; 3]>) -> Self {
-        let mut blocks = Vec::new();
-        if column.is_on_disk() {
-            blocks.resize_with(BLOCKS, || (usize::MAX, Vec::new()));
-        }
-        Places { column, blocks }
-    }
-
-    /// The position of a vertex; zero if there is none, as it is for all that comes after.
-    fn get(&mut self, vertex: u32) -> Result<[f64; 3], BuildError> {
-        let at = vertex as usize;
-        if at >= self.column.len() {
-            return Ok([0.0; 3]);
-        }
-        if let Some(all) = self.column.as_slice() {
-            return Ok(all[at].map(Into::into));
-        }
-        let block = at / BLOCK;
-        let (held, places) = &mut self.blocks[block % BLOCKS];
-        if *held != block {
-            // A block that fails to be read must not be taken for one that was.
-            *held = usize::MAX;
-            let range = block * BLOCK..self.column.len().min((block + 1) * BLOCK);
-            self.column.read(range, places)?;
-            *held = block;
-        }
-        Ok(places[at % BLOCK].map(Into::into))
     }
 }
