@@ -1,6 +1,7 @@
 //! A mesh as a file, in every format that is read and in the odder ways of writing each.
 
 use crate::draw::Draw;
+use crate::gltf;
 use crate::model::Model;
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -17,11 +18,13 @@ pub(crate) struct Source {
 }
 
 pub(crate) fn write(model: &Model, draw: &mut Draw<'_>) -> Source {
-    let (name, bytes) = match draw.below(10) {
+    let (name, bytes) = match draw.below(14) {
         0..=4 => ("mesh.ply", ply(model, draw)),
         5 => ("mesh.stl", stl_binary(model, draw)),
         6 => ("mesh.stl", stl_text(model, draw)),
         7 | 8 => ("mesh.obj", obj(model, draw)),
+        9 | 10 => ("mesh.off", off(model, draw)),
+        11 | 12 => return gltf::write(model, draw),
         _ => return scans(model, draw),
     };
     Source { name: name.to_owned(), bytes, beside: vec![] }
@@ -245,6 +248,46 @@ fn obj(model: &Model, draw: &mut Draw<'_>) -> Vec<u8> {
         text += end;
     }
     text.into_bytes()
+}
+
+fn off(model: &Model, draw: &mut Draw<'_>) -> Vec<u8> {
+    let (normals, colors, is_binary) = (!model.normals.is_empty(), !model.colors.is_empty(), draw.once_in(3));
+    let texture = draw.once_in(8);
+    let prefix = [(texture, "ST"), (colors, "C"), (normals, "N")];
+    let prefix: String = prefix.iter().filter(|(is, _)| *is).map(|(_, name)| *name).collect();
+    let end = draw.pick(&["\n", "\r\n", "\r"]);
+    let lie = if draw.once_in(12) { draw.odd_integer() as usize } else { 0 };
+    let counts = [model.positions.len().wrapping_add(lie), model.faces.len().wrapping_add(lie >> 1), 0];
+    let encoding = if is_binary { Encoding::Big } else { Encoding::Text };
+    let mut out = format!("{prefix}OFF{}{end}", if is_binary { " BINARY" } else { "" }).into_bytes();
+    if !is_binary && draw.once_in(3) {
+        out.extend(format!("# odd{end}{end}").bytes());
+    }
+
+    let row = |out: &mut Vec<u8>, ty: &str, numbers: &[f64]| {
+        numbers.iter().for_each(|x| put(out, encoding, ty, *x));
+        if !is_binary {
+            out.extend(end.bytes());
+        }
+    };
+    row(&mut out, "int", &counts.map(|count| count as f64));
+    let share = f64::from(draw.pick(&[1_u8, 255]));
+    let coordinate = if is_binary { "float" } else { "double" };
+    for (i, position) in model.positions.iter().enumerate() {
+        let mut numbers = position.to_vec();
+        numbers.extend(model.normals.get(i).into_iter().flatten().map(|x| f64::from(*x)));
+        numbers.extend(model.colors.get(i).into_iter().flatten().map(|x| f64::from(*x) / share));
+        numbers.extend(texture.then_some([0.5, 2.0]).into_iter().flatten());
+        row(&mut out, coordinate, &numbers);
+    }
+    for (i, face) in model.faces.iter().enumerate() {
+        let mut numbers = vec![face.len() as f64];
+        numbers.extend(face.iter().map(|v| *v as f64));
+        numbers.extend(is_binary.then_some(0.0));
+        numbers.extend((!is_binary && i % 9 == 8).then_some(7.0));
+        row(&mut out, "int", &numbers);
+    }
+    out
 }
 
 /// A list that names one mesh several times, or a scan as a grid.

@@ -14,6 +14,7 @@ mod command;
 mod container;
 mod dialect;
 mod draw;
+mod gltf;
 mod judge;
 mod model;
 mod settings;
