@@ -161,7 +161,7 @@ fn coordinates_far_from_zero_come_back_by_every_format() {
         folder.stdout(&format!("build {name} -o back.chpm -qf"));
         folder.stdout("extract back.chpm --level 0 -qf --ascii -o back.stl");
         let text = text(&folder.read("back.stl"));
-        for corner in ["500000.25 5800000.125 0", "500001.5 5800000 0", "500000 5800001.75 1"] {
+        for corner in ["500000.25 5800000.125 0.0", "500001.5 5800000.0 0.0", "500000.0 5800001.75 1.0"] {
             assert!(text.contains(corner), "{name}: {text}");
         }
     }

@@ -235,7 +235,8 @@ impl GltfReader {
             if let Some(normals) = &mut delivery.normals {
                 let sum = normals.sum(vertex)?;
                 self.blended += u64::from(sum.is_some());
-                let own = finite(window.normals[at]);
+                // Vertices that no triangle has may have none.
+                let own = finite(window.normals.get(at).copied().unwrap_or_default());
                 self.tally.zeroed_normals += u64::from(own.is_none());
                 batch.vertices.normals.push(sum.or(own).unwrap_or_default());
             }

@@ -34,6 +34,7 @@ use crate::stream::Stream;
 use document::Document;
 use mesh::GltfReader;
 use parts::Parts;
+use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use views::{Region, Scratch, Views};
@@ -123,11 +124,11 @@ fn files(mut stream: Stream, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
 
 /// The files of buffers, each once.
 fn named(document: &Document, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
-    let mut files = Vec::new();
+    let (mut files, mut seen) = (Vec::new(), BTreeSet::new());
     for uri in document.buffers.iter().filter_map(|buffer| buffer.uri.as_deref()) {
         if !uri.starts_with("data:") {
             let file = views::beside(uri, path)?;
-            if !files.contains(&file) {
+            if seen.insert(file.clone()) {
                 files.push(file);
             }
         }

@@ -185,6 +185,10 @@ impl Part {
                 Some(set) => *set,
                 None => {
                     let set = VertexSet::open(key, part.vertices, document, views)?;
+                    // Nothing of it is to be walked over, however often it is placed.
+                    if set.positions.count == 0 {
+                        continue;
+                    }
                     part.vertices = part.vertices.saturating_add(set.positions.count);
                     part.sets.push(set);
                     sets.insert(key, part.sets.len() - 1);
@@ -197,6 +201,9 @@ impl Part {
                 return Err(refused("its indices are neither bytes, nor words, nor integers, without sign"));
             }
             let corners = indices.as_ref().map_or(part.sets[set].positions.count, |indices| indices.count);
+            if corners < 3 {
+                continue;
+            }
             left_out.primitives += 1;
             left_out.with_normals += u64::from(normal.is_some());
             left_out.with_colors += u64::from(color.is_some());

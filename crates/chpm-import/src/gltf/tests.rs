@@ -515,6 +515,18 @@ fn invalid_data_is_refused_or_left_out() {
 }
 
 #[test]
+fn vertices_without_triangles_need_no_normals() {
+    let mut made = Made::new();
+    let (positions, normals) = (made.floats(&SQUARE[..3]), made.floats(&[[0.0, 0.0, 1.0]; 3]));
+    let others = made.floats(&[SQUARE[3], SQUARE[0]]);
+    made.list("meshes").push(json!({ "primitives": [
+        { "attributes": { "POSITION": positions, "NORMAL": normals } }, { "attributes": { "POSITION": others } },
+    ] }));
+    made.node(json!({ "mesh": 0 }));
+    assert_eq!(read(&made.glb()).normals, [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0; 3]]);
+}
+
+#[test]
 fn nodes_may_be_nested_deeply() {
     let mut made = Made::soup(&SQUARE[..3]);
     let depth = 100_000;
