@@ -90,7 +90,7 @@ fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
     };
     let data = (&scratch.finish()?, &text.payloads[..]);
     let mut views = Views::open(&document, binary.as_ref(), data, &supply.path, (store, cancel))?;
-    let parts = Parts::new(&document, &mut views, options)?;
+    let parts = Parts::new(&document, &mut views, &options)?;
     drop(views);
     drop(document);
     let encoding = if is_glb { "gltf, binary" } else { "gltf, json" };

@@ -81,7 +81,7 @@ impl Parts {
     pub(super) fn new(
         document: &Document,
         views: &mut Views<'_>,
-        options: Options,
+        options: &Options,
     ) -> Result<Parts, ImportError> {
         let (mut instances, mut warnings) = instances(document)?;
         let mut meshes = Vec::new();
@@ -164,7 +164,7 @@ impl Part {
         mesh: &Mesh,
         document: &Document,
         views: &mut Views<'_>,
-        options: Options,
+        options: &Options,
         left_out: &mut LeftOut,
     ) -> Result<Part, ImportError> {
         let (mut part, mut sets) = (Part::default(), BTreeMap::new());

@@ -49,7 +49,7 @@ fn try_read(bytes: &[u8], options: Options) -> Result<(Read, SourceInfo), String
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.glb");
     fs::write(&path, bytes).unwrap();
-    let read = read_file(&path, options, 1 << 30)?;
+    let read = read_file(&path, options.clone(), 1 << 30)?;
     // No budget shows in what is read.
     let (again, _) = read_file(&path, options, 0).unwrap();
     assert_eq!(read.0, again);
