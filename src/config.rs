@@ -11,7 +11,6 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::fs;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// The name of a file beside the models.
@@ -101,10 +100,7 @@ pub(crate) fn text(path: &Path, most: Bytes) -> Result<String> {
         fs::metadata(path).with_context(told)?.is_file(),
         "'{name}' is no regular file; save what it holds as one"
     );
-    let mut text = Vec::new();
-    fs::File::open(path).and_then(|file| file.take(most.0 + 1).read_to_end(&mut text)).with_context(told)?;
-    ensure!(text.len() as u64 <= most.0, "'{name}' is longer than {most}: is it another file?");
-    String::from_utf8(text).with_context(|| format!("'{name}' is no text"))
+    chpm_extmem::read_text(path, most.0).with_context(told)
 }
 
 /// `--name=value` and `--name` as names and values.

@@ -259,6 +259,7 @@ impl<'m, 'a> Ready<'m, 'a> {
             "output": output.display().to_string(),
             "format": self.target.format.name(),
             "triangles": self.mesh.triangle_count(),
+            "coincident": self.mesh.coincident_count(),
             "vertices": self.mesh.vertex_count(),
             "error": self.bounds.error,
             "distance": self.bounds.distance,
@@ -342,8 +343,12 @@ pub(crate) fn told(output: &Path, mesh: &Extraction<'_, MappedFile>, bounds: Bou
         true => format!(" ({} to what has vanished)", AtMost(distance.into())),
         false => String::new(),
     };
+    let coincident = match mesh.coincident_count() {
+        0 => String::new(),
+        count => format!(", {} of them on others", crate::report::count(count)),
+    };
     format!(
-        "{}: {}, {}, error {} {unit}{vanished}",
+        "{}: {}{coincident}, {}, error {} {unit}{vanished}",
         output.display(),
         Counted(mesh.triangle_count(), "triangle"),
         Counted(mesh.vertex_count().into(), "vertex"),

@@ -1,11 +1,13 @@
 //! Cameras and images on the command line.
 
 use crate::number;
-use anyhow::{Context, Result};
-use chpm_extmem::MappedFile;
+use anyhow::{Context, Result, ensure};
+use chpm_extmem::{MappedFile, read_text};
 use chpm_format::Chpm;
-use chpm_refine::{Camera, View};
+use chpm_mesh::Bytes;
+use chpm_refine::{Camera, CameraPath, View};
 use std::fmt;
+use std::path::Path;
 use std::str::FromStr;
 
 /// The image and what is allowed in it, but for the pixels of error.
@@ -27,6 +29,18 @@ impl ImageArgs {
         let told = || format!("cannot look at '{}' so", file.get_ref().path().display());
         Ok(view.with_context(told)?.with_culling(self.cull))
     }
+}
+
+/// Most bytes of a file of cameras.
+const MOST_PATH: Bytes = Bytes::mib(64);
+
+/// A file of cameras.
+pub(crate) fn read_path(path: &Path) -> Result<CameraPath> {
+    let name = path.display();
+    let text = read_text(path, MOST_PATH.0).with_context(|| format!("cannot read '{name}'"))?;
+    let path: CameraPath = text.parse().with_context(|| format!("cannot read '{name}'"))?;
+    ensure!(!path.cameras.is_empty(), "'{name}' has no camera; make a path with chpm path");
+    Ok(path)
 }
 
 /// The camera that looks at a whole model, in the source's coordinates.

@@ -44,10 +44,14 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let file = open(&args.file)?;
     let other = args.compare.as_deref().map(open).transpose()?;
-    let own: u64 = std::iter::once(&file).chain(&other).map(memory_of).sum();
-    memory::divide(&file, args.memory.memory(), own)?;
-    if let Some(other) = &other {
-        memory::divide(other, args.memory.memory(), own)?;
+    let memory = args.memory.memory();
+    match &other {
+        Some(other) => {
+            memory::divide_among([(&file, memory_of(&file)), (other, memory_of(other))], memory)?;
+        }
+        None => {
+            memory::divide(&file, memory, memory_of(&file))?;
+        }
     }
     let mut inputs = vec![args.file.as_path()];
     inputs.extend(args.compare.as_deref().into_iter().chain(args.built.as_deref()));

@@ -20,7 +20,6 @@ use chpm_extmem::{Store, WorkDir};
 use chpm_import::input;
 use chpm_import::ply::{Encoding, write_mesh};
 use chpm_mesh::{Bytes, Counted};
-use chpm_refine::CameraPath;
 use chpm_verify::against::each_corners;
 use chpm_viewer::window::remember::Memory;
 use chpm_viewer::window::{self, Options, Outcome, Prepare};
@@ -88,7 +87,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         output::SCREENSHOT.check(path)?;
         chpm_extmem::target(path, args.force)?;
     }
-    let path = args.path.as_deref().map(read_path).transpose()?;
+    let path = args.path.as_deref().map(view::read_path).transpose()?;
+    for model in args.model.iter().chain(&args.second) {
+        fs::metadata(model).with_context(|| format!("cannot open '{}'", model.display()))?;
+    }
 
     // A mesh is built in the window, but first where a script or a share of its triangles needs it.
     let share = matches!(args.triangles, Some(Triangles::Percent(_)));
@@ -192,14 +194,6 @@ fn tell(outcome: &Outcome) -> Result<()> {
         writeln!(out, "at rest: complete after {seconds:.2} s")?;
     }
     Ok(out.flush()?)
-}
-
-fn read_path(path: &Path) -> Result<CameraPath> {
-    let name = path.display();
-    let text = fs::read_to_string(path).with_context(|| format!("cannot read '{name}'"))?;
-    let path: CameraPath = text.parse().with_context(|| format!("cannot read '{name}'"))?;
-    ensure!(!path.cameras.is_empty(), "'{name}' has no camera; make a path with chpm path");
-    Ok(path)
 }
 
 /// Where the file of a mesh is.

@@ -12,15 +12,14 @@ use crate::progress::{Meter, line};
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, FormatError, PageBuf};
 use chpm_mesh::{Bytes, ClusterId, Counted};
-use chpm_refine::{ActiveList, CameraPath, Changes, Front, Hierarchy, Pager, PmCursor, View, is_visible};
+use chpm_refine::{ActiveList, Changes, Front, Hierarchy, Pager, PmCursor, View, is_visible};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::collections::VecDeque;
-use std::fs;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -129,7 +128,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 fn follow(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let (csv, mut out) = args.tell.open(output::WALK_CSV, &[&args.file, &args.path])?;
-    let path = read_path(args)?;
+    let path = view::read_path(&args.path)?;
     let meter = Meter::new(args.tell.quiet);
     meter.start("walk", path.cameras.len() as u64);
     let mut walk = Walk::new(file, args)?;
@@ -170,7 +169,7 @@ fn draw(args: &Args, stop: &Stop) -> Result<Verdict> {
     let walk = picture::walk::Walk {
         file: &args.file,
         path_file: &args.path,
-        path: &read_path(args)?,
+        path: &view::read_path(&args.path)?,
         viewport: args.image.viewport.0,
         poe: args.poe,
         memory: args.memory,
@@ -187,14 +186,6 @@ fn draw(args: &Args, stop: &Stop) -> Result<Verdict> {
     let verdict = picture::proof::run(&walk, &args.pictures.device, &cancel, &mut out)?;
     out.flush()?;
     Ok(verdict)
-}
-
-fn read_path(args: &Args) -> Result<CameraPath> {
-    let name = args.path.display();
-    let text = fs::read_to_string(&args.path).with_context(|| format!("cannot read '{name}'"))?;
-    let path: CameraPath = text.parse().with_context(|| format!("cannot read '{name}'"))?;
-    ensure!(!path.cameras.is_empty(), "'{name}' has no camera; make a path with chpm path");
-    Ok(path)
 }
 
 /// A viewer without pictures: the active clusters, each with a mesh that follows its position, and the pages that it would have in memory.

@@ -1,8 +1,9 @@
 //! Poses as they are typed, and files of them.
 
 use anyhow::{Context, Result, anyhow, ensure};
+use chpm_extmem::read_text;
+use chpm_mesh::Bytes;
 use chpm_proximity::Pose;
-use std::fs;
 use std::path::Path;
 
 /// A pose from the command line.
@@ -31,10 +32,13 @@ pub(crate) fn typed(text: &str) -> Result<Pose, String> {
     pose.map_err(|error| error.to_string())
 }
 
+/// Most bytes of a file of poses.
+const MOST: Bytes = Bytes::mib(64);
+
 /// A file of poses, one a line; what begins with # is no pose.
 pub(crate) fn read_path(path: &Path) -> Result<Vec<Pose>> {
     let name = path.display();
-    let text = fs::read_to_string(path)
+    let text = read_text(path, MOST.0)
         .with_context(|| format!("cannot read '{name}'; a file of poses is text, one pose a line"))?;
     let text = text.trim_start_matches('\u{feff}');
     let lines = text.lines().enumerate().map(|(at, line)| (at + 1, line.trim()));

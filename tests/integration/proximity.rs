@@ -177,6 +177,28 @@ fn a_model_that_meets_itself_is_told() {
 }
 
 #[test]
+fn a_header_that_claims_any_number_of_vertices_is_not_believed() {
+    let folder = site();
+    let words = "compare in.chpm packed.chpm --json -q";
+    let expected = folder.stdout(words);
+    let mut bytes = folder.read("in.chpm");
+    bytes[48..56].fill(0xff);
+    let sum = xxhash_rust::xxh3::xxh3_64(&bytes[..248]);
+    bytes[248..256].copy_from_slice(&sum.to_le_bytes());
+    folder.write("in.chpm", &bytes);
+    assert_eq!(folder.stdout(words), expected);
+}
+
+#[test]
+fn poses_that_are_too_long_to_be_poses_are_refused() {
+    let folder = site();
+    let file = std::fs::File::create(folder.path("long.poses")).expect("a file");
+    file.set_len((64 << 20) + 1).expect("a hole");
+    let error = folder.stderr("distance in.chpm in.chpm --path long.poses", 2);
+    assert!(error.contains("long.poses") && error.contains("longer than 64.0 MiB"), "{error}");
+}
+
+#[test]
 fn a_scan_is_compared_with_a_reference() {
     let folder = site();
     // Moved along z by a tenth: the sphere's ends are a tenth outside and inside.

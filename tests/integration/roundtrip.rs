@@ -90,6 +90,32 @@ fn fewer_triangles_than_there_are_is_refused() {
     assert_eq!(folder.names(), ["in.chpm", "in.ply"]);
 }
 
+#[test]
+fn triangles_that_lie_on_others_are_told() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 30000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 1024");
+    let mut all = 0;
+    for wanted in ["--level 0", "--triangles 6000", "--triangles 600"] {
+        let words = format!("extract in.chpm {wanted} -o out.ply -f");
+        let told: serde_json::Value =
+            serde_json::from_str(&folder.stdout(&format!("{words} -q --json"))).expect("JSON");
+        let mesh = folder.read_mesh("out.ply");
+        let mut corners = mesh.triangles.clone();
+        corners.iter_mut().for_each(|corners| corners.sort_unstable());
+        corners.sort_unstable();
+        let found = corners.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64;
+        let own = told["coincident"].as_u64().expect("a number");
+        // Few of those of two clusters have three vertices that both have.
+        assert!(own <= found && 20 * (found - own) <= found, "{wanted}: {own} of {found}");
+        assert!(own == found || told["clusters"] != 1, "{wanted}: {own} of {found}");
+        let text = folder.stdout(&format!("{words} -q"));
+        assert_eq!(text.contains(" of them on others"), own > 0, "{text}");
+        all += own;
+    }
+    assert!(all > 0, "there are some to tell");
+}
+
 /// Positions, normals and colours of the vertices, by their bits; ordered.
 fn vertices(mesh: &TriMesh) -> Vec<([u32; 3], [u32; 3], [u8; 4])> {
     let bits = |v: &[f32; 3]| v.map(f32::to_bits);

@@ -205,5 +205,7 @@ fn paths_that_are_none_are_refused_with_their_line() {
         assert!(error.contains(told) && error.contains("bad.path"), "{text}: {error}");
     }
     assert!(folder.stderr("walk in.chpm no.path", 2).contains("no.path"));
+    let endless = folder.stderr("walk in.chpm /dev/zero", 2);
+    assert!(endless.contains("/dev/zero") && endless.contains("longer than 64.0 MiB"), "{endless}");
     assert_eq!(folder.names(), ["bad.path", "in.chpm", "in.ply"]);
 }

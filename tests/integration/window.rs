@@ -408,11 +408,19 @@ fn what_cannot_be_shown_is_told() {
     assert!(told(display.spawn(&folder, "view in.chpm --frames 1 --adapter nobody's")).contains("nobody's"));
     folder.write("bad.path", "chpm-path 1\n1 2 3\n");
     assert!(told(display.spawn(&folder, "view in.chpm --path bad.path")).contains("line 2"));
-    let mut blind = folder.command("view in.chpm --frames 1");
-    let blind = blind.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
-    let output = blind.output().expect("it ends");
-    assert_eq!(output.status.code(), Some(2), "{output:?}");
-    assert!(String::from_utf8_lossy(&output.stderr).contains("DISPLAY"), "{output:?}");
+    // Without a display, too, a file that is not there comes first.
+    for (words, error) in [
+        ("view in.chpm --frames 1", "DISPLAY"),
+        ("view none.chpm", "'none.chpm'"),
+        ("view in.chpm none.chpm", "'none.chpm'"),
+        ("view none.ply", "'none.ply'"),
+    ] {
+        let mut blind = folder.command(words);
+        let blind = blind.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+        let output = blind.output().expect("it ends");
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains(error), "{output:?}");
+    }
 }
 
 #[test]

@@ -49,8 +49,10 @@ class Bits {
     return length < 31 ? near + this.take(length) + 2 ** length - 1 : Infinity;
   }
 
+  /** Whether all bits were read, and what is left of the last byte is zero. */
   isDone() {
-    return Math.ceil(this.at / 8) === this.length;
+    const end = this.at & 7;
+    return Math.ceil(this.at / 8) === this.length && (end === 0 || this.view.getUint8(this.length - 1) >>> end === 0);
   }
 }
 

@@ -37,12 +37,20 @@ pub(crate) fn divide(resources: &Resources, available: usize, source_len: u64) -
     (threads as usize, MemoryBudget::with_work_limit(arrays, total - threads * THREAD))
 }
 
-/// The least memory above what was given, in whole MiB, with which `work` bytes can be reserved, however large the arrays are.
-pub(crate) fn enough(resources: &Resources, available: usize, source_len: u64, work: u64) -> u64 {
+/// The least memory above what was given, in whole MiB, with which `work` bytes can be reserved. Arrays make room, but for some where `arrays`
+/// bytes have not: of those there may be as many as arrays may have.
+pub(crate) fn enough(
+    resources: &Resources,
+    available: usize,
+    source_len: u64,
+    work: u64,
+    arrays: u64,
+) -> u64 {
     let fits = |memory: &u64| {
         let resources = Resources { memory: Bytes(*memory), ..resources.clone() };
         let (_, budget) = divide(&resources, available, source_len);
-        budget.available_for_work() - budget.limit() >= work
+        let kept = if arrays > 0 { budget.limit() } else { 0 };
+        budget.available_for_work() - kept >= work
     };
     let first = resources.memory.0.max(MIN_MEMORY).next_multiple_of(1 << 20);
     (first..).step_by(1 << 20).skip(1).find(fits).unwrap_or(u64::MAX)
@@ -155,18 +163,21 @@ mod tests {
             [(1, 128, 0, 90), (2, 128, 40, 110), (0, 128, 9000, 600), (3, 1024, 0, 900)]
         {
             let resources = Resources { threads, memory: Bytes::mib(mib), ..Resources::default() };
-            let enough = enough(&resources, 8, source << 20, work << 20);
-            let left = |memory| {
-                let resources = Resources { memory: Bytes(memory), ..resources.clone() };
-                let (_, budget) = divide(&resources, 8, source << 20);
-                // Arrays take all that they are granted, and stay.
-                let _arrays = budget.reserve("arrays", budget.limit()).unwrap();
-                budget.reserve_work("work", work << 20).is_ok()
-            };
-            assert!(
-                left(enough) && left(enough + (64 << 20)) && !left(enough - (1 << 20)),
-                "{threads} {mib} {work}"
-            );
+            for stay in [false, true] {
+                let enough = enough(&resources, 8, source << 20, work << 20, u64::from(stay));
+                let left = |memory| {
+                    let resources = Resources { memory: Bytes(memory), ..resources.clone() };
+                    let (_, budget) = divide(&resources, 8, source << 20);
+                    // Arrays take all that they are granted.
+                    let arrays = budget.reserve("arrays", budget.limit()).unwrap();
+                    let _arrays = stay.then_some(arrays);
+                    budget.reserve_work("work", work << 20).is_ok()
+                };
+                assert!(
+                    left(enough) && left(enough + (64 << 20)) && !left(enough - (1 << 20)),
+                    "{threads} {mib} {work} {stay}"
+                );
+            }
         }
     }
 }

@@ -86,8 +86,11 @@ fn make(
             Ok(report)
         }
         Err(mut error) => {
-            if let BuildError::Extmem(ExtmemError::Budget { work: work @ 1.., enough, .. }) = &mut error {
-                *enough = allowance::enough(&config.resources, available(), stamp.len, *work);
+            if let BuildError::Extmem(ExtmemError::Budget { asked, used, work: work @ 1.., enough, .. }) =
+                &mut error
+            {
+                let arrays = (*used + *asked).saturating_sub(*work);
+                *enough = allowance::enough(&config.resources, available(), stamp.len, *work, arrays);
             }
             Err(checkpoints.explain(error, dir))
         }

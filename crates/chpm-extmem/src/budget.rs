@@ -2,13 +2,13 @@
 
 use crate::ExtmemError;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 
 /// A limit in bytes on what is reserved at any one time, shared by all threads.
 ///
 /// Arrays, which may also spill to disk, reserve memory up to a first limit ([`Self::reserve`]). Work that cannot spill reserves
-/// up to a second, higher one ([`Self::reserve_work`]); tasks of many wait for each other ([`Self::reserve_task`]). It counts
-/// reservations; it measures nothing. See [`crate::process`] for what the process really uses.
+/// up to a second, higher one ([`Self::reserve_work`]); tasks of many wait for each other ([`Self::reserve_task`]). Where work does not
+/// fit beside arrays, those that can move to disk do. It counts reservations; it measures nothing. See [`crate::process`] for what the process really uses.
 ///
 /// ```
 /// use chpm_extmem::MemoryBudget;
@@ -31,6 +31,14 @@ pub struct MemoryBudget {
     /// Tasks that hold a reservation and will give it back.
     tasks: Mutex<usize>,
     given_back: Condvar,
+    /// Arrays that have memory and can do without, the oldest first.
+    movable: Mutex<Vec<Weak<dyn Movable>>>,
+}
+
+/// An array that can go on on disk.
+pub(crate) trait Movable: std::fmt::Debug + Send + Sync {
+    /// Moves all of it there, and gives back what it has reserved.
+    fn move_to_disk(&self) -> Result<(), ExtmemError>;
 }
 
 /// Why bytes are taken.
@@ -56,6 +64,7 @@ impl MemoryBudget {
             peak: AtomicU64::new(0),
             tasks: Mutex::new(0),
             given_back: Condvar::new(),
+            movable: Mutex::default(),
         })
     }
 
@@ -67,10 +76,11 @@ impl MemoryBudget {
         self.hold(what, bytes, Kind::Array)
     }
 
-    /// Reserves `bytes` for work that cannot spill, until the reservation is dropped. Arrays get so much less.
+    /// Reserves `bytes` for work that cannot spill, until the reservation is dropped. Arrays get so much less, and
+    /// spools move to disk where it does not fit beside them.
     ///
     /// # Errors
-    /// [`ExtmemError::Budget`] when that is more than all of the budget.
+    /// [`ExtmemError::Budget`] when that is more than all of the budget; what moving to disk fails with.
     pub fn reserve_work(
         self: &Arc<Self>,
         what: &'static str,
@@ -112,7 +122,7 @@ impl MemoryBudget {
         bytes: u64,
         kind: Kind,
     ) -> Result<Reservation, ExtmemError> {
-        self.take(what, bytes, kind)?;
+        self.take_or_move(what, bytes, kind)?;
         Ok(Reservation { budget: Arc::clone(self), what, bytes, kind })
     }
 
@@ -144,6 +154,30 @@ impl MemoryBudget {
     /// Bytes that may still be reserved.
     pub fn available(&self) -> u64 {
         self.limit.saturating_sub(self.used())
+    }
+
+    /// Has an array of its memory moved to disk when work needs it.
+    pub(crate) fn register(&self, array: Weak<dyn Movable>) {
+        let mut movable = self.movable.lock().unwrap_or_else(PoisonError::into_inner);
+        movable.retain(|array| array.strong_count() > 0);
+        movable.push(array);
+    }
+
+    /// Takes `bytes`; where they are for work and do not fit, one array after another makes room.
+    fn take_or_move(&self, what: &'static str, bytes: u64, kind: Kind) -> Result<(), ExtmemError> {
+        let refused = self.take(what, bytes, kind);
+        if refused.is_ok() || kind == Kind::Array || bytes > self.work_limit {
+            return refused;
+        }
+        // No lock is held while an array moves: it may be waiting for one that asks here.
+        let arrays = self.movable.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        for array in arrays.iter().filter_map(Weak::upgrade) {
+            array.move_to_disk()?;
+            if self.take(what, bytes, kind).is_ok() {
+                return Ok(());
+            }
+        }
+        self.take(what, bytes, kind)
     }
 
     fn take(&self, what: &'static str, bytes: u64, kind: Kind) -> Result<(), ExtmemError> {
@@ -212,7 +246,7 @@ impl Reservation {
         match bytes.checked_sub(self.bytes) {
             // Nothing more is needed, also where work left arrays nothing.
             Some(0) => {}
-            Some(more) => self.budget.take(self.what, more, self.kind)?,
+            Some(more) => self.budget.take_or_move(self.what, more, self.kind)?,
             None => self.budget.give(self.bytes - bytes, self.kind),
         }
         self.bytes = bytes;

@@ -64,6 +64,17 @@ impl<T: Pod> Column<T> {
         Column { place: Storage::Disk(file), len, what }
     }
 
+    /// The same array on disk.
+    ///
+    /// # Errors
+    /// [`ExtmemError::DiskFull`] or [`ExtmemError::Io`].
+    pub fn moved_to_disk(self, store: &Store) -> Result<Self, ExtmemError> {
+        let Storage::Memory { data, .. } = &self.place else { return Ok(self) };
+        let mut out = Appender::new(DataFile::create(&store.workdir, None)?);
+        out.append(bytemuck::cast_slice(data))?;
+        Ok(Self::on_disk(self.what, out.finish()?, self.len))
+    }
+
     /// Copies the array to the file `name`, for another run; the array itself may change afterwards.
     ///
     /// # Errors
@@ -355,7 +366,8 @@ mod tests {
             drop(column);
             let column = Column::<[u32; 3]>::load(&store, "items", &saved).unwrap();
             prop_assert_eq!(column.read(0..plain.len(), &mut scratch).unwrap(), &plain[..]);
-            drop(column);
+            let column = column.moved_to_disk(&store).unwrap();
+            prop_assert_eq!(column.read(0..plain.len(), &mut scratch).unwrap(), &plain[..]);
             prop_assert_eq!(store.budget.used(), 0);
         }
     }

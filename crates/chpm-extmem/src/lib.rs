@@ -27,10 +27,12 @@ pub mod process;
 mod progress;
 mod publish;
 mod saved;
+mod segments;
 mod sorter;
 mod spool;
 mod store;
 mod target;
+mod text;
 mod workdir;
 
 pub use buckets::{Buckets, Drain};
@@ -52,4 +54,5 @@ pub use sorter::{Sorted, Sorter};
 pub use spool::Spool;
 pub use store::Store;
 pub use target::{hidden_name, same_file, target};
+pub use text::read_text;
 pub use workdir::WorkDir;

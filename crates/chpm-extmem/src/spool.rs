@@ -1,18 +1,19 @@
 //! A spool of byte blobs, appended from many threads, in memory first and then in a file.
 
-use crate::file::DataFile;
 use crate::saved::STEP;
-use crate::{ExtmemError, Reservation, SavedFile, Store};
+use crate::segments::{Segment, Segments};
+use crate::{ExtmemError, SavedFile, Store};
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a segment: large enough to make bookkeeping vanish, small beside any budget.
 const SEGMENT: usize = 8 << 20;
 
 /// An append-only sequence of bytes. Blobs are laid end to end across segments; a segment is in memory if the
-/// budget granted it, and from the first refusal on every further segment is in one file.
+/// budget granted it, and from the first refusal on every further segment is in one file. Work that reserves memory and does not find it moves
+/// all of them there.
 ///
 /// Every method takes `&self`: threads copy into different places at the same time, and wait for one another only
 /// where they touch the same segment in memory.
@@ -34,35 +35,9 @@ pub struct Spool {
     what: &'static str,
     segment_len: usize,
     len: AtomicU64,
-    segments: RwLock<Segments>,
-    /// State for another run, if the file has a name.
+    segments: Arc<Segments>,
+    /// What another run would find, if the file has a name.
     saved: Option<Box<Mutex<SavedFile>>>,
-}
-
-#[derive(Debug, Default)]
-struct Segments {
-    list: Vec<Arc<Segment>>,
-    /// Has each segment at its own offset: those on disk, and those in memory as far as they were saved.
-    file: Option<Arc<DataFile>>,
-    /// Whether memory was refused.
-    is_full: bool,
-}
-
-#[derive(Debug)]
-enum Segment {
-    Memory { bytes: RwLock<Vec<u8>>, _reservation: Reservation },
-    Disk(Arc<DataFile>),
-}
-
-impl Segments {
-    fn file(&mut self, spool: &Spool) -> Result<Arc<DataFile>, ExtmemError> {
-        if let Some(file) = &self.file {
-            return Ok(Arc::clone(file));
-        }
-        let name = spool.saved.as_ref().map(|saved| locked(saved).file_name().to_owned());
-        let file = Arc::new(DataFile::create(&spool.store.workdir, name.as_deref())?);
-        Ok(Arc::clone(self.file.insert(file)))
-    }
 }
 
 impl Spool {
@@ -82,12 +57,13 @@ impl Spool {
     }
 
     fn with(store: &Store, what: &'static str, segment_len: usize, name: Option<&str>) -> Self {
+        let segment_len = segment_len.max(1);
         Spool {
             store: store.clone(),
             what,
-            segment_len: segment_len.max(1),
+            segment_len,
             len: AtomicU64::new(0),
-            segments: RwLock::default(),
+            segments: Segments::new(store, segment_len, name),
             saved: name.map(|name| Box::new(Mutex::new(SavedFile::new(name)))),
         }
     }
@@ -105,27 +81,17 @@ impl Spool {
         if offset == end {
             return Ok(saved);
         }
-
-        let file = self.segments.write().unwrap_or_else(PoisonError::into_inner).file(self)?;
+        let file = self.segments.file()?;
         let name = file.name().ok_or_else(unnamed)?;
         let (mut hash, mut scratch) = (Xxh3::new(), vec![0; STEP.min((end - offset) as usize)]);
 
         while offset < end {
             let step = STEP.min((end - offset) as usize);
             self.each_piece(offset, step, |segment, range, at| {
-                match segment {
-                    Segment::Memory { bytes, .. } => {
-                        let bytes = bytes.read().unwrap_or_else(PoisonError::into_inner);
-                        hash.update(&bytes[range.clone()]);
-                        file.write_all_at(&bytes[range], at)?;
-                    }
-                    Segment::Disk(file) => {
-                        let piece = &mut scratch[..range.len()];
-                        file.read_exact_at(piece, at)?;
-                        hash.update(piece);
-                    }
-                }
-                Ok(())
+                let piece = &mut scratch[..range.len()];
+                let was_on_disk = segment.read(range, at, piece)?;
+                hash.update(piece);
+                if was_on_disk { Ok(()) } else { file.write_all_at(piece, at) }
             })?;
             offset += step as u64;
         }
@@ -149,13 +115,7 @@ impl Spool {
     ) -> Result<Self, ExtmemError> {
         let spool = Self::named(store, what, name);
         if !saved.is_empty() {
-            let file = Arc::new(saved.open(&store.workdir, |_| Ok(()))?);
-            let mut segments = spool.segments.write().unwrap_or_else(PoisonError::into_inner);
-            let count = saved.len().div_ceil(SEGMENT as u64);
-            file.set_len(count * SEGMENT as u64)?;
-            segments.list.extend((0..count).map(|_| Arc::new(Segment::Disk(Arc::clone(&file)))));
-            segments.file = Some(file);
-            drop(segments);
+            spool.segments.adopt(saved.open(&store.workdir, |_| Ok(()))?, saved.len())?;
             spool.len.store(saved.len(), Relaxed);
             spool.saved.iter().for_each(|lock| *locked(lock) = saved.clone());
         }
@@ -215,13 +175,7 @@ impl Spool {
         self.each_piece(offset, len, |segment, range, at| {
             let (piece, tail) = std::mem::take(&mut rest).split_at_mut(range.len());
             rest = tail;
-            match segment {
-                Segment::Memory { bytes, .. } => {
-                    piece.copy_from_slice(&bytes.read().unwrap_or_else(PoisonError::into_inner)[range]);
-                    Ok(())
-                }
-                Segment::Disk(file) => file.read_exact_at(piece, at),
-            }
+            segment.read(range, at, piece).map(|_| ())
         })
     }
 
@@ -230,13 +184,7 @@ impl Spool {
         self.each_piece(offset, blob.len(), |segment, range, at| {
             let (piece, tail) = rest.split_at(range.len());
             rest = tail;
-            match segment {
-                Segment::Memory { bytes, .. } => {
-                    bytes.write().unwrap_or_else(PoisonError::into_inner)[range].copy_from_slice(piece);
-                    Ok(())
-                }
-                Segment::Disk(file) => file.write_all_at(piece, at),
-            }
+            segment.put(range, at, piece)
         })
     }
 
@@ -251,14 +199,11 @@ impl Spool {
             let index = (offset / self.segment_len as u64) as usize;
             let start = (offset % self.segment_len as u64) as usize;
             let piece = len.min(self.segment_len - start);
-            // The list is held only for this look-up, so that it can grow while bytes are copied.
-            let segments = self.segments.read().unwrap_or_else(PoisonError::into_inner);
-            let Some(segment) = segments.list.get(index).map(Arc::clone) else {
+            let Some(segment) = self.segments.get(index) else {
                 // An append of another thread has taken the range but not made its segments yet, or failed to.
-                let size = segments.list.len() as u64 * self.segment_len as u64;
+                let size = self.segments.count() as u64 * self.segment_len as u64;
                 return Err(ExtmemError::OutOfRange { what: self.what, offset, len: len as u64, size });
             };
-            drop(segments);
             visit(&segment, start..start + piece, offset)?;
             offset += piece as u64;
             len -= piece;
@@ -269,31 +214,7 @@ impl Spool {
     /// Adds segments until there are `end` bytes of them.
     fn grow(&self, end: u64) -> Result<(), ExtmemError> {
         let needed = end.div_ceil(self.segment_len as u64) as usize;
-        if self.segments.read().unwrap_or_else(PoisonError::into_inner).list.len() >= needed {
-            return Ok(());
-        }
-        let mut segments = self.segments.write().unwrap_or_else(PoisonError::into_inner);
-        while segments.list.len() < needed {
-            let segment = self.new_segment(&mut segments)?;
-            segments.list.push(Arc::new(segment));
-        }
-        Ok(())
-    }
-
-    fn new_segment(&self, segments: &mut Segments) -> Result<Segment, ExtmemError> {
-        if !segments.is_full {
-            let reservation = self.store.budget.try_reserve(self.what, self.segment_len as u64);
-            if let Some(_reservation) = reservation
-                && let Ok(bytes) = bytemuck::try_zeroed_vec(self.segment_len)
-            {
-                return Ok(Segment::Memory { bytes: RwLock::new(bytes), _reservation });
-            }
-            segments.is_full = true;
-        }
-        let file = segments.file(self)?;
-        // The whole segment exists from now on, as zeros (and as a hole, where the file system knows holes).
-        file.set_len((segments.list.len() as u64 + 1) * self.segment_len as u64)?;
-        Ok(Segment::Disk(file))
+        self.segments.grow(&self.store, self.what, needed)
     }
 
     fn check(&self, offset: u64, len: u64) -> Result<(), ExtmemError> {
@@ -312,6 +233,7 @@ fn locked(saved: &Mutex<SavedFile>) -> MutexGuard<'_, SavedFile> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MemoryBudget;
     use proptest::prelude::*;
 
     fn store(limit: u64) -> (tempfile::TempDir, Store) {
@@ -336,6 +258,33 @@ mod tests {
         assert_eq!(out, [&b"abc"[..], &blob[..7], &[255; 20], &blob[27..]].concat());
         drop(spool);
         assert_eq!(store.budget.used(), 0);
+    }
+
+    #[test]
+    fn work_that_does_not_fit_moves_it_to_disk() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::with_budget(dir.path(), MemoryBudget::with_work_limit(40, 100)).unwrap();
+        let spool = Spool::with_segment_len(&store, "blobs", 8);
+        spool.append(b"0123456789abcdefghi").unwrap();
+        let other = Spool::with_segment_len(&store, "blobs", 8);
+        other.append(b"xyz").unwrap();
+        assert_eq!(store.budget.used(), 32);
+
+        // The older one is enough.
+        let mut work = store.budget.reserve_work("work", 90).unwrap();
+        assert_eq!(store.budget.used(), 98);
+        work.resize(100).unwrap();
+        assert_eq!(store.budget.used(), 100);
+        assert!(store.budget.reserve_work("more", 1).is_err());
+        drop(work);
+
+        spool.overwrite(7, b"--").unwrap();
+        spool.append(b"jkl").unwrap();
+        let mut out = Vec::new();
+        spool.read(0, 22, &mut out).unwrap();
+        assert_eq!(out, b"0123456--9abcdefghijkl");
+        other.read(0, 3, &mut out).unwrap();
+        assert_eq!((&out[..], store.budget.used()), (&b"xyz"[..], 0), "what moved stays on disk");
     }
 
     #[test]

@@ -35,6 +35,7 @@ pub struct Extraction<'a, D> {
     cut: &'a Cut,
     vertex_count: u32,
     triangle_count: u64,
+    coincident_count: u64,
     error: f32,
     distance: f32,
     /// By member, of the first ones: its page, if that was packed. What lies in place is looked up anew, so that whoever maps the file knows of it.
@@ -66,7 +67,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         let mut room = bytes;
         let mut kept = Vec::new();
         let [mut error, mut distance] = [0.0_f32; 2];
-        let mut triangles = 0;
+        let (mut triangles, mut coincident, mut keys) = (0, 0, Vec::new());
         let mut weld = Weld::new(file.header().shared_vertex_count);
 
         for (number, member) in cut.members().iter().enumerate() {
@@ -74,6 +75,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             let view = page.view();
             weld.enter(&view, member.vertices as usize)?;
             triangles += weld.triangles.len() as u64;
+            coincident += coincident_in(&weld.triangles, &mut keys);
             let own = view.error_at(member.vertices as usize);
             error = error.max(own);
             distance = distance.max(file.gaps(file.clusters()[member.cluster.index()].group()).distance(own));
@@ -88,7 +90,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         }
 
         let vertex_count = weld.count;
-        Ok(Extraction { file, cut, vertex_count, triangle_count: triangles, error, distance, kept })
+        let (triangle_count, coincident_count) = (triangles, coincident);
+        Ok(Extraction { file, cut, vertex_count, triangle_count, coincident_count, error, distance, kept })
     }
 
     /// As [`Cut::error`].
@@ -109,6 +112,12 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
     /// Triangles of the mesh.
     pub fn triangle_count(&self) -> u64 {
         self.triangle_count
+    }
+
+    /// Triangles that have the three vertices of another one before them, in the same turn or the other: the two sides of a sheet, or of a handle
+    /// that was pressed flat. Those of two clusters are not among them.
+    pub fn coincident_count(&self) -> u64 {
+        self.coincident_count
     }
 
     /// Attributes of the vertices. Normals are three numbers each, however the file has them.
@@ -239,6 +248,15 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         }
         Ok(())
     }
+}
+
+/// Triangles that have the same vertices as another one before them; `keys` is scratch.
+fn coincident_in(triangles: &[[u16; 3]], keys: &mut Vec<[u16; 3]>) -> u64 {
+    keys.clear();
+    keys.extend_from_slice(triangles);
+    keys.iter_mut().for_each(|corners| corners.sort_unstable());
+    keys.sort_unstable();
+    keys.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64
 }
 
 /// Index of a vertex that no triangle uses; larger than that of any vertex.

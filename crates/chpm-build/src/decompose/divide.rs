@@ -17,9 +17,9 @@ use crate::context::Context;
 use crate::error::BuildError;
 use crate::ingest::Source;
 use crate::pairs::{Pairs, graph_bytes};
-use crate::vertex_columns::VertexColumns;
+use crate::vertex_columns::{ColumnMap, VertexColumns};
 use bytemuck::{Pod, Zeroable};
-use chpm_extmem::{Buckets, Column, Reservation};
+use chpm_extmem::{Buckets, Column, Reservation, Store};
 use chpm_mesh::{Octahedral, Vertex, Vertices};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -178,6 +178,11 @@ fn joints(triangles: &Column<[u32; 3]>, cells: &Cells, context: &Context<'_>) ->
 }
 
 impl Divided {
+    /// The same with the vertices on disk, so that regions have more memory.
+    pub(crate) fn moved_to_disk(self, store: &Store) -> Result<Self, BuildError> {
+        Ok(Divided { vertices: self.vertices.map(&ToDisk(store))?, ..self })
+    }
+
     /// Number of regions. Those after [`Self::home_count`] have no vertices of their own.
     pub(crate) fn region_count(&self) -> usize {
         self.triangles.count()
@@ -388,6 +393,15 @@ impl Divided {
         } else {
             (own + foreign.partition_point(|f| f.vertex < vertex)) as u32
         }
+    }
+}
+
+/// Moves columns to disk.
+struct ToDisk<'a>(&'a Store);
+
+impl ColumnMap for ToDisk<'_> {
+    fn map<T: Pod + Send + Sync>(&self, column: Column<T>, _: &'static str) -> Result<Column<T>, BuildError> {
+        Ok(column.moved_to_disk(self.0)?)
     }
 }
 

@@ -128,7 +128,7 @@ pub(crate) fn run(
     let mut copies = divided.copies;
 
     // Regions are worked on several at a time, and taken in one after another, in their order: so ids do not depend on who was first.
-    let (workers, _share) = workers(&divided, is_computed, context)?;
+    let (divided, workers, share) = workers(divided, is_computed, context)?;
     in_order(
         divided.region_count(),
         workers,
@@ -150,7 +150,7 @@ pub(crate) fn run(
             Ok(account.enter(census)?)
         },
     )?;
-    drop(divided);
+    drop((divided, share));
 
     account.close()?.add_to(repairs);
     context.check()?;
@@ -167,12 +167,12 @@ fn leaf_count(triangles: usize, settings: &Settings) -> u32 {
     1 << exact.max(1.0).log2().round().min(31.0) as u32
 }
 
-/// How many regions to work on at the same time, and the memory for them.
+/// How many regions to work on at the same time, and the memory for them: where it is short, arrays move to disk.
 fn workers(
-    divided: &Divided,
+    mut divided: Divided,
     is_computed: bool,
     context: &Context<'_>,
-) -> Result<(usize, chpm_extmem::Reservation), BuildError> {
+) -> Result<(Divided, usize, Reservation), BuildError> {
     let cost = |region| {
         let (triangles, vertices) =
             (divided.triangle_count(region) as u64, divided.vertex_count(region) as u64);
@@ -191,8 +191,11 @@ fn workers(
     let budget = &context.store.budget;
     let fitting =
         (budget.available_for_work() / largest.max(1)).clamp(1, rayon::current_num_threads() as u64);
+    if budget.available_for_work() < largest && budget.reserve_work("a region", largest).is_err() {
+        divided = divided.moved_to_disk(&context.store)?;
+    }
     let share = budget.reserve_work("a region", fitting * largest)?;
-    Ok((fitting as usize, share))
+    Ok((divided, fitting as usize, share))
 }
 
 /// Bytes for each triangle and each vertex of a region while it is worked on, and for each vertex that its triangles cannot have.

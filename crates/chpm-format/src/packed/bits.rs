@@ -156,12 +156,16 @@ impl<'a> BitReader<'a> {
         rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte))
     }
 
-    /// All was read, and no more than there was.
+    /// All was read, no more than there was, and what is left of the last byte is zero.
     pub(super) fn finish(self) -> Result<(), Damage> {
-        if self.at.div_ceil(8) == self.bytes.len() {
+        if self.at.div_ceil(8) != self.bytes.len() {
+            return Err(Damage("as many open bits as symbols need"));
+        }
+        let read = self.at % 8;
+        if read == 0 || self.bytes.last().is_none_or(|last| last >> read == 0) {
             Ok(())
         } else {
-            Err(Damage("as many open bits as symbols need"))
+            Err(Damage("zeros behind the last open bit"))
         }
     }
 }
@@ -189,7 +193,14 @@ mod tests {
                 prop_assert_eq!(reader.difference(pair[0]), *n);
                 prop_assert_eq!(near.join(pair[1].into(), &mut reader).ok(), Some(n >> 2));
             }
+            let used = reader.at;
             prop_assert!(reader.finish().is_ok());
+            // Any bit that is left of the last byte would be found.
+            for bit in used..8 * bits.bytes.len() {
+                let mut bytes = bits.bytes.clone();
+                bytes[bit / 8] |= 1 << (bit % 8);
+                prop_assert!(BitReader { bytes: &bytes, at: used }.finish().is_err(), "{bit} of {used}");
+            }
             let mut short = BitReader::new(&bits.bytes);
             (0..bits.bytes.len() + 1).for_each(|_| { short.take(8); });
             prop_assert!(short.finish().is_err(), "more was read than there is");

@@ -4,7 +4,7 @@
 //! damaged, or of another path, says so and is ignored, and replaced when the window closes.
 
 use crate::window::settings::Settings;
-use chpm_extmem::AtomicFile;
+use chpm_extmem::{AtomicFile, read_text};
 use chpm_refine::Camera;
 use serde::{Deserialize, Serialize};
 use std::env;
@@ -14,6 +14,8 @@ use std::path::{Path, PathBuf};
 
 /// First field of every file; another one is not read.
 const VERSION: u32 = 1;
+/// Most bytes of what is remembered of a model.
+const MOST: u64 = 1 << 20;
 /// Sizes of a window, in pixels, that are taken for one.
 const SIZES: std::ops::RangeInclusive<u32> = 64..=32_768;
 
@@ -101,7 +103,7 @@ impl Memory {
         let note = |why: String| {
             format!("what was remembered of this model is ignored: '{}': {why}", file.display())
         };
-        let text = match fs::read_to_string(&file) {
+        let text = match read_text(&file, MOST) {
             Ok(text) => text,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(note(error.to_string())),
@@ -210,6 +212,7 @@ mod tests {
         for bad in [
             Vec::new(),
             b"\xff\xfe".to_vec(),
+            [good.as_bytes(), &vec![b'#'; MOST as usize]].concat(),
             good.as_bytes()[..good.find("-2.25").unwrap()].to_vec(),
             swapped("version = 1", "version = 2"),
             swapped("model.chpm", "other.chpm"),

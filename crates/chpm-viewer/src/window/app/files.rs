@@ -7,9 +7,10 @@ use crate::window::overlay::{self, Choice};
 use crate::window::record::{Pace, Recorder};
 use crate::window::relation::Second;
 use crate::window::save;
+use chpm_extmem::read_text;
 use chpm_refine::CameraPath;
+use std::env;
 use std::path::{Path, PathBuf};
-use std::{env, fs};
 
 impl App {
     /// Opens what was dropped or chosen: a CHPM, a camera path, or a mesh, which is built first.
@@ -155,9 +156,12 @@ impl Given {
     }
 }
 
+/// Most bytes of a file of cameras.
+const MOST_PATH: u64 = 64 << 20;
+
 fn read_path(path: &Path) -> Result<CameraPath, String> {
     let told = |error: &dyn std::fmt::Display| format!("cannot read '{}': {error}", path.display());
-    let text = fs::read_to_string(path).map_err(|error| told(&error))?;
+    let text = read_text(path, MOST_PATH).map_err(|error| told(&error))?;
     let camera_path: CameraPath = text.parse().map_err(|error| told(&error))?;
     if camera_path.cameras.is_empty() { Err(told(&"it has no camera")) } else { Ok(camera_path) }
 }
@@ -166,6 +170,7 @@ fn read_path(path: &Path) -> Result<CameraPath, String> {
 mod tests {
     use super::*;
     use chpm_refine::Camera;
+    use std::fs;
 
     #[test]
     fn what_is_dropped_is_told_by_its_name() {
