@@ -527,6 +527,19 @@ fn vertices_without_triangles_need_no_normals() {
 }
 
 #[test]
+fn compressed_files_are_read_alike() {
+    let bytes = Made::soup(&SQUARE[..3]).glb();
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.glb.gz");
+    let mut gzip =
+        flate2::write::GzEncoder::new(fs::File::create(&path).unwrap(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut gzip, &bytes).unwrap();
+    gzip.finish().unwrap();
+    let (mesh, info) = read_file(&path, Options::default(), 1 << 30).unwrap();
+    assert_eq!((mesh, &info.encoding[..]), (read(&bytes), "gltf, binary, gzip"));
+}
+
+#[test]
 fn nodes_may_be_nested_deeply() {
     let mut made = Made::soup(&SQUARE[..3]);
     let depth = 100_000;
