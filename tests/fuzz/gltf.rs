@@ -22,7 +22,7 @@ impl File {
         let len = elements.first().map_or(0, Vec::len);
         let stride = if draw.once_in(3) { Some(len.next_multiple_of(4) + 4 * draw.below(3)) } else { None };
         let (pad, replaced) = (draw.below(5), draw.once_in(6) && !elements.is_empty());
-        let kept = |at: usize| !replaced || at % 3 != 0;
+        let kept = |at: usize| !replaced || !at.is_multiple_of(3);
 
         let mut bytes = vec![0x55; pad];
         for (at, element) in elements.iter().enumerate() {

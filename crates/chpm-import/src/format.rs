@@ -27,8 +27,11 @@ pub struct Format {
     /// Begins to read.
     pub(crate) open: fn(Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError>,
     /// The other files that the one at a path names; no function if none of them does.
-    pub(crate) names: Option<fn(Stream, &Path) -> Result<Vec<PathBuf>, ImportError>>,
+    pub(crate) names: Option<NamedFiles>,
 }
+
+/// Lists the other files that the one at a path names.
+pub(crate) type NamedFiles = fn(Stream, &Path) -> Result<Vec<PathBuf>, ImportError>;
 
 /// How sure a format is that an input is its own.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]

@@ -68,6 +68,11 @@ impl Supply {
         }
     }
 
+    /// Whether there are no bytes, as far as the system tells.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
     /// Bytes of the file, where the system tells.
     pub fn len(&self) -> u64 {
         let found = self.spooled.as_ref().map_or_else(|| fs::metadata(&self.path), File::metadata);

@@ -392,7 +392,6 @@ fn provenance(read: &SourceInfo) -> Provenance {
         vertex_count: read.vertex_count,
         face_count: read.face_count,
         comments: read.comments.clone(),
-        ..Provenance::default()
     }
 }
 

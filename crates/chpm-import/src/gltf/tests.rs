@@ -151,10 +151,15 @@ impl Made {
 
 const SQUARE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [1.0, 2.0, 0.5]];
 
+/// A mode, indices, and the triangles that they are.
+type ModeCase<'a> = (u8, &'a [u32], &'a [[u32; 3]]);
+/// A change of a file, and words of its refusal.
+type Refused<'a> = (&'a dyn Fn(&mut Value), &'a str);
+
 #[test]
 fn every_mode_and_index_type_says_the_same() {
     let expected = [[0, 1, 2], [2, 1, 3]];
-    let cases: [(u8, &[u32], &[[u32; 3]]); 3] = [
+    let cases: [ModeCase<'_>; 3] = [
         (4, &[0, 1, 2, 2, 1, 3], &expected),
         (5, &[0, 1, 2, 3], &[[0, 1, 2], [1, 3, 2]]),
         (6, &[1, 3, 2, 0], &[[3, 2, 1], [2, 0, 1]]),
@@ -447,7 +452,7 @@ fn what_is_not_read_is_named() {
         change(&mut file);
         refusal(&file, &made.data)
     };
-    let cases: [(&dyn Fn(&mut Value), &str); 24] = [
+    let cases: [Refused<'_>; 24] = [
         (&|f| f["asset"]["version"] = "1.0".into(), "glTF 1.0"),
         (&|f| f["asset"] = json!({}), "JSON"),
         (&|f| f["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
