@@ -11,9 +11,8 @@ mod bench;
 mod beside;
 mod caches;
 mod certified;
-mod chart;
+mod claim;
 mod cmd;
-mod colors;
 mod compare;
 mod config;
 #[cfg(feature = "web")]
@@ -29,7 +28,6 @@ mod memory;
 mod mesh_file;
 mod number;
 mod output;
-mod page;
 #[cfg(feature = "viewer")]
 mod picture;
 mod place;
@@ -39,7 +37,7 @@ mod proximity;
 mod report;
 #[cfg(feature = "viewer")]
 mod session;
-mod stats;
+mod stats_tables;
 mod stop;
 mod threads;
 mod tolerance;

@@ -4,98 +4,31 @@ use crate::escape::in_line;
 use crate::number::{Short, Units};
 use chpm_build::BuildReport;
 use chpm_build::report::LevelReport;
-use chpm_format::Chpm;
-use chpm_format::records::{LevelRecord, REFUSALS};
-use chpm_mesh::{Bytes, GroupId, Thousands};
+use chpm_format::records::REFUSALS;
+use chpm_mesh::{Bytes, Thousands};
+pub(crate) use chpm_report::{LevelRow, levels_of, per_triangle};
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
-use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-/// One level of the hierarchy, from a build or from a file.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(crate) struct LevelRow {
-    pub(crate) level: u32,
-    pub(crate) clusters: u32,
-    pub(crate) vertices: u64,
-    pub(crate) base_vertices: u64,
-    pub(crate) triangles: u64,
-    pub(crate) base_triangles: u64,
-    pub(crate) shared_vertices: u64,
-    pub(crate) min_error: f32,
-    pub(crate) max_error: f32,
-    pub(crate) max_gap: f32,
-    pub(crate) normal_deviation: f32,
-    pub(crate) color_deviation: f32,
-    pub(crate) stalled_clusters: u32,
-    pub(crate) forced_collapses: u64,
-    #[serde(serialize_with = "by_reason")]
-    refusals: [u64; REFUSALS.len()],
-}
-
-fn by_reason<S: serde::Serializer>(counts: &[u64; REFUSALS.len()], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(REFUSALS.iter().zip(counts))
-}
-
-impl From<&LevelReport> for LevelRow {
-    fn from(level: &LevelReport) -> Self {
-        LevelRow {
-            level: level.level,
-            clusters: level.clusters,
-            vertices: level.vertices,
-            base_vertices: level.base_vertices,
-            triangles: level.triangles,
-            base_triangles: level.base_triangles,
-            shared_vertices: level.shared_vertices,
-            min_error: level.min_error,
-            max_error: level.max_error,
-            max_gap: level.max_gap,
-            normal_deviation: level.normal_deviation,
-            color_deviation: level.color_deviation,
-            stalled_clusters: level.stalled,
-            forced_collapses: level.forced,
-            refusals: level.refusals.0,
-        }
+/// A level as a build tells it.
+pub(crate) fn level_row(level: &LevelReport) -> LevelRow {
+    LevelRow {
+        level: level.level,
+        clusters: level.clusters,
+        vertices: level.vertices,
+        base_vertices: level.base_vertices,
+        triangles: level.triangles,
+        base_triangles: level.base_triangles,
+        shared_vertices: level.shared_vertices,
+        min_error: level.min_error,
+        max_error: level.max_error,
+        max_gap: level.max_gap,
+        normal_deviation: level.normal_deviation,
+        color_deviation: level.color_deviation,
+        stalled_clusters: level.stalled,
+        forced_collapses: level.forced,
+        refusals: level.refusals.0,
     }
-}
-
-impl From<&LevelRecord> for LevelRow {
-    fn from(level: &LevelRecord) -> Self {
-        LevelRow {
-            level: level.level,
-            clusters: level.cluster_count,
-            vertices: level.vertex_count,
-            base_vertices: level.base_vertex_count,
-            triangles: level.triangle_count,
-            base_triangles: level.base_triangle_count,
-            shared_vertices: level.shared_vertex_count,
-            min_error: level.min_error,
-            max_error: level.max_error,
-            // Those of the groups and clusters; see `levels_of`.
-            max_gap: 0.0,
-            normal_deviation: 0.0,
-            color_deviation: 0.0,
-            stalled_clusters: level.stalled_cluster_count,
-            forced_collapses: level.forced_collapse_count.into(),
-            refusals: level.refusals,
-        }
-    }
-}
-
-/// The levels of a file, with the largest gaps of their groups and deviations of their clusters.
-pub(crate) fn levels_of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<LevelRow> {
-    let mut levels: Vec<LevelRow> = file.levels().iter().map(LevelRow::from).collect();
-    for cluster in file.clusters() {
-        if let Some(level) = levels.get_mut(cluster.level as usize) {
-            level.normal_deviation = level.normal_deviation.max(cluster.normal_deviation);
-            level.color_deviation = level.color_deviation.max(cluster.color_deviation);
-        }
-    }
-    for (id, group) in (0..).map(GroupId).zip(file.groups()) {
-        if let Some(level) = levels.get_mut(group.level as usize) {
-            level.max_gap = level.max_gap.max(file.gaps(id).base);
-        }
-    }
-    levels
 }
 
 /// The stages of a build: time, throughput in triangles of the source, memory.
@@ -211,7 +144,7 @@ pub(crate) fn build_json(report: &BuildReport) -> Value {
         "bytes_per_triangle": per_triangle(report.output_len, report.triangles),
         "seconds": report.seconds(),
         "stages": stages,
-        "levels": report.levels.iter().map(LevelRow::from).collect::<Vec<_>>(),
+        "levels": report.levels.iter().map(level_row).collect::<Vec<_>>(),
         "repairs": object(report.repairs.describe()),
         "warnings": report.warnings,
         "resumed_after": report.resumed.map(|reached| reached.to_string()),
@@ -238,11 +171,6 @@ pub(crate) fn repair_lines(repairs: &[(String, u64)]) -> Vec<String> {
     occurred
         .map(|(name, n)| format!("  {:<width$}  {}", in_line(name).replace('-', " "), count(*n)))
         .collect()
-}
-
-/// Bytes of the file for each triangle of the source.
-pub(crate) fn per_triangle(bytes: u64, triangles: u64) -> f64 {
-    bytes as f64 / triangles.max(1) as f64
 }
 
 /// A point for people.
@@ -328,6 +256,7 @@ pub(crate) fn causes(error: &anyhow::Error) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use chpm_format::LevelRecord;
 
     fn level(level: u32, triangles: u64, refusals: [u64; 8]) -> LevelRow {
         let record = LevelRecord {

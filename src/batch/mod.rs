@@ -6,6 +6,7 @@ mod display;
 pub(crate) mod inputs;
 /// Lists of models with settings of their own.
 pub(crate) mod manifest;
+pub(crate) mod page;
 /// Models side by side.
 pub(crate) mod run;
 /// Which models belong to which machine.

@@ -1,9 +1,9 @@
 //! A plot of speed against error, both logarithmic, as SVG.
 
 use super::{DIVISORS, Figure, Point};
-use crate::chart::{Axis, Chart, Mark, Series, Sheet};
 use crate::number::{Short, Units};
 use anyhow::Result;
+use chpm_report::chart::{Axis, Chart, Mark, Series, Sheet};
 
 const PANEL: [u32; 2] = [440, 480];
 /// A shape for each fraction.

@@ -3,13 +3,13 @@
 use super::{Verdict, stdout};
 use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
 use crate::batch::inputs::{self, Model};
+use crate::batch::page;
 use crate::batch::run;
 use crate::batch::shard::Shard;
 use crate::batch::summary::{self, Status, Summary};
 use crate::config::{self, ConfigArgs};
 use crate::number;
 use crate::output;
-use crate::page;
 use crate::progress::line;
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};

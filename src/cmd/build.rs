@@ -137,7 +137,7 @@ pub(super) fn print(
     verbose: bool,
     out: &mut impl Write,
 ) -> io::Result<()> {
-    let levels: Vec<LevelRow> = report.levels.iter().map(LevelRow::from).collect();
+    let levels: Vec<LevelRow> = report.levels.iter().map(report::level_row).collect();
     if verbose {
         writeln!(out, "{}\n\n{}", report::stages_table(report), report::levels_table(&levels))?;
         if let Some(refusals) = report::refusals_table(&levels) {

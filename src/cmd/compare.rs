@@ -1,7 +1,6 @@
 //! `chpm compare`: how far each vertex of a scan is from a reference, as numbers, colours and a histogram.
 
 use super::{Verdict, reading};
-use crate::colors::Colors;
 use crate::compare::{Painted, Parts, Pass, Summary, Told, leaves, page, plot};
 use crate::memory::{self, MemoryArgs};
 use crate::number::{AtMost, Digits, Units};
@@ -19,6 +18,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, ClusterId, Counted};
 use chpm_proximity::{Gauge, Model};
+use chpm_report::colors::Colors;
 use rayon::prelude::*;
 use serde_json::json;
 use std::io::Write;

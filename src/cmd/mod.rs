@@ -41,6 +41,7 @@ use chpm_extmem::{ExtmemError, MappedFile, WorkDir};
 use chpm_format::{Chpm, FormatError, Place};
 use chpm_proximity::ProximityError;
 use chpm_refine::RefineError;
+use chpm_report::ReportError;
 use chpm_verify::VerifyError;
 use std::error::Error;
 use std::fmt;
@@ -113,6 +114,7 @@ pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<
             || matches!(cause.downcast_ref(), Some(ExportError::Orphan { .. }))
             || matches!(cause.downcast_ref(), Some(ProximityError::Format(damage)) if own(damage))
             || cause.downcast_ref().and_then(VerifyError::damage).is_some_and(own)
+            || cause.downcast_ref().and_then(ReportError::damage).is_some_and(own)
     };
     result.map_err(|error| match error.chain().any(is_of_file) && !error.is::<Unreadable>() {
         true => error.context(Unreadable(file.get_ref().path().to_owned())),

@@ -3,11 +3,11 @@
 use super::{Verdict, open, reading};
 use crate::memory::{self, MemoryArgs};
 use crate::output;
-use crate::page::{self, Shown};
-use crate::stats;
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
+use chpm_report::page::{self, Shown};
+use chpm_report::stats;
 use serde_json::{Value, json};
 use std::fs;
 use std::io::Write;
@@ -59,12 +59,12 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let mut out = output::messages([&html], args.json, args.quiet)?;
     let built = args.built.as_deref().map(built).transpose()?;
     let other = match (&args.compare, &other) {
-        (Some(path), Some(file)) => Some(reading(file, || Shown::new(name(path), file))?),
+        (Some(path), Some(file)) => Some(reading(file, || Ok(Shown::new(name(path), file)?))?),
         _ => None,
     };
     let text = reading(&file, || {
         let shown = Shown::new(name(&args.file), &file)?;
-        page::html(&shown, other.as_ref(), built.as_ref())
+        Ok(page::html(&shown, other.as_ref(), built.as_ref())?)
     })?;
     html.write_all(text.as_bytes())?;
     html.publish()?;
@@ -86,7 +86,7 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
 
 /// Rows and shared vertices as for `stats`, and the map of the clusters.
 fn memory_of(file: &Chpm<MappedFile>) -> u64 {
-    let [shared, cluster] = stats::page::MEMORY;
+    let [shared, cluster] = stats::MEMORY;
     let h = file.header();
     shared * u64::from(h.shared_vertex_count) + 2 * cluster * u64::from(h.cluster_count) + (32 << 20)
 }

@@ -1,16 +1,19 @@
 //! `chpm stats`: how good a file is, and where it is not.
 
 use super::{Verdict, open, reading};
+use crate::claim::Claim;
 use crate::memory::{self, MemoryArgs};
 use crate::output;
 use crate::progress::line;
-use crate::stats::claim::Claim;
-use crate::stats::{self, Stats, page, show};
-use anyhow::{Result, anyhow};
+use crate::stats_tables;
+use anyhow::{Context, Result, anyhow};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
+use chpm_report::ReportError;
+use chpm_report::stats::{self, Stats};
+use std::fs;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `chpm stats`.
 #[derive(clap::Args, Debug)]
@@ -44,7 +47,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let file = open(&args.file)?;
     let h = file.header();
-    let [shared, cluster] = page::MEMORY;
+    let [shared, cluster] = stats::MEMORY;
     let own = shared * u64::from(h.shared_vertex_count) + cluster * u64::from(h.cluster_count);
     memory::divide(&file, args.memory.memory(), own)?;
     reading(&file, || tell(&file, args))
@@ -58,18 +61,18 @@ fn tell(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
     let mut out = output::messages(&csv, args.json, args.quiet)?;
     let (rows, borders) = stats::rows(file)?;
     let mut stats = Stats::new(args.file.display().to_string(), file, &rows, &borders);
-    args.measured.as_ref().map_or(Ok(()), |measured| stats.add_measured(measured))?;
+    args.measured.as_ref().map_or(Ok(()), |measured| add_measured(&mut stats, measured))?;
     // An assertion that means nothing is an error before anything is written.
     let checked = args.assert.iter().map(|claim| claim.check(&stats.measures));
     let failed = checked.collect::<Result<Vec<_>, String>>().map_err(|error| anyhow!("--assert: {error}"))?;
     if let Some(mut csv) = csv {
-        show::csv(&rows, &mut csv)?;
+        stats_tables::csv(&rows, &mut csv)?;
         csv.publish()?;
     }
     if args.json {
         writeln!(out, "{}", serde_json::to_string_pretty(&stats)?)?;
     } else if !args.quiet {
-        show::print(&stats, &mut out)?;
+        stats_tables::print(&stats, &mut out)?;
     }
     out.flush()?;
     let mut verdict = Verdict::Good;
@@ -78,4 +81,13 @@ fn tell(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
         verdict = Verdict::Faulty;
     }
     Ok(verdict)
+}
+
+/// Takes what `chpm measure` has printed into a file.
+fn add_measured(stats: &mut Stats, path: &Path) -> Result<()> {
+    let name = path.display();
+    let text = fs::read(path).with_context(|| format!("cannot read '{name}'"))?;
+    let told = || format!("'{name}' is {}", ReportError::Measured);
+    let document = serde_json::from_slice(&text).with_context(told)?;
+    stats.add_measured(&document).map_err(|error| anyhow!("'{name}' is {error}"))
 }

@@ -1,16 +1,14 @@
 //! A comparison as one page of HTML that needs nothing else: whether it passes, a picture in the colours of distances, a histogram, numbers.
 
 use super::{PERCENTS, Parts, Pass, Summary, plot, signed};
-use crate::colors::Colors;
 use crate::number::Units;
-use crate::page::STYLE;
-use crate::page::raster::{Canvas, Lens};
 use crate::report::count;
 use anyhow::Result;
-use askama::Template;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_refine::Portrait;
+use chpm_report::colors::Colors;
+use chpm_report::page::{Canvas, Compared, Lens};
 
 /// Pixels of the picture.
 const PICTURE: [usize; 2] = [960, 640];
@@ -26,24 +24,6 @@ pub(crate) struct Told<'a> {
     pub(crate) signed: bool,
 }
 
-#[derive(Template)]
-#[template(path = "compare.html")]
-struct Page<'a> {
-    style: &'a str,
-    title: &'a str,
-    note: &'a str,
-    verdict: Option<&'a str>,
-    passed: bool,
-    picture: String,
-    size: [usize; 2],
-    gradient: String,
-    /// At the first colour, in the middle, at the last.
-    ends: [String; 3],
-    plot: String,
-    numbers: Vec<(String, String)>,
-    why: String,
-}
-
 /// The page of a scan.
 pub(crate) fn page(file: &Chpm<MappedFile>, parts: &Parts, told: &Told<'_>) -> Result<String> {
     let Summary { range, .. } = told.summary;
@@ -51,21 +31,18 @@ pub(crate) fn page(file: &Chpm<MappedFile>, parts: &Parts, told: &Told<'_>) -> R
     let portrait = Portrait::of_file(file)?;
     let tolerance = told.pass.map(|pass| pass.tolerance);
     let [low, high] = *range;
-    let page = Page {
-        style: STYLE,
+    let page = Compared {
         title: told.title,
         note: told.note,
-        verdict: told.verdict.as_ref().map(|(words, _)| words.as_str()),
-        passed: told.verdict.as_ref().is_none_or(|(_, good)| *good),
-        picture: picture(file, parts, &portrait, &colors)?,
-        size: PICTURE,
+        verdict: told.verdict.as_ref().map(|(words, good)| (words.as_str(), *good)),
+        picture: (picture(file, parts, &portrait, &colors)?, PICTURE),
         gradient: colors.gradient(),
         ends: [low, 0.5 * (low + high), high].map(signed),
         plot: plot(told.summary, &colors, tolerance, "How many vertices are how far away", told.note)?,
         numbers: numbers(told),
         why: portrait.why(),
     };
-    Ok(page.render()?)
+    Ok(page.html()?)
 }
 
 /// All leaves, each point in the colour of its distance.
@@ -81,10 +58,11 @@ fn picture(file: &Chpm<MappedFile>, parts: &Parts, portrait: &Portrait, colors: 
         }
         Ok(())
     })?;
-    canvas.picture(|_, [distance, ..]| {
+    let picture = canvas.picture(|_, [distance, ..]| {
         let [r, g, b, _] = colors.of(distance.into());
         [r, g, b]
-    })
+    });
+    Ok(picture?)
 }
 
 fn numbers(told: &Told<'_>) -> Vec<(String, String)> {

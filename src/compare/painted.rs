@@ -2,7 +2,6 @@
 
 use super::{Parts, leaves};
 use crate::cmd::build;
-use crate::colors::Colors;
 use crate::output::{self, Output, Promise, Writes};
 use crate::progress::Meter;
 use crate::stop::{self, Stop};
@@ -13,6 +12,7 @@ use chpm_extmem::{MappedFile, WorkDir};
 use chpm_format::Chpm;
 use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Aabb, Attributes, Bytes, VertexSlices};
+use chpm_report::colors::Colors;
 use serde_json::Map;
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,10 @@
 //! The histogram of distances, in their colours.
 
 use super::Summary;
-use crate::chart::{Bins, histogram};
-use crate::colors::Colors;
 use crate::number::{Short, Units};
 use anyhow::Result;
+use chpm_report::chart::{Bins, histogram};
+use chpm_report::colors::Colors;
 
 const SIZE: [u32; 2] = [720, 380];
 
@@ -32,7 +32,7 @@ pub(crate) fn plot(
         y: "vertices",
         label: signed,
     };
-    histogram(title, note, &bins, SIZE)
+    Ok(histogram(title, note, &bins, SIZE)?)
 }
 
 /// A distance with its sign.

@@ -1,9 +1,9 @@
 //! A plot over the frames of a path, as SVG: time, triangles and clusters, with culling and without.
 
 use super::walk::{Frame, Run};
-use crate::chart::{Axis, Chart, Series, Sheet};
 use crate::number::{Short, Units};
 use anyhow::Result;
+use chpm_report::chart::{Axis, Chart, Series, Sheet};
 
 const PANEL: [u32; 2] = [900, 230];
 

@@ -1,8 +1,8 @@
 //! The hierarchy as a tree, for the map of the page: each cluster below the one that has most of its base mesh.
 
 use crate::colors::Colors;
+use crate::error::ReportError;
 use crate::stats::Row;
-use anyhow::Result;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{ClusterId, GroupId};
@@ -16,7 +16,7 @@ const ASKED: usize = 64;
 
 /// Cluster that each cluster merged into, for all that a split brings. A file tells of groups only; but the finest mesh of a coarse cluster is made of base
 /// meshes of fine ones, so that their vertices are its own.
-fn parents(file: &Chpm<MappedFile>) -> Result<Vec<Option<u32>>> {
+fn parents(file: &Chpm<MappedFile>) -> Result<Vec<Option<u32>>, ReportError> {
     let mut parents = vec![None; file.clusters().len()];
     let mut owners: HashMap<[u32; 3], Vec<u32>> = HashMap::new();
     for group in (0..file.groups().len() as u32).map(GroupId) {
@@ -54,7 +54,7 @@ fn parents(file: &Chpm<MappedFile>) -> Result<Vec<Option<u32>>> {
 
 /// The clusters as lists of numbers: id, parent (-1 for none), level, triangles of the source below, triangles, error, share of shared
 /// vertices, share that is kept, misses of a cache of 24, edge span, bytes of the page.
-pub(super) fn json(file: &Chpm<MappedFile>, rows: &[Row<'_>]) -> Result<Value> {
+pub(super) fn json(file: &Chpm<MappedFile>, rows: &[Row<'_>]) -> Result<Value, ReportError> {
     let parents = parents(file)?;
     let mut below: Vec<u64> = rows
         .iter()

@@ -2,7 +2,7 @@
 
 /// From the least to the largest number of a range.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Colors {
+pub struct Colors {
     low: f64,
     high: f64,
     /// Whether 0 lies in the middle and has a colour of its own.
@@ -21,16 +21,18 @@ const SIGNED: [Lab; 3] = [[0.40, -0.02, -0.16], [0.92, 0.0, 0.0], [0.40, 0.16, 0
 const STOPS: usize = 16;
 
 impl Colors {
-    pub(crate) fn new([low, high]: [f64; 2], signed: bool) -> Self {
+    /// Of a range; of a signed one zero lies in the middle.
+    pub fn new([low, high]: [f64; 2], signed: bool) -> Self {
         Colors { low, high, signed }
     }
 
-    pub(crate) fn range(&self) -> [f64; 2] {
+    /// The range.
+    pub fn range(&self) -> [f64; 2] {
         [self.low, self.high]
     }
 
     /// All of them from the first to the last, as stops of a gradient in CSS.
-    pub(crate) fn gradient(&self) -> String {
+    pub fn gradient(&self) -> String {
         let stop = |n: usize| {
             let [r, g, b, _] = self.of(self.low + (self.high - self.low) * n as f64 / STOPS as f64);
             format!("#{r:02x}{g:02x}{b:02x}")
@@ -39,7 +41,7 @@ impl Colors {
     }
 
     /// Red, green, blue, opaque. What is out of the range has the colour of its end; what is no number is grey.
-    pub(crate) fn of(&self, value: f64) -> [u8; 4] {
+    pub fn of(&self, value: f64) -> [u8; 4] {
         if value.is_nan() {
             return [128, 128, 128, 255];
         }

@@ -1,7 +1,7 @@
 //! Statistics that take a page: the bytes of its parts, how its triangles serve a vertex cache, how far apart the ends of edges lie, and for
 //! how many levels its shared vertices are shared.
 
-use anyhow::Result;
+use crate::error::ReportError;
 use chpm_extmem::MappedFile;
 use chpm_format::packed::{self, PARTS};
 use chpm_format::{Chpm, Page};
@@ -11,27 +11,28 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Vertices of the caches, first in, first out.
-pub(crate) const CACHES: [usize; 3] = [16, 24, 32];
+pub const CACHES: [usize; 3] = [16, 24, 32];
 
 /// Of one page.
 #[derive(Clone, Copy, Default, Debug)]
-pub(crate) struct PageStats {
+pub struct PageStats {
     /// Bits by [`PARTS`], as stored.
-    pub(crate) parts: [u64; PARTS.len()],
+    pub parts: [u64; PARTS.len()],
     /// Misses of each of [`CACHES`] when the finest mesh is drawn.
-    pub(crate) misses: [u64; CACHES.len()],
+    pub misses: [u64; CACHES.len()],
     /// Sum over the three edges of each triangle of the finest mesh: how far apart its ends are in the list of vertices.
-    pub(crate) span: u64,
+    pub span: u64,
 }
 
 /// The levels at which shared vertices are shared.
-pub(crate) struct Borders {
+#[derive(Debug)]
+pub struct Borders {
     first: Vec<AtomicU8>,
     last: Vec<AtomicU8>,
 }
 
 /// Bytes that reading all pages takes for each shared vertex and each cluster.
-pub(crate) const MEMORY: [u64; 2] = [2, 256];
+pub const MEMORY: [u64; 2] = [2, 256];
 
 impl Borders {
     fn new(count: u32) -> Self {
@@ -66,7 +67,7 @@ impl Borders {
 }
 
 /// Reads all pages, on all processors.
-pub(super) fn read(file: &Chpm<MappedFile>) -> Result<(Vec<PageStats>, Borders)> {
+pub(super) fn read(file: &Chpm<MappedFile>) -> Result<(Vec<PageStats>, Borders), ReportError> {
     let borders = Borders::new(file.header().shared_vertex_count);
     let clusters = file.clusters().par_iter().enumerate().map(|(index, record)| {
         let id = ClusterId(index as u32);
@@ -82,7 +83,7 @@ pub(super) fn read(file: &Chpm<MappedFile>) -> Result<(Vec<PageStats>, Borders)>
         let span = |[a, b, c]: [u32; 3]| {
             u64::from(a.abs_diff(b)) + u64::from(b.abs_diff(c)) + u64::from(c.abs_diff(a))
         };
-        anyhow::Ok(PageStats { parts, misses, span: corners().map(span).sum() })
+        Ok::<_, ReportError>(PageStats { parts, misses, span: corners().map(span).sum() })
     });
     Ok((clusters.collect::<Result<_>>()?, borders))
 }

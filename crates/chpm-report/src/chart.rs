@@ -1,6 +1,18 @@
 //! Plots as SVG, drawn by `plotters`. Ink and grid have colours of their own, which a page can give others.
+//!
+//! ```
+//! use chpm_report::chart::{Axis, Chart, Mark, Series};
+//!
+//! let axis = |name| Axis { name, log: true, label: |value| format!("{value}") };
+//! let points = vec![[100.0, 0.5], [1000.0, 0.1], [10_000.0, 0.02]];
+//! let marks = vec![Mark::Disc; 3];
+//! let series = Series { name: String::new(), color: 0, points, marks, dashed: false };
+//! let chart = Chart { title: "Error", x: axis("triangles"), y: axis("units"), series: vec![series] };
+//! assert!(chart.svg([400, 300])?.starts_with("<svg"));
+//! # Ok::<(), chpm_report::ReportError>(())
+//! ```
 
-use anyhow::{Result, anyhow};
+use crate::error::ReportError;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, Ranged, SegmentValue, ValueFormatter};
 use plotters::element::{Cross, DashedPathElement};
@@ -30,62 +42,81 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// An axis: what it shows, how, and how its values are written.
 #[derive(Clone, Copy)]
-pub(crate) struct Axis<'a> {
-    pub(crate) name: &'a str,
-    pub(crate) log: bool,
-    pub(crate) label: fn(f64) -> String,
+pub struct Axis<'a> {
+    /// What it shows, and the unit.
+    pub name: &'a str,
+    /// Whether its steps are powers.
+    pub log: bool,
+    /// How a value is written.
+    pub label: fn(f64) -> String,
 }
 
 /// A shape for a point.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Mark {
+pub enum Mark {
+    /// A filled circle.
     Disc,
+    /// Two strokes.
     Cross,
+    /// A filled triangle.
     Triangle,
+    /// A circle.
     Ring,
 }
 
 /// Points of one colour.
-pub(crate) struct Series {
-    pub(crate) name: String,
-    pub(crate) color: usize,
-    pub(crate) points: Vec<[f64; 2]>,
+pub struct Series {
+    /// Its name at the right; none where it is empty.
+    pub name: String,
+    /// Number of its colour.
+    pub color: usize,
+    /// Places of the points.
+    pub points: Vec<[f64; 2]>,
     /// One for each point, or none at all.
-    pub(crate) marks: Vec<Mark>,
-    pub(crate) dashed: bool,
+    pub marks: Vec<Mark>,
+    /// Whether its line is dashed and has the colour of the ink.
+    pub dashed: bool,
 }
 
 /// A plot of lines and points.
-pub(crate) struct Chart<'a> {
-    pub(crate) title: &'a str,
-    pub(crate) x: Axis<'a>,
-    pub(crate) y: Axis<'a>,
-    pub(crate) series: Vec<Series>,
+pub struct Chart<'a> {
+    /// Above it.
+    pub title: &'a str,
+    /// From left to right.
+    pub x: Axis<'a>,
+    /// From below.
+    pub y: Axis<'a>,
+    /// Lines and points.
+    pub series: Vec<Series>,
 }
 
 /// A title, and charts side by side or one below the other, with the names of their series at the right.
-pub(crate) struct Sheet<'a> {
-    pub(crate) title: &'a str,
-    pub(crate) note: &'a str,
+pub struct Sheet<'a> {
+    /// Above all charts.
+    pub title: &'a str,
+    /// Below the title.
+    pub note: &'a str,
     /// Charts beside each other; else below.
-    pub(crate) beside: bool,
+    pub beside: bool,
     /// Pixels of each chart.
-    pub(crate) size: [u32; 2],
+    pub size: [u32; 2],
     /// Legend: names with a colour each, and a mark if they are about marks.
-    pub(crate) names: Vec<(String, usize, Option<Mark>)>,
+    pub names: Vec<(String, usize, Option<Mark>)>,
 }
 
 impl Sheet<'_> {
     /// The file.
-    pub(crate) fn svg(&self, charts: &[Chart<'_>]) -> Result<String> {
+    ///
+    /// # Errors
+    /// [`ReportError::Plot`].
+    pub fn svg(&self, charts: &[Chart<'_>]) -> Result<String, ReportError> {
         let count = charts.len().max(1) as u32;
         let [width, height] = self.size;
         let (width, height) = if self.beside { (width * count, height) } else { (width, height * count) };
         let size = (width + NAMES as u32, height + HEAD as u32);
         drawn(size, &format!("{}; {}", self.title, self.note), |root| {
-            root.fill(&WHITE)?;
-            root.draw(&Text::new(self.title.to_owned(), (16, 12), (FONT, 17).into_font().color(&INK)))?;
-            root.draw(&Text::new(self.note.to_owned(), (16, 34), (FONT, 12).into_font().color(&INK)))?;
+            root.fill(&WHITE).map_err(told)?;
+            headed(root, self.title, self.note)?;
             let (_, below) = root.split_vertically(HEAD);
             let (plots, names) = below.split_horizontally(width as i32);
             let parts =
@@ -100,7 +131,10 @@ impl Sheet<'_> {
 
 impl Chart<'_> {
     /// One plot without a background, for a page.
-    pub(crate) fn svg(&self, size: [u32; 2]) -> Result<String> {
+    ///
+    /// # Errors
+    /// [`ReportError::Plot`].
+    pub fn svg(&self, size: [u32; 2]) -> Result<String, ReportError> {
         let label = format!("{}: {} by {}", self.title, self.y.name, self.x.name);
         drawn((size[0], size[1]), &label, |root| {
             let mut names: Vec<(String, usize, Option<Mark>)> = Vec::new();
@@ -118,7 +152,7 @@ impl Chart<'_> {
         })
     }
 
-    fn draw(&self, area: &Area<'_>) -> Result<()> {
+    fn draw(&self, area: &Area<'_>) -> Result<(), ReportError> {
         let values = |axis: usize| self.series.iter().flat_map(|s| &s.points).map(move |point| point[axis]);
         let (x, y) = (range(values(0), self.x.log), range(values(1), self.y.log));
         match (self.x.log, self.y.log) {
@@ -129,7 +163,7 @@ impl Chart<'_> {
         }
     }
 
-    fn plot<X, Y>(&self, area: &Area<'_>, x: X, y: Y) -> Result<()>
+    fn plot<X, Y>(&self, area: &Area<'_>, x: X, y: Y) -> Result<(), ReportError>
     where
         X: AsRangedCoord<Value = f64>,
         Y: AsRangedCoord<Value = f64>,
@@ -137,21 +171,7 @@ impl Chart<'_> {
         Y::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
     {
         let mut chart = builder(area, self.title).build_cartesian_2d(x, y).map_err(told)?;
-        chart
-            .configure_mesh()
-            .axis_style(INK)
-            .bold_line_style(GRID)
-            .light_line_style(TRANSPARENT)
-            .label_style((FONT, 12).into_font().color(&INK))
-            .axis_desc_style((FONT, 12).into_font().color(&INK))
-            .x_desc(self.x.name)
-            .y_desc(self.y.name)
-            .x_labels(6)
-            .y_labels(6)
-            .x_label_formatter(&|value| (self.x.label)(*value))
-            .y_label_formatter(&|value| (self.y.label)(*value))
-            .draw()
-            .map_err(told)?;
+        draw_mesh(&mut chart, [&self.x, &self.y], [6, 6])?;
         for series in &self.series {
             let color = COLORS[series.color % COLORS.len()];
             // A logarithm has no place for zero.
@@ -184,7 +204,8 @@ impl Chart<'_> {
 
 /// Unit of the bars, and the steps of its axis.
 #[derive(Clone, Copy)]
-pub(crate) enum Measure {
+pub enum Measure {
+    /// By powers of ten.
     Seconds,
     /// By powers of 1024.
     Bytes,
@@ -208,12 +229,15 @@ impl Measure {
 }
 
 /// A bar for each name, without a background, for a page.
-pub(crate) fn bars(
+///
+/// # Errors
+/// [`ReportError::Plot`].
+pub fn bars(
     title: &str,
     measure: Measure,
     values: &[(String, Vec<f64>)],
     size: [u32; 2],
-) -> Result<String> {
+) -> Result<String, ReportError> {
     let most = values.iter().flat_map(|(_, values)| values).copied().fold(0.0, f64::max);
     let most = if most > 0.0 { most } else { 1.0 };
     let (unit, name) = measure.unit(most);
@@ -260,44 +284,37 @@ pub(crate) fn bars(
 }
 
 /// Numbers of things along an axis, in bins of one width.
-pub(crate) struct Bins<'a> {
-    pub(crate) range: [f64; 2],
-    pub(crate) counts: &'a [u64],
+pub struct Bins<'a> {
+    /// Of the first and the last edge.
+    pub range: [f64; 2],
+    /// How many are in each bin.
+    pub counts: &'a [u64],
     /// The colour of a value.
-    pub(crate) color: &'a dyn Fn(f64) -> [u8; 4],
+    pub color: &'a dyn Fn(f64) -> [u8; 4],
     /// Values with a line of their own.
-    pub(crate) marks: &'a [f64],
-    pub(crate) x: &'a str,
-    pub(crate) y: &'a str,
-    pub(crate) label: fn(f64) -> String,
+    pub marks: &'a [f64],
+    /// Name of the axis from left to right.
+    pub x: &'a str,
+    /// Name of the axis from below.
+    pub y: &'a str,
+    /// How a value is written.
+    pub label: fn(f64) -> String,
 }
 
 /// A bar for each bin, in its colour, with a title and a note.
-pub(crate) fn histogram(title: &str, note: &str, bins: &Bins<'_>, size: [u32; 2]) -> Result<String> {
+///
+/// # Errors
+/// [`ReportError::Plot`].
+pub fn histogram(title: &str, note: &str, bins: &Bins<'_>, size: [u32; 2]) -> Result<String, ReportError> {
     let [low, high] = bins.range;
     let high = if high > low { high } else { low + 1.0 };
     let most = bins.counts.iter().copied().max().unwrap_or(0).max(1) as f64;
     drawn((size[0], size[1]), &format!("{title}: {} by {}; {note}", bins.y, bins.x), |root| {
-        root.draw(&Text::new(title.to_owned(), (16, 12), (FONT, 17).into_font().color(&INK)))
-            .map_err(told)?;
-        root.draw(&Text::new(note.to_owned(), (16, 34), (FONT, 12).into_font().color(&INK))).map_err(told)?;
+        headed(root, title, note)?;
         let (_, below) = root.split_vertically(HEAD);
         let mut chart = builder(&below, "").build_cartesian_2d(low..high, 0.0..1.05 * most).map_err(told)?;
-        chart
-            .configure_mesh()
-            .axis_style(INK)
-            .bold_line_style(GRID)
-            .light_line_style(TRANSPARENT)
-            .label_style((FONT, 12).into_font().color(&INK))
-            .axis_desc_style((FONT, 12).into_font().color(&INK))
-            .x_desc(bins.x)
-            .y_desc(bins.y)
-            .x_labels(8)
-            .y_labels(6)
-            .x_label_formatter(&|value| (bins.label)(*value))
-            .y_label_formatter(&|value| plain(*value))
-            .draw()
-            .map_err(told)?;
+        let y = Axis { name: bins.y, log: false, label: plain };
+        draw_mesh(&mut chart, [&Axis { name: bins.x, log: false, label: bins.label }, &y], [8, 6])?;
         let width = (high - low) / bins.counts.len().max(1) as f64;
         for (place, count) in bins.counts.iter().enumerate().filter(|(_, count)| **count > 0) {
             let from = low + width * place as f64;
@@ -321,6 +338,43 @@ fn plain(step: f64) -> String {
     if step.abs() >= 1e-5 || step == 0.0 { text.to_owned() } else { format!("{step:e}") }
 }
 
+/// Axes with their names and so many labels, and a grid.
+fn draw_mesh<'a, X, Y>(
+    chart: &mut ChartContext<'a, SVGBackend<'_>, Cartesian2d<X, Y>>,
+    [x, y]: [&Axis<'_>; 2],
+    labels: [usize; 2],
+) -> Result<(), ReportError>
+where
+    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+{
+    let text = || (FONT, 12).into_font().color(&INK);
+    chart
+        .configure_mesh()
+        .axis_style(INK)
+        .bold_line_style(GRID)
+        .light_line_style(TRANSPARENT)
+        .label_style(text())
+        .axis_desc_style(text())
+        .x_desc(x.name)
+        .y_desc(y.name)
+        .x_labels(labels[0])
+        .y_labels(labels[1])
+        .x_label_formatter(&|value| (x.label)(*value))
+        .y_label_formatter(&|value| (y.label)(*value))
+        .draw()
+        .map_err(told)
+}
+
+/// A title and a note above a plot.
+fn headed(area: &Area<'_>, title: &str, note: &str) -> Result<(), ReportError> {
+    for (text, y, size) in [(title, 12, 17), (note, 34, 12)] {
+        let style = (FONT, size).into_font().color(&INK);
+        area.draw(&Text::new(text.to_owned(), (16, y), style)).map_err(told)?;
+    }
+    Ok(())
+}
+
 fn builder<'a, 'b>(area: &'a Area<'b>, title: &str) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
     let mut builder = ChartBuilder::on(area);
     builder.caption(title, (FONT, 14).into_font().color(&INK)).margin(10);
@@ -328,7 +382,7 @@ fn builder<'a, 'b>(area: &'a Area<'b>, title: &str) -> ChartBuilder<'a, 'b, SVGB
     builder
 }
 
-fn legend(area: &Area<'_>, names: &[(String, usize, Option<Mark>)]) -> Result<()> {
+fn legend(area: &Area<'_>, names: &[(String, usize, Option<Mark>)]) -> Result<(), ReportError> {
     for (row, (name, color, mark)) in (0_i32..).zip(names) {
         let (y, color) = (40 + 20 * row, COLORS[color % COLORS.len()]);
         let at = (13, y);
@@ -358,7 +412,11 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
 }
 
 /// Draws a picture with a name of its own, for those who do not see it.
-fn drawn(size: (u32, u32), label: &str, draw: impl FnOnce(&Area<'_>) -> Result<()>) -> Result<String> {
+fn drawn(
+    size: (u32, u32),
+    label: &str,
+    draw: impl FnOnce(&Area<'_>) -> Result<(), ReportError>,
+) -> Result<String, ReportError> {
     let mut text = String::new();
     {
         let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
@@ -377,8 +435,8 @@ fn drawn(size: (u32, u32), label: &str, draw: impl FnOnce(&Area<'_>) -> Result<(
     Ok(text.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{escaped}\" "), 1))
 }
 
-fn told(error: impl std::fmt::Display) -> anyhow::Error {
-    anyhow!("a plot cannot be drawn: {error}")
+fn told(error: impl std::fmt::Display) -> ReportError {
+    ReportError::Plot(error.to_string())
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! Statistics as tables for people, and clusters as CSV.
 
-use super::page::CACHES;
-use super::{LevelStats, Row, Spread, Stats, worst};
 use crate::number::{Short, Units};
 use crate::report::table;
 use chpm_mesh::Bytes;
+use chpm_report::stats::{CACHES, LevelStats, Row, Spread, Stats, worst};
 use serde_json::Value;
 use std::io::{self, Write};
 

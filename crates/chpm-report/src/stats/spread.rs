@@ -4,18 +4,24 @@ use serde::Serialize;
 
 /// Percentiles by nearest rank, so that each is one of the values.
 #[derive(Clone, Copy, PartialEq, Serialize, Debug)]
-pub(crate) struct Spread {
-    pub(crate) min: f64,
-    pub(crate) p25: f64,
-    pub(crate) median: f64,
-    pub(crate) p75: f64,
-    pub(crate) p95: f64,
-    pub(crate) max: f64,
+pub struct Spread {
+    /// The least.
+    pub min: f64,
+    /// A quarter of them do not exceed this.
+    pub p25: f64,
+    /// Half of them do not exceed this.
+    pub median: f64,
+    /// Three quarters of them do not exceed this.
+    pub p75: f64,
+    /// 95 of 100 do not exceed this.
+    pub p95: f64,
+    /// The largest.
+    pub max: f64,
 }
 
 impl Spread {
     /// Of nothing there is none.
-    pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_unstable_by(f64::total_cmp);
         let last = values.last().copied()?;
@@ -23,7 +29,7 @@ impl Spread {
     }
 
     /// Of values 0, 1, 2 ..., each of which occurs so often.
-    pub(crate) fn of_counts(counts: &[u64]) -> Option<Self> {
+    pub fn of_counts(counts: &[u64]) -> Option<Self> {
         let last = counts.iter().rposition(|count| *count > 0)?;
         let at = |rank: u64| {
             let mut below = 0;

@@ -1,9 +1,10 @@
 //! The plots of a page.
 
+use crate::Short;
 use crate::chart::{Axis, Chart, Mark, Measure, Series, bars};
-use crate::number::{Short, Units};
-use crate::stats::Stats;
-use anyhow::Result;
+use crate::error::ReportError;
+use crate::stats::{LevelStats, Stats};
+use chpm_mesh::Units;
 use serde_json::Value;
 
 const SIZE: [u32; 2] = [520, 300];
@@ -27,7 +28,10 @@ fn line(name: String, color: usize, points: Vec<[f64; 2]>) -> Series {
 }
 
 /// Of one file, or of two side by side: names, and what is drawn of each.
-pub(super) fn all(files: &[(String, &Stats, Vec<[f64; 2]>)], built: Option<&Value>) -> Result<Vec<String>> {
+pub(super) fn all(
+    files: &[(String, &Stats, Vec<[f64; 2]>)],
+    built: Option<&Value>,
+) -> Result<Vec<String>, ReportError> {
     let several = files.len() > 1;
     let named = |name: &str, own: &str| match (several, own) {
         (true, "") => name.to_owned(),
@@ -38,11 +42,11 @@ pub(super) fn all(files: &[(String, &Stats, Vec<[f64; 2]>)], built: Option<&Valu
     let mut errors = Vec::new();
     let mut cuts = Vec::new();
     for (place, (name, stats, drawable)) in files.iter().enumerate() {
-        let each = |of: &dyn Fn(&crate::stats::LevelStats) -> Option<f64>| -> Vec<[f64; 2]> {
+        let each = |of: &dyn Fn(&LevelStats) -> Option<f64>| -> Vec<[f64; 2]> {
             let at = stats.levels.iter().filter_map(|own| Some([f64::from(own.level), of(own)?]));
             at.collect()
         };
-        let all = |own: &crate::stats::LevelStats| Some(own.total_triangles as f64);
+        let all = |own: &LevelStats| Some(own.total_triangles as f64);
         triangles.push(line(named(name, ""), place, each(&all)));
         errors.push(line(named(name, "median cluster"), 2 * place, each(&|own| Some(own.max_error?.median))));
         errors.push(line(named(name, "worst cluster"), 2 * place + 1, each(&|own| Some(own.max_error?.max))));

@@ -1,43 +1,45 @@
-//! A file as one page of HTML that needs nothing else: pictures, plots, a map of the hierarchy, settings, findings.
+//! The page of a file: pictures, plots, a map of the hierarchy, settings, findings.
 
-mod plots;
-pub(crate) mod raster;
-mod seen;
-mod tree;
-
-use crate::batch::summary::{Status, Summary};
+use super::seen::{self, Shows};
+use super::{STYLE, plots, tree};
+use crate::Short;
 use crate::colors::Colors;
 use crate::digest;
-use crate::number::{Short, Units};
-use crate::report;
+use crate::error::ReportError;
+use crate::level::{levels_of, per_triangle};
 use crate::stats::{self, Row, Stats, worst};
-use anyhow::Result;
 use askama::Template;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Metadata};
-use chpm_mesh::Bytes;
+use chpm_mesh::{Bytes, Thousands, Units};
 use chpm_refine::Portrait;
-use seen::Shows;
 use serde_json::Value;
 
 /// Pixels of a picture, and of the first.
 const PICTURE: [usize; 2] = [640, 480];
 const FIRST: [usize; 2] = [960, 640];
 
-pub(crate) const STYLE: &str = include_str!("../../templates/style.css");
 const SCRIPT: &str = include_str!("../../templates/treemap.js");
 
 /// A file that is shown, or compared with.
-pub(crate) struct Shown<'a> {
-    pub(crate) name: String,
-    pub(crate) file: &'a Chpm<MappedFile>,
-    pub(crate) rows: Vec<Row<'a>>,
-    pub(crate) stats: Stats,
+#[derive(Debug)]
+pub struct Shown<'a> {
+    /// Its name on the page.
+    pub name: String,
+    /// The file.
+    pub file: &'a Chpm<MappedFile>,
+    /// Its clusters.
+    pub rows: Vec<Row<'a>>,
+    /// All of it in numbers.
+    pub stats: Stats,
 }
 
 impl<'a> Shown<'a> {
     /// Reads every page.
-    pub(crate) fn new(name: String, file: &'a Chpm<MappedFile>) -> Result<Self> {
+    ///
+    /// # Errors
+    /// Damage of the file.
+    pub fn new(name: String, file: &'a Chpm<MappedFile>) -> Result<Self, ReportError> {
         let (rows, borders) = stats::rows(file)?;
         let stats = Stats::new(name.clone(), file, &rows, &borders);
         Ok(Shown { name, file, rows, stats })
@@ -83,11 +85,18 @@ struct Page<'a> {
     warnings: Vec<String>,
 }
 
-/// The page of a file; `built` is what `chpm build --json` printed.
-pub(crate) fn html(shown: &Shown<'_>, other: Option<&Shown<'_>>, built: Option<&Value>) -> Result<String> {
+/// The page of a file, beside another one or not; `built` is what `chpm build --json` printed.
+///
+/// # Errors
+/// Damage of the file.
+pub fn html(
+    shown: &Shown<'_>,
+    other: Option<&Shown<'_>>,
+    built: Option<&Value>,
+) -> Result<String, ReportError> {
     let file = shown.file;
     let metadata = file.metadata().unwrap_or_default();
-    let levels = report::levels_of(file);
+    let levels = levels_of(file);
     let portrait = Portrait::of_file(file)?;
     let first = Picture {
         data: seen::look(file, &portrait, FIRST, false)?.picture(Shows::Surface)?,
@@ -161,7 +170,7 @@ fn facts(file: &Chpm<MappedFile>, metadata: &Metadata) -> Vec<(&'static str, Str
         ("Clusters", Short(h.cluster_count.into()).to_string()),
         ("Levels", h.level_count.to_string()),
         ("Size", Bytes(h.file_len).to_string()),
-        ("Bytes a triangle", format!("{:.1}", report::per_triangle(h.file_len, h.source_triangle_count))),
+        ("Bytes a triangle", format!("{:.1}", per_triangle(h.file_len, h.source_triangle_count))),
         ("Largest error", format!("{} units", Units(h.max_error.into()))),
         ("Built by", metadata.generator.clone()),
     ]
@@ -205,8 +214,8 @@ fn source(metadata: &Metadata) -> Vec<(&'static str, String)> {
         ("Name", source.name.clone()),
         ("Size", Bytes(source.byte_len).to_string()),
         ("Format", source.encoding.clone()),
-        ("Vertices", report::count(source.vertex_count)),
-        ("Faces", report::count(source.face_count)),
+        ("Vertices", Thousands(source.vertex_count).to_string()),
+        ("Faces", Thousands(source.face_count).to_string()),
         ("XXH3", format!("{:016x}", source.hash)),
     ];
     rows.extend(source.comments.iter().map(|comment| ("Comment", comment.clone())));
@@ -215,44 +224,5 @@ fn source(metadata: &Metadata) -> Vec<(&'static str, String)> {
 
 fn occurred(metadata: &Metadata) -> Vec<(String, String)> {
     let occurred = metadata.repairs.iter().filter(|(_, n)| *n > 0);
-    occurred.map(|(name, n)| (name.replace('-', " "), report::count(*n))).collect()
-}
-
-/// A model of a batch.
-struct Card<'a> {
-    name: &'a str,
-    status: &'static str,
-    error: Option<&'a str>,
-    warnings: &'a [String],
-    picture: Option<String>,
-    facts: String,
-    link: String,
-}
-
-#[derive(Template)]
-#[template(path = "batch.html")]
-struct Index<'a> {
-    style: &'a str,
-    line: String,
-    cards: Vec<Card<'a>>,
-}
-
-/// The page of a batch, failures first; a model of which there is no picture has none.
-pub(crate) fn index(summary: &Summary, folder: &std::path::Path) -> Result<String> {
-    let mut cards: Vec<Card<'_>> = Vec::new();
-    for row in &summary.models {
-        let is_there = matches!(row.status, Status::Built | Status::Current);
-        let seconds = if row.seconds > 0.0 { format!(", {:.1} s", row.seconds) } else { String::new() };
-        cards.push(Card {
-            name: &row.name,
-            status: row.status.word(),
-            error: row.error.as_deref(),
-            warnings: &row.warnings,
-            picture: is_there.then(|| seen::thumbnail(&row.output).ok()).flatten(),
-            facts: format!("{}, {}{seconds}", Short(row.triangles).of("triangle"), Bytes(row.output_bytes)),
-            link: row.output.strip_prefix(folder).unwrap_or(&row.output).display().to_string(),
-        });
-    }
-    cards.sort_by_key(|card| (card.error.is_none(), card.picture.is_some(), card.name));
-    Ok(Index { style: STYLE, line: summary.line(), cards }.render()?)
+    occurred.map(|(name, n)| (name.replace('-', " "), Thousands(*n).to_string())).collect()
 }

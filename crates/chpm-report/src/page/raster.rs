@@ -1,6 +1,6 @@
 //! Triangles as a picture, drawn on the processor: that needs no driver, and is the same everywhere.
 
-use anyhow::Result;
+use crate::error::ReportError;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use chpm_refine::Camera;
@@ -11,7 +11,7 @@ const NOTHING: u32 = u32::MAX;
 const SAMPLES: usize = 2;
 
 /// Triangle and depth of each sample.
-pub(crate) struct Canvas {
+pub struct Canvas {
     /// In pixels.
     size: [usize; 2],
     /// Which part was drawn, or nothing.
@@ -25,7 +25,7 @@ pub(crate) struct Canvas {
 }
 
 /// From a model to samples.
-pub(crate) struct Lens {
+pub struct Lens {
     eye: Point3<f64>,
     axes: [Vector3<f64>; 3],
     middle: [f64; 2],
@@ -35,7 +35,7 @@ pub(crate) struct Lens {
 
 impl Lens {
     /// Of an image of so many pixels; positions are multiplied by `stretch` first.
-    pub(crate) fn new(camera: &Camera, size: [usize; 2], stretch: Vector3<f64>) -> Self {
+    pub fn new(camera: &Camera, size: [usize; 2], stretch: Vector3<f64>) -> Self {
         let [width, height] = size.map(|n| (SAMPLES * n) as f64);
         let scale = 0.5 * height / (0.5 * camera.fov.to_radians()).tan();
         let (eye, axes) = (camera.position.into(), camera.axes());
@@ -58,7 +58,7 @@ impl Lens {
 
 impl Canvas {
     /// With nothing on it.
-    pub(crate) fn new(size: [usize; 2]) -> Self {
+    pub fn new(size: [usize; 2]) -> Self {
         let samples = SAMPLES * SAMPLES * size[0] * size[1];
         Canvas {
             size,
@@ -70,7 +70,7 @@ impl Canvas {
     }
 
     /// Draws a triangle of a part, where it is nearer than what is there.
-    pub(crate) fn draw(&mut self, lens: &Lens, corners: [[f32; 3]; 3], tints: [[f32; 3]; 3], part: u32) {
+    pub fn draw(&mut self, lens: &Lens, corners: [[f32; 3]; 3], tints: [[f32; 3]; 3], part: u32) {
         let [p, q, r] = corners.map(|corner| lens.place(corner));
         let [Some(a), Some(b), Some(c)] = [p, q, r].map(|point| lens.at(point)) else { return };
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
@@ -113,7 +113,7 @@ impl Canvas {
     }
 
     /// The picture as a PNG in text, to be embedded; what shows nothing is transparent. `paint` tells the colour of a part with a tint.
-    pub(crate) fn picture(&self, paint: impl Fn(u32, [f32; 3]) -> [u8; 3]) -> Result<String> {
+    pub fn picture(&self, paint: impl Fn(u32, [f32; 3]) -> [u8; 3]) -> Result<String, ReportError> {
         let [width, height] = self.size;
         let mut bytes = Vec::with_capacity(4 * width * height);
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {

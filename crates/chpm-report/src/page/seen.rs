@@ -1,9 +1,8 @@
 //! A model as a picture shows it: as it is, or in colours of its clusters, levels or errors.
 
 use super::raster::{Canvas, Lens};
-use crate::cmd;
 use crate::colors::Colors;
-use anyhow::Result;
+use crate::error::ReportError;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_refine::{Camera, Cut, Hierarchy, Portrait, View, select_triangles};
@@ -39,7 +38,7 @@ pub(super) fn look(
     portrait: &Portrait,
     size: [usize; 2],
     beside: bool,
-) -> Result<Seen> {
+) -> Result<Seen, ReportError> {
     let coarsest: u64 =
         file.roots().map(|root| u64::from(file.clusters()[root.index()].base_triangle_count)).sum();
     let camera = portrait.camera(size[0] as f64 / size[1] as f64);
@@ -97,7 +96,7 @@ fn eye_at_the_right(portrait: &Portrait, camera: &Camera) -> Camera {
 
 impl Seen {
     /// The picture, to be embedded.
-    pub(super) fn picture(&self, shows: Shows) -> Result<String> {
+    pub(super) fn picture(&self, shows: Shows) -> Result<String, ReportError> {
         let [low, high] = self.errors();
         let ramp = Colors::new([0.0, 1.0], false);
         let share = |error: f32| match f64::from(error) {
@@ -140,10 +139,12 @@ fn own_color(id: u32) -> [u8; 3] {
     [channel(0.0), channel(2.0 / 3.0), channel(1.0 / 3.0)]
 }
 
-/// A small picture of a model as it is.
-pub(super) fn thumbnail(path: &std::path::Path) -> Result<String> {
-    let file = cmd::open(path)?;
-    look(&file, &Portrait::of_file(&file)?, [240, 180], false)?.picture(Shows::Surface)
+/// A small picture of a model as it is, to be embedded.
+///
+/// # Errors
+/// Damage of the file.
+pub fn thumbnail(file: &Chpm<MappedFile>) -> Result<String, ReportError> {
+    look(file, &Portrait::of_file(file)?, [240, 180], false)?.picture(Shows::Surface)
 }
 
 #[cfg(test)]

@@ -1,86 +1,100 @@
 //! A file in numbers: of its levels, its groups and its bytes, and the clusters that stand out.
 
 mod boxes;
-pub(crate) mod claim;
-pub(crate) mod measured;
-pub(crate) mod page;
-pub(crate) mod show;
+mod measured;
+mod page;
 mod spread;
-pub(crate) mod worst;
+pub mod worst;
 
 use crate::digest::Sizes;
-use crate::report;
-use anyhow::Result;
+use crate::error::ReportError;
+use crate::level::per_triangle;
 use chpm_extmem::MappedFile;
 use chpm_format::packed::PARTS;
 use chpm_format::{Chpm, ClusterRecord};
-use page::{Borders, CACHES, PageStats};
+pub use page::{Borders, CACHES, MEMORY, PageStats};
 use serde::Serialize;
 use serde_json::{Map, Value};
-pub(crate) use spread::Spread;
+pub use spread::Spread;
 use worst::Worst;
 
 /// All of it, as `--json` has it.
 #[derive(Serialize, Debug)]
-pub(crate) struct Stats {
+pub struct Stats {
     schema: &'static str,
     file: String,
     /// One number each for the whole file, by name: what can be asserted.
-    pub(crate) measures: Map<String, Value>,
-    pub(crate) levels: Vec<LevelStats>,
-    pub(crate) groups: GroupStats,
-    pub(crate) bytes: ByteStats,
+    pub measures: Map<String, Value>,
+    /// A level each, from the finest on.
+    pub levels: Vec<LevelStats>,
+    /// The groups.
+    pub groups: GroupStats,
+    /// The bytes.
+    pub bytes: ByteStats,
     /// How many levels a vertex is shared for, over all shared vertices.
     border_levels: Option<Spread>,
-    pub(crate) worst: Vec<Worst>,
+    /// The clusters that stand out.
+    pub worst: Vec<Worst>,
 }
 
 /// A level.
 #[derive(Serialize, Debug)]
-pub(crate) struct LevelStats {
-    pub(crate) level: u32,
-    pub(crate) clusters: u32,
+pub struct LevelStats {
+    /// Its number; 0 is the finest.
+    pub level: u32,
+    /// Its clusters.
+    pub clusters: u32,
     /// Of the finest mesh of a cluster, and of its base mesh.
-    pub(crate) triangles: Option<Spread>,
+    pub triangles: Option<Spread>,
     base_triangles: Option<Spread>,
     /// Triangles of all clusters, as in `info`.
     #[serde(skip)]
-    pub(crate) total_triangles: u64,
+    pub total_triangles: u64,
     /// Vertices that other clusters have, too, by vertices.
-    pub(crate) shared: f64,
-    pub(crate) border_levels: Option<Spread>,
+    pub shared: f64,
+    /// For how many levels its shared vertices are shared.
+    pub border_levels: Option<Spread>,
     min_error: Option<Spread>,
-    pub(crate) max_error: Option<Spread>,
-    pub(crate) aspect: Option<Spread>,
-    pub(crate) overlap: Option<Spread>,
-    pub(crate) groups: u32,
-    pub(crate) group_size: Option<Spread>,
-    pub(crate) collapses: Option<Spread>,
-    pub(crate) page_bytes: u64,
+    /// Errors of base meshes.
+    pub max_error: Option<Spread>,
+    /// The longest side of a cluster's box by the second longest.
+    pub aspect: Option<Spread>,
+    /// The share of a cluster's box that a sibling's takes.
+    pub overlap: Option<Spread>,
+    /// Its groups.
+    pub groups: u32,
+    /// Clusters of a group.
+    pub group_size: Option<Spread>,
+    /// Collapses of a cluster.
+    pub collapses: Option<Spread>,
+    /// Bytes of its pages.
+    pub page_bytes: u64,
     parts: Map<String, Value>,
     acmr16: f64,
-    pub(crate) acmr24: f64,
+    /// Misses for each triangle of a cache of 24 vertices.
+    pub acmr24: f64,
     acmr32: f64,
-    pub(crate) edge_span: f64,
+    /// How far apart the ends of an edge are in the list of vertices, in the mean.
+    pub edge_span: f64,
     /// Stored by measured distance; with `--measured` alone.
-    pub(crate) tightness: Option<Value>,
+    pub tightness: Option<Value>,
 }
 
 /// The groups.
 #[derive(Serialize, Debug)]
-pub(crate) struct GroupStats {
+pub struct GroupStats {
     count: u32,
     /// Coarse clusters of a group.
     size: Option<Spread>,
     /// The first of those that have the most.
     largest: u32,
     /// Groups one below the other, at most.
-    longest_path: u32,
+    pub longest_path: u32,
 }
 
 /// The bytes.
 #[derive(Serialize, Debug)]
-pub(crate) struct ByteStats {
+pub struct ByteStats {
     file: u64,
     tables: u64,
     pages: u64,
@@ -91,17 +105,22 @@ pub(crate) struct ByteStats {
 
 /// A cluster in numbers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Row<'a> {
-    pub(crate) id: u32,
-    pub(crate) record: &'a ClusterRecord,
-    pub(crate) page: PageStats,
-    pub(crate) aspect: Option<f64>,
-    pub(crate) overlap: Option<f64>,
+pub struct Row<'a> {
+    /// The cluster.
+    pub id: u32,
+    /// The file's table has this of it.
+    pub record: &'a ClusterRecord,
+    /// Its page has this.
+    pub page: PageStats,
+    /// The longest side of its box by the second longest.
+    pub aspect: Option<f64>,
+    /// The share of its box that a sibling's takes.
+    pub overlap: Option<f64>,
 }
 
 impl ByteStats {
     /// Bytes of the file's parts, by name.
-    pub(crate) fn all(&self) -> impl Iterator<Item = (String, f64)> {
+    pub fn all(&self) -> impl Iterator<Item = (String, f64)> {
         let parts =
             self.parts.iter().map(|(part, bytes)| (part.replace('_', " "), bytes.as_f64().unwrap_or(0.0)));
         parts.chain([("tables".to_owned(), self.tables as f64), ("padding".to_owned(), self.padding as f64)])
@@ -110,16 +129,17 @@ impl ByteStats {
 
 impl Row<'_> {
     /// Misses for each triangle, by [`CACHES`].
-    pub(crate) fn acmr(&self) -> [f64; CACHES.len()] {
+    pub fn acmr(&self) -> [f64; CACHES.len()] {
         self.page.misses.map(|misses| by(misses, self.record.triangle_count.into()))
     }
 
     /// The mean over the edges of all triangles.
-    pub(crate) fn edge_span(&self) -> f64 {
+    pub fn edge_span(&self) -> f64 {
         by(self.page.span, 3 * u64::from(self.record.triangle_count))
     }
 
-    pub(crate) fn collapses(&self) -> u32 {
+    /// Collapses from its finest mesh to its base mesh.
+    pub fn collapses(&self) -> u32 {
         self.record.vertex_count - self.record.base_vertex_count
     }
 }
@@ -129,7 +149,10 @@ fn by(part: u64, whole: u64) -> f64 {
 }
 
 /// Reads every page of a file.
-pub(crate) fn rows(file: &Chpm<MappedFile>) -> Result<(Vec<Row<'_>>, Borders)> {
+///
+/// # Errors
+/// Damage of the file.
+pub fn rows(file: &Chpm<MappedFile>) -> Result<(Vec<Row<'_>>, Borders), ReportError> {
     let (pages, borders) = page::read(file)?;
     let clusters = (0..).zip(file.clusters()).zip(pages).zip(boxes::overlaps(file));
     let rows = clusters.map(|(((id, record), page), overlap)| {
@@ -141,7 +164,7 @@ pub(crate) fn rows(file: &Chpm<MappedFile>) -> Result<(Vec<Row<'_>>, Borders)> {
 
 impl Stats {
     /// From what was read.
-    pub(crate) fn new(path: String, file: &Chpm<MappedFile>, rows: &[Row<'_>], borders: &Borders) -> Self {
+    pub fn new(path: String, file: &Chpm<MappedFile>, rows: &[Row<'_>], borders: &Borders) -> Self {
         let (lives, all) = borders.lives(file.levels().len());
         let levels: Vec<LevelStats> =
             (0..).zip(&lives).map(|(level, lives)| LevelStats::new(file, rows, level, lives)).collect();
@@ -151,7 +174,7 @@ impl Stats {
             tables: sizes.tables,
             pages: sizes.pages,
             padding: sizes.padding,
-            per_triangle: report::per_triangle(sizes.file, file.header().source_triangle_count),
+            per_triangle: per_triangle(sizes.file, file.header().source_triangle_count),
             parts: parts(rows.iter()),
         };
         let sizes = || file.groups().iter().map(|group| group.coarse_count);

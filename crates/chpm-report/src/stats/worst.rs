@@ -8,17 +8,22 @@ const NAMED: usize = 5;
 
 /// The worst clusters by one measure, the worst first.
 #[derive(Serialize, Debug)]
-pub(crate) struct Worst {
-    pub(crate) measure: &'static str,
-    pub(crate) clusters: Vec<Named>,
+pub struct Worst {
+    /// The name of the measure.
+    pub measure: &'static str,
+    /// The clusters.
+    pub clusters: Vec<Named>,
 }
 
 /// A cluster and its value.
 #[derive(Clone, Copy, Serialize, Debug)]
-pub(crate) struct Named {
-    pub(crate) cluster: u32,
-    pub(crate) level: u32,
-    pub(crate) value: f64,
+pub struct Named {
+    /// Its number.
+    pub cluster: u32,
+    /// Its level.
+    pub level: u32,
+    /// Its value.
+    pub value: f64,
 }
 
 /// Value of a cluster; of more than one cluster the larger is the worse.
@@ -50,7 +55,7 @@ const MEASURES: [(&str, &str, Measure); 10] = [
 ];
 
 /// Meaning of a measure, in words.
-pub(crate) fn words(measure: &str) -> &'static str {
+pub fn words(measure: &str) -> &'static str {
     MEASURES.iter().find(|(name, ..)| *name == measure).map_or("", |(_, words, _)| words)
 }
 

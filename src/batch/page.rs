@@ -1,0 +1,32 @@
+//! The page of a batch.
+
+use super::summary::{Status, Summary};
+use crate::cmd;
+use crate::number::Short;
+use anyhow::Result;
+use chpm_mesh::Bytes;
+use chpm_report::page::{self, Card};
+use std::path::Path;
+
+/// The page of a batch, failures first; a model of which there is no picture has none.
+pub(crate) fn index(summary: &Summary, folder: &Path) -> Result<String> {
+    let mut cards: Vec<Card<'_>> = Vec::new();
+    for row in &summary.models {
+        let is_there = matches!(row.status, Status::Built | Status::Current);
+        let seconds = if row.seconds > 0.0 { format!(", {:.1} s", row.seconds) } else { String::new() };
+        cards.push(Card {
+            name: &row.name,
+            status: row.status.word(),
+            error: row.error.as_deref(),
+            warnings: &row.warnings,
+            picture: is_there.then(|| picture(&row.output).ok()).flatten(),
+            facts: format!("{}, {}{seconds}", Short(row.triangles).of("triangle"), Bytes(row.output_bytes)),
+            link: row.output.strip_prefix(folder).unwrap_or(&row.output).display().to_string(),
+        });
+    }
+    Ok(page::index(&summary.line(), cards)?)
+}
+
+fn picture(path: &Path) -> Result<String> {
+    Ok(page::thumbnail(&cmd::open(path)?)?)
+}
