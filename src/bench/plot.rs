@@ -23,7 +23,7 @@ pub(crate) fn svg(figures: &[Figure], diagonal: f64, title: &str, machine: &str)
     let fractions = DIVISORS.iter().zip(MARKS);
     let fractions = fractions.map(|(divisor, mark)| (format!("1/{divisor} of the triangles"), 0, Some(mark)));
     let names = contenders.chain(fractions).collect();
-    Sheet { title, note: machine, beside: true, size: PANEL, names }.svg(&charts)
+    Ok(Sheet { title, note: machine, beside: true, size: PANEL, names }.svg(&charts)?)
 }
 
 fn panel<'a>(figures: &[Figure], name: &'a str, value: &dyn Fn(&Point) -> f64) -> Chart<'a> {

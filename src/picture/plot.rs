@@ -34,7 +34,7 @@ pub(super) fn svg(runs: &[Run], title: &str, machine: &str) -> Result<String> {
         }
     });
     let names = (0..).zip(runs).map(|(color, run)| (run.name().to_owned(), color, None)).collect();
-    Sheet { title, note: machine, beside: false, size: PANEL, names }.svg(&charts)
+    Ok(Sheet { title, note: machine, beside: false, size: PANEL, names }.svg(&charts)?)
 }
 
 #[cfg(test)]

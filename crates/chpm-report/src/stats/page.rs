@@ -85,5 +85,5 @@ pub(super) fn read(file: &Chpm<MappedFile>) -> Result<(Vec<PageStats>, Borders),
         };
         Ok::<_, ReportError>(PageStats { parts, misses, span: corners().map(span).sum() })
     });
-    Ok((clusters.collect::<Result<_>>()?, borders))
+    Ok((clusters.collect::<Result<_, ReportError>>()?, borders))
 }
