@@ -304,7 +304,8 @@ fn stl_io_reads_the_same_stl() {
         let facets: Vec<Face> = facets.into_iter().filter(is_facet).collect();
         for bytes in [binary_stl(&facets), text_stl(&facets).into_bytes()] {
             std::fs::write(&path, &bytes).unwrap();
-            let read = stl_io::create_stl_reader(&mut Cursor::new(&bytes)).unwrap().map(|facet| {
+            let mut cursor = Cursor::new(&bytes);
+            let read = stl_io::create_stl_reader(&mut cursor).unwrap().map(|facet| {
                 let corner = |vertex: stl_io::Vertex| <[f32; 3]>::from(vertex).map(f64::from);
                 facet.unwrap().vertices.map(corner).to_vec()
             });
