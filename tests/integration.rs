@@ -71,6 +71,8 @@ mod integration {
     mod resume;
     /// What goes in comes out: all of it at level 0, a crack-free part of it elsewhere.
     mod roundtrip;
+    /// Numbers that vertices have by name.
+    mod scalars;
     /// Real meshes, where there are any.
     mod scans;
     /// Only what a scene needs: finest and coarsest errors, and what costs nothing.

@@ -21,7 +21,7 @@ use chpm_format::Chpm;
 use chpm_mesh::{ClusterId, Counted};
 use copies::{Found, Multiset};
 use small::{Size, Small, Window};
-use source::Source;
+use source::{Marks, Source, mark};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
@@ -160,14 +160,14 @@ pub fn compare<D: AsRef<[u8]>>(
     let multiset = |what| (copies_told > 0).then(|| Multiset::new(store, what));
     let (mut leaf_set, mut source_set) =
         (multiset("triangles of leaves"), multiset("triangles of the source"));
-    each_leaf_triangle(file, progress, cancel, &mut |_, corners| {
+    each_leaf_triangle(file, progress, cancel, &mut |_, corners, marks| {
         leaf_triangles += 1;
-        let hash = hash(corners);
+        let hash = hash(corners, marks);
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_add(hash);
         leaf_set.iter_mut().for_each(|set| set.add(hash));
     })?;
-    let counts = source.each_triangle(progress, cancel, &mut |_, corners| {
-        let hash = hash(corners);
+    let counts = source.each_triangle(progress, cancel, &mut |_, corners, marks| {
+        let hash = hash(corners, marks);
         sums[bucket(hash)] = sums[bucket(hash)].wrapping_sub(hash);
         source_set.iter_mut().for_each(|set| set.add(hash));
     })?;
@@ -196,8 +196,9 @@ pub fn compare<D: AsRef<[u8]>>(
         let all = leaf_triangles.max(counts.triangles);
         let some = (SUSPECTS * BUCKETS as u64 / all.max(1)).clamp(1, EXAMINED);
         different.iter().take(some as usize).for_each(|b| suspects.examined[*b] = true);
-        each_leaf_triangle(file, &Silent, cancel, &mut |place, corners| suspects.look(place, corners))?;
-        source.each_triangle(&Silent, cancel, &mut |place, corners| suspects.look(place, corners))?;
+        let look = &mut |place, corners, marks| suspects.look(place, corners, marks);
+        each_leaf_triangle(file, &Silent, cancel, &mut *look)?;
+        source.each_triangle(&Silent, cancel, look)?;
         let faults = suspects.unmatched(copies_told > 0);
         let known: u64 = faults.iter().map(|fault| fault.copies).sum();
         comparison.fault_count = known.max(different.len() as u64);
@@ -267,8 +268,8 @@ struct Suspect {
 }
 
 impl Suspects {
-    fn look(&mut self, place: Place, corners: Corners) {
-        let hash = hash(corners);
+    fn look(&mut self, place: Place, corners: Corners, marks: Marks) {
+        let hash = hash(corners, marks);
         if !self.examined[bucket(hash)] {
             return;
         }
@@ -299,7 +300,7 @@ fn each_leaf_triangle<D: AsRef<[u8]>>(
     file: &Chpm<D>,
     progress: &dyn Progress,
     cancel: &Cancel,
-    look: &mut dyn FnMut(Place, Corners),
+    look: &mut dyn FnMut(Place, Corners, Marks),
 ) -> Result<(), VerifyError> {
     for (id, record) in (0..).map(ClusterId).zip(file.clusters()) {
         if !record.is_leaf() {
@@ -309,7 +310,8 @@ fn each_leaf_triangle<D: AsRef<[u8]>>(
         let page = file.page(id)?;
         let page = page.view();
         for (index, triangle) in (0..).zip(page.triangles) {
-            look(Place::Leaf(id.0, index), triangle.map(|v| page.positions[usize::from(v)]));
+            let marks = triangle.map(|v| mark(page.scalars_of(usize::from(v))));
+            look(Place::Leaf(id.0, index), triangle.map(|v| page.positions[usize::from(v)]), marks);
         }
         progress.advance(page.triangles.len() as u64);
     }
@@ -330,7 +332,7 @@ impl<D: AsRef<[u8]>> Stored<'_, D> {
         &mut self,
         progress: &dyn Progress,
         cancel: &Cancel,
-        look: &mut dyn FnMut(Place, Corners),
+        look: &mut dyn FnMut(Place, Corners, Marks),
     ) -> Result<Counts, VerifyError> {
         let Stored { file, source, small } = self;
         let (tally, is_told_single) = (source.tally, source.is_told_single);
@@ -340,7 +342,7 @@ impl<D: AsRef<[u8]>> Stored<'_, D> {
         let is_exact = step.is_none() && is_told_single && origin == [0.0; 3];
         let (mut index, mut left_out, mut rounding) = (0, 0, 0.0f64);
         let mut at = Window::default();
-        source.each_corners(cancel, |corners| {
+        source.each_marked(cancel, |corners, marks| {
             let place = Place::Source(index);
             index += 1;
             if index % TOLD == 0 {
@@ -359,7 +361,7 @@ impl<D: AsRef<[u8]>> Stored<'_, D> {
             for (exact, stored) in pairs.filter(|_| !is_exact) {
                 rounding = rounding.max((f64::from(*stored) - exact).abs());
             }
-            look(place, stored);
+            look(place, stored, marks);
             Ok(())
         })?;
         Ok(Counts {
@@ -397,20 +399,21 @@ pub fn each_corners(
     tell: impl FnMut(u64),
     mut look: impl FnMut([[f64; 3]; 3]),
 ) -> Result<(), VerifyError> {
-    let mut source = Source::read(path, true, store, cancel, tell)?;
+    let mut source = Source::read(path, true, Vec::new(), store, cancel, tell)?;
     source.each_corners(cancel, |corners| {
         look(corners);
         Ok(())
     })
 }
 
-fn hash(corners: Corners) -> u128 {
-    let [a, b, c] = corners.map(|corner| corner.map(f32::to_bits));
+fn hash(corners: Corners, marks: Marks) -> u128 {
+    let [a, b, c] = [0, 1, 2].map(|at| (corners[at].map(f32::to_bits), marks[at]));
     let turned = [[a, b, c], [b, c, a], [c, a, b]];
     let first = turned.iter().min().unwrap_or(&turned[0]);
-    let mut bytes = [0u8; 36];
-    for (chunk, bits) in bytes.chunks_exact_mut(4).zip(first.as_flattened()) {
-        chunk.copy_from_slice(&bits.to_le_bytes());
+    let mut bytes = [0u8; 60];
+    for (chunk, (corner, mark)) in bytes.chunks_exact_mut(20).zip(first) {
+        chunk[..12].copy_from_slice(bytemuck::cast_slice(corner));
+        chunk[12..].copy_from_slice(&mark.to_le_bytes());
     }
     xxh3_128(&bytes)
 }
@@ -429,19 +432,22 @@ mod tests {
 
     #[test]
     fn turning_a_triangle_keeps_its_hash_and_flipping_does_not() {
-        assert_eq!(hash([A, B, C]), hash([B, C, A]));
-        assert_eq!(hash([A, B, C]), hash([C, A, B]));
-        assert_ne!(hash([A, B, C]), hash([A, C, B]));
-        assert_ne!(hash([A, B, C]), hash([[-0.0, 0.0, 0.0], B, C]));
+        let bare = |corners| hash(corners, [0; 3]);
+        assert_eq!(bare([A, B, C]), bare([B, C, A]));
+        assert_eq!(bare([A, B, C]), bare([C, A, B]));
+        assert_ne!(bare([A, B, C]), bare([A, C, B]));
+        assert_ne!(bare([A, B, C]), bare([[-0.0, 0.0, 0.0], B, C]));
+        assert_eq!(hash([A, B, C], [7, 8, 9]), hash([B, C, A], [8, 9, 7]));
+        assert_ne!(hash([A, B, C], [7, 8, 9]), hash([B, C, A], [7, 8, 9]));
     }
 
     #[test]
     fn copies_are_counted_and_only_the_surplus_is_a_fault() {
         let mut suspects = Suspects { examined: vec![true; BUCKETS], found: BTreeMap::new() };
-        suspects.look(Place::Leaf(3, 0), [A, B, C]);
-        suspects.look(Place::Leaf(3, 1), [B, C, A]);
-        suspects.look(Place::Source(7), [C, A, B]);
-        suspects.look(Place::Source(8), [A, C, B]);
+        suspects.look(Place::Leaf(3, 0), [A, B, C], [0; 3]);
+        suspects.look(Place::Leaf(3, 1), [B, C, A], [0; 3]);
+        suspects.look(Place::Source(7), [C, A, B], [0; 3]);
+        suspects.look(Place::Source(8), [A, C, B], [0; 3]);
         let places: Vec<Place> = suspects.unmatched(false).iter().map(|fault| fault.place).collect();
         assert_eq!(places, [Place::Leaf(3, 1), Place::Source(8)]);
     }

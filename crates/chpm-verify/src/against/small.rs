@@ -250,7 +250,7 @@ mod tests {
         write_mesh(File::create(&path).unwrap(), &mesh, Encoding::BinaryLittleEndian).unwrap();
         for memory in [0, 1 << 30] {
             let (store, cancel) = (Store::create(folder.path(), memory).unwrap(), Cancel::default());
-            let mut source = Source::read(&path, false, &store, &cancel, |_| ()).unwrap();
+            let mut source = Source::read(&path, false, Vec::new(), &store, &cancel, |_| ()).unwrap();
             let small = find(&mut source, Size::Units(2.0), &store, &Silent, &cancel).unwrap();
             let mut at = Window::default();
             let found: Vec<bool> = expected.iter().map(|_| small.next(&mut at).unwrap()).collect();

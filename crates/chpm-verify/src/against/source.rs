@@ -4,12 +4,15 @@ use crate::error::VerifyError;
 use bytemuck::Pod;
 use chpm_extmem::{BufferWriter, Cancel, Column, Paged, Progress, Store};
 use chpm_format::{Chpm, Metadata};
-use chpm_import::ply::{Batch, BatchKind, Coordinates, Invalid, Options, Tally};
+use chpm_import::ply::{Batch, BatchKind, Coordinates, Invalid, Keep, Options, Tally};
 use chpm_import::{Input, Triangulator, polygon};
 use std::path::Path;
+use xxhash_rust::xxh3::xxh3_64;
 
 /// The corners of a triangle, as the source has them.
 pub(super) type Corners = [[f64; 3]; 3];
+/// For each corner, the hash of its named scalars; 0 without any.
+pub(super) type Marks = [u64; 3];
 
 /// Triangles, or words of polygons, that are read at once.
 const WINDOW: usize = 1 << 14;
@@ -17,6 +20,8 @@ const WINDOW: usize = 1 << 14;
 /// A source that was read to its end.
 pub(super) struct Source {
     positions: Positions,
+    /// By vertex, the hash of its named scalars.
+    marks: Option<Paged<u64>>,
     triangles: Column<[u32; 3]>,
     pub(super) tally: Tally,
     /// Whether coordinates are text that is declared to be of single precision.
@@ -42,7 +47,8 @@ impl Source {
         let drops = settings.iter().any(|(name, value)| name == "drop-invalid" && value == "true");
         progress.begin("read", path.metadata().map_or(0, |metadata| metadata.len()));
         let mut before = 0;
-        let source = Self::read(path, drops, store, cancel, |read| {
+        let names = file.scalars().iter().map(|scalar| scalar.name.clone()).collect();
+        let source = Self::read(path, drops, names, store, cancel, |read| {
             progress.advance(read - before);
             before = read;
         });
@@ -50,21 +56,26 @@ impl Source {
         source
     }
 
-    /// Reads a source; `tell` hears how many bytes of it are behind us.
+    /// Reads a source, with the scalars of these names; `tell` hears how many bytes of it are behind us.
     pub(super) fn read(
         path: &Path,
         drops: bool,
+        scalars: Vec<String>,
         store: &Store,
         cancel: &Cancel,
         mut tell: impl FnMut(u64),
     ) -> Result<Self, VerifyError> {
         let invalid = if drops { Invalid::Drop } else { Invalid::Refuse };
-        let options = Options { invalid, normals: false, colors: false, ..Options::default() };
+        let keep = Keep { all: false, names: scalars };
+        let options = Options { invalid, normals: false, colors: false, keep };
         let mut input = Input::open(path, options, store, cancel)?;
         let coordinates = input.vertex_format().coordinates;
+        let words = usize::from(input.vertex_format().attributes.scalar_words);
 
         let mut singles = BufferWriter::<[f32; 3]>::new(store, POSITIONS, 0)?;
         let mut doubles = BufferWriter::<[f64; 3]>::new(store, POSITIONS, 0)?;
+        let mut marks = BufferWriter::<u64>::new(store, MARKS, 0)?;
+        let mut marked = Vec::new();
         let mut triangles = BufferWriter::new(store, "source triangles", 0)?;
         let mut polygons = BufferWriter::new(store, "source polygons", 0)?;
         let mut batch = Batch::default();
@@ -72,6 +83,9 @@ impl Source {
             cancel.check()?;
             singles.extend_from_slice(&batch.vertices.positions)?;
             doubles.extend_from_slice(&batch.positions_f64)?;
+            marked.clear();
+            marked.extend(batch.vertices.scalars.chunks(words.max(1)).map(mark));
+            marks.extend_from_slice(&marked)?;
             triangles.extend_from_slice(&batch.triangles)?;
             polygons.extend_from_slice(batch.polygons.as_words())?;
             tell(input.bytes_read());
@@ -84,8 +98,10 @@ impl Source {
         };
         let polygons = polygons.finish_column()?;
         tally.degenerate_faces += cut(&polygons, &mut positions, &mut triangles, cancel)?;
+        let marks = marks.finish_column()?;
         Ok(Source {
             positions,
+            marks: (words > 0).then(|| Paged::new(store, MARKS, marks)).transpose()?,
             triangles: triangles.finish_column()?,
             tally,
             is_told_single: coordinates == Coordinates::TextOfSingles,
@@ -120,12 +136,33 @@ impl Source {
         cancel: &Cancel,
         mut look: impl FnMut(Corners) -> Result<(), VerifyError>,
     ) -> Result<(), VerifyError> {
-        let Source { positions, triangles, .. } = self;
-        each(triangles, cancel, |[a, b, c]| look([positions.get(a)?, positions.get(b)?, positions.get(c)?]))
+        self.each_marked(cancel, |corners, _| look(corners))
+    }
+
+    /// The same, with what the corners have besides.
+    pub(super) fn each_marked(
+        &mut self,
+        cancel: &Cancel,
+        mut look: impl FnMut(Corners, Marks) -> Result<(), VerifyError>,
+    ) -> Result<(), VerifyError> {
+        let Source { positions, triangles, marks, .. } = self;
+        each(triangles, cancel, |[a, b, c]| {
+            let mut own = [0; 3];
+            if let Some(marks) = marks {
+                own = [marks.get(a as usize)?, marks.get(b as usize)?, marks.get(c as usize)?];
+            }
+            look([positions.get(a)?, positions.get(b)?, positions.get(c)?], own)
+        })
     }
 }
 
 const POSITIONS: &str = "source positions";
+const MARKS: &str = "hashes of source scalars";
+
+/// The hash of a vertex's named scalars, by their words; 0 without any.
+pub(super) fn mark(words: &[u32]) -> u64 {
+    if words.is_empty() { 0 } else { xxh3_64(bytemuck::cast_slice(words)) }
+}
 
 impl Positions {
     fn get(&mut self, vertex: u32) -> Result<[f64; 3], VerifyError> {
