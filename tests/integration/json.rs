@@ -65,6 +65,11 @@ fn every_key_is_documented_and_appears() {
     // What is left out is a warning, and a list of range scans has notes of its own.
     folder.write("odd.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n");
     folder.write("bad.ply", "ply\nformat ascii 1.0\n");
+    let named = ["x", "y", "z", "quality"].map(|name| format!("property float {name}\n")).concat();
+    let head = "ply\nformat ascii 1.0\nelement vertex 3\n";
+    let rest = "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    folder.write("named.ply", format!("{head}{named}{rest}0 0 0 1\n1 0 0 2\n0 1 0 nan\n3 0 1 2\n"));
+    folder.stdout("build named.ply -q --keep quality");
     folder.write("bad.chpm", "no file");
     folder.stdout("build in.ply -q --cluster-triangles 256");
     folder.stdout("path orbit in.chpm --frames 2 -o in.path");
@@ -83,6 +88,7 @@ fn every_key_is_documented_and_appears() {
         ("build", "build odd.obj -qf --json", 0),
         ("info", "info in.chpm --json", 0),
         ("info", "info odd.chpm --cache --parts --json", 0),
+        ("info", "info named.chpm --json", 0),
         ("stats", "stats in.chpm --json --measured measured.json", 0),
         ("stats", "stats odd.chpm --json", 0),
         ("config", "config in.ply --json", 0),

@@ -58,6 +58,47 @@ function build(model) {
 
 const norms = (normals) => Array.from({ length: normals.length / 3 }, (_, i) => Math.hypot(...normals.subarray(3 * i, 3 * i + 3)));
 
+/** A sheet whose vertices have a quality, a time in doubles and a class, of which some are no number; and these by place. */
+function named(side) {
+  const source = path.join(folder, "named.ply");
+  const [vertices, faces, values] = [[], [], new Map()];
+  for (let y = 0; y < side; y++) {
+    for (let x = 0; x < side; x++) {
+      const [quality, time, kind] = [x % 9 === 4 ? NaN : Math.fround(x / 3), y / 7, (x * y) % 256];
+      const z = Math.fround(Math.sin(x / 3) * Math.cos(y / 4));
+      vertices.push(`${x} ${y} ${z} ${quality} ${time} ${kind}`);
+      values.set(`${x} ${y}`, { quality, time, kind });
+      const at = y * side + x;
+      if (x > 0 && y > 0) faces.push(`3 ${at} ${at - 1} ${at - side}`, `3 ${at - 1} ${at - side - 1} ${at - side}`);
+    }
+  }
+  const names = ["float x", "float y", "float z", "float quality", "double time", "uchar kind"].map((name) => `property ${name}`);
+  const header = ["ply", "format ascii 1.0", `element vertex ${vertices.length}`, ...names, `element face ${faces.length}`];
+  writeFileSync(source, [...header, "property list uchar int vertex_indices", "end_header", ...vertices, ...faces, ""].join("\n"));
+  return { source, values };
+}
+
+test("named scalars are those of the source, packed or not", { skip }, async () => {
+  const { source, values } = named(50);
+  for (const pages of ["raw", "packed"]) {
+    const out = path.join(folder, `named-${pages}.chpm`);
+    chpm("build", source, "-o", out, "-f", "-q", "--keep", "all", "--pages", pages, "--cluster-triangles", "256");
+    const file = await open(memorySource(new Uint8Array(readFileSync(out))));
+    assert.deepEqual(file.header.scalars.map(({ name, type }) => `${name} ${type}`), ["quality float32", "time float64", "kind uint8"]);
+    assert.deepEqual([file.header.scalars[2].low, file.header.scalars[2].count], [0, 2500]);
+    for (const number of [0, 1, 2]) {
+      const mesh = await extract(file, await select(file, level(number)));
+      const count = mesh.positions.length / 3;
+      assert.ok(number > 0 || count === 2500);
+      for (let i = 0; i < count; i++) {
+        const expected = values.get(`${mesh.positions[3 * i]} ${mesh.positions[3 * i + 1]}`);
+        const got = Object.fromEntries(Object.keys(expected).map((name) => [name, mesh.scalars.get(name)[i]]));
+        assert.deepEqual(got, expected);
+      }
+    }
+  }
+});
+
 test("sums are those of XXH3", () => {
   // Made with another implementation.
   const sums = [
