@@ -121,8 +121,8 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
 }
 
 fn resources(given: &Given<'_>) -> Result<Resources, Failure> {
-    let mut resources = Resources::default();
-    resources.threads = threads(given.take("threads", |value| value.extract::<u32>())?)?;
+    let threads = threads(given.take("threads", |value| value.extract::<u32>())?)?;
+    let mut resources = Resources { threads, ..Resources::default() };
     if let Some(memory) = given.parsed::<MemorySize>("memory")? {
         let least = MemorySize(Bytes(MIN_MEMORY));
         if memory < least {
