@@ -116,14 +116,15 @@ fn run(
     })?;
 
     work.decompose(|source, known| {
-        let cut = || decompose::run(source, settings, context, &mut known.repairs);
         context.progress.counted(known.facts.triangles);
-        context.stage(Stage::Decompose, decompose::PASSES * known.facts.triangles, cut)
+        context.stage(Stage::Decompose, decompose::PASSES * known.facts.triangles, || {
+            decompose::run(source, settings, context, &mut known.repairs)
+        })
     })?;
 
     work.arrange(|leaves| {
-        let arrange = || hierarchy::run(leaves, settings, context);
-        context.stage(Stage::Hierarchy, leaves.leaves.len() as u64, arrange)
+        context
+            .stage(Stage::Hierarchy, leaves.leaves.len() as u64, || hierarchy::run(leaves, settings, context))
     })?;
 
     let tables = allowance::tables(work.node_count());
@@ -141,9 +142,9 @@ fn run(
     let (known, built) = work.finish();
     let order = layout::order(&built, settings);
     let file = emit::Output::begin(out, &order, &built, &known, settings)?;
-    let write = |place, page: &[u8]| file.write_page(place, page);
-    let records = context
-        .stage(Stage::Layout, order.len() as u64, || layout::run(&order, &built, settings, context, write))?;
+    let records = context.stage(Stage::Layout, order.len() as u64, || {
+        layout::run(&order, &built, settings, context, |place, page: &[u8]| file.write_page(place, page))
+    })?;
 
     let written = context
         .stage(Stage::Emit, 1, || file.finish(records, context).inspect(|_| context.progress.advance(1)))?;

@@ -70,19 +70,18 @@ pub(crate) fn run(
     }
 
     // Both ends of what is left: each cluster keeps the positions of the range.
-    let clip = |scratch: &mut Scratch, node: &u32| {
-        context.check()?;
-        let page = clusters.page(*node);
-        // What a leaf starts at; other finest meshes are unions of base meshes below.
-        let is_leaf = tree.nodes[*node as usize].children.is_none();
-        let finest = range.finest.filter(|_| is_leaf).map(|finest| page.gaps.error_within(finest));
-        let coarsest = Some(range.coarsest).filter(|error| page.group_error > *error);
-        scratch.clip(&clusters, *node, finest, coarsest)
-    };
     let nodes: Vec<u32> = clusters.groups.concat();
     let clipped = (nodes.par_iter())
         .with_max_len(4)
-        .map_init(Scratch::default, clip)
+        .map_init(Scratch::default, |scratch: &mut Scratch, node: &u32| {
+            context.check()?;
+            let page = clusters.page(*node);
+            // What a leaf starts at; other finest meshes are unions of base meshes below.
+            let is_leaf = tree.nodes[*node as usize].children.is_none();
+            let finest = range.finest.filter(|_| is_leaf).map(|finest| page.gaps.error_within(finest));
+            let coarsest = Some(range.coarsest).filter(|error| page.group_error > *error);
+            scratch.clip(&clusters, *node, finest, coarsest)
+        })
         .collect::<Result<Vec<_>, BuildError>>()?;
 
     let mut leaves = Leaves::default();

@@ -27,16 +27,21 @@ pub struct StlWriter<W: Write> {
 
 /// By how much binary STL moves a vertex at most, where positions are relative to `origin`: the diagonal of what rounding does on each axis.
 pub fn rounding(bounds: &Aabb, origin: [f64; 3]) -> f64 {
-    let on_axis = |axis: usize| {
-        let ends = [bounds.min[axis], bounds.max[axis]].map(|x| (f64::from(x) + origin[axis]).abs());
-        // Half of the distance from one single to the next, below that largest number; the least one has twice the denormals'.
-        let largest = ends[0].max(ends[1]).max(f64::from(f32::MIN_POSITIVE));
-        largest * f64::from(f32::EPSILON) / 2.0
-    };
     if origin == [0.0; 3] {
         return 0.0;
     }
-    [0, 1, 2].map(on_axis).iter().map(|x| x * x).sum::<f64>().sqrt() * (1.0 + 4.0 * f64::EPSILON)
+    [0, 1, 2]
+        .map(|axis| {
+            let ends = [bounds.min[axis], bounds.max[axis]].map(|x| (f64::from(x) + origin[axis]).abs());
+            // Half of the distance from one single to the next, below that largest number; the least one has twice the denormals'.
+            let largest = ends[0].max(ends[1]).max(f64::from(f32::MIN_POSITIVE));
+            largest * f64::from(f32::EPSILON) / 2.0
+        })
+        .iter()
+        .map(|x| x * x)
+        .sum::<f64>()
+        .sqrt()
+        * (1.0 + 4.0 * f64::EPSILON)
 }
 
 impl<W: Write> StlWriter<W> {

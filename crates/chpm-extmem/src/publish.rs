@@ -54,9 +54,9 @@ impl AtomicFile {
     /// As [`Self::create`].
     pub fn create_with(path: &Path, overwrite: bool, fail_points: FailPoints) -> Result<Self, ExtmemError> {
         let target = target(path, overwrite)?;
-        let place =
-            |slot: u32| target.with_file_name(hidden_name(name(&target), &format!(".{slot}{PARTIAL}")));
-        let opened = fail_points.access().and_then(|()| take(place));
+        let opened = fail_points.access().and_then(|()| {
+            take(|slot: u32| target.with_file_name(hidden_name(name(&target), &format!(".{slot}{PARTIAL}"))))
+        });
         let (file, partial) = opened.map_err(|source| ExtmemError::making("create", &target, source))?;
         let file = BufWriter::with_capacity(WRITE_BUFFER, file);
         Ok(AtomicFile { file, partial, target, overwrite, published: false, fail_points })

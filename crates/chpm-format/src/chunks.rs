@@ -82,8 +82,8 @@ pub(crate) fn check_order(
         end = end.saturating_add(group.coarse_count).saturating_add(group.fine_count);
     }
     // Within a range ids ascend.
-    let least = |group: &GroupRecord| members.get(group.coarse_first as usize).copied();
-    let by_least = groups.is_sorted_by_key(least);
+    let by_least =
+        groups.is_sorted_by_key(|group: &GroupRecord| members.get(group.coarse_first as usize).copied());
     require(by_least, place(SectionKind::Groups), "order", "by the least coarse cluster", "another")
 }
 

@@ -288,12 +288,12 @@ impl<'a> Page<'a> {
 
     /// The fewest vertices `n` whose mesh has an error of at most `error`; V if there is none.
     pub fn vertices_for(&self, error: f32) -> usize {
-        let above = |code: &u16| {
-            let coded = error_code::decode(*code, self.error_scale);
-            // A bound that is no number is met by nothing.
-            error.is_nan() || coded > error
-        };
-        self.base_vertex_count + self.error_codes.partition_point(above)
+        self.base_vertex_count
+            + self.error_codes.partition_point(|code| {
+                let coded = error_code::decode(*code, self.error_scale);
+                // A bound that is no number is met by nothing.
+                error.is_nan() || coded > error
+            })
     }
 
     /// Whether another cluster has vertex `local` too.
@@ -304,10 +304,14 @@ impl<'a> Page<'a> {
 
     /// The shared vertices: local index, ascending, and id.
     pub fn shared(&self) -> impl Iterator<Item = (u16, u32)> + use<'a> {
-        let set = |(i, byte): (usize, u8)| {
-            (0..8).filter(move |bit| byte >> bit & 1 == 1).map(move |bit| (8 * i + bit) as u16)
-        };
-        self.shared_bits.iter().copied().enumerate().flat_map(set).zip(self.shared_ids.iter().copied())
+        self.shared_bits
+            .iter()
+            .copied()
+            .enumerate()
+            .flat_map(|(i, byte)| {
+                (0..8).filter(move |bit| byte >> bit & 1 == 1).map(move |bit| (8 * i + bit) as u16)
+            })
+            .zip(self.shared_ids.iter().copied())
     }
 }
 

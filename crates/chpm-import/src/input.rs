@@ -150,11 +150,10 @@ fn heeded(error: SourceError, cancel: &Cancel) -> SourceError {
 /// # Errors
 /// [`SourceError::Read`] or [`SourceError::NotAFile`] if it cannot be read, [`SourceError::Import`] if what it names cannot be told.
 pub fn files(path: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, SourceError> {
-    let unread = |source| heeded(SourceError::Read { path: path.to_owned(), source }, cancel);
     let opened = Tap::open(&Supply::file(path)?, &FailPoints::default(), cancel)
         // Only the first bytes are unpacked, and a window is not filled.
         .and_then(|tap| stream::open(&tap, Format::HEAD, u64::MAX))
-        .map_err(unread)?;
+        .map_err(|source| heeded(SourceError::Read { path: path.to_owned(), source }, cancel))?;
     let extension = extension(path);
     let start = Start { head: &opened.head, len: opened.len, extension: extension.as_deref() };
     let mut files = vec![path.to_owned()];
@@ -170,13 +169,15 @@ pub fn files(path: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, SourceError> 
 /// # Errors
 /// [`SourceError::Read`] naming the file that cannot be read.
 pub fn fingerprint(files: &[PathBuf], cancel: &Cancel) -> Result<(u64, u64), SourceError> {
-    let one = |path: &PathBuf| {
-        let supply = Supply::file(path)?;
-        let read =
-            || -> io::Result<(u64, u64)> { Tap::open(&supply, &FailPoints::default(), cancel)?.finish() };
-        read().map_err(|source| heeded(SourceError::Read { path: path.clone(), source }, cancel))
-    };
-    let all = files.iter().map(one).collect::<Result<Vec<_>, _>>()?;
+    let all = files
+        .iter()
+        .map(|path| {
+            let supply = Supply::file(path)?;
+            let read =
+                || -> io::Result<(u64, u64)> { Tap::open(&supply, &FailPoints::default(), cancel)?.finish() };
+            read().map_err(|source| heeded(SourceError::Read { path: path.clone(), source }, cancel))
+        })
+        .collect::<Result<Vec<_>, _>>()?;
     let hashes: Vec<u64> = all.iter().skip(1).map(|(_, hash)| *hash).collect();
     let first = all.first().map_or(0, |(_, hash)| *hash);
     Ok((all.iter().map(|(len, _)| len).sum(), combine(first, &hashes)))

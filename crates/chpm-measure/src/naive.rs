@@ -243,11 +243,14 @@ impl<'a> Simplifier<'a> {
         let mut vertices = Vertices::default();
         vertices.gather(mesh.view(), (0..self.removed.len()).filter(|v| !self.removed[*v]));
         let mut count = 0;
-        let number = |gone: &bool| {
-            count += u32::from(!gone);
-            count.saturating_sub(1)
-        };
-        let numbers: Vec<u32> = self.removed.iter().map(number).collect();
+        let numbers: Vec<u32> = self
+            .removed
+            .iter()
+            .map(|gone| {
+                count += u32::from(!gone);
+                count.saturating_sub(1)
+            })
+            .collect();
         TriMesh {
             vertices,
             triangles: self.faces.iter().flatten().map(|f| f.map(|v| numbers[v as usize])).collect(),

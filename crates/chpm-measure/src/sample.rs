@@ -47,11 +47,14 @@ impl<'a> Sampler<'a> {
         edges.sort_unstable();
         edges.dedup();
         let edges = edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]).collect();
-        let area = |t: &[u32; 3]| {
-            let [a, b, c] = mesh.corners(*t);
-            0.5 * geom::area_vector(a, b, c).norm()
-        };
-        let areas: Vec<f64> = mesh.triangles.iter().map(area).collect();
+        let areas: Vec<f64> = mesh
+            .triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = mesh.corners(*t);
+                0.5 * geom::area_vector(a, b, c).norm()
+            })
+            .collect();
         let total_area = areas.iter().sum();
         let mut sampler = Sampler { mesh, density, vertices, edges, areas, total_area, total_length: 0.0 };
         sampler.total_length = (0..sampler.edges.len()).map(|e| sampler.length(e)).sum();

@@ -79,15 +79,17 @@ fn find<S, F: Send>(
     search: &(impl Fn(&mut S, Point3<f64>, f64) -> F + Sync),
 ) -> Vec<F> {
     let order = order(held);
-    let stretch = |stretch: &[u64]| {
-        let mut state = start();
-        let mut search = |i: u32| {
-            let Held { point, area, .. } = held[i as usize];
-            (i, search(&mut state, point, area))
-        };
-        stretch.iter().map(|place| search(*place as u32)).collect()
-    };
-    let stretches: Vec<Vec<(u32, F)>> = order.par_chunks(STRETCH).map(stretch).collect();
+    let stretches: Vec<Vec<(u32, F)>> = order
+        .par_chunks(STRETCH)
+        .map(|stretch| {
+            let mut state = start();
+            let mut search = |i: u32| {
+                let Held { point, area, .. } = held[i as usize];
+                (i, search(&mut state, point, area))
+            };
+            stretch.iter().map(|place| search(*place as u32)).collect()
+        })
+        .collect();
     let mut found: Vec<Option<F>> = Vec::new();
     found.resize_with(held.len(), || None);
     for (i, one) in stretches.into_iter().flatten() {

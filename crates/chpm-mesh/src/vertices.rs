@@ -157,8 +157,7 @@ impl Vertices {
     pub fn push_vertex(&mut self, vertex: &Vertex, carried: Attributes) {
         self.positions.push(vertex.position);
         self.normals.extend(carried.normals.then_some(vertex.normal));
-        let code = || Octahedral::of(vertex.normal.map(f64::from));
-        self.octahedral.extend(carried.octahedral.then(code));
+        self.octahedral.extend(carried.octahedral.then(|| Octahedral::of(vertex.normal.map(f64::from))));
         self.colors.extend(carried.colors.then_some(vertex.color));
     }
 

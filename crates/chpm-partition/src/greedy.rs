@@ -202,14 +202,15 @@ impl<'a> Bisection<'a> {
             self.weights[side] += u64::from(self.graph.node_weight(node));
             self.counts[side] += 1;
         }
-        let gain = |node: u32| {
-            let signed = |(other, weight): (u32, u32)| {
-                let crosses = self.side[other as usize] != self.side[node as usize];
-                if crosses { i64::from(weight) } else { -i64::from(weight) }
-            };
-            self.graph.neighbors_of(node).map(signed).sum()
-        };
-        self.gain = nodes.map(gain).collect();
+        self.gain = nodes
+            .map(|node| {
+                let signed = |(other, weight): (u32, u32)| {
+                    let crosses = self.side[other as usize] != self.side[node as usize];
+                    if crosses { i64::from(weight) } else { -i64::from(weight) }
+                };
+                self.graph.neighbors_of(node).map(signed).sum()
+            })
+            .collect();
     }
 
     /// One pass of single moves, each node at most once, back to the best state seen; whether that is a better one.

@@ -178,11 +178,14 @@ fn reconnect(
 
         // It goes where it has most weight of edges, to parts that have room first.
         weights[from as usize] -= weight;
-        let rank = |&part: &u32| {
-            let has_room = weights[part as usize] + weight <= max_part_weight;
-            (has_room, connection[part as usize], Reverse(part))
-        };
-        let to = touched.iter().copied().max_by_key(rank).unwrap_or(from);
+        let to = touched
+            .iter()
+            .copied()
+            .max_by_key(|&part| {
+                let has_room = weights[part as usize] + weight <= max_part_weight;
+                (has_room, connection[part as usize], Reverse(part))
+            })
+            .unwrap_or(from);
         weights[to as usize] += weight;
         list[id].part = to;
         settled[id] = true;

@@ -203,11 +203,14 @@ fn along_a_curve(points: &[Vector3<f64>]) -> Vec<u32> {
     fn spread(cell: u64) -> u64 {
         (0..BITS).map(|bit| (cell >> bit & 1) << (3 * bit)).sum::<u64>()
     }
-    let key = |point: &Vector3<f64>| {
-        let cell = (point - low).component_mul(&scale);
-        (0..3).map(|axis| spread(cell[axis] as u64) << axis).sum::<u64>()
-    };
-    let mut order: Vec<(u64, u32)> = points.iter().map(key).zip(0..).collect();
+    let mut order: Vec<(u64, u32)> = points
+        .iter()
+        .map(|point| {
+            let cell = (point - low).component_mul(&scale);
+            (0..3).map(|axis| spread(cell[axis] as u64) << axis).sum::<u64>()
+        })
+        .zip(0..)
+        .collect();
     order.sort_unstable();
     order.into_iter().map(|(_, number)| number).collect()
 }

@@ -158,11 +158,13 @@ impl Range {
         // No normal is longer than a unit, so that the square of a difference is at most 2 less twice the least product.
         let origin = Value::repeat(NORMAL_SCALE);
         let (low, high) = (low - origin, high - origin);
-        let product = |corner: Value| {
-            let corner = corner - origin;
-            corner.component_mul(&low).inf(&corner.component_mul(&high)).sum()
-        };
-        let least = corners.map(product).into_iter().fold(f64::INFINITY, f64::min);
+        let least = corners
+            .map(|corner| {
+                let corner = corner - origin;
+                corner.component_mul(&low).inf(&corner.component_mul(&high)).sum()
+            })
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
         reach.min((2.0 * (NORMAL_SCALE * NORMAL_SCALE * (1.0 + LOST) - least)).max(0.0).sqrt())
     }
 }

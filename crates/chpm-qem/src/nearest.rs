@@ -52,7 +52,7 @@ impl Nearest {
             return Some((face, known.nearest));
         }
         let mut face = None;
-        let has_face = |vertex| {
+        let nearest = self.tree.nearest(to_f64(positions[usize::from(v)]), within, |vertex| {
             // The two that lie nearest have no face without u.
             if vertex == u || vertex == v {
                 return false;
@@ -60,8 +60,7 @@ impl Nearest {
             let found = face_without(adjacency, vertex, u);
             face = found.or(face);
             found.is_some()
-        };
-        let nearest = self.tree.nearest(to_f64(positions[usize::from(v)]), within, has_face);
+        });
         let (squared, vertex) = nearest.unwrap_or((within, v));
         self.known[usize::from(v)] = Known { nearest: vertex, squared };
         face.zip(nearest.map(|(_, vertex)| vertex))

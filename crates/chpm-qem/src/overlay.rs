@@ -142,11 +142,10 @@ impl Overlay {
         let flat = high - low <= 256.0 * loss.height && is_flat(ring, sectors[0]);
         let still = flat && slide.is_still();
         if !still {
-            let slid = |old: &u32| {
-                if *old == NO_FACE { Reach::EMPTY } else { Reach::of(&of[*old as usize], &slide) }
-            };
             self.slid.clear();
-            self.slid.extend(faces.iter().map(slid));
+            self.slid.extend(faces.iter().map(|old| {
+                if *old == NO_FACE { Reach::EMPTY } else { Reach::of(&of[*old as usize], &slide) }
+            }));
         }
 
         // Each new face gets what the old faces displace that it lies on, in the cells that both have in common.

@@ -96,7 +96,9 @@ impl Given<'_> {
 
     /// Whether a member that has u may have the face: one that has all of its corners.
     pub(crate) fn has_member_of(&self, u: u16, corners: [u16; 3]) -> bool {
-        let common = |all: u8, corner: u16| all & self.sides[usize::from(corner)];
-        self.sides.is_empty() || corners.into_iter().fold(self.sides[usize::from(u)], common) != 0
+        self.sides.is_empty()
+            || corners.into_iter().fold(self.sides[usize::from(u)], |all: u8, corner: u16| {
+                all & self.sides[usize::from(corner)]
+            }) != 0
     }
 }

@@ -65,12 +65,11 @@ pub(crate) fn best_in_view<D: AsRef<[u8]>, E: From<RefineError>>(
     go_on: impl FnMut() -> Result<(), E>,
 ) -> Result<Cut, E> {
     let bound = |group, pixels: f32| hierarchy.bound(group, &view.with_pixels(f64::from(pixels)));
-    let pixels = |group, error| {
+    let profiles = Profiles::new(file, room, go_on);
+    BudgetSearch { file, hierarchy, bound, profiles }.best(limit, |group, error| {
         let region = hierarchy.region(group);
         (!view.culls(region)).then(|| view.pixels_of(error, region))
-    };
-    let profiles = Profiles::new(file, room, go_on);
-    BudgetSearch { file, hierarchy, bound, profiles }.best(limit, pixels)
+    })
 }
 
 /// Cuts by one number, with which the bounds of all groups grow.
@@ -115,8 +114,9 @@ where
     /// Whether the cut of a number has at most `limit` triangles.
     fn fits(&mut self, number: f32, limit: u64) -> Result<bool, E> {
         let (file, bound) = (self.file, |group| (self.bound)(group, number));
-        let wants = |group, _: &_| self.hierarchy.wants(group, bound(group));
-        let splits = Splits::wanted(file, self.hierarchy.top_down(), wants);
+        let splits = Splits::wanted(file, self.hierarchy.top_down(), |group, _: &_| {
+            self.hierarchy.wants(group, bound(group))
+        });
         let total = |count: fn(&ClusterRecord) -> u32| -> u64 {
             splits.active(file).map(|(_, cluster)| u64::from(count(cluster))).sum()
         };

@@ -72,12 +72,16 @@ impl Cut {
     /// as the seams between them are.
     pub fn at_level<D: AsRef<[u8]>>(file: &Chpm<D>, level: Level) -> Self {
         let splits = Splits::wanted(file, &top_down(file), |_, group| group.level > level.0);
-        let member = |(cluster, record): (_, &ClusterRecord)| {
-            let beside = parents(file, record.group()).any(|above| !splits.is_split(above));
-            let vertices = if beside { record.base_vertex_count } else { record.vertex_count };
-            Member { cluster, vertices }
-        };
-        Cut { members: splits.active(file).map(member).collect() }
+        Cut {
+            members: splits
+                .active(file)
+                .map(|(cluster, record)| {
+                    let beside = parents(file, record.group()).any(|above| !splits.is_split(above));
+                    let vertices = if beside { record.base_vertex_count } else { record.vertex_count };
+                    Member { cluster, vertices }
+                })
+                .collect(),
+        }
     }
 
     /// The coarsest mesh whose every part has a stored error of at most `bound`, in object units: a group is split

@@ -62,12 +62,16 @@ impl Front {
     /// The coarsest cut of a file.
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
         let ids = || (0..file.groups().len() as u32).map(GroupId);
-        let state = |id| {
-            let missing =
-                file.coarse(id).iter().map(|id| u32::from(!file.clusters()[*id as usize].is_root())).sum();
-            GroupState { bound: f32::INFINITY, missing, below: 0, split: false }
-        };
-        let states: Vec<_> = ids().map(state).collect();
+        let states: Vec<_> = ids()
+            .map(|id| {
+                let missing = file
+                    .coarse(id)
+                    .iter()
+                    .map(|id| u32::from(!file.clusters()[*id as usize].is_root()))
+                    .sum();
+                GroupState { bound: f32::INFINITY, missing, below: 0, split: false }
+            })
+            .collect();
         let open = ids().filter(|id| states[id.index()].missing == 0).collect();
         Front { states, open, split: Vec::new(), entered: Vec::new() }
     }

@@ -45,11 +45,14 @@ impl CameraPath {
         let arm = Point3::from(start.position) - center;
         let [_, upward, _] = start.axes();
         let axis = Unit::try_new(Vector3::from(start.up), 0.0).unwrap_or(Unit::new_normalize(upward));
-        let camera = |frame: usize| {
-            let turn = Rotation3::from_axis_angle(&axis, TAU * frame as f64 / frames as f64);
-            Camera { position: (center + turn * arm).into(), ..*start }
-        };
-        CameraPath { cameras: (0..frames).map(camera).collect() }
+        CameraPath {
+            cameras: (0..frames)
+                .map(|frame| {
+                    let turn = Rotation3::from_axis_angle(&axis, TAU * frame as f64 / frames as f64);
+                    Camera { position: (center + turn * arm).into(), ..*start }
+                })
+                .collect(),
+        }
     }
 
     /// From the [`Camera::framing`] view of a box straight towards a point; see [`CameraPath::towards`].
@@ -62,12 +65,19 @@ impl CameraPath {
     pub fn towards(start: &Camera, point: [f64; 3], frames: usize) -> Self {
         let (point, center) = (Point3::from(point), Point3::from(start.target));
         let away = Point3::from(start.position) - point;
-        let approach = |frame: usize| {
-            let t = frame as f64 / (frames.max(2) - 1) as f64;
-            let target = center + (point - center) * smooth((3.0 * t).min(1.0));
-            Camera { position: (point + away * 500_f64.powf(-t)).into(), target: target.into(), ..*start }
-        };
-        CameraPath { cameras: (0..frames).map(approach).collect() }
+        CameraPath {
+            cameras: (0..frames)
+                .map(|frame| {
+                    let t = frame as f64 / (frames.max(2) - 1) as f64;
+                    let target = center + (point - center) * smooth((3.0 * t).min(1.0));
+                    Camera {
+                        position: (point + away * 500_f64.powf(-t)).into(),
+                        target: target.into(),
+                        ..*start
+                    }
+                })
+                .collect(),
+        }
     }
 
     /// Smoothly between random cameras in and around a box; what follows from `seed` alone.
@@ -85,13 +95,17 @@ impl CameraPath {
         };
         let keys: Vec<_> =
             (0..frames.div_ceil(LEG) + 1).map(|_| (point(0.3, 6.0), point(0.02, 0.25))).collect();
-        let between = |frame: usize| {
-            let ((from, from_target), (to, to_target)) = (keys[frame / LEG], keys[frame / LEG + 1]);
-            let t = smooth((frame % LEG) as f64 / LEG as f64);
-            let (position, target) = (from + (to - from) * t, from_target + (to_target - from_target) * t);
-            Camera { position: position.into(), target: target.into(), ..start }
-        };
-        CameraPath { cameras: (0..frames).map(between).collect() }
+        CameraPath {
+            cameras: (0..frames)
+                .map(|frame| {
+                    let ((from, from_target), (to, to_target)) = (keys[frame / LEG], keys[frame / LEG + 1]);
+                    let t = smooth((frame % LEG) as f64 / LEG as f64);
+                    let (position, target) =
+                        (from + (to - from) * t, from_target + (to_target - from_target) * t);
+                    Camera { position: position.into(), target: target.into(), ..start }
+                })
+                .collect(),
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use crate::error::RefineError;
 use crate::hierarchy::Hierarchy;
 use crate::select::select_by;
 use crate::splits::{Splits, parents};
-use chpm_format::{BoundaryMode, Chpm, ClusterRecord};
+use chpm_format::{BoundaryMode, Chpm};
 use chpm_mesh::GroupId;
 
 /// A field has fewer balls than this; none is as likely as any other number.
@@ -42,12 +42,16 @@ fn at_any_positions<D: AsRef<[u8]>>(
     let splits = Splits::wanted(file, hierarchy.top_down(), |group, _| {
         hierarchy.wants(group, field.bound(hierarchy, group)) && random.unit() >= field.reluctance
     });
-    let anywhere = |(cluster, record): (_, &ClusterRecord)| {
-        let collapses = record.vertex_count - record.base_vertex_count;
-        let refined = (random.unit() * (f64::from(collapses) + 1.0)) as u32;
-        Member { cluster, vertices: record.base_vertex_count + refined }
-    };
-    Cut::new(splits.active(file).map(anywhere).collect())
+    Cut::new(
+        splits
+            .active(file)
+            .map(|(cluster, record)| {
+                let collapses = record.vertex_count - record.base_vertex_count;
+                let refined = (random.unit() * (f64::from(collapses) + 1.0)) as u32;
+                Member { cluster, vertices: record.base_vertex_count + refined }
+            })
+            .collect(),
+    )
 }
 
 /// As a view's, bounds never fall from a group to those below.
@@ -127,12 +131,15 @@ impl Field {
 
     fn bound(&self, hierarchy: &Hierarchy, group: GroupId) -> f32 {
         let region = hierarchy.region(group);
-        let meets = |ball: &&Ball| {
-            let outside =
-                |a: usize| (region.low[a] - ball.center[a]).max(ball.center[a] - region.high[a]).max(0.0);
-            (0..3).map(|axis| outside(axis).powi(2)).sum::<f64>() <= ball.radius * ball.radius
-        };
-        self.balls.iter().filter(meets).map(|ball| ball.error).fold(self.everywhere, f32::min)
+        self.balls
+            .iter()
+            .filter(|ball| {
+                let outside =
+                    |a: usize| (region.low[a] - ball.center[a]).max(ball.center[a] - region.high[a]).max(0.0);
+                (0..3).map(|axis| outside(axis).powi(2)).sum::<f64>() <= ball.radius * ball.radius
+            })
+            .map(|ball| ball.error)
+            .fold(self.everywhere, f32::min)
     }
 }
 

@@ -79,15 +79,17 @@ impl Residency {
         size: impl Fn(&ClusterRecord) -> u64,
     ) -> Self {
         let sizes: Vec<u64> = file.clusters().iter().map(size).collect();
-        let unit = |id| {
-            let bytes = file.fine(id).iter().map(|fine| sizes[*fine as usize]).sum();
-            Unit { bytes, used: 0, foreseen: 0, missing: 0, below: 0, kept: false }
-        };
         Residency {
             budget: budget.0,
             reserved: 0,
             now: 0,
-            units: (0..file.groups().len() as u32).map(GroupId).map(unit).collect(),
+            units: (0..file.groups().len() as u32)
+                .map(GroupId)
+                .map(|id| {
+                    let bytes = file.fine(id).iter().map(|fine| sizes[*fine as usize]).sum();
+                    Unit { bytes, used: 0, foreseen: 0, missing: 0, below: 0, kept: false }
+                })
+                .collect(),
             kept: Vec::new(),
             pending: vec![false; file.clusters().len()],
             missing_roots: file.header().root_count,

@@ -323,11 +323,11 @@ impl View {
             let pick = |a: usize| f64::from(if farthest[a] > 0.0 { bounds.max[a] } else { bounds.min[a] });
             Point3::new(pick(0), pick(1), pick(2)) - self.eye
         };
-        let outside = |(normal, offset): &(Vector3<f64>, f64)| {
-            let corner = corner(*normal);
-            normal.dot(&corner) + offset + Region::SLACK * corner.norm() < 0.0
-        };
-        bounds.is_empty() || self.planes.iter().any(outside)
+        bounds.is_empty()
+            || self.planes.iter().any(|(normal, offset)| {
+                let corner = corner(*normal);
+                normal.dot(&corner) + offset + Region::SLACK * corner.norm() < 0.0
+            })
     }
 }
 

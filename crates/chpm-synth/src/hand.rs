@@ -107,11 +107,13 @@ pub fn icosphere(level: u32) -> TriMesh {
                 points.len() as u32 - 1
             })
         };
-        let split = |[a, b, c]: [u32; 3]| {
-            let [x, y, z] = [middle(a, b), middle(b, c), middle(c, a)];
-            [[a, x, z], [x, b, y], [z, y, c], [x, y, z]]
-        };
-        triangles = triangles.into_iter().flat_map(split).collect();
+        triangles = triangles
+            .into_iter()
+            .flat_map(|[a, b, c]| {
+                let [x, y, z] = [middle(a, b), middle(b, c), middle(c, a)];
+                [[a, x, z], [x, b, y], [z, y, c], [x, y, z]]
+            })
+            .collect();
     }
     TriMesh::new(points.iter().map(|p| p.map(|x| x as f32)).collect(), triangles)
 }
@@ -135,12 +137,16 @@ pub fn moebius(n: u32) -> TriMesh {
         [reach * x, reach * y, 0.3 * side * half_sin].map(|c| c as f32)
     }
     let positions = (0..n).flat_map(|i| [point(i, -1.0, n), point(i, 1.0, n)]).collect();
-    let quad = |i: u32| {
-        let (a, b) = (2 * i, 2 * i + 1);
-        let (c, d) = if i + 1 < n { (a + 2, a + 3) } else { (1, 0) };
-        [[a, c, b], [b, c, d]]
-    };
-    TriMesh::new(positions, (0..n).flat_map(quad).collect())
+    TriMesh::new(
+        positions,
+        (0..n)
+            .flat_map(|i| {
+                let (a, b) = (2 * i, 2 * i + 1);
+                let (c, d) = if i + 1 < n { (a + 2, a + 3) } else { (1, 0) };
+                [[a, c, b], [b, c, d]]
+            })
+            .collect(),
+    )
 }
 
 /// A Klein bottle (the figure-eight one) of `n` by `n` quads, `n >= 3`: closed, Euler characteristic 0, not orientable.

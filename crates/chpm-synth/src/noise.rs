@@ -58,11 +58,12 @@ pub(super) fn turn(t: f64) -> (f64, f64) {
 
 /// Taylor series on an eighth of a turn to either side; the next terms are below the last bit.
 fn series(first: f64, start: u32, x: f64) -> f64 {
-    let step = |(sum, term): (f64, f64), k: u32| {
-        let next = -term * x * x / f64::from((2 * k + start) * (2 * k + start - 1));
-        (sum + next, next)
-    };
-    (1..9).fold((first, first), step).0
+    (1..9)
+        .fold((first, first), |(sum, term): (f64, f64), k: u32| {
+            let next = -term * x * x / f64::from((2 * k + start) * (2 * k + start - 1));
+            (sum + next, next)
+        })
+        .0
 }
 
 fn fade(t: f64) -> f64 {

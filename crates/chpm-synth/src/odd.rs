@@ -221,12 +221,11 @@ fn pieces(n: u32, faces: u32, size: f64) -> Plan {
         let piece = v / corners;
         [0, 1, 2].map(|axis| chance(piece, axis) + size * chance(v, 3 + axis))
     };
-    let triangle = move |t: u32| {
+    Plan::new(corners * count, faces * count, place, move |t: u32| {
         let first = t / faces * corners;
         let [a, b, c] = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]][(t % faces) as usize];
         [first + a, first + b, first + c]
-    };
-    Plan::new(corners * count, faces * count, place, triangle)
+    })
 }
 
 /// Vertex `i` of a ring of `count`.
@@ -289,8 +288,9 @@ fn layers(n: u32, apart: f64) -> Plan {
         let (layer, [x, y, z]) = (v / vertices, grid.place(v % vertices));
         [x, y, z + apart * f64::from(layer)]
     };
-    let triangle = move |t: u32| grid.corners(t % triangles).map(|v| v + t / triangles * vertices);
-    Plan::new(LAYERS * vertices, LAYERS * triangles, place, triangle)
+    Plan::new(LAYERS * vertices, LAYERS * triangles, place, move |t: u32| {
+        grid.corners(t % triangles).map(|v| v + t / triangles * vertices)
+    })
 }
 
 fn edge(n: u32) -> Plan {

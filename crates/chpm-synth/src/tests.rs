@@ -39,11 +39,13 @@ fn euler_of_closed(mesh: &TriMesh, name: &str) -> i64 {
 
 /// Six times the enclosed volume; positive where faces look outward.
 fn volume(mesh: &TriMesh) -> f64 {
-    let of = |t: &[u32; 3]| {
-        let [a, b, c] = mesh.corners(*t).map(chpm_mesh::geom::to_f64);
-        a.coords.dot(&b.coords.cross(&c.coords))
-    };
-    mesh.triangles.iter().map(of).sum()
+    mesh.triangles
+        .iter()
+        .map(|t| {
+            let [a, b, c] = mesh.corners(*t).map(chpm_mesh::geom::to_f64);
+            a.coords.dot(&b.coords.cross(&c.coords))
+        })
+        .sum()
 }
 
 fn components(mesh: &TriMesh) -> usize {

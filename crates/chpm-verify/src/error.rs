@@ -49,7 +49,7 @@ pub enum VerifyError {
     /// The file tells a size of small components that is none.
     #[error("the file names '{got}' as its min-component, which is no size")]
     Size {
-        /// What it tells.
+        /// Found value.
         got: String,
     },
     /// The leaves lack detail of the source on purpose, so that nothing can be held against it.
@@ -57,7 +57,7 @@ pub enum VerifyError {
     Trimmed {
         /// The file.
         path: PathBuf,
-        /// What the leaves would have to be, and what to do instead.
+        /// Required leaves, and a remedy.
         what: String,
     },
     /// The leaves are not the source's triangles, so that distances to it cannot be measured.
@@ -88,9 +88,9 @@ pub enum VerifyError {
     Memory {
         /// The file.
         path: PathBuf,
-        /// What there is.
+        /// Memory that is there.
         asked: MemorySize,
-        /// What would do.
+        /// Memory that would do.
         least: MemorySize,
     },
 }

@@ -15,7 +15,7 @@ use std::path::Path;
 /// Bytes that are found out about each cluster.
 const FOUND: u64 = 1664;
 
-/// What is to be measured.
+/// Request for a measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Measures {
     /// Whether all levels are.
@@ -36,7 +36,7 @@ impl Default for Measures {
     }
 }
 
-/// What was measured.
+/// Result of a measurement.
 #[derive(Debug)]
 pub struct Measured {
     /// Levels, from the finest on, and then cuts.

@@ -11,7 +11,7 @@ use chpm_format::{Chpm, FormatError, Report};
 use chpm_mesh::Bytes;
 use std::path::{Path, PathBuf};
 
-/// What is to be looked at besides every byte and invariant.
+/// Checks besides those of every byte and invariant.
 #[derive(Clone, Debug)]
 pub struct Checks {
     /// The source, whose triangles must be those of the leaves.
@@ -44,7 +44,7 @@ impl Default for Checks {
     }
 }
 
-/// What was found.
+/// Findings.
 #[derive(Debug, Default)]
 pub struct Verification {
     /// Every fault that is told in full.

@@ -258,8 +258,11 @@ impl Shared {
     /// Counts a block, if there is room for it.
     fn take_room(&self, bytes: u64) -> bool {
         let room = self.room.load(Ordering::Relaxed);
-        let more = |blocks: u64| blocks.checked_add(bytes).filter(|blocks| *blocks <= room);
-        self.blocks.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more).is_ok()
+        self.blocks
+            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |blocks: u64| {
+                blocks.checked_add(bytes).filter(|blocks| *blocks <= room)
+            })
+            .is_ok()
     }
 
     fn give_room_back(&self, bytes: u64) {

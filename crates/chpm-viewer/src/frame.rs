@@ -300,10 +300,13 @@ impl Viewer {
 
     /// How each model looks.
     fn colors(&self, request: &FrameRequest, target: &Target<'_>) -> Vec<Colors> {
-        let colors = |(place, model): (usize, &Model)| {
-            Colors::new(&request.look, model.has_colors(), target.format).of_other(place > 0)
-        };
-        self.models.iter().enumerate().map(colors).collect()
+        self.models
+            .iter()
+            .enumerate()
+            .map(|(place, model)| {
+                Colors::new(&request.look, model.has_colors(), target.format).of_other(place > 0)
+            })
+            .collect()
     }
 
     fn check_size(&self, got: [u32; 2]) -> Result<(), ViewerError> {

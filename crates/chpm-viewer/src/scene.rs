@@ -115,9 +115,6 @@ impl Scene {
         }
 
         // Blocks that readers have made wait in main memory, which leaves less of it for pages.
-        let share = |cluster: &ClusterRecord| {
-            gpu_bytes(cluster, colors) as f64 / cluster.unpacked_len(attributes) as f64
-        };
         let room = BLOCKS.0.min(budgets.memory.0 / 8).min(budgets.memory.0 - page_bytes.0);
         let memory = Bytes(budgets.memory.0 - room);
         let fetch = Fetch::new(Arc::clone(&file), READERS, memory)?;
@@ -125,7 +122,11 @@ impl Scene {
         fetch.make_blocks(Bytes(room));
 
         Ok(Scene {
-            gpu_share: file.clusters().iter().map(share).fold(0.0, f64::max),
+            gpu_share: file
+                .clusters()
+                .iter()
+                .map(|cluster| gpu_bytes(cluster, colors) as f64 / cluster.unpacked_len(attributes) as f64)
+                .fold(0.0, f64::max),
             gpu_has_room: true,
             split: vec![Cell::new(false); file.groups().len()],
             bounds: Bounds::new(file.groups().len()),
@@ -191,8 +192,9 @@ impl Scene {
         let allowed = |group| in_image(group) && seen(group);
         // Whoever turns sees what is beside the image, but not what the clipping plane leaves out.
         let clipped = |group| culling.frustum && ahead.clips(hierarchy.region(group));
-        let next = |group| seen(group) && !clipped(group);
-        let traffic = self.pager.foresee(file, hierarchy, ahead, AHEAD, allowed, next);
+        let traffic = self
+            .pager
+            .foresee(file, hierarchy, ahead, AHEAD, allowed, |group| seen(group) && !clipped(group));
         self.dispatch(traffic, true)
     }
 
@@ -344,12 +346,11 @@ impl Scene {
         };
 
         let bound = |group| self.bounds.of(group, &self.hierarchy, view);
-        let page = |cluster: ClusterId, _| {
+        let changes = self.list.update_with(file, &self.hierarchy, bound, ready, |cluster: ClusterId, _| {
             let page = pages[cluster.index()].as_ref();
             page.map(|page| PageBuf::from(page.page()))
                 .ok_or(RefineError::Cluster { cluster, count: pages.len() })
-        };
-        let changes = self.list.update_with(file, &self.hierarchy, bound, ready, page);
+        });
         if changes.is_err() {
             // The list starts anew.
             self.split.fill(Cell::new(false));
@@ -363,8 +364,9 @@ impl Scene {
             let group = if entered.finest { record.group() } else { record.parent_group() };
             self.split[group.index()].set(front.is_split(group));
         }
-        let is_active = |cluster: ClusterId| front.is_active(&file.clusters()[cluster.index()]);
-        self.visibility.follow(file, front.entered(), self.list.left(), is_active);
+        self.visibility.follow(file, front.entered(), self.list.left(), |cluster: ClusterId| {
+            front.is_active(&file.clusters()[cluster.index()])
+        });
         Ok(changes)
     }
 

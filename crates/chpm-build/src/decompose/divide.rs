@@ -164,7 +164,7 @@ fn region_count(vertices: usize, leaves: u32, settings: &Settings) -> u32 {
 /// Graph of the cells from a sample of the triangles.
 fn joints(triangles: &Column<[u32; 3]>, cells: &Cells, context: &Context<'_>) -> Result<Pairs, BuildError> {
     let steps = triangles.len().div_ceil(STEP);
-    let step = |scratch: &mut Vec<[u32; 3]>, step: usize| {
+    let all = (0..steps).into_par_iter().map_init(Vec::new, |scratch: &mut Vec<[u32; 3]>, step: usize| {
         context.check()?;
         let range = step * STEP..triangles.len().min((step + 1) * STEP);
         let mut joints = Pairs::default();
@@ -172,8 +172,7 @@ fn joints(triangles: &Column<[u32; 3]>, cells: &Cells, context: &Context<'_>) ->
             cell_graph::joints(t.map(|v| cells.of(v))).for_each(|(a, b)| joints.add(a, b, 1));
         }
         Ok(joints)
-    };
-    let all = (0..steps).into_par_iter().map_init(Vec::new, step);
+    });
     all.try_reduce(Pairs::default, |a, b| Ok(a.merge(b)))
 }
 

@@ -190,12 +190,13 @@ fn gather(
     }
 
     let vertex_count = mesh.vertices.positions.len();
-    let one = |locals: &mut Vec<u16>, triangles: &[[u32; 3]]| {
-        context.check()?;
-        locals.resize(vertex_count, leaf::ABSENT);
-        Ok(LeafMesh::gather(triangles, locals))
-    };
-    jobs.into_par_iter().map_init(Vec::new, one).collect()
+    jobs.into_par_iter()
+        .map_init(Vec::new, |locals: &mut Vec<u16>, triangles: &[[u32; 3]]| {
+            context.check()?;
+            locals.resize(vertex_count, leaf::ABSENT);
+            Ok(LeafMesh::gather(triangles, locals))
+        })
+        .collect()
 }
 
 /// Finds the vertices that several leaves use, and numbers those that no other region has by the set of their leaves.

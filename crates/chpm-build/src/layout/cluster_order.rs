@@ -37,10 +37,12 @@ pub(super) fn order(tree: &Tree, bounds: impl Fn(u32) -> Option<Aabb>) -> Vec<u3
     fn built(node: u32, bounds: &[Option<Aabb>]) -> bool {
         bounds[node as usize].is_some()
     }
-    let is_root = |node: &u32| {
-        built(*node, &bounds) && tree.nodes[*node as usize].parent.is_none_or(|p| !built(p, &bounds))
-    };
-    let roots: Vec<u32> = (0..count as u32).rev().filter(is_root).collect();
+    let roots: Vec<u32> = (0..count as u32)
+        .rev()
+        .filter(|node| {
+            built(*node, &bounds) && tree.nodes[*node as usize].parent.is_none_or(|p| !built(p, &bounds))
+        })
+        .collect();
     for root in layout.neighbors_first(roots) {
         layout.place(root, 0);
     }

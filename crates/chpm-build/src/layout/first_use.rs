@@ -42,8 +42,7 @@ impl FirstUse {
                 None => rest = rest.min(index),
             }
         }
-        let is_shared = |vertex: &usize| bits[vertex / 8] >> (vertex % 8) & 1 == 1;
-        for vertex in (0..base).filter(is_shared) {
+        for vertex in (0..base).filter(|vertex| bits[vertex / 8] >> (vertex % 8) & 1 == 1) {
             out.extend_from_slice(&self.ids[vertex].to_le_bytes());
         }
         out.extend_from_slice(bytemuck::cast_slice(&page.shared_ids[rest..]));

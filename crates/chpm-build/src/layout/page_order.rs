@@ -33,8 +33,9 @@ pub fn order(runs: Vec<Run>) -> Vec<u32> {
 const BITS: u32 = 21;
 
 fn cell(point: [f32; 3], bounds: &Aabb) -> [u32; 3] {
-    let side = |axis: usize| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
-    let widest = (0..3).map(side).fold(f64::MIN_POSITIVE, f64::max);
+    let widest = (0..3)
+        .map(|axis| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]))
+        .fold(f64::MIN_POSITIVE, f64::max);
     let most = f64::from((1u32 << BITS) - 1);
     std::array::from_fn(|axis| {
         ((f64::from(point[axis]) - f64::from(bounds.min[axis])) / widest * most) as u32
@@ -69,10 +70,9 @@ fn hilbert(mut cell: [u32; 3]) -> u64 {
         }
         bit >>= 1;
     }
-    let dealt = |place: u64, bit: u32| {
+    (0..BITS).rev().fold(0, |place: u64, bit: u32| {
         cell.iter().fold(place, |place, c| place << 1 | u64::from((c ^ flip) >> bit & 1))
-    };
-    (0..BITS).rev().fold(0, dealt)
+    })
 }
 
 #[cfg(test)]

@@ -152,8 +152,9 @@ impl Levels {
             |node: u32| finest_error(node, tree, refs, rounding).filter(|error| *error <= range.coarsest);
         let mut formed: Vec<Vec<u32>> = match settings.boundary {
             BoundaryMode::Dependencies => {
-                let cost = |node: u32| cost::member(node, tree, inputs.decomposition, refs);
-                seams.groups(tree, self.level, &self.left, settings, finest_error, cost)
+                seams.groups(tree, self.level, &self.left, settings, finest_error, |node: u32| {
+                    cost::member(node, tree, inputs.decomposition, refs)
+                })
             }
             _ => tree.level(self.level).map(|node| vec![node as u32]).collect(),
         };

@@ -172,8 +172,9 @@ impl Group {
         left.retain(|index| !is_taken[*index as usize]);
         left.sort_unstable();
         left.dedup();
-        let entry = |index: &u32| (others(triangles[*index as usize], &self.hubs, scores), *index);
-        self.heap.extend(left.iter().map(entry));
+        self.heap.extend(
+            left.iter().map(|index| (others(triangles[*index as usize], &self.hubs, scores), *index)),
+        );
     }
 }
 

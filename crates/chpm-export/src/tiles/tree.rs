@@ -106,14 +106,17 @@ impl Family {
                 votes[*owner as usize * coarse.len() + *number as usize] += 1;
             }
         }
-        let parent = |(votes, cluster): (&[u32], &u32)| {
-            let most = votes.iter().copied().max().unwrap_or(0);
-            let first = votes.iter().position(|votes| *votes == most && most > 0);
-            let empty = file.clusters()[*cluster as usize].base_triangle_count == 0;
-            let orphan = ExportError::Orphan { cluster: ClusterId(*cluster), group };
-            first.or(empty.then_some(0)).and_then(|number| coarse.get(number)).copied().ok_or(orphan)
-        };
-        votes.chunks(coarse.len().max(1)).zip(fine).map(parent).collect()
+        votes
+            .chunks(coarse.len().max(1))
+            .zip(fine)
+            .map(|(votes, cluster)| {
+                let most = votes.iter().copied().max().unwrap_or(0);
+                let first = votes.iter().position(|votes| *votes == most && most > 0);
+                let empty = file.clusters()[*cluster as usize].base_triangle_count == 0;
+                let orphan = ExportError::Orphan { cluster: ClusterId(*cluster), group };
+                first.or(empty.then_some(0)).and_then(|number| coarse.get(number)).copied().ok_or(orphan)
+            })
+            .collect()
     }
 }
 

@@ -112,11 +112,13 @@ impl View {
         }
 
         let view = View::Decimal { digits: digits as u8, places: places as u8 };
-        let same = |number: &f32| {
-            view.integer(*number)
-                .is_some_and(|i| view.float(i).is_some_and(|f| f.to_bits() == number.to_bits()))
-        };
-        numbers.iter().all(same).then_some(view)
+        numbers
+            .iter()
+            .all(|number| {
+                view.integer(*number)
+                    .is_some_and(|i| view.float(i).is_some_and(|f| f.to_bits() == number.to_bits()))
+            })
+            .then_some(view)
     }
 
     /// The integer of a float; none where a decimal view has no such number near it.

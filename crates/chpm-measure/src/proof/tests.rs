@@ -131,10 +131,11 @@ fn other_triangles_of_the_same_plane_are_no_distance_away() {
 #[test]
 fn creases_of_needles_take_a_few_pieces_for_each() {
     // A million times as long as wide, and a ridge along every second edge.
-    let row = |i: u32| {
-        [[0.0, i as f32 * 1e-6, (i % 2) as f32 * 4e-7], [1.0, i as f32 * 1e-6, (i % 2) as f32 * 4e-7]]
-    };
-    let positions: Vec<[f32; 3]> = (0..=30).flat_map(row).collect();
+    let positions: Vec<[f32; 3]> = (0..=30)
+        .flat_map(|i| {
+            [[0.0, i as f32 * 1e-6, (i % 2) as f32 * 4e-7], [1.0, i as f32 * 1e-6, (i % 2) as f32 * 4e-7]]
+        })
+        .collect();
     let needles = (0..30).flat_map(|i| [[2 * i, 2 * i + 1, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 2]]);
     let mesh = TriMesh::new(positions, needles.collect());
     let target = tiles(&mesh, 7);

@@ -76,12 +76,14 @@ impl BothOneRings {
             return vec![];
         }
 
-        let corner = |at: &ExactPoint| {
-            let (of_u, from) = height_over(before, at);
-            let (_, to) = height_over(after, at);
-            Corner { along: to - from, of_u }
-        };
-        polygon.iter().map(corner).collect()
+        polygon
+            .iter()
+            .map(|at| {
+                let (of_u, from) = height_over(before, at);
+                let (_, to) = height_over(after, at);
+                Corner { along: to - from, of_u }
+            })
+            .collect()
     }
 }
 
@@ -280,11 +282,17 @@ impl OneRing {
         }
         ring.place(apex.coords.into(), |vertex| places[usize::from(vertex)].coords.into());
         let size = self.roughness.max(1e-13);
-        let boxed = |(a, b): &([f64; 3], [f64; 3])| {
-            let (a, b) = (Vector3::from(*a) * size, Vector3::from(*b) * size);
-            Displacement::default().moved(a.inf(&b), a.sup(&b))
-        };
-        (ring, normal, self.before.iter().map(boxed).collect())
+        (
+            ring,
+            normal,
+            self.before
+                .iter()
+                .map(|(a, b)| {
+                    let (a, b) = (Vector3::from(*a) * size, Vector3::from(*b) * size);
+                    Displacement::default().moved(a.inf(&b), a.sup(&b))
+                })
+                .collect(),
+        )
     }
 }
 

@@ -1,7 +1,7 @@
 //! A coarse mesh of a model, and the camera that just sees all of it.
 
 use super::apart::specks;
-use crate::cut::{Cut, Member};
+use crate::cut::{Cut};
 use crate::error::RefineError;
 use crate::extract::extract;
 use crate::view::Camera;
@@ -50,11 +50,16 @@ impl Outline {
     /// [`RefineError::Format`] for a damaged page.
     pub fn of_file<D: AsRef<[u8]>>(file: &Chpm<D>) -> Result<Self, RefineError> {
         let clusters = file.clusters();
-        let most = |member: &Member| u64::from(clusters[member.cluster.index()].triangle_count);
         let top = file.header().level_count.saturating_sub(1);
         let mut cuts = (0..=top).map(|level| Cut::at_level(file, Level(level)));
         let cut = cuts
-            .find(|cut| cut.members().iter().map(most).sum::<u64>() <= TRIANGLES)
+            .find(|cut| {
+                cut.members()
+                    .iter()
+                    .map(|member| u64::from(clusters[member.cluster.index()].triangle_count))
+                    .sum::<u64>()
+                    <= TRIANGLES
+            })
             .unwrap_or_else(|| Cut::at_level(file, Level(top)));
         let mesh = extract(file, &cut)?;
         Ok(Outline::of_mesh(&mesh.positions, &mesh.triangles).without_specks())
@@ -168,12 +173,11 @@ impl Outline {
 
     /// All points; without triangles, the corners of the box.
     pub(super) fn framed<'a>(&'a self, bounds: &'a Aabb) -> impl Iterator<Item = Point3<f64>> + use<'a> {
-        let corner = |n: usize| {
+        let of_box = (0..8).filter(|_| self.triangles.is_empty() && !bounds.is_empty()).map(|n| {
             let pick =
                 |axis: usize| f64::from(if n >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] });
             Point3::new(pick(0), pick(1), pick(2))
-        };
-        let of_box = (0..8).filter(|_| self.triangles.is_empty() && !bounds.is_empty()).map(corner);
+        });
         self.corners().chain(of_box)
     }
 
@@ -215,11 +219,13 @@ impl Outline {
         let cameras: Vec<Camera> = sights.map(|sight| Camera::whole(center, sight, up, fov)).collect();
         let away = cameras.iter().map(|camera| self.away(bounds, camera, window)).fold(0.0, f64::max);
         let away = if away > 0.0 { away } else { 1.0 };
-        let moved = |camera: Camera| {
-            let [_, _, ahead] = camera.axes();
-            Camera { position: (center - ahead * away).into(), ..camera }
-        };
-        cameras.into_iter().map(moved).collect()
+        cameras
+            .into_iter()
+            .map(|camera| {
+                let [_, _, ahead] = camera.axes();
+                Camera { position: (center - ahead * away).into(), ..camera }
+            })
+            .collect()
     }
 }
 

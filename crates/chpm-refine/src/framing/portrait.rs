@@ -113,12 +113,13 @@ impl Portrait {
             let across = (1.0 - z * z).max(0.0).sqrt();
             Vector3::new(across * cos, across * sin, z)
         }
-        let farthest = |n: u32| {
-            let direction = direction(n);
-            let along = |place: &usize| points[*place].coords.dot(&direction);
-            (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
-        };
-        let mut places: Vec<usize> = (0..DIRECTIONS).filter_map(farthest).collect();
+        let mut places: Vec<usize> = (0..DIRECTIONS)
+            .filter_map(|n| {
+                let direction = direction(n);
+                let along = |place: &usize| points[*place].coords.dot(&direction);
+                (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
+            })
+            .collect();
         places.sort_unstable();
         places.dedup();
         let mut outermost: Vec<Point3<f64>> = places.into_iter().map(|place| points[place]).collect();

@@ -98,11 +98,10 @@ pub(super) fn pages(triangles: u32) -> TriMesh {
                 mesh.positions.extend(column);
             }
 
-            let at = |along: u32, i: u32| match along {
+            mesh.triangles.extend(quads(deep, high, |along: u32, i: u32| match along {
                 0 => spine + i,
                 _ => first + (along - 1) * (high + 1) + i,
-            };
-            mesh.triangles.extend(quads(deep, high, at));
+            }));
         }
     }
     mesh

@@ -10,17 +10,21 @@ use chpm_mesh::TriMesh;
 pub(super) fn moebius(triangles: u32) -> TriMesh {
     let across = (side(triangles) / 2).max(1);
     let around = (triangles / (2 * across)).max(3);
-    let place = |(x, y): (u32, u32)| {
-        let t = f64::from(x) / f64::from(around);
-        let ((cos, sin), (half_cos, half_sin)) = (turn(t), turn(0.5 * t));
-        let off = 0.6 * (f64::from(y) / f64::from(across) - 0.5);
-        let reach = 1.0 + off * half_cos;
-        [reach * cos, reach * sin, off * half_sin].map(|c| c as f32)
-    };
     let columns = (0..around).flat_map(|x| (0..=across).map(move |y| (x, y)));
     // After a whole turn the band has made half a one.
-    let at = |x: u32, y: u32| if x < around { x * (across + 1) + y } else { across - y };
-    TriMesh::new(columns.map(place).collect(), quads(around, across, at).collect())
+    TriMesh::new(
+        columns
+            .map(|(x, y)| {
+                let t = f64::from(x) / f64::from(around);
+                let ((cos, sin), (half_cos, half_sin)) = (turn(t), turn(0.5 * t));
+                let off = 0.6 * (f64::from(y) / f64::from(across) - 0.5);
+                let reach = 1.0 + off * half_cos;
+                [reach * cos, reach * sin, off * half_sin].map(|c| c as f32)
+            })
+            .collect(),
+        quads(around, across, |x: u32, y: u32| if x < around { x * (across + 1) + y } else { across - y })
+            .collect(),
+    )
 }
 
 pub(super) fn klein(triangles: u32) -> TriMesh {

@@ -11,7 +11,7 @@ use chpm_format::Chpm;
 /// Items of a column that are read at once.
 const WINDOW: usize = 1 << 14;
 
-/// What is smaller is left out.
+/// Size below which a component is left out.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Size {
     Units(f64),
@@ -20,7 +20,7 @@ pub(super) enum Size {
 }
 
 impl Size {
-    /// What the file was built with, if it was.
+    /// Size that the file was built with, if it was.
     pub(super) fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Result<Option<Size>, VerifyError> {
         let settings = file.metadata().map(|metadata| metadata.settings).unwrap_or_default();
         let Some((_, told)) = settings.into_iter().find(|(name, _)| name == "min-component") else {

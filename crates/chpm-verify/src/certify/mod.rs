@@ -132,7 +132,7 @@ pub struct Side {
 pub struct Violation {
     /// How far it is at least.
     pub distance: f64,
-    /// What is stored.
+    /// Stored error.
     pub stored: f64,
     /// Where it is.
     pub at: [f64; 3],

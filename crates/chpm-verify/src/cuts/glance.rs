@@ -104,11 +104,10 @@ impl Glance {
                 let page = file.page_known(member.cluster)?;
                 let page = page.view();
                 let staying = self.enter(&page, member.vertices as usize).staying();
-                let has_gone = |id: &u32| {
+                is_one &= !staying.iter().any(|id| {
                     let id = id.wrapping_sub(ids.start) as usize;
                     has_gone.get(id / 64).is_some_and(|bits| bits >> (id % 64) & 1 == 1)
-                };
-                is_one &= !staying.iter().any(has_gone);
+                });
             }
         }
         (self.gone, self.has_gone) = (gone, has_gone);
@@ -201,14 +200,17 @@ impl<'a> At<'a> {
     }
 
     fn triangle_count(&self) -> u64 {
-        let is_there = |corners: &&[u16; 3]| {
-            let [a, b, c] = **corners;
-            if usize::from(a.max(b).max(c)) < self.n {
-                return true;
-            }
-            is_alive(&corners.map(|v| self.at(v)))
-        };
-        self.page.triangles.iter().filter(is_there).count() as u64
+        self.page
+            .triangles
+            .iter()
+            .filter(|corners| {
+                let [a, b, c] = **corners;
+                if usize::from(a.max(b).max(c)) < self.n {
+                    return true;
+                }
+                is_alive(&corners.map(|v| self.at(v)))
+            })
+            .count() as u64
     }
 }
 

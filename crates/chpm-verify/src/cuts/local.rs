@@ -82,8 +82,10 @@ impl Local {
     }
 
     fn triangles<'a>(&'a self, page: &'a Page<'_>) -> impl Iterator<Item = [u16; 3]> + 'a {
-        let corners = |corners: &[u16; 3]| corners.map(|v| self.at(v));
-        page.triangles.iter().map(corners).filter(|[a, b, c]| (a != b) & (b != c) & (c != a))
+        page.triangles
+            .iter()
+            .map(|corners| corners.map(|v| self.at(v)))
+            .filter(|[a, b, c]| (a != b) & (b != c) & (c != a))
     }
 
     /// Triangles of the mesh.

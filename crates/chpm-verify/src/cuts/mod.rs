@@ -135,11 +135,13 @@ impl<D: AsRef<[u8]>> Checker<'_, D> {
             };
         let found = walker.look(self.file, &self.seams, &cut)?;
         let more = found.places.saturating_sub(1);
-        let tell = |first: String| {
-            let rest = if more > 0 { format!("; {more} more in this cut") } else { String::new() };
-            (found.places, first + &rest)
-        };
-        Ok(Looked { triangles: found.triangles, fault: found.first.map(tell) })
+        Ok(Looked {
+            triangles: found.triangles,
+            fault: found.first.map(|first| {
+                let rest = if more > 0 { format!("; {more} more in this cut") } else { String::new() };
+                (found.places, first + &rest)
+            }),
+        })
     }
 }
 

@@ -85,15 +85,17 @@ impl Seams {
             let mut left = level;
             while !left.is_empty() {
                 let batch = first_batch(&mut left, share, |group| RIM * rims.len(group.index()) as u64);
-                let of_group = |local: &mut Local, group: &GroupId| -> Result<OfGroup, VerifyError> {
-                    cancel.check()?;
-                    let mut below = Vec::new();
-                    rims.read(group.index(), &mut below)?;
-                    Ok(of_group(file, *group, below, &listed, local)?)
-                };
                 let found: Vec<OfGroup> = batch
                     .par_iter()
-                    .map_init(Local::default, of_group)
+                    .map_init(
+                        Local::default,
+                        |local: &mut Local, group: &GroupId| -> Result<OfGroup, VerifyError> {
+                            cancel.check()?;
+                            let mut below = Vec::new();
+                            rims.read(group.index(), &mut below)?;
+                            Ok(of_group(file, *group, below, &listed, local)?)
+                        },
+                    )
                     .collect::<Result<_, VerifyError>>()?;
 
                 for (cluster, seam) in found.iter().flat_map(|group| &group.seams) {
@@ -190,18 +192,23 @@ fn rims_of_leaves<D: AsRef<[u8]> + Sync>(
     let leaves: Vec<ClusterId> = leaves().map(|(leaf, _)| leaf).collect();
     let mut left = &leaves[..];
     while !left.is_empty() {
-        let weight = |leaf: &ClusterId| bytes(file.clusters()[leaf.index()].triangle_count);
-        let batch = first_batch(&mut left, memory, weight);
-        let odd = |local: &mut Local, leaf: &ClusterId| -> Result<Vec<[u32; 2]>, VerifyError> {
-            cancel.check()?;
-            let page = file.page_known(*leaf)?;
-            let page = page.view();
-            local.enter(&page, page.vertex_count());
-            let odd = local.odd_edges(&page).to_vec();
-            Ok(odd.into_iter().map(|edge| local.by_id(edge)).collect())
-        };
-        let found: Vec<_> =
-            batch.par_iter().map_init(Local::default, odd).collect::<Result<_, VerifyError>>()?;
+        let batch = first_batch(&mut left, memory, |leaf: &ClusterId| {
+            bytes(file.clusters()[leaf.index()].triangle_count)
+        });
+        let found: Vec<_> = batch
+            .par_iter()
+            .map_init(
+                Local::default,
+                |local: &mut Local, leaf: &ClusterId| -> Result<Vec<[u32; 2]>, VerifyError> {
+                    cancel.check()?;
+                    let page = file.page_known(*leaf)?;
+                    let page = page.view();
+                    local.enter(&page, page.vertex_count());
+                    let odd = local.odd_edges(&page).to_vec();
+                    Ok(odd.into_iter().map(|edge| local.by_id(edge)).collect())
+                },
+            )
+            .collect::<Result<_, VerifyError>>()?;
         for (leaf, found) in batch.iter().zip(found) {
             for edge in found {
                 let part = key(&edge).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
@@ -292,8 +299,10 @@ fn of_group<D: AsRef<[u8]>>(
         }
     }
 
-    let is_outside = |id: &u32| ends.binary_search(id).is_ok_and(|at| outside[at] > 0);
-    let edges = found.lost.chunks(2).filter(|edge| edge.iter().all(is_outside));
+    let edges = found
+        .lost
+        .chunks(2)
+        .filter(|edge| edge.iter().all(|id| ends.binary_search(id).is_ok_and(|at| outside[at] > 0)));
     found.lost = edges.flatten().copied().collect();
     Ok(found)
 }

@@ -66,8 +66,11 @@ fn odd_edges(mesh: &TriMesh) -> usize {
 
 /// The cut with every member of a group but its first at the base mesh, the first at the finest.
 fn torn(file: &Model, level: Level) -> (Cut, Cut, Member) {
-    let is_torn = |group: &&chpm_format::GroupRecord| group.coarse_count > 1 && group.level == level.0;
-    let group = file.groups().iter().find(is_torn).expect("a group of several clusters");
+    let group = file
+        .groups()
+        .iter()
+        .find(|group| group.coarse_count > 1 && group.level == level.0)
+        .expect("a group of several clusters");
     let members = file.coarse(file.clusters()[file.members()[group.coarse_first as usize] as usize].group());
     let at = |cut: &Cut, base: &[u32]| {
         let placed = cut.members().iter().map(|member| {
@@ -293,8 +296,7 @@ impl AsRef<[u8]> for Counted {
 #[test]
 fn pages_are_read_a_few_times_for_each_cut_in_little_memory() {
     let plan = Odd::find("random").unwrap().plan(6000);
-    let position = |v: u32| plan.place(v).map(|x| x as f32);
-    let positions = (0..plan.vertices).map(position).collect();
+    let positions = (0..plan.vertices).map(|v| plan.place(v).map(|x| x as f32)).collect();
     let mesh = TriMesh::new(positions, (0..plan.triangles).map(|t| plan.corners(t)).collect());
     let bytes = built(&mesh).into_inner();
     let file = Chpm::open(Counted(bytes, AtomicU64::new(0))).unwrap();

@@ -134,13 +134,12 @@ impl<'a> Judge<'a> {
     ) -> Result<Self, VerifyError> {
         let count = file.clusters().len();
         progress.begin("pages", count as u64);
-        let check = |id: u32| -> Result<(), VerifyError> {
+        (0..count as u32).into_par_iter().try_for_each(|id: u32| -> Result<(), VerifyError> {
             cancel.check()?;
             file.page_checked(ClusterId(id))?;
             progress.advance(1);
             Ok(())
-        };
-        (0..count as u32).into_par_iter().try_for_each(check)?;
+        })?;
         progress.end();
         let budget = budget / 2;
         let (leaves, source) = source_tiles(file, budget, cancel);
@@ -362,21 +361,27 @@ impl View<'_> {
             if self.cancel.is_cancelled() {
                 return f64::INFINITY;
             }
-            let enough = |_| most.min(stored);
-            let hit =
-                if area == 0.0 { source.near_enough(point, false, enough) } else { source.nearest(point) };
+            let hit = if area == 0.0 {
+                source.near_enough(point, false, |_| most.min(stored))
+            } else {
+                source.nearest(point)
+            };
             let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
             *most = most.max(distance);
             distance
         };
-        let tell = |part: &mut Part, point, area, distance| {
-            part.of_mesh.add(point, distance, area);
-            // Nothing is drawn that is farther from the source than the error: what has vanished is not there.
-            if distance > stored + self.judge.slack {
-                part.violations.add(distance, point);
-            }
-        };
-        block.sweep(sampler, || (Searcher::new(&self.judge.source), 0.0), distance, tell)
+        block.sweep(
+            sampler,
+            || (Searcher::new(&self.judge.source), 0.0),
+            distance,
+            |part: &mut Part, point, area, distance| {
+                part.of_mesh.add(point, distance, area);
+                // Nothing is drawn that is farther from the source than the error: what has vanished is not there.
+                if distance > stored + self.judge.slack {
+                    part.violations.add(distance, point);
+                }
+            },
+        )
     }
 }
 
@@ -397,9 +402,12 @@ pub(crate) fn source_tiles<'a>(
     let leaves: Vec<ClusterId> = all.filter(|id| file.clusters()[id.index()].is_leaf()).collect();
     let boxes = leaves.iter().map(|id| file.clusters()[id.index()].aabb()).collect();
     let (ids, cancel) = (leaves.clone(), cancel.clone());
-    let load =
-        move |tile: usize| if cancel.is_cancelled() { TriMesh::default() } else { finest(file, ids[tile]) };
-    (leaves, Tiles::new(boxes, budget, load))
+    (
+        leaves,
+        Tiles::new(boxes, budget, move |tile: usize| {
+            if cancel.is_cancelled() { TriMesh::default() } else { finest(file, ids[tile]) }
+        }),
+    )
 }
 
 /// Triangles that members with these boxes draw, likewise.

@@ -215,8 +215,8 @@ impl Model {
             }
         }
 
-        let sent = |cluster| self.arena.get(cluster).is_some();
-        let changes = self.scene.refine(&eye.view, deadline.most, sent)?;
+        let changes =
+            self.scene.refine(&eye.view, deadline.most, |cluster| self.arena.get(cluster).is_some())?;
         stats.splits += changes.splits;
         stats.collapses += changes.collapses;
         stats.pm_steps += changes.pm_steps;

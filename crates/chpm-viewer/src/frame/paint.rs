@@ -413,8 +413,7 @@ impl Viewer {
         label: &str,
         format: TextureFormat,
     ) -> Result<Canvas, ViewerError> {
-        let make = || Canvas::new(&self.gpu, label, request.viewport, format);
-        self.gpu.attempt("making an image", make)
+        self.gpu.attempt("making an image", || Canvas::new(&self.gpu, label, request.viewport, format))
     }
 
     /// The position of a cluster of a model's cut, and its error.

@@ -35,12 +35,14 @@ impl Mean {
         fn whole(sum: u32, of: u32) -> u8 {
             ((sum + of / 2) / of.max(1)) as u8
         }
-        let pixel = |sums: &[u32]| {
-            let shown = if transparent { sums[3].div_ceil(255) } else { self.count };
-            let color = |channel: usize| whole(sums[channel], shown);
-            [color(0), color(1), color(2), whole(sums[3], self.count)]
-        };
-        self.sums.chunks_exact(4).flat_map(pixel).collect()
+        self.sums
+            .chunks_exact(4)
+            .flat_map(|sums| {
+                let shown = if transparent { sums[3].div_ceil(255) } else { self.count };
+                let color = |channel: usize| whole(sums[channel], shown);
+                [color(0), color(1), color(2), whole(sums[3], self.count)]
+            })
+            .collect()
     }
 }
 

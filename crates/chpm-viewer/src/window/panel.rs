@@ -168,10 +168,11 @@ fn curve(ui: &mut Ui, figures: &Figures) {
     let frames = figures.curve().len().max(2);
     let step = area.width() / (crate::window::figures::CURVE - 1) as f32;
     let first = area.right() - step * (frames - 1) as f32;
-    let point = |(place, ms): (usize, f32)| {
-        egui::pos2(first + step * place as f32, area.bottom() - area.height() * ms / most)
-    };
-    let points: Vec<egui::Pos2> = figures.curve().enumerate().map(point).collect();
+    let points: Vec<egui::Pos2> = figures
+        .curve()
+        .enumerate()
+        .map(|(place, ms)| egui::pos2(first + step * place as f32, area.bottom() - area.height() * ms / most))
+        .collect();
     let painter = ui.painter();
     painter.hline(area.x_range(), area.bottom(), egui::Stroke::new(1.0, Color32::from_white_alpha(24)));
     painter.line(points, egui::Stroke::new(1.2, ACCENT));

@@ -210,11 +210,13 @@ impl Surveyor {
     ) {
         self.points.clear();
         self.points.extend(vertices.iter().map(|v| positions[*v as usize]));
-        let flat = |t: &&[u16; 3]| {
-            let [a, b, c] = t.map(|v| self.points[usize::from(v)]);
-            geom::area_vector(a, b, c).iter().all(|x| *x == 0.0)
-        };
-        leaf.found.zero_area_faces = triangles.iter().filter(flat).count() as u64;
+        leaf.found.zero_area_faces = triangles
+            .iter()
+            .filter(|t| {
+                let [a, b, c] = t.map(|v| self.points[usize::from(v)]);
+                geom::area_vector(a, b, c).iter().all(|x| *x == 0.0)
+            })
+            .count() as u64;
     }
 
     fn count_components(

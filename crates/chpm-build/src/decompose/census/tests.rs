@@ -166,8 +166,7 @@ fn surfaces_that_touch_are_not_manifold() {
 
     let mut corner = hand::cube();
     corner.positions.extend(hand::cube().positions[1..].iter().map(|p| p.map(|x| -x)));
-    let mirrored = |t: &[u32; 3]| t.map(|v| if v == 0 { 0 } else { v + 7 });
-    corner.triangles.extend(hand::cube().triangles.iter().map(mirrored));
+    corner.triangles.extend(hand::cube().triangles.iter().map(|t| t.map(|v| if v == 0 { 0 } else { v + 7 })));
     assert_eq!(whole(&corner), Repairs { non_manifold_vertices: 1, ..clean() });
 }
 
