@@ -67,10 +67,13 @@ fn is_writable(folder: &Path) -> bool {
 
 /// The user's folder for what can be made again.
 fn cache() -> Option<PathBuf> {
-    let absolute = |name: &str| env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    fn absolute(name: &str) -> Option<PathBuf> {
+        env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute())
+    }
     let home = |below: &str| absolute("HOME").map(|home| home.join(below));
-    let mac = || home("Library/Caches").filter(|_| cfg!(target_os = "macos"));
-    let folder = absolute("XDG_CACHE_HOME").or_else(mac).or_else(|| home(".cache"));
+    let folder = absolute("XDG_CACHE_HOME")
+        .or_else(|| home("Library/Caches").filter(|_| cfg!(target_os = "macos")))
+        .or_else(|| home(".cache"));
     folder.map(|folder| folder.join("chpm"))
 }
 

@@ -45,11 +45,12 @@ pub(crate) fn draw(file: &Chpm<MappedFile>) -> Result<[Drawn; 2]> {
         Ok(Drawn([finest, base.midpoint(finest), base].map(at)))
     });
     let drawn = drawn.collect::<Result<Vec<Drawn>, FormatError>>()?;
-    let sum = |of: fn(&ClusterRecord) -> bool| {
-        let mut sum = Drawn::default();
-        let each = file.clusters().iter().zip(&drawn).filter(|(cluster, _)| of(cluster));
-        each.for_each(|(_, drawn)| sum.add(drawn));
-        sum
-    };
-    Ok([sum(|_| true), sum(ClusterRecord::is_root)])
+    Ok([sum(|_| true, &drawn, file), sum(ClusterRecord::is_root, &drawn, file)])
+}
+
+fn sum(of: fn(&ClusterRecord) -> bool, drawn: &[Drawn], file: &Chpm<MappedFile>) -> Drawn {
+    let mut sum = Drawn::default();
+    let each = file.clusters().iter().zip(drawn).filter(|(cluster, _)| of(cluster));
+    each.for_each(|(_, drawn)| sum.add(drawn));
+    sum
 }

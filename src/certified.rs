@@ -8,7 +8,9 @@ use std::io::{self, Write};
 
 /// A row for each level and cut.
 pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<()> {
-    let interval = |side: &Side| format!("{} to {}", Units(side.least), Units(side.most));
+    fn interval(side: &Side) -> String {
+        format!("{} to {}", Units(side.least), Units(side.most))
+    }
     let cells = |row: &Row| {
         vec![
             row.name(),

@@ -18,7 +18,9 @@ fn is_command(c: char) -> bool {
 
 fn spelled(text: &str, is_command: impl Fn(char) -> bool) -> Cow<'_, str> {
     // Nearly all text is made of such bytes.
-    let is_plain = |byte: &u8| matches!(byte, b' '..=b'~' | b'\n');
+    fn is_plain(byte: &u8) -> bool {
+        matches!(byte, b' '..=b'~' | b'\n')
+    }
     if text.as_bytes().iter().all(is_plain) && !(is_command('\n') && text.contains('\n'))
         || !text.contains(&is_command)
     {

@@ -96,7 +96,9 @@ fn misused(error: &clap::Error) -> ! {
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    let is_broken = |e: &io::Error| e.kind() == io::ErrorKind::BrokenPipe;
+    fn is_broken(e: &io::Error) -> bool {
+        e.kind() == io::ErrorKind::BrokenPipe
+    }
     error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
 }
 

@@ -122,8 +122,9 @@ pub(crate) struct Bounds {
 impl MeshArgs {
     /// Format to write, unless nothing is that has such a name.
     fn format(&self, by: &str) -> Result<MeshFormat> {
-        let named =
-            |name| MeshFormat::NAMES.iter().find(|(known, _)| *known == name).map(|(_, format)| *format);
+        fn named(name: &'static str) -> Option<MeshFormat> {
+            MeshFormat::NAMES.iter().find(|(known, _)| *known == name).map(|(_, format)| *format)
+        }
         let format = match (self.format, output::promised(&self.output)) {
             (Some(format), _) => Some(format),
             (None, Promise::Nothing) => Some(MeshFormat::Ply),
@@ -239,9 +240,11 @@ impl<'m, 'a> Ready<'m, 'a> {
             frame = target.frame(file, true);
         }
         let rounding = frame.rounding();
-        let with =
-            |bound: f32| if rounding > 0.0 { geom::round_up(f64::from(bound) + rounding) } else { bound };
-        let bounds = Bounds { error: with(mesh.error()), distance: with(mesh.distance()) };
+        fn with(bound: f32, rounding: f64) -> f32 {
+            if rounding > 0.0 { geom::round_up(f64::from(bound) + rounding) } else { bound }
+        }
+        let bounds =
+            Bounds { error: with(mesh.error(), rounding), distance: with(mesh.distance(), rounding) };
         let warning = frame.offset().filter(|_| !target.args.local_origin).map(|[x, y, z]| {
             format!(
                 "so far from the zero point, the single precision of binary STL would move vertices by up to {} units: coordinates are written relative to {x} {y} {z}; --local-origin tells that in a file beside it, --ascii and other formats keep the coordinates",
@@ -316,23 +319,28 @@ impl<'m, 'a> Ready<'m, 'a> {
 
 /// Whether single precision, far from the zero point, makes of a triangle one without area.
 fn collapses(mesh: &Extraction<'_, MappedFile>, origin: [f64; 3], cancel: &Cancel) -> Result<bool> {
-    let has_area = |[a, b, c]: [[f32; 3]; 3]| {
-        let less = |p: [f32; 3]| [0, 1, 2].map(|axis| f64::from(p[axis]) - f64::from(a[axis]));
-        let ([ux, uy, uz], [vx, vy, vz]) = (less(b), less(c));
-        uy * vz != uz * vy || uz * vx != ux * vz || ux * vy != uy * vx
-    };
     let mut found = false;
     mesh.pieces(PIECE_VERTICES, |vertices, triangles| {
         stop::check(cancel)?;
-        let far = |p: [f32; 3]| [0, 1, 2].map(|axis| (f64::from(p[axis]) + origin[axis]) as f32);
         found = found
             || triangles.iter().any(|corners| {
                 let near = corners.map(|v| vertices.positions[v as usize]);
-                has_area(near) && !has_area(near.map(far))
+                has_area(near)
+                    && !has_area(
+                        near.map(|p| [0, 1, 2].map(|axis| (f64::from(p[axis]) + origin[axis]) as f32)),
+                    )
             });
         anyhow::Ok(())
     })?;
     Ok(found)
+}
+
+fn has_area([a, b, c]: [[f32; 3]; 3]) -> bool {
+    fn less(p: [f32; 3], a: &[f32; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|axis| f64::from(p[axis]) - f64::from(a[axis]))
+    }
+    let ([ux, uy, uz], [vx, vy, vz]) = (less(b, &a), less(c, &a));
+    uy * vz != uz * vy || uz * vx != ux * vz || ux * vy != uy * vx
 }
 
 /// One line about a mesh that was written: `out.ply: 20,000 triangles, 10,002 vertices, error 0.02 units`.

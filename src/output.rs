@@ -176,8 +176,7 @@ pub(crate) struct TellArgs {
 impl TellArgs {
     /// The CSV that is to be written, if one is, and where the rest is told.
     pub(crate) fn open(&self, writes: Writes, inputs: &[&Path]) -> Result<(Option<Output>, Box<dyn Write>)> {
-        let create = |path: &PathBuf| writes.create(path, self.force, inputs);
-        let csv = self.csv.as_ref().map(create).transpose()?;
+        let csv = self.csv.as_ref().map(|path| writes.create(path, self.force, inputs)).transpose()?;
         let out = messages(&csv, self.json, self.quiet)?;
         Ok((csv, out))
     }

@@ -100,7 +100,9 @@ impl FromStr for Place {
 
 /// Sixteen numbers, column by column, of which the last row is 0, 0, 0, 1.
 pub(crate) fn transform(text: &str) -> Result<[f64; 16], String> {
-    let is_affine = |m: &[f64; 16]| [m[3], m[7], m[11], m[15]] == [0.0, 0.0, 0.0, 1.0];
+    fn is_affine(m: &[f64; 16]) -> bool {
+        [m[3], m[7], m[11], m[15]] == [0.0, 0.0, 0.0, 1.0]
+    }
     numbers(text).filter(is_affine).ok_or_else(|| {
         format!("'{text}' is no transform: expected 16 numbers, column by column, as in 1,0,0,0,0,1,0,0,0,0,1,0,DX,DY,DZ,1")
     })

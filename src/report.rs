@@ -33,7 +33,9 @@ pub(crate) fn level_row(level: &LevelReport) -> LevelRow {
 
 /// The stages of a build: time, throughput in triangles of the source, memory.
 pub(crate) fn stages_table(report: &BuildReport) -> String {
-    let memory = |bytes: Option<u64>| bytes.map_or("?".to_owned(), |n| Bytes(n).to_string());
+    fn memory(bytes: Option<u64>) -> String {
+        bytes.map_or("?".to_owned(), |n| Bytes(n).to_string())
+    }
     let mut rows: Vec<Vec<String>> = Vec::new();
     for row in &report.stages {
         rows.push(vec![
@@ -191,7 +193,9 @@ pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>
 }
 
 fn table_within(width: Option<u16>, header: &[&str], rows: &[Vec<String>]) -> String {
-    let cell = |row: &Vec<String>, column: usize| row.get(column).map_or(0, |text| text.chars().count());
+    fn cell(row: &[String], column: usize) -> usize {
+        row.get(column).map_or(0, |text| text.chars().count())
+    }
     // With a blank on either side.
     let needed = |column: usize| {
         2 + rows

@@ -78,8 +78,12 @@ fn errors(levels: &[LevelStats]) -> String {
         let mut row = vec![level.level.to_string()];
         row.extend(columns.map(|of| told(level.max_error, of, units)));
         if measured {
-            let tightness = |name: &str| level.tightness.as_ref().and_then(|t| t[name].as_f64());
-            row.extend(["median", "max"].map(|name| tightness(name).map_or("-".to_owned(), two)));
+            fn tightness(name: &str, level_tightness: &Option<Value>) -> Option<f64> {
+                level_tightness.as_ref().and_then(|t| t[name].as_f64())
+            }
+            row.extend(
+                ["median", "max"].map(|name| tightness(name, &level.tightness).map_or("-".to_owned(), two)),
+            );
         }
         row
     });
@@ -107,15 +111,22 @@ fn layout(levels: &[LevelStats]) -> String {
 }
 
 fn print_whole(stats: &Stats, out: &mut impl Write) -> io::Result<()> {
-    let measure = |name: &str| stats.measures.get(name).and_then(Value::as_f64).unwrap_or(0.0);
-    let (height, least) = (measure("height"), measure("least_height"));
+    fn measure(name: &str, stats_measures: &serde_json::Map<String, Value>) -> f64 {
+        stats_measures.get(name).and_then(Value::as_f64).unwrap_or(0.0)
+    }
+    let (height, least) = (measure("height", &stats.measures), measure("least_height", &stats.measures));
     let longest = stats.groups.longest_path;
     writeln!(
         out,
         "\nheight {height}, {least} is the least for so many leaves; at most {longest} groups one below the other"
     )?;
-    let [a, b, c] = CACHES.map(|size| format!("{:.3} with {size}", measure(&format!("acmr{size}"))));
-    writeln!(out, "cache misses a triangle: {a}, {b}, {c} vertices; edge span {:.1}", measure("edge_span"))?;
+    let [a, b, c] =
+        CACHES.map(|size| format!("{:.3} with {size}", measure(&format!("acmr{size}"), &stats.measures)));
+    writeln!(
+        out,
+        "cache misses a triangle: {a}, {b}, {c} vertices; edge span {:.1}",
+        measure("edge_span", &stats.measures)
+    )?;
     let bytes = &stats.bytes;
     let told = bytes.all().filter(|(_, bytes)| *bytes > 0.0);
     let told: Vec<String> = told.map(|(part, bytes)| format!("{part} {}", Bytes(bytes as u64))).collect();
@@ -126,7 +137,9 @@ fn print_whole(stats: &Stats, out: &mut impl Write) -> io::Result<()> {
 fn worst_table(stats: &Stats) -> String {
     let rows = stats.worst.iter().map(|worst| {
         let mut row = vec![worst::words(worst.measure).to_owned()];
-        let told = |named: &worst::Named| format!("{} ({})", named.cluster, Units(named.value));
+        fn told(named: &worst::Named) -> String {
+            format!("{} ({})", named.cluster, Units(named.value))
+        }
         row.extend(worst.clusters.iter().map(told));
         row.resize(1 + 5, String::new());
         row
@@ -141,7 +154,9 @@ pub(crate) fn csv(rows: &[Row<'_>], out: &mut impl Write) -> io::Result<()> {
         "cluster,level,group,parent_group,vertices,base_vertices,triangles,base_triangles,shared_vertices,collapses,min_error,max_error,\
          normal_deviation,color_deviation,aspect,overlap,page_bytes,acmr16,acmr24,acmr32,edge_span"
     )?;
-    let known = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+    fn known(value: Option<f64>) -> String {
+        value.map_or(String::new(), |value| value.to_string())
+    }
     for row in rows {
         let r = row.record;
         let parent = if r.is_root() { String::new() } else { r.parent_group.to_string() };

@@ -67,7 +67,9 @@ impl FromStr for Viewport {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let size = |text: &str| text.parse().ok().filter(|n| *n > 0);
+        fn size(text: &str) -> Option<u32> {
+            text.parse().ok().filter(|n| *n > 0)
+        }
         let sizes = text.split_once('x').and_then(|(w, h)| Some(Viewport([size(w)?, size(h)?])));
         sizes.ok_or_else(|| {
             format!("'{text}' is no viewport: write width and height in pixels, as in 1920x1080")
@@ -84,8 +86,10 @@ pub(crate) fn camera(text: &str) -> Result<Camera, String> {
         Some(six) if six.len() == 6 => (six.to_vec(), Camera::DEFAULT_FOV),
         _ => return Err(format!("'{text}' is no camera: write px,py,pz,tx,ty,tz or px,py,pz,tx,ty,tz,fov")),
     };
-    let point = |from: usize| std::array::from_fn(|axis| numbers[from + axis]);
-    Ok(Camera { fov, ..Camera::looking(point(0), point(3)) })
+    fn point(from: usize, numbers: &[f64]) -> [f64; 3] {
+        std::array::from_fn(|axis| numbers[from + axis])
+    }
+    Ok(Camera { fov, ..Camera::looking(point(0, &numbers), point(3, &numbers)) })
 }
 
 /// Pixels of error: a finite number that is not negative.

@@ -57,7 +57,9 @@ pub(crate) fn page_for(file: &Chpm<MappedFile>, name: Option<&str>) -> Result<St
         "stretch": stretch,
         "note": portrait.note(),
     });
-    let escaped = |text: &str| text.replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;");
+    fn escaped(text: &str) -> String {
+        text.replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;")
+    }
     let named = name.map_or_else(String::new, |name| format!(" data-file=\"{}\"", escaped(name)));
     let body = format!("<body{named} data-view=\"{}\">", escaped(&view.to_string()));
     Ok(page_text().replacen("<body>", &body, 1))

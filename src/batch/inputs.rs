@@ -136,12 +136,13 @@ fn unique(found: Vec<Model>) -> Result<Vec<Model>> {
 pub(crate) fn stem(path: &Path) -> Result<String> {
     let name = path.file_name().and_then(|name| name.to_str());
     let name = name.with_context(|| format!("'{}' has no name in UTF-8", path.display()))?;
-    let cut = |name: &str, is_known: fn(&str) -> bool| {
-        let (stem, extension) = name.rsplit_once('.')?;
-        (is_known(&extension.to_ascii_lowercase()) && !stem.is_empty()).then(|| stem.to_owned())
-    };
     let name = cut(name, |extension| COMPRESSED.contains(&extension)).unwrap_or_else(|| name.to_owned());
     Ok(cut(&name, is_of_mesh).unwrap_or(name))
+}
+
+fn cut(name: &str, is_known: fn(&str) -> bool) -> Option<String> {
+    let (stem, extension) = name.rsplit_once('.')?;
+    (is_known(&extension.to_ascii_lowercase()) && !stem.is_empty()).then(|| stem.to_owned())
 }
 
 fn is_list(path: &Path) -> bool {

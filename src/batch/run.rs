@@ -51,7 +51,9 @@ pub(crate) fn plan(
             Need::Build(reason) => (Status::Planned, reason),
         };
         let files = input::files(&model.source, cancel).unwrap_or_default();
-        let len = |file| fs::metadata(file).map_or(0, |metadata| metadata.len());
+        fn len(file: &std::path::PathBuf) -> u64 {
+            fs::metadata(file).map_or(0, |metadata| metadata.len())
+        }
         let row = Row {
             name: model.name,
             status,
@@ -135,7 +137,9 @@ fn make(task: &Task, meter: &dyn BuildProgress, cancel: &Cancel) -> Row {
     let start = Instant::now();
     let built = catch_unwind(AssertUnwindSafe(|| build(&row, &task.config, meter, cancel)));
     row.seconds = start.elapsed().as_secs_f64();
-    let failed = |error: String| (Status::Failed, Some(error));
+    fn failed(error: String) -> (Status, Option<String>) {
+        (Status::Failed, Some(error))
+    }
     (row.status, row.error) = match built {
         Ok(Ok(report)) => {
             row.warnings = report.warnings;

@@ -140,7 +140,9 @@ impl Summary {
 
     /// A row for each model.
     pub(crate) fn table(&self) -> String {
-        let known = |n: u64, text: String| if n == 0 { "-".to_owned() } else { text };
+        fn known(n: u64, text: String) -> String {
+            if n == 0 { "-".to_owned() } else { text }
+        }
         let rows = self.models.iter().map(|row| {
             let triangles = known(row.triangles, count(row.triangles));
             let bytes = known(row.output_bytes, Bytes(row.output_bytes).to_string());

@@ -80,10 +80,12 @@ pub(super) fn meshes(mesh: &TriMesh, limits: &[u64]) -> Result<Vec<TriMesh>> {
     errors.push(0.0);
     errors.retain(|error| *error < f32::MAX);
     errors.sort_unstable_by(f32::total_cmp);
-    let mesh_within = |limit: &u64| {
-        let place = errors.partition_point(|error| count(*error) > *limit).min(errors.len() - 1);
-        let triangles = drawn(errors[place]).flat_map(|c| &c.triangles).copied().collect();
-        TriMesh::new(mesh.positions.clone(), triangles)
-    };
-    Ok(limits.iter().map(mesh_within).collect())
+    Ok(limits
+        .iter()
+        .map(|limit| {
+            let place = errors.partition_point(|error| count(*error) > *limit).min(errors.len() - 1);
+            let triangles = drawn(errors[place]).flat_map(|c| &c.triangles).copied().collect();
+            TriMesh::new(mesh.positions.clone(), triangles)
+        })
+        .collect())
 }

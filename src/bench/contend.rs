@@ -41,8 +41,10 @@ pub(crate) fn run(
 pub(crate) fn meshes(contender: Contender, source: &Path, output: &Path, limits: &[u64]) -> Result<()> {
     let lods = if contender.is_chpm() {
         let file = Chpm::open(MappedFile::open(output)?)?;
-        let lod = |limit: &u64| Ok(extract(&file, &Cut::at_triangles(&file, *limit)?)?);
-        limits.iter().map(lod).collect::<Result<Vec<TriMesh>>>()?
+        limits
+            .iter()
+            .map(|limit| Ok(extract(&file, &Cut::at_triangles(&file, *limit)?)?))
+            .collect::<Result<Vec<TriMesh>>>()?
     } else {
         simplified(contender, &read(source)?, limits)?
     };

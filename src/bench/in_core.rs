@@ -11,12 +11,14 @@ pub(super) fn by_meshopt(mesh: &TriMesh, limits: &[u64]) -> Result<Vec<TriMesh>>
     let bytes = meshopt::typed_to_bytes(&mesh.positions);
     let vertices = VertexDataAdapter::new(bytes, 12, 0)?;
     let indices = mesh.triangles.as_flattened();
-    let simplify = |limit: &u64| {
-        let target = 3 * *limit as usize;
-        let left = meshopt::simplify(indices, &vertices, target, f32::MAX, SimplifyOptions::None, None);
-        TriMesh::new(mesh.positions.clone(), left.as_chunks().0.to_vec())
-    };
-    Ok(limits.iter().map(simplify).collect())
+    Ok(limits
+        .iter()
+        .map(|limit| {
+            let target = 3 * *limit as usize;
+            let left = meshopt::simplify(indices, &vertices, target, f32::MAX, SimplifyOptions::None, None);
+            TriMesh::new(mesh.positions.clone(), left.as_chunks().0.to_vec())
+        })
+        .collect())
 }
 
 /// The plain simplifier, on from each mesh to the next; `limits` fall.

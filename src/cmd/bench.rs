@@ -98,9 +98,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     ensure!(triangles >= coarsest, "'{}' has fewer than {coarsest} triangles", args.source.display());
     let cancel = stop.heed();
     let folder = temporary()?;
-    let wanted = |c: &Contender| args.only.is_empty() || args.only.contains(c);
     let (mut contenders, mut declined) = (Vec::new(), Vec::new());
-    for contender in Contender::ALL.into_iter().filter(wanted) {
+    for contender in Contender::ALL.into_iter().filter(|c| args.only.is_empty() || args.only.contains(c)) {
         match contender.declines(mesh.positions.len(), mesh.triangles.len()) {
             None => contenders.push(contender),
             Some(why) => declined.push((contender, why)),
@@ -192,23 +191,19 @@ impl Bench<'_> {
         reference: Option<Contender>,
     ) -> Result<Vec<Figure>> {
         let meter = Meter::new(self.args.quiet);
-        let divisors = |contender: Contender| {
-            let more: &[u64] = if Some(contender) == reference { &REFERENCE_DIVISORS } else { &[] };
-            let mut divisors = [&DIVISORS, more].concat();
-            divisors.sort_unstable();
-            divisors
-        };
-        meter.start("measure", contenders.iter().map(|c| divisors(*c).len() as u64).sum());
+        meter.start("measure", contenders.iter().map(|c| divisors(*c, &reference).len() as u64).sum());
         let mut figures = Vec::new();
         for (contender, times) in contenders.iter().zip(times) {
             let (seconds, peaks): (Vec<f64>, Vec<u64>) = times.iter().copied().unzip();
             let output = self.output(*contender);
             let len = fs::metadata(&output)?.len();
-            let limits: Vec<u64> =
-                divisors(*contender).iter().map(|d| (self.mesh.triangles.len() as u64 / d).max(1)).collect();
+            let limits: Vec<u64> = divisors(*contender, &reference)
+                .iter()
+                .map(|d| (self.mesh.triangles.len() as u64 / d).max(1))
+                .collect();
             self.child(*contender, &limits)?;
             let mut points = Vec::new();
-            for (divisor, limit) in divisors(*contender).into_iter().zip(&limits) {
+            for (divisor, limit) in divisors(*contender, &reference).into_iter().zip(&limits) {
                 stop::check(&self.cancel)?;
                 let path = contend::mesh_path(&output, *limit);
                 let lod = contend::read(&path)?;
@@ -236,6 +231,13 @@ impl Bench<'_> {
     fn diagonal(&self) -> f64 {
         Aabb::of_points(&self.mesh.positions).diagonal()
     }
+}
+
+fn divisors(contender: Contender, reference: &Option<Contender>) -> Vec<u64> {
+    let more: &[u64] = if Some(contender) == *reference { &REFERENCE_DIVISORS } else { &[] };
+    let mut divisors = [&DIVISORS, more].concat();
+    divisors.sort_unstable();
+    divisors
 }
 
 struct Outcome {
@@ -324,27 +326,28 @@ impl Outcome {
     }
 
     fn json(&self, args: &Args) -> Value {
-        let point = |p: &Point| {
-            json!({
-                "divisor": p.divisor,
-                "triangles": p.triangles,
-                "rms": p.rms,
-                "max": p.max,
-                "triangles_by_reference": self.ratio(p),
-            })
-        };
         let figure = |f: &Figure| {
             json!({
-                "name": f.contender.name(),
-                "settings": f.contender.settings(),
-                "seconds": f.seconds,
-                "triangles_per_second": f.rate,
-                "peak_resident_bytes": f.peak,
-                "output_bytes": f.output,
-                "meshes": f.points.iter().map(point).collect::<Vec<_>>(),
-            })
+                    "name": f.contender.name(),
+                    "settings": f.contender.settings(),
+                    "seconds": f.seconds,
+                    "triangles_per_second": f.rate,
+                    "peak_resident_bytes": f.peak,
+                    "output_bytes": f.output,
+                    "meshes": f.points.iter().map(|p| {
+                json!({
+                    "divisor": p.divisor,
+                    "triangles": p.triangles,
+                    "rms": p.rms,
+                    "max": p.max,
+                    "triangles_by_reference": self.ratio(p),
+                })
+            }).collect::<Vec<_>>(),
+                })
         };
-        let declined = |(contender, why): &(Contender, &str)| format!("{}: {why}", contender.name());
+        fn declined((contender, why): &(Contender, &str)) -> String {
+            format!("{}: {why}", contender.name())
+        }
         json!({
             "schema": "chpm-bench/1",
             "source": args.source.display().to_string(),
@@ -368,7 +371,9 @@ impl Outcome {
         for f in &self.figures {
             for p in &f.points {
                 let ratio = self.ratio(p).map_or(String::new(), |r| format!("{r:.4}"));
-                let percent = |value: f64| 100.0 * value / self.diagonal;
+                fn percent(value: f64, diagonal: f64) -> f64 {
+                    100.0 * value / diagonal
+                }
                 // Writing to a string does not fail.
                 let _ = writeln!(
                     text,
@@ -383,8 +388,8 @@ impl Outcome {
                     p.triangles,
                     p.rms,
                     p.max,
-                    percent(p.rms),
-                    percent(p.max),
+                    percent(p.rms, self.diagonal),
+                    percent(p.max, self.diagonal),
                 );
             }
         }

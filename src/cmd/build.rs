@@ -11,7 +11,7 @@ use crate::stop::Stop;
 use anyhow::{Error, Result, bail, ensure};
 use chpm_build::{BuildConfig, BuildError, BuildReport};
 use chpm_extmem::same_file;
-use chpm_mesh::{Bytes, ClusterId, Counted};
+use chpm_mesh::{Bytes, Counted};
 use clap::Parser;
 use std::fs;
 use std::io::{self, Write};
@@ -190,8 +190,8 @@ fn print_next(source: Option<&Path>, output: &Path, out: &mut impl Write) -> Res
 /// Triangles to suggest for a first look: a tenth of the source, unless the coarsest mesh is near that.
 pub(super) fn small(output: &Path) -> Result<u64> {
     let file = open(output)?;
-    let base = |root: ClusterId| u64::from(file.clusters()[root.index()].base_triangle_count);
-    let coarsest: u64 = file.roots().map(base).sum();
+    let coarsest: u64 =
+        file.roots().map(|root| u64::from(file.clusters()[root.index()].base_triangle_count)).sum();
     let source = file.header().source_triangle_count;
     Ok((source / 10).max(2 * coarsest).clamp(1, source.max(1)))
 }

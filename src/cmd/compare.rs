@@ -261,7 +261,9 @@ impl Work<'_> {
         let leaves = leaves(&self.scan.file);
         let pool = self.args.threads.pool()?;
         meter.start("compare", leaves.len() as u64);
-        let unproven = |path: &Path| format!("cannot use '{}'", path.display());
+        fn unproven(path: &Path) -> String {
+            format!("cannot use '{}'", path.display())
+        }
         let scan = Model::new(&self.scan.file, Bytes(0)).with_context(|| unproven(&self.scan.path))?;
         let reference = Model::new(&self.reference.file, Bytes(self.pages));
         let reference = reference.with_context(|| unproven(&self.reference.path))?;
@@ -284,8 +286,10 @@ impl Work<'_> {
         let done = pool.install(|| leaves.par_iter().map(measure).collect::<Result<Vec<_>>>())?;
         meter.finish();
         stop::check(cancel)?;
-        let most = |which: usize| done.iter().map(|(_, bounds)| bounds[which]).fold(0.0, f64::max);
-        let (within, exact) = (most(0), most(1));
+        fn most(which: usize, done: &[(Vec<f64>, [f64; 2])]) -> f64 {
+            done.iter().map(|(_, bounds)| bounds[which]).fold(0.0, f64::max)
+        }
+        let (within, exact) = (most(0, &done), most(1, &done));
         let values = done.into_iter().map(|(values, _)| values).collect();
         Ok(Measured { values, within, exact, rounding: gauge.rounding() })
     }
@@ -319,7 +323,6 @@ fn print(
     out: &mut impl Write,
 ) -> Result<()> {
     let digits = Digits::within(tolerance, summary.min.abs().max(summary.max.abs()));
-    let told = |x: f64| digits.of(x);
     let kind = if signed { "signed, negative behind the reference" } else { "without a sign" };
     writeln!(
         out,
@@ -333,7 +336,7 @@ fn print(
     let row = [summary.min, summary.max, summary.mean, summary.rms, p50, p90, p95, p99, p999];
     let header = ["", "least", "most", "mean", "rms", "50 %", "90 %", "95 %", "99 %", "99.9 %"];
     let mut cells = vec!["units".to_owned()];
-    cells.extend(row.map(told));
+    cells.extend(row.map(|x| digits.of(x)));
     writeln!(out, "{}", table(&header, [cells]))?;
     writeln!(out, "percentages: of the vertices, that are no farther by size")?;
     Ok(())

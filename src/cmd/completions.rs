@@ -43,10 +43,6 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
 
 /// How a verb is called: what may be left out, what has to be there, and the files, each option with what it takes.
 fn synopsis(verb: &Command) -> String {
-    let value = |arg: &Arg| {
-        let names = arg.get_value_names().filter(|_| arg.get_action().takes_values());
-        names.map_or(String::new(), |names| format!(" {}", names.join(" ")))
-    };
     let long = |arg: &Arg| arg.get_long().map_or(String::new(), |long| format!("--{long}{}", value(arg)));
     let groups: Vec<Vec<&Arg>> = verb
         .get_groups()
@@ -55,8 +51,10 @@ fn synopsis(verb: &Command) -> String {
             group.get_args().filter_map(|id| verb.get_arguments().find(|arg| arg.get_id() == id)).collect()
         })
         .collect();
-    let in_group = |arg: &&Arg| groups.iter().flatten().any(|other| other.get_id() == arg.get_id());
-    let shown = || verb.get_arguments().filter(|arg| !arg.is_hide_set() && !in_group(arg));
+    fn in_group(arg: &&Arg, groups: &[Vec<&Arg>]) -> bool {
+        groups.iter().flatten().any(|other| other.get_id() == arg.get_id())
+    }
+    let shown = || verb.get_arguments().filter(|arg| !arg.is_hide_set() && !in_group(arg, &groups));
     let (mut may, mut must, mut files) = (Vec::new(), Vec::new(), Vec::new());
     for arg in shown() {
         let named = match (arg.is_positional(), arg.get_short()) {
@@ -71,16 +69,20 @@ fn synopsis(verb: &Command) -> String {
             (false, false) => may.push(format!("[{named}]")),
         }
     }
-    let one_of = |group: &Vec<&Arg>| {
+    must.extend(groups.iter().map(|group| {
         let options = group.iter().filter(|arg| !arg.is_hide_set()).map(|arg| match arg.is_positional() {
             true => value(arg).trim_start().to_owned(),
             false => long(arg),
         });
         format!("<{}>", options.collect::<Vec<_>>().join("|"))
-    };
-    must.extend(groups.iter().map(one_of));
+    }));
     let name = verb.get_bin_name().unwrap_or(verb.get_name()).to_owned();
     [vec![name], may, must, files].concat().join(" ")
+}
+
+fn value(arg: &Arg) -> String {
+    let names = arg.get_value_names().filter(|_| arg.get_action().takes_values());
+    names.map_or(String::new(), |names| format!(" {}", names.join(" ")))
 }
 
 /// Writes a page for the command and one for each verb.
@@ -91,7 +93,9 @@ pub(crate) fn man(args: &ManArgs) -> Result<Verdict> {
     let mut command = examples::command();
     command.build();
     let verbs = command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help");
-    let page = |verb: &Command| Man::new(verb.clone().override_usage(synopsis(verb)));
+    fn page(verb: &Command) -> Man {
+        Man::new(verb.clone().override_usage(synopsis(verb)))
+    }
     let pages: Vec<Man> = std::iter::once(Man::new(command.clone())).chain(verbs.map(page)).collect();
     for page in &pages {
         let mut file = AtomicFile::create(&args.folder.join(page.get_filename()), args.force)?;

@@ -38,7 +38,9 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     }
     let mut out = stdout();
     if args.json {
-        let setting = |s: &config::Effective| json!({ "name": s.name, "value": s.value, "from": s.from });
+        fn setting(s: &config::Effective) -> Value {
+            json!({ "name": s.name, "value": s.value, "from": s.from })
+        }
         let settings: Vec<Value> = all.iter().map(setting).collect();
         writeln!(out, "{:#}", json!({ "schema": "chpm-config/1", "settings": settings }))?;
     } else {

@@ -121,16 +121,6 @@ fn to_json(pair: &Pair, near: &Near, steps: &[Contacts], is_path: bool) -> Value
         "within": near.within,
         "error": near.error,
     });
-    let step = |found: &Contacts| {
-        json!({
-            "complete": found.complete,
-            "rounding": found.rounding,
-            "pairs": found.pairs,
-            "pages": found.reads.map(|read| read.pages),
-            "page_bytes": found.reads.map(|read| read.bytes.0),
-            "regions": found.regions.iter().map(region_json).collect::<Vec<_>>(),
-        })
-    };
     match (steps, value.as_object_mut()) {
         ([found], Some(value)) if !is_path => {
             if let Value::Object(of_step) = step(found) {
@@ -143,20 +133,35 @@ fn to_json(pair: &Pair, near: &Near, steps: &[Contacts], is_path: bool) -> Value
     value
 }
 
+fn step(found: &Contacts) -> Value {
+    json!({
+        "complete": found.complete,
+        "rounding": found.rounding,
+        "pairs": found.pairs,
+        "pages": found.reads.map(|read| read.pages),
+        "page_bytes": found.reads.map(|read| read.bytes.0),
+        "regions": found.regions.iter().map(region_json).collect::<Vec<_>>(),
+    })
+}
+
 /// Row of a step of a path, for people.
 fn row_of(step: usize, found: &Contacts) -> Vec<String> {
     let Contacts { regions, complete, reads, .. } = found;
-    let triangles = |side: usize| count(regions.iter().map(|region| region.triangles[side]).sum());
+    fn triangles(side: usize, regions: &[Region]) -> String {
+        count(regions.iter().map(|region| region.triangles[side]).sum())
+    }
     let least = regions.iter().map(|region| region.lower).reduce(f64::min);
     let deepest = regions.iter().map(|region| region.depth).reduce(f64::max);
-    let units = |length: Option<f64>| length.map_or("-".to_owned(), |x| Units(x).to_string());
+    fn units(length: Option<f64>) -> String {
+        length.map_or("-".to_owned(), |x| Units(x).to_string())
+    }
     vec![
         step.to_string(),
         count(regions.len() as u64),
         units(least),
         units(deepest),
-        triangles(0),
-        triangles(1),
+        triangles(0, regions),
+        triangles(1, regions),
         count(reads[0].plus(reads[1]).pages),
         if *complete { "yes" } else { "no: stopped" }.to_owned(),
     ]

@@ -155,12 +155,8 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
 fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> [f64; 16] {
     let header = file.header();
     let Aabb { min, max } = header.aabb();
-    let there = |local: [f32; 3]| {
-        let [x, y, z] = std::array::from_fn(|axis| header.origin[axis] + f64::from(local[axis]));
-        if args.up == Up::Y { [x, -z, y] } else { [x, y, z] }
-    };
     // Turned upright, an axis may have its ends the other way round.
-    let (a, b) = (there(min), there(max));
+    let (a, b) = (there(min, &header.origin, &args.up), there(max, &header.origin, &args.up));
     let corners =
         [std::array::from_fn(|axis| a[axis].min(b[axis])), std::array::from_fn(|axis| a[axis].max(b[axis]))];
     let about = match args.origin_at {
@@ -183,6 +179,11 @@ fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> [f64; 16] {
     place.frame_about(about)
 }
 
+fn there(local: [f32; 3], header_origin: &[f64; 3], args_up: &Up) -> [f64; 3] {
+    let [x, y, z] = std::array::from_fn(|axis| header_origin[axis] + f64::from(local[axis]));
+    if *args_up == Up::Y { [x, -z, y] } else { [x, y, z] }
+}
+
 /// Hash of everything that decides the bytes: the options, and the file, whose header has a checksum of the checksums of all that is in it.
 fn key(file: &Chpm<MappedFile>, options: &Options) -> u64 {
     xxh3_64(format!("{:016x} {options:?}", file.header().header_checksum).as_bytes())
@@ -196,21 +197,17 @@ fn fill(
     meter: &Meter,
     cancel: &Cancel,
 ) -> Result<[u64; 4]> {
-    let go_on = || {
-        ensure!(!cancel.is_cancelled(), "stopped on request");
-        Ok(())
-    };
     meter.start("tree", file.groups().len() as u64);
     let tree = Tree::find(file, |_| {
         meter.add(1);
-        go_on()
+        go_on(cancel)
     })?;
     let mut sets = 0_u64;
     tilesets(file, &tree, options, |set| {
         sets += 1;
         folder.folder(above(&set.path))?;
         folder.write(&set.path, set.json.as_bytes())?;
-        go_on()
+        go_on(cancel)
     })?;
     meter.finish();
 
@@ -236,8 +233,13 @@ fn fill(
             }
         }
         meter.add(1);
-        go_on()
+        go_on(cancel)
     })?;
     file.get_ref().check_unchanged()?;
     Ok([sets, tiles.into_inner(), triangles.into_inner(), bytes.into_inner()])
+}
+
+fn go_on(cancel: &Cancel) -> std::result::Result<(), anyhow::Error> {
+    ensure!(!cancel.is_cancelled(), "stopped on request");
+    Ok(())
 }

@@ -65,7 +65,9 @@ fn show(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
     if args.json {
         let mut value = as_json(&args.file, file, metadata.as_ref(), &levels, &sizes);
         if let Some(parts) = parts {
-            let name = |part: &str| part.replace(' ', "_");
+            fn name(part: &str) -> String {
+                part.replace(' ', "_")
+            }
             let bytes = parts.map(|bytes| bytes.round() as u64);
             value["bytes"]["parts"] = PARTS.map(name).into_iter().zip(bytes).collect();
         }
@@ -152,7 +154,9 @@ fn print_next(path: &Path, out: &mut impl Write) -> Result<()> {
 }
 
 fn print_caches([all, roots]: [Drawn; 2], out: &mut impl Write) -> io::Result<()> {
-    let told = |drawn: Drawn| drawn.acmr().map(|acmr| format!("{acmr:.3}")).join(", ");
+    fn told(drawn: Drawn) -> String {
+        drawn.acmr().map(|acmr| format!("{acmr:.3}")).join(", ")
+    }
     writeln!(
         out,
         "cache      {} misses a triangle at the finest, middle and base positions; roots {} (first in, first out, {} vertices)",

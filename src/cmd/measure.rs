@@ -131,21 +131,15 @@ fn print_meshes(
         writeln!(out, "{path}: {}", Counted(mesh.triangles.len() as u64, "triangle"))?;
     }
     writeln!(out, "diagonal of both: {} units\n", Units(diagonal))?;
-    let row = |name: &str, [max, mean, rms]: [f64; 3], samples: u64| {
-        let mut cells = vec![name.to_owned()];
-        for value in [max, mean, rms] {
-            cells.extend([Units(value).to_string(), percent(value, diagonal)]);
-        }
-        cells.push(count(samples));
-        cells
-    };
-    let side = |name: &str, side: &Side| row(name, [side.max, side.mean, side.rms], side.samples);
+    fn side(name: &str, side: &Side, diagonal: f64) -> Vec<String> {
+        row(name, [side.max, side.mean, side.rms], side.samples, diagonal)
+    }
     let both = [found.max(), found.mean(), found.rms()];
     let header = ["from", "max", "of diagonal", "mean", "of diagonal", "rms", "of diagonal", "samples"];
     let rows = [
-        side("the first to the second", &found.forward),
-        side("the second to the first", &found.backward),
-        row("the larger of both", both, found.forward.samples + found.backward.samples),
+        side("the first to the second", &found.forward, diagonal),
+        side("the second to the first", &found.backward, diagonal),
+        row("the larger of both", both, found.forward.samples + found.backward.samples, diagonal),
     ];
     writeln!(out, "{}", table(&header, rows))?;
     if let Some([x, y, z]) = absolute(found.at(), origin) {
@@ -153,6 +147,15 @@ fn print_meshes(
         writeln!(out, "\nthe maximum is at {x} {y} {z}, on {on}")?;
     }
     Ok(())
+}
+
+fn row(name: &str, [max, mean, rms]: [f64; 3], samples: u64, diagonal: f64) -> Vec<String> {
+    let mut cells = vec![name.to_owned()];
+    for value in [max, mean, rms] {
+        cells.extend([Units(value).to_string(), percent(value, diagonal)]);
+    }
+    cells.push(count(samples));
+    cells
 }
 
 fn meshes_json(
@@ -248,7 +251,9 @@ fn row_json((which, found): &Row, origin: [f64; 3]) -> Value {
         Which::Level { level, collapsed } => json!({ "level": level, "collapsed": collapsed }),
         Which::Cut { seed } => json!({ "seed": seed }),
     };
-    let spread = |s: Spread| json!({ "clusters": s.count, "min": s.min, "median": s.median, "p95": s.p95, "max": s.max });
+    fn spread(s: Spread) -> Value {
+        json!({ "clusters": s.count, "min": s.min, "median": s.median, "p95": s.p95, "max": s.max })
+    }
     let fields = json!({
         "clusters": found.clusters,
         "triangles": found.triangles,

@@ -97,14 +97,16 @@ fn make(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
 fn nearest(file: &Chpm<MappedFile>, portrait: &Portrait) -> Result<[f64; 3]> {
     let (frame, sight) = (portrait.frame(), portrait.stance().sight());
     let is_framed = |p: &[f32; 3]| (0..3).all(|axis| (frame.min[axis]..=frame.max[axis]).contains(&p[axis]));
-    let along = |p: &[f32; 3]| (0..3).map(|axis| f64::from(p[axis]) * sight[axis]).sum::<f64>();
+    fn along(p: &[f32; 3], sight: &nalgebra::Vector3<f64>) -> f64 {
+        (0..3).map(|axis| f64::from(p[axis]) * sight[axis]).sum::<f64>()
+    }
     let mut nearest = None;
     for root in file.roots() {
         let page = file.page(root)?;
         let page = page.view();
         let base = page.positions.get(..page.base_vertex_count).unwrap_or_default();
         for point in base.iter().filter(|point| is_framed(point)) {
-            if nearest.is_none_or(|nearest| along(point) < along(&nearest)) {
+            if nearest.is_none_or(|nearest| along(point, &sight) < along(&nearest, &sight)) {
                 nearest = Some(*point);
             }
         }

@@ -293,10 +293,7 @@ fn cameras(args: &Args, viewer: &mut Viewer) -> Result<(Vec<Camera>, Option<Stri
     let (why, note) = (Some(portrait.why()), portrait.note());
     let cameras = match (args.turntable, args.contact_sheet) {
         (Some(count), _) => viewer.turn(&portrait, viewport, count),
-        (None, true) => {
-            let side = |side: Side| viewer.fit(&portrait.from_side(side), viewport);
-            SHEET.map(side).to_vec()
-        }
+        (None, true) => SHEET.map(|side| viewer.fit(&portrait.from_side(side), viewport)).to_vec(),
         (None, false) => vec![viewer.fit(&portrait, viewport)],
     };
     Ok((cameras, why, note))
@@ -304,12 +301,16 @@ fn cameras(args: &Args, viewer: &mut Viewer) -> Result<(Vec<Camera>, Option<Stri
 
 /// Caption of a picture on a contact sheet.
 fn label(args: &Args, place: usize) -> Option<String> {
-    let side = || SHEET.get(place).map(|side| side.name().to_owned());
-    let turned = |count: u32| {
-        let degrees = (360.0 * place as f64 / f64::from(count) * 10.0).round() / 10.0;
-        format!("{degrees}\u{b0}")
-    };
-    args.contact_sheet.then(|| args.turntable.map(turned).or_else(side)).flatten()
+    args.contact_sheet
+        .then(|| {
+            args.turntable
+                .map(|count| {
+                    let degrees = (360.0 * place as f64 / f64::from(count) * 10.0).round() / 10.0;
+                    format!("{degrees}\u{b0}")
+                })
+                .or_else(|| SHEET.get(place).map(|side| side.name().to_owned()))
+        })
+        .flatten()
 }
 
 /// Requests that the picture does not meet.

@@ -75,14 +75,16 @@ impl FromStr for Model {
 
     fn from_str(text: &str) -> Result<Self, String> {
         if let Some(name) = text.strip_prefix("odd:") {
-            let unknown = || format!("'{name}' is no odd shape: `chpm synth --list` names them");
-            return Odd::find(name).map(Model::Odd).ok_or_else(unknown);
+            return Odd::find(name)
+                .map(Model::Odd)
+                .ok_or_else(|| format!("'{name}' is no odd shape: `chpm synth --list` names them"));
         }
         let Some(name) = text.strip_prefix("hard:") else {
             return text.parse().map(Model::Shape).map_err(|error: ParseShapeError| error.to_string());
         };
-        let unknown = || format!("'{name}' is no hard mesh: `chpm synth --list` names them");
-        Case::find(name).map(Model::Hard).ok_or_else(unknown)
+        Case::find(name)
+            .map(Model::Hard)
+            .ok_or_else(|| format!("'{name}' is no hard mesh: `chpm synth --list` names them"))
     }
 }
 

@@ -181,7 +181,9 @@ fn print(args: &Args, findings: &Verification, out: &mut impl Write) -> std::io:
 }
 
 fn as_json(args: &Args, findings: &Verification) -> Value {
-    let display = |path: &Path| path.display().to_string();
+    fn display(path: &Path) -> String {
+        path.display().to_string()
+    }
     json!({
         "schema": "chpm-verify/1",
         "file": display(&args.file),

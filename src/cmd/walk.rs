@@ -237,16 +237,17 @@ impl<'a> Walk<'a> {
 
     fn frame(&mut self, view: &View, ahead: &View) -> Result<Frame> {
         let clusters = self.file.clusters();
-        let bytes =
-            |pages: &[ClusterId]| pages.iter().map(|id| u64::from(clusters[id.index()].page_len)).sum();
+        fn bytes(pages: &[ClusterId], clusters: &[chpm_format::ClusterRecord]) -> u64 {
+            pages.iter().map(|id| u64::from(clusters[id.index()].page_len)).sum()
+        }
         let mut watch = Watch(Instant::now());
         let traffic = self.pager.want(self.file, &self.hierarchy, view);
         self.let_go(&traffic.evictions);
         let mut requests = traffic.requests;
-        let requested_bytes = bytes(&requests);
+        let requested_bytes = bytes(&requests, clusters);
         let asked = watch.lap();
         let early = self.read_ahead(ahead);
-        let prefetched_bytes = bytes(&early);
+        let prefetched_bytes = bytes(&early, clusters);
         requests.extend(early);
         let requested_runs = runs(&requests);
         let foreseen = watch.lap();
@@ -264,7 +265,9 @@ impl<'a> Walk<'a> {
         let triangles = self.play()?;
         let played = watch.lap();
         let records = self.list.members().map(|member| &clusters[member.cluster.index()]);
-        let splits = |front: &Front| front.split_groups().len() as u64;
+        fn splits(front: &Front) -> u64 {
+            front.split_groups().len() as u64
+        }
         Ok(Frame {
             triangles,
             clusters: self.list.len() as u64,
@@ -387,10 +390,15 @@ fn write_csv(frames: &[Frame], file: Output) -> Result<()> {
 }
 
 fn print(frames: &[Frame], out: &mut impl Write) -> Result<()> {
-    let sum = |of: fn(&Frame) -> u64| Bytes(frames.iter().map(of).sum());
-    let (requested, ahead) = (sum(|frame| frame.requested_bytes), sum(|frame| frame.prefetched_bytes));
+    fn sum(of: fn(&Frame) -> u64, frames: &[Frame]) -> Bytes {
+        Bytes(frames.iter().map(of).sum())
+    }
+    let (requested, ahead) =
+        (sum(|frame| frame.requested_bytes, frames), sum(|frame| frame.prefetched_bytes, frames));
     writeln!(out, "{}, {requested} requested, {ahead} read ahead", Counted(frames.len() as u64, "frame"))?;
-    let number = |x: f64| if x.fract() == 0.0 { count(x as u64) } else { format!("{x:.3}") };
+    fn number(x: f64) -> String {
+        if x.fract() == 0.0 { count(x as u64) } else { format!("{x:.3}") }
+    }
     let rows = COLUMNS.iter().map(|(name, value)| {
         let values = [0.5, 0.95, 1.0].map(|q| number(quantile(frames, q, *value)));
         [vec![(*name).replace('_', " ")], values.to_vec()].concat()

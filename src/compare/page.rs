@@ -74,9 +74,9 @@ fn numbers(told: &Told<'_>) -> Vec<(String, String)> {
         ("mean".to_owned(), signed(*mean)),
         ("root mean square".to_owned(), Units(*rms).to_string()),
     ];
-    let named = |(percent, size): (&f64, &f64)| {
+    fn named((percent, size): (&f64, &f64)) -> (String, String) {
         (format!("{percent} % are no farther than"), Units(*size).to_string())
-    };
+    }
     rows.extend(PERCENTS.iter().zip(percentiles).map(named));
     if let Some(pass) = told.pass {
         rows.push((format!("within {}", Units(pass.tolerance)), count(pass.within)));

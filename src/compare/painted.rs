@@ -39,7 +39,9 @@ const SOURCE: &str = "compared.ply";
 impl Painted {
     /// Refuses what cannot be written, before the work.
     pub(crate) fn create(path: &Path, force: bool, inputs: &[&Path]) -> Result<Self> {
-        let writes = |format| Writes::mesh("compare", format);
+        fn writes(format: &'static str) -> Writes {
+            Writes::mesh("compare", format)
+        }
         Ok(match output::promised(path) {
             Promise::Nothing | Promise::Format("PLY") => {
                 Painted::Ply(writes("PLY").create(path, force, inputs)?)
@@ -111,8 +113,13 @@ struct Colored<'a> {
 
 impl Colored<'_> {
     fn counts(&self) -> (u64, u64) {
-        let count = |leaf: chpm_mesh::ClusterId| u64::from(self.file.clusters()[leaf.index()].triangle_count);
-        (self.parts.values.len() as u64, leaves(self.file).into_iter().map(count).sum())
+        (
+            self.parts.values.len() as u64,
+            leaves(self.file)
+                .into_iter()
+                .map(|leaf| u64::from(self.file.clusters()[leaf.index()].triangle_count))
+                .sum(),
+        )
     }
 
     fn vertices(&self, mut each: impl FnMut(VertexSlices<'_>) -> Result<()>) -> Result<()> {

@@ -119,8 +119,7 @@ impl Parts {
         mut each: impl FnMut(&[[u32; 3]]) -> Result<()>,
     ) -> Result<()> {
         self.each_leaf(file, |page, _, numbers| {
-            let corners = |t: &[u16; 3]| t.map(|v| numbers[usize::from(v)]);
-            each(&page.triangles.iter().map(corners).collect::<Vec<_>>())
+            each(&page.triangles.iter().map(|t| t.map(|v| numbers[usize::from(v)])).collect::<Vec<_>>())
         })
     }
 }

@@ -196,7 +196,9 @@ pub(crate) fn write_png(image: &Image, file: Output) -> Result<Output> {
 
 /// Statistics of a frame, for programs.
 pub(crate) fn as_json(stats: &Stats) -> Value {
-    let ms = |time: std::time::Duration| 1e3 * time.as_secs_f64();
+    fn ms(time: std::time::Duration) -> f64 {
+        1e3 * time.as_secs_f64()
+    }
     let times = &stats.times;
     json!({
         "poe": stats.poe,

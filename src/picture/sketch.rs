@@ -62,7 +62,9 @@ impl Sketch {
 
     fn coarsen(&mut self) {
         self.width *= 2.0;
-        let above = |cell: Cell| cell.map(|x| x.div_euclid(2));
+        fn above(cell: Cell) -> [i64; 3] {
+            cell.map(|x| x.div_euclid(2))
+        }
         let mut corners: Vec<_> = std::mem::take(&mut self.corners).into_iter().collect();
         // Whatever order the map had.
         corners.sort_unstable_by_key(|(cell, _)| *cell);

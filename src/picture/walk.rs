@@ -277,15 +277,17 @@ fn print(runs: &[Run], adapter: &str, out: &mut impl Write) -> Result<()> {
     writeln!(out, "{} on {adapter}", Counted(frames as u64, "frame"))?;
 
     let means = runs.iter().map(|run| {
-        let whole = |of| count(run.mean(of).round() as u64);
+        fn whole(of: fn(&Frame) -> f64, run: &Run) -> String {
+            count(run.mean(of).round() as u64)
+        }
         vec![
             run.name().to_owned(),
             format!("{:.1}", run.rate()),
-            whole(|f| f.stats.clusters_active as f64),
-            whole(|f| f.stats.clusters_drawn as f64),
-            whole(|f| (f.stats.splits + f.stats.collapses) as f64),
-            whole(|f| f.stats.pm_steps as f64),
-            whole(|f| f.stats.triangles as f64),
+            whole(|f| f.stats.clusters_active as f64, run),
+            whole(|f| f.stats.clusters_drawn as f64, run),
+            whole(|f| (f.stats.splits + f.stats.collapses) as f64, run),
+            whole(|f| f.stats.pm_steps as f64, run),
+            whole(|f| f.stats.triangles as f64, run),
         ]
     });
     let names = ["mean of a frame", "fps", "front", "drawn", "splits + collapses", "PM steps", "triangles"];
@@ -305,10 +307,10 @@ fn print(runs: &[Run], adapter: &str, out: &mut impl Write) -> Result<()> {
 }
 
 fn as_json(runs: &[Run], walk: &Walk<'_>, adapter: &str) -> Value {
-    let run = |run: &Run| {
+    fn run(run: &Run) -> Value {
         let means = COLUMNS.iter().map(|(name, value)| ((*name).to_owned(), json!(run.mean(*value))));
         json!({ "culling": run.culling, "fps": run.rate(), "mean": Value::Object(means.collect::<Map<_, _>>()) })
-    };
+    }
     json!({
         "schema": "chpm-walk-render/1",
         "frames": walk.path.cameras.len(),

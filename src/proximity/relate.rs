@@ -133,19 +133,22 @@ impl Relater {
         let near = Near { within, error: self.error, limit: self.pair.most_near() };
         let found = contacts(a, b, poses, &near, &self.pool, &mut |_| go_on())?;
         if go_on() {
-            let region = |region: &chpm_proximity::Region| Region {
-                low: region.low,
-                high: region.high,
-                ends: region.closest_points.points,
-                distance: [region.lower, region.upper],
-                area: region.area,
-                levels: region.levels,
-            };
             let all = found.regions.iter().map(region).collect();
             relation.regions = Some(Regions { within, all, complete: found.complete });
             desk.tell(step, Ok(relation));
         }
         Ok(())
+    }
+}
+
+fn region(region: &chpm_proximity::Region) -> Region {
+    Region {
+        low: region.low,
+        high: region.high,
+        ends: region.closest_points.points,
+        distance: [region.lower, region.upper],
+        area: region.area,
+        levels: region.levels,
     }
 }
 

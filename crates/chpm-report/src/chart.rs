@@ -175,16 +175,27 @@ impl Chart<'_> {
         for series in &self.series {
             let color = COLORS[series.color % COLORS.len()];
             // A logarithm has no place for zero.
-            let is_shown =
-                |point: &[f64; 2]| !(self.x.log && point[0] <= 0.0 || self.y.log && point[1] <= 0.0);
-            let points = || series.points.iter().filter(|point| is_shown(point)).map(|[x, y]| (*x, *y));
+            fn is_shown(point: &[f64; 2], x_log: bool, y_log: bool) -> bool {
+                !(x_log && point[0] <= 0.0 || y_log && point[1] <= 0.0)
+            }
+            let points = || {
+                series
+                    .points
+                    .iter()
+                    .filter(|point| is_shown(point, self.x.log, self.y.log))
+                    .map(|[x, y]| (*x, *y))
+            };
             if series.dashed {
                 let line = DashedPathElement::new(points(), 4, 3, INK.stroke_width(1));
                 chart.draw_series([line]).map_err(told)?;
             } else {
                 chart.draw_series(LineSeries::new(points(), color.stroke_width(2))).map_err(told)?;
             }
-            let marked = series.points.iter().zip(&series.marks).filter(|(point, _)| is_shown(point));
+            let marked = series
+                .points
+                .iter()
+                .zip(&series.marks)
+                .filter(|(point, _)| is_shown(point, self.x.log, self.y.log));
             for ([x, y], mark) in marked {
                 let at = (*x, *y);
                 match mark {

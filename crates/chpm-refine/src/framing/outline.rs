@@ -1,7 +1,7 @@
 //! A coarse mesh of a model, and the camera that just sees all of it.
 
 use super::apart::specks;
-use crate::cut::{Cut};
+use crate::cut::Cut;
 use crate::error::RefineError;
 use crate::extract::extract;
 use crate::view::Camera;

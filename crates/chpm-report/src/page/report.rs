@@ -191,21 +191,25 @@ fn drawables(file: &Chpm<MappedFile>) -> Vec<[String; 5]> {
 }
 
 fn finding(worst: &worst::Worst) -> Finding {
-    let named =
-        |named: &worst::Named| (named.cluster, format!("{} (level {})", Units(named.value), named.level));
+    fn named(named: &worst::Named) -> (u32, String) {
+        (named.cluster, format!("{} (level {})", Units(named.value), named.level))
+    }
     Finding { words: worst::words(worst.measure), clusters: worst.clusters.iter().map(named).collect() }
 }
 
 fn compared(own: &Stats, other: &Stats) -> Vec<(String, String, String)> {
-    let told = |value: Option<&Value>| match value.and_then(Value::as_f64) {
-        Some(value) if value.fract() == 0.0 && value >= 0.0 => Short(value as u64).to_string(),
-        Some(value) => Units(value).to_string(),
-        None => "-".to_owned(),
-    };
     let names = own.measures.keys();
     names
         .map(|name| (name.replace('_', " "), told(own.measures.get(name)), told(other.measures.get(name))))
         .collect()
+}
+
+fn told(value: Option<&Value>) -> String {
+    match value.and_then(Value::as_f64) {
+        Some(value) if value.fract() == 0.0 && value >= 0.0 => Short(value as u64).to_string(),
+        Some(value) => Units(value).to_string(),
+        None => "-".to_owned(),
+    }
 }
 
 fn source(metadata: &Metadata) -> Vec<(&'static str, String)> {

@@ -99,10 +99,6 @@ impl Seen {
     pub(super) fn picture(&self, shows: Shows) -> Result<String, ReportError> {
         let [low, high] = self.errors();
         let ramp = Colors::new([0.0, 1.0], false);
-        let share = |error: f32| match f64::from(error) {
-            error if error > low && high > low => (error / low).ln() / (high / low).ln(),
-            _ => 0.0,
-        };
         let opaque = |[r, g, b, _]: [u8; 4]| [r, g, b];
         let paint = |part: u32, tint: [f32; 3]| {
             let (id, level, error) = self.members[part as usize];
@@ -110,7 +106,7 @@ impl Seen {
                 Shows::Surface => tint.map(|channel| channel as u8),
                 Shows::Cluster => own_color(id),
                 Shows::Level => opaque(ramp.of(f64::from(level) / f64::from(self.levels.max(2) - 1))),
-                Shows::Error => opaque(ramp.of(share(error))),
+                Shows::Error => opaque(ramp.of(share(error, low, high))),
             }
         };
         self.canvas.picture(paint)
@@ -129,14 +125,22 @@ impl Seen {
     }
 }
 
+fn share(error: f32, low: f64, high: f64) -> f64 {
+    match f64::from(error) {
+        error if error > low && high > low => (error / low).ln() / (high / low).ln(),
+        _ => 0.0,
+    }
+}
+
 /// A colour that the neighbours' ids do not have: the hue goes around by the golden ratio.
 fn own_color(id: u32) -> [u8; 3] {
     let hue = f64::from(id.wrapping_mul(0x9e37_79b9)) / f64::from(u32::MAX);
-    let channel = |shift: f64| {
-        let wave = ((hue + shift).fract() * 6.0 - 3.0).abs() - 1.0;
-        (90.0 + 150.0 * wave.clamp(0.0, 1.0)) as u8
-    };
-    [channel(0.0), channel(2.0 / 3.0), channel(1.0 / 3.0)]
+    [channel(0.0, hue), channel(2.0 / 3.0, hue), channel(1.0 / 3.0, hue)]
+}
+
+fn channel(shift: f64, hue: f64) -> u8 {
+    let wave = ((hue + shift).fract() * 6.0 - 3.0).abs() - 1.0;
+    (90.0 + 150.0 * wave.clamp(0.0, 1.0)) as u8
 }
 
 /// A small picture of a model as it is, to be embedded.

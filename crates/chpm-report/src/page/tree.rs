@@ -70,7 +70,9 @@ pub(super) fn json(file: &Chpm<MappedFile>, rows: &[Row<'_>]) -> Result<Value, R
     let least =
         order.len().checked_sub(SHOWN).map_or(0, |more| rows[order[more]].record.level + u32::from(more > 0));
     let shown = rows.iter().filter(|row| row.record.level >= least);
-    let part = |a: u32, b: u32| (1000.0 * f64::from(a) / f64::from(b.max(1))).round() / 1000.0;
+    fn part(a: u32, b: u32) -> f64 {
+        (1000.0 * f64::from(a) / f64::from(b.max(1))).round() / 1000.0
+    }
     let node = |row: &Row<'_>| {
         let r = row.record;
         json!([
