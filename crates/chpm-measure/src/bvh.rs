@@ -109,8 +109,8 @@ impl Bvh {
     /// Whether it is known of a triangle without looking closer that it is no nearer than the root of `best`.
     #[inline]
     fn is_farther(&self, place: usize, point: Point3<f64>, best: f64) -> bool {
-        let least = |shell: &Shell| shell.squared_distance_at_least(point, self.corners[place][0]);
-        self.shells.get(place).is_some_and(|shell| least(shell) >= best)
+        let Some(shell) = self.shells.get(place) else { return false };
+        shell.squared_distance_at_least(point, self.corners[place][0]) >= best
     }
 
     /// The triangle at a place.

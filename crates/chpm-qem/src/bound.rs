@@ -139,7 +139,6 @@ impl Bounder {
     fn sweep(&mut self, scene: &Scene<'_>, v: u16) -> bool {
         let Scene { given, displacements, one_ring, .. } = *scene;
         self.proposal.swept = true;
-        let position = |w: u16| given.position(w);
         fn go(from: Point3<f64>, to: Point3<f64>) -> Sweep {
             Sweep::to_segment(from, to, to)
         }
@@ -147,10 +146,10 @@ impl Bounder {
         let (step, share) = match one_ring.kind() {
             // A lone face is folded onto its opposite edge.
             OneRingKind::Open(first, last) if one_ring.wings.len() == 1 => {
-                let step = Sweep::to_segment(position(u), position(first), position(last));
+                let step = Sweep::to_segment(given.position(u), given.position(first), given.position(last));
                 (step, if v == first { step.share } else { 1.0 - step.share })
             }
-            _ => (go(position(u), position(v)), 0.0),
+            _ => (go(given.position(u), given.position(v)), 0.0),
         };
         let moved = |face: u32| displacements[face as usize].moved(step.lo, step.hi);
         let surviving = one_ring.wings.iter().filter(|wing| !wing.has(v));
@@ -163,9 +162,9 @@ impl Bounder {
             let points = moved(wing.face);
             let (to, end) = match receiver(scene, v, w) {
                 Some((face, Via::Edge)) => (Some(face), None),
-                Some((face, Via::Target)) => (Some(face), Some(go(position(w), position(v)))),
-                Some((face, Via::Other)) => (Some(face), Some(go(position(v), position(w)))),
-                None => (None, Some(go(position(w), position(v)))),
+                Some((face, Via::Target)) => (Some(face), Some(go(given.position(w), given.position(v)))),
+                Some((face, Via::Other)) => (Some(face), Some(go(given.position(v), given.position(w)))),
+                None => (None, Some(go(given.position(w), given.position(v)))),
             };
             let points = end.map_or(points, |end| points.moved(end.lo, end.hi));
             match to {

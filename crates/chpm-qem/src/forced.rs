@@ -67,12 +67,11 @@ fn may_force(given: &Given<'_>, mesh: &Adjacency, one_ring: &OneRing, v: u16, fa
         return false;
     }
     // Another cluster may have, or make, an edge or a face between locked vertices.
-    let locked = |w: u16| given.is_locked(w);
     let beside_edge = |w: u16| one_ring.wings.iter().any(|wing| wing.has(v) && wing.has(w));
     let mut surviving = one_ring.wings.iter().filter(|wing| !wing.has(v));
-    !locked(v)
+    !given.is_locked(v)
         || !surviving.any(|wing| {
-            (locked(wing.a) && locked(wing.b))
-                || [wing.a, wing.b].into_iter().any(|w| locked(w) && !beside_edge(w))
+            (given.is_locked(wing.a) && given.is_locked(wing.b))
+                || [wing.a, wing.b].into_iter().any(|w| given.is_locked(w) && !beside_edge(w))
         })
 }

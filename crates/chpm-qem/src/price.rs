@@ -140,8 +140,8 @@ impl Prices {
         }
 
         // The fan is open: its last vertex follows in a wing but leads none.
-        let is_last = |wing: &&Wing| on_boundary && wings.iter().all(|other| other.a != wing.b);
-        let last = if on_boundary { wings.iter().find(is_last).map(|wing| wing.b) } else { None };
+        let mut ends = wings.iter().map(|wing| wing.b).filter(|end| wings.iter().all(|other| other.a != *end));
+        let last = if on_boundary { ends.next() } else { None };
         let rest = chunks.remainder();
         let count = rest.len() + usize::from(last.is_some());
         if count > 0 {

@@ -185,8 +185,9 @@ impl Isosurface {
     /// Which of the seven edges that start at a grid point are cut.
     fn mask(&self, below: &[f32], above: &[f32], x: u32, y: u32) -> u8 {
         let from = below[self.at(x, y)] > 0.0;
-        let cut = |d: u8| from != (self.value(below, above, x, y, d) > 0.0);
-        (1..8).fold(0, |mask, d| mask | u8::from(cut(d)) << (d - 1))
+        (1..8)
+            .map(|d| u8::from(from != (self.value(below, above, x, y, d) > 0.0)) << (d - 1))
+            .fold(0, |mask, bit| mask | bit)
     }
 
     /// Which corners of a cell are inside.

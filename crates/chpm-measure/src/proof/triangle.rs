@@ -70,8 +70,8 @@ impl Face {
             if b.distance < a.distance { b } else { a }
         }
         let on_edges = || {
-            let edge = |i: usize| self.on_edge(i, point);
-            nearer(nearer(edge(0), edge(1)), edge(2))
+            let [a, b, c] = [0, 1, 2].map(|i| self.on_edge(i, point));
+            nearer(nearer(a, b), c)
         };
         let weight = |i: usize, way: Vector3<f64>| self.edges[(i + 1) % 3].cross(&way).dot(&self.normal);
         let mut weights = [0, 1, 2].map(|i| weight(i, point - self.corners[(i + 1) % 3]));

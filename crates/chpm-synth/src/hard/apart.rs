@@ -20,8 +20,7 @@ pub(super) fn soup(triangles: u32) -> TriMesh {
 }
 
 fn corner(t: u32, k: i64, size: f64) -> [f32; 3] {
-    let at = |axis| chance(t, axis) + size * (chance(t, 3 + 3 * k + axis) - 0.5);
-    [at(0) as f32, at(1) as f32, at(2) as f32]
+    [0, 1, 2].map(|axis| (chance(t, axis) + size * (chance(t, 3 + 3 * k + axis) - 0.5)) as f32)
 }
 
 /// In a cube of cells of side 1; sizes fall with the square of chance, from 0.5 down to 0.0005.
