@@ -170,7 +170,7 @@ pub(crate) struct SettingsArgs {
     positions: Positions,
 }
 
-/// What `--keep` names: scalars, or all of them.
+/// Scalars that `--keep` names, or all of them.
 fn kept(names: &[String]) -> Keep {
     let all = names.iter().any(|name| name == "all");
     Keep { all, names: names.iter().filter(|name| *name != "all").cloned().collect() }

@@ -51,16 +51,16 @@ pub(crate) fn plan(
             Need::Build(reason) => (Status::Planned, reason),
         };
         let files = input::files(&model.source, cancel).unwrap_or_default();
-        fn len(file: &std::path::PathBuf) -> u64 {
-            fs::metadata(file).map_or(0, |metadata| metadata.len())
-        }
         let row = Row {
             name: model.name,
             status,
             reason: reason.to_owned(),
             seconds: 0.0,
             triangles: 0,
-            source_bytes: files.iter().map(len).sum(),
+            source_bytes: files
+                .iter()
+                .map(|file| fs::metadata(file).map_or(0, |metadata| metadata.len()))
+                .sum(),
             output_bytes: 0,
             error: None,
             warnings: Vec::new(),

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What `chpm measure` is told.
+/// Arguments of `chpm measure`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// A mesh ({meshes}); with --against, a .chpm file

@@ -247,7 +247,7 @@ impl Ready {
     }
 }
 
-/// What colours mean, where they show a scalar.
+/// Legend of colours that show a scalar.
 fn legend(args: &Args, viewer: &Viewer) -> Result<Option<String>> {
     let Some(name) = &args.color_by else { return Ok(None) };
     let known = || {

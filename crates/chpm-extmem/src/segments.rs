@@ -10,7 +10,7 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 #[derive(Debug)]
 pub(crate) struct Segments {
     segment_len: usize,
-    /// What the file is called, if it can be saved.
+    /// Name of the file, if it can be saved.
     name: Option<String>,
     workdir: Arc<WorkDir>,
     state: RwLock<State>,

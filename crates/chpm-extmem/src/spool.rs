@@ -36,7 +36,7 @@ pub struct Spool {
     segment_len: usize,
     len: AtomicU64,
     segments: Arc<Segments>,
-    /// What another run would find, if the file has a name.
+    /// State for another run, if the file has a name.
     saved: Option<Box<Mutex<SavedFile>>>,
 }
 

@@ -174,7 +174,7 @@ fn dump_page(page: &Page<'_>, scalars: &[Scalar], out: &mut impl Write) -> Resul
     Ok(())
 }
 
-/// What is no number is told by its words, since it has many.
+/// Writes a scalar; one that is no number by its words, since there are many.
 fn dump_scalar(name: &str, kind: ScalarKind, words: &[u32], out: &mut impl Write) -> Result<(), FormatError> {
     let value = kind.value(words);
     match value.is_nan() {

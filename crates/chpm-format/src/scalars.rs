@@ -15,7 +15,7 @@ const PLACE: Place = Place::Section(SectionKind::Scalars);
 /// Most bytes of a list.
 pub(crate) const MOST_LEN: u64 = (MOST_SCALAR_WORDS * (mem::size_of::<Entry>() + MOST_NAME)) as u64;
 
-/// What stands before a name.
+/// Record in front of a name.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Entry {
@@ -70,7 +70,7 @@ fn one(bytes: &mut &[u8]) -> Result<Scalar, FormatError> {
     Ok(Scalar { name: name.to_owned(), kind: known, range })
 }
 
-/// What no list of scalars may be.
+/// Refuses lists of scalars that no file may have.
 pub(crate) fn check(scalars: &[Scalar], words: u8) -> Result<(), FormatError> {
     let all = scalar_words(scalars);
     require(

@@ -46,7 +46,7 @@ impl Supply {
         Ok(Supply { path: path.to_owned(), spooled: Some(received.ok_or(SourceError::Cancelled)?) })
     }
 
-    /// What an open file holds, under a name.
+    /// Content of an open file, under a name.
     pub fn opened(name: &Path, file: File) -> Supply {
         Supply { path: name.to_owned(), spooled: Some(file) }
     }

@@ -140,7 +140,8 @@ impl Prices {
         }
 
         // The fan is open: its last vertex follows in a wing but leads none.
-        let mut ends = wings.iter().map(|wing| wing.b).filter(|end| wings.iter().all(|other| other.a != *end));
+        let mut ends =
+            wings.iter().map(|wing| wing.b).filter(|end| wings.iter().all(|other| other.a != *end));
         let last = if on_boundary { ends.next() } else { None };
         let rest = chunks.remainder();
         let count = rest.len() + usize::from(last.is_some());

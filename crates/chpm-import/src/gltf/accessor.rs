@@ -9,7 +9,7 @@ pub(super) const WINDOW: usize = 1 << 14;
 /// Elements that an accessor without a view may have.
 const MOST_ZEROS: u64 = 1 << 24;
 
-/// What an accessor's numbers are.
+/// Type of an accessor's numbers.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Component {
     I8,
@@ -54,7 +54,7 @@ impl Component {
         }
     }
 
-    /// What one is, where numbers are shares of it.
+    /// Value that stands for one, where numbers are shares of it.
     fn one(self) -> f64 {
         match self {
             Component::I8 => 127.0,

@@ -167,7 +167,7 @@ pub(super) struct ViewExtensions {
     pub(super) meshopt: Option<Box<Compressed>>,
 }
 
-/// What stands in for a view whose bytes are compressed.
+/// Stand-in for a view whose bytes are compressed.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Compressed {
@@ -248,7 +248,7 @@ impl Document {
     }
 }
 
-/// What is no valid glTF, or one that is not read.
+/// Refusal of an invalid glTF, or of one that is not read.
 pub(super) fn refused(what: impl Into<String>) -> ImportError {
     ImportError::Unsupported(what.into())
 }

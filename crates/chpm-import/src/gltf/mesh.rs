@@ -36,7 +36,7 @@ pub(super) struct GltfReader {
     _share: Reservation,
 }
 
-/// What is done one after the other.
+/// Phases, one after the other.
 enum Phase {
     /// Positions are read.
     Keys(Keys),
@@ -62,7 +62,7 @@ struct Found {
     first: Option<u32>,
 }
 
-/// What is needed while vertices are delivered.
+/// State of the delivery of vertices.
 struct Delivery {
     members: Pairs,
     others: Pairs,

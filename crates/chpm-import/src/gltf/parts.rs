@@ -1,4 +1,4 @@
-//! What is to be read of a glTF: vertices and triangles of its meshes, and where each mesh stands.
+//! Parts of a glTF that are to be read: vertices and triangles of its meshes, and where each mesh stands.
 
 use super::accessor::Elements;
 use super::document::{Document, Mesh, Primitive, Shape, entry, refused};

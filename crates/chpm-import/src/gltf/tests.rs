@@ -7,7 +7,7 @@ use chpm_extmem::{Cancel, Store};
 use serde_json::{Value, json};
 use std::fs;
 
-/// What was read of a file.
+/// Mesh as it was read of a file.
 #[derive(Debug, Default, PartialEq)]
 struct Read {
     positions: Vec<[f64; 3]>,

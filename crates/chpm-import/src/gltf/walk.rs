@@ -119,7 +119,7 @@ pub(super) type Corner = Result<u32, (u32, u64)>;
 /// Triangles of the scene, one primitive after the other.
 #[derive(Default)]
 pub(super) struct TriangleWalk {
-    /// What was read last.
+    /// Triangles that were read last.
     pub(super) triangles: Vec<[Corner; 3]>,
     instance: usize,
     primitive: usize,

@@ -86,7 +86,7 @@ impl Pairs {
     }
 }
 
-/// What vertices of the file are numbered as in the mesh: none of these is their own number if no two are joined.
+/// Numbers in the mesh of the file's vertices: none of these is their own number if no two are joined.
 pub(super) struct Numbers {
     column: Option<Cached<u32>>,
 }

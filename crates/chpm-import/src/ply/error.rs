@@ -105,7 +105,7 @@ pub enum PlyError {
     NoScalar {
         /// Its name.
         name: String,
-        /// What has that name.
+        /// Kind of property that has that name.
         lies: Option<&'static str>,
         /// Names that could be asked for.
         known: Vec<String>,

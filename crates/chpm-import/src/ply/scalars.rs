@@ -106,7 +106,7 @@ fn is_scalar(element: &Element, slots: &[Slot], at: usize) -> bool {
     }
 }
 
-/// What a property is that is no scalar.
+/// Kind of a property that is no scalar.
 fn lies(element: &Element, slots: &[Slot], name: &str) -> Option<&'static str> {
     let at = element.properties.iter().position(|property| property.name == name)?;
     Some(match (slots[at], &element.properties[at].ty) {

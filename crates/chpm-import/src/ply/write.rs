@@ -278,7 +278,7 @@ impl<W: Write> PlyWriter<W> {
     }
 }
 
-/// What the parts of a colour are called.
+/// Names of a colour's channels.
 const CHANNELS: [&str; 4] = ["red", "green", "blue", "alpha"];
 
 /// Names that mean something else.
