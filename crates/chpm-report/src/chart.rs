@@ -43,7 +43,7 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// An axis: what it shows, how, and how its values are written.
 #[derive(Clone, Copy)]
 pub struct Axis<'a> {
-    /// What it shows, and the unit.
+    /// Quantity and unit.
     pub name: &'a str,
     /// Whether its steps are powers.
     pub log: bool,

@@ -5,7 +5,7 @@ use chpm_format::{Chpm, Metadata, SectionKind};
 use chpm_mesh::{ClusterId, Counted, GroupId, Level};
 use chpm_refine::{Cut, Member};
 
-/// What a level should have of the triangles of the one below: half, and what is still near that.
+/// Largest share of the triangles of the level below that still counts as halved.
 const HALVED: f64 = 0.6;
 /// Shared vertices among those of a level, from which on seams are a burden.
 const SHARED: f64 = 0.4;
@@ -170,7 +170,7 @@ pub fn max_distance<D: AsRef<[u8]>>(file: &Chpm<D>) -> Option<f32> {
     (file.has_gaps() && distance < f32::MAX).then_some(distance)
 }
 
-/// What kind of errors the file has, in a word.
+/// Kind of the file's errors, in a word.
 pub fn error_kind<D: AsRef<[u8]>>(file: &Chpm<D>) -> String {
     file.header().error_kind().map_or_else(|| "unknown".to_owned(), |kind| kind.to_string())
 }

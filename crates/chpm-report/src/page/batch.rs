@@ -9,11 +9,11 @@ use askama::Template;
 pub struct Card<'a> {
     /// Its name.
     pub name: &'a str,
-    /// What became of it, in a word.
+    /// Result, in a word.
     pub status: &'static str,
     /// Why it failed.
     pub error: Option<&'a str>,
-    /// What its build warned of.
+    /// Warnings of its build.
     pub warnings: &'a [String],
     /// A [`thumbnail`](super::thumbnail), if there is one.
     pub picture: Option<String>,
