@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
-use crate::ingest::{self, Source};
+use crate::ingest::{self, Source, SourceFacts};
 use crate::report::{LevelReport, Repairs};
 use crate::simplify::Clusters;
 use crate::stamp::GENERATOR;
@@ -41,16 +41,17 @@ pub(crate) struct Facts {
 
 impl Facts {
     pub(crate) fn of(source: &Source) -> Self {
+        let SourceFacts { origin, lattice_step, scalars, warnings, provenance, .. } = &source.facts;
         Facts {
             triangles: source.triangles.len() as u64,
             attributes: source.vertices.attributes(),
-            origin: source.origin,
-            lattice_step: source.lattice_step,
+            origin: *origin,
+            lattice_step: *lattice_step,
             used_vertices: 0,
             shared_vertices: 0,
-            scalars: source.scalars.clone(),
-            warnings: source.warnings.clone(),
-            provenance: source.provenance.clone(),
+            scalars: scalars.clone(),
+            warnings: warnings.clone(),
+            provenance: provenance.clone(),
         }
     }
 

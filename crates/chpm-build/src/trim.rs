@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// The hierarchy as it is written.
+#[derive(Serialize, Deserialize)]
 pub(crate) struct Built {
     pub(crate) tree: Tree,
     pub(crate) clusters: Clusters,

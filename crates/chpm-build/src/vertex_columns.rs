@@ -2,7 +2,7 @@
 
 use crate::error::BuildError;
 use bytemuck::Pod;
-use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
+use chpm_extmem::{BufferWriter, Column, Store};
 use chpm_mesh::{Attributes, VertexSlices, Vertices};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -14,6 +14,7 @@ const COLORS: &str = "colors";
 const SCALARS: &str = "scalars";
 
 /// Vertices, a column for each attribute that they carry.
+#[derive(Serialize, Deserialize)]
 pub(crate) struct VertexColumns {
     pub(crate) positions: Column<[f32; 3]>,
     pub(crate) normals: Option<Column<[f32; 3]>>,
@@ -88,47 +89,6 @@ impl VertexColumns {
             rows.iter_mut().skip(word).step_by(words).zip(items).for_each(|(place, item)| *place = *item);
         }
         Ok(rows)
-    }
-
-    /// Copies the columns to files, since they may change afterwards.
-    pub(crate) fn save(&self, store: &Store) -> Result<SavedVertices, BuildError> {
-        Ok(SavedVertices {
-            positions: self.positions.save(store, POSITIONS)?,
-            normals: self.normals.as_ref().map(|column| column.save(store, NORMALS)).transpose()?,
-            colors: self.colors.as_ref().map(|column| column.save(store, COLORS)).transpose()?,
-            scalars: (0..)
-                .zip(&self.scalars)
-                .map(|(word, column): (u32, _)| column.save(store, &format!("{SCALARS} {word}")))
-                .collect::<Result<_, _>>()?,
-        })
-    }
-}
-
-/// [`VertexColumns`] in a checkpoint.
-#[derive(Serialize, Deserialize)]
-pub(crate) struct SavedVertices {
-    positions: SavedFile,
-    normals: Option<SavedFile>,
-    colors: Option<SavedFile>,
-    scalars: Vec<SavedFile>,
-}
-
-impl SavedVertices {
-    pub(crate) fn files(&self) -> impl Iterator<Item = &SavedFile> {
-        [&self.positions].into_iter().chain(&self.normals).chain(&self.colors).chain(&self.scalars)
-    }
-
-    pub(crate) fn load(self, store: &Store) -> Result<VertexColumns, BuildError> {
-        Ok(VertexColumns {
-            positions: Column::load(store, POSITIONS, &self.positions)?,
-            normals: self.normals.map(|saved| Column::load(store, NORMALS, &saved)).transpose()?,
-            colors: self.colors.map(|saved| Column::load(store, COLORS, &saved)).transpose()?,
-            scalars: self
-                .scalars
-                .iter()
-                .map(|saved| Column::load(store, SCALARS, saved))
-                .collect::<Result<_, _>>()?,
-        })
     }
 }
 

@@ -8,6 +8,7 @@
 #![deny(unsafe_code)]
 
 mod alive;
+mod archive;
 mod buckets;
 mod budget;
 mod buffer;
@@ -35,6 +36,7 @@ mod target;
 mod text;
 mod workdir;
 
+pub use archive::archived;
 pub use buckets::{Buckets, Drain};
 pub use budget::{MemoryBudget, Reservation, TaskReservation};
 pub use buffer::{Buffer, BufferWriter};

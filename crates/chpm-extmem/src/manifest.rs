@@ -19,18 +19,20 @@ impl WorkDir {
     pub const MANIFEST: &str = "manifest";
     const NEXT: &str = "manifest.next";
 
-    /// Replaces the manifest by what `write` writes, which names the files of `names` and needs no others. From now on the directory
+    /// Replaces the manifest by what `write` writes, which answers with the names of the files that it needs. From now on the directory
     /// is kept. Files that only the last manifest needed are removed.
     ///
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] naming the directory; the last manifest then stays, or the next has come.
     pub fn publish(
         &self,
-        names: BTreeSet<String>,
-        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<BTreeSet<String>>,
     ) -> Result<(), ExtmemError> {
-        let failed = |source| ExtmemError::io("write a manifest in", self.place(), 0, source);
-        self.write_next(write).map_err(failed)?;
+        let failed = |source: io::Error| match source.downcast::<ExtmemError>() {
+            Ok(own) => own,
+            Err(source) => ExtmemError::io("write a manifest in", self.place(), 0, source),
+        };
+        let names = self.write_next(write).map_err(failed)?;
         names.iter().for_each(|name| self.protect(name));
         let renamed = self
             .fail_points()
@@ -45,19 +47,23 @@ impl WorkDir {
         Ok(())
     }
 
-    fn write_next(&self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    fn write_next(
+        &self,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<BTreeSet<String>>,
+    ) -> io::Result<BTreeSet<String>> {
         self.fail_points().access()?;
         let file = File::create(self.path().join(Self::NEXT))?;
         let mut out = Hashing { inner: BufWriter::new(file), hash: Xxh3::new() };
         out.write_all(&MAGIC)?;
-        write(&mut out)?;
+        let names = write(&mut out)?;
         let hash = out.hash.digest().to_le_bytes();
         let mut file = out.inner;
         file.write_all(&hash)?;
         self.fail_points().access()?;
         file.flush()?;
         self.fail_points().access()?;
-        file.get_ref().sync_data()
+        file.get_ref().sync_data()?;
+        Ok(names)
     }
 
     /// The content of the manifest, if there is one; it was checked.
@@ -181,7 +187,7 @@ mod tests {
 
     fn publish(store: &Store, text: &str, names: &[&str]) -> Result<(), ExtmemError> {
         let names = names.iter().map(|name| name.to_string()).collect();
-        store.workdir.publish(names, |out| out.write_all(text.as_bytes()))
+        store.workdir.publish(|out| out.write_all(text.as_bytes()).map(|()| names))
     }
 
     #[test]

@@ -27,6 +27,11 @@ impl SavedFile {
         (!self.is_empty()).then_some(self.name.as_str())
     }
 
+    /// The name, whether there is a file or not.
+    pub(crate) fn file_name(&self) -> &str {
+        &self.name
+    }
+
     /// Bytes that were saved.
     pub fn len(&self) -> u64 {
         self.ranges.last().map_or(0, |range| range.0)

@@ -16,7 +16,7 @@ use crate::progress::BuildProgress;
 use crate::report::Reached;
 use chpm_extmem::{ExtmemError, WorkDir};
 pub(crate) use key::{Key, beside};
-use point::Point;
+use point::{LeftRef, Point};
 use std::path::Path;
 use std::time::Instant;
 use work::Left;
@@ -61,16 +61,12 @@ impl Checkpoints {
     fn restore(&mut self, context: &Context<'_>) -> Result<(Known, Left), BuildError> {
         let Some(key) = self.key else { return Ok(Default::default()) };
         let dir = &context.store.workdir;
-        let read = || match Point::read(dir, key)? {
-            Some(point) => Ok(Some((point.reached(), point.restore(context)?))),
-            None => Ok(None),
-        };
-
-        match read() {
-            Ok(Some((reached, restored))) => {
+        match point::read(&context.store, key) {
+            Ok(Some((known, left))) => {
+                let reached = LeftRef::of(&left).reached();
                 self.note(format!("going on after {reached}"), context.progress);
                 (self.reached, self.resumed) = (Some(reached), Some(reached));
-                return Ok(restored);
+                return Ok((known, left));
             }
             Ok(None) => {}
             Err(BuildError::Extmem(error @ ExtmemError::Damaged { .. })) => {
@@ -89,20 +85,14 @@ impl Checkpoints {
     }
 
     /// Makes a checkpoint if it is time, or if this is the `last` one and is to be kept.
-    fn offer<'a>(
-        &mut self,
-        context: &Context<'_>,
-        last: bool,
-        point: impl FnOnce() -> Result<Point<'a>, BuildError>,
-    ) -> Result<(), BuildError> {
+    fn offer(&mut self, context: &Context<'_>, last: bool, point: &Point<'_>) -> Result<(), BuildError> {
         let Some(key) = self.key.filter(|_| context.clock.is_due() || last && self.keep_work) else {
             return Ok(());
         };
         let begun = Instant::now();
-        let point = point()?;
-        point.write(&context.store.workdir, key)?;
+        point.write(&context.store, key)?;
         context.clock.restart(begun);
-        self.reached = Some(point.reached());
+        self.reached = Some(point.left.reached());
         Ok(())
     }
 

@@ -1,163 +1,134 @@
 //! How far a build is, and how that is written to a manifest and read back: the only place that knows how it is encoded.
 //!
-//! A point holds the tables, and says in which files the arrays and spools are.
+//! A point is one record: tables as they are, and in the place of arrays and spools the files that these lie in.
 
 use super::work::{Arranged, Left};
-use crate::context::Context;
-use crate::decompose::SavedLeaves;
+use crate::decompose::Decomposition;
 use crate::emit::Known;
 use crate::error::BuildError;
-use crate::hierarchy::Tree;
-use crate::ingest::SavedSource;
+use crate::ingest::Source;
 use crate::progress::Stage;
 use crate::report::Reached;
-use crate::simplify::{Levels, SavedClusters, SavedLevels, level_reports};
-use crate::trim::{Built, Trimmed};
+use crate::simplify::{Levels, level_reports};
+use crate::trim::Built;
 use bincode::error::{DecodeError, EncodeError};
 use bincode::serde::{decode_from_std_read, encode_into_std_write};
-use chpm_extmem::{ExtmemError, SavedFile, Store, WorkDir};
-use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
-use std::collections::BTreeSet;
+use chpm_extmem::{ExtmemError, Store, WorkDir, archived};
+use serde::Serialize;
 use std::io::{self, BufReader};
 
 /// Changes with the meaning of what is written.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// Most bytes that decoding may take.
 const LIMIT: usize = 1 << 36;
 
-/// A checkpoint.
-#[derive(Serialize, Deserialize)]
+/// A checkpoint that is written. What is read is `(Known, Left)`.
+#[derive(Serialize)]
 pub(super) struct Point<'a> {
-    known: Cow<'a, Known>,
-    work: SavedWork<'a>,
+    pub(super) known: &'a Known,
+    pub(super) left: LeftRef<'a>,
 }
 
-#[derive(Serialize, Deserialize)]
-enum SavedWork<'a> {
-    Ingested(SavedSource),
-    Decomposed(SavedLeaves<'a>),
-    Arranged(SavedLeaves<'a>, Cow<'a, Tree>, Cow<'a, [u8]>, Option<Box<SavedLevels<'a>>>),
-    Simplified(Cow<'a, Tree>, SavedClusters<'a>, Option<Cow<'a, Trimmed>>),
+/// [`Left`] as it is written while the work goes on.
+#[derive(Serialize)]
+pub(super) enum LeftRef<'a> {
+    Nothing,
+    Ingested(&'a Source),
+    Decomposed(&'a Decomposition),
+    Arranged(&'a Arranged, Option<&'a Levels>),
+    Simplified(&'a Built),
 }
 
-impl<'a> Point<'a> {
-    /// Saves what a stage has left.
-    pub(super) fn of(known: &'a Known, left: &'a Left, store: &Store) -> Result<Self, BuildError> {
-        let work = match left {
-            Left::Nothing => unreachable!("the first stage has run"),
-            Left::Ingested(source) => SavedWork::Ingested(source.save(store)?),
-            Left::Decomposed(leaves) => SavedWork::Decomposed(leaves.save()?),
-            Left::Arranged(arranged, levels) => return Self::of_levels(known, arranged, levels.as_deref()),
-            Left::Simplified(Built { tree, clusters, trimmed }) => SavedWork::Simplified(
-                Cow::Borrowed(tree),
-                clusters.save()?,
-                trimmed.as_ref().map(Cow::Borrowed),
-            ),
-        };
-        Ok(Point { known: Cow::Borrowed(known), work })
-    }
-
-    /// Saves levels, and what they are built from.
-    pub(super) fn of_levels(
-        known: &'a Known,
-        arranged: &'a Arranged,
-        levels: Option<&'a Levels>,
-    ) -> Result<Self, BuildError> {
-        let Arranged { leaves, tree, release } = arranged;
-        let levels = levels.map(Levels::save).transpose()?.map(Box::new);
-        let work = SavedWork::Arranged(leaves.save()?, Cow::Borrowed(tree), Cow::Borrowed(release), levels);
-        Ok(Point { known: Cow::Borrowed(known), work })
-    }
-
-    /// Publishes the manifest.
-    pub(super) fn write(&self, dir: &WorkDir, key: u64) -> Result<(), ExtmemError> {
-        dir.publish(self.names(), |mut out| {
-            encode_into_std_write((VERSION, key), &mut out, config()).map_err(unwritten)?;
-            encode_into_std_write(self, &mut out, config()).map_err(unwritten)?;
-            Ok(())
-        })
+impl<'a> LeftRef<'a> {
+    pub(super) fn of(left: &'a Left) -> Self {
+        match left {
+            Left::Nothing => LeftRef::Nothing,
+            Left::Ingested(source) => LeftRef::Ingested(source),
+            Left::Decomposed(leaves) => LeftRef::Decomposed(leaves),
+            Left::Arranged(arranged, levels) => LeftRef::Arranged(arranged, levels.as_deref()),
+            Left::Simplified(built) => LeftRef::Simplified(built),
+        }
     }
 
     /// How far this is.
     pub(super) fn reached(&self) -> Reached {
-        match &self.work {
-            SavedWork::Ingested(_) => Reached::Stage(Stage::Ingest),
-            SavedWork::Decomposed(_) => Reached::Stage(Stage::Decompose),
-            SavedWork::Arranged(.., None) => Reached::Stage(Stage::Hierarchy),
-            SavedWork::Arranged(.., Some(levels)) => levels.reached(),
-            SavedWork::Simplified(..) => Reached::Stage(Stage::Simplify),
+        match self {
+            LeftRef::Nothing | LeftRef::Ingested(_) => Reached::Stage(Stage::Ingest),
+            LeftRef::Decomposed(_) => Reached::Stage(Stage::Decompose),
+            LeftRef::Arranged(_, None) => Reached::Stage(Stage::Hierarchy),
+            LeftRef::Arranged(_, Some(levels)) => levels.reached(),
+            LeftRef::Simplified(_) => Reached::Stage(Stage::Simplify),
         }
-    }
-
-    fn names(&self) -> BTreeSet<String> {
-        let mut files: Vec<&SavedFile> = Vec::new();
-        match &self.work {
-            SavedWork::Ingested(source) => files.extend(source.files()),
-            SavedWork::Decomposed(leaves) => files.push(&leaves.spool),
-            SavedWork::Arranged(leaves, _, _, levels) => {
-                files.push(&leaves.spool);
-                files.extend(levels.iter().flat_map(|levels| levels.files()));
-            }
-            SavedWork::Simplified(_, clusters, _) => files.push(&clusters.pages),
-        }
-        files.into_iter().filter_map(SavedFile::name).map(str::to_owned).collect()
     }
 }
 
-impl Point<'static> {
-    /// The checkpoint in `dir`, if there is one.
-    ///
-    /// # Errors
-    /// [`ExtmemError::Damaged`] if it cannot be used, or is not for `key`.
-    pub(super) fn read(dir: &WorkDir, key: u64) -> Result<Option<Self>, ExtmemError> {
-        let Some(content) = dir.manifest()? else { return Ok(None) };
-        let mut content = BufReader::new(content);
-        let path = || dir.path().join(WorkDir::MANIFEST);
-        let wrong = |reason| ExtmemError::Damaged { path: path(), reason };
-        let failed = |error| match error {
-            DecodeError::Io { inner, .. } => ExtmemError::io("read", &path(), 0, inner),
-            _ => wrong("cannot be understood"),
-        };
-        let (version, found): (u32, u64) = decode_from_std_read(&mut content, config()).map_err(failed)?;
-        if version != VERSION {
-            return Err(wrong("is of another version"));
-        }
-        if found != key {
-            return Err(wrong("is of other work"));
-        }
-        decode_from_std_read(&mut content, config()).map(Some).map_err(failed)
+impl Point<'_> {
+    /// Saves the arrays and publishes the manifest.
+    pub(super) fn write(&self, store: &Store, key: u64) -> Result<(), ExtmemError> {
+        store.workdir.publish(|mut out| {
+            encode_into_std_write((VERSION, key), &mut out, config()).map_err(unwritten)?;
+            let record =
+                || encode_into_std_write(self, &mut out, config()).map_err(|e| Unwritten(unwritten(e)));
+            archived(store, record).map(|(_, names)| names).map_err(|Unwritten(error)| error)
+        })
+    }
+}
+
+/// Results of an earlier run, if there are any: its files are opened and checked, and what else is in the folder goes.
+///
+/// # Errors
+/// [`ExtmemError::Damaged`] if they cannot be used, or are not for `key`.
+pub(super) fn read(store: &Store, key: u64) -> Result<Option<(Known, Left)>, BuildError> {
+    let dir = &store.workdir;
+    let Some(content) = dir.manifest()? else { return Ok(None) };
+    let mut content = BufReader::new(content);
+    let path = || dir.path().join(WorkDir::MANIFEST);
+    let wrong = |reason| ExtmemError::Damaged { path: path(), reason };
+    let failed = |error| match error {
+        DecodeError::Io { inner, .. } => ExtmemError::io("read", &path(), 0, inner),
+        _ => wrong("cannot be understood"),
+    };
+    let (version, found): (u32, u64) = decode_from_std_read(&mut content, config()).map_err(failed)?;
+    if version != VERSION {
+        return Err(wrong("is of another version").into());
+    }
+    if found != key {
+        return Err(wrong("is of other work").into());
     }
 
-    /// Opens the files, all of which are checked; what else is in the folder goes.
-    pub(super) fn restore(self, context: &Context<'_>) -> Result<(Known, Left), BuildError> {
-        let store = &context.store;
-        store.workdir.resume(self.names())?;
+    let record = || decode_from_std_read::<(Known, Left), _, _>(&mut content, config()).map_err(failed);
+    let ((known, left), names) = archived(store, record)?;
+    dir.resume(names)?;
+    Ok(Some((known, completed(left, store)?)))
+}
 
-        let left = match self.work {
-            SavedWork::Ingested(source) => Left::Ingested(Box::new(source.load(store)?)),
-            SavedWork::Decomposed(leaves) => Left::Decomposed(leaves.load(store)?),
-            SavedWork::Arranged(leaves, tree, release, levels) => Left::Arranged(
-                Arranged {
-                    leaves: leaves.load(store)?,
-                    tree: tree.into_owned(),
-                    release: release.into_owned(),
-                },
-                levels.map(|levels| levels.load(store).map(Box::new)).transpose()?,
-            ),
-            SavedWork::Simplified(tree, clusters, trimmed) => {
-                let (tree, mut clusters) = (tree.into_owned(), clusters.load(store)?);
-                clusters.levels = level_reports(&tree, &clusters.refs, &clusters.reports);
-                Left::Simplified(Built { tree, clusters, trimmed: trimmed.map(Cow::into_owned) })
-            }
-        };
-
-        Ok((self.known.into_owned(), left))
-    }
+/// Adds what a record does not have: memory that is held, and sums that are made again.
+fn completed(left: Left, store: &Store) -> Result<Left, BuildError> {
+    Ok(match left {
+        Left::Decomposed(leaves) => Left::Decomposed(leaves.hold(store)?),
+        Left::Arranged(Arranged { leaves, tree, release }, levels) => {
+            Left::Arranged(Arranged { leaves: leaves.hold(store)?, tree, release }, levels)
+        }
+        Left::Simplified(mut built) => {
+            let clusters = &mut built.clusters;
+            clusters.levels = level_reports(&built.tree, &clusters.refs, &clusters.reports);
+            Left::Simplified(built)
+        }
+        left => left,
+    })
 }
 
 fn config() -> impl bincode::config::Config {
     bincode::config::standard().with_limit::<LIMIT>()
+}
+
+/// Why a record was not written, whether an array of it or the manifest failed.
+struct Unwritten(io::Error);
+
+impl From<ExtmemError> for Unwritten {
+    fn from(error: ExtmemError) -> Self {
+        Unwritten(io::Error::other(error))
+    }
 }
 
 fn unwritten(error: EncodeError) -> io::Error {

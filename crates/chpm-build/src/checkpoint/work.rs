@@ -1,7 +1,7 @@
 //! Results of the stages of a build so far. Each stage is run unless an earlier run has done it, and may be followed by a checkpoint.
 
 use super::Checkpoints;
-use super::point::Point;
+use super::point::{LeftRef, Point};
 use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::emit::{Facts, Known};
@@ -10,9 +10,10 @@ use crate::hierarchy::Tree;
 use crate::ingest::{self, Source};
 use crate::simplify::Levels;
 use crate::trim::Built;
+use serde::{Deserialize, Serialize};
 
 /// Results of the last stage for the next.
-#[derive(Default)]
+#[derive(Default, Deserialize)]
 pub(crate) enum Left {
     #[default]
     Nothing,
@@ -24,6 +25,7 @@ pub(crate) enum Left {
 }
 
 /// Leaves under a tree.
+#[derive(Serialize, Deserialize)]
 pub(crate) struct Arranged {
     pub(crate) leaves: Decomposition,
     pub(crate) tree: Tree,
@@ -120,7 +122,11 @@ impl<'a> Work<'a> {
         };
         let (known, context, checkpoints) = (&self.known, self.context, &mut *self.checkpoints);
         let mut keep = |arranged: &Arranged, levels: &Levels| {
-            checkpoints.offer(context, false, || Point::of_levels(known, arranged, Some(levels)))
+            checkpoints.offer(
+                context,
+                false,
+                &Point { known, left: LeftRef::Arranged(arranged, Some(levels)) },
+            )
         };
         let built = stage(arranged, begun, &mut keep)?;
         self.leave(Left::Simplified(built))
@@ -141,7 +147,7 @@ impl<'a> Work<'a> {
     fn leave(&mut self, left: Left) -> Result<(), BuildError> {
         self.left = left;
         let last = matches!(self.left, Left::Simplified(..));
-        let (known, left, store) = (&self.known, &self.left, &self.context.store);
-        self.checkpoints.offer(self.context, last, || Point::of(known, left, store))
+        let point = Point { known: &self.known, left: LeftRef::of(&self.left) };
+        self.checkpoints.offer(self.context, last, &point)
     }
 }

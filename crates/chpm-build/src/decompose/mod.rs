@@ -30,35 +30,32 @@ use crate::in_order::in_order;
 use crate::ingest::Source;
 use crate::report::Repairs;
 use census::Account;
-use chpm_extmem::{Reservation, SavedFile, Spool, Store};
+use chpm_extmem::{Reservation, Spool, Store};
 use chpm_qem::Displacement;
 use divide::Divided;
 use serde::{Deserialize, Serialize};
 use shared::Collector;
-use std::borrow::Cow;
 
 /// The leaf clusters.
+#[derive(Serialize, Deserialize)]
 pub(crate) struct Decomposition {
     /// How far a triangle of a leaf is from the source's own: its coordinates were rounded.
+    #[serde(with = "displacement")]
     pub(crate) rounding: Displacement,
     /// The leaves' data.
     spool: Spool,
     pub(crate) leaves: Vec<Leaf>,
     pub(crate) shared: SharedVertices,
-    /// For what is shared.
-    _share: Reservation,
+    /// Memory for what is shared.
+    #[serde(skip)]
+    held: Option<Reservation>,
 }
 
 impl Decomposition {
-    fn new(
-        rounding: Displacement,
-        spool: Spool,
-        leaves: Vec<Leaf>,
-        shared: SharedVertices,
-        store: &Store,
-    ) -> Result<Self, BuildError> {
-        let _share = store.budget.reserve_work("shared vertices", shared.bytes())?;
-        Ok(Decomposition { rounding, spool, leaves, shared, _share })
+    /// Reserves the memory that it has.
+    pub(crate) fn hold(mut self, store: &Store) -> Result<Self, BuildError> {
+        self.held = Some(store.budget.reserve_work("shared vertices", self.shared.bytes())?);
+        Ok(self)
     }
 
     /// Reads a leaf's page into `bytes`.
@@ -74,31 +71,19 @@ impl Decomposition {
     pub(crate) fn triangle_count(&self) -> u64 {
         self.leaves.iter().map(|leaf| u64::from(leaf.triangle_count)).sum()
     }
+}
 
-    pub(crate) fn save(&self) -> Result<SavedLeaves<'_>, BuildError> {
-        Ok(SavedLeaves {
-            rounding: bytemuck::cast(self.rounding),
-            spool: self.spool.save()?,
-            leaves: Cow::Borrowed(&self.leaves),
-            shared: Cow::Borrowed(&self.shared),
-        })
+/// A displacement in a record.
+mod displacement {
+    use chpm_qem::Displacement;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(value: &Displacement, serializer: S) -> Result<S::Ok, S::Error> {
+        bytemuck::cast::<Displacement, [f32; 6]>(*value).serialize(serializer)
     }
-}
 
-/// [`Decomposition`] in a checkpoint.
-#[derive(Serialize, Deserialize)]
-pub(crate) struct SavedLeaves<'a> {
-    rounding: [f32; 6],
-    pub(crate) spool: SavedFile,
-    leaves: Cow<'a, [Leaf]>,
-    shared: Cow<'a, SharedVertices>,
-}
-
-impl SavedLeaves<'_> {
-    pub(crate) fn load(self, store: &Store) -> Result<Decomposition, BuildError> {
-        let spool = Spool::load(store, LEAVES, LEAVES, &self.spool)?;
-        let rounding = bytemuck::cast(self.rounding);
-        Decomposition::new(rounding, spool, self.leaves.into_owned(), self.shared.into_owned(), store)
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Displacement, D::Error> {
+        <[f32; 6]>::deserialize(deserializer).map(bytemuck::cast)
     }
 }
 
@@ -157,7 +142,7 @@ pub(crate) fn run(
     let (leaves, shared) = collector.finish()?;
     repairs.merged_copies = copies;
     repairs.unreferenced_vertices = vertex_count - shared.used_vertices;
-    Decomposition::new(rounding, spool, leaves, shared, &context.store)
+    Decomposition { rounding, spool, leaves, shared, held: None }.hold(&context.store)
 }
 
 /// Clusters of the leaf level: the power of two for which a leaf comes closest to the wanted size, so that the hierarchy is a

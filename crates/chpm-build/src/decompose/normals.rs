@@ -9,12 +9,13 @@ use super::region::Mesh;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::Octahedral;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// Faces whose normals come to less than this share of their lengths cancel out: what is left is rounding.
 const LOST: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// Sum of the normals of some faces about a vertex.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub(crate) struct Sum {
     vector: [f64; 3],
@@ -23,7 +24,7 @@ pub(crate) struct Sum {
 }
 
 /// Sum of the normals of one region's faces about a border vertex.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub(crate) struct BorderSum {
     sum: Sum,

@@ -14,6 +14,7 @@ use crate::pairs::Pairs;
 use chpm_extmem::Spool;
 use chpm_mesh::{Aabb, Vertices};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// One in so many triangles is looked at: a sample says well enough what a cut would cost.
 const SAMPLE: usize = 2;
@@ -34,6 +35,7 @@ pub(crate) struct Mesh {
 }
 
 /// Result of a region. Leaves are numbered from 0 in it.
+#[derive(Serialize, Deserialize)]
 pub(crate) struct Done {
     pub(crate) leaves: Vec<Leaf>,
     pub(crate) interfaces: Interfaces,
@@ -48,7 +50,7 @@ pub(crate) struct Done {
 }
 
 /// Sets of leaves, with the number of vertices that each has to itself. Shared vertices of one region are numbered by these.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Interfaces {
     /// Leaves of interface i, ascending: `users[starts[i]..starts[i + 1]]`.
     pub(crate) users: Vec<u32>,

@@ -267,7 +267,7 @@ mod tests {
             interfaces.counts.push(10);
         }
         let leaf = Leaf::empty();
-        Done {
+        let done = Done {
             leaves: vec![leaf; leaves as usize],
             interfaces,
             border_uses: border_uses.to_vec(),
@@ -275,7 +275,11 @@ mod tests {
             referenced: 5,
             copies: 0,
             normals: Vec::new(),
-        }
+        };
+        // As it would come from another machine.
+        let config = bincode::config::standard();
+        let record = bincode::serde::encode_to_vec(&done, config).unwrap();
+        bincode::serde::decode_from_slice(&record, config).unwrap().0
     }
 
     #[test]

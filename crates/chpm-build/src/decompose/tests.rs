@@ -1,11 +1,10 @@
 //! Leaves against the source, by definition, for regions of every kind.
 
 use super::*;
+use crate::ingest::SourceFacts;
 use crate::vertex_columns::VertexColumns;
 use chpm_extmem::{BufferWriter, Store};
 use chpm_extmem::{Cancel, Silent};
-use chpm_format::Source as Provenance;
-use chpm_import::ply::Tally;
 use chpm_mesh::{Aabb, TriMesh, VertexSlices};
 use chpm_synth::{Shape, Synth, hand};
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,15 +30,9 @@ fn source(mesh: &TriMesh, store: &Store) -> Source {
     Source {
         vertices: VertexColumns::of(mesh.view(), store),
         triangles: column(store, &mesh.triangles),
-        origin: [0.0; 3],
         bounds: Aabb::of_points(&mesh.positions),
         rounding: 0.0,
-        lattice_step: None,
-        tally: Tally::default(),
-        small: None,
-        warnings: Vec::new(),
-        scalars: Vec::new(),
-        provenance: Provenance::default(),
+        facts: SourceFacts::default(),
     }
 }
 

@@ -15,8 +15,8 @@ use crate::context::Context;
 use crate::error::BuildError;
 use crate::foreign::AabbFields;
 use crate::report::SmallComponents;
-use crate::vertex_columns::{POSITIONS, SavedVertices, VertexColumns, VertexWriter};
-use chpm_extmem::{BufferWriter, Column, SavedFile, Store};
+use crate::vertex_columns::{POSITIONS, VertexColumns, VertexWriter};
+use chpm_extmem::{BufferWriter, Column, Store};
 use chpm_format::Source as Provenance;
 use chpm_import::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
 use chpm_import::{Beside, Input, SourceError, SourceInfo, Supply};
@@ -30,16 +30,26 @@ use std::sync::mpsc;
 use used::Used;
 
 /// The validated source.
+#[derive(Serialize, Deserialize)]
 pub(crate) struct Source {
-    /// Positions are relative to `origin`.
+    /// Positions are relative to the origin.
     pub(crate) vertices: VertexColumns,
     pub(crate) triangles: Column<[u32; 3]>,
-    /// Zero for f32 sources, which keep their bits, but on a lattice far from zero.
-    pub(crate) origin: [f64; 3],
     /// Of the vertices that faces use, as all that follows.
+    #[serde(with = "AabbFields")]
     pub(crate) bounds: Aabb,
     /// By how much a coordinate was changed at most: what errors start from. Zero for f32 sources that are on no lattice.
     pub(crate) rounding: f64,
+    /// Taken down when the source has been read, and not part of a record.
+    #[serde(skip)]
+    pub(crate) facts: SourceFacts,
+}
+
+/// Facts about a source that no later stage works with.
+#[derive(Default)]
+pub(crate) struct SourceFacts {
+    /// Zero for f32 sources, which keep their bits, but on a lattice far from zero.
+    pub(crate) origin: [f64; 3],
     /// Step that all coordinates are multiples of, if they lie on a lattice.
     pub(crate) lattice_step: Option<f64>,
     pub(crate) tally: Tally,
@@ -51,54 +61,7 @@ pub(crate) struct Source {
     pub(crate) scalars: Vec<Scalar>,
 }
 
-impl Source {
-    /// Copies the arrays, which the next stage changes.
-    pub(crate) fn save(&self, store: &Store) -> Result<SavedSource, BuildError> {
-        Ok(SavedSource {
-            vertices: self.vertices.save(store)?,
-            triangles: self.triangles.save(store, TRIANGLES)?,
-            origin: self.origin,
-            rounding: self.rounding,
-            bounds: self.bounds,
-        })
-    }
-}
-
 const TRIANGLES: &str = "triangles";
-
-/// [`Source`] in a checkpoint, without what is only told about it.
-#[derive(Serialize, Deserialize)]
-pub(crate) struct SavedSource {
-    vertices: SavedVertices,
-    triangles: SavedFile,
-    origin: [f64; 3],
-    rounding: f64,
-    #[serde(with = "AabbFields")]
-    bounds: Aabb,
-}
-
-impl SavedSource {
-    pub(crate) fn files(&self) -> impl Iterator<Item = &SavedFile> {
-        self.vertices.files().chain([&self.triangles])
-    }
-
-    pub(crate) fn load(self, store: &Store) -> Result<Source, BuildError> {
-        Ok(Source {
-            vertices: self.vertices.load(store)?,
-            triangles: Column::load(store, TRIANGLES, &self.triangles)?,
-            origin: self.origin,
-            rounding: self.rounding,
-            // It is told to the file when the source has been read.
-            lattice_step: None,
-            bounds: self.bounds,
-            tally: Tally::default(),
-            small: None,
-            warnings: Vec::new(),
-            provenance: Provenance::default(),
-            scalars: Vec::new(),
-        })
-    }
-}
 
 /// Reads the whole of `supply`.
 pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -> Result<Source, BuildError> {
@@ -174,19 +137,8 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     let SourceInfo { tally, mut warnings, .. } = read;
     warnings.extend(warning);
     warnings.extend(of_normals);
-    Ok(Source {
-        vertices,
-        triangles,
-        origin,
-        bounds,
-        rounding,
-        lattice_step,
-        tally,
-        small,
-        warnings,
-        provenance,
-        scalars,
-    })
+    let facts = SourceFacts { origin, lattice_step, tally, small, warnings, provenance, scalars };
+    Ok(Source { vertices, triangles, bounds, rounding, facts })
 }
 
 /// Finds the range of each scalar, among the vertices that faces use.
@@ -397,9 +349,9 @@ fn provenance(read: &SourceInfo) -> Provenance {
 
 /// Counts that ingest found, as the repair report wants them.
 pub(crate) fn repairs(source: &Source) -> crate::report::Repairs {
-    let tally = &source.tally;
+    let tally = &source.facts.tally;
     crate::report::Repairs {
-        small_components: source.small,
+        small_components: source.facts.small,
         degenerate_faces: tally.degenerate_faces,
         polygons_triangulated: tally.polygons_triangulated,
         dropped_faces: tally.dropped_faces,

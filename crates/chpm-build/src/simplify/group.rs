@@ -18,6 +18,7 @@ use chpm_mesh::{Aabb, ProgressiveMesh};
 use chpm_qem::{
     Collapse, Decimator, Deviation, Displacement, DroppedComponent, FaceAttributeError, Patch, Record,
 };
+use serde::{Deserialize, Serialize};
 use std::mem;
 
 /// Triangles that the root goes down to, since no level above it will: a model in the distance.
@@ -41,6 +42,7 @@ pub(super) struct GroupTask<'a> {
 }
 
 /// Result of a group.
+#[derive(Serialize, Deserialize)]
 pub(super) struct GroupDone {
     pub(super) members: Vec<(PageRef, LevelReport)>,
     /// Shared vertices that collapsed.

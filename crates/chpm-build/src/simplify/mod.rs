@@ -29,7 +29,7 @@ use chpm_mesh::Aabb;
 use chpm_qem::Deviation;
 use dependency::Seams;
 use group::{GroupDone, GroupTask, Scratch};
-pub(crate) use levels::{Levels, SavedClusters, SavedLevels};
+pub(crate) use levels::Levels;
 use serde::{Deserialize, Serialize};
 
 /// A cluster's page in a spool.
@@ -67,6 +67,7 @@ pub(crate) struct PageRef {
 }
 
 /// Pages of all clusters that were built.
+#[derive(Serialize, Deserialize)]
 pub(crate) struct Clusters {
     pub(crate) pages: Spool,
     /// By node of the tree; none above a merge that would not fit 16-bit indices.
@@ -74,6 +75,7 @@ pub(crate) struct Clusters {
     /// By node, what was made of it.
     pub(crate) reports: Vec<LevelReport>,
     /// The sums of the levels.
+    #[serde(skip)]
     pub(crate) levels: Vec<LevelReport>,
     /// Dependency groups of built nodes, from the leaves up; the members of one are of one level.
     pub(crate) groups: Vec<Vec<u32>>,

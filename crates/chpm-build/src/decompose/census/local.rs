@@ -4,6 +4,7 @@ use super::sets::Sets;
 use crate::report::Repairs;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom;
+use serde::{Deserialize, Serialize};
 
 /// No shared id: the vertex belongs to this leaf alone.
 pub(super) const LOOSE: u32 = u32::MAX;
@@ -11,7 +12,7 @@ pub(super) const LOOSE: u32 = u32::MAX;
 const TABLE: usize = 1 << 16;
 
 /// Counts of one leaf, or of several, and edges and components that other leaves have to settle.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Census {
     /// Counts of all that is complete.
     pub(super) found: Repairs,
@@ -50,7 +51,7 @@ impl Census {
 }
 
 /// The faces of one leaf on an edge between shared vertices.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Pod, Zeroable)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub(super) struct EdgeUse {
     /// Shared ids of its ends, ascending.
@@ -59,7 +60,9 @@ pub(super) struct EdgeUse {
 }
 
 /// The faces on an edge by the direction in which they walk it. Counts saturate: beyond two they need not be exact.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Pod, Zeroable)]
+#[derive(
+    Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Pod, Zeroable, Serialize, Deserialize,
+)]
 #[repr(C)]
 pub(super) struct Faces {
     pub(super) forward: u16,
@@ -105,7 +108,7 @@ pub(super) enum EdgeKind {
 }
 
 /// One fan of a leaf's faces about a shared vertex: a run of faces, each of which shares an edge at the vertex with the next.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Pod, Zeroable)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub(super) struct Fan {
     /// Shared id of the vertex.
