@@ -258,10 +258,13 @@ const OPEN_WITH_WHAT: usize = 29;
 /// Documented examples that there are at least. To be raised, not lowered.
 const EXAMPLES: usize = 30;
 
-/// Files in `src` folders of the project.
+/// Files in `src` folders of the workspace.
 fn library_sources() -> Vec<PathBuf> {
     let mut found = all_sources();
-    found.retain(|path| path.strip_prefix(root()).is_ok_and(|path| path.iter().any(|part| part == "src")));
+    found.retain(|path| {
+        let inside = path.strip_prefix(root()).expect("a file of the project");
+        !inside.starts_with("python") && inside.iter().any(|part| part == "src")
+    });
     found
 }
 
