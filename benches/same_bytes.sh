@@ -118,7 +118,7 @@ done < <(cd "$work/in" && find "$work/in" "${data:-$work/in}" -type f -size "-$(
 helped() {
     local verb
     call help --help
-    for verb in $("$work/program/before/chpm" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z]\{3,\}\) .*/\1/p'); do
+    for verb in $("$work/program/before/chpm" --help | sed -n 's/^  \([a-z]\{3,\}\) .*/\1/p'); do
         call "help-$verb" "$verb" --help
         call "brief-$verb" "$verb" -h
     done

@@ -38,64 +38,64 @@ Start with: chpm demo";
 /// Verbs.
 #[derive(Subcommand, Debug)]
 pub(crate) enum Command {
-    /// Build a .chpm file from a mesh: {meshes}
+    /// Build a .chpm file from a mesh
     Build(build::Args),
-    /// Build many meshes into one folder: what is missing, changed or failed before
+    /// Build many meshes into one folder; what is current is left alone
     Batch(batch::Args),
-    /// Show what a .chpm file is, how big and how good, and what to do next
+    /// Show what a file is, how big and how good, and what to do next
     Info(info::Args),
-    /// Tell how good a .chpm file is, level by level, and which clusters are worst
+    /// Show how good a file is, level by level, and its worst clusters
     Stats(stats::Args),
-    /// Show a .chpm file as one page of HTML: pictures, plots, a map of the hierarchy, settings, findings
+    /// Write a page about a file: pictures, plots, a map of clusters
     Report(report::Args),
-    /// Check every byte and invariant of a .chpm file; the source's triangles with --against, cracks with --cuts
+    /// Check every byte and invariant, the source's triangles, cracks
     Verify(verify::Args),
-    /// Measure how far two meshes are from each other, or the levels and cuts of a .chpm file from its source
+    /// Sample the distance of a file from its source, or of two meshes
     Measure(measure::Args),
-    /// How near two models are: an interval that is proven, from as little of their files as it takes
+    /// Find how near two models are: an interval that is proven
     Distance(distance::Args),
-    /// Prove that two models are apart by more than a distance, or show where they are not; exit code 0 or 1
+    /// Prove that two models are farther apart than a distance
     Clearance(clearance::Args),
-    /// Find everywhere that two models come near, or that one meets itself
+    /// Find everywhere that two models, or one and itself, come near
     Contacts(contacts::Args),
-    /// How far each vertex of a scan is from a reference: summary, colours, histogram
+    /// Find how far each vertex of a scan is from a reference
     Compare(compare::Args),
-    /// Speed against error: builds and simplifies a mesh in several ways, and measures time, memory and deviation
+    /// Measure time, memory and deviation beside other simplifiers
     Bench(bench::Args),
     /// What `bench` runs in processes of their own
     #[command(hide = true)]
     Contend(bench::ContendArgs),
-    /// Write a .chpm file anew with its pages stored otherwise: packed, or as they are used
+    /// Write a file anew with its pages compressed, or uncompressed
     Relayout(relayout::Args),
-    /// Write a .chpm file as text
+    /// Print the tables of a file as text, and its pages
     Dump(dump::Args),
-    /// Take one crack-free mesh out of a .chpm file
+    /// Take one mesh without cracks out of a file: PLY, STL, OBJ, GLB
     Extract(extract::Args),
-    /// Make tiles of a .chpm file for programs that stream them: 3D Tiles
+    /// Write the whole hierarchy as 3D Tiles
     Export(export::Args),
-    /// Make a mesh smaller and prove how near it stays: build and extract in one
+    /// Make a mesh smaller and prove how near it stays
     Simplify(simplify::Args),
-    /// Make a camera path for a .chpm file
+    /// Make a camera path around a model
     Path(path::Args),
-    /// Draw a picture of a .chpm file, without a window
+    /// Draw a picture of a model, or of two, without a window
     #[cfg(feature = "viewer")]
     Render(Box<render::Args>),
-    /// Look at a model in a window; a mesh is built first
+    /// Look at a model, or at two, in a window
     #[cfg(feature = "viewer")]
     View(Box<view::Args>),
-    /// Select along a camera path, frame by frame, and count what changes; with --render, draw it
+    /// Select along a camera path, frame by frame, and count
     Walk(walk::Args),
-    /// Show .chpm files in a browser: serves them and a page, on this machine
+    /// Show files in a browser: serve them and a page on this machine
     #[cfg(feature = "web")]
     Serve(serve::Args),
-    /// Write a folder with a model and a page that shows it, for any host of static files
+    /// Write a folder for a web host: a model and a page that shows it
     #[cfg(feature = "web")]
     Share(share::Args),
     /// Generate a mesh of any size
     Synth(synth::Args),
-    /// Generate a model, build it, verify it and say what to try next
+    /// Generate a model, build it, verify it: all of it once
     Demo(demo::Args),
-    /// Print the settings that a build would have, and where each is from
+    /// Print the settings that a build would have, and their origins
     Config(config::Args),
     /// Write a script that completes this command line in a shell
     Completions(completions::Args),
@@ -108,64 +108,75 @@ pub(crate) enum Command {
 #[command(next_help_heading = "Settings (they decide the bytes of the output)")]
 pub(crate) struct SettingsArgs {
     /// Triangles of a leaf cluster to aim for
-    #[arg(long, value_name = "N", default_value_t = Settings::default().cluster_triangles,
+    #[arg(long, value_name = "N", hide_short_help = true, default_value_t = Settings::default().cluster_triangles,
           value_parser = number::count(16_u32..=16384))]
     cluster_triangles: u32,
     /// Who partitions the mesh
-    #[arg(long, value_name = "NAME", default_value = "metis", value_parser = ["metis", "greedy"])]
+    #[arg(long, value_name = "NAME", hide_short_help = true, default_value = "metis", value_parser = ["metis", "greedy"])]
     partitioner: String,
     /// What becomes of the vertices that clusters share
-    #[arg(long, value_name = "MODE", value_enum, default_value_t = BoundaryArg::Dependencies)]
+    #[arg(long, value_name = "MODE", hide_short_help = true, value_enum, default_value_t = BoundaryArg::Dependencies)]
     boundary: BoundaryArg,
     /// What becomes of holes, handles and small pieces
     #[arg(long, value_name = "MODE", value_enum, default_value_t = TopologyArg::Change)]
     topology: TopologyArg,
-    /// Leave out detail below this error, in object units or, as in 0.01%, of the model's diagonal: the leaves are then coarser
-    /// than the source
+    /// Leave out detail below this error
+    ///
+    /// In object units or, as in 0.01%, of the model's diagonal: the leaves are then coarser than the source.
     #[arg(long, value_name = "E")]
     finest_error: Option<Length>,
     /// Leave out what costs nothing: the same as --finest-error 0
-    #[arg(long, conflicts_with = "finest_error")]
+    #[arg(long, hide_short_help = true, conflicts_with = "finest_error")]
     prune_exact: bool,
-    /// Simplify no further than this error, in object units or, as in 1%, of the model's diagonal: the file may then have
-    /// several roots
-    #[arg(long, value_name = "E")]
+    /// Simplify no further than this error
+    ///
+    /// In object units or, as in 1%, of the model's diagonal: the file may then have several roots.
+    #[arg(long, value_name = "E", hide_short_help = true)]
     target_error: Option<Length>,
-    /// Leave out the dust: connected components whose box has a diagonal below SIZE, in object units or, as in 1%, of the whole
-    /// model's diagonal. Errors are then those of what is kept
+    /// Leave out components smaller than this: dust
+    ///
+    /// Connected components whose box has a diagonal below SIZE, in object units or, as in 1%, of the whole model's diagonal.
+    /// Errors are then those of what is kept.
     #[arg(long, value_name = "SIZE")]
     min_component: Option<Length>,
     /// Seed of the partitioner
-    #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
+    #[arg(long, value_name = "N", hide_short_help = true, default_value_t = Settings::default().seed)]
     seed: u64,
     /// Which normals vertices have
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = NormalsArg::Source)]
     normals: NormalsArg,
     /// Leave vertex normals out: the same as --normals none
-    #[arg(long, conflicts_with = "normals")]
+    #[arg(long, hide_short_help = true, conflicts_with = "normals")]
     no_normals: bool,
     /// Leave vertex colours out
     #[arg(long)]
     no_colors: bool,
-    /// Keep a number that vertices have by its name, such as quality or intensity: every level has it, bit for bit. Can be given several times;
-    /// all keeps all that the source has. Properties of PLY alone
+    /// Keep a number that vertices have, by its name
+    ///
+    /// Such as quality or intensity: every level has it, bit for bit. Can be given several times; all keeps all that the source has. Properties
+    /// of PLY alone.
     #[arg(long, value_name = "NAME")]
     keep: Vec<String>,
-    /// Drop and count invalid vertices and faces instead of refusing the file
+    /// Drop and count what is invalid
+    ///
+    /// Vertices and faces that are invalid are left out and counted; without it, the file is refused.
     #[arg(long)]
     drop_invalid: bool,
     /// In which order clusters, vertices and triangles are
-    #[arg(long, value_name = "NAME", value_enum, default_value_t = OrderArg::VertexCache)]
+    #[arg(long, value_name = "NAME", hide_short_help = true, value_enum, default_value_t = OrderArg::VertexCache)]
     order: OrderArg,
     /// Leave the order as it is: the same as --order simplification
-    #[arg(long, conflicts_with = "order")]
+    #[arg(long, hide_short_help = true, conflicts_with = "order")]
     no_layout: bool,
     /// How pages are stored
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Pages::Raw)]
     pages: Pages,
-    /// How many digits coordinates keep: exact (all that singles hold) or lattice:BITS, BITS from 8 to 24: whole steps of one lattice, of which the longest
-    /// side of the model has 2^BITS at most. On scans a packed file of lattice:16 has 0.69 to 0.75 times the bytes of an exact one, of lattice:14 0.61 to
-    /// 0.66; each coordinate moves by less than a 2^BITS-th of that side, which is part of all errors
+    /// exact, or lattice:BITS: position quantization
+    ///
+    /// How many digits coordinates keep: exact (all that singles hold) or lattice:BITS (also written quantized:BITS), BITS from 8 to
+    /// 24: whole steps of one lattice, of which the longest side of the model has 2^BITS at most. On scans a packed file of
+    /// lattice:16 has 0.69 to 0.75 times the bytes of an exact one, of lattice:14 0.61 to 0.66; each coordinate moves by less than
+    /// a 2^BITS-th of that side, which is part of all errors.
     #[arg(long, value_name = "HOW", default_value_t = Settings::default().positions)]
     positions: Positions,
 }
@@ -264,13 +275,13 @@ pub(crate) struct ResourceArgs {
     #[arg(long, value_name = "N", value_parser = number::count(1_u32..=1024))]
     threads: Option<u32>,
     /// Keep what is done at least so many seconds after the last time, so that a build that was killed goes on there
-    #[arg(long, value_name = "SECONDS", default_value_t = 15.0, value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", hide_short_help = true, default_value_t = 15.0, value_parser = seconds)]
     checkpoint: f64,
     /// Neither keep what is done nor go on from it
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     no_resume: bool,
     /// Keep the work folder: the next build starts from its simplified clusters
-    #[arg(long, conflicts_with = "no_resume")]
+    #[arg(long, hide_short_help = true, conflicts_with = "no_resume")]
     keep_work: bool,
     /// End without warning at the access to a file of this number: for tests of what is left then
     #[arg(long, value_name = "N", hide = true)]
@@ -285,10 +296,14 @@ pub(crate) struct ResourceArgs {
 /// Memory, and disk for what does not fit.
 #[derive(Args, Debug)]
 pub(crate) struct StorageArgs {
-    /// Memory that the whole process stays below, as in 512M or 4G, from 128M on for builds; what does not fit goes to the work directory
+    /// Memory that the whole process stays below
+    ///
+    /// As in 512M or 4G, from 128M on for builds; what does not fit goes to the work directory.
     #[arg(long, value_name = "SIZE", default_value_t = MemorySize(Resources::default().memory))]
     memory: MemorySize,
-    /// Where the work directory is made; beside the output (build) or in the temporary folder (verify) if not given
+    /// Where the work directory is made
+    ///
+    /// Beside the output (build) or in the temporary folder (verify) if not given.
     #[arg(long, value_name = "DIR")]
     pub(crate) work_dir: Option<PathBuf>,
 }

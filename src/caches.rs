@@ -1,12 +1,12 @@
 //! How well the order of the triangles in a file's pages serves a vertex cache.
 
+use crate::json::file::Misses;
 use anyhow::Result;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, ClusterRecord, FormatError};
 use chpm_measure::cache::{VertexCache, vertex_cache};
 use chpm_mesh::ClusterId;
 use rayon::prelude::*;
-use serde_json::{Value, json};
 
 /// Vertices that the cache holds, first in, first out.
 pub(crate) const SIZE: usize = 16;
@@ -21,9 +21,10 @@ impl Drawn {
         self.0.map(|cache| cache.acmr())
     }
 
-    pub(crate) fn as_json(&self) -> Value {
+    /// The same for programs.
+    pub(crate) fn misses(&self) -> Misses {
         let [finest, middle, base] = self.acmr();
-        json!({ "finest": finest, "middle": middle, "base": base })
+        Misses { finest, middle, base }
     }
 
     fn add(&mut self, other: &Drawn) {

@@ -1,9 +1,9 @@
 //! A certification as a table and as JSON.
 
+use crate::json::judged::{Errors, OfCut, OfLevel, Proven, ProvenSide};
 use crate::number::Units;
 use crate::report::{count, table};
 use chpm_verify::certify::{Certified, Row, Side, TOLERANCE, Which};
-use serde_json::{Value, json};
 use std::io::{self, Write};
 
 /// A row for each level and cut.
@@ -55,49 +55,50 @@ pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<(
     Ok(())
 }
 
-/// All of it.
-pub(crate) fn as_json(certified: &Certified, origin: [f64; 3]) -> Value {
-    let row = |row: &Row| {
-        let fields = json!({
-            "clusters": row.clusters,
-            "triangles": row.triangles,
-            "stored_error": row.error,
-            "stored_distance": row.distance,
-            "of_mesh": side_json(&row.of_mesh, origin),
-            "of_source": side_json(&row.of_source, origin),
-        });
-        let mut value = match row.which {
-            Which::Level { level, collapsed } => json!({ "level": level, "collapsed": collapsed }),
-            Which::Cut { seed } => json!({ "seed": seed }),
-        };
-        if let (Value::Object(all), Value::Object(fields)) = (&mut value, fields) {
-            all.extend(fields);
-        }
-        value
-    };
+/// All of it, for programs.
+pub(crate) fn as_json(certified: &Certified, origin: [f64; 3]) -> Errors {
     let all = || certified.levels.iter().chain(&certified.cuts);
-    json!({
-        "slack": certified.slack,
-        "rounding": certified.rounding,
-        "violations": all().map(Row::violations).sum::<u64>(),
-        "undecided": all().map(Row::undecided).sum::<u64>(),
-        "levels": certified.levels.iter().map(row).collect::<Vec<_>>(),
-        "cuts": certified.cuts.iter().map(row).collect::<Vec<_>>(),
-    })
+    let levels = certified.levels.iter().filter_map(|row| match row.which {
+        Which::Level { level, collapsed } => Some(OfLevel { level, collapsed, found: proven(row, origin) }),
+        Which::Cut { .. } => None,
+    });
+    let cuts = certified.cuts.iter().filter_map(|row| match row.which {
+        Which::Cut { seed } => Some(OfCut { seed, found: proven(row, origin) }),
+        Which::Level { .. } => None,
+    });
+    Errors {
+        slack: certified.slack,
+        rounding: certified.rounding,
+        violations: all().map(Row::violations).sum(),
+        undecided: all().map(Row::undecided).sum(),
+        levels: levels.collect(),
+        cuts: cuts.collect(),
+    }
 }
 
-fn side_json(side: &Side, origin: [f64; 3]) -> Value {
-    json!({
-        "least": side.least,
-        "at": side.at.map(|at| absolute(at, origin)),
-        "most": side.most,
-        "violations": side.violations,
-        "worst": side.worst.map(|worst| worst.distance),
-        "worst_stored": side.worst.map(|worst| worst.stored),
-        "worst_at": side.worst.map(|worst| absolute(worst.at, origin)),
-        "undecided": side.undecided,
-        "pieces": side.pieces,
-    })
+fn proven(row: &Row, origin: [f64; 3]) -> Proven {
+    Proven {
+        clusters: row.clusters,
+        triangles: row.triangles,
+        stored_error: row.error,
+        stored_distance: row.distance,
+        of_mesh: proven_side(&row.of_mesh, origin),
+        of_source: proven_side(&row.of_source, origin),
+    }
+}
+
+fn proven_side(side: &Side, origin: [f64; 3]) -> ProvenSide {
+    ProvenSide {
+        least: side.least,
+        at: side.at.map(|at| absolute(at, origin)),
+        most: side.most,
+        violations: side.violations,
+        worst: side.worst.map(|worst| worst.distance),
+        worst_stored: side.worst.map(|worst| worst.stored),
+        worst_at: side.worst.map(|worst| absolute(worst.at, origin)),
+        undecided: side.undecided,
+        pieces: side.pieces,
+    }
 }
 
 fn absolute(at: [f64; 3], origin: [f64; 3]) -> [f64; 3] {

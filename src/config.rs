@@ -28,14 +28,18 @@ const RIVALS: [[&str; 2]; 4] = [
 /// Where settings may come from besides.
 #[derive(clap::Args, Debug)]
 pub(crate) struct ConfigArgs {
-    /// Settings for a kind of model; what is typed besides wins
+    /// Settings for a kind of model
+    ///
+    /// What is typed besides wins.
     #[arg(long, value_name = "KIND", value_enum)]
     preset: Option<Preset>,
-    /// A TOML file: a table `settings` of options, and a preset or none; chpm.toml beside the source if not given
+    /// A TOML file of settings, instead of chpm.toml
+    ///
+    /// It has a table `settings` of options, and a preset or none; chpm.toml beside the source if not given.
     #[arg(long, value_name = "TOML")]
     config: Option<PathBuf>,
     /// Leave a chpm.toml beside the source alone
-    #[arg(long, conflicts_with = "config")]
+    #[arg(long, hide_short_help = true, conflicts_with = "config")]
     no_config: bool,
 }
 

@@ -2,6 +2,7 @@
 
 use crate::args::Cli;
 use crate::formats;
+use crate::help;
 use clap::{Command, CommandFactory};
 use std::fmt::Write;
 
@@ -210,16 +211,21 @@ const EXAMPLES: &[(&str, &[Example])] = &[
 
 /// The command line.
 pub(crate) fn command() -> Command {
-    EXAMPLES.iter().fold(formats::named(Cli::command()), |command, (verb, examples)| {
-        // Without the viewer two of them are not there.
-        if command.find_subcommand(verb).is_none() {
-            return command;
-        }
-        command.mut_subcommand(*verb, |verb| verb.after_help(told(examples)))
-    })
+    help::grouped(EXAMPLES.iter().fold(formats::named(Cli::command()), with_examples))
 }
 
-fn told(examples: &[Example]) -> String {
+/// The command with examples for one verb: all in its long help, the first two in the short one.
+fn with_examples(command: Command, (verb, examples): &(&'static str, &[Example])) -> Command {
+    // Without the viewer two of them are not there.
+    if command.find_subcommand(verb).is_none() {
+        return command;
+    }
+    let more = format!("\nAll options: chpm help {verb}");
+    let short = text(&examples[..examples.len().min(2)]) + &more;
+    command.mut_subcommand(*verb, |verb| verb.after_help(short).after_long_help(text(examples)))
+}
+
+fn text(examples: &[Example]) -> String {
     let mut text = "Examples:".to_owned();
     for (typed, does) in examples {
         let _ = write!(text, "\n  # {does}\n  {typed}");

@@ -24,6 +24,8 @@ mod folder;
 mod forecast;
 mod formats;
 mod frame;
+mod help;
+mod json;
 mod memory;
 mod mesh_file;
 mod number;

@@ -1,6 +1,7 @@
 //! One mesh as a file of another program: which format, and how it is streamed.
 
 use crate::frame::{Frame, Up};
+use crate::json::{self, made, named};
 use crate::number::AtMost;
 use crate::output::{self, Output, Promise, Writes};
 use crate::progress::Meter;
@@ -14,8 +15,7 @@ use chpm_format::{Chpm, ErrorKind};
 use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Aabb, Counted, VertexSlices, geom};
 use chpm_refine::Extraction;
-use serde_json::{Map, Value, json};
-use std::io::Write;
+use serde_json::Map;
 use std::path::{Path, PathBuf};
 
 /// Bytes that choosing a cut takes for each cluster.
@@ -255,24 +255,20 @@ impl<'m, 'a> Ready<'m, 'a> {
     }
 
     /// Facts about the written file, for programs.
-    pub(crate) fn json(&self) -> Map<String, Value> {
+    pub(crate) fn json(&self) -> made::Mesh {
         let MeshArgs { output, up, .. } = self.target.args;
-        let aside = self.target.aside.as_ref().map(|(path, _)| path.display().to_string());
-        let Value::Object(told) = json!({
-            "output": output.display().to_string(),
-            "format": self.target.format.name(),
-            "triangles": self.mesh.triangle_count(),
-            "coincident": self.mesh.coincident_count(),
-            "vertices": self.mesh.vertex_count(),
-            "error": self.bounds.error,
-            "distance": self.bounds.distance,
-            "origin": self.frame.offset(),
-            "origin_file": aside,
-            "up": up.map(|_| self.target.format.up().name()),
-        }) else {
-            return Map::new();
-        };
-        told
+        made::Mesh {
+            output: named(output),
+            format: self.target.format.name(),
+            triangles: self.mesh.triangle_count(),
+            coincident: self.mesh.coincident_count(),
+            vertices: self.mesh.vertex_count(),
+            error: self.bounds.error,
+            distance: self.bounds.distance,
+            origin: self.frame.offset(),
+            origin_file: self.target.aside.as_ref().map(|(path, _)| named(path)),
+            up: up.map(|_| self.target.format.up().name()),
+        }
     }
 
     /// Streams the mesh and gives the file its name.
@@ -303,12 +299,13 @@ impl<'m, 'a> Ready<'m, 'a> {
         file.get_ref().check_unchanged()?;
         // First, so that no mesh is there without it.
         if let Some((_, mut aside)) = target.aside {
-            let told = json!({
-                "schema": "chpm-origin/1",
-                "file": target.args.output.file_name().unwrap_or_default().to_string_lossy(),
-                "origin": frame.offset(),
-            });
-            writeln!(aside, "{told:#}")?;
+            let name = target.args.output.file_name().unwrap_or_default();
+            let origin = made::Origin {
+                schema: "chpm-origin/1",
+                file: name.to_string_lossy().into_owned(),
+                origin: frame.offset(),
+            };
+            json::print(&origin, &mut aside)?;
             aside.publish()?;
         }
         output.publish()?;

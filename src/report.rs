@@ -1,6 +1,7 @@
 //! Results as tables for people and as JSON for programs. Both show the same numbers.
 
 use crate::escape::in_line;
+use crate::json::file::{Build, BuildSource, Stage};
 use crate::number::{Short, Units};
 use chpm_build::BuildReport;
 use chpm_build::report::LevelReport;
@@ -8,7 +9,7 @@ use chpm_format::records::REFUSALS;
 use chpm_mesh::{Bytes, Thousands};
 pub(crate) use chpm_report::{LevelRow, levels_of, per_triangle};
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
 /// A level as a build tells it.
 pub(crate) fn level_row(level: &LevelReport) -> LevelRow {
@@ -122,48 +123,38 @@ pub(crate) fn refusals_table(levels: &[LevelRow]) -> Option<String> {
     Some(table(&header, rows))
 }
 
-/// A build's report for programs.
-pub(crate) fn build_json(report: &BuildReport) -> Value {
-    let stages: Vec<Value> = report
-        .stages
-        .iter()
-        .map(|row| {
-            json!({
-                "stage": row.stage.to_string(),
-                "seconds": row.seconds,
-                "peak_resident_bytes": row.peak_resident,
-                "budget_used_bytes": row.budget_used,
-            })
-        })
-        .collect();
-    json!({
-        "schema": "chpm-build/1",
-        "source": { "vertices": report.source_vertices, "bytes": report.source_len },
-        "triangles": report.triangles,
-        "clusters": report.clusters,
-        "roots": report.roots,
-        "bytes": report.output_len,
-        "bytes_per_triangle": per_triangle(report.output_len, report.triangles),
-        "seconds": report.seconds(),
-        "stages": stages,
-        "levels": report.levels.iter().map(level_row).collect::<Vec<_>>(),
-        "repairs": object(report.repairs.describe()),
-        "warnings": report.warnings,
-        "resumed_after": report.resumed.map(|reached| reached.to_string()),
-        "notes": report.notes,
-        "budget_peak_bytes": report.budget_peak,
-        "peak_resident_bytes": report.peak_resident,
-    })
+/// A build's report for programs, with the names of its source and output.
+pub(crate) fn build_json(report: &BuildReport, source: String, output: String) -> Build {
+    let stages = report.stages.iter().map(|row| Stage {
+        stage: row.stage.to_string(),
+        seconds: row.seconds,
+        peak_resident_bytes: row.peak_resident,
+        budget_used_bytes: row.budget_used,
+    });
+    Build {
+        schema: "chpm-build/1",
+        source: BuildSource { path: source, vertices: report.source_vertices, bytes: report.source_len },
+        output,
+        triangles: report.triangles,
+        clusters: report.clusters,
+        roots: report.roots,
+        bytes: report.output_len,
+        bytes_per_triangle: per_triangle(report.output_len, report.triangles),
+        seconds: report.seconds(),
+        stages: stages.collect(),
+        levels: report.levels.iter().map(level_row).collect(),
+        repairs: object(report.repairs.describe()),
+        warnings: report.warnings.clone(),
+        resumed_after: report.resumed.map(|reached| reached.to_string()),
+        notes: report.notes.clone(),
+        budget_peak_bytes: report.budget_peak,
+        peak_resident_bytes: report.peak_resident,
+    }
 }
 
-/// Names and values as a JSON object, in their order; its keys are written like all others.
-pub(crate) fn object<V: Into<Value>>(entries: impl IntoIterator<Item = (String, V)>) -> Value {
-    Value::Object(
-        entries
-            .into_iter()
-            .map(|(name, value)| (name.replace('-', "_"), value.into()))
-            .collect::<Map<_, _>>(),
-    )
+/// Names and values as a JSON object; its keys are written like all others.
+pub(crate) fn object<V: Into<Value>>(entries: impl IntoIterator<Item = (String, V)>) -> Map<String, Value> {
+    entries.into_iter().map(|(name, value)| (name.replace('-', "_"), value.into())).collect()
 }
 
 /// Lines of the repair report: only what occurred.

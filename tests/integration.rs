@@ -30,6 +30,8 @@ mod integration {
     mod determinism;
     /// A file in one screen, and what a build says at its end.
     mod digest;
+    /// The documents: their length, their links, and what they say to type.
+    mod documents;
     /// The examples of the libraries run.
     mod examples;
     /// The same mesh in every format that is written, and simplified in one go.

@@ -2,7 +2,25 @@
 //! beside a CHPM of the same model (Quick-VDR, table 4; Yoon's dissertation, table 4.4).
 //!
 //! `CHPM_VH_TRIANGLES` is the size of the generated isosurface, or several with commas between; `CHPM_RECORD=$(date +%F)` writes
-//! `benches/records/DATE-vertex-hierarchy.csv`. What is counted and timed is told in `benches/README.md`.
+//! `benches/records/DATE-vertex-hierarchy.csv`. Everything runs on one thread, the two in turn, five times; times are medians.
+//!
+//! The vertex hierarchy comes from half-edge collapses of the whole mesh, cheapest quadric first, until none is allowed; it keeps the topology,
+//! so its base mesh is larger than that of a CHPM. A vertex can be split when up to four faces are there, the neighbours of the faces that the
+//! split brings (Hoppe's fn0 to fn3); splits that it has to wait for are forced first. Before anything is timed, all of it is refined and has to be
+//! the source's triangles.
+//!
+//! Counts, of the vertex hierarchy and of a CHPM: *questions to the view* are vertices, or groups, whose error was compared with what the view allows;
+//! *dependency checks* are faces that were looked up because a split depends on them, or clusters that a split brought; *splits* are vertex splits, or
+//! splits of groups. Both are asked for zero pixels of error from one camera. Columns, in milliseconds:
+//!
+//! - `vh_ms`: questions, checks and splits from the base mesh on, in memory that is ready; `vh_no_questions_ms`: every vertex split unasked
+//! - `chpm_decisions_ms`: `Front::update`; `chpm_select_ms`: `ActiveList::update`, pages in memory checked
+//! - `chpm_load_ms`: PM cursors from the pages of the cut, in new memory; `chpm_place_ms`: from there to the positions, played from scratch;
+//!   `chpm_reload_and_place_ms`: both in the memory of cursors that are no longer used
+//! - `chpm_half_ms`: from the finest meshes to halfway to the base meshes; `chpm_prepare_ms`, `chpm_pm_ms`: preparing steps, and vertex splits one by one
+//! - `..._every_level_ms`: the same for all clusters
+//! - `select_load_and_place_ratio`: a jump from the roots to full detail; `select_and_pm_ratio`: vertex splits with vertex splits, ready on both sides;
+//!   `select_and_steps_ratio`: with the preparation included
 #![forbid(unsafe_code)]
 
 mod clusters;

@@ -7,8 +7,11 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Part `index` of `count`, from 1.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Shard {
+    /// Its number, from 1
     pub(crate) index: u32,
+    /// Parts that there are
     pub(crate) count: u32,
 }
 

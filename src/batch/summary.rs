@@ -13,8 +13,9 @@ use std::path::{Path, PathBuf};
 
 const SCHEMA: &str = "chpm-batch/1";
 
-/// A batch's result.
+/// `chpm batch --json`, and `summary.json` in the folder of the results
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Summary {
     /// Meaning of the keys; summaries of earlier programs have none.
     #[serde(default)]
@@ -29,19 +30,30 @@ pub(crate) struct Summary {
 
 /// Result of one model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Row {
+    /// Name of the model, which its output has
     pub(crate) name: String,
+    /// `built`, `current`, `failed`, `stopped` or `planned`
+    #[cfg_attr(test, schemars(with = "String"))]
     pub(crate) status: Status,
     /// Why it was built, or would be.
     pub(crate) reason: String,
     /// Wall-clock seconds of the build.
     pub(crate) seconds: f64,
+    /// Triangles of the finest meshes
     pub(crate) triangles: u64,
+    /// Length of the source
     pub(crate) source_bytes: u64,
+    /// Length of the file
     pub(crate) output_bytes: u64,
+    /// Why it failed
     pub(crate) error: Option<String>,
+    /// As in `chpm-build/1`
     pub(crate) warnings: Vec<String>,
+    /// The source
     pub(crate) source: PathBuf,
+    /// The file
     pub(crate) output: PathBuf,
     /// Hash of the source that the output was built from.
     pub(crate) hash: String,

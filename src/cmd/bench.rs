@@ -5,6 +5,7 @@ use crate::args::MemorySize;
 use crate::bench::{
     Contender, DIVISORS, Figure, Point, REFERENCE_DIVISORS, contend, equal_deviation, median, svg,
 };
+use crate::json::{self, made, named};
 use crate::number::{self, Units};
 use crate::output::{self, Output, Writes};
 use crate::progress::Meter;
@@ -15,7 +16,6 @@ use chpm_build::Cancel;
 use chpm_extmem::process::peak_resident;
 use chpm_measure::deviation;
 use chpm_mesh::{Aabb, Bytes, Counted, TriMesh};
-use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write;
@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         plot.publish()?;
     }
     if args.json {
-        writeln!(out, "{:#}", result.json(args))?;
+        json::print(&result.json(args), &mut out)?;
     } else {
         result.print(args, &mut out)?;
     }
@@ -325,41 +325,36 @@ impl Outcome {
         Ok(writeln!(out, "{}\n", table(&header, rows))?)
     }
 
-    fn json(&self, args: &Args) -> Value {
-        let figure = |f: &Figure| {
-            json!({
-                    "name": f.contender.name(),
-                    "settings": f.contender.settings(),
-                    "seconds": f.seconds,
-                    "triangles_per_second": f.rate,
-                    "peak_resident_bytes": f.peak,
-                    "output_bytes": f.output,
-                    "meshes": f.points.iter().map(|p| {
-                json!({
-                    "divisor": p.divisor,
-                    "triangles": p.triangles,
-                    "rms": p.rms,
-                    "max": p.max,
-                    "triangles_by_reference": self.ratio(p),
-                })
-            }).collect::<Vec<_>>(),
-                })
+    fn json(&self, args: &Args) -> made::Bench {
+        let point = |p: &Point| made::BenchMesh {
+            divisor: p.divisor,
+            triangles: p.triangles,
+            rms: p.rms,
+            max: p.max,
+            triangles_by_reference: self.ratio(p),
         };
-        fn declined((contender, why): &(Contender, &str)) -> String {
-            format!("{}: {why}", contender.name())
+        let figure = |f: &Figure| made::Contender {
+            name: f.contender.name(),
+            settings: f.contender.settings(),
+            seconds: f.seconds,
+            triangles_per_second: f.rate,
+            peak_resident_bytes: f.peak,
+            output_bytes: f.output,
+            meshes: f.points.iter().map(point).collect(),
+        };
+        let declined = |(contender, why): &(Contender, &str)| format!("{}: {why}", contender.name());
+        made::Bench {
+            schema: "chpm-bench/1",
+            source: named(&args.source),
+            triangles: self.triangles,
+            diagonal: self.diagonal,
+            machine: machine(),
+            runs: args.runs,
+            samples_per_triangle: args.samples,
+            reference: self.reference.map(Contender::name),
+            contenders: self.figures.iter().map(figure).collect(),
+            declined: self.declined.iter().map(declined).collect(),
         }
-        json!({
-            "schema": "chpm-bench/1",
-            "source": args.source.display().to_string(),
-            "triangles": self.triangles,
-            "diagonal": self.diagonal,
-            "machine": machine(),
-            "runs": args.runs,
-            "samples_per_triangle": args.samples,
-            "reference": self.reference.map(Contender::name),
-            "contenders": self.figures.iter().map(figure).collect::<Vec<_>>(),
-            "declined": self.declined.iter().map(declined).collect::<Vec<_>>(),
-        })
     }
 
     fn csv(&self, args: &Args) -> String {

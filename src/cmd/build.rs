@@ -3,6 +3,7 @@
 use super::{Verdict, open, stdout, word};
 use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
 use crate::config::{self, ConfigArgs};
+use crate::json;
 use crate::number::Short;
 use crate::output;
 use crate::progress::{Meter, line};
@@ -21,9 +22,11 @@ use std::path::{Path, PathBuf};
 /// Arguments of `chpm build`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The mesh: {meshes}. A file, or a pipe that one comes through; - is standard input
+    /// The mesh, a file or a pipe; - is standard input
+    ///
+    /// {meshes}.
     source: PathBuf,
-    /// The file to build; the source's name with .chpm, beside it, if not given
+    /// The file to build; SOURCE.chpm if not given
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Replace the output if it exists
@@ -32,7 +35,7 @@ pub(crate) struct Args {
     /// No progress
     #[arg(short, long)]
     quiet: bool,
-    /// Also tell the stages, the levels and the refused collapses
+    /// Also print stages, levels and refused collapses
     #[arg(short, long)]
     verbose: bool,
     /// The report as JSON on stdout
@@ -82,10 +85,7 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     output::finish(&output);
     let mut out = stdout();
     if args.json {
-        let mut value = report::build_json(&report);
-        value["output"] = output.display().to_string().into();
-        value["source"]["path"] = args.source.display().to_string().into();
-        writeln!(out, "{value:#}")?;
+        json::print(&report::build_json(&report, json::named(&args.source), json::named(&output)), &mut out)?;
     } else {
         print(&report, &output, args.verbose, &mut out)?;
         print_next((!is_pipe).then_some(source), &output, &mut out)?;

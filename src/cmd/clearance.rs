@@ -1,6 +1,7 @@
 //! `chpm clearance`: proves that two models are apart by more than a distance, or shows where they are not.
 
 use super::Verdict;
+use crate::json::{self, near};
 use crate::number::{AtLeast, AtMost, Units};
 use crate::output;
 use crate::proximity::{AskArgs, SecondArgs, answer_json, ask_all, read, write_csv};
@@ -8,7 +9,6 @@ use crate::stop::Stop;
 use anyhow::Result;
 use chpm_build::config::Length;
 use chpm_proximity::{Answer, Question, Reads};
-use serde_json::{Value, json};
 use std::io::Write;
 
 /// Arguments of `chpm clearance`.
@@ -40,19 +40,16 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     }
     let is_clear = |answer: &Answer| answer.lower > above;
     if tell.json {
-        let entry = |answer: &Answer| {
-            let mut value = answer_json(answer);
-            value["clear"] = Value::from(verdict(answer, above).0);
-            value
+        let entry =
+            |answer: &Answer| near::Verdict { clear: verdict(answer, above).0, answer: answer_json(answer) };
+        let clearance = near::Clearance {
+            schema: "chpm-clearance/1",
+            first: pair.models[0].json(),
+            second: pair.models[1].json(),
+            above,
+            answers: answers.iter().map(entry).collect(),
         };
-        let value = json!({
-            "schema": "chpm-clearance/1",
-            "first": pair.models[0].json(),
-            "second": pair.models[1].json(),
-            "above": above,
-            "answers": answers.iter().map(entry).collect::<Vec<_>>(),
-        });
-        writeln!(out, "{value:#}")?;
+        json::print(&clearance, &mut out)?;
     } else {
         for (step, answer) in answers.iter().enumerate() {
             let Reads { pages, bytes } = read(answer);

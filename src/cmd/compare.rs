@@ -2,6 +2,7 @@
 
 use super::{Verdict, reading};
 use crate::compare::{Painted, Parts, Pass, Summary, Told, leaves, page, plot};
+use crate::json::{self, near};
 use crate::memory::{self, MemoryArgs};
 use crate::number::{AtMost, Digits, Units};
 use crate::output;
@@ -20,7 +21,6 @@ use chpm_mesh::{Bytes, ClusterId, Counted};
 use chpm_proximity::{Gauge, Model};
 use chpm_report::colors::Colors;
 use rayon::prelude::*;
-use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -173,19 +173,17 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         html.publish()?;
     }
     if args.json {
-        let mut value = json!({
-            "schema": "chpm-compare/1",
-            "scan": scan.json(),
-            "reference": reference.json(),
-            "tolerance": tolerance,
-            "rounding": rounding,
-            "signed": signed,
-        });
-        if let (Some(value), serde_json::Value::Object(found)) = (value.as_object_mut(), summary.json()) {
-            value.extend(found);
-            value.insert("pass".to_owned(), pass.map_or(serde_json::Value::Null, |pass| pass.json()));
-        }
-        writeln!(out, "{value:#}")?;
+        let compare = near::Compare {
+            schema: "chpm-compare/1",
+            scan: scan.json(),
+            reference: reference.json(),
+            tolerance,
+            rounding,
+            signed,
+            summary: summary.json(),
+            pass: pass.map(|pass| pass.json()),
+        };
+        json::print(&compare, &mut out)?;
     } else {
         print(&summary, signed, &scan, &reference, tolerance, &mut out)?;
         if let Some((words, _)) = &verdict {

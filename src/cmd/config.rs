@@ -3,10 +3,13 @@
 use super::{Verdict, stdout};
 use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
 use crate::config::{self, ConfigArgs};
+use crate::json::{
+    self,
+    file::{Config, Setting},
+};
 use crate::report;
 use anyhow::Result;
 use clap::Parser;
-use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -38,11 +41,9 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     }
     let mut out = stdout();
     if args.json {
-        fn setting(s: &config::Effective) -> Value {
-            json!({ "name": s.name, "value": s.value, "from": s.from })
-        }
-        let settings: Vec<Value> = all.iter().map(setting).collect();
-        writeln!(out, "{:#}", json!({ "schema": "chpm-config/1", "settings": settings }))?;
+        let setting = |s: config::Effective| Setting { name: s.name, value: s.value, from: s.from };
+        let settings = all.into_iter().map(setting).collect();
+        json::print(&Config { schema: "chpm-config/1", settings }, &mut out)?;
     } else {
         let rows = all.into_iter().map(|setting| vec![setting.name, setting.value, setting.from]);
         writeln!(out, "{}", report::table(&["setting", "value", "from"], rows))?;

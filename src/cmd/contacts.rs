@@ -3,6 +3,7 @@
 mod itself;
 
 use super::Verdict;
+use crate::json::{self, near};
 use crate::number::{AtLeast, AtMost, Units};
 use crate::output::{self, Output};
 use crate::proximity::{AskArgs, Pair, PathArgs};
@@ -13,7 +14,6 @@ use chpm_build::config::Length;
 use chpm_mesh::{Bytes, Counted};
 use chpm_proximity::contacts::Near;
 use chpm_proximity::{Contacts, Region, contacts};
-use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -101,47 +101,53 @@ fn between(
         }
         Ok(())
     })?;
-    if args.ask.tell.json {
-        writeln!(out, "{:#}", to_json(&pair, &near, &steps, is_path))?;
+    if args.ask.tell.json && is_path {
+        json::print(&path_to_json(&pair, &near, &steps), out)?;
     } else if is_path {
         let header = ["step", "regions", "least", "depth", "triangles", "and", "pages", "complete"];
         writeln!(out, "{}", table(&header, rows))?;
     } else if let [found] = steps.as_slice() {
-        print(&pair, found, &near, out)?;
+        match args.ask.tell.json {
+            true => json::print(&to_json(&pair, &near, found), out)?,
+            false => print(&pair, found, &near, out)?,
+        }
     }
     Ok(csv)
 }
 
-/// One answer, or those of a path.
-fn to_json(pair: &Pair, near: &Near, steps: &[Contacts], is_path: bool) -> Value {
-    let mut value = json!({
-        "schema": if is_path { "chpm-contacts-path/1" } else { "chpm-contacts/1" },
-        "first": pair.models[0].json(),
-        "second": pair.models[1].json(),
-        "within": near.within,
-        "error": near.error,
-    });
-    match (steps, value.as_object_mut()) {
-        ([found], Some(value)) if !is_path => {
-            if let Value::Object(of_step) = step(found) {
-                value.extend(of_step);
-            }
-        }
-        (_, Some(value)) => _ = value.insert("steps".to_owned(), steps.iter().map(step).collect()),
-        (_, None) => {}
+/// The answer of one pose.
+fn to_json(pair: &Pair, near: &Near, found: &Contacts) -> near::Contacts {
+    near::Contacts {
+        schema: "chpm-contacts/1",
+        first: pair.models[0].json(),
+        second: pair.models[1].json(),
+        within: near.within,
+        error: near.error,
+        step: step_json(found),
     }
-    value
 }
 
-fn step(found: &Contacts) -> Value {
-    json!({
-        "complete": found.complete,
-        "rounding": found.rounding,
-        "pairs": found.pairs,
-        "pages": found.reads.map(|read| read.pages),
-        "page_bytes": found.reads.map(|read| read.bytes.0),
-        "regions": found.regions.iter().map(region_json).collect::<Vec<_>>(),
-    })
+/// The answers of a path.
+fn path_to_json(pair: &Pair, near: &Near, steps: &[Contacts]) -> near::ContactsPath {
+    near::ContactsPath {
+        schema: "chpm-contacts-path/1",
+        first: pair.models[0].json(),
+        second: pair.models[1].json(),
+        within: near.within,
+        error: near.error,
+        steps: steps.iter().map(step_json).collect(),
+    }
+}
+
+fn step_json(found: &Contacts) -> near::Step {
+    near::Step {
+        complete: found.complete,
+        rounding: found.rounding,
+        pairs: found.pairs,
+        pages: found.reads.map(|read| read.pages),
+        page_bytes: found.reads.map(|read| read.bytes.0),
+        regions: found.regions.iter().map(region_json).collect(),
+    }
 }
 
 /// Row of a step of a path, for people.
@@ -167,22 +173,22 @@ fn row_of(step: usize, found: &Contacts) -> Vec<String> {
     ]
 }
 
-fn region_json(region: &Region) -> Value {
-    let Region { lower, upper, closest_points: closest, triangles, area, depth, levels, low, high } = region;
-    json!({
-        "least": lower,
-        "most": upper,
-        "points": closest.points,
-        "point_errors": closest.errors,
-        "clusters": closest.clusters.map(|cluster| cluster.0),
-        "nearest_triangles": closest.triangles,
-        "triangles": triangles,
-        "area": area,
-        "depth": depth,
-        "levels": levels,
-        "low": low,
-        "high": high,
-    })
+fn region_json(region: &Region) -> near::Region {
+    let Region { lower, upper, closest_points: closest, triangles, area, depth, levels, low, high } = *region;
+    near::Region {
+        least: lower,
+        most: upper,
+        points: closest.points,
+        point_errors: closest.errors,
+        clusters: closest.clusters.map(|cluster| cluster.0),
+        nearest_triangles: closest.triangles,
+        triangles,
+        area,
+        depth,
+        levels,
+        low,
+        high,
+    }
 }
 
 /// Columns of a region.

@@ -1,6 +1,7 @@
 //! `chpm distance`: how near two models are, as an interval that is proven.
 
 use super::Verdict;
+use crate::json::{self, near};
 use crate::number::{AtLeast, AtMost, Units};
 use crate::output;
 use crate::proximity::{AskArgs, Pair, SecondArgs, answer_json, ask_all, ended, read, write_csv};
@@ -9,7 +10,6 @@ use crate::stop::Stop;
 use anyhow::Result;
 use chpm_build::config::Length;
 use chpm_proximity::{Answer, End, Question, Reads};
-use serde_json::{Value, json};
 use std::io::Write;
 
 /// Arguments of `chpm distance`.
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         write_csv(&answers, csv)?;
     }
     if tell.json {
-        writeln!(out, "{:#}", to_json(&pair, error, &answers))?;
+        json::print(&to_json(&pair, error, &answers), &mut out)?;
     } else {
         print(args, &pair, &answers, &mut out)?;
     }
@@ -53,14 +53,14 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
-fn to_json(pair: &Pair, error: f64, answers: &[Answer]) -> Value {
-    json!({
-        "schema": "chpm-distance/1",
-        "first": pair.models[0].json(),
-        "second": pair.models[1].json(),
-        "error": error,
-        "answers": answers.iter().map(answer_json).collect::<Vec<_>>(),
-    })
+fn to_json(pair: &Pair, error: f64, answers: &[Answer]) -> near::Distance {
+    near::Distance {
+        schema: "chpm-distance/1",
+        first: pair.models[0].json(),
+        second: pair.models[1].json(),
+        error,
+        answers: answers.iter().map(answer_json).collect(),
+    }
 }
 
 fn print(args: &Args, pair: &Pair, answers: &[Answer], out: &mut impl Write) -> Result<()> {

@@ -3,6 +3,7 @@
 use super::{Verdict, open, reading, stdout};
 use crate::folder::{OutputFolder, above};
 use crate::frame::Up;
+use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::number;
 use crate::output;
@@ -18,7 +19,6 @@ use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Bytes, ClusterId, Counted};
 use clap::ValueEnum;
 use rayon::prelude::*;
-use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -127,16 +127,16 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
     let mut out = stdout();
     let [sets, tiles, triangles, bytes] = sums;
     if args.json {
-        let value = json!({
-            "schema": "chpm-export/1",
-            "file": args.file.display().to_string(),
-            "output": args.tiles.display().to_string(),
-            "tilesets": sets,
-            "tiles": tiles,
-            "triangles": triangles,
-            "tile_bytes": bytes,
-        });
-        writeln!(out, "{value:#}")?;
+        let export = made::Export {
+            schema: "chpm-export/1",
+            file: named(&args.file),
+            output: named(&args.tiles),
+            tilesets: sets,
+            tiles,
+            triangles,
+            tile_bytes: bytes,
+        };
+        json::print(&export, &mut out)?;
         return Ok(out.flush()?);
     }
     writeln!(

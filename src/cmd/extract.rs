@@ -1,6 +1,7 @@
 //! `chpm extract`: one crack-free mesh out of a file, as a file of another program.
 
 use super::{Verdict, open, reading};
+use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::mesh_file::{self, MeshArgs, Ready};
 use crate::number::{self, Triangles};
@@ -14,7 +15,6 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Counted;
 use chpm_refine::{Camera, Extraction, RefineError, Request};
-use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -98,19 +98,17 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let shortfall = request.shortfall(file, &cut, bounds.distance);
     let less = shortfall.map(|less| less.told(args.file.display(), file.header().aabb().diagonal()));
     let warnings: Vec<String> = ready.warning.iter().cloned().chain(less).collect();
-    let mut value = json!({
-        "schema": "chpm-extract/1",
-        "file": args.file.display().to_string(),
-        "clusters": cut.members().len(),
-        "satisfied": shortfall.is_none(),
-        "warnings": warnings,
-    });
-    if let Some(value) = value.as_object_mut() {
-        value.extend(ready.json());
-    }
+    let extract = made::Extract {
+        schema: "chpm-extract/1",
+        file: named(&args.file),
+        clusters: cut.members().len(),
+        satisfied: shortfall.is_none(),
+        warnings: warnings.clone(),
+        mesh: ready.json(),
+    };
     ready.write(file, &Meter::new(args.quiet), &cancel)?;
     if args.json {
-        writeln!(out, "{value:#}")?;
+        json::print(&extract, &mut out)?;
     } else {
         let told = mesh_file::told(&args.mesh.output, &mesh, bounds, "units");
         writeln!(out, "{told}, from {}", Counted(cut.members().len() as u64, "cluster"))?;

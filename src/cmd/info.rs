@@ -5,6 +5,8 @@ use super::{Verdict, open, reading, stdout, word};
 use crate::caches::{self, Drawn};
 use crate::digest::{self, Sizes, boundary, error_kind, max_distance, normals_from};
 use crate::escape::in_line;
+use crate::json::file::{Corners, Counts, FileBytes, Info, InfoScalar, InfoSource, VertexCache};
+use crate::json::{self, named};
 use crate::memory::{self, MemoryArgs};
 use crate::progress::line;
 use crate::report::{self, LevelRow, per_triangle};
@@ -13,7 +15,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::packed::{self, PARTS};
 use chpm_format::{Chpm, Metadata};
 use chpm_mesh::{Bytes, ClusterId, Counted, Scalar};
-use serde_json::{Value, json};
+use serde_json::{Map, Value};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -63,19 +65,14 @@ fn show(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
     let parts = args.parts.then(|| parts(file)).transpose()?;
     let mut out = stdout();
     if args.json {
-        let mut value = as_json(&args.file, file, metadata.as_ref(), &levels, &sizes);
-        if let Some(parts) = parts {
-            fn name(part: &str) -> String {
-                part.replace(' ', "_")
-            }
-            let bytes = parts.map(|bytes| bytes.round() as u64);
-            value["bytes"]["parts"] = PARTS.map(name).into_iter().zip(bytes).collect();
-        }
-        if let Some([all, roots]) = drawn {
-            value["vertex_cache"] =
-                json!({ "size": caches::SIZE, "clusters": all.as_json(), "roots": roots.as_json() });
-        }
-        writeln!(out, "{value:#}")?;
+        let mut info = info(&args.file, file, metadata.as_ref(), levels, &sizes);
+        info.bytes.parts = parts.map(named_parts);
+        info.vertex_cache = drawn.map(|[all, roots]| VertexCache {
+            size: caches::SIZE,
+            clusters: all.misses(),
+            roots: roots.misses(),
+        });
+        json::print(&info, &mut out)?;
         out.flush()?;
         return Ok(Verdict::Good);
     }
@@ -195,70 +192,86 @@ fn print_provenance(metadata: &Metadata, out: &mut impl Write) -> io::Result<()>
     Ok(())
 }
 
-/// A named scalar. JSON has no infinite numbers: they are null.
-fn scalar(scalar: &Scalar) -> Value {
+/// A named scalar, for programs.
+fn scalar(scalar: &Scalar) -> InfoScalar {
     let Scalar { name, kind, range } = scalar;
-    let (low, high) = (range.low, range.high);
-    json!({ "name": name, "type": kind.to_string(), "low": low, "high": high, "count": range.count })
+    InfoScalar {
+        name: name.clone(),
+        r#type: kind.to_string(),
+        low: range.low,
+        high: range.high,
+        count: range.count,
+    }
 }
 
-fn as_json<D: AsRef<[u8]>>(
+/// Bytes of pages by what they are for.
+fn named_parts(parts: [f64; PARTS.len()]) -> Map<String, Value> {
+    let names = PARTS.map(|part| part.replace(' ', "_"));
+    names.into_iter().zip(parts.map(|bytes| Value::from(bytes.round() as u64))).collect()
+}
+
+/// All of it, for programs.
+fn info<D: AsRef<[u8]>>(
     path: &Path,
     file: &Chpm<D>,
     metadata: Option<&Metadata>,
-    levels: &[LevelRow],
+    levels: Vec<LevelRow>,
     sizes: &Sizes,
-) -> Value {
+) -> Info {
     let h = file.header();
-    let source = metadata.map(|metadata| &metadata.source).map(|source| {
-        json!({
-            "name": source.name,
-            "bytes": source.byte_len,
-            // As text: a 64-bit number is more than a JSON number holds for many readers.
-            "xxh3": format!("{:016x}", source.hash),
-            "encoding": source.encoding,
-            "vertices": source.vertex_count,
-            "faces": source.face_count,
-            "comments": source.comments,
-        })
-    });
-    json!({
-        "schema": "chpm-info/1",
-        "file": path.display().to_string(),
-        "version": format!("{}.{}", h.version_major, h.version_minor),
-        "generator": metadata.map(|metadata| &metadata.generator),
-        "triangles": h.source_triangle_count,
-        "vertices": h.source_vertex_count,
-        "normals": h.attributes().has_normals(),
-        "normals_from": normals_from(file, metadata),
-        "colors": h.attributes().colors,
-        "scalars": file.scalars().iter().map(scalar).collect::<Vec<_>>(),
-        "origin": h.origin,
-        "box": { "min": h.aabb_min, "max": h.aabb_max },
-        "max_error": h.max_error,
-        "max_distance": max_distance(file),
-        "error_kind": error_kind(file),
-        "boundary": boundary(file),
-        "counts": {
-            "clusters": h.cluster_count,
-            "leaves": h.leaf_count,
-            "roots": h.root_count,
-            "groups": h.group_count,
-            "levels": h.level_count,
-            "shared_vertices": h.shared_vertex_count,
+    Info {
+        schema: "chpm-info/1",
+        file: named(path),
+        version: format!("{}.{}", h.version_major, h.version_minor),
+        generator: metadata.map(|metadata| metadata.generator.clone()),
+        triangles: h.source_triangle_count,
+        vertices: h.source_vertex_count,
+        normals: h.attributes().has_normals(),
+        normals_from: normals_from(file, metadata),
+        colors: h.attributes().colors,
+        scalars: file.scalars().iter().map(scalar).collect(),
+        origin: h.origin,
+        r#box: Corners { min: h.aabb_min, max: h.aabb_max },
+        max_error: h.max_error,
+        max_distance: max_distance(file),
+        error_kind: error_kind(file),
+        boundary: boundary(file),
+        counts: Counts {
+            clusters: h.cluster_count,
+            leaves: h.leaf_count,
+            roots: h.root_count,
+            groups: h.group_count,
+            levels: h.level_count,
+            shared_vertices: h.shared_vertex_count,
         },
-        "levels": levels,
-        "bytes": {
-            "file": sizes.file,
-            "tables": sizes.tables,
-            "chunks": sizes.chunks,
-            "pages": sizes.pages,
-            "padding": sizes.padding,
-            "per_triangle": per_triangle(sizes.file, h.source_triangle_count),
+        levels,
+        bytes: FileBytes {
+            file: sizes.file,
+            tables: sizes.tables,
+            chunks: sizes.chunks,
+            pages: sizes.pages,
+            padding: sizes.padding,
+            per_triangle: per_triangle(sizes.file, h.source_triangle_count),
+            parts: None,
         },
-        "source": source,
-        "settings": metadata.map(|metadata| report::object(metadata.settings.clone())),
-        "repairs": metadata.map(|metadata| report::object(metadata.repairs.clone())),
-        "warnings": metadata.map(|metadata| &metadata.warnings),
-    })
+        vertex_cache: None,
+        source: metadata.map(source),
+        settings: metadata.map(|metadata| report::object(metadata.settings.clone())),
+        repairs: metadata.map(|metadata| report::object(metadata.repairs.clone())),
+        warnings: metadata.map(|metadata| metadata.warnings.clone()),
+    }
+}
+
+/// Facts of the source.
+fn source(metadata: &Metadata) -> InfoSource {
+    let source = &metadata.source;
+    InfoSource {
+        name: source.name.clone(),
+        bytes: source.byte_len,
+        xxh3: format!("{:016x}", source.hash),
+        encoding: source.encoding.clone(),
+        vertices: source.vertex_count,
+        faces: source.face_count,
+        comments: source.comments.clone(),
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::{Verdict, open, reading, stdout};
 use crate::args::StorageArgs;
+use crate::json::{self, judged, named};
 use crate::number::{self, Units};
 use crate::progress::Meter;
 use crate::report::{count, table};
@@ -15,7 +16,6 @@ use chpm_mesh::{Aabb, Counted, TriMesh};
 use chpm_verify::deviation::{LevelDeviation, Spread};
 use chpm_verify::measure::Which;
 use chpm_verify::{Measured, Measures, Points};
-use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -95,7 +95,7 @@ fn meshes(args: &Args, second: &Path) -> Result<Verdict> {
     meter.finish();
     let mut out = stdout();
     if args.json {
-        writeln!(out, "{:#}", meshes_json(args, second, [&a, &b], &found, origin, diagonal))?;
+        json::print(&meshes_json(args, second, [&a, &b], &found, origin, diagonal), &mut out)?;
     } else {
         print_meshes(args, second, [&a, &b], &found, origin, diagonal, &mut out)?;
     }
@@ -165,30 +165,32 @@ fn meshes_json(
     found: &Deviation,
     origin: [f64; 3],
     diagonal: f64,
-) -> Value {
-    json!({
-        "schema": "chpm-measure-meshes/1",
-        "first": { "path": args.first.display().to_string(), "triangles": a.triangles.len() },
-        "second": { "path": second.display().to_string(), "triangles": b.triangles.len() },
-        "diagonal": diagonal,
-        "samples_per_triangle": args.samples,
-        "forward": side_json(&found.forward, origin),
-        "backward": side_json(&found.backward, origin),
-        "max": found.max(),
-        "mean": found.mean(),
-        "rms": found.rms(),
-        "at": absolute(found.at(), origin),
-    })
+) -> judged::MeasureMeshes {
+    let mesh =
+        |path: &Path, mesh: &TriMesh| judged::Mesh { path: named(path), triangles: mesh.triangles.len() };
+    judged::MeasureMeshes {
+        schema: "chpm-measure-meshes/1",
+        first: mesh(&args.first, a),
+        second: mesh(second, b),
+        diagonal,
+        samples_per_triangle: args.samples,
+        forward: side_json(&found.forward, origin),
+        backward: side_json(&found.backward, origin),
+        max: found.max(),
+        mean: found.mean(),
+        rms: found.rms(),
+        at: absolute(found.at(), origin),
+    }
 }
 
-fn side_json(side: &Side, origin: [f64; 3]) -> Value {
-    json!({
-        "max": side.max,
-        "at": absolute(side.at, origin),
-        "mean": side.mean,
-        "rms": side.rms,
-        "samples": side.samples,
-    })
+fn side_json(side: &Side, origin: [f64; 3]) -> judged::Side {
+    judged::Side {
+        max: side.max,
+        at: absolute(side.at, origin),
+        mean: side.mean,
+        rms: side.rms,
+        samples: side.samples,
+    }
 }
 
 fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
@@ -207,27 +209,36 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
     let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
     let (memory, meter, cancel) = (args.storage.memory(), Meter::new(args.quiet), stop.heed());
     let measured = chpm_verify::measure(file, source, &measures, memory, &scratch, &meter, &cancel)?;
-    let Measured { rows, levels, compared, slack } = &measured;
+    let Measured { rows, compared, slack, .. } = &measured;
     let violations = measured.violations();
     let origin = file.header().origin;
     let diagonal = file.header().aabb().diagonal();
     let mut out = stdout();
     if args.json {
-        let all: Vec<Value> = rows.iter().map(|row| row_json(row, origin)).collect();
-        let value = json!({
-            "schema": "chpm-measure/2",
-            "file": args.first.display().to_string(),
-            "source": source.display().to_string(),
-            "diagonal": diagonal,
-            "samples_per_triangle": args.samples,
-            "slack": slack,
-            "small_components_left_out": compared.small_components,
-            "small_component_triangles_left_out": compared.small_component_triangles,
-            "levels": all[..*levels],
-            "cuts": all[*levels..],
-            "violations": violations,
+        let levels = rows.iter().filter_map(|(which, found)| match *which {
+            Which::Level { level, collapsed } => {
+                Some(judged::OfLevel { level, collapsed, found: to_json(found, origin) })
+            }
+            Which::Cut { .. } => None,
         });
-        writeln!(out, "{value:#}")?;
+        let cuts = rows.iter().filter_map(|(which, found)| match *which {
+            Which::Cut { seed } => Some(judged::OfCut { seed, found: to_json(found, origin) }),
+            Which::Level { .. } => None,
+        });
+        let measure = judged::Measure {
+            schema: "chpm-measure/2",
+            file: named(&args.first),
+            source: named(source),
+            diagonal,
+            samples_per_triangle: args.samples,
+            slack: *slack,
+            small_components_left_out: compared.small_components,
+            small_component_triangles_left_out: compared.small_component_triangles,
+            levels: levels.collect(),
+            cuts: cuts.collect(),
+            violations,
+        };
+        json::print(&measure, &mut out)?;
     } else {
         print_rows(args, rows, origin, diagonal, violations, &mut out)?;
         if compared.small_components > 0 {
@@ -246,40 +257,33 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
 /// A level or cut, and what was found about it.
 type Row = (Which, LevelDeviation);
 
-fn row_json((which, found): &Row, origin: [f64; 3]) -> Value {
-    let mut value = match which {
-        Which::Level { level, collapsed } => json!({ "level": level, "collapsed": collapsed }),
-        Which::Cut { seed } => json!({ "seed": seed }),
+fn to_json(found: &LevelDeviation, origin: [f64; 3]) -> judged::Measured {
+    let ratios = |s: Spread| judged::Ratios {
+        clusters: s.count,
+        min: s.min,
+        median: s.median,
+        p95: s.p95,
+        max: s.max,
     };
-    fn spread(s: Spread) -> Value {
-        json!({ "clusters": s.count, "min": s.min, "median": s.median, "p95": s.p95, "max": s.max })
-    }
-    let fields = json!({
-        "clusters": found.clusters,
-        "triangles": found.triangles,
-        "stored_error": found.stored,
-        "stored_distance": found.distance,
-        "max": found.max(),
-        "mean": found.mean(),
-        "rms": found.rms(),
-        "of_source": side_json(&found.of_source, origin),
-        "of_mesh": side_json(&found.of_mesh, origin),
-        "stored_by_measured": found.ratio.map(spread),
-        "vanished": {
-            "samples": found.vanished.samples,
-            "max": found.vanished.max,
+    judged::Measured {
+        clusters: found.clusters,
+        triangles: found.triangles,
+        stored_error: found.stored,
+        stored_distance: found.distance,
+        max: found.max(),
+        mean: found.mean(),
+        rms: found.rms(),
+        of_source: side_json(&found.of_source, origin),
+        of_mesh: side_json(&found.of_mesh, origin),
+        stored_by_measured: found.ratio.map(ratios),
+        vanished: judged::Vanished { samples: found.vanished.samples, max: found.vanished.max },
+        violations: judged::Violations {
+            clusters: found.violating,
+            samples: found.violations.samples,
+            worst: found.violations.worst.map(|(distance, _)| distance),
+            at: absolute(found.violations.worst.map(|(_, at)| at), origin),
         },
-        "violations": {
-            "clusters": found.violating,
-            "samples": found.violations.samples,
-            "worst": found.violations.worst.map(|(distance, _)| distance),
-            "at": absolute(found.violations.worst.map(|(_, at)| at), origin),
-        },
-    });
-    if let (Value::Object(all), Value::Object(fields)) = (&mut value, fields) {
-        all.extend(fields);
     }
-    value
 }
 
 fn print_rows(

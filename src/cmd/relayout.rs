@@ -51,9 +51,11 @@ pub(crate) struct Args {
 /// How pages are stored.
 #[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Pages {
-    /// As they are used: read in place, at multiples of 4096 bytes
+    /// Uncompressed, as they are used: read in place, at multiples of 4096 bytes
+    #[value(alias = "uncompressed")]
     Raw,
-    /// Every bit of them in fewer bytes, on scans less than half, to be unpacked when they are read
+    /// Compressed: every bit of them in fewer bytes, on scans less than half, to be unpacked when they are read
+    #[value(alias = "compressed")]
     Packed,
 }
 

@@ -3,6 +3,7 @@
 use super::{Verdict, build, temporary};
 use crate::batch::inputs;
 use crate::escape::in_line;
+use crate::json::{self, seen};
 use crate::number::{self, Triangles, Units};
 use crate::output::{self, Output};
 use crate::picture::sheet::{numbered, sheet};
@@ -21,7 +22,6 @@ use chpm_refine::{Camera, Side};
 use chpm_viewer::{
     Accuracy, FrameRequest, IdImage, Image, Look, Stats, TriangleId, Viewer, headless, viridis,
 };
-use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -188,19 +188,16 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
     let adapter = viewer.gpu().describe();
     if args.json {
-        writeln!(
-            out,
-            "{:#}",
-            json!({
-                "schema": "chpm-render/1",
-                "image": { "width": size[0], "height": size[1] },
-                "views": cameras.len(),
-                "adapter": adapter,
-                "camera": cameras.first().map(picture::camera_as_json),
-                "stance": why,
-                "frame": picture::as_json(&stats),
-            })
-        )?;
+        let render = seen::Render {
+            schema: "chpm-render/1",
+            image: seen::Size { width: size[0], height: size[1] },
+            views: cameras.len(),
+            adapter,
+            camera: cameras.first().map(picture::camera_as_json),
+            stance: why,
+            frame: picture::as_json(&stats),
+        };
+        json::print(&render, &mut out)?;
     } else {
         print(args, &stats, &adapter, &mut out)?;
         if cameras.len() > 1 {

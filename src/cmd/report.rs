@@ -1,6 +1,7 @@
 //! `chpm report`: a file as one page of HTML.
 
 use super::{Verdict, open, reading};
+use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::output;
 use anyhow::{Context, Result, ensure};
@@ -8,7 +9,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_report::page::{self, Shown};
 use chpm_report::stats;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -69,14 +70,14 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     html.write_all(text.as_bytes())?;
     html.publish()?;
     if args.json {
-        let value = json!({
-            "schema": "chpm-report/1",
-            "file": args.file.display().to_string(),
-            "compared_with": args.compare.as_ref().map(|path| path.display().to_string()),
-            "output": args.output.display().to_string(),
-            "bytes": text.len(),
-        });
-        writeln!(out, "{value:#}")?;
+        let report = made::Report {
+            schema: "chpm-report/1",
+            file: named(&args.file),
+            compared_with: args.compare.as_deref().map(named),
+            output: named(&args.output),
+            bytes: text.len(),
+        };
+        json::print(&report, &mut out)?;
     } else if !args.quiet {
         writeln!(out, "{}: open it in a browser", args.output.display())?;
     }

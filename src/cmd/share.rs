@@ -3,13 +3,13 @@
 use super::relayout::{self, Pages};
 use super::{Verdict, open, stdout, word};
 use crate::folder::{OutputFolder, above};
+use crate::json::{self, made, named};
 use crate::memory::MemoryArgs;
 use crate::output;
 use crate::stop::Stop;
 use crate::web::{FILES, PAGE, page_for};
 use anyhow::Result;
 use chpm_mesh::Bytes;
-use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -65,14 +65,14 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
     let mut out = stdout();
     if args.json {
-        let value = json!({
-            "schema": "chpm-share/1",
-            "file": args.file.display().to_string(),
-            "output": args.output.display().to_string(),
-            "model": args.output.join(MODEL).display().to_string(),
-            "model_bytes": bytes,
-        });
-        writeln!(out, "{value:#}")?;
+        let shared = made::Share {
+            schema: "chpm-share/1",
+            file: named(&args.file),
+            output: named(&args.output),
+            model: named(&args.output.join(MODEL)),
+            model_bytes: bytes,
+        };
+        json::print(&shared, &mut out)?;
         out.flush()?;
         return Ok(Verdict::Good);
     }

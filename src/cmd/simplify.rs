@@ -3,6 +3,7 @@
 use super::build::of;
 use super::{Verdict, open, reading};
 use crate::args::{MemorySize, StorageArgs};
+use crate::json::{self, made, named};
 use crate::memory;
 use crate::mesh_file::{self, MeshArgs, Ready};
 use crate::number::{AtMost, Triangles, Units};
@@ -17,7 +18,6 @@ use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_extmem::WorkDir;
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::{Extraction, Request};
-use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -109,20 +109,18 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         if let Some(warning) = &warning {
             line(&format!("warning: {warning}"));
         }
-        let mut value = json!({
-            "schema": "chpm-simplify/1",
-            "source": args.source.display().to_string(),
-            "source_triangles": report.triangles,
-            "diagonal": diagonal,
-            "unit": args.unit.map(Unit::symbol),
-            "warnings": report.warnings.iter().chain(&warning).collect::<Vec<_>>(),
-        });
-        if let Some(value) = value.as_object_mut() {
-            value.extend(ready.json());
-        }
+        let simplify = made::Simplify {
+            schema: "chpm-simplify/1",
+            source: named(&args.source),
+            source_triangles: report.triangles,
+            diagonal,
+            unit: args.unit.map(Unit::symbol),
+            warnings: report.warnings.iter().chain(&warning).cloned().collect(),
+            mesh: ready.json(),
+        };
         ready.write(&file, &meter, &cancel)?;
         if args.json {
-            writeln!(out, "{value:#}")?;
+            json::print(&simplify, &mut out)?;
             return Ok(out.flush()?);
         }
         let unit = args.unit.map_or("units", Unit::symbol);

@@ -3,6 +3,7 @@
 use super::{Verdict, open, reading, stdout};
 use crate::args::StorageArgs;
 use crate::certified;
+use crate::json::{self, judged, named};
 use crate::number;
 use crate::progress::Meter;
 use crate::report::count;
@@ -14,7 +15,6 @@ use chpm_format::Chpm;
 use chpm_format::same::{self, Differences};
 use chpm_mesh::Counted;
 use chpm_verify::{Checks, Verification};
-use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let findings = pool.install(|| verify(args, stop))?;
     let mut out = stdout();
     if args.json {
-        writeln!(out, "{:#}", as_json(args, &findings))?;
+        json::print(&as_json(args, &findings), &mut out)?;
     } else {
         print(args, &findings, &mut out)?;
     }
@@ -180,35 +180,35 @@ fn print(args: &Args, findings: &Verification, out: &mut impl Write) -> std::io:
     Ok(())
 }
 
-fn as_json(args: &Args, findings: &Verification) -> Value {
-    fn display(path: &Path) -> String {
-        path.display().to_string()
+/// All of it, for programs.
+fn as_json(args: &Args, findings: &Verification) -> judged::Verify {
+    let against = findings.compared.as_ref().map(|compared| judged::Against {
+        source: args.against.as_deref().map(named),
+        equal: compared.is_equal(),
+        leaf_triangles: compared.leaf_triangles,
+        source_triangles: compared.source_triangles,
+        copies_left_out: compared.copies,
+        small_components_left_out: compared.small_components,
+        small_component_triangles_left_out: compared.small_component_triangles,
+    });
+    let cuts = findings.cuts.as_ref().map(|cuts| judged::Cuts {
+        count: cuts.count,
+        seed: cuts.seed,
+        triangles: cuts.triangles,
+        fault_count: cuts.fault_count,
+    });
+    judged::Verify {
+        schema: "chpm-verify/1",
+        file: named(&args.file),
+        sound: findings.fault_count == 0,
+        fault_count: findings.fault_count,
+        faults: findings.faults.clone(),
+        clusters: findings.checked.as_ref().map(|report| report.good_pages),
+        triangles: findings.checked.as_ref().map(|report| report.triangles),
+        trimmed: findings.trimmed,
+        same_as: args.same_as.as_deref().map(named),
+        against,
+        errors: findings.errors.as_ref().map(|errors| certified::as_json(errors, findings.origin)),
+        cuts,
     }
-    json!({
-        "schema": "chpm-verify/1",
-        "file": display(&args.file),
-        "sound": findings.fault_count == 0,
-        "fault_count": findings.fault_count,
-        "faults": findings.faults,
-        "clusters": findings.checked.as_ref().map(|report| report.good_pages),
-        "triangles": findings.checked.as_ref().map(|report| report.triangles),
-        "trimmed": findings.trimmed,
-        "same_as": args.same_as.as_deref().map(display),
-        "against": findings.compared.as_ref().map(|compared| json!({
-            "source": args.against.as_deref().map(display),
-            "equal": compared.is_equal(),
-            "leaf_triangles": compared.leaf_triangles,
-            "source_triangles": compared.source_triangles,
-            "copies_left_out": compared.copies,
-            "small_components_left_out": compared.small_components,
-            "small_component_triangles_left_out": compared.small_component_triangles,
-        })),
-        "errors": findings.errors.as_ref().map(|errors| certified::as_json(errors, findings.origin)),
-        "cuts": findings.cuts.as_ref().map(|cuts| json!({
-            "count": cuts.count,
-            "seed": cuts.seed,
-            "triangles": cuts.triangles,
-            "fault_count": cuts.fault_count,
-        })),
-    })
 }

@@ -1,8 +1,9 @@
 //! `chpm walk`: the incremental selection along a camera path, measured frame by frame.
 
-#[cfg(feature = "viewer")]
 use super::stdout;
 use super::{Verdict, open, reading};
+#[cfg(feature = "viewer")]
+use crate::json::{self, seen};
 use crate::memory;
 use crate::number;
 use crate::output::{self, Output, TellArgs};
@@ -18,7 +19,6 @@ use chpm_format::{Chpm, FormatError, PageBuf};
 use chpm_mesh::{Bytes, ClusterId, Counted};
 use chpm_refine::{ActiveList, Changes, Front, Hierarchy, Pager, PmCursor, View, is_visible};
 use rayon::prelude::*;
-use serde_json::{Map, Value, json};
 use std::collections::VecDeque;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -150,7 +150,7 @@ fn follow(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> 
         write_csv(&frames, csv)?;
     }
     if args.tell.json {
-        writeln!(out, "{:#}", as_json(&frames, args))?;
+        json::print(&summary(&frames, args), &mut out)?;
     } else {
         print(&frames, &mut out)?;
     }
@@ -407,18 +407,17 @@ fn print(frames: &[Frame], out: &mut impl Write) -> Result<()> {
     Ok(())
 }
 
-fn as_json(frames: &[Frame], args: &Args) -> Value {
-    let summary = COLUMNS.iter().map(|(name, value)| {
+fn summary(frames: &[Frame], args: &Args) -> seen::Walk {
+    let spread = |value: &fn(&Frame) -> f64| {
         let [median, p95, most] = [0.5, 0.95, 1.0].map(|q| quantile(frames, q, *value));
-        let total: f64 = frames.iter().map(value).sum();
-        ((*name).to_owned(), json!({ "median": median, "p95": p95, "most": most, "total": total }))
-    });
-    json!({
-        "schema": "chpm-walk/1",
-        "frames": frames.len(),
-        "poe": args.poe,
-        "summary": Value::Object(summary.collect::<Map<_, _>>()),
-    })
+        seen::Spread { median, p95, most, total: frames.iter().map(value).sum() }
+    };
+    seen::Walk {
+        schema: "chpm-walk/1",
+        frames: frames.len(),
+        poe: args.poe,
+        summary: COLUMNS.iter().map(|(name, value)| (*name, spread(value))).collect(),
+    }
 }
 
 #[cfg(test)]

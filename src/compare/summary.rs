@@ -1,6 +1,6 @@
 //! Distances of all vertices, summed up.
 
-use serde_json::{Value, json};
+use crate::json::near;
 
 /// Statistics of a set of distances.
 #[derive(Clone, PartialEq, Debug)]
@@ -51,14 +51,15 @@ impl Pass {
         if all == 0 { 1.0 } else { self.within as f64 / all as f64 }
     }
 
-    pub(crate) fn json(&self) -> Value {
-        json!({
-            "tolerance": self.tolerance,
-            "share": self.share(),
-            "within": self.within,
-            "beyond": self.beyond,
-            "undecided": self.undecided,
-        })
+    /// The same for programs.
+    pub(crate) fn json(&self) -> near::Pass {
+        near::Pass {
+            tolerance: self.tolerance,
+            share: self.share(),
+            within: self.within,
+            beyond: self.beyond,
+            undecided: self.undecided,
+        }
     }
 }
 
@@ -118,20 +119,21 @@ impl Summary {
         8.0 * f64::EPSILON * self.min.abs().max(self.max.abs())
     }
 
-    pub(crate) fn json(&self) -> Value {
-        let [p50, p90, p95, p99, p999] = self.percentiles;
-        json!({
-            "vertices": self.count,
-            "min": self.min,
-            "max": self.max,
-            "mean": self.mean,
-            "rms": self.rms,
-            "percentiles": { "p50": p50, "p90": p90, "p95": p95, "p99": p99, "p99_9": p999 },
-            "range": self.range,
-            "histogram": self.bins,
-            "below": self.outside[0],
-            "above": self.outside[1],
-        })
+    /// The same for programs.
+    pub(crate) fn json(&self) -> near::CompareSummary {
+        let [p50, p90, p95, p99, p99_9] = self.percentiles;
+        near::CompareSummary {
+            vertices: self.count,
+            min: self.min,
+            max: self.max,
+            mean: self.mean,
+            rms: self.rms,
+            percentiles: near::Percentiles { p50, p90, p95, p99, p99_9 },
+            range: self.range,
+            histogram: self.bins.clone(),
+            below: self.outside[0],
+            above: self.outside[1],
+        }
     }
 }
 

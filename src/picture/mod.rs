@@ -6,6 +6,7 @@ pub(crate) mod sheet;
 pub(crate) mod sketch;
 pub(crate) mod walk;
 
+use crate::json::seen;
 use crate::number;
 use crate::output::Output;
 use anyhow::Result;
@@ -13,7 +14,6 @@ use chpm_mesh::Bytes;
 use chpm_refine::{Camera, Side, Up};
 use chpm_viewer::{AdapterChoice, Budgets, Clip, Coloring, Gpu, Image, Look, Place, Shading, Stats, Viewer};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -181,9 +181,9 @@ fn rgb(text: &str) -> Result<[f32; 3], String> {
 }
 
 /// A camera, for programs.
-pub(crate) fn camera_as_json(camera: &Camera) -> Value {
-    let Camera { position, target, up, fov, .. } = camera;
-    json!({ "position": position, "target": target, "up": up, "fov": fov })
+pub(crate) fn camera_as_json(camera: &Camera) -> seen::Camera {
+    let Camera { position, target, up, fov, .. } = *camera;
+    seen::Camera { position, target, up, fov }
 }
 
 /// Writes a PNG, which appears when it is published.
@@ -195,40 +195,39 @@ pub(crate) fn write_png(image: &Image, file: Output) -> Result<Output> {
 }
 
 /// Statistics of a frame, for programs.
-pub(crate) fn as_json(stats: &Stats) -> Value {
-    fn ms(time: std::time::Duration) -> f64 {
-        1e3 * time.as_secs_f64()
-    }
+pub(crate) fn as_json(stats: &Stats) -> seen::Frame {
+    let ms = |time: std::time::Duration| 1e3 * time.as_secs_f64();
     let times = &stats.times;
-    json!({
-        "poe": stats.poe,
-        "triangles": stats.triangles,
-        "clusters_active": stats.clusters_active,
-        "clusters_drawn": stats.clusters_drawn,
-        "frustum_culled": stats.frustum_culled,
-        "occluded": stats.occluded,
-        "newly_visible": stats.newly_visible,
-        "tested": stats.tested,
-        "splits": stats.splits,
-        "collapses": stats.collapses,
-        "pm_steps": stats.pm_steps,
-        "withheld": stats.withheld,
-        "resident_bytes": stats.resident_bytes,
-        "gpu_bytes": stats.gpu_bytes,
-        "uploaded_bytes": stats.uploaded_bytes,
-        "requested_bytes": stats.requested_bytes,
-        "stalls": stats.stalls,
-        "rounds": stats.rounds,
-        "milliseconds": {
-            "refine": ms(times.refine),
-            "pm": ms(times.pm),
-            "upload": ms(times.upload),
-            "occlusion": ms(times.occlusion),
-            "draw": ms(times.draw),
-            "stall": ms(times.stall),
-            "total": ms(times.total),
-        },
-    })
+    let parts = [
+        ("refine", times.refine),
+        ("pm", times.pm),
+        ("upload", times.upload),
+        ("occlusion", times.occlusion),
+        ("draw", times.draw),
+        ("stall", times.stall),
+        ("total", times.total),
+    ];
+    seen::Frame {
+        poe: stats.poe,
+        triangles: stats.triangles,
+        clusters_active: stats.clusters_active,
+        clusters_drawn: stats.clusters_drawn,
+        frustum_culled: stats.frustum_culled,
+        occluded: stats.occluded,
+        newly_visible: stats.newly_visible,
+        tested: stats.tested,
+        splits: stats.splits,
+        collapses: stats.collapses,
+        pm_steps: stats.pm_steps,
+        withheld: stats.withheld,
+        resident_bytes: stats.resident_bytes,
+        gpu_bytes: stats.gpu_bytes,
+        uploaded_bytes: stats.uploaded_bytes,
+        requested_bytes: stats.requested_bytes,
+        stalls: stats.stalls,
+        rounds: stats.rounds,
+        milliseconds: parts.into_iter().map(|(name, time)| (name.to_owned(), ms(time).into())).collect(),
+    }
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::DeviceArgs;
 use super::walk::Walk;
 use crate::cmd::Verdict;
+use crate::json::{self, seen};
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop;
@@ -11,7 +12,6 @@ use chpm_build::Cancel;
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::Camera;
 use chpm_viewer::{Accuracy, FrameRequest, IdImage, Viewer, headless};
-use serde_json::json;
 use std::io::Write;
 
 /// The two that are compared: each goes along the whole path, so that what is known of visibility is as old as it would be in a window.
@@ -84,18 +84,17 @@ fn different(a: &IdImage, b: &IdImage) -> u64 {
 fn report(walk: &Walk<'_>, proof: &Proof, adapter: &str, out: &mut impl Write) -> Result<()> {
     let frames = walk.path.cameras.len() as u64;
     if walk.json {
-        let proof = json!({
-            "schema": "chpm-walk-prove/1",
-            "frames": frames,
-            "pixels": proof.pixels,
-            "different": proof.different,
-            "first_different_frame": proof.first,
-            "occluded": proof.hidden,
-            "frustum_culled": proof.outside,
-            "adapter": adapter,
-        });
-        writeln!(out, "{proof:#}")?;
-        return Ok(());
+        let proof = seen::WalkProve {
+            schema: "chpm-walk-prove/1",
+            frames,
+            pixels: proof.pixels,
+            different: proof.different,
+            first_different_frame: proof.first,
+            occluded: proof.hidden,
+            frustum_culled: proof.outside,
+            adapter: adapter.to_owned(),
+        };
+        return json::print(&proof, out);
     }
     writeln!(
         out,

@@ -1,6 +1,7 @@
 //! A camera path in pictures: each frame drawn with and without occlusion culling, and what it took.
 
 use super::{DeviceArgs, LookArgs, plot, write_png};
+use crate::json::{self, seen};
 use crate::output::{self, Output};
 use crate::progress::Meter;
 use crate::report::{count, table};
@@ -10,7 +11,6 @@ use chpm_build::Cancel;
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::CameraPath;
 use chpm_viewer::{Accuracy, FrameRequest, Image, Stats, Viewer, headless};
-use serde_json::{Map, Value, json};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -194,7 +194,7 @@ pub(crate) fn run(walk: &Walk<'_>, args: &RenderArgs, cancel: &Cancel) -> Result
         plot.publish()?;
     }
     if walk.json {
-        writeln!(out, "{:#}", as_json(&runs, walk, &adapter))?;
+        json::print(&as_json(&runs, walk, &adapter), &mut out)?;
     } else {
         print(&runs, &adapter, &mut out)?;
     }
@@ -306,19 +306,19 @@ fn print(runs: &[Run], adapter: &str, out: &mut impl Write) -> Result<()> {
     Ok(())
 }
 
-fn as_json(runs: &[Run], walk: &Walk<'_>, adapter: &str) -> Value {
-    fn run(run: &Run) -> Value {
-        let means = COLUMNS.iter().map(|(name, value)| ((*name).to_owned(), json!(run.mean(*value))));
-        json!({ "culling": run.culling, "fps": run.rate(), "mean": Value::Object(means.collect::<Map<_, _>>()) })
+fn as_json(runs: &[Run], walk: &Walk<'_>, adapter: &str) -> seen::WalkRender {
+    let run = |run: &Run| {
+        let means = COLUMNS.iter().map(|(name, value)| ((*name).to_owned(), run.mean(*value).into()));
+        seen::Run { culling: run.culling, fps: run.rate(), mean: means.collect() }
+    };
+    seen::WalkRender {
+        schema: "chpm-walk-render/1",
+        frames: walk.path.cameras.len(),
+        viewport: walk.viewport,
+        poe: walk.poe,
+        adapter: adapter.to_owned(),
+        runs: runs.iter().map(run).collect(),
     }
-    json!({
-        "schema": "chpm-walk-render/1",
-        "frames": walk.path.cameras.len(),
-        "viewport": walk.viewport,
-        "poe": walk.poe,
-        "adapter": adapter,
-        "runs": runs.iter().map(run).collect::<Vec<_>>(),
-    })
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ pub(crate) use relate::{RelateArgs, place};
 use crate::args::MemorySize;
 use crate::batch::inputs;
 use crate::cmd::{build, open, reading, temporary};
+use crate::json::{named, near};
 use crate::memory;
 use crate::progress::{Meter, line};
 use crate::stop::{self, Stop};
@@ -22,7 +23,6 @@ use chpm_format::Chpm;
 use chpm_mesh::Bytes;
 use chpm_proximity::{Answer, End, Front, Model, Pose, Question, Reads, follow};
 use rayon::prelude::*;
-use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -74,13 +74,14 @@ impl Opened {
         self.file.header().aabb().diagonal()
     }
 
-    pub(crate) fn json(&self) -> Value {
-        json!({
-            "path": self.path.display().to_string(),
-            "triangles": self.file.header().source_triangle_count,
-            "bytes": self.file.header().file_len,
-            "diagonal": self.diagonal(),
-        })
+    /// What it is, for programs.
+    pub(crate) fn json(&self) -> near::Model {
+        near::Model {
+            path: named(&self.path),
+            triangles: self.file.header().source_triangle_count,
+            bytes: self.file.header().file_len,
+            diagonal: self.diagonal(),
+        }
     }
 }
 
@@ -199,20 +200,20 @@ pub(crate) fn ended(end: End) -> &'static str {
 }
 
 /// An answer for programs.
-pub(crate) fn answer_json(answer: &Answer) -> Value {
+pub(crate) fn answer_json(answer: &Answer) -> near::Answer {
     let Answer { lower, upper, closest_points, end, reads, pairs, rounding, .. } = answer;
-    json!({
-        "least": lower,
-        "most": upper.is_finite().then_some(upper),
-        "ended": ended(*end),
-        "rounding": rounding,
-        "points": closest_points.map(|w| w.points),
-        "point_errors": closest_points.map(|w| w.errors),
-        "levels": closest_points.map(|w| w.levels),
-        "clusters": closest_points.map(|w| w.clusters.map(|cluster| cluster.0)),
-        "triangles": closest_points.map(|w| w.triangles),
-        "pages": reads.map(|read| read.pages),
-        "page_bytes": reads.map(|read| read.bytes.0),
-        "pairs": pairs,
-    })
+    near::Answer {
+        least: *lower,
+        most: upper.is_finite().then_some(*upper),
+        ended: ended(*end),
+        rounding: *rounding,
+        points: closest_points.map(|w| w.points),
+        point_errors: closest_points.map(|w| w.errors),
+        levels: closest_points.map(|w| w.levels),
+        clusters: closest_points.map(|w| w.clusters.map(|cluster| cluster.0)),
+        triangles: closest_points.map(|w| w.triangles),
+        pages: reads.map(|read| read.pages),
+        page_bytes: reads.map(|read| read.bytes.0),
+        pairs: *pairs,
+    }
 }

@@ -28,6 +28,20 @@ fn a_patch_is_simplified() {
 }
 
 #[test]
+fn a_mesh_is_built_and_selected_from() {
+    let Some(example) = example("build_and_select") else { return };
+    let folder = Folder::new();
+    folder.chpm("synth sphere --triangles 20000 -o scan.ply").success();
+    let mut command = Command::new(example);
+    command.arg(folder.path("scan.ply"));
+
+    let text = told(command);
+    let (triangles, distance) = text.trim().split_once(" triangles, within ").expect("both numbers");
+    assert!(triangles.parse::<usize>().expect("a number") < 20_000, "{text}");
+    assert!(distance.parse::<f64>().expect("a number") <= 0.1, "{text}");
+}
+
+#[test]
 fn the_smallest_file_is_one() {
     let Some(example) = example("smallest_file") else { return };
     let folder = Folder::new();

@@ -27,6 +27,19 @@ pub(crate) fn skipped(why: impl Display) {
     }
 }
 
+/// A shell in the folder that finds `chpm`.
+pub(crate) fn shell(folder: &Folder, line: &str) -> process::Output {
+    let path = format!(
+        "{}:{}",
+        Path::new(CHPM).parent().expect("a folder").display(),
+        std::env::var("PATH").unwrap_or_default()
+    );
+    let mut command = process::Command::new("sh");
+    // Where none is named, a terminal shows no bars.
+    command.current_dir(folder.path("")).env("PATH", path).env("TERM", "xterm").args(["-c", line]);
+    command.output().expect("a shell")
+}
+
 /// A folder that is removed at the end, and the command run in it.
 pub(crate) struct Folder(TempDir);
 

@@ -31,6 +31,13 @@ fn collect(value: &Value, at: &str, known: &BTreeSet<String>, found: &mut BTreeS
             entries.keys().for_each(|key| assert_snake_case(key));
             found.insert(format!("{at}.*"));
         }
+        Value::Object(entries) if known.iter().any(|key| key.starts_with(&format!("{at}.*."))) => {
+            found.extend(known.get(at).cloned());
+            for (key, value) in entries {
+                assert_snake_case(key);
+                collect(value, &format!("{at}.*"), known, found);
+            }
+        }
         Value::Object(entries) => {
             // An object that may be absent has a row of its own.
             found.extend(known.get(at).cloned());
@@ -39,6 +46,10 @@ fn collect(value: &Value, at: &str, known: &BTreeSet<String>, found: &mut BTreeS
                 let key = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
                 collect(value, &key, known, found);
             }
+        }
+        // A list without entries is there, too.
+        Value::Array(entries) if entries.is_empty() && known.contains(&format!("{at}[]")) => {
+            found.insert(format!("{at}[]"));
         }
         Value::Array(entries) if !known.contains(at) => {
             entries.iter().for_each(|entry| collect(entry, &format!("{at}[]"), known, found));

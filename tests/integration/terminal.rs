@@ -1,37 +1,21 @@
 //! The command line as people meet it: examples, completions, manual pages, a terminal's width, colours, slips of the finger.
 
-use super::harness::{CHPM, Folder, root, text};
+use super::harness::{Folder, root, shell, text};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
 use std::process::Command;
 
 /// The verbs that the command itself names.
 fn verbs(folder: &Folder) -> Vec<String> {
     let help = folder.stdout("--help");
-    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1);
-    let listed = listed
-        .take_while(|line| !line.is_empty())
-        .filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let listed = help.lines().take_while(|line| *line != "Options:");
+    let listed = listed.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     listed
         .filter_map(|line| line.split_whitespace().next())
         .filter(|verb| *verb != "help")
         .map(str::to_owned)
         .collect()
-}
-
-/// A shell in the folder that finds `chpm`.
-fn shell(folder: &Folder, line: &str) -> std::process::Output {
-    let path = format!(
-        "{}:{}",
-        Path::new(CHPM).parent().expect("a folder").display(),
-        std::env::var("PATH").unwrap_or_default()
-    );
-    let mut command = Command::new("sh");
-    // Where none is named, a terminal shows no bars.
-    command.current_dir(folder.path("")).env("PATH", path).env("TERM", "xterm").args(["-c", line]);
-    command.output().expect("a shell")
 }
 
 /// What the examples are about.
@@ -206,15 +190,12 @@ fn a_build_tells_how_far_it_is_on_a_terminal() {
 }
 
 #[test]
-fn the_readme_gets_to_a_picture_in_three_commands() {
+fn the_readme_gets_to_a_picture_in_two_commands() {
     let readme = fs::read_to_string(root().join("README.md")).expect("the page");
-    let (start, _) = readme.split_once("The method is").expect("the beginning");
-    let commands = start.lines().filter(|line| line.starts_with("cargo run --release -- "));
-    let commands: Vec<&str> = commands.collect();
-    assert!((1..=3).contains(&commands.len()), "{commands:?}");
-    assert!(
-        commands.iter().any(|line| line.contains("-- build scan.ply")) && start.contains("-- view scan.chpm")
-    );
+    let (start, _) = readme.split_once("## What it does").expect("the beginning");
+    let commands = start.lines().filter(|line| line.starts_with("cargo run --profile quick -- "));
+    assert_eq!(commands.count(), 2, "{start}");
+    assert!(start.contains("-- build scan.ply") && start.contains("-- view scan.chpm"));
 }
 
 #[test]

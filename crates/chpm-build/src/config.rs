@@ -180,7 +180,7 @@ impl FromStr for Positions {
         fn bits(text: &str) -> Option<u8> {
             text.parse().ok().filter(|bits| Positions::BITS.contains(bits))
         }
-        match text.strip_prefix("lattice:") {
+        match text.strip_prefix("lattice:").or_else(|| text.strip_prefix("quantized:")) {
             None if text == "exact" => Some(Positions::Exact),
             None => None,
             Some(text) => bits(text).map(Positions::Lattice),
@@ -279,6 +279,7 @@ mod tests {
         for text in ["exact", "lattice:8", "lattice:24"] {
             assert_eq!(text.parse::<Positions>().map(|positions| positions.to_string()), Ok(text.to_owned()));
         }
+        assert_eq!("quantized:16".parse(), Ok(Positions::Lattice(16)));
         for bad in ["", "lattice", "lattice:", "lattice:7", "lattice:25", "lattice:-8", "lattice:16 ", "16"] {
             assert_eq!(bad.parse::<Positions>(), Err(PositionsError { got: bad.to_owned() }));
         }

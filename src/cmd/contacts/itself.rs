@@ -1,6 +1,7 @@
 //! Where a model meets itself.
 
 use super::Args;
+use crate::json::{self, near};
 use crate::memory;
 use crate::output::Output;
 use crate::proximity::{AskArgs, GROUP, Opened};
@@ -8,7 +9,6 @@ use crate::stop::{self, Stop};
 use anyhow::{Context, Result, bail};
 use chpm_mesh::{Bytes, Counted};
 use chpm_proximity::{Crossing, Model, Reads, crossings};
-use serde_json::json;
 use std::io::Write;
 
 pub(super) fn within_itself(
@@ -51,13 +51,8 @@ pub(super) fn within_itself(
         Ok(complete)
     })?;
     if args.ask.tell.json {
-        let value = json!({
-            "schema": "chpm-contacts-self/1",
-            "file": model.json(),
-            "complete": complete,
-            "pairs": pairs,
-        });
-        writeln!(out, "{value:#}")?;
+        let file = model.json();
+        json::print(&near::ContactsSelf { schema: "chpm-contacts-self/1", file, complete, pairs }, out)?;
     } else {
         let name = model.path.display();
         let found = Counted(pairs, "pair of triangles");

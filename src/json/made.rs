@@ -1,0 +1,192 @@
+//! Documents about what was written.
+
+use serde::Serialize;
+
+/// A mesh file.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Mesh {
+    /// The mesh file
+    pub(crate) output: String,
+    /// `PLY`, `STL`, `OBJ` or `GLB`
+    pub(crate) format: &'static str,
+    /// Triangles of the mesh
+    pub(crate) triangles: u64,
+    /// How many of them have the same three vertices as another one of the same cluster before them: the two sides of what was pressed flat
+    pub(crate) coincident: u64,
+    /// Its vertices; of an STL, those that the triangles would share
+    pub(crate) vertices: u32,
+    /// No point of the mesh is farther from the source
+    pub(crate) error: f32,
+    /// And no point of the source from the mesh, what has vanished included: both ways, proven
+    pub(crate) distance: f32,
+    /// Origin of the mesh file's coordinates: x, y, z in its axes; `null` where they are the model's
+    pub(crate) origin: Option<[f64; 3]>,
+    /// The file beside it that tells that; `null` without `--local-origin`
+    pub(crate) origin_file: Option<String>,
+    /// With `--up`: the axis of the mesh file that points up, `y` or `z`
+    pub(crate) up: Option<&'static str>,
+}
+
+/// `chpm extract --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Extract {
+    /// `chpm-extract/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// Clusters that the mesh is of
+    pub(crate) clusters: usize,
+    /// Whether the file has what was asked for
+    pub(crate) satisfied: bool,
+    /// Remarks on what was done otherwise or is less than was asked for
+    pub(crate) warnings: Vec<String>,
+    #[serde(flatten)]
+    pub(crate) mesh: Mesh,
+}
+
+/// `chpm simplify --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Simplify {
+    /// `chpm-simplify/1`
+    pub(crate) schema: &'static str,
+    /// The source as it was named
+    pub(crate) source: String,
+    /// Its triangles
+    pub(crate) source_triangles: u64,
+    /// Diagonal of the box around it
+    pub(crate) diagonal: f64,
+    /// Unit of `--unit`; `null` without
+    pub(crate) unit: Option<&'static str>,
+    /// As in `chpm-build/1`, and what was done otherwise
+    pub(crate) warnings: Vec<String>,
+    #[serde(flatten)]
+    pub(crate) mesh: Mesh,
+}
+
+/// `FILE.origin.json`, which `--local-origin` writes beside a mesh
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Origin {
+    /// `chpm-origin/1`
+    pub(crate) schema: &'static str,
+    /// Name of the mesh file
+    pub(crate) file: String,
+    /// To be added to its coordinates: x, y, z in its axes
+    pub(crate) origin: Option<[f64; 3]>,
+}
+
+/// `chpm export --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Export {
+    /// `chpm-export/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// The folder
+    pub(crate) output: String,
+    /// Files of the tileset
+    pub(crate) tilesets: u64,
+    /// Tiles
+    pub(crate) tiles: u64,
+    /// Triangles of all tiles
+    pub(crate) triangles: u64,
+    /// Bytes of all tiles
+    pub(crate) tile_bytes: u64,
+}
+
+/// `chpm share --json`
+#[cfg(feature = "web")]
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Share {
+    /// `chpm-share/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// The folder
+    pub(crate) output: String,
+    /// The model in it, for `chpm serve`
+    pub(crate) model: String,
+    /// Its length
+    pub(crate) model_bytes: u64,
+}
+
+/// `chpm report --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Report {
+    /// `chpm-report/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// The file of `--compare`; `null` without
+    pub(crate) compared_with: Option<String>,
+    /// The page
+    pub(crate) output: String,
+    /// Its length
+    pub(crate) bytes: usize,
+}
+
+/// `chpm bench --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Bench {
+    /// `chpm-bench/1`
+    pub(crate) schema: &'static str,
+    /// The source as it was named
+    pub(crate) source: String,
+    /// Its triangles
+    pub(crate) triangles: u64,
+    /// Diagonal of the box around it
+    pub(crate) diagonal: f64,
+    /// Processors and their model, in words
+    pub(crate) machine: String,
+    /// Timed runs of each contender
+    pub(crate) runs: u32,
+    /// Samples of each triangle when measured
+    pub(crate) samples_per_triangle: u32,
+    /// The contender that the others are compared with at equal deviation; `null` where none competes that can be
+    pub(crate) reference: Option<&'static str>,
+    pub(crate) contenders: Vec<Contender>,
+    /// Who does not compete and why
+    pub(crate) declined: Vec<String>,
+}
+
+/// A contender of a bench.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Contender {
+    /// Its name
+    pub(crate) name: &'static str,
+    /// In words
+    pub(crate) settings: &'static str,
+    /// Median of the runs
+    pub(crate) seconds: f64,
+    /// Triangles of the source, by `seconds`
+    pub(crate) triangles_per_second: f64,
+    /// Median of the most memory of its processes
+    pub(crate) peak_resident_bytes: u64,
+    /// Bytes that it leaves
+    pub(crate) output_bytes: u64,
+    pub(crate) meshes: Vec<BenchMesh>,
+}
+
+/// A mesh of a contender.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct BenchMesh {
+    /// Of the source's triangles, the mesh may have at most one for so many
+    pub(crate) divisor: u64,
+    /// Its triangles
+    pub(crate) triangles: u64,
+    /// Measured deviation, root mean square
+    pub(crate) rms: f64,
+    /// The largest
+    pub(crate) max: f64,
+    /// Triangles by those of the reference at the same `rms`; `null` where that has none
+    pub(crate) triangles_by_reference: Option<f64>,
+}

@@ -1,0 +1,26 @@
+//! Results for programs: a type for each document that `--json` prints. `JSON.md` is made of these types and their comments.
+//!
+//! Within a version of a schema keys are never renamed, removed or given another meaning or unit; new ones may come.
+
+pub(crate) mod file;
+pub(crate) mod judged;
+pub(crate) mod made;
+pub(crate) mod near;
+#[cfg(test)]
+mod page;
+pub(crate) mod seen;
+
+use anyhow::Result;
+use serde::Serialize;
+use std::io::Write;
+use std::path::Path;
+
+/// Prints a document, its keys in alphabetical order.
+pub(crate) fn print(document: &impl Serialize, out: &mut (impl Write + ?Sized)) -> Result<()> {
+    Ok(writeln!(out, "{:#}", serde_json::to_value(document)?)?)
+}
+
+/// A path as it was named.
+pub(crate) fn named(path: &Path) -> String {
+    path.display().to_string()
+}
