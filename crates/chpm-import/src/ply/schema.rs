@@ -101,11 +101,11 @@ pub(super) struct Schema {
 impl Schema {
     /// The named scalars that are delivered.
     pub(super) fn scalars(&self) -> &[Scalar] {
-        let plans = self.roles.iter().filter_map(|role| match role {
+        let mut plans = self.roles.iter().filter_map(|role| match role {
             Role::Vertices(plan) => Some(&plan.scalars.scalars[..]),
             _ => None,
         });
-        plans.last().unwrap_or_default()
+        plans.next_back().unwrap_or_default()
     }
 
     pub(super) fn new(header: &Header, options: &Options) -> Result<Self, PlyError> {

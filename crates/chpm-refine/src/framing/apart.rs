@@ -132,7 +132,7 @@ fn parts(points: &[Point3<f64>], triangles: &[[u32; 3]]) -> Vec<Part> {
     parts
 }
 
-fn find(leaders: &mut Vec<u32>, mut point: u32) -> u32 {
+fn find(leaders: &mut [u32], mut point: u32) -> u32 {
     while leaders[point as usize] != point {
         let above = leaders[leaders[point as usize] as usize];
         leaders[point as usize] = above;

@@ -244,7 +244,7 @@ impl Model {
             {
                 self.arena.turn(gpu, *cluster, (&block, turned));
             }
-            if !self.arena.get(*cluster).is_some_and(|resident| resident.position().vertices == *vertices)
+            if self.arena.get(*cluster).is_none_or(|resident| resident.position().vertices != *vertices)
                 && let Some(page) = self.scene.page(*cluster)
             {
                 self.arena.move_to(gpu, *cluster, &page.page().progressive_mesh(), *vertices);
