@@ -93,13 +93,15 @@ fn make(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
+/// How far along a direction a point lies.
+fn along(point: &[f32; 3], sight: &[f64; 3]) -> f64 {
+    (0..3).map(|axis| f64::from(point[axis]) * sight[axis]).sum()
+}
+
 /// The base vertex of the roots that is nearest to who looks at the model.
 fn nearest(file: &Chpm<MappedFile>, portrait: &Portrait) -> Result<[f64; 3]> {
-    let (frame, sight) = (portrait.frame(), portrait.stance().sight());
+    let (frame, sight) = (portrait.frame(), portrait.stance().sight().into());
     let is_framed = |p: &[f32; 3]| (0..3).all(|axis| (frame.min[axis]..=frame.max[axis]).contains(&p[axis]));
-    fn along(p: &[f32; 3], sight: &nalgebra::Vector3<f64>) -> f64 {
-        (0..3).map(|axis| f64::from(p[axis]) * sight[axis]).sum::<f64>()
-    }
     let mut nearest = None;
     for root in file.roots() {
         let page = file.page(root)?;
