@@ -14,7 +14,7 @@ use crate::cmd::{serve, share};
 use crate::number;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Layout, Length, Normals, Positions, Topology};
-use chpm_build::{BuildConfig, FailPoints, Keep, MIN_MEMORY, Resources, Settings};
+use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 pub(crate) use chpm_mesh::MemorySize;
@@ -181,12 +181,6 @@ pub(crate) struct SettingsArgs {
     positions: Positions,
 }
 
-/// Scalars that `--keep` names, or all of them.
-fn kept(names: &[String]) -> Keep {
-    let all = names.iter().any(|name| name == "all");
-    Keep { all, names: names.iter().filter(|name| *name != "all").cloned().collect() }
-}
-
 /// [`BoundaryMode`], as far as it can be built.
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum BoundaryArg {
@@ -347,7 +341,7 @@ pub(crate) fn build_config(
             seed: settings.seed,
             normals: if settings.no_normals { Normals::None } else { settings.normals.normals() },
             colors: !settings.no_colors,
-            scalars: kept(&settings.keep),
+            scalars: settings.keep.clone().into(),
             drop_invalid: settings.drop_invalid,
             layout: if settings.no_layout { Layout::Simplification } else { settings.order.layout() },
             packed: settings.pages == Pages::Packed,

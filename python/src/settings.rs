@@ -69,6 +69,11 @@ pub(crate) fn build_config(given: &Bound<'_, PyDict>) -> Result<BuildConfig, Fai
     Ok(BuildConfig { settings, resources, overwrite })
 }
 
+/// One name, or several.
+fn names(value: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    value.extract::<String>().map(|name| vec![name]).or_else(|_| value.extract())
+}
+
 fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
     let mut settings = Settings::default();
     if let Some(count) = given.take("cluster_triangles", |value| value.extract::<u32>())? {
@@ -101,6 +106,9 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
     }
     if let Some(colors) = given.take("colors", |value| value.extract::<bool>())? {
         settings.colors = colors;
+    }
+    if let Some(names) = given.take("keep", names)? {
+        settings.scalars = names.into();
     }
     settings.drop_invalid = given.is_set("drop_invalid")?;
     let orders = [

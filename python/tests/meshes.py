@@ -61,12 +61,13 @@ SOURCES = {"sphere": sphere, "looks": looks, "far": far, "dust": dust, "one": on
 TYPES = {"f4": "float", "f8": "double", "u1": "uchar"}
 
 
-def write(path: Path, points, faces, normals, colors) -> None:
+def write(path: Path, points, faces, normals, colors, scalars=None) -> None:
     columns = [(name, points[:, axis]) for axis, name in enumerate("xyz")]
     if normals is not None:
         columns += [("n" + name, normals[:, axis]) for axis, name in enumerate("xyz")]
     if colors is not None:
         columns += [(name, colors[:, axis]) for axis, name in enumerate(["red", "green", "blue", "alpha"])]
+    columns += list((scalars or {}).items())
     vertices = np.empty(len(points), [(name, column.dtype.str) for name, column in columns])
     for name, column in columns:
         vertices[name] = column

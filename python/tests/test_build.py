@@ -50,6 +50,34 @@ def test_a_file_is_built_to_the_bytes_of_the_command(source, tmp_path, settings)
         assert out.read_bytes() == expected
 
 
+@pytest.mark.parametrize("pages", ["raw", "packed"])
+def test_scalars_that_are_kept_are_arrays(tmp_path, pages):
+    points, faces, _, _ = meshes.sphere()
+    rng = np.random.default_rng(5)
+    scalars = {"quality": rng.random(len(points), "f4"), "time": rng.random(len(points))}
+    path = tmp_path / "scan.ply"
+    meshes.write(path, points, faces, None, None, scalars)
+    of = {tuple(point): tuple(row) for point, *row in zip(points.tolist(), *(a.tolist() for a in scalars.values()))}
+
+    with chpm.build(path, keep="quality", force=True, pages=pages) as file:
+        assert list(file.scalars) == ["quality"]
+    with chpm.build(path, keep=["time", "quality"], force=True, pages=pages) as file:
+        assert list(file.scalars) == ["time", "quality"]
+        told = file.scalars["time"]
+        assert (told["type"], told["count"]) == ("double", len(points))
+        assert (told["low"], told["high"]) == (scalars["time"].min(), scalars["time"].max())
+        parts = [file.select(triangles=1000), file.select(level=0), next(iter(file.pages()))]
+        for part in parts:
+            got = part.scalars
+            assert (got["quality"].dtype, got["time"].dtype) == (np.float32, np.float64)
+            for point, quality, time_ in zip(part.vertices.tolist(), got["quality"].tolist(), got["time"].tolist()):
+                assert of[tuple(point)] == (quality, time_)
+    with pytest.raises(ValueError, match="height"):
+        chpm.build(path, keep="height", force=True)
+    with pytest.raises(ValueError, match="keep"):
+        chpm.build(path, keep=3, force=True)
+
+
 def test_arrays_are_built_as_a_file_of_them_is(tmp_path):
     points, faces, normals, colors = meshes.looks()
     whole = points, faces, normals, colors

@@ -28,6 +28,15 @@ pub struct Keep {
     pub names: Vec<String>,
 }
 
+/// From names as users give them; `all` means all.
+impl From<Vec<String>> for Keep {
+    fn from(mut names: Vec<String>) -> Keep {
+        let all = names.iter().any(|name| name == "all");
+        names.retain(|name| name != "all");
+        Keep { all, names }
+    }
+}
+
 /// How to read.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Options {
