@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn what_is_said_to_be_enough_is_and_one_less_is_not() {
         for (threads, mib, source, work) in
-            [(1, 128, 0, 90), (2, 128, 40, 110), (0, 128, 9000, 600), (3, 1024, 0, 900)]
+            [(1, 128, 0, 99), (2, 128, 40, 110), (0, 128, 9000, 600), (3, 1024, 0, 1000)]
         {
             let resources = Resources { threads, memory: Bytes::mib(mib), ..Resources::default() };
             for stay in [false, true] {
