@@ -64,7 +64,7 @@ def test_scalars_that_are_kept_are_arrays(tmp_path, pages):
     with chpm.build(path, keep=["time", "quality"], force=True, pages=pages) as file:
         assert list(file.scalars) == ["time", "quality"]
         told = file.scalars["time"]
-        assert (told["type"], told["count"]) == ("double", len(points))
+        assert (told["type"], told["count"]) == ("float64", len(points))
         assert (told["low"], told["high"]) == (scalars["time"].min(), scalars["time"].max())
         parts = [file.select(triangles=1000), file.select(level=0), next(iter(file.pages()))]
         for part in parts:
