@@ -1,7 +1,7 @@
 //! Judges `.chpm` files: whether the leaves are the source's triangles, whether cuts have cracks, and how far meshes are from the source,
 //! sampled and proven.
 //!
-//! [`verify`] does what `chpm verify` does and [`measure`] what `chpm measure` does; the modules below are their parts. What is wrong with
+//! [`verify()`] does what `chpm verify` does and [`measure()`] what `chpm measure` does; the modules below are their parts. What is wrong with
 //! a file is a finding. Errors are reasons why it could not be judged.
 //!
 //! ```

@@ -5,7 +5,7 @@
 //! taken from, one of 65,536 sums; equal multisets leave only zeros. A second pass then looks only at a few
 //! sums that are not zero, and names the triangles that remain. Memory is the sums, besides the source's
 //! positions and triangles, which the store keeps in memory or on disk. Where the file tells that copies were left out, hashes are
-//! compared one by one instead ([`copies`]).
+//! compared one by one instead (`copies.rs`).
 //!
 //! The source is read by the same readers that files are built by, and polygons are cut by the same code. All that comes after is done
 //! anew: what a build lost between its readers and its leaves is missed here. The readers themselves are held against those of others
