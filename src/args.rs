@@ -184,9 +184,9 @@ pub(crate) struct SettingsArgs {
 /// [`BoundaryMode`], as far as it can be built.
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum BoundaryArg {
-    /// They stay until their clusters merge. Seams keep their detail, so coarse meshes have more triangles
+    /// They stay until their clusters merge. Borders keep their detail, so coarse meshes have more triangles
     Lock,
-    /// Neighbours that merge late form groups and simplify the seams between them together. Coarse meshes are smaller; a
+    /// Neighbours that merge late form groups and simplify the borders between them together. Coarse meshes are smaller; a
     /// group is refined as a whole
     Dependencies,
 }

@@ -31,7 +31,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     same_as: Option<PathBuf>,
     /// Draw N cuts and look for cracks, I7. Half of them are random legal cuts of every depth, half what random cameras
-    /// select. All seams of every cut are looked at, cluster by cluster and on all processors: both sides must have the same
+    /// select. All borders of every cut are looked at, cluster by cluster and on all processors: both sides must have the same
     /// vertices and edges. What is open, or lies at the same place, in the source is no crack
     #[arg(long, value_name = "N", value_parser = number::count(1..=u32::MAX))]
     cuts: Option<u32>,

@@ -162,7 +162,7 @@ fn with_wrong_errors(bytes: Vec<u8>, changed: &[usize]) -> Vec<u8> {
 }
 
 #[test]
-fn seams_that_differ_are_found_and_named() {
+fn borders_that_differ_are_found_and_named() {
     let folder = model("torus");
     folder.stdout("build in.ply -q --cluster-triangles 128");
     let bytes = folder.read("in.chpm");

@@ -80,7 +80,7 @@ fn what_the_source_has_itself_is_no_crack() {
     for (name, mesh) in odd_meshes() {
         let folder = Folder::new();
         folder.write_mesh("in.ply", &mesh);
-        // In one cluster, where there is no seam, and in many.
+        // In one cluster, where there is no border, and in many.
         for size in [16_384, 32] {
             folder.stdout(&format!("build in.ply -qf --cluster-triangles {size}"));
             let out = folder.stdout("verify in.chpm --cuts 40 -q");

@@ -43,7 +43,7 @@ test("what lies before the near plane counts as at it", () => {
 });
 
 /**
- * Clusters 0 to 2 are leaves, 3 merges 0 and 1, the root 4 merges 3 and 2. The leaves 1 and 2 are a group, whose seam collapses in both alike:
+ * Clusters 0 to 2 are leaves, 3 merges 0 and 1, the root 4 merges 3 and 2. The leaves 1 and 2 are a group, whose border collapses in both alike:
  * [level, least error, coarse, fine] of each group.
  */
 const GROUPS = [
@@ -75,9 +75,9 @@ function lopsided() {
 /** The bounds of a cut by cluster. */
 const told = (cut) => Object.fromEntries(cut.map(({ cluster, bound }) => [cluster, bound]));
 
-test("a group that is there in part is at its base mesh, as its seam is", async () => {
+test("a group that is there in part is at its base mesh, as its border is", async () => {
   const file = lopsided();
-  // The other member of 2's group is below 3, which stays: so the seam between 2 and 3 has not been refined.
+  // The other member of 2's group is below 3, which stays: so the border between 2 and 3 has not been refined.
   assert.deepEqual(told(await select(file, level(1))), { 2: Infinity, 3: 0 });
   assert.deepEqual(told(await select(file, uniform(1.5))), { 2: Infinity, 3: 1.5 });
   // All of a group at the bound of the rule.

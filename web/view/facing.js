@@ -111,7 +111,7 @@ export class Borders {
     }
     this.#learn(this.#above(page.cluster));
     const ids = page.ids();
-    if (ids.subarray(baseVertexCount).some((id) => id >= 0)) this.#learn({ seams: group });
+    if (ids.subarray(baseVertexCount).some((id) => id >= 0)) this.#learn({ groupBorders: group });
     const faces = [];
     const slots = ids.map((id, vertex) => (this.known.has(id) ? -1 : vertex));
     facesOf(page, slots, faces);
@@ -134,21 +134,21 @@ export class Borders {
     const name = JSON.stringify(together);
     if (this.done.has(name)) return true;
     const { file } = this;
-    const group = file.group(together.below ?? together.seams);
+    const group = file.group(together.below ?? together.groupBorders);
     if (group && !file.hasMembers(group)) return false;
     if (together.below !== undefined) {
       // What has collapsed in the group is there below it.
-      const before = [...file.coarse(group).map((id) => this.#above(file.cluster(id))), { seams: group.id }];
+      const before = [...file.coarse(group).map((id) => this.#above(file.cluster(id))), { groupBorders: group.id }];
       if (!before.every((above) => this.#learn(above))) return false;
     }
-    const clusters = together.roots ? this.roots : together.seams === undefined ? file.fine(group) : file.coarse(group);
+    const clusters = together.roots ? this.roots : together.groupBorders === undefined ? file.fine(group) : file.coarse(group);
     const pages = clusters.map((id) => this.pageOf(id));
     if (pages.some((page) => !page)) return false;
     const [faces, found] = [[], new Map()];
     for (const page of pages) {
       const slots = page.ids().map((id, vertex) => {
         const collapses = vertex >= page.cluster.baseVertexCount;
-        if (id < 0 || this.known.has(id) || collapses !== (together.seams !== undefined)) return -1;
+        if (id < 0 || this.known.has(id) || collapses !== (together.groupBorders !== undefined)) return -1;
         if (!found.has(id)) found.set(id, found.size);
         return found.get(id);
       });

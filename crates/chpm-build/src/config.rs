@@ -39,7 +39,7 @@ pub struct Settings {
     pub seed: u64,
     /// Share of a cluster's triangles that its base mesh keeps (Quick-VDR 4.3: half).
     pub keep: f64,
-    /// Whether shared vertices stay until their clusters merge, or clusters form dependency groups that simplify the seams
+    /// Whether shared vertices stay until their clusters merge, or clusters form dependency groups that simplify the group borders
     /// between them.
     pub boundary: BoundaryMode,
     /// Least number of vertices that dependent clusters share (Quick-VDR 4.4: 5).

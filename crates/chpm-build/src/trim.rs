@@ -2,7 +2,7 @@
 //!
 //! For an error-bound below the fine end, the file that is left draws what the whole one draws for the fine end, and the same for all
 //! others. At the fine end a group whose members' finest meshes keep to the bound needs nothing below it; groups without anything
-//! below start at their position for the bound, all members alike, since an error stands for the same seam collapses in all of
+//! below start at their position for the bound, all members alike, since an error stands for the same group border collapses in all of
 //! them. A cluster that cannot go with its siblings keeps that one position. At the coarse end nothing was built above
 //! groups whose base meshes exceed the bound, so these end at their position for it.
 

@@ -21,7 +21,7 @@ use crate::refusal::{Refusal, Refusals};
 use crate::vertex_flags::VertexFlags;
 use chpm_mesh::geom::round_up;
 
-/// Seams are halved so that the next level has less to lock, which is worth something but not any error: once half of what was
+/// Group borders are halved so that the next level has less to lock, which is worth something but not any error: once half of what was
 /// asked for is done, a collapse whose bound is so many times the error up to there is left to a level on which it is cheap.
 const STEEP: f64 = 4.0;
 
@@ -37,8 +37,8 @@ const HELD_BACK: f32 = 1e-6;
 enum Goal {
     /// At most so many triangles are left.
     Triangles(usize),
-    /// So many vertices of the seams have gone, and all others whose bound is at most `beyond`.
-    Seams { count: usize, beyond: f64 },
+    /// So many vertices of the group borders have gone, and all others whose bound is at most `beyond`.
+    GroupBorders { count: usize, beyond: f64 },
 }
 
 /// The kernel's scratch: give each thread its own and use it for cluster after cluster.
@@ -88,23 +88,23 @@ impl Decimator {
         self.decimate_after(patch, &[], target, min_error)
     }
 
-    /// The same after `seam` collapses that were decided elsewhere, on the mesh of a whole group: they are carried out
+    /// The same after `group_border` collapses that were decided elsewhere, on the mesh of a whole group: they are carried out
     /// without a test and come first in the order. The vertices that they take away have to be locked.
     pub fn decimate_after(
         &mut self,
         patch: &Patch<'_>,
-        seam: &[Collapse],
+        group_border: &[Collapse],
         target: usize,
         min_error: f32,
     ) -> Outcome<'_> {
         let mut run = Run::begin(self, Given { patch, sides: &[] }, min_error);
-        seam.iter().for_each(|collapse| run.repeat(collapse));
+        group_border.iter().for_each(|collapse| run.repeat(collapse));
         let stalled = run.until(Goal::Triangles(target));
         run.outcome(stalled)
     }
 
-    /// Collapses `count` vertices of the seams of a group of clusters, whose union the patch is; fewer if the last of them cost too
-    /// much, more if they cost next to nothing. `sides` has a bit for each member that has a vertex. A seam vertex has several and goes
+    /// Collapses `count` vertices of the borders inside a group of clusters, whose union the patch is; fewer if the last of them cost too
+    /// much, more if they cost next to nothing. `sides` has a bit for each member that has a vertex. A group border vertex has several and goes
     /// only to a vertex that all of its members have, so that each of them can carry out the same collapse.
     pub fn decimate_group_border(
         &mut self,
@@ -119,7 +119,7 @@ impl Decimator {
                 state.set(VertexFlags::FIXED);
             }
         }
-        let stalled = run.until(Goal::Seams { count, beyond: CATCH_UP * f64::from(min_error) });
+        let stalled = run.until(Goal::GroupBorders { count, beyond: CATCH_UP * f64::from(min_error) });
         run.outcome(stalled)
     }
 
@@ -265,13 +265,13 @@ impl<'a, 'd> Run<'a, 'd> {
     fn is_reached(&self, goal: Goal) -> bool {
         match goal {
             Goal::Triangles(target) => self.alive <= target,
-            Goal::Seams { count, .. } => self.all.collapses.len() >= count,
+            Goal::GroupBorders { count, .. } => self.all.collapses.len() >= count,
         }
     }
 
     /// Whether there may be something to do beyond the goal.
     fn may_catch_up(&self, goal: Goal) -> bool {
-        let Goal::Seams { beyond, .. } = goal else { return false };
+        let Goal::GroupBorders { beyond, .. } = goal else { return false };
         self.all.queue.next_cost() <= self.all.prices.of_bound(beyond)
     }
 
@@ -372,7 +372,7 @@ impl<'a, 'd> Run<'a, 'd> {
                 || (!self.given.sides.is_empty() && kind != OneRingKind::Broken);
             let Decimator { neighbors, mesh, one_ring, .. } = &mut *self.all;
             let Some(v) = neighbors.nearest(&self.given, mesh, one_ring) else { continue };
-            // What is flat and only held back by locks or a seam needs no force: on a higher level it will be free.
+            // What is flat and only held back by locks or a group border needs no force: on a higher level it will be free.
             if self.force(goal, v, held.then_some(least)) {
                 break;
             }
@@ -456,9 +456,9 @@ impl<'a, 'd> Run<'a, 'd> {
         self.state(u).set(VertexFlags::WAITING);
     }
 
-    /// Whether a collapse of a seam costs too much.
+    /// Whether a collapse of a group border costs too much.
     fn is_steep(&self, goal: Goal, bound: f64) -> bool {
-        let Goal::Seams { count, beyond } = goal else { return false };
+        let Goal::GroupBorders { count, beyond } = goal else { return false };
         if self.is_reached(goal) {
             return bound > beyond;
         }

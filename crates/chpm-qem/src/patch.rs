@@ -68,7 +68,7 @@ pub struct Outcome<'a> {
 #[derive(Clone, Copy)]
 pub(crate) struct Given<'a> {
     pub(crate) patch: &'a Patch<'a>,
-    /// Members that have a vertex, a bit each, while seams are decimated; else empty.
+    /// Members that have a vertex, a bit each, while group borders are decimated; else empty.
     pub(crate) sides: &'a [u8],
 }
 

@@ -154,7 +154,7 @@ impl Prices {
             out.extend_from_slice(&[0, 1, 2, 3].map(|lane| (costs[lane], vertices[lane]))[..count]);
         }
 
-        // Across a seam it goes only where all members can follow.
+        // Across a group border it goes only where all members can follow.
         if !given.sides.is_empty() {
             out.retain(|(_, v)| given.is_known_with(u, *v));
         }

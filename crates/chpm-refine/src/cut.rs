@@ -69,7 +69,7 @@ impl Cut {
 
     /// The finest meshes of all clusters up to `level` that no cluster up to `level` replaces. Level 0 is the finest mesh, a
     /// level at or above the top the roots. Where only some members of a group are replaced, the others are at their base meshes,
-    /// as the seams between them are.
+    /// as the group borders between them are.
     pub fn at_level<D: AsRef<[u8]>>(file: &Chpm<D>, level: Level) -> Self {
         let splits = Splits::wanted(file, &top_down(file), |_, group| group.level > level.0);
         Cut {

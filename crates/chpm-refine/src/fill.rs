@@ -1,15 +1,15 @@
 //! Refines a cut until a number of triangles is used up: the worst of it first, in steps as small as they need be.
 //!
 //! Steps smaller than an error-bound's are legal because collapses of vertices that no other cluster has can be undone in one cluster alone,
-//! as long as the seams of its group are as coarse as they get; then the seams follow, vertex by vertex in all members at once; and
+//! as long as the borders inside its group are as coarse as they get; then the group borders follow, vertex by vertex in all members at once; and
 //! then every member is at its finest mesh, which is what the fine clusters' base meshes are, so that a split costs nothing. Where a group
-//! is there in part, its seams stay coarse.
+//! is there in part, its group borders stay coarse.
 
 use crate::cut::{Cut, Member};
 use crate::error::RefineError;
+use crate::group_borders::GroupBorders;
 use crate::lod::Lod;
 use crate::profile::{Meshes, Profiles};
-use crate::seams::Seams;
 use crate::splits::Splits;
 use chpm_format::{Chpm, ClusterRecord, Page, PageBuf};
 use chpm_mesh::{ClusterId, GroupId};
@@ -47,8 +47,8 @@ struct Step {
 enum Unit {
     /// A cluster, by collapses that are its own.
     Own(ClusterId),
-    /// The seams of a group whose members have undone their own.
-    Seams(GroupId),
+    /// The borders inside a group whose members have undone their own.
+    GroupBorders(GroupId),
 }
 
 impl<'a, D, E, W, G> Fill<'a, D, W, G>
@@ -88,7 +88,7 @@ where
         {
             match step.unit.0 {
                 Unit::Own(cluster) => self.refine(cluster)?,
-                Unit::Seams(group) => self.refine_seams(group)?,
+                Unit::GroupBorders(group) => self.refine_group_borders(group)?,
             }
         }
         let positions = (0..).map(ClusterId).zip(self.positions).filter(|(_, vertices)| *vertices > 0);
@@ -102,7 +102,7 @@ where
             groups.insert(self.file.clusters()[cluster.index()].group());
             self.plan(cluster)?;
         }
-        groups.into_iter().try_for_each(|group| self.plan_seams(group))
+        groups.into_iter().try_for_each(|group| self.plan_group_borders(group))
     }
 
     fn vertices(&self, cluster: ClusterId) -> usize {
@@ -120,8 +120,8 @@ where
         Ok(())
     }
 
-    /// Queues the seams of a group if it is whole and its members have nothing else left.
-    fn plan_seams(&mut self, group: GroupId) -> Result<(), E> {
+    /// Queues the borders inside a group if it is whole and its members have nothing else left.
+    fn plan_group_borders(&mut self, group: GroupId) -> Result<(), E> {
         if !self.splits.is_whole(self.file, group) {
             return Ok(());
         }
@@ -133,7 +133,7 @@ where
                 return Ok(());
             }
             let record = &self.file.clusters()[cluster.index()];
-            worst = worst.max(step(record, n, &meshes, Unit::Seams(group), &self.weight));
+            worst = worst.max(step(record, n, &meshes, Unit::GroupBorders(group), &self.weight));
         }
         self.heap.extend(worst);
         Ok(())
@@ -155,17 +155,18 @@ where
         match reached {
             n if n < target => Ok(()),
             n if n < end => self.plan(cluster),
-            _ => self.plan_seams(record.group()),
+            _ => self.plan_group_borders(record.group()),
         }
     }
 
-    /// All seams of a group and its split, or as much as fits.
-    fn refine_seams(&mut self, group: GroupId) -> Result<(), E> {
+    /// All borders inside a group and its split, or as much as fits.
+    fn refine_group_borders(&mut self, group: GroupId) -> Result<(), E> {
         let file = self.file;
         let coarse = || file.coarse(group).iter().copied().map(ClusterId);
         let pages = coarse().map(|cluster| self.profiles.page(cluster)).collect::<Result<Vec<_>, E>>()?;
         let pages: Vec<_> = pages.iter().map(PageBuf::view).collect();
-        let mut seams = Seams::new(&pages, coarse().map(|cluster| self.vertices(cluster)).collect());
+        let mut group_borders =
+            GroupBorders::new(&pages, coarse().map(|cluster| self.vertices(cluster)).collect());
 
         let lod = &mut self.lod;
         let mut count = |positions: &[usize]| -> u64 {
@@ -173,12 +174,12 @@ where
             meshes.map(|(mesh, n)| lod.count(&mesh, *n) as u64).sum()
         };
 
-        let before = count(seams.positions(0));
-        let steps = seams.undo_all();
-        let mut added = |step| count(seams.positions(step)).saturating_sub(before);
+        let before = count(group_borders.positions(0));
+        let steps = group_borders.undo_all();
+        let mut added = |step| count(group_borders.positions(step)).saturating_sub(before);
         let (reached, used) = farthest(0, steps, self.rest, &mut added);
         self.rest -= used;
-        for (cluster, n) in coarse().zip(seams.positions(reached)) {
+        for (cluster, n) in coarse().zip(group_borders.positions(reached)) {
             self.positions[cluster.index()] = *n as u32;
         }
 

@@ -22,10 +22,10 @@
 //! 2. A shared vertex collapses in one group only (I7). In all clusters of that group that have it, it goes to the same place and at the
 //!    same error; clusters outside the group do not have it at that level or above.
 //! 3. All clusters of a group have one bound. So by 2 a shared vertex is there in all of the group's clusters, or gone in all of them.
-//! 4. Between clusters of two groups of one level the seam is the same in both, whatever their positions: by 2 neither group may collapse its vertices.
+//! 4. Between clusters of two groups of one level the border is the same in both, whatever their positions: by 2 neither group may collapse its vertices.
 //! 5. A group's finest meshes together are its fine clusters' base meshes (I4). So a cluster beside a group that is not split meets the same
-//!    seam as before the split, as long as it is at its base mesh; and that is where rule 3 keeps it.
-//! 6. By 3, 4 and 5, in every cut each seam is the same edges on both sides. That holds whatever the bounds are; nested spheres and errors
+//!    group border as before the split, as long as it is at its base mesh; and that is where rule 3 keeps it.
+//! 6. By 3, 4 and 5, in every cut each border is the same edges on both sides. That holds whatever the bounds are; nested spheres and errors
 //!    that grow (I6) only see to it that no split that a view asks for has to wait for another that it does not.
 //!
 //! The numbers I1 to I12 are those of the format. `chpm verify` checks them, and with `--cuts` the conclusion.
@@ -40,6 +40,7 @@ pub mod extract;
 mod fill;
 pub mod framing;
 pub mod front;
+mod group_borders;
 pub mod hierarchy;
 mod lod;
 pub mod pager;
@@ -48,7 +49,6 @@ mod profile;
 pub mod random;
 pub mod request;
 pub mod residency;
-mod seams;
 pub mod select;
 mod splits;
 mod steps;

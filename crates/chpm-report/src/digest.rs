@@ -7,7 +7,7 @@ use chpm_refine::{Cut, Member};
 
 /// Largest share of the triangles of the level below that still counts as halved.
 const HALVED: f64 = 0.6;
-/// Shared vertices among those of a level, from which on seams are a burden.
+/// Shared vertices among those of a level, from which on borders are a burden.
 const SHARED: f64 = 0.4;
 /// Components, from which on many of them may be dust.
 const DUST: u64 = 100;

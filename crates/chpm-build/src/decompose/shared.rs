@@ -1,6 +1,6 @@
 //! Shared vertices: those that two or more leaves use, with their users.
 //!
-//! Most of them lie along the seam of the same two leaves, so users are kept once for each set of leaves, an *interface*. Ids
+//! Most of them lie along the border of the same two leaves, so users are kept once for each set of leaves, an *interface*. Ids
 //! count border vertices first, which two regions have, and then the others, region by region and interface by interface.
 
 use super::leaf::{INNER, Leaf};

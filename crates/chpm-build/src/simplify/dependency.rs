@@ -1,8 +1,8 @@
-//! Cluster dependencies: which clusters of a level form a group that simplifies its seams together (Quick-VDR 4.4,
+//! Cluster dependencies: which clusters of a level form a group that simplifies its group borders together (Quick-VDR 4.4,
 //! Yoon 4.2.4).
 //!
-//! A pair of clusters is a candidate if it shares enough vertices, has a similar error-range and does not merge soon: seams that
-//! merge soon need no help. Pairs with more shared vertices come first; the published priority, the seam's error against
+//! A pair of clusters is a candidate if it shares enough vertices, has a similar error-range and does not merge soon: group borders that
+//! merge soon need no help. Pairs with more shared vertices come first; the published priority, the group border's error against
 //! the interior's, was tried and gained nothing. The papers forbid chains of dependencies, since a split travels along them; a group
 //! here splits by one rule of its own, so a chain costs no more than its length, and that is limited.
 
@@ -13,14 +13,14 @@ use crate::hierarchy::Tree;
 use crate::pairs::Pairs;
 use std::cmp::Reverse;
 
-/// Members that a seam can tell apart: a bit of a byte each.
+/// Members that a group border can tell apart: a bit of a byte each.
 const MAX_MEMBERS: usize = 8;
 
 /// Clusters that have the same shared vertex beyond which it is one that all share, as the apex of a huge fan is.
 const MANY: usize = 64;
 
 /// Who has the shared vertices while the levels are worked off.
-pub(super) struct Seams<'a> {
+pub(super) struct GroupBorders<'a> {
     shared: &'a SharedVertices,
     /// By interface: the level at which its clusters have merged.
     release: &'a [u8],
@@ -28,10 +28,10 @@ pub(super) struct Seams<'a> {
     cluster_over: Vec<u32>,
 }
 
-impl<'a> Seams<'a> {
+impl<'a> GroupBorders<'a> {
     pub(super) fn new(shared: &'a SharedVertices, release: &'a [u8], leaf_count: usize) -> Self {
         let cluster_over = (0..leaf_count as u32).collect();
-        Seams { shared, release, cluster_over }
+        GroupBorders { shared, release, cluster_over }
     }
 
     /// Goes on to `level`.
@@ -101,7 +101,7 @@ impl<'a> Seams<'a> {
         let mut pairs = Pairs::default();
         let mut having = Vec::new();
         for (interface, (users, _)) in self.shared.interfaces().enumerate() {
-            // Seams that are gone, and those that are free at this level anyway, tie nobody.
+            // Group borders that are gone, and those that are free at this level anyway, tie nobody.
             let left = left[interface];
             if left == 0 || u32::from(self.release[interface]) <= level {
                 continue;

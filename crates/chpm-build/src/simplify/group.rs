@@ -1,8 +1,8 @@
-//! One dependency group: its members are loaded, their seams simplified together, and each member halved.
+//! One dependency group: its members are loaded, their group borders simplified together, and each member halved.
 
 use super::PageRef;
-use super::dependency::Seams;
-use super::seam::Seam;
+use super::dependency::GroupBorders;
+use super::group_border::GroupBorder;
 use super::vanished::Vanished;
 use super::working_set::{Child, WorkingSet};
 use crate::config::{Layout, Settings};
@@ -37,7 +37,7 @@ pub(super) struct GroupTask<'a> {
     /// Displacements of base meshes, a spool for each level up to this one.
     pub(super) displacements: &'a [Spool],
     pub(super) release: &'a [u8],
-    pub(super) seams: &'a Seams<'a>,
+    pub(super) group_borders: &'a GroupBorders<'a>,
     pub(super) settings: &'a Settings,
 }
 
@@ -55,8 +55,8 @@ pub(super) struct Scratch {
     members: Vec<Member>,
     leaf: Vec<u8>,
     children: [Child; 2],
-    seam: Seam,
-    seam_collapses: Vec<Collapse>,
+    group_border: GroupBorder,
+    group_border_collapses: Vec<Collapse>,
     decimator: Decimator,
     order: TriangleOrder,
     ordered: Vec<[u16; 3]>,
@@ -96,30 +96,31 @@ impl Scratch {
         for (side, node) in group.iter().enumerate() {
             self.load(task, side, *node)?;
         }
-        // Errors of a group start from one value, so that a seam's error is the same in every member.
+        // Errors of a group start from one value, so that a group border's error is the same in every member.
         let min_error = self.members[..group.len()].iter().map(|m| m.min_error).fold(0.0, f32::max);
 
-        // The seams of several members are simplified once, for all of them.
+        // The group borders of several members are simplified once, for all of them.
         let mut removed = Vec::new();
-        let mut has_seam = false;
+        let mut has_group_border = false;
         if group.len() > 1 {
             let sets: Vec<&WorkingSet> = self.members[..group.len()].iter().map(|m| &m.set).collect();
-            let inside = |id| task.seams.is_inside(id, group);
-            has_seam = self.seam.simplify(&mut self.decimator, &sets, inside, task.settings.keep, min_error);
-            if has_seam {
-                removed.extend(self.seam.removed());
+            let inside = |id| task.group_borders.is_inside(id, group);
+            has_group_border =
+                self.group_border.simplify(&mut self.decimator, &sets, inside, task.settings.keep, min_error);
+            if has_group_border {
+                removed.extend(self.group_border.removed());
             }
         }
 
         for side in 0..group.len() {
-            self.seam_collapses.clear();
-            if has_seam {
-                self.seam.collapses_of(side, &mut self.seam_collapses);
+            self.group_border_collapses.clear();
+            if has_group_border {
+                self.group_border.collapses_of(side, &mut self.group_border_collapses);
                 let member = &mut self.members[side];
-                self.seam.hand_to(side, &mut member.set);
-                member.deviation = member.deviation.max(self.seam.deviation);
+                self.group_border.hand_to(side, &mut member.set);
+                member.deviation = member.deviation.max(self.group_border.deviation);
             }
-            self.members[side].halve(&mut self.decimator, &self.seam_collapses, task, min_error);
+            self.members[side].halve(&mut self.decimator, &self.group_border_collapses, task, min_error);
         }
 
         // Errors and gaps are the group's: its members are drawn together or not at all.
@@ -215,9 +216,15 @@ impl Scratch {
 }
 
 impl Member {
-    /// Halves the member: the seam's collapses first, then its own, which leave shared vertices alone. `min_error` is the
+    /// Halves the member: the group border's collapses first, then its own, which leave shared vertices alone. `min_error` is the
     /// group's.
-    fn halve(&mut self, decimator: &mut Decimator, seam: &[Collapse], task: &GroupTask<'_>, min_error: f32) {
+    fn halve(
+        &mut self,
+        decimator: &mut Decimator,
+        group_border: &[Collapse],
+        task: &GroupTask<'_>,
+        min_error: f32,
+    ) {
         let set = &self.set;
         self.locked.clear();
         self.locked.resize(set.vertices.positions.len(), false);
@@ -234,7 +241,7 @@ impl Member {
         };
         let target = (set.triangles.len() as f64 * task.settings.keep) as usize;
         let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
-        let outcome = decimator.decimate_after(&patch, seam, goal, min_error);
+        let outcome = decimator.decimate_after(&patch, group_border, goal, min_error);
         self.record.renumber(&patch, &outcome);
         self.vanished.add_own(&outcome);
 

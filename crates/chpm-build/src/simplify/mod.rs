@@ -2,15 +2,15 @@
 //!
 //! A leaf starts from its part of the source, a parent from the union of its children's base meshes (I4). A vertex that a
 //! cluster shares with another is locked until the clusters that use it have merged, unless clusters form dependency groups:
-//! then the members simplify their seams first, all alike, and each its interior after that. The groups of a level (of one
+//! then the members simplify their group borders first, all alike, and each its interior after that. The groups of a level (of one
 //! cluster each where boundaries are locked) are independent tasks over the threads. Establishes I3, I4, I6 and I8.
 
 mod cost;
 mod dependency;
 mod group;
+mod group_border;
 mod levels;
 mod merge;
-mod seam;
 mod vanished;
 mod working_set;
 
@@ -27,7 +27,7 @@ use chpm_extmem::{Spool, Store};
 use chpm_format::{BoundaryMode, Gaps, MAX_CLUSTER_VERTICES};
 use chpm_mesh::Aabb;
 use chpm_qem::Deviation;
-use dependency::Seams;
+use dependency::GroupBorders;
 use group::{GroupDone, GroupTask, Scratch};
 pub(crate) use levels::Levels;
 use serde::{Deserialize, Serialize};
@@ -116,18 +116,18 @@ pub(crate) fn run(
     let all_left = || decomposition.shared.interfaces().map(|(_, count)| count).collect();
     let mut levels = begun.map_or_else(|| Levels::new(tree, all_left(), &context.store), |begun| *begun);
 
-    // What a saved state does not have: the seams of the levels that are done, which follow from the tree.
-    let mut seams = Seams::new(&decomposition.shared, release, decomposition.leaves.len());
-    (0..levels.level).for_each(|level| seams.rise(tree, level));
+    // What a saved state does not have: the group borders of the levels that are done, which follow from the tree.
+    let mut group_borders = GroupBorders::new(&decomposition.shared, release, decomposition.leaves.len());
+    (0..levels.level).for_each(|level| group_borders.rise(tree, level));
     context.progress.advance(levels.built.refs.iter().flatten().count() as u64);
 
     while levels.level < tree.level_count() {
-        seams.rise(tree, levels.level);
+        group_borders.rise(tree, levels.level);
         if levels.first.is_none() {
-            levels.form_groups(&seams, inputs);
+            levels.form_groups(&group_borders, inputs);
         }
         while levels.done < levels.groups().len() {
-            levels.work(&seams, inputs)?;
+            levels.work(&group_borders, inputs)?;
             if context.clock.is_due() {
                 keep(&levels)?;
             }
@@ -146,7 +146,7 @@ pub(crate) fn run(
 
 impl Levels {
     /// Forms the groups of the level.
-    fn form_groups(&mut self, seams: &Seams<'_>, inputs: &Inputs<'_>) {
+    fn form_groups(&mut self, group_borders: &GroupBorders<'_>, inputs: &Inputs<'_>) {
         let Inputs { tree, settings, context, .. } = *inputs;
         let rounding = inputs.decomposition.rounding.error();
         let Clusters { refs, range, groups, .. } = &mut self.built;
@@ -154,7 +154,7 @@ impl Levels {
             |node: u32| finest_error(node, tree, refs, rounding).filter(|error| *error <= range.coarsest);
         let mut formed: Vec<Vec<u32>> = match settings.boundary {
             BoundaryMode::Dependencies => {
-                seams.groups(tree, self.level, &self.left, settings, finest_error, |node: u32| {
+                group_borders.groups(tree, self.level, &self.left, settings, finest_error, |node: u32| {
                     cost::member(node, tree, inputs.decomposition, refs)
                 })
             }
@@ -167,7 +167,7 @@ impl Levels {
     }
 
     /// Simplifies groups of the level until all are done or it is time to save.
-    fn work(&mut self, seams: &Seams<'_>, inputs: &Inputs<'_>) -> Result<(), BuildError> {
+    fn work(&mut self, group_borders: &GroupBorders<'_>, inputs: &Inputs<'_>) -> Result<(), BuildError> {
         let Inputs { decomposition, tree, release, settings, context } = *inputs;
         let task = GroupTask {
             level: self.level,
@@ -177,7 +177,7 @@ impl Levels {
             pages: &self.built.pages,
             displacements: &self.displacements,
             release,
-            seams,
+            group_borders,
             settings,
         };
 

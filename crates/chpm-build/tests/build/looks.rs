@@ -52,7 +52,7 @@ fn look(mesh: &TriMesh, at: [f64; 2]) -> Option<([f64; 3], [f64; 4])> {
     })
 }
 
-/// In a plane nothing moves, so that the source and a level can be compared place by place: across seams, and over all levels.
+/// In a plane nothing moves, so that the source and a level can be compared place by place: across group borders, and over all levels.
 #[test]
 fn no_place_of_a_level_deviates_more_than_its_clusters_say() {
     let mesh = plate(
@@ -84,7 +84,7 @@ fn no_place_of_a_level_deviates_more_than_its_clusters_say() {
     }
 }
 
-/// Spots so far from each other that the deviation of a cluster is that of one or two: where one goes with a seam, nothing else hides
+/// Spots so far from each other that the deviation of a cluster is that of one or two: where one goes with a group border, nothing else hides
 /// whether the members of the group were told.
 #[test]
 fn a_spot_that_is_gone_is_told_by_the_cluster_that_lies_there() {
@@ -105,7 +105,7 @@ fn a_spot_that_is_gone_is_told_by_the_cluster_that_lies_there() {
         let clusters = (0..file.clusters().len() as u32).map(ClusterId).filter(of_level);
         let bases: Vec<(ClusterId, TriMesh)> = clusters.map(|id| (id, base_mesh(&file, id))).collect();
         for at in &spots {
-            // Two where it is on the seam between them: one of them has the points that were there.
+            // Two where it is on the group border between them: one of them has the points that were there.
             let there = bases.iter().filter_map(|(id, mesh)| Some((id, look(mesh, *at)?)));
             let mut found = Vec::new();
             for (id, (normal, color)) in there {

@@ -3,8 +3,8 @@
 mod attributes;
 mod bounds;
 mod forced;
+mod group_border;
 mod hand;
 mod play;
 mod properties;
 mod quality;
-mod seam;

@@ -7,7 +7,7 @@ use chpm_refine::{Camera, Cut, Hierarchy, RefineError, Request, View, select, se
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
-/// The most triangles that one vertex of a strip brings, on both sides of a seam.
+/// The most triangles that one vertex of a strip brings, on both sides of a group border.
 const FEWEST: u64 = 8;
 
 /// Every error that the file stores, ascending.
@@ -159,7 +159,7 @@ fn what_is_kept_of_clusters_saves_reading_and_changes_nothing() {
             }
             let (kept, reads) = of(u64::MAX);
             assert_eq!(kept, plain, "{request:?}");
-            // Once for what is kept, and once more for the seams of a group.
+            // Once for what is kept, and once more for the borders inside a group.
             assert!(reads <= most && reads <= 2 * file.clusters().len(), "{request:?}: {reads} of {most}");
         }
     }

@@ -71,7 +71,7 @@ fn a_cluster_whose_group_is_replaced_in_part_is_at_its_base_mesh() {
     let cut = Cut::at_level(&file, Level(1));
     assert_eq!(cut.members(), members);
     let mesh = extract(&file, &cut).unwrap();
-    assert_eq!(boundary(&mesh.triangles).len(), outline(&LOPSIDED).len(), "the seam is open");
+    assert_eq!(boundary(&mesh.triangles).len(), outline(&LOPSIDED).len(), "the group border is open");
     assert_eq!(Cut::at_level(&file, Level(0)), finest(&file, &[0, 1, 2]));
 }
 

@@ -2,7 +2,7 @@
 //!
 //! The leaves hold the source's triangles, so a cut is held against them, both as surfaces of tiles of which only some are in memory. Every triangle
 //! that a cluster draws must be within the cluster's *error* of the source; every triangle of the source must, point by point, be within its
-//! *distance* of some cluster that is drawn: seams move, so that what was below one cluster may end up on its neighbour. That is all that the format says
+//! *distance* of some cluster that is drawn: borders move, so that what was below one cluster may end up on its neighbour. That is all that the format says
 //! of errors and gaps, and `chpm_measure::proof` proves it or finds a point where it is not so. What it can do neither for within the pieces
 //! that it may cut a triangle into is undecided, which is a fault, too.
 //!

@@ -1,11 +1,11 @@
 //! Whether a cut holds together, told by sums of hashes: most cuts do, and lists are only made of those that do not seem to.
 //!
 //! Shared vertices that are at their own places in all clusters that have them are one, in a file in which every shared vertex is in one place. So only those
-//! that have gone somewhere are noted, and the others held against the notes. And where every edge of a seam is there an even number of
+//! that have gone somewhere are noted, and the others held against the notes. And where every edge of a border is there an even number of
 //! times, the exclusive or of all their hashes is zero.
 
+use super::borders::Borders;
 use super::local::UNSHARED;
-use super::seams::Seams;
 use crate::error::VerifyError;
 use chpm_format::{Chpm, FormatError, Page};
 use chpm_mesh::pm::is_alive;
@@ -45,7 +45,7 @@ impl Glance {
     pub(super) fn look<D: AsRef<[u8]>>(
         &mut self,
         file: &Chpm<D>,
-        seams: &Seams,
+        borders: &Borders,
         cut: &Cut,
     ) -> Result<Told, VerifyError> {
         let mut scratch = Vec::new();
@@ -55,8 +55,8 @@ impl Glance {
             let page = page.view();
             let at = self.enter(&page, member.vertices as usize);
             triangles += at.triangle_count();
-            for edge in seams.of_cluster(member.cluster, &mut scratch)? {
-                sides ^= at.side(seams, *edge);
+            for edge in borders.of_cluster(member.cluster, &mut scratch)? {
+                sides ^= at.side(borders, *edge);
             }
         }
         let ids = file.header().shared_vertex_count;
@@ -190,10 +190,10 @@ impl<'a> At<'a> {
         mix(mix(UNSHARED as u64 ^ x << 32) ^ y << 32 ^ z)
     }
 
-    /// Follows from an edge of a seam; 0 where it has become a point, or need not have a partner.
-    fn side(&self, seams: &Seams, edge: [u16; 2]) -> u64 {
+    /// Follows from an edge of a border; 0 where it has become a point, or need not have a partner.
+    fn side(&self, borders: &Borders, edge: [u16; 2]) -> u64 {
         let [a, b] = edge.map(|v| self.at(v));
-        if a == b || [a, b].iter().all(|v| seams.is_loose(self.id(*v))) {
+        if a == b || [a, b].iter().all(|v| borders.is_loose(self.id(*v))) {
             return 0;
         }
         mix(self.place(a).wrapping_add(self.place(b)))

@@ -1,4 +1,4 @@
-//! One cluster's mesh at a position: where its vertices are, and which edges are on a seam.
+//! One cluster's mesh at a position: where its vertices are, and which edges are on a border.
 
 use chpm_format::Page;
 use chpm_mesh::Places;

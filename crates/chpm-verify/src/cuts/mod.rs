@@ -4,38 +4,38 @@
 //! edges go to edges, and an edge that is closed in the source is closed in the cut or is gone. A **crack** is where there
 //! is no such map: between clusters, where one draws what its neighbour does not. Two things show it.
 //!
-//! - A *seam edge* (`seams`) that an odd number of the cut's clusters have: its partner is not drawn. Edges are the same where their
+//! - A *border edge* (`borders`) that an odd number of the cut's clusters have: its partner is not drawn. Edges are the same where their
 //!   ends have the same shared ids and the same places, bit for bit. A vertex of one side inside an edge of the other is found by this too: neither
 //!   side has the other's edges.
 //! - A shared vertex that two clusters of the cut have in two places, or let go to two vertices. Sheets that meet in a vertex, or in
 //!   an edge of two triangles on either side, come apart so without an odd edge.
 //!
-//! There is no crack without a seam. Within one cluster a collapse opens nothing that was closed, and where the source is
+//! There is no crack without a border. Within one cluster a collapse opens nothing that was closed, and where the source is
 //! open (at its rim, and where sheets only lie at the same place) the cut may be, too: coincident, collinear, overlapping or tangled
 //! surfaces are none of this check's concern, for it asks for places only where two clusters say that they mean the same vertex.
 //!
 //! What it cannot judge: whether leaves share all that was one vertex in the source (I1), and whether a coarse cluster is what the
 //! finer ones were (I4); what leaves do not share counts as the source's rim. Both are looked at without any cut. And where a strip between
-//! a seam and the rim has vanished from one cluster, so that the other side of that seam has become the rim, edges between
+//! a border and the rim has vanished from one cluster, so that the other side of that border has become the rim, edges between
 //! its vertices may be without a partner; that these vertices are in one place is looked at there, too.
 
+mod borders;
 mod glance;
 mod ledger;
 mod local;
-mod seams;
 mod walk;
 
 use crate::error::VerifyError;
+use borders::Borders;
 use chpm_extmem::{Cancel, Progress, Store};
 use chpm_format::Chpm;
 use chpm_refine::{CameraPath, Cut, Hierarchy, RefineError, View, random_cut, select};
 use rayon::prelude::*;
-use seams::Seams;
 use walk::Walker;
 
 /// Cuts whose faults are told; further ones are counted.
 const TOLD: usize = 20;
-/// One part of so many of the memory for what is in work; the rest is for the seams of all clusters.
+/// One part of so many of the memory for what is in work; the rest is for the borders of all clusters.
 const WORK: u64 = 4;
 /// Pixels of error in a camera's image of 512 x 512: 16 for the first camera, half as much for every next one, and again from 16.
 const PIXELS: f64 = 16.0;
@@ -65,7 +65,7 @@ pub struct Checked<'a, D> {
     pub is_even: bool,
 }
 
-/// Draws `count` cuts from `seed` on and looks at all their seams, several at a time. Even seeds are random
+/// Draws `count` cuts from `seed` on and looks at all their borders, several at a time. Even seeds are random
 /// legal cuts, odd ones what random cameras select. `memory` is in bytes.
 ///
 /// # Errors
@@ -79,9 +79,9 @@ pub fn check<D: AsRef<[u8]> + Sync>(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Cuts, VerifyError> {
-    let seams = Seams::of(file, store, memory / WORK, progress, cancel)?;
+    let borders = Borders::of(file, store, memory / WORK, progress, cancel)?;
     progress.begin("cuts", count.into());
-    let checker = Checker { file, hierarchy: Hierarchy::new(file), seams };
+    let checker = Checker { file, hierarchy: Hierarchy::new(file), borders };
     let each = memory / WORK / rayon::current_num_threads() as u64;
     let looked_at: Vec<Looked> = (0..u64::from(count))
         .into_par_iter()
@@ -108,13 +108,13 @@ pub fn check<D: AsRef<[u8]> + Sync>(
 
 /// Bytes that it takes to look at cuts of a file whatever memory there is.
 pub fn least<D: AsRef<[u8]>>(file: &Chpm<D>) -> u64 {
-    Seams::least(file)
+    Borders::least(file)
 }
 
 struct Checker<'a, D> {
     file: &'a Chpm<D>,
     hierarchy: Hierarchy,
-    seams: Seams,
+    borders: Borders,
 }
 
 /// Findings about one cut.
@@ -133,7 +133,7 @@ impl<D: AsRef<[u8]>> Checker<'_, D> {
                 Err(error @ RefineError::Format(_)) => return Err(error.into()),
                 Err(error) => return Ok(Looked { triangles: 0, fault: Some((1, error.to_string())) }),
             };
-        let found = walker.look(self.file, &self.seams, &cut)?;
+        let found = walker.look(self.file, &self.borders, &cut)?;
         let more = found.places.saturating_sub(1);
         Ok(Looked {
             triangles: found.triangles,

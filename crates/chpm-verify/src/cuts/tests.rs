@@ -1,5 +1,5 @@
+use super::borders::Borders;
 use super::glance::Glance;
-use super::seams::Seams;
 use super::walk::{Found, Walker};
 use super::*;
 use chpm_build::{BuildConfig, build};
@@ -34,17 +34,17 @@ fn synth(shape: Shape) -> TriMesh {
 fn look<'a>(file: &Model, memory: u64, cuts: impl IntoIterator<Item = &'a Cut>) -> Vec<Found> {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::create(folder.path(), memory).unwrap();
-    let seams = Seams::of(file, &store, memory, &Silent, &Cancel::default()).unwrap();
+    let borders = Borders::of(file, &store, memory, &Silent, &Cancel::default()).unwrap();
     let [mut lists, mut quick] = [false, true].map(|is_even| Walker::new(memory, is_even));
     let faults = chpm_format::verify(file, |_, _| ()).faults;
     let is_even = faults.iter().all(|fault| fault.invariant != Invariant::Coverage);
     let look = |cut: &Cut| {
-        let found = lists.look(file, &seams, cut).unwrap();
+        let found = lists.look(file, &borders, cut).unwrap();
         if is_even {
             // A glance tells the same, and without lists where nothing is wrong.
-            let glance = Glance::new(memory).look(file, &seams, cut).unwrap();
+            let glance = Glance::new(memory).look(file, &borders, cut).unwrap();
             assert_eq!((glance.triangles, glance.is_whole), (found.triangles, found.places == 0));
-            let quick = quick.look(file, &seams, cut).unwrap();
+            let quick = quick.look(file, &borders, cut).unwrap();
             assert_eq!((quick.places, &quick.first), (found.places, &found.first));
         }
         found
@@ -90,11 +90,11 @@ fn torn(file: &Model, level: Level) -> (Cut, Cut, Member) {
 #[test]
 fn a_closed_surface_is_open_where_this_says_so() {
     for shape in [Shape::Torus, Shape::Isosurface] {
-        // Large enough that some groups have a seam of several vertices.
+        // Large enough that some groups have a border of several vertices.
         let file = built(&Synth::new(shape, 9000, 5).to_mesh());
         let mut found = [0; 2];
         let legal: Vec<Cut> = (0..40).map(|seed| random_cut(&file, seed).unwrap()).collect();
-        // And positions that no rule gives: where groups come apart, seams open.
+        // And positions that no rule gives: where groups come apart, borders open.
         let shifted = (1..).zip(&legal).map(|(step, cut)| {
             let moved = cut.members().iter().map(|member| {
                 let record = &file.clusters()[member.cluster.index()];
@@ -207,21 +207,21 @@ fn changed(file: &Model, cluster: ClusterId, change: impl FnOnce(&mut Parts)) ->
 }
 
 /// A shared vertex of a page that collapses, and a vertex that is not shared and comes before it.
-fn on_seam(file: &Model, cluster: ClusterId) -> (u16, u16) {
+fn on_border(file: &Model, cluster: ClusterId) -> (u16, u16) {
     let page = file.page(cluster).unwrap();
     let page = page.view();
     let shared = page.shared().map(|(vertex, _)| vertex).find(|v| usize::from(*v) >= page.base_vertex_count);
     let inner = (0..page.base_vertex_count as u16).find(|v| !page.is_shared(*v));
-    (shared.expect("a collapse on the seam"), inner.expect("an inner vertex"))
+    (shared.expect("a collapse on the border"), inner.expect("an inner vertex"))
 }
 
 #[test]
-fn a_seam_vertex_that_goes_elsewhere_in_one_member_is_found() {
+fn a_border_vertex_that_goes_elsewhere_in_one_member_is_found() {
     for shape in [Shape::Torus, Shape::Terrain] {
         let file = built(&synth(shape));
         let (legal, _, first) = torn(&file, Level(0));
         assert_eq!(places(&file, &legal), 0);
-        let (vertex, inner) = on_seam(&file, first.cluster);
+        let (vertex, inner) = on_border(&file, first.cluster);
         let bad =
             changed(&file, first.cluster, |parts| parts.targets[usize::from(vertex) - parts.base] = inner);
         let found = &look(&bad, 1 << 24, [&legal])[0];
@@ -275,8 +275,9 @@ fn a_vertex_that_is_in_two_places_is_found_where_no_edge_is_odd() {
     });
     let folder = tempfile::tempdir().unwrap();
     let store = Store::create(folder.path(), 1 << 20).unwrap();
-    let seams = Seams::none(&store, file.clusters().len());
-    let [good, found] = [&file, &bad].map(|file| Walker::new(0, false).look(file, &seams, &finest).unwrap());
+    let borders = Borders::none(&store, file.clusters().len());
+    let [good, found] =
+        [&file, &bad].map(|file| Walker::new(0, false).look(file, &borders, &finest).unwrap());
     assert_eq!((good.places, good.first), (0, None));
     assert_eq!(found.places, 1);
     let first = found.first.unwrap();
@@ -312,6 +313,6 @@ fn pages_are_read_a_few_times_for_each_cut_in_little_memory() {
     assert_eq!(found.fault_count, 0);
     let pages: u64 = file.clusters().iter().map(|record| u64::from(record.page_len)).sum();
     let read = file.get_ref().1.load(Ordering::Relaxed);
-    // Choosing a cut, its triangles and seams, what has gone, what has not; and all of that for fewer pages than there are.
+    // Choosing a cut, its triangles and borders, what has gone, what has not; and all of that for fewer pages than there are.
     assert!(read <= (10 + 5 * u64::from(count)) * pages, "{} times", read / pages);
 }

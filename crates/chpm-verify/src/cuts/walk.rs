@@ -1,16 +1,16 @@
 //! One cut after the other, member by member: whether what clusters share is one.
 
+use super::borders::Borders;
 use super::glance::Glance;
 use super::ledger::{Ledger, Record};
 use super::local::{Local, keep_odd, key};
-use super::seams::Seams;
 use crate::error::VerifyError;
 use chpm_format::{Chpm, Page, PageBuf, checksum};
 use chpm_refine::{Cut, Member};
 
 type Position = [f32; 3];
 
-/// An edge of a seam as one cluster has it: shared ids, ascending, and what follows from the places of both ends.
+/// An edge of a border as one cluster has it: shared ids, ascending, and what follows from the places of both ends.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Side {
     ids: [u32; 2],
@@ -93,17 +93,17 @@ impl Walker {
         Walker { glance, local: Local::default(), sides, vertices, scratch: Vec::new() }
     }
 
-    /// Looks at all seams of a cut whose members are at positions that they have.
+    /// Looks at all borders of a cut whose members are at positions that they have.
     pub(super) fn look<D: AsRef<[u8]>>(
         &mut self,
         file: &Chpm<D>,
-        seams: &Seams,
+        borders: &Borders,
         cut: &Cut,
     ) -> Result<Found, VerifyError> {
-        let told = self.glance.as_mut().map(|glance| glance.look(file, seams, cut)).transpose()?;
+        let told = self.glance.as_mut().map(|glance| glance.look(file, borders, cut)).transpose()?;
         match told.filter(|told| told.is_whole) {
             Some(told) => Ok(Found { triangles: told.triangles, ..Found::default() }),
-            None => self.list(file, seams, cut),
+            None => self.list(file, borders, cut),
         }
     }
 
@@ -111,7 +111,7 @@ impl Walker {
     fn list<D: AsRef<[u8]>>(
         &mut self,
         file: &Chpm<D>,
-        seams: &Seams,
+        borders: &Borders,
         cut: &Cut,
     ) -> Result<Found, VerifyError> {
         let mut found = Found::default();
@@ -128,14 +128,14 @@ impl Walker {
                 for (vertex, id) in page.shared() {
                     self.vertices.add(self.whereabouts(&page, vertex, id));
                 }
-                for edge in seams.of_cluster(member.cluster, &mut self.scratch)? {
+                for edge in borders.of_cluster(member.cluster, &mut self.scratch)? {
                     if let Some(side) = side(&self.local, &page, *edge) {
                         self.sides.add(side);
                     }
                 }
             }
             let single =
-                self.sides.settled().iter().filter(|side| !side.ids.iter().all(|id| seams.is_loose(*id)));
+                self.sides.settled().iter().filter(|side| !side.ids.iter().all(|id| borders.is_loose(*id)));
             for side in single {
                 found.places += 1;
                 open = open.or(Some(*side));
@@ -150,7 +150,7 @@ impl Walker {
             }
         }
         found.first = match (open, apart) {
-            (Some(side), _) => self.tell_open(file, seams, cut, side)?,
+            (Some(side), _) => self.tell_open(file, borders, cut, side)?,
             (None, Some(id)) => self.tell_apart(file, cut, id)?,
             (None, None) => None,
         };
@@ -176,14 +176,14 @@ impl Walker {
     fn tell_open<D: AsRef<[u8]>>(
         &mut self,
         file: &Chpm<D>,
-        seams: &Seams,
+        borders: &Borders,
         cut: &Cut,
         open: Side,
     ) -> Result<Option<String>, VerifyError> {
         for member in cut.members() {
             let page = self.enter(file, *member)?;
             let page = page.view();
-            let edges = seams.of_cluster(member.cluster, &mut self.scratch)?;
+            let edges = borders.of_cluster(member.cluster, &mut self.scratch)?;
             let same = edges.iter().find(|edge| side(&self.local, &page, **edge) == Some(open));
             if let Some(edge) = same {
                 let [a, b] = edge.map(|v| told(file, page.positions[usize::from(self.local.at(v))]));
@@ -224,7 +224,7 @@ impl Walker {
     }
 }
 
-/// An edge of a seam at the position that was entered; none where it has become a point.
+/// An edge of a border at the position that was entered; none where it has become a point.
 fn side(local: &Local, page: &Page<'_>, edge: [u16; 2]) -> Option<Side> {
     let ends = edge.map(|v| local.at(v));
     let end = |v: u16| (local.id(v), page.positions[usize::from(v)]);

@@ -2,9 +2,9 @@
 //!
 //! The leaves hold the source's triangles, so a cut is measured against them, both as surfaces of tiles of which only some are in memory.
 //! A sample of a cluster's mesh must be within the cluster's stored error of the source. A sample of the source must be
-//! within the stored error of *some* cluster of the cut: seams move, so that what was below one cluster may end up on its
+//! within the stored error of *some* cluster of the cut: borders move, so that what was below one cluster may end up on its
 //! neighbour. Distances are to whole surfaces, which can only make them smaller; a cluster alone would be farther
-//! from its part of the source wherever a seam has moved sideways. What has vanished may be farther than the error, but no farther than
+//! from its part of the source wherever a border has moved sideways. What has vanished may be farther than the error, but no farther than
 //! the gap that the file states; in a file without gaps nothing may.
 
 mod levels;

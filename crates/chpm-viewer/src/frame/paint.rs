@@ -238,7 +238,7 @@ impl Model {
     /// Sends the triangles of positions that have moved, and puts what was chosen in order.
     fn arrange(&mut self, gpu: &Gpu, plan: Plan) {
         for Item { member: Member { cluster, vertices }, .. } in &self.items {
-            // Seams come with the whole group, and only then is all of what is about them there.
+            // A border inside a group comes with the whole group, and only then is all of what is about them there.
             if self.arena.get(*cluster).is_some_and(|resident| *vertices > resident.turned())
                 && let Some((block, turned)) = self.scene.block(*cluster)
             {

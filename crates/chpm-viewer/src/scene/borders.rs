@@ -23,7 +23,7 @@ pub(super) struct Borders {
     codes: Vec<u32>,
     /// By group: whether what its split brings has been looked at, and what collapses in it.
     below: Vec<bool>,
-    seams: Vec<bool>,
+    group_borders: Vec<bool>,
     roots: bool,
 }
 
@@ -37,7 +37,7 @@ enum Together {
     /// A group whose split brings it.
     Below(GroupId),
     /// The coarse clusters of a group, for what collapses in them.
-    Seams(GroupId),
+    GroupBorders(GroupId),
 }
 
 impl Borders {
@@ -50,7 +50,7 @@ impl Borders {
         Borders {
             codes: vec![0; file.header().shared_vertex_count as usize],
             below: vec![false; groups],
-            seams: vec![false; groups],
+            group_borders: vec![false; groups],
             roots: false,
         }
     }
@@ -63,7 +63,7 @@ impl Borders {
         match together {
             Together::Roots => &mut self.roots,
             Together::Below(group) => &mut self.below[group.index()],
-            Together::Seams(group) => &mut self.seams[group.index()],
+            Together::GroupBorders(group) => &mut self.group_borders[group.index()],
         }
     }
 
@@ -77,7 +77,7 @@ impl Borders {
             {
                 let above = file.coarse(group).iter().map(|coarse| brought_by(file, ClusterId(*coarse)));
                 // What has collapsed in the group is there below it.
-                for above in above.chain([Together::Seams(group)]) {
+                for above in above.chain([Together::GroupBorders(group)]) {
                     if !*self.is_done(above) {
                         due.push(above);
                     }
@@ -98,7 +98,7 @@ impl Borders {
         let clusters: Vec<u32> = match together {
             Together::Roots => file.roots().map(|root| root.0).collect(),
             Together::Below(group) => file.fine(group).to_vec(),
-            Together::Seams(group) => file.coarse(group).to_vec(),
+            Together::GroupBorders(group) => file.coarse(group).to_vec(),
         };
 
         let pages: Option<Vec<_>> = clusters.iter().map(|id| pages[*id as usize].as_ref()).collect();
@@ -112,7 +112,7 @@ impl Borders {
             ids.resize(page.vertex_count(), None);
             for (vertex, id) in page.shared() {
                 let collapses = usize::from(vertex) >= page.base_vertex_count;
-                if self.code(id).is_none() && collapses == matches!(together, Together::Seams(_)) {
+                if self.code(id).is_none() && collapses == matches!(together, Together::GroupBorders(_)) {
                     ids[usize::from(vertex)] = Some(id);
                 }
             }
@@ -148,7 +148,7 @@ impl Scene {
             borders.learn(file, pages, brought_by(file, cluster));
             let record = &file.clusters()[cluster.index()];
             if page.shared().any(|(vertex, _)| usize::from(vertex) >= page.base_vertex_count) {
-                borders.learn(file, pages, Together::Seams(record.group()));
+                borders.learn(file, pages, Together::GroupBorders(record.group()));
             }
             for (vertex, id) in page.shared() {
                 match borders.code(id) {

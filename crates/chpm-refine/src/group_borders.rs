@@ -1,10 +1,10 @@
-//! The seams of a group, undone vertex by vertex: a vertex comes back in all members that have it, or in none.
+//! The borders inside a group, undone vertex by vertex: a vertex comes back in all members that have it, or in none.
 
 use chpm_format::Page;
 use std::collections::BTreeMap;
 
 /// Positions of a group's members on the way to their finest meshes, the worst error first.
-pub(crate) struct Seams<'a> {
+pub(crate) struct GroupBorders<'a> {
     pages: &'a [Page<'a>],
     /// By member: shared id by vertex.
     id_of: Vec<BTreeMap<usize, u32>>,
@@ -14,8 +14,8 @@ pub(crate) struct Seams<'a> {
     states: Vec<Vec<usize>>,
 }
 
-impl<'a> Seams<'a> {
-    /// Members at these positions, which agree on the seams.
+impl<'a> GroupBorders<'a> {
+    /// Members at these positions, which agree on the group borders.
     pub(crate) fn new(pages: &'a [Page<'a>], positions: Vec<usize>) -> Self {
         let (mut id_of, mut places) = (Vec::new(), BTreeMap::<u32, Vec<_>>::new());
         for (member, (page, at)) in pages.iter().zip(&positions).enumerate() {
@@ -24,7 +24,7 @@ impl<'a> Seams<'a> {
             to_come.iter().for_each(|(vertex, id)| places.entry(*id).or_default().push((member, *vertex)));
             id_of.push(to_come);
         }
-        Seams { pages, id_of, places, states: vec![positions] }
+        GroupBorders { pages, id_of, places, states: vec![positions] }
     }
 
     /// The members' positions after so many steps.

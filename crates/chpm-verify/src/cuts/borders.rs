@@ -1,10 +1,10 @@
-//! Which edges of every cluster are on a seam: those that other clusters must have too, whatever the cut.
+//! Which edges of every cluster are on a border: those that other clusters must have too, whatever the cut.
 //!
-//! Clusters meet at shared vertices, so only edges between these can be on a seam. Of those that an odd number of a cluster's triangles
-//! have, a seam edge is one for which the other leaves make the number even; where it is odd over all leaves the source is open, or three
-//! sheets meet, and one cluster has an edge of the *rim* there. A collapse takes edges to edges, so seam goes to seam and rim to
-//! rim, and what is odd in a base mesh and does not come from its seam is rim. A coarse cluster is the base meshes below it; so its
-//! seam is what is odd in its own triangles less the rim that comes from below.
+//! Clusters meet at shared vertices, so only edges between these can be on a border. Of those that an odd number of a cluster's triangles
+//! have, a border edge is one for which the other leaves make the number even; where it is odd over all leaves the source is open, or three
+//! sheets meet, and one cluster has an edge of the *rim* there. A collapse takes edges to edges, so border goes to border and rim to
+//! rim, and what is odd in a base mesh and does not come from its border is rim. A coarse cluster is the base meshes below it; so its
+//! border is what is odd in its own triangles less the rim that comes from below.
 
 use super::local::{Local, UNSHARED, by_vertices, keep_odd, key};
 use crate::error::VerifyError;
@@ -25,11 +25,11 @@ const SHARE: u64 = 4;
 /// Bytes that an edge of a rim takes while the group above is looked at, at most, and bytes for the edges of a leaf's triangle.
 const RIM: u64 = 32;
 const TRIANGLE: u64 = 3 * size_of::<OfLeaf>() as u64;
-/// Bytes for every shared vertex while seams are found.
+/// Bytes for every shared vertex while borders are found.
 const VERTEX: u64 = 1 + 2 * size_of::<u32>() as u64;
 
-/// The seam edges of every cluster's finest mesh.
-pub(super) struct Seams {
+/// The border edges of every cluster's finest mesh.
+pub(super) struct Borders {
     edges: Column<[u16; 2]>,
     /// By cluster.
     ranges: Vec<Range<usize>>,
@@ -48,7 +48,7 @@ struct OfLeaf {
 /// Part of a group: the borders of its coarse clusters, and the rims of their base meshes for the groups above.
 #[derive(Default)]
 struct OfGroup {
-    seams: Vec<(ClusterId, Vec<[u16; 2]>)>,
+    borders: Vec<(ClusterId, Vec<[u16; 2]>)>,
     rims: Vec<(GroupId, Vec<[u32; 2]>)>,
     /// Ends, two by two, of rim that no coarse cluster has any more, though clusters outside the group may have both.
     lost: Vec<u32>,
@@ -56,7 +56,7 @@ struct OfGroup {
     moved: Vec<(u32, u32)>,
 }
 
-impl Seams {
+impl Borders {
     /// Goes through the hierarchy of a file whose pages are sound, from the leaves up. `memory` is in bytes.
     pub(super) fn of<D: AsRef<[u8]> + Sync>(
         file: &Chpm<D>,
@@ -73,8 +73,8 @@ impl Seams {
         // Levels from below: what a group leaves open goes to the group above it.
         let mut order: Vec<GroupId> = (0..groups.len() as u32).map(GroupId).collect();
         order.sort_by_key(|group| groups[group.index()].level);
-        progress.begin("seams", order.len() as u64);
-        let mut edges = BufferWriter::new(store, "seams", 0)?;
+        progress.begin("borders", order.len() as u64);
+        let mut edges = BufferWriter::new(store, "borders", 0)?;
         let mut ranges = vec![0..0; file.clusters().len()];
         let ids = file.header().shared_vertex_count as usize;
         let (mut loose, mut targets) = (vec![false; ids], vec![UNSHARED; ids]);
@@ -98,9 +98,9 @@ impl Seams {
                     )
                     .collect::<Result<_, VerifyError>>()?;
 
-                for (cluster, seam) in found.iter().flat_map(|group| &group.seams) {
-                    ranges[cluster.index()] = edges.len()..edges.len() + seam.len();
-                    edges.extend_from_slice(seam)?;
+                for (cluster, border) in found.iter().flat_map(|group| &group.borders) {
+                    ranges[cluster.index()] = edges.len()..edges.len() + border.len();
+                    edges.extend_from_slice(border)?;
                 }
                 for (above, rim) in found.iter().flat_map(|group| &group.rims) {
                     rim.iter().try_for_each(|edge| rims.push(above.index(), *edge))?;
@@ -129,30 +129,30 @@ impl Seams {
                 at = targets[at as usize];
             }
         }
-        Ok(Seams { edges: edges.finish_column()?, ranges, loose })
+        Ok(Borders { edges: edges.finish_column()?, ranges, loose })
     }
 
-    /// Bytes that finding the seams of a file takes whatever memory there is.
+    /// Bytes that finding the borders of a file takes whatever memory there is.
     pub(super) fn least<D: AsRef<[u8]>>(file: &Chpm<D>) -> u64 {
         let by_cluster =
             (size_of::<Range<usize>>() * file.clusters().len() + BLOCK * file.groups().len()) as u64;
         VERTEX * u64::from(file.header().shared_vertex_count) + by_cluster
     }
 
-    /// No seam edge in any of `clusters`.
+    /// No border edge in any of `clusters`.
     #[cfg(test)]
     pub(super) fn none(store: &Store, clusters: usize) -> Self {
-        let edges = BufferWriter::new(store, "seams", 0).and_then(BufferWriter::finish_column).unwrap();
-        Seams { edges, ranges: vec![0..0; clusters], loose: Vec::new() }
+        let edges = BufferWriter::new(store, "borders", 0).and_then(BufferWriter::finish_column).unwrap();
+        Borders { edges, ranges: vec![0..0; clusters], loose: Vec::new() }
     }
 
-    /// Whether a vertex is where a strip between a seam and the rim has vanished from one cluster and all above it: the other side of
-    /// the seam is the rim then, wherever that cluster is drawn, and an edge between two such vertices may be without a partner.
+    /// Whether a vertex is where a strip between a border and the rim has vanished from one cluster and all above it: the other side of
+    /// the border is the rim then, wherever that cluster is drawn, and an edge between two such vertices may be without a partner.
     pub(super) fn is_loose(&self, id: u32) -> bool {
         self.loose.get(id as usize).copied().unwrap_or(false)
     }
 
-    /// The seam edges of a cluster's finest mesh.
+    /// The border edges of a cluster's finest mesh.
     pub(super) fn of_cluster<'a>(
         &'a self,
         cluster: ClusterId,
@@ -239,7 +239,7 @@ fn of_group<D: AsRef<[u8]>>(
     local: &mut Local,
 ) -> Result<OfGroup, FormatError> {
     // What the fine clusters left open along this group is matched with the rims of its coarse ones; what remains of these is
-    // their seams.
+    // their borders.
     keep_odd(&mut below, key);
     let mut taken = vec![false; below.len()];
     let mut found = OfGroup::default();
@@ -247,31 +247,31 @@ fn of_group<D: AsRef<[u8]>>(
         let page = file.page_known(cluster)?;
         let page = page.view();
         local.enter(&page, page.vertex_count());
-        let mut seam = local.odd_edges(&page).to_vec();
-        let is_rim = take_rim(&seam, local, &below, &mut taken);
+        let mut border = local.odd_edges(&page).to_vec();
+        let is_rim = take_rim(&border, local, &below, &mut taken);
         let mut is_rim = is_rim.into_iter();
-        seam.retain(|_| !is_rim.next().unwrap_or(false));
-        found.seams.push((cluster, seam));
+        border.retain(|_| !is_rim.next().unwrap_or(false));
+        found.borders.push((cluster, border));
     }
     let mut taken = taken.into_iter();
     below.retain(|_| !taken.next().unwrap_or(false));
 
-    for (cluster, seam) in &mut found.seams {
+    for (cluster, border) in &mut found.borders {
         let page = file.page_known(*cluster)?;
         let page = page.view();
-        // Rim and seam of one cluster may be at one edge, and then it is even there.
+        // Rim and border of one cluster may be at one edge, and then it is even there.
         if !below.is_empty() {
             let mut vertices: Vec<(u32, u16)> = page.shared().map(|(vertex, id)| (id, vertex)).collect();
             vertices.sort_unstable();
             let vertex = |id: u32| vertices.binary_search_by_key(&id, |v| v.0).ok().map(|at| vertices[at].1);
             below.retain(|[a, b]| match (vertex(*a), vertex(*b)) {
                 (Some(a), Some(b)) => {
-                    seam.push([a.min(b), a.max(b)]);
+                    border.push([a.min(b), a.max(b)]);
                     false
                 }
                 _ => true,
             });
-            keep_odd(seam, by_vertices);
+            keep_odd(border, by_vertices);
         }
 
         local.enter(&page, page.base_vertex_count);
@@ -279,7 +279,7 @@ fn of_group<D: AsRef<[u8]>>(
         found.moved.extend(gone.map(|(vertex, id)| (id, local.id(local.at(vertex)))));
         let above = file.clusters()[cluster.index()].parent_group();
         if above.is_some() {
-            let rim = rim_of_base(&page, seam, local);
+            let rim = rim_of_base(&page, border, local);
             if !rim.is_empty() {
                 found.rims.push((above, rim));
             }
@@ -331,9 +331,9 @@ fn shared_ids<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: u32) -> Result<Vec<u32>, 
 }
 
 /// Odd edges of the base mesh, which was entered, that do not come from the border; by shared ids.
-fn rim_of_base(page: &Page<'_>, seam: &[[u16; 2]], local: &mut Local) -> Vec<[u32; 2]> {
+fn rim_of_base(page: &Page<'_>, border: &[[u16; 2]], local: &mut Local) -> Vec<[u32; 2]> {
     let mut rim = local.odd_edges(page).to_vec();
-    let moved = seam.iter().map(|edge| edge.map(|v| local.at(v))).filter(|[a, b]| a != b);
+    let moved = border.iter().map(|edge| edge.map(|v| local.at(v))).filter(|[a, b]| a != b);
     rim.extend(moved.map(|[a, b]| [a.min(b), a.max(b)]));
     keep_odd(&mut rim, by_vertices);
     rim.iter().map(|edge| local.by_id(*edge)).filter(|edge| edge[1] != UNSHARED).collect()

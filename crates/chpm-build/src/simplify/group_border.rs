@@ -1,7 +1,7 @@
-//! The seams of a group: the members' union, in which the vertices that only members share may collapse.
+//! The borders inside a group: the members' union, in which the vertices that only members share may collapse.
 //!
-//! A seam collapse is decided once, on the triangles of all members, and becomes one of the first collapses of each member that
-//! has the vertex: so both sides of a seam always look the same, and the base meshes still fit together.
+//! A collapse of a border is decided once, on the triangles of all members, and becomes one of the first collapses of each member that
+//! has the vertex: so both sides of a group border always look the same, and the base meshes still fit together.
 
 use super::working_set::WorkingSet;
 use chpm_mesh::Vertices;
@@ -9,7 +9,7 @@ use chpm_qem::{AttributeErrors, Collapse, Decimator, Deviation, Displacement, Fa
 
 /// Scratch of the union.
 #[derive(Debug, Default)]
-pub(super) struct Seam {
+pub(super) struct GroupBorder {
     vertices: Vertices,
     triangles: Vec<[u16; 3]>,
     locked: Vec<bool>,
@@ -36,8 +36,8 @@ pub(super) struct Seam {
 /// "The union does not have this vertex."
 const NONE: u16 = u16::MAX;
 
-impl Seam {
-    /// Simplifies the seams of the members, keeping the given share of their vertices. `inside` tells whether only members have a
+impl GroupBorder {
+    /// Simplifies the group borders of the members, keeping the given share of their vertices. `inside` tells whether only members have a
     /// shared vertex. Answers false if the union is too large to be worked on.
     pub(super) fn simplify(
         &mut self,
@@ -92,7 +92,7 @@ impl Seam {
         for (side, member) in members.iter().enumerate() {
             self.take_triangles(member);
             self.take_vertices(side, member, &inside);
-            // The union takes 16-bit indices, too: where it does not fit, seams stay as they are.
+            // The union takes 16-bit indices, too: where it does not fit, group borders stay as they are.
             if self.vertices.vertex_count() > usize::from(NONE) {
                 return false;
             }
@@ -168,7 +168,7 @@ impl Seam {
         self.known.sort_unstable();
     }
 
-    /// The seam's collapses as the given member carries them out.
+    /// The group border's collapses as the given member carries them out.
     pub(super) fn collapses_of(&self, side: usize, out: &mut Vec<Collapse>) {
         out.clear();
         let local = &self.to_local[side];
@@ -180,7 +180,7 @@ impl Seam {
         }));
     }
 
-    /// Gives the given member's triangles, those that are left, the displacements and attribute errors that they have after the seam's
+    /// Gives the given member's triangles, those that are left, the displacements and attribute errors that they have after the group border's
     /// collapses.
     pub(super) fn hand_to(&self, side: usize, member: &mut WorkingSet) {
         member.displacements.resize(member.triangles.len(), Displacement::default());
@@ -204,11 +204,11 @@ impl Seam {
 mod tests {
     use super::*;
 
-    /// Rows of a strip, and where its seam is half way up: there is a spike of another colour.
+    /// Rows of a strip, and where its group border is half way up: there is a spike of another colour.
     const ROWS: u16 = 7;
     const SPIKE: u16 = 3;
 
-    /// A strip on one side of the seam, two quads across.
+    /// A strip on one side of the group border, two quads across.
     fn half(side: f32) -> WorkingSet {
         let mut set = WorkingSet::default();
         for row in 0..ROWS {
@@ -241,16 +241,16 @@ mod tests {
     #[test]
     fn both_sides_are_told_how_far_their_faces_are() {
         let mut members = [half(-1.0), half(1.0)];
-        let (mut seam, mut decimator) = (Seam::default(), Decimator::default());
+        let (mut group_border, mut decimator) = (GroupBorder::default(), Decimator::default());
         let [a, b] = &members;
-        assert!(seam.simplify(&mut decimator, &[a, b], |_| true, 0.0, 0.0));
-        assert!(seam.removed().any(|id| id == u32::from(SPIKE)), "the spike is gone");
-        assert!(seam.deviation.color >= 200.0);
+        assert!(group_border.simplify(&mut decimator, &[a, b], |_| true, 0.0, 0.0));
+        assert!(group_border.removed().any(|id| id == u32::from(SPIKE)), "the spike is gone");
+        assert!(group_border.deviation.color >= 200.0);
         for (side, member) in members.iter_mut().enumerate() {
             let mut collapses = Vec::new();
-            seam.collapses_of(side, &mut collapses);
+            group_border.collapses_of(side, &mut collapses);
             assert!(collapses.iter().any(|collapse| collapse.from == 3 * SPIKE));
-            seam.hand_to(side, member);
+            group_border.hand_to(side, member);
             let color =
                 member.face_attribute_errors.iter().map(|look| look.deviation().color).fold(0.0, f32::max);
             let error = member.displacements.iter().map(Displacement::error).fold(0.0, f32::max);

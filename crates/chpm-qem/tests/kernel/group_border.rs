@@ -39,7 +39,7 @@ fn octant(mesh: &TriMesh) -> impl Fn(&[u32; 3]) -> usize {
     }
 }
 
-/// A seam vertex of two clusters goes to one of three by force, and no face is left at the edges that its faces become. What they
+/// A group border vertex of two clusters goes to one of three by force, and no face is left at the edges that its faces become. What they
 /// stood for goes on with faces of the two: the third has no part in the collapse, and its error does not tell of it.
 #[test]
 fn points_are_not_handed_to_who_does_not_know() {
@@ -79,7 +79,7 @@ fn points_are_not_handed_to_who_does_not_know() {
 const COLUMNS: u16 = 60;
 const SPIKES: usize = COLUMNS as usize / 6;
 
-/// Collapses of a seam between two clusters that is nearly straight but for some spikes, and how many of them are spikes.
+/// Collapses of a group border between two clusters that is nearly straight but for some spikes, and how many of them are spikes.
 fn thin_out(count: usize, min_error: f32) -> (Vec<Collapse>, usize) {
     let height = |i: u16| if i % 6 == 3 { 1.0 } else { 0.01 * f32::from(i).sin() };
     let at = |i: u16, row: u16| 3 * i + row;
@@ -102,9 +102,9 @@ fn thin_out(count: usize, min_error: f32) -> (Vec<Collapse>, usize) {
     (outcome.collapses.to_vec(), spikes)
 }
 
-/// Nobody asks for so many collapses of a seam that a spike has to go.
+/// Nobody asks for so many collapses of a group border that a spike has to go.
 #[test]
-fn seams_are_not_halved_at_any_price() {
+fn group_borders_are_not_halved_at_any_price() {
     let count = usize::from(COLUMNS) - SPIKES + 3;
     let (collapses, spikes) = thin_out(count, 0.0);
     assert!(collapses.len() > count / 2, "{}", collapses.len());
@@ -112,9 +112,9 @@ fn seams_are_not_halved_at_any_price() {
     assert!(collapses.iter().all(|collapse| collapse.error < 0.2), "{:?}", collapses.last());
 }
 
-/// A seam beside which errors are larger already than what its own vertices stand for: they go, however few were asked for.
+/// A group border beside which errors are larger already than what its own vertices stand for: they go, however few were asked for.
 #[test]
-fn seams_catch_up_where_it_costs_nothing() {
+fn group_borders_catch_up_where_it_costs_nothing() {
     let few = 5;
     let (collapses, _) = thin_out(few, 0.0);
     assert_eq!(collapses.len(), few, "without an error before, as many as were asked for");
