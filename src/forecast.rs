@@ -47,7 +47,7 @@ impl Forecast {
     }
 
     /// `758 k triangles/s, 12 s left`: what is known of it after this time.
-    pub(crate) fn told(&self, of_stage: f64, elapsed: Duration) -> String {
+    pub(crate) fn message(&self, of_stage: f64, elapsed: Duration) -> String {
         let share = self.share(of_stage);
         let (done, seconds) = (share - self.from.unwrap_or(0.0), elapsed.as_secs_f64());
         if done < LEAST || seconds <= 0.0 {
@@ -85,15 +85,15 @@ mod tests {
     fn what_is_left_follows_from_what_is_done() {
         let mut forecast = Forecast::default();
         forecast.begin(Stage::Ingest);
-        assert_eq!(forecast.told(0.1, Duration::from_secs(1)), "");
-        assert_eq!(forecast.told(1.0, Duration::from_secs(6)), "94 s left".replace("94 s", "1 min 34 s"));
+        assert_eq!(forecast.message(0.1, Duration::from_secs(1)), "");
+        assert_eq!(forecast.message(1.0, Duration::from_secs(6)), "94 s left".replace("94 s", "1 min 34 s"));
         forecast.counted(1_000_000);
         forecast.begin(Stage::Decompose);
         forecast.begin(Stage::Hierarchy);
         forecast.begin(Stage::Simplify);
         // 0.24 and half of 0.7 are done.
         assert!((forecast.share(0.5) - 0.59).abs() < 1e-9);
-        assert_eq!(forecast.told(0.5, Duration::from_secs(59)), "10.0 k triangles/s, 41 s left");
+        assert_eq!(forecast.message(0.5, Duration::from_secs(59)), "10.0 k triangles/s, 41 s left");
         forecast.begin(Stage::Emit);
         assert!((forecast.share(7.0) - 1.0).abs() < 1e-9);
     }
@@ -102,7 +102,7 @@ mod tests {
     fn what_an_earlier_run_has_done_took_no_time() {
         let mut forecast = Forecast::default();
         forecast.begin(Stage::Simplify);
-        assert_eq!(forecast.told(0.5, Duration::from_secs(35)), "41 s left");
+        assert_eq!(forecast.message(0.5, Duration::from_secs(35)), "41 s left");
     }
 
     #[test]

@@ -9,20 +9,20 @@ const PLACE: &str = "{meshes}";
 
 /// Puts the formats into the helps of a command, of its arguments and of its verbs.
 pub(crate) fn named(command: Command) -> Command {
-    let (about, long) = (told(command.get_about()), told(command.get_long_about()));
+    let (about, long) = (help_text(command.get_about()), help_text(command.get_long_about()));
     let command = command.mut_args(argument).mut_subcommands(named);
     let command = about.into_iter().fold(command, Command::about);
     long.into_iter().fold(command, Command::long_about)
 }
 
 fn argument(argument: Arg) -> Arg {
-    let (help, long) = (told(argument.get_help()), told(argument.get_long_help()));
+    let (help, long) = (help_text(argument.get_help()), help_text(argument.get_long_help()));
     let argument = help.into_iter().fold(argument, Arg::help);
     long.into_iter().fold(argument, Arg::long_help)
 }
 
 /// A help with the formats in it, if it names them.
-fn told(help: Option<&StyledStr>) -> Option<String> {
+fn help_text(help: Option<&StyledStr>) -> Option<String> {
     let help = help?.to_string();
     help.contains(PLACE).then(|| help.replace(PLACE, &read_formats()))
 }

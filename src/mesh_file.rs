@@ -170,7 +170,7 @@ impl MeshArgs {
         let is_binary = format == MeshFormat::Glb;
         ensure!(!self.ascii || !is_binary, "--ascii is for PLY and STL: {name} is binary");
         let writes = Writes::mesh(by, name);
-        let writes = if self.format.is_some() { writes.told() } else { writes };
+        let writes = if self.format.is_some() { writes.chosen() } else { writes };
         let output = writes.create(&self.output, self.force, inputs)?;
         let aside = match (self.local_origin, output.is_stream()) {
             (false, _) => None,
@@ -341,7 +341,12 @@ fn has_area([a, b, c]: [[f32; 3]; 3]) -> bool {
 }
 
 /// One line about a mesh that was written: `out.ply: 20,000 triangles, 10,002 vertices, error 0.02 units`.
-pub(crate) fn told(output: &Path, mesh: &Extraction<'_, MappedFile>, bounds: Bounds, unit: &str) -> String {
+pub(crate) fn summary(
+    output: &Path,
+    mesh: &Extraction<'_, MappedFile>,
+    bounds: Bounds,
+    unit: &str,
+) -> String {
     let Bounds { error, distance } = bounds;
     // Only what has vanished is farther.
     let vanished = match distance > error {

@@ -18,11 +18,11 @@ pub(crate) struct Writes {
     /// Whether it can be written front to back.
     streams: bool,
     /// Whether somebody said that it is this format.
-    is_told: bool,
+    is_chosen: bool,
 }
 
 const fn writes(by: &'static str, format: &'static str) -> Writes {
-    Writes { by, format, streams: true, is_told: false }
+    Writes { by, format, streams: true, is_chosen: false }
 }
 
 pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
@@ -109,8 +109,8 @@ impl Writes {
     }
 
     /// The same where the format was told beside the name, which then may be any that promises no other.
-    pub(crate) fn told(self) -> Self {
-        Writes { is_told: true, ..self }
+    pub(crate) fn chosen(self) -> Self {
+        Writes { is_chosen: true, ..self }
     }
 
     /// Whether a name promises nothing else.
@@ -119,7 +119,7 @@ impl Writes {
             Promise::Nothing => true,
             Promise::Format(TEXT) => [PATH.format, WALK_CSV.format].contains(&self.format),
             Promise::Format(format) => format == self.format,
-            Promise::Unknown => self.is_told,
+            Promise::Unknown => self.is_chosen,
         }
     }
 
@@ -300,7 +300,11 @@ mod tests {
                 "a.ply a a.",
                 "a.glb a.obj a.stl a.chpm a.png a.ply.gz a.ply.zst a.fbx a.dae a.usdz a.ply.1 a.txt a.xyz a.\u{fc}",
             ),
-            (Writes::mesh("extract", "PLY").told(), "a.ply a.ply.1 a.mesh", "a.stl a.FBX a.dae a.usdz a.txt"),
+            (
+                Writes::mesh("extract", "PLY").chosen(),
+                "a.ply a.ply.1 a.mesh",
+                "a.stl a.FBX a.dae a.usdz a.txt",
+            ),
             (SYNTH, "a.ply a", "a.chpm a.stl a.mesh"),
             (PATH, "a.path a.txt", "a.csv a.chpm a.xml"),
             (WALK_CSV, "a.csv a.txt", "a.json a.ply a.tsv a.xlsx"),

@@ -124,7 +124,7 @@ impl Running {
     /// `; 62 % of all, 758 k triangles/s, 12 s left`, where there is a whole.
     fn whole(&self) -> String {
         let Some(Build { forecast, begun, .. }) = &self.build else { return String::new() };
-        let told = forecast.told(self.share(), begun.elapsed());
+        let told = forecast.message(self.share(), begun.elapsed());
         let comma = if told.is_empty() { "" } else { ", " };
         format!("; {:.0} % of all{comma}{told}", 100.0 * forecast.share(self.share()))
     }
@@ -138,7 +138,7 @@ impl Build {
     /// Shows how far it is, where this share of the running stage is done.
     fn show(&self, bar: &ProgressBar, of_stage: f64) {
         bar.set_position((PARTS as f64 * self.forecast.share(of_stage)) as u64);
-        bar.set_message(self.forecast.told(of_stage, self.begun.elapsed()));
+        bar.set_message(self.forecast.message(of_stage, self.begun.elapsed()));
     }
 }
 

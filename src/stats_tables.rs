@@ -32,7 +32,7 @@ fn units(value: f64) -> String {
 }
 
 /// A value of a spread; a dash where there is none.
-fn told(spread: Option<Spread>, of: fn(&Spread) -> f64, text: fn(f64) -> String) -> String {
+fn cell(spread: Option<Spread>, of: fn(&Spread) -> f64, text: fn(f64) -> String) -> String {
     spread.as_ref().map_or("-".to_owned(), |spread| text(of(spread)))
 }
 
@@ -41,18 +41,18 @@ fn clusters(levels: &[LevelStats]) -> String {
         vec![
             level.level.to_string(),
             Short(level.clusters.into()).to_string(),
-            told(level.triangles, |s| s.min, count),
-            told(level.triangles, |s| s.median, count),
-            told(level.triangles, |s| s.max, count),
-            told(level.collapses, |s| s.median, count),
+            cell(level.triangles, |s| s.min, count),
+            cell(level.triangles, |s| s.median, count),
+            cell(level.triangles, |s| s.max, count),
+            cell(level.collapses, |s| s.median, count),
             percent(level.shared),
-            told(
+            cell(
                 level.border_levels,
                 |s| s.median,
                 |life| format!("{life} levels").replace("1 levels", "1 level"),
             ),
             Short(level.groups.into()).to_string(),
-            told(level.group_size, |s| s.max, count),
+            cell(level.group_size, |s| s.max, count),
         ]
     });
     let header = [
@@ -76,7 +76,7 @@ fn errors(levels: &[LevelStats]) -> String {
         let columns: [fn(&Spread) -> f64; 6] =
             [|s| s.min, |s| s.p25, |s| s.median, |s| s.p75, |s| s.p95, |s| s.max];
         let mut row = vec![level.level.to_string()];
-        row.extend(columns.map(|of| told(level.max_error, of, units)));
+        row.extend(columns.map(|of| cell(level.max_error, of, units)));
         if measured {
             fn tightness(name: &str, level_tightness: &Option<Value>) -> Option<f64> {
                 level_tightness.as_ref().and_then(|t| t[name].as_f64())
@@ -96,10 +96,10 @@ fn layout(levels: &[LevelStats]) -> String {
     let rows = levels.iter().map(|level| {
         vec![
             level.level.to_string(),
-            told(level.aspect, |s| s.median, two),
-            told(level.aspect, |s| s.max, two),
-            told(level.overlap, |s| s.median, percent),
-            told(level.overlap, |s| s.max, percent),
+            cell(level.aspect, |s| s.median, two),
+            cell(level.aspect, |s| s.max, two),
+            cell(level.overlap, |s| s.median, percent),
+            cell(level.overlap, |s| s.max, percent),
             Bytes(level.page_bytes).to_string(),
             format!("{:.3}", level.acmr24),
             format!("{:.1}", level.edge_span),
@@ -137,10 +137,10 @@ fn print_whole(stats: &Stats, out: &mut impl Write) -> io::Result<()> {
 fn worst_table(stats: &Stats) -> String {
     let rows = stats.worst.iter().map(|worst| {
         let mut row = vec![worst::words(worst.measure).to_owned()];
-        fn told(named: &worst::Named) -> String {
+        fn cell(named: &worst::Named) -> String {
             format!("{} ({})", named.cluster, Units(named.value))
         }
-        row.extend(worst.clusters.iter().map(told));
+        row.extend(worst.clusters.iter().map(cell));
         row.resize(1 + 5, String::new());
         row
     });

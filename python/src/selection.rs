@@ -103,7 +103,7 @@ fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected
     request.check(file, &extraction)?;
     let mesh = mesh(&extraction, &mut patience)?;
     let (error, distance) = (extraction.error(), extraction.distance());
-    let told = |shortfall: Shortfall| shortfall.told(path.display(), file.header().aabb().diagonal());
+    let told = |shortfall: Shortfall| shortfall.describe(path.display(), file.header().aabb().diagonal());
     Ok(Selected {
         mesh,
         carried: extraction.attributes(),
@@ -111,7 +111,7 @@ fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected
         error,
         distance: file.has_gaps().then_some(distance),
         clusters: cut.members().len(),
-        shortfall: request.shortfall(file, &cut, distance).map(told),
+        shortfall: request.shortfall(file, &cut, distance).map(describe),
     })
 }
 

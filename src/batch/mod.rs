@@ -2,6 +2,8 @@
 
 /// One progress display for all models.
 mod display;
+/// Whether an output is what a build would make.
+pub(crate) mod fingerprint;
 /// Models with names, from typed inputs.
 pub(crate) mod inputs;
 /// Lists of models with settings of their own.
@@ -11,7 +13,5 @@ pub(crate) mod page;
 pub(crate) mod run;
 /// Which models belong to which machine.
 pub(crate) mod shard;
-/// Whether an output is what a build would make.
-pub(crate) mod stamp;
 /// Results of every model, for people and programs.
 pub(crate) mod summary;

@@ -1,8 +1,8 @@
 //! Models side by side: what is to be built is built, and a model that fails stops no other.
 
 use super::display::Display;
+use super::fingerprint::{self, Need};
 use super::inputs::Model;
-use super::stamp::{self, Need};
 use super::summary::{Row, Status, Summary};
 use crate::{cmd, report};
 use anyhow::{Context, Result};
@@ -38,7 +38,7 @@ pub(crate) fn plan(
         let output = folder.join(format!("{}.chpm", model.name));
         let need = match anew {
             true => Need::Build("asked for"),
-            false => stamp::need(
+            false => fingerprint::need(
                 &model.source,
                 &output,
                 &config.settings,
@@ -67,7 +67,7 @@ pub(crate) fn plan(
             source: model.source,
             output,
             hash: String::new(),
-            stamp: stamp::stamp(&files),
+            fingerprint: fingerprint::fingerprint(&files),
         };
         let mut task = Task { config, need, row };
         if need == Need::Nothing {
@@ -155,7 +155,7 @@ fn make(task: &Task, meter: &dyn BuildProgress, cancel: &Cancel) -> Row {
             (Status::Stopped, None)
         }
         Ok(Err(error)) => failed(report::causes(&error).join(": ")),
-        Err(panic) => failed(format!("a fault of this program: {}", told(&*panic))),
+        Err(panic) => failed(format!("a fault of this program: {}", panic_message(&*panic))),
     };
     row
 }
@@ -171,7 +171,7 @@ fn build(row: &Row, config: &BuildConfig, meter: &dyn BuildProgress, cancel: &Ca
 }
 
 /// Message of a panic.
-fn told(panic: &(dyn Any + Send)) -> &str {
+fn panic_message(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
 }
@@ -183,7 +183,7 @@ impl Row {
         let metadata = file.metadata()?;
         self.triangles = file.header().source_triangle_count;
         self.output_bytes = fs::metadata(&self.output)?.len();
-        self.hash = stamp::told(metadata.source.hash);
+        self.hash = fingerprint::hash_text(metadata.source.hash);
         self.warnings = metadata.warnings;
         Ok(())
     }

@@ -58,7 +58,8 @@ pub(crate) struct Row {
     /// Hash of the source that the output was built from.
     pub(crate) hash: String,
     /// Sizes and times of the source's files.
-    pub(crate) stamp: String,
+    #[serde(rename = "stamp")]
+    pub(crate) fingerprint: String,
 }
 
 /// The fate of a model.
@@ -261,7 +262,7 @@ mod tests {
             source: "x.ply".into(),
             output: "x.chpm".into(),
             hash: String::new(),
-            stamp: String::new(),
+            fingerprint: String::new(),
         }
     }
 

@@ -71,7 +71,7 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
         let triangles = Counted(compared.leaf_triangles, "triangle");
         writeln!(out, "verified: every invariant holds, and the leaves are the source's {triangles}")?;
     } else {
-        let faults = checked.faults.iter().map(chpm_verify::told);
+        let faults = checked.faults.iter().map(chpm_verify::describe);
         for fault in faults.chain(compared.faults.iter().map(ToString::to_string)) {
             writeln!(out, "{fault}")?;
         }

@@ -103,7 +103,7 @@ fn print(args: &Args, pair: &Pair, answers: &[Answer], out: &mut impl Write) -> 
         writeln!(
             out,
             "undecided to {} within what may be spent; the interval holds as it is",
-            args.error.told(diagonal)
+            args.error.describe(diagonal)
         )?;
     }
     Ok(())

@@ -96,7 +96,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let ready = Ready::new(target, file, &mesh, &cancel)?;
     let bounds = ready.bounds;
     let shortfall = request.shortfall(file, &cut, bounds.distance);
-    let less = shortfall.map(|less| less.told(args.file.display(), file.header().aabb().diagonal()));
+    let less = shortfall.map(|less| less.describe(args.file.display(), file.header().aabb().diagonal()));
     let warnings: Vec<String> = ready.warning.iter().cloned().chain(less).collect();
     let extract = made::Extract {
         schema: "chpm-extract/1",
@@ -110,7 +110,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     if args.json {
         json::print(&extract, &mut out)?;
     } else {
-        let told = mesh_file::told(&args.mesh.output, &mesh, bounds, "units");
+        let told = mesh_file::summary(&args.mesh.output, &mesh, bounds, "units");
         writeln!(out, "{told}, from {}", Counted(cut.members().len() as u64, "cluster"))?;
     }
     out.flush()?;

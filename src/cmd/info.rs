@@ -151,14 +151,14 @@ fn print_next(path: &Path, out: &mut impl Write) -> Result<()> {
 }
 
 fn print_caches([all, roots]: [Drawn; 2], out: &mut impl Write) -> io::Result<()> {
-    fn told(drawn: Drawn) -> String {
+    fn drawn_text(drawn: Drawn) -> String {
         drawn.acmr().map(|acmr| format!("{acmr:.3}")).join(", ")
     }
     writeln!(
         out,
         "cache      {} misses a triangle at the finest, middle and base positions; roots {} (first in, first out, {} vertices)",
-        told(all),
-        told(roots),
+        drawn_text(all),
+        drawn_text(roots),
         caches::SIZE
     )
 }

@@ -246,7 +246,7 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
             writeln!(
                 out,
                 "{path}: measured against what it has of {source}, without {}",
-                compared.told_small()
+                compared.small_components_message()
             )?;
         }
     }

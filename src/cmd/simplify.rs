@@ -127,7 +127,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         writeln!(
             out,
             "{}, of {}",
-            mesh_file::told(&args.mesh.output, &mesh, bounds, unit),
+            mesh_file::summary(&args.mesh.output, &mesh, bounds, unit),
             Counted(report.triangles, "triangle")
         )?;
         let distance = AtMost(bounds.distance.into());

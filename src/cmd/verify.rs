@@ -155,7 +155,7 @@ fn print(args: &Args, findings: &Verification, out: &mut impl Write) -> std::io:
             without.push(Counted(compared.copies, "copy").to_string());
         }
         if compared.small_components > 0 {
-            without.push(compared.told_small());
+            without.push(compared.small_components_message());
         }
         match without.is_empty() {
             true => writeln!(out)?,

@@ -126,7 +126,7 @@ impl Relater {
             if !go_on() {
                 return Ok(());
             }
-            relation = told(&answer, error > self.error);
+            relation = relation_of(&answer, error > self.error);
             desk.tell(step, Ok(relation.clone()));
         }
         let Some(within) = self.within else { return Ok(()) };
@@ -152,7 +152,7 @@ fn region(region: &chpm_proximity::Region) -> Region {
     }
 }
 
-fn told(answer: &Answer, goes_on: bool) -> Relation {
+fn relation_of(answer: &Answer, goes_on: bool) -> Relation {
     let state = match (answer.end, answer.closest_points) {
         (End::Decided, _) if goes_on => "looking closer ...".to_owned(),
         (End::Decided, Some(closest)) => {

@@ -43,7 +43,7 @@ const LAYERS: [&str; 24] = [
     "in_order",
     "join",
     "ingest",
-    "stamp",
+    "fingerprint",
     "decompose",
     "hierarchy",
     "triangle_order",

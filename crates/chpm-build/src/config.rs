@@ -199,7 +199,7 @@ pub struct PositionsError {
     pub got: String,
 }
 
-fn told(length: Option<Length>) -> String {
+fn length_text(length: Option<Length>) -> String {
     length.map_or("none".to_owned(), |length| length.to_string())
 }
 
@@ -221,8 +221,8 @@ impl Settings {
             entry("dependency-error-ratio", &self.dependency_error_ratio),
             entry("topology", &if self.topology == Topology::Keep { "keep" } else { "change" }),
             entry("error", &"certified"),
-            entry("finest-error", &told(self.finest_error)),
-            entry("target-error", &told(self.target_error)),
+            entry("finest-error", &length_text(self.finest_error)),
+            entry("target-error", &length_text(self.target_error)),
             entry("normals", &self.normals),
             entry("colors", &self.colors),
             entry("drop-invalid", &self.drop_invalid),

@@ -4,11 +4,11 @@ use crate::config::Settings;
 use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
+use crate::fingerprint::GENERATOR;
 use crate::hierarchy::Tree;
 use crate::ingest::{self, Source, SourceFacts};
 use crate::report::{LevelReport, Repairs};
 use crate::simplify::Clusters;
-use crate::stamp::GENERATOR;
 use crate::trim::Built;
 use chpm_extmem::AtomicFile;
 use chpm_format::{

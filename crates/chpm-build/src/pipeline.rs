@@ -5,9 +5,9 @@ use crate::clock::Clock;
 use crate::config::{BuildConfig, Resources, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::fingerprint::Fingerprint;
 use crate::progress::{BuildProgress, Stage};
 use crate::report::BuildReport;
-use crate::stamp::Stamp;
 use crate::{allowance, decompose, emit, hierarchy, ingest, layout, simplify, trim};
 use chpm_extmem::{AtomicFile, Cancel, ExtmemError, Lock, Store, WorkDir, process};
 use chpm_import::Supply;
@@ -65,22 +65,22 @@ fn make(
     let resources = &config.resources;
     let folder = resources.work_dir.as_deref().unwrap_or(beside(output));
     let source = &take(folder)?;
-    let stamp = Stamp::of(source, cancel)?;
-    stamp.refuse_output(output)?;
+    let fingerprint = Fingerprint::of(source, cancel)?;
+    fingerprint.refuse_output(output)?;
     // What came through a pipe does not come again, so that no other run could go on.
     let every = resources.checkpoint.filter(|_| !source.is_spooled());
     let resources = &Resources { checkpoint: every, ..resources.clone() };
     let (mut checkpoints, dir) = match every {
         Some(_) => {
-            Checkpoints::open(folder, &Key::of(output, &stamp, &config.settings)?, resources, progress)?
+            Checkpoints::open(folder, &Key::of(output, &fingerprint, &config.settings)?, resources, progress)?
         }
         None => {
             (Checkpoints::default(), WorkDir::create(folder)?.with_fail_points(resources.fail_points.clone()))
         }
     };
-    let context = &context(dir, stamp.len, resources, progress, cancel)?;
+    let context = &context(dir, fingerprint.len, resources, progress, cancel)?;
     let dir = &context.store.workdir;
-    match run(source, &stamp, out, &config.settings, context, &mut checkpoints) {
+    match run(source, &fingerprint, out, &config.settings, context, &mut checkpoints) {
         Ok(report) => {
             checkpoints.finish(dir);
             Ok(report)
@@ -90,7 +90,7 @@ fn make(
                 &mut error
             {
                 let arrays = (*used + *asked).saturating_sub(*work);
-                *enough = allowance::enough(&config.resources, available(), stamp.len, *work, arrays);
+                *enough = allowance::enough(&config.resources, available(), fingerprint.len, *work, arrays);
             }
             Err(checkpoints.explain(error, dir))
         }
@@ -100,7 +100,7 @@ fn make(
 /// The stages, one after the other. Those that an earlier run has done are passed over.
 fn run(
     source: &Supply,
-    stamp: &Stamp,
+    fingerprint: &Fingerprint,
     out: AtomicFile,
     settings: &Settings,
     context: &Context<'_>,
@@ -110,8 +110,8 @@ fn run(
 
     work.ingest(|| {
         let read = || ingest::run(source, settings, context);
-        let source = context.stage(Stage::Ingest, stamp.len, read)?;
-        stamp.check()?;
+        let source = context.stage(Stage::Ingest, fingerprint.len, read)?;
+        fingerprint.check()?;
         Ok(source)
     })?;
 

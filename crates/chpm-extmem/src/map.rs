@@ -41,7 +41,7 @@ pub struct MappedFile {
     path: PathBuf,
     file: File,
     /// Length and time of the last change when it was mapped.
-    stamp: (u64, Option<SystemTime>),
+    fingerprint: (u64, Option<SystemTime>),
     /// Bytes that may stay resident, and those that were read since pages were dropped.
     keep: AtomicU64,
     read: AtomicU64,
@@ -74,7 +74,15 @@ impl MappedFile {
         };
         let guard = map.as_deref().and_then(cut::Guard::of);
         let (keep, read) = (AtomicU64::new(u64::MAX), AtomicU64::new(0));
-        Ok(MappedFile { guard, map, path: path.to_path_buf(), file, stamp: stamp(&metadata), keep, read })
+        Ok(MappedFile {
+            guard,
+            map,
+            path: path.to_path_buf(),
+            file,
+            fingerprint: fingerprint(&metadata),
+            keep,
+            read,
+        })
     }
 
     /// The mapped file's path.
@@ -89,10 +97,11 @@ impl MappedFile {
     /// cannot be examined.
     pub fn check_unchanged(&self) -> Result<(), ExtmemError> {
         let now = self.file.metadata().map_err(|source| ExtmemError::io("examine", &self.path, 0, source))?;
-        let how = match (now.len() < self.stamp.0, self.guard.as_ref().is_some_and(cut::Guard::is_cut)) {
+        let how = match (now.len() < self.fingerprint.0, self.guard.as_ref().is_some_and(cut::Guard::is_cut))
+        {
             (true, _) => "was cut short",
             (false, true) => "could not be read to its end",
-            _ if stamp(&now) != self.stamp => "was changed",
+            _ if fingerprint(&now) != self.fingerprint => "was changed",
             _ => return Ok(()),
         };
         Err(ExtmemError::Changed { path: self.path.clone(), how })
@@ -151,7 +160,7 @@ impl Deref for MappedFile {
     }
 }
 
-fn stamp(metadata: &Metadata) -> (u64, Option<SystemTime>) {
+fn fingerprint(metadata: &Metadata) -> (u64, Option<SystemTime>) {
     (metadata.len(), metadata.modified().ok())
 }
 

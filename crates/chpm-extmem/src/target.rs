@@ -39,7 +39,7 @@ pub fn target(path: &Path, overwrite: bool) -> Result<PathBuf, ExtmemError> {
         found => found.map_err(failed)?.file_type(),
     };
     if !kind.is_file() {
-        return Err(ExtmemError::Irregular { path: path.to_owned(), is: told(kind) });
+        return Err(ExtmemError::Irregular { path: path.to_owned(), is: kind_name(kind) });
     }
     if !overwrite {
         return Err(ExtmemError::Exists { path: path.to_owned() });
@@ -47,7 +47,7 @@ pub fn target(path: &Path, overwrite: bool) -> Result<PathBuf, ExtmemError> {
     if is_link { path.canonicalize().map_err(failed) } else { Ok(path.to_owned()) }
 }
 
-fn told(kind: FileType) -> &'static str {
+fn kind_name(kind: FileType) -> &'static str {
     match kind {
         kind if kind.is_dir() => "a directory",
         kind if kind.is_fifo() => "a FIFO",

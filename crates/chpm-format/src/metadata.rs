@@ -92,7 +92,7 @@ impl Metadata {
 
     fn decode_body(body: &[u8]) -> Result<Metadata, FormatError> {
         let (metadata, read) =
-            bincode::serde::decode_from_slice(body, config()).map_err(|error| wrong(told(&error)))?;
+            bincode::serde::decode_from_slice(body, config()).map_err(|error| wrong(reason(&error)))?;
         if read != body.len() {
             return Err(wrong(format_args!("{} too many", Counted((body.len() - read) as u64, "byte"))));
         }
@@ -101,7 +101,7 @@ impl Metadata {
 }
 
 /// In words what the decoder says in the terms of its own code.
-fn told(error: &DecodeError) -> &'static str {
+fn reason(error: &DecodeError) -> &'static str {
     match error {
         DecodeError::UnexpectedEnd { .. } => "it ends early",
         DecodeError::LimitExceeded => "it is longer than 16 MiB",

@@ -170,7 +170,7 @@ impl fmt::Display for Foreign {
 mod tests {
     use super::*;
 
-    fn told(head: &[u8], extension: Option<&str>) -> Option<&'static str> {
+    fn description(head: &[u8], extension: Option<&str>) -> Option<&'static str> {
         Foreign::detect(&Start { head, len: Some(head.len() as u64), extension }).map(|foreign| foreign.what)
     }
 
@@ -200,7 +200,7 @@ mod tests {
         ];
 
         for (head, extension, what) in cases {
-            assert_eq!(told(head, extension), Some(what), "{}", head.escape_ascii());
+            assert_eq!(description(head, extension), Some(what), "{}", head.escape_ascii());
         }
     }
 
@@ -226,7 +226,7 @@ mod tests {
             (b"hello", Some("obj")),
         ];
         for (head, extension) in cases {
-            assert_eq!(told(head, extension), None, "{}", head.escape_ascii());
+            assert_eq!(description(head, extension), None, "{}", head.escape_ascii());
         }
     }
 }

@@ -5,7 +5,7 @@ use chpm_mesh::{Aabb, TriMesh, geom};
 
 /// How the edges of a mesh are used.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub struct EdgeCensus {
+pub struct EdgeCounts {
     /// Undirected edges.
     pub edges: usize,
     /// Edges of one face.
@@ -114,17 +114,17 @@ fn boundary_edges(mesh: &TriMesh) -> Vec<[u32; 2]> {
 }
 
 /// Counts edges by how many faces use them, and which way.
-pub fn edge_census(mesh: &TriMesh) -> EdgeCensus {
-    let mut census = EdgeCensus::default();
+pub fn edge_counts(mesh: &TriMesh) -> EdgeCounts {
+    let mut edges = EdgeCounts::default();
     for edge in by_edge(&half_edges(&mesh.triangles)) {
-        census.edges += 1;
+        edges.edges += 1;
         match edge {
-            [_] => census.boundary += 1,
-            [a, b] => census.inconsistent += usize::from(a.backward == b.backward),
-            _ => census.non_manifold += 1,
+            [_] => edges.boundary += 1,
+            [a, b] => edges.inconsistent += usize::from(a.backward == b.backward),
+            _ => edges.non_manifold += 1,
         }
     }
-    census
+    edges
 }
 
 /// The ends of boundary edges, each once, in order.
@@ -236,7 +236,7 @@ fn t_junctions(mesh: &TriMesh, edges: &[[u32; 2]]) -> Vec<Crack> {
 /// ```
 pub fn topology(mesh: &TriMesh) -> Topology {
     let halves = half_edges(&mesh.triangles);
-    let census = edge_census(mesh);
+    let edges = edge_counts(mesh);
     let corners: Vec<u32> = mesh.triangles.concat();
     let mut used: Vec<(u32, u32)> = corners.iter().enumerate().map(|(c, &v)| (v, c as u32)).collect();
     used.sort_unstable();
@@ -262,13 +262,13 @@ pub fn topology(mesh: &TriMesh) -> Topology {
     let vertices = at_vertices().count();
     Topology {
         vertices,
-        edges: census.edges,
+        edges: edges.edges,
         faces: mesh.triangles.len(),
         components: parts.count(0..mesh.triangles.len() as u32),
         boundary_loops: loops.count(boundary.iter().map(|half| half.corners[0])),
         extra_fans: fan_count - vertices,
-        non_manifold_edges: census.non_manifold,
-        euler: vertices as i64 - census.edges as i64 + mesh.triangles.len() as i64,
+        non_manifold_edges: edges.non_manifold,
+        euler: vertices as i64 - edges.edges as i64 + mesh.triangles.len() as i64,
     }
 }
 
@@ -329,7 +329,7 @@ mod tests {
             ("nothing", TriMesh::default(), [0; 8]),
         ] {
             let t = topology(&mesh);
-            let same = edge_census(&mesh).inconsistent;
+            let same = edge_counts(&mesh).inconsistent;
             let found = [
                 t.vertices,
                 t.edges,
@@ -343,8 +343,8 @@ mod tests {
             assert_eq!(found, expected, "{name}");
             assert_eq!(t.euler, t.vertices as i64 - t.edges as i64 + t.faces as i64, "{name}");
         }
-        let twice = edge_census(&hand::duplicate_faces());
-        assert_eq!(twice, EdgeCensus { edges: 5, boundary: 2, non_manifold: 1, inconsistent: 2 });
+        let twice = edge_counts(&hand::duplicate_faces());
+        assert_eq!(twice, EdgeCounts { edges: 5, boundary: 2, non_manifold: 1, inconsistent: 2 });
     }
 
     #[test]

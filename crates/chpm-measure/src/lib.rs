@@ -21,7 +21,7 @@ pub mod tally;
 pub mod tiles;
 
 pub use bvh::Bvh;
-pub use crack::{Crack, EdgeCensus, Topology, boundary_vertices, cracks, edge_census, topology, weld};
+pub use crack::{Crack, EdgeCounts, Topology, boundary_vertices, cracks, edge_counts, topology, weld};
 pub use hausdorff::{Deviation, deviation, deviation_told};
 pub use searcher::{Hit, Searcher};
 pub use tally::{Side, Tally};

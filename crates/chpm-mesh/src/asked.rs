@@ -14,13 +14,13 @@ pub struct AskedError(String);
 /// # Errors
 /// [`AskedError`] for what is none, or more than 64 bits hold; here and below.
 pub fn whole(text: &str) -> Result<u64, AskedError> {
-    fn told(text: &&str) -> AskedError {
+    fn not_a_number(text: &&str) -> AskedError {
         let known = "understood are 20000, 20,000, 20_000, 20k, 1.5M, 2e4";
         AskedError(format!("'{text}' is not a whole number; {known}"))
     }
 
     let (number, unit) = Number::read(text).map_err(|error| match error {
-        NumberError::NoNumber(_) => told(&text),
+        NumberError::NoNumber(_) => not_a_number(&text),
         error => AskedError(error.to_string()),
     })?;
     let factor = match unit {
@@ -28,11 +28,11 @@ pub fn whole(text: &str) -> Result<u64, AskedError> {
         "k" | "K" => 1_000,
         "m" | "M" => 1_000_000,
         "g" | "G" => 1_000_000_000,
-        _ => return Err(told(&text)),
+        _ => return Err(not_a_number(&text)),
     };
     match number.times(factor) {
         Some((whole, true)) => Ok(whole),
-        Some(_) => Err(told(&text)),
+        Some(_) => Err(not_a_number(&text)),
         None => Err(AskedError(format!("'{text}' is too large"))),
     }
 }
@@ -77,7 +77,7 @@ impl Length {
     }
 
     /// As it was asked for, on a model of this diagonal: `0.0200 units (1% of the diagonal)`.
-    pub fn told(self, diagonal: f64) -> String {
+    pub fn describe(self, diagonal: f64) -> String {
         let units = Units(self.of(diagonal));
         match self {
             Length::Units(_) => format!("{units} units"),
@@ -146,10 +146,10 @@ impl FromStr for Triangles {
     fn from_str(text: &str) -> Result<Self, AskedError> {
         if let Some(percent) = text.trim().strip_suffix('%') {
             let share = decimal(percent).ok().filter(|percent| 0.0 < *percent && *percent <= 100.0);
-            fn told(text: &&str) -> String {
+            fn no_share(text: &&str) -> String {
                 format!("'{text}' is no share of the model's triangles: more than 0% and at most 100%")
             }
-            return share.map(Triangles::Percent).ok_or_else(|| AskedError(told(&text)));
+            return share.map(Triangles::Percent).ok_or_else(|| AskedError(no_share(&text)));
         }
         match whole(text) {
             Ok(0) => Err(AskedError(format!("'{text}' is too small: at least 1"))),
@@ -188,6 +188,6 @@ mod tests {
         for bad in ["", "%", "-1", "-1%", "nan", "inf", "1e999", "1 mm", "1%%"] {
             assert_eq!(bad.parse::<Length>(), Err(LengthError { got: bad.to_owned() }));
         }
-        assert_eq!(Length::OfDiagonal(0.5).told(4.0), "0.0200 units (0.5% of the diagonal)");
+        assert_eq!(Length::OfDiagonal(0.5).describe(4.0), "0.0200 units (0.5% of the diagonal)");
     }
 }

@@ -118,10 +118,10 @@ impl Request {
 
 impl Shortfall {
     /// In a sentence about a file of this name and a model of this diagonal.
-    pub fn told(&self, name: impl Display, diagonal: f64) -> String {
+    pub fn describe(&self, name: impl Display, diagonal: f64) -> String {
         match *self {
             Shortfall::Error { asked, least } => {
-                let (least, asked) = (Units(least.into()), asked.told(diagonal));
+                let (least, asked) = (Units(least.into()), asked.describe(diagonal));
                 format!("the finest mesh of '{name}' has an error of {least}, more than {asked}")
             }
             Shortfall::Unknown => format!(

@@ -115,7 +115,7 @@ impl Sheet<'_> {
         let (width, height) = if self.beside { (width * count, height) } else { (width, height * count) };
         let size = (width + NAMES as u32, height + HEAD as u32);
         drawn(size, &format!("{}; {}", self.title, self.note), |root| {
-            root.fill(&WHITE).map_err(told)?;
+            root.fill(&WHITE).map_err(drawing_error)?;
             headed(root, self.title, self.note)?;
             let (_, below) = root.split_vertically(HEAD);
             let (plots, names) = below.split_horizontally(width as i32);
@@ -170,7 +170,7 @@ impl Chart<'_> {
         X::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
         Y::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
     {
-        let mut chart = builder(area, self.title).build_cartesian_2d(x, y).map_err(told)?;
+        let mut chart = builder(area, self.title).build_cartesian_2d(x, y).map_err(drawing_error)?;
         draw_mesh(&mut chart, [&self.x, &self.y], [6, 6])?;
         for series in &self.series {
             let color = COLORS[series.color % COLORS.len()];
@@ -187,9 +187,9 @@ impl Chart<'_> {
             };
             if series.dashed {
                 let line = DashedPathElement::new(points(), 4, 3, INK.stroke_width(1));
-                chart.draw_series([line]).map_err(told)?;
+                chart.draw_series([line]).map_err(drawing_error)?;
             } else {
-                chart.draw_series(LineSeries::new(points(), color.stroke_width(2))).map_err(told)?;
+                chart.draw_series(LineSeries::new(points(), color.stroke_width(2))).map_err(drawing_error)?;
             }
             let marked = series
                 .points
@@ -206,7 +206,7 @@ impl Chart<'_> {
                     }
                     Mark::Cross => chart.draw_series([Cross::new(at, 4, color.stroke_width(2))]).map(drop),
                 }
-                .map_err(told)?;
+                .map_err(drawing_error)?;
             }
         }
         Ok(())
@@ -257,7 +257,7 @@ pub fn bars(
         // In the unit that is told: its steps are round.
         let y = 0.0..1.05 * most / unit;
         let unit_name = name;
-        let mut chart = builder(root, title).build_cartesian_2d(x, y).map_err(told)?;
+        let mut chart = builder(root, title).build_cartesian_2d(x, y).map_err(drawing_error)?;
         let name = |value: &SegmentValue<u32>| match value {
             SegmentValue::CenterOf(place) => {
                 values.get(*place as usize).map_or("", |(name, _)| name).to_owned()
@@ -278,7 +278,7 @@ pub fn bars(
             .x_label_formatter(&name)
             .y_label_formatter(&|value| plain(*value))
             .draw()
-            .map_err(told)?;
+            .map_err(drawing_error)?;
         for (place, (_, values)) in (0_u32..).zip(values) {
             // Those of a comparison are in front of each other, the first behind and wider.
             for (series, value) in values.iter().enumerate() {
@@ -287,7 +287,7 @@ pub fn bars(
                 let mut bar = Rectangle::new([(left, 0.0), (right, *value / unit)], COLORS[series].filled());
                 let margin = 4 + 12 * series as u32;
                 bar.set_margin(0, 0, margin, margin);
-                chart.draw_series([bar]).map_err(told)?;
+                chart.draw_series([bar]).map_err(drawing_error)?;
             }
         }
         Ok(())
@@ -323,7 +323,8 @@ pub fn histogram(title: &str, note: &str, bins: &Bins<'_>, size: [u32; 2]) -> Re
     drawn((size[0], size[1]), &format!("{title}: {} by {}; {note}", bins.y, bins.x), |root| {
         headed(root, title, note)?;
         let (_, below) = root.split_vertically(HEAD);
-        let mut chart = builder(&below, "").build_cartesian_2d(low..high, 0.0..1.05 * most).map_err(told)?;
+        let mut chart =
+            builder(&below, "").build_cartesian_2d(low..high, 0.0..1.05 * most).map_err(drawing_error)?;
         let y = Axis { name: bins.y, log: false, label: plain };
         draw_mesh(&mut chart, [&Axis { name: bins.x, log: false, label: bins.label }, &y], [8, 6])?;
         let width = (high - low) / bins.counts.len().max(1) as f64;
@@ -331,12 +332,14 @@ pub fn histogram(title: &str, note: &str, bins: &Bins<'_>, size: [u32; 2]) -> Re
             let from = low + width * place as f64;
             let [r, g, b, _] = (bins.color)(from + 0.5 * width);
             let corners = [(from, 0.0), (from + width, *count as f64)];
-            chart.draw_series([Rectangle::new(corners, RGBColor(r, g, b).filled())]).map_err(told)?;
+            chart
+                .draw_series([Rectangle::new(corners, RGBColor(r, g, b).filled())])
+                .map_err(drawing_error)?;
         }
         for mark in bins.marks.iter().filter(|mark| (low..=high).contains(*mark)) {
             let line =
                 DashedPathElement::new([(*mark, 0.0), (*mark, 1.05 * most)], 4, 3, INK.stroke_width(1));
-            chart.draw_series([line]).map_err(told)?;
+            chart.draw_series([line]).map_err(drawing_error)?;
         }
         Ok(())
     })
@@ -374,14 +377,14 @@ where
         .x_label_formatter(&|value| (x.label)(*value))
         .y_label_formatter(&|value| (y.label)(*value))
         .draw()
-        .map_err(told)
+        .map_err(drawing_error)
 }
 
 /// A title and a note above a plot.
 fn headed(area: &Area<'_>, title: &str, note: &str) -> Result<(), ReportError> {
     for (text, y, size) in [(title, 12, 17), (note, 34, 12)] {
         let style = (FONT, size).into_font().color(&INK);
-        area.draw(&Text::new(text.to_owned(), (16, y), style)).map_err(told)?;
+        area.draw(&Text::new(text.to_owned(), (16, y), style)).map_err(drawing_error)?;
     }
     Ok(())
 }
@@ -404,8 +407,9 @@ fn legend(area: &Area<'_>, names: &[(String, usize, Option<Mark>)]) -> Result<()
             Some(Mark::Triangle) => area.draw(&TriangleMarker::new(at, 5, INK.filled())),
             Some(Mark::Cross) => area.draw(&Cross::new(at, 4, INK.stroke_width(2))),
         }
-        .map_err(told)?;
-        area.draw(&Text::new(name.clone(), (27, y - 6), (FONT, 12).into_font().color(&INK))).map_err(told)?;
+        .map_err(drawing_error)?;
+        area.draw(&Text::new(name.clone(), (27, y - 6), (FONT, 12).into_font().color(&INK)))
+            .map_err(drawing_error)?;
     }
     Ok(())
 }
@@ -432,7 +436,7 @@ fn drawn(
     {
         let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
         draw(&root)?;
-        root.present().map_err(told)?;
+        root.present().map_err(drawing_error)?;
     }
     let mut escaped = String::new();
     for c in label.trim().trim_end_matches(';').chars() {
@@ -446,7 +450,7 @@ fn drawn(
     Ok(text.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{escaped}\" "), 1))
 }
 
-fn told(error: impl std::fmt::Display) -> ReportError {
+fn drawing_error(error: impl std::fmt::Display) -> ReportError {
     ReportError::Plot(error.to_string())
 }
 

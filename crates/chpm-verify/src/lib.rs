@@ -39,4 +39,4 @@ mod verification;
 pub use error::VerifyError;
 pub use measure::{Measured, Measures, measure};
 pub use points::Points;
-pub use verification::{Checks, Verification, told, verify};
+pub use verification::{Checks, Verification, describe, verify};

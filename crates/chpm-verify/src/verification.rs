@@ -167,7 +167,7 @@ fn structure(file: &Chpm<MappedFile>, memory: u64, progress: &dyn Progress) -> V
     });
     progress.end();
     Verification {
-        faults: checked.faults.iter().map(told).collect(),
+        faults: checked.faults.iter().map(describe).collect(),
         fault_count: checked.fault_count,
         checked: Some(checked),
         trimmed: file.is_trimmed(),
@@ -185,7 +185,7 @@ impl Verification {
 }
 
 /// A fault as it is printed. Where its message names the place already, it is not named twice.
-pub fn told(fault: &Fault) -> String {
+pub fn describe(fault: &Fault) -> String {
     let names_place = fault.message.starts_with(&fault.place.to_string());
     if names_place { format!("{}: {}", fault.invariant, fault.message) } else { fault.to_string() }
 }

@@ -2,7 +2,7 @@
 
 use crate::config::Settings;
 use crate::error::BuildError;
-use crate::stamp::{self, Stamp};
+use crate::fingerprint::{self, Fingerprint};
 use chpm_extmem::{ExtmemError, WorkDir, hidden_name};
 use std::ffi::OsString;
 use std::fs;
@@ -22,7 +22,7 @@ impl Key {
     const END: &str = ".work";
 
     /// The work of making `output` from a source.
-    pub(crate) fn of(output: &Path, source: &Stamp, settings: &Settings) -> Result<Key, BuildError> {
+    pub(crate) fn of(output: &Path, source: &Fingerprint, settings: &Settings) -> Result<Key, BuildError> {
         let name = output.file_name().ok_or_else(|| ExtmemError::NotAFile { path: output.to_owned() })?;
         let folder = beside(output);
         let folder =
@@ -36,9 +36,9 @@ impl Key {
         add(&mut hash, folder.as_os_str().as_encoded_bytes());
         add(&mut hash, name.as_encoded_bytes());
         let place = hash.digest();
-        add(&mut hash, stamp::GENERATOR.as_bytes());
+        add(&mut hash, fingerprint::GENERATOR.as_bytes());
         // A program that was changed may decide otherwise, whatever its version says.
-        for identity in Stamp::of_program().iter().chain([source]) {
+        for identity in Fingerprint::of_program().iter().chain([source]) {
             identity.visit(|bytes| add(&mut hash, bytes));
         }
         for (name, value) in settings.describe() {

@@ -305,7 +305,7 @@ impl Divided {
             self.border_starts.push(self.border.len() as u32);
         }
         self.border.shrink_to_fit();
-        // Border number, and what the census and the shared vertices keep for each.
+        // Border number, and what the counts of topology and the shared vertices keep for each.
         let len = if settings.normals == Normals::Computed { 24 + size_of::<Octahedral>() } else { 24 };
         self._share =
             context.store.budget.reserve_work("border vertices", (len * self.border.len()) as u64)?;

@@ -2,11 +2,10 @@
 //!
 //! First the whole is divided into regions of some dozen leaves, out of core: vertices are numbered by coarse cell, triangles
 //! get the new numbers, and the graph of cells is cut (`number`, `join`, `divide`). Then each region is loaded and becomes
-//! leaves in memory: cells, parts, leaves, shared vertices, census (`region`). Establishes I1: every triangle is in exactly one
+//! leaves in memory: cells, parts, leaves, shared vertices, topology (`region`). Establishes I1: every triangle is in exactly one
 //! leaf, and a vertex of two leaves is shared in both.
 
 mod cell_graph;
-mod census;
 mod copies;
 mod divide;
 mod grid;
@@ -18,6 +17,7 @@ mod region;
 mod shared;
 #[cfg(test)]
 mod tests;
+mod topology;
 
 pub(crate) use cell_graph::nearest_pairs;
 pub(crate) use leaf::{Leaf, LeafPage};
@@ -29,12 +29,12 @@ use crate::error::BuildError;
 use crate::in_order::in_order;
 use crate::ingest::Source;
 use crate::report::Repairs;
-use census::Account;
 use chpm_extmem::{Reservation, Spool, Store};
 use chpm_qem::Displacement;
 use divide::Divided;
 use serde::{Deserialize, Serialize};
 use shared::Collector;
+use topology::Account;
 
 /// The leaf clusters.
 #[derive(Serialize, Deserialize)]
@@ -130,9 +130,10 @@ pub(crate) fn run(
             let inner_before = collector.inner_count();
             collector.add(&done)?;
             let border_count = border_count as u32;
-            let census = done.census.renumbered(|id| if id < border_count { id } else { id + inner_before });
+            let topology =
+                done.topology.renumbered(|id| if id < border_count { id } else { id + inner_before });
             copies += done.copies;
-            Ok(account.enter(census)?)
+            Ok(account.enter(topology)?)
         },
     )?;
     drop((divided, share));

@@ -1,12 +1,12 @@
 //! One region becomes leaves: cells, parts, triangles by part, leaves, and which of their vertices are shared.
 
 use super::cell_graph::{self, Cell};
-use super::census::{Census, Ledger, Surveyor};
 use super::divide::{INNER, majority};
 use super::grid::Grid;
 use super::leaf::{self, Leaf, LeafMesh, LeafWriter};
 use super::normals::BorderSum;
 use super::partition;
+use super::topology::{Ledger, Surveyor, TopologyCounts};
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
@@ -42,7 +42,7 @@ pub(crate) struct Done {
     /// Border number and leaf, for each leaf that uses a border vertex; ascending.
     pub(crate) border_uses: Vec<(u32, u32)>,
     /// Counts, with border numbers, and numbers of inner shared vertices above all of those.
-    pub(crate) census: Census,
+    pub(crate) topology: TopologyCounts,
     pub(crate) referenced: u64,
     pub(crate) copies: u64,
     /// Sums of normals about border vertices, if normals are computed.
@@ -85,9 +85,9 @@ pub(crate) fn run(
 ) -> Result<Done, BuildError> {
     if mesh.triangles.is_empty() {
         let (leaves, interfaces) = (Vec::new(), Interfaces::default());
-        let (border_uses, census) = (Vec::new(), Census::default());
+        let (border_uses, topology) = (Vec::new(), TopologyCounts::default());
         let (referenced, normals) = (mesh.referenced, Vec::new());
-        return Ok(Done { leaves, interfaces, border_uses, census, referenced, copies: 0, normals });
+        return Ok(Done { leaves, interfaces, border_uses, topology, referenced, copies: 0, normals });
     }
     let part_of = cut(mesh, parts, settings, context)?;
     context.check()?;
@@ -98,30 +98,30 @@ pub(crate) fn run(
         context.check()?;
         let numbers = gathered.vertices.iter().map(|v| shared.numbers[*v as usize]);
         let mut marks: Vec<(u16, u32)> = (0..).zip(numbers).filter(|(_, number)| *number != INNER).collect();
-        let census =
+        let topology =
             surveyor.survey(&gathered.triangles, &gathered.vertices, &marks, &mesh.vertices.positions);
         marks.iter_mut().for_each(|(_, number)| *number = code(*number, &shared.border, shared.inner_count));
         let leaf = writer.write(mesh, gathered, &marks, spool)?;
         context.progress.advance(gathered.triangles.len() as u64);
-        Ok((leaf, census))
+        Ok((leaf, topology))
     };
-    let made: Vec<(Leaf, Census)> =
+    let made: Vec<(Leaf, TopologyCounts)> =
         gathered.par_iter().map_init(Default::default, leaf).collect::<Result<_, BuildError>>()?;
 
     // What leaves counted about vertices that several have is put together, by their numbers here and then by those that hold everywhere.
     let mut ledger = Ledger::new(shared.inner_count as usize + shared.border.len());
     let mut leaves = Vec::with_capacity(made.len());
-    for (leaf, census) in made {
+    for (leaf, topology) in made {
         leaves.push(leaf);
-        ledger.enter(census);
+        ledger.enter(topology);
     }
     let global = |number: u32| match number.checked_sub(shared.inner_count) {
         Some(border) => shared.border[border as usize],
         None => number + border_count,
     };
-    let census = ledger.close(shared.inner_count).renumbered(global);
+    let topology = ledger.close(shared.inner_count).renumbered(global);
     let (referenced, copies) = (mesh.referenced, mesh.copies);
-    Ok(Done { leaves, interfaces, border_uses, census, referenced, copies, normals: Vec::new() })
+    Ok(Done { leaves, interfaces, border_uses, topology, referenced, copies, normals: Vec::new() })
 }
 
 fn code(number: u32, shared_border: &[u32], shared_inner_count: u32) -> u32 {

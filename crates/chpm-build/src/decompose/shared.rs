@@ -271,7 +271,7 @@ mod tests {
             leaves: vec![leaf; leaves as usize],
             interfaces,
             border_uses: border_uses.to_vec(),
-            census: Default::default(),
+            topology: Default::default(),
             referenced: 5,
             copies: 0,
             normals: Vec::new(),

@@ -143,7 +143,7 @@ fn leaves_are_the_source_in_one_region_and_in_many() {
 }
 
 #[test]
-fn the_census_does_not_depend_on_regions() {
+fn the_topology_does_not_depend_on_regions() {
     let mut damaged = Synth::new(Shape::Isosurface, 9000, 8).to_mesh();
     damaged.triangles.swap_remove(4321);
     (17..8000).step_by(611).for_each(|t| damaged.triangles[t].swap(0, 1));

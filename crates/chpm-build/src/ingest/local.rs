@@ -113,7 +113,7 @@ pub(super) fn doubles(
     if coordinates == Coordinates::TextOfSingles && origin == [0.0; 3] && extent.are_singles {
         rounding = 0.0;
     }
-    let warning = (rounding > 0.0).then(|| told(rounding, origin, extent.diagonal()));
+    let warning = (rounding > 0.0).then(|| rounding_warning(rounding, origin, extent.diagonal()));
     Ok(Local { positions: stored.finish_column()?, bounds, origin, rounding, lattice_step: None, warning })
 }
 
@@ -124,7 +124,7 @@ fn lost_by_difference(from: f64, less: f64, difference: f64) -> f64 {
 }
 
 /// Message about the rounding, and its reason if it can be seen.
-fn told(rounding: f64, origin: [f64; 3], diagonal: f64) -> String {
+fn rounding_warning(rounding: f64, origin: [f64; 3], diagonal: f64) -> String {
     let mut text = format!(
         "double coordinates were rounded to 24 bits about the origin {origin:?}: by at most {rounding:.3e}"
     );

@@ -2,7 +2,7 @@
 
 use crate::site::{Site, check_against, check_height, config, levels_of_detail, moved, with_attributes};
 use chpm_build::config::{Normals, Topology};
-use chpm_measure::{edge_census, topology};
+use chpm_measure::{edge_counts, topology};
 use chpm_mesh::{Attributes, Level};
 use chpm_partition::Partitioner;
 use chpm_refine::{Cut, extract};
@@ -19,8 +19,8 @@ fn every_shape_builds_and_every_cut_of_it_holds_together() {
             assert_eq!((report.triangles, report.roots), (mesh.triangles.len() as u64, 1), "{shape}");
             check_against(&file, &mesh);
             check_height(&file);
-            let census = edge_census(&mesh);
-            assert_eq!(report.repairs.boundary_edges, census.boundary as u64, "{shape}");
+            let edges = edge_counts(&mesh);
+            assert_eq!(report.repairs.boundary_edges, edges.boundary as u64, "{shape}");
             assert_eq!(report.repairs.components, topology(&mesh).components as u64, "{shape}");
         }
     }
@@ -79,8 +79,8 @@ fn a_closed_surface_stays_a_closed_surface_at_every_level() {
     config.settings.topology = Topology::Keep;
     let (_, file) = Site::of(&mesh).build(&config);
     for lod in levels_of_detail(&file) {
-        let (census, shape) = (edge_census(&lod), topology(&lod));
-        assert_eq!((census.boundary, census.non_manifold, census.inconsistent), (0, 0, 0));
+        let (edges, shape) = (edge_counts(&lod), topology(&lod));
+        assert_eq!((edges.boundary, edges.non_manifold, edges.inconsistent), (0, 0, 0));
         assert_eq!((shape.components, shape.euler), (1, 2));
     }
 }

@@ -108,7 +108,7 @@ pub(super) fn joined(edge: u32, third: u32) -> u8 {
 
 /// How many corners are told of a triangle with this symbol.
 #[inline]
-pub(super) fn told(symbol: u8) -> usize {
+pub(super) fn corners_told(symbol: u8) -> usize {
     let met = symbol.is_multiple_of(4) & (symbol != 0);
     usize::from(met) + 3 * usize::from(symbol == 0)
 }

@@ -2,7 +2,7 @@
 
 use super::around::NEIGHBORS;
 use super::bits::{BitReader, difference_of, unfold};
-use super::connect::{NONE, told};
+use super::connect::{NONE, corners_told};
 use super::follow::Follower;
 use super::view::{View, turned};
 use super::{
@@ -72,7 +72,7 @@ impl Unpacker {
         let edges = streams.next(t)?;
         let with_edge = edges.iter().filter(|symbol| **symbol != 0).count();
         let turns = streams.next(if how[2] == TOLD { with_edge } else { 0 })?;
-        let corners = streams.next(edges.iter().map(|symbol| told(*symbol)).sum())?;
+        let corners = streams.next(edges.iter().map(|symbol| corners_told(*symbol)).sum())?;
 
         let positions = take(&mut body, 12 * v);
         fn carried(is_carried: bool, len: usize, v: usize) -> usize {

@@ -106,7 +106,7 @@ impl Parts {
         }
         let attributes = Attributes { normals: has_normals, colors: with_colors > 0, ..Attributes::NONE };
         let coordinates = coordinates(&meshes, &instances);
-        warnings.extend(left_out.told());
+        warnings.extend(left_out.messages());
 
         let (mut vertices, mut faces) = (0u64, 0u64);
         for instance in &instances {
@@ -265,7 +265,7 @@ impl Triangles {
 }
 
 impl LeftOut {
-    fn told(&self) -> Vec<String> {
+    fn messages(&self) -> Vec<String> {
         let LeftOut { lines_and_points, morphs, textures, bare, .. } = *self;
         let mut warnings = Vec::new();
         let mut warn = |count: u64, text: String| warnings.extend((count > 0).then_some(text));

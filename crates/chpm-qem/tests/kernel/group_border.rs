@@ -1,7 +1,7 @@
 //! Two patches that are simplified apart, with the vertices that they share locked, must still fit together.
 
 use crate::play::run;
-use chpm_measure::{cracks, edge_census, topology};
+use chpm_measure::{cracks, edge_counts, topology};
 use chpm_mesh::TriMesh;
 use chpm_qem::{Collapse, Decimator, Patch, Topology};
 use chpm_synth::{Shape, Synth};
@@ -130,8 +130,8 @@ fn halves_of_a_sphere_close_up() {
     for keep in [0.5, 0.1, 0.0] {
         let union = in_parts(&mesh, |t| usize::from(mesh.positions[t[0] as usize][2] > 0.0), 2, keep);
         assert!(union.triangles.len() < mesh.triangles.len() / 2 + 2);
-        let census = edge_census(&union);
-        assert_eq!((census.boundary, census.non_manifold, census.inconsistent), (0, 0, 0), "{keep}");
+        let edges = edge_counts(&union);
+        assert_eq!((edges.boundary, edges.non_manifold, edges.inconsistent), (0, 0, 0), "{keep}");
         assert_eq!((topology(&union).euler, topology(&union).components), (2, 1), "{keep}");
         assert_eq!(cracks(&union, &mesh), []);
     }
@@ -144,9 +144,9 @@ fn octants_of_every_shape_fit_together() {
         let (before, part) = (topology(&mesh), octant(&mesh));
         for keep in [0.5, 0.0] {
             let union = in_parts(&mesh, &part, 8, keep);
-            let (after, census) = (topology(&union), edge_census(&union));
+            let (after, edges) = (topology(&union), edge_counts(&union));
             assert_eq!(cracks(&union, &mesh), [], "{shape}");
-            assert_eq!((census.non_manifold, census.inconsistent), (0, 0), "{shape}");
+            assert_eq!((edges.non_manifold, edges.inconsistent), (0, 0), "{shape}");
             assert_eq!(
                 (after.components, after.boundary_loops, after.euler),
                 (before.components, before.boundary_loops, before.euler),

@@ -1,7 +1,7 @@
 //! Small meshes with exact answers.
 
 use crate::play::{corner_sets, free, played, run};
-use chpm_measure::{boundary_vertices, deviation, edge_census, topology};
+use chpm_measure::{boundary_vertices, deviation, edge_counts, topology};
 use chpm_mesh::{TriMesh, geom};
 use chpm_qem::Refusal;
 use chpm_synth::hand;
@@ -118,7 +118,7 @@ fn the_subdivided_cube_is_one() {
     let shape = topology(&mesh);
     assert!(shape.is_closed() && shape.is_manifold() && shape.euler == 2);
     assert_eq!((mesh.positions.len(), mesh.triangles.len()), (6 * 36 + 2, 12 * 36));
-    assert_eq!(edge_census(&mesh).inconsistent, 0);
+    assert_eq!(edge_counts(&mesh).inconsistent, 0);
 }
 
 #[test]

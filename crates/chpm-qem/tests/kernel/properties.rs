@@ -1,7 +1,7 @@
 //! Properties of any mesh: random pieces, random vertex order, random locks.
 
 use crate::play::{Run, corner_sets, local, run, run_with};
-use chpm_measure::{edge_census, topology};
+use chpm_measure::{edge_counts, topology};
 use chpm_mesh::{ProgressiveMesh, TriMesh};
 use chpm_qem::{Collapse, Decimator};
 use chpm_synth::{Shape, Synth, hand};
@@ -142,8 +142,8 @@ fn check_levels_of_detail(mesh: &TriMesh, run: &Run) -> Result<(), TestCaseError
         let lod = crate::play::played(mesh, &run.collapses[..run.collapses.len() * part / 4]);
         let sets = corner_sets(&lod);
         prop_assert!(sets.windows(2).all(|w| w[0] != w[1]), "a triangle is there twice");
-        let (census, after) = (edge_census(&lod), topology(&lod));
-        prop_assert_eq!((census.non_manifold, census.inconsistent), (0, 0));
+        let (edges, after) = (edge_counts(&lod), topology(&lod));
+        prop_assert_eq!((edges.non_manifold, edges.inconsistent), (0, 0));
         prop_assert!(after.is_manifold());
         prop_assert_eq!(
             (after.components, after.boundary_loops, after.euler),

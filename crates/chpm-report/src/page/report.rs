@@ -200,11 +200,13 @@ fn finding(worst: &worst::Worst) -> Finding {
 fn compared(own: &Stats, other: &Stats) -> Vec<(String, String, String)> {
     let names = own.measures.keys();
     names
-        .map(|name| (name.replace('_', " "), told(own.measures.get(name)), told(other.measures.get(name))))
+        .map(|name| {
+            (name.replace('_', " "), text_of(own.measures.get(name)), text_of(other.measures.get(name)))
+        })
         .collect()
 }
 
-fn told(value: Option<&Value>) -> String {
+fn text_of(value: Option<&Value>) -> String {
     match value.and_then(Value::as_f64) {
         Some(value) if value.fract() == 0.0 && value >= 0.0 => Short(value as u64).to_string(),
         Some(value) => Units(value).to_string(),

@@ -65,7 +65,7 @@ impl Comparison {
     }
 
     /// The small components that the leaves lack, in words.
-    pub fn told_small(&self) -> String {
+    pub fn small_components_message(&self) -> String {
         let components = Counted(self.small_components, "component");
         let triangles = Counted(self.small_component_triangles, "triangle");
         format!("{components} of {triangles} that are smaller than --min-component")
@@ -156,7 +156,7 @@ pub fn compare<D: AsRef<[u8]>>(
     progress.begin("compare", 2 * file.header().source_triangle_count);
     let mut sums = vec![0u128; BUCKETS];
     let mut leaf_triangles = 0;
-    let copies_told = told(file, "merged-copies").unwrap_or(0);
+    let copies_told = stored_count(file, "merged-copies").unwrap_or(0);
     let multiset = |what| (copies_told > 0).then(|| Multiset::new(store, what));
     let (mut leaf_set, mut source_set) =
         (multiset("triangles of leaves"), multiset("triangles of the source"));
@@ -206,7 +206,7 @@ pub fn compare<D: AsRef<[u8]>>(
     }
 
     // Counts of the file that the source contradicts.
-    let mut others = told_otherwise(file, &counts);
+    let mut others = counts_that_differ(file, &counts);
     if copies != copies_told {
         others.push(format!(
             "I1 coverage: the file counts {copies_told} merged-copies, and the leaves lack {copies}"
@@ -218,16 +218,16 @@ pub fn compare<D: AsRef<[u8]>>(
 }
 
 /// Count in the file's metadata by a name. Metadata that does not decode is a fault of its own.
-fn told<D: AsRef<[u8]>>(file: &Chpm<D>, name: &str) -> Option<u64> {
+fn stored_count<D: AsRef<[u8]>>(file: &Chpm<D>, name: &str) -> Option<u64> {
     let repairs = file.metadata().ok()?.repairs;
     repairs.iter().find(|(told, _)| told == name).map(|(_, count)| *count)
 }
 
 /// Facts about the source that the file has wrong.
-fn told_otherwise<D: AsRef<[u8]>>(file: &Chpm<D>, counts: &Counts) -> Vec<String> {
+fn counts_that_differ<D: AsRef<[u8]>>(file: &Chpm<D>, counts: &Counts) -> Vec<String> {
     let mut faults = Vec::new();
     for (name, count) in counts.stored() {
-        let told = told(file, name).unwrap_or(count);
+        let told = stored_count(file, name).unwrap_or(count);
         if told != count {
             faults.push(format!("I1 coverage: the file counts {told} {name}, and the source has {count}"));
         }
@@ -236,7 +236,7 @@ fn told_otherwise<D: AsRef<[u8]>>(file: &Chpm<D>, counts: &Counts) -> Vec<String
         ("small-components", counts.small_components),
         ("small-component-triangles", counts.small_component_triangles),
     ] {
-        let told = told(file, name).unwrap_or(0);
+        let told = stored_count(file, name).unwrap_or(0);
         if told != count {
             faults.push(format!(
                 "I1 coverage: the file counts {told} {name}, and the source has {count} of that size"

@@ -186,7 +186,8 @@ impl Walker {
             let edges = borders.of_cluster(member.cluster, &mut self.scratch)?;
             let same = edges.iter().find(|edge| side(&self.local, &page, **edge) == Some(open));
             if let Some(edge) = same {
-                let [a, b] = edge.map(|v| told(file, page.positions[usize::from(self.local.at(v))]));
+                let [a, b] =
+                    edge.map(|v| object_position(file, page.positions[usize::from(self.local.at(v))]));
                 let cluster = member.cluster;
                 return Ok(Some(format!(
                     "the edge from {a:?} to {b:?} of {cluster} has no partner in the cluster beside it"
@@ -208,7 +209,7 @@ impl Walker {
             let page = page.view();
             let Some((vertex, _)) = page.shared().find(|(_, other)| *other == id) else { continue };
             let here = self.whereabouts(&page, vertex, id);
-            let at = told(file, page.positions[usize::from(self.local.at(vertex))]);
+            let at = object_position(file, page.positions[usize::from(self.local.at(vertex))]);
             match first {
                 None => first = Some((here, member.cluster, at)),
                 Some((there, cluster, before)) if there != here => {
@@ -231,7 +232,7 @@ fn side(local: &Local, page: &Page<'_>, edge: [u16; 2]) -> Option<Side> {
     (ends[0] != ends[1]).then(|| Side::new(ends.map(end)))
 }
 
-fn told<D: AsRef<[u8]>>(file: &Chpm<D>, position: Position) -> [f64; 3] {
+fn object_position<D: AsRef<[u8]>>(file: &Chpm<D>, position: Position) -> [f64; 3] {
     let origin = file.header().origin;
     std::array::from_fn(|axis| origin[axis] + f64::from(position[axis]))
 }

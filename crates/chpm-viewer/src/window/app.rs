@@ -192,8 +192,9 @@ impl App {
             .with_title("chpm")
             .with_inner_size(PhysicalSize::new(width, height))
             .with_min_inner_size(PhysicalSize::new(320, 200));
-        let window =
-            events.create_window(attributes).map_err(|e| ViewerError::Window(super::told(&e.to_string())))?;
+        let window = events
+            .create_window(attributes)
+            .map_err(|e| ViewerError::Window(super::plain_message(&e.to_string())))?;
         self.canvas = Some(Canvas::new(
             Arc::new(window),
             Box::new(events.owned_display_handle()),

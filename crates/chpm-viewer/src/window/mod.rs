@@ -128,7 +128,7 @@ pub fn run(options: Options) -> Result<Outcome, ViewerError> {
 }
 
 fn refused(error: winit::error::EventLoopError) -> ViewerError {
-    let why = told(&error.to_string());
+    let why = plain_message(&error.to_string());
     ViewerError::Window(format!(
         "{}; a window needs a display, a picture does not",
         why.trim_end_matches('.')
@@ -136,7 +136,7 @@ fn refused(error: winit::error::EventLoopError) -> ViewerError {
 }
 
 /// Message of winit without the place in its own sources, which comes first: `os error at FILE:LINE: `.
-fn told(error: &str) -> String {
+fn plain_message(error: &str) -> String {
     let why = error.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
     why.map_or(error, |(_, why)| why).to_owned()
 }
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn errors_of_the_window_system_name_no_source_file() {
-        assert_eq!(told("os error at /a/b.rs:765: no DISPLAY: set it"), "no DISPLAY: set it");
-        assert_eq!(told("no window: too large"), "no window: too large");
+        assert_eq!(plain_message("os error at /a/b.rs:765: no DISPLAY: set it"), "no DISPLAY: set it");
+        assert_eq!(plain_message("no window: too large"), "no window: too large");
     }
 }

@@ -12,7 +12,7 @@ pub(crate) const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
 
 /// The identity of a source, or of the program. Whoever changes a file without changing its length or time is not seen.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(crate) struct Stamp {
+pub(crate) struct Fingerprint {
     files: Vec<File>,
     /// Bytes of all files.
     pub(crate) len: u64,
@@ -26,32 +26,35 @@ struct File {
     time: (i64, i64),
 }
 
-impl Stamp {
+impl Fingerprint {
     /// The identity of `source` as it is now. What came through a pipe has none: nobody else can change it.
-    pub(crate) fn of(source: &Supply, cancel: &Cancel) -> Result<Stamp, BuildError> {
+    pub(crate) fn of(source: &Supply, cancel: &Cancel) -> Result<Fingerprint, BuildError> {
         if source.is_spooled() {
-            return Ok(Stamp { files: Vec::new(), len: source.len() });
+            return Ok(Fingerprint { files: Vec::new(), len: source.len() });
         }
         let found = input::files(&source.path, cancel)?;
         let list = &source.path;
-        let stamp = |(at, path)| match (at, File::of(path)) {
+        let fingerprint = |(at, path)| match (at, File::of(path)) {
             // Behind a list come its scans.
             (1.., Err(error)) => {
                 Err(SourceError::Scan { list: list.clone(), index: at - 1, error: Box::new(error) })
             }
-            (_, stamp) => stamp,
+            (_, fingerprint) => fingerprint,
         };
-        let files = found.into_iter().enumerate().map(stamp).collect::<Result<_, _>>()?;
-        Ok(Stamp::new(files))
+        let files = found.into_iter().enumerate().map(fingerprint).collect::<Result<_, _>>()?;
+        Ok(Fingerprint::new(files))
     }
 
-    fn new(files: Vec<File>) -> Stamp {
-        Stamp { len: files.iter().map(|file| file.len).sum(), files }
+    fn new(files: Vec<File>) -> Fingerprint {
+        Fingerprint { len: files.iter().map(|file| file.len).sum(), files }
     }
 
     /// The identity of the program that runs, where the system tells.
-    pub(crate) fn of_program() -> Option<Stamp> {
-        std::env::current_exe().ok().and_then(|path| File::of(path).ok()).map(|file| Stamp::new(vec![file]))
+    pub(crate) fn of_program() -> Option<Fingerprint> {
+        std::env::current_exe()
+            .ok()
+            .and_then(|path| File::of(path).ok())
+            .map(|file| Fingerprint::new(vec![file]))
     }
 
     /// An error if a file is no longer what it was.

@@ -49,8 +49,10 @@ pub(crate) fn need(
     }
     // A source that cannot be read is a build's error to tell.
     let Ok(files) = input::files(source, cancel) else { return Need::Build("source unreadable") };
-    let stamp = stamp(&files);
-    if earlier.is_some_and(|row| row.hash == told(hash) && !stamp.is_empty() && row.stamp == stamp) {
+    let fingerprint = fingerprint(&files);
+    if earlier.is_some_and(|row| {
+        row.hash == hash_text(hash) && !fingerprint.is_empty() && row.fingerprint == fingerprint
+    }) {
         return Need::Nothing;
     }
     match input::fingerprint(&files, cancel) {
@@ -69,7 +71,7 @@ fn built(output: &Path) -> Result<Built> {
 }
 
 /// Sizes and times of a source's files; empty if one cannot be looked at.
-pub(crate) fn stamp(files: &[PathBuf]) -> String {
+pub(crate) fn fingerprint(files: &[PathBuf]) -> String {
     let mut text = String::new();
     for file in files {
         let Ok(metadata) = fs::metadata(file) else { return String::new() };
@@ -81,6 +83,6 @@ pub(crate) fn stamp(files: &[PathBuf]) -> String {
 }
 
 /// A hash as it is written.
-pub(crate) fn told(hash: u64) -> String {
+pub(crate) fn hash_text(hash: u64) -> String {
     format!("{hash:016x}")
 }

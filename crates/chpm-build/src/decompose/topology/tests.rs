@@ -7,8 +7,8 @@ use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The census of a mesh whose triangle `t` lies in leaf `leaves[t]`, `step` leaves being a region.
-fn census(mesh: &TriMesh, leaves: &[usize], step: usize) -> Repairs {
+/// The topology of a mesh whose triangle `t` lies in leaf `leaves[t]`, `step` leaves being a region.
+fn topology(mesh: &TriMesh, leaves: &[usize], step: usize) -> Repairs {
     let leaf_count = leaves.iter().max().map_or(0, |last| last + 1);
     let mut users = BTreeMap::<u32, BTreeSet<usize>>::new();
     for (triangle, leaf) in mesh.triangles.iter().zip(leaves) {
@@ -57,7 +57,7 @@ fn census(mesh: &TriMesh, leaves: &[usize], step: usize) -> Repairs {
 }
 
 fn whole(mesh: &TriMesh) -> Repairs {
-    census(mesh, &vec![0; mesh.triangles.len()], 1)
+    topology(mesh, &vec![0; mesh.triangles.len()], 1)
 }
 
 /// How many components the graph of `edges` has.
@@ -185,7 +185,7 @@ fn copies_are_found_in_any_orientation() {
     let expected = Repairs { two_sided_faces: 2, non_manifold_edges: 3, non_manifold_vertices: 3, ..clean() };
     assert_eq!(whole(&pillow), expected);
     // In two leaves they pass for two faces.
-    assert_eq!(census(&pillow, &[0, 1, 1], 1), Repairs { two_sided_faces: 1, ..expected });
+    assert_eq!(topology(&pillow, &[0, 1, 1], 1), Repairs { two_sided_faces: 1, ..expected });
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn larger_meshes_agree_with_the_definition_in_slabs_of_triangles() {
         let mesh = Synth::new(shape, 3000, 5).to_mesh();
         let count = mesh.triangles.len();
         let leaves: Vec<usize> = (0..count).map(|t| 7 * t / count).collect();
-        assert_eq!(census(&mesh, &leaves, 2), naive(&mesh, &leaves), "{shape}");
+        assert_eq!(topology(&mesh, &leaves, 2), naive(&mesh, &leaves), "{shape}");
     }
 }
 
@@ -238,7 +238,7 @@ proptest! {
     ) {
         let mesh = TriMesh::new(positions, triangles);
         let leaves = &leaves[..mesh.triangles.len()];
-        prop_assert_eq!(census(&mesh, leaves, step), naive(&mesh, leaves));
+        prop_assert_eq!(topology(&mesh, leaves, step), naive(&mesh, leaves));
     }
 
     #[test]
@@ -273,6 +273,6 @@ proptest! {
 
         let leaves: Vec<usize> = runs.iter().flat_map(|&(length, leaf)| std::iter::repeat_n(leaf, length)).collect();
         let leaves = &leaves[..mesh.triangles.len()];
-        prop_assert_eq!(census(&mesh, leaves, step), naive(&mesh, leaves));
+        prop_assert_eq!(topology(&mesh, leaves, step), naive(&mesh, leaves));
     }
 }

@@ -1,4 +1,4 @@
-//! The census of one leaf.
+//! Counts of the topology of one leaf.
 
 use super::sets::Sets;
 use crate::report::Repairs;
@@ -13,7 +13,7 @@ const TABLE: usize = 1 << 16;
 
 /// Counts of one leaf, or of several, and edges and components that other leaves have to settle.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Census {
+pub(crate) struct TopologyCounts {
     /// Counts of all that is complete.
     pub(super) found: Repairs,
     /// Edges between shared vertices.
@@ -28,7 +28,7 @@ pub(crate) struct Census {
     pub(super) non_manifold: Vec<u32>,
 }
 
-impl Census {
+impl TopologyCounts {
     /// The same with other shared ids.
     pub(crate) fn renumbered(mut self, new: impl Fn(u32) -> u32) -> Self {
         for edge in &mut self.edges {
@@ -174,8 +174,8 @@ impl Surveyor {
         vertices: &[u32],
         shared: &[(u16, u32)],
         positions: &[[f32; 3]],
-    ) -> Census {
-        let mut leaf = Census::default();
+    ) -> TopologyCounts {
+        let mut leaf = TopologyCounts::default();
         self.ids.clear();
         self.ids.resize(vertices.len(), LOOSE);
         for &(local, id) in shared {
@@ -209,7 +209,7 @@ impl Surveyor {
         triangles: &[[u16; 3]],
         vertices: &[u32],
         positions: &[[f32; 3]],
-        leaf: &mut Census,
+        leaf: &mut TopologyCounts,
     ) {
         self.points.clear();
         self.points.extend(vertices.iter().map(|v| positions[*v as usize]));
@@ -227,7 +227,7 @@ impl Surveyor {
         triangles: &[[u16; 3]],
         vertex_count: usize,
         shared: &[(u16, u32)],
-        leaf: &mut Census,
+        leaf: &mut TopologyCounts,
     ) {
         self.surface.singletons(vertex_count);
         for &[a, b, c] in triangles {
@@ -290,7 +290,7 @@ impl Surveyor {
 
     /// Counts or hands over the fans of an open vertex, and its edges to later ones. (Edges to vertices that are not open
     /// have nothing to count.)
-    fn look_at(&mut self, vertex: u16, leaf: &mut Census) {
+    fn look_at(&mut self, vertex: u16, leaf: &mut TopologyCounts) {
         let wings = &self.wings
             [self.starts[usize::from(vertex)] as usize..self.starts[usize::from(vertex) + 1] as usize];
         self.link.gather(vertex, wings, &mut self.next);

@@ -1,6 +1,6 @@
-//! Puts censuses together: those of leaves to that of a region ([`Ledger`]), those of regions to that of the source ([`Account`]).
+//! Puts topology counts together: those of leaves to that of a region ([`Ledger`]), those of regions to that of the source ([`Account`]).
 
-use super::local::{Census, EdgeKind, EdgeUse, Fan, LOOSE, hand_over};
+use super::local::{EdgeKind, EdgeUse, Fan, LOOSE, TopologyCounts, hand_over};
 use super::sets::Sets;
 use crate::report::Repairs;
 use chpm_extmem::{Buckets, ExtmemError, Store};
@@ -42,7 +42,7 @@ impl Ledger {
     }
 
     /// Takes in what was counted next.
-    pub(crate) fn enter(&mut self, part: Census) {
+    pub(crate) fn enter(&mut self, part: TopologyCounts) {
         super::add(&mut self.found, &part.found);
         for [a, b] in part.connected {
             self.surface.join(a, b);
@@ -99,12 +99,17 @@ impl Ledger {
 
     /// The counts of everything that was entered. Vertices below `complete` are complete; what is open about the others is
     /// handed over.
-    pub(crate) fn close(mut self, complete: u32) -> Census {
+    pub(crate) fn close(mut self, complete: u32) -> TopologyCounts {
         self.settle(|id| id < complete);
         let open = complete..self.non_manifold.len() as u32;
         let open_ids = || open.clone().map(|id| (id, id));
         let mut first = Vec::new();
-        let mut rest = Census { found: self.found, edges: self.edges, fans: self.fans, ..Census::default() };
+        let mut rest = TopologyCounts {
+            found: self.found,
+            edges: self.edges,
+            fans: self.fans,
+            ..TopologyCounts::default()
+        };
         rest.found.components += hand_over(&mut self.surface, open_ids(), &mut first, &mut rest.connected);
         rest.found.boundary_loops += hand_over(&mut self.border, open_ids(), &mut first, &mut rest.bordering);
         let (inner, outer) = self.non_manifold.split_at(complete as usize);
@@ -162,7 +167,7 @@ impl Account {
     }
 
     /// Takes in what was counted in a region.
-    pub(crate) fn enter(&mut self, mut part: Census) -> Result<(), ExtmemError> {
+    pub(crate) fn enter(&mut self, mut part: TopologyCounts) -> Result<(), ExtmemError> {
         for edge in part.edges.drain(..) {
             self.edges.push((edge.ends[0] >> SHARE_LOG) as usize, edge)?;
         }
@@ -174,7 +179,7 @@ impl Account {
     }
 
     /// The counts of everything that was entered.
-    pub(crate) fn close(mut self) -> Result<Census, ExtmemError> {
+    pub(crate) fn close(mut self) -> Result<TopologyCounts, ExtmemError> {
         for share in 0..self.edges.count() {
             self.edges.read(share, &mut self.ledger.edges)?;
             self.fans.read(share, &mut self.ledger.fans)?;

@@ -1,4 +1,4 @@
-//! The topology census of the source: what is odd about its surface, counted leaf by leaf and put together at their borders.
+//! Counts of the topology of the source: what is odd about its surface, counted leaf by leaf and put together at their borders.
 //!
 //! A leaf counts alone whatever is complete in it ([`local`]); what crosses leaves is handed over as a few records for each
 //! use of a shared vertex, and decided within its region ([`ledger`]), or if it crosses regions when all regions were counted. Every count is a sum that does not depend on order, so it is the same for any number of
@@ -18,10 +18,10 @@ mod tests;
 
 use crate::report::Repairs;
 pub(crate) use ledger::{Account, Ledger};
-pub(crate) use local::{Census, Surveyor};
+pub(crate) use local::{Surveyor, TopologyCounts};
 
-impl Census {
-    /// Adds the counts of the census to `repairs`, and leaves its other counts alone.
+impl TopologyCounts {
+    /// Adds the counts of the topology to `repairs`, and leaves its other counts alone.
     pub(crate) fn add_to(&self, repairs: &mut Repairs) {
         add(repairs, &self.found);
     }
