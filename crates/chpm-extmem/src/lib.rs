@@ -1,7 +1,8 @@
 //! External memory: a budget that is asked before memory is taken, a work directory that cleans up after itself or keeps what
 //! another run can go on with, arrays, sequences, blobs and sorts that live in memory when the budget grants it and on disk when
 //! it does not, files that appear complete or not at all, the request to stop and
-//! the report of progress that all long work knows, fail points (planned errors), and the project's only memory map.
+//! the report of progress that all long work knows, fail points (planned errors), the project's only memory map, and METIS
+//! made safe for threads (a feature).
 //!
 //! The crate knows bytes and plain records, not meshes. Whether an array was granted memory never shows in its
 //! content, so a result does not depend on the budget.
@@ -22,6 +23,9 @@ mod lock;
 mod manifest;
 #[allow(unsafe_code)]
 mod map;
+#[cfg(feature = "metis")]
+#[allow(unsafe_code)]
+pub mod metis;
 mod paged;
 mod pipe;
 pub mod process;
@@ -29,6 +33,8 @@ mod progress;
 mod publish;
 mod saved;
 mod segments;
+#[cfg(feature = "metis")]
+mod sequence;
 mod sorter;
 mod spool;
 mod store;

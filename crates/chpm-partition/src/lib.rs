@@ -1,4 +1,4 @@
-//! Graph partitioning: METIS behind a lock, and a pure-Rust partitioner as oracle and fallback.
+//! Graph partitioning: METIS from any thread, and a pure-Rust partitioner as oracle and fallback.
 //!
 //! [`Partitioner`] is the whole service: it partitions, repairs what the partitioner left (empty parts, parts in
 //! several pieces) and reports what it did. The same graph, part count and seed give the same partition, from any
@@ -41,10 +41,10 @@ pub const BALANCE: f64 = 1.03;
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Partitioner {
-    /// METIS: multilevel, few cut edges; one call at a time per process.
+    /// METIS: multilevel, few cut edges.
     #[default]
     Metis,
-    /// Greedy graph growing with boundary refinement, in Rust; more cut edges, any number of calls at a time.
+    /// Greedy graph growing with boundary refinement, in Rust; more cut edges.
     Greedy,
 }
 

@@ -1,23 +1,21 @@
 //! METIS (Karypis and Kumar, "A fast and high quality multilevel scheme for partitioning irregular graphs", SIAM
 //! J. Sci. Comput. 20, 1998) through one door.
 //!
-//! METIS is not made for threads: it draws from the C library's one random sequence, and during every call it takes
-//! over SIGTERM and SIGABRT with handlers that jump back into the call. So one lock surrounds every call: calls
-//! from many threads run one after another, and each gives the same answer as if it were alone.
+//! Calls from many threads run side by side, and each gives the same answer as if it were alone: each thread has a random
+//! sequence of its own, the same on every system, and the handlers that METIS sets are set once for all
+//! ([`chpm_extmem::metis`]).
 //!
-//! What the lock cannot do is look after signals. **A process that uses this module should keep SIGTERM blocked in
-//! every thread** (block it before the first thread starts, so that all inherit the mask) and wait for it in a thread
-//! of its own with `sigwait`. Otherwise a SIGTERM that arrives during a call may be swallowed, in which case the
-//! call returns [`PartitionError::Metis`], or delivered to a thread that METIS does not expect, which is fatal.
+//! During a call METIS takes over SIGTERM and SIGABRT with handlers that jump back into it. **A process that uses this module
+//! should keep SIGTERM blocked in every thread** (block it before the first thread starts, so that all inherit the mask) and wait
+//! for it in a thread of its own with `sigwait`. Otherwise a SIGTERM that arrives during a call may be swallowed, in which
+//! case the call returns [`PartitionError::Metis`], or delivered to a thread that METIS does not expect, which is fatal.
 //!
 //! The functions here return what METIS returns: parts may be empty or in several pieces. [`crate::Partitioner`]
 //! repairs that.
 
 use crate::{BALANCE, CsrGraph, PartitionError, normalised};
+use chpm_extmem::metis::Traps;
 use metis::option::{PType, Seed, UFactor};
-use std::sync::{Mutex, PoisonError};
-
-static ONE_CALL_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// Weights are scaled to sums below this: METIS adds them up, and multiplies the sums by the balance, in `i32`.
 const WEIGHT_SUM: u64 = 1 << 30;
@@ -94,12 +92,12 @@ impl Task<'_> {
         if let Some(fractions) = &self.fractions {
             task = task.set_tpwgts(fractions);
         }
-        let guard = ONE_CALL_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        let traps = Traps::set().map_err(|error| failed(error.to_string()))?;
         let result = match self.method {
             PType::Rb => task.part_recursive(&mut assignment),
             PType::Kway => task.part_kway(&mut assignment),
         };
-        drop(guard);
+        drop(traps);
         result.map_err(|error| failed(error.to_string()))?;
         let in_range: Option<Vec<u32>> = assignment
             .into_iter()
