@@ -26,7 +26,9 @@ impl Sequence {
             word as u32
         });
         let mut sequence = Sequence { words, oldest: 3 };
-        (0..310).for_each(|_| drop(sequence.next()));
+        for _ in 0..310 {
+            sequence.next();
+        }
         sequence
     }
 

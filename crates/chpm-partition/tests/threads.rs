@@ -41,11 +41,11 @@ fn calls_side_by_side_answer_as_alone_and_leave_signals_alone() {
 
     for _ in 0..8 {
         let start = Barrier::new(THREADS);
+        let run = |thread| {
+            start.wait();
+            calls(thread)
+        };
         let together: Vec<_> = thread::scope(|scope| {
-            let run = |thread| {
-                start.wait();
-                calls(thread)
-            };
             let run = &run;
             let threads: Vec<_> = (0..THREADS).map(|thread| scope.spawn(move || run(thread))).collect();
             threads.into_iter().map(|thread| thread.join().unwrap()).collect()

@@ -1,0 +1,8 @@
+//! The module exports what Python asks for alone, and not the names that libraries in it have for each other.
+
+fn main() {
+    if std::env::var("CARGO_CFG_TARGET_OS").is_ok_and(|system| system == "linux") {
+        println!("cargo:rustc-cdylib-link-arg=-Wl,--exclude-libs=ALL");
+    }
+    println!("cargo:rerun-if-changed=build.rs");
+}
