@@ -2,7 +2,6 @@
 
 use super::stdout;
 use super::{Verdict, open, reading};
-#[cfg(feature = "viewer")]
 use crate::json::{self, seen};
 use crate::memory;
 use crate::number;
