@@ -1,5 +1,6 @@
 //! One mesh as a file of another program: which format, and how it is streamed.
 
+use crate::escape::in_line;
 use crate::frame::{Frame, Up};
 use crate::json::{self, made, named};
 use crate::number::AtMost;
@@ -13,7 +14,7 @@ use chpm_export::{Facts, GlbWriter, ObjWriter, PIECE_VERTICES, PackedGlb, Placem
 use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::{Chpm, ErrorKind};
 use chpm_import::ply::{Encoding, PlyWriter};
-use chpm_mesh::{Aabb, Counted, VertexSlices, geom};
+use chpm_mesh::{Aabb, Counted, Scalar, VertexSlices, geom};
 use chpm_refine::Extraction;
 use serde_json::Map;
 use std::path::{Path, PathBuf};
@@ -109,7 +110,7 @@ pub(crate) struct Ready<'m, 'a> {
     mesh: &'m Extraction<'m, MappedFile>,
     frame: Frame,
     pub(crate) bounds: Bounds,
-    pub(crate) warning: Option<String>,
+    pub(crate) warnings: Vec<String>,
 }
 
 /// Bounds that a cut keeps, with the format's rounding.
@@ -220,6 +221,16 @@ impl MeshFile<'_> {
         }
     }
 
+    /// Whether named scalars are in a file of so many triangles.
+    fn keeps_scalars(&self, triangles: u64) -> bool {
+        match self.format {
+            MeshFormat::Ply => true,
+            // As in `write`: without triangles there is nothing to pack.
+            MeshFormat::Glb => !self.args.meshopt || triangles == 0,
+            MeshFormat::Stl | MeshFormat::Obj => false,
+        }
+    }
+
     /// By how much writing moves vertices of this file at most.
     pub(crate) fn rounding(&self, file: &Chpm<MappedFile>) -> f64 {
         self.frame(file, false).rounding()
@@ -245,13 +256,15 @@ impl<'m, 'a> Ready<'m, 'a> {
         }
         let bounds =
             Bounds { error: with(mesh.error(), rounding), distance: with(mesh.distance(), rounding) };
-        let warning = frame.offset().filter(|_| !target.args.local_origin).map(|[x, y, z]| {
+        let moved = frame.offset().filter(|_| !target.args.local_origin).map(|[x, y, z]| {
             format!(
                 "so far from the zero point, the single precision of binary STL would move vertices by up to {} units: coordinates are written relative to {x} {y} {z}; --local-origin tells that in a file beside it, --ascii and other formats keep the coordinates",
                 AtMost(lost)
             )
         });
-        Ok(Ready { target, mesh, frame, bounds, warning })
+        let left_out =
+            if target.keeps_scalars(mesh.triangle_count()) { None } else { without(mesh.scalars()) };
+        Ok(Ready { target, mesh, frame, bounds, warnings: moved.into_iter().chain(left_out).collect() })
     }
 
     /// Facts about the written file, for programs.
@@ -312,6 +325,17 @@ impl<'m, 'a> Ready<'m, 'a> {
         meter.finish();
         Ok(())
     }
+}
+
+/// Warning of an output that has no room for named scalars, where there are some.
+pub(crate) fn without(scalars: &[Scalar]) -> Option<String> {
+    let names: Vec<_> = scalars.iter().map(|scalar| in_line(&scalar.name)).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "the output leaves out {}: extract to PLY or to GLB without --meshopt keeps named scalars",
+            names.join(", ")
+        )
+    })
 }
 
 /// Whether single precision, far from the zero point, makes of a triangle one without area.

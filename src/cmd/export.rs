@@ -5,6 +5,7 @@ use crate::folder::{OutputFolder, above};
 use crate::frame::Up;
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
+use crate::mesh_file;
 use crate::number;
 use crate::output;
 use crate::place::{self, Far, Place};
@@ -100,11 +101,15 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 }
 
 fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
+    let placed = args.origin.map(|place| frame(file, place, args));
+    let far = placed.as_ref().and_then(|placed| placed.warning.clone());
+    let warnings: Vec<String> = far.into_iter().chain(mesh_file::without(file.scalars())).collect();
+    warnings.iter().for_each(|warning| line(&format!("warning: {warning}")));
     let options = Options {
         generator: format!("chpm {} export", env!("CARGO_PKG_VERSION")),
         y_up: args.up == Up::Y,
         packed: args.meshopt,
-        transform: args.transform.or_else(|| args.origin.map(|place| frame(file, place, args))),
+        transform: args.transform.or(placed.map(|placed| placed.matrix)),
         span: args.span,
     };
     let folder = OutputFolder::create(&args.tiles, args.force, &NAMES, Some(key(file, &options)))?;
@@ -135,6 +140,7 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
             tiles,
             triangles,
             tile_bytes: bytes,
+            warnings,
         };
         json::print(&export, &mut out)?;
         return Ok(out.flush()?);
@@ -151,8 +157,15 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
     Ok(out.flush()?)
 }
 
-/// Matrix from the model, z upward, to its place on the earth. Says so where it does not get there.
-fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> [f64; 16] {
+/// A model on the earth.
+struct Placed {
+    /// From the model, z upward, to there.
+    matrix: Transform,
+    /// Where that is not on the ground.
+    warning: Option<String>,
+}
+
+fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> Placed {
     let header = file.header();
     let Aabb { min, max } = header.aabb();
     // Turned upright, an axis may have its ends the other way round.
@@ -163,7 +176,7 @@ fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> [f64; 16] {
         At::Zero => [0.0; 3],
         At::Centre => std::array::from_fn(|axis| a[axis].midpoint(b[axis])),
     };
-    if let Some(Far { away, height }) = place.far(about, corners) {
+    let warning = place.far(about, corners).map(|Far { away, height }| {
         let [away, to] = [away, height.abs()].map(|metres| count((metres / 1e3).round() as u64));
         let side = if height < 0.0 { "below" } else { "above" };
         let remedy = match args.origin_at {
@@ -172,11 +185,9 @@ fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> [f64; 16] {
             }
             At::Centre => "a unit has to be a metre",
         };
-        line(&format!(
-            "warning: the model begins {away} km from its --origin, and reaches {to} km {side} the ellipsoid: {remedy}"
-        ));
-    }
-    place.frame_about(about)
+        format!("the model begins {away} km from its --origin, and reaches {to} km {side} the ellipsoid: {remedy}")
+    });
+    Placed { matrix: place.frame_about(about), warning }
 }
 
 fn there(local: [f32; 3], header_origin: &[f64; 3], args_up: &Up) -> [f64; 3] {

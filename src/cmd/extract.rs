@@ -97,7 +97,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let bounds = ready.bounds;
     let shortfall = request.shortfall(file, &cut, bounds.distance);
     let less = shortfall.map(|less| less.describe(args.file.display(), file.header().aabb().diagonal()));
-    let warnings: Vec<String> = ready.warning.iter().cloned().chain(less).collect();
+    let warnings: Vec<String> = ready.warnings.iter().cloned().chain(less).collect();
     let extract = made::Extract {
         schema: "chpm-extract/1",
         file: named(&args.file),

@@ -105,8 +105,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
                 AtMost(bounds.distance.into())
             );
         }
-        let warning = ready.warning.clone();
-        if let Some(warning) = &warning {
+        let warnings = ready.warnings.clone();
+        for warning in &warnings {
             line(&format!("warning: {warning}"));
         }
         let simplify = made::Simplify {
@@ -115,7 +115,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             source_triangles: report.triangles,
             diagonal,
             unit: args.unit.map(Unit::symbol),
-            warnings: report.warnings.iter().chain(&warning).cloned().collect(),
+            warnings: report.warnings.iter().chain(&warnings).cloned().collect(),
             mesh: ready.json(),
         };
         ready.write(&file, &meter, &cancel)?;

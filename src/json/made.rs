@@ -96,6 +96,8 @@ pub(crate) struct Export {
     pub(crate) triangles: u64,
     /// Bytes of all tiles
     pub(crate) tile_bytes: u64,
+    /// Remarks on what was left out, or lies elsewhere than one would think
+    pub(crate) warnings: Vec<String>,
 }
 
 /// `chpm share --json`

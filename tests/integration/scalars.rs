@@ -135,3 +135,26 @@ fn a_picture_shows_one_with_its_range() {
     // A mesh is built with what is to be seen.
     folder.stdout("render in.ply -o mesh.png -q --viewport 160x120 --adapter software --color-by class");
 }
+
+#[test]
+fn outputs_without_scalars_say_so() {
+    let folder = Folder::new();
+    source(&folder, "in.ply");
+    folder.stdout("build in.ply -o out.chpm -q --keep all");
+    let told = "warning: the output leaves out quality, time, class: extract to PLY or to GLB without --meshopt keeps named scalars";
+    for (line, is_told) in [
+        ("extract out.chpm --level 0 -qf -o got.ply", false),
+        ("extract out.chpm --level 0 -qf -o got.glb", false),
+        ("extract out.chpm --level 0 -qf -o got.glb --meshopt", true),
+        ("extract out.chpm --level 0 -qf -o got.stl", true),
+        ("extract out.chpm --level 0 -qf -o got.obj", true),
+        ("export out.chpm -qf --3dtiles tiles", true),
+    ] {
+        let said = folder.stderr(line, 0);
+        assert_eq!(said.matches(told).count(), usize::from(is_told), "{line}: {said}");
+        let json: serde_json::Value =
+            serde_json::from_str(&folder.stdout(&format!("{line} --json"))).expect("JSON");
+        let warnings = json["warnings"].as_array().expect("warnings");
+        assert_eq!(warnings.len(), usize::from(is_told), "{line}: {warnings:?}");
+    }
+}
