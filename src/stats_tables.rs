@@ -120,6 +120,15 @@ fn print_whole(stats: &Stats, out: &mut impl Write) -> io::Result<()> {
         out,
         "\nheight {height}, {least} is the least for so many leaves; at most {longest} groups one below the other"
     )?;
+    if let lying @ 1.. = stats.levels.iter().map(|level| level.coincident).sum() {
+        let base = stats.levels.first().map_or(0, |level| level.coincident);
+        writeln!(
+            out,
+            "coincident faces within clusters: {}, {} of them at level 0",
+            Short(lying),
+            Short(base)
+        )?;
+    }
     let [a, b, c] =
         CACHES.map(|size| format!("{:.3} with {size}", measure(&format!("acmr{size}"), &stats.measures)));
     writeln!(

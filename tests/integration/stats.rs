@@ -64,6 +64,12 @@ fn misses(triangles: &[[u16; 3]], size: usize) -> u64 {
     misses
 }
 
+/// Faces whose vertices one before them has.
+fn coincident(triangles: &[[u16; 3]]) -> u64 {
+    let same = |a: &[u16; 3], b: &[u16; 3]| a.iter().all(|v| b.contains(v));
+    (0..triangles.len()).filter(|i| triangles[..*i].iter().any(|t| same(t, &triangles[*i]))).count() as u64
+}
+
 fn span(triangles: &[[u16; 3]]) -> u64 {
     let edges = triangles.iter().flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]);
     edges.map(|(a, b)| (i64::from(*a) - i64::from(*b)).unsigned_abs()).sum()
@@ -137,6 +143,7 @@ fn every_number_is_in_the_bytes() {
         "hard:tiny --triangles 20k|--cluster-triangles 256 --target-error 1%",
         "plates --triangles 5k|--cluster-triangles 128 --topology keep",
         "sphere --triangles 20|",
+        "odd:coincident --triangles 2k|--cluster-triangles 256",
     ] {
         let folder = model(words);
         let stats = parse(&folder.stdout("stats in.chpm --json"));
@@ -159,6 +166,7 @@ fn every_number_is_in_the_bytes() {
                 "clusters": own.len(),
                 "triangles": f(&|c| c.triangle_count.into(), &own),
                 "base_triangles": f(&|c| c.base_triangles.into(), &own),
+                "coincident": total(&|c| coincident(&c.triangles)),
                 "shared": ratio(total(&|c| c.shared.into()), total(&|c| c.vertices.into())),
                 "border_levels": spread(living.map(|(first, last)| f64::from(last - first + 1)).collect()),
                 "min_error": f(&|c| c.errors[0].into(), &own),
@@ -241,6 +249,7 @@ fn whole(stats: &Value, raw: &Raw, words: &str) {
         "roots": roots().count(),
         "top_triangles": roots().map(|c| f64::from(c.base_triangles)).sum::<f64>(),
         "stalled": of_levels(56),
+        "coincident": total(&|c| coincident(&c.triangles)),
         "forced": of_levels(60),
         "max_error": max_error,
         "max_error_percent": 100.0 * max_error / diagonal.sqrt(),

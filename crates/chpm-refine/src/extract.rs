@@ -67,7 +67,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         let mut room = bytes;
         let mut kept = Vec::new();
         let [mut error, mut distance] = [0.0_f32; 2];
-        let (mut triangles, mut coincident, mut keys) = (0, 0, Vec::new());
+        let (mut triangles, mut coincident_count, mut keys) = (0, 0, Vec::new());
         let mut weld = Weld::new(file.header().shared_vertex_count);
 
         for (number, member) in cut.members().iter().enumerate() {
@@ -75,7 +75,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             let view = page.view();
             weld.enter(&view, member.vertices as usize)?;
             triangles += weld.triangles.len() as u64;
-            coincident += coincident_in(&weld.triangles, &mut keys);
+            coincident_count += coincident(&weld.triangles, &mut keys);
             let own = view.error_at(member.vertices as usize);
             error = error.max(own);
             distance = distance.max(file.gaps(file.clusters()[member.cluster.index()].group()).distance(own));
@@ -90,8 +90,16 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         }
 
         let vertex_count = weld.count;
-        let (triangle_count, coincident_count) = (triangles, coincident);
-        Ok(Extraction { file, cut, vertex_count, triangle_count, coincident_count, error, distance, kept })
+        Ok(Extraction {
+            file,
+            cut,
+            vertex_count,
+            triangle_count: triangles,
+            coincident_count,
+            error,
+            distance,
+            kept,
+        })
     }
 
     /// As [`Cut::error`].
@@ -250,8 +258,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
     }
 }
 
-/// Triangles that have the same vertices as another one before them; `keys` is scratch.
-fn coincident_in(triangles: &[[u16; 3]], keys: &mut Vec<[u16; 3]>) -> u64 {
+/// Counts the triangles that have the same vertices as another one before them; `keys` is scratch.
+pub fn coincident(triangles: &[[u16; 3]], keys: &mut Vec<[u16; 3]>) -> u64 {
     keys.clear();
     keys.extend_from_slice(triangles);
     keys.iter_mut().for_each(|corners| corners.sort_unstable());

@@ -59,7 +59,7 @@ pub use budget::select_triangles;
 pub use cursor::PmCursor;
 pub use cut::{Cut, Member};
 pub use error::RefineError;
-pub use extract::{Extraction, extract};
+pub use extract::{Extraction, coincident, extract};
 pub use framing::{Outline, Portrait, Side, Stance, Up, Window};
 pub use front::{Changes, Entered, Front};
 pub use hierarchy::Hierarchy;

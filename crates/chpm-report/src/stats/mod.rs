@@ -47,6 +47,8 @@ pub struct LevelStats {
     /// Of the finest mesh of a cluster, and of its base mesh.
     pub triangles: Option<Spread>,
     base_triangles: Option<Spread>,
+    /// Triangles that have the vertices of another one of their cluster before them, all clusters at their finest.
+    pub coincident: u64,
     /// Triangles of all clusters, as in `info`.
     #[serde(skip)]
     pub total_triangles: u64,
@@ -226,6 +228,7 @@ impl Stats {
         put("top_triangles", Some(roots().map(|row| f64::from(row.record.base_triangle_count)).sum()));
         put("worst_ratio", ratios.reduce(f64::max));
         put("stalled", Some(file.levels().iter().map(|level| f64::from(level.stalled_cluster_count)).sum()));
+        put("coincident", Some(self.levels.iter().map(|level| level.coincident as f64).sum()));
         put("forced", Some(file.levels().iter().map(|level| f64::from(level.forced_collapse_count)).sum()));
         put("max_error", Some(h.max_error.into()));
         put("max_error_percent", (diagonal > 0.0).then(|| 100.0 * f64::from(h.max_error) / diagonal));
@@ -259,6 +262,7 @@ impl LevelStats {
             triangles: spread(|row| row.record.triangle_count.into()),
             total_triangles: record.triangle_count,
             base_triangles: spread(|row| row.record.base_triangle_count.into()),
+            coincident: own().map(|row| row.page.coincident).sum(),
             shared: by(record.shared_vertex_count, record.vertex_count),
             border_levels: Spread::of_counts(lives),
             min_error: spread(|row| row.record.min_error.into()),

@@ -7,6 +7,7 @@ use chpm_format::packed::{self, PARTS};
 use chpm_format::{Chpm, Page};
 use chpm_measure::cache::vertex_cache;
 use chpm_mesh::ClusterId;
+use chpm_refine::coincident;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -22,6 +23,8 @@ pub struct PageStats {
     pub misses: [u64; CACHES.len()],
     /// Sum over the three edges of each triangle of the finest mesh: how far apart its ends are in the list of vertices.
     pub span: u64,
+    /// Triangles of the finest mesh that have the vertices of another one before them.
+    pub coincident: u64,
 }
 
 /// The levels at which shared vertices are shared.
@@ -83,7 +86,8 @@ pub(super) fn read(file: &Chpm<MappedFile>) -> Result<(Vec<PageStats>, Borders),
         let span = |[a, b, c]: [u32; 3]| {
             u64::from(a.abs_diff(b)) + u64::from(b.abs_diff(c)) + u64::from(c.abs_diff(a))
         };
-        Ok::<_, ReportError>(PageStats { parts, misses, span: corners().map(span).sum() })
+        let (span, coincident) = (corners().map(span).sum(), coincident(page.triangles, &mut Vec::new()));
+        Ok::<_, ReportError>(PageStats { parts, misses, span, coincident })
     });
     Ok((clusters.collect::<Result<_, ReportError>>()?, borders))
 }
