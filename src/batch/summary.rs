@@ -1,13 +1,13 @@
 //! Results of every model: a table for people, JSON and CSV for programs, and the merging of several machines' results.
 
 use super::shard::Shard;
+use crate::json;
 use crate::report::{self, count, per_triangle};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::AtomicFile;
 use chpm_mesh::{Bytes, Counted};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -113,7 +113,7 @@ impl Summary {
 
     /// Reads one.
     pub(crate) fn read(path: &Path) -> Result<Summary> {
-        let text = fs::read(path).with_context(|| format!("cannot read '{}'", path.display()))?;
+        let text = json::read(path)?;
         serde_json::from_slice(&text)
             .with_context(|| format!("'{}' is no summary of a batch", path.display()))
     }

@@ -10,7 +10,6 @@ use chpm_format::Chpm;
 use chpm_report::page::{self, Shown};
 use chpm_report::stats;
 use serde_json::Value;
-use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -97,7 +96,7 @@ fn name(path: &Path) -> String {
 }
 
 fn built(path: &Path) -> Result<Value> {
-    let text = fs::read(path).with_context(|| format!("cannot read '{}'", path.display()))?;
+    let text = json::read(path)?;
     let told = || format!("'{}' is no document of `chpm build --json`", path.display());
     let value: Value = serde_json::from_slice(&text).with_context(told)?;
     ensure!(value["schema"] == "chpm-build/1", told());

@@ -2,6 +2,7 @@
 
 use super::{Verdict, open, reading};
 use crate::claim::Claim;
+use crate::json;
 use crate::memory::{self, MemoryArgs};
 use crate::output;
 use crate::progress::line;
@@ -11,7 +12,6 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_report::ReportError;
 use chpm_report::stats::{self, Stats};
-use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -86,7 +86,7 @@ fn tell(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
 /// Takes what `chpm measure` has printed into a file.
 fn add_measured(stats: &mut Stats, path: &Path) -> Result<()> {
     let name = path.display();
-    let text = fs::read(path).with_context(|| format!("cannot read '{name}'"))?;
+    let text = json::read(path)?;
     let told = || format!("'{name}' is {}", ReportError::Measured);
     let document = serde_json::from_slice(&text).with_context(told)?;
     stats.add_measured(&document).map_err(|error| anyhow!("'{name}' is {error}"))
