@@ -194,6 +194,13 @@ impl Elements {
         !is_share && self.component != Component::U32
     }
 
+    /// Takes integers for shares of the largest one; whether they were none before.
+    pub(super) fn make_shares(&mut self) -> bool {
+        let were_whole = !self.is_normalized && self.component != Component::F32;
+        self.is_normalized |= were_whole;
+        were_whole
+    }
+
     /// Whether these can be vertex numbers.
     pub(super) fn are_indices(&self) -> bool {
         matches!(self.component, Component::U8 | Component::U16 | Component::U32)

@@ -28,6 +28,8 @@ pub(super) struct GltfReader {
     faces: u64,
     /// Vertices whose normals were added up.
     blended: u64,
+    /// Vertices of which others had another colour.
+    other_colors: u64,
     /// Vertices, as they are delivered, whose positions are not finite.
     invalid: VertexSet,
     tally: Tally,
@@ -67,6 +69,8 @@ struct Delivery {
     members: Pairs,
     others: Pairs,
     normals: Option<Normals>,
+    /// Colours of vertices that are joined, by the first of these.
+    colors: Sorter<u64>,
     /// Vertices that are not delivered, with the number that they have now.
     joined: Sorter<u64>,
 }
@@ -93,6 +97,7 @@ impl GltfReader {
             delivered: 0,
             faces: 0,
             blended: 0,
+            other_colors: 0,
             invalid: VertexSet::default(),
             tally: Tally::default(),
             bytes: 0,
@@ -126,6 +131,7 @@ impl GltfReader {
                 self.phase = match self.deliver(&mut delivery, batch)? {
                     true => Phase::Vertices(delivery),
                     false => {
+                        self.other_colors = several(delivery.colors.finish()?)?;
                         let vertices = self.parts.vertices;
                         let numbers = Numbers::new(delivery.joined, vertices, &self.store, &self.cancel)?;
                         Phase::Triangles(Box::default(), numbers)
@@ -193,6 +199,7 @@ impl GltfReader {
             members: Pairs::new(found.members)?,
             others: Pairs::new(found.others)?,
             normals: normals.map(Normals::new).transpose()?,
+            colors: Sorter::new(&self.store, "colours of joined vertices"),
             joined: Sorter::new(&self.store, "joined vertices"),
         })
     }
@@ -208,6 +215,12 @@ impl GltfReader {
         for (at, position) in window.positions.iter().enumerate() {
             let vertex = (window.first + at as u64) as u32;
             let first = delivery.members.of(vertex)?;
+            let color = window.colors.get(at).copied().unwrap_or([255; 4]);
+            if attributes.colors
+                && let Some(first) = first
+            {
+                delivery.colors.push(pair(first, u32::from_le_bytes(color)))?;
+            }
             if first.is_some_and(|first| first != vertex) {
                 continue;
             }
@@ -241,7 +254,7 @@ impl GltfReader {
                 batch.vertices.normals.push(sum.or(own).unwrap_or_default());
             }
             if attributes.colors {
-                batch.vertices.colors.push(window.colors.get(at).copied().unwrap_or([255; 4]));
+                batch.vertices.colors.push(color);
             }
             self.delivered += 1;
         }
@@ -303,6 +316,9 @@ impl MeshReader for GltfReader {
         let count = self.blended;
         let blended = || format!("gave {count} vertices the sum of the different normals that they have");
         warnings.extend((count > 0).then(blended));
+        let count = self.other_colors;
+        let first = || format!("gave {count} vertices the first of the different colours that they have");
+        warnings.extend((count > 0).then(first));
 
         let mut beside = Vec::new();
         for path in self.names {
@@ -321,6 +337,20 @@ impl MeshReader for GltfReader {
             ..SourceInfo::default()
         })
     }
+}
+
+/// How many higher numbers of sorted pairs have several lower ones.
+fn several(mut sorted: Sorted<u64>) -> Result<u64, ImportError> {
+    let (mut count, mut last, mut is_counted) = (0, None, false);
+    while let Some(next) = sorted.next()? {
+        let is_same = last.is_some_and(|last: u64| last >> 32 == next >> 32);
+        is_counted &= is_same;
+        if is_same && last != Some(next) && !is_counted {
+            (count, is_counted) = (count + 1, true);
+        }
+        last = Some(next);
+    }
+    Ok(count)
 }
 
 /// Takes some vertices in the order of their positions; false if none are left.

@@ -34,6 +34,8 @@ pub(super) struct VertexSet {
     pub(super) positions: Elements,
     pub(super) normals: Option<Elements>,
     pub(super) colors: Option<Elements>,
+    /// Whether the file calls these integers no shares.
+    has_whole_colors: bool,
     /// Vertices of the mesh before these.
     first: u64,
 }
@@ -71,6 +73,7 @@ struct LeftOut {
     morphs: u64,
     textures: u64,
     bare: u64,
+    whole_colors: u64,
     primitives: u64,
     with_normals: u64,
     with_colors: u64,
@@ -207,6 +210,7 @@ impl Part {
             left_out.primitives += 1;
             left_out.with_normals += u64::from(normal.is_some());
             left_out.with_colors += u64::from(color.is_some());
+            left_out.whole_colors += u64::from(part.sets[set].has_whole_colors);
             part.primitives.push(Triangles { set, indices, mode, corners });
         }
         Ok(part)
@@ -244,14 +248,16 @@ impl VertexSet {
         let mut open = |number, shapes: &[Shape]| Elements::open(number, shapes, document, views);
         let positions = open(position, &[Shape::Vec3])?;
         let normals = normal.map(|number| open(number, &[Shape::Vec3])).transpose()?;
-        let colors = color.map(|number| open(number, &[Shape::Vec3, Shape::Vec4])).transpose()?;
+        let mut colors = color.map(|number| open(number, &[Shape::Vec3, Shape::Vec4])).transpose()?;
+        // Nobody means colours of which one of 255 is full.
+        let has_whole_colors = colors.as_mut().is_some_and(Elements::make_shares);
         for other in normals.iter().chain(&colors) {
             if other.count != positions.count {
                 let (has, is) = (other.count, positions.count);
                 return Err(refused(format!("an attribute has {has} elements, and its positions are {is}")));
             }
         }
-        Ok(VertexSet { positions, normals, colors, first })
+        Ok(VertexSet { positions, normals, colors, has_whole_colors, first })
     }
 }
 
@@ -266,7 +272,7 @@ impl Triangles {
 
 impl LeftOut {
     fn messages(&self) -> Vec<String> {
-        let LeftOut { lines_and_points, morphs, textures, bare, .. } = *self;
+        let LeftOut { lines_and_points, morphs, textures, bare, whole_colors, .. } = *self;
         let mut warnings = Vec::new();
         let mut warn = |count: u64, text: String| warnings.extend((count > 0).then_some(text));
         warn(lines_and_points, format!("skipped {lines_and_points} primitives of points or lines"));
@@ -274,6 +280,10 @@ impl LeftOut {
         warn(
             morphs,
             format!("read {morphs} primitives with morph targets as they are before any is applied"),
+        );
+        warn(
+            whole_colors,
+            format!("took the integers of {whole_colors} primitives' colours for normalized ones"),
         );
         warn(textures, format!("dropped the texture coordinates of {textures} primitives"));
         warnings
