@@ -35,7 +35,7 @@ pub(crate) const FILES: &[WebFile] = web_files! {
     "text/html; charset=utf-8": "view.html";
     "text/css; charset=utf-8": "view/style.css";
     "text/javascript; charset=utf-8":
-        "view/facing.js", "view/main.js", "view/model.js", "view/orbit.js", "view/renderer.js",
+        "view/colors.js", "view/facing.js", "view/main.js", "view/model.js", "view/orbit.js", "view/renderer.js",
         "chpm/index.js", "chpm/file.js", "chpm/mesh.js", "chpm/packed.js", "chpm/page.js", "chpm/records.js", "chpm/select.js",
         "chpm/source.js", "chpm/three.js", "chpm/xxh3.js", "chpm/zstd.js";
 };

@@ -17,11 +17,9 @@ use anyhow::{Context, Result, ensure};
 use chpm_build::BuildConfig;
 use chpm_extmem::WorkDir;
 use chpm_format::Chpm;
-use chpm_mesh::{Bytes, Counted, Scalar};
+use chpm_mesh::{Bytes, Counted, Scalar, viridis};
 use chpm_refine::{Camera, Side};
-use chpm_viewer::{
-    Accuracy, FrameRequest, IdImage, Image, Look, Stats, TriangleId, Viewer, headless, viridis,
-};
+use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, TriangleId, Viewer, headless};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

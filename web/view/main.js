@@ -1,6 +1,7 @@
 // The page: opens a model, draws it when something changes, and tells what is drawn.
 
 import { blobSource, httpSource } from "../chpm/index.js";
+import { GRADIENT, distinct, viridis } from "./colors.js";
 import { Model } from "./model.js";
 import { Orbit } from "./orbit.js";
 import { Renderer } from "./renderer.js";
@@ -34,17 +35,11 @@ function bytes(count) {
   return `${numbers.format(count / unit[0])} ${unit[1]}`;
 }
 
-// Levels from one colour to another, clusters by a turn about the circle of colours, errors from blue to red.
-function hue(turn, lightness = 0.62) {
-  const channel = (shift) => lightness + 0.3 * Math.cos(2 * Math.PI * (turn - shift));
-  return [channel(0), channel(1 / 3), channel(2 / 3), 1];
-}
-
 const COLORS = {
   surface: () => null,
-  level: ({ level }, _, { levelCount }) => hue((0.7 * level) / Math.max(levelCount - 1, 1)),
-  cluster: ({ id }) => hue((id * 0.618034) % 1),
-  error: (_, error, __, largest) => hue(0.66 * (1 - Math.min(1, Math.sqrt(error / (largest || 1))))),
+  level: ({ level }, _, { levelCount }) => viridis(level / Math.max(levelCount - 1, 1)),
+  cluster: ({ id }) => distinct(id),
+  error: (_, error, __, largest) => viridis(error / (largest || 1)),
 };
 
 const settings = () => ({ pixels: 2 ** Number($("pixels").value), budget: 10 ** Number($("budget").value), colors: $("colors").value, shading: $("shading").value });
@@ -68,13 +63,22 @@ function changed() {
   requestAnimationFrame(draw);
 }
 
+/** What the colours of numbers stand for. */
+function legend(colors, header) {
+  const most = { level: `level ${header.levelCount - 1}`, error: `${length(last.error)} units` }[colors];
+  $("legend").hidden = !most;
+  $("legend-bar").style.background = GRADIENT;
+  [$("legend-least").textContent, $("legend-most").textContent] = ["0", most ?? ""];
+}
+
 function statistics() {
-  const { pixels, budget } = settings();
+  const { pixels, budget, colors } = settings();
   $("pixels-told").value = `${numbers.format(pixels)} px`;
   $("budget-told").value = numbers.format(budget / 1e6) + " M";
   if (!last || !model?.file) return;
   const { header } = model.file;
   const { statistics: traffic } = model.source;
+  legend(colors, header);
   const counters = {
     clusters: `${last.clusters} of ${whole.format(header.clusterCount)}`,
     ...(traffic && { fetched: `${bytes(traffic.bytes)}, ${traffic.requests} requests` }),

@@ -17,6 +17,7 @@ pub mod scalar;
 pub mod trimesh;
 pub mod units;
 pub mod vertices;
+pub mod viridis;
 
 pub use asked::{AskedError, Length, LengthError, Triangles};
 pub use geom::{Aabb, FAR, Sphere};
@@ -30,3 +31,4 @@ pub use scalar::{
 pub use trimesh::TriMesh;
 pub use units::{AtLeast, AtMost, Bytes, Counted, Digits, MemorySize, ObjectError, Thousands, Units};
 pub use vertices::{Attributes, Vertex, VertexSlices, Vertices};
+pub use viridis::viridis;

@@ -1,4 +1,6 @@
-//! Colours of numbers: equal steps of a number look equally large, by the space of Björn Ottosson's Oklab.
+//! Colours of numbers: viridis, and for signed ones equal steps in the space of Björn Ottosson's Oklab.
+
+use chpm_mesh::viridis;
 
 /// From the least to the largest number of a range.
 #[derive(Clone, Copy, Debug)]
@@ -12,8 +14,6 @@ pub struct Colors {
 /// Lightness, and how green or red and how blue or yellow.
 type Lab = [f64; 3];
 
-/// From dark blue to yellow, evenly lighter.
-const PLAIN: [Lab; 3] = [[0.25, 0.02, -0.14], [0.58, -0.07, 0.0], [0.92, -0.04, 0.17]];
 /// From blue by a light grey to red, evenly lighter and darker again.
 const SIGNED: [Lab; 3] = [[0.40, -0.02, -0.16], [0.92, 0.0, 0.0], [0.40, 0.16, 0.07]];
 
@@ -47,9 +47,12 @@ impl Colors {
         }
         let width = self.high - self.low;
         let share = if width > 0.0 { ((value - self.low) / width).clamp(0.0, 1.0) } else { 0.5 };
-        let stops = if self.signed { &SIGNED } else { &PLAIN };
+        if !self.signed {
+            let [r, g, b] = viridis(share);
+            return [r, g, b, 255];
+        }
         let (from, part) = if share < 0.5 { (0, 2.0 * share) } else { (1, 2.0 * share - 1.0) };
-        let mixed = [0, 1, 2].map(|i| stops[from][i] + part * (stops[from + 1][i] - stops[from][i]));
+        let mixed = [0, 1, 2].map(|i| SIGNED[from][i] + part * (SIGNED[from + 1][i] - SIGNED[from][i]));
         let [r, g, b] = to_srgb(mixed);
         [r, g, b, 255]
     }
