@@ -74,10 +74,11 @@ pub(crate) fn use_verbs(folder: &Path, file: &str, sound: bool) -> Result<(), Fa
     let (line, codes) = QUESTIONS[(draw >> 32) as usize % QUESTIONS.len()];
     // Where a source meets itself is asked of the source.
     let is_trimmed = || Chpm::open(&bytes).is_ok_and(|file| file.is_trimmed());
-    // And nothing is proven with errors that are estimates.
+    // And nothing is proven with errors that are estimates, nor where nothing tells how far away is what has vanished.
     let proves = ["distance", "clearance", "contacts", "compare"].iter().any(|verb| line.starts_with(verb));
-    let is_estimated =
-        proves && Chpm::open(&bytes).is_ok_and(|file| file.header().error_kind() == Some(ErrorKind::Quadric));
+    let is_estimated = proves
+        && Chpm::open(&bytes)
+            .is_ok_and(|file| file.header().error_kind() == Some(ErrorKind::Quadric) || !file.has_gaps());
     let is_refused = is_estimated || line.contains("--self") && is_trimmed();
     run(line, if sound && is_refused { &[2] } else { codes })?;
     if sound && !is_estimated && line.starts_with("distance F F -q --memory=128M --json") {
