@@ -14,7 +14,7 @@ use crate::cmd::{serve, share};
 use crate::number;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Layout, Length, Normals, Positions, Topology};
-use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings};
+use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings, Trace};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 pub(crate) use chpm_mesh::MemorySize;
@@ -355,6 +355,7 @@ pub(crate) fn build_config(
             work_dir: resources.storage.work_dir.clone(),
             checkpoint: (!resources.no_resume).then(|| Duration::from_secs_f64(resources.checkpoint)),
             keep_work: resources.keep_work,
+            trace: Trace::default(),
             fail_points: resources.kill_at.map_or_else(FailPoints::default, FailPoints::kill_at),
         },
         overwrite,
@@ -443,6 +444,7 @@ mod tests {
             work_dir: Some(PathBuf::from("scratch")),
             checkpoint: Some(Duration::from_millis(2500)),
             keep_work: true,
+            trace: Trace::default(),
             fail_points: FailPoints::default(),
         };
         assert_eq!(typed.resources, expected);

@@ -27,6 +27,7 @@ const fn writes(by: &'static str, format: &'static str) -> Writes {
 
 pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
 pub(crate) const RELAYOUT: Writes = Writes { streams: false, ..writes("relayout", "CHPM") };
+pub(crate) const BUILD_TRACE: Writes = Writes { streams: false, ..writes("build --trace", "JSON") };
 pub(crate) const SYNTH: Writes = writes("synth", "PLY");
 pub(crate) const PATH: Writes = writes("path", "a camera path");
 pub(crate) const COMPARE_SVG: Writes = writes("compare --svg", "SVG");

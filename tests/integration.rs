@@ -94,6 +94,8 @@ mod integration {
     mod tidy;
     /// Tilesets, walked as viewers do.
     mod tiles;
+    /// `build --trace`: what each thread did when.
+    mod trace;
     /// What a camera needs: extracted without cracks, and less where it is far away.
     mod view;
     /// Camera paths and walks along them.

@@ -10,7 +10,7 @@ use crate::progress::{Meter, line};
 use crate::report::{self, LevelRow, count, per_triangle};
 use crate::stop::Stop;
 use anyhow::{Error, Result, bail, ensure};
-use chpm_build::{BuildConfig, BuildError, BuildReport};
+use chpm_build::{BuildConfig, BuildError, BuildReport, Trace};
 use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, Counted};
 use clap::Parser;
@@ -41,6 +41,11 @@ pub(crate) struct Args {
     /// The report as JSON on stdout
     #[arg(long)]
     json: bool,
+    /// Write which thread did what when, as JSON for Perfetto
+    ///
+    /// Stages and tasks in Chrome's trace event format.
+    #[arg(long, value_name = "FILE", hide_short_help = true)]
+    trace: Option<PathBuf>,
     #[command(flatten)]
     config: ConfigArgs,
     #[command(flatten)]
@@ -70,7 +75,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 /// Builds, and reports on stdout.
 fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let config = build_config(&args.settings, &args.resources, args.force)?;
+    let mut config = build_config(&args.settings, &args.resources, args.force)?;
     let source = if args.source == Path::new("-") { Path::new("/dev/stdin") } else { &args.source };
     let is_pipe = fs::metadata(source).is_ok_and(|found| found.file_type().is_fifo());
     ensure!(
@@ -79,10 +84,19 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
         args.source.display()
     );
     let output = args.output.clone().unwrap_or_else(|| source.with_extension("chpm"));
+    let written = args.trace.as_ref().map(|path| output::BUILD_TRACE.create(path, args.force, &[source]));
+    let mut written = written.transpose()?;
+    if written.is_some() {
+        config.resources.trace = Trace::recording();
+    }
     let report = build(source, &output, &config, &Meter::new(args.quiet), stop);
     let report =
         report.map_err(|error| if args.output.is_none() { unwritable(error, &output) } else { error })?;
     output::finish(&output);
+    if let Some(mut file) = written.take() {
+        config.resources.trace.write(&mut file)?;
+        file.publish()?;
+    }
     let mut out = stdout();
     if args.json {
         json::print(&report::build_json(&report, json::named(&args.source), json::named(&output)), &mut out)?;

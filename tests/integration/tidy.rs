@@ -28,7 +28,8 @@ const EDGES: [(&str, &[&str]); 15] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 24] = [
+const LAYERS: [&str; 25] = [
+    "trace",
     "progress",
     "foreign",
     "report",

@@ -1,5 +1,6 @@
 //! Configuration of a build: settings decide the bytes of the output, resources only how it gets there.
 
+use crate::trace::Trace;
 use chpm_extmem::FailPoints;
 use chpm_format::BoundaryMode;
 pub use chpm_import::ply::Keep;
@@ -253,6 +254,8 @@ pub struct Resources {
     pub checkpoint: Option<Duration>,
     /// Whether the work directory stays when the build is done, with all that layout and emit start from.
     pub keep_work: bool,
+    /// Where stages and tasks are recorded, if anywhere.
+    pub trace: Trace,
     /// Planned failures, for tests.
     pub fail_points: FailPoints,
 }
@@ -265,6 +268,7 @@ impl Default for Resources {
             work_dir: None,
             checkpoint: Some(Duration::from_secs(15)),
             keep_work: false,
+            trace: Trace::default(),
             fail_points: FailPoints::default(),
         }
     }

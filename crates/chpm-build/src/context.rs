@@ -4,6 +4,7 @@ use crate::clock::Clock;
 use crate::error::BuildError;
 use crate::progress::{BuildProgress, Stage};
 use crate::report::StageReport;
+use crate::trace::Trace;
 use chpm_extmem::{Cancel, Store, process};
 use std::sync::Mutex;
 use std::time::Instant;
@@ -20,6 +21,8 @@ pub struct Context<'a> {
     pub cancel: Cancel,
     /// When the work is to be saved.
     pub(crate) clock: Clock,
+    /// Where stages and tasks are recorded.
+    pub(crate) trace: Trace,
     stages: Mutex<Vec<StageReport>>,
 }
 
@@ -41,7 +44,15 @@ impl<'a> Context<'a> {
         cancel: Cancel,
         clock: Clock,
     ) -> Self {
-        Context { store, pool, progress, cancel, clock, stages: Mutex::new(Vec::new()) }
+        Context {
+            store,
+            pool,
+            progress,
+            cancel,
+            clock,
+            trace: Trace::default(),
+            stages: Mutex::new(Vec::new()),
+        }
     }
 
     /// Runs one stage: progress around it, a row of the stage table after it.
@@ -54,7 +65,9 @@ impl<'a> Context<'a> {
         self.check()?;
         self.progress.begin_stage(stage, total);
         let start = Instant::now();
+        let traced = self.trace.stage(stage.name());
         let result = self.pool.install(run);
+        drop(traced);
         self.progress.end_stage(stage);
         let row = StageReport {
             stage,

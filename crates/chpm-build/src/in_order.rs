@@ -43,6 +43,7 @@ pub(crate) fn while_not_due<S, R: Send>(
     make: impl Fn(&mut S, usize) -> Result<R, BuildError> + Sync,
 ) -> Result<Vec<R>, BuildError> {
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let phase = context.trace.phase();
 
     let by_thread = rayon::broadcast(|_| {
         let (mut scratch, mut made) = (scratch(), Vec::new());
@@ -51,7 +52,10 @@ pub(crate) fn while_not_due<S, R: Send>(
             if job >= count || failed.load(Relaxed) {
                 return Ok(made);
             }
-            match context.check().and_then(|()| make(&mut scratch, job)) {
+            let traced = phase.task("group");
+            let result = context.check().and_then(|()| make(&mut scratch, job));
+            drop(traced);
+            match result {
                 Ok(result) => made.push((job, result)),
                 Err(error) => {
                     failed.store(true, Relaxed);

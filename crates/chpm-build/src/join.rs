@@ -29,7 +29,9 @@ pub(crate) fn run(
     context: &Context<'_>,
 ) -> Result<(), BuildError> {
     let len = triangles.len();
+    let phase = context.trace.phase();
     let look_up = |scratch: &mut Scratch, part: Part<'_, [u32; 3]>| {
+        let _traced = phase.task("renumber");
         context.check()?;
         let start = part.start();
         match part

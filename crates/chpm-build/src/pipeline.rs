@@ -186,5 +186,7 @@ fn context<'a>(
         .build()
         .map_err(|e| BuildError::Threads { threads, reason: e.to_string() })?;
     let clock = Clock::new(resources.checkpoint);
-    Ok(Context::with_clock(store, pool, progress, cancel.clone(), clock))
+    let mut context = Context::with_clock(store, pool, progress, cancel.clone(), clock);
+    context.trace = resources.trace.clone();
+    Ok(context)
 }

@@ -72,9 +72,11 @@ pub(crate) fn run(
 
     // Both ends of what is left: each cluster keeps the positions of the range.
     let nodes: Vec<u32> = clusters.groups.concat();
+    let phase = context.trace.phase();
     let clipped = (nodes.par_iter())
         .with_max_len(4)
         .map_init(Scratch::default, |scratch: &mut Scratch, node: &u32| {
+            let _traced = phase.task("clip");
             context.check()?;
             let page = clusters.page(*node);
             // What a leaf starts at; other finest meshes are unions of base meshes below.

@@ -164,7 +164,9 @@ fn region_count(vertices: usize, leaves: u32, settings: &Settings) -> u32 {
 /// Graph of the cells from a sample of the triangles.
 fn joints(triangles: &Column<[u32; 3]>, cells: &Cells, context: &Context<'_>) -> Result<Pairs, BuildError> {
     let steps = triangles.len().div_ceil(STEP);
+    let phase = context.trace.phase();
     let all = (0..steps).into_par_iter().map_init(Vec::new, |scratch: &mut Vec<[u32; 3]>, step: usize| {
+        let _traced = phase.task("joints");
         context.check()?;
         let range = step * STEP..triangles.len().min((step + 1) * STEP);
         let mut joints = Pairs::default();

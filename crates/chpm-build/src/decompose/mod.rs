@@ -114,10 +114,12 @@ pub(crate) fn run(
 
     // Regions are worked on several at a time, and taken in one after another, in their order: so ids do not depend on who was first.
     let (divided, workers, share) = workers(divided, is_computed, context)?;
+    let phase = context.trace.phase();
     in_order(
         divided.region_count(),
         workers,
         |region| {
+            let _traced = phase.task("region");
             context.check()?;
             let mut mesh = divided.load(region)?;
             let normals = if is_computed { normals::compute(&mut mesh) } else { Vec::new() };

@@ -171,7 +171,9 @@ fn permute<T: Pod + Send + Sync>(
         Ok(sorted.push(place as usize / PLACES, item)?)
     })?;
 
+    let phase = context.trace.phase();
     let place = |(out, items, places): &mut (Vec<T>, Vec<T>, Vec<u32>), part: Part<'_, T>| {
+        let _traced = phase.task("place");
         context.check()?;
         let (start, bucket) = (part.start(), part.start() / PLACES);
         items.clear();

@@ -79,7 +79,9 @@ pub(crate) fn run(
     context: &Context<'_>,
     write: impl Fn(usize, &[u8]) -> Result<(), BuildError> + Sync,
 ) -> Result<Vec<ClusterRecord>, BuildError> {
+    let phase = context.trace.phase();
     let lay_out = |(scratch, packed): &mut (Scratch, Vec<u8>), (place, node): (usize, &u32)| {
+        let _traced = phase.task("page");
         context.check()?;
         let page = scratch.page(*node, built, settings)?;
         let level = Level(built.tree.nodes[*node as usize].level);
