@@ -113,7 +113,10 @@ mod tests {
     #[test]
     fn nothing_is_a_node_without_a_mesh() {
         let empty = GlbWriter::new(Vec::new(), &facts(Placement::Here), Attributes::ALL, 0, 0, &Aabb::EMPTY);
-        let empty = json(&empty.unwrap().finish().unwrap());
+        let bytes = empty.unwrap().finish().unwrap();
+        let text = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+        assert_eq!(bytes.len(), 20 + text, "no chunk of nothing");
+        let empty = json(&bytes);
         let packed = PackedGlb::new(facts(Placement::Here), Attributes::ALL).begin(Vec::new());
         assert_eq!(json(&packed.unwrap().finish().unwrap()), empty);
         assert_eq!((&empty["nodes"][0]["extras"]["error"], empty.get("meshes")), (&0.5.into(), None));
@@ -138,6 +141,9 @@ mod tests {
         let json = json(&bytes);
         let attributes = &json["meshes"][0]["primitives"][0]["attributes"];
         let accessor = |name: &str| &json["accessors"][attributes[name].as_u64().unwrap() as usize];
+        let position = accessor("POSITION");
+        let box_of = serde_json::json!([[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]);
+        assert_eq!((&position["min"], &position["max"]), (&box_of[0], &box_of[1]));
         let [first, second] = ["_MY_QUALITY", "_MY_QUALITY_2"].map(accessor);
         assert_eq!((&first["byteOffset"], &second["byteOffset"]), (&12.into(), &16.into()));
         assert_eq!((&first["type"], &json["bufferViews"][0]["byteStride"]), (&"SCALAR".into(), &20.into()));

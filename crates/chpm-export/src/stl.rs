@@ -158,6 +158,13 @@ mod tests {
     }
 
     #[test]
+    fn normals_point_where_corners_go_round() {
+        let oblique = [[1.0, 2.0, 3.0], [4.0, 1.0, 5.0], [2.0, 6.0, 4.0]];
+        let length = 251_f64.sqrt();
+        assert_eq!(normal(oblique), [-9.0 / length, -1.0 / length, 13.0 / length]);
+    }
+
+    #[test]
     fn records_have_fifty_bytes_and_text_all_digits() {
         let bytes = written(false, &[CORNER, NEEDLE]);
         assert_eq!((bytes.len(), &bytes[80..84]), (84 + 100, &[2, 0, 0, 0][..]));

@@ -7,17 +7,20 @@ use chpm_build::{BuildConfig, Cancel, Resources, Settings, Silent, build};
 use chpm_format::Chpm;
 use chpm_import::ply::{Encoding, write_mesh};
 use chpm_mesh::{Bytes, ClusterId, TriMesh};
-use chpm_synth::{Shape, Synth};
+use chpm_synth::{Shape, Synth, hand};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 
 /// A file of many small clusters; of several roots where all errors are to stay below a share of the model.
 fn built(shape: Shape, triangles: u64, target: Option<f64>) -> Chpm<Vec<u8>> {
+    built_of(&Synth::new(shape, triangles, 1).to_mesh(), target)
+}
+
+fn built_of(mesh: &TriMesh, target: Option<f64>) -> Chpm<Vec<u8>> {
     let folder = tempfile::tempdir().unwrap();
     let [source, output] = ["mesh.ply", "mesh.chpm"].map(|name| folder.path().join(name));
-    let mesh = Synth::new(shape, triangles, 1).to_mesh();
-    write_mesh(File::create(&source).unwrap(), &mesh, Encoding::BinaryLittleEndian).unwrap();
+    write_mesh(File::create(&source).unwrap(), mesh, Encoding::BinaryLittleEndian).unwrap();
     let target_error = target.map(Length::OfDiagonal);
     let config = BuildConfig {
         settings: Settings { cluster_triangles: 32, cell_vertices: 4, target_error, ..Settings::default() },
@@ -317,4 +320,29 @@ fn the_origin_comes_before_what_was_asked_for() {
     world[4] = -f64::MAX;
     let refused = written(&file, &tree, &turned(world));
     assert!(matches!(refused, Err(ExportError::Transform { .. })), "no numbers for that");
+}
+
+#[test]
+fn a_file_ends_where_its_span_of_levels_does() {
+    let file = built(Shape::Terrain, 1500, None);
+    let tree = tree(&file);
+    let level = |id: ClusterId| file.clusters()[id.index()].level;
+    for span in [1, 2, 3, 32] {
+        let is_apart = |above: ClusterId, below: ClusterId| level(above) / span != level(below) / span;
+        let all = (0..file.clusters().len() as u32).map(ClusterId);
+        let apart: usize =
+            all.map(|id| tree.children(&file, id).filter(|child| is_apart(id, *child)).count()).sum();
+        assert_eq!(written(&file, &tree, &options(false, span)).unwrap().len(), 1 + apart, "{span}");
+    }
+}
+
+#[test]
+fn boxes_of_flat_models_have_three_axes_in_single_precision() {
+    let file = built_of(&hand::grid(12, 12), None);
+    let mut root = root(&file, &options(false, 32));
+    each(&mut root, &mut |tile| {
+        for way in numbers(&tile["content"]["boundingVolume"]["box"])[3..].chunks(3) {
+            assert!(way.iter().any(|x| (*x as f32).abs() > 1e-9), "{way:?}");
+        }
+    });
 }
