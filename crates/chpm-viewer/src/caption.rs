@@ -105,7 +105,7 @@ mod tests {
         };
         assert!(touched(&front).iter().all(|[x, y]| *x < 120 && *y > 200));
         let mut image = blank([300, 200]);
-        image.color_bar(crate::viridis);
+        image.color_bar(chpm_mesh::viridis);
         assert_eq!([image.pixel(196, 190), image.pixel(294, 190)].map(|p| p[3]), [255; 2]);
         assert!(image.pixel(196, 190)[2] > image.pixel(294, 190)[2], "from blue to yellow");
         assert_eq!(image.pixel(100, 190)[3], 0);

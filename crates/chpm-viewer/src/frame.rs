@@ -33,7 +33,6 @@ pub use exact::Spot;
 use interactive::CacheKey;
 use model::{Eye, Model};
 use paint::Colors;
-pub(crate) use paint::heat;
 use rate::Rate;
 use share::{Need, shares};
 use std::path::Path;

@@ -31,7 +31,6 @@ pub use headless::{IdImage, Image, TriangleId};
 pub use place::Place;
 pub use request::{Accuracy, Budgets, Clip, Coloring, FrameRequest, Look, Shading, Target};
 pub use stats::{Stats, Times};
-pub use tint::viridis;
 
 /// Access for tests and benches.
 #[cfg(feature = "internals")]

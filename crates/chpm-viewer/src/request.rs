@@ -73,9 +73,9 @@ pub enum Coloring {
     Vertex,
     /// A colour for each cluster.
     Cluster,
-    /// Its height above the leaves, from the least that is shown (blue) to the most (red).
+    /// Its height above the leaves, from the least that is shown (dark blue) to the most (yellow).
     Level,
-    /// The error of what is drawn of a cluster, from the least that is shown (blue) to the most (red).
+    /// The error of what is drawn of a cluster, from the least that is shown (dark blue) to the most (yellow).
     Error,
     /// How long a cluster's data has been on the GPU: new ones are red, old ones green.
     Residency,
@@ -93,13 +93,17 @@ impl Coloring {
         (Coloring::Plain, "plain", "one colour"),
         (Coloring::Vertex, "vertex", "the model's own colours, where it has some"),
         (Coloring::Cluster, "cluster", "a colour for each cluster"),
-        (Coloring::Level, "level", "height above the leaves, from the least shown (blue) to the most (red)"),
+        (
+            Coloring::Level,
+            "level",
+            "height above the leaves, from the least shown (dark blue) to the most (yellow)",
+        ),
         (
             Coloring::Error,
             "error",
-            "the error of what is drawn, from the least shown (blue) to the most (red)",
+            "the error of what is drawn, from the least shown (dark blue) to the most (yellow)",
         ),
-        (Coloring::Residency, "residency", "new on the GPU (red) to old (green)"),
+        (Coloring::Residency, "residency", "new on the GPU (yellow) to old (dark blue)"),
         (
             Coloring::Visibility,
             "visibility",

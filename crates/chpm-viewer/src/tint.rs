@@ -2,33 +2,11 @@
 
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page};
-use chpm_mesh::{Scalar, scalar_places};
+use chpm_mesh::{Scalar, scalar_places, viridis};
 use std::ops::Range;
 
-/// Stops of the colour map viridis (Smith and van der Walt), evenly apart.
-const VIRIDIS: [[u8; 3]; 9] = [
-    [0x44, 0x01, 0x54],
-    [0x47, 0x2d, 0x7b],
-    [0x3b, 0x52, 0x8b],
-    [0x2c, 0x72, 0x8e],
-    [0x21, 0x91, 0x8c],
-    [0x28, 0xae, 0x80],
-    [0x5e, 0xc9, 0x62],
-    [0xad, 0xdc, 0x30],
-    [0xfd, 0xe7, 0x25],
-];
 /// The colour of what is no number.
 const NONE: [u8; 3] = [128; 3];
-
-/// A colour of viridis, from 0 to 1.
-pub fn viridis(fraction: f64) -> [u8; 3] {
-    let last = VIRIDIS.len() - 1;
-    let place = fraction.clamp(0.0, 1.0) * last as f64;
-    let stop = (place as usize).min(last - 1);
-    let part = place - stop as f64;
-    let [low, high] = [stop, stop + 1].map(|stop| VIRIDIS[stop].map(f64::from));
-    [0, 1, 2].map(|channel| (low[channel] + part * (high[channel] - low[channel])).round() as u8)
-}
 
 /// A scalar that colours show, and the place of its words.
 #[derive(Clone, Debug)]
@@ -83,13 +61,6 @@ mod tests {
     use chpm_mesh::{ScalarKind, ScalarRange, VertexSlices};
 
     #[test]
-    fn values_go_from_dark_to_bright() {
-        assert_eq!([viridis(0.0), viridis(0.5), viridis(1.0)], [VIRIDIS[0], VIRIDIS[4], VIRIDIS[8]]);
-        let light = |step: u32| viridis(f64::from(step) / 64.0).iter().map(|c| u32::from(*c)).sum::<u32>();
-        assert!((1..=64).all(|step| light(step) + 12 > light(step - 1)));
-    }
-
-    #[test]
     fn a_vertex_has_the_colour_of_its_value() {
         let mut scalar = Scalar::new("quality", ScalarKind::Float64);
         scalar.range = ScalarRange { low: -1.0, high: 3.0, count: 2 };
@@ -109,7 +80,7 @@ mod tests {
         let tint = Tint { has_own: false, scalar: Some(Shown { words: 1..3, scalar }) };
         let opaque = |[r, g, b]: [u8; 3]| Some([r, g, b, 255]);
         let colors = [0, 1, 2].map(|vertex| tint.color(&page, vertex));
-        assert_eq!(colors, [opaque(VIRIDIS[0]), opaque(NONE), opaque(VIRIDIS[8])]);
+        assert_eq!(colors, [opaque(viridis(0.0)), opaque(NONE), opaque(viridis(1.0))]);
         assert_eq!((Tint::own(&page).is_there(), Tint::own(&page).color(&page, 0)), (false, None));
     }
 }

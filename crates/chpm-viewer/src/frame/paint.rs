@@ -11,7 +11,7 @@ use crate::headless::{IdImage, Image, TriangleId};
 use crate::request::{Coloring, FrameRequest, Look, Shading, Target};
 use crate::scene::visibility::Sight;
 use crate::stats::Stats;
-use chpm_mesh::ClusterId;
+use chpm_mesh::{ClusterId, viridis};
 use chpm_refine::Member;
 use wgpu::TextureFormat;
 
@@ -140,11 +140,6 @@ fn hsv(hue: f64, saturation: f64, value: f64) -> [u8; 3] {
     })
 }
 
-/// From blue for 0 over green to red for 1.
-pub(crate) fn heat(share: f64) -> [u8; 3] {
-    hsv((1.0 - share.clamp(0.0, 1.0)) * 2.0 / 3.0, 0.75, 0.95)
-}
-
 /// The least and the most of some numbers.
 fn span(values: impl Iterator<Item = f32>) -> Option<[f32; 2]> {
     values.fold(None, |span, value| match span {
@@ -187,11 +182,11 @@ impl Model {
             Coloring::Group => distinct(record.group),
             Coloring::Level | Coloring::Error => {
                 let value = self.measure(coloring, member).unwrap_or(scale[0]);
-                heat(share(value, scale))
+                viridis(share(value, scale))
             }
             Coloring::Residency => {
                 let since = self.arena.get(member.cluster).map_or(0, |resident| resident.since());
-                heat(1.0 - (now - since) as f64 / 120.0).map(|c| c / 2 + 100)
+                viridis(1.0 - (now - since) as f64 / 120.0).map(|c| c / 2 + 100)
             }
             Coloring::Visibility => match sight {
                 Sight::Visible => [90, 200, 110],
@@ -492,10 +487,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_run_from_blue_to_red() {
-        assert_eq!(heat(1.0), hsv(0.0, 0.75, 0.95));
-        let ([r, _, b], [r1, _, b1]) = (heat(0.0), heat(1.0));
-        assert!(b > r && r1 > b1);
+    fn hues_go_round() {
         assert_eq!(hsv(0.0, 1.0, 1.0), [255, 0, 0]);
         assert_eq!(hsv(1.0 / 3.0, 1.0, 1.0), [0, 255, 0]);
         assert_eq!(hsv(2.0 / 3.0, 1.0, 1.0), [0, 0, 255]);

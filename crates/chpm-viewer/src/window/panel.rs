@@ -1,14 +1,12 @@
 //! The panel: what the last frames did, and what can be set.
 
-use crate::frame::heat;
 use crate::request::Coloring;
 use crate::stats::Stats;
-use crate::tint::viridis;
 use crate::window::figures::{Figures, count, digits, ms, percent};
 use crate::window::keys::Command;
 use crate::window::settings::{FRAME, POE, Settings, Smooth, TRIANGLES};
 use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET};
-use chpm_mesh::{Bytes, Scalar};
+use chpm_mesh::{Bytes, Scalar, viridis};
 use chpm_refine::Up;
 use egui::{Align2, Color32, Id, Rect, RichText, Sense, Ui, vec2};
 
@@ -346,7 +344,7 @@ fn scalar_legend(ui: &mut Ui, Scalar { name, range, .. }: &Scalar) {
 
 /// Legend of a scale of colours.
 fn legend(ui: &mut Ui, colors: Coloring, [least, most]: [f32; 2]) {
-    color_bar(ui, heat);
+    color_bar(ui, viridis);
     let (name, number): (&str, fn(f32) -> String) = match colors {
         Coloring::Level => ("level", |level| format!("{level:.0}")),
         _ => ("error, units", |error| format!("{error:.3e}")),
