@@ -88,8 +88,9 @@ pub(crate) fn ply(model: &Model, draw: &mut Draw<'_>) -> Vec<u8> {
     let lie = if draw.once_in(12) { draw.odd_integer() } else { 0 };
 
     let mut vertex = vec![(coordinate, "x"), (coordinate, "y"), (coordinate, "z")];
+    let quality = draw.pick(&["short", "float", "double", "uint", "uchar"]);
     if extra {
-        vertex.insert(draw.below(4), ("short", "quality"));
+        vertex.insert(draw.below(4), (quality, "quality"));
     }
     if !model.normals.is_empty() {
         let ty = draw.pick(&["float", "float", "double"]);
@@ -113,7 +114,9 @@ pub(crate) fn ply(model: &Model, draw: &mut Draw<'_>) -> Vec<u8> {
                 "red" => model.colors[i][0].into(),
                 "green" => model.colors[i][1].into(),
                 "blue" => model.colors[i][2].into(),
-                _ => 3.0,
+                // Some of them are no number, where there is such a one.
+                _ if i % 5 == 4 => f64::NAN,
+                _ => i as f64 / 3.0,
             };
             put(&mut vertices, encoding, ty, value);
         }

@@ -63,6 +63,10 @@ impl Told {
             words.push(format!("--min-component={percent}%"));
             settings.min_component = Some(Length::OfDiagonal(percent));
         }
+        if draw.once_in(3) {
+            words.push("--keep=all".to_owned());
+            settings.scalars.all = true;
+        }
         let threads = draw.between(1, 2);
         let resources =
             Resources { threads, memory: Bytes(MEMORY), checkpoint: None, ..Resources::default() };
