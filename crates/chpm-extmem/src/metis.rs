@@ -1,7 +1,7 @@
 //! METIS beside itself: the two things that all its calls of a process share, each made safe for calls from several threads.
 //!
 //! *Random numbers.* METIS draws from the C library's one sequence, through three functions of its own. They are defined here
-//! instead, under the same names, with a [`Sequence`] for each thread; a linker takes these and leaves METIS's where they are.
+//! instead, under the same names, with a sequence for each thread; a linker takes these and leaves METIS's where they are.
 //!
 //! *Signals.* During a call METIS has SIGABRT and SIGTERM jump back into it, since it raises them itself where it cannot go
 //! on, and sets back afterwards what it found. Calls that overlap would set back what they found of each other: [`Traps`]
