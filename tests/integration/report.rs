@@ -4,6 +4,7 @@ use super::harness::{Folder, skipped, text};
 use super::raw::Raw;
 use serde_json::Value;
 use std::collections::BTreeSet;
+use std::fs;
 use std::process::{Command, Output};
 
 /// A model, its file, another file of it and a page of both.
@@ -113,6 +114,11 @@ fn the_page_is_whole_and_needs_nothing_else() {
     assert!(streamed == html, "the same page as a stream");
     assert!(folder.stderr("report in.chpm -o page.html", 2).contains("--force"));
     assert!(folder.stderr("report in.chpm -o page.html -f --built in.ply", 2).contains("chpm build --json"));
+    // Without an end, as far as it takes anybody to read it.
+    fs::File::create(folder.path("long.json")).unwrap().set_len(300 << 20).unwrap();
+    assert!(
+        folder.stderr("report in.chpm -o page.html -f --built long.json", 2).contains("longer than 256 MiB")
+    );
     assert!(folder.stderr("report in.chpm -o page.png", 2).contains("HTML"));
 }
 
