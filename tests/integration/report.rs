@@ -117,7 +117,9 @@ fn the_page_is_whole_and_needs_nothing_else() {
     // Without an end, as far as it takes anybody to read it.
     fs::File::create(folder.path("long.json")).unwrap().set_len(300 << 20).unwrap();
     assert!(
-        folder.stderr("report in.chpm -o page.html -f --built long.json", 2).contains("longer than 256 MiB")
+        folder
+            .stderr("report in.chpm -o page.html -f --built long.json", 2)
+            .contains("longer than 256.0 MiB")
     );
     assert!(folder.stderr("report in.chpm -o page.png", 2).contains("HTML"));
 }
