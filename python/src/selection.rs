@@ -103,7 +103,7 @@ fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected
     request.check(file, &extraction)?;
     let mesh = mesh(&extraction, &mut patience)?;
     let (error, distance) = (extraction.error(), extraction.distance());
-    let told = |shortfall: Shortfall| shortfall.describe(path.display(), file.header().aabb().diagonal());
+    let describe = |shortfall: Shortfall| shortfall.describe(path.display(), file.header().aabb().diagonal());
     Ok(Selected {
         mesh,
         carried: extraction.attributes(),
