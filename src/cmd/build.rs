@@ -84,16 +84,16 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
         args.source.display()
     );
     let output = args.output.clone().unwrap_or_else(|| source.with_extension("chpm"));
-    let written = args.trace.as_ref().map(|path| output::BUILD_TRACE.create(path, args.force, &[source]));
-    let mut written = written.transpose()?;
-    if written.is_some() {
+    let trace = args.trace.as_ref().map(|path| output::BUILD_TRACE.create(path, args.force, &[source]));
+    let trace = trace.transpose()?;
+    if trace.is_some() {
         config.resources.trace = Trace::recording();
     }
     let report = build(source, &output, &config, &Meter::new(args.quiet), stop);
     let report =
         report.map_err(|error| if args.output.is_none() { unwritable(error, &output) } else { error })?;
     output::finish(&output);
-    if let Some(mut file) = written.take() {
+    if let Some(mut file) = trace {
         config.resources.trace.write(&mut file)?;
         file.publish()?;
     }

@@ -10,11 +10,11 @@ pub(crate) mod near;
 mod page;
 pub(crate) mod seen;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
+use chpm_extmem::read_limited;
 use chpm_mesh::Bytes;
 use serde::Serialize;
-use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::path::Path;
 
 /// Length of a document that is read, at most: what is named may be another file, or have no end.
@@ -22,10 +22,7 @@ const MOST: Bytes = Bytes(256 << 20);
 
 /// Reads a document.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
-    let (mut text, told) = (Vec::new(), || format!("cannot read '{}'", path.display()));
-    File::open(path).and_then(|file| file.take(MOST.0 + 1).read_to_end(&mut text)).with_context(told)?;
-    ensure!(text.len() as u64 <= MOST.0, "{}: it is longer than {MOST}: is it another file?", told());
-    Ok(text)
+    read_limited(path, MOST.0).with_context(|| format!("cannot read '{}'", path.display()))
 }
 
 /// Prints a document, its keys in alphabetical order.

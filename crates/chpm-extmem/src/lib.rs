@@ -62,5 +62,5 @@ pub use sorter::{Sorted, Sorter};
 pub use spool::Spool;
 pub use store::Store;
 pub use target::{hidden_name, same_file, target};
-pub use text::read_text;
+pub use text::{read_limited, read_text};
 pub use workdir::WorkDir;

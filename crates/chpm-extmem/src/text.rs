@@ -1,21 +1,30 @@
-//! Text files of limited length: what is named may be another file, or have no end.
+//! Files of limited length: what is named may be another file, or have no end.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
-/// Reads a text file of `most` bytes or fewer.
+/// Reads a file of `most` bytes or fewer.
 ///
 /// # Errors
-/// As [`std::fs::read_to_string`], and [`ErrorKind::FileTooLarge`] for a longer one, of which no more is read.
-pub fn read_text(path: &Path, most: u64) -> Result<String> {
+/// As [`std::fs::read`], and [`ErrorKind::FileTooLarge`] for a longer one, of which no more is read.
+pub fn read_limited(path: &Path, most: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most {
         let told = format!("it is longer than {:.1} MiB: is it another file?", most as f64 / 1_048_576.0);
         return Err(Error::new(ErrorKind::FileTooLarge, told));
     }
-    String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text"))
+    Ok(bytes)
+}
+
+/// Reads a text file of `most` bytes or fewer.
+///
+/// # Errors
+/// As [`read_limited`], and [`ErrorKind::InvalidData`] for what is no text.
+pub fn read_text(path: &Path, most: u64) -> Result<String> {
+    String::from_utf8(read_limited(path, most)?)
+        .map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text"))
 }
 
 #[cfg(test)]
