@@ -2,10 +2,10 @@
 
 use anyhow::{Result, ensure};
 use axum::Router;
+use chpm_extmem::platform;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use nix::sys::resource::{Resource, getrlimit};
 use std::io::{self, ErrorKind};
 use std::sync::Arc;
 use std::time::Duration;
@@ -40,7 +40,7 @@ pub(crate) struct Limits {
 impl Limits {
     /// How many connections there may be, so that descriptors never run out.
     pub(crate) fn places(self) -> Result<usize> {
-        let (open, _) = getrlimit(Resource::RLIMIT_NOFILE)?;
+        let open = platform::open_files()?;
         let fit = open.saturating_sub(OWN) / EACH;
         ensure!(
             fit > 0,

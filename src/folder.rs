@@ -1,8 +1,8 @@
 //! A folder of results that appears complete or not at all, and that a next run goes on with where one was stopped.
 
 use anyhow::{Context, Error, Result, bail, ensure};
+use chpm_extmem::platform::{exchange, sync_below, sync_folder};
 use chpm_extmem::{Lock, hidden_name};
-use nix::fcntl::{AT_FDCWD, RenameFlags, renameat2};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
@@ -134,10 +134,9 @@ impl OutputFolder {
         let target = self.target.clone();
         let failed = || format!("cannot finish '{}'", target.display());
         // One call for thousands of files.
-        let opened = File::open(&self.partial).with_context(failed)?;
-        nix::unistd::syncfs(&opened).with_context(failed)?;
+        sync_below(&self.partial).with_context(failed)?;
         fs::remove_file(self.partial.join(JOURNAL)).with_context(failed)?;
-        opened.sync_all().with_context(failed)?;
+        sync_folder(&self.partial).with_context(failed)?;
         let replaces = target.exists();
         if replaces { exchange(&self.partial, &target) } else { fs::rename(&self.partial, &target) }
             .with_context(failed)?;
@@ -189,21 +188,6 @@ fn resume(partial: &Path, key: u64) -> Option<(File, Vec<Written>)> {
     before.sort_by_key(|written| written[0]);
     before.dedup_by_key(|written| written[0]);
     Some((journal, before))
-}
-
-/// Two folders get each other's names, at once where the file system can do that.
-fn exchange(partial: &Path, target: &Path) -> io::Result<()> {
-    if renameat2(AT_FDCWD, partial, AT_FDCWD, target, RenameFlags::RENAME_EXCHANGE).is_ok() {
-        return Ok(());
-    }
-    let mut old = partial.to_owned().into_os_string();
-    old.push(".old");
-    fs::rename(target, &old)?;
-    if let Err(error) = fs::rename(partial, target) {
-        let _ = fs::rename(&old, target);
-        return Err(error);
-    }
-    fs::rename(&old, partial)
 }
 
 fn replaceable(target: &Path, force: bool, names: &[&str]) -> Result<()> {

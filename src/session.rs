@@ -1,8 +1,8 @@
 //! The folder of the session, which a layer of Mesa's Vulkan looks for.
 
 use crate::args::Command as Verb;
+use chpm_extmem::platform::replace_process;
 use std::env;
-use std::os::unix::process::CommandExt;
 use std::process::Command;
 
 const NAME: &str = "XDG_RUNTIME_DIR";
@@ -21,7 +21,8 @@ pub(crate) fn ensure_folder(verb: &Verb) {
     if let Ok(program) = env::current_exe() {
         let mut words = env::args_os();
         let own_name = words.next().unwrap_or_default();
+        let mut command = Command::new(program);
         // What it answers is why it failed: then there is a message too much.
-        let _ = Command::new(program).arg0(own_name).args(words).env(NAME, env::temp_dir()).exec();
+        let _ = replace_process(command.args(words).env(NAME, env::temp_dir()), &own_name);
     }
 }

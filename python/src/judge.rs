@@ -76,7 +76,7 @@ pub(crate) fn verify(
             Err(Failure::Open { source, .. }) => return Ok(Verification::unopened(&source)),
             Err(other) => return Err(other),
         };
-        let look = || chpm_verify::verify(&model.file, &checks, memory, &scratch, board, &|| cancel.clone());
+        let look = || chpm_verify::verify(&model.file, &checks, memory, &scratch, board, cancel);
         let mut found = model.reading(|_| Ok(pool.install(look)?))?;
         if let Some(other) = same_as.filter(|_| found.is_readable(&model.file)) {
             same(&model, other, &mut found)?;

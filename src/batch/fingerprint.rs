@@ -4,10 +4,10 @@ use super::summary::Row;
 use crate::cmd;
 use anyhow::Result;
 use chpm_build::{Cancel, Settings};
+use chpm_extmem::platform::modified;
 use chpm_import::input;
 use std::fmt::Write;
 use std::fs;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// The program and version that the files of this one name.
@@ -76,8 +76,8 @@ pub(crate) fn fingerprint(files: &[PathBuf]) -> String {
     for file in files {
         let Ok(metadata) = fs::metadata(file) else { return String::new() };
         let separator = if text.is_empty() { "" } else { " " };
-        let _ =
-            write!(text, "{separator}{}@{}.{:09}", metadata.len(), metadata.mtime(), metadata.mtime_nsec());
+        let (seconds, nanoseconds) = modified(&metadata);
+        let _ = write!(text, "{separator}{}@{seconds}.{nanoseconds:09}", metadata.len());
     }
     text
 }

@@ -11,12 +11,12 @@ use crate::report::{self, LevelRow, count, per_triangle};
 use crate::stop::Stop;
 use anyhow::{Error, Result, bail, ensure};
 use chpm_build::{BuildConfig, BuildError, BuildReport, Trace};
+use chpm_extmem::platform::{self, Kind};
 use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, Counted};
 use clap::Parser;
 use std::fs;
 use std::io::{self, Write};
-use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `chpm build`.
@@ -76,8 +76,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 /// Builds, and reports on stdout.
 fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     let mut config = build_config(&args.settings, &args.resources, args.force)?;
-    let source = if args.source == Path::new("-") { Path::new("/dev/stdin") } else { &args.source };
-    let is_pipe = fs::metadata(source).is_ok_and(|found| found.file_type().is_fifo());
+    let source = super::source(&args.source)?;
+    let is_pipe = fs::metadata(source).is_ok_and(|found| platform::kind(found.file_type()) == Kind::Pipe);
     ensure!(
         args.output.is_some() || !(is_pipe || source != args.source),
         "'{}' gives the output no name; name it with -o",

@@ -37,6 +37,7 @@ pub(crate) use crate::output::stdout;
 use crate::stop::Stop;
 use anyhow::{Context, Result, anyhow};
 use chpm_export::ExportError;
+use chpm_extmem::platform::STDIN;
 use chpm_extmem::{ExtmemError, MappedFile, WorkDir};
 use chpm_format::{Chpm, FormatError, Place};
 use chpm_proximity::ProximityError;
@@ -54,6 +55,14 @@ pub(crate) enum Verdict {
     Good,
     /// A verification found a fault.
     Faulty,
+}
+
+/// The file that a source stands for: `-` is standard input.
+pub(crate) fn source(path: &Path) -> Result<&Path> {
+    if path != Path::new("-") {
+        return Ok(path);
+    }
+    STDIN.map(Path::new).context("standard input cannot be opened by a name here: name a file")
 }
 
 /// Does what was asked for.

@@ -14,7 +14,6 @@ use std::borrow::Cow;
 use std::fs;
 use std::io::Write;
 use std::net::{IpAddr, SocketAddr, TcpListener};
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use tower_http::services::ServeFile;
@@ -238,7 +237,8 @@ fn names(list: &HeaderValue, tag: &[u8]) -> bool {
 /// Tag that tells a file from any that had its name before, also within a second; and its length.
 fn version(path: &Path) -> Result<(HeaderValue, u64)> {
     let found = fs::metadata(path)?;
-    let tag = format!("\"{:x}-{:x}-{:x}.{:x}\"", found.ino(), found.len(), found.mtime(), found.mtime_nsec());
+    let (number, (seconds, nanoseconds)) = (platform::id_at(path)?.number, platform::modified(&found));
+    let tag = format!("\"{number:x}-{:x}-{seconds:x}.{nanoseconds:x}\"", found.len());
     Ok((HeaderValue::from_str(&tag)?, found.len()))
 }
 

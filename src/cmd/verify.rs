@@ -105,7 +105,7 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verificatio
     };
     let scratch = args.storage.work_dir.clone().unwrap_or_else(std::env::temp_dir);
     let mut found =
-        chpm_verify::verify(file, &checks, args.storage.memory(), &scratch, &meter, &|| stop.heed())?;
+        chpm_verify::verify(file, &checks, args.storage.memory(), &scratch, &meter, &stop.heed())?;
     if let Some(other) = args.same_as.as_deref().filter(|_| found.is_readable(file)) {
         let differences = same(file, other, &meter)?;
         let other = other.display();

@@ -1,11 +1,12 @@
 //! Files that are damaged, or truncated or changed while they are read: an error that names the file, and nothing is written.
 
 use super::harness::{Folder, text};
-use chpm_extmem::MappedFile;
+use chpm_extmem::{Cancel, MappedFile, Silent};
 use chpm_format::page::PAGE_HEADER_LEN;
 use chpm_format::{Chpm, SectionKind, checksum};
-use chpm_mesh::{ClusterId, Level};
+use chpm_mesh::{Bytes, ClusterId, Level};
 use chpm_refine::{Cut, extract};
+use chpm_verify::{Checks, VerifyError};
 use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
 use serde_json::Value;
@@ -264,4 +265,17 @@ fn what_is_no_file_is_refused_by_its_name() {
         }
     }
     assert!(!folder.path("out.ply").exists());
+}
+
+#[test]
+fn a_cancelled_verification_ends() {
+    let folder = built();
+    let file = Chpm::open(MappedFile::open(&folder.path("in.chpm")).expect("a map")).expect("a file");
+    let cancel = Cancel::default();
+    let verify = || {
+        chpm_verify::verify(&file, &Checks::default(), Bytes(1 << 28), &folder.path("."), &Silent, &cancel)
+    };
+    assert!(verify().expect("findings").is_sound());
+    cancel.cancel();
+    assert!(matches!(verify(), Err(VerifyError::Cancelled(_))));
 }

@@ -112,7 +112,8 @@ function browse() {
       await once(browser, "exit");
       server.close();
       server.closeAllConnections();
-      rmSync(profile, { recursive: true, force: true, maxRetries: 5 });
+      // Processes that it has started end a while later.
+      rmSync(profile, { recursive: true, force: true, maxRetries: 20 });
     };
     server.listen(0, "127.0.0.1", () => {
       const url = `http://127.0.0.1:${server.address().port}/page.html`;

@@ -1,10 +1,9 @@
 //! Identity of files, without reading them: paths, lengths and times.
 
 use crate::error::BuildError;
-use chpm_extmem::Cancel;
+use chpm_extmem::{Cancel, platform};
 use chpm_import::{SourceError, Supply, input};
 use std::fs;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// The program and its version.
@@ -23,7 +22,7 @@ struct File {
     path: PathBuf,
     len: u64,
     /// Of the last change: seconds and nanoseconds.
-    time: (i64, i64),
+    time: (i64, u32),
 }
 
 impl Fingerprint {
@@ -80,7 +79,7 @@ impl Fingerprint {
         for file in &self.files {
             add(file.path.as_os_str().as_encoded_bytes());
             let (seconds, nanoseconds) = file.time;
-            for number in [file.len, seconds as u64, nanoseconds as u64] {
+            for number in [file.len, seconds as u64, u64::from(nanoseconds)] {
                 add(&number.to_le_bytes());
             }
         }
@@ -95,6 +94,6 @@ impl File {
 
 fn look(path: &Path) -> Result<File, std::io::Error> {
     let metadata = fs::metadata(path)?;
-    let time = (metadata.mtime(), metadata.mtime_nsec());
+    let time = platform::modified(&metadata);
     Ok(File { path: path.canonicalize()?, len: metadata.len(), time })
 }

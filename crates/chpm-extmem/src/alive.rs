@@ -3,27 +3,30 @@
 //!
 //! Where a file system has no such locks, nothing is ever taken for left.
 
-use crate::target::are_of_one;
+use crate::platform::{is_at, open_folder};
 use std::fs::{self, File, TryLockError};
+use std::io;
 use std::path::Path;
 
 /// Takes what was just made at `path` for the time that `made` is open, unless somebody has cleared it away already.
 pub(crate) fn hold(made: &File, path: &Path) -> bool {
     let is_held = !matches!(made.try_lock(), Err(TryLockError::WouldBlock));
-    is_held && are_of_one(made.metadata(), fs::metadata(path))
+    is_held && is_at(made, path)
 }
 
 /// Removes the file or folder at `path`, unless somebody holds it.
 pub(crate) fn clear(path: &Path) {
     let Ok(kind) = fs::symlink_metadata(path).map(|found| found.file_type()) else { return };
-    // Some file systems lock only what is open for writing; folders never are.
-    let open = || File::options().read(true).write(kind.is_file()).open(path);
     if !kind.is_file() && !kind.is_dir() {
         return;
     }
-    let Ok(left) = open() else { return };
+    // Some file systems lock only what is open for writing; folders never are.
+    fn open(path: &Path, is_folder: bool) -> io::Result<File> {
+        if is_folder { open_folder(path) } else { File::options().read(true).write(true).open(path) }
+    }
+    let Ok(left) = open(path, kind.is_dir()) else { return };
     // Until the lock was there, another may have removed it, and a third made it anew.
-    if left.try_lock().is_ok() && are_of_one(left.metadata(), fs::metadata(path)) {
+    if left.try_lock().is_ok() && is_at(&left, path) {
         let _ = if kind.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     }
 }
@@ -85,7 +88,7 @@ mod tests {
                         };
                         if hold(&made, &path) {
                             assert_eq!(held.fetch_add(1, Ordering::SeqCst), 0);
-                            assert!(are_of_one(made.metadata(), fs::metadata(&path)));
+                            assert!(is_at(&made, &path));
                             held.fetch_sub(1, Ordering::SeqCst);
                             fs::remove_file(&path).unwrap();
                         }

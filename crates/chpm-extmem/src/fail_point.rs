@@ -1,8 +1,7 @@
 //! Fail points: one access to a file fails, or the process ends there. All of this crate's files pass one before they are
 //! created, opened, read, written, extended, synced or renamed.
 
-use nix::errno::Errno;
-use nix::sys::signal::{Signal, raise};
+use crate::platform::{end_process, error_of_device, error_of_full_disk};
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -24,23 +23,29 @@ struct Armed {
     /// The access that it happens at; the first one is 0.
     at: u64,
     seen: AtomicU64,
-    /// Error of the failing access, or none if the process ends there.
-    error: Option<Errno>,
+    outcome: Outcome,
+}
+
+#[derive(Debug)]
+enum Outcome {
+    FullDisk,
+    BadDevice,
+    End,
 }
 
 impl FailPoints {
     /// The access of this number, the first one being 0, fails: with a full disk if `full`, else with a fault of the device.
     pub fn fail_at(at: u64, full: bool) -> Self {
-        Self::armed(at, Some(if full { Errno::ENOSPC } else { Errno::EIO }))
+        Self::armed(at, if full { Outcome::FullDisk } else { Outcome::BadDevice })
     }
 
     /// The process ends at the access of this number, without a chance to clean up.
     pub fn kill_at(at: u64) -> Self {
-        Self::armed(at, None)
+        Self::armed(at, Outcome::End)
     }
 
-    fn armed(at: u64, error: Option<Errno>) -> Self {
-        FailPoints(Some(Arc::new(Armed { at, seen: AtomicU64::new(0), error })))
+    fn armed(at: u64, outcome: Outcome) -> Self {
+        FailPoints(Some(Arc::new(Armed { at, seen: AtomicU64::new(0), outcome })))
     }
 
     /// Accesses up to now; 0 where nothing is to go wrong, since then none is counted.
@@ -66,14 +71,11 @@ impl Armed {
         if self.seen.fetch_add(1, Relaxed) != self.at {
             return Ok(());
         }
-        match self.error {
-            Some(error) => Err(error.into()),
-            None => {
-                // A signal to oneself arrives before this returns; should it be refused, the access fails.
-                raise(Signal::SIGKILL)?;
-                Err(Errno::EIO.into())
-            }
-        }
+        Err(match self.outcome {
+            Outcome::FullDisk => error_of_full_disk(),
+            Outcome::BadDevice => error_of_device(),
+            Outcome::End => end_process(),
+        })
     }
 }
 
@@ -102,7 +104,7 @@ mod tests {
             assert!(if full {
                 error.kind() == kind
             } else {
-                error.raw_os_error() == Some(Errno::EIO as i32)
+                error.raw_os_error() == error_of_device().raw_os_error()
             });
             assert!(clone.access().is_ok());
             assert_eq!(

@@ -1,9 +1,8 @@
 //! The files of a work directory, read and written at their offsets.
 
-use crate::{ExtmemError, WorkDir};
+use crate::{ExtmemError, WorkDir, platform};
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::sync::Arc;
 
 /// A file of a work directory. One without a name goes when it is closed; one with a name goes then, too, unless a manifest
@@ -56,11 +55,13 @@ impl DataFile {
     }
 
     pub(crate) fn read_exact_at(&self, out: &mut [u8], offset: u64) -> Result<(), ExtmemError> {
-        self.attempt("read a work file in", 0, || self.file.read_exact_at(out, offset))
+        self.attempt("read a work file in", 0, || platform::read_exact_at(&self.file, out, offset))
     }
 
     pub(crate) fn write_all_at(&self, bytes: &[u8], offset: u64) -> Result<(), ExtmemError> {
-        self.attempt("write a work file in", bytes.len() as u64, || self.file.write_all_at(bytes, offset))
+        self.attempt("write a work file in", bytes.len() as u64, || {
+            platform::write_all_at(&self.file, bytes, offset)
+        })
     }
 
     /// Sets the length; bytes that are never written read as zeros.

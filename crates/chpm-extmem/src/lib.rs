@@ -1,8 +1,8 @@
 //! External memory: a budget that is asked before memory is taken, a work directory that cleans up after itself or keeps what
 //! another run can go on with, arrays, sequences, blobs and sorts that live in memory when the budget grants it and on disk when
 //! it does not, files that appear complete or not at all, the request to stop and
-//! the report of progress that all long work knows, fail points (planned errors), the project's only memory map, and METIS
-//! made safe for threads (a feature).
+//! the report of progress that all long work knows, fail points (planned errors), the project's only memory map, METIS
+//! made safe for threads (a feature), and all that differs between operating systems.
 //!
 //! The crate knows bytes and plain records, not meshes. Whether an array was granted memory never shows in its
 //! content, so a result does not depend on the budget.
@@ -28,6 +28,8 @@ mod map;
 pub mod metis;
 mod paged;
 mod pipe;
+#[allow(unsafe_code)]
+pub mod platform;
 pub mod process;
 mod progress;
 mod publish;

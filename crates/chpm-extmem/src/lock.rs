@@ -3,8 +3,7 @@
 //! The lock is the kernel's (`flock`), which gives it back when its holder ends, however it ends: what a dead process leaves
 //! behind is a file, and the next one takes it over. The text in it is for people.
 
-use crate::target::are_of_one;
-use crate::{ExtmemError, hidden_name};
+use crate::{ExtmemError, hidden_name, platform};
 use std::fs::{self, File, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -38,7 +37,7 @@ impl Lock {
                 Err(TryLockError::Error(source)) => return Err(failed(source)),
             }
             // Its last holder may have removed the file between our opening and our locking it.
-            if is_at(&file, &path) {
+            if platform::is_at(&file, &path) {
                 let text = format!("process {} on {}\n", std::process::id(), host());
                 let written = file
                     .set_len(0)
@@ -59,11 +58,6 @@ impl Drop for Lock {
     }
 }
 
-/// Whether `path` names the open `file`.
-fn is_at(file: &File, path: &Path) -> bool {
-    are_of_one(file.metadata(), fs::metadata(path))
-}
-
 /// Note of the holder, shortened to something safe to print.
 fn owner(file: &mut File) -> String {
     let mut bytes = Vec::new();
@@ -73,7 +67,7 @@ fn owner(file: &mut File) -> String {
 }
 
 fn host() -> String {
-    let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let name = platform::host_name().unwrap_or_default();
     if name.trim().is_empty() { "an unnamed host".to_owned() } else { name.trim().to_owned() }
 }
 

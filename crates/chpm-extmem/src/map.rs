@@ -1,4 +1,4 @@
-//! Memory maps: the only unsafe code of the project.
+//! Memory maps.
 //!
 //! A map is sound only while nobody else changes the file below it. Scratch files have no name, so nobody else
 //! can; input files are the user's, and the documentation says not to change them during a run. Where it happens in spite of that,
@@ -7,13 +7,12 @@
 
 use crate::error::byte_len;
 use crate::file::DataFile;
-use crate::{ExtmemError, WorkDir};
+use crate::{ExtmemError, WorkDir, platform};
 use bytemuck::Pod;
-use memmap2::{Advice, Mmap, MmapMut, UncheckedAdvice};
+use memmap2::{Mmap, MmapMut};
 use std::fs::{File, Metadata};
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
@@ -36,7 +35,7 @@ const AROUND: u64 = 1 << 16;
 #[derive(Debug)]
 pub struct MappedFile {
     /// Goes before the map: its addresses may be another's right after.
-    guard: Option<cut::Guard>,
+    guard: Option<platform::Guard>,
     map: Option<Mmap>,
     path: PathBuf,
     file: File,
@@ -58,8 +57,7 @@ impl MappedFile {
     pub fn open(path: &Path) -> Result<Self, ExtmemError> {
         let failed = |action| move |source| ExtmemError::io(action, path, 0, source);
         // A FIFO, which is no file to be mapped, would be waited for until somebody writes to it.
-        let opened = File::options().read(true).custom_flags(nix::libc::O_NONBLOCK).open(path);
-        let file = opened.map_err(failed("open"))?;
+        let file = platform::open_to_read(path).map_err(failed("open"))?;
         let metadata = file.metadata().map_err(failed("examine"))?;
         if !metadata.is_file() {
             return Err(ExtmemError::NotAFile { path: path.to_path_buf() });
@@ -72,7 +70,7 @@ impl MappedFile {
             // the documented contract of this function, and the one thing no program can check.
             Some(unsafe { Mmap::map(&file) }.map_err(failed("map"))?)
         };
-        let guard = map.as_deref().and_then(cut::Guard::of);
+        let guard = map.as_deref().and_then(platform::Guard::of);
         let (keep, read) = (AtomicU64::new(u64::MAX), AtomicU64::new(0));
         Ok(MappedFile {
             guard,
@@ -97,8 +95,10 @@ impl MappedFile {
     /// cannot be examined.
     pub fn check_unchanged(&self) -> Result<(), ExtmemError> {
         let now = self.file.metadata().map_err(|source| ExtmemError::io("examine", &self.path, 0, source))?;
-        let how = match (now.len() < self.fingerprint.0, self.guard.as_ref().is_some_and(cut::Guard::is_cut))
-        {
+        let how = match (
+            now.len() < self.fingerprint.0,
+            self.guard.as_ref().is_some_and(platform::Guard::is_cut),
+        ) {
             (true, _) => "was cut short",
             (false, true) => "could not be read to its end",
             _ if fingerprint(&now) != self.fingerprint => "was changed",
@@ -109,16 +109,13 @@ impl MappedFile {
 
     /// Tells the operating system how the file will be read. A refused hint is ignored.
     pub fn advise(&self, access: Access) {
-        if let Some(map) = &self.map {
-            let _ = map.advise(advice(access));
-        }
+        self.advise_range(access, 0, usize::MAX);
     }
 
     /// Like [`Self::advise`], for `len` bytes from `offset`; what lies beyond the end is ignored.
     pub fn advise_range(&self, access: Access, offset: usize, len: usize) {
         if let Some(map) = &self.map {
-            let start = offset.min(map.len());
-            let _ = map.advise_range(advice(access), start, len.min(map.len() - start));
+            platform::advise(map, access, offset, len);
         }
     }
 
@@ -140,8 +137,7 @@ impl MappedFile {
     /// Drops the pages from this process's resident memory; they are read again when touched.
     fn release_pages(&self) {
         if let Some(map) = &self.map {
-            // SAFETY: a read-only map of a file: dropped pages are read back from the file unchanged.
-            let _ = unsafe { map.unchecked_advise(UncheckedAdvice::DontNeed) };
+            platform::drop_pages(map);
         }
     }
 }
@@ -164,14 +160,6 @@ fn fingerprint(metadata: &Metadata) -> (u64, Option<SystemTime>) {
     (metadata.len(), metadata.modified().ok())
 }
 
-fn advice(access: Access) -> Advice {
-    match access {
-        Access::Sequential => Advice::Sequential,
-        Access::Random => Advice::Random,
-        Access::WillNeed => Advice::WillNeed,
-    }
-}
-
 /// A writable array in an unnamed file of the work directory, mapped and shared with nobody.
 #[derive(Debug)]
 pub struct MappedBuffer<T: Pod> {
@@ -188,7 +176,7 @@ impl<T: Pod> MappedBuffer<T> {
     pub fn zeroed(workdir: &WorkDir, what: &'static str, len: usize) -> Result<Self, ExtmemError> {
         let bytes = byte_len::<T>(what, len)?;
         let file = workdir.unnamed_file()?;
-        let allocated = workdir.fail_points().access().and_then(|()| allocate(&file, bytes as u64));
+        let allocated = workdir.fail_points().access().and_then(|()| platform::allocate(&file, bytes as u64));
         allocated.map_err(|source| {
             ExtmemError::io("extend a work file in", workdir.place(), bytes as u64, source)
         })?;
@@ -220,7 +208,7 @@ impl<T: Pod> MappedBuffer<T> {
     /// Tells the operating system how the array will be read. A refused hint is ignored.
     pub fn advise(&self, access: Access) {
         if let Some(map) = &self.map {
-            let _ = map.advise(advice(access));
+            platform::advise_buffer(map, access);
         }
     }
 }
@@ -242,162 +230,6 @@ impl<T: Pod> DerefMut for MappedBuffer<T> {
         match &mut self.map {
             Some(map) => bytemuck::cast_slice_mut(map),
             None => &mut [],
-        }
-    }
-}
-
-/// Has the C library map heap blocks of `bytes` and more, one by one; freeing such a block unmaps it.
-#[cfg(all(target_os = "linux", target_env = "gnu"))]
-pub(crate) fn map_large_blocks(bytes: i32) {
-    // SAFETY: sets a number that allocations look at from now on; the library's own lock guards it, and it may be set at
-    // any time.
-    let _ = unsafe { nix::libc::mallopt(nix::libc::M_MMAP_THRESHOLD, bytes) };
-}
-
-#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
-pub(crate) fn map_large_blocks(_: i32) {}
-
-#[cfg(target_os = "linux")]
-fn allocate(file: &File, bytes: u64) -> std::io::Result<()> {
-    if bytes == 0 {
-        return Ok(());
-    }
-    let bytes = i64::try_from(bytes).map_err(|_| std::io::ErrorKind::FileTooLarge)?;
-    Ok(nix::fcntl::posix_fallocate(file, 0, bytes)?)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn allocate(file: &File, bytes: u64) -> std::io::Result<()> {
-    file.set_len(bytes)
-}
-
-/// Truncation of a mapped file: the system answers every access behind its new end with SIGBUS. The handler here maps
-/// zeros over the rest of the map and notes it, so that the access goes on and its result can be refused.
-#[cfg(target_os = "linux")]
-mod cut {
-    use nix::errno::Errno;
-    use nix::libc::{self, c_int, c_void, siginfo_t};
-    use nix::sys::signal::{SaFlags, SigAction, SigHandler, SigSet, Signal, raise, sigaction};
-    use std::ptr;
-    use std::sync::OnceLock;
-    use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-
-    /// Maps that can be guarded at a time. A map beyond them is not.
-    const SLOTS: usize = 1024;
-
-    /// The addresses of a map, in a place that a signal handler may look at: it must not wait for a lock.
-    #[derive(Debug)]
-    struct Slot {
-        taken: AtomicBool,
-        /// First address; 0 while there is no map.
-        start: AtomicUsize,
-        end: AtomicUsize,
-        cut: AtomicBool,
-    }
-
-    static MAPS: [Slot; SLOTS] = [const {
-        Slot {
-            taken: AtomicBool::new(false),
-            start: AtomicUsize::new(0),
-            end: AtomicUsize::new(0),
-            cut: AtomicBool::new(false),
-        }
-    }; SLOTS];
-
-    /// Signal actions before ours, as a library that is loaded into another program has to keep them; `None` if there is
-    /// no handler.
-    static BEFORE: OnceLock<Option<SigAction>> = OnceLock::new();
-
-    /// Lets the handler know a map, until it is dropped.
-    #[derive(Debug)]
-    pub(super) struct Guard(&'static Slot);
-
-    impl Guard {
-        /// `None` if there is no place for one more, or no handler.
-        pub(super) fn of(map: &[u8]) -> Option<Guard> {
-            // A signal may come before what was there before is known: then the default is taken for it.
-            BEFORE.get_or_init(|| listen().ok()).as_ref()?;
-            let slot = MAPS.iter().find(|slot| !slot.taken.swap(true, Ordering::AcqRel))?;
-            let start = map.as_ptr().addr();
-            slot.cut.store(false, Ordering::Relaxed);
-            slot.end.store(start + map.len(), Ordering::Relaxed);
-            slot.start.store(start, Ordering::Release);
-            Some(Guard(slot))
-        }
-
-        /// Whether the handler has mapped zeros over the map.
-        pub(super) fn is_cut(&self) -> bool {
-            self.0.cut.load(Ordering::Acquire)
-        }
-    }
-
-    impl Drop for Guard {
-        fn drop(&mut self) {
-            self.0.start.store(0, Ordering::Release);
-            self.0.taken.store(false, Ordering::Release);
-        }
-    }
-
-    fn listen() -> nix::Result<SigAction> {
-        let flags = SaFlags::SA_SIGINFO | SaFlags::SA_ONSTACK;
-        let action = SigAction::new(SigHandler::SigAction(on_bus_error), flags, SigSet::empty());
-        // SAFETY: the handler calls only what a signal handler may call: it reads and writes atomics and makes system calls.
-        unsafe { sigaction(Signal::SIGBUS, &action) }
-    }
-
-    extern "C" fn on_bus_error(_: c_int, info: *mut siginfo_t, _: *mut c_void) {
-        let errno = Errno::last_raw();
-        // SAFETY: the system passes the signal's information to a handler that was set with SA_SIGINFO.
-        let address = unsafe { (*info).si_addr() }.addr();
-        if !MAPS.iter().any(|slot| slot.covers(address) && slot.map_zeros(address)) {
-            // Not of a map: what would have happened without this handler, once it has returned.
-            let default = SigAction::new(SigHandler::SigDfl, SaFlags::empty(), SigSet::empty());
-            let before = BEFORE.get().copied().flatten().unwrap_or(default);
-            // SAFETY: takes this handler away.
-            let _ = unsafe { sigaction(Signal::SIGBUS, &before) };
-            let _ = raise(Signal::SIGBUS);
-        }
-        Errno::set_raw(errno);
-    }
-
-    impl Slot {
-        fn covers(&self, address: usize) -> bool {
-            let start = self.start.load(Ordering::Acquire);
-            start != 0 && (start..self.end.load(Ordering::Relaxed)).contains(&address)
-        }
-
-        /// Maps zeros from the page of `address` to the end of the map. `false` if the system refuses.
-        fn map_zeros(&self, address: usize) -> bool {
-            // Before the zeros can be seen.
-            self.cut.store(true, Ordering::Release);
-            // SAFETY: asks for a number.
-            let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) } as usize;
-            let from = address - address % page;
-            let len = self.end.load(Ordering::Relaxed) - from;
-            let at = ptr::with_exposed_provenance_mut(from);
-            let (access, flags) =
-                (libc::PROT_READ, libc::MAP_PRIVATE | libc::MAP_ANONYMOUS | libc::MAP_FIXED);
-            // SAFETY: replaces pages of a map that belongs to a `MappedFile`, which lives while its guard is in the list, by
-            // others that can be read as well; the map's own range is kept, and unmapped as a whole when it is dropped.
-            let zeros = unsafe { libc::mmap(at, len, access, flags, -1, 0) };
-            zeros != libc::MAP_FAILED
-        }
-    }
-}
-
-/// Other systems have other signals and codes for it; there a truncated file ends the process.
-#[cfg(not(target_os = "linux"))]
-mod cut {
-    #[derive(Debug)]
-    pub(super) struct Guard;
-
-    impl Guard {
-        pub(super) fn of(_: &[u8]) -> Option<Guard> {
-            None
-        }
-
-        pub(super) fn is_cut(&self) -> bool {
-            false
         }
     }
 }

@@ -7,10 +7,10 @@
 //! on, and sets back afterwards what it found. Calls that overlap would set back what they found of each other: [`Traps`]
 //! sets METIS's handler before the first of them and what was there before after the last one.
 
+use crate::platform::SignalAction;
 use crate::sequence::Sequence;
-use nix::libc::c_int;
-use nix::sys::signal::{SaFlags, SigAction, SigHandler, SigSet, Signal, sigaction};
 use std::cell::RefCell;
+use std::ffi::c_int;
 use std::io;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -45,11 +45,8 @@ unsafe extern "C" {
     safe fn gk_sigthrow(signal: c_int);
 }
 
-/// The signals that METIS raises.
-const RAISED: [Signal; 2] = [Signal::SIGABRT, Signal::SIGTERM];
-
 /// Calls that are running, and what the signals did before the first of them.
-static RUNNING: Mutex<(usize, Vec<(Signal, SigAction)>)> = Mutex::new((0, Vec::new()));
+static RUNNING: Mutex<(usize, Vec<SignalAction>)> = Mutex::new((0, Vec::new()));
 
 /// METIS's handlers, set from the first call of those that overlap to the end of the last one. While they are, every call of
 /// METIS sets and sets back nothing but what is there.
@@ -67,16 +64,14 @@ impl Traps {
         running.0 += 1;
         let traps = Traps(());
         if running.0 == 1 {
-            let action =
-                SigAction::new(SigHandler::Handler(gk_sigthrow), SaFlags::SA_RESTART, SigSet::empty());
-            for signal in RAISED {
+            for signal in SignalAction::OF_METIS {
                 // SAFETY: the handler is the one that METIS sets itself, for as long as it would.
-                let before = unsafe { sigaction(signal, &action) };
+                let before = unsafe { SignalAction::set(signal, gk_sigthrow) };
                 match before {
-                    Ok(before) => running.1.push((signal, before)),
+                    Ok(before) => running.1.push(before),
                     Err(error) => {
                         drop(running);
-                        return Err(error.into());
+                        return Err(error);
                     }
                 }
             }
@@ -91,14 +86,14 @@ impl Drop for Traps {
         let mut running = running();
         running.0 -= 1;
         if running.0 == 0 {
-            for (signal, before) in running.1.drain(..) {
+            for before in running.1.drain(..) {
                 // SAFETY: sets back what was set before, by whoever answers for it.
-                let _ = unsafe { sigaction(signal, &before) };
+                unsafe { before.restore() };
             }
         }
     }
 }
 
-fn running() -> MutexGuard<'static, (usize, Vec<(Signal, SigAction)>)> {
+fn running() -> MutexGuard<'static, (usize, Vec<SignalAction>)> {
     RUNNING.lock().unwrap_or_else(PoisonError::into_inner)
 }

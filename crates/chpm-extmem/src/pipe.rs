@@ -1,13 +1,9 @@
 //! Seekable copy of a pipe's bytes: it can be read more than once, and has a length.
 
+use crate::platform::Pipe;
 use crate::{ExtmemError, FailPoints, WorkDir};
-use nix::errno::Errno;
-use nix::fcntl::OFlag;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::fs::File;
-use std::io::{self, Read, Seek, Write};
-use std::os::fd::AsFd;
-use std::os::unix::fs::OpenOptionsExt;
+use std::io::{Seek, Write};
 use std::path::Path;
 
 /// Bytes that are copied at once.
@@ -27,26 +23,12 @@ pub fn receive(
     stopped: impl Fn() -> bool,
 ) -> Result<Option<File>, ExtmemError> {
     let unread = |source| ExtmemError::io("read", path, 0, source);
-    // Opening must not wait for whoever writes, either.
-    let mut open = File::options();
-    let mut pipe = open.read(true).custom_flags(OFlag::O_NONBLOCK.bits()).open(path).map_err(unread)?;
+    let mut pipe = Pipe::open(path).map_err(unread)?;
     // The file stays when its folder goes.
     let mut file = WorkDir::create(parent)?.with_fail_points(fail_points.clone()).unnamed_file()?;
     let mut bytes = vec![0; STEP];
     while !stopped() {
-        let mut ends = [PollFd::new(pipe.as_fd(), PollFlags::POLLIN)];
-        match poll(&mut ends, PollTimeout::from(WAIT)) {
-            Ok(0) | Err(Errno::EINTR) => continue,
-            Ok(_) => {}
-            Err(error) => return Err(unread(error.into())),
-        }
-        let count = match pipe.read(&mut bytes) {
-            Ok(count) => count,
-            Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => {
-                continue;
-            }
-            Err(error) => return Err(unread(error)),
-        };
+        let Some(count) = pipe.read(&mut bytes, WAIT).map_err(unread)? else { continue };
         let written = fail_points.access().and_then(|()| match count {
             0 => file.rewind(),
             _ => file.write_all(&bytes[..count]),
@@ -64,6 +46,7 @@ mod tests {
     use super::*;
     use nix::sys::stat::Mode;
     use std::cell::Cell;
+    use std::io::Read;
 
     fn fifo() -> (tempfile::TempDir, std::path::PathBuf) {
         let dir = tempfile::tempdir().unwrap();

@@ -1,10 +1,9 @@
 //! Results that appear complete or not at all: written under a hidden name, synced, then renamed.
 
-use crate::{ExtmemError, FailPoints, alive, hidden_name, target};
+use crate::{ExtmemError, FailPoints, alive, hidden_name, platform, target};
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 const WRITE_BUFFER: usize = 1 << 20;
@@ -91,8 +90,8 @@ impl AtomicFile {
     /// # Errors
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
     pub fn write_all_at(&self, bytes: &[u8], offset: u64) -> Result<(), ExtmemError> {
-        let written =
-            self.fail_points.access().and_then(|()| self.file.get_ref().write_all_at(bytes, offset));
+        let write = || platform::write_all_at(self.file.get_ref(), bytes, offset);
+        let written = self.fail_points.access().and_then(|()| write());
         written.map_err(|source| ExtmemError::io("write", &self.target, bytes.len() as u64, source))
     }
 
@@ -101,7 +100,8 @@ impl AtomicFile {
     /// # Errors
     /// [`ExtmemError::Io`].
     pub fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> Result<(), ExtmemError> {
-        let read = self.fail_points.access().and_then(|()| self.file.get_ref().read_exact_at(bytes, offset));
+        let mut look = || platform::read_exact_at(self.file.get_ref(), bytes, offset);
+        let read = self.fail_points.access().and_then(|()| look());
         read.map_err(|source| ExtmemError::io("read", &self.target, bytes.len() as u64, source))
     }
 
@@ -122,8 +122,7 @@ impl AtomicFile {
         self.published = true;
         // The new name itself lives in the directory, and survives a power cut only if that is synced too.
         let directory = directory(&self.target);
-        let synced =
-            self.fail_points.access().and_then(|()| File::open(directory)).and_then(|dir| dir.sync_all());
+        let synced = self.fail_points.access().and_then(|()| platform::sync_folder(directory));
         synced.map_err(|source| ExtmemError::io("sync the directory", directory, 0, source))
     }
 }

@@ -1,11 +1,10 @@
 //! Where a result goes: what its name stands for, whether that may be replaced, and how what is hidden beside it is called.
 
 use crate::ExtmemError;
+use crate::platform::{self, Kind, first_bytes, id_at};
 use std::ffi::{OsStr, OsString};
-use std::fs::{self, FileType, Metadata};
+use std::fs::FileType;
 use std::io;
-use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -24,7 +23,7 @@ const TAIL: usize = 24;
 pub fn target(path: &Path, overwrite: bool) -> Result<PathBuf, ExtmemError> {
     let failed = |source| ExtmemError::io("create", path, 0, source);
     // What ends in a slash or a dot is a directory, whether it is there or not.
-    if !path.file_name().is_some_and(|name| path.as_os_str().as_bytes().ends_with(name.as_bytes())) {
+    if !path.file_name().is_some_and(|name| ends_with(path.as_os_str(), name)) {
         return Err(ExtmemError::NotAFile { path: path.to_owned() });
     }
     let is_link = match path.symlink_metadata() {
@@ -47,24 +46,23 @@ pub fn target(path: &Path, overwrite: bool) -> Result<PathBuf, ExtmemError> {
     if is_link { path.canonicalize().map_err(failed) } else { Ok(path.to_owned()) }
 }
 
+fn ends_with(path: &OsStr, name: &OsStr) -> bool {
+    path.as_encoded_bytes().ends_with(name.as_encoded_bytes())
+}
+
 fn kind_name(kind: FileType) -> &'static str {
-    match kind {
-        kind if kind.is_dir() => "a directory",
-        kind if kind.is_fifo() => "a FIFO",
-        kind if kind.is_socket() => "a socket",
-        kind if kind.is_char_device() || kind.is_block_device() => "a device",
-        _ => "no regular file",
+    match platform::kind(kind) {
+        Kind::Folder => "a directory",
+        Kind::Pipe => "a FIFO",
+        Kind::Socket => "a socket",
+        Kind::Terminal | Kind::Blocks => "a device",
+        Kind::File | Kind::Other => "no regular file",
     }
 }
 
 /// Whether two names are of one file, by a link of either kind or by another way to it.
 pub fn same_file(a: &Path, b: &Path) -> bool {
-    are_of_one(fs::metadata(a), fs::metadata(b))
-}
-
-/// Whether two answers of the file system are about one file.
-pub(crate) fn are_of_one(a: io::Result<Metadata>, b: io::Result<Metadata>) -> bool {
-    matches!((a, b), (Ok(a), Ok(b)) if (a.dev(), a.ino()) == (b.dev(), b.ino()))
+    matches!((id_at(a), id_at(b)), (Ok(a), Ok(b)) if a == b)
 }
 
 /// `.NAME` and a tail of at most 23 bytes, for what lies beside a file called `name`. Of a name that is too long for that the end is
@@ -75,11 +73,11 @@ pub fn hidden_name(name: &OsStr, tail: &str) -> OsString {
     if 1 + name.len() + TAIL <= LONGEST {
         hidden.push(name);
     } else {
-        let hash = format!("~{:016x}", xxh3_64(name.as_bytes()));
+        let hash = format!("~{:016x}", xxh3_64(name.as_encoded_bytes()));
         let most = LONGEST - TAIL - 1 - hash.len();
         // Where the name is UTF-8, what is left of it is, too: some file systems take nothing else.
         let cut = name.to_str().map_or(most, |text| text.floor_char_boundary(most));
-        hidden.push(OsStr::from_bytes(&name.as_bytes()[..cut]));
+        hidden.push(first_bytes(name, cut));
         hidden.push(hash);
     }
     hidden.push(tail);
@@ -90,6 +88,8 @@ pub fn hidden_name(name: &OsStr, tail: &str) -> OsString {
 mod tests {
     use super::*;
     use nix::sys::stat::Mode;
+    use std::fs;
+    use std::os::unix::ffi::OsStrExt;
     use std::os::unix::fs::symlink;
     use std::os::unix::net::UnixListener;
 

@@ -1,6 +1,6 @@
 //! The work directory: a place for intermediate files, gone when the work ends, unless another run is to go on with it.
 
-use crate::{ExtmemError, FailPoints, alive};
+use crate::{ExtmemError, FailPoints, alive, platform};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io;
@@ -42,7 +42,7 @@ impl WorkDir {
         loop {
             let made = tempfile::Builder::new().prefix(PREFIX).suffix(SUFFIX).tempdir_in(parent);
             let path = made.map_err(failed)?.keep();
-            let held = match File::open(&path) {
+            let held = match platform::open_folder(&path) {
                 // One that is gone already was taken for left.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
                 held => held.inspect_err(|_| drop(fs::remove_dir(&path))).map_err(failed)?,
@@ -118,7 +118,7 @@ impl WorkDir {
     /// # Errors
     /// [`ExtmemError::NoSpace`].
     pub fn require(&self, bytes: u64) -> Result<(), ExtmemError> {
-        match free_bytes(&self.path) {
+        match platform::free_bytes(&self.path) {
             Some(free) if free < bytes => {
                 Err(ExtmemError::NoSpace { path: self.place().to_owned(), needed: bytes, free })
             }
@@ -232,14 +232,6 @@ fn plain(error: io::Error) -> io::Error {
         Some((why, _)) => io::Error::new(error.kind(), why),
         None => error,
     }
-}
-
-/// Bytes that a user without privileges may still write to the file system of `path`.
-fn free_bytes(path: &Path) -> Option<u64> {
-    let found = nix::sys::statvfs::statvfs(path).ok()?;
-    // The types differ between systems.
-    #[allow(clippy::unnecessary_cast)]
-    (found.blocks_available() as u64).checked_mul(found.fragment_size() as u64)
 }
 
 impl Drop for WorkDir {

@@ -16,6 +16,7 @@ use chpm_mesh::{ClusterId, GroupId};
 use group::GroupCheck;
 use shared::SharedIds;
 use std::fmt;
+use std::ops::ControlFlow;
 
 /// Faults that a report holds in full; further ones are counted.
 pub const MAX_FAULTS: usize = 100;
@@ -106,36 +107,53 @@ impl Report {
 }
 
 /// Verifies a file. `progress` is told clusters done and clusters in all, after every group.
-pub fn verify<D: AsRef<[u8]>>(file: &Chpm<D>, progress: impl FnMut(u64, u64)) -> Report {
-    verify_within(file, u64::MAX, progress)
+pub fn verify<D: AsRef<[u8]>>(file: &Chpm<D>, mut progress: impl FnMut(u64, u64)) -> Report {
+    let mut report = Report::default();
+    let whole = check(file, u64::MAX, &mut report, |done, all| {
+        progress(done, all);
+        ControlFlow::Continue(())
+    });
+    debug_assert!(whole.is_continue());
+    report
 }
 
-/// As [`verify`], with `memory` bytes for the table of shared vertices. With several parts of it, clusters are told as often.
+/// As [`verify`], with `memory` bytes for the table of shared vertices: with several parts of it, clusters are told as often. There is no
+/// report where `progress` says that it is enough.
 pub fn verify_within<D: AsRef<[u8]>>(
     file: &Chpm<D>,
     memory: u64,
-    mut progress: impl FnMut(u64, u64),
-) -> Report {
+    progress: impl FnMut(u64, u64) -> ControlFlow<()>,
+) -> Option<Report> {
     let mut report = Report::default();
-    tables::check(file, &mut report);
+    check(file, memory, &mut report, progress).is_continue().then_some(report)
+}
+
+fn check<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    memory: u64,
+    report: &mut Report,
+    mut progress: impl FnMut(u64, u64) -> ControlFlow<()>,
+) -> ControlFlow<()> {
+    tables::check(file, report);
     let count = file.header().shared_vertex_count;
     let at_once = (memory / shared::ENTRY as u64).clamp(1, u64::from(u32::MAX)) as u32;
     let part = |first: u32| SharedIds::new(first..count.min(first.saturating_add(at_once)));
     let mut shared = part(0);
-    let mut check = GroupCheck::of(file);
+    let mut groups = GroupCheck::of(file);
     let clusters = file.clusters().len() as u64;
     let total = clusters * u64::from(count.div_ceil(at_once).max(1));
     let mut done = 0;
     for (id, group) in (0..).map(GroupId).zip(file.groups()) {
-        check.run(file, id, &mut shared, &mut report);
+        groups.run(file, id, &mut shared, report);
         done += u64::from(group.coarse_count);
-        progress(done, total);
+        progress(done, total)?;
     }
     // A page that could not be read leaves its shared vertices unseen, which would blame the wrong thing.
     if report.good_pages < clusters {
-        return report;
+        return ControlFlow::Continue(());
     }
-    shared.finish(file.header(), file.is_trimmed(), &mut report);
+
+    shared.finish(file.header(), file.is_trimmed(), report);
     let mut leaf_ids = shared.leaf_ids();
     for first in (0..count).step_by(at_once as usize).skip(1) {
         // The part before must not be in memory beside this one.
@@ -144,15 +162,15 @@ pub fn verify_within<D: AsRef<[u8]>>(
         for (id, group) in (0..).map(GroupId).zip(file.groups()) {
             for cluster in file.coarse(id).iter().copied().map(ClusterId) {
                 if let Ok(page) = file.page(cluster) {
-                    cluster::list_shared(file, cluster, &page.view(), &mut shared, &mut report);
+                    cluster::list_shared(file, cluster, &page.view(), &mut shared, report);
                 }
             }
             done += u64::from(group.coarse_count);
-            progress(done, total);
+            progress(done, total)?;
         }
-        shared.finish(file.header(), file.is_trimmed(), &mut report);
+        shared.finish(file.header(), file.is_trimmed(), report);
         leaf_ids += shared.leaf_ids();
     }
-    tables::check_source_vertices(file, leaf_ids, &mut report);
-    report
+    tables::check_source_vertices(file, leaf_ids, report);
+    ControlFlow::Continue(())
 }

@@ -1,10 +1,10 @@
 //! Where a source's bytes come from: a file, or a pipe that was read to its end.
 
 use crate::error::SourceError;
+use chpm_extmem::platform::{self, Kind};
 use chpm_extmem::{Cancel, FailPoints};
-use std::fs::{self, File, FileType};
+use std::fs::{self, File};
 use std::io;
-use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
 /// A source under its name.
@@ -22,7 +22,7 @@ impl Supply {
     /// [`SourceError::NotAFile`] for what is none, [`SourceError::Read`] if it is not there.
     pub fn file(path: &Path) -> Result<Supply, SourceError> {
         let kind = kind(path)?;
-        if !kind.is_file() {
+        if kind != Kind::File {
             let (path, what) = (path.to_owned(), name(kind));
             return Err(SourceError::NotAFile { path, what });
         }
@@ -39,7 +39,7 @@ impl Supply {
         fail_points: &FailPoints,
         cancel: &Cancel,
     ) -> Result<Supply, SourceError> {
-        if !kind(path)?.is_fifo() {
+        if kind(path)? != Kind::Pipe {
             return Supply::file(path);
         }
         let received = chpm_extmem::receive(path, folder, fail_points, || cancel.is_cancelled())?;
@@ -80,17 +80,17 @@ impl Supply {
     }
 }
 
-fn kind(path: &Path) -> Result<FileType, SourceError> {
-    let found = fs::metadata(path).map(|metadata| metadata.file_type());
+fn kind(path: &Path) -> Result<Kind, SourceError> {
+    let found = fs::metadata(path).map(|metadata| platform::kind(metadata.file_type()));
     found.map_err(|source| SourceError::Read { path: path.to_owned(), source })
 }
 
-fn name(kind: FileType) -> &'static str {
-    match () {
-        () if kind.is_dir() => "a folder",
-        () if kind.is_fifo() => "a pipe",
-        () if kind.is_char_device() => "a terminal or device",
-        () if kind.is_block_device() => "a device",
-        () => "a socket",
+fn name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Folder => "a folder",
+        Kind::Pipe => "a pipe",
+        Kind::Terminal => "a terminal or device",
+        Kind::Blocks => "a device",
+        Kind::File | Kind::Socket | Kind::Other => "a socket",
     }
 }

@@ -5,10 +5,11 @@ use crate::certify::{self, Certified, Wanted};
 use crate::cuts::{self, Checked, Cuts};
 use crate::error::VerifyError;
 use crate::memory;
-use chpm_extmem::{Cancel, MappedFile, Progress, Store};
+use chpm_extmem::{Cancel, Cancelled, MappedFile, Progress, Store};
 use chpm_format::verify::Fault;
 use chpm_format::{Chpm, FormatError, Report};
 use chpm_mesh::Bytes;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Checks besides those of every byte and invariant.
@@ -86,8 +87,8 @@ impl Verification {
     }
 }
 
-/// Verifies a file within `memory` of the whole process. What does not fit goes to a folder in `scratch`. `cancel` is asked for the request
-/// to stop when there is a folder to remove.
+/// Verifies a file within `memory` of the whole process. What does not fit goes to a folder in `scratch`. Each step
+/// looks at `cancel`.
 ///
 /// # Errors
 /// See [`VerifyError`]; faults are no errors.
@@ -97,18 +98,18 @@ pub fn verify(
     memory: Bytes,
     scratch: &Path,
     progress: &dyn Progress,
-    cancel: &dyn Fn() -> Cancel,
+    cancel: &Cancel,
 ) -> Result<Verification, VerifyError> {
     let memory = divided(file, checks, memory)?;
-    let mut found = structure(file, memory, progress);
+    let mut found = structure(file, memory, progress, cancel)?;
     // Pages that cannot be read have been told; what their triangles were cannot be.
     if !found.is_readable(file) {
         return Ok(found);
     }
 
     if let Some(source) = checks.against.as_deref().filter(|_| !found.trimmed) {
-        let (cancel, store) = (cancel(), Store::create(scratch, memory.saturating_sub(against::OWN))?);
-        let compared = against::compare(file, source, &store, progress, &cancel)?;
+        let store = Store::create(scratch, memory.saturating_sub(against::OWN))?;
+        let compared = against::compare(file, source, &store, progress, cancel)?;
         found.add(&compared.faults, compared.fault_count);
         found.compared = Some(compared);
     }
@@ -120,17 +121,17 @@ pub fn verify(
             cuts: (checks.seed, checks.cuts.unwrap_or(0)),
             effort: checks.effort,
         };
-        let certified = certify::certify(file, &wanted, memory, progress, &cancel())?;
+        let certified = certify::certify(file, &wanted, memory, progress, cancel)?;
         let (faults, triangles) = certify::faults(&certified, found.origin);
         found.add(&faults, triangles);
         found.errors = Some(certified);
     }
 
     if let Some(count) = checks.cuts {
-        let (cancel, store) = (cancel(), Store::create(scratch, memory)?);
+        let store = Store::create(scratch, memory)?;
         let is_even = found.checked.as_ref().is_some_and(Report::is_ok);
         let sound = Checked { file, is_even };
-        let cuts = cuts::check(sound, count, checks.seed, &store, memory, progress, &cancel)?;
+        let cuts = cuts::check(sound, count, checks.seed, &store, memory, progress, cancel)?;
         found.add(&cuts.faults, cuts.fault_count);
         found.cuts = Some(cuts);
     }
@@ -156,7 +157,12 @@ fn divided(file: &Chpm<MappedFile>, checks: &Checks, memory: Bytes) -> Result<u6
 }
 
 /// Bytes and invariants.
-fn structure(file: &Chpm<MappedFile>, memory: u64, progress: &dyn Progress) -> Verification {
+fn structure(
+    file: &Chpm<MappedFile>,
+    memory: u64,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Verification, VerifyError> {
     let (mut before, mut is_told) = (0, false);
     let checked = chpm_format::verify_within(file, memory, |done, all| {
         if !std::mem::replace(&mut is_told, true) {
@@ -164,16 +170,18 @@ fn structure(file: &Chpm<MappedFile>, memory: u64, progress: &dyn Progress) -> V
         }
         progress.advance(done - before);
         before = done;
+        if cancel.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     progress.end();
-    Verification {
+    let checked = checked.ok_or(Cancelled)?;
+    Ok(Verification {
         faults: checked.faults.iter().map(describe).collect(),
         fault_count: checked.fault_count,
         checked: Some(checked),
         trimmed: file.is_trimmed(),
         origin: file.header().origin,
         ..Verification::default()
-    }
+    })
 }
 
 impl Verification {

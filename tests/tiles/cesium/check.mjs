@@ -117,7 +117,8 @@ async function browse() {
   await ended;
   server.close();
   server.closeAllConnections();
-  rmSync(profile, { recursive: true, force: true, maxRetries: 5 });
+  // Processes that it has started end a while later.
+  rmSync(profile, { recursive: true, force: true, maxRetries: 20 });
   return answer;
 }
 

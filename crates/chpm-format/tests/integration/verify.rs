@@ -6,6 +6,7 @@ use chpm_format::{
 };
 use chpm_mesh::geom::distance;
 use chpm_mesh::{Attributes, ClusterId, GroupId, Octahedral};
+use std::ops::ControlFlow;
 
 /// The invariants that a file breaks, each once.
 fn broken(bytes: Vec<u8>) -> Vec<Invariant> {
@@ -13,7 +14,11 @@ fn broken(bytes: Vec<u8>) -> Vec<Invariant> {
     let report = verify(&file, |_, _| ());
     // In as many parts as there are shared vertices, the same is found.
     let mut told = Vec::new();
-    let parts = verify_within(&file, 0, |done, all| told.push((done, all)));
+    let parts = verify_within(&file, 0, |done, all| {
+        told.push((done, all));
+        ControlFlow::Continue(())
+    });
+    let parts = parts.unwrap();
     assert_eq!((parts.good_pages, parts.triangles), (report.good_pages, report.triangles));
     let sorted = |faults: &[Fault]| {
         let mut told: Vec<String> = faults.iter().map(ToString::to_string).collect();
@@ -331,4 +336,17 @@ fn faults_are_counted_when_they_are_too_many_to_keep() {
     }
     let report = verify(&Chpm::open(sample.bytes()).unwrap(), |_, _| ());
     assert!(report.faults.len() == MAX_FAULTS && report.fault_count > 1000);
+}
+
+#[test]
+fn verification_ends_after_the_group_where_it_is_enough() {
+    let file = Chpm::open(two_level().bytes()).unwrap();
+    for memory in [0, u64::MAX] {
+        let mut groups = 0;
+        let report = verify_within(&file, memory, |_, _| {
+            groups += 1;
+            ControlFlow::Break(())
+        });
+        assert_eq!((report, groups), (None, 1));
+    }
 }

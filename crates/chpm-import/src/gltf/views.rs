@@ -4,11 +4,11 @@ use super::document::{Compressed, Document, entry, refused};
 use super::meshopt;
 use super::text::Payload;
 use crate::error::{ImportError, SourceError};
+use chpm_extmem::platform::read_exact_at;
 use chpm_extmem::{Cancel, ExtmemError, FailPoints, Store};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
-use std::os::unix::fs::FileExt;
 use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
 
@@ -51,7 +51,7 @@ impl Region {
     /// Fills `out` with the bytes from `offset` on, which must be there.
     pub(super) fn read(&self, offset: u64, out: &mut [u8]) -> Result<(), ImportError> {
         let Opened { file, path, fail_points } = &*self.file;
-        let read = fail_points.access().and_then(|()| file.read_exact_at(out, self.start + offset));
+        let read = fail_points.access().and_then(|()| read_exact_at(file, out, self.start + offset));
         read.map_err(|source| SourceError::Read { path: path.clone(), source }.into())
     }
 }

@@ -5,11 +5,11 @@ use crate::ViewerError;
 use crate::gpu::Block;
 use crate::gpu::block::Layout;
 use chpm_extmem::MappedFile;
+use chpm_extmem::platform::read_exact_at;
 use chpm_format::{Chpm, Page};
 use chpm_mesh::ClusterId;
 use std::fmt;
 use std::fs::File;
-use std::os::unix::fs::FileExt;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A cluster's page, read and checked: ready to be played and uploaded. Its bytes count against the budget of the [`super::Fetch`]
@@ -39,7 +39,7 @@ impl PageData {
         fn path(file: &Chpm<MappedFile>) -> std::path::PathBuf {
             file.get_ref().path().to_path_buf()
         }
-        pages.read_exact_at(bytes, record.page_offset).map_err(|source| ViewerError::Read {
+        read_exact_at(pages, bytes, record.page_offset).map_err(|source| ViewerError::Read {
             cluster,
             path: path(file),
             offset: record.page_offset,
