@@ -2,10 +2,11 @@
 
 use crate::batch::inputs;
 use anyhow::{Context, Result};
+use chpm_extmem::platform;
+use std::fs;
 use std::hash::Hasher;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::{env, fs};
 use xxhash_rust::xxh3::Xxh3;
 
 /// A place for the file of a mesh.
@@ -65,16 +66,9 @@ fn is_writable(folder: &Path) -> bool {
     }
 }
 
-/// The user's folder for what can be made again.
+/// The folder for files that can be made again.
 fn cache() -> Option<PathBuf> {
-    fn absolute(name: &str) -> Option<PathBuf> {
-        env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute())
-    }
-    let home = |below: &str| absolute("HOME").map(|home| home.join(below));
-    let folder = absolute("XDG_CACHE_HOME")
-        .or_else(|| home("Library/Caches").filter(|_| cfg!(target_os = "macos")))
-        .or_else(|| home(".cache"));
-    folder.map(|folder| folder.join("chpm"))
+    platform::cache_folder().map(|folder| folder.join("chpm"))
 }
 
 #[cfg(test)]

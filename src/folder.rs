@@ -77,6 +77,7 @@ impl OutputFolder {
     }
 
     /// Where a file of it is written.
+    #[cfg(feature = "web")]
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.partial.join(name)
     }

@@ -1,5 +1,6 @@
 //! `chpm walk`: the incremental selection along a camera path, measured frame by frame.
 
+#[cfg(feature = "viewer")]
 use super::stdout;
 use super::{Verdict, open, reading};
 use crate::json::{self, seen};

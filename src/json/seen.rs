@@ -1,6 +1,7 @@
 //! Pictures, and what selection does along a path.
 
 use serde::Serialize;
+#[cfg(feature = "viewer")]
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 

@@ -1,12 +1,16 @@
 //! Linux.
 
+use super::absolute;
 pub use super::unix::*;
 
 pub(crate) use super::truncation::Guard;
 use nix::fcntl::{AT_FDCWD, RenameFlags, renameat2};
 use std::fs::{self, File};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// Whether keyboards have a Command key, which is the one for shortcuts.
+pub const HAS_COMMAND_KEY: bool = false;
 
 /// Two folders get each other's names, at once where the file system can do that.
 ///
@@ -61,6 +65,16 @@ pub fn resident() -> Option<u64> {
 fn field(text: &str, name: &str) -> Option<u64> {
     let value = text.lines().find_map(|line| line.strip_prefix(name))?;
     value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+/// The user's folder for what can be made again.
+pub fn cache_folder() -> Option<PathBuf> {
+    absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))
+}
+
+/// The user's folder for what programs remember.
+pub fn state_folder() -> Option<PathBuf> {
+    absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".local/state")))
 }
 
 /// The name of this computer.

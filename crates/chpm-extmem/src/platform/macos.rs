@@ -1,10 +1,14 @@
 //! macOS, and what else is like Unix and not Linux.
 
+use super::absolute;
 pub use super::unix::*;
 
 use std::fs::File;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// Whether keyboards have a Command key, which is the one for shortcuts.
+pub const HAS_COMMAND_KEY: bool = cfg!(target_os = "macos");
 
 /// Two folders get each other's names, one after the other.
 ///
@@ -42,6 +46,18 @@ pub fn peak_resident() -> Option<u64> {
 /// Bytes of physical memory that the process holds now: not told.
 pub fn resident() -> Option<u64> {
     None
+}
+
+/// The user's folder for what can be made again.
+pub fn cache_folder() -> Option<PathBuf> {
+    let below = if HAS_COMMAND_KEY { "Library/Caches" } else { ".cache" };
+    absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(below)))
+}
+
+/// The user's folder for what programs remember.
+pub fn state_folder() -> Option<PathBuf> {
+    let below = if HAS_COMMAND_KEY { "Library/Application Support" } else { ".local/state" };
+    absolute("XDG_STATE_HOME").or_else(|| absolute("HOME").map(|home| home.join(below)))
 }
 
 /// The name of this computer.

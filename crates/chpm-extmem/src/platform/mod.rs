@@ -1,4 +1,4 @@
-//! What differs between operating systems: nothing of it is anywhere else, but for how the command hears signals.
+//! Differences between operating systems. None are anywhere else, but for how the command hears signals.
 //!
 //! A file each: `linux.rs` (with `truncation.rs`), `macos.rs` (and other systems of its kind), `windows.rs`; `unix.rs` is what the first two share. All of them have the same
 //! functions, so that a system that lacks one does not compile. Where a system cannot do what a function says, its comment says what happens there.
@@ -18,17 +18,19 @@ mod truncation;
 mod unix;
 
 pub use system::{
-    FileId, Pipe, STDIN, exchange, id_at, kind, open_files, open_to_read, peak_resident, read_exact_at,
-    replace_process, resident, sync_below, sync_folder, write_all_at,
+    FileId, HAS_COMMAND_KEY, Pipe, STDIN, cache_folder, exchange, id_at, kind, open_files, open_to_read,
+    peak_resident, read_exact_at, replace_process, resident, state_folder, sync_below, sync_folder,
+    write_all_at,
 };
 pub(crate) use system::{
     Guard, SignalAction, advise, advise_buffer, allocate, drop_pages, end_process, error_of_device,
     error_of_full_disk, first_bytes, free_bytes, host_name, is_at, map_large_blocks, open_folder,
 };
 
+use std::env;
 use std::fs::{self, Metadata};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 /// Kinds of things that have a path.
@@ -48,6 +50,11 @@ pub enum Kind {
     Blocks,
     /// Anything else.
     Other,
+}
+
+/// The path that a variable of the environment holds, unless it depends on where the process is.
+fn absolute(variable: &str) -> Option<PathBuf> {
+    env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute())
 }
 
 /// Two folders get each other's names, one after the other.

@@ -196,7 +196,7 @@ pub(crate) fn drop_pages(map: &Mmap) {
     let _ = unsafe { map.unchecked_advise(UncheckedAdvice::DontNeed) };
 }
 
-/// What a signal does, to be set back.
+/// The action of a signal, to be set back.
 #[derive(Debug)]
 pub(crate) struct SignalAction(Signal, SigAction);
 

@@ -3,7 +3,7 @@
 //! A file that is mapped cannot be truncated or replaced there: whoever tries gets an error, and nobody reads what is gone. On a drive of the network
 //! that goes away the system ends the process.
 
-use super::Kind;
+use super::{Kind, absolute};
 use crate::Access;
 use memmap2::{Mmap, MmapMut};
 use std::ffi::{OsStr, OsString, c_int};
@@ -21,6 +21,9 @@ use windows_sys::Win32::Storage::FileSystem::{
 };
 use windows_sys::Win32::System::ProcessStatus::{K32GetProcessMemoryInfo, PROCESS_MEMORY_COUNTERS};
 use windows_sys::Win32::System::Threading::{GetCurrentProcess, TerminateProcess};
+
+/// Whether keyboards have a Command key, which is the one for shortcuts.
+pub const HAS_COMMAND_KEY: bool = false;
 
 /// The path of standard input: it has none.
 pub const STDIN: Option<&str> = None;
@@ -207,6 +210,16 @@ fn memory() -> Option<PROCESS_MEMORY_COUNTERS> {
     (found != 0).then_some(counters)
 }
 
+/// The user's folder for what can be made again.
+pub fn cache_folder() -> Option<PathBuf> {
+    absolute("LOCALAPPDATA")
+}
+
+/// The user's folder for what programs remember.
+pub fn state_folder() -> Option<PathBuf> {
+    absolute("LOCALAPPDATA")
+}
+
 /// The name of this computer.
 pub(crate) fn host_name() -> Option<String> {
     std::env::var("COMPUTERNAME").ok()
@@ -290,7 +303,7 @@ unsafe extern "C" {
     fn signal(signal: c_int, handler: Handler) -> Handler;
 }
 
-/// What a signal does, to be set back.
+/// The action of a signal, to be set back.
 #[derive(Debug)]
 pub(crate) struct SignalAction(c_int, Handler);
 

@@ -4,10 +4,9 @@
 //! damaged, or of another path, says so and is ignored, and replaced when the window closes.
 
 use crate::window::settings::Settings;
-use chpm_extmem::{AtomicFile, read_text};
+use chpm_extmem::{AtomicFile, platform, read_text};
 use chpm_refine::Camera;
 use serde::{Deserialize, Serialize};
-use std::env;
 use std::fs;
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -80,16 +79,9 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// In the user's state folder: `$XDG_STATE_HOME/chpm`, `~/Library/Application Support/chpm` on a Mac, else `~/.local/state/chpm`.
-    /// Where there is none, nothing is remembered.
+    /// In the user's folder for what programs remember; where there is none, nothing is remembered.
     pub fn of_user() -> Self {
-        fn absolute(name: &str) -> Option<PathBuf> {
-            env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute())
-        }
-        let home = |below: &str| absolute("HOME").map(|home| home.join(below));
-        let mac = || home("Library/Application Support").filter(|_| cfg!(target_os = "macos"));
-        let folder = absolute("XDG_STATE_HOME").or_else(mac).or_else(|| home(".local/state"));
-        Memory { folder: folder.map(|folder| folder.join("chpm")) }
+        Memory { folder: platform::state_folder().map(|folder| folder.join("chpm")) }
     }
 
     /// In this folder.

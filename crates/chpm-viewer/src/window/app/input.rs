@@ -3,6 +3,7 @@
 use super::App;
 use crate::window::gesture::{Button, Finger, Motion, Scroll};
 use crate::window::keys::{self, Command};
+use chpm_extmem::platform::HAS_COMMAND_KEY;
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, TouchPhase, WindowEvent};
 use winit::event_loop::ActiveEventLoop;
 use winit::keyboard::{KeyCode, PhysicalKey};
@@ -24,7 +25,7 @@ impl App {
             WindowEvent::ModifiersChanged(modifiers) => {
                 let state = modifiers.state();
                 // Where there is a Command key, it is the one.
-                let ctrl = if cfg!(target_os = "macos") { state.super_key() } else { state.control_key() };
+                let ctrl = if HAS_COMMAND_KEY { state.super_key() } else { state.control_key() };
                 (self.shift, self.ctrl) = (state.shift_key(), ctrl);
                 self.gestures.modifiers(self.shift, self.ctrl);
             }
