@@ -17,7 +17,8 @@ use xxhash_rust::xxh3::xxh3_64;
 pub(crate) struct OutputFolder {
     partial: PathBuf,
     target: PathBuf,
-    journal: File,
+    /// None from the end on: some systems remove only what nobody has open.
+    journal: Option<File>,
     /// Files of an earlier run, by the hash of the name.
     before: Vec<Written>,
     /// Files that the journal names.
@@ -68,7 +69,7 @@ impl OutputFolder {
         };
         let count = AtomicU64::new(before.len() as u64);
         let target = target.to_owned();
-        Ok(OutputFolder { partial, target, journal, before, count, stays: false, _lock: lock })
+        Ok(OutputFolder { partial, target, journal: Some(journal), before, count, stays: false, _lock: lock })
     }
 
     /// Files that are there from a run that was stopped.
@@ -97,9 +98,10 @@ impl OutputFolder {
         self.write(name, bytes)?;
         let record: Written = [xxh3_64(name.as_bytes()), bytes.len() as u64, xxh3_64(bytes), note];
         // In one call, so that those of other threads come before or after.
-        (&self.journal)
-            .write_all(record.map(u64::to_le_bytes).as_flattened())
-            .with_context(|| self.failed(JOURNAL))?;
+        if let Some(mut journal) = self.journal.as_ref() {
+            let written = journal.write_all(record.map(u64::to_le_bytes).as_flattened());
+            written.with_context(|| self.failed(JOURNAL))?;
+        }
         self.count.fetch_add(1, Relaxed);
         Ok(())
     }
@@ -136,6 +138,7 @@ impl OutputFolder {
         let failed = || format!("cannot finish '{}'", target.display());
         // One call for thousands of files.
         sync_below(&self.partial).with_context(failed)?;
+        self.journal = None;
         fs::remove_file(self.partial.join(JOURNAL)).with_context(failed)?;
         sync_folder(&self.partial).with_context(failed)?;
         let replaces = target.exists();
@@ -151,6 +154,7 @@ impl OutputFolder {
 
 impl Drop for OutputFolder {
     fn drop(&mut self) {
+        self.journal = None;
         if !self.stays {
             let _ = fs::remove_dir_all(&self.partial);
         }

@@ -26,7 +26,7 @@ pub struct WorkDir {
     kept: AtomicBool,
     fail_points: FailPoints,
     /// Open, which says that somebody is at work; not where another run may go on, whose makers take turns by themselves.
-    _held: Option<File>,
+    held: Option<File>,
     /// Where another run may go on: names of files that stay when they are closed, since a manifest names them, or soon will.
     listed: Option<Mutex<BTreeSet<String>>>,
 }
@@ -52,7 +52,7 @@ impl WorkDir {
                     path,
                     kept: AtomicBool::new(false),
                     fail_points: FailPoints::default(),
-                    _held: Some(held),
+                    held: Some(held),
                     listed: None,
                 });
             }
@@ -75,7 +75,7 @@ impl WorkDir {
             path: path.to_owned(),
             kept: AtomicBool::new(path.join(Self::MANIFEST).exists()),
             fail_points,
-            _held: None,
+            held: None,
             listed: Some(Mutex::default()),
         })
     }
@@ -236,6 +236,8 @@ fn plain(error: io::Error) -> io::Error {
 
 impl Drop for WorkDir {
     fn drop(&mut self) {
+        // Some systems remove only what nobody has open.
+        self.held = None;
         if !self.kept.load(Relaxed) {
             // A directory that cannot be removed must not turn a finished run into a failed one.
             let _ = fs::remove_dir_all(&self.path);
