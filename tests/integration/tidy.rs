@@ -28,7 +28,7 @@ const EDGES: [(&str, &[&str]); 15] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 25] = [
+const LAYERS: [&str; 26] = [
     "trace",
     "progress",
     "foreign",
@@ -42,6 +42,7 @@ const LAYERS: [&str; 25] = [
     "vertex_columns",
     "pairs",
     "in_order",
+    "per_thread",
     "join",
     "ingest",
     "fingerprint",

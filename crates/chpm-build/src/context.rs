@@ -65,9 +65,10 @@ impl<'a> Context<'a> {
         self.check()?;
         self.progress.begin_stage(stage, total);
         let start = Instant::now();
-        let traced = self.trace.stage(stage.name());
-        let result = self.pool.install(run);
-        drop(traced);
+        let result = self.pool.install(|| {
+            let _traced = self.trace.stage(stage.name());
+            run()
+        });
         self.progress.end_stage(stage);
         let row = StageReport {
             stage,

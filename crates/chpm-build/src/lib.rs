@@ -21,6 +21,7 @@ mod ingest;
 mod join;
 mod layout;
 mod pairs;
+mod per_thread;
 mod pipeline;
 pub mod progress;
 mod range;

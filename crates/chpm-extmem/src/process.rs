@@ -1,6 +1,6 @@
 //! Resource usage of the process, from the operating system; `None` where it does not tell.
 
-pub use crate::platform::{peak_resident, resident};
+pub use crate::platform::{peak_resident, resident, thread_time};
 
 /// Has every large block of the heap go back to the system as soon as it is freed, where the C library is GNU's: it
 /// would else keep what was freed between smaller blocks, and its share would grow with every block that did.

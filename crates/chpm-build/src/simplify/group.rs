@@ -9,7 +9,9 @@ use crate::config::{Layout, Settings};
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
+use crate::per_thread::PerThread;
 use crate::report::LevelReport;
+use crate::trace::Trace;
 use crate::triangle_order::TriangleOrder;
 use chpm_extmem::Spool;
 use chpm_format::{Gaps, PageParts};
@@ -18,6 +20,7 @@ use chpm_mesh::{Aabb, ProgressiveMesh};
 use chpm_qem::{
     Collapse, Decimator, Deviation, Displacement, DroppedComponent, FaceAttributeError, Patch, Record,
 };
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::mem;
 
@@ -29,6 +32,8 @@ const HASTY_LEVELS: u32 = 2;
 
 /// Context that the groups of a level share.
 pub(super) struct GroupTask<'a> {
+    pub(super) trace: &'a Trace,
+    pub(super) buffers: &'a PerThread<Buffers>,
     pub(super) level: u32,
     pub(super) tree: &'a Tree,
     pub(super) decomposition: &'a Decomposition,
@@ -49,14 +54,19 @@ pub(super) struct GroupDone {
     pub(super) removed: Vec<u32>,
 }
 
-/// Buffers of one thread.
+/// Buffers of a group. A thread has one at a time, and works on members of others while its own are worked on elsewhere.
 #[derive(Default)]
 pub(super) struct Scratch {
     members: Vec<Member>,
+    group_border: GroupBorder,
+}
+
+/// Buffers of one thread, for whichever member it works on.
+#[derive(Default)]
+pub(super) struct Buffers {
     leaf: Vec<u8>,
     children: [Child; 2],
-    group_border: GroupBorder,
-    group_border_collapses: Vec<Collapse>,
+    collapses: Vec<Collapse>,
     decimator: Decimator,
     order: TriangleOrder,
     ordered: Vec<[u16; 3]>,
@@ -82,60 +92,69 @@ struct Member {
     /// The largest of its meshes and of those below.
     deviation: Deviation,
     report: LevelReport,
+    /// Once it is spooled.
+    done: Option<(PageRef, LevelReport)>,
 }
 
 impl Scratch {
-    /// Simplifies a group and spools its pages.
-    pub(super) fn run(&mut self, task: &GroupTask<'_>, group: &[u32]) -> Result<GroupDone, BuildError> {
-        self.decimator.topology = task.settings.topology;
-        self.decimator.hasty = task.level < HASTY_LEVELS;
+    /// Simplifies a group and spools its pages, the members side by side where `together` allows it.
+    pub(super) fn run(
+        &mut self,
+        task: &GroupTask<'_>,
+        group: &[u32],
+        together: bool,
+    ) -> Result<GroupDone, BuildError> {
         if self.members.len() < group.len() {
             self.members.resize_with(group.len(), Member::default);
         }
+        let Scratch { members, group_border } = self;
+        let members = &mut members[..group.len()];
 
-        for (side, node) in group.iter().enumerate() {
-            self.load(task, side, *node)?;
-        }
+        each(members, together, task, "load", |side, member, buffers| member.load(task, group[side], buffers))?;
         // Errors of a group start from one value, so that a group border's error is the same in every member.
-        let min_error = self.members[..group.len()].iter().map(|m| m.min_error).fold(0.0, f32::max);
+        let min_error = members.iter().map(|m| m.min_error).fold(0.0, f32::max);
 
         // The group borders of several members are simplified once, for all of them.
         let mut removed = Vec::new();
         let mut has_group_border = false;
         if group.len() > 1 {
-            let sets: Vec<&WorkingSet> = self.members[..group.len()].iter().map(|m| &m.set).collect();
+            let sets: Vec<&WorkingSet> = members.iter().map(|m| &m.set).collect();
             let inside = |id| task.group_borders.is_inside(id, group);
+            let decimator = &mut task.buffers.own().decimator;
+            task.prepare(decimator);
             has_group_border =
-                self.group_border.simplify(&mut self.decimator, &sets, inside, task.settings.keep, min_error);
+                group_border.simplify(decimator, &sets, inside, task.settings.keep, min_error);
             if has_group_border {
-                removed.extend(self.group_border.removed());
+                removed.extend(group_border.removed());
             }
         }
 
-        for side in 0..group.len() {
-            self.group_border_collapses.clear();
+        each(members, together, task, "halve", |side, member, buffers| {
+            let Buffers { decimator, collapses, .. } = buffers;
+            collapses.clear();
             if has_group_border {
-                self.group_border.collapses_of(side, &mut self.group_border_collapses);
-                let member = &mut self.members[side];
-                self.group_border.hand_to(side, &mut member.set);
-                member.deviation = member.deviation.max(self.group_border.deviation);
+                group_border.collapses_of(side, collapses);
+                group_border.hand_to(side, &mut member.set);
+                member.deviation = member.deviation.max(group_border.deviation);
             }
-            self.members[side].halve(&mut self.decimator, &self.group_border_collapses, task, min_error);
-        }
+            task.prepare(decimator);
+            member.halve(decimator, collapses, task, min_error);
+            Ok(())
+        })?;
 
         // Errors and gaps are the group's: its members are drawn together or not at all.
-        let farthest = self.farthest(group.len(), task.decomposition.rounding.error());
-        self.members[..group.len()].iter_mut().for_each(|m| m.limit_errors(farthest, min_error));
-        let gaps = self.gaps(group.len());
-        let largest = self.members[..group.len()].iter().map(Member::max_error).fold(0.0, f32::max);
+        let farthest = farthest(members, task.decomposition.rounding.error());
+        members.iter_mut().for_each(|m| m.limit_errors(farthest, min_error));
+        let gaps = gaps(members);
+        let largest = members.iter().map(Member::max_error).fold(0.0, f32::max);
 
-        let mut members = Vec::with_capacity(group.len());
-        for member in &mut self.members[..group.len()] {
+        each(members, together, task, "spool", |_, member, buffers| {
             if task.settings.layout == Layout::VertexCache {
-                member.order_triangles(&mut self.order, &mut self.ordered);
+                member.order_triangles(&mut buffers.order, &mut buffers.ordered);
             }
-            members.push(member.spool(task, largest, &mut self.page)?);
-        }
+            member.spool(task, largest, &mut buffers.page)
+        })?;
+        let mut members: Vec<(PageRef, LevelReport)> = members.iter().filter_map(|m| m.done).collect();
 
         // Known only when all members are encoded, since codes round errors up.
         let group_error = members.iter().map(|m| m.1.max_error).fold(0.0, f32::max);
@@ -145,41 +164,66 @@ impl Scratch {
         }
         Ok(GroupDone { members, removed })
     }
+}
 
-    /// Upper bound on any error, whatever the collapses say: a cluster draws vertices of its part of the source, so that the two are within one
-    /// box. Infinite if a member draws nothing.
-    fn farthest(&self, members: usize, rounding: f32) -> f32 {
-        let members = &self.members[..members];
-        if members.iter().any(|m| m.report.base_triangles == 0) {
-            return f32::INFINITY;
-        }
-        let diagonals = members.iter().map(|m| m.source.diagonal());
-        round_up(diagonals.fold(0.0, f64::max) * (1.0 + 4.0 * f64::EPSILON) + f64::from(rounding))
+/// Does `work` on each member, side by side unless they are to come one after another.
+fn each(
+    members: &mut [Member],
+    together: bool,
+    task: &GroupTask<'_>,
+    name: &'static str,
+    work: impl Fn(usize, &mut Member, &mut Buffers) -> Result<(), BuildError> + Sync,
+) -> Result<(), BuildError> {
+    let phase = task.trace.phase();
+    let traced = |(side, member): (usize, &mut Member)| {
+        let _traced = phase.task(name);
+        work(side, member, &mut task.buffers.own())
+    };
+    match together {
+        true => members.par_iter_mut().enumerate().with_max_len(1).try_for_each(traced),
+        false => members.iter_mut().enumerate().try_for_each(traced),
     }
+}
 
-    /// How far what has vanished is from the members' meshes, in the worst of them.
-    fn gaps(&mut self, members: usize) -> Gaps {
-        let members = &mut self.members[..members];
-        let vanishing = members.iter().map(|m| m.vanished.from()).fold(f32::INFINITY, f32::min);
-        let gaps = members.iter_mut().map(|m| m.vanished.base_gap(&m.renumbered, &m.record));
-        let base = gaps.fold(0.0, f32::max);
-        // Beside errors that are larger it does not matter.
-        let from = vanishing.min(base);
-        let gaps = members.iter_mut().map(|m| m.vanished.fine_gap(&m.renumbered, &m.record, from));
-        let fine = gaps.fold(0.0, f32::max);
-        Gaps { fine, base: base.max(fine), from }
+impl GroupTask<'_> {
+    /// Gives a decimator the settings of the level.
+    fn prepare(&self, decimator: &mut Decimator) {
+        (decimator.topology, decimator.hasty) = (self.settings.topology, self.level < HASTY_LEVELS);
     }
+}
 
+/// Upper bound on any error, whatever the collapses say: a cluster draws vertices of its part of the source, so that the two are within one
+/// box. Infinite if a member draws nothing.
+fn farthest(members: &[Member], rounding: f32) -> f32 {
+    if members.iter().any(|m| m.report.base_triangles == 0) {
+        return f32::INFINITY;
+    }
+    let diagonals = members.iter().map(|m| m.source.diagonal());
+    round_up(diagonals.fold(0.0, f64::max) * (1.0 + 4.0 * f64::EPSILON) + f64::from(rounding))
+}
+
+/// How far what has vanished is from the members' meshes, in the worst of them.
+fn gaps(members: &mut [Member]) -> Gaps {
+    let vanishing = members.iter().map(|m| m.vanished.from()).fold(f32::INFINITY, f32::min);
+    let gaps = members.iter_mut().map(|m| m.vanished.base_gap(&m.renumbered, &m.record));
+    let base = gaps.fold(0.0, f32::max);
+    // Beside errors that are larger it does not matter.
+    let from = vanishing.min(base);
+    let gaps = members.iter_mut().map(|m| m.vanished.fine_gap(&m.renumbered, &m.record, from));
+    let fine = gaps.fold(0.0, f32::max);
+    Gaps { fine, base: base.max(fine), from }
+}
+
+impl Member {
     /// Fills the working set of a node, and the error that it comes with.
-    fn load(&mut self, task: &GroupTask<'_>, side: usize, node: u32) -> Result<(), BuildError> {
-        let member = &mut self.members[side];
-        member.deviation = Deviation::default();
-        member.vanished.clear();
-        member.source = Aabb::EMPTY;
-        member.is_root = task.tree.nodes[node as usize].parent.is_none();
+    fn load(&mut self, task: &GroupTask<'_>, node: u32, buffers: &mut Buffers) -> Result<(), BuildError> {
+        self.deviation = Deviation::default();
+        self.vanished.clear();
+        self.source = Aabb::EMPTY;
+        self.is_root = task.tree.nodes[node as usize].parent.is_none();
         if let Some(children) = task.tree.nodes[node as usize].children {
-            member.min_error = 0.0;
-            for (read, child) in self.children.iter_mut().zip(children) {
+            self.min_error = 0.0;
+            for (read, child) in buffers.children.iter_mut().zip(children) {
                 let Some(page) = task.refs[child as usize] else {
                     unreachable!("only buildable nodes are loaded")
                 };
@@ -193,29 +237,27 @@ impl Scratch {
                 displacements.read(page.attribute_errors, len, &mut read.attribute_errors)?;
                 let len = page.dropped_count as usize * size_of::<DroppedComponent>();
                 displacements.read(page.dropped, len, &mut read.dropped)?;
-                member.vanished.add_child(&read.dropped, page.gaps.base);
-                member.source.merge(&page.source);
-                member.deviation = member.deviation.max(page.deviation);
-                member.min_error = member.min_error.max(page.group_error);
+                self.vanished.add_child(&read.dropped, page.gaps.base);
+                self.source.merge(&page.source);
+                self.deviation = self.deviation.max(page.deviation);
+                self.min_error = self.min_error.max(page.group_error);
             }
-            member.set.fill_from_children(&self.children)?;
+            self.set.fill_from_children(&buffers.children)?;
         } else {
             let rounding = task.decomposition.rounding;
-            let leaf = task.decomposition.read_leaf(node, &mut self.leaf)?;
-            member.set.fill_from_leaf(&leaf, rounding);
-            member.min_error = rounding.error();
-            member.source = Aabb::of_points(&member.set.vertices.positions);
+            let leaf = task.decomposition.read_leaf(node, &mut buffers.leaf)?;
+            self.set.fill_from_leaf(&leaf, rounding);
+            self.min_error = rounding.error();
+            self.source = Aabb::of_points(&self.set.vertices.positions);
         }
 
         // Vertices whose clusters have merged by now are inner ones.
         let shared = &task.decomposition.shared;
         let release = |id: u32| u32::from(task.release[shared.interface_of(id) as usize]);
-        member.set.shared.retain(|(_, id)| release(*id) > task.level);
+        self.set.shared.retain(|(_, id)| release(*id) > task.level);
         Ok(())
     }
-}
 
-impl Member {
     /// Halves the member: the group border's collapses first, then its own, which leave shared vertices alone. `min_error` is the
     /// group's.
     fn halve(
@@ -310,7 +352,7 @@ impl Member {
         task: &GroupTask<'_>,
         largest: f32,
         page: &mut Vec<u8>,
-    ) -> Result<(PageRef, LevelReport), BuildError> {
+    ) -> Result<(), BuildError> {
         page.clear();
         let set = &self.renumbered;
         self.report.max_error = PageParts {
@@ -343,7 +385,8 @@ impl Member {
             gaps: Gaps::default(),
             deviation: self.deviation,
         };
-        Ok((spooled, self.report))
+        self.done = Some((spooled, self.report));
+        Ok(())
     }
 }
 

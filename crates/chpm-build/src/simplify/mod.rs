@@ -3,7 +3,7 @@
 //! A leaf starts from its part of the source, a parent from the union of its children's base meshes (I4). A vertex that a
 //! cluster shares with another is locked until the clusters that use it have merged, unless clusters form dependency groups:
 //! then the members simplify their group borders first, all alike, and each its interior after that. The groups of a level (of one
-//! cluster each where boundaries are locked) are independent tasks over the threads. Establishes I3, I4, I6 and I8.
+//! cluster each where boundaries are locked) are independent tasks over the threads, and so are the members of each. Establishes I3, I4, I6 and I8.
 
 mod cost;
 mod dependency;
@@ -21,6 +21,7 @@ use crate::error::BuildError;
 use crate::foreign::{AabbFields, DeviationFields, GapsFields};
 use crate::hierarchy::Tree;
 use crate::in_order::while_not_due;
+use crate::per_thread::PerThread;
 use crate::range::ErrorRange;
 use crate::report::LevelReport;
 use chpm_extmem::{Spool, Store};
@@ -28,7 +29,7 @@ use chpm_format::{BoundaryMode, Gaps, MAX_CLUSTER_VERTICES};
 use chpm_mesh::Aabb;
 use chpm_qem::Deviation;
 use dependency::GroupBorders;
-use group::{GroupDone, GroupTask, Scratch};
+use group::{Buffers, GroupDone, GroupTask, Scratch};
 pub(crate) use levels::Levels;
 use serde::{Deserialize, Serialize};
 
@@ -169,7 +170,10 @@ impl Levels {
     /// Simplifies groups of the level until all are done or it is time to save.
     fn work(&mut self, group_borders: &GroupBorders<'_>, inputs: &Inputs<'_>) -> Result<(), BuildError> {
         let Inputs { decomposition, tree, release, settings, context } = *inputs;
+        let buffers = PerThread::new();
         let task = GroupTask {
+            trace: &context.trace,
+            buffers: &buffers,
             level: self.level,
             tree,
             decomposition,
@@ -185,13 +189,18 @@ impl Levels {
         let results = while_not_due(open.len(), context, Scratch::default, |scratch, index| {
             let group = &open[index];
             let done = match cost::beyond_usual(group, tree, decomposition, &self.built.refs) {
-                0 => scratch.run(&task, group)?,
+                0 => scratch.run(&task, group, true)?,
                 more => {
-                    // What the thread has kept counts as part of it, and goes before the rest is asked for; nothing so large is kept.
-                    *scratch = Scratch::default();
+                    // What the thread has kept counts as part of it, and goes before the rest is asked for; nothing so large is kept. Nor do
+                    // other threads get a part of it.
+                    let forget = |scratch: &mut Scratch| {
+                        *scratch = Scratch::default();
+                        *buffers.own() = Buffers::default();
+                    };
+                    forget(scratch);
                     let _share = context.store.budget.reserve_task("a group of clusters", more)?;
-                    let done = scratch.run(&task, group)?;
-                    *scratch = Scratch::default();
+                    let done = scratch.run(&task, group, false)?;
+                    forget(scratch);
                     done
                 }
             };

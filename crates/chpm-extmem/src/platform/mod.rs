@@ -20,7 +20,7 @@ mod unix;
 pub use system::{
     FileId, HAS_COMMAND_KEY, Pipe, STDIN, cache_folder, exchange, id_at, kind, open_files, open_to_read,
     peak_resident, read_exact_at, replace_process, resident, state_folder, sync_below, sync_folder,
-    write_all_at,
+    thread_time, write_all_at,
 };
 pub(crate) use system::{
     Guard, SignalAction, advise, advise_buffer, allocate, drop_pages, end_process, error_of_device,

@@ -9,6 +9,7 @@ use nix::libc::c_int;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::resource::{Resource, getrlimit};
 use nix::sys::signal::{SaFlags, SigAction, SigHandler, SigSet, Signal, raise, sigaction};
+use nix::time::{ClockId, clock_gettime};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, FileType};
 use std::io::{self, Read};
@@ -18,6 +19,7 @@ use std::os::unix::fs::{FileExt, FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::Command;
+use std::time::Duration;
 
 /// The path of standard input.
 pub const STDIN: Option<&str> = Some("/dev/stdin");
@@ -108,6 +110,11 @@ pub(crate) fn free_bytes(path: &Path) -> Option<u64> {
 /// The first `most` bytes of a name.
 pub(crate) fn first_bytes(name: &OsStr, most: usize) -> OsString {
     OsStr::from_bytes(&name.as_bytes()[..most]).to_owned()
+}
+
+/// Processor time that this thread has used.
+pub fn thread_time() -> Option<Duration> {
+    clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).ok().map(Duration::from)
 }
 
 /// Files that the process may have open at a time.

@@ -15,6 +15,7 @@ use std::os::windows::io::AsRawHandle;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{mem, ptr};
+use std::time::Duration;
 use windows_sys::Win32::Foundation::{ERROR_DISK_FULL, ERROR_IO_DEVICE, ERROR_NOT_SUPPORTED};
 use windows_sys::Win32::Storage::FileSystem::{
     BY_HANDLE_FILE_INFORMATION, FILE_FLAG_BACKUP_SEMANTICS, GetDiskFreeSpaceExW, GetFileInformationByHandle,
@@ -199,6 +200,11 @@ pub fn peak_resident() -> Option<u64> {
 /// Bytes of physical memory that the process holds now.
 pub fn resident() -> Option<u64> {
     memory().map(|counters| counters.WorkingSetSize as u64)
+}
+
+/// Processor time that this thread has used: not asked for.
+pub fn thread_time() -> Option<Duration> {
+    None
 }
 
 fn memory() -> Option<PROCESS_MEMORY_COUNTERS> {
