@@ -20,13 +20,15 @@ WORKERS = [2, 4, 8, 16, 64]
 class Span:
     def __init__(self, event):
         self.name, self.phase = event["name"], event.get("args", {}).get("phase")
-        self.start, self.end, self.total = event["ts"], event["ts"] + event["dur"], event["tdur"] / 1e6
-        self.phases = {}
+        self.start, self.end, self.busy = event["ts"], event["ts"] + event["dur"], event["tdur"] / 1e6
+        self.thread, self.phases = event["tid"], {}
 
     def close(self):
-        """What is left for the span itself; the steps are the phases in their order."""
+        """What is left for the span itself, and the sum of all in it; the steps are the phases in their order."""
         self.steps = list(self.phases.values())
-        self.own = max(0.0, self.total - sum(task.total for step in self.steps for task in step))
+        tasks = [task for step in self.steps for task in step]
+        self.own = max(0.0, self.busy - sum(task.total for task in tasks if task.thread == self.thread))
+        self.total = self.own + sum(task.total for task in tasks)
 
 
 def stages(events):
@@ -38,11 +40,16 @@ def stages(events):
             open_spans.pop().close()
         if event["cat"] == "stage":
             found.append(span)
+        elif event["tid"] != found[-1].thread:
+            # A thread that a stage has beside the pool's.
+            span.close()
+            found[-1].phases.setdefault(span.phase, []).append(span)
+            continue
         else:
             open_spans[-1].phases.setdefault(span.phase, []).append(span)
         open_spans.append(span)
-    for span in open_spans:
-        span.close()
+    while open_spans:
+        open_spans.pop().close()
     return found
 
 
@@ -91,10 +98,22 @@ def makespan(stage, workers):
         done(span, parent, depth, step)
 
 
+def named(stage):
+    """The spans within a stage by name, in the order of their first."""
+    found, open_spans = {}, [stage]
+    while open_spans:
+        span = open_spans.pop()
+        below = [task for step in span.steps for task in step]
+        open_spans.extend(reversed(below))
+        for task in below:
+            found.setdefault(task.name, []).append(task)
+    return found
+
+
 def main():
     with open(sys.argv[1], encoding="utf-8") as file:
         events = json.load(file)
-    if len({e["tid"] for e in events if e["cat"] == "task"}) > 1:
+    if max(e["tid"] for e in events) > 1:
         sys.exit("the trace is of several threads; record it with --threads 1")
     counts = [int(count) for count in sys.argv[2:]] or WORKERS
     found = stages(events)
@@ -109,6 +128,12 @@ def main():
     print(f"\n{'share of all':31}" + "".join(f"{count:8}" for count in counts))
     for stage, row in zip(found, times):
         print(f"{stage.name:31}" + "".join(f"{100 * t / w:7.1f}%" for t, w in zip(row[1:], whole[1:])))
+
+    print(f"\n{'tasks':12}{'stage':12}{'count':>7}{'own s':>9}{'longest':>9}")
+    for stage in found:
+        for name, spans in named(stage).items():
+            own, longest = sum(s.own for s in spans), max(s.total for s in spans)
+            print(f"{name:12}{stage.name:12}{len(spans):7}{own:9.3f}{longest:9.3f}")
 
 
 main()

@@ -12,8 +12,9 @@ pub const MIN_MEMORY: u64 = 128 << 20;
 const PROGRAM: u64 = 20 << 20;
 /// Stack and scratch of a thread: one group of clusters with all that simplifying and ordering it takes.
 pub(crate) const THREAD: u64 = 10 << 20;
-/// Memory of a thread for a region of usual size, which arrays may not take.
+/// Memory for a region of usual size, which arrays may not take: one for each thread, up to so many. Further threads help with these.
 const REGION: u64 = 20 << 20;
+const REGIONS: u64 = 16;
 
 /// Bytes of a source for each byte of what grows with it and has to be in memory: border vertices, and a row of the tables for
 /// each cluster. Binary triangles take some 19 bytes, and leave 0.8 (measured with isosurfaces and terrains).
@@ -27,14 +28,22 @@ pub(crate) fn divide(resources: &Resources, available: usize, source_len: u64) -
     let memory = resources.memory.0;
     // Below the least memory nothing is promised: arrays get what they would, and work what it needs.
     let total = memory.max(MIN_MEMORY) - PROGRAM;
-    let threads = (wanted as u64).clamp(1, total / (THREAD + REGION));
-    let beside_arrays = PROGRAM + threads * (THREAD + REGION);
+    let threads = (wanted as u64).clamp(1, most_threads(total));
+    let beside_arrays = PROGRAM + threads * THREAD + threads.min(REGIONS) * REGION;
     // Arrays come first and stay: what work reserves after them has to be kept free from the start.
     let arrays = memory.saturating_sub(beside_arrays);
     let arrays = arrays - (source_len / SOURCE_PER_TABLE).min(arrays);
     // And no more than half, so that with more memory there is more for work, whatever arrays there are.
     let arrays = arrays.min(total / 2);
     (threads as usize, MemoryBudget::with_work_limit(arrays, total - threads * THREAD))
+}
+
+/// Threads for which `total` bytes suffice.
+fn most_threads(total: u64) -> u64 {
+    match total / (THREAD + REGION) {
+        few if few <= REGIONS => few,
+        _ => (total - REGIONS * REGION) / THREAD,
+    }
 }
 
 /// The least memory above what was given, in whole MiB, with which `work` bytes can be reserved. Arrays make room, but for some where `arrays`
@@ -151,6 +160,9 @@ mod tests {
         assert_eq!(of(2, 128, 0), (2, 48, 88));
         assert_eq!(of(0, 1024, 0), (8, 502, 924));
         assert_eq!(of(64, 128, 0), (3, 18, 78));
+        assert_eq!(of(64, 508, 0), (16, 8, 328));
+        assert_eq!(of(64, 1024, 0), (64, 44, 364));
+        assert_eq!(of(256, 4096, 0), (256, 1196, 1516));
         assert_eq!(of(2, 1, 0), (2, 0, 88));
         // Arrays leave room for the tables of what there is to read, and no more than they have.
         assert_eq!(of(2, 128, 200), (2, 38, 88));

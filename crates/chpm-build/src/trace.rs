@@ -60,6 +60,11 @@ impl Trace {
         Phase(self.0.as_deref().map(|recorder| (recorder, recorder.phases.fetch_add(1, Relaxed))))
     }
 
+    /// Begins a task that nothing is beside.
+    pub(crate) fn task(&self, name: &'static str) -> Span<'_> {
+        self.phase().task(name)
+    }
+
     /// Writes what was recorded, in Chrome's trace event format: a JSON array of complete events, times in microseconds: `ts` and `dur`
     /// by the clock, `tts` and `tdur` by the processor time of the thread. The events of one `phase` are independent of each other.
     ///

@@ -80,6 +80,26 @@ impl<T: Pod> Buckets<T> {
         if open.len() == self.block_len { self.close_block(sequence) } else { Ok(()) }
     }
 
+    /// Appends records to a sequence.
+    ///
+    /// # Errors
+    /// As [`Spool::append`].
+    pub fn extend_from_slice(&mut self, sequence: usize, mut records: &[T]) -> Result<(), ExtmemError> {
+        while !records.is_empty() {
+            let open = &mut self.sequences[sequence].open;
+            if open.capacity() == 0 {
+                open.reserve_exact(self.block_len);
+            }
+            let (fitting, rest) = records.split_at(records.len().min(self.block_len - open.len()));
+            open.extend_from_slice(fitting);
+            if open.len() == self.block_len {
+                self.close_block(sequence)?;
+            }
+            records = rest;
+        }
+        Ok(())
+    }
+
     fn close_block(&mut self, sequence: usize) -> Result<(), ExtmemError> {
         let sequence = &mut self.sequences[sequence];
         sequence.full.push(self.spool.append(bytemuck::cast_slice(&sequence.open))?);
@@ -234,8 +254,12 @@ mod tests {
 
             let mut plain = vec![Vec::new(); 5];
             for (sequence, record) in &records {
+                let many = [*record; 9];
+                let many = &many[..*record as usize % 10];
                 buckets.push(*sequence, *record).unwrap();
+                buckets.extend_from_slice(*sequence, many).unwrap();
                 plain[*sequence].push(*record);
+                plain[*sequence].extend_from_slice(many);
             }
 
             let mut scratch = Vec::new();
@@ -258,7 +282,7 @@ mod tests {
 
             let mut drain = buckets.drain();
             let mut at = [0; 5];
-            for (sequence, _) in records {
+            for sequence in records.iter().flat_map(|(sequence, record)| (0..=record % 10).map(|_| *sequence)) {
                 prop_assert_eq!(drain.next(sequence).unwrap(), plain[sequence][at[sequence]]);
                 at[sequence] += 1;
             }

@@ -22,30 +22,72 @@ pub(super) struct Sieve {
     pub(super) dropped: u64,
 }
 
+impl Default for Sieve {
+    fn default() -> Self {
+        Sieve { seen: vec![[0; 3]; 1 << Self::LOG], dropped: 0 }
+    }
+}
+
 impl Sieve {
     /// log2 of the triangles that are remembered.
     const LOG: u32 = 15;
 
-    pub(super) fn new() -> Self {
-        Sieve { seen: vec![[0; 3]; 1 << Self::LOG], dropped: 0 }
-    }
-
-    /// Whether the triangle is new, as far as is remembered.
-    #[inline]
-    pub(super) fn passes(&mut self, triangle: [u32; 3]) -> bool {
-        let passes = self.is_new(key(triangle));
-        self.dropped += u64::from(!passes);
-        passes
-    }
-
     /// Whether a record is new, as far as is remembered: of the last that had its place.
     #[inline]
     pub(super) fn is_new(&mut self, record: [u32; 3]) -> bool {
-        let [a, b, c] = record.map(u64::from);
-        let hash = (a.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ b.rotate_left(32) ^ c)
-            .wrapping_mul(0xd6e8_feb8_6659_fd93);
-        let seen = &mut self.seen[(hash >> (64 - Self::LOG)) as usize];
-        std::mem::replace(seen, record) != record
+        std::mem::replace(&mut self.seen[place(record)], record) != record
+    }
+
+    /// Goes on with triangles that were sifted by themselves, as if they had come here one by one.
+    pub(super) fn join(&mut self, triangles: &[[u32; 3]], sifted: &mut Sifted) {
+        for first in &sifted.firsts {
+            let key = key(triangles[*first as usize]);
+            let place = place(key);
+            sifted.passes[*first as usize] = self.seen[place] != key;
+            self.seen[place] = sifted.sieve.seen[place];
+        }
+        self.dropped += sifted.passes.iter().filter(|passes| !**passes).count() as u64;
+    }
+}
+
+/// Where a sieve remembers a record.
+#[inline]
+fn place(record: [u32; 3]) -> usize {
+    let [a, b, c] = record.map(u64::from);
+    let hash =
+        (a.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ b.rotate_left(32) ^ c).wrapping_mul(0xd6e8_feb8_6659_fd93);
+    (hash >> (64 - Sieve::LOG)) as usize
+}
+
+/// Triangles in a row that were sifted by themselves, on whichever thread.
+#[derive(Default)]
+pub(super) struct Sifted {
+    /// By triangle, whether it is let through.
+    passes: Vec<bool>,
+    /// Those that came first to their places: what came before all of these decides.
+    firsts: Vec<u32>,
+    sieve: Sieve,
+}
+
+impl Sifted {
+    pub(super) fn sift(&mut self, triangles: &[[u32; 3]]) {
+        self.passes.clear();
+        self.firsts.clear();
+        self.sieve.seen.fill([0; 3]);
+        for (index, triangle) in (0..).zip(triangles) {
+            let key = key(*triangle);
+            let before = std::mem::replace(&mut self.sieve.seen[place(key)], key);
+            // No triangle has three equal corners.
+            if before == [0; 3] {
+                self.firsts.push(index);
+            }
+            self.passes.push(before != key);
+        }
+    }
+
+    /// Those of the triangles that were let through.
+    pub(super) fn passing<'a>(&self, triangles: &'a [[u32; 3]]) -> impl Iterator<Item = &'a [u32; 3]> {
+        triangles.iter().zip(&self.passes).filter(|(_, passes)| **passes).map(|(triangle, _)| triangle)
     }
 }
 
@@ -80,18 +122,31 @@ mod tests {
 
     #[test]
     fn the_sieve_drops_copies_only() {
-        let mut sieve = Sieve::new();
+        let mut sieve = Sieve::default();
         let hash = |i: u32| i.wrapping_mul(0x9e37_79b9) >> 12;
         let all: Vec<[u32; 3]> =
             (0..200_000).map(|i| [hash(i % 90_000), hash(i % 90_000 + 1), i % 90_000]).collect();
-        let mut passed: Vec<[u32; 3]> = all.iter().copied().filter(|t| sieve.passes(*t)).collect();
+        let mut passed: Vec<[u32; 3]> = all.iter().copied().filter(|t| sieve.is_new(key(*t))).collect();
+        let dropped = (all.len() - passed.len()) as u64;
+        // The same in pieces that know nothing of each other.
+        let (mut pieces, mut sifted, mut kept) =
+            (Sieve::default(), Sifted::default(), Vec::<[u32; 3]>::new());
+        for piece in all.chunks(7001) {
+            sifted.sift(piece);
+            pieces.join(piece, &mut sifted);
+            kept.extend(sifted.passing(piece));
+        }
+        assert!(kept == passed && pieces.dropped == dropped && dropped > 0);
         let mut plain = all.clone();
         let copies = drop_all(&mut plain);
         assert_eq!(copies, 110_000);
-        assert_eq!(sieve.dropped + drop_all(&mut passed), copies);
+        assert_eq!(dropped + drop_all(&mut passed), copies);
         assert_eq!(passed, plain);
         // Whatever is repeated soon is dropped at once.
-        let mut sieve = Sieve::new();
-        assert_eq!((0..1000).filter(|i| sieve.passes([[4, 5, 6], [5, 6, 4], [6, 4, 5]][i % 3])).count(), 1);
+        let mut sieve = Sieve::default();
+        assert_eq!(
+            (0..1000).filter(|i| sieve.is_new(key([[4, 5, 6], [5, 6, 4], [6, 4, 5]][i % 3]))).count(),
+            1
+        );
     }
 }

@@ -6,6 +6,7 @@
 //! on the source alone, not on the budget.
 
 mod split;
+mod step;
 
 use super::cell_graph;
 use super::copies::{self, Sieve};
@@ -23,6 +24,7 @@ use chpm_extmem::{Buckets, Column, Reservation, Store};
 use chpm_mesh::{Octahedral, Vertex, Vertices};
 use rayon::prelude::*;
 use std::ops::Range;
+use step::Step;
 
 /// Leaves of a region: as many as two threads can work on in the least memory.
 const REGION_LEAVES: u32 = 64;
@@ -32,6 +34,8 @@ const REGION_CELLS: u32 = 128;
 const SAMPLE: usize = 16;
 /// Triangles that are looked at in one step.
 const STEP: usize = 1 << 17;
+/// Triangles that are prepared for their regions in one step.
+const ROUTED: usize = 1 << 16;
 /// Memory for the blocks of all regions' triangles.
 const BLOCKS: usize = 8 << 20;
 
@@ -102,12 +106,18 @@ pub(crate) fn run(
     if wanted > 1 {
         let limit = (vertices.positions.len() as u32 / (wanted * REGION_CELLS)).max(settings.cell_vertices);
         let mapping;
+        let traced = context.trace.task("number");
         (cells, mapping) = number::run(&vertices.positions, &bounds, limit, context)?;
+        drop(traced);
+        let traced = context.trace.task("permute");
         vertices = vertices.map(&number::Permutation { mapping: &mapping, context })?;
+        drop(traced);
+        let traced = context.trace.task("renumber");
         crate::join::run(&mut triangles, &mapping, context)?;
-        drop(mapping);
+        drop((mapping, traced));
         context.check()?;
 
+        let _traced = context.trace.task("cut");
         let joints = joints(&triangles, &cells, context)?.sums();
         let _share = store.budget.reserve_work("the graph of cells", graph_bytes(joints.len()))?;
         let graph = cell_graph::build(&cells.list, joints, settings.cell_neighbors)?;
@@ -146,8 +156,11 @@ pub(crate) fn run(
 
     // Triangles go first; regions that got too many are split; then it is known which vertices of others each region has.
     let uses = Buckets::new(store, "uses of other regions", home_count, block / 4);
-    let mut visits = Visits { uses, known: Sieve::new() };
+    let mut visits = Visits { uses, known: Sieve::default() };
+    let traced = context.trace.task("route");
     let uses = divided.route(triangles, &mut visits, context)?;
+    drop(traced);
+    let _traced = context.trace.task("exchange");
     divided.split(split::limit(settings), &uses, &mut visits, context)?;
     divided.exchange(visits, settings, context)?;
     Ok(divided)
@@ -228,7 +241,7 @@ impl Divided {
     }
 
     /// Sends each triangle to its region, and notes who uses the vertices of another. Answers how many corners each region has
-    /// from others.
+    /// from others. Several steps are prepared side by side; what is left to do in order is to tell copies from what came before, and to append.
     fn route(
         &mut self,
         triangles: Column<[u32; 3]>,
@@ -236,26 +249,34 @@ impl Divided {
         context: &Context<'_>,
     ) -> Result<Vec<u64>, BuildError> {
         let mut uses = vec![0; self.home_count()];
-        let mut sieve = Sieve::new();
-        let (mut scratch, mut found) = (Vec::new(), Vec::new());
-        for start in (0..triangles.len()).step_by(STEP) {
-            context.check()?;
-            let batch = triangles.read(start..triangles.len().min(start + STEP), &mut scratch)?;
-            context.progress.advance(batch.len() as u64);
-            let homes = |t: &[u32; 3]| t.map(|v| self.homes[self.cells.of(v) as usize].0);
-            batch.par_iter().with_min_len(1 << 12).map(homes).collect_into_vec(&mut found);
-            for (triangle, homes) in batch.iter().zip(&found).filter(|(triangle, _)| sieve.passes(**triangle))
-            {
-                let region = majority(*triangle, *homes) as usize;
-                self.triangles.push(region, *triangle)?;
-                // Most triangles are within their region, and visit none.
-                if *homes != [region as u32; 3] {
-                    for (vertex, home) in triangle.iter().zip(homes).filter(|(_, h)| **h as usize != region) {
-                        visits.push(*home, *vertex, region)?;
-                        uses[region] += 1;
-                    }
+        let mut sieve = Sieve::default();
+        let [sifting, sorting] = [context.trace.phase(), context.trace.phase()];
+        let mut steps: Vec<Step> = (0..rayon::current_num_threads()).map(|_| Step::default()).collect();
+        let starts: Vec<usize> = (0..triangles.len()).step_by(ROUTED).collect();
+        for starts in starts.chunks(steps.len()) {
+            let steps = &mut steps[..starts.len()];
+            steps.par_iter_mut().zip(starts).try_for_each(|(step, start)| {
+                let _traced = sifting.task("sift");
+                context.check()?;
+                step.read(&triangles, *start..triangles.len().min(start + ROUTED))
+            })?;
+            steps.iter_mut().for_each(|step| step.join(&mut sieve));
+            steps.par_iter_mut().for_each(|step| {
+                let _traced = sorting.task("sort");
+                step.sort(self);
+            });
+
+            for step in steps {
+                for (region, triangles) in step.by_region() {
+                    self.triangles.extend_from_slice(region, triangles)?;
+                }
+                for [home, vertex, region] in &step.visits {
+                    visits.push(*home, *vertex, *region as usize)?;
+                    uses[*region as usize] += 1;
                 }
             }
+            let end = triangles.len().min(starts[starts.len() - 1] + ROUTED);
+            context.progress.advance((end - starts[0]) as u64);
         }
         self.copies = sieve.dropped;
         Ok(uses)

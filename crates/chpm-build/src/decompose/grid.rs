@@ -5,6 +5,7 @@
 
 use super::cell_graph::Cell;
 use crate::error::BuildError;
+use crate::trace::Trace;
 use chpm_extmem::Column;
 use chpm_mesh::Aabb;
 use rayon::prelude::*;
@@ -153,6 +154,7 @@ impl Grid {
         positions: &P,
         bounds: &Aabb,
         limit: u32,
+        trace: &Trace,
         check: &Check<'_>,
     ) -> Result<Self, BuildError> {
         let extent: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.max[a]) - f64::from(bounds.min[a]));
@@ -171,7 +173,7 @@ impl Grid {
                 slots: vec![0; dims.iter().product::<u32>() as usize],
                 cells: Vec::new(),
             };
-            let apart = grid.count(positions, 0, check)?;
+            let apart = grid.count(positions, 0, trace, check)?;
             // A cloud fills the cells of a volume: begin where they hold a sixteenth of the limit or more.
             let filled = grid.slots.iter().filter(|count| **count > 0).count();
             if n == 1 || filled * limit as usize <= 16 * positions.count() {
@@ -196,7 +198,7 @@ impl Grid {
             if grid.slots.len() == first_block {
                 break;
             }
-            apart = grid.count(positions, first_block, check)?;
+            apart = grid.count(positions, first_block, trace, check)?;
             (fresh, depths) = (first_block, below);
         }
         grid.number_cells();
@@ -225,10 +227,13 @@ impl Grid {
         &mut self,
         positions: &P,
         first: usize,
+        trace: &Trace,
         check: &Check<'_>,
     ) -> Result<Vec<Counted>, BuildError> {
         let counters: Vec<Counter> = (first..self.slots.len()).map(|_| Counter::default()).collect();
+        let phase = trace.phase();
         positions.each(&|chunk| {
+            let _traced = phase.task("count");
             check()?;
             for p in chunk {
                 let (slot, within) = self.find(*p);
@@ -310,7 +315,9 @@ mod tests {
                 [(h & 1023) as f32, (h >> 10 & 1023) as f32 * 0.1, ((h >> 20) as f32).powi(3) * 1e-6]
             })
             .collect();
-        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &|| Ok(())).unwrap();
+        let grid =
+            Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &Trace::default(), &|| Ok(()))
+                .unwrap();
         let mut counts = vec![0; grid.cells.len()];
         for p in &positions {
             counts[grid.cell_of(*p) as usize] += 1;
@@ -324,7 +331,9 @@ mod tests {
         let at = |i: u32, k: u32| (i.wrapping_mul(2654435761).wrapping_add(k) >> (10 * k)) % 1009;
         let positions: Vec<[f32; 3]> =
             (0..60_000u32).map(|i| [at(i, 0), at(i, 1), at(i / 7, 2)].map(|x| x as f32)).collect();
-        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &|| Ok(())).unwrap();
+        let grid =
+            Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &Trace::default(), &|| Ok(()))
+                .unwrap();
         assert!(grid.cells.len() < 60_000 / 3, "{} cells", grid.cells.len());
         assert!(grid.cells.iter().all(|cell| cell.count <= 48));
     }
@@ -339,7 +348,8 @@ mod tests {
             looks.fetch_add(1, Relaxed);
             Ok(())
         };
-        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &check).unwrap();
+        let grid =
+            Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &Trace::default(), &check).unwrap();
         assert!(grid.cells.len() > 80 && grid.cells.iter().all(|cell| cell.count <= 48));
         let looks = looks.into_inner();
         assert!(looks < 12, "{looks} looks at all of them");
@@ -348,7 +358,9 @@ mod tests {
     #[test]
     fn coincident_vertices_end_in_one_full_cell() {
         let positions = [[1.0, 2.0, 3.0]; 100];
-        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &|| Ok(())).unwrap();
+        let grid =
+            Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &Trace::default(), &|| Ok(()))
+                .unwrap();
         assert_eq!(grid.cells.len(), 1);
         assert_eq!(grid.cells[0].count, 100);
         assert_eq!(grid.slots.len(), 1, "halving does not tell them apart");
@@ -360,11 +372,18 @@ mod tests {
             looks.fetch_add(1, Relaxed);
             Ok(())
         };
-        let grid = Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &check).unwrap();
+        let grid =
+            Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &Trace::default(), &check).unwrap();
         assert_eq!(grid.cells.iter().map(|cell| cell.count).collect::<Vec<_>>(), [999, 1]);
         assert!(grid.slots.len() < 16 && looks.into_inner() < 8);
         let two = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
-        assert_eq!(Grid::build(&two[..], &Aabb::of_points(&two), 2, &|| Ok(())).unwrap().cells.len(), 2);
+        assert_eq!(
+            Grid::build(&two[..], &Aabb::of_points(&two), 2, &Trace::default(), &|| Ok(()))
+                .unwrap()
+                .cells
+                .len(),
+            2
+        );
     }
 
     #[test]
@@ -377,8 +396,9 @@ mod tests {
                 n if n < after => Ok(()),
                 _ => Err(BuildError::Cancelled),
             };
-            let built =
-                pool.install(|| Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &check));
+            let built = pool.install(|| {
+                Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &Trace::default(), &check)
+            });
             assert!(built.is_err_and(|error| error.is_cancelled()));
             assert_eq!(looks.into_inner(), after + 1, "no chunk is looked at after the request");
         }

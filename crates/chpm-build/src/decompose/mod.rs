@@ -121,7 +121,9 @@ pub(crate) fn run(
         |region| {
             let _traced = phase.task("region");
             context.check()?;
+            let traced = context.trace.task("load");
             let mut mesh = divided.load(region)?;
+            drop(traced);
             let normals = if is_computed { normals::compute(&mut mesh) } else { Vec::new() };
             let leaves = divide::leaves_of(&divided, &mesh, wanted, settings);
             let done = region::run(&mesh, leaves, border_count as u32, settings, &spool, context)?;
@@ -138,7 +140,10 @@ pub(crate) fn run(
             Ok(account.enter(topology)?)
         },
     )?;
+    let traced = context.trace.task("drop");
     drop((divided, share));
+    drop(traced);
+    let _traced = context.trace.task("account");
 
     account.close()?.add_to(repairs);
     context.check()?;

@@ -16,6 +16,8 @@ use rayon::prelude::*;
 
 /// Vertices that are looked at in one step.
 const STEP: usize = 1 << 18;
+/// Vertices that a thread looks at in one.
+const SLICE: usize = 1 << 13;
 /// Places of a bucket.
 const PLACES: usize = 1 << 19;
 /// Bytes that a bucket gathers.
@@ -90,7 +92,7 @@ pub(crate) fn run(
     limit: u32,
     context: &Context<'_>,
 ) -> Result<(Cells, Column<u32>), BuildError> {
-    let grid = Grid::build(positions, bounds, limit, &|| context.check())?;
+    let grid = Grid::build(positions, bounds, limit, &context.trace, &|| context.check())?;
     let mut next = Vec::with_capacity(grid.cells.len());
     let mut end = 0;
     for cell in &grid.cells {
@@ -101,16 +103,23 @@ pub(crate) fn run(
     // A counting sort by cell, of which only the places are kept.
     let mut mapping = BufferWriter::new(&context.store, "vertex mapping", positions.len())?;
     let (mut scratch, mut numbers) = (Vec::new(), Vec::new());
+    let phase = context.trace.phase();
+    let cells_of = |points: &[[f32; 3]]| {
+        let _traced = phase.task("cells");
+        points.iter().map(|p| grid.cell_of(*p)).collect::<Vec<u32>>()
+    };
     for start in (0..positions.len()).step_by(STEP) {
         context.check()?;
         let points = positions.read(start..positions.len().min(start + STEP), &mut scratch)?;
-        points.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect_into_vec(&mut numbers);
-        for number in &mut numbers {
-            let next = &mut next[*number as usize];
-            *number = *next;
-            *next += 1;
+        points.par_chunks(SLICE).map(cells_of).collect_into_vec(&mut numbers);
+        for numbers in &mut numbers {
+            for number in &mut *numbers {
+                let next = &mut next[*number as usize];
+                *number = *next;
+                *next += 1;
+            }
+            mapping.extend_from_slice(numbers)?;
         }
-        mapping.extend_from_slice(&numbers)?;
     }
     Ok((Cells::new(&grid.cells, limit), mapping.finish_column()?))
 }
@@ -140,6 +149,11 @@ fn permute<T: Pod + Send + Sync>(
     context: &Context<'_>,
 ) -> Result<Column<T>, BuildError> {
     let mut to = Column::zeroed(&context.store, what, from.len())?;
+    if let (Some(items), Some(places), Some(out)) = (from.as_slice(), mapping.as_slice(), to.as_mut_slice()) {
+        put(items, places, out, context);
+        return Ok(to);
+    }
+
     let (mut items, mut places) = (Vec::new(), Vec::new());
     let mut each = |put: &mut dyn FnMut(u32, T) -> Result<(), BuildError>| {
         for start in (0..from.len()).step_by(STEP) {
@@ -153,7 +167,7 @@ fn permute<T: Pod + Send + Sync>(
         Ok::<(), BuildError>(())
     };
 
-    // In memory each item goes to its place at once.
+    // If only the result is in memory, each item still goes to its place at once.
     if let Some(out) = to.as_mut_slice() {
         each(&mut |place, item| {
             out[place as usize] = item;
@@ -189,6 +203,21 @@ fn permute<T: Pod + Send + Sync>(
     };
     to.parts_mut(PLACES).into_par_iter().try_for_each_init(Default::default, place)?;
     Ok(to)
+}
+
+/// Puts each item at its place in `out`. Each thread has a part of it and looks at all places, which costs far less than the writes.
+fn put<T: Pod + Send + Sync>(items: &[T], places: &[u32], out: &mut [T], context: &Context<'_>) {
+    let part = out.len().div_ceil(rayon::current_num_threads()).max(1);
+    let phase = context.trace.phase();
+    out.par_chunks_mut(part).enumerate().for_each(|(index, out)| {
+        let _traced = phase.task("permute");
+        let start = index * part;
+        for (place, item) in places.iter().zip(items) {
+            if let Some(out) = out.get_mut((*place as usize).wrapping_sub(start)) {
+                *out = *item;
+            }
+        }
+    });
 }
 
 #[cfg(test)]

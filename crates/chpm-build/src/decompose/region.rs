@@ -89,12 +89,16 @@ pub(crate) fn run(
         let (referenced, normals) = (mesh.referenced, Vec::new());
         return Ok(Done { leaves, interfaces, border_uses, topology, referenced, copies: 0, normals });
     }
+    let traced = context.trace.task("cut");
     let part_of = cut(mesh, parts, settings, context)?;
+    drop(traced);
     context.check()?;
     let gathered = gather(mesh, &part_of, parts, context)?;
     let (shared, interfaces, border_uses) = share(mesh, &gathered);
 
+    let phase = context.trace.phase();
     let leaf = |(surveyor, writer): &mut (Surveyor, LeafWriter), gathered: &LeafMesh| {
+        let _traced = phase.task("leaf");
         context.check()?;
         let numbers = gathered.vertices.iter().map(|v| shared.numbers[*v as usize]);
         let mut marks: Vec<(u16, u32)> = (0..).zip(numbers).filter(|(_, number)| *number != INNER).collect();
@@ -138,7 +142,9 @@ fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> R
     }
     let positions = &mesh.vertices.positions[..];
     let grid =
-        Grid::build(positions, &Aabb::of_points(positions), settings.cell_vertices, &|| context.check())?;
+        Grid::build(positions, &Aabb::of_points(positions), settings.cell_vertices, &context.trace, &|| {
+            context.check()
+        })?;
     let mut cells: Vec<u32> = positions.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect();
     let list: Vec<Cell> = grid.cells;
 
@@ -192,8 +198,10 @@ fn gather(
     }
 
     let vertex_count = mesh.vertices.positions.len();
+    let phase = context.trace.phase();
     jobs.into_par_iter()
         .map_init(Vec::new, |locals: &mut Vec<u16>, triangles: &[[u32; 3]]| {
+            let _traced = phase.task("gather");
             context.check()?;
             locals.resize(vertex_count, leaf::ABSENT);
             Ok(LeafMesh::gather(triangles, locals))

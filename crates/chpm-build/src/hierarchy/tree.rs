@@ -33,7 +33,7 @@ impl Tree {
         let leaf_count = graph.node_count();
         let mut nodes = vec![Node { level: 0, parent: None, children: None }; leaf_count];
         let members: Vec<u32> = (0..leaf_count as u32).collect();
-        split(graph, &members, &mut nodes, settings, context)?;
+        nodes.extend(split(graph, &members, leaf_count as u32, settings, context)?.1);
         let mut tree = Tree { nodes };
         tree.sort_by_level(leaf_count);
         Ok(tree)
@@ -84,30 +84,42 @@ impl Tree {
     }
 }
 
-/// Appends the subtree over `members` and answers its root.
+/// The root of the subtree over `members`, and its inner nodes in post-order: they are numbered from `leaf_count` on, and no parent is linked.
+/// Both halves are worked on side by side.
 fn split(
     graph: &CsrGraph,
     members: &[u32],
-    nodes: &mut Vec<Node>,
+    leaf_count: u32,
     settings: &Settings,
     context: &Context<'_>,
-) -> Result<u32, BuildError> {
+) -> Result<(u32, Vec<Node>), BuildError> {
     if let [leaf] = members {
-        return Ok(*leaf);
+        return Ok((*leaf, Vec::new()));
     }
     context.check()?;
-    let side = bisect(graph, members.len(), settings)?;
-    let mut children = [0; 2];
-    for (part, child) in children.iter_mut().enumerate() {
-        let chosen: Vec<u32> =
-            (0..members.len() as u32).filter(|i| side[*i as usize] as usize == part).collect();
+    let sides = bisect(graph, members.len(), settings)?;
+    let phase = context.trace.phase();
+    let half = |side: u8| {
+        let _traced = phase.task("half");
+        let chosen: Vec<u32> = (0..members.len() as u32).filter(|i| sides[*i as usize] == side).collect();
         let below: Vec<u32> = chosen.iter().map(|i| members[*i as usize]).collect();
-        *child = split(&graph.subgraph(&chosen), &below, nodes, settings, context)?;
+        let half = split(&graph.subgraph(&chosen), &below, leaf_count, settings, context)?;
         context.progress.advance(u64::from(below.len() == 1));
-    }
-    let level = 1 + children.map(|c| nodes[c as usize].level).into_iter().max().unwrap_or(0);
+        Ok::<_, BuildError>(half)
+    };
+    let (first, second) = rayon::join(|| half(0), || half(1));
+    let ((first, mut nodes), (second, others)) = (first?, second?);
+
+    let before = nodes.len() as u32;
+    let moved = |node: u32| if node < leaf_count { node } else { node + before };
+    let others =
+        others.into_iter().map(|node| Node { children: node.children.map(|pair| pair.map(moved)), ..node });
+    nodes.extend(others);
+    let children = [first, moved(second)];
+    let level = |node: u32| node.checked_sub(leaf_count).map_or(0, |inner| nodes[inner as usize].level);
+    let level = 1 + level(children[0]).max(level(children[1]));
     nodes.push(Node { level, parent: None, children: Some(children) });
-    Ok(nodes.len() as u32 - 1)
+    Ok((leaf_count + nodes.len() as u32 - 1, nodes))
 }
 
 /// Sides of the `count` nodes of `graph`, both fitting a tree of the least height.

@@ -238,7 +238,9 @@ impl Arrays {
         std::thread::scope(|scope| {
             let (full, filled) = mpsc::sync_channel::<Batch>(1);
             let (empty, emptied) = mpsc::channel();
+            let phase = context.trace.phase();
             let storing = scope.spawn(move || {
+                let _traced = phase.task("store");
                 filled.into_iter().try_for_each(|batch| {
                     self.take(&batch)?;
                     // Whoever reads may have ended.
@@ -248,6 +250,7 @@ impl Arrays {
             });
 
             let mut read = || -> Result<(), BuildError> {
+                let _traced = phase.task("read");
                 loop {
                     context.check()?;
                     let before = input.bytes_read();

@@ -110,7 +110,9 @@ impl Scratch {
         let Scratch { members, group_border } = self;
         let members = &mut members[..group.len()];
 
-        each(members, together, task, "load", |side, member, buffers| member.load(task, group[side], buffers))?;
+        each(members, together, task, "load", |side, member, buffers| {
+            member.load(task, group[side], buffers)
+        })?;
         // Errors of a group start from one value, so that a group border's error is the same in every member.
         let min_error = members.iter().map(|m| m.min_error).fold(0.0, f32::max);
 
@@ -122,8 +124,7 @@ impl Scratch {
             let inside = |id| task.group_borders.is_inside(id, group);
             let decimator = &mut task.buffers.own().decimator;
             task.prepare(decimator);
-            has_group_border =
-                group_border.simplify(decimator, &sets, inside, task.settings.keep, min_error);
+            has_group_border = group_border.simplify(decimator, &sets, inside, task.settings.keep, min_error);
             if has_group_border {
                 removed.extend(group_border.removed());
             }
@@ -347,12 +348,7 @@ impl Member {
     }
 
     /// Spools the member's page. `largest` is the group's largest error, by which all of its pages scale theirs.
-    fn spool(
-        &mut self,
-        task: &GroupTask<'_>,
-        largest: f32,
-        page: &mut Vec<u8>,
-    ) -> Result<(), BuildError> {
+    fn spool(&mut self, task: &GroupTask<'_>, largest: f32, page: &mut Vec<u8>) -> Result<(), BuildError> {
         page.clear();
         let set = &self.renumbered;
         self.report.max_error = PageParts {

@@ -1,0 +1,80 @@
+//! A step of triangles on their way to regions, as one thread prepares it.
+
+use super::super::copies::{Sieve, Sifted};
+use super::{Divided, majority};
+use crate::error::BuildError;
+use chpm_extmem::Column;
+use std::ops::Range;
+
+/// Triangles in a row, and then those that are no copies by region, in the order of the source.
+#[derive(Default)]
+pub(super) struct Step {
+    triangles: Vec<[u32; 3]>,
+    sifted: Sifted,
+    regions: Vec<u32>,
+    sorted: Vec<[u32; 3]>,
+    /// By region, where its triangles end.
+    ends: Vec<u32>,
+    /// Corners that a region has from others: the home of the vertex, the vertex, the region; in order.
+    pub(super) visits: Vec<[u32; 3]>,
+}
+
+impl Step {
+    /// Takes triangles, and sifts them by themselves.
+    pub(super) fn read(&mut self, from: &Column<[u32; 3]>, range: Range<usize>) -> Result<(), BuildError> {
+        match from.as_slice() {
+            Some(all) => {
+                self.triangles.clear();
+                self.triangles.extend_from_slice(&all[range]);
+            }
+            None => {
+                from.read(range, &mut self.triangles)?;
+            }
+        }
+        self.sifted.sift(&self.triangles);
+        Ok(())
+    }
+
+    /// Leaves out copies of what came before this step.
+    pub(super) fn join(&mut self, sieve: &mut Sieve) {
+        sieve.join(&self.triangles, &mut self.sifted);
+    }
+
+    /// Puts what is left in order.
+    pub(super) fn sort(&mut self, divided: &Divided) {
+        self.regions.clear();
+        self.visits.clear();
+        self.ends.clear();
+        self.ends.resize(divided.home_count() + 1, 0);
+        for triangle in self.sifted.passing(&self.triangles) {
+            let homes = triangle.map(|v| divided.homes[divided.cells.of(v) as usize].0);
+            let region = majority(*triangle, homes);
+            self.regions.push(region);
+            self.ends[region as usize + 1] += 1;
+            // Most triangles are within their region, and visit none.
+            if homes != [region; 3] {
+                let others = triangle.iter().zip(homes).filter(|(_, home)| *home != region);
+                self.visits.extend(others.map(|(vertex, home)| [home, *vertex, region]));
+            }
+        }
+        for region in 1..self.ends.len() {
+            self.ends[region] += self.ends[region - 1];
+        }
+
+        // A counting sort: what is an end afterwards is a place until then.
+        self.sorted.resize(self.regions.len(), [0; 3]);
+        for (triangle, region) in self.sifted.passing(&self.triangles).zip(&self.regions) {
+            let place = &mut self.ends[*region as usize];
+            self.sorted[*place as usize] = *triangle;
+            *place += 1;
+        }
+        self.ends.pop();
+    }
+
+    /// Triangles by region, of the regions that have any.
+    pub(super) fn by_region(&self) -> impl Iterator<Item = (usize, &[[u32; 3]])> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        let ranges = starts.zip(&self.ends).map(|(start, end)| start as usize..*end as usize);
+        ranges.map(|range| &self.sorted[range]).enumerate().filter(|(_, triangles)| !triangles.is_empty())
+    }
+}
