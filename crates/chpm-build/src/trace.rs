@@ -101,6 +101,11 @@ impl Recorder {
     fn nanos(&self) -> u64 {
         self.start.elapsed().as_nanos() as u64
     }
+
+    /// Processor time of this thread; by the clock where the system does not tell.
+    fn busy(&self) -> u64 {
+        process::thread_time().map_or_else(|| self.nanos(), |time| time.as_nanos() as u64)
+    }
 }
 
 impl Record {
@@ -132,22 +137,17 @@ impl<'a> Span<'a> {
     fn begin(recorder: Option<&'a Recorder>, name: &'static str, phase: Option<u32>) -> Self {
         Span(recorder.map(|recorder| {
             let thread = rayon::current_thread_index().map_or(0, |index| index as u32 + 1);
-            let (start_nanos, busy_start) = (recorder.nanos(), busy());
+            let (start_nanos, busy_start) = (recorder.nanos(), recorder.busy());
             (recorder, Record { name, start_nanos, nanos: 0, busy_start, busy: 0, thread, phase })
         }))
     }
-}
-
-/// Processor time of this thread, nanoseconds.
-fn busy() -> u64 {
-    process::thread_time().map_or(0, |time| time.as_nanos() as u64)
 }
 
 impl Drop for Span<'_> {
     fn drop(&mut self) {
         if let Some((recorder, mut record)) = self.0.take() {
             record.nanos = recorder.nanos() - record.start_nanos;
-            record.busy = busy() - record.busy_start;
+            record.busy = recorder.busy() - record.busy_start;
             recorder.records().push(record);
         }
     }
