@@ -38,12 +38,11 @@ pub(crate) fn draw(file: &Chpm<MappedFile>) -> Result<[Drawn; 2]> {
         let page = file.page(ClusterId(index as u32))?;
         let mesh = page.view().progressive_mesh();
         let (base, finest) = (mesh.base_vertex_count, mesh.vertex_count);
-        let at = |n: usize| {
+        Ok(Drawn([finest, base.midpoint(finest), base].map(|n| {
             triangles.clear();
             mesh.triangles_at(n, triangles);
             vertex_cache(triangles.iter().map(|corners| corners.map(u32::from)), SIZE)
-        };
-        Ok(Drawn([finest, base.midpoint(finest), base].map(at)))
+        })))
     });
     let drawn = drawn.collect::<Result<Vec<Drawn>, FormatError>>()?;
     Ok([sum(|_| true, &drawn, file), sum(ClusterRecord::is_root, &drawn, file)])

@@ -9,9 +9,9 @@ use std::io::{self, Write};
 /// A row for each level and cut.
 pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<()> {
     fn interval(side: &Side) -> String {
-        format!("{} to {}", Units(side.least), Units(side.most))
+        format!("{} to {}", Units(side.lower), Units(side.upper))
     }
-    let cells = |row: &Row| {
+    fn cells(row: &Row) -> Vec<String> {
         vec![
             row.name(),
             count(row.clusters),
@@ -23,7 +23,7 @@ pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<(
             count(row.violations()),
             count(row.undecided()),
         ]
-    };
+    }
     let header = [
         "",
         "clusters",
@@ -57,7 +57,7 @@ pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<(
 
 /// All of it, for programs.
 pub(crate) fn as_json(certified: &Certified, origin: [f64; 3]) -> Errors {
-    let all = || certified.levels.iter().chain(&certified.cuts);
+    let all = certified.levels.iter().chain(&certified.cuts);
     let levels = certified.levels.iter().filter_map(|row| match row.which {
         Which::Level { level, collapsed } => Some(OfLevel { level, collapsed, found: proven(row, origin) }),
         Which::Cut { .. } => None,
@@ -69,8 +69,8 @@ pub(crate) fn as_json(certified: &Certified, origin: [f64; 3]) -> Errors {
     Errors {
         slack: certified.slack,
         rounding: certified.rounding,
-        violations: all().map(Row::violations).sum(),
-        undecided: all().map(Row::undecided).sum(),
+        violations: all.clone().map(Row::violations).sum(),
+        undecided: all.map(Row::undecided).sum(),
         levels: levels.collect(),
         cuts: cuts.collect(),
     }
@@ -89,9 +89,9 @@ fn proven(row: &Row, origin: [f64; 3]) -> Proven {
 
 fn proven_side(side: &Side, origin: [f64; 3]) -> ProvenSide {
     ProvenSide {
-        least: side.least,
+        least: side.lower,
         at: side.at.map(|at| absolute(at, origin)),
-        most: side.most,
+        most: side.upper,
         violations: side.violations,
         worst: side.worst.map(|worst| worst.distance),
         worst_stored: side.worst.map(|worst| worst.stored),

@@ -24,23 +24,23 @@ impl FromStr for Claim {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let told = || {
+        Claim::parse(text).ok_or_else(|| {
             format!(
                 "'{text}' is no assertion: write a measure, one of < <= > >= == != and a number, as in acmr24<0.8"
             )
-        };
-        let at = text.find(['<', '>', '=', '!']).ok_or_else(told)?;
-        let (measure, rest) = text.split_at(at);
-        let relation = RELATIONS.into_iter().find(|(sign, _)| rest.starts_with(sign)).ok_or_else(told)?;
-        let bound = rest[relation.0.len()..].trim().parse::<f64>().map_err(|_| told())?;
-        if measure.trim().is_empty() || !bound.is_finite() {
-            return Err(told());
-        }
-        Ok(Claim { text: text.to_owned(), measure: measure.trim().to_owned(), relation, bound })
+        })
     }
 }
 
 impl Claim {
+    fn parse(text: &str) -> Option<Self> {
+        let (measure, rest) = text.split_at(text.find(['<', '>', '=', '!'])?);
+        let relation = RELATIONS.into_iter().find(|(sign, _)| rest.starts_with(sign))?;
+        let bound = rest[relation.0.len()..].trim().parse::<f64>().ok()?;
+        let is_sound = !measure.trim().is_empty() && bound.is_finite();
+        is_sound.then(|| Claim { text: text.to_owned(), measure: measure.trim().to_owned(), relation, bound })
+    }
+
     /// Whether it holds; else what the measure is.
     ///
     /// # Errors

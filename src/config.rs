@@ -81,9 +81,10 @@ pub(crate) fn layers(args: &ConfigArgs, source: Option<&Path>) -> Result<Vec<Lay
         let told = || format!("'{}' is no valid configuration", path.display());
         let text = text(&path, MOST)?;
         let file: File = toml::from_str(&text).with_context(told)?;
-        let own = |name: &String| Preset::from_str(name, false).map_err(|error| anyhow!("preset: {error}"));
-        let named = file.preset.as_ref().map(own).transpose().with_context(told)?;
-        preset = preset.or(named);
+        if let Some(name) = &file.preset {
+            let named = Preset::from_str(name, false).map_err(|error| anyhow!("preset: {error}"));
+            preset = preset.or(Some(named.with_context(told)?));
+        }
         let words = manifest::arguments(&file.settings);
         let own = Own::try_parse_from(&words).map_err(flat).with_context(told)?;
         build_config(&own.settings, &own.resources, false).with_context(told)?;
@@ -109,12 +110,12 @@ pub(crate) fn text(path: &Path, most: Bytes) -> Result<String> {
 
 /// `--name=value` and `--name` as names and values.
 fn split(words: &[String]) -> BTreeMap<String, String> {
-    let pair = |word: &String| {
+    let pairs = words.iter().map(|word| {
         let word = word.trim_start_matches('-');
         let (name, value) = word.split_once('=').unwrap_or((word, ""));
         (name.to_owned(), value.to_owned())
-    };
-    words.iter().map(pair).collect()
+    });
+    pairs.collect()
 }
 
 /// A command line with what the layers add to it, and from where each of these options comes.
@@ -126,10 +127,6 @@ pub(crate) fn merged(
     let mut taken = matches.subcommand().map(|(_, verb)| typed(verb)).unwrap_or_default();
     let (mut added, mut origins) = (Vec::new(), BTreeMap::new());
     for layer in layers {
-        let is_free = |name: &str, taken: &BTreeSet<String>| {
-            let rivals = RIVALS.iter().filter(|rivals| rivals.contains(&name)).flatten();
-            !taken.contains(name) && !rivals.into_iter().any(|rival| taken.contains(*rival))
-        };
         let free: Vec<_> = layer.settings.iter().filter(|(name, _)| is_free(name, &taken)).collect();
         for (name, value) in free {
             let equals = if value.is_empty() { "" } else { "=" };
@@ -144,10 +141,17 @@ pub(crate) fn merged(
     Ok((words, origins))
 }
 
+/// Whether neither an option nor one that it excludes is there.
+fn is_free(name: &str, taken: &BTreeSet<String>) -> bool {
+    let rivals = RIVALS.iter().filter(|rivals| rivals.contains(&name)).flatten();
+    !taken.contains(name) && !rivals.into_iter().any(|rival| taken.contains(*rival))
+}
+
 /// Names of options that were typed.
 fn typed(matches: &ArgMatches) -> BTreeSet<String> {
-    let is_typed = |id: &&str| matches.value_source(id) == Some(ValueSource::CommandLine);
-    matches.ids().map(clap::Id::as_str).filter(is_typed).map(|id| id.replace('_', "-")).collect()
+    let ids = matches.ids().map(clap::Id::as_str);
+    let typed = ids.filter(|id| matches.value_source(id) == Some(ValueSource::CommandLine));
+    typed.map(|id| id.replace('_', "-")).collect()
 }
 
 /// A setting as it is, and from where.

@@ -16,10 +16,10 @@ const ROWS: usize = 6;
 
 /// At most [`ROWS`] of them, first and last among these.
 fn some<T: Copy>(rows: &[T]) -> Vec<T> {
-    let shown = rows.len().min(ROWS);
-    let last = rows.len().saturating_sub(1);
-    let place = |row: usize| if shown < 2 { 0 } else { row * last / (shown - 1) };
-    (0..shown).filter_map(|row| rows.get(place(row)).copied()).collect()
+    if rows.len() <= ROWS {
+        return rows.to_vec();
+    }
+    (0..ROWS).map(|row| rows[row * (rows.len() - 1) / (ROWS - 1)]).collect()
 }
 
 /// Prints the facts that people look at first.

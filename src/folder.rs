@@ -180,10 +180,9 @@ fn resume(partial: &Path, key: u64) -> Option<(File, Vec<Written>)> {
     let (records, rest) = bytes.as_chunks::<32>();
     // The last record may have been written in part.
     journal.set_len((bytes.len() - rest.len()) as u64).ok()?;
-    fn number(record: &[u8; 32], i: usize) -> u64 {
-        u64::from_le_bytes(std::array::from_fn(|byte| record[8 * i + byte]))
+    fn written(record: &[u8; 32]) -> Written {
+        [0, 1, 2, 3].map(|i| u64::from_le_bytes(std::array::from_fn(|byte| record[8 * i + byte])))
     }
-    let written = |record| [0, 1, 2, 3].map(|i| number(record, i));
     let (head, records) = records.split_first()?;
     if written(head) != [MAGIC, key, 0, 0] {
         return None;

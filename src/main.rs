@@ -24,6 +24,7 @@ mod folder;
 mod forecast;
 mod formats;
 mod frame;
+mod georeference;
 mod help;
 mod json;
 mod memory;
@@ -32,7 +33,6 @@ mod number;
 mod output;
 #[cfg(feature = "viewer")]
 mod picture;
-mod place;
 mod presets;
 mod progress;
 mod proximity;

@@ -469,15 +469,16 @@ fn ply(mesh: &Whole<'_>, output: Output, ascii: bool, comment: &str, steps: &Ste
 fn stl(mesh: &Whole<'_>, output: Output, ascii: bool, comment: &str, steps: &Steps<'_>) -> Result<Output> {
     steps.begin(mesh.triangle_count());
     let mut stl = StlWriter::new(output, ascii, mesh.triangle_count(), comment)?;
-    let origin = mesh.origin();
+    let origin = mesh.origin().unwrap_or_default();
     mesh.pieces(PIECE_VERTICES, |vertices, triangles| {
         steps.done(triangles.len())?;
-        let corner = |v: u32| {
-            let origin = origin.unwrap_or_default();
-            let position = vertices.positions[v as usize];
-            std::array::from_fn(|axis| f64::from(position[axis]) + origin[axis])
-        };
-        anyhow::Ok(stl.triangles(triangles.iter().map(|corners| corners.map(corner)))?)
+        let corners = triangles.iter().map(|corners| {
+            corners.map(|v| {
+                let position = vertices.positions[v as usize];
+                std::array::from_fn(|axis| f64::from(position[axis]) + origin[axis])
+            })
+        });
+        anyhow::Ok(stl.triangles(corners)?)
     })?;
     Ok(stl.finish()?)
 }

@@ -106,9 +106,9 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> String {
 
 /// Refused collapses by level and reason; reasons that never occurred are left out, and the table if none did.
 pub(crate) fn refusals_table(levels: &[LevelRow]) -> Option<String> {
-    let occurred =
-        |reason: &usize| levels.iter().any(|level| level.refusals.get(*reason).is_some_and(|n| *n > 0));
-    let reasons: Vec<usize> = (0..REFUSALS.len()).filter(occurred).collect();
+    let occurring = (0..REFUSALS.len())
+        .filter(|reason| levels.iter().any(|level| level.refusals.get(*reason).is_some_and(|n| *n > 0)));
+    let reasons: Vec<usize> = occurring.collect();
     if reasons.is_empty() {
         return None;
     }
@@ -184,26 +184,20 @@ pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>
 }
 
 fn table_within(width: Option<u16>, header: &[&str], rows: &[Vec<String>]) -> String {
-    fn cell(row: &[String], column: usize) -> usize {
-        row.get(column).map_or(0, |text| text.chars().count())
-    }
     // With a blank on either side.
-    let needed = |column: usize| {
-        2 + rows
-            .iter()
-            .map(|row| cell(row, column))
-            .chain([header[column].chars().count()])
-            .max()
-            .unwrap_or(0)
-    };
+    let needed = header.iter().enumerate().map(|(column, name)| {
+        let cells = rows.iter().filter_map(|row| row.get(column)).map(String::as_str);
+        2 + cells.chain([*name]).map(|text| text.chars().count()).max().unwrap_or(0)
+    });
+    let needed: Vec<usize> = needed.collect();
     let mut tables: Vec<Vec<usize>> = vec![vec![0]];
-    let mut used = needed(0);
+    let mut used = needed[0];
     for column in 1..header.len() {
-        if used + needed(column) > width.map_or(usize::MAX, usize::from) && used > needed(0) {
+        if used + needed[column] > width.map_or(usize::MAX, usize::from) && used > needed[0] {
             tables.push(vec![0]);
-            used = needed(0);
+            used = needed[0];
         }
-        used += needed(column);
+        used += needed[column];
         tables.last_mut().into_iter().for_each(|columns| columns.push(column));
     }
     let tables = tables.iter().map(|columns| one_table(width, header, rows, columns));
@@ -211,20 +205,21 @@ fn table_within(width: Option<u16>, header: &[&str], rows: &[Vec<String>]) -> St
 }
 
 fn one_table(width: Option<u16>, header: &[&str], rows: &[Vec<String>], columns: &[usize]) -> String {
-    let cells = |text: &dyn Fn(usize) -> String| {
+    fn cells(columns: &[usize], text: impl Fn(usize) -> String) -> Vec<Cell> {
         let aligned = columns.iter().map(|column| {
             let side = if *column == 0 { CellAlignment::Left } else { CellAlignment::Right };
             Cell::new(text(*column)).set_alignment(side)
         });
-        aligned.collect::<Vec<_>>()
-    };
+        aligned.collect()
+    }
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     if let Some(width) = width {
         table.set_content_arrangement(ContentArrangement::Dynamic).set_width(width);
     }
-    table.set_header(cells(&|column| header[column].to_owned()));
-    table.add_rows(rows.iter().map(|row| cells(&|column| row.get(column).cloned().unwrap_or_default())));
+    table.set_header(cells(columns, |column| header[column].to_owned()));
+    let rows = rows.iter();
+    table.add_rows(rows.map(|row| cells(columns, |column| row.get(column).cloned().unwrap_or_default())));
     table.to_string()
 }
 

@@ -95,13 +95,12 @@ impl FromStr for Tolerance {
                 .map_err(|error: chpm_build::config::LengthError| error.to_string());
         }
         let known = Unit::ALL.iter().find(|(_, symbol, _)| *symbol == unit).map(|(unit, ..)| *unit);
-        let wrong = || {
-            format!(
+        match (number::decimal(number.trim_end()), known) {
+            (Ok(count), Some(unit)) => Ok(Tolerance::Measured(count, unit)),
+            _ => Err(format!(
                 "'{text}' is no distance: write 0.5 (the model's units), 0.05% (of its diagonal), or 1mm with --unit"
-            )
-        };
-        let count = number::decimal(number.trim_end()).map_err(|_| wrong())?;
-        known.map(|unit| Tolerance::Measured(count, unit)).ok_or_else(wrong)
+            )),
+        }
     }
 }
 

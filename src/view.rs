@@ -25,9 +25,9 @@ impl ImageArgs {
     /// View of a file by a camera in the source's coordinates.
     pub(crate) fn view(&self, file: &Chpm<MappedFile>, camera: &Camera, pixels: f64) -> Result<View> {
         let camera = camera.relative_to(file.header().origin);
-        let view = View::new(&camera, self.viewport.0, pixels);
-        let told = || format!("cannot look at '{}' so", file.get_ref().path().display());
-        Ok(view.with_context(told)?.with_culling(self.cull))
+        let view = View::new(&camera, self.viewport.0, pixels)
+            .with_context(|| format!("cannot look at '{}' so", file.get_ref().path().display()))?;
+        Ok(view.with_culling(self.cull))
     }
 }
 

@@ -151,20 +151,10 @@ fn pieces(
 ) -> Result<()> {
     const NONE: u32 = u32::MAX;
     let mut local = vec![NONE; mesh.positions.len()];
-    let (mut used, mut triangles) = (Vec::new(), Vec::<[u32; 3]>::new());
+    let (mut used, mut triangles) = (Vec::<usize>::new(), Vec::<[u32; 3]>::new());
     let mut vertices = Vertices::default();
-    let mut hand_on = |used: &mut Vec<usize>, triangles: &mut Vec<[u32; 3]>, local: &mut Vec<u32>| {
-        vertices.clear_vertices();
-        vertices.gather(mesh.view(), used.iter().copied());
-        sink(vertices.view(), triangles)?;
-        triangles.clear();
-        used.drain(..).for_each(|vertex| local[vertex] = NONE);
-        anyhow::Ok(())
-    };
-    for corners in &mesh.triangles {
-        if used.len() + 3 > limit {
-            hand_on(&mut used, &mut triangles, &mut local)?;
-        }
+    let last = mesh.triangles.len().saturating_sub(1);
+    for (at, corners) in mesh.triangles.iter().enumerate() {
         triangles.push(corners.map(|vertex| {
             let place = &mut local[vertex as usize];
             if *place == NONE {
@@ -173,6 +163,13 @@ fn pieces(
             }
             *place
         }));
+        if used.len() + 3 > limit || at == last {
+            vertices.clear_vertices();
+            vertices.gather(mesh.view(), used.iter().copied());
+            sink(vertices.view(), &triangles)?;
+            triangles.clear();
+            used.drain(..).for_each(|vertex| local[vertex] = NONE);
+        }
     }
-    if triangles.is_empty() { Ok(()) } else { hand_on(&mut used, &mut triangles, &mut local) }
+    Ok(())
 }

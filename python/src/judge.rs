@@ -134,9 +134,9 @@ fn verification<'py>(py: Python<'py>, checks: &Checks, found: &Verification) -> 
 fn certified<'py>(py: Python<'py>, found: &Certified, origin: [f64; 3]) -> PyResult<Bound<'py, PyDict>> {
     let side = |side: &certify::Side| -> PyResult<Bound<'py, PyDict>> {
         let own = PyDict::new(py);
-        own.set_item("least", side.least)?;
+        own.set_item("least", side.lower)?;
         own.set_item("at", side.at.map(|at| absolute(at, origin)))?;
-        own.set_item("most", side.most)?;
+        own.set_item("most", side.upper)?;
         own.set_item("violations", side.violations)?;
         own.set_item("undecided", side.undecided)?;
         Ok(own)

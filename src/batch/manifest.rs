@@ -66,24 +66,24 @@ pub(super) fn read(path: &Path) -> Result<Vec<Listed>> {
     } else {
         toml::from_str(&text).with_context(told)?
     };
-    let listed = |entry: Entry| {
+    let listed = manifest.model.into_iter().map(|entry| {
         let mut settings = manifest.settings.clone();
         settings.extend(entry.settings);
         Listed { source: path.with_file_name(entry.source), name: entry.name, settings: arguments(&settings) }
-    };
-    Ok(manifest.model.into_iter().map(listed).collect())
+    });
+    Ok(listed.collect())
 }
 
 /// `name = value` as it is typed; a switch that is off is not typed.
 pub(crate) fn arguments(settings: &Settings) -> Vec<String> {
-    let argument = |(name, value): (&String, &Value)| match value {
+    let arguments = settings.iter().filter_map(|(name, value)| match value {
         Value::Switch(true) => Some(format!("--{name}")),
         Value::Switch(false) => None,
         Value::Whole(n) => Some(format!("--{name}={n}")),
         Value::Number(x) => Some(format!("--{name}={x}")),
         Value::Text(text) => Some(format!("--{name}={text}")),
-    };
-    settings.iter().filter_map(argument).collect()
+    });
+    arguments.collect()
 }
 
 #[cfg(test)]

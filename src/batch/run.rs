@@ -13,7 +13,7 @@ use std::any::Any;
 use std::collections::BTreeMap;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -34,49 +34,48 @@ pub(crate) fn plan(
     cancel: &Cancel,
 ) -> Vec<Task> {
     let earlier: BTreeMap<&str, &Row> = earlier.iter().map(|row| (row.name.as_str(), row)).collect();
-    let task = |(model, config): (Model, BuildConfig)| {
+    let tasks = models.into_iter().map(|(model, config)| {
         let output = folder.join(format!("{}.chpm", model.name));
+        let before = earlier.get(model.name.as_str()).copied();
         let need = match anew {
             true => Need::Build("asked for"),
-            false => fingerprint::need(
-                &model.source,
-                &output,
-                &config.settings,
-                earlier.get(model.name.as_str()).copied(),
-                cancel,
-            ),
+            false => fingerprint::need(&model.source, &output, &config.settings, before, cancel),
         };
-        let (status, reason) = match need {
-            Need::Nothing => (Status::Current, ""),
-            Need::Build(reason) => (Status::Planned, reason),
-        };
-        let files = input::files(&model.source, cancel).unwrap_or_default();
-        let row = Row {
-            name: model.name,
-            status,
-            reason: reason.to_owned(),
-            seconds: 0.0,
-            triangles: 0,
-            source_bytes: files
-                .iter()
-                .map(|file| fs::metadata(file).map_or(0, |metadata| metadata.len()))
-                .sum(),
-            output_bytes: 0,
-            error: None,
-            warnings: Vec::new(),
-            source: model.source,
-            output,
-            hash: String::new(),
-            fingerprint: fingerprint::fingerprint(&files),
-        };
-        let mut task = Task { config, need, row };
-        if need == Need::Nothing {
-            // What was just read can be read again; if not, the numbers stay zero.
-            let _ = task.row.describe_output();
-        }
-        task
+        let row = row(model, output, need, cancel);
+        Task { config, need, row }
+    });
+    tasks.collect()
+}
+
+/// What is known of a model before it is built.
+fn row(model: Model, output: PathBuf, need: Need, cancel: &Cancel) -> Row {
+    let (status, reason) = match need {
+        Need::Nothing => (Status::Current, ""),
+        Need::Build(reason) => (Status::Planned, reason),
     };
-    models.into_iter().map(task).collect()
+    let files = input::files(&model.source, cancel).unwrap_or_default();
+    let lens = files.iter().map(|file| fs::metadata(file).map_or(0, |metadata| metadata.len()));
+
+    let mut row = Row {
+        name: model.name,
+        status,
+        reason: reason.to_owned(),
+        seconds: 0.0,
+        triangles: 0,
+        source_bytes: lens.sum(),
+        output_bytes: 0,
+        error: None,
+        warnings: Vec::new(),
+        source: model.source,
+        output,
+        hash: String::new(),
+        fingerprint: fingerprint::fingerprint(&files),
+    };
+    if need == Need::Nothing {
+        // What was just read can be read again; if not, the numbers stay zero.
+        let _ = row.describe_output();
+    }
+    row
 }
 
 /// Rows of a dry run.

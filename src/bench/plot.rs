@@ -36,10 +36,11 @@ fn panel<'a>(figures: &[Figure], name: &'a str, value: &dyn Fn(&Point) -> f64) -
         dashed: true,
     });
     let contenders = (0..).zip(figures).map(|(color, figure)| {
-        let marked = |p: &Point| {
-            Some(([figure.rate, value(p)], MARKS[DIVISORS.iter().position(|d| *d == p.divisor)?]))
-        };
-        let (points, marks) = figure.points.iter().filter_map(marked).unzip();
+        let marked = figure.points.iter().filter_map(|p| {
+            let mark = MARKS[DIVISORS.iter().position(|divisor| *divisor == p.divisor)?];
+            Some(([figure.rate, value(p)], mark))
+        });
+        let (points, marks) = marked.unzip();
         Series { name: figure.contender.name().to_owned(), color, points, marks, dashed: false }
     });
     Chart {
@@ -60,8 +61,11 @@ fn panel<'a>(figures: &[Figure], name: &'a str, value: &dyn Fn(&Point) -> f64) -
 
 /// Who is beaten by nobody in both, by rate.
 fn front(figures: &[Figure], divisor: u64, value: &dyn Fn(&Point) -> f64) -> Vec<(f64, f64)> {
-    let point = |f: &Figure| f.points.iter().find(|p| p.divisor == divisor).map(|p| (f.rate, value(p)));
-    let mut all: Vec<(f64, f64)> = figures.iter().filter_map(point).filter(|(_, v)| *v > 0.0).collect();
+    let points = figures.iter().filter_map(|figure| {
+        let point = figure.points.iter().find(|point| point.divisor == divisor)?;
+        Some((figure.rate, value(point)))
+    });
+    let mut all: Vec<(f64, f64)> = points.filter(|(_, v)| *v > 0.0).collect();
     all.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
     let mut least = f64::INFINITY;
     all.retain(|(_, v)| {

@@ -120,9 +120,9 @@ fn jobs(args: &Args, config: &BuildConfig) -> usize {
 }
 
 fn merge(args: &Args) -> Result<Verdict> {
-    let read = |path: &PathBuf| Ok((path.clone(), Summary::read(path)?));
     Summary::check(&args.output, None)?;
-    let summary = summary::merge(args.inputs.iter().map(read).collect::<Result<_>>()?)?;
+    let inputs = args.inputs.iter().map(|path| Ok((path.clone(), Summary::read(path)?)));
+    let summary = summary::merge(inputs.collect::<Result<_>>()?)?;
     fs::create_dir_all(&args.output)
         .with_context(|| format!("cannot make the folder '{}'", args.output.display()))?;
     summary.write(&args.output)?;

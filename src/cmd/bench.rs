@@ -325,24 +325,27 @@ impl Outcome {
         Ok(writeln!(out, "{}\n", table(&header, rows))?)
     }
 
-    fn json(&self, args: &Args) -> made::Bench {
-        let point = |p: &Point| made::BenchMesh {
+    fn contender_json(&self, f: &Figure) -> made::Contender {
+        let meshes = f.points.iter().map(|p| made::BenchMesh {
             divisor: p.divisor,
             triangles: p.triangles,
             rms: p.rms,
             max: p.max,
             triangles_by_reference: self.ratio(p),
-        };
-        let figure = |f: &Figure| made::Contender {
+        });
+        made::Contender {
             name: f.contender.name(),
             settings: f.contender.settings(),
             seconds: f.seconds,
             triangles_per_second: f.rate,
             peak_resident_bytes: f.peak,
             output_bytes: f.output,
-            meshes: f.points.iter().map(point).collect(),
-        };
-        let declined = |(contender, why): &(Contender, &str)| format!("{}: {why}", contender.name());
+            meshes: meshes.collect(),
+        }
+    }
+
+    fn json(&self, args: &Args) -> made::Bench {
+        let declined = self.declined.iter().map(|(contender, why)| format!("{}: {why}", contender.name()));
         made::Bench {
             schema: "chpm-bench/1",
             source: named(&args.source),
@@ -352,8 +355,8 @@ impl Outcome {
             runs: args.runs,
             samples_per_triangle: args.samples,
             reference: self.reference.map(Contender::name),
-            contenders: self.figures.iter().map(figure).collect(),
-            declined: self.declined.iter().map(declined).collect(),
+            contenders: self.figures.iter().map(|figure| self.contender_json(figure)).collect(),
+            declined: declined.collect(),
         }
     }
 

@@ -33,21 +33,22 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let above = args.above.of(pair.diagonal());
     let question = Question { error: 0.0, above: Some(above), most_pairs: pair.most_pairs };
     let pool = threads.pool()?;
-    let ask = || ask_all(&pair, &still, &path, &question, limits, &cancel);
-    let answers = pair.reading(|| pool.install(ask))?;
+    let answers =
+        pair.reading(|| pool.install(|| ask_all(&pair, &still, &path, &question, limits, &cancel)))?;
     if let Some(csv) = &mut csv {
         write_csv(&answers, csv)?;
     }
     let is_clear = |answer: &Answer| answer.lower > above;
     if tell.json {
-        let entry =
-            |answer: &Answer| near::Verdict { clear: verdict(answer, above).0, answer: answer_json(answer) };
+        let verdicts = answers
+            .iter()
+            .map(|answer| near::Verdict { clear: verdict(answer, above).0, answer: answer_json(answer) });
         let clearance = near::Clearance {
             schema: "chpm-clearance/1",
             first: pair.models[0].json(),
             second: pair.models[1].json(),
             above,
-            answers: answers.iter().map(entry).collect(),
+            answers: verdicts.collect(),
         };
         json::print(&clearance, &mut out)?;
     } else {

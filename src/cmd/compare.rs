@@ -17,7 +17,7 @@ use chpm_build::Cancel;
 use chpm_build::config::Length;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_mesh::{Bytes, ClusterId, Counted};
+use chpm_mesh::{Bytes, Counted};
 use chpm_proximity::{Gauge, Model};
 use chpm_report::colors::Colors;
 use rayon::prelude::*;
@@ -226,8 +226,9 @@ fn name(path: &Path) -> String {
 /// Whether a source is closed and all of it turns one way, as its file tells.
 fn is_closed(file: &Chpm<MappedFile>) -> bool {
     let Ok(metadata) = file.metadata() else { return false };
-    let is_none = |wanted: &str| metadata.repairs.iter().any(|(name, count)| name == wanted && *count == 0);
-    ["boundary-edges", "non-manifold-edges", "mixed-winding-edges"].into_iter().all(is_none)
+    ["boundary-edges", "non-manifold-edges", "mixed-winding-edges"]
+        .into_iter()
+        .all(|wanted| metadata.repairs.iter().any(|(name, count)| name == wanted && *count == 0))
 }
 
 struct Work<'w> {
@@ -268,7 +269,7 @@ impl Work<'_> {
         let [still, pose] = self.args.poses.poses();
         let gauge = Gauge::new(&scan, &reference, [&still, &pose], self.tolerance)?;
         let closest = Gauge::new(&scan, &reference, [&still, &pose], 0.0)?;
-        let measure = |leaf: &ClusterId| {
+        let measured = leaves.par_iter().map(|leaf| {
             stop::check(cancel)?;
             let mut found = Vec::new();
             let page = self.scan.file.page(*leaf)?;
@@ -280,8 +281,8 @@ impl Work<'_> {
             }
             meter.add(1);
             Ok((found, [within, exact]))
-        };
-        let done = pool.install(|| leaves.par_iter().map(measure).collect::<Result<Vec<_>>>())?;
+        });
+        let done = pool.install(|| measured.collect::<Result<Vec<_>>>())?;
         meter.finish();
         stop::check(cancel)?;
         fn most(which: usize, done: &[(Vec<f64>, [f64; 2])]) -> f64 {

@@ -43,7 +43,9 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
 
 /// How a verb is called: what may be left out, what has to be there, and the files, each option with what it takes.
 fn synopsis(verb: &Command) -> String {
-    let long = |arg: &Arg| arg.get_long().map_or(String::new(), |long| format!("--{long}{}", value(arg)));
+    fn long(arg: &Arg) -> String {
+        arg.get_long().map_or(String::new(), |long| format!("--{long}{}", value(arg)))
+    }
     let groups: Vec<Vec<&Arg>> = verb
         .get_groups()
         .filter(|group| group.is_required_set())
@@ -54,9 +56,9 @@ fn synopsis(verb: &Command) -> String {
     fn in_group(arg: &&Arg, groups: &[Vec<&Arg>]) -> bool {
         groups.iter().flatten().any(|other| other.get_id() == arg.get_id())
     }
-    let shown = || verb.get_arguments().filter(|arg| !arg.is_hide_set() && !in_group(arg, &groups));
+    let shown = verb.get_arguments().filter(|arg| !arg.is_hide_set() && !in_group(arg, &groups));
     let (mut may, mut must, mut files) = (Vec::new(), Vec::new(), Vec::new());
-    for arg in shown() {
+    for arg in shown {
         let named = match (arg.is_positional(), arg.get_short()) {
             (true, _) => value(arg).trim_start().to_owned(),
             (_, Some(short)) => format!("-{short}|{}", long(arg)),
@@ -88,8 +90,8 @@ fn value(arg: &Arg) -> String {
 /// Writes a page for the command and one for each verb.
 pub(crate) fn man(args: &ManArgs) -> Result<Verdict> {
     output::check_folder("man", &args.folder)?;
-    let told = || format!("cannot make the folder '{}'", args.folder.display());
-    fs::create_dir_all(&args.folder).with_context(told)?;
+    fs::create_dir_all(&args.folder)
+        .with_context(|| format!("cannot make the folder '{}'", args.folder.display()))?;
     let mut command = examples::command();
     command.build();
     let verbs = command.get_subcommands().filter(|verb| !verb.is_hide_set() && verb.get_name() != "help");

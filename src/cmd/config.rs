@@ -41,9 +41,8 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     }
     let mut out = stdout();
     if args.json {
-        let setting = |s: config::Effective| Setting { name: s.name, value: s.value, from: s.from };
-        let settings = all.into_iter().map(setting).collect();
-        json::print(&Config { schema: "chpm-config/1", settings }, &mut out)?;
+        let settings = all.into_iter().map(|s| Setting { name: s.name, value: s.value, from: s.from });
+        json::print(&Config { schema: "chpm-config/1", settings: settings.collect() }, &mut out)?;
     } else {
         let rows = all.into_iter().map(|setting| vec![setting.name, setting.value, setting.from]);
         writeln!(out, "{}", report::table(&["setting", "value", "from"], rows))?;

@@ -35,8 +35,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let error = args.error.of(pair.diagonal());
     let question = Question { error, above: None, most_pairs: pair.most_pairs };
     let pool = threads.pool()?;
-    let ask = || ask_all(&pair, &still, &path, &question, limits, &cancel);
-    let answers = pair.reading(|| pool.install(ask))?;
+    let answers =
+        pair.reading(|| pool.install(|| ask_all(&pair, &still, &path, &question, limits, &cancel)))?;
     if let Some(csv) = &mut csv {
         write_csv(&answers, csv)?;
     }

@@ -3,12 +3,12 @@
 use super::{Verdict, open, reading, stdout};
 use crate::folder::{OutputFolder, above};
 use crate::frame::Up;
+use crate::georeference::{self, Far, Georeference};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::mesh_file;
 use crate::number;
 use crate::output;
-use crate::place::{self, Far, Place};
 use crate::progress::{Meter, line};
 use crate::report::count;
 use crate::stop::Stop;
@@ -44,12 +44,12 @@ pub(crate) struct Args {
     /// Where on the earth the model's zero point is, or what --origin-at names: degrees of longitude and latitude, and metres above the ellipsoid. Then x
     /// points east and y north, or -z where y is up, and a unit has to be a metre
     #[arg(long, value_name = "LON,LAT,H", conflicts_with = "transform", allow_hyphen_values = true)]
-    origin: Option<Place>,
+    origin: Option<Georeference>,
     /// Which point of the model is at --origin
     #[arg(long, value_name = "WHERE", value_enum, default_value_t = At::Zero, requires = "origin")]
     origin_at: At,
     /// What takes the model's coordinates, z upward, to those of the world: 16 numbers, column by column
-    #[arg(long, value_name = "M", value_parser = place::transform, allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", value_parser = georeference::transform, allow_hyphen_values = true)]
     transform: Option<Transform>,
     /// Levels of the hierarchy in one file of the tileset
     #[arg(long, value_name = "N", default_value_t = Options::SPAN, hide = true, value_parser = number::count(1_u32..=32))]
@@ -165,7 +165,7 @@ struct Placed {
     warning: Option<String>,
 }
 
-fn frame(file: &Chpm<MappedFile>, place: Place, args: &Args) -> Placed {
+fn frame(file: &Chpm<MappedFile>, place: Georeference, args: &Args) -> Placed {
     let header = file.header();
     let Aabb { min, max } = header.aabb();
     // Turned upright, an axis may have its ends the other way round.

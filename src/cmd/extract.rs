@@ -120,10 +120,8 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
 
 /// Request of the arguments.
 fn request(file: &Chpm<MappedFile>, args: &Args) -> Result<Request> {
-    let view = |pixels| {
-        let camera = args.camera.unwrap_or_else(|| view::framing(file));
-        args.image.view(file, &camera, pixels)
-    };
+    let camera = args.camera.unwrap_or_else(|| view::framing(file));
+    let view = |pixels| args.image.view(file, &camera, pixels);
     let Wanted { triangles, error, level, poe } = args.wanted;
     Ok(match (triangles, error, poe) {
         (Some(triangles), ..) => {

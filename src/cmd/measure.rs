@@ -166,8 +166,9 @@ fn meshes_json(
     origin: [f64; 3],
     diagonal: f64,
 ) -> judged::MeasureMeshes {
-    let mesh =
-        |path: &Path, mesh: &TriMesh| judged::Mesh { path: named(path), triangles: mesh.triangles.len() };
+    fn mesh(path: &Path, mesh: &TriMesh) -> judged::Mesh {
+        judged::Mesh { path: named(path), triangles: mesh.triangles.len() }
+    }
     judged::MeasureMeshes {
         schema: "chpm-measure-meshes/1",
         first: mesh(&args.first, a),
@@ -258,13 +259,9 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
 type Row = (Which, LevelDeviation);
 
 fn to_json(found: &LevelDeviation, origin: [f64; 3]) -> judged::Measured {
-    let ratios = |s: Spread| judged::Ratios {
-        clusters: s.count,
-        min: s.min,
-        median: s.median,
-        p95: s.p95,
-        max: s.max,
-    };
+    fn ratios(Spread { count, min, median, p95, max }: Spread) -> judged::Ratios {
+        judged::Ratios { clusters: count, min, median, p95, max }
+    }
     judged::Measured {
         clusters: found.clusters,
         triangles: found.triangles,
@@ -286,6 +283,27 @@ fn to_json(found: &LevelDeviation, origin: [f64; 3]) -> judged::Measured {
     }
 }
 
+fn cells((which, found): &Row, diagonal: f64) -> Vec<String> {
+    let mut cells = vec![
+        which.to_string(),
+        count(found.clusters),
+        count(found.triangles),
+        Units(found.stored.into()).to_string(),
+        Units(found.distance.into()).to_string(),
+        Units(found.max()).to_string(),
+        percent(found.max(), diagonal),
+        Units(found.mean()).to_string(),
+        Units(found.rms()).to_string(),
+    ];
+    match found.ratio {
+        Some(s) => cells.extend([s.min, s.median, s.p95, s.max].map(|r| format!("{r:.2}"))),
+        None => cells.extend(["-"; 4].map(str::to_owned)),
+    }
+    let faults = [found.violating, found.violations.samples, found.vanished.samples];
+    cells.extend(faults.map(count));
+    cells
+}
+
 fn print_rows(
     args: &Args,
     rows: &[Row],
@@ -294,29 +312,6 @@ fn print_rows(
     violations: u64,
     out: &mut impl Write,
 ) -> Result<()> {
-    let cells = |(which, found): &Row| {
-        let mut cells = vec![
-            which.to_string(),
-            count(found.clusters),
-            count(found.triangles),
-            Units(found.stored.into()).to_string(),
-            Units(found.distance.into()).to_string(),
-            Units(found.max()).to_string(),
-            percent(found.max(), diagonal),
-            Units(found.mean()).to_string(),
-            Units(found.rms()).to_string(),
-        ];
-        match found.ratio {
-            Some(s) => cells.extend([s.min, s.median, s.p95, s.max].map(|r| format!("{r:.2}"))),
-            None => cells.extend(["-"; 4].map(str::to_owned)),
-        }
-        cells.extend([
-            count(found.violating),
-            count(found.violations.samples),
-            count(found.vanished.samples),
-        ]);
-        cells
-    };
     let header = [
         "",
         "clusters",
@@ -335,7 +330,7 @@ fn print_rows(
         "samples",
         "vanished",
     ];
-    writeln!(out, "{}\n", table(&header, rows.iter().map(cells)))?;
+    writeln!(out, "{}\n", table(&header, rows.iter().map(|row| cells(row, diagonal))))?;
     writeln!(
         out,
         "error and distance: as stored; max: as measured; least to most: stored distance by measured one, over clusters; \

@@ -39,7 +39,7 @@ use anyhow::{Context, Result, anyhow};
 use chpm_export::ExportError;
 use chpm_extmem::platform::STDIN;
 use chpm_extmem::{ExtmemError, MappedFile, WorkDir};
-use chpm_format::{Chpm, FormatError, Place};
+use chpm_format::{Chpm, FilePart, FormatError};
 use chpm_proximity::ProximityError;
 use chpm_refine::RefineError;
 use chpm_report::ReportError;
@@ -115,29 +115,34 @@ pub(crate) fn open(path: &Path) -> Result<Chpm<MappedFile>> {
 pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<T>) -> Result<T> {
     let result = work();
     file.get_ref().check_unchanged()?;
-    let is_of_file = |cause: &(dyn Error + 'static)| {
-        let own = |damage: &FormatError| is_found_in(file, damage);
-        cause.downcast_ref().is_some_and(own)
-            || matches!(cause.downcast_ref(), Some(RefineError::Format(damage)) if own(damage))
-            || matches!(cause.downcast_ref(), Some(ExportError::Format(damage)) if own(damage))
-            || matches!(cause.downcast_ref(), Some(ExportError::Orphan { .. }))
-            || matches!(cause.downcast_ref(), Some(ProximityError::Format(damage)) if own(damage))
-            || cause.downcast_ref().and_then(VerifyError::damage).is_some_and(own)
-            || cause.downcast_ref().and_then(ReportError::damage).is_some_and(own)
-    };
-    result.map_err(|error| match error.chain().any(is_of_file) && !error.is::<Unreadable>() {
-        true => error.context(Unreadable(file.get_ref().path().to_owned())),
-        false => error,
+    result.map_err(|error| {
+        let is_of_file = error.chain().any(|cause| is_about(file, cause));
+        match is_of_file && !error.is::<Unreadable>() {
+            true => error.context(Unreadable(file.get_ref().path().to_owned())),
+            false => error,
+        }
     })
+}
+
+/// Whether a cause is that this file is damaged.
+fn is_about(file: &Chpm<MappedFile>, cause: &(dyn Error + 'static)) -> bool {
+    let own = |damage: &FormatError| is_found_in(file, damage);
+    cause.downcast_ref().is_some_and(own)
+        || matches!(cause.downcast_ref(), Some(RefineError::Format(damage)) if own(damage))
+        || matches!(cause.downcast_ref(), Some(ExportError::Format(damage)) if own(damage))
+        || matches!(cause.downcast_ref(), Some(ExportError::Orphan { .. }))
+        || matches!(cause.downcast_ref(), Some(ProximityError::Format(damage)) if own(damage))
+        || cause.downcast_ref().and_then(VerifyError::damage).is_some_and(own)
+        || cause.downcast_ref().and_then(ReportError::damage).is_some_and(own)
 }
 
 /// Whether what is wrong is so in this file. A page knows nothing of its file: where two are read, it is of the one that has it damaged still.
 fn is_found_in(file: &Chpm<MappedFile>, damage: &FormatError) -> bool {
     match damage {
-        FormatError::Checksum { place: Place::Page(id), .. }
-        | FormatError::Value { place: Place::Page(id), .. }
-        | FormatError::Truncated { place: Place::Page(id), .. }
-        | FormatError::Version { place: Place::Page(id), .. } => {
+        FormatError::Checksum { place: FilePart::Page(id), .. }
+        | FormatError::Value { place: FilePart::Page(id), .. }
+        | FormatError::Truncated { place: FilePart::Page(id), .. }
+        | FormatError::Version { place: FilePart::Page(id), .. } => {
             id.index() < file.clusters().len() && file.page(*id).is_err()
         }
         _ => true,

@@ -83,8 +83,9 @@ fn make(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
         }
         Way::Random => CameraPath::random(&portrait.frame(), args.seed, frames),
     };
-    let absolute = |camera: &mut Camera| *camera = Camera { up, ..view::from_file(file, camera) };
-    path.cameras.iter_mut().for_each(absolute);
+    for camera in &mut path.cameras {
+        *camera = Camera { up, ..view::from_file(file, camera) };
+    }
     write!(text, "{path}")?;
     file.get_ref().check_unchanged()?;
     text.publish()?;

@@ -169,18 +169,20 @@ fn order(file: &Chpm<MappedFile>, order: Option<Order>) -> Vec<ClusterId> {
 
 /// Pages that are read together: roots, and the fine clusters of groups.
 fn runs(file: &Chpm<MappedFile>) -> Vec<Run> {
-    let run = |error: f32, clusters: Vec<u32>| {
-        let mut bounds = Aabb::EMPTY;
-        clusters.iter().for_each(|id| bounds.merge(&file.clusters()[*id as usize].aabb()));
-        Run { error, center: bounds.center().coords.map(|x| x as f32).into(), clusters }
-    };
-    let roots = file.roots().map(|root| run(f32::INFINITY, vec![root.0]));
+    let roots = file.roots().map(|root| run_of(file, f32::INFINITY, vec![root.0]));
     let groups = (0..file.groups().len() as u32).map(|group| file.fine(GroupId(group)));
     let splits = groups.filter(|fine| !fine.is_empty()).map(|fine| {
-        let own_group = |id: &u32| &file.groups()[file.clusters()[*id as usize].group().index()];
-        run(fine.iter().map(|id| own_group(id).max_error).fold(0.0, f32::max), fine.to_vec())
+        let own_groups = fine.iter().map(|id| file.clusters()[*id as usize].group());
+        let errors = own_groups.map(|group| file.groups()[group.index()].max_error);
+        run_of(file, errors.fold(0.0, f32::max), fine.to_vec())
     });
     roots.chain(splits).collect()
+}
+
+fn run_of(file: &Chpm<MappedFile>, error: f32, clusters: Vec<u32>) -> Run {
+    let mut bounds = Aabb::EMPTY;
+    clusters.iter().for_each(|id| bounds.merge(&file.clusters()[*id as usize].aabb()));
+    Run { error, center: bounds.center().coords.map(|x| x as f32).into(), clusters }
 }
 
 /// A page as it is to be stored, and the flag that says so. A page that packing does not make shorter stays as it is.

@@ -13,13 +13,13 @@ use crate::proximity::{PoseArgs, place};
 use crate::report::count;
 use crate::stop::{self, Stop};
 use crate::view::{self, Viewport};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use chpm_build::BuildConfig;
 use chpm_extmem::WorkDir;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted, Scalar, viridis};
 use chpm_refine::{Camera, Side};
-use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, TriangleId, Viewer, headless};
+use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, Viewer, headless};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -245,17 +245,12 @@ impl Ready {
 /// Legend of colours that show a scalar.
 fn legend(args: &Args, viewer: &Viewer) -> Result<Option<String>> {
     let Some(name) = &args.color_by else { return Ok(None) };
-    let known = || {
-        let names = viewer.files().flat_map(|file| file.scalars()).map(|scalar| in_line(&scalar.name));
-        names.collect::<Vec<_>>().join(", ")
+    let Some(Scalar { name, range, .. }) = viewer.scalar() else {
+        let (file, scalars) = (args.file.display(), viewer.files().flat_map(|file| file.scalars()));
+        let known: Vec<_> = scalars.map(|scalar| in_line(&scalar.name)).collect();
+        ensure!(!known.is_empty(), "--color-by: '{file}' has no scalars; build it with --keep {name}");
+        bail!("--color-by: '{file}' has no scalar '{name}'; it has {}", known.join(", "))
     };
-    let lacks = || match known() {
-        known if known.is_empty() => {
-            format!("--color-by: '{}' has no scalars; build it with --keep {name}", args.file.display())
-        }
-        known => format!("--color-by: '{}' has no scalar '{name}'; it has {known}", args.file.display()),
-    };
-    let Scalar { name, range, .. } = viewer.scalar().with_context(lacks)?;
     Ok(Some(format!("{}: {} to {}", in_line(name), range.low, range.high)))
 }
 
@@ -378,22 +373,24 @@ fn item_buffer<'a, D: AsRef<[u8]> + 'a>(
     files: impl Iterator<Item = &'a Arc<Chpm<D>>>,
 ) -> Image {
     // Triangles are numbered through, cluster after cluster, and file after file.
-    let mut before = 0_u64;
-    let mut first = |count: u32| {
-        before += u64::from(count);
-        before - u64::from(count)
-    };
-    let firsts: Vec<Vec<u64>> = files
-        .map(|file| file.clusters().iter().map(|cluster| first(cluster.triangle_count)).collect())
-        .collect();
+    let (mut before, mut firsts) = (0_u64, Vec::<Vec<u64>>::new());
+    for file in files {
+        let of_clusters = file.clusters().iter().map(|cluster| {
+            let first = before;
+            before += u64::from(cluster.triangle_count);
+            first
+        });
+        firsts.push(of_clusters.collect());
+    }
 
-    let pixel = |id: &Option<TriangleId>| {
-        let number =
-            |id: &TriangleId| firsts[id.model as usize][id.cluster.index()] + u64::from(id.triangle) + 1;
-        let [red, green, blue] = scattered(id.as_ref().map_or(0, number));
+    let pixels = ids.pixels.iter().flat_map(|id| {
+        let number = id
+            .as_ref()
+            .map_or(0, |id| firsts[id.model as usize][id.cluster.index()] + u64::from(id.triangle) + 1);
+        let [red, green, blue] = scattered(number);
         [red, green, blue, 255]
-    };
-    Image { size: ids.size, pixels: ids.pixels.iter().flat_map(pixel).collect() }
+    });
+    Image { size: ids.size, pixels: pixels.collect() }
 }
 
 /// One to one from numbers below 2^24, zero to black: an odd factor has an inverse.

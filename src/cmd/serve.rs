@@ -110,10 +110,9 @@ impl Served {
 
     /// A .chpm file in the folder, also if the way there has links, but not if it leads out of the folder.
     fn find(&self, path: &str) -> Option<PathBuf> {
-        let is_hidden = || path.split('/').any(|part| part.starts_with('.'));
         let may_be = match &self.only {
             Some(only) => only == path,
-            None => !is_hidden(),
+            None => !path.split('/').any(|part| part.starts_with('.')),
         };
         if !may_be || !path.ends_with(".chpm") {
             return None;
@@ -284,8 +283,10 @@ fn front(served: &Served) -> Response {
     if !served.list {
         return Redirect::temporary(PAGE).into_response();
     }
-    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-    let row = |name: &String| format!("<li><a href=\"{}\">{}</a></li>", page_of(name), escaped(name));
-    let rows: String = served.names().iter().map(row).collect();
+    let rows = served.names().into_iter().map(|name| {
+        let escaped = name.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+        format!("<li><a href=\"{}\">{escaped}</a></li>", page_of(&name))
+    });
+    let rows: String = rows.collect();
     Html(format!("<!doctype html><meta charset=\"utf-8\"><title>chpm</title><ul>{rows}</ul>")).into_response()
 }

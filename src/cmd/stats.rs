@@ -87,7 +87,7 @@ fn tell(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
 fn add_measured(stats: &mut Stats, path: &Path) -> Result<()> {
     let name = path.display();
     let text = json::read(path)?;
-    let told = || format!("'{name}' is {}", ReportError::Measured);
-    let document = serde_json::from_slice(&text).with_context(told)?;
+    let document =
+        serde_json::from_slice(&text).with_context(|| format!("'{name}' is {}", ReportError::Measured))?;
     stats.add_measured(&document).map_err(|error| anyhow!("'{name}' is {error}"))
 }

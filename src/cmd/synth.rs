@@ -180,8 +180,8 @@ fn write_case(
         stop::check(cancel)?;
         meter.add(batch.len() as u64);
         if is_double {
-            let moved = |p: &[f32; 3]| std::array::from_fn(|axis| f64::from(p[axis]) + case.offset[axis]);
-            ply.vertices_f64(&batch.iter().map(moved).collect::<Vec<_>>(), VertexSlices::default())?;
+            let moved = batch.iter().map(|p| [0, 1, 2].map(|axis| f64::from(p[axis]) + case.offset[axis]));
+            ply.vertices_f64(&moved.collect::<Vec<_>>(), VertexSlices::default())?;
         } else {
             ply.vertices(VertexSlices::new(batch))?;
         }

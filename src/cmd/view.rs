@@ -206,11 +206,12 @@ fn is_current(source: &Path, output: &Path, cancel: &Cancel) -> Option<bool> {
     output.symlink_metadata().ok()?;
     // What is no file would be waited for; the build refuses it.
     chpm_extmem::target(output, true).ok()?;
-    let built = || -> Result<bool> {
-        let from = open(output)?.metadata()?.source;
-        Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source, cancel)?, cancel)?)
-    };
-    Some(built().unwrap_or(false))
+    Some(is_built_from(source, output, cancel).unwrap_or(false))
+}
+
+fn is_built_from(source: &Path, output: &Path, cancel: &Cancel) -> Result<bool> {
+    let from = open(output)?.metadata()?.source;
+    Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source, cancel)?, cancel)?)
 }
 
 fn stale(source: &Path, output: &Path) -> String {
@@ -259,7 +260,7 @@ impl Builder {
         let lens = input::files(source, cancel)?.into_iter().map(|file| Ok(fs::metadata(file)?.len()));
         let len: u64 = lens.sum::<Result<u64>>()?;
         let mut told = 0;
-        let tell = |read: u64| {
+        let tell_read = |read: u64| {
             // A window need not hear of less than a hundredth.
             let hundredths = 100 * read / len.max(1);
             if hundredths > told {
@@ -267,7 +268,7 @@ impl Builder {
                 tell(hundredths.min(100) as f32 / 100.0);
             }
         };
-        each_corners(source, &store, cancel, tell, |corners| sketch.push(corners))?;
+        each_corners(source, &store, cancel, tell_read, |corners| sketch.push(corners))?;
         let mesh = sketch.finish().context("nothing to show")?;
         let (ply, output) = (folder.path().join("preview.ply"), folder.path().join("preview.chpm"));
         write_mesh(BufWriter::new(File::create(&ply)?), &mesh, Encoding::BinaryLittleEndian)?;

@@ -254,10 +254,13 @@ impl<'a> Walk<'a> {
         self.deliver(requests)?;
         let checked = watch.lap();
         let changes = if self.pager.has_roots() {
-            let ready = |group| self.pager.is_ready(group);
-            let bound = |group| self.hierarchy.bound(group, view);
-            let page = |id, _| Ok(page_at_hand(self.file, &self.pages, id)?);
-            self.list.update_with(self.file, &self.hierarchy, bound, ready, page)?
+            self.list.update_with(
+                self.file,
+                &self.hierarchy,
+                |group| self.hierarchy.bound(group, view),
+                |group| self.pager.is_ready(group),
+                |id, _| Ok(page_at_hand(self.file, &self.pages, id)?),
+            )?
         } else {
             Changes::default()
         };
@@ -408,16 +411,11 @@ fn print(frames: &[Frame], out: &mut impl Write) -> Result<()> {
 }
 
 fn summary(frames: &[Frame], args: &Args) -> seen::Walk {
-    let spread = |value: &fn(&Frame) -> f64| {
+    let columns = COLUMNS.iter().map(|(name, value)| {
         let [median, p95, most] = [0.5, 0.95, 1.0].map(|q| quantile(frames, q, *value));
-        seen::Spread { median, p95, most, total: frames.iter().map(value).sum() }
-    };
-    seen::Walk {
-        schema: "chpm-walk/1",
-        frames: frames.len(),
-        poe: args.poe,
-        summary: COLUMNS.iter().map(|(name, value)| (*name, spread(value))).collect(),
-    }
+        (*name, seen::Spread { median, p95, most, total: frames.iter().map(value).sum() })
+    });
+    seen::Walk { schema: "chpm-walk/1", frames: frames.len(), poe: args.poe, summary: columns.collect() }
 }
 
 #[cfg(test)]

@@ -73,13 +73,12 @@ impl Summary {
     /// Without a range, it goes to the 99th percentile: from 0, or where distances are signed as far to the other side.
     pub(crate) fn new(values: &[f64], signed: bool, range: Option<[f64; 2]>) -> Self {
         let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).collect();
-        let mut percentile = |percent: f64| {
+        let percentiles = PERCENTS.map(|percent| {
             // In whole numbers, so that 99.9 % of a thousand are not one more.
             let rank = ((10.0 * percent).round() as usize * sizes.len()).div_ceil(1000);
             let at = rank.clamp(1, sizes.len().max(1)) - 1;
             if at < sizes.len() { *sizes.select_nth_unstable_by(at, f64::total_cmp).1 } else { 0.0 }
-        };
-        let percentiles = PERCENTS.map(&mut percentile);
+        });
         let range = range.unwrap_or(match percentiles[3] {
             most if signed => [-most, most],
             most => [0.0, most],

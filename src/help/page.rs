@@ -81,8 +81,8 @@ fn reference(command: &Command) -> String {
                 verb.get_long_about().or(verb.get_about()).map(ToString::to_string).unwrap_or_default();
             let _ = write!(page, "\n### chpm {}\n\n{}.\n\n", verb.get_name(), about.trim_end_matches('.'));
             page += "| | |\n|---|---|\n";
-            let shown = |arg: &&Arg| !arg.is_hide_set() && arg.get_id() != "help";
-            verb.get_arguments().filter(shown).for_each(|arg| page += &row(arg));
+            let shown = verb.get_arguments().filter(|arg| !arg.is_hide_set() && arg.get_id() != "help");
+            shown.for_each(|arg| page += &row(arg));
             let examples = verb.get_after_long_help().map(ToString::to_string).unwrap_or_default();
             let examples = examples.trim_start_matches("Examples:\n").replace("\n  ", "\n");
             let _ = write!(page, "\n```sh\n{}\n```\n", examples.trim());

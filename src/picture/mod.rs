@@ -12,7 +12,9 @@ use crate::output::Output;
 use anyhow::Result;
 use chpm_mesh::Bytes;
 use chpm_refine::{Camera, Side, Up};
-use chpm_viewer::{AdapterChoice, Budgets, Clip, Coloring, Gpu, Image, Look, Place, Shading, Stats, Viewer};
+use chpm_viewer::{
+    AdapterChoice, Budgets, Clip, Coloring, Gpu, Image, Look, Shading, Stats, Transform, Viewer,
+};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -34,11 +36,11 @@ pub(crate) struct DeviceArgs {
 impl DeviceArgs {
     /// Opens a file to draw it; `memory` is for pages and what is made of them.
     pub(crate) fn open(&self, file: &Path, memory: Bytes) -> Result<Viewer> {
-        self.open_all(&[(file, Place::STILL)], memory)
+        self.open_all(&[(file, Transform::STILL)], memory)
     }
 
     /// Opens files to draw them in one picture, each put somewhere.
-    pub(crate) fn open_all(&self, files: &[(&Path, Place)], memory: Bytes) -> Result<Viewer> {
+    pub(crate) fn open_all(&self, files: &[(&Path, Transform)], memory: Bytes) -> Result<Viewer> {
         self.open_on(self.gpu()?, files, memory)
     }
 
@@ -48,7 +50,12 @@ impl DeviceArgs {
     }
 
     /// Like [`Self::open_all`], where what draws was found before.
-    pub(crate) fn open_on(&self, gpu: Arc<Gpu>, files: &[(&Path, Place)], memory: Bytes) -> Result<Viewer> {
+    pub(crate) fn open_on(
+        &self,
+        gpu: Arc<Gpu>,
+        files: &[(&Path, Transform)],
+        memory: Bytes,
+    ) -> Result<Viewer> {
         self.open_colored(gpu, files, memory, None)
     }
 
@@ -56,7 +63,7 @@ impl DeviceArgs {
     pub(crate) fn open_colored(
         &self,
         gpu: Arc<Gpu>,
-        files: &[(&Path, Place)],
+        files: &[(&Path, Transform)],
         memory: Bytes,
         color_by: Option<&str>,
     ) -> Result<Viewer> {

@@ -29,11 +29,11 @@ impl Sketch {
             return;
         }
         let origin = *self.origin.get_or_insert(corners[0]);
-        let extent = |axis: usize| {
+        let extents = [0, 1, 2].map(|axis| {
             let all = corners.map(|corner| corner[axis]);
             all.into_iter().fold(f64::MIN, f64::max) - all.into_iter().fold(f64::MAX, f64::min)
-        };
-        let longest = [0, 1, 2].map(extent).into_iter().fold(0.0, f64::max);
+        });
+        let longest = extents.into_iter().fold(0.0, f64::max);
         if self.width == 0.0 {
             self.width = longest;
         }

@@ -235,8 +235,8 @@ fn draw(
         let start = Instant::now();
         let drawn = headless::image(viewer, &request(*camera));
         let time = start.elapsed();
-        let told = || format!("frame {index} of '{}'", walk.path_file.display());
-        let (image, stats) = drawn.with_context(told)?;
+        let (image, stats) =
+            drawn.with_context(|| format!("frame {index} of '{}'", walk.path_file.display()))?;
         frames.push(Frame { stats, time });
         if let Some(folder) = args.images.as_deref().filter(|_| culling) {
             write_image(&image, folder, index, walk.force)?;
@@ -307,17 +307,17 @@ fn print(runs: &[Run], adapter: &str, out: &mut impl Write) -> Result<()> {
 }
 
 fn as_json(runs: &[Run], walk: &Walk<'_>, adapter: &str) -> seen::WalkRender {
-    let run = |run: &Run| {
+    let runs = runs.iter().map(|run| {
         let means = COLUMNS.iter().map(|(name, value)| ((*name).to_owned(), run.mean(*value).into()));
         seen::Run { culling: run.culling, fps: run.rate(), mean: means.collect() }
-    };
+    });
     seen::WalkRender {
         schema: "chpm-walk-render/1",
         frames: walk.path.cameras.len(),
         viewport: walk.viewport,
         poe: walk.poe,
         adapter: adapter.to_owned(),
-        runs: runs.iter().map(run).collect(),
+        runs: runs.collect(),
     }
 }
 

@@ -158,14 +158,14 @@ pub(crate) fn ask_all(
     let runs = path.par_chunks(RUN).map(|run| {
         let [a, b] = pair.open(threads)?;
         let mut front = Front::new();
-        let ask = |pose: &Pose| {
+        let answers = run.iter().map(|pose| {
             let limits = limits.start(cancel);
             let go_on = &mut |read| limits.go_on(read);
             let answer = follow(&mut front, &a, &b, [still, pose], &question, go_on)?;
             stop::check(cancel)?;
             Ok(answer)
-        };
-        run.iter().map(ask).collect::<Result<Vec<Answer>>>()
+        });
+        answers.collect::<Result<Vec<Answer>>>()
     });
     Ok(runs.collect::<Result<Vec<_>>>()?.concat())
 }

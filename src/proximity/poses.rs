@@ -13,13 +13,7 @@ pub(crate) fn typed(text: &str) -> Result<Pose, String> {
         .filter(|word| !word.is_empty())
         .map(|word| word.parse().ok())
         .collect();
-    let wrong = || {
-        format!(
-            "'{text}' is no pose: write X,Y,Z; X,Y,Z,QX,QY,QZ,QW; or the 12 or 16 numbers of a matrix, row by row"
-        )
-    };
-    let numbers = numbers.ok_or_else(wrong)?;
-    let pose = match *numbers.as_slice() {
+    let pose = match *numbers.unwrap_or_default().as_slice() {
         [x, y, z] => Pose::of_quaternion([0.0, 0.0, 0.0, 1.0], [x, y, z]),
         [x, y, z, a, b, c, d] => Pose::of_quaternion([a, b, c, d], [x, y, z]),
         [a, b, c, x, d, e, f, y, g, h, i, z, ref last @ ..]
@@ -27,7 +21,11 @@ pub(crate) fn typed(text: &str) -> Result<Pose, String> {
         {
             Pose::of_matrix([[a, b, c], [d, e, f], [g, h, i]], [x, y, z])
         }
-        _ => return Err(wrong()),
+        _ => {
+            return Err(format!(
+                "'{text}' is no pose: write X,Y,Z; X,Y,Z,QX,QY,QZ,QW; or the 12 or 16 numbers of a matrix, row by row"
+            ));
+        }
     };
     pose.map_err(|error| error.to_string())
 }

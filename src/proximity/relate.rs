@@ -10,7 +10,7 @@ use chpm_extmem::MappedFile;
 use chpm_mesh::asked::Length;
 use chpm_proximity::contacts::Near;
 use chpm_proximity::{Answer, End, Front, Model, Pose, Question, contacts, follow};
-use chpm_viewer::Place;
+use chpm_viewer::Transform;
 use chpm_viewer::window::relation::{Desk, Region, Regions, Relate, Relation, Second};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::path::{Path, PathBuf};
@@ -64,8 +64,8 @@ impl RelateArgs {
 }
 
 /// Where a picture has a model.
-pub(crate) fn place(pose: &Pose) -> Place {
-    Place::new(pose.rows(), pose.translation())
+pub(crate) fn place(pose: &Pose) -> Transform {
+    Transform::new(pose.rows(), pose.translation())
 }
 
 /// Answers about two files.

@@ -1,6 +1,7 @@
 //! The house rules: which crate may use which, where unsafe code may be, how long a file gets.
 
 use super::harness::{root, skipped, text};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -210,7 +211,7 @@ fn used_modules(text: &str) -> impl Iterator<Item = &str> {
 fn modules_of_the_build_use_only_those_before_them() {
     let source = root().join("crates/chpm-build/src");
     let layer = |name: &str| LAYERS.iter().position(|layer| *layer == name);
-    let mut seen = std::collections::BTreeSet::new();
+    let mut seen = BTreeSet::new();
     let mut files = Vec::new();
     sources(&source, &mut files);
     for path in files.iter().filter(|path| **path != source.join("lib.rs")) {
@@ -225,6 +226,73 @@ fn modules_of_the_build_use_only_those_before_them() {
         }
     }
     assert_eq!(seen.len(), LAYERS.len(), "{seen:?}");
+}
+
+/// Names that a source takes from its crate's root, its tests apart: of modules, and what the root re-exports.
+fn used_names(text: &str) -> Vec<String> {
+    let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+    let code: String =
+        text.lines().flat_map(|line| [line.split("//").next().unwrap_or_default(), " "]).collect();
+    let mut names = Vec::new();
+    for rest in code.split("crate::").skip(1) {
+        let Some(list) = rest.strip_prefix('{') else {
+            names.extend(rest.split(|c: char| c != '_' && !c.is_alphanumeric()).next().map(str::to_owned));
+            continue;
+        };
+        // Of a list only what stands before the inner lists, and before the end.
+        let mut depth = 1;
+        let outer: String = list
+            .chars()
+            .take_while(|c| {
+                depth += i32::from(*c == '{') - i32::from(*c == '}');
+                depth > 0
+            })
+            .collect();
+        let mut depth = 0;
+        for item in outer.split_inclusive([',', '{', '}']) {
+            if depth == 0 {
+                names.push(item.trim().split([':', ',', ' ']).next().unwrap_or_default().to_owned());
+            }
+            depth += i32::from(item.ends_with('{')) - i32::from(item.ends_with('}'));
+        }
+    }
+    names
+}
+
+#[test]
+fn modules_of_the_format_have_no_circle() {
+    let source = root().join("crates/chpm-format/src");
+    let library = fs::read_to_string(source.join("lib.rs")).expect("the library");
+    let mut home = BTreeMap::new();
+    for line in library.lines().filter_map(|line| line.strip_prefix("pub use ")) {
+        let (module, names) = line.trim_end_matches(';').split_once("::").expect("a name of a module");
+        let names = names.trim_matches(['{', '}']).split(',');
+        home.extend(names.map(|name| (name.trim().to_owned(), module.to_owned())));
+    }
+
+    let (mut files, mut uses) = (Vec::new(), BTreeMap::<String, BTreeSet<String>>::new());
+    sources(&source, &mut files);
+    for path in files.iter().filter(|path| **path != source.join("lib.rs")) {
+        let inside = path.strip_prefix(&source).expect("a file below it").with_extension("");
+        let name = inside.iter().next().expect("a name").to_string_lossy().into_owned();
+        let text = fs::read_to_string(path).expect("a source");
+        let used = used_names(&text).into_iter().map(|name| home.get(&name).cloned().unwrap_or(name));
+        uses.entry(name).or_default().extend(used);
+    }
+    let known: BTreeSet<String> = uses.keys().cloned().collect();
+    for (name, used) in &mut uses {
+        used.retain(|used| used != name && known.contains(used));
+    }
+    assert!(uses["packed"].contains("page") && uses["records"].contains("header"), "{uses:?}");
+
+    // Whoever uses nothing that is left goes; of a circle nobody does.
+    while !uses.is_empty() {
+        let free: Vec<String> =
+            uses.iter().filter(|(_, used)| used.is_empty()).map(|(name, _)| name.clone()).collect();
+        assert!(!free.is_empty(), "a circle among {uses:?}");
+        uses.retain(|name, _| !free.contains(name));
+        uses.values_mut().for_each(|used| used.retain(|used| !free.contains(used)));
+    }
 }
 
 #[test]

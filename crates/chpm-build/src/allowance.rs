@@ -55,14 +55,15 @@ pub(crate) fn enough(
     work: u64,
     arrays: u64,
 ) -> u64 {
-    let fits = |memory: &u64| {
+    let first = resources.memory.0.max(MIN_MEMORY).next_multiple_of(1 << 20);
+    let mut sizes = (first..).step_by(1 << 20).skip(1);
+    let enough = sizes.find(|memory| {
         let resources = Resources { memory: Bytes(*memory), ..resources.clone() };
         let (_, budget) = divide(&resources, available, source_len);
         let kept = if arrays > 0 { budget.limit() } else { 0 };
         budget.available_for_work() - kept >= work
-    };
-    let first = resources.memory.0.max(MIN_MEMORY).next_multiple_of(1 << 20);
-    (first..).step_by(1 << 20).skip(1).find(fits).unwrap_or(u64::MAX)
+    });
+    enough.unwrap_or(u64::MAX)
 }
 
 /// Bytes of the tables of a tree.

@@ -33,15 +33,14 @@ impl Fingerprint {
         }
         let found = input::files(&source.path, cancel)?;
         let list = &source.path;
-        let fingerprint = |(at, path)| match (at, File::of(path)) {
+        let files = found.into_iter().enumerate().map(|(at, path)| match (at, File::of(path)) {
             // Behind a list come its scans.
             (1.., Err(error)) => {
                 Err(SourceError::Scan { list: list.clone(), index: at - 1, error: Box::new(error) })
             }
-            (_, fingerprint) => fingerprint,
-        };
-        let files = found.into_iter().enumerate().map(fingerprint).collect::<Result<_, _>>()?;
-        Ok(Fingerprint::new(files))
+            (_, file) => file,
+        });
+        Ok(Fingerprint::new(files.collect::<Result<_, _>>()?))
     }
 
     fn new(files: Vec<File>) -> Fingerprint {

@@ -7,7 +7,7 @@
 
 use crate::context::Context;
 use crate::error::BuildError;
-use chpm_extmem::{Buckets, Column, ExtmemError, Part};
+use chpm_extmem::{Buckets, Column, ExtmemError};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -30,7 +30,8 @@ pub(crate) fn run(
 ) -> Result<(), BuildError> {
     let len = triangles.len();
     let phase = context.trace.phase();
-    let look_up = |scratch: &mut Scratch, part: Part<'_, [u32; 3]>| {
+    let parts = triangles.parts_mut(STEP).into_par_iter();
+    let left = parts.map_init(Scratch::default, |scratch, part| {
         let _traced = phase.task("renumber");
         context.check()?;
         let start = part.start();
@@ -44,9 +45,8 @@ pub(crate) fn run(
             Err(Left::Apart) => Ok(Some(start..len.min(start + STEP))),
             Err(Left::Failed(error)) => Err(BuildError::from(error)),
         }
-    };
-    let parts = triangles.parts_mut(STEP).into_par_iter();
-    let left = parts.map_init(Scratch::default, look_up).collect::<Result<Vec<_>, BuildError>>()?;
+    });
+    let left = left.collect::<Result<Vec<_>, BuildError>>()?;
     let left: Vec<Range<usize>> = left.into_iter().flatten().collect();
     left.chunks(SEGMENT).try_for_each(|steps| join(triangles, steps, mapping, context))
 }

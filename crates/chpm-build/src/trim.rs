@@ -249,12 +249,12 @@ impl Leaves {
 
     fn finish(self, leaves: Vec<bool>) -> Trimmed {
         let mut shared_count = 0;
-        let mut number = |listed: &bool| {
+        let new_ids = self.listed.iter().map(|listed| {
             shared_count += u32::from(*listed);
             // Of no meaning where no leaf lists the id: then nothing above does.
             shared_count.saturating_sub(1)
-        };
-        let new_ids = self.listed.iter().map(&mut number).collect();
+        });
+        let new_ids = new_ids.collect();
         Trimmed { vertex_count: self.own_vertices + u64::from(shared_count), shared_count, new_ids, leaves }
     }
 }

@@ -25,15 +25,14 @@ pub(crate) struct Stride {
 
 impl Stride {
     pub(crate) fn of(attributes: Attributes, scalars: usize) -> Self {
-        let mut bytes = 12;
-        let mut take = |is_there: bool, len: usize| {
-            is_there.then(|| {
-                bytes += len;
-                bytes - len
-            })
-        };
-        let (normal, color) = (take(attributes.normals, 12), take(attributes.colors, 8));
-        Stride { bytes: bytes + 4 * scalars, normal, color, scalars: bytes }
+        let behind_normal = 12 + if attributes.normals { 12 } else { 0 };
+        let behind_color = behind_normal + if attributes.colors { 8 } else { 0 };
+        Stride {
+            bytes: behind_color + 4 * scalars,
+            normal: attributes.normals.then_some(12),
+            color: attributes.colors.then_some(behind_normal),
+            scalars: behind_color,
+        }
     }
 }
 

@@ -27,10 +27,10 @@ struct State {
 
 /// Some bytes of a spool.
 #[derive(Debug)]
-pub(crate) struct Segment(RwLock<Place>);
+pub(crate) struct Segment(RwLock<Storage>);
 
 #[derive(Debug)]
-enum Place {
+enum Storage {
     Memory { bytes: Vec<u8>, _reservation: Reservation },
     Disk(Arc<DataFile>),
 }
@@ -83,7 +83,7 @@ impl Segments {
         let (file, count) = (Arc::new(file), len.div_ceil(self.segment_len as u64));
         file.set_len(count * self.segment_len as u64)?;
         let mut state = self.write();
-        let segment = |_| Arc::new(Segment(RwLock::new(Place::Disk(Arc::clone(&file)))));
+        let segment = |_| Arc::new(Segment(RwLock::new(Storage::Disk(Arc::clone(&file)))));
         state.list.extend((0..count).map(segment));
         state.file = Some(file);
         Ok(())
@@ -94,7 +94,7 @@ impl Segments {
         state: &mut State,
         store: &Store,
         what: &'static str,
-    ) -> Result<Place, ExtmemError> {
+    ) -> Result<Storage, ExtmemError> {
         if !state.is_full {
             let reservation = store.budget.try_reserve(what, self.segment_len as u64);
             if let Some(_reservation) = reservation
@@ -103,14 +103,14 @@ impl Segments {
                 if state.list.is_empty() {
                     store.budget.register(Arc::downgrade(self) as _);
                 }
-                return Ok(Place::Memory { bytes, _reservation });
+                return Ok(Storage::Memory { bytes, _reservation });
             }
             state.is_full = true;
         }
         let file = self.file_of(state)?;
         // The whole segment exists from now on, as zeros (and as a hole, where the file system knows holes).
         file.set_len((state.list.len() as u64 + 1) * self.segment_len as u64)?;
-        Ok(Place::Disk(file))
+        Ok(Storage::Disk(file))
     }
 
     fn file_of(&self, state: &mut State) -> Result<Arc<DataFile>, ExtmemError> {
@@ -137,10 +137,10 @@ impl Movable for Segments {
         let offsets = (0..).step_by(self.segment_len);
         for (segment, offset) in state.list.clone().iter().zip(offsets) {
             let mut place = segment.0.write().unwrap_or_else(PoisonError::into_inner);
-            if let Place::Memory { bytes, .. } = &*place {
+            if let Storage::Memory { bytes, .. } = &*place {
                 let file = self.file_of(&mut state)?;
                 file.write_all_at(bytes, offset)?;
-                *place = Place::Disk(file);
+                *place = Storage::Disk(file);
             }
         }
         Ok(())
@@ -150,7 +150,7 @@ impl Movable for Segments {
 impl Segment {
     /// Fills `out` with `range` of the segment, which lies at `offset` of the file; answers whether it was there.
     pub(crate) fn read(&self, range: Range<usize>, offset: u64, out: &mut [u8]) -> Result<bool, ExtmemError> {
-        if let Place::Memory { bytes, .. } = &*self.place() {
+        if let Storage::Memory { bytes, .. } = &*self.place() {
             out.copy_from_slice(&bytes[range]);
             return Ok(false);
         }
@@ -161,8 +161,8 @@ impl Segment {
     /// The file that it is in, if it is on disk.
     fn file(&self) -> Option<Arc<DataFile>> {
         match &*self.place() {
-            Place::Memory { .. } => None,
-            Place::Disk(file) => Some(Arc::clone(file)),
+            Storage::Memory { .. } => None,
+            Storage::Disk(file) => Some(Arc::clone(file)),
         }
     }
 
@@ -173,15 +173,15 @@ impl Segment {
             return file.write_all_at(from, offset);
         }
         match &mut *self.0.write().unwrap_or_else(PoisonError::into_inner) {
-            Place::Memory { bytes, .. } => {
+            Storage::Memory { bytes, .. } => {
                 bytes[range].copy_from_slice(from);
                 Ok(())
             }
-            Place::Disk(file) => file.write_all_at(from, offset),
+            Storage::Disk(file) => file.write_all_at(from, offset),
         }
     }
 
-    fn place(&self) -> RwLockReadGuard<'_, Place> {
+    fn place(&self) -> RwLockReadGuard<'_, Storage> {
         self.0.read().unwrap_or_else(PoisonError::into_inner)
     }
 }

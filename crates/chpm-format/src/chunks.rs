@@ -1,9 +1,9 @@
 //! The checksums of the tables' chunks: what lets a reader that is far away begin before it has the tables.
 
 use crate::checksum;
-use crate::error::{FormatError, Place, require, require_eq};
+use crate::error::{FilePart, FormatError, require, require_eq};
 use crate::records::{ClusterRecord, GroupRecord};
-use crate::section::SectionKind;
+use crate::section_kind::SectionKind;
 use chpm_mesh::GroupId;
 use std::cmp::Reverse;
 
@@ -47,7 +47,7 @@ pub(crate) fn encode(tables: [&[u8]; 3]) -> Vec<u64> {
 
 /// Decodes a section for tables of these lengths: how long a chunk is, and the checksums of each table's.
 pub(crate) fn decode(section: &[u8], tables: [u64; 3]) -> Result<(u64, [Vec<u64>; 3]), FormatError> {
-    let place = Place::Section(SectionKind::Chunks);
+    let place = FilePart::Section(SectionKind::Chunks);
     let mut words = section.chunks_exact(WORD).map(bytemuck::pod_read_unaligned::<u64>);
     let chunk_len = words.next().unwrap_or(0);
     let legal = chunk_len.is_power_of_two() && LENGTHS.contains(&chunk_len);
@@ -63,8 +63,8 @@ pub(crate) fn check_order(
     groups: &[GroupRecord],
     members: &[u32],
 ) -> Result<(), FormatError> {
-    fn place(kind: SectionKind) -> Place {
-        Place::Section(kind)
+    fn place(kind: SectionKind) -> FilePart {
+        FilePart::Section(kind)
     }
     let roots_first = clusters.is_sorted_by_key(|cluster| Reverse(cluster.is_root()));
     require(roots_first, place(SectionKind::Clusters), "order", "the roots first", "others before them")?;

@@ -1,13 +1,13 @@
 //! Errors of a file, or of the input of one.
 
-use crate::SectionKind;
+use crate::section_kind::SectionKind;
 use chpm_mesh::{ClusterId, GroupId};
 use std::fmt::{self, Display};
 
 /// The part of a file that a message is about.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
-pub enum Place {
+pub enum FilePart {
     /// The bytes as a whole.
     File,
     /// The 256 bytes at the start.
@@ -26,18 +26,18 @@ pub enum Place {
     Page(ClusterId),
 }
 
-impl Display for Place {
+impl Display for FilePart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::File => f.write_str("file"),
-            Place::Header => f.write_str("header"),
-            Place::SectionTable => f.write_str("section table"),
-            Place::Section(kind) => write!(f, "section {kind}"),
-            Place::Cluster(id) => write!(f, "{id}"),
-            Place::Group(id) => write!(f, "{id}"),
-            Place::Level(level) => write!(f, "level {level}"),
-            Place::Page(id) if id.is_some() => write!(f, "page of {id}"),
-            Place::Page(_) => f.write_str("page"),
+            FilePart::File => f.write_str("file"),
+            FilePart::Header => f.write_str("header"),
+            FilePart::SectionTable => f.write_str("section table"),
+            FilePart::Section(kind) => write!(f, "section {kind}"),
+            FilePart::Cluster(id) => write!(f, "{id}"),
+            FilePart::Group(id) => write!(f, "{id}"),
+            FilePart::Level(level) => write!(f, "level {level}"),
+            FilePart::Page(id) if id.is_some() => write!(f, "page of {id}"),
+            FilePart::Page(_) => f.write_str("page"),
         }
     }
 }
@@ -58,7 +58,7 @@ pub enum FormatError {
     )]
     Version {
         /// Header or page.
-        place: Place,
+        place: FilePart,
         /// Version that this reader reads.
         expected: &'static str,
         /// Version of the file.
@@ -68,7 +68,7 @@ pub enum FormatError {
     #[error("{place}: unknown required feature {got:#x}; use a newer chpm")]
     Feature {
         /// Header (a flag) or section table (a section kind).
-        place: Place,
+        place: FilePart,
         /// The flag bits or the section kind.
         got: u32,
     },
@@ -78,7 +78,7 @@ pub enum FormatError {
     )]
     Truncated {
         /// Part of the file.
-        place: Place,
+        place: FilePart,
         /// Bytes needed.
         expected: u64,
         /// Bytes there.
@@ -90,7 +90,7 @@ pub enum FormatError {
     )]
     Alignment {
         /// File or page.
-        place: Place,
+        place: FilePart,
         /// The alignment, bytes.
         expected: usize,
     },
@@ -100,7 +100,7 @@ pub enum FormatError {
     )]
     Checksum {
         /// Part of the file.
-        place: Place,
+        place: FilePart,
         /// Checksum in the file.
         expected: u64,
         /// Checksum of the bytes.
@@ -110,7 +110,7 @@ pub enum FormatError {
     #[error("{place}: {field}: expected {expected}, got {got}")]
     Value {
         /// Where.
-        place: Place,
+        place: FilePart,
         /// The field or rule.
         field: &'static str,
         /// Values that the format allows here.
@@ -152,8 +152,8 @@ impl FormatError {
             | FormatError::Checksum { place, .. }
             | FormatError::Feature { place, .. }
             | FormatError::Value { place, .. } => {
-                if *place == Place::Page(ClusterId::NONE) {
-                    *place = Place::Page(id);
+                if *place == FilePart::Page(ClusterId::NONE) {
+                    *place = FilePart::Page(id);
                 }
             }
             FormatError::Magic { .. }
@@ -168,7 +168,7 @@ impl FormatError {
 /// `Ok` if `ok`; the texts are made only where it is not.
 pub(crate) fn require(
     ok: bool,
-    place: Place,
+    place: FilePart,
     field: &'static str,
     expected: impl Display,
     got: impl Display,
@@ -178,7 +178,7 @@ pub(crate) fn require(
 
 /// A value that is not allowed.
 pub(crate) fn invalid(
-    place: Place,
+    place: FilePart,
     field: &'static str,
     expected: impl Display,
     got: impl Display,
@@ -188,7 +188,7 @@ pub(crate) fn invalid(
 
 /// `Ok` if the two are equal.
 pub(crate) fn require_eq<T: PartialEq + Display>(
-    place: Place,
+    place: FilePart,
     field: &'static str,
     expected: T,
     got: T,

@@ -1,8 +1,6 @@
 //! The 256 bytes at the start of a file.
 
-use crate::error::{FormatError, Place, require, require_eq};
-use crate::section::SectionEntry;
-use crate::tables::HeaderFields;
+use crate::error::{FilePart, FormatError, require, require_eq};
 use crate::{PACKED_ALIGN, PAGE_ALIGN, checksum};
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::{Aabb, Attributes};
@@ -156,21 +154,6 @@ const SCALAR_BITS: std::ops::Range<u32> = 8..16;
 /// Allowed attribute bits, for a message.
 pub(crate) const ATTRIBUTE_BITS: &str = "bits 0 to 2 and 8 to 15, and not both of bits 0 and 2";
 
-/// Required flags of a file that has this, and the first minor version that has it.
-pub(crate) fn needs(fields: &HeaderFields) -> (u32, u16) {
-    let Attributes { octahedral, scalar_words, .. } = fields.attributes;
-    let flag = |is_needed: bool, flag: u32| if is_needed { flag } else { 0 };
-    let flags = flag(fields.packed, PACKED_PAGES)
-        | flag(octahedral, OCTAHEDRAL_NORMALS)
-        | flag(scalar_words > 0, NAMED_SCALARS);
-    match () {
-        () if scalar_words > 0 => (flags, 4),
-        () if octahedral || fields.chunked => (flags, 3),
-        () if fields.packed => (flags, 2),
-        () => (flags, 1),
-    }
-}
-
 /// Alignment of pages.
 pub(crate) fn page_align(packed: bool) -> u64 {
     if packed { PACKED_ALIGN } else { PAGE_ALIGN }
@@ -204,11 +187,6 @@ impl Header {
         self.required_flags & PACKED_PAGES != 0
     }
 
-    /// Where the section table ends.
-    pub(crate) fn section_table_end(&self) -> usize {
-        HEADER_LEN + self.section_count as usize * mem::size_of::<SectionEntry>()
-    }
-
     /// The box around everything, relative to the origin.
     pub fn aabb(&self) -> Aabb {
         Aabb { min: self.aabb_min, max: self.aabb_max }
@@ -228,7 +206,7 @@ impl Header {
             return Err(FormatError::Magic { got: magic });
         }
         let head = bytes.get(..HEADER_LEN).ok_or(FormatError::Truncated {
-            place: Place::Header,
+            place: FilePart::Header,
             expected: HEADER_LEN as u64,
             got,
         })?;
@@ -238,7 +216,7 @@ impl Header {
     }
 
     fn check(&self, got: u64) -> Result<(), FormatError> {
-        let place = Place::Header;
+        let place = FilePart::Header;
         if self.version_major != VERSION_MAJOR {
             let version = format!("{}.{}", self.version_major, self.version_minor);
             return Err(FormatError::Version { place, expected: "1.x", got: version });
@@ -258,7 +236,7 @@ impl Header {
         require_eq(place, "section_table_offset", HEADER_LEN as u32, self.section_table_offset)?;
         require_eq(place, "page_align", page_align(self.is_packed()), self.page_align.into())?;
         if self.file_len > got {
-            return Err(FormatError::Truncated { place: Place::File, expected: self.file_len, got });
+            return Err(FormatError::Truncated { place: FilePart::File, expected: self.file_len, got });
         }
         require_eq(place, "file_len", got, self.file_len)?;
 

@@ -1,13 +1,25 @@
 //! A cluster's page, read in place.
 
 use crate::MAX_CLUSTER_VERTICES;
-use crate::error::{FormatError, Place, invalid, require, require_eq};
+use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::error_code::{self, MAX_CODE};
 use crate::header::{ATTRIBUTE_BITS, attributes_of};
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::{Attributes, ClusterId, Octahedral, ProgressiveMesh, VertexSlices};
 use std::mem;
 use std::ops::Deref;
+
+/// Names of a page's parts, whether it is packed ([`crate::packed::sizes`]) or not ([`Page::sizes`]).
+pub const PARTS: [&str; 8] = [
+    "positions",
+    "connectivity",
+    "order of vertices",
+    "collapses",
+    "error codes",
+    "shared vertices",
+    "attributes",
+    "heads",
+];
 
 /// First four bytes of a page, "CPGE".
 pub const PAGE_MAGIC: u32 = u32::from_le_bytes(*b"CPGE");
@@ -61,7 +73,7 @@ impl PageHeader {
     }
 
     pub(crate) fn check(&self) -> Result<Attributes, FormatError> {
-        let place = Place::Page(ClusterId::NONE);
+        let place = FilePart::Page(ClusterId::NONE);
         require(self.magic == PAGE_MAGIC, place, "magic", "\"CPGE\"", format_args!("{:08x}", self.magic))?;
         if self.version != PAGE_VERSION {
             return Err(FormatError::Version { place, expected: "page 1", got: self.version.to_string() });
@@ -114,7 +126,7 @@ impl<'a> Page<'a> {
     /// # Errors
     /// A header that contradicts itself, a length that differs from what the header tells, bytes not aligned to 4.
     pub fn view(bytes: &'a [u8]) -> Result<Self, FormatError> {
-        let place = Place::Page(ClusterId::NONE);
+        let place = FilePart::Page(ClusterId::NONE);
         let got = bytes.len() as u64;
         let (head, mut rest) = bytes.split_at_checked(PAGE_HEADER_LEN).ok_or(FormatError::Truncated {
             place,
@@ -171,7 +183,7 @@ impl<'a> Page<'a> {
     }
 
     pub(crate) fn check(&self) -> Result<(), FormatError> {
-        let place = Place::Page(ClusterId::NONE);
+        let place = FilePart::Page(ClusterId::NONE);
         let (v, b) = (self.vertex_count(), self.base_vertex_count);
         let largest = self.triangles.as_flattened().iter().copied().max().unwrap_or(0);
         let in_range = usize::from(largest) < v || self.triangles.is_empty();
@@ -194,7 +206,7 @@ impl<'a> Page<'a> {
 
     /// Checks the errors of all positions.
     pub(crate) fn check_errors(&self) -> Result<(), FormatError> {
-        let place = Place::Page(ClusterId::NONE);
+        let place = FilePart::Page(ClusterId::NONE);
         let largest = self.error_codes.first().copied().unwrap_or(0);
         require(largest <= MAX_CODE, place, "error code", format_args!("at most {MAX_CODE}"), largest)?;
         let monotone = self.error_codes.is_sorted_by(|a, b| a >= b);
@@ -246,8 +258,8 @@ impl<'a> Page<'a> {
         self.vertices.positions.len()
     }
 
-    /// Bits of the page by what they are for, in the order of [`crate::packed::PARTS`].
-    pub fn sizes(&self) -> [u64; crate::packed::PARTS.len()] {
+    /// Bits of the page by what they are for, in the order of [`PARTS`].
+    pub fn sizes(&self) -> [u64; PARTS.len()] {
         let (v, collapses) = (self.vertex_count() as u64, self.targets.len() as u64);
         let own = self.attributes().vertex_len() as u64 - 12;
         let shared = 32 * self.shared_ids.len() as u64 + 8 * self.shared_bits.len() as u64;

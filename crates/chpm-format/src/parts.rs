@@ -1,7 +1,7 @@
 //! Parts of a page, and their encoding.
 
 use crate::MAX_CLUSTER_VERTICES;
-use crate::error::{FormatError, Place, invalid, require, require_eq};
+use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::error_code::{self, MAX_ERROR};
 use crate::header::attribute_bits;
 use crate::page::{PAGE_HEADER_LEN, PAGE_MAGIC, PAGE_VERSION, PageHeader};
@@ -91,7 +91,7 @@ impl PageParts<'_> {
     }
 
     fn check(&self) -> Result<(), FormatError> {
-        let place = Place::Page(ClusterId::NONE);
+        let place = FilePart::Page(ClusterId::NONE);
         let v = self.vertices.positions.len();
         require(v <= MAX_CLUSTER_VERTICES as usize, place, "vertices", "at most 65535", v)?;
         if let Some((field, len)) = self.vertices.uneven() {

@@ -1,7 +1,7 @@
 //! Opening a file that is in memory, and reading it in place.
 
 use crate::MEMORY_ALIGN;
-use crate::error::{FormatError, Place, require, require_eq};
+use crate::error::{FilePart, FormatError, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{Header, attribute_bits};
 use crate::metadata::Metadata;
@@ -41,7 +41,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         let bytes = data.as_ref();
         let header = Header::read(bytes, bytes.len() as u64)?;
         if !bytes.as_ptr().addr().is_multiple_of(MEMORY_ALIGN) {
-            return Err(FormatError::Alignment { place: Place::File, expected: MEMORY_ALIGN });
+            return Err(FormatError::Alignment { place: FilePart::File, expected: MEMORY_ALIGN });
         }
         let sections = Sections::read(&header, bytes)?;
         // No file has more records than bytes, and what is not listed is refused below.
@@ -66,7 +66,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
 
     /// Pages must lie in table order, each at the first aligned place after the one before, and fill their section.
     fn check_pages(&self) -> Result<(), FormatError> {
-        let place = Place::Section(SectionKind::Pages);
+        let place = FilePart::Section(SectionKind::Pages);
         let Range { start, end } = self.sections.range(SectionKind::Pages);
         require_eq(
             place,
@@ -77,7 +77,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         let lens = self.clusters().iter().map(|c| c.page_len);
         let pages_end = place_pages(start as u64, self.header.page_align.into(), lens, |index, offset| {
             let id = ClusterId(index as u32);
-            require_eq(Place::Cluster(id), "page_offset", offset, self.clusters()[index].page_offset)
+            require_eq(FilePart::Cluster(id), "page_offset", offset, self.clusters()[index].page_offset)
         })?;
         require_eq(place, "end of the last page", pages_end, end as u64)
     }
@@ -224,7 +224,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         let (word, bit) = (&self.intact[id.index() / 64], 1 << (id.index() % 64));
         // Nothing else hangs on the bit: whoever does not see it yet compares once more.
         if word.load(Ordering::Relaxed) & bit == 0 {
-            check_sum(Place::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
+            check_sum(FilePart::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
             word.fetch_or(bit, Ordering::Relaxed);
         }
         Ok(bytes)
@@ -319,7 +319,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// # Panics
     /// As [`Chpm::coarse`].
     pub fn page_checked_in<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<PageBuf<'b>, FormatError> {
-        check_sum(Place::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
+        check_sum(FilePart::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
         self.page_of(id, bytes)
     }
 }
@@ -333,7 +333,7 @@ pub(crate) fn check_page(
 ) -> Result<(), FormatError> {
     page.check().map_err(|error| error.in_page(id))?;
     compare(header, id, record, page)?;
-    let (place, ids) = (Place::Page(id), header.shared_vertex_count);
+    let (place, ids) = (FilePart::Page(id), header.shared_vertex_count);
     let largest = page.shared_ids.iter().max();
     let in_range = largest.is_none_or(|id| *id < ids);
     require(in_range, place, "shared id", format_args!("less than {ids}"), largest.unwrap_or(&0))
@@ -346,7 +346,7 @@ fn compare(
     record: &ClusterRecord,
     page: &Page<'_>,
 ) -> Result<(), FormatError> {
-    let place = Place::Page(id);
+    let place = FilePart::Page(id);
     for (field, expected, got) in [
         ("attributes", header.attributes, attribute_bits(page.attributes())),
         ("vertex_count", record.vertex_count, page.vertex_count() as u32),

@@ -1,7 +1,7 @@
 //! The fixed-size records of the tables, as they lie in the file.
 
 use crate::checksum;
-use crate::error::{FormatError, Place, invalid};
+use crate::error::{FilePart, FormatError, invalid};
 use crate::gaps::Gaps;
 use crate::header::attribute_bits;
 use crate::page::{Page, PageHeader};
@@ -80,8 +80,9 @@ impl ClusterRecord {
         let page = Page::parse(payload)?;
         let bounds = Aabb::of_points(page.positions);
         let sphere = Sphere::of_points(page.positions);
-        let page_len = u32::try_from(payload.len())
-            .map_err(|_| invalid(Place::Page(ClusterId::NONE), "length", "less than 4 GiB", payload.len()))?;
+        let page_len = u32::try_from(payload.len()).map_err(|_| {
+            invalid(FilePart::Page(ClusterId::NONE), "length", "less than 4 GiB", payload.len())
+        })?;
 
         Ok(ClusterRecord {
             page_offset: 0,

@@ -4,7 +4,7 @@
 //! not asked for is not known to be sound. A file without checksums of chunks is read in the same way, each table as one chunk.
 
 use crate::chunks::{self, CHUNKED};
-use crate::error::{FormatError, Place, require, require_eq};
+use crate::error::{FilePart, FormatError, require, require_eq};
 use crate::header::Header;
 use crate::page_buf::PageBuf;
 use crate::reader::check_page;
@@ -88,7 +88,7 @@ impl Table {
         if !self.here.contains_key(&chunk) {
             let first = self.range.start + chunk * self.chunk_len;
             let bytes = source.bytes(first..self.range.end.min(first + self.chunk_len))?;
-            check_sum(Place::Section(self.kind), self.sums[chunk], &bytes)?;
+            check_sum(FilePart::Section(self.kind), self.sums[chunk], &bytes)?;
             self.here.insert(chunk, bytes);
         }
         Ok(bytemuck::pod_read_unaligned(&self.here[&chunk][start..start + size_of::<T>()]))
@@ -105,7 +105,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
         source.first = source.bytes(0..len.min(FIRST_BYTES) as usize)?;
         let header = Header::read(&source.first, len)?;
         let range = table_range(&header)?;
-        let (place, expected) = (Place::SectionTable, range.end as u64);
+        let (place, expected) = (FilePart::SectionTable, range.end as u64);
         if expected > len {
             return Err(FormatError::Truncated { place, expected, got: len });
         }
@@ -116,17 +116,17 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
             (SectionKind::Levels, header.level_count),
             (SectionKind::Pages, header.cluster_count),
         ] {
-            require_eq(Place::Section(kind), "count", u64::from(expected), sections.count(kind))?;
+            require_eq(FilePart::Section(kind), "count", u64::from(expected), sections.count(kind))?;
         }
         let (roots, clusters) = (header.root_count, header.cluster_count);
         let told = format_args!("1 to {clusters}");
-        require((1..=clusters).contains(&roots), Place::Header, "root_count", told, roots)?;
+        require((1..=clusters).contains(&roots), FilePart::Header, "root_count", told, roots)?;
 
         let mut tables = Table::whole(&sections);
         let chunked = sections.has(SectionKind::Chunks);
         if chunked {
             let list = source.bytes(sections.range(SectionKind::Chunks))?;
-            let place = Place::Section(SectionKind::Chunks);
+            let place = FilePart::Section(SectionKind::Chunks);
             check_sum(place, sections.checksum(SectionKind::Chunks), &list)?;
             let lens = CHUNKED.map(|kind| sections.range(kind).len() as u64);
             let (chunk_len, sums) = chunks::decode(&list, lens)?;
@@ -138,7 +138,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
         if sections.has(SectionKind::Scalars) || header.attributes().scalar_words > 0 {
             let kind = SectionKind::Scalars;
             let list = source.bytes(sections.range(kind))?;
-            check_sum(Place::Section(kind), sections.checksum(kind), &list)?;
+            check_sum(FilePart::Section(kind), sections.checksum(kind), &list)?;
             scalars = scalars::decode(&list, sections.count(kind), header.attributes().scalar_words)?;
         }
         Ok(RemoteChpm { source, header, sections, chunked, scalars, tables })
@@ -164,7 +164,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
     /// # Errors
     /// A cluster that the file does not have, a chunk that is damaged, a record that no file may have, and [`FormatError::Read`].
     pub fn cluster(&mut self, id: ClusterId) -> Result<ClusterRecord, FormatError> {
-        let (place, count) = (Place::Cluster(id), self.header.cluster_count);
+        let (place, count) = (FilePart::Cluster(id), self.header.cluster_count);
         require(id.0 < count, place, "id", format_args!("less than {count}"), id.0)?;
         let record: ClusterRecord = self.tables[0].record(&mut self.source, id.index())?;
         check_cluster(&self.header, place, &record)?;
@@ -188,7 +188,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
     /// # Errors
     /// As [`RemoteChpm::cluster`].
     pub fn group(&mut self, id: GroupId) -> Result<GroupRecord, FormatError> {
-        let (place, count) = (Place::Group(id), self.header.group_count);
+        let (place, count) = (FilePart::Group(id), self.header.group_count);
         require(id.0 < count, place, "id", format_args!("less than {count}"), id.0)?;
         let record: GroupRecord = self.tables[1].record(&mut self.source, id.index())?;
         check_group(&self.header, place, &record)?;
@@ -207,7 +207,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
                 found.push(id);
             }
         }
-        require_eq(Place::Header, "root_count", found.len(), roots as usize)?;
+        require_eq(FilePart::Header, "root_count", found.len(), roots as usize)?;
         Ok(found)
     }
 
@@ -219,7 +219,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
         let group = self.group(id)?;
         let members = self.members(id, group.coarse_first, group.coarse_count)?;
         for member in &members {
-            let (place, cluster) = (Place::Cluster(*member), self.cluster(*member)?);
+            let (place, cluster) = (FilePart::Cluster(*member), self.cluster(*member)?);
             require_eq(place, "group of a coarse member", id, cluster.group())?;
             require_eq(place, "level of a coarse member", group.level, cluster.level)?;
         }
@@ -234,7 +234,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
         let group = self.group(id)?;
         let members = self.members(id, group.fine_first, group.fine_count)?;
         for member in &members {
-            let (place, cluster) = (Place::Cluster(*member), self.cluster(*member)?);
+            let (place, cluster) = (FilePart::Cluster(*member), self.cluster(*member)?);
             require_eq(place, "parent group of a fine member", id, cluster.parent_group())?;
             let below = format_args!("less than {}", group.level);
             require(cluster.level < group.level, place, "level of a fine member", below, cluster.level)?;
@@ -244,7 +244,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
 
     /// A range of MEMBERS.
     fn members(&mut self, id: GroupId, first: u32, count: u32) -> Result<Vec<ClusterId>, FormatError> {
-        let (place, range) = (Place::Group(id), member_range(first, count));
+        let (place, range) = (FilePart::Group(id), member_range(first, count));
         let len = self.sections.count(SectionKind::Members) as usize;
         let told = format_args!("within {len}");
         require(range.end <= len, place, "range of members", told, format_args!("{range:?}"))?;
@@ -264,7 +264,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
     /// As [`RemoteChpm::cluster`], and as [`crate::Chpm::page_checked`].
     pub fn page(&mut self, id: ClusterId) -> Result<PageBuf<'static>, FormatError> {
         let record = self.cluster(id)?;
-        let (place, len) = (Place::Page(id), record.page_len as usize);
+        let (place, len) = (FilePart::Page(id), record.page_len as usize);
         // A page is read in place and needs the alignment of words.
         let mut words = vec![0_u32; len.div_ceil(size_of::<u32>())];
         let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];

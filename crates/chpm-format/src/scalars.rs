@@ -1,7 +1,7 @@
 //! The list of the named scalars that vertices have.
 
-use crate::error::{FormatError, Place, invalid, require, require_eq};
-use crate::section::SectionKind;
+use crate::error::{FilePart, FormatError, invalid, require, require_eq};
+use crate::section_kind::SectionKind;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::{MOST_SCALAR_WORDS, Scalar, ScalarKind, ScalarRange, scalar_words};
 use std::mem;
@@ -10,7 +10,7 @@ use std::mem;
 const MOST_NAME: usize = 1024;
 /// Names end at a multiple of this.
 const NAME_ALIGN: usize = 8;
-const PLACE: Place = Place::Section(SectionKind::Scalars);
+const PLACE: FilePart = FilePart::Section(SectionKind::Scalars);
 
 /// Most bytes of a list.
 pub(crate) const MOST_LEN: u64 = (MOST_SCALAR_WORDS * (mem::size_of::<Entry>() + MOST_NAME)) as u64;

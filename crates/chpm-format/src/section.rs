@@ -1,55 +1,17 @@
 //! The section table: what lies where.
 
-use crate::error::{FormatError, Place, invalid, require, require_eq};
+use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::header::{HEADER_LEN, Header};
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
-use crate::{PAGE_ALIGN, TABLE_ALIGN, align_up, checksum, chunks, scalars};
+use crate::section_kind::KINDS;
+pub use crate::section_kind::{OPTIONAL_KIND, SectionKind};
+use crate::{TABLE_ALIGN, align_up, checksum, chunks, scalars};
 use bytemuck::{Pod, Zeroable};
-use std::{fmt, mem, ops::Range};
+use std::{mem, ops::Range};
 
 /// Most entries of a section table.
 pub const MAX_SECTIONS: u32 = 64;
-/// Set in the kinds that a reader may skip without knowing them.
-pub const OPTIONAL_KIND: u32 = 1 << 31;
-
-/// The sections that are known: every file has each once, but for CHUNKS and SCALARS, which may be absent.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-#[repr(u32)]
-pub enum SectionKind {
-    /// Cluster records.
-    Clusters = 1,
-    /// Group records.
-    Groups = 2,
-    /// Cluster ids, `u32`, named by ranges in the group records.
-    Members = 3,
-    /// Level records.
-    Levels = 4,
-    /// Provenance and settings.
-    Metadata = 5,
-    /// Cluster pages; the last section.
-    Pages = 6,
-    /// Names and ranges of the scalars that vertices have; only where they have any.
-    Scalars = 7,
-    /// Checksums of the tables' chunks; the first section where it is there.
-    Chunks = OPTIONAL_KIND | 1,
-}
-
-/// Number of kinds that are known.
-const KINDS: usize = SectionKind::ALL.len();
-
 impl SectionKind {
-    /// All of them, in the order in which the writer lays them out.
-    pub const ALL: [SectionKind; 8] = [
-        SectionKind::Chunks,
-        SectionKind::Clusters,
-        SectionKind::Groups,
-        SectionKind::Members,
-        SectionKind::Levels,
-        SectionKind::Metadata,
-        SectionKind::Scalars,
-        SectionKind::Pages,
-    ];
-
     /// Bytes of a record; 0 for a section that is no table.
     pub const fn record_len(self) -> u32 {
         match self {
@@ -60,39 +22,6 @@ impl SectionKind {
             SectionKind::Metadata | SectionKind::Scalars | SectionKind::Pages => 0,
             SectionKind::Chunks => chunks::WORD as u32,
         }
-    }
-
-    /// Whether every file has it.
-    fn is_needed(self) -> bool {
-        self as u32 & OPTIONAL_KIND == 0 && self != SectionKind::Scalars
-    }
-
-    /// Its place among the kinds, below [`KINDS`].
-    fn slot(self) -> usize {
-        match self {
-            SectionKind::Chunks => 0,
-            kind => kind as usize,
-        }
-    }
-
-    /// Alignment in the file.
-    pub(crate) fn align(self) -> u64 {
-        if self == SectionKind::Pages { PAGE_ALIGN } else { TABLE_ALIGN }
-    }
-}
-
-impl fmt::Display for SectionKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            SectionKind::Clusters => "CLUSTERS",
-            SectionKind::Groups => "GROUPS",
-            SectionKind::Members => "MEMBERS",
-            SectionKind::Levels => "LEVELS",
-            SectionKind::Metadata => "METADATA",
-            SectionKind::Scalars => "SCALARS",
-            SectionKind::Pages => "PAGES",
-            SectionKind::Chunks => "CHUNKS",
-        })
     }
 }
 
@@ -131,8 +60,12 @@ struct Placed {
 pub(crate) fn table_range(header: &Header) -> Result<Range<usize>, FormatError> {
     let count = header.section_count;
     let most = format_args!("at most {MAX_SECTIONS}");
-    require(count <= MAX_SECTIONS, Place::SectionTable, "section_count", most, count)?;
-    Ok(HEADER_LEN..header.section_table_end())
+    require(count <= MAX_SECTIONS, FilePart::SectionTable, "section_count", most, count)?;
+    Ok(HEADER_LEN..table_end(header))
+}
+
+pub(crate) fn table_end(header: &Header) -> usize {
+    HEADER_LEN + header.section_count as usize * mem::size_of::<SectionEntry>()
 }
 
 impl Sections {
@@ -157,7 +90,7 @@ impl Sections {
     /// Reads the section table of a file whose header was checked; checks bounds, order, padding and checksums.
     pub(crate) fn read(header: &Header, bytes: &[u8]) -> Result<Sections, FormatError> {
         let range = table_range(header)?;
-        let (place, expected, got) = (Place::SectionTable, range.end as u64, bytes.len() as u64);
+        let (place, expected, got) = (FilePart::SectionTable, range.end as u64, bytes.len() as u64);
         let table = bytes.get(range.clone()).ok_or(FormatError::Truncated { place, expected, got })?;
         let mut end = range.end;
         Self::place(header, table, |Placed { entry, range }| {
@@ -167,7 +100,9 @@ impl Sections {
             match entry.known() {
                 Some(SectionKind::Pages) => Ok(()),
                 // A later minor version may have sections of other kinds; only their bytes are checked.
-                kind => check_sum(kind.map_or(place, Place::Section), entry.checksum, &bytes[range.clone()]),
+                kind => {
+                    check_sum(kind.map_or(place, FilePart::Section), entry.checksum, &bytes[range.clone()])
+                }
             }
         })
     }
@@ -183,7 +118,7 @@ impl Sections {
         table: &[u8],
         mut placed: impl FnMut(&Placed) -> Result<(), FormatError>,
     ) -> Result<Sections, FormatError> {
-        let place = Place::SectionTable;
+        let place = FilePart::SectionTable;
         check_sum(place, header.section_table_checksum, table)?;
         let mut found = [const { None }; KINDS];
         let mut end = HEADER_LEN + table.len();
@@ -222,7 +157,7 @@ impl SectionEntry {
 
     /// The byte range of the section, which must start at the first aligned place after `previous_end`.
     fn place_after(&self, previous_end: usize, file_len: u64) -> Result<Range<usize>, FormatError> {
-        let place = Place::SectionTable;
+        let place = FilePart::SectionTable;
         let known = self.known();
         if known.is_none() && self.kind & OPTIONAL_KIND == 0 {
             return Err(FormatError::Feature { place, got: self.kind });
@@ -238,7 +173,7 @@ impl SectionEntry {
     }
 
     fn check_shape(&self, kind: SectionKind) -> Result<(), FormatError> {
-        let place = Place::Section(kind);
+        let place = FilePart::Section(kind);
         require_eq(place, "record_len", kind.record_len(), self.record_len)?;
         match kind {
             SectionKind::Metadata => require_eq(place, "count", 1, self.count),
@@ -256,7 +191,7 @@ impl SectionEntry {
 }
 
 /// Compares a checksum with its bytes.
-pub(crate) fn check_sum(place: Place, expected: u64, bytes: &[u8]) -> Result<(), FormatError> {
+pub(crate) fn check_sum(place: FilePart, expected: u64, bytes: &[u8]) -> Result<(), FormatError> {
     let got = checksum(bytes);
     if expected == got { Ok(()) } else { Err(FormatError::Checksum { place, expected, got }) }
 }

@@ -1,7 +1,7 @@
 //! The rules that the tables alone must keep. The reader checks them before it trusts a file, the writer before it
 //! writes one.
 
-use crate::error::{FormatError, Place, invalid, require, require_eq};
+use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::header::Header;
 use crate::packed::MOST_TIMES;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
@@ -24,7 +24,7 @@ impl Structure<'_> {
     pub(crate) fn check(&self) -> Result<(), FormatError> {
         self.check_counts()?;
         for (id, cluster) in (0..).map(ClusterId).zip(self.clusters) {
-            check_cluster(self.header, Place::Cluster(id), cluster)?;
+            check_cluster(self.header, FilePart::Cluster(id), cluster)?;
         }
         let mut used = vec![false; self.members.len()];
         let (mut coarse, mut fine) = (0, 0);
@@ -36,18 +36,18 @@ impl Structure<'_> {
         // With no member twice in a range and every member naming its group, equal sums mean "each exactly once".
         let fine_clusters = u64::from(self.header.cluster_count - self.header.root_count);
         require_eq(
-            Place::File,
+            FilePart::File,
             "coarse clusters of all groups",
             u64::from(self.header.cluster_count),
             coarse,
         )?;
-        require_eq(Place::File, "fine clusters of all groups", fine_clusters, fine)?;
+        require_eq(FilePart::File, "fine clusters of all groups", fine_clusters, fine)?;
         let unused = used.iter().filter(|used| !**used).count();
-        require_eq(Place::File, "members that no group names", 0, unused)
+        require_eq(FilePart::File, "members that no group names", 0, unused)
     }
 
     fn check_counts(&self) -> Result<(), FormatError> {
-        let (header, place) = (self.header, Place::Header);
+        let (header, place) = (self.header, FilePart::Header);
         let roots = self.clusters.iter().filter(|c| c.is_root()).count() as u64;
         let leaves = self.clusters.iter().filter(|c| c.is_leaf()).count() as u64;
         for (field, expected, got) in [
@@ -65,26 +65,26 @@ impl Structure<'_> {
         let ids = u64::from(header.shared_vertex_count);
         require(ids <= listed, place, "shared_vertex_count", format_args!("at most {listed}"), ids)?;
         for (level, record) in (0..).zip(self.levels) {
-            require_eq(Place::Level(level), "level", level, record.level)?;
+            require_eq(FilePart::Level(level), "level", level, record.level)?;
         }
         Ok(())
     }
 
     fn check_group(&self, id: GroupId, group: &GroupRecord, used: &mut [bool]) -> Result<(), FormatError> {
-        let place = Place::Group(id);
+        let place = FilePart::Group(id);
         check_group(self.header, place, group)?;
 
         // Both sides know of each other: the group names its members, and each of them the group.
         let coarse = self.members_of(place, group.coarse_first, group.coarse_count, used)?;
         for (member, cluster) in coarse.iter().zip(self.named(place, coarse)?) {
-            let member = Place::Cluster(ClusterId(*member));
+            let member = FilePart::Cluster(ClusterId(*member));
             require_eq(member, "group of a coarse member", id, cluster.group())?;
             require_eq(member, "level of a coarse member", group.level, cluster.level)?;
         }
 
         let fine = self.members_of(place, group.fine_first, group.fine_count, used)?;
         for (member, cluster) in fine.iter().zip(self.named(place, fine)?) {
-            let member = Place::Cluster(ClusterId(*member));
+            let member = FilePart::Cluster(ClusterId(*member));
             require_eq(member, "parent group of a fine member", id, cluster.parent_group())?;
             let below = format_args!("less than {}", group.level);
             require(cluster.level < group.level, member, "level of a fine member", below, cluster.level)?;
@@ -95,7 +95,7 @@ impl Structure<'_> {
     /// The ids of a range of MEMBERS, which must be ascending and used by no other range.
     fn members_of(
         &self,
-        place: Place,
+        place: FilePart,
         first: u32,
         count: u32,
         used: &mut [bool],
@@ -112,7 +112,11 @@ impl Structure<'_> {
         Ok(ids)
     }
 
-    fn named(&self, place: Place, ids: &[u32]) -> Result<impl Iterator<Item = &ClusterRecord>, FormatError> {
+    fn named(
+        &self,
+        place: FilePart,
+        ids: &[u32],
+    ) -> Result<impl Iterator<Item = &ClusterRecord>, FormatError> {
         let clusters = self.clusters;
         // Ids ascend, so the last is the largest.
         let last = ids.last().copied().unwrap_or(0);
@@ -123,7 +127,7 @@ impl Structure<'_> {
 }
 
 /// Checks a cluster's record by itself, in a file with this header.
-pub(crate) fn check_cluster(header: &Header, place: Place, c: &ClusterRecord) -> Result<(), FormatError> {
+pub(crate) fn check_cluster(header: &Header, place: FilePart, c: &ClusterRecord) -> Result<(), FormatError> {
     let (v, t, levels, groups) = (c.vertex_count, c.triangle_count, header.level_count, header.group_count);
     require(c.level < levels, place, "level", format_args!("less than {levels}"), c.level)?;
     require(v <= MAX_CLUSTER_VERTICES, place, "vertex_count", "at most 65535", v)?;
@@ -160,7 +164,7 @@ pub(crate) fn check_cluster(header: &Header, place: Place, c: &ClusterRecord) ->
 }
 
 /// Checks a group's record by itself, in a file with this header.
-pub(crate) fn check_group(header: &Header, place: Place, group: &GroupRecord) -> Result<(), FormatError> {
+pub(crate) fn check_group(header: &Header, place: FilePart, group: &GroupRecord) -> Result<(), FormatError> {
     let levels = header.level_count;
     require(group.level < levels, place, "level", format_args!("less than {levels}"), group.level)?;
     require(group.coarse_count >= 1, place, "coarse_count", "at least 1", group.coarse_count)?;
@@ -195,17 +199,17 @@ pub(crate) fn place_pages(
     for (index, len) in page_lens.into_iter().enumerate() {
         place(index, offset)?;
         let end = offset.checked_add(u64::from(len)).and_then(|end| align_up(end, align));
-        offset = end.ok_or_else(|| invalid(Place::File, "length", "less than 2^64", "more"))?;
+        offset = end.ok_or_else(|| invalid(FilePart::File, "length", "less than 2^64", "more"))?;
     }
     Ok(offset)
 }
 
-fn require_errors(place: Place, min: f32, max: f32) -> Result<(), FormatError> {
+fn require_errors(place: FilePart, min: f32, max: f32) -> Result<(), FormatError> {
     let legal = min >= 0.0 && min <= max && max.is_finite();
     require(legal, place, "errors", "finite, 0 <= min <= max", format_args!("{min} and {max}"))
 }
 
-fn require_sphere(place: Place, center: [f32; 3], radius: f32) -> Result<(), FormatError> {
+fn require_sphere(place: FilePart, center: [f32; 3], radius: f32) -> Result<(), FormatError> {
     let legal = center.iter().all(|x| x.is_finite()) && radius.is_finite() && radius >= 0.0;
     require(legal, place, "sphere", "finite, radius >= 0", format_args!("{center:?} radius {radius}"))
 }

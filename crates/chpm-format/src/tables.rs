@@ -1,9 +1,12 @@
 //! Everything of a file but its pages, as a builder hands it to the writer.
 
 use crate::chunks::{self, CHUNKED};
-use crate::error::{FormatError, Place, invalid, require, require_eq};
+use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::gaps::Gaps;
-use crate::header::{BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, VERSION_MAJOR, page_align};
+use crate::header::{
+    BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, NAMED_SCALARS, OCTAHEDRAL_NORMALS, PACKED_PAGES,
+    VERSION_MAJOR, page_align,
+};
 use crate::metadata::Metadata;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
@@ -35,6 +38,25 @@ pub struct HeaderFields {
     pub chunked: bool,
 }
 
+impl HeaderFields {
+    /// Required flags of a file that has this, and the first minor version that has it.
+    fn needs(&self) -> (u32, u16) {
+        let Attributes { octahedral, scalar_words, .. } = self.attributes;
+        let flags = [
+            (self.packed, PACKED_PAGES),
+            (octahedral, OCTAHEDRAL_NORMALS),
+            (scalar_words > 0, NAMED_SCALARS),
+        ];
+        let flags = flags.into_iter().filter(|(is_needed, _)| *is_needed).map(|(_, flag)| flag).sum();
+        match () {
+            () if scalar_words > 0 => (flags, 4),
+            () if octahedral || self.chunked => (flags, 3),
+            () if self.packed => (flags, 2),
+            () => (flags, 1),
+        }
+    }
+}
+
 /// The tables of a file to be. [`crate::ChpmWriter::begin`] completes and checks them.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Tables {
@@ -61,7 +83,7 @@ impl Tables {
     /// [`FormatError::Metadata`] where the metadata does not decode; a header that [`Chpm::open`] would have refused.
     pub fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Result<Self, FormatError> {
         let header = file.header();
-        let known = |field| move || invalid(Place::Header, field, "a code that is known", "another");
+        let known = |field| move || invalid(FilePart::Header, field, "a code that is known", "another");
         let groups = (0..).map(GroupId).zip(file.groups());
 
         Ok(Tables {
@@ -204,12 +226,12 @@ impl Tables {
     }
 
     fn header(&self) -> Result<Header, FormatError> {
-        let place = Place::File;
-        fn count(field: &'static str, len: usize, place: &Place) -> Result<u32, FormatError> {
+        let place = FilePart::File;
+        fn count(field: &'static str, len: usize, place: &FilePart) -> Result<u32, FormatError> {
             u32::try_from(len).map_err(|_| invalid(*place, field, "less than 2^32", len))
         }
         let bounds = bounds(&self.clusters);
-        let (required_flags, version_minor) = crate::header::needs(&self.header);
+        let (required_flags, version_minor) = self.header.needs();
 
         Ok(Header {
             magic: MAGIC,
@@ -260,7 +282,13 @@ impl Tables {
         }
         scalars::check(&self.scalars, self.header.attributes.scalar_words)?;
         let origin = self.header.origin.iter().all(|x| x.is_finite());
-        require(origin, Place::Header, "origin", "finite numbers", format_args!("{:?}", self.header.origin))?;
+        require(
+            origin,
+            FilePart::Header,
+            "origin",
+            "finite numbers",
+            format_args!("{:?}", self.header.origin),
+        )?;
         header.file_len = self.file_len()?;
 
         let tables: [&[u8]; 3] = [
@@ -301,7 +329,7 @@ impl Tables {
         if let Some(pages) = entries.last_mut() {
             (pages.len, pages.count, pages.checksum) =
                 (header.file_len - pages_offset, self.clusters.len() as u64, 0);
-            require_eq(Place::File, "offset of the pages", pages_offset, pages.offset)?;
+            require_eq(FilePart::File, "offset of the pages", pages_offset, pages.offset)?;
         }
 
         // From the inside out: each checksum is of bytes that no longer change.

@@ -10,7 +10,7 @@ mod group;
 mod shared;
 mod tables;
 
-use crate::error::Place;
+use crate::error::FilePart;
 use crate::reader::Chpm;
 use chpm_mesh::{ClusterId, GroupId};
 use group::GroupCheck;
@@ -64,7 +64,7 @@ pub struct Fault {
     /// Broken invariant.
     pub invariant: Invariant,
     /// Where.
-    pub place: Place,
+    pub place: FilePart,
     /// Expected and found values, in words.
     pub message: String,
 }
@@ -95,7 +95,7 @@ impl Report {
     }
 
     /// Notes a fault unless `ok`; the text is made only where it is kept.
-    fn expect(&mut self, ok: bool, invariant: Invariant, place: Place, message: impl fmt::Display) {
+    fn expect(&mut self, ok: bool, invariant: Invariant, place: FilePart, message: impl fmt::Display) {
         if ok {
             return;
         }

@@ -1,6 +1,6 @@
 //! Writing a file in one forward pass.
 
-use crate::error::{FormatError, Place, require_eq};
+use crate::error::{FilePart, FormatError, require_eq};
 use crate::header::page_align;
 use crate::section::check_sum;
 use crate::tables::Tables;
@@ -42,10 +42,10 @@ impl<W: Write> ChpmWriter<W> {
     pub fn page(&mut self, payload: &[u8]) -> Result<(), FormatError> {
         let id = ClusterId(self.written as u32);
         let Some((len, checksum)) = self.pages.get(self.written) else {
-            return require_eq(Place::File, "pages written", self.pages.len(), self.written + 1);
+            return require_eq(FilePart::File, "pages written", self.pages.len(), self.written + 1);
         };
-        require_eq(Place::Page(id), "length", u64::from(*len), payload.len() as u64)?;
-        check_sum(Place::Page(id), *checksum, payload)?;
+        require_eq(FilePart::Page(id), "length", u64::from(*len), payload.len() as u64)?;
+        check_sum(FilePart::Page(id), *checksum, payload)?;
         self.out.write_all(payload)?;
         let end = self.offset + payload.len() as u64;
         self.offset = align_up(end, self.align).unwrap_or(end);
@@ -59,8 +59,8 @@ impl<W: Write> ChpmWriter<W> {
     /// # Errors
     /// Pages that are missing; [`FormatError::Write`].
     pub fn finish(mut self) -> Result<W, FormatError> {
-        require_eq(Place::File, "pages written", self.pages.len(), self.written)?;
-        require_eq(Place::File, "bytes written", self.file_len, self.offset)?;
+        require_eq(FilePart::File, "pages written", self.pages.len(), self.written)?;
+        require_eq(FilePart::File, "bytes written", self.file_len, self.offset)?;
         self.out.flush()?;
         Ok(self.out)
     }

@@ -4,7 +4,7 @@
 use super::error::{ImportError, SourceError};
 use super::format::{Format, Likeness, first_line, is_text};
 use super::lines::{Lines, number, words};
-use crate::ply::excerpt;
+use crate::location::excerpt;
 use crate::reader::{MeshReader, Opening, Start};
 use crate::scans::ScanSet;
 use crate::stream::Stream;

@@ -1,7 +1,8 @@
 //! Errors of reading: in a mesh, and with the file that it is in.
 
 use crate::foreign::Foreign;
-use crate::ply::{Place, PlyError};
+use crate::location::SourceLocation;
+use crate::ply::PlyError;
 use chpm_extmem::ExtmemError;
 use chpm_mesh::FAR;
 use std::io;
@@ -34,7 +35,7 @@ pub enum ImportError {
     #[error("{place}: expected {expected}, got '{got}'")]
     Text {
         /// Where the text is.
-        place: Place,
+        place: SourceLocation,
         /// Expected text.
         expected: &'static str,
         /// Found text, shortened.
@@ -46,7 +47,7 @@ pub enum ImportError {
     )]
     NotFinite {
         /// The vertex or facet.
-        place: Place,
+        place: SourceLocation,
         /// The coordinate.
         value: f64,
     },
@@ -54,7 +55,7 @@ pub enum ImportError {
     #[error("{place}: coordinate {value:e} is farther from zero than {FAR:e}; scale the model down")]
     TooFar {
         /// The facet.
-        place: Place,
+        place: SourceLocation,
         /// The coordinate.
         value: f64,
     },
@@ -62,7 +63,7 @@ pub enum ImportError {
     #[error("{place}: vertex index {index} is out of range; there are {vertices} vertices")]
     IndexOutOfRange {
         /// Where the index is.
-        place: Place,
+        place: SourceLocation,
         /// The index as written.
         index: i64,
         /// Vertices of the file, or those up to here if the index is negative.
@@ -72,7 +73,7 @@ pub enum ImportError {
     #[error("{place}: more than {limit} {what}; split the model")]
     TooMany {
         /// The first that is too much.
-        place: Place,
+        place: SourceLocation,
         /// Name of the quantity that is too large.
         what: &'static str,
         /// How many there may be.
@@ -82,7 +83,7 @@ pub enum ImportError {
     #[error("{place}: the file ends here; expected {expected}; copy the file again")]
     Truncated {
         /// Part that is cut off, and the length of the file.
-        place: Place,
+        place: SourceLocation,
         /// Expected bytes.
         expected: String,
     },
@@ -159,7 +160,7 @@ pub enum SourceError {
         /// The source file.
         path: PathBuf,
         /// The vertex.
-        place: Place,
+        place: SourceLocation,
         /// Its coordinate.
         value: f64,
     },

@@ -1,12 +1,14 @@
 //! A source of any format, as one stream of batches.
 
+use crate::batch::{Batch, BatchKind};
 use crate::error::{ImportError, SourceError};
 use crate::foreign::Foreign;
 use crate::format::{Format, extension};
-use crate::ply::{Batch, BatchKind, Options, VertexFormat};
+use crate::options::Options;
 use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::stream::{self, Packing, Tap};
 use crate::supply::Supply;
+use crate::vertex_format::VertexFormat;
 use chpm_extmem::{Cancel, FailPoints, Reservation, Store};
 use chpm_mesh::Scalar;
 use std::io;

@@ -10,6 +10,7 @@
 //! beside its reader.
 #![forbid(unsafe_code)]
 
+mod batch;
 mod conf;
 mod error;
 mod foreign;
@@ -17,8 +18,10 @@ mod format;
 mod gltf;
 pub mod input;
 mod lines;
+mod location;
 mod obj;
 mod off;
+mod options;
 pub mod ply;
 pub mod polygon;
 mod reader;
@@ -29,17 +32,23 @@ mod stl;
 mod stopping;
 mod stream;
 mod supply;
+mod vertex_format;
+mod vertex_set;
 mod weld;
 
+pub use batch::{Batch, BatchKind, MAX_CORNERS, MAX_VERTICES, Tally};
 pub use conf::{Pose, RangeScans, Scan};
 pub use error::{ImportError, SourceError};
 pub use foreign::Foreign;
 pub use format::{COMPRESSED, FORMATS, Format, extension, extensions, read_formats};
 pub use input::Input;
+pub use location::SourceLocation;
 pub use obj::ObjReader;
+pub use options::{Invalid, Keep, Options};
 pub use ply::{PlyError, PlyReader, PlyWriter};
 pub use polygon::{Polygons, Triangulator};
 pub use reader::{Beside, MeshReader, Opening, SourceInfo, Start};
 pub use stl::{Corners, StlReader};
 pub use stream::Stream;
 pub use supply::Supply;
+pub use vertex_format::{Coordinates, VertexFormat};

@@ -1,7 +1,7 @@
 //! Text line by line, from a window of fixed size.
 
 use super::error::ImportError;
-use crate::ply::{Place, excerpt};
+use crate::location::{SourceLocation, excerpt};
 use std::io::{self, Read};
 
 /// Bytes of the window; a line must fit.
@@ -72,9 +72,9 @@ impl<R: Read> Lines<R> {
     }
 
     /// Where the current line is: in the `index`th `element`.
-    pub(super) fn place(&self, element: &str, index: u64) -> Place {
+    pub(super) fn place(&self, element: &str, index: u64) -> SourceLocation {
         let offset = self.base + self.from as u64;
-        Place { element: element.to_owned(), index, offset, line: Some(self.line) }
+        SourceLocation { element: element.to_owned(), index, offset, line: Some(self.line) }
     }
 
     fn take(&mut self, len: usize, end_len: usize) {

@@ -3,12 +3,14 @@
 use super::error::ImportError;
 use super::format::{Format, Likeness, first_line, is_text};
 use super::lines::{Lines, WINDOW, number, words};
-use crate::ply::{
-    Batch, BatchKind, Coordinates, Invalid, MAX_VERTICES, Options, Place, Tally, VertexFormat, VertexSet,
-    Warning, excerpt,
-};
+use crate::batch::{Batch, BatchKind, MAX_VERTICES, Tally};
+use crate::location::{SourceLocation, excerpt};
+use crate::options::{Invalid, Options};
+use crate::ply::Warning;
 use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::stream::Stream;
+use crate::vertex_format::{Coordinates, VertexFormat};
+use crate::vertex_set::VertexSet;
 use chpm_mesh::{Attributes, FAR};
 use std::io::Read;
 
@@ -78,7 +80,7 @@ struct Statements {
     normals: u64,
     faces: u64,
     /// The greatest index that was beyond the vertices when it was read.
-    highest: Option<(i64, Place)>,
+    highest: Option<(i64, SourceLocation)>,
     invalid: VertexSet,
     corners: Vec<u32>,
     corner_normals: Vec<[u32; 2]>,
@@ -87,7 +89,7 @@ struct Statements {
 }
 
 /// Where a statement is: the element that it tells of, and that one's number.
-type PlaceOf<'a> = &'a dyn Fn(&str, u64) -> Place;
+type PlaceOf<'a> = &'a dyn Fn(&str, u64) -> SourceLocation;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum State {

@@ -3,12 +3,14 @@
 use super::error::ImportError;
 use super::format::{Format, Likeness, first_line, is_text, without_mark};
 use super::lines::{Lines, number, words};
-use crate::ply::{
-    Batch, BatchKind, Coordinates, Invalid, MAX_CORNERS, MAX_VERTICES, Options, Place, Tally, VertexFormat,
-    VertexSet, Warning,
-};
+use crate::batch::{Batch, BatchKind, MAX_CORNERS, MAX_VERTICES, Tally};
+use crate::location::SourceLocation;
+use crate::options::{Invalid, Options};
+use crate::ply::Warning;
 use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::stream::Stream;
+use crate::vertex_format::{Coordinates, VertexFormat};
+use crate::vertex_set::VertexSet;
 use chpm_mesh::{Attributes, FAR};
 use std::io::{self, BufReader, Read};
 
@@ -430,11 +432,11 @@ impl<R: Read> Body<R> {
         Ok(is_there.then(|| self.place("", 0).offset - 1))
     }
 
-    fn place(&self, element: &str, index: u64) -> Place {
+    fn place(&self, element: &str, index: u64) -> SourceLocation {
         match self {
             Body::Text(lines) => lines.place(element, index),
             Body::Binary(_, offset) => {
-                Place { element: element.to_owned(), index, offset: *offset, line: None }
+                SourceLocation { element: element.to_owned(), index, offset: *offset, line: None }
             }
         }
     }

@@ -1,9 +1,11 @@
 //! The trait of a reader: bytes of one format in, batches of vertices and triangles out.
 
+use crate::batch::{Batch, BatchKind, Tally};
 use crate::error::ImportError;
-use crate::ply::{Batch, BatchKind, Options, Tally, VertexFormat};
+use crate::options::Options;
 use crate::stream::Stream;
 use crate::supply::Supply;
+use crate::vertex_format::VertexFormat;
 use chpm_extmem::{Cancel, Store};
 use chpm_mesh::Scalar;
 use std::path::{Path, PathBuf};

@@ -1,11 +1,14 @@
 //! A model made of range scans: each is read in its turn and moved into the model's frame on the way.
 
+use crate::batch::{Batch, BatchKind, MAX_VERTICES};
 use crate::conf::{Pose, RangeScans};
 use crate::error::{ImportError, SourceError};
 use crate::input::Input;
-use crate::ply::{Batch, BatchKind, Coordinates, Keep, MAX_VERTICES, Options, PlyError, VertexFormat};
+use crate::options::{Keep, Options};
+use crate::ply::PlyError;
 use crate::reader::{Beside, MeshReader, SourceInfo};
 use crate::supply::Supply;
+use crate::vertex_format::{Coordinates, VertexFormat};
 use chpm_extmem::{Cancel, Store};
 use chpm_mesh::{Attributes, Scalar, scalar_words};
 use std::collections::BTreeSet;

@@ -1,6 +1,6 @@
 //! Where a range grid jumps in depth, its neighbours are no neighbours on the surface: such triangles are left out.
 
-use crate::ply::Batch;
+use crate::batch::Batch;
 use chpm_extmem::{Buffer, BufferWriter, ExtmemError, Store};
 use chpm_mesh::Counted;
 

@@ -4,7 +4,9 @@ use super::error::ImportError;
 use super::format::{Format, Likeness, is_text};
 use super::lines::{Lines, number, words};
 use crate::Triangulator;
-use crate::ply::{Invalid, Place, Tally};
+use crate::batch::Tally;
+use crate::location::SourceLocation;
+use crate::options::Invalid;
 use crate::reader::{MeshReader, Opening, Start};
 use crate::stream::Stream;
 use crate::weld::Welder;
@@ -200,7 +202,7 @@ impl<R: Read> StlReader<R> {
                 Some(value) if drops(value, self.invalid) => self.tally.dropped_faces += 1,
                 Some(value) => {
                     let offset = before + (at * RECORD) as u64;
-                    let place = Place {
+                    let place = SourceLocation {
                         element: "facet".to_owned(),
                         index: self.facets + at as u64,
                         offset,
@@ -215,7 +217,7 @@ impl<R: Read> StlReader<R> {
         if whole < wanted {
             let missing = records.count - self.facets;
             if self.invalid == Invalid::Refuse {
-                let place = Place {
+                let place = SourceLocation {
                     element: "facet".to_owned(),
                     index: self.facets,
                     offset: records.offset,
@@ -279,7 +281,7 @@ impl<R: Read> StlReader<R> {
                                 Err(got) => return wrong("three numbers after 'vertex'", got),
                             }
                         }
-                        if corners.len() as u64 >= crate::ply::MAX_CORNERS {
+                        if corners.len() as u64 >= crate::batch::MAX_CORNERS {
                             return wrong("'endfacet'", "yet another vertex".to_owned());
                         }
                         corners.push(position);
@@ -298,8 +300,8 @@ impl<R: Read> StlReader<R> {
                         }
                         self.facets += 1;
                     }
-                    (_, true) => return wrong("'vertex' or 'endfacet'", crate::ply::excerpt(&word)),
-                    (_, false) => return wrong("'facet' or 'endsolid'", crate::ply::excerpt(&word)),
+                    (_, true) => return wrong("'vertex' or 'endfacet'", crate::location::excerpt(&word)),
+                    (_, false) => return wrong("'facet' or 'endsolid'", crate::location::excerpt(&word)),
                 }
             }
         }
@@ -311,7 +313,8 @@ impl<R: Read> Records<R> {
     fn begin(reader: R) -> Result<Self, ImportError> {
         let mut records = Records { reader, block: vec![0; FULL * RECORD], count: 0, offset: 0 };
         if records.fill(HEADER)? < HEADER {
-            let place = Place { element: "header".to_owned(), index: 0, offset: records.offset, line: None };
+            let place =
+                SourceLocation { element: "header".to_owned(), index: 0, offset: records.offset, line: None };
             return Err(ImportError::Truncated { place, expected: format!("a header of {HEADER} bytes") });
         }
         let count = &records.block[80..84];
@@ -354,7 +357,7 @@ fn drops(value: f64, invalid: Invalid) -> bool {
     invalid == Invalid::Drop && !value.is_finite()
 }
 
-fn unusable(place: Place, value: f64) -> ImportError {
+fn unusable(place: SourceLocation, value: f64) -> ImportError {
     match value.is_finite() {
         true => ImportError::TooFar { place, value },
         false => ImportError::NotFinite { place, value },

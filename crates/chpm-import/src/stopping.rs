@@ -4,8 +4,9 @@
 use super::input::Input;
 use super::stream::Tap;
 use super::supply::Supply;
+use crate::batch::{Batch, BatchKind};
 use crate::error::SourceError;
-use crate::ply::{Batch, BatchKind, Invalid, Options};
+use crate::options::{Invalid, Options};
 use chpm_extmem::{Cancel, FailPoints, Store};
 use std::cell::Cell;
 use std::io::{self, Read, Write};

@@ -3,13 +3,16 @@
 //! Corners are sorted by position; equal ones become a vertex, numbered in the order of the sort, which follows a Morton curve so that
 //! vertices that are near are near in number. What comes out, corner and vertex, is sorted back by corner.
 
+use crate::batch::{Batch, BatchKind, Tally};
 use crate::error::ImportError;
-use crate::ply::{Batch, BatchKind, Coordinates, Place, Tally, VertexFormat};
+use crate::location::SourceLocation;
 use crate::reader::{MeshReader, SourceInfo};
 use crate::stl::{Corners, StlReader};
 use crate::stream::Stream;
+use crate::vertex_format::{Coordinates, VertexFormat};
 use bytemuck::Pod;
 use chpm_extmem::{Sorted, Sorter, Store};
+use chpm_mesh::curve::{morton_wide, morton_wide_cell};
 use chpm_mesh::{Attributes, Vertices};
 
 /// Vertices or triangles of a batch.
@@ -54,7 +57,8 @@ impl<C: Corner> Welder<C> {
             return Ok(false);
         }
         if self.facets + soup.len() as u64 > MAX_FACETS {
-            let place = Place { element: "facet".to_owned(), index: MAX_FACETS, offset: 0, line: None };
+            let place =
+                SourceLocation { element: "facet".to_owned(), index: MAX_FACETS, offset: 0, line: None };
             return Err(ImportError::TooMany { place, what: "facets", limit: MAX_FACETS });
         }
         for facet in soup.iter() {
@@ -251,38 +255,20 @@ impl Corner for [u128; 2] {
     }
 }
 
-/// 96 bits, those of equal weight together.
-fn interleave(bits: [u32; 3]) -> u128 {
-    let [x, y, z] = bits.map(spread);
-    x << 2 | y << 1 | z
+/// 96 bits, those of equal weight together, those of x the highest.
+fn interleave([x, y, z]: [u32; 3]) -> u128 {
+    morton_wide([z, y, x])
 }
 
 fn part(key: u128) -> [u32; 3] {
-    [key >> 2, key >> 1, key].map(gather)
-}
-
-/// Puts two zeros in front of each bit.
-fn spread(bits: u32) -> u128 {
-    u128::from(half(bits)) | u128::from(half(bits >> 16)) << 48
-}
-
-fn half(bits: u32) -> u64 {
-    let mut x = u64::from(bits & 0xffff);
-    x = (x | x << 16) & 0xff00_00ff;
-    x = (x | x << 8) & 0x00f0_0f00_f00f;
-    x = (x | x << 4) & 0x0c30_c30c_30c3;
-    (x | x << 2) & 0x2492_4924_9249
-}
-
-/// Takes every third bit.
-fn gather(bits: u128) -> u32 {
-    (0..32).fold(0, |all, i| all | ((bits >> (3 * i)) as u32 & 1) << i)
+    let [z, y, x] = morton_wide_cell(key);
+    [x, y, z]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ply::Invalid;
+    use crate::options::Invalid;
     use std::collections::BTreeMap;
 
     fn stl(facets: &[Corners]) -> Vec<u8> {

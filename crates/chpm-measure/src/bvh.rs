@@ -98,10 +98,10 @@ impl Bvh {
     }
 
     /// Lowers `best`, a squared distance, to what the triangles are away at least, with rounding on the safe side.
-    pub(crate) fn at_least(&self, point: Point3<f64>, best: &mut f64) {
+    pub(crate) fn lower_bound(&self, point: Point3<f64>, best: &mut f64) {
         self.tree.search(point, best, |place, best| {
             if !self.is_farther(place, point, *best) {
-                *best = best.min(Face::new(self.corners[place]).at_least(point).powi(2));
+                *best = best.min(Face::new(self.corners[place]).lower_bound(point).powi(2));
             }
         });
     }

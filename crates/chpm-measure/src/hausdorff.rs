@@ -7,6 +7,7 @@ use crate::{
     tally::{Side, Tally},
 };
 use chpm_mesh::TriMesh;
+use nalgebra::Point3;
 use rayon::prelude::*;
 
 /// The deviation of two meshes.
@@ -78,44 +79,54 @@ pub fn deviation_told(
     let density = Density { per_triangle: samples_per_triangle, budget, seed: 0 };
     let (from_a, from_b) = (Sampler::new(a, density), Sampler::new(b, density));
     let all = (from_a.part_count() + from_b.part_count()) as u64;
-    let side = |samples: &Sampler<'_>, to: &TriMesh| {
+    let [forward, backward] = [(&from_a, b), (&from_b, a)].map(|(samples, to)| {
         let bvh = Bvh::new(&to.positions, &to.triangles);
         one_sided(samples, &bvh, &|done| progress(done, all))
-    };
-    Deviation { forward: side(&from_a, b), backward: side(&from_b, a) }
+    });
+    Deviation { forward, backward }
 }
 
 /// Distances from samples to the triangles of `to`; `progress` hears how many more parts are done.
 pub fn one_sided(samples: &Sampler<'_>, to: &Bvh, progress: &(dyn Fn(u64) + Sync)) -> Side {
-    let distance = |(hint, most): &mut (Option<Nearest>, f64), point, area| {
-        // What only the maximum knows of is not searched for where it is less than another one.
-        if area == 0.0
-            && let Some(hint) = *hint
-            && let distance = to.distance_of(hint, point)
-            && distance < *most
-        {
-            return distance;
-        }
-        let nearest = to.nearest(point, *hint);
-        (*hint, *most) = (Some(nearest), most.max(nearest.distance));
-        nearest.distance
-    };
-    let swept = |block: Block| {
+    let tallies = Block::all(samples).map(|block| {
         let parts = block.part_count() as u64;
         let tallies: Vec<Tally> = block.sweep(
             samples,
-            || (None, 0.0),
-            distance,
+            Last::default,
+            |last, point, area| last.distance(to, point, area),
             |tally: &mut Tally, point, area, distance| tally.add(point, distance, area),
         );
         progress(parts);
         tallies
-    };
-    let tallies: Vec<Vec<Tally>> = Block::all(samples).map(swept).collect();
+    });
+    let tallies: Vec<Vec<Tally>> = tallies.collect();
     // Sums of floats depend on their order, so this one is sequential.
     let mut all = Tally::default();
     tallies.iter().flatten().for_each(|tally| all.merge(tally));
     all.side()
+}
+
+/// What the last samples have found.
+#[derive(Default)]
+struct Last {
+    nearest: Option<Nearest>,
+    largest: f64,
+}
+
+impl Last {
+    fn distance(&mut self, to: &Bvh, point: Point3<f64>, area: f64) -> f64 {
+        // What only the maximum knows of is not searched for where it is less than another one.
+        if area == 0.0
+            && let Some(nearest) = self.nearest
+            && let distance = to.distance_of(nearest, point)
+            && distance < self.largest
+        {
+            return distance;
+        }
+        let nearest = to.nearest(point, self.nearest);
+        (self.nearest, self.largest) = (Some(nearest), self.largest.max(nearest.distance));
+        nearest.distance
+    }
 }
 
 #[cfg(test)]

@@ -96,11 +96,11 @@ impl<'a> Simplifier<'a> {
     fn add_quadrics(&mut self, index: usize) {
         let Some(face) = self.faces[index] else { return };
         let normal = self.area_vector(face);
-        let plane = |normal: Vector3<f64>, through: Point3<f64>, weight: f64| {
+        fn plane(normal: Vector3<f64>, through: Point3<f64>, weight: f64) -> Matrix4<f64> {
             let Some(n) = normal.try_normalize(0.0) else { return Matrix4::zeros() };
             let p = Vector4::new(n.x, n.y, n.z, -n.dot(&through.coords));
             weight * p * p.transpose()
-        };
+        }
         let own = plane(normal, self.points[face[0] as usize], 0.5 * normal.norm());
         for i in 0..3 {
             self.quadrics[face[i] as usize] += own;

@@ -47,7 +47,7 @@ impl Parting {
 
     fn along(across: Vector3<f64>, corners: impl Fn(usize, &mut dyn FnMut([f32; 3]))) -> Option<Parting> {
         let across = across.try_normalize(0.0)?.map(|x| (x * (1.0 - 1e-6)) as f32);
-        let range = |set: usize| {
+        let ranges = [0, 1].map(|set| {
             let (mut low, mut high, mut largest) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
             corners(set, &mut |corner| {
                 let point = geom::to_f64(corner);
@@ -56,8 +56,8 @@ impl Parting {
             });
             let lost = LOST * largest;
             [((low - lost) as f32).next_down(), ((high + lost) as f32).next_up()]
-        };
-        Some(Parting { across: across.into(), ranges: [0, 1].map(range) })
+        });
+        Some(Parting { across: across.into(), ranges })
     }
 
     /// Hands out the corners of sets of triangles, for [`Parting::find`].

@@ -160,7 +160,7 @@ impl<'t> Searcher<'t> {
         near.search(point, &mut everything, |place, everything| {
             let tile = near.order()[place] as usize;
             let mut best = f64::INFINITY;
-            self.held.bvh(self.tiles, tile).at_least(point, &mut best);
+            self.held.bvh(self.tiles, tile).lower_bound(point, &mut best);
             if best.sqrt() <= of(tile) {
                 // Nothing more has to be looked at.
                 (*everything, is_beyond) = (0.0, false);
@@ -170,11 +170,11 @@ impl<'t> Searcher<'t> {
     }
 
     /// A distance that the point has from all triangles at least, with rounding on the safe side; infinite where there is none.
-    pub(crate) fn at_least(&mut self, point: Point3<f64>) -> f64 {
+    pub(crate) fn lower_bound(&mut self, point: Point3<f64>) -> f64 {
         let mut best = f64::INFINITY;
         self.tiles.tree().search(point, &mut best, |place, best| {
             let tile = self.tiles.tree().order()[place] as usize;
-            self.held.bvh(self.tiles, tile).at_least(point, best);
+            self.held.bvh(self.tiles, tile).lower_bound(point, best);
         });
         best.sqrt()
     }

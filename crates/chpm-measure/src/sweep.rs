@@ -1,6 +1,7 @@
 //! Searches from samples in an order in which each is near the one before, whatever order they are told in.
 
 use crate::sample::Sampler;
+use chpm_mesh::curve::morton;
 use nalgebra::Point3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -83,11 +84,12 @@ fn find<S, F: Send>(
         .par_chunks(STRETCH)
         .map(|stretch| {
             let mut state = start();
-            let mut search = |i: u32| {
-                let Held { point, area, .. } = held[i as usize];
-                (i, search(&mut state, point, area))
-            };
-            stretch.iter().map(|place| search(*place as u32)).collect()
+            let found = stretch.iter().map(|place| {
+                let place = *place as u32;
+                let Held { point, area, .. } = held[place as usize];
+                (place, search(&mut state, point, area))
+            });
+            found.collect()
         })
         .collect();
     let mut found: Vec<Option<F>> = Vec::new();
@@ -116,20 +118,11 @@ fn order(held: &[Held]) -> Vec<u64> {
 }
 
 fn cell(sample: &Held, low: &[f64; 3], cells: f64) -> u32 {
-    let [x, y, z] = [0, 1, 2].map(|axis| ((sample.point[axis] - low[axis]) * cells) as u32);
-    spread(x) | spread(y) << 1 | spread(z) << 2
+    morton([0, 1, 2].map(|axis| ((sample.point[axis] - low[axis]) * cells) as u16)) as u32
 }
 
 /// Cells along an axis.
 const CELLS: u32 = 1 << 10;
-
-/// Puts two zeros before each of ten bits.
-fn spread(x: u32) -> u32 {
-    let x = (x | x << 16) & 0x0300_00ff;
-    let x = (x | x << 8) & 0x0300_f00f;
-    let x = (x | x << 4) & 0x030c_30c3;
-    (x | x << 2) & 0x0924_9249
-}
 
 #[cfg(test)]
 mod tests {
@@ -137,14 +130,6 @@ mod tests {
     use crate::sample::Density;
     use chpm_mesh::TriMesh;
     use chpm_synth::{Shape, Synth};
-
-    #[test]
-    fn bits_are_spread() {
-        for x in [0, 1, 0b10_1101_0011, CELLS - 1] {
-            let expected = (0..10).map(|bit| (x >> bit & 1) << (3 * bit)).sum::<u32>();
-            assert_eq!(spread(x), expected, "{x:b}");
-        }
-    }
 
     #[test]
     fn samples_are_told_in_their_order_and_searched_from_in_a_better_one() {

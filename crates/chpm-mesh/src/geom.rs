@@ -69,6 +69,12 @@ impl Aabb {
         other.is_empty() || (0..3).all(|a| self.min[a] <= other.min[a] && other.max[a] <= self.max[a])
     }
 
+    /// Its corners: bit `axis` of a corner's number is set on the upper side.
+    pub fn corners(&self) -> [Point3<f64>; 8] {
+        let sides = [self.min, self.max];
+        std::array::from_fn(|corner| [0, 1, 2].map(|axis| sides[corner >> axis & 1][axis].into()).into())
+    }
+
     /// The middle, in f64 so that far-away boxes keep it; the zero point for an empty box.
     pub fn center(&self) -> Point3<f64> {
         if self.is_empty() {

@@ -8,6 +8,7 @@
 compile_error!("chpm reads its little-endian records in place and supports little-endian hosts only");
 
 pub mod asked;
+pub mod curve;
 pub mod geom;
 pub mod ids;
 pub mod number;

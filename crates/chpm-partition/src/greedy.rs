@@ -204,11 +204,11 @@ impl<'a> Bisection<'a> {
         }
         self.gain = nodes
             .map(|node| {
-                let signed = |(other, weight): (u32, u32)| {
+                let signed = self.graph.neighbors_of(node).map(|(other, weight)| {
                     let crosses = self.side[other as usize] != self.side[node as usize];
                     if crosses { i64::from(weight) } else { -i64::from(weight) }
-                };
-                self.graph.neighbors_of(node).map(signed).sum()
+                });
+                signed.sum()
             })
             .collect();
     }

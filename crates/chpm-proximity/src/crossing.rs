@@ -101,14 +101,14 @@ impl<D: AsRef<[u8]> + Sync> Finder<'_, '_, D> {
     /// The crossings of two leaves, unless they are too many to keep.
     fn compare(&self, job: [ClusterId; 2]) -> Result<Option<Vec<Crossing>>, ProximityError> {
         let mut all = Vec::new();
-        let mut take = |crossing: &Crossing| {
+        let end = self.each(job, &mut |crossing: &Crossing| {
             if all.len() == KEPT {
                 return Err(Halt::Full);
             }
             all.push(*crossing);
             Ok(())
-        };
-        match self.each(job, &mut take) {
+        });
+        match end {
             Ok(()) => Ok(Some(all)),
             Err(Halt::Full) => Ok(None),
             Err(Halt::Failed(error)) => Err(error),

@@ -4,7 +4,6 @@
 use crate::pose::Between;
 use crate::search::ClosestPoints;
 use chpm_mesh::{Aabb, GroupId};
-use nalgebra::Vector3;
 use std::collections::hash_map::Entry;
 use std::collections::{BinaryHeap, HashMap};
 
@@ -138,12 +137,7 @@ impl Front {
 /// How far a point of a box can have moved at most, what both poses are unsure of included: no further than one of its corners.
 fn motion(from: &Between, to: &Between, bounds: &Aabb) -> f64 {
     let (turned, shifted) = (to.rotation - from.rotation, to.translation - from.translation);
-    let upper = (0..8)
-        .map(|i| {
-            let at =
-                |axis: usize| f64::from(if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] });
-            (turned * Vector3::new(at(0), at(1), at(2)) + shifted).norm()
-        })
-        .fold(0.0, f64::max);
+    let ways = bounds.corners().map(|corner| (turned * corner.coords + shifted).norm());
+    let upper = ways.into_iter().fold(0.0, f64::max);
     (upper + from.margin + to.margin) * (1.0 + 1e-9)
 }

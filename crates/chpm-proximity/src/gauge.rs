@@ -5,6 +5,7 @@ use crate::error::ProximityError;
 use crate::model::Model;
 use crate::patch::{Patch, Spot};
 use crate::pose::{Between, Pose};
+use chpm_mesh::curve::morton;
 use chpm_mesh::{ClusterId, GroupId};
 use nalgebra::Vector3;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -125,10 +126,10 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
 
     /// Patches of which one is nearest to each point of a run, and how far the coarsest of them is from the source at most.
     fn candidates(&self, run: &[u32], points: &[Vector3<f64>]) -> Result<(Vec<Boxed>, f64), ProximityError> {
-        let run = || run.iter().map(|number| &points[*number as usize]);
-        let (low, high) = ends(run());
+        let run = run.iter().map(|number| &points[*number as usize]);
+        let (low, high) = ends(run.clone());
         let center = (low + high) * 0.5;
-        let radius = run().map(|point| (point - center).norm()).fold(0.0, f64::max);
+        let radius = run.map(|point| (point - center).norm()).fold(0.0, f64::max);
         let (mut upper, mut coarsest) = (f64::INFINITY, 0.0_f64);
         let mut waiting = BinaryHeap::new();
         let mut known = BTreeSet::new();
@@ -200,14 +201,11 @@ fn ends<'p>(points: impl Iterator<Item = &'p Vector3<f64>>) -> (Vector3<f64>, Ve
 fn along_a_curve(points: &[Vector3<f64>]) -> Vec<u32> {
     let (low, high) = ends(points.iter());
     let scale = (high - low).map(|size| if size > 0.0 { CELLS / size } else { 0.0 });
-    fn spread(cell: u64) -> u64 {
-        (0..BITS).map(|bit| (cell >> bit & 1) << (3 * bit)).sum::<u64>()
-    }
     let mut order: Vec<(u64, u32)> = points
         .iter()
         .map(|point| {
             let cell = (point - low).component_mul(&scale);
-            (0..3).map(|axis| spread(cell[axis] as u64) << axis).sum::<u64>()
+            morton([0, 1, 2].map(|axis| cell[axis] as u16))
         })
         .zip(0..)
         .collect();

@@ -128,8 +128,10 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
 
     pub(crate) fn frame(&self, pose: &Pose) -> Frame {
         let header = self.file.header();
-        let corner = |axis: usize| f64::from(header.aabb_min[axis].abs().max(header.aabb_max[axis].abs()));
-        let reach = Vector3::from_fn(|axis, _| corner(axis)).norm() * (1.0 + 1e-15);
+        let corner = Vector3::from_fn(|axis, _| {
+            f64::from(header.aabb_min[axis].abs().max(header.aabb_max[axis].abs()))
+        });
+        let reach = corner.norm() * (1.0 + 1e-15);
         Frame { origin: header.origin, reach: reach + self.farthest, pose: *pose }
     }
 
@@ -167,10 +169,10 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
 
     pub(crate) fn wrong(&self, group: GroupId) -> Wrong {
         let record = &self.file.groups()[group.index()];
-        let is_trimmed = |id: &u32| self.file.clusters()[*id as usize].is_trimmed();
         let error = record.min_error;
         // Leaves are the source: nothing has vanished, whatever their collapses will cost.
-        let is_source = record.is_leaf() && !self.file.coarse(group).iter().any(is_trimmed);
+        let mut clusters = self.coarse(group);
+        let is_source = record.is_leaf() && !clusters.any(|id| self.file.clusters()[id.index()].is_trimmed());
         let distance = if is_source { error } else { self.file.gaps(group).distance(error) };
         Wrong { error: error.into(), distance: distance.into() }
     }

@@ -370,8 +370,8 @@ fn divide(corners: &[[[f32; 3]; 3]], items: &mut [Item], first: u32, nodes: &mut
         // Two halves by the median along the longest axis.
         let mut middles = Aabb::EMPTY;
         items.iter().for_each(|item| middles.add(item.middle));
-        let size = |axis: usize| middles.max[axis] - middles.min[axis];
-        let axis = (1..3).fold(0, |best, axis| if size(axis) > size(best) { axis } else { best });
+        let size = [0, 1, 2].map(|axis| middles.max[axis] - middles.min[axis]);
+        let axis = (1..3).fold(0, |best, axis| if size[axis] > size[best] { axis } else { best });
         let half = items.len() / 2;
         items.select_nth_unstable_by(half, |x, y| {
             x.middle[axis].total_cmp(&y.middle[axis]).then(x.place.cmp(&y.place))

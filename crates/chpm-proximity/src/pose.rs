@@ -136,8 +136,7 @@ impl Between {
         fn twofold(v: Vector3<f64>) -> [Twofold; 3] {
             [0, 1, 2].map(|i| Twofold(v[i], 0.0))
         }
-        let origin = |frame: &Frame| twofold(Vector3::from(frame.origin));
-        let mut place = transform(&of_b, origin(b));
+        let mut place = transform(&of_b, twofold(b.origin.into()));
         for (axis, x) in place.iter_mut().enumerate() {
             *x = x.add(Twofold(b.pose.translation[axis], 0.0)).add(Twofold(-a.pose.translation[axis], 0.0));
         }

@@ -154,8 +154,8 @@ pub(crate) fn closest_points_of<D: AsRef<[u8]>>(
 ) -> ([[f64; 3]; 2], [f64; 2]) {
     let origin = nalgebra::Vector3::from(model.file().header().origin);
     let placed = [near.a, near.b].map(|point| pose.place((point + origin).into()));
-    let error = |i: usize| (errors[i] + margin + placed[i].1) * (1.0 + 4.0 * f64::EPSILON);
-    (placed.map(|(point, _)| point), [error(0), error(1)])
+    let errors = [0, 1].map(|i| (errors[i] + margin + placed[i].1) * (1.0 + 4.0 * f64::EPSILON));
+    (placed.map(|(point, _)| point), errors)
 }
 
 struct DistanceSearch<'s, 'a, 'b, D, E> {
@@ -243,8 +243,8 @@ impl<D: AsRef<[u8]>, E: AsRef<[u8]>> DistanceSearch<'_, '_, '_, D, E> {
             None => self.upper - lower <= self.question.error,
         };
         // Models that meet do so in many places, and none tells more than the first.
-        let is_exact = || self.upper - lower <= 2.0 * self.rounding;
-        is_enough.then_some(End::Decided).or_else(|| is_exact().then_some(End::Exact))
+        let is_exact = self.upper - lower <= 2.0 * self.rounding;
+        is_enough.then_some(End::Decided).or_else(|| is_exact.then_some(End::Exact))
     }
 
     fn take(&mut self, pair: Pair, mut lower: f64) -> Result<(), ProximityError> {

@@ -63,11 +63,11 @@ pub fn gap(dropped: &[DroppedComponent], positions: &[[f32; 3]], vertices: impl 
     }
     let mut tree = KdTree::default();
     tree.fill(positions, vertices);
-    let mut gap = |dropped: &DroppedComponent| {
+    let gaps = dropped.iter().map(|dropped| {
         let nearest = tree.nearest(to_f64(dropped.center), f64::INFINITY, |_| true);
         nearest.map_or(f64::INFINITY, |(squared, _)| squared.sqrt() + f64::from(dropped.radius))
-    };
-    round_up(dropped.iter().map(&mut gap).fold(0.0, f64::max))
+    });
+    round_up(gaps.fold(0.0, f64::max))
 }
 
 /// Puts neighbours together until there are at most `most`.
@@ -87,9 +87,9 @@ fn sort_along_boxes(dropped: &mut [DroppedComponent]) {
     if dropped.len() <= 2 {
         return;
     }
-    let centers = || dropped.iter().map(|dropped| Vector3::from(dropped.center));
-    let low = centers().fold(Vector3::repeat(f32::INFINITY), |low, center| low.inf(&center));
-    let high = centers().fold(Vector3::repeat(f32::NEG_INFINITY), |high, center| high.sup(&center));
+    let centers = dropped.iter().map(|dropped| Vector3::from(dropped.center));
+    let low = centers.clone().fold(Vector3::repeat(f32::INFINITY), |low, center| low.inf(&center));
+    let high = centers.fold(Vector3::repeat(f32::NEG_INFINITY), |high, center| high.sup(&center));
     let axis = (high - low).imax();
     fn key(dropped: &DroppedComponent, axis: usize) -> f32 {
         dropped.center[axis]

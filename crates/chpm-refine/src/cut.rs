@@ -119,11 +119,16 @@ impl Cut {
         let bound = |group| file.gaps(group).error_within(distance);
         // What has vanished below a group comes back by a split only, what vanishes in it by a smaller error, if it has that. Gaps grow upward
         // like errors, so that whoever has to be split has only groups above that have to be.
-        let wants = |group| file.gaps(group).fine > distance || hierarchy.wants(group, bound(group));
-        select_where(file, &hierarchy, wants, bound, |cluster, bound| {
-            go_on()?;
-            Ok(position(file, cluster, bound)?)
-        })
+        select_where(
+            file,
+            &hierarchy,
+            |group| file.gaps(group).fine > distance || hierarchy.wants(group, bound(group)),
+            bound,
+            |cluster, bound| {
+                go_on()?;
+                Ok(position(file, cluster, bound)?)
+            },
+        )
     }
 
     /// Triangles of the cut.

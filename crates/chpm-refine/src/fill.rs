@@ -148,8 +148,7 @@ where
         let stride = (record.vertex_count - record.base_vertex_count).div_ceil(STRIDES) as usize;
         let target = (n + stride).min(end);
         let before = meshes.triangles(n);
-        let mut added = |n| meshes.triangles(n) - before;
-        let (reached, used) = farthest(n, target, self.rest, &mut added);
+        let (reached, used) = farthest(n, target, self.rest, &mut |n| meshes.triangles(n) - before);
         self.rest -= used;
         self.positions[cluster.index()] = reached as u32;
         match reached {
@@ -162,11 +161,11 @@ where
     /// All borders inside a group and its split, or as much as fits.
     fn refine_group_borders(&mut self, group: GroupId) -> Result<(), E> {
         let file = self.file;
-        let coarse = || file.coarse(group).iter().copied().map(ClusterId);
-        let pages = coarse().map(|cluster| self.profiles.page(cluster)).collect::<Result<Vec<_>, E>>()?;
+        let coarse: Vec<ClusterId> = file.coarse(group).iter().copied().map(ClusterId).collect();
+        let pages = coarse.iter().map(|id| self.profiles.page(*id)).collect::<Result<Vec<_>, E>>()?;
         let pages: Vec<_> = pages.iter().map(PageBuf::view).collect();
         let mut group_borders =
-            GroupBorders::new(&pages, coarse().map(|cluster| self.vertices(cluster)).collect());
+            GroupBorders::new(&pages, coarse.iter().map(|id| self.vertices(*id)).collect());
 
         let lod = &mut self.lod;
         let mut count = |positions: &[usize]| -> u64 {
@@ -176,10 +175,11 @@ where
 
         let before = count(group_borders.positions(0));
         let steps = group_borders.undo_all();
-        let mut added = |step| count(group_borders.positions(step)).saturating_sub(before);
-        let (reached, used) = farthest(0, steps, self.rest, &mut added);
+        let (reached, used) = farthest(0, steps, self.rest, &mut |step| {
+            count(group_borders.positions(step)).saturating_sub(before)
+        });
         self.rest -= used;
-        for (cluster, n) in coarse().zip(group_borders.positions(reached)) {
+        for (cluster, n) in coarse.into_iter().zip(group_borders.positions(reached)) {
             self.positions[cluster.index()] = *n as u32;
         }
 
@@ -191,18 +191,17 @@ where
 
     /// Replaces the finest meshes of a group by the base meshes below, which are the same.
     fn split(&mut self, group: GroupId) -> Result<(), E> {
-        let records =
-            |ids: &[u32]| ids.iter().map(|id| &self.file.clusters()[*id as usize]).collect::<Vec<_>>();
+        let clusters = self.file.clusters();
         let (coarse, fine) = (self.file.coarse(group), self.file.fine(group));
-        let before: u64 = records(coarse).iter().map(|record| u64::from(record.triangle_count)).sum();
-        let after: u64 = records(fine).iter().map(|record| u64::from(record.base_triangle_count)).sum();
+        let before: u64 = coarse.iter().map(|id| u64::from(clusters[*id as usize].triangle_count)).sum();
+        let after: u64 = fine.iter().map(|id| u64::from(clusters[*id as usize].base_triangle_count)).sum();
         // More only in a file that breaks I4.
         let Some(rest) = (self.rest + before).checked_sub(after) else { return Ok(()) };
         self.rest = rest;
         self.splits.split(group);
         coarse.iter().for_each(|id| self.positions[*id as usize] = 0);
-        for (id, record) in fine.iter().zip(records(fine)) {
-            self.positions[*id as usize] = record.base_vertex_count;
+        for id in fine {
+            self.positions[*id as usize] = clusters[*id as usize].base_vertex_count;
         }
         self.plan_all(fine.iter().copied().map(ClusterId))
     }

@@ -61,8 +61,9 @@ struct GroupState {
 impl Front {
     /// The coarsest cut of a file.
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
-        let ids = || (0..file.groups().len() as u32).map(GroupId);
-        let states: Vec<_> = ids()
+        let ids = (0..file.groups().len() as u32).map(GroupId);
+        let states: Vec<_> = ids
+            .clone()
             .map(|id| {
                 let missing = file
                     .coarse(id)
@@ -72,7 +73,7 @@ impl Front {
                 GroupState { bound: f32::INFINITY, missing, below: 0, split: false }
             })
             .collect();
-        let open = ids().filter(|id| states[id.index()].missing == 0).collect();
+        let open = ids.filter(|id| states[id.index()].missing == 0).collect();
         Front { states, open, split: Vec::new(), entered: Vec::new() }
     }
 

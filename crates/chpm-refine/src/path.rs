@@ -87,14 +87,12 @@ impl CameraPath {
         // A single point is looked at from about one unit, as by the framing view.
         let reach = Some(0.5 * bounds.diagonal()).filter(|reach| *reach > 0.0).unwrap_or(1.0);
         let mut random = SplitMix(seed);
-        let mut point = |least: f64, most: f64| {
-            let direction = Vector3::from(std::array::from_fn(|_| 2.0 * random.unit() - 1.0));
-            let direction = direction.try_normalize(0.0).unwrap_or_else(Vector3::z);
-            // Even over the orders of magnitude: as often near as far.
-            center + direction * (reach * least * (most / least).powf(random.unit()))
-        };
-        let keys: Vec<_> =
-            (0..frames.div_ceil(LEG) + 1).map(|_| (point(0.3, 6.0), point(0.02, 0.25))).collect();
+        let keys: Vec<_> = (0..frames.div_ceil(LEG) + 1)
+            .map(|_| {
+                let eye = center + way(&mut random, reach, [0.3, 6.0]);
+                (eye, center + way(&mut random, reach, [0.02, 0.25]))
+            })
+            .collect();
         CameraPath {
             cameras: (0..frames)
                 .map(|frame| {
@@ -107,6 +105,13 @@ impl CameraPath {
                 .collect(),
         }
     }
+}
+
+/// In any direction, between two shares of `reach`: even over the orders of magnitude, as often near as far.
+fn way(random: &mut SplitMix, reach: f64, [least, most]: [f64; 2]) -> Vector3<f64> {
+    let direction = Vector3::from(std::array::from_fn(|_| 2.0 * random.unit() - 1.0));
+    let direction = direction.try_normalize(0.0).unwrap_or_else(Vector3::z);
+    direction * (reach * least * (most / least).powf(random.unit()))
 }
 
 /// From 0 to 1 with no speed at the ends.
@@ -134,8 +139,10 @@ impl FromStr for CameraPath {
         fn wrong(line: usize, expected: &'static str, got: &str) -> RefineError {
             RefineError::Path { line, expected, got: got.to_owned() }
         }
-        let bare = |line: &'_ str| line.find('#').map_or(line.len(), |at| at);
-        let lines = (1..).zip(text.lines()).map(|(n, line)| (n, line[..bare(line)].trim()));
+        fn bare(line: &str) -> &str {
+            line.split_once('#').map_or(line, |(bare, _)| bare).trim()
+        }
+        let lines = (1..).zip(text.lines().map(bare));
         let mut lines = lines.filter(|(_, line)| !line.is_empty());
 
         let first = lines.next().unwrap_or((1, ""));
@@ -143,19 +150,14 @@ impl FromStr for CameraPath {
             return Err(wrong(first.0, VERSION, first.1));
         }
 
-        let camera = |(n, line): (usize, &str)| {
-            let numbers: Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
-            match numbers.as_deref() {
-                Ok(&[px, py, pz, tx, ty, tz, ux, uy, uz, fov]) => Ok(Camera {
-                    position: [px, py, pz],
-                    target: [tx, ty, tz],
-                    up: [ux, uy, uz],
-                    fov,
-                    near: 0.0,
-                }),
-                _ => Err(wrong(n, "ten numbers", line)),
-            }
-        };
-        Ok(CameraPath { cameras: lines.map(camera).collect::<Result<_, _>>()? })
+        let cameras = lines.map(|(n, line)| camera(line).ok_or_else(|| wrong(n, "ten numbers", line)));
+        Ok(CameraPath { cameras: cameras.collect::<Result<_, _>>()? })
     }
+}
+
+/// The camera of a line of ten numbers.
+fn camera(line: &str) -> Option<Camera> {
+    let numbers: Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
+    let Ok(&[px, py, pz, tx, ty, tz, ux, uy, uz, fov]) = numbers.as_deref() else { return None };
+    Some(Camera { position: [px, py, pz], target: [tx, ty, tz], up: [ux, uy, uz], fov, near: 0.0 })
 }

@@ -111,20 +111,22 @@ impl Field {
         let everywhere = error(coarsest, random);
         let diagonal = file.header().aabb().diagonal();
         let count = (BALLS * random.unit()) as usize;
-        let ball = |_| {
+        let balls = (0..count).map(|_| {
             // Around a random cluster: as many balls of every size as there is detail.
             let cluster = (random.unit() * file.clusters().len() as f64) as usize;
             let (sphere, direction) =
                 (file.clusters()[cluster].sphere(), [random.unit(), random.unit(), random.unit()]);
-            let offset = |axis: usize| f64::from(sphere.radius) * (2.0 * direction[axis] - 1.0);
             let level = (random.unit() * (f64::from(coarsest) + 1.0)) as u32;
             Ball {
-                center: std::array::from_fn(|axis| f64::from(sphere.center[axis]) + offset(axis)),
+                center: [0, 1, 2].map(|axis| {
+                    let offset = f64::from(sphere.radius) * (2.0 * direction[axis] - 1.0);
+                    f64::from(sphere.center[axis]) + offset
+                }),
                 radius: diagonal * (-1.0 - HALVINGS * random.unit()).exp2(),
                 error: error(level, random),
             }
-        };
-        let balls = (0..count).map(ball).collect();
+        });
+        let balls = balls.collect();
         let reluctance = MOST_RELUCTANT * random.unit().powi(3);
         Field { everywhere, reluctance, balls }
     }
@@ -134,9 +136,9 @@ impl Field {
         self.balls
             .iter()
             .filter(|ball| {
-                let outside =
-                    |a: usize| (region.low[a] - ball.center[a]).max(ball.center[a] - region.high[a]).max(0.0);
-                (0..3).map(|axis| outside(axis).powi(2)).sum::<f64>() <= ball.radius * ball.radius
+                let outside = [0, 1, 2]
+                    .map(|a| (region.low[a] - ball.center[a]).max(ball.center[a] - region.high[a]).max(0.0));
+                outside.iter().map(|x| x.powi(2)).sum::<f64>() <= ball.radius * ball.radius
             })
             .map(|ball| ball.error)
             .fold(self.everywhere, f32::min)

@@ -114,11 +114,9 @@ impl Residency {
             }
         }
 
-        let bytes = |wanted: &Wanted| self.units[wanted.group.index()].bytes;
-        let by_priority = |a: &Wanted, b: &Wanted| by_priority(hierarchy, a, b);
         let mut room = self.budget.saturating_sub(self.root_bytes);
-        if wanted.iter().map(bytes).sum::<u64>() > room {
-            wanted.sort_by(by_priority);
+        if wanted.iter().map(|wanted| self.units[wanted.group.index()].bytes).sum::<u64>() > room {
+            wanted.sort_by(|a, b| by_priority(hierarchy, a, b));
         }
 
         // A group is of use only where those above it are there.
@@ -133,7 +131,7 @@ impl Residency {
             fits && !self.units[wanted.group.index()].kept
         });
 
-        wanted.sort_by(by_priority);
+        wanted.sort_by(|a, b| by_priority(hierarchy, a, b));
         self.fetch_all(file, hierarchy, &wanted, &mut traffic);
         traffic
     }

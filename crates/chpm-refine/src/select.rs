@@ -53,8 +53,13 @@ pub fn select_by<D: AsRef<[u8]>>(
     hierarchy: &Hierarchy,
     bound: impl Fn(GroupId) -> f32,
 ) -> Result<Cut, RefineError> {
-    let wants = |group| hierarchy.wants(group, bound(group));
-    select_where(file, hierarchy, wants, &bound, |cluster, bound| position(file, cluster, bound))
+    select_where(
+        file,
+        hierarchy,
+        |group| hierarchy.wants(group, bound(group)),
+        &bound,
+        |cluster, bound| position(file, cluster, bound),
+    )
 }
 
 /// The same, with the groups that want to be split named apart from the bounds that the others are drawn by, and with whoever tells the

@@ -275,8 +275,9 @@ impl View {
     fn reach(&self, region: &Region) -> f64 {
         let center = (Point3::from(region.center) - self.eye).norm();
         let sphere = center - region.radius - region.slack * (center + region.radius);
-        let outside = |a: usize| (region.low[a] - self.eye[a]).max(self.eye[a] - region.high[a]).max(0.0);
-        let to_box = Vector3::new(outside(0), outside(1), outside(2)).norm() * (1.0 - Region::SLACK);
+        let outside = [0, 1, 2]
+            .map(|axis| (region.low[axis] - self.eye[axis]).max(self.eye[axis] - region.high[axis]).max(0.0));
+        let to_box = Vector3::from(outside).norm() * (1.0 - Region::SLACK);
         sphere.max(to_box).max(self.near)
     }
 
@@ -289,8 +290,10 @@ impl View {
     pub fn misses(&self, region: &Region) -> bool {
         let center = Point3::from(region.center) - self.eye;
         let margin = region.radius + region.slack * (center.norm() + region.radius);
-        let sphere = |(normal, offset): &(Vector3<f64>, f64)| normal.dot(&center) + offset + margin < 0.0;
-        self.planes.iter().any(|plane| sphere(plane) || self.box_misses(region, plane))
+        self.planes.iter().any(|plane| {
+            let (normal, offset) = plane;
+            normal.dot(&center) + offset + margin < 0.0 || self.box_misses(region, plane)
+        })
     }
 
     /// Whether all of a region is beyond the clipping plane: it is not seen wherever the camera turns.
@@ -319,16 +322,18 @@ impl View {
 
     /// Whether a box is wholly on the outer side of one plane of the frustum; an empty one is.
     pub fn misses_box(&self, bounds: &Aabb) -> bool {
-        let corner = |farthest: Vector3<f64>| {
-            let pick = |a: usize| f64::from(if farthest[a] > 0.0 { bounds.max[a] } else { bounds.min[a] });
-            Point3::new(pick(0), pick(1), pick(2)) - self.eye
-        };
         bounds.is_empty()
             || self.planes.iter().any(|(normal, offset)| {
-                let corner = corner(*normal);
+                let corner = farthest(bounds, normal) - self.eye;
                 normal.dot(&corner) + offset + Region::SLACK * corner.norm() < 0.0
             })
     }
+}
+
+/// The corner of a box that is farthest along a direction.
+fn farthest(bounds: &Aabb, direction: &Vector3<f64>) -> Point3<f64> {
+    let sides = [0, 1, 2].map(|a| if direction[a] > 0.0 { bounds.max[a] } else { bounds.min[a] });
+    geom::to_f64(sides)
 }
 
 fn require(

@@ -153,8 +153,9 @@ impl Chart<'_> {
     }
 
     fn draw(&self, area: &Area<'_>) -> Result<(), ReportError> {
-        let values = |axis: usize| self.series.iter().flat_map(|s| &s.points).map(move |point| point[axis]);
-        let (x, y) = (range(values(0), self.x.log), range(values(1), self.y.log));
+        let points = self.series.iter().flat_map(|series| &series.points);
+        let x = range(points.clone().map(|point| point[0]), self.x.log);
+        let y = range(points.map(|point| point[1]), self.y.log);
         match (self.x.log, self.y.log) {
             (false, false) => self.plot(area, x, y),
             (false, true) => self.plot(area, x, y.log_scale()),
@@ -178,18 +179,13 @@ impl Chart<'_> {
             fn is_shown(point: &[f64; 2], x_log: bool, y_log: bool) -> bool {
                 !(x_log && point[0] <= 0.0 || y_log && point[1] <= 0.0)
             }
-            let points = || {
-                series
-                    .points
-                    .iter()
-                    .filter(|point| is_shown(point, self.x.log, self.y.log))
-                    .map(|[x, y]| (*x, *y))
-            };
+            let shown = series.points.iter().filter(|point| is_shown(point, self.x.log, self.y.log));
+            let points: Vec<(f64, f64)> = shown.map(|[x, y]| (*x, *y)).collect();
             if series.dashed {
-                let line = DashedPathElement::new(points(), 4, 3, INK.stroke_width(1));
+                let line = DashedPathElement::new(points, 4, 3, INK.stroke_width(1));
                 chart.draw_series([line]).map_err(drawing_error)?;
             } else {
-                chart.draw_series(LineSeries::new(points(), color.stroke_width(2))).map_err(drawing_error)?;
+                chart.draw_series(LineSeries::new(points, color.stroke_width(2))).map_err(drawing_error)?;
             }
             let marked = series
                 .points
@@ -258,12 +254,6 @@ pub fn bars(
         let y = 0.0..1.05 * most / unit;
         let unit_name = name;
         let mut chart = builder(root, title).build_cartesian_2d(x, y).map_err(drawing_error)?;
-        let name = |value: &SegmentValue<u32>| match value {
-            SegmentValue::CenterOf(place) => {
-                values.get(*place as usize).map_or("", |(name, _)| name).to_owned()
-            }
-            _ => String::new(),
-        };
         chart
             .configure_mesh()
             .disable_x_mesh()
@@ -275,7 +265,12 @@ pub fn bars(
             .y_desc(unit_name)
             .x_labels(values.len())
             .y_labels(6)
-            .x_label_formatter(&name)
+            .x_label_formatter(&|value| match value {
+                SegmentValue::CenterOf(place) => {
+                    values.get(*place as usize).map_or("", |(name, _)| name).to_owned()
+                }
+                _ => String::new(),
+            })
             .y_label_formatter(&|value| plain(*value))
             .draw()
             .map_err(drawing_error)?;
@@ -362,14 +357,13 @@ where
     X: Ranged<ValueType = f64> + ValueFormatter<f64>,
     Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
 {
-    let text = || (FONT, 12).into_font().color(&INK);
     chart
         .configure_mesh()
         .axis_style(INK)
         .bold_line_style(GRID)
         .light_line_style(TRANSPARENT)
-        .label_style(text())
-        .axis_desc_style(text())
+        .label_style((FONT, 12).into_font().color(&INK))
+        .axis_desc_style((FONT, 12).into_font().color(&INK))
         .x_desc(x.name)
         .y_desc(y.name)
         .x_labels(labels[0])

@@ -33,11 +33,11 @@ impl Colors {
 
     /// All of them from the first to the last, as stops of a gradient in CSS.
     pub fn gradient(&self) -> String {
-        let stop = |n: usize| {
+        let stops = (0..=STOPS).map(|n| {
             let [r, g, b, _] = self.of(self.low + (self.high - self.low) * n as f64 / STOPS as f64);
             format!("#{r:02x}{g:02x}{b:02x}")
-        };
-        (0..=STOPS).map(stop).collect::<Vec<_>>().join(",")
+        });
+        stops.collect::<Vec<_>>().join(",")
     }
 
     /// Red, green, blue, opaque. What is out of the range has the colour of its end; what is no number is grey.

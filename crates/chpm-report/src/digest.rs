@@ -33,10 +33,14 @@ impl Sizes {
     /// Those of a file.
     pub fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
         let pages: u64 = file.clusters().iter().map(|cluster| u64::from(cluster.page_len)).sum();
-        let len =
-            |wanted| file.sections().find(|(kind, _)| *kind == wanted).map(|(_, range)| range.len() as u64);
-        let padded = len(SectionKind::Pages).unwrap_or(pages);
-        let chunks = len(SectionKind::Chunks).unwrap_or(0);
+        let (mut padded, mut chunks) = (pages, 0);
+        for (kind, range) in file.sections() {
+            match kind {
+                SectionKind::Pages => padded = range.len() as u64,
+                SectionKind::Chunks => chunks = range.len() as u64,
+                _ => {}
+            }
+        }
         let whole = file.header().file_len;
         Sizes { file: whole, tables: whole - padded, chunks, pages, padding: padded - pages }
     }
@@ -57,24 +61,27 @@ pub struct Drawable {
 
 /// The meshes of a file from the finest to the coarsest, as `extract --level` has them.
 pub fn drawables<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<Drawable> {
-    let of = |level: Option<u32>, cut: &Cut| {
-        let mut mesh = Drawable { level, clusters: cut.members().len() as u64, triangles: 0, distance: 0.0 };
-        for member in cut.members() {
-            let record = &file.clusters()[member.cluster.index()];
-            let is_base = member.vertices == record.base_vertex_count;
-            let error = if is_base { record.max_error } else { record.min_error };
-            mesh.triangles +=
-                u64::from(if is_base { record.base_triangle_count } else { record.triangle_count });
-            mesh.distance = mesh.distance.max(file.gaps(record.group()).distance(error).into());
-        }
-        mesh
-    };
     let levels = 0..file.header().level_count;
     let mut meshes: Vec<Drawable> =
-        levels.map(|level| of(Some(level), &Cut::at_level(file, Level(level)))).collect();
-    let base = |cluster| Member { cluster, vertices: file.clusters()[cluster.index()].base_vertex_count };
-    meshes.push(of(None, &Cut::new(file.roots().map(base).collect())));
+        levels.map(|level| drawable(file, Some(level), &Cut::at_level(file, Level(level)))).collect();
+    let roots = file.roots().map(|cluster| {
+        let vertices = file.clusters()[cluster.index()].base_vertex_count;
+        Member { cluster, vertices }
+    });
+    meshes.push(drawable(file, None, &Cut::new(roots.collect())));
     meshes
+}
+
+fn drawable<D: AsRef<[u8]>>(file: &Chpm<D>, level: Option<u32>, cut: &Cut) -> Drawable {
+    let mut mesh = Drawable { level, clusters: cut.members().len() as u64, triangles: 0, distance: 0.0 };
+    for member in cut.members() {
+        let record = &file.clusters()[member.cluster.index()];
+        let is_base = member.vertices == record.base_vertex_count;
+        let error = if is_base { record.max_error } else { record.min_error };
+        mesh.triangles += u64::from(if is_base { record.base_triangle_count } else { record.triangle_count });
+        mesh.distance = mesh.distance.max(file.gaps(record.group()).distance(error).into());
+    }
+    mesh
 }
 
 /// Where the normals are from, if there are any: the source or the build.
@@ -103,8 +110,8 @@ pub fn remarks<D: AsRef<[u8]>>(
         }
     }
     remarks.truncate(3);
-    let shared = |level: &&LevelRow| level.shared_vertices as f64 > SHARED * level.vertices as f64;
-    if let Some(level) = levels.iter().find(shared) {
+    let shared = levels.iter().find(|level| level.shared_vertices as f64 > SHARED * level.vertices as f64);
+    if let Some(level) = shared {
         let share = 100.0 * level.shared_vertices as f64 / level.vertices as f64;
         remarks.push(format!(
             "{share:.0} % of the vertices of level {} are shared: larger --cluster-triangles have fewer",

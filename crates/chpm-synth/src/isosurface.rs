@@ -107,8 +107,8 @@ impl Isosurface {
                     let to = f64::from(self.value(&below, &above, x, y, direction));
                     // Kept off the ends, so that no two vertices about a grid point coincide.
                     let t = (from / (from - to)).clamp(0.02, 0.98);
-                    let step = |axis: usize| f64::from(direction >> axis & 1) * t;
-                    batch.push(std::array::from_fn(|a| (scale * (point[a] + step(a))) as f32))?;
+                    let step = [0, 1, 2].map(|axis| f64::from(direction >> axis & 1) * t);
+                    batch.push(std::array::from_fn(|a| (scale * (point[a] + step[a])) as f32))?;
                 }
             }
             below = above;
@@ -253,13 +253,14 @@ fn cell_table() -> Vec<Vec<[Cut; 3]>> {
 }
 
 fn add_tetrahedron(corners: [u8; 4], odd: bool, inside: usize, out: &mut Vec<[Cut; 3]>) {
-    let is_inside = |i: &usize| inside >> corners[*i] & 1 == 1;
-    let order: Vec<usize> = (0..4).filter(is_inside).chain((0..4).filter(|i| !is_inside(i))).collect();
+    let (mut order, outside): (Vec<usize>, Vec<usize>) = (0..4).partition(|i| inside >> corners[*i] & 1 == 1);
+    let count_inside = order.len();
+    order.extend(outside);
     let inversions = (0..4).flat_map(|i| (0..i).map(move |j| (j, i))).filter(|&(j, i)| order[j] > order[i]);
     let flip = odd ^ (inversions.count() % 2 == 1);
     let mut add = |[a, b, c]: [Cut; 3]| out.push(if flip { [a, c, b] } else { [a, b, c] });
     // In even order: a triangle about the one inside corner faces away from it, and so on.
-    match (0..4).filter(is_inside).count() {
+    match count_inside {
         1 => add([cut(0, 1, &corners, &order), cut(0, 2, &corners, &order), cut(0, 3, &corners, &order)]),
         2 => {
             add([cut(0, 2, &corners, &order), cut(0, 3, &corners, &order), cut(1, 3, &corners, &order)]);

@@ -204,8 +204,12 @@ fn shuffled(n: u32) -> Plan {
 
 fn loose(n: u32) -> Plan {
     let grid = Grid::of(n);
-    let place = move |v: u32| grid.place(grid.corners(v / 3)[v as usize % 3]);
-    Plan::new(3 * grid.triangles(), grid.triangles(), place, own)
+    Plan::new(
+        3 * grid.triangles(),
+        grid.triangles(),
+        move |v| grid.place(grid.corners(v / 3)[v as usize % 3]),
+        own,
+    )
 }
 
 /// The corners of triangle `t` where none has a vertex of another.
@@ -217,15 +221,25 @@ fn own(t: u32) -> [u32; 3] {
 fn pieces(n: u32, faces: u32, size: f64) -> Plan {
     let count = n / faces;
     let corners = if faces == 1 { 3 } else { 4 };
-    let place = move |v: u32| {
-        let piece = v / corners;
-        [0, 1, 2].map(|axis| chance(piece, axis) + size * chance(v, 3 + axis))
-    };
-    Plan::new(corners * count, faces * count, place, move |t: u32| {
-        let first = t / faces * corners;
-        let [a, b, c] = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]][(t % faces) as usize];
-        [first + a, first + b, first + c]
-    })
+    Plan::new(
+        corners * count,
+        faces * count,
+        move |v| [0, 1, 2].map(|axis| chance(v / corners, axis) + size * chance(v, 3 + axis)),
+        move |t| {
+            let first = t / faces * corners;
+            let [a, b, c] = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]][(t % faces) as usize];
+            [first + a, first + b, first + c]
+        },
+    )
+}
+
+/// Vertices 0 and 1 are below and above the middle of a ring of `count`, the others on it.
+fn on_poles(v: u32, count: u32) -> [f64; 3] {
+    match v {
+        0 => [0.0, 0.0, -1.0],
+        1 => [0.0, 0.0, 1.0],
+        _ => ring(v - 2, count, 0.0),
+    }
 }
 
 /// Vertex `i` of a ring of `count`.
@@ -235,25 +249,26 @@ fn ring(i: u32, count: u32, height: f64) -> [f64; 3] {
 }
 
 fn fan(n: u32) -> Plan {
-    let place = move |v: u32| match v.checked_sub(1) {
-        None => [0.0; 3],
-        Some(i) => ring(i, n, 0.1 * wave(8.0 * f64::from(i) / f64::from(n))),
-    };
-    Plan::new(n + 1, n, place, move |t| [0, 1 + t, 1 + (t + 1) % n])
+    fn place(v: u32, n: u32) -> [f64; 3] {
+        match v.checked_sub(1) {
+            None => [0.0; 3],
+            Some(i) => ring(i, n, 0.1 * wave(8.0 * f64::from(i) / f64::from(n))),
+        }
+    }
+    Plan::new(n + 1, n, move |v| place(v, n), move |t| [0, 1 + t, 1 + (t + 1) % n])
 }
 
 fn poles(n: u32) -> Plan {
     let count = n / 2;
-    let place = move |v: u32| match v {
-        0 => [0.0, 0.0, -1.0],
-        1 => [0.0, 0.0, 1.0],
-        _ => ring(v - 2, count, 0.0),
-    };
-    let triangle = move |t: u32| {
-        let (a, b) = (2 + t / 2, 2 + (t / 2 + 1) % count);
-        if t.is_multiple_of(2) { [1, a, b] } else { [0, b, a] }
-    };
-    Plan::new(count + 2, 2 * count, place, triangle)
+    Plan::new(
+        count + 2,
+        2 * count,
+        move |v| on_poles(v, count),
+        move |t| {
+            let (a, b) = (2 + t / 2, 2 + (t / 2 + 1) % count);
+            if t.is_multiple_of(2) { [1, a, b] } else { [0, b, a] }
+        },
+    )
 }
 
 fn needles(n: u32) -> Plan {
@@ -284,22 +299,19 @@ fn layers(n: u32, apart: f64) -> Plan {
     const LAYERS: u32 = 50;
     let grid = Grid::of(n / LAYERS);
     let (vertices, triangles) = (grid.vertices(), grid.triangles());
-    let place = move |v: u32| {
-        let (layer, [x, y, z]) = (v / vertices, grid.place(v % vertices));
-        [x, y, z + apart * f64::from(layer)]
-    };
-    Plan::new(LAYERS * vertices, LAYERS * triangles, place, move |t: u32| {
-        grid.corners(t % triangles).map(|v| v + t / triangles * vertices)
-    })
+    Plan::new(
+        LAYERS * vertices,
+        LAYERS * triangles,
+        move |v| {
+            let (layer, [x, y, z]) = (v / vertices, grid.place(v % vertices));
+            [x, y, z + apart * f64::from(layer)]
+        },
+        move |t| grid.corners(t % triangles).map(|v| v + t / triangles * vertices),
+    )
 }
 
 fn edge(n: u32) -> Plan {
-    let place = move |v: u32| match v {
-        0 => [0.0, 0.0, -1.0],
-        1 => [0.0, 0.0, 1.0],
-        _ => ring(v - 2, n, 0.0),
-    };
-    Plan::new(n + 2, n, place, |t| [0, 1, t + 2])
+    Plan::new(n + 2, n, move |v| on_poles(v, n), |t| [0, 1, t + 2])
 }
 
 fn cloud(v: u32) -> [f64; 3] {
@@ -312,27 +324,27 @@ fn hubs(n: u32) -> Plan {
 }
 
 fn random(n: u32) -> Plan {
-    let count = n / 2;
-    let triangle = move |t: u32| {
+    fn triangle(t: u32, count: u32) -> [u32; 3] {
         let a = pick(t, 0, count);
         let b = (a + 1 + pick(t, 1, count - 2)) % count;
+
         // Neither of the two: the numbers beside them, passed over.
         let mut c = pick(t, 2, count - 2);
         for taken in [a.min(b), a.max(b)] {
             c += u32::from(c >= taken);
         }
         [a, b, c]
-    };
-    Plan::new(count, n, cloud, triangle)
+    }
+    let count = n / 2;
+    Plan::new(count, n, cloud, move |t| triangle(t, count))
 }
 
 fn knots(n: u32) -> Plan {
-    let m = (f64::from(n) / 40.0).cbrt().round().max(2.0) as u32;
-    let place = move |v: u32| {
+    fn place(v: u32, m: u32) -> [f64; 3] {
         let cell = [v % m, v / m % m, v / m / m];
         [0, 1, 2].map(|axis| f64::from(cell[axis]) + 0.3 * chance(v, axis as i64))
-    };
-    let triangle = move |t: u32| {
+    }
+    fn triangle(t: u32, m: u32) -> [u32; 3] {
         let first = [0, 1, 2].map(|axis| pick(t, axis, m - 1));
         // Three different corners of a cell.
         let start = pick(t, 3, 8);
@@ -342,8 +354,9 @@ fn knots(n: u32) -> Plan {
             let at = [0, 1, 2].map(|axis| first[axis] + (corner >> axis & 1));
             (at[2] * m + at[1]) * m + at[0]
         })
-    };
-    Plan::new(m * m * m, n, place, triangle)
+    }
+    let m = (f64::from(n) / 40.0).cbrt().round().max(2.0) as u32;
+    Plan::new(m * m * m, n, move |v| place(v, m), move |t| triangle(t, m))
 }
 
 fn stretched(n: u32) -> Plan {
@@ -366,16 +379,17 @@ fn power(x: f64, side: f64) -> f64 {
 fn giant(n: u32) -> Plan {
     let tiny = pieces(n - 1, 1, 1e-3);
     let first = tiny.vertices;
-    let place = move |v: u32| match v.checked_sub(first) {
-        None => tiny.place(v),
-        Some(i) => [[-1e6, -1e6, -1.0], [1e6, 0.0, -1.0], [0.0, 1e6, -1.0]][i as usize],
-    };
-    Plan::new(first + 3, n, place, own)
+    const LARGE: [[f64; 3]; 3] = [[-1e6, -1e6, -1.0], [1e6, 0.0, -1.0], [0.0, 1e6, -1.0]];
+    Plan::new(
+        first + 3,
+        n,
+        move |v| v.checked_sub(first).map_or_else(|| tiny.place(v), |i| LARGE[i as usize]),
+        own,
+    )
 }
 
 fn far(n: u32, away: f64, step: f64) -> Plan {
-    let moved = move |p: [f64; 3]| p.map(|x| step * x + away);
-    Plan { double: true, ..Grid::of(n).bent(moved) }
+    Plan { double: true, ..Grid::of(n).bent(move |p| p.map(|x| step * x + away)) }
 }
 
 #[cfg(test)]

@@ -58,12 +58,10 @@ impl Plates {
             let cell = [number % side, number / side % side, number / (side * side)];
             // A cyclic change of axes turns the plate without mirroring it.
             let turn = hash(self.seed, [number as i64, 0, 0]) as usize % 3;
-            let mut place = |[x, y]: [f64; 2], z: f64| {
-                let p = [x, y, z];
-                batch.push(std::array::from_fn(|a| (5.0 * cell[a] as f64 + p[(a + turn) % 3]) as f32))
-            };
+            let place =
+                |p: [f64; 3]| std::array::from_fn(|a| (5.0 * cell[a] as f64 + p[(a + turn) % 3]) as f32);
             for z in [0.0, Self::THICKNESS] {
-                plate.outline(&mut |p| place(p, z))?;
+                plate.outline(&mut |[x, y]| batch.push(place([x, y, z])))?;
                 for square in 0..plate.holes {
                     let narrow = Self::NARROW_EDGE * f64::from(4 * self.q) / std::f64::consts::TAU;
                     let is_wide = (u64::from(square) + number) % 2 == 1;
@@ -71,7 +69,7 @@ impl Plates {
                     for k in 0..4 * self.q {
                         let [x, y] = plate.on_square(k).map(|c| c - 0.5);
                         let scale = radius / (x * x + y * y).sqrt();
-                        place([f64::from(square) + 0.5 + scale * x, 0.5 + scale * y], z)?;
+                        batch.push(place([f64::from(square) + 0.5 + scale * x, 0.5 + scale * y, z]))?;
                     }
                 }
             }

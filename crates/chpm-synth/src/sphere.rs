@@ -57,19 +57,11 @@ impl Sphere {
                 batch.push_quad([a, a + nx + 1, a + nx + 2, a + 1])?;
             }
         }
-        // The i-th vertex around layer z.
-        let at = |i: u32, z: u32| {
-            let [x, y] = self.on_ring(i);
-            match z {
-                0 => y * (nx + 1) + x,
-                z if z == nz => full + (nz - 1) * ring + y * (nx + 1) + x,
-                z => full + (z - 1) * ring + i,
-            }
-        };
         for z in 0..nz {
             for i in 0..ring {
                 let next = (i + 1) % ring;
-                batch.push_quad([at(i, z), at(next, z), at(next, z + 1), at(i, z + 1)])?;
+                let corners = [(i, z), (next, z), (next, z + 1), (i, z + 1)];
+                batch.push_quad(corners.map(|(i, z)| self.around(i, z)))?;
             }
         }
         let top = full + (nz - 1) * ring;
@@ -80,6 +72,18 @@ impl Sphere {
             }
         }
         Ok(())
+    }
+
+    /// The `i`-th vertex around layer `z`.
+    fn around(&self, i: u32, z: u32) -> u32 {
+        let [nx, ny, nz] = self.n;
+        let (ring, full) = (2 * (nx + ny), (nx + 1) * (ny + 1));
+        let [x, y] = self.on_ring(i);
+        match z {
+            0 => y * (nx + 1) + x,
+            z if z == nz => full + (nz - 1) * ring + y * (nx + 1) + x,
+            z => full + (z - 1) * ring + i,
+        }
     }
 
     /// Where the `i`-th vertex of a ring is, counter-clockwise seen from above.

@@ -54,8 +54,9 @@ impl Points {
 
     /// In single precision, relative to `origin`.
     pub fn relative(self, origin: [f64; 3]) -> TriMesh {
-        let local = |p: &[f64; 3]| std::array::from_fn(|axis| (p[axis] - origin[axis]) as f32);
-        TriMesh::new(self.positions.iter().map(local).collect(), self.triangles)
+        let positions =
+            self.positions.iter().map(|p| std::array::from_fn(|axis| (p[axis] - origin[axis]) as f32));
+        TriMesh::new(positions.collect(), self.triangles)
     }
 
     /// Whether single precision holds all of it.

@@ -19,11 +19,11 @@ use crate::error::ViewerError;
 use crate::gpu::buffers::{Canvas, Sampled};
 use crate::gpu::lighting::Lighting;
 use crate::gpu::{CameraUniform, Gpu, Probe, passes};
-use crate::place::Place;
 use crate::request::{Accuracy, Budgets, FrameRequest, Target};
 use crate::scene::Culling;
 use crate::stats::Stats;
 use crate::tint::Tint;
+use crate::transform::Transform;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Scalar};
@@ -34,7 +34,7 @@ use interactive::CacheKey;
 use model::{Eye, Model};
 use paint::Colors;
 use rate::Rate;
-use share::{Need, shares};
+use share::{Need, budget_shares};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -99,7 +99,7 @@ impl Viewer {
     /// # Errors
     /// [`ViewerError::Extmem`], [`ViewerError::File`], [`ViewerError::Budget`], [`ViewerError::Device`].
     pub fn open(gpu: Arc<Gpu>, path: &Path, budgets: Budgets) -> Result<Viewer, ViewerError> {
-        Viewer::open_all(gpu, &[(path, Place::STILL)], budgets)
+        Viewer::open_all(gpu, &[(path, Transform::STILL)], budgets)
     }
 
     /// Opens files for one picture, each put somewhere. They share the budgets: as much for each, but what one cannot use is left to the
@@ -109,7 +109,7 @@ impl Viewer {
     /// As [`Viewer::open`]; [`ViewerError::NoModel`].
     pub fn open_all(
         gpu: Arc<Gpu>,
-        paths: &[(&Path, Place)],
+        paths: &[(&Path, Transform)],
         budgets: Budgets,
     ) -> Result<Viewer, ViewerError> {
         Viewer::open_colored(gpu, paths, budgets, None)
@@ -122,23 +122,16 @@ impl Viewer {
     /// As [`Viewer::open_all`].
     pub fn open_colored(
         gpu: Arc<Gpu>,
-        paths: &[(&Path, Place)],
+        paths: &[(&Path, Transform)],
         budgets: Budgets,
         color_by: Option<&str>,
     ) -> Result<Viewer, ViewerError> {
         let files = paths.iter().map(|(path, _)| Model::file_of(path)).collect::<Result<Vec<_>, _>>()?;
         let tints: Vec<Tint> = files.iter().map(|file| Tint::of(file, color_by)).collect();
-        let needs: Vec<[Need; 2]> =
-            files.iter().zip(&tints).map(|(file, tint)| Model::needs(file, tint)).collect();
-        let share = |what, all, which: usize| {
-            let needs: Vec<Need> = needs.iter().map(|needs| needs[which]).collect();
-            let needed = chpm_mesh::Bytes(needs.iter().map(|need| need.least).sum());
-            // One alone says itself what it lacks.
-            let parts = if needs.len() == 1 { Some(vec![all]) } else { shares(all, &needs) };
-            parts.ok_or(ViewerError::Budget { what, needed, got: all })
-        };
-        let memory = share("memory", budgets.memory, 0)?;
-        let gpu_memory = share("GPU memory", budgets.gpu_memory, 1)?;
+        let (in_memory, on_gpu): (Vec<Need>, Vec<Need>) =
+            files.iter().zip(&tints).map(|(file, tint)| Model::needs(file, tint)).unzip();
+        let memory = budget_shares("memory", budgets.memory, &in_memory)?;
+        let gpu_memory = budget_shares("GPU memory", budgets.gpu_memory, &on_gpu)?;
         let mut models = Vec::with_capacity(files.len());
         for (place, (file, tint)) in files.into_iter().zip(tints).enumerate() {
             let budgets = Budgets { memory: memory[place], gpu_memory: gpu_memory[place] };
@@ -173,7 +166,7 @@ impl Viewer {
     }
 
     /// Puts a model, from 0, somewhere: the next frame shows it there. Answers whether it was somewhere else.
-    pub fn put(&mut self, model: usize, place: Place) -> bool {
+    pub fn put(&mut self, model: usize, place: Transform) -> bool {
         let Some(model) = self.models.get_mut(model).filter(|model| model.place != place) else {
             return false;
         };
@@ -247,7 +240,7 @@ impl Viewer {
             return Ok(portrait);
         }
         let portrait = portrait.with_heights(self.origin(), up, side);
-        if self.put(0, Place::stretched(portrait.stretch())) {
+        if self.put(0, Transform::stretched(portrait.stretch())) {
             self.origin = self.models[0].zero();
             self.bound();
         }

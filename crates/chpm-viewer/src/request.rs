@@ -132,6 +132,20 @@ pub struct Clip {
 }
 
 impl Clip {
+    fn parse(text: &str) -> Option<Self> {
+        let (side, place) = text.rsplit_once(':')?;
+        let place: f64 = place.trim().parse().ok()?;
+        let (name, negative) = side.strip_prefix('-').map_or((side, false), |name| (name, true));
+        if let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name.trim_start_matches('+')) {
+            let sign = if negative { -1.0 } else { 1.0 };
+            let normal = std::array::from_fn(|a| if a == axis { sign } else { 0.0 });
+            return Clip::new(normal, sign * place);
+        }
+        let numbers: Option<Vec<f64>> = side.split(',').map(|n| n.trim().parse().ok()).collect();
+        let [x, y, z] = numbers?.try_into().ok()?;
+        Clip::new([x, y, z], place)
+    }
+
     /// Beyond `offset` along a direction of any length but 0; none where that is not a plane.
     pub fn new(normal: [f64; 3], offset: f64) -> Option<Self> {
         let length = normal.iter().fold(0.0, |length: f64, x| length.hypot(*x));
@@ -155,22 +169,11 @@ impl FromStr for Clip {
 
     /// `x:10` leaves out what is beyond x = 10, `-x:10` what is below; `NX,NY,NZ:OFFSET` what is beyond any plane.
     fn from_str(text: &str) -> Result<Self, String> {
-        let refused = || {
+        Clip::parse(text).ok_or_else(|| {
             format!(
                 "'{text}' is no plane: write an axis and where it is cut, as in z:10 or -z:10, or a normal, as in 1,1,0:10"
             )
-        };
-        let (side, place) = text.rsplit_once(':').ok_or_else(refused)?;
-        let place: f64 = place.trim().parse().map_err(|_| refused())?;
-        let (name, negative) = side.strip_prefix('-').map_or((side, false), |name| (name, true));
-        if let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name.trim_start_matches('+')) {
-            let sign = if negative { -1.0 } else { 1.0 };
-            let normal = std::array::from_fn(|a| if a == axis { sign } else { 0.0 });
-            return Clip::new(normal, sign * place).ok_or_else(refused);
-        }
-        let numbers: Option<Vec<f64>> = side.split(',').map(|n| n.trim().parse().ok()).collect();
-        let [x, y, z] = numbers.as_deref().and_then(|n| n.try_into().ok()).ok_or_else(refused)?;
-        Clip::new([x, y, z], place).ok_or_else(refused)
+        })
     }
 }
 

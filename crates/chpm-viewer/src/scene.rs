@@ -36,6 +36,32 @@ pub struct Culling {
     pub occlusion: bool,
 }
 
+/// What a view sees of groups, as far as anything is culled.
+struct Gaze<'a> {
+    file: &'a Chpm<MappedFile>,
+    hierarchy: &'a Hierarchy,
+    visibility: &'a Visibility,
+    view: &'a View,
+    culling: Culling,
+}
+
+impl Gaze<'_> {
+    fn sees(&self, group: GroupId) -> bool {
+        let is_outside = self.culling.frustum && self.view.misses(self.hierarchy.region(group));
+        !is_outside && !self.is_hidden(group)
+    }
+
+    /// Whoever turns sees what is beside the image, but not what the clipping plane leaves out.
+    fn may_turn_to(&self, group: GroupId) -> bool {
+        let is_clipped = self.culling.frustum && self.view.clips(self.hierarchy.region(group));
+        !is_clipped && !self.is_hidden(group)
+    }
+
+    fn is_hidden(&self, group: GroupId) -> bool {
+        self.culling.occlusion && !self.visibility.sees(self.file, group)
+    }
+}
+
 /// One model.
 #[derive(Debug)]
 pub struct Scene {
@@ -99,14 +125,12 @@ impl Scene {
         // The roots are never let go, so they have to fit.
         let attributes = file.header().attributes();
         let colors = tint.is_there();
-        let of_roots = |size: &dyn Fn(&ClusterRecord) -> u64| {
-            file.roots().map(|root| size(&file.clusters()[root.index()])).sum::<u64>()
-        };
-        let page_bytes = Bytes(of_roots(&|cluster| cluster.unpacked_len(attributes)));
+        let roots: Vec<&ClusterRecord> = file.roots().map(|root| &file.clusters()[root.index()]).collect();
+        let page_bytes = Bytes(roots.iter().map(|root| root.unpacked_len(attributes)).sum());
         if page_bytes > budgets.memory {
             return Err(ViewerError::Budget { what: "memory", needed: page_bytes, got: budgets.memory });
         }
-        let root_bytes = of_roots(&|cluster| gpu_bytes(cluster, colors));
+        let root_bytes: u64 = roots.iter().map(|root| gpu_bytes(root, colors)).sum();
         if root_bytes > gpu_room.0 {
             // What is lost at the ends of slabs comes on top.
             let largest = file.clusters().iter().map(|cluster| gpu_bytes(cluster, colors)).max();
@@ -159,13 +183,9 @@ impl Scene {
         self.visibility.turn();
 
         // What is split stays so; what is not is split where somebody sees it.
-        let visibility = &self.visibility;
         let bound = |group| self.bounds.of(group, hierarchy, view);
-        self.pager.follow(file, hierarchy, bound, |group| {
-            let in_image = || !culling.frustum || !view.misses(hierarchy.region(group));
-            let seen = || !culling.occlusion || visibility.sees(file, group);
-            list.is_split(group) || in_image() && seen()
-        });
+        let gaze = Gaze { file, hierarchy, visibility: &self.visibility, view, culling };
+        self.pager.follow(file, hierarchy, bound, |group| list.is_split(group) || gaze.sees(group));
         for entered in self.pager.wanted().entered() {
             self.visibility.forget(file.clusters()[entered.cluster.index()].group());
         }
@@ -186,15 +206,16 @@ impl Scene {
 
     /// Asks for what a view to come will want, after [`Scene::want`]: all that it splits, and what it would split next. Answers bytes.
     pub fn foresee(&mut self, ahead: &View, culling: Culling) -> u64 {
-        let (file, hierarchy, visibility) = (&*self.file, &self.hierarchy, &self.visibility);
-        let seen = |group| !culling.occlusion || visibility.sees(file, group);
-        let in_image = |group| !culling.frustum || !ahead.misses(hierarchy.region(group));
-        let allowed = |group| in_image(group) && seen(group);
-        // Whoever turns sees what is beside the image, but not what the clipping plane leaves out.
-        let clipped = |group| culling.frustum && ahead.clips(hierarchy.region(group));
-        let traffic = self
-            .pager
-            .foresee(file, hierarchy, ahead, AHEAD, allowed, |group| seen(group) && !clipped(group));
+        let (file, hierarchy) = (&*self.file, &self.hierarchy);
+        let gaze = Gaze { file, hierarchy, visibility: &self.visibility, view: ahead, culling };
+        let traffic = self.pager.foresee(
+            file,
+            hierarchy,
+            ahead,
+            AHEAD,
+            |group| gaze.sees(group),
+            |group| gaze.may_turn_to(group),
+        );
         self.dispatch(traffic, true)
     }
 
@@ -206,21 +227,21 @@ impl Scene {
         let short = is_short(self.pager.reserved(), self.budgets.memory)
             || is_short(self.gpu_residency.reserved(), self.budgets.gpu_memory);
 
-        let list = self.list.front();
-        let asked = |group: &GroupId| match !short && list.is_split(*group) {
+        let (list, groups) = (self.list.front(), self.pager.wanted().split_groups());
+        let wanted = groups.iter().map(|group| match !short && list.is_split(*group) {
             // It is there, and nobody asks which goes first.
             true => Wanted { group: *group, priority: f64::INFINITY },
             false => Wanted::by(view, &self.hierarchy, *group),
-        };
-        let mut wanted: Vec<Wanted> = self.pager.wanted().split_groups().iter().map(asked).collect();
+        });
+        let mut wanted: Vec<Wanted> = wanted.collect();
 
         // A group is of use if anything below it is seen.
         if short && culling != (Culling { frustum: false, occlusion: false }) {
-            let mut seen = vec![false; self.file.groups().len()];
+            let (file, hierarchy) = (&*self.file, &self.hierarchy);
+            let gaze = Gaze { file, hierarchy, visibility: &self.visibility, view, culling };
+            let mut seen = vec![false; file.groups().len()];
             for group in self.pager.wanted().open_groups() {
-                let in_image = !culling.frustum || !view.misses(self.hierarchy.region(*group));
-                seen[group.index()] =
-                    in_image && (!culling.occlusion || self.visibility.sees(&self.file, *group));
+                seen[group.index()] = gaze.sees(*group);
             }
             // Those below come first.
             for wanted in wanted.iter_mut().rev() {

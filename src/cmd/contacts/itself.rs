@@ -37,7 +37,7 @@ pub(super) fn within_itself(
         if let Some(csv) = &mut csv {
             writeln!(csv, "cluster_a,triangle_a,cluster_b,triangle_b,x,y,z")?;
         }
-        let mut take = |crossing: &Crossing| {
+        let found = &mut |crossing: &Crossing| {
             pairs += 1;
             first = first.or(Some(*crossing));
             match &mut csv {
@@ -45,8 +45,7 @@ pub(super) fn within_itself(
                 None => Ok(()),
             }
         };
-        let mut go_on = || limits.go_on(Reads::default());
-        let complete = crossings(&reader, &pool, &mut take, &mut go_on)?;
+        let complete = crossings(&reader, &pool, found, &mut || limits.go_on(Reads::default()))?;
         stop::check(&cancel)?;
         Ok(complete)
     })?;

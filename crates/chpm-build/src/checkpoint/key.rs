@@ -29,10 +29,10 @@ impl Key {
             folder.canonicalize().map_err(|source| ExtmemError::io("find the folder", folder, 0, source))?;
         let mut hash = Xxh3::new();
         // Each with its length, so that no two lists are one text.
-        let add = |hash: &mut Xxh3, bytes: &[u8]| {
+        fn add(hash: &mut Xxh3, bytes: &[u8]) {
             hash.update(&(bytes.len() as u64).to_le_bytes());
             hash.update(bytes);
-        };
+        }
         add(&mut hash, folder.as_os_str().as_encoded_bytes());
         add(&mut hash, name.as_encoded_bytes());
         let place = hash.digest();

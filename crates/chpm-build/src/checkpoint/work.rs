@@ -121,14 +121,10 @@ impl<'a> Work<'a> {
             }
         };
         let (known, context, checkpoints) = (&self.known, self.context, &mut *self.checkpoints);
-        let mut keep = |arranged: &Arranged, levels: &Levels| {
-            checkpoints.offer(
-                context,
-                false,
-                &Point { known, left: LeftRef::Arranged(arranged, Some(levels)) },
-            )
-        };
-        let built = stage(arranged, begun, &mut keep)?;
+        let built = stage(arranged, begun, &mut |arranged, levels| {
+            let left = LeftRef::Arranged(arranged, Some(levels));
+            checkpoints.offer(context, false, &Point { known, left })
+        })?;
         self.leave(Left::Simplified(built))
     }
 

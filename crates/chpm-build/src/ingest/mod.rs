@@ -18,7 +18,7 @@ use crate::report::SmallComponents;
 use crate::vertex_columns::{POSITIONS, VertexColumns, VertexWriter};
 use chpm_extmem::{BufferWriter, Column, Store};
 use chpm_format::Source as Provenance;
-use chpm_import::ply::{Batch, BatchKind, Invalid, Options, Place, Tally};
+use chpm_import::ply::{Batch, BatchKind, Invalid, Options, SourceLocation, Tally};
 use chpm_import::{Beside, Input, SourceError, SourceInfo, Supply};
 use chpm_mesh::{Aabb, Attributes, Scalar, scalar_places};
 use local::Local;
@@ -315,7 +315,7 @@ fn refuse_far(
             return Ok(());
         };
 
-        let place = |base| Place {
+        let place = |base| SourceLocation {
             element: "vertex".to_owned(),
             index: vertex - base,
             offset,

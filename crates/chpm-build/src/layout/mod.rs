@@ -58,11 +58,11 @@ fn runs(built: &Built) -> Vec<Run> {
     let roots =
         nodes.filter(|node| is_root(built, *node)).map(|root| run(f32::INFINITY, vec![root], clusters));
 
-    let fine = |group: &Vec<u32>| -> Vec<u32> {
+    let splits = clusters.groups.iter().map(|group| -> Vec<u32> {
         let children = group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
         children.filter(|child| clusters.is_built(*child)).collect()
-    };
-    let splits = clusters.groups.iter().map(fine).filter(|fine| !fine.is_empty()).map(|fine| {
+    });
+    let splits = splits.filter(|fine| !fine.is_empty()).map(|fine| {
         // A split is asked for where the finest mesh above is too coarse, which is what these have as base meshes.
         let error = fine.iter().map(|node| clusters.page(*node).group_error).fold(0.0, f32::max);
         run(error, fine, clusters)
@@ -80,45 +80,62 @@ pub(crate) fn run(
     write: impl Fn(usize, &[u8]) -> Result<(), BuildError> + Sync,
 ) -> Result<Vec<ClusterRecord>, BuildError> {
     let phase = context.trace.phase();
-    let lay_out = |(scratch, packed): &mut (Scratch, Vec<u8>), (place, node): (usize, &u32)| {
+    let nodes = order.par_iter().enumerate().with_max_len(4);
+    let records = nodes.map_init(Scratch::default, |scratch, (place, node)| {
         let _traced = phase.task("page");
         context.check()?;
-        let page = scratch.page(*node, built, settings)?;
-        let level = Level(built.tree.nodes[*node as usize].level);
-        let deviation = built.clusters.page(*node).deviation;
-        let mut record = ClusterRecord {
-            normal_deviation: deviation.degrees(),
-            color_deviation: deviation.units(),
-            ..ClusterRecord::of_page(page, level, GroupId::NONE, GroupId::NONE)?
-        };
-        if built.trimmed.as_ref().is_some_and(|trimmed| trimmed.is_trimmed(*node)) {
-            record.flags |= ClusterRecord::TRIMMED;
-        }
-
-        // Pages that packing does not make shorter stay as they are.
-        packed.clear();
-        let is_packed = settings.packed && packed::pack(page, packed)?;
-        let stored = if is_packed { &packed[..] } else { page };
-        if is_packed {
-            record.flags |= ClusterRecord::PACKED;
-            (record.page_len, record.page_checksum) = (stored.len() as u32, checksum(stored));
-        }
+        let (record, stored) = lay_out(*node, built, settings, scratch)?;
         write(place, stored)?;
         context.progress.advance(1);
         Ok(record)
+    });
+    records.collect()
+}
+
+/// A node's record, and its page as it is stored.
+fn lay_out<'a>(
+    node: u32,
+    built: &Built,
+    settings: &Settings,
+    Scratch { of_page, packed }: &'a mut Scratch,
+) -> Result<(ClusterRecord, &'a [u8]), BuildError> {
+    let page = of_page.page(node, built, settings)?;
+    let level = Level(built.tree.nodes[node as usize].level);
+    let deviation = built.clusters.page(node).deviation;
+    let mut record = ClusterRecord {
+        normal_deviation: deviation.degrees(),
+        color_deviation: deviation.units(),
+        ..ClusterRecord::of_page(page, level, GroupId::NONE, GroupId::NONE)?
     };
-    order.par_iter().enumerate().with_max_len(4).map_init(Default::default, lay_out).collect()
+    if built.trimmed.as_ref().is_some_and(|trimmed| trimmed.is_trimmed(node)) {
+        record.flags |= ClusterRecord::TRIMMED;
+    }
+
+    // Pages that packing does not make shorter stay as they are.
+    packed.clear();
+    if !(settings.packed && packed::pack(page, packed)?) {
+        return Ok((record, page));
+    }
+    record.flags |= ClusterRecord::PACKED;
+    (record.page_len, record.page_checksum) = (packed.len() as u32, checksum(packed));
+    Ok((record, packed))
 }
 
 #[derive(Default)]
 struct Scratch {
+    of_page: PageScratch,
+    packed: Vec<u8>,
+}
+
+#[derive(Default)]
+struct PageScratch {
     bytes: Vec<u8>,
     reordered: Vec<u8>,
     order: LocalOrder,
     first_use: FirstUse,
 }
 
-impl Scratch {
+impl PageScratch {
     /// A node's page as it is written.
     fn page(&mut self, node: u32, built: &Built, settings: &Settings) -> Result<&[u8], BuildError> {
         let Built { clusters, trimmed, .. } = built;

@@ -250,13 +250,12 @@ impl Grouping {
                 pull[node as usize] = 0;
             }
             // One that is alone joins the group next to it that most edges lead to and that has room.
-            let tie = |i: usize| {
+            let ties = graph.row(first).filter_map(|i| {
                 let group = coarse_of[graph.neighbors[i] as usize];
                 (group < coarse && usize::from(sizes[group as usize]) < GROUP)
                     .then(|| (graph.weights[i], std::cmp::Reverse(group)))
-            };
-            let joined = if size == 1 { graph.row(first).filter_map(tie).max() } else { None };
-            match joined {
+            });
+            match if size == 1 { ties.max() } else { None } {
                 Some((_, std::cmp::Reverse(group))) => {
                     coarse_of[first as usize] = group;
                     sizes[group as usize] += 1;

@@ -4,6 +4,7 @@
 //! replace, as a camera that comes nearer asks for them; those of equal errors along a curve that fills space.
 
 use chpm_mesh::Aabb;
+use chpm_mesh::curve::{HILBERT_BITS, hilbert};
 use std::cmp::Reverse;
 
 /// Pages that are read together: the fine clusters of a group, or a root.
@@ -29,66 +30,19 @@ pub fn order(runs: Vec<Run>) -> Vec<u32> {
     keyed.into_iter().flat_map(|(_, clusters)| clusters).collect()
 }
 
-/// Bits of a cell along an axis.
-const BITS: u32 = 21;
-
 fn cell(point: [f32; 3], bounds: &Aabb) -> [u32; 3] {
     let widest = (0..3)
         .map(|axis| f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]))
         .fold(f64::MIN_POSITIVE, f64::max);
-    let most = f64::from((1u32 << BITS) - 1);
+    let most = f64::from((1u32 << HILBERT_BITS) - 1);
     std::array::from_fn(|axis| {
         ((f64::from(point[axis]) - f64::from(bounds.min[axis])) / widest * most) as u32
-    })
-}
-
-/// Place of a cell along Hilbert's curve in space (Skilling, "Programming the Hilbert curve", 2004).
-fn hilbert(mut cell: [u32; 3]) -> u64 {
-    let top = 1 << (BITS - 1);
-    let mut bit = top;
-    while bit > 1 {
-        let below = bit - 1;
-        for axis in 0..3 {
-            if cell[axis] & bit != 0 {
-                cell[0] ^= below;
-            } else {
-                let swapped = (cell[0] ^ cell[axis]) & below;
-                cell[0] ^= swapped;
-                cell[axis] ^= swapped;
-            }
-        }
-        bit >>= 1;
-    }
-    // What follows is Gray's code of the place, its bits dealt to the axes in turn.
-    cell[1] ^= cell[0];
-    cell[2] ^= cell[1];
-    let mut flip = 0;
-    let mut bit = top;
-    while bit > 1 {
-        if cell[2] & bit != 0 {
-            flip ^= bit - 1;
-        }
-        bit >>= 1;
-    }
-    (0..BITS).rev().fold(0, |place: u64, bit: u32| {
-        cell.iter().fold(place, |place, c| place << 1 | u64::from((c ^ flip) >> bit & 1))
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_curve_goes_from_cell_to_cell_beside_it() {
-        let coarse = |x: u32| x << (BITS - 3);
-        let mut cells: Vec<[u32; 3]> = (0..512).map(|i| [i & 7, i >> 3 & 7, i >> 6]).collect();
-        cells.sort_by_key(|cell| hilbert(cell.map(coarse)));
-        for pair in cells.windows(2) {
-            let steps: u32 = (0..3).map(|axis| pair[0][axis].abs_diff(pair[1][axis])).sum();
-            assert_eq!(steps, 1, "{pair:?}");
-        }
-    }
 
     #[test]
     fn runs_fall_by_error_and_equal_ones_are_beside_their_neighbours() {

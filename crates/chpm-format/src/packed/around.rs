@@ -1,7 +1,14 @@
 //! The vertices next to each: where a vertex collapses to is nearly always one of them.
 
 use super::connect::NONE;
-use super::follow::{ByVertex, by_vertex};
+
+/// By any number that 16 bits hold, so that none is out of range.
+pub(super) type ByVertex<T> = Box<[T; 1 << 16]>;
+
+pub(super) fn by_vertex<T: Copy + Default>() -> ByVertex<T> {
+    let all: Box<[T]> = vec![T::default(); 1 << 16].into();
+    all.try_into().unwrap_or_else(|_| unreachable!("it has that length"))
+}
 
 /// How many are known of each.
 pub(super) const NEIGHBORS: usize = 8;

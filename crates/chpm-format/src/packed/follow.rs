@@ -3,17 +3,9 @@
 //! What comes next can hardly be foretold, least of all by a processor: so all that may be written is written, and counts say what stays.
 
 use super::Damage;
-use super::around::Around;
+use super::around::{Around, ByVertex, by_vertex};
 use super::bits::BitReader;
 use super::connect::{AFTER, BEFORE, EDGES, MET, NEW, NONE, VERTICES};
-
-/// By any number that 16 bits hold, so that none is out of range.
-pub(super) type ByVertex<T> = Box<[T; 1 << 16]>;
-
-pub(super) fn by_vertex<T: Copy + Default>() -> ByVertex<T> {
-    let all: Box<[T]> = vec![T::default(); 1 << 16].into();
-    all.try_into().unwrap_or_else(|_| unreachable!("it has that length"))
-}
 
 /// State of the walk: as in [`super::connect::Walk`], but with vertices for ranks.
 pub(super) struct Follower {

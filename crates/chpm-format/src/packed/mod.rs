@@ -11,7 +11,8 @@ mod pack;
 mod unpack;
 mod view;
 
-use crate::error::{FormatError, Place, invalid};
+use crate::error::{FilePart, FormatError, invalid};
+pub use crate::page::PARTS;
 use crate::page::{PAGE_HEADER_LEN, Page, PageHeader};
 use chpm_mesh::{Attributes, ClusterId};
 use pack::Packer;
@@ -41,7 +42,7 @@ impl From<Damage> for FormatError {
     }
 }
 
-const PLACE: Place = Place::Page(ClusterId::NONE);
+const PLACE: FilePart = FilePart::Page(ClusterId::NONE);
 
 /// Arrays of numbers that belong to vertices, other than positions: how many numbers a vertex has in each.
 fn arrays(attributes: Attributes) -> impl Iterator<Item = usize> {
@@ -97,18 +98,6 @@ pub fn sizes(raw: &[u8]) -> Result<[u64; PARTS.len()], FormatError> {
         Ok(packer.sizes(page.attributes()))
     })
 }
-
-/// Names of a page's parts; [`Page::sizes`] has those of one that is not packed.
-pub const PARTS: [&str; 8] = [
-    "positions",
-    "connectivity",
-    "order of vertices",
-    "collapses",
-    "error codes",
-    "shared vertices",
-    "attributes",
-    "heads",
-];
 
 fn with_packer<T>(work: impl FnOnce(&mut Packer) -> io::Result<T>) -> Result<T, FormatError> {
     PACKER.with_borrow_mut(|packer| {

@@ -3,7 +3,7 @@
 use super::shared::SharedIds;
 use super::tables::page_padding_is_zero;
 use super::{Invariant, Report};
-use crate::error::Place;
+use crate::error::FilePart;
 use crate::header::BoundaryMode;
 use crate::header::VERSION_MINOR;
 use crate::page::{PAGE_HEADER_LEN, Page};
@@ -34,7 +34,7 @@ pub(super) fn check<D: AsRef<[u8]>>(
     shared: &mut SharedIds,
     report: &mut Report,
 ) {
-    let place = Place::Page(id);
+    let place = FilePart::Page(id);
     check_zeros(file, id, report);
     check_bounds(file, id, page, report);
     if let Some(step) = scratch.lattice_step {
@@ -52,7 +52,7 @@ pub(super) fn check<D: AsRef<[u8]>>(
     let record = &file.clusters()[id.index()];
     let leaf = record.is_leaf();
     let message = "a leaf expected where triangles are not the source's";
-    report.expect(leaf || !record.is_trimmed(), Invariant::Coverage, Place::Cluster(id), message);
+    report.expect(leaf || !record.is_trimmed(), Invariant::Coverage, FilePart::Cluster(id), message);
     // What vanished before the detail below was left out keeps its vertex.
     if leaf && !record.is_trimmed() {
         scratch.used.clear();
@@ -63,7 +63,12 @@ pub(super) fn check<D: AsRef<[u8]>>(
             "no error in the source's own triangles but that of rounding, at most {most:e}, expected, got {:e}",
             record.min_error
         );
-        report.expect(f64::from(record.min_error) <= most, Invariant::Coverage, Place::Cluster(id), message);
+        report.expect(
+            f64::from(record.min_error) <= most,
+            Invariant::Coverage,
+            FilePart::Cluster(id),
+            message,
+        );
         let unused = scratch.used.iter().filter(|used| !**used).count();
         let message =
             format_args!("triangles over every vertex of a leaf expected, {unused} vertices have none");
@@ -80,7 +85,7 @@ pub(super) fn list_shared<D: AsRef<[u8]>>(
     shared: &mut SharedIds,
     report: &mut Report,
 ) {
-    let (record, place) = (&file.clusters()[id.index()], Place::Page(id));
+    let (record, place) = (&file.clusters()[id.index()], FilePart::Page(id));
     let locked = file.header().boundary_mode() == Some(BoundaryMode::Lock);
     for (local, shared_id) in page.shared() {
         if !shared.has(shared_id) {
@@ -109,7 +114,7 @@ pub(super) struct Scratch {
 }
 
 fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, report: &mut Report) {
-    let place = Place::Page(id);
+    let place = FilePart::Page(id);
     let reserved = mem::offset_of!(crate::PageHeader, reserved)..PAGE_HEADER_LEN;
     let zero = file.header().version_minor > VERSION_MINOR
         || file.is_packed(id)
@@ -120,7 +125,7 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, report: &mut Repor
 
 /// Numbers are finite; the boxes and spheres hold the vertices (I6).
 fn check_bounds<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId, page: &Page<'_>, report: &mut Report) {
-    let place = Place::Page(id);
+    let place = FilePart::Page(id);
     report.expect(page.is_finite(), Invariant::Bytes, place, "finite numbers expected");
 
     for (words, Scalar { name, kind, range }) in scalar_places(file.scalars()) {

@@ -4,7 +4,7 @@
 use super::cluster::{self, Scratch};
 use super::shared::SharedIds;
 use super::{Invariant, Report};
-use crate::error::Place;
+use crate::error::FilePart;
 use crate::page::Page;
 use crate::page_buf::PageBuf;
 use crate::reader::Chpm;
@@ -57,7 +57,7 @@ impl GroupCheck {
                     report.triangles += page.view().triangles.len() as u64;
                     coarse.push(page);
                 }
-                Err(error) => report.expect(false, Invariant::Bytes, Place::Page(cluster), error),
+                Err(error) => report.expect(false, Invariant::Bytes, FilePart::Page(cluster), error),
             }
         }
         if coarse.len() < file.coarse(id).len() {
@@ -74,7 +74,7 @@ impl GroupCheck {
         let fine: Vec<_> = fine.iter().map(PageBuf::view).collect();
         let vertices: usize = coarse.iter().chain(&fine).map(Page::vertex_count).sum();
         let countable = u32::try_from(vertices).is_ok();
-        report.expect(countable, Invariant::Bytes, Place::Group(id), "fewer than 2^32 vertices expected");
+        report.expect(countable, Invariant::Bytes, FilePart::Group(id), "fewer than 2^32 vertices expected");
         if countable && !fine.is_empty() {
             self.rank_vertices(id, &coarse, &fine, report);
             self.check_union(id, &coarse, &fine, report);
@@ -110,7 +110,7 @@ impl GroupCheck {
                 true => format!("goes to {:?} at error {}", to.map(f32::from_bits), f32::from_bits(error)),
             };
             let message = format!("shared vertex {} {}, but elsewhere {}", first.0, told(first), told(last));
-            report.expect(false, Invariant::Boundary, Place::Group(id), message);
+            report.expect(false, Invariant::Boundary, FilePart::Group(id), message);
         }
     }
 
@@ -161,7 +161,7 @@ impl GroupCheck {
             }
         }
         let message = format_args!("every vertex to be one of a fine base mesh, {moved} are not");
-        report.expect(moved == 0, Invariant::Vertices, Place::Group(id), message);
+        report.expect(moved == 0, Invariant::Vertices, FilePart::Group(id), message);
     }
 
     /// Finest triangles of the coarse clusters and base triangles of the fine ones are equal as multisets (I4).
@@ -193,7 +193,7 @@ impl GroupCheck {
                 only_in(&self.fine_triangles, &self.coarse_triangles),
                 only_in(&self.coarse_triangles, &self.fine_triangles),
             );
-            report.expect(false, Invariant::Union, Place::Group(id), message);
+            report.expect(false, Invariant::Union, FilePart::Group(id), message);
         }
     }
 }

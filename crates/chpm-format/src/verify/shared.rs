@@ -1,7 +1,7 @@
 //! Shared vertices: one entry per id, over the whole file.
 
 use super::{Invariant, Report};
-use crate::error::Place;
+use crate::error::FilePart;
 use crate::header::{BoundaryMode, Header};
 use chpm_mesh::{ClusterId, GroupId};
 use std::ops::Range;
@@ -108,11 +108,11 @@ impl SharedIds {
             let listed = if by_leaves { entry.leaves >= least } else { entry.last.is_some() };
             let message =
                 format_args!("shared vertex {id} in two leaf clusters expected, got {}", entry.leaves);
-            report.expect(listed, Invariant::Coverage, Place::File, message);
+            report.expect(listed, Invariant::Coverage, FilePart::File, message);
             let alone = !entry.gone_in.is_some() || (entry.gone_in == entry.top.1 && !entry.mixed);
             let gone = entry.gone_in;
             let message = format_args!("shared vertex {id} collapses here, but clusters outside have it too");
-            report.expect(alone, Invariant::Boundary, Place::Group(gone), message);
+            report.expect(alone, Invariant::Boundary, FilePart::Group(gone), message);
         }
     }
 }
@@ -120,7 +120,7 @@ impl SharedIds {
 /// Says what is wrong where a cluster lists a vertex that was listed before.
 #[cold]
 fn blame(id: u32, position: [u32; 3], cluster: ClusterId, before: &SharedVertex, report: &mut Report) {
-    let place = Place::Page(cluster);
+    let place = FilePart::Page(cluster);
     let once = before.last != cluster;
     report.expect(once, Invariant::Coverage, place, format_args!("shared vertex {id} is listed twice"));
     let (here, there) = (position.map(f32::from_bits), before.position.map(f32::from_bits));

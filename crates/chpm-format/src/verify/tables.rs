@@ -2,12 +2,12 @@
 
 use super::{Invariant, Report};
 use crate::chunks::{self, CHUNKED};
-use crate::error::Place;
+use crate::error::FilePart;
 use crate::gaps::Gaps;
 use crate::header::VERSION_MINOR;
 use crate::reader::Chpm;
 use crate::records::ClusterRecord;
-use crate::section::SectionKind;
+use crate::section::{self, SectionKind};
 use crate::tables::{bounds, leaf_triangles, max_error, statistics};
 use crate::{TABLE_ALIGN, align_up, checksum};
 use chpm_mesh::{ClusterId, GroupId};
@@ -22,7 +22,7 @@ pub(super) fn check<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
         check_group(file, id, report);
     }
     if let Err(error) = file.metadata().and_then(|metadata| metadata.lattice_step()) {
-        report.expect(false, Invariant::Bytes, Place::File, error);
+        report.expect(false, Invariant::Bytes, FilePart::File, error);
     }
 }
 
@@ -32,24 +32,24 @@ fn check_header<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     equal(
         report,
         Invariant::Coverage,
-        Place::Header,
+        FilePart::Header,
         "source_triangle_count",
         leaf_triangles(clusters),
         header.source_triangle_count,
     );
-    equal(report, Invariant::Nesting, Place::Header, "max_error", max_error(clusters), header.max_error);
-    equal(report, Invariant::Nesting, Place::Header, "aabb_min", bounds.min, header.aabb_min);
-    equal(report, Invariant::Nesting, Place::Header, "aabb_max", bounds.max, header.aabb_max);
+    equal(report, Invariant::Nesting, FilePart::Header, "max_error", max_error(clusters), header.max_error);
+    equal(report, Invariant::Nesting, FilePart::Header, "aabb_min", bounds.min, header.aabb_min);
+    equal(report, Invariant::Nesting, FilePart::Header, "aabb_max", bounds.max, header.aabb_max);
     let height = file.levels().len() as u32 - 1;
     let allowed = header.leaf_count.max(1).next_power_of_two().ilog2() + 1;
     let message = format_args!("height at most {allowed} over {} leaves, got {height}", header.leaf_count);
     // Where detail was left out, it is the tree below that was balanced.
-    report.expect(file.is_trimmed() || height <= allowed, Invariant::Balance, Place::Header, message);
+    report.expect(file.is_trimmed() || height <= allowed, Invariant::Balance, FilePart::Header, message);
 }
 
 fn check_levels<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     for (computed, stored) in statistics(file.clusters(), file.levels()).iter().zip(file.levels()) {
-        let place = Place::Level(stored.level);
+        let place = FilePart::Level(stored.level);
         equal(report, Invariant::Bytes, place, "statistics", *computed, *stored);
         report.expect(stored.cluster_count > 0, Invariant::Balance, place, "a cluster expected, got none");
         let stalled = stored.stalled_cluster_count <= stored.cluster_count;
@@ -64,7 +64,7 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
         return;
     }
     let mut zero = |ok, place| report.expect(ok, Invariant::Bytes, place, "zero expected in reserved fields");
-    zero(header.reserved == [0; 92] && header.optional_flags == 0, Place::Header);
+    zero(header.reserved == [0; 92] && header.optional_flags == 0, FilePart::Header);
     for (id, c) in (0..).map(ClusterId).zip(file.clusters()) {
         let absent = [
             (header.attributes().has_normals() || c.normal_deviation.to_bits() == 0),
@@ -72,11 +72,11 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
         ];
         let known = if header.is_packed() { ClusterRecord::PACKED } else { 0 } | ClusterRecord::TRIMMED;
         let flags = c.flags & !known;
-        zero(flags == 0 && absent == [true; 2] && c.reserved == [0; 16], Place::Cluster(id));
+        zero(flags == 0 && absent == [true; 2] && c.reserved == [0; 16], FilePart::Cluster(id));
     }
     for (id, g) in (0..).map(GroupId).zip(file.groups()) {
         let told = file.has_gaps() || bytemuck::bytes_of(&g.gaps) == [0; size_of::<Gaps>()];
-        zero(g.flags == 0 && g.reserved == [0; 4] && told, Place::Group(id));
+        zero(g.flags == 0 && g.reserved == [0; 4] && told, FilePart::Group(id));
     }
 }
 
@@ -86,8 +86,8 @@ fn check_chunks<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
         return;
     }
 
-    let place = Place::Section(SectionKind::Chunks);
-    let first = file.header().section_table_end().next_multiple_of(TABLE_ALIGN as usize);
+    let place = FilePart::Section(SectionKind::Chunks);
+    let first = section::table_end(file.header()).next_multiple_of(TABLE_ALIGN as usize);
     let list = file.sections().find(|(kind, _)| *kind == SectionKind::Chunks);
     let is_first = list.is_some_and(|(_, range)| range.start == first);
     report.expect(is_first, Invariant::Bytes, place, "the first section expected");
@@ -115,7 +115,7 @@ fn check_chunks<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
 
 /// A group bounds its members, and everything that its split brings (I2, I6).
 fn check_group<D: AsRef<[u8]>>(file: &Chpm<D>, id: GroupId, report: &mut Report) {
-    let (group, place) = (&file.groups()[id.index()], Place::Group(id));
+    let (group, place) = (&file.groups()[id.index()], FilePart::Group(id));
     let coarse = || file.coarse(id).iter().map(|c| &file.clusters()[*c as usize]);
     let min_error = coarse().map(|c| c.min_error).fold(0.0, f32::max);
     let max_error = coarse().map(|c| c.max_error).fold(0.0, f32::max);
@@ -182,7 +182,7 @@ pub(super) fn check_source_vertices<D: AsRef<[u8]>>(file: &Chpm<D>, leaf_ids: u6
     let leaves = file.clusters().iter().filter(|c| c.is_leaf());
     let own: u64 = leaves.map(|c| u64::from(c.vertex_count - c.shared_count)).sum();
     let stored = file.header().source_vertex_count;
-    equal(report, Invariant::Coverage, Place::Header, "source_vertex_count", own + leaf_ids, stored);
+    equal(report, Invariant::Coverage, FilePart::Header, "source_vertex_count", own + leaf_ids, stored);
 }
 
 /// Whether the padding behind a page is zero.
@@ -196,7 +196,7 @@ pub(super) fn page_padding_is_zero<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId
 fn equal<T: PartialEq + Debug>(
     report: &mut Report,
     invariant: Invariant,
-    place: Place,
+    place: FilePart,
     field: &str,
     expected: T,
     got: T,

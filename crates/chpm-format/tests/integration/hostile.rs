@@ -1,6 +1,7 @@
 use crate::sample::{entries, reseal, section_ranges, sheet, tetrahedron, two_level, with};
 use chpm_format::{
-    Chpm, ClusterRecord, FormatError, Gaps, GroupRecord, Header, Page, Place, SectionEntry, checksum, verify,
+    Chpm, ClusterRecord, FilePart, FormatError, Gaps, GroupRecord, Header, Page, SectionEntry, checksum,
+    verify,
 };
 use chpm_mesh::{Attributes, ClusterId};
 use std::mem::offset_of;
@@ -59,7 +60,8 @@ fn a_damaged_page_is_refused_whichever_way_it_is_read() {
             // The second time as the first.
             for _ in 0..2 {
                 let error = read(&damaged).unwrap_err();
-                let is_told = matches!(error, FormatError::Checksum { place: Place::Page(ClusterId(2)), .. });
+                let is_told =
+                    matches!(error, FormatError::Checksum { place: FilePart::Page(ClusterId(2)), .. });
                 assert!(is_told, "{name}, way {way}: {error}");
             }
             damaged.page(ClusterId(1)).unwrap();

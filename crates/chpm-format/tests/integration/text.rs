@@ -1,5 +1,5 @@
 use crate::sample::{sheet, tetrahedron, two_level};
-use chpm_format::{Chpm, Invariant, Place, dump, verify};
+use chpm_format::{Chpm, FilePart, Invariant, dump, verify};
 use chpm_mesh::{Attributes, ClusterId};
 use std::fmt::Write;
 use std::path::Path;
@@ -45,7 +45,7 @@ fn faults_name_invariant_and_place() {
     let mut bytes = two_level().bytes();
     bytes[8192 + 64] ^= 1;
     let fault = verify(&Chpm::open(bytes).unwrap(), |_, _| ()).faults.remove(0);
-    assert_eq!((fault.invariant, fault.place), (Invariant::Bytes, Place::Page(ClusterId(1))));
+    assert_eq!((fault.invariant, fault.place), (Invariant::Bytes, FilePart::Page(ClusterId(1))));
     assert!(fault.to_string().starts_with("I10 bytes: page of cluster 1: page of cluster 1: checksum"));
 }
 

@@ -1,7 +1,7 @@
 use crate::sample::{Cluster, Sample, sheet, two_level, with, write};
 use chpm_format::verify::MAX_FAULTS;
 use chpm_format::{
-    BoundaryMode, Chpm, ClusterRecord, Fault, Gaps, Header, HeaderFields, Invariant, LevelRecord, Place,
+    BoundaryMode, Chpm, ClusterRecord, Fault, FilePart, Gaps, Header, HeaderFields, Invariant, LevelRecord,
     Tables, verify, verify_within,
 };
 use chpm_mesh::geom::distance;
@@ -273,7 +273,7 @@ fn bytes() {
     damaged[8192 + 100] ^= 1;
     let report = verify(&Chpm::open(damaged).unwrap(), |_, _| ());
     assert_eq!((report.good_pages, report.fault_count), (2, 1));
-    assert_eq!(report.faults[0].place, Place::Page(ClusterId(1)));
+    assert_eq!(report.faults[0].place, FilePart::Page(ClusterId(1)));
 }
 
 /// Two leaves of one group, whose shared vertex 1 collapses to shared vertex 0 in both; the parent is above.

@@ -231,7 +231,7 @@ impl Document {
         let wrong = |error: serde_json::Error| ImportError::Json(error.to_string());
         let Head { asset } = serde_json::from_slice(text).map_err(wrong)?;
         if !asset.version.starts_with("2.") {
-            let version = crate::ply::excerpt(asset.version.as_bytes());
+            let version = crate::location::excerpt(asset.version.as_bytes());
             return Err(refused(format!("glTF {version} is not read: save it as glTF 2.0")));
         }
         let document: Document = serde_json::from_slice(text).map_err(wrong)?;
@@ -239,7 +239,7 @@ impl Document {
             READ.contains(&name.as_str()) || WITHOUT_GEOMETRY.iter().any(|known| name.starts_with(known))
         };
         if let Some(name) = document.extensions_required.iter().find(|name| !is_known(name)) {
-            let name = crate::ply::excerpt(name.as_bytes());
+            let name = crate::location::excerpt(name.as_bytes());
             return Err(refused(format!(
                 "it requires the extension {name}, which is not read: save it without"
             )));

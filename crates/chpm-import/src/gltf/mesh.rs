@@ -4,11 +4,16 @@ use super::accessor::WINDOW;
 use super::parts::Parts;
 use super::walk::{TriangleWalk, VertexWalk};
 use super::weld::{Keys, Numbers, Pairs, SortedKeys, pair};
+use crate::batch::{Batch, BatchKind, Tally};
 use crate::error::{ImportError, SourceError};
-use crate::ply::{Batch, BatchKind, Invalid, Place, Tally, VertexFormat, VertexSet, Warning};
+use crate::location::SourceLocation;
+use crate::options::Invalid;
+use crate::ply::Warning;
 use crate::reader::{Beside, MeshReader, SourceInfo};
 use crate::stream::Tap;
 use crate::supply::Supply;
+use crate::vertex_format::VertexFormat;
+use crate::vertex_set::VertexSet;
 use chpm_extmem::{Cancel, FailPoints, Reservation, Sorted, Sorter, Store};
 use chpm_mesh::FAR;
 use std::path::PathBuf;
@@ -239,7 +244,7 @@ impl GltfReader {
                 batch.invalid_vertices.push(self.delivered);
             }
             if position.iter().any(|x| x.abs() > FAR) {
-                batch.far.push(Place { index: self.delivered, ..place(vertex) });
+                batch.far.push(SourceLocation { index: self.delivered, ..place(vertex) });
             }
             match is_double {
                 true => batch.positions_f64.push(position),
@@ -277,7 +282,8 @@ impl GltfReader {
                 match *corner {
                     Ok(corner) => *vertex = numbers.of(corner)?,
                     Err((index, vertices)) if self.invalid_data == Invalid::Refuse => {
-                        let place = Place { element: "triangle".to_owned(), ..place(self.faces as u32) };
+                        let place =
+                            SourceLocation { element: "triangle".to_owned(), ..place(self.faces as u32) };
                         return Err(ImportError::IndexOutOfRange { place, index: index.into(), vertices });
                     }
                     Err(_) => is_valid = false,
@@ -372,8 +378,8 @@ fn find(keys: &mut SortedKeys, found: &mut Found) -> Result<bool, ImportError> {
     Ok(true)
 }
 
-fn place(vertex: u32) -> Place {
-    Place { element: "vertex".to_owned(), index: vertex.into(), offset: 0, line: None }
+fn place(vertex: u32) -> SourceLocation {
+    SourceLocation { element: "vertex".to_owned(), index: vertex.into(), offset: 0, line: None }
 }
 
 fn finite(normal: [f64; 3]) -> Option<[f32; 3]> {

@@ -4,8 +4,11 @@ use super::accessor::Elements;
 use super::document::{Document, Mesh, Primitive, Shape, entry, refused};
 use super::scene::{Instance, Placement, instances};
 use super::views::Views;
+use crate::batch::MAX_VERTICES;
 use crate::error::ImportError;
-use crate::ply::{Coordinates, MAX_VERTICES, Options, Place, VertexFormat};
+use crate::location::SourceLocation;
+use crate::options::Options;
+use crate::vertex_format::{Coordinates, VertexFormat};
 use chpm_mesh::Attributes;
 use std::collections::BTreeMap;
 
@@ -118,7 +121,8 @@ impl Parts {
             faces = part.primitives.iter().fold(faces, |sum, it| sum.saturating_add(it.count()));
         }
         if vertices > MAX_VERTICES {
-            let place = Place { element: "vertex".to_owned(), index: MAX_VERTICES, offset: 0, line: None };
+            let place =
+                SourceLocation { element: "vertex".to_owned(), index: MAX_VERTICES, offset: 0, line: None };
             return Err(ImportError::TooMany { place, what: "vertices", limit: MAX_VERTICES });
         }
         let format = VertexFormat { coordinates, attributes };

@@ -1,7 +1,8 @@
 //! glTF as it comes, and as it must not.
 
 use super::*;
-use crate::ply::{Batch, BatchKind, Invalid, Options};
+use crate::batch::{Batch, BatchKind};
+use crate::options::{Invalid, Options};
 use crate::{Input, SourceInfo};
 use chpm_extmem::{Cancel, Store};
 use serde_json::{Value, json};

@@ -2,7 +2,7 @@
 
 use super::document::refused;
 use crate::error::ImportError;
-use crate::ply::Place;
+use crate::location::SourceLocation;
 use std::io::{self, BufReader, Read};
 
 /// Bytes that the JSON may have besides the data in it.
@@ -46,7 +46,8 @@ pub(super) fn read(
     let len = u64::from(word(12));
     let text = Scanner::scan(&mut stream.take(len), 20, sink)?;
     if text.read < len {
-        let place = Place { element: "chunk".to_owned(), index: 0, offset: 20 + text.read, line: None };
+        let place =
+            SourceLocation { element: "chunk".to_owned(), index: 0, offset: 20 + text.read, line: None };
         return Err(ImportError::Truncated { place, expected: format!("{} bytes more", len - text.read) });
     }
     // Another chunk may come, which is data if it says so.
@@ -62,7 +63,7 @@ pub(super) fn read(
 fn exact(stream: &mut dyn Read, bytes: &mut [u8], offset: u64) -> Result<(), ImportError> {
     stream.read_exact(bytes).map_err(|source| match source.kind() {
         io::ErrorKind::UnexpectedEof => {
-            let place = Place { element: "header".to_owned(), index: 0, offset, line: None };
+            let place = SourceLocation { element: "header".to_owned(), index: 0, offset, line: None };
             ImportError::Truncated { place, expected: format!("{} bytes", bytes.len()) }
         }
         _ => ImportError::Read { offset, source },

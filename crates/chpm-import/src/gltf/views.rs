@@ -201,7 +201,7 @@ fn outside(uri: &str, path: &Path, store: &Store) -> Result<Region, ImportError>
 
 /// The file that a URI names, in the folder of the glTF at `path` or below.
 pub(super) fn beside(uri: &str, path: &Path) -> Result<PathBuf, ImportError> {
-    let told = crate::ply::excerpt(uri.as_bytes());
+    let told = crate::location::excerpt(uri.as_bytes());
     let name = unescaped(uri).ok_or_else(|| refused(format!("'{told}' is no valid URI")))?;
     let has_scheme = uri.split(['/', '?', '#']).next().is_some_and(|first| first.contains(':'));
     let mut depth = 0;

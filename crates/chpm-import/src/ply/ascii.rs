@@ -3,11 +3,8 @@
 //! An element may go on over several lines, as some writers break long lists, but it must begin on a new one: that
 //! is what tells a header that promises wrong numbers from a body that happens to make sense.
 
-use super::{
-    error::{Fault, excerpt},
-    header::ScalarType,
-    source::Source,
-};
+use super::{error::Fault, header::ScalarType, source::Source};
+use crate::location::excerpt;
 use std::{io::Read, str::FromStr};
 
 /// Longer than any double in full decimal notation.

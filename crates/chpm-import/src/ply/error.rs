@@ -1,28 +1,9 @@
 //! Errors of PLY files, with their places.
 
 use super::header::Encoding;
+use crate::location::SourceLocation;
 use chpm_mesh::MOST_SCALAR_WORDS;
-use std::{fmt, io};
-
-/// Where in the body of a file a value is.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Place {
-    /// Name of the element, such as `face`.
-    pub element: String,
-    /// Which one of these elements, from 0.
-    pub index: u64,
-    /// Offset in bytes of the value from the start of the file.
-    pub offset: u64,
-    /// Line of the value from 1, in ASCII files.
-    pub line: Option<u64>,
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}, byte {}", self.element, self.index, self.offset)?;
-        self.line.map_or(Ok(()), |line| write!(f, ", line {line}"))
-    }
-}
+use std::io;
 
 fn scalar_refused(name: &str, lies: Option<&str>, known: &[String]) -> String {
     let known = match known {
@@ -163,7 +144,7 @@ pub enum PlyError {
     #[error("{place}: vertex index {index} is out of range; the file has {vertices} vertices")]
     IndexOutOfRange {
         /// Where the index is.
-        place: Place,
+        place: SourceLocation,
         /// The index.
         index: i64,
         /// Vertices that the header declares.
@@ -175,7 +156,7 @@ pub enum PlyError {
     )]
     NotFinite {
         /// Where the coordinate is.
-        place: Place,
+        place: SourceLocation,
         /// Name of the coordinate.
         property: String,
         /// The coordinate.
@@ -187,7 +168,7 @@ pub enum PlyError {
     )]
     Truncated {
         /// The element that is not whole, and the length of the file.
-        place: Place,
+        place: SourceLocation,
         /// Whole elements of this name.
         read: u64,
         /// Elements of this name that the header declares.
@@ -197,7 +178,7 @@ pub enum PlyError {
     #[error("{place}: expected {expected}, got '{got}'")]
     Number {
         /// Where the text is.
-        place: Place,
+        place: SourceLocation,
         /// Expected text.
         expected: &'static str,
         /// Found text, shortened.
@@ -207,7 +188,7 @@ pub enum PlyError {
     #[error("{place}: a list cannot have {count} entries")]
     NegativeCount {
         /// Where the length is.
-        place: Place,
+        place: SourceLocation,
         /// The length.
         count: i64,
     },
@@ -217,7 +198,7 @@ pub enum PlyError {
     )]
     TooManyCorners {
         /// Where the number of corners is.
-        place: Place,
+        place: SourceLocation,
         /// The number of corners.
         count: u64,
         /// Corners that are possible.
@@ -227,7 +208,7 @@ pub enum PlyError {
     #[error("{place}: coordinate {value:e} is beyond single precision; scale the model down")]
     BeyondSingle {
         /// The vertex.
-        place: Place,
+        place: SourceLocation,
         /// The coordinate.
         value: f64,
     },
@@ -280,11 +261,4 @@ impl From<io::Error> for Fault {
     fn from(error: io::Error) -> Self {
         Fault::Io(error)
     }
-}
-
-/// Hostile bytes as a short text that is safe to print.
-pub(crate) fn excerpt(bytes: &[u8]) -> String {
-    const SHOWN: usize = 60;
-    let shown = bytes[..bytes.len().min(SHOWN)].escape_ascii();
-    if bytes.len() > SHOWN { format!("{shown}...") } else { shown.to_string() }
 }

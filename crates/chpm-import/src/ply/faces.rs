@@ -1,14 +1,14 @@
 //! Faces and strips: corners checked, strips cut into triangles.
 
 use super::{
-    MAX_CORNERS,
-    batch::{Batch, Invalid},
     binary,
     error::Fault,
     header::{Element, Encoding, PropertyType, ScalarType},
     read::Body,
     schema::ListPlan,
 };
+use crate::batch::{Batch, MAX_CORNERS};
+use crate::options::Invalid;
 use std::io::Read;
 
 /// Where the reader is inside a list of strips, which may be longer than any batch.

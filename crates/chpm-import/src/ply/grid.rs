@@ -1,12 +1,12 @@
 //! Range grids: the samples of a scanner in rows and columns, some of them missing. Neighbours become triangles.
 
 use super::{
-    batch::Batch,
     error::Fault,
     header::{Element, Header, words},
     read::Body,
     schema::ListPlan,
 };
+use crate::batch::Batch;
 use std::io::Read;
 
 /// Two rows of a grid, and where the reader is.

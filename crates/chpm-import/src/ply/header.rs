@@ -1,10 +1,11 @@
 //! The header: what the body holds, line by line.
 
 use super::{
-    MAX_VERTICES,
-    error::{PlyError, excerpt},
+    error::PlyError,
     source::{BLOCK, Source},
 };
+use crate::batch::MAX_VERTICES;
+use crate::location::excerpt;
 use std::{fmt, io::Read};
 
 /// How the body is written.

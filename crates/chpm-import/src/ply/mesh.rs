@@ -1,11 +1,13 @@
 //! PLY as a format among others.
 
-use super::{Batch, BatchKind, PlyReader, VertexFormat};
+use super::PlyReader;
+use crate::batch::{Batch, BatchKind};
 use crate::error::ImportError;
 use crate::format::{Format, Likeness};
 use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::steps::Steps;
 use crate::stream::Stream;
+use crate::vertex_format::VertexFormat;
 use chpm_mesh::Scalar;
 
 /// Stanford PLY.

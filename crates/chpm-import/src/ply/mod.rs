@@ -20,7 +20,6 @@
 //! say more than the type that the header declares.
 
 mod ascii;
-mod batch;
 mod binary;
 mod error;
 mod faces;
@@ -35,19 +34,13 @@ mod vertices;
 mod warning;
 mod write;
 
-pub use batch::{Batch, BatchKind, Invalid, Keep, Options, Tally};
-pub(crate) use error::excerpt;
-pub use error::{Place, PlyError};
+pub use crate::batch::{Batch, BatchKind, MAX_CORNERS, MAX_VERTICES, Tally};
+pub use crate::location::SourceLocation;
+pub use crate::options::{Invalid, Keep, Options};
+pub use crate::vertex_format::{Coordinates, VertexFormat};
+pub use error::PlyError;
 pub use header::{Element, Encoding, Header, Property, PropertyType, ScalarType};
 pub(crate) use mesh::FORMAT;
 pub use read::{PlyReader, read_mesh};
-pub use schema::{Coordinates, VertexFormat};
-pub(crate) use vertices::VertexSet;
 pub use warning::Warning;
 pub use write::{PlyWriter, write_mesh};
-
-/// Vertices that a file may have at most: an index is a `u32`, and one value of it is kept free.
-pub const MAX_VERTICES: u64 = u32::MAX as u64;
-
-/// Corners that one polygon may have at most; it is read whole, so that a bad corner can drop all of it.
-pub const MAX_CORNERS: u64 = 1 << 20;

@@ -1,17 +1,19 @@
 //! The reader: which element is next, what to hand over, and where an error is.
 
 use super::{
-    MAX_CORNERS,
-    batch::{Batch, BatchKind, Invalid, Options, Tally},
-    error::{Fault, Place, PlyError},
+    error::{Fault, PlyError},
     faces::Strip,
     grid::Grid,
     header::{Element, Encoding, Header, PropertyType},
-    schema::{Role, Schema, VertexFormat},
+    schema::{Role, Schema},
     source::Source,
-    vertices::VertexSet,
     warning::Warning,
 };
+use crate::batch::{Batch, BatchKind, MAX_CORNERS, Tally};
+use crate::location::SourceLocation;
+use crate::options::{Invalid, Options};
+use crate::vertex_format::VertexFormat;
+use crate::vertex_set::VertexSet;
 use crate::{Triangulator, polygon};
 use chpm_mesh::{Scalar, TriMesh};
 use std::io::Read;
@@ -55,7 +57,7 @@ impl<R: Read> PlyReader<R> {
     /// Reads the header. Does not read beyond it by more than a block of 1 MiB.
     ///
     /// # Errors
-    /// If the header is none, or describes no mesh: see the variants of [`PlyError`] without a [`Place`].
+    /// If the header is none, or describes no mesh: see the variants of [`PlyError`] without a [`SourceLocation`].
     pub fn new(reader: R, options: Options) -> Result<Self, PlyError> {
         let mut source = Source::new(reader);
         let header = Header::parse(&mut source)?;
@@ -113,7 +115,7 @@ impl<R: Read> PlyReader<R> {
     /// most, or one polygon more.
     ///
     /// # Errors
-    /// See the variants of [`PlyError`] with a [`Place`]. The batch then holds nothing of use, and the stream is
+    /// See the variants of [`PlyError`] with a [`SourceLocation`]. The batch then holds nothing of use, and the stream is
     /// over: calling again is [`PlyError::Ended`].
     pub fn next_batch(&mut self, batch: &mut Batch) -> Result<BatchKind, PlyError> {
         batch.clear();
@@ -244,7 +246,7 @@ impl<R: Read> Body<R> {
             _ => self.source.mark,
         };
         let line = (self.source.encoding == Encoding::Ascii).then_some(self.source.line);
-        let place = Place { element: element.name.clone(), index: self.index, offset, line };
+        let place = SourceLocation { element: element.name.clone(), index: self.index, offset, line };
         match fault {
             Fault::Io(source) => PlyError::Read { offset, source },
             Fault::End => PlyError::Truncated { place, read: self.index, count: element.count },

@@ -1,12 +1,12 @@
 //! The numbers of a vertex that are kept by their names.
 
 use super::{
-    batch::Keep,
     binary,
     error::PlyError,
     header::{Element, PropertyType, ScalarType},
     schema::{Field, Slot, field},
 };
+use crate::options::Keep;
 use chpm_mesh::{MOST_SCALAR_WORDS, Scalar, ScalarKind, scalar_words};
 
 /// A property that is kept, and where its words are among those of a vertex.

@@ -1,13 +1,16 @@
 //! Vertices: whole blocks of records if they are binary and of fixed length, else number by number.
 
 use super::{
-    batch::{Batch, Invalid},
     binary,
-    error::{Fault, Place},
+    error::Fault,
     header::{Element, Encoding, PropertyType, ScalarType},
     read::Body,
-    schema::{Slot, VertexFormat, VertexPlan},
+    schema::{Slot, VertexPlan},
 };
+use crate::batch::Batch;
+use crate::location::SourceLocation;
+use crate::options::Invalid;
+use crate::vertex_format::VertexFormat;
 use chpm_mesh::FAR;
 use std::io::Read;
 
@@ -104,7 +107,7 @@ impl<R: Read> Body<R> {
                 if let Some(axis) = position.iter().position(|x| x.abs() > FAR) {
                     let offset = self.source.offset() + (record * stride + plan.position[axis].offset) as u64;
                     let (element, index) = (element.name.clone(), first + record as u64);
-                    batch.far.push(Place { element, index, offset, line: None });
+                    batch.far.push(SourceLocation { element, index, offset, line: None });
                 }
                 continue;
             };
@@ -186,7 +189,7 @@ impl<R: Read> Body<R> {
         }
         if valid && let Some((offset, line)) = far {
             let (element, line) = (element.name.clone(), is_text.then_some(line));
-            batch.far.push(Place { element, index: self.index, offset, line });
+            batch.far.push(SourceLocation { element, index: self.index, offset, line });
         }
 
         if format.coordinates.are_double() {
@@ -223,28 +226,4 @@ fn zero_if_not_finite(normal: &mut [f32; 3]) -> bool {
         *normal = [0.0; 3];
     }
     bad
-}
-
-/// A set of vertices that takes memory up to its largest member only: what a header promises costs nothing.
-#[derive(Debug, Default)]
-pub(crate) struct VertexSet {
-    words: Vec<u64>,
-}
-
-impl VertexSet {
-    pub(crate) fn is_empty(&self) -> bool {
-        self.words.is_empty()
-    }
-
-    pub(crate) fn contains(&self, vertex: u64) -> bool {
-        self.words.get((vertex / 64) as usize).is_some_and(|word| word >> (vertex % 64) & 1 == 1)
-    }
-
-    pub(crate) fn insert(&mut self, vertex: u64) {
-        let word = (vertex / 64) as usize;
-        if word >= self.words.len() {
-            self.words.resize(word + 1, 0);
-        }
-        self.words[word] |= 1 << (vertex % 64);
-    }
 }

@@ -2,8 +2,8 @@
 
 use crate::forge::{ENCODINGS, Random, SPECIMENS};
 use chpm_import::ply::{
-    Batch, BatchKind, Encoding, Invalid, Keep, Options, Place, PlyError, PlyReader, PlyWriter, Tally,
-    Warning, read_mesh, write_mesh,
+    Batch, BatchKind, Encoding, Invalid, Keep, Options, PlyError, PlyReader, PlyWriter, SourceLocation,
+    Tally, Warning, read_mesh, write_mesh,
 };
 use chpm_mesh::{Attributes, TriMesh, VertexSlices};
 
@@ -27,7 +27,7 @@ fn drop(bytes: &[u8]) -> (TriMesh, Tally, Vec<Warning>) {
     read_mesh(bytes, DROP).unwrap()
 }
 
-fn place(error: &PlyError) -> &Place {
+fn place(error: &PlyError) -> &SourceLocation {
     match error {
         PlyError::IndexOutOfRange { place, .. }
         | PlyError::NotFinite { place, .. }
@@ -48,7 +48,8 @@ fn wrong(from: &str, to: &str, needle: &str, element: &str, index: u64) -> PlyEr
     let start = text.find(to).unwrap();
     let offset = start + to.rfind(needle).unwrap();
     let line = text[..offset].matches('\n').count() as u64 + 1;
-    let expected = Place { element: element.to_owned(), index, offset: offset as u64, line: Some(line) };
+    let expected =
+        SourceLocation { element: element.to_owned(), index, offset: offset as u64, line: Some(line) };
     assert_eq!(*place(&error), expected, "{error}");
     error
 }
@@ -108,7 +109,8 @@ fn binary_errors_point_at_the_bytes() {
             bytes[offset..offset + size].fill(0xff);
             let error = read_mesh(&bytes[..], Options::default()).unwrap_err();
             let index = (bad / 3) as u64;
-            let expected = Place { element: "vertex".into(), index, offset: offset as u64, line: None };
+            let expected =
+                SourceLocation { element: "vertex".into(), index, offset: offset as u64, line: None };
             assert_eq!(*place(&error), expected);
             assert!(matches!(error, PlyError::NotFinite { property, .. } if property == axis));
         }
@@ -256,7 +258,7 @@ fn a_cut_file_ends_early_when_dropping() {
         let error = read_mesh(&bytes[..length], Options::default()).unwrap_err();
         let (element, read) = if vertices < 4 { ("vertex", vertices) } else { ("face", faces) };
         let index = read as u64;
-        let expected = Place { element: element.into(), index, offset: length as u64, line: None };
+        let expected = SourceLocation { element: element.into(), index, offset: length as u64, line: None };
         assert_eq!(*place(&error), expected);
         assert!(matches!(error, PlyError::Truncated { read, count: 4, .. } if read == index));
     }

@@ -2,8 +2,8 @@
 
 use crate::forge::SPECIMENS;
 use chpm_import::ply::{
-    Batch, BatchKind, Coordinates, Encoding, Invalid, Options, Place, PlyError, PlyReader, ScalarType, Tally,
-    Warning, read_mesh,
+    Batch, BatchKind, Coordinates, Encoding, Invalid, Options, PlyError, PlyReader, ScalarType,
+    SourceLocation, Tally, Warning, read_mesh,
 };
 use chpm_mesh::{Attributes, TriMesh};
 
@@ -88,7 +88,10 @@ fn doubles_stay_doubles_and_faces_may_come_first() {
     assert_eq!(reader.bytes_read(), SPECIMENS[4].len() as u64);
 
     let error = read_mesh(SPECIMENS[4], Options::default()).unwrap_err();
-    assert!(matches!(error, PlyError::BeyondSingle { place: Place { index: 0, .. }, .. }), "{error}");
+    assert!(
+        matches!(error, PlyError::BeyondSingle { place: SourceLocation { index: 0, .. }, .. }),
+        "{error}"
+    );
     let options = Options { invalid: Invalid::Drop, ..Options::default() };
     assert!(matches!(PlyReader::new(SPECIMENS[4], options), Err(PlyError::FacesFirst { .. })));
 }

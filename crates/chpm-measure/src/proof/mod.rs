@@ -110,7 +110,7 @@ enum Goal<'g> {
     /// The largest distance: what is farther than all before raises what is asked for.
     Raise {
         allowed: Allowed,
-        least: f64,
+        lower: f64,
         at: Option<[f64; 3]>,
         tolerance: f64,
     },
@@ -153,27 +153,27 @@ impl<'a> Prover<'a> {
         self.run(triangle, &mut Goal::Keep(allowed), limit)
     }
 
-    /// Raises `least`, a distance that some point is known to have from the surface at least, by this triangle's farthest point, to within the
-    /// share `tolerance` of it. The answer tells what no point of the triangle is beyond, and where a point is that is as far as the raised `least`.
+    /// Raises `lower`, a distance that some point is known to have from the surface at least, by this triangle's farthest point, to within the
+    /// share `tolerance` of it. The answer tells what no point of the triangle is beyond, and where a point is that is as far as the raised `lower`.
     pub fn farthest(
         &mut self,
         triangle: [[f32; 3]; 3],
-        least: &mut f64,
+        lower: &mut f64,
         tolerance: f64,
         limit: u64,
     ) -> (f64, Option<[f64; 3]>) {
-        let allowed = Allowed::Same(*least * (1.0 + tolerance));
-        let mut goal = Goal::Raise { allowed, least: *least, at: None, tolerance };
+        let allowed = Allowed::Same(*lower * (1.0 + tolerance));
+        let mut goal = Goal::Raise { allowed, lower: *lower, at: None, tolerance };
         let found = self.run(triangle, &mut goal, limit);
-        let Goal::Raise { least: raised, at, .. } = goal else { return (found.reached, None) };
-        *least = raised;
+        let Goal::Raise { lower: raised, at, .. } = goal else { return (found.reached, None) };
+        *lower = raised;
         (found.reached, at)
     }
 
     /// A point of the triangles so far that is far from the surface, and how far it is at least; none if no piece was looked at.
     pub fn far(&mut self) -> Option<(f64, [f64; 3])> {
         let (_, at, scale) = self.far?;
-        Some(((self.target.at_least(at) - LOSS * scale).max(0.0), at.coords.into()))
+        Some(((self.target.lower_bound(at) - LOSS * scale).max(0.0), at.coords.into()))
     }
 
     fn run(&mut self, triangle: Corners, goal: &mut Goal<'_>, limit: u64) -> Found {
@@ -251,8 +251,8 @@ impl<'a> Prover<'a> {
         // Are all corners within reach of the same face? A face is convex, so all between them is, too.
         let allowed = goal.allowed().of(hit.tile);
         let loss = LOSS * scale.max(face.largest);
-        if let Some(most) = farthest_corner(piece, &face, allowed + loss) {
-            found.reached = found.reached.max(most + loss);
+        if let Some(upper) = farthest_corner(piece, &face, allowed + loss) {
+            found.reached = found.reached.max(upper + loss);
             return;
         }
         // Where another tile has more room, what is nearest may be as far as it may be, all along the border between both.
@@ -260,9 +260,9 @@ impl<'a> Prover<'a> {
             && let Some(other) = self.roomiest(middle, goal.allowed(), scale)
         {
             let loss = LOSS * scale.max(other.face.largest);
-            if let Some(most) = farthest_corner(piece, &other.face, goal.allowed().of(other.hit.tile) + loss)
+            if let Some(upper) = farthest_corner(piece, &other.face, goal.allowed().of(other.hit.tile) + loss)
             {
-                found.reached = found.reached.max(most + loss);
+                found.reached = found.reached.max(upper + loss);
                 return;
             }
         }
@@ -277,8 +277,8 @@ impl<'a> Prover<'a> {
         let width = face.radius();
         let is_wide = ball >= width || piece.radius(middle) >= WIDE * width;
         let cut_out = if is_wide { None } else { self.cut_out(piece, &face, place.feature, allowed, loss) };
-        if let Some(most) = cut_out {
-            found.reached = found.reached.max(most + loss);
+        if let Some(upper) = cut_out {
+            found.reached = found.reached.max(upper + loss);
             return;
         }
         // Along an edge again and again, a piece would get thinner only.
@@ -331,11 +331,11 @@ impl<'a> Prover<'a> {
             self.stack.extend(outside);
         }
 
-        let most = farthest_corner(&part, face, allowed + loss).filter(|_| self.stack.len() > before);
-        if most.is_none() {
+        let upper = farthest_corner(&part, face, allowed + loss).filter(|_| self.stack.len() > before);
+        if upper.is_none() {
             self.stack.truncate(before);
         }
-        most
+        upper
     }
 
     /// Verdict on a point that no triangle keeps to: a proof that none does, or a larger distance to prove instead, which
@@ -352,12 +352,12 @@ impl<'a> Prover<'a> {
         match goal {
             Goal::Keep(allowed) => {
                 let is_beyond = match allowed {
-                    Allowed::Same(distance) => self.target.at_least(point) - loss > *distance,
+                    Allowed::Same(distance) => self.target.lower_bound(point) - loss > *distance,
                     Allowed::Own(own) => self.target.is_beyond(point, &own.near, |tile| own.of[tile] + loss),
                 };
 
                 if is_beyond {
-                    let distance = (self.target.at_least(point) - loss).max(0.0);
+                    let distance = (self.target.lower_bound(point) - loss).max(0.0);
                     let witness = Witness { at: point.coords.into(), distance, tile: candidate.hit.tile };
                     if !matches!(found.verdict, Verdict::Beyond(other) if other.distance >= distance) {
                         found.verdict = Verdict::Beyond(witness);
@@ -366,10 +366,10 @@ impl<'a> Prover<'a> {
                 false
             }
 
-            Goal::Raise { allowed, least, at, tolerance } => {
-                let distance = self.target.at_least(point) - loss;
-                if distance > *least {
-                    (*least, *at) = (distance, Some(point.coords.into()));
+            Goal::Raise { allowed, lower, at, tolerance } => {
+                let distance = self.target.lower_bound(point) - loss;
+                if distance > *lower {
+                    (*lower, *at) = (distance, Some(point.coords.into()));
                     *allowed = Allowed::Same(distance * (1.0 + *tolerance));
                 }
                 let loss = LOSS * scale.max(candidate.face.largest);
@@ -415,11 +415,11 @@ fn along_edge(piece: &Piece, face: &Face, place: &NearestPoint, middle: Point3<f
 }
 
 /// How far the corners of a piece are from a triangle; none if that is more than `most`.
-fn farthest_corner(piece: &Piece, face: &Face, most: f64) -> Option<f64> {
+fn farthest_corner(piece: &Piece, face: &Face, limit: f64) -> Option<f64> {
     let mut farthest = 0.0;
     for corner in piece.corners() {
         let distance = face.nearest(*corner).distance;
-        if distance.is_nan() || distance > most {
+        if distance.is_nan() || distance > limit {
             return None;
         }
         farthest = distance.max(farthest);

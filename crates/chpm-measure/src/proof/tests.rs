@@ -30,15 +30,15 @@ fn interval(a: &TriMesh, b: &TriMesh) -> ([f64; 2], u64) {
     for triangle in triangles(a) {
         prover.within(triangle, &Allowed::Same(f64::MAX), LIMIT);
     }
-    let mut least = prover.far().map_or(0.0, |(distance, _)| distance);
-    let (mut most, mut pieces) = (0.0f64, 0);
+    let mut lower = prover.far().map_or(0.0, |(distance, _)| distance);
+    let (mut upper, mut pieces) = (0.0f64, 0);
     for triangle in triangles(a) {
-        most = most.max(prover.farthest(triangle, &mut least, 0.01, LIMIT).0);
+        upper = upper.max(prover.farthest(triangle, &mut lower, 0.01, LIMIT).0);
     }
     for triangle in triangles(a) {
-        pieces = pieces.max(prover.within(triangle, &Allowed::Same(most), LIMIT).pieces);
+        pieces = pieces.max(prover.within(triangle, &Allowed::Same(upper), LIMIT).pieces);
     }
-    ([least, most], pieces)
+    ([lower, upper], pieces)
 }
 
 fn verdict(triangle: Corners, b: &TriMesh, distance: f64) -> Verdict {
@@ -52,7 +52,7 @@ fn moved(mesh: &TriMesh, by: [f32; 3]) -> TriMesh {
 
 /// The largest distance of samples: all corners of a fine subdivision.
 fn sampled(a: &TriMesh, b: &TriMesh, steps: u32) -> f64 {
-    let mut most = 0.0f64;
+    let mut upper = 0.0f64;
     for corners in triangles(a) {
         let [p, q, r] = corners.map(chpm_mesh::geom::to_f64);
         for i in 0..=steps {
@@ -60,11 +60,11 @@ fn sampled(a: &TriMesh, b: &TriMesh, steps: u32) -> f64 {
                 let part = |k: u32| f64::from(k) / f64::from(steps);
                 let point = p + (q - p) * part(i) + (r - p) * part(j);
                 let nearest = triangles(b).map(|t| squared_distance(point, t)).fold(f64::INFINITY, f64::min);
-                most = most.max(nearest.sqrt());
+                upper = upper.max(nearest.sqrt());
             }
         }
     }
-    most
+    upper
 }
 
 #[test]
@@ -87,9 +87,9 @@ fn known_distances_are_enclosed() {
         ("floor", &floor, &roof, 2.0 / 5f64.sqrt()),
         ("beside", &side, &plane, 3.0),
     ] {
-        let ([least, most], _) = interval(a, b);
-        assert!(least <= expected && expected <= most, "{name}: {least} {most}");
-        assert!(most - least <= 0.0101 * expected + 1e-10, "{name}: {least} {most}");
+        let ([lower, upper], _) = interval(a, b);
+        assert!(lower <= expected && expected <= upper, "{name}: {lower} {upper}");
+        assert!(upper - lower <= 0.0101 * expected + 1e-10, "{name}: {lower} {upper}");
         for t in triangles(a) {
             assert_eq!(verdict(t, b, expected), Verdict::Within, "{name}");
         }
@@ -189,13 +189,13 @@ fn shapes_without_area_and_of_any_size_are_judged() {
         for (a, b, expected) in
             [(&needle, &full, 1.0 / 5f64.sqrt()), (&point, &full, 1.0), (&full, &point, 3f64.sqrt())]
         {
-            let ([least, most], _) = interval(a, b);
+            let ([lower, upper], _) = interval(a, b);
             let expected = expected * far;
             assert!(
-                least <= expected * (1.0 + 1e-6) && expected <= most * (1.0 + 1e-6),
-                "{size}: {least} {expected} {most}"
+                lower <= expected * (1.0 + 1e-6) && expected <= upper * (1.0 + 1e-6),
+                "{size}: {lower} {expected} {upper}"
             );
-            assert!(most <= least * 1.0102, "{size}: {least} {most}");
+            assert!(upper <= lower * 1.0102, "{size}: {lower} {upper}");
         }
     }
 }
@@ -218,8 +218,8 @@ fn coincident_sheets_and_crowds_are_judged_in_few_pieces() {
         book.triangles.push([0, 1, 2 + i]);
     }
     for mesh in [&many, &book] {
-        let ([least, most], pieces) = interval(mesh, mesh);
-        assert!(least == 0.0 && most <= 1e-11 && pieces < 50, "{least} {most} {pieces}");
+        let ([lower, upper], pieces) = interval(mesh, mesh);
+        assert!(lower == 0.0 && upper <= 1e-11 && pieces < 50, "{lower} {upper} {pieces}");
     }
 }
 
@@ -264,13 +264,13 @@ proptest! {
         let shape = |seed: u64| Shape::ALL[seed as usize % 5];
         let a = Synth::new(shape(seed), fineness, seed).to_mesh();
         let b = Synth::new(shape(other), 100, other).to_mesh();
-        let ([least, most], _) = interval(&a, &b);
+        let ([lower, upper], _) = interval(&a, &b);
         let found = sampled(&a, &b, 8);
-        prop_assert!(found <= most + 1e-12, "{least} {found} {most}");
-        prop_assert!(most <= least * 1.0101 + 1e-10, "{least} {most}");
+        prop_assert!(found <= upper + 1e-12, "{lower} {found} {upper}");
+        prop_assert!(upper <= lower * 1.0101 + 1e-10, "{lower} {upper}");
         // Samples are this near to every point.
         let spacing = triangles(&a).map(|t| Face::new(t).radius()).fold(0.0, f64::max) / 4.0;
-        prop_assert!(least <= found + spacing, "{least} {found}");
+        prop_assert!(lower <= found + spacing, "{lower} {found}");
     }
 
     /// Triangles anywhere, slivers and crossing ones: what is within is, and a witness is one.
@@ -293,11 +293,11 @@ proptest! {
         let target = tiles(&mesh, 2);
         let found = prover(&target).within(triangle, &Allowed::Same(distance), LIMIT);
         let alone = TriMesh::new(triangle.to_vec(), vec![[0, 1, 2]]);
-        let most = sampled(&alone, &mesh, 30);
+        let upper = sampled(&alone, &mesh, 30);
 
         match found.verdict {
             Verdict::Within => {
-                prop_assert!(most <= distance + 1e-9, "{most} {distance}");
+                prop_assert!(upper <= distance + 1e-9, "{upper} {distance}");
                 prop_assert!(found.reached <= distance + 2.0 * LOSS);
             }
             Verdict::Beyond(witness) => {
@@ -308,6 +308,6 @@ proptest! {
             }
             Verdict::Undecided => prop_assert!(false, "{found:?}"),
         }
-        prop_assert!(most <= found.reached + 1e-9, "{most} {found:?}");
+        prop_assert!(upper <= found.reached + 1e-9, "{upper} {found:?}");
     }
 }

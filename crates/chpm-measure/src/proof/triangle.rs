@@ -116,7 +116,7 @@ impl Face {
     }
 
     /// A distance that the point has from the triangle at least; what rounding may do is taken off.
-    pub(crate) fn at_least(&self, point: Point3<f64>) -> f64 {
+    pub(crate) fn lower_bound(&self, point: Point3<f64>) -> f64 {
         let place = self.nearest(point);
         let away = point - place.at;
         // Straight away from the plane or the edge; to a needle, that the place is found a little beside the nearest would make a difference.
@@ -133,9 +133,9 @@ impl Face {
             return 0.0;
         }
         let direction = away / length;
-        let least =
+        let lower =
             self.corners.iter().map(|corner| direction.dot(&(point - corner))).fold(f64::INFINITY, f64::min);
-        (least - LOSS * self.largest.max(point.coords.amax())).max(0.0)
+        (lower - LOSS * self.largest.max(point.coords.amax())).max(0.0)
     }
 }
 
@@ -160,8 +160,8 @@ mod tests {
             let place = face.nearest(point.into());
             assert!((place.distance - distance).abs() < 1e-14, "{point:?}: {place:?}");
             assert_eq!(place.feature, feature, "{point:?}");
-            let least = face.at_least(point.into());
-            assert!(least <= distance && least > distance - 1e-11, "{point:?}: {least}");
+            let lower = face.lower_bound(point.into());
+            assert!(lower <= distance && lower > distance - 1e-11, "{point:?}: {lower}");
         }
     }
 
@@ -176,10 +176,10 @@ mod tests {
                 let distance = face.nearest(point).distance;
                 assert!(distance <= 0.1 * LOSS * face.largest, "{width} {a} {b}: {distance}");
                 let beside = point + face.normal.normalize() * 0.01;
-                let least = face.at_least(beside);
+                let lower = face.lower_bound(beside);
                 assert!(
-                    (0.01 - 2.0 * LOSS * face.largest..=0.01).contains(&least),
-                    "{width} {a} {b}: {least}"
+                    (0.01 - 2.0 * LOSS * face.largest..=0.01).contains(&lower),
+                    "{width} {a} {b}: {lower}"
                 );
             }
         }
@@ -208,7 +208,7 @@ mod tests {
         assert_eq!(line.nearest([1.5, 2.0, 0.0].into()).distance, 2.0);
         let point = Face::new([[1.0; 3]; 3]);
         assert_eq!(point.nearest([1.0, 4.0, 5.0].into()).distance, 5.0);
-        assert!(point.at_least([1.0, 4.0, 5.0].into()) > 5.0 - 1e-10);
+        assert!(point.lower_bound([1.0, 4.0, 5.0].into()) > 5.0 - 1e-10);
     }
 
     proptest! {
@@ -228,14 +228,14 @@ mod tests {
             let point = Point3::from(point.map(|x| x * size));
             let face = Face::new(corners);
             let loss = LOSS * face.largest.max(point.coords.amax());
-            let (most, least) = (face.nearest(point).distance, face.at_least(point));
-            prop_assert!(least <= most, "{least} {most}");
+            let (upper, lower) = (face.nearest(point).distance, face.lower_bound(point));
+            prop_assert!(lower <= upper, "{lower} {upper}");
             // The other way to find it is right for triangles that are not too flat.
             let area = face.normal.norm() / face.radius().powi(2).max(f64::MIN_POSITIVE);
             if area > 1e-3 {
                 let truth = squared_distance(point, corners).sqrt();
-                prop_assert!(least <= truth + loss && truth <= most + loss, "{least} {truth} {most}");
-                prop_assert!(most - least <= 1e-6 * size, "{least} {most}");
+                prop_assert!(lower <= truth + loss && truth <= upper + loss, "{lower} {truth} {upper}");
+                prop_assert!(upper - lower <= 1e-6 * size, "{lower} {upper}");
             }
         }
     }

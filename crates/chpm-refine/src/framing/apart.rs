@@ -32,8 +32,10 @@ impl Extent {
 
     /// The least distance of two boxes.
     fn apart(&self, other: &Extent) -> f64 {
-        let gap = |axis: usize| (self.low[axis] - other.high[axis]).max(other.low[axis] - self.high[axis]);
-        Vector3::from_fn(|axis, _| gap(axis).max(0.0)).norm()
+        Vector3::from_fn(|axis, _| {
+            (self.low[axis] - other.high[axis]).max(other.low[axis] - self.high[axis]).max(0.0)
+        })
+        .norm()
     }
 }
 

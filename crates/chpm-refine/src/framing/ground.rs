@@ -72,9 +72,8 @@ impl Ground {
     pub(super) fn of(outline: &Outline, patches: &[Patch], up: Up) -> Self {
         let vector = up.vector();
         let height = |patch: &Patch| patch.at.coords.dot(&vector);
-        let heights = || patches.iter().map(height);
-        let low = heights().fold(f64::INFINITY, f64::min);
-        let tall = heights().fold(f64::NEG_INFINITY, f64::max) - low;
+        let low = patches.iter().map(height).fold(f64::INFINITY, f64::min);
+        let tall = patches.iter().map(height).fold(f64::NEG_INFINITY, f64::max) - low;
         let silhouette = look(outline, -vector).silhouette;
         if !(silhouette > 0.0 && tall.is_finite()) {
             return Ground::default();
@@ -85,17 +84,19 @@ impl Ground {
         fn below(point: &Point3<f64>, axes: &[usize; 2]) -> [f64; 2] {
             axes.map(|axis| point[axis])
         }
-        let touching = || patches.iter().filter(|patch| height(patch) <= low + TOUCHES * tall);
+        let touching: Vec<&Patch> =
+            patches.iter().filter(|patch| height(patch) <= low + TOUCHES * tall).collect();
         let (area, moment, rise) = patches.iter().fold((0.0, [0.0; 2], 0.0), |(area, [x, y], z), patch| {
             let (share, at) = (patch.normal.norm(), below(&patch.at, &axes));
             (area + share, [x + share * at[0], y + share * at[1]], z + share * (height(patch) - low))
         });
-        let (spanned, inside) =
-            span(touching().map(|patch| below(&patch.at, &axes)).collect(), moment.map(|x| x / area));
+        let points = touching.iter().map(|patch| below(&patch.at, &axes)).collect();
+        let (spanned, inside) = span(points, moment.map(|x| x / area));
         let stands = inside > -TOLERANCE * silhouette.sqrt();
 
-        let faces_down = |patch: &&Patch| patch.normal.dot(&vector) < -0.9 * patch.normal.norm();
-        let base = touching().filter(faces_down).fold(0.0, |sum, patch| sum + patch.normal.norm());
+        let facing_down =
+            touching.iter().filter(|patch| patch.normal.dot(&vector) < -0.9 * patch.normal.norm());
+        let base = facing_down.fold(0.0, |sum, patch| sum + patch.normal.norm());
         let open: f64 = patches.iter().map(|patch| patch.normal.dot(&vector)).sum();
         let longest = outline.bounds().1.max();
         Ground {
@@ -116,8 +117,8 @@ fn lopsided(patches: &[Patch], axis: usize, low: Point3<f64>, tall: f64, cell: f
     // A cell more at every side, for the neighbours.
     const SIDE: usize = CELLS as usize + 3;
     fn place(at: &Point3<f64>, low: &Point3<f64>, cell: f64) -> usize {
-        let along = |axis: usize| ((at[axis] - low[axis]) / cell).clamp(0.0, CELLS) as usize + 1;
-        (along(2) * SIDE + along(1)) * SIDE + along(0)
+        let [x, y, z] = [0, 1, 2].map(|axis| ((at[axis] - low[axis]) / cell).clamp(0.0, CELLS) as usize + 1);
+        (z * SIDE + y) * SIDE + x
     }
     let mut near = vec![false; SIDE * SIDE * SIDE];
     for patch in patches {
@@ -162,9 +163,9 @@ fn span(mut points: Vec<[f64; 2]>, center: [f64; 2]) -> (f64, f64) {
     if hull.len() < 3 {
         return (0.0, f64::NEG_INFINITY);
     }
-    let sides = || (0..hull.len()).map(|n| (hull[n], hull[(n + 1) % hull.len()]));
-    let area = 0.5 * sides().map(|(a, b)| turn(hull[0], a, b)).sum::<f64>();
-    let inside = sides().map(|(a, b)| turn(a, b, center) / (b[0] - a[0]).hypot(b[1] - a[1]));
+    let sides = (0..hull.len()).map(|n| (hull[n], hull[(n + 1) % hull.len()]));
+    let area = 0.5 * sides.clone().map(|(a, b)| turn(hull[0], a, b)).sum::<f64>();
+    let inside = sides.map(|(a, b)| turn(a, b, center) / (b[0] - a[0]).hypot(b[1] - a[1]));
     (area, inside.fold(f64::INFINITY, f64::min))
 }
 

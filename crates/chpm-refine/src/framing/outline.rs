@@ -173,12 +173,8 @@ impl Outline {
 
     /// All points; without triangles, the corners of the box.
     pub(super) fn framed<'a>(&'a self, bounds: &'a Aabb) -> impl Iterator<Item = Point3<f64>> + use<'a> {
-        let of_box = (0..8).filter(|_| self.triangles.is_empty() && !bounds.is_empty()).map(|n| {
-            let pick =
-                |axis: usize| f64::from(if n >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] });
-            Point3::new(pick(0), pick(1), pick(2))
-        });
-        self.corners().chain(of_box)
+        let is_box = self.triangles.is_empty() && !bounds.is_empty();
+        self.corners().chain(is_box.then(|| bounds.corners()).into_iter().flatten())
     }
 
     /// The middle of all that is framed.

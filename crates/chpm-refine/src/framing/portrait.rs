@@ -116,8 +116,9 @@ impl Portrait {
         let mut places: Vec<usize> = (0..DIRECTIONS)
             .filter_map(|n| {
                 let direction = direction(n);
-                let along = |place: &usize| points[*place].coords.dot(&direction);
-                (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
+                (0..points.len()).max_by(|a, b| {
+                    points[*a].coords.dot(&direction).total_cmp(&points[*b].coords.dot(&direction))
+                })
             })
             .collect();
         places.sort_unstable();

@@ -75,13 +75,13 @@ fn upright(outline: &Outline, why: &mut String) -> Up {
     fn open(ground: &Ground) -> f64 {
         ground.open * (1.0 - ground.height / FLAT).max(0.0)
     }
-    let points = |up: Up, ground: &Ground| {
+    fn points(up: Up, ground: &Ground) -> f64 {
         // What barely touches the ground says nothing.
         let support = if ground.support > SUPPORT { ground.support } else { 0.0 };
         // Nor does a tip on which something balances; but what is flat below was made to stand on.
         let support = (support * (ground.steady / FIRM).min(1.0)).max(support.min(ground.base));
         habit(up) + support + 0.1 * ground.base + 0.5 * ground.lopsided + 3.0 * open(ground)
-    };
+    }
     // Of equal ones the first, which is the more usual one.
     let mut best = rated[0];
     for (up, ground) in rated {

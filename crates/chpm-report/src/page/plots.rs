@@ -42,14 +42,12 @@ pub(super) fn all(
     let mut errors = Vec::new();
     let mut cuts = Vec::new();
     for (place, (name, stats, drawable)) in files.iter().enumerate() {
-        let each = |of: &dyn Fn(&LevelStats) -> Option<f64>| -> Vec<[f64; 2]> {
-            let at = stats.levels.iter().filter_map(|own| Some([f64::from(own.level), of(own)?]));
-            at.collect()
-        };
-        let all = |own: &LevelStats| Some(own.total_triangles as f64);
-        triangles.push(line(named(name, ""), place, each(&all)));
-        errors.push(line(named(name, "median cluster"), 2 * place, each(&|own| Some(own.max_error?.median))));
-        errors.push(line(named(name, "worst cluster"), 2 * place + 1, each(&|own| Some(own.max_error?.max))));
+        let all = by_level(stats, |own| Some(own.total_triangles as f64));
+        triangles.push(line(named(name, ""), place, all));
+        let median = by_level(stats, |own| Some(own.max_error?.median));
+        errors.push(line(named(name, "median cluster"), 2 * place, median));
+        let worst = by_level(stats, |own| Some(own.max_error?.max));
+        errors.push(line(named(name, "worst cluster"), 2 * place + 1, worst));
         cuts.push(line(named(name, ""), place, drawable.clone()));
     }
     let x = Axis { name: "level", log: false, label: level };
@@ -80,21 +78,34 @@ pub(super) fn all(
         .first()
         .map(|(_, stats, _)| stats.bytes.all().map(|(name, _)| name).collect())
         .unwrap_or_default();
-    let part = |name: &String| {
-        let of =
-            |stats: &Stats| stats.bytes.all().find(|(own, _)| own == name).map_or(0.0, |(_, bytes)| bytes);
-        (name.clone(), files.iter().map(|(_, stats, _)| of(stats)).collect::<Vec<f64>>())
-    };
+    let parts = names.into_iter().map(|name| {
+        let bytes = files.iter().map(|(_, stats, _)| bytes_of(stats, &name)).collect::<Vec<f64>>();
+        (name, bytes)
+    });
     let parts: Vec<(String, Vec<f64>)> =
-        names.iter().map(part).filter(|(_, values)| values.iter().any(|v| *v > 0.0)).collect();
+        parts.filter(|(_, values)| values.iter().any(|v| *v > 0.0)).collect();
     plots.push(bars("Bytes by part", Measure::Bytes, &parts, WIDE)?);
     if let Some(stages) = built.and_then(|built| built["stages"].as_array()) {
-        let of = |key: &str| -> Vec<(String, Vec<f64>)> {
-            let row = |stage: &Value| Some((stage["stage"].as_str()?.to_owned(), vec![stage[key].as_f64()?]));
-            stages.iter().filter_map(row).collect()
-        };
-        plots.push(bars("Time by stage", Measure::Seconds, &of("seconds"), SIZE)?);
-        plots.push(bars("Memory by stage", Measure::Bytes, &of("peak_resident_bytes"), SIZE)?);
+        let (seconds, memory) = (by_stage(stages, "seconds"), by_stage(stages, "peak_resident_bytes"));
+        plots.push(bars("Time by stage", Measure::Seconds, &seconds, SIZE)?);
+        plots.push(bars("Memory by stage", Measure::Bytes, &memory, SIZE)?);
     }
     Ok(plots)
+}
+
+/// Points of a line: levels, and a number of each that has it.
+fn by_level(stats: &Stats, of: impl Fn(&LevelStats) -> Option<f64>) -> Vec<[f64; 2]> {
+    stats.levels.iter().filter_map(|own| Some([f64::from(own.level), of(own)?])).collect()
+}
+
+/// Bytes of a part of a file.
+fn bytes_of(stats: &Stats, part: &str) -> f64 {
+    stats.bytes.all().find(|(name, _)| name == part).map_or(0.0, |(_, bytes)| bytes)
+}
+
+/// Stages of a build, and a number of each that has it.
+fn by_stage(stages: &[Value], key: &str) -> Vec<(String, Vec<f64>)> {
+    let rows =
+        stages.iter().map(|stage| Some((stage["stage"].as_str()?.to_owned(), vec![stage[key].as_f64()?])));
+    rows.flatten().collect()
 }

@@ -56,6 +56,13 @@ impl Lens {
     }
 }
 
+/// The first and the last of `count` samples between values along an axis; a sample is where its middle is.
+fn samples(values: [f64; 3], count: usize) -> (f64, f64) {
+    let low = values.into_iter().fold(f64::INFINITY, f64::min);
+    let high = values.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    ((low - 0.5).ceil().max(0.0), (high - 0.5).floor().min(count as f64 - 1.0))
+}
+
 impl Canvas {
     /// With nothing on it.
     pub fn new(size: [usize; 2]) -> Self {
@@ -83,21 +90,13 @@ impl Canvas {
         let toward = lens.axes[1] * 0.4 - lens.axes[2];
         let light = if length > 0.0 { (normal.dot(&toward) / length / 1.08).abs() as f32 } else { 0.0 };
         let [width, height] = self.size.map(|n| SAMPLES * n);
-        let span = |axis: usize, count: usize| {
-            let values = [a[axis], b[axis], c[axis]];
-            let low = values.into_iter().fold(f64::INFINITY, f64::min);
-            let high = values.into_iter().fold(f64::NEG_INFINITY, f64::max);
-            // A sample is where its middle is.
-            ((low - 0.5).ceil().max(0.0), (high - 0.5).floor().min(count as f64 - 1.0))
-        };
-        let ((left, right), (top, bottom)) = (span(0, width), span(1, height));
+        let (left, right) = samples([a[0], b[0], c[0]], width);
+        let (top, bottom) = samples([a[1], b[1], c[1]], height);
         for y in top as usize..(bottom + 1.0).max(0.0) as usize {
             for x in left as usize..(right + 1.0).max(0.0) as usize {
                 let (px, py) = (x as f64 + 0.5, y as f64 + 0.5);
-                let side = |u: [f64; 3], v: [f64; 3]| {
-                    ((v[0] - u[0]) * (py - u[1]) - (v[1] - u[1]) * (px - u[0])) / area
-                };
-                let weights = [side(b, c), side(c, a), side(a, b)];
+                let weights = [[b, c], [c, a], [a, b]]
+                    .map(|[u, v]| ((v[0] - u[0]) * (py - u[1]) - (v[1] - u[1]) * (px - u[0])) / area);
                 if weights.iter().any(|weight| *weight < 0.0) {
                     continue;
                 }
@@ -105,8 +104,8 @@ impl Canvas {
                 let sample = y * width + x;
                 if near > self.near[sample] {
                     (self.near[sample], self.part[sample], self.light[sample]) = (near, part, light);
-                    let mixed = |n: usize| (0..3).map(|i| weights[i] as f32 * tints[i][n]).sum();
-                    self.tint[sample] = [mixed(0), mixed(1), mixed(2)];
+                    self.tint[sample] =
+                        [0, 1, 2].map(|n| (0..3).map(|i| weights[i] as f32 * tints[i][n]).sum());
                 }
             }
         }

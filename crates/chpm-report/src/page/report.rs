@@ -124,12 +124,12 @@ pub fn html(
     ] {
         pictures.push(Picture { data: seen.picture(shows)?, size: PICTURE, caption, ends });
     }
-    let drawn = |shown: &Shown<'_>| {
+    let files = std::iter::once(shown).chain(other).map(|shown| {
         let all = digest::drawables(shown.file).into_iter();
-        all.map(|row| [row.triangles as f64, row.distance]).collect::<Vec<_>>()
-    };
-    let files = std::iter::once(shown).chain(other);
-    let files: Vec<_> = files.map(|shown| (shown.name.clone(), &shown.stats, drawn(shown))).collect();
+        let drawn = all.map(|row| [row.triangles as f64, row.distance]).collect::<Vec<_>>();
+        (shown.name.clone(), &shown.stats, drawn)
+    });
+    let files: Vec<_> = files.collect();
     let remarks = digest::remarks(file, Some(&metadata), &levels);
     let page = Page {
         style: STYLE,
@@ -178,7 +178,7 @@ fn facts(file: &Chpm<MappedFile>, metadata: &Metadata) -> Vec<(&'static str, Str
 
 fn drawables(file: &Chpm<MappedFile>) -> Vec<[String; 5]> {
     let diagonal = file.header().aabb().diagonal();
-    let row = |row: digest::Drawable| {
+    let rows = digest::drawables(file).into_iter().map(|row| {
         [
             row.level.map_or_else(|| "the coarsest".to_owned(), |level| format!("level {level}")),
             Short(row.clusters).to_string(),
@@ -186,8 +186,8 @@ fn drawables(file: &Chpm<MappedFile>) -> Vec<[String; 5]> {
             Units(row.distance).to_string(),
             format!("{} %", Units(if diagonal > 0.0 { 100.0 * row.distance / diagonal } else { 0.0 })),
         ]
-    };
-    digest::drawables(file).into_iter().map(row).collect()
+    });
+    rows.collect()
 }
 
 fn finding(worst: &worst::Worst) -> Finding {

@@ -69,13 +69,13 @@ pub(super) fn look(
         seen.members.push((member.cluster.0, level, page.error_at(n)));
         triangles.clear();
         page.progressive_mesh().triangles_at(n, &mut triangles);
-        let tint = |corner: u16| match page.colors.get(usize::from(corner)) {
-            Some([r, g, b, _]) => [r, g, b].map(|channel| f32::from(*channel)),
-            None => PLAIN,
-        };
         for corners in &triangles {
             let positions = corners.map(|corner| page.positions[usize::from(corner)]);
-            seen.canvas.draw(&lens, positions, corners.map(tint), part);
+            let tints = corners.map(|corner| match page.colors.get(usize::from(corner)) {
+                Some([r, g, b, _]) => [r, g, b].map(|channel| f32::from(*channel)),
+                None => PLAIN,
+            });
+            seen.canvas.draw(&lens, positions, tints, part);
         }
     }
     Ok(seen)
@@ -99,17 +99,17 @@ impl Seen {
     pub(super) fn picture(&self, shows: Shows) -> Result<String, ReportError> {
         let [low, high] = self.errors();
         let ramp = Colors::new([0.0, 1.0], false);
-        let opaque = |[r, g, b, _]: [u8; 4]| [r, g, b];
-        let paint = |part: u32, tint: [f32; 3]| {
+        self.canvas.picture(|part, tint| {
             let (id, level, error) = self.members[part as usize];
-            match shows {
-                Shows::Surface => tint.map(|channel| channel as u8),
-                Shows::Cluster => own_color(id),
-                Shows::Level => opaque(ramp.of(f64::from(level) / f64::from(self.levels.max(2) - 1))),
-                Shows::Error => opaque(ramp.of(share(error, low, high))),
-            }
-        };
-        self.canvas.picture(paint)
+            let value = match shows {
+                Shows::Surface => return tint.map(|channel| channel as u8),
+                Shows::Cluster => return own_color(id),
+                Shows::Level => f64::from(level) / f64::from(self.levels.max(2) - 1),
+                Shows::Error => share(error, low, high),
+            };
+            let [r, g, b, _] = ramp.of(value);
+            [r, g, b]
+        })
     }
 
     /// The least and the largest error that is seen, apart from none.

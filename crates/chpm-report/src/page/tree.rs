@@ -69,11 +69,10 @@ pub(super) fn json(file: &Chpm<MappedFile>, rows: &[Row<'_>]) -> Result<Value, R
     }
     let least =
         order.len().checked_sub(SHOWN).map_or(0, |more| rows[order[more]].record.level + u32::from(more > 0));
-    let shown = rows.iter().filter(|row| row.record.level >= least);
     fn part(a: u32, b: u32) -> f64 {
         (1000.0 * f64::from(a) / f64::from(b.max(1))).round() / 1000.0
     }
-    let node = |row: &Row<'_>| {
+    let nodes = rows.iter().filter(|row| row.record.level >= least).map(|row| {
         let r = row.record;
         json!([
             row.id,
@@ -88,8 +87,8 @@ pub(super) fn json(file: &Chpm<MappedFile>, rows: &[Row<'_>]) -> Result<Value, R
             row.edge_span().round(),
             r.page_len,
         ])
-    };
+    });
     let gradient = Colors::new([0.0, 1.0], false).gradient();
     let colors: Vec<&str> = gradient.split(',').collect();
-    Ok(json!({ "least": least, "colors": colors, "nodes": shown.map(node).collect::<Vec<_>>() }))
+    Ok(json!({ "least": least, "colors": colors, "nodes": nodes.collect::<Vec<_>>() }))
 }

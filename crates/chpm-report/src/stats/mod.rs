@@ -179,12 +179,12 @@ impl Stats {
             per_triangle: per_triangle(sizes.file, file.header().source_triangle_count),
             parts: parts(rows.iter()),
         };
-        let sizes = || file.groups().iter().map(|group| group.coarse_count);
-        let most = sizes().max().unwrap_or(0);
+        let mut sizes = file.groups().iter().map(|group| group.coarse_count);
+        let most = sizes.clone().max().unwrap_or(0);
         let groups = GroupStats {
             count: file.header().group_count,
-            size: Spread::of(sizes().map(f64::from)),
-            largest: sizes().position(|size| size == most).unwrap_or(0) as u32,
+            size: Spread::of(sizes.clone().map(f64::from)),
+            largest: sizes.position(|size| size == most).unwrap_or(0) as u32,
             longest_path: boxes::longest_path(file),
         };
         let mut stats = Stats {
@@ -206,78 +206,84 @@ impl Stats {
         let height = h.level_count - 1;
         let least = h.leaf_count.max(1).next_power_of_two().ilog2();
         let diagonal = h.aabb().diagonal();
-        let roots = || rows.iter().filter(|row| row.record.is_root());
-        let median =
-            |of: fn(&Row<'_>) -> Option<f64>| Spread::of(rows.iter().filter_map(of)).map(|s| s.median);
-        let triangles = || file.levels().iter().map(|level| level.triangle_count);
-        let ratios = triangles().zip(triangles().skip(1)).map(|(below, level)| by(level, below));
-        let all: u64 = triangles().sum();
-        let misses = |cache: usize| rows.iter().map(|row| row.page.misses[cache]).sum();
-        let mut measures = Map::new();
-        let mut put = |name: &str, value: Option<f64>| {
-            if let Some(value) = value {
-                measures.insert(name.to_owned(), value.into());
-            }
-        };
-        put("triangles", Some(h.source_triangle_count as f64));
-        put("clusters", Some(h.cluster_count.into()));
-        put("levels", Some(h.level_count.into()));
-        put("height", Some(height.into()));
-        put("least_height", Some(least.into()));
-        put("roots", Some(h.root_count.into()));
-        put("top_triangles", Some(roots().map(|row| f64::from(row.record.base_triangle_count)).sum()));
-        put("worst_ratio", ratios.reduce(f64::max));
-        put("stalled", Some(file.levels().iter().map(|level| f64::from(level.stalled_cluster_count)).sum()));
-        put("coincident", Some(self.levels.iter().map(|level| level.coincident as f64).sum()));
-        put("forced", Some(file.levels().iter().map(|level| f64::from(level.forced_collapse_count)).sum()));
-        put("max_error", Some(h.max_error.into()));
-        put("max_error_percent", (diagonal > 0.0).then(|| 100.0 * f64::from(h.max_error) / diagonal));
-        put("shared", self.levels.iter().map(|level| level.shared).reduce(f64::max));
-        put("border_levels", self.border_levels.map(|spread| spread.median));
-        put("groups", Some(h.group_count.into()));
-        put("largest_group", self.groups.size.map(|spread| spread.max));
-        put("longest_path", Some(self.groups.longest_path.into()));
-        put("aspect", median(|row| row.aspect));
-        put("overlap", median(|row| row.overlap));
-        put("bytes", Some(h.file_len as f64));
-        put("bytes_per_triangle", Some(self.bytes.per_triangle));
-        for (cache, size) in CACHES.into_iter().enumerate() {
-            put(&format!("acmr{size}"), Some(by(misses(cache), all)));
-        }
-        put("edge_span", Some(by(rows.iter().map(|row| row.page.span).sum(), 3 * all)));
-        measures
+        let roots = rows.iter().filter(|row| row.record.is_root());
+        let levels = file.levels();
+        let ratios = levels.array_windows().map(|[below, own]| by(own.triangle_count, below.triangle_count));
+        let all: u64 = levels.iter().map(|level| level.triangle_count).sum();
+
+        let plain = [
+            ("triangles", Some(h.source_triangle_count as f64)),
+            ("clusters", Some(h.cluster_count.into())),
+            ("levels", Some(h.level_count.into())),
+            ("height", Some(height.into())),
+            ("least_height", Some(least.into())),
+            ("roots", Some(h.root_count.into())),
+            ("top_triangles", Some(roots.map(|row| f64::from(row.record.base_triangle_count)).sum())),
+            ("worst_ratio", ratios.reduce(f64::max)),
+            ("stalled", Some(levels.iter().map(|level| f64::from(level.stalled_cluster_count)).sum())),
+            ("coincident", Some(self.levels.iter().map(|level| level.coincident as f64).sum())),
+            ("forced", Some(levels.iter().map(|level| f64::from(level.forced_collapse_count)).sum())),
+            ("max_error", Some(h.max_error.into())),
+            ("max_error_percent", (diagonal > 0.0).then(|| 100.0 * f64::from(h.max_error) / diagonal)),
+            ("shared", self.levels.iter().map(|level| level.shared).reduce(f64::max)),
+            ("border_levels", self.border_levels.map(|spread| spread.median)),
+            ("groups", Some(h.group_count.into())),
+            ("largest_group", self.groups.size.map(|spread| spread.max)),
+            ("longest_path", Some(self.groups.longest_path.into())),
+            ("aspect", median(rows.iter().filter_map(|row| row.aspect))),
+            ("overlap", median(rows.iter().filter_map(|row| row.overlap))),
+            ("bytes", Some(h.file_len as f64)),
+            ("bytes_per_triangle", Some(self.bytes.per_triangle)),
+        ];
+
+        let plain = plain.into_iter().map(|(name, value)| (name.to_owned(), value));
+        let acmrs = CACHES.into_iter().enumerate().map(|(cache, size)| {
+            let misses = rows.iter().map(|row| row.page.misses[cache]).sum();
+            (format!("acmr{size}"), Some(by(misses, all)))
+        });
+        let span = Some(by(rows.iter().map(|row| row.page.span).sum(), 3 * all));
+        let measures = plain.chain(acmrs).chain([("edge_span".to_owned(), span)]);
+        measures.filter_map(|(name, value)| Some((name, value?.into()))).collect()
     }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    Spread::of(values).map(|spread| spread.median)
 }
 
 impl LevelStats {
     fn new(file: &Chpm<MappedFile>, rows: &[Row<'_>], level: u32, lives: &[u64]) -> Self {
-        let own = || rows.iter().filter(move |row| row.record.level == level);
-        let spread = |of: fn(&Row<'_>) -> f64| Spread::of(own().map(of));
-        let groups = || file.groups().iter().filter(|group| group.level == level);
+        fn spread(rows: &[&Row<'_>], of: fn(&Row<'_>) -> f64) -> Option<Spread> {
+            Spread::of(rows.iter().map(|row| of(row)))
+        }
+        let own: Vec<&Row<'_>> = rows.iter().filter(|row| row.record.level == level).collect();
+        let groups: Vec<_> = file.groups().iter().filter(|group| group.level == level).collect();
         let record = &file.levels()[level as usize];
-        let acmr = |cache: usize| by(own().map(|row| row.page.misses[cache]).sum(), record.triangle_count);
+        let [acmr16, acmr24, acmr32] = std::array::from_fn(|cache| {
+            by(own.iter().map(|row| row.page.misses[cache]).sum(), record.triangle_count)
+        });
         LevelStats {
             level,
             clusters: record.cluster_count,
-            triangles: spread(|row| row.record.triangle_count.into()),
+            triangles: spread(&own, |row| row.record.triangle_count.into()),
             total_triangles: record.triangle_count,
-            base_triangles: spread(|row| row.record.base_triangle_count.into()),
-            coincident: own().map(|row| row.page.coincident).sum(),
+            base_triangles: spread(&own, |row| row.record.base_triangle_count.into()),
+            coincident: own.iter().map(|row| row.page.coincident).sum(),
             shared: by(record.shared_vertex_count, record.vertex_count),
             border_levels: Spread::of_counts(lives),
-            min_error: spread(|row| row.record.min_error.into()),
-            max_error: spread(|row| row.record.max_error.into()),
-            aspect: Spread::of(own().filter_map(|row| row.aspect)),
-            overlap: Spread::of(own().filter_map(|row| row.overlap)),
-            groups: groups().count() as u32,
-            group_size: Spread::of(groups().map(|group| group.coarse_count.into())),
-            collapses: spread(|row| row.collapses().into()),
-            page_bytes: own().map(|row| u64::from(row.record.page_len)).sum(),
-            parts: parts(own()),
-            acmr16: acmr(0),
-            acmr24: acmr(1),
-            acmr32: acmr(2),
-            edge_span: by(own().map(|row| row.page.span).sum(), 3 * record.triangle_count),
+            min_error: spread(&own, |row| row.record.min_error.into()),
+            max_error: spread(&own, |row| row.record.max_error.into()),
+            aspect: Spread::of(own.iter().filter_map(|row| row.aspect)),
+            overlap: Spread::of(own.iter().filter_map(|row| row.overlap)),
+            groups: groups.len() as u32,
+            group_size: Spread::of(groups.iter().map(|group| group.coarse_count.into())),
+            collapses: spread(&own, |row| row.collapses().into()),
+            page_bytes: own.iter().map(|row| u64::from(row.record.page_len)).sum(),
+            parts: parts(own.iter().copied()),
+            acmr16,
+            acmr24,
+            acmr32,
+            edge_span: by(own.iter().map(|row| row.page.span).sum(), 3 * record.triangle_count),
             tightness: None,
         }
     }

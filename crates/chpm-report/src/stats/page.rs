@@ -39,8 +39,10 @@ pub const MEMORY: [u64; 2] = [2, 256];
 
 impl Borders {
     fn new(count: u32) -> Self {
-        let all = |value| (0..count).map(|_| AtomicU8::new(value)).collect();
-        Borders { first: all(u8::MAX), last: all(0) }
+        fn all(count: u32, value: u8) -> Vec<AtomicU8> {
+            (0..count).map(|_| AtomicU8::new(value)).collect()
+        }
+        Borders { first: all(count, u8::MAX), last: all(count, 0) }
     }
 
     fn note(&self, page: &Page<'_>, level: u32) {
@@ -81,12 +83,12 @@ pub(super) fn read(file: &Chpm<MappedFile>) -> Result<(Vec<PageStats>, Borders),
         };
         let page = page.view();
         borders.note(&page, record.level);
-        let corners = || page.triangles.iter().map(|corners| corners.map(u32::from));
-        let misses = CACHES.map(|size| vertex_cache(corners(), size).misses);
-        let span = |[a, b, c]: [u32; 3]| {
-            u64::from(a.abs_diff(b)) + u64::from(b.abs_diff(c)) + u64::from(c.abs_diff(a))
-        };
-        let (span, coincident) = (corners().map(span).sum(), coincident(page.triangles, &mut Vec::new()));
+        let corners = page.triangles.iter().map(|corners| corners.map(u32::from));
+        let misses = CACHES.map(|size| vertex_cache(corners.clone(), size).misses);
+        let spans = corners.map(|[a, b, c]| {
+            [a.abs_diff(b), b.abs_diff(c), c.abs_diff(a)].map(u64::from).iter().sum::<u64>()
+        });
+        let (span, coincident) = (spans.sum(), coincident(page.triangles, &mut Vec::new()));
         Ok::<_, ReportError>(PageStats { parts, misses, span, coincident })
     });
     Ok((clusters.collect::<Result<_, ReportError>>()?, borders))

@@ -31,21 +31,20 @@ impl Spread {
     /// Of values 0, 1, 2 ..., each of which occurs so often.
     pub fn of_counts(counts: &[u64]) -> Option<Self> {
         let last = counts.iter().rposition(|count| *count > 0)?;
-        let at = |rank: u64| {
+        Some(Spread::by_rank(counts.iter().sum(), last as f64, |rank| {
             let mut below = 0;
             let found = counts.iter().position(|count| {
                 below += count;
                 below > rank
             });
             found.unwrap_or(last) as f64
-        };
-        Some(Spread::by_rank(counts.iter().sum(), last as f64, at))
+        }))
     }
 
     fn by_rank(count: u64, max: f64, at: impl Fn(u64) -> f64) -> Self {
         // The least rank that so many percent do not exceed.
-        let percent = |percent: u64| at((count * percent).div_ceil(100).max(1) - 1);
-        let [p25, median, p75, p95] = [25, 50, 75, 95].map(percent);
+        let [p25, median, p75, p95] =
+            [25, 50, 75, 95].map(|percent| at((count * percent).div_ceil(100).max(1) - 1));
         Spread { min: at(0), p25, median, p75, p95, max }
     }
 }

@@ -61,16 +61,17 @@ pub fn words(measure: &str) -> &'static str {
 
 /// The worst by each measure. What is zero is nobody's fault.
 pub(super) fn of(rows: &[Row<'_>], levels: usize) -> Vec<Worst> {
-    let error = |level: u32| {
-        Spread::of(rows.iter().filter(|row| row.record.level == level).map(|row| row.record.max_error.into()))
-    };
-    let errors: Vec<Option<Spread>> = (0..levels as u32).map(error).collect();
+    let errors = (0..levels as u32).map(|level| {
+        let own = rows.iter().filter(|row| row.record.level == level);
+        Spread::of(own.map(|row| row.record.max_error.into()))
+    });
+    let errors: Vec<Option<Spread>> = errors.collect();
     let all = MEASURES.into_iter().map(|(name, _, value)| {
-        let named = |row: &Row<'_>| {
+        let named = rows.iter().filter_map(|row| {
             let value = value(row, &errors).filter(|value| *value > 0.0)?;
             Some(Named { cluster: row.id, level: row.record.level, value })
-        };
-        let mut clusters: Vec<Named> = rows.iter().filter_map(named).collect();
+        });
+        let mut clusters: Vec<Named> = named.collect();
         clusters.sort_by(|a, b| b.value.total_cmp(&a.value).then(a.cluster.cmp(&b.cluster)));
         clusters.truncate(NAMED);
         Worst { measure: name, clusters }

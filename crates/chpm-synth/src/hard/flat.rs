@@ -10,8 +10,9 @@ pub(super) fn plane(triangles: u32) -> TriMesh {
     let n = side(triangles);
     sheet(n, n, |x, y| {
         let inside = (1..n).contains(&x) && (1..n).contains(&y);
-        let shift = |axis| if inside && hash(1, [x.into(), y.into(), axis]) & 1 == 1 { 0.25 } else { 0.0 };
-        let (x, y) = (x as f32 + shift(0), y as f32 + shift(1));
+        let [shift_x, shift_y] = [0, 1]
+            .map(|axis| if inside && hash(1, [x.into(), y.into(), axis]) & 1 == 1 { 0.25 } else { 0.0 });
+        let (x, y) = (x as f32 + shift_x, y as f32 + shift_y);
         [x, y, 0.25 * x + 0.5 * y]
     })
 }

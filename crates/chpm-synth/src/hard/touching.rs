@@ -84,8 +84,10 @@ pub(super) fn pages(triangles: u32) -> TriMesh {
         fn steps(n: u32) -> f64 {
             1.0 / f64::from(n)
         }
-        let height = |i: u32| 4.0 * steps(high) * f64::from(i);
-        mesh.positions.extend((0..=high).map(|i| [x, 0.0, height(i)].map(|c| c as f32)));
+        fn height(i: u32, high: u32) -> f64 {
+            4.0 * steps(high) * f64::from(i)
+        }
+        mesh.positions.extend((0..=high).map(|i| [x, 0.0, height(i, high)].map(|c| c as f32)));
 
         for page in 0..faces {
             let (cos, sin) = turn(f64::from(page) / f64::from(faces));
@@ -94,7 +96,7 @@ pub(super) fn pages(triangles: u32) -> TriMesh {
                 let reach = steps(deep) * f64::from(along);
                 let bent = 0.05 * wave(reach);
                 let place = [x + reach * cos - bent * sin, reach * sin + bent * cos];
-                let column = (0..=high).map(|i| [place[0], place[1], height(i)].map(|c| c as f32));
+                let column = (0..=high).map(|i| [place[0], place[1], height(i, high)].map(|c| c as f32));
                 mesh.positions.extend(column);
             }
 
@@ -138,15 +140,13 @@ fn faces_of_cells(size: [u32; 3], wanted: impl Fn([i64; 3], [i64; 3]) -> bool) -
                 continue;
             }
 
-            let corner = |along: u32, up: u32| {
+            let [a, b, c, e] = [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[along, up]| {
                 let mut corner = cell;
                 corner[axis] += side;
                 corner[(axis + 1) % 3] += along;
                 corner[(axis + 2) % 3] += up;
                 at(corner)
-            };
-
-            let [a, b, c, e] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+            });
             let two = if side == 1 { [[a, b, c], [a, c, e]] } else { [[a, c, b], [a, e, c]] };
             mesh.triangles.extend(two);
         }

@@ -84,8 +84,8 @@ pub(super) fn compare(leaves: Multiset, source: Multiset) -> Result<Found, Extme
         all.extend(theirs.iter().map(|record| (hash(*record), true, record[2])));
         all.sort_unstable();
         for same in all.chunk_by(|a, b| a.0 == b.0) {
-            let of = |side: bool| same.iter().filter(|(_, s, _)| *s == side).map(|(_, _, n)| n).sum::<u64>();
-            let (ours, theirs) = (of(false), of(true));
+            let [ours, theirs] = [false, true]
+                .map(|side| same.iter().filter(|(_, s, _)| *s == side).map(|(_, _, n)| n).sum::<u64>());
             if ours == 0 || ours > theirs {
                 found.different.push(bucket(same[0].0));
             } else {

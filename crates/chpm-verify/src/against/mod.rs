@@ -75,7 +75,7 @@ impl Comparison {
 /// A triangle that only one side has, or that one side has more often.
 #[derive(Debug, PartialEq)]
 struct Fault {
-    place: Place,
+    place: Occurrence,
     corners: Corners,
     /// How many more.
     copies: u64,
@@ -84,7 +84,7 @@ struct Fault {
 type Corners = [[f32; 3]; 3];
 
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-enum Place {
+enum Occurrence {
     Leaf(u32, u32),
     Source(u64),
 }
@@ -92,10 +92,10 @@ enum Place {
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.place {
-            Place::Leaf(cluster, index) => {
+            Occurrence::Leaf(cluster, index) => {
                 write!(f, "{}: triangle {index} is not in the source", ClusterId(cluster))?;
             }
-            Place::Source(index) => write!(f, "triangle {index} of the source is in no leaf")?,
+            Occurrence::Source(index) => write!(f, "triangle {index} of the source is in no leaf")?,
         }
         write!(f, ": {:?}", self.corners)?;
         if self.copies > 1 { write!(f, ", {} times", self.copies) } else { Ok(()) }
@@ -262,13 +262,22 @@ struct Suspects {
 
 struct Suspect {
     surplus: i64,
-    leaf: Option<Place>,
-    source: Option<Place>,
+    leaf: Option<Occurrence>,
+    source: Option<Occurrence>,
     corners: Corners,
 }
 
+impl Suspect {
+    /// What one side has more of, if any.
+    fn fault(self) -> Option<Fault> {
+        let place = if self.surplus > 0 { self.leaf } else { self.source };
+        let copies = self.surplus.unsigned_abs();
+        place.filter(|_| copies > 0).map(|place| Fault { place, corners: self.corners, copies })
+    }
+}
+
 impl Suspects {
-    fn look(&mut self, place: Place, corners: Corners, marks: Marks) {
+    fn look(&mut self, place: Occurrence, corners: Corners, marks: Marks) {
         let hash = hash(corners, marks);
         if !self.examined[bucket(hash)] {
             return;
@@ -276,21 +285,16 @@ impl Suspects {
         let suspect =
             self.found.entry(hash).or_insert(Suspect { surplus: 0, leaf: None, source: None, corners });
         match place {
-            Place::Leaf(..) => (suspect.surplus, suspect.leaf) = (suspect.surplus + 1, Some(place)),
-            Place::Source(_) => (suspect.surplus, suspect.source) = (suspect.surplus - 1, Some(place)),
+            Occurrence::Leaf(..) => (suspect.surplus, suspect.leaf) = (suspect.surplus + 1, Some(place)),
+            Occurrence::Source(_) => (suspect.surplus, suspect.source) = (suspect.surplus - 1, Some(place)),
         }
     }
 
     /// Those that one side has more of; ordered by place. With `copies`, the source may have more of what the leaves have.
     fn unmatched(self, copies: bool) -> Vec<Fault> {
-        let is_left_out = |suspect: &Suspect| copies && suspect.surplus < 0 && suspect.leaf.is_some();
-        let fault = |suspect: Suspect| {
-            let place = if suspect.surplus > 0 { suspect.leaf } else { suspect.source };
-            let copies = suspect.surplus.unsigned_abs();
-            place.filter(|_| copies > 0).map(|place| Fault { place, corners: suspect.corners, copies })
-        };
-        let mut faults: Vec<Fault> =
-            self.found.into_values().filter(|suspect| !is_left_out(suspect)).filter_map(fault).collect();
+        let suspects = self.found.into_values();
+        let suspects = suspects.filter(|suspect| !(copies && suspect.surplus < 0 && suspect.leaf.is_some()));
+        let mut faults: Vec<Fault> = suspects.filter_map(Suspect::fault).collect();
         faults.sort_unstable_by_key(|fault| fault.place);
         faults
     }
@@ -300,7 +304,7 @@ fn each_leaf_triangle<D: AsRef<[u8]>>(
     file: &Chpm<D>,
     progress: &dyn Progress,
     cancel: &Cancel,
-    look: &mut dyn FnMut(Place, Corners, Marks),
+    look: &mut dyn FnMut(Occurrence, Corners, Marks),
 ) -> Result<(), VerifyError> {
     for (id, record) in (0..).map(ClusterId).zip(file.clusters()) {
         if !record.is_leaf() {
@@ -311,7 +315,7 @@ fn each_leaf_triangle<D: AsRef<[u8]>>(
         let page = page.view();
         for (index, triangle) in (0..).zip(page.triangles) {
             let marks = triangle.map(|v| mark(page.scalars_of(usize::from(v))));
-            look(Place::Leaf(id.0, index), triangle.map(|v| page.positions[usize::from(v)]), marks);
+            look(Occurrence::Leaf(id.0, index), triangle.map(|v| page.positions[usize::from(v)]), marks);
         }
         progress.advance(page.triangles.len() as u64);
     }
@@ -332,7 +336,7 @@ impl<D: AsRef<[u8]>> Stored<'_, D> {
         &mut self,
         progress: &dyn Progress,
         cancel: &Cancel,
-        look: &mut dyn FnMut(Place, Corners, Marks),
+        look: &mut dyn FnMut(Occurrence, Corners, Marks),
     ) -> Result<Counts, VerifyError> {
         let Stored { file, source, small } = self;
         let (tally, is_told_single) = (source.tally, source.is_told_single);
@@ -343,7 +347,7 @@ impl<D: AsRef<[u8]>> Stored<'_, D> {
         let (mut index, mut left_out, mut rounding) = (0, 0, 0.0f64);
         let mut at = Window::default();
         source.each_marked(cancel, |corners, marks| {
-            let place = Place::Source(index);
+            let place = Occurrence::Source(index);
             index += 1;
             if index % TOLD == 0 {
                 progress.advance(TOLD);
@@ -444,18 +448,18 @@ mod tests {
     #[test]
     fn copies_are_counted_and_only_the_surplus_is_a_fault() {
         let mut suspects = Suspects { examined: vec![true; BUCKETS], found: BTreeMap::new() };
-        suspects.look(Place::Leaf(3, 0), [A, B, C], [0; 3]);
-        suspects.look(Place::Leaf(3, 1), [B, C, A], [0; 3]);
-        suspects.look(Place::Source(7), [C, A, B], [0; 3]);
-        suspects.look(Place::Source(8), [A, C, B], [0; 3]);
-        let places: Vec<Place> = suspects.unmatched(false).iter().map(|fault| fault.place).collect();
-        assert_eq!(places, [Place::Leaf(3, 1), Place::Source(8)]);
+        suspects.look(Occurrence::Leaf(3, 0), [A, B, C], [0; 3]);
+        suspects.look(Occurrence::Leaf(3, 1), [B, C, A], [0; 3]);
+        suspects.look(Occurrence::Source(7), [C, A, B], [0; 3]);
+        suspects.look(Occurrence::Source(8), [A, C, B], [0; 3]);
+        let places: Vec<Occurrence> = suspects.unmatched(false).iter().map(|fault| fault.place).collect();
+        assert_eq!(places, [Occurrence::Leaf(3, 1), Occurrence::Source(8)]);
     }
 
     #[test]
     fn faults_name_the_cluster_or_the_source_triangle() {
         let text = |place| Fault { place, corners: [A, B, C], copies: 1 }.to_string();
-        assert!(text(Place::Leaf(3, 1)).starts_with("cluster 3: triangle 1 is not in the source"));
-        assert!(text(Place::Source(8)).starts_with("triangle 8 of the source is in no leaf"));
+        assert!(text(Occurrence::Leaf(3, 1)).starts_with("cluster 3: triangle 1 is not in the source"));
+        assert!(text(Occurrence::Source(8)).starts_with("triangle 8 of the source is in no leaf"));
     }
 }

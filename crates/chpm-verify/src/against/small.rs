@@ -26,14 +26,13 @@ impl Size {
         let Some((_, told)) = settings.into_iter().find(|(name, _)| name == "min-component") else {
             return Ok(None);
         };
-        let number = |text: &str| text.parse().ok().filter(|size: &f64| *size >= 0.0);
-        let size = match told.strip_suffix('%') {
-            Some(percent) => number(percent).map(Size::Percent),
-            None => number(&told).map(Size::Units),
+        let (number, size): (&str, fn(f64) -> Size) = match told.strip_suffix('%') {
+            Some(percent) => (percent, Size::Percent),
+            None => (&told, Size::Units),
         };
-        match size {
+        match number.parse().ok().filter(|number| *number >= 0.0) {
+            Some(number) => Ok(Some(size(number))),
             None => Err(VerifyError::Size { got: told }),
-            size => Ok(size),
         }
     }
 }

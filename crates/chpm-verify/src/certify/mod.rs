@@ -112,11 +112,11 @@ pub struct Row {
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Side {
     /// Some point is at least so far.
-    pub least: f64,
+    pub lower: f64,
     /// That point.
     pub at: Option<[f64; 3]>,
     /// No point is farther.
-    pub most: f64,
+    pub upper: f64,
     /// Triangles with a point that is farther than the file states.
     pub violations: u64,
     /// The worst of those points.
@@ -157,10 +157,10 @@ impl Row {
 
 impl Side {
     fn merge(&mut self, other: &Side) {
-        if other.least > self.least {
-            (self.least, self.at) = (other.least, other.at);
+        if other.lower > self.lower {
+            (self.lower, self.at) = (other.lower, other.at);
         }
-        self.most = self.most.max(other.most);
+        self.upper = self.upper.max(other.upper);
         self.violations += other.violations;
         if other.worst.is_some_and(|w| self.worst.is_none_or(|worst| w.excess() > worst.excess())) {
             self.worst = other.worst;
@@ -171,8 +171,8 @@ impl Side {
 
     /// Widens the interval by what a surface may be from the one that it stands for.
     fn widen(&mut self, by: f64) {
-        self.least = (self.least - by).max(0.0);
-        self.most += by;
+        self.lower = (self.lower - by).max(0.0);
+        self.upper += by;
     }
 }
 
@@ -214,11 +214,11 @@ pub fn certify(
     cancel: &Cancel,
 ) -> Result<Certified, VerifyError> {
     let certifier = Certifier::new(file, wanted.effort, budget, progress, cancel)?;
-    let leaf_error = |id: &ClusterId| f64::from(file.clusters()[id.index()].min_error);
+    let leaf_errors = certifier.leaves.iter().map(|id| file.clusters()[id.index()].min_error.into());
     let bounds = file.header().aabb();
-    let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |most: f32, x| most.max(x.abs()));
+    let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |largest: f32, x| largest.max(x.abs()));
     let mut found = Certified {
-        rounding: certifier.leaves.iter().map(leaf_error).fold(0.0, f64::max),
+        rounding: leaf_errors.fold(0.0, f64::max),
         slack: 2.0 * LOSS * f64::from(largest),
         ..Certified::default()
     };
@@ -230,8 +230,9 @@ pub fn certify(
             let cut = at_position(file, level, collapsed)?;
             let label = format!("level {level}, {:.0} %", 100.0 * collapsed);
             let which = Which::Level { level, collapsed };
-            let is_of_level = |m: &Member| file.clusters()[m.cluster.index()].level == level;
-            found.levels.push(certifier.cut(&cut, which, &label, found.rounding, is_of_level)?);
+            found.levels.push(certifier.cut(&cut, which, &label, found.rounding, |member| {
+                file.clusters()[member.cluster.index()].level == level
+            })?);
         }
     }
     let hierarchy = Hierarchy::new(file);
@@ -269,10 +270,10 @@ impl<'a> Certifier<'a> {
     ) -> Result<Row, VerifyError> {
         let (file, members) = (self.file, cut.members());
         let asked: Vec<Member> = members.iter().filter(|member| is_asked(member)).copied().collect();
-        let error = |m: &Member| Ok(file.page(m.cluster)?.view().error_at(m.vertices as usize));
-        let errors = asked.iter().map(error).collect::<Result<Vec<f32>, VerifyError>>()?;
-        let distance = |m: &Member| Ok(m.distance(file)?);
-        let distances = members.iter().map(distance).collect::<Result<Vec<f32>, VerifyError>>()?;
+        let errors = asked.iter().map(|m| Ok(file.page(m.cluster)?.view().error_at(m.vertices as usize)));
+        let errors = errors.collect::<Result<Vec<f32>, VerifyError>>()?;
+        let distances = members.iter().map(|m| Ok(m.distance(file)?));
+        let distances = distances.collect::<Result<Vec<f32>, VerifyError>>()?;
         let own = members.iter().zip(&distances).filter(|(m, _)| is_asked(m)).map(|(_, distance)| *distance);
 
         // What is drawn, and how far each of its tiles may be from the source.
@@ -338,64 +339,77 @@ impl Way<'_> {
     ) -> Result<Side, VerifyError> {
         // First every triangle is judged: within what is allowed, beyond it, or undecided. This also gives a distance that is
         // reached at least.
-        let judge = |index: usize| {
-            self.each_chunk(&part(index), |prover, chunk| {
-                let mut side = Side::default();
-                for triangle in chunk {
-                    let found = prover.within(*triangle, allowed(index), self.limit(triangle));
-                    side.merge(&Side { most: found.reached, pieces: found.pieces, ..Side::default() });
-                    match found.verdict {
-                        Verdict::Within => {}
-                        Verdict::Undecided => side.undecided += 1,
-                        Verdict::Beyond(witness) => {
-                            let stored = stored(index, witness.tile);
-                            let violation = Violation { distance: witness.distance, stored, at: witness.at };
-                            let (worst, at) = (Some(violation), Some(witness.at));
-                            let least = witness.distance;
-                            side.merge(&Side { violations: 1, worst, least, at, ..Side::default() });
-                        }
-                    }
-                }
-                if let Some((least, at)) = prover.far() {
-                    side.merge(&Side { least, at: Some(at), ..Side::default() });
-                }
-                side
-            })
-        };
-        let judged: Vec<Side> = (0..count).into_par_iter().map(judge).collect::<Result<_, VerifyError>>()?;
+        let judged = (0..count)
+            .into_par_iter()
+            .map(|index| self.judge(&part(index), allowed(index), |tile| stored(index, tile)));
+        let judged: Vec<Side> = judged.collect::<Result<_, VerifyError>>()?;
         let mut all = Side::default();
         judged.iter().for_each(|side| all.merge(side));
-        if all.least.is_infinite() {
+        if all.lower.is_infinite() {
             self.certifier.progress.advance(count as u64);
             return Ok(all);
         }
 
         // Then the largest distance is enclosed, looking only where it may exceed what is known to be reached.
-        let begin = all.least;
-        let enclose = |index: usize| {
-            if judged[index].most <= begin * (1.0 + TOLERANCE) {
+        let begin = all.lower;
+        let enclosed = (0..count).into_par_iter().map(|index| {
+            if judged[index].upper <= begin * (1.0 + TOLERANCE) {
                 self.certifier.progress.advance(1);
-                return Ok(Side { most: judged[index].most, ..Side::default() });
+                return Ok(Side { upper: judged[index].upper, ..Side::default() });
             }
-            let mut side = self.each_chunk(&part(index), |prover, chunk| {
-                let mut side = Side { least: begin, ..Side::default() };
-                for triangle in chunk {
-                    let (most, at) =
-                        prover.farthest(*triangle, &mut side.least, TOLERANCE, self.limit(triangle));
-                    side.most = side.most.max(most);
-                    side.at = at.or(side.at);
-                }
-                side
-            })?;
+            let side = self.enclose(&part(index), begin)?;
             // Where it takes too many pieces to come so near, what was proven before still holds.
-            side.most = side.most.min(judged[index].most);
-            Ok(side)
-        };
-        let enclosed: Vec<Side> =
-            (0..count).into_par_iter().map(enclose).collect::<Result<_, VerifyError>>()?;
-        all.most = 0.0;
+            Ok(Side { upper: side.upper.min(judged[index].upper), ..side })
+        });
+        let enclosed: Vec<Side> = enclosed.collect::<Result<_, VerifyError>>()?;
+        all.upper = 0.0;
         enclosed.iter().for_each(|side| all.merge(side));
         Ok(all)
+    }
+
+    /// Judges every triangle of a part; `stored` is what it is held to where a tile is nearest.
+    fn judge(
+        &self,
+        part: &TriMesh,
+        allowed: &Allowed,
+        stored: impl Fn(usize) -> f64 + Sync,
+    ) -> Result<Side, VerifyError> {
+        self.each_chunk(part, |prover, chunk| {
+            let mut side = Side::default();
+            for triangle in chunk {
+                let found = prover.within(*triangle, allowed, self.limit(triangle));
+                side.merge(&Side { upper: found.reached, pieces: found.pieces, ..Side::default() });
+                match found.verdict {
+                    Verdict::Within => {}
+                    Verdict::Undecided => side.undecided += 1,
+                    Verdict::Beyond(witness) => {
+                        let (lower, at) = (witness.distance, Some(witness.at));
+                        let violation =
+                            Violation { distance: lower, stored: stored(witness.tile), at: witness.at };
+                        let worst = Some(violation);
+                        side.merge(&Side { violations: 1, worst, lower, at, ..Side::default() });
+                    }
+                }
+            }
+            if let Some((lower, at)) = prover.far() {
+                side.merge(&Side { lower, at: Some(at), ..Side::default() });
+            }
+            side
+        })
+    }
+
+    /// The largest distance of a part, as far as it exceeds what is reached at least.
+    fn enclose(&self, part: &TriMesh, lower: f64) -> Result<Side, VerifyError> {
+        self.each_chunk(part, |prover, chunk| {
+            let mut side = Side { lower, ..Side::default() };
+            for triangle in chunk {
+                let (upper, at) =
+                    prover.farthest(*triangle, &mut side.lower, TOLERANCE, self.limit(triangle));
+                side.upper = side.upper.max(upper);
+                side.at = at.or(side.at);
+            }
+            side
+        })
     }
 
     /// Chunks of a part's triangles, in parallel, and what they come to in their order.
@@ -434,13 +448,13 @@ fn size_of(
     part: impl Fn(usize) -> TriMesh + Sync,
     cancel: &Cancel,
 ) -> Result<Size, VerifyError> {
-    let size = |index: usize| {
+    let sizes = (0..count).into_par_iter().map(|index| {
         cancel.check()?;
         let part = part(index);
         let area = part.triangles.iter().map(|t| area(&part.corners(*t))).sum();
         Ok(Size { triangles: part.triangles.len() as f64, area })
-    };
-    let sizes: Vec<Size> = (0..count).into_par_iter().map(size).collect::<Result<_, VerifyError>>()?;
+    });
+    let sizes: Vec<Size> = sizes.collect::<Result<_, VerifyError>>()?;
     // Sums of floats depend on their order.
     Ok(sizes.iter().fold(Size::default(), |all, size| Size {
         triangles: all.triangles + size.triangles,

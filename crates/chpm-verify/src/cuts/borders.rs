@@ -165,11 +165,11 @@ impl Borders {
 /// Takes as many items off as may be looked at together by their weights, at least one.
 fn first_batch<'a, T>(left: &mut &'a [T], most: u64, weight: impl Fn(&T) -> u64) -> &'a [T] {
     let mut all = 0;
-    let fits = |item: &T| {
+    let fitting = left.iter().take(BATCH).take_while(|item| {
         all += weight(item);
         all <= most
-    };
-    let count = left.iter().take(BATCH).map(fits).take_while(|fits| *fits).count();
+    });
+    let count = fitting.count();
     let (batch, rest) = left.split_at(count.max(1));
     *left = rest;
     batch
@@ -184,17 +184,15 @@ fn rims_of_leaves<D: AsRef<[u8]> + Sync>(
     rims: &mut Buckets<[u32; 2]>,
     cancel: &Cancel,
 ) -> Result<(), VerifyError> {
-    let leaves = || (0..).map(ClusterId).zip(file.clusters()).filter(|(_, record)| record.is_leaf());
-    let bytes = |triangles: u32| TRIANGLE * u64::from(triangles);
-    let most: u64 = leaves().map(|(_, record)| bytes(record.triangle_count)).sum();
+    let clusters = (0..).map(ClusterId).zip(file.clusters());
+    let leaves: Vec<ClusterId> = clusters.filter(|(_, record)| record.is_leaf()).map(|(id, _)| id).collect();
+    let bytes = |leaf: &ClusterId| TRIANGLE * u64::from(file.clusters()[leaf.index()].triangle_count);
+    let most: u64 = leaves.iter().map(bytes).sum();
     let parts = most.div_ceil(memory.max(1)).clamp(1, (memory / EDGES_BLOCK as u64).max(1));
     let mut edges = Buckets::new(store, "edges of leaves", parts as usize, EDGES_BLOCK);
-    let leaves: Vec<ClusterId> = leaves().map(|(leaf, _)| leaf).collect();
     let mut left = &leaves[..];
     while !left.is_empty() {
-        let batch = first_batch(&mut left, memory, |leaf: &ClusterId| {
-            bytes(file.clusters()[leaf.index()].triangle_count)
-        });
+        let batch = first_batch(&mut left, memory, bytes);
         let found: Vec<_> = batch
             .par_iter()
             .map_init(

@@ -97,10 +97,10 @@ impl Local {
     pub(super) fn odd_edges(&mut self, page: &Page<'_>) -> &[[u16; 2]] {
         let mut odd = std::mem::take(&mut self.odd);
         odd.clear();
-        let is_shared = |v: u16| self.id(v) != UNSHARED;
         for [a, b, c] in self.triangles(page) {
-            let between =
-                [[a, b], [b, c], [c, a]].into_iter().filter(|edge| edge.iter().all(|v| is_shared(*v)));
+            let between = [[a, b], [b, c], [c, a]]
+                .into_iter()
+                .filter(|edge| edge.iter().all(|v| self.id(*v) != UNSHARED));
             odd.extend(between.map(|[u, v]| [u.min(v), u.max(v)]));
         }
         self.edges.keep_odd(&mut odd, self.ids.len());

@@ -169,8 +169,8 @@ impl Walker {
 
     fn whereabouts(&self, page: &Page<'_>, vertex: u16, id: u32) -> Whereabouts {
         let target = self.local.at(vertex);
-        let bits = |v: u16| page.positions[usize::from(v)].map(f32::to_bits);
-        Whereabouts { id, target: self.local.id(target), place: place([bits(vertex), bits(target)]) }
+        let bits = [vertex, target].map(|v| page.positions[usize::from(v)].map(f32::to_bits));
+        Whereabouts { id, target: self.local.id(target), place: place(bits) }
     }
 
     fn tell_open<D: AsRef<[u8]>>(
@@ -228,8 +228,7 @@ impl Walker {
 /// An edge of a border at the position that was entered; none where it has become a point.
 fn side(local: &Local, page: &Page<'_>, edge: [u16; 2]) -> Option<Side> {
     let ends = edge.map(|v| local.at(v));
-    let end = |v: u16| (local.id(v), page.positions[usize::from(v)]);
-    (ends[0] != ends[1]).then(|| Side::new(ends.map(end)))
+    (ends[0] != ends[1]).then(|| Side::new(ends.map(|v| (local.id(v), page.positions[usize::from(v)]))))
 }
 
 fn object_position<D: AsRef<[u8]>>(file: &Chpm<D>, position: Position) -> [f64; 3] {

@@ -70,8 +70,8 @@ impl LevelDeviation {
             vanished.merge(&member.vanished);
             violations.merge(&member.violations);
         }
-        let ratio =
-            |m: &MemberDeviation| (m.measured() > slack).then(|| f64::from(m.distance) / m.measured());
+        let deviating = members.iter().filter(|m| m.measured() > slack);
+        let ratios = deviating.map(|m| f64::from(m.distance) / m.measured()).collect();
         LevelDeviation {
             clusters: members.len() as u64,
             triangles: members.iter().map(|m| m.triangles).sum(),
@@ -79,7 +79,7 @@ impl LevelDeviation {
             distance: members.iter().map(|m| m.distance).fold(0.0, f32::max),
             of_source: of_source.side(),
             of_mesh: of_mesh.side(),
-            ratio: Spread::of(members.iter().filter_map(ratio).collect()),
+            ratio: Spread::of(ratios),
             vanished,
             violations,
             violating: members.iter().filter(|m| m.violations.samples > 0).count() as u64,
@@ -151,14 +151,14 @@ fn bound(file: &Chpm<MappedFile>, group: GroupId, part: f64) -> Result<f32, Refi
     if part >= 1.0 {
         return Ok(file.groups()[group.index()].max_error);
     }
-    let collapses = |id: &u32| {
+    let collapses = file.coarse(group).iter().map(|id| {
         let record = &file.clusters()[*id as usize];
-        record.vertex_count - record.base_vertex_count
-    };
-    let Some(&most) = file.coarse(group).iter().max_by_key(|id| collapses(id)) else { return Ok(0.0) };
-    let page = file.page(chpm_mesh::ClusterId(most))?;
+        (chpm_mesh::ClusterId(*id), record.vertex_count - record.base_vertex_count)
+    });
+    let Some((cluster, most)) = collapses.max_by_key(|(_, collapses)| *collapses) else { return Ok(0.0) };
+    let page = file.page(cluster)?;
     let page = page.view();
-    Ok(page.error_at(page.vertex_count() - (part * f64::from(collapses(&most))) as usize))
+    Ok(page.error_at(page.vertex_count() - (part * f64::from(most)) as usize))
 }
 
 #[cfg(test)]

@@ -182,40 +182,29 @@ impl<'a> Judge<'a> {
         let near = BoxTree::reaching(&boxes, |index| f64::from(found[index].distance) + self.slack);
         let view = View { judge: self, drawn: &drawn, near, found: &found, cancel };
 
-        let of_source = |leaf: usize| -> Result<Vec<(usize, Part)>, VerifyError> {
-            cancel.check()?;
-            let mesh = self.source.mesh(leaf);
-            let budget = self.samples * mesh.triangles.len();
-            let sampler = Sampler::new(&mesh, Density { per_triangle: self.samples, budget, seed: 0 });
-            let parts: Vec<_> = Block::all(&sampler).map(|block| view.of_source(&sampler, block)).collect();
-            cancel.check()?;
+        let from_leaves = (0..self.leaves.len()).into_par_iter().map(|leaf| {
+            let found = view.of_leaf(leaf)?;
             progress.advance(1);
-            Ok(together(parts.into_iter().flatten()))
-        };
-        let from_leaves: Vec<_> =
-            (0..self.leaves.len()).into_par_iter().map(of_source).collect::<Result<Vec<_>, VerifyError>>()?;
+            Ok(found)
+        });
+        let from_leaves = from_leaves.collect::<Result<Vec<_>, VerifyError>>()?;
 
         // A coarse mesh gets its share of the source's samples: its triangles were twice as many with every level below.
-        let triangles = |id: ClusterId| f64::from(file.clusters()[id.index()].triangle_count);
-        let source: f64 = self.leaves.iter().map(|id| triangles(*id)).sum();
-        let weight =
-            |m: &Member| triangles(m.cluster) * f64::from(file.clusters()[m.cluster.index()].level).exp2();
-        let density = source / members.iter().map(weight).sum::<f64>().max(1.0);
-        let of_mesh = |index: usize| -> Result<(u64, Part), VerifyError> {
-            cancel.check()?;
-            let mesh = drawn.mesh(index);
-            let budget = (self.samples as f64 * density * weight(&members[index])) as usize;
-            let sampler = Sampler::new(&mesh, Density { per_triangle: self.samples, budget, seed: 0 });
-            let parts: Vec<Vec<Part>> =
-                Block::all(&sampler).map(|block| view.of_mesh(index, &sampler, block)).collect();
-            let mut all = Part::default();
-            parts.iter().flatten().for_each(|part| all.merge(part));
-            cancel.check()?;
+        let record = |id: ClusterId| &file.clusters()[id.index()];
+        let source: f64 = self.leaves.iter().map(|id| f64::from(record(*id).triangle_count)).sum();
+        let weights = members
+            .iter()
+            .map(|m| record(m.cluster))
+            .map(|record| f64::from(record.triangle_count) * f64::from(record.level).exp2());
+        let weights: Vec<f64> = weights.collect();
+        let density = source / weights.iter().sum::<f64>().max(1.0);
+        let from_members = (0..members.len()).into_par_iter().map(|index| {
+            let budget = (self.samples as f64 * density * weights[index]) as usize;
+            let found = view.of_member(index, budget)?;
             progress.advance(1);
-            Ok((mesh.triangles.len() as u64, all))
-        };
-        let from_members: Vec<_> =
-            (0..members.len()).into_par_iter().map(of_mesh).collect::<Result<Vec<_>, VerifyError>>()?;
+            Ok(found)
+        });
+        let from_members = from_members.collect::<Result<Vec<_>, VerifyError>>()?;
         progress.end();
 
         // Sums of floats depend on their order: leaves by id, then members by id.
@@ -290,28 +279,37 @@ fn together(parts: impl Iterator<Item = Vec<(usize, Part)>>) -> Vec<(usize, Part
 }
 
 impl View<'_> {
+    /// Samples of a leaf, by the member that answers for them.
+    fn of_leaf(&self, leaf: usize) -> Result<Vec<(usize, Part)>, VerifyError> {
+        self.cancel.check()?;
+        let (mesh, samples) = (self.judge.source.mesh(leaf), self.judge.samples);
+        let budget = samples * mesh.triangles.len();
+        let sampler = Sampler::new(&mesh, Density { per_triangle: samples, budget, seed: 0 });
+        let parts: Vec<_> = Block::all(&sampler).map(|block| self.of_source(&sampler, block)).collect();
+        self.cancel.check()?;
+        Ok(together(parts.into_iter().flatten()))
+    }
+
+    /// Triangles of a member, and `budget` samples of it.
+    fn of_member(&self, index: usize, budget: usize) -> Result<(u64, Part), VerifyError> {
+        self.cancel.check()?;
+        let (mesh, per_triangle) = (self.drawn.mesh(index), self.judge.samples);
+        let sampler = Sampler::new(&mesh, Density { per_triangle, budget, seed: 0 });
+        let parts: Vec<Vec<Part>> =
+            Block::all(&sampler).map(|block| self.of_mesh(index, &sampler, block)).collect();
+        let mut all = Part::default();
+        parts.iter().flatten().for_each(|part| all.merge(part));
+        self.cancel.check()?;
+        Ok((mesh.triangles.len() as u64, all))
+    }
+
     /// Samples of the source: credited to who answers for them.
     fn of_source(&self, sampler: &Sampler<'_>, block: Block) -> Vec<Vec<(usize, Part)>> {
-        let answer = |(drawn, most): &mut (Searcher<'_>, Largest), point, area| {
-            // Nothing is found any more, nor looked at.
-            if self.cancel.is_cancelled() {
-                return (0, f64::INFINITY, true);
-            }
-            // What only the maximum knows of is not searched for where its cluster has a larger one, and keeps its word.
-            let enough = |index: usize| most.of(index).min(f64::from(self.found[index].stored));
-            let hit = if area == 0.0 { drawn.near_enough(point, true, enough) } else { drawn.nearest(point) };
-            let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
-            let nearest = hit.map_or(0, |hit| hit.tile);
-            match self.answer(drawn, nearest, distance, point) {
-                Some((index, distance)) => {
-                    most.raise(index, distance);
-                    (index, distance, true)
-                }
-                None => (nearest, distance, false),
-            }
-        };
-        let tell =
-            |parts: &mut Vec<(usize, Part)>, point, area, (index, distance, keeps): (usize, f64, bool)| {
+        block.sweep(
+            sampler,
+            || (Searcher::new(self.drawn), Largest::default()),
+            |(drawn, most), point, area| self.credit(drawn, most, point, area),
+            |parts: &mut Vec<(usize, Part)>, point, area, (index, distance, keeps)| {
                 let at = parts.iter().position(|(i, _)| *i == index).unwrap_or_else(|| {
                     parts.push((index, Part::default()));
                     parts.len() - 1
@@ -323,8 +321,38 @@ impl View<'_> {
                 } else if distance > f64::from(self.found[index].stored) + self.judge.slack {
                     part.vanished.merge(&Vanished { samples: 1, max: distance });
                 }
-            };
-        block.sweep(sampler, || (Searcher::new(self.drawn), Largest::default()), answer, tell)
+            },
+        )
+    }
+
+    /// The member that answers for a sample of the source, how far it is, and whether it keeps its word.
+    fn credit(
+        &self,
+        drawn: &mut Searcher<'_>,
+        most: &mut Largest,
+        point: Point3<f64>,
+        area: f64,
+    ) -> (usize, f64, bool) {
+        // Nothing is found any more, nor looked at.
+        if self.cancel.is_cancelled() {
+            return (0, f64::INFINITY, true);
+        }
+
+        // What only the maximum knows of is not searched for where its cluster has a larger one, and keeps its word.
+        let hit = if area == 0.0 {
+            drawn.near_enough(point, true, |index| most.of(index).min(f64::from(self.found[index].stored)))
+        } else {
+            drawn.nearest(point)
+        };
+        let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
+        let nearest = hit.map_or(0, |hit| hit.tile);
+        match self.answer(drawn, nearest, distance, point) {
+            Some((index, distance)) => {
+                most.raise(index, distance);
+                (index, distance, true)
+            }
+            None => (nearest, distance, false),
+        }
     }
 
     fn bound(&self, index: usize) -> f64 {
@@ -357,23 +385,22 @@ impl View<'_> {
 
     fn of_mesh(&self, index: usize, sampler: &Sampler<'_>, block: Block) -> Vec<Part> {
         let stored = f64::from(self.found[index].stored);
-        let distance = |(source, most): &mut (Searcher<'_>, f64), point, area| {
-            if self.cancel.is_cancelled() {
-                return f64::INFINITY;
-            }
-            let hit = if area == 0.0 {
-                source.near_enough(point, false, |_| most.min(stored))
-            } else {
-                source.nearest(point)
-            };
-            let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
-            *most = most.max(distance);
-            distance
-        };
         block.sweep(
             sampler,
-            || (Searcher::new(&self.judge.source), 0.0),
-            distance,
+            || (Searcher::new(&self.judge.source), 0.0_f64),
+            |(source, most), point, area| {
+                if self.cancel.is_cancelled() {
+                    return f64::INFINITY;
+                }
+                let hit = if area == 0.0 {
+                    source.near_enough(point, false, |_| most.min(stored))
+                } else {
+                    source.nearest(point)
+                };
+                let distance = hit.map_or(f64::INFINITY, |hit| hit.distance);
+                *most = most.max(distance);
+                distance
+            },
             |part: &mut Part, point, area, distance| {
                 part.of_mesh.add(point, distance, area);
                 // Nothing is drawn that is farther from the source than the error: what has vanished is not there.
@@ -418,10 +445,9 @@ pub(crate) fn drawn_tiles<'a>(
     budget: u64,
     cancel: &'a Cancel,
 ) -> Tiles<'a> {
-    let load = move |tile: usize| {
+    Tiles::new(boxes, budget, move |tile: usize| {
         if cancel.is_cancelled() { TriMesh::default() } else { mesh_of(file, members[tile]) }
-    };
-    Tiles::new(boxes, budget, load)
+    })
 }
 
 /// A cluster's mesh at a position; an empty one where the file was changed since its page was read the first time, which

@@ -68,9 +68,10 @@ impl PageData {
 
     /// Block for the GPU: made by the reader and handed out once, or made now.
     pub fn block(&self) -> Block {
-        let tinted = |shared: &Arc<Shared>| Block::tinted(&self.page(), shared.tint());
-        let made = || self.charged.as_ref().map_or_else(|| Block::of_page(&self.page()), tinted);
-        self.take_block().unwrap_or_else(made)
+        self.take_block().unwrap_or_else(|| match &self.charged {
+            Some(shared) => Block::tinted(&self.page(), shared.tint()),
+            None => Block::of_page(&self.page()),
+        })
     }
 
     fn take_block(&self) -> Option<Block> {

@@ -11,12 +11,12 @@ use crate::gpu::{
     Answers, Arena, CameraUniform, DrawBuffers, DrawList, Drawn, Gpu, Kind, Occlusion, Pipelines, Questions,
     TestBox,
 };
-use crate::place::Place;
 use crate::request::{Budgets, FrameRequest};
 use crate::scene::visibility::{Sight, Subject};
 use crate::scene::{Culling, News, Scene, gpu_bytes};
 use crate::stats::Stats;
 use crate::tint::Tint;
+use crate::transform::Transform;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Bytes, ClusterId};
@@ -31,7 +31,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug)]
 pub(super) struct Model {
     pub(super) scene: Scene,
-    pub(super) place: Place,
+    pub(super) place: Transform,
     pub(super) pipelines: Pipelines,
     pub(super) arena: Arena,
     occlusion: Occlusion,
@@ -68,25 +68,34 @@ impl Model {
     }
 
     /// Main memory and GPU memory that a file needs for its roots, and that it could use.
-    pub(super) fn needs(file: &Chpm<MappedFile>, tint: &Tint) -> [Need; 2] {
-        let attributes = file.header().attributes();
-        let clusters = || file.clusters().iter();
-        let pages = |of: &chpm_format::ClusterRecord| of.unpacked_len(attributes);
-        let blocks = |of: &chpm_format::ClusterRecord| gpu_bytes(of, tint.is_there());
-        let roots = || file.roots().map(|root| &file.clusters()[root.index()]);
+    pub(super) fn needs(file: &Chpm<MappedFile>, tint: &Tint) -> (Need, Need) {
+        let (attributes, colors) = (file.header().attributes(), tint.is_there());
+        let (mut pages, mut blocks, mut largest) = (0, 0, 0);
+        for cluster in file.clusters() {
+            let block = gpu_bytes(cluster, colors);
+            pages += cluster.unpacked_len(attributes);
+            blocks += block;
+            largest = largest.max(block);
+        }
+
+        let (mut root_pages, mut root_blocks) = (0, 0);
+        for root in file.roots() {
+            let cluster = &file.clusters()[root.index()];
+            root_pages += cluster.unpacked_len(attributes);
+            root_blocks += gpu_bytes(cluster, colors);
+        }
+
         // An eighth is for blocks that wait, and what is left at the ends of slabs is lost.
-        let (all, on_gpu) = (clusters().map(pages).sum::<u64>(), clusters().map(blocks).sum::<u64>());
-        let largest = clusters().map(blocks).max().unwrap_or(0);
-        let lost = (on_gpu / Bytes::mib(32).0 + 2) * largest;
-        let memory = Need { least: roots().map(pages).sum(), most: all / 7 * 8 + 8 };
-        [memory, Need { least: roots().map(blocks).sum::<u64>() + 2 * largest, most: on_gpu + lost }]
+        let lost = (blocks / Bytes::mib(32).0 + 2) * largest;
+        let in_memory = Need { least: root_pages, most: pages / 7 * 8 + 8 };
+        (in_memory, Need { least: root_blocks + 2 * largest, most: blocks + lost })
     }
 
     pub(super) fn new(
         gpu: &Gpu,
         file: Arc<Chpm<MappedFile>>,
         tint: Tint,
-        place: Place,
+        place: Transform,
         budgets: Budgets,
     ) -> Result<Self, ViewerError> {
         // What the GPU can count on decides what the scene may ask for.
@@ -142,9 +151,8 @@ impl Model {
             return bounds;
         }
         let mut around = Aabb::of_points([]);
-        for corner in 0..8_u32 {
-            let side = |axis: usize| if corner >> axis & 1 == 0 { bounds.min } else { bounds.max }[axis];
-            let at = self.shown_at([0, 1, 2].map(|axis| f64::from(side(axis))), origin);
+        for corner in bounds.corners() {
+            let at = self.shown_at(corner.into(), origin);
             around.add(at.map(below));
             around.add(at.map(|x| -below(-x)));
         }
@@ -326,15 +334,7 @@ impl Model {
     pub(super) fn triangles(&mut self) -> u64 {
         let Model { scene, arena, .. } = self;
         let seen = scene.members().filter(|(_, sight)| *sight == Sight::Visible);
-        let triangles = |Member { cluster, vertices }| {
-            let drawn = arena.get(cluster).map(Resident::position);
-            match (drawn.filter(|drawn| drawn.vertices == vertices), scene.page(cluster)) {
-                (Some(drawn), _) => u64::from(drawn.triangles),
-                (None, Some(page)) => arena.triangles_of(&page.page().progressive_mesh(), vertices),
-                (None, None) => 0,
-            }
-        };
-        seen.map(|(member, _)| member).map(triangles).sum()
+        seen.map(|(member, _)| triangles_of(member, scene, arena)).sum()
     }
 
     /// Adds counts of the cut and of the memory after a frame.
@@ -368,4 +368,15 @@ impl Model {
 fn below(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) > x { near.next_down() } else { near }
+}
+
+/// Triangles of a cluster that is drawn, or would be.
+fn triangles_of(member: Member, scene: &Scene, arena: &mut Arena) -> u64 {
+    let Member { cluster, vertices } = member;
+    let drawn = arena.get(cluster).map(Resident::position);
+    match (drawn.filter(|drawn| drawn.vertices == vertices), scene.page(cluster)) {
+        (Some(drawn), _) => u64::from(drawn.triangles),
+        (None, Some(page)) => arena.triangles_of(&page.page().progressive_mesh(), vertices),
+        (None, None) => 0,
+    }
 }

@@ -248,8 +248,11 @@ impl Model {
 
         // Those that are shown in any case first; then by slab, or by id where the order decides what is seen.
         for item in &mut self.items {
-            let slab = || self.arena.get(item.member.cluster).map_or(0, |resident| resident.slab as u64);
-            let place = if plan.is_by_id() { u64::from(item.member.cluster.0) } else { slab() };
+            let cluster = item.member.cluster;
+            let place = match plan.is_by_id() {
+                true => u64::from(cluster.0),
+                false => self.arena.get(cluster).map_or(0, |resident| resident.slab as u64),
+            };
             item.place = u64::from(!plan.shows(item.sight)) << 32 | place;
         }
         self.items.sort_unstable_by_key(|item| item.place);

@@ -39,8 +39,8 @@ impl Mean {
             .chunks_exact(4)
             .flat_map(|sums| {
                 let shown = if transparent { sums[3].div_ceil(255) } else { self.count };
-                let color = |channel: usize| whole(sums[channel], shown);
-                [color(0), color(1), color(2), whole(sums[3], self.count)]
+                let [r, g, b] = [0, 1, 2].map(|channel| whole(sums[channel], shown));
+                [r, g, b, whole(sums[3], self.count)]
             })
             .collect()
     }

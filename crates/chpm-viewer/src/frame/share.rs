@@ -1,5 +1,6 @@
 //! How models share what a picture may use.
 
+use crate::error::ViewerError;
 use chpm_mesh::Bytes;
 
 /// Smallest and largest memory that a model can use.
@@ -11,7 +12,7 @@ pub(super) struct Need {
 
 /// The part of each model: as much for each, but what one cannot use is left to the others, and each has what it cannot do without. All of
 /// it goes to a single one. `None` if it does not suffice for what they need at least.
-pub(super) fn shares(all: Bytes, needs: &[Need]) -> Option<Vec<Bytes>> {
+fn shares(all: Bytes, needs: &[Need]) -> Option<Vec<Bytes>> {
     let mut left = all.0.checked_sub(needs.iter().map(|need| need.least).sum())?;
     // Beyond what each needs; who can use least is served first, and the last has the rest.
     let mut order: Vec<usize> = (0..needs.len()).collect();
@@ -25,6 +26,22 @@ pub(super) fn shares(all: Bytes, needs: &[Need]) -> Option<Vec<Bytes>> {
         left -= fair;
     }
     Some(parts)
+}
+
+/// Parts of a budget for models that need so much.
+///
+/// # Errors
+/// [`ViewerError::Budget`] where it does not suffice. One alone says itself what it lacks.
+pub(super) fn budget_shares(
+    what: &'static str,
+    all: Bytes,
+    needs: &[Need],
+) -> Result<Vec<Bytes>, ViewerError> {
+    let parts = if needs.len() == 1 { Some(vec![all]) } else { shares(all, needs) };
+    parts.ok_or_else(|| {
+        let needed = Bytes(needs.iter().map(|need| need.least).sum());
+        ViewerError::Budget { what, needed, got: all }
+    })
 }
 
 #[cfg(test)]

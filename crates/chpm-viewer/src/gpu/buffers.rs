@@ -168,22 +168,24 @@ impl Sampled {
     }
 
     fn new(gpu: &Gpu, size: [u32; 2], format: TextureFormat) -> Self {
-        let view = |label, format| {
-            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: Self::SAMPLES,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                // Not every interface can do more with samples.
-                usage: TextureUsages::RENDER_ATTACHMENT,
-                view_formats: &[],
-            });
-            texture.create_view(&wgpu::TextureViewDescriptor::default())
-        };
-        let (color, depth) = (view("samples", format), view("depths of samples", super::pipelines::DEPTH));
+        let color = Self::view("samples", gpu, size, format);
+        let depth = Self::view("depths of samples", gpu, size, super::pipelines::DEPTH);
         Sampled { size, format, color, depth }
+    }
+
+    fn view(label: &str, gpu: &Gpu, size: [u32; 2], format: TextureFormat) -> wgpu::TextureView {
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: Self::SAMPLES,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            // Not every interface can do more with samples.
+            usage: TextureUsages::RENDER_ATTACHMENT,
+            view_formats: &[],
+        });
+        texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
 
     /// Colour and depth.

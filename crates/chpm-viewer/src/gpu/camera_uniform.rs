@@ -1,7 +1,7 @@
 //! A camera as shaders have it.
 
-use crate::place::Place;
 use crate::request::{FrameRequest, Look};
+use crate::transform::Transform;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::Aabb;
 use chpm_refine::Camera;
@@ -94,14 +94,13 @@ impl CameraUniform {
     }
 
     /// The same camera as a model has it that was put somewhere, in the coordinates of its file.
-    pub fn within(self, place: &Place, camera: &Camera) -> Self {
-        let back = |v| place.turn_back(v);
+    pub fn within(self, place: &Transform, camera: &Camera) -> Self {
         CameraUniform {
             eye: Point3::from(camera.position),
-            axes: self.axes.map(back),
+            axes: self.axes.map(|axis| place.turn_back(axis)),
             // How far above the eye the ground is, and where the plane is, are the same from wherever.
-            sky: (back(self.sky.0), self.sky.1),
-            clip: (back(self.clip.0), self.clip.1),
+            sky: (place.turn_back(self.sky.0), self.sky.1),
+            clip: (place.turn_back(self.clip.0), self.clip.1),
             stretch: place.stretch(),
             ..self
         }
@@ -121,15 +120,15 @@ impl CameraUniform {
         let [(aside, toward), (above, level)] = self.light.map(|angle| angle.to_radians().sin_cos());
         let light = (right * aside - forward * toward) * level + up * above;
         // Moved by what grows with the distance, so that it is the same everywhere in the image.
-        let across = |axis: usize| 2.0 * self.shift[axis] / f64::from(self.viewport[axis]);
+        let across = [0, 1].map(|axis| 2.0 * self.shift[axis] / f64::from(self.viewport[axis]));
         fn four(v: Vector3<f64>, w: f64) -> [f32; 4] {
             [v.x as f32, v.y as f32, v.z as f32, w as f32]
         }
         FrameUniform {
             eye_high: [high.x, high.y, high.z, 0.0],
             eye_low: four(low, 0.0),
-            right: four(right / self.slopes[0] + forward * across(0), 0.0),
-            up: four(up / self.slopes[1] + forward * across(1), 0.0),
+            right: four(right / self.slopes[0] + forward * across[0], 0.0),
+            up: four(up / self.slopes[1] + forward * across[1], 0.0),
             forward: four(forward, self.near),
             light: four(light, 0.0),
             size: [
@@ -166,9 +165,9 @@ impl CameraUniform {
 fn sky(camera: &Camera, bounds: &Aabb) -> (Vector3<f64>, f64) {
     let up = Vector3::from(camera.up);
     let up = if up.norm() > 0.0 { up.normalize() } else { camera.axes()[1] };
-    let lowest =
-        |axis: usize| up[axis] * f64::from(if up[axis] > 0.0 { bounds.min[axis] } else { bounds.max[axis] });
-    let ground = if bounds.is_empty() { 0.0 } else { (0..3).map(lowest).sum() };
+    let lowest = [0, 1, 2]
+        .map(|axis| up[axis] * f64::from(if up[axis] > 0.0 { bounds.min[axis] } else { bounds.max[axis] }));
+    let ground = if bounds.is_empty() { 0.0 } else { lowest.into_iter().sum() };
     (up, ground - up.dot(&Vector3::from(camera.position)))
 }
 

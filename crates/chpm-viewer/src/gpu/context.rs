@@ -18,6 +18,16 @@ pub enum AdapterChoice {
     Named(String),
 }
 
+impl AdapterChoice {
+    fn fits(&self, adapter: &wgpu::Adapter) -> bool {
+        match self {
+            AdapterChoice::Best => true,
+            AdapterChoice::Software => adapter.get_info().device_type == wgpu::DeviceType::Cpu,
+            AdapterChoice::Named(part) => name(adapter).to_lowercase().contains(&part.to_lowercase()),
+        }
+    }
+}
+
 impl FromStr for AdapterChoice {
     type Err = std::convert::Infallible;
 
@@ -267,12 +277,7 @@ fn choose(
     let mut all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
     all.retain(|adapter| surface.is_none_or(|surface| adapter.is_surface_supported(surface)));
     let names: Vec<String> = all.iter().map(name).collect();
-    let fits = |adapter: &wgpu::Adapter| match choice {
-        AdapterChoice::Best => true,
-        AdapterChoice::Software => adapter.get_info().device_type == wgpu::DeviceType::Cpu,
-        AdapterChoice::Named(part) => name(adapter).to_lowercase().contains(&part.to_lowercase()),
-    };
-    all.into_iter().find(fits).ok_or_else(|| ViewerError::NoAdapter {
+    all.into_iter().find(|adapter| choice.fits(adapter)).ok_or_else(|| ViewerError::NoAdapter {
         wanted: choice.to_string(),
         reason: if names.is_empty() {
             "there is none".to_owned()

@@ -246,9 +246,13 @@ pub fn begin<'a>(
     // Infinitely far.
     let far = clears.map_or(wgpu::LoadOp::Load, |_| wgpu::LoadOp::Clear(0.0));
     let depth_ops = wgpu::Operations { load: far, store: wgpu::StoreOp::Store };
-    let attachment =
-        |view| wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops };
-    pass(encoder, color.map(attachment), depth, depth_ops)
+    let color = color.map(|view| wgpu::RenderPassColorAttachment {
+        view,
+        depth_slice: None,
+        resolve_target: None,
+        ops,
+    });
+    pass(encoder, color, depth, depth_ops)
 }
 
 /// Begins a pass that draws clusters with several samples a pixel, anew; the picture has their mean when it ends, and nothing else is kept.

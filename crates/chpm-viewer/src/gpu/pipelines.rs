@@ -149,7 +149,7 @@ impl Pipelines {
             ("to_linear", f64::from(u8::from(kind.is_linear()))),
             ("clipped", f64::from(u8::from(self.clipped))),
         ];
-        let options = || wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+        let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
 
         // Vertices as blocks have them, where triangles have indices.
         fn attribute(shader_location: u32, format: VertexFormat, offset: u64) -> wgpu::VertexAttribute {
@@ -173,7 +173,7 @@ impl Pipelines {
             vertex: wgpu::VertexState {
                 module: shader,
                 entry_point: Some(vertex),
-                compilation_options: options(),
+                compilation_options: options.clone(),
                 buffers: if kind.is_indexed() { &vertices } else { &[] },
             },
             primitive: wgpu::PrimitiveState {
@@ -191,7 +191,7 @@ impl Pipelines {
             fragment: fragment.map(|entry_point| wgpu::FragmentState {
                 module: shader,
                 entry_point: Some(entry_point),
-                compilation_options: options(),
+                compilation_options: options,
                 targets,
             }),
             multiview_mask: None,
@@ -272,10 +272,9 @@ pub fn group<'a>(
     layout: &wgpu::BindGroupLayout,
     bindings: &[wgpu::BindingResource<'a>],
 ) -> wgpu::BindGroup {
-    let entry = |(binding, resource): (u32, &wgpu::BindingResource<'a>)| wgpu::BindGroupEntry {
-        binding,
-        resource: resource.clone(),
-    };
-    let entries: Vec<_> = (0..).zip(bindings).map(entry).collect();
+    let entries = (0..)
+        .zip(bindings)
+        .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() });
+    let entries: Vec<_> = entries.collect();
     gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
 }

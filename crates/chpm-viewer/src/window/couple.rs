@@ -1,6 +1,6 @@
 //! Two models in the window: which step of their motion is shown, what is known of it, and how that is shown.
 
-use crate::place::Place;
+use crate::transform::Transform;
 use crate::window::figures::{between, count};
 use crate::window::frustum::project;
 use crate::window::relation::{Desk, Region, Regions, Relate, Relation, Second};
@@ -21,7 +21,7 @@ const MARK: Color32 = Color32::from_rgb(255, 214, 90);
 
 /// Two models in motion.
 pub(super) struct Couple {
-    steps: Vec<Place>,
+    steps: Vec<Transform>,
     step: usize,
     /// Steps that have gone by since the motion was started, where it plays.
     playing: Option<f64>,
@@ -46,7 +46,7 @@ impl Couple {
     }
 
     /// Where the second model is now, so many seconds after it was asked before.
-    pub(super) fn place(&mut self, seconds: f64) -> Option<Place> {
+    pub(super) fn place(&mut self, seconds: f64) -> Option<Transform> {
         if let Some(gone) = &mut self.playing {
             *gone += PACE * seconds.max(0.0);
             let whole = gone.floor();
@@ -254,12 +254,12 @@ mod tests {
 
     #[test]
     fn a_motion_plays_and_old_answers_are_not_shown() {
-        let steps: Vec<Place> = [0.0, 1.0, 2.0]
-            .map(|x| Place::new([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [x, 0.0, 0.0]))
+        let steps: Vec<Transform> = [0.0, 1.0, 2.0]
+            .map(|x| Transform::new([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [x, 0.0, 0.0]))
             .to_vec();
         let second = Second {
             model: "b.chpm".into(),
-            first: Place::STILL,
+            first: Transform::STILL,
             steps: steps.clone(),
             relate: Arc::new(Silent),
         };

@@ -167,31 +167,46 @@ pub fn between([least, most]: [f64; 2]) -> String {
     let seven = 6.0 - (size / scale).log10().floor();
     let wanted = if apart > 0.0 { 2.0 - apart.log10().floor() } else { seven };
     let places = wanted.min(seven).max(0.0) as usize;
-    let unit = 10_f64.powi(places as i32);
-    let told = |x: f64, round: fn(f64) -> f64, nudged: f64| {
-        let x = round(if exponent == 0 { x } else { nudged } / scale * unit) / unit;
-        let text = format!("{x:.places$}");
-        // Where both ends are one, digits that are all zeros tell nothing.
-        let bare = match text.contains('.') && apart == 0.0 {
-            true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-            false => text,
-        };
-        match (x == 0.0, exponent) {
-            (true, _) if exponent != 0 => "0".to_owned(),
-            (_, 0) => bare,
-            _ => format!("{bare}e{exponent}"),
-        }
-    };
+    let digits = Digits { exponent, places, is_bare: apart == 0.0 };
     match (least == most, most.is_finite()) {
-        (true, _) => told(most, f64::round, most),
-        (false, true) => {
-            format!(
-                "{} to {}",
-                told(least, f64::floor, least * (1.0 - NUDGE)),
-                told(most, f64::ceil, most * (1.0 + NUDGE))
-            )
+        (true, _) => digits.of(most, f64::round, most),
+        (false, true) => format!("{} to {}", digits.below(least), digits.above(most)),
+        (false, false) => format!("at least {}", digits.below(least)),
+    }
+}
+
+/// How the ends of an interval are written.
+struct Digits {
+    exponent: i32,
+    /// After the point.
+    places: usize,
+    /// Without zeros at the end: where both ends are one, they tell nothing.
+    is_bare: bool,
+}
+
+impl Digits {
+    fn below(&self, x: f64) -> String {
+        self.of(x, f64::floor, x * (1.0 - NUDGE))
+    }
+
+    fn above(&self, x: f64) -> String {
+        self.of(x, f64::ceil, x * (1.0 + NUDGE))
+    }
+
+    /// `nudged` is taken where powers of ten may have been rounded.
+    fn of(&self, x: f64, round: fn(f64) -> f64, nudged: f64) -> String {
+        let Digits { exponent, places, is_bare } = *self;
+        let (scale, unit) = (10_f64.powi(exponent), 10_f64.powi(places as i32));
+        let x = round(if exponent == 0 { x } else { nudged } / scale * unit) / unit;
+        let mut text = format!("{x:.places$}");
+        if is_bare && text.contains('.') {
+            text.truncate(text.trim_end_matches('0').trim_end_matches('.').len());
         }
-        (false, false) => format!("at least {}", told(least, f64::floor, least * (1.0 - NUDGE))),
+        match exponent {
+            0 => text,
+            _ if x == 0.0 => "0".to_owned(),
+            _ => format!("{text}e{exponent}"),
+        }
     }
 }
 

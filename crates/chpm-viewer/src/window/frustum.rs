@@ -15,9 +15,8 @@ pub fn lines(seen: &Camera, aspect: f64, by: &Camera, viewport: [u32; 2]) -> Vec
     let eye = Point3::from(seen.position);
     let (axes, distance) = axes(seen);
     let rise = (0.5 * seen.fov.to_radians()).tan() * distance;
-    let corner =
-        |x: f64, y: f64| eye + axes[2] * distance + axes[0] * (x * rise * aspect) + axes[1] * (y * rise);
-    let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+        .map(|[x, y]| eye + axes[2] * distance + axes[0] * (x * rise * aspect) + axes[1] * (y * rise));
     let sides = (0..4).map(|n| [corners[n], corners[(n + 1) % 4]]);
     let rays = corners.map(|corner| [eye, corner]);
     sides.chain(rays).filter_map(|line| project(line, by, viewport)).collect()
@@ -40,8 +39,7 @@ pub(super) fn project(line: [Point3<f64>; 2], by: &Camera, viewport: [u32; 2]) -
     (a, b) = (if a.z < near { cut(a, b, near) } else { a }, if b.z < near { cut(b, a, near) } else { b });
     let [width, height] = viewport.map(f64::from);
     let scale = 0.5 * height / (0.5 * by.fov.to_radians()).tan();
-    let pixel = |p: Vector3<f64>| [0.5 * width + scale * p.x / p.z, 0.5 * height - scale * p.y / p.z];
-    let line = [pixel(a), pixel(b)];
+    let line = [a, b].map(|p| [0.5 * width + scale * p.x / p.z, 0.5 * height - scale * p.y / p.z]);
     line.as_flattened().iter().all(|x| x.is_finite()).then_some(line)
 }
 

@@ -360,38 +360,40 @@ fn legend(ui: &mut Ui, colors: Coloring, [least, most]: [f32; 2]) {
 
 fn camera(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, commands: &mut Vec<Command>) {
     title(ui, "Camera");
-    let mut button = |ui: &mut Ui, text: &str, live: bool, command: Command| {
-        let text = RichText::new(text).color(if live { LIVE } else { CLEAR });
-        if ui.button(text).clicked() {
-            commands.push(command);
-        }
-    };
-
     ui.horizontal(|ui| {
         ui.selectable_value(&mut settings.fly, false, "orbit");
         ui.selectable_value(&mut settings.fly, true, "fly");
         ui.separator();
-        button(ui, "home", false, Command::Home);
-        button(ui, "fit", false, Command::Fit);
-        button(ui, if about.frozen { "unfreeze" } else { "freeze" }, about.frozen, Command::Freeze);
+        commands.extend(button(ui, "home", false, Command::Home));
+        commands.extend(button(ui, "fit", false, Command::Fit));
+        let freeze = if about.frozen { "unfreeze" } else { "freeze" };
+        commands.extend(button(ui, freeze, about.frozen, Command::Freeze));
     });
 
     // What goes on is ended by the button that began it.
     ui.horizontal(|ui| {
         let recording = about.recording.map(|seconds| format!("stop {seconds:.1} s"));
-        button(ui, recording.as_deref().unwrap_or("record"), recording.is_some(), Command::Record);
+        let record = recording.as_deref().unwrap_or("record");
+        commands.extend(button(ui, record, recording.is_some(), Command::Record));
         let replaying = about.replaying.map(|share| format!("stop {:.0} %", 100.0 * share));
         ui.add_enabled_ui(about.can_replay || replaying.is_some(), |ui| {
-            button(ui, replaying.as_deref().unwrap_or("replay"), replaying.is_some(), Command::Replay);
+            let replay = replaying.as_deref().unwrap_or("replay");
+            commands.extend(button(ui, replay, replaying.is_some(), Command::Replay));
         });
-        button(ui, "screenshot", false, Command::Screenshot);
+        commands.extend(button(ui, "screenshot", false, Command::Screenshot));
     });
 
     ui.horizontal(|ui| {
-        button(ui, "open ...", false, Command::Open);
-        button(ui, "keys", false, Command::Help);
+        commands.extend(button(ui, "open ...", false, Command::Open));
+        commands.extend(button(ui, "keys", false, Command::Help));
         ui.label(RichText::new("P hides the panel").small().color(QUIET));
     });
+}
+
+/// A button, lit while what it ends goes on; its command if it is pressed.
+fn button(ui: &mut Ui, text: &str, live: bool, command: Command) -> Option<Command> {
+    let text = RichText::new(text).color(if live { LIVE } else { CLEAR });
+    ui.button(text).clicked().then_some(command)
 }
 
 #[cfg(test)]

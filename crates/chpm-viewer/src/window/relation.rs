@@ -1,6 +1,6 @@
 //! How two models lie to each other: what is asked beside the pictures, and answered by whoever knows.
 
-use crate::place::Place;
+use crate::transform::Transform;
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -9,9 +9,9 @@ pub struct Second {
     /// A CHPM.
     pub model: PathBuf,
     /// Where the first one is.
-    pub first: Place,
+    pub first: Transform,
     /// Where this one is, step by step; one at least.
-    pub steps: Vec<Place>,
+    pub steps: Vec<Transform>,
     /// Who knows about both.
     pub relate: Arc<dyn Relate>,
 }

@@ -108,11 +108,9 @@ impl Memory {
     /// Remembers, in a file that is complete or not there.
     pub fn keep(&self, model: &Path, remembered: &Remembered) -> Result<(), String> {
         let Some(file) = self.file(model) else { return Ok(()) };
-        let told = |error: &dyn std::fmt::Display| {
-            format!("cannot remember the view in '{}': {error}", file.display())
-        };
-        let text = toml::to_string(remembered).map_err(|error| told(&error))?;
-        write(&file, text.as_bytes()).map_err(|error| told(&error))
+        let text = toml::to_string(remembered).map_err(io::Error::other);
+        let kept = text.and_then(|text| write(&file, text.as_bytes()));
+        kept.map_err(|error| format!("cannot remember the view in '{}': {error}", file.display()))
     }
 
     /// The file of a model.

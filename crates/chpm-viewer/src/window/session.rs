@@ -4,9 +4,9 @@ use crate::error::ViewerError;
 use crate::frame::{Spot, Viewer};
 use crate::gpu::Gpu;
 use crate::headless::{self, Image, TriangleId};
-use crate::place::Place;
 use crate::request::{Accuracy, Budgets, FrameRequest, Target};
 use crate::stats::Stats;
+use crate::transform::Transform;
 use crate::window::detail::{Detail, Took};
 use crate::window::figures::Figures;
 use crate::window::frustum;
@@ -109,7 +109,7 @@ impl Session {
         color_by: Option<&str>,
         whole: &Whole,
     ) -> Result<Self, ViewerError> {
-        let mut paths = vec![(path, second.map_or(Place::STILL, |second| second.first))];
+        let mut paths = vec![(path, second.map_or(Transform::STILL, |second| second.first))];
         paths.extend(second.and_then(|second| Some((second.model.as_path(), *second.steps.first()?))));
         let viewer = Viewer::open_colored(Arc::clone(gpu), &paths, budgets, color_by)?;
         let mut navigator = Navigator::new(&viewer.bounds(), viewer.origin());
@@ -280,7 +280,7 @@ impl Session {
     }
 
     /// The second model is somewhere else.
-    pub(super) fn put(&mut self, place: Place) {
+    pub(super) fn put(&mut self, place: Transform) {
         if self.viewer.put(1, place) {
             (self.picked, self.quiet) = (None, 0);
         }
@@ -366,8 +366,10 @@ impl Session {
 
     /// The point of the model at a pixel of the last frame. A picture that cannot be asked shows nothing.
     fn pick(&mut self, at: [f64; 2], size: [u32; 2]) -> Option<[f64; 3]> {
-        let recent = |(time, there, _): &(f64, [f64; 2], _)| self.time - time < RECENT && *there == at;
-        if let Some((_, _, point)) = self.picked.filter(|picked| recent(picked)) {
+        if let Some((time, there, point)) = self.picked
+            && self.time - time < RECENT
+            && there == at
+        {
             return point;
         }
         let inside = (0..2).all(|axis| at[axis] >= 0.0 && at[axis] < f64::from(size[axis]));

@@ -4,7 +4,8 @@ use crate::models::Model;
 use chpm_mesh::Bytes;
 use chpm_refine::Camera;
 use chpm_viewer::{
-    Accuracy, AdapterChoice, Budgets, FrameRequest, Gpu, IdImage, Place, Stats, Viewer, ViewerError, headless,
+    Accuracy, AdapterChoice, Budgets, FrameRequest, Gpu, IdImage, Stats, Transform, Viewer, ViewerError,
+    headless,
 };
 use std::sync::{Arc, LazyLock};
 
@@ -24,7 +25,7 @@ pub(crate) fn open(model: &Model, budgets: Budgets) -> Viewer {
 }
 
 /// Several models, each put somewhere.
-pub(crate) fn open_all(models: &[(&Model, Place)], budgets: Budgets) -> Result<Viewer, ViewerError> {
+pub(crate) fn open_all(models: &[(&Model, Transform)], budgets: Budgets) -> Result<Viewer, ViewerError> {
     let paths: Vec<_> = models.iter().map(|(model, place)| (model.path(), *place)).collect();
     let paths: Vec<_> = paths.iter().map(|(path, place)| (path.as_path(), *place)).collect();
     Viewer::open_all(Arc::clone(&GPU), &paths, budgets)

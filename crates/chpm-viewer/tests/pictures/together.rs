@@ -7,7 +7,7 @@ use chpm_build::Settings;
 use chpm_mesh::{Bytes, TriMesh};
 use chpm_refine::{Camera, CameraPath, Hierarchy, View, select};
 use chpm_synth::{Shape, Synth};
-use chpm_viewer::{Budgets, Clip, FrameRequest, Look, Place, Shading, Viewer, ViewerError, headless};
+use chpm_viewer::{Budgets, Clip, FrameRequest, Look, Shading, Transform, Viewer, ViewerError, headless};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 use std::fs;
 
@@ -25,9 +25,9 @@ impl Motion {
         Motion { turn: *Rotation3::new(turn.into()).matrix(), shift: shift.into() }
     }
 
-    fn place(&self) -> Place {
+    fn place(&self) -> Transform {
         let rows = [0, 1, 2].map(|row| [0, 1, 2].map(|column| self.turn[(row, column)]));
-        Place::new(rows, self.shift.into())
+        Transform::new(rows, self.shift.into())
     }
 
     fn apply(&self, point: [f64; 3]) -> Vector3<f64> {
@@ -146,7 +146,8 @@ fn a_large_one_hides_a_small_one_and_the_other_way_round() {
     // Behind the wall, as seen from its side, nothing of the second is drawn or read beyond its roots.
     let hidden = models::isosurface();
     for order in [false, true] {
-        let mut pair = [(&large, Place::STILL), (&hidden, Motion::new(STILL, [-0.5, -0.5, -6.0]).place())];
+        let mut pair =
+            [(&large, Transform::STILL), (&hidden, Motion::new(STILL, [-0.5, -0.5, -6.0]).place())];
         if order {
             pair.reverse();
         }
@@ -167,7 +168,7 @@ fn a_large_one_hides_a_small_one_and_the_other_way_round() {
 #[test]
 fn a_model_that_is_put_somewhere_is_seen_as_it_was() {
     let model = colored();
-    let place = Place::new([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], [2.0, -4.0, 8.0]);
+    let place = Transform::new([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], [2.0, -4.0, 8.0]);
     let moved = |p: [f64; 3]| place.apply(p);
     let turned = |[x, y, z]: [f64; 3]| [-y, x, z];
     let mut here = open(&model, PLENTY);
@@ -221,7 +222,7 @@ fn colored() -> Model {
 fn each_has_its_own_attributes() {
     let (colored, plain) = (colored(), models::shells());
     let aside = Motion::new(STILL, [40.0, 0.0, 0.0]);
-    let both = [(&plain, aside.place()), (&colored, Place::STILL)];
+    let both = [(&plain, aside.place()), (&colored, Transform::STILL)];
     let mut viewer = open_all(&both, PLENTY).expect("a viewer");
     for look in [Look::default(), Look { shading: Shading::Smooth, wireframe: true, ..Look::default() }] {
         for (model, shift) in [(&colored, 0.0), (&plain, 40.0)] {
@@ -238,7 +239,7 @@ fn each_has_its_own_attributes() {
         }
     }
     // Of two without colours, the second one is bluish, lit or not.
-    let pair = [(&plain, Place::STILL), (&plain, aside.place())];
+    let pair = [(&plain, Transform::STILL), (&plain, aside.place())];
     let mut viewer = open_all(&pair, PLENTY).expect("a viewer");
     for (shift, is_first) in [(0.0, true), (40.0, false)] {
         for shading in [Shading::Flat, Shading::Smooth] {
@@ -259,7 +260,7 @@ fn what_flows_becomes_exact() {
     let (a, b) = (models::wall(), colored());
     let places =
         [[0.0, 0.0, 5.0], [2.0, 0.5, 2.0], [0.0, 0.0, -3.0]].map(|s| Motion::new([0.1, 0.2, 0.3], s).place());
-    let pair = |place| open_all(&[(&a, Place::STILL), (&b, place)], PLENTY).expect("a viewer");
+    let pair = |place| open_all(&[(&a, Transform::STILL), (&b, place)], PLENTY).expect("a viewer");
     let mut moving = pair(places[0]);
     let camera = Camera::looking([1.0, 2.0, 12.0], [0.0; 3]);
     for place in places {
@@ -283,7 +284,8 @@ fn what_flows_becomes_exact() {
 fn what_is_picked_is_where_it_is_seen() {
     let model = Model::of(&sphere(4000), 128);
     let motion = Motion::new([0.4, 0.5, 0.6], [3.0, 1.0, -2.0]);
-    let mut viewer = open_all(&[(&model, Place::STILL), (&model, motion.place())], PLENTY).expect("a viewer");
+    let mut viewer =
+        open_all(&[(&model, Transform::STILL), (&model, motion.place())], PLENTY).expect("a viewer");
     let camera = Camera::looking([1.5, 4.0, 7.0], [1.5, 0.5, -1.0]);
     let request = exact(camera, VIEWPORT, 0.1);
     let (image, _) = ids(&mut viewer, &request);
@@ -304,10 +306,10 @@ fn what_is_picked_is_where_it_is_seen() {
 #[test]
 fn what_cannot_be_opened_together_is_told() {
     let (a, b) = (models::shells(), models::isosurface());
-    let pair = [(&a, Place::STILL), (&b, Place::STILL)];
+    let pair = [(&a, Transform::STILL), (&b, Transform::STILL)];
     // Enough for the roots of either, and for all that one of them needs.
     let least = |model: &Model| {
-        (1..).find(|kib| open_all(&[(model, Place::STILL)], small(*kib)).is_ok()).expect("some")
+        (1..).find(|kib| open_all(&[(model, Transform::STILL)], small(*kib)).is_ok()).expect("some")
     };
     let (first, second) = (least(&a), least(&b));
     let error = open_all(&pair, small(first.max(second))).map(drop).expect_err("too little");

@@ -2,10 +2,11 @@
 
 use super::{App, Event};
 use crate::error::ViewerError;
+use crate::window::Prepare;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
-use winit::event_loop::ActiveEventLoop;
+use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 
 /// Messages of a build.
 #[derive(Debug)]
@@ -37,6 +38,19 @@ impl Building {
     }
 }
 
+/// A build, in a thread of its own. A window that is closed hears nothing more.
+fn run(prepare: &dyn Prepare, path: &Path, proxy: &EventLoopProxy<Event>) {
+    fn send(news: News, proxy: &EventLoopProxy<Event>) {
+        drop(proxy.send_event(Event::Build(news)))
+    }
+    let built = prepare.prepare(
+        path,
+        &|what: &str, share: f32| send(News::Progress(what.to_owned(), share), proxy),
+        &|preview: PathBuf| send(News::Preview(preview), proxy),
+    );
+    send(News::Built(built), proxy);
+}
+
 impl App {
     pub(super) fn build(&mut self, source: &Path) {
         if self.building.is_some() {
@@ -46,22 +60,12 @@ impl App {
         let path = source.to_owned();
         // Whoever cancels from now on means this one, even before its thread runs.
         prepare.begin();
-        let work = move || {
-            // A window that is closed hears nothing more.
-            fn send(news: News, proxy: &winit::event_loop::EventLoopProxy<Event>) {
-                drop(proxy.send_event(Event::Build(news)))
-            }
-            let tell = |what: &str, share: f32| send(News::Progress(what.to_owned(), share), &proxy);
-            let built =
-                prepare.prepare(&path, &tell, &|preview: PathBuf| send(News::Preview(preview), &proxy));
-            send(News::Built(built), &proxy);
-        };
         let what = format!("building {}", source.display());
         if let Some(canvas) = &self.canvas {
             let name = source.file_name().unwrap_or_default().to_string_lossy();
             canvas.window.set_title(&format!("{name} - chpm"));
         }
-        match thread::Builder::new().name("build".to_owned()).spawn(work) {
+        match thread::Builder::new().name("build".to_owned()).spawn(move || run(&*prepare, &path, &proxy)) {
             Ok(thread) => self.building = Some(Building { what, share: 0.0, thread, is_aside: false }),
             Err(error) => self.tell(format!("cannot start a build: {error}"), true),
         }

@@ -46,8 +46,9 @@ impl App {
     pub(super) fn pair_up(&mut self, second: &Second) -> Option<Couple> {
         let proxy = self.proxy.clone();
         // A window that is closed hears nothing more.
-        let hear = move |step, answer| drop(proxy.send_event(Event::Related(step, answer)));
-        match Couple::new(second, hear) {
+        let couple =
+            Couple::new(second, move |step, answer| drop(proxy.send_event(Event::Related(step, answer))));
+        match couple {
             Ok(couple) => Some(couple),
             Err(told) => {
                 self.tell(told, true);
@@ -89,9 +90,10 @@ impl App {
         let folder = folder.or(here).filter(|folder| !folder.as_os_str().is_empty());
         let folder = folder.unwrap_or_else(|| PathBuf::from("."));
         let prepare = &self.options.prepare;
-        let wanted =
-            |path: &Path| prepare.takes(path) || path.extension().is_some_and(|e| e == "chpm" || e == "path");
-        self.browser = Some((Browser::new(&folder, wanted), String::new()));
+        let browser = Browser::new(&folder, |path: &Path| {
+            prepare.takes(path) || path.extension().is_some_and(|e| e == "chpm" || e == "path")
+        });
+        self.browser = Some((browser, String::new()));
     }
 
     pub(super) fn record(&mut self) {

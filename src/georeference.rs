@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 /// Longitude and latitude in degrees, and height above the ellipsoid of WGS 84 in metres.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Place {
+pub(crate) struct Georeference {
     longitude: f64,
     latitude: f64,
     height: f64,
@@ -26,7 +26,7 @@ pub(crate) struct Far {
     pub(crate) height: f64,
 }
 
-impl Place {
+impl Georeference {
     /// Matrix from metres to the east, to the north and upward from here to earth-centred coordinates, column by column.
     pub(crate) fn frame(self) -> [f64; 16] {
         let ((so, co), (sa, ca)) =
@@ -38,7 +38,7 @@ impl Place {
     }
 }
 
-impl Place {
+impl Georeference {
     /// The frame in which `[x, y, z]` to the east, the north and upward is at this place.
     pub(crate) fn frame_about(self, [x, y, z]: [f64; 3]) -> [f64; 16] {
         let mut frame = self.frame();
@@ -83,13 +83,13 @@ fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     all?.try_into().ok()
 }
 
-impl FromStr for Place {
+impl FromStr for Georeference {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         match numbers(text) {
             Some([longitude, latitude, height]) if longitude.abs() <= 360.0 && latitude.abs() <= 90.0 => {
-                Ok(Place { longitude, latitude, height })
+                Ok(Georeference { longitude, latitude, height })
             }
             _ => Err(format!(
                 "'{text}' is no place: expected degrees of longitude and latitude, and metres, as in 13.4,52.5,34"
@@ -114,7 +114,7 @@ mod tests {
 
     #[test]
     fn frames_stand_upright_where_they_should() {
-        let frame = |text: &str| text.parse::<Place>().unwrap().frame();
+        let frame = |text: &str| text.parse::<Georeference>().unwrap().frame();
         let near = |got: [f64; 16], expected: [f64; 16]| {
             let apart = got.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(apart < 1e-3, "{got:?}");
@@ -131,7 +131,7 @@ mod tests {
         let apart = [x - 3_782_916.0, y - 901_891.0, z - 5_038_376.0].map(f64::abs);
         assert!(apart.iter().all(|x| *x < 2500.0), "{x} {y} {z}");
         for bad in ["", "1,2", "1,2,3,4", "1,91,0", "400,0,0", "nan,0,0", "a,b,c"] {
-            assert!(bad.parse::<Place>().is_err(), "{bad}");
+            assert!(bad.parse::<Georeference>().is_err(), "{bad}");
         }
     }
 
@@ -140,7 +140,7 @@ mod tests {
         for (longitude, latitude) in [(0.0, 0.0), (13.4, 52.5), (-120.0, -33.0), (5.0, 89.999), (0.0, -90.0)]
         {
             for told in [-12e3, -430.0, 0.0, 34.0, 8_848.0, 400e3, 36e6] {
-                let [.., x, y, z, _] = Place { longitude, latitude, height: told }.frame();
+                let [.., x, y, z, _] = Georeference { longitude, latitude, height: told }.frame();
                 let found = height([x, y, z]);
                 assert!((found - told).abs() < 1e-3 + 1e-7 * told.abs(), "{latitude} {told} {found}");
             }
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn what_is_far_from_the_place_is_told() {
-        let place: Place = "13.4,52.5,34".parse().unwrap();
+        let place: Georeference = "13.4,52.5,34".parse().unwrap();
         let boxes = |at: [f64; 3], size: f64| [at, at.map(|x| x + size)];
         assert_eq!(place.far([0.0; 3], boxes([-50e3; 3], 99e3)), None);
         // By the radius at that latitude, 6,376,127 metres in that direction.

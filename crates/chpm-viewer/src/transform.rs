@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 /// A rigid motion, from the coordinates of a model (its source's) to those of the picture. Where axes are stretched first, coordinates of
 /// the file mean stretched ones in all that follows.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Place {
+pub struct Transform {
     rotation: Matrix3<f64>,
     shift: Vector3<f64>,
     stretch: Vector3<f64>,
@@ -15,9 +15,9 @@ pub struct Place {
 
 const IDENTITY: Matrix3<f64> = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
 
-impl Place {
+impl Transform {
     /// Where its file has it.
-    pub const STILL: Place = Place {
+    pub const STILL: Transform = Transform {
         rotation: IDENTITY,
         shift: Vector3::new(0.0, 0.0, 0.0),
         stretch: Vector3::new(1.0, 1.0, 1.0),
@@ -26,12 +26,12 @@ impl Place {
     /// By the rows of a rotation, which nobody checks, and a translation.
     pub fn new(rows: [[f64; 3]; 3], shift: [f64; 3]) -> Self {
         let rotation = Matrix3::from_fn(|row, column| rows[row][column]);
-        Place { rotation, shift: shift.into(), ..Place::STILL }
+        Transform { rotation, shift: shift.into(), ..Transform::STILL }
     }
 
     /// Where its file has it, each coordinate multiplied by a positive number.
     pub fn stretched(stretch: Vector3<f64>) -> Self {
-        Place { stretch, ..Place::STILL }
+        Transform { stretch, ..Transform::STILL }
     }
 
     /// Factor on each coordinate of the model.
@@ -41,7 +41,7 @@ impl Place {
 
     /// Whether it leaves everything where it is, to the last bit.
     pub fn is_still(&self) -> bool {
-        *self == Place::STILL
+        *self == Transform::STILL
     }
 
     /// Where a point goes.
@@ -66,10 +66,11 @@ impl Place {
         }
         // First from the file's origin, which may be as far away as the camera: less is lost.
         let near = camera.relative_to(self.apply(origin));
-        let back = |v: [f64; 3]| self.turn_back(Vector3::from(v)).into();
+        let [position, target] =
+            [near.position, near.target].map(|v| self.turn_back(Vector3::from(v)).into());
         // What is upward where none was told is decided in the picture, for all of its models.
         let up = self.turn_back(camera.axes()[1]).into();
-        Camera { position: back(near.position), target: back(near.target), up, ..near }
+        Camera { position, target, up, ..near }
     }
 
     /// A clipping plane of the picture in the coordinates of such a file: its normal, and its place along that.
@@ -85,7 +86,7 @@ mod tests {
     #[test]
     fn a_camera_sees_the_same_from_within() {
         let (sin, cos) = 0.7_f64.sin_cos();
-        let place = Place::new([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], [1e6, -3.0, 0.25]);
+        let place = Transform::new([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], [1e6, -3.0, 0.25]);
         let (origin, point) = ([4e6, 5.0, -6.0], [0.5, -0.25, 2.0]);
         let all = place.apply([0, 1, 2].map(|axis| origin[axis] + point[axis]));
         // Straight down, where the direction that was called up says nothing.
@@ -113,7 +114,7 @@ mod tests {
     fn what_stays_keeps_its_bits() {
         let camera = Camera { up: [0.0, 0.0, 3.0], ..Camera::looking([1.1, 2.2, 3.3], [0.1, 0.2, 0.3]) };
         let origin = [0.7, 0.9, 1e7];
-        assert_eq!(Place::STILL.camera(&camera, origin), camera.relative_to(origin));
-        assert_eq!(Place::STILL.apply([0.1, -0.0, 1e9]), [0.1, -0.0, 1e9]);
+        assert_eq!(Transform::STILL.camera(&camera, origin), camera.relative_to(origin));
+        assert_eq!(Transform::STILL.apply([0.1, -0.0, 1e9]), [0.1, -0.0, 1e9]);
     }
 }

@@ -1,60 +1,14 @@
-//! Options of the reader, and batches.
+//! Batches of vertices and faces, which every reader hands over, and counts of what was left out of them.
 
-use super::error::Place;
 use crate::Polygons;
+use crate::location::SourceLocation;
 use chpm_mesh::Vertices;
 
-/// Treatment of invalid data.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub enum Invalid {
-    /// Stop with an error that says where.
-    #[default]
-    Refuse,
-    /// Go on without it, and count it in the [`Tally`].
-    ///
-    /// A vertex with a coordinate that is not finite is delivered as the zero point and listed in
-    /// [`Batch::invalid_vertices`], so that indices stay as they are. Faces, and triangles of strips, that use such a vertex or
-    /// an index out of range are not delivered. A file that ends early ends the stream early. Needs the vertices
-    /// before the faces. Text that is no number, and absurd lists, are refused all the same: nothing after them can be trusted.
-    Drop,
-}
+/// Vertices that a file may have at most: an index is a `u32`, and one value of it is kept free.
+pub const MAX_VERTICES: u64 = u32::MAX as u64;
 
-/// Which named scalars of vertices to deliver: numbers besides coordinates, normals and colours.
-#[derive(Clone, PartialEq, Eq, Debug, Default)]
-pub struct Keep {
-    /// All that the file has. None is missed where it has none.
-    pub all: bool,
-    /// These, in this order and before all others; each must be there.
-    pub names: Vec<String>,
-}
-
-/// From names as users give them; `all` means all.
-impl From<Vec<String>> for Keep {
-    fn from(mut names: Vec<String>) -> Keep {
-        let all = names.iter().any(|name| name == "all");
-        names.retain(|name| name != "all");
-        Keep { all, names }
-    }
-}
-
-/// How to read.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Options {
-    /// Treatment of invalid data. Default: refuse.
-    pub invalid: Invalid,
-    /// Whether to deliver vertex normals if there are any. Default: yes.
-    pub normals: bool,
-    /// Whether to deliver vertex colours if there are any. Default: yes.
-    pub colors: bool,
-    /// Which named scalars to deliver. Default: none.
-    pub keep: Keep,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options { invalid: Invalid::Refuse, normals: true, colors: true, keep: Keep::default() }
-    }
-}
+/// Corners that one polygon may have at most; it is read whole, so that a bad corner can drop all of it.
+pub const MAX_CORNERS: u64 = 1 << 20;
 
 /// Content of a [`Batch`].
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -77,10 +31,10 @@ pub struct Batch {
     pub vertices: Vertices,
     /// Positions if the file's coordinates need double precision, else empty.
     pub positions_f64: Vec<[f64; 3]>,
-    /// Indices, in this file, of vertices of this batch that are not finite; always empty with [`Invalid::Refuse`].
+    /// Indices, in this file, of vertices of this batch that are not finite; always empty with [`Invalid::Refuse`](crate::Invalid::Refuse).
     pub invalid_vertices: Vec<u64>,
     /// Vertices of this batch with a coordinate beyond [`FAR`](chpm_mesh::FAR): where each is, ascending.
-    pub far: Vec<Place>,
+    pub far: Vec<SourceLocation>,
     /// Normals that corners of faces name, numbered through the whole file; zero where not finite. For formats that give them to
     /// corners and not to vertices.
     pub listed_normals: Vec<[f32; 3]>,
@@ -135,7 +89,7 @@ impl Batch {
         true
     }
 
-    pub(super) fn vertex_count(&self) -> usize {
+    pub(crate) fn vertex_count(&self) -> usize {
         self.vertices.vertex_count().max(self.positions_f64.len())
     }
 }
