@@ -56,7 +56,7 @@ fn a_trace_is_replayed_for_any_number_of_workers() {
     let folder = Folder::new();
     let event = |name: &str, cat: &str, ts: u32, dur: u32, phase: u32| {
         format!(
-            r#"{{"name":"{name}","cat":"{cat}","ph":"X","ts":{ts}e6,"dur":{dur}e6,"pid":1,"tid":0,"args":{{"phase":{phase}}}}}"#
+            r#"{{"name":"{name}","cat":"{cat}","ph":"X","ts":{ts}e6,"dur":{dur}e6,"tdur":{dur}e6,"pid":1,"tid":0,"args":{{"phase":{phase}}}}}"#
         )
     };
     // 20 of 100 are serial; then 40 in four tasks, and 40 in one.

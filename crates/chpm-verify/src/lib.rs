@@ -20,7 +20,7 @@
 //!
 //! let file = Chpm::open(MappedFile::open(&output)?)?;
 //! let checks = Checks { against: Some(source), cuts: Some(10), errors: true, ..Checks::default() };
-//! let found = verify(&file, &checks, Bytes::mib(256), folder.path(), &Silent, &|| cancel.clone())?;
+//! let found = verify(&file, &checks, Bytes::mib(256), folder.path(), &Silent, &cancel)?;
 //! assert!(found.is_sound());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
