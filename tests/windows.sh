@@ -45,22 +45,22 @@ refuse() { # NAME CODE WORDS COMMAND.. : the command ends with the code and says
     fi
 }
 
-while read -r name source settings; do
+while IFS=';' read -r name source settings; do
     "$here" synth $source -o "$name.ply" -q > /dev/null
     "$here" build "$name.ply" -o "here/$name.chpm" -q $settings > /dev/null
     windows build "$name.ply" -q $settings > /dev/null
     expect "bytes of $name ($source; $settings)" cmp "here/$name.chpm" "$name.chpm"
 done <<'END'
-torus torus --triangles 60k
-soup odd:random --triangles 20k
-surface isosurface --triangles 100k --threads 2 --memory 128M
-plates plates --triangles 60k --pages packed
-terrain terrain --triangles 60k --normals computed
-locked sphere --triangles 30k --boundary lock
-oblivious torus --triangles 30k --order cache-oblivious
-lattice sphere --triangles 30k --positions lattice:16
-cut torus --triangles 30k --finest-error 0.01
-large isosurface --triangles 600k --memory 128M
+torus;torus --triangles 60k;
+soup;odd:random --triangles 20k;
+surface;isosurface --triangles 100k;--threads 2 --memory 128M
+plates;plates --triangles 60k;--pages packed
+terrain;terrain --triangles 60k;--normals computed
+locked;sphere --triangles 30k;--boundary lock
+oblivious;torus --triangles 30k;--order cache-oblivious
+lattice;sphere --triangles 30k;--positions lattice:16
+cut;torus --triangles 30k;--finest-error 0.01
+large;isosurface --triangles 600k;--memory 128M
 END
 expect "verify" windows verify surface.chpm --against surface.ply --cuts 20
 expect "verify --errors" windows verify torus.chpm --against torus.ply --errors
