@@ -71,7 +71,11 @@ fn a_trace_is_replayed_for_any_number_of_workers() {
             let total = told.lines().find(|line| line.starts_with("all")).unwrap_or_default().to_owned();
             let numbers: Vec<&str> = total.split_whitespace().collect();
             // 100, then 80 on two workers, 70 on four and more.
-            assert_eq!(numbers, ["all", "20.000", "1.25", "1.43", "1.43", "1.43", "1.43"], "{told}");
+            assert_eq!(
+                numbers,
+                ["all", "100.000", "20.000", "1.25", "1.43", "1.43", "1.43", "1.43"],
+                "{told}"
+            );
         }
         Err(_) => skipped("the replay of traces: no python3 (sudo apt-get install python3)"),
     }
