@@ -342,7 +342,7 @@ proptest! {
         let run = run_with(&mesh, &[], &locked, Topology::Change, 4);
         prop_assert_eq!(run.left.len(), 4);
         let farthest = colors.iter().map(|c| c.abs_diff(other)).max().unwrap_or(0);
-        let said = run.largest.color;
+        let said = run.largest.units();
         prop_assert!(said >= f32::from(farthest) && said <= 255.0, "{} {}", said, farthest);
     }
 }

@@ -61,7 +61,12 @@ impl App {
     pub(super) fn choose(&mut self, context: &egui::Context) -> Option<PathBuf> {
         let (browser, typed) = self.browser.as_mut()?;
         let choice = overlay::browse(context, browser, typed);
-        self.follow_choice(choice)
+        let chosen = self.follow_choice(choice);
+        if self.browser.is_none() {
+            // Else the field that is gone would take the next keys.
+            context.memory_mut(egui::Memory::stop_text_input);
+        }
+        chosen
     }
 
     /// Return was pressed before the dialog's first frame, which alone could have heard it.

@@ -85,13 +85,12 @@ impl App {
         if down && dialog && !self.ctrl && !self.canvas.as_ref().is_some_and(|it| it.is_typing()) {
             self.type_early(code, key.text.as_deref().unwrap_or_default());
         }
-        // What is typed is no command.
+        // What is typed is no command, but for what ends the window, or closes the dialog.
         if !down || typing {
-            // But for what closes the dialog.
-            if let (true, true, Some(command @ (Command::Back | Command::Quit))) =
-                (down, dialog, keys::command(code, self.ctrl))
-            {
-                self.handle_command(command, events);
+            match keys::command(code, self.ctrl) {
+                Some(Command::Quit) if down => self.handle_command(Command::Quit, events),
+                Some(Command::Back) if down && dialog => self.handle_command(Command::Back, events),
+                _ => {}
             }
             return;
         }
