@@ -80,31 +80,17 @@ impl<T: Pod> Buckets<T> {
         if open.len() == self.block_len { self.close_block(sequence) } else { Ok(()) }
     }
 
-    /// Appends records to a sequence.
-    ///
-    /// # Errors
-    /// As [`Spool::append`].
-    pub fn extend_from_slice(&mut self, sequence: usize, mut records: &[T]) -> Result<(), ExtmemError> {
-        while !records.is_empty() {
-            let open = &mut self.sequences[sequence].open;
-            if open.capacity() == 0 {
-                open.reserve_exact(self.block_len);
-            }
-            let (fitting, rest) = records.split_at(records.len().min(self.block_len - open.len()));
-            open.extend_from_slice(fitting);
-            if open.len() == self.block_len {
-                self.close_block(sequence)?;
-            }
-            records = rest;
-        }
-        Ok(())
-    }
-
     fn close_block(&mut self, sequence: usize) -> Result<(), ExtmemError> {
         let sequence = &mut self.sequences[sequence];
         sequence.full.push(self.spool.append(bytemuck::cast_slice(&sequence.open))?);
         sequence.open.clear();
         Ok(())
+    }
+
+    /// All sequences, to be extended independently of one another.
+    pub fn parts_mut(&mut self) -> Vec<BucketMut<'_, T>> {
+        let Buckets { spool, block_len, sequences } = self;
+        sequences.iter_mut().map(|sequence| BucketMut { spool, block_len: *block_len, sequence }).collect()
     }
 
     /// Appends all records of a sequence to `out`, in order.
@@ -174,6 +160,37 @@ impl<T: Pod> Buckets<T> {
     /// Takes the records out of all sequences, each in its order.
     pub fn drain(&self) -> Drain<'_, T> {
         Drain { buckets: self, taken: vec![Taken { records: Vec::new(), next: 0, block: 0 }; self.count()] }
+    }
+}
+
+/// One of [`Buckets`], which a thread may extend while others extend other ones.
+#[derive(Debug)]
+pub struct BucketMut<'a, T: Pod> {
+    spool: &'a Spool,
+    block_len: usize,
+    sequence: &'a mut Sequence<T>,
+}
+
+impl<T: Pod> BucketMut<'_, T> {
+    /// Appends records.
+    ///
+    /// # Errors
+    /// As [`Spool::append`].
+    pub fn extend_from_slice(&mut self, mut records: &[T]) -> Result<(), ExtmemError> {
+        let Sequence { full, open } = &mut *self.sequence;
+        while !records.is_empty() {
+            if open.capacity() == 0 {
+                open.reserve_exact(self.block_len);
+            }
+            let (fitting, rest) = records.split_at(records.len().min(self.block_len - open.len()));
+            open.extend_from_slice(fitting);
+            if open.len() == self.block_len {
+                full.push(self.spool.append(bytemuck::cast_slice(open))?);
+                open.clear();
+            }
+            records = rest;
+        }
+        Ok(())
     }
 }
 
@@ -257,7 +274,7 @@ mod tests {
                 let many = [*record; 9];
                 let many = &many[..*record as usize % 10];
                 buckets.push(*sequence, *record).unwrap();
-                buckets.extend_from_slice(*sequence, many).unwrap();
+                buckets.parts_mut()[*sequence].extend_from_slice(many).unwrap();
                 plain[*sequence].push(*record);
                 plain[*sequence].extend_from_slice(many);
             }

@@ -45,7 +45,7 @@ mod text;
 mod workdir;
 
 pub use archive::archived;
-pub use buckets::{Buckets, Drain};
+pub use buckets::{BucketMut, Buckets, Drain};
 pub use budget::{MemoryBudget, Reservation, TaskReservation};
 pub use buffer::{Buffer, BufferWriter};
 pub use cached::Cached;

@@ -2,6 +2,8 @@
 //!
 //! Two faces of opposite turn are the two sides of a sheet, and both stay.
 
+use rayon::prelude::*;
+
 /// The triangle as all its copies have it: the smallest vertex first, the turn as it is.
 fn key([a, b, c]: [u32; 3]) -> [u32; 3] {
     if a < b && a < c {
@@ -94,7 +96,7 @@ impl Sifted {
 /// Drops every copy but the first; answers how many.
 pub(super) fn drop_all(triangles: &mut Vec<[u32; 3]>) -> u64 {
     let mut keyed: Vec<([u32; 3], u32)> = triangles.iter().map(|t| key(*t)).zip(0..).collect();
-    keyed.sort_unstable();
+    keyed.par_sort_unstable();
     let mut copies: Vec<u32> =
         keyed.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| pair[1].1).collect();
     drop(keyed);

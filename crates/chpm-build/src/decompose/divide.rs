@@ -241,7 +241,7 @@ impl Divided {
     }
 
     /// Sends each triangle to its region, and notes who uses the vertices of another. Answers how many corners each region has
-    /// from others. Several steps are prepared side by side; what is left to do in order is to tell copies from what came before, and to append.
+    /// from others. Several steps are prepared side by side; what is left to do in order is to tell copies from what came before.
     fn route(
         &mut self,
         triangles: Column<[u32; 3]>,
@@ -250,7 +250,7 @@ impl Divided {
     ) -> Result<Vec<u64>, BuildError> {
         let mut uses = vec![0; self.home_count()];
         let mut sieve = Sieve::default();
-        let [sifting, sorting] = [context.trace.phase(), context.trace.phase()];
+        let [sifting, sorting, appending] = [(); 3].map(|()| context.trace.phase());
         let mut steps: Vec<Step> = (0..rayon::current_num_threads()).map(|_| Step::default()).collect();
         let starts: Vec<usize> = (0..triangles.len()).step_by(ROUTED).collect();
         for starts in starts.chunks(steps.len()) {
@@ -266,10 +266,11 @@ impl Divided {
                 step.sort(self);
             });
 
+            self.triangles.parts_mut().into_par_iter().enumerate().try_for_each(|(region, mut own)| {
+                let _traced = appending.task("append");
+                steps.iter().try_for_each(|step| own.extend_from_slice(step.of_region(region)))
+            })?;
             for step in steps {
-                for (region, triangles) in step.by_region() {
-                    self.triangles.extend_from_slice(region, triangles)?;
-                }
                 for [home, vertex, region] in &step.visits {
                     visits.push(*home, *vertex, *region as usize)?;
                     uses[*region as usize] += 1;

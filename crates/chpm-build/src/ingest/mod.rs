@@ -1,5 +1,5 @@
 //! Ingest: a source becomes arrays of positions, attributes and triangles in which every number is finite and every index is
-//! in range, with bounds and counts. One pass over the file; memory is the arrays, three batches, and a bit for each vertex.
+//! in range, with bounds and counts. One pass over the file; memory is the arrays, a few batches, and a bit for each vertex.
 
 mod components;
 mod lattice;
@@ -82,9 +82,10 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
 
     let kept = kept(format.attributes, settings);
     let mut arrays = Arrays::expecting(&input, supply.len(), kept, &context.store)?;
-    arrays.fill(&mut input, context)?;
-    let Arrays { vertices, doubles, mut triangles, polygons, corner_normals, bounds, mut used, far, .. } =
-        arrays;
+    let mut marks = Marks::new(&context.store)?;
+    arrays.fill(&mut marks, &mut input, context)?;
+    let Arrays { vertices, doubles, mut triangles, polygons, corner_normals, .. } = arrays;
+    let Marks { bounds, mut used, far, .. } = marks;
 
     // Polygons are cut last, since their corners' positions may come after them.
     let mut read = input.finish()?;
@@ -175,11 +176,17 @@ struct Arrays {
     polygons: Faces,
     /// Of formats that give them to corners.
     corner_normals: Option<CornerNormals>,
+    store: Store,
+}
+
+/// Facts that are noted of the vertices before they are stored.
+struct Marks {
+    /// How many there were.
+    count: usize,
     /// Of all singles.
     bounds: Aabb,
     used: Used,
     far: BufferWriter<Far>,
-    store: Store,
 }
 
 /// The arrays when all has come.
@@ -226,22 +233,35 @@ impl Arrays {
             polygons: Faces::new(store)?,
             corner_normals: None,
             store: store.clone(),
-            bounds: Aabb::EMPTY,
-            used: Used::new(store)?,
-            far: BufferWriter::new(store, "vertices far from zero", 0)?,
         })
     }
 
-    /// Takes all that the input has. Reading is this thread's work and storing another's: arrays on disk cost as much time as
-    /// the source does.
-    fn fill(&mut self, input: &mut Input, context: &Context<'_>) -> Result<(), BuildError> {
+    /// Takes all that the input has. Reading is this thread's work, noting facts and storing those of others: arrays on disk cost as much
+    /// time as the source does.
+    fn fill(
+        &mut self,
+        marks: &mut Marks,
+        input: &mut Input,
+        context: &Context<'_>,
+    ) -> Result<(), BuildError> {
         std::thread::scope(|scope| {
             let (full, filled) = mpsc::sync_channel::<Batch>(1);
+            let (marked, to_store) = mpsc::sync_channel::<Batch>(1);
             let (empty, emptied) = mpsc::channel();
             let phase = context.trace.phase();
+            let marking = scope.spawn(move || -> Result<(), BuildError> {
+                let _traced = phase.task("mark");
+                for batch in filled {
+                    marks.take(&batch)?;
+                    if marked.send(batch).is_err() {
+                        break;
+                    }
+                }
+                Ok(())
+            });
             let storing = scope.spawn(move || {
                 let _traced = phase.task("store");
-                filled.into_iter().try_for_each(|batch| {
+                to_store.into_iter().try_for_each(|batch| {
                     self.take(&batch)?;
                     // Whoever reads may have ended.
                     let _ = empty.send(batch);
@@ -262,11 +282,37 @@ impl Arrays {
                 }
             };
 
-            // Dropping the sender ends the other thread. An error of that comes first: reading ended because of it.
+            // Dropping the sender ends the other threads. Their errors come first: reading ended because of them.
             let read = read();
             drop(full);
-            let stored = storing.join().unwrap_or_else(|panic| resume_unwind(panic));
-            stored.and(read)
+            let [marked, stored] =
+                [marking, storing].map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
+            marked.and(stored).and(read)
+        })
+    }
+
+    fn take(&mut self, batch: &Batch) -> Result<(), BuildError> {
+        self.vertices.extend_from_slices(batch.vertices.view())?;
+        self.doubles.extend_from_slice(&batch.positions_f64)?;
+        self.polygons.add(&batch.polygons)?;
+        if !batch.listed_normals.is_empty() || !batch.corner_normals.is_empty() {
+            let normals = match self.corner_normals.take() {
+                Some(normals) => normals,
+                None => CornerNormals::new(&self.store)?,
+            };
+            self.corner_normals.insert(normals).take(batch)?;
+        }
+        Ok(self.triangles.extend_from_slice(&batch.triangles)?)
+    }
+}
+
+impl Marks {
+    fn new(store: &Store) -> Result<Self, BuildError> {
+        Ok(Marks {
+            count: 0,
+            bounds: Aabb::EMPTY,
+            used: Used::new(store)?,
+            far: BufferWriter::new(store, "vertices far from zero", 0)?,
         })
     }
 
@@ -285,19 +331,10 @@ impl Arrays {
             ]])?;
         }
 
-        self.used.add(&batch.triangles, self.vertices.len() + self.doubles.len())?;
+        self.used.add(&batch.triangles, self.count)?;
+        self.count += batch.vertices.positions.len() + batch.positions_f64.len();
         self.bounds.merge(&Aabb::of_points(&batch.vertices.positions));
-        self.vertices.extend_from_slices(batch.vertices.view())?;
-        self.doubles.extend_from_slice(&batch.positions_f64)?;
-        self.polygons.add(&batch.polygons)?;
-        if !batch.listed_normals.is_empty() || !batch.corner_normals.is_empty() {
-            let normals = match self.corner_normals.take() {
-                Some(normals) => normals,
-                None => CornerNormals::new(&self.store)?,
-            };
-            self.corner_normals.insert(normals).take(batch)?;
-        }
-        Ok(self.triangles.extend_from_slice(&batch.triangles)?)
+        Ok(())
     }
 }
 

@@ -71,10 +71,9 @@ impl Step {
         self.ends.pop();
     }
 
-    /// Triangles by region, of the regions that have any.
-    pub(super) fn by_region(&self) -> impl Iterator<Item = (usize, &[[u32; 3]])> {
-        let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        let ranges = starts.zip(&self.ends).map(|(start, end)| start as usize..*end as usize);
-        ranges.map(|range| &self.sorted[range]).enumerate().filter(|(_, triangles)| !triangles.is_empty())
+    /// The triangles of a region.
+    pub(super) fn of_region(&self, region: usize) -> &[[u32; 3]] {
+        let start = if region == 0 { 0 } else { self.ends[region - 1] };
+        &self.sorted[start as usize..self.ends[region] as usize]
     }
 }
