@@ -62,8 +62,7 @@ pub fn state_folder() -> Option<PathBuf> {
 
 /// The name of this computer.
 pub(crate) fn host_name() -> Option<String> {
-    let info = nix::sys::utsname::uname().ok()?;
-    Some(info.nodename().to_string_lossy().into_owned())
+    nix::unistd::gethostname().ok()?.into_string().ok()
 }
 
 /// Nothing: a mapped file that is truncated ends the process, by a signal whose codes differ from system to system.

@@ -17,14 +17,16 @@ mod truncation;
 #[cfg(unix)]
 mod unix;
 
+#[cfg(feature = "metis")]
+pub(crate) use system::SignalAction;
 pub use system::{
     FileId, HAS_COMMAND_KEY, Pipe, STDIN, cache_folder, exchange, id_at, kind, open_files, open_to_read,
     peak_resident, read_exact_at, replace_process, resident, state_folder, sync_below, sync_folder,
     thread_time, write_all_at,
 };
 pub(crate) use system::{
-    Guard, SignalAction, advise, advise_buffer, allocate, drop_pages, end_process, error_of_device,
-    error_of_full_disk, first_bytes, free_bytes, host_name, is_at, map_large_blocks, open_folder,
+    Guard, advise, advise_buffer, allocate, drop_pages, end_process, error_of_device, error_of_full_disk,
+    first_bytes, free_bytes, host_name, is_at, map_large_blocks, open_folder,
 };
 
 use std::env;

@@ -204,9 +204,11 @@ pub(crate) fn drop_pages(map: &Mmap) {
 }
 
 /// The action of a signal, to be set back.
+#[cfg_attr(not(feature = "metis"), allow(dead_code))]
 #[derive(Debug)]
 pub(crate) struct SignalAction(Signal, SigAction);
 
+#[cfg_attr(not(feature = "metis"), allow(dead_code))]
 impl SignalAction {
     /// The signals that METIS raises where it cannot go on.
     pub(crate) const OF_METIS: [Signal; 2] = [Signal::SIGABRT, Signal::SIGTERM];

@@ -310,9 +310,11 @@ unsafe extern "C" {
 }
 
 /// The action of a signal, to be set back.
+#[cfg_attr(not(feature = "metis"), allow(dead_code))]
 #[derive(Debug)]
 pub(crate) struct SignalAction(c_int, Handler);
 
+#[cfg_attr(not(feature = "metis"), allow(dead_code))]
 impl SignalAction {
     /// The signals that METIS raises where it cannot go on: SIGABRT and SIGTERM of the C library.
     pub(crate) const OF_METIS: [c_int; 2] = [22, 15];
