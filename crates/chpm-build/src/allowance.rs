@@ -104,19 +104,28 @@ mod tests {
         (figures[0] as usize, figures[1], figures[2])
     }
 
+    fn odd(name: &str, triangles: u32) -> TriMesh {
+        let plan = Odd::find(name).unwrap().plan(triangles);
+        let positions = (0..plan.vertices).map(|v| plan.place(v).map(|x| x as f32)).collect();
+        TriMesh::new(positions, (0..plan.triangles).map(|t| plan.corners(t)).collect())
+    }
+
     fn is_child() -> bool {
         std::env::var_os(CHILD).is_some()
     }
 
-    /// Builds with no memory for arrays and one thread, and tells what `measured` wants to know.
-    fn tell_build_of(mesh: TriMesh, settings: Settings) {
+    /// Nothing for arrays, and one thread.
+    const NONE: (usize, Bytes) = (1, Bytes(0));
+
+    /// Builds with so many threads and so much memory, and tells what `measured` wants to know.
+    fn tell_build_of(mesh: TriMesh, settings: Settings, (threads, memory): (usize, Bytes)) {
         let dir = tempfile::tempdir().unwrap();
         let (source, output) = (dir.path().join("s.ply"), dir.path().join("s.chpm"));
         write_mesh(File::create(&source).unwrap(), &mesh, Encoding::BinaryLittleEndian).unwrap();
         drop(mesh);
         let config = BuildConfig {
             settings,
-            resources: Resources { threads: 1, memory: Bytes(0), checkpoint: None, ..Resources::default() },
+            resources: Resources { threads, memory, checkpoint: None, ..Resources::default() },
             ..BuildConfig::default()
         };
         let report = build(&source, &output, &config, &Silent, &Cancel::default()).unwrap();
@@ -129,7 +138,7 @@ mod tests {
         if is_child() {
             // Leaves of some four triangles, so that their tables are more than all else.
             let settings = Settings { cluster_triangles: 4, cell_vertices: 2, ..Settings::default() };
-            return tell_build_of(Synth::new(Shape::Torus, 128_000, 0).to_mesh(), settings);
+            return tell_build_of(Synth::new(Shape::Torus, 128_000, 0).to_mesh(), settings, NONE);
         }
         let (nodes, held, resident) = measured("a_build_of_many_nodes_takes_no_more_than_is_accounted_for");
         assert!(nodes > 50_000, "{nodes} nodes");
@@ -141,14 +150,21 @@ mod tests {
     #[cfg(target_os = "linux")]
     fn so_does_one_of_triangles_that_join_anything_to_anything() {
         if is_child() {
-            let plan = Odd::find("random").unwrap().plan(240_000);
-            let positions = (0..plan.vertices).map(|v| plan.place(v).map(|x| x as f32)).collect();
-            let mesh = TriMesh::new(positions, (0..plan.triangles).map(|t| plan.corners(t)).collect());
-            return tell_build_of(mesh, Settings::default());
+            return tell_build_of(odd("random", 240_000), Settings::default(), NONE);
         }
         let (_, held, resident) = measured("so_does_one_of_triangles_that_join_anything_to_anything");
         let promised = PROGRAM + THREAD + held;
         assert!(resident <= promised, "{resident} bytes resident, {promised} accounted for");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn regions_just_too_small_to_be_cut_are_built_with_the_least_memory() {
+        if is_child() {
+            return tell_build_of(odd("hubs", 700_000), Settings::default(), (2, Bytes(MIN_MEMORY)));
+        }
+        let (_, _, resident) = measured("regions_just_too_small_to_be_cut_are_built_with_the_least_memory");
+        assert!(resident <= MIN_MEMORY, "{resident} bytes resident");
     }
 
     #[test]

@@ -4,11 +4,11 @@
 const LIMIT: usize = 1 << 18;
 
 /// Bytes that it takes to cut a graph of so many pairs: they themselves, the graph, and what METIS copies of it and makes coarser.
-pub(crate) fn graph_bytes(pairs: usize) -> u64 {
+pub(crate) const fn graph_bytes(pairs: usize) -> u64 {
     PAIR * pairs as u64
 }
 
-const PAIR: u64 = 128;
+const PAIR: u64 = 112;
 
 /// Pairs (a, b) with weights that add up. Memory: three times the pairs that differ, or 3 MiB.
 #[derive(Debug, Default)]

@@ -16,6 +16,7 @@
 use crate::{BALANCE, CsrGraph, PartitionError, normalised};
 use chpm_extmem::metis::Traps;
 use metis::option::{PType, Seed, UFactor};
+use std::borrow::Cow;
 
 /// Weights are scaled to sums below this: METIS adds them up, and multiplies the sums by the balance, in `i32`.
 const WEIGHT_SUM: u64 = 1 << 30;
@@ -83,7 +84,7 @@ impl Task<'_> {
         if self.outweighs_parts() {
             return Err(failed("a node weighs as much as several parts".to_owned()));
         }
-        let mut task = metis::Graph::new(1, parts, &offsets, &neighbors)
+        let mut task = metis::Graph::new(1, parts, offsets, neighbors)
             .map_err(|error| failed(error.to_string()))?
             .set_vwgt(&node_weights)
             .set_adjwgt(&edge_weights)
@@ -108,16 +109,19 @@ impl Task<'_> {
 }
 
 /// Offsets and nodes, which [`CsrGraph`] keeps below 2^31.
-fn as_i32(values: &[u32]) -> Vec<i32> {
-    values.iter().map(|&value| value as i32).collect()
+fn as_i32(values: &[u32]) -> &[i32] {
+    bytemuck::cast_slice(values)
 }
 
-/// Weights divided by the power of two that brings their sum below the limit, and at least 1.
-fn scaled(weights: &[u32]) -> Vec<i32> {
+/// Weights, of at least 1, divided by the power of two that brings their sum below the limit: most stay as and where they are.
+fn scaled(weights: &[u32]) -> Cow<'_, [i32]> {
     let sum: u64 = weights.iter().map(|&weight| u64::from(weight)).sum();
     let mut shift = 0;
     while (sum >> shift) >= WEIGHT_SUM {
         shift += 1;
+    }
+    if shift == 0 {
+        return Cow::Borrowed(as_i32(weights));
     }
     weights.iter().map(|&weight| (weight >> shift).max(1) as i32).collect()
 }
@@ -130,8 +134,8 @@ mod tests {
 
     #[test]
     fn weights_keep_their_proportions_below_the_limit() {
-        assert_eq!(scaled(&[3, 1, 7]), [3, 1, 7]);
-        assert_eq!(scaled(&[u32::MAX, 1 << 31, 1]), [(1 << 29) - 1, 1 << 28, 1]);
+        assert_eq!(scaled(&[3, 1, 7])[..], [3, 1, 7]);
+        assert_eq!(scaled(&[u32::MAX, 1 << 31, 1])[..], [(1 << 29) - 1, 1 << 28, 1]);
         let many = vec![u32::MAX; 1 << 12];
         assert!(scaled(&many).iter().map(|&weight| weight as u64).sum::<u64>() < WEIGHT_SUM);
     }

@@ -402,6 +402,11 @@ impl Divided {
         Ok(sorted)
     }
 
+    /// Bytes of a vertex and what it carries.
+    pub(super) fn vertex_len(&self) -> usize {
+        self.vertices.attributes().vertex_len()
+    }
+
     /// Words of a vertex's named scalars.
     pub(super) fn scalar_words(&self) -> usize {
         self.vertices.scalars.len()

@@ -28,6 +28,7 @@ use crate::context::Context;
 use crate::error::BuildError;
 use crate::in_order::in_order;
 use crate::ingest::Source;
+use crate::pairs::graph_bytes;
 use crate::report::Repairs;
 use chpm_extmem::{Reservation, Spool, Store};
 use chpm_qem::Displacement;
@@ -173,12 +174,13 @@ fn workers(
         let sums = if is_computed { divided.border_vertices(region) as u64 } else { 0 };
         // Words are read, kept, and written, those of vertices that triangles do not have read alone.
         let words = 4 * divided.scalar_words() as u64;
-        let joined = if divided.is_joined_to_all(region) { triangles } else { 0 };
-        TRIANGLE_COST * triangles
-            + JOINED_COST * joined
+        let sorted = TRIANGLE_COST * triangles
             + (VERTEX_COST + 3 * words) * used
             + (PASSED_COST + words) * (vertices - used)
-            + SUM_COST * sums
+            + SUM_COST * sums;
+        // Its cells are cut before its leaves are gathered: of both the larger one.
+        let cut = GRAPH_COST * triangles + (MESH_COST + divided.vertex_len() as u64) * used + SUM_COST * sums;
+        if divided.is_joined_to_all(region) { sorted.max(cut) } else { sorted }
     };
     let largest = (0..divided.region_count()).map(cost).max().unwrap_or(0);
     let budget = &context.store.budget;
@@ -193,9 +195,11 @@ fn workers(
 
 /// Bytes for each triangle and each vertex of a region while it is worked on, and for each vertex that its triangles cannot have.
 const TRIANGLE_COST: u64 = 48;
-/// More for a triangle of a region that is joined to all others: its cells are to each other, and the graph of them has as many edges.
-const JOINED_COST: u64 = 120;
 const VERTEX_COST: u64 = 72;
 const PASSED_COST: u64 = 16;
+/// Bytes for each triangle of a region that is joined to all others, and for each vertex beside what it carries, while cells are cut: every
+/// other triangle joins three pairs of cells that nothing else joins.
+const GRAPH_COST: u64 = 12 + graph_bytes(3) / 2;
+const MESH_COST: u64 = 11;
 /// Bytes for what faces come to at a border vertex.
 const SUM_COST: u64 = size_of::<normals::BorderSum>() as u64;
