@@ -66,13 +66,24 @@ pub enum PartitionError {
         max_nodes: [usize; 2],
     },
 
-    /// METIS gave up: out of memory, interrupted by SIGTERM or SIGABRT, or an internal failure; it does not say which.
-    #[error(
-        "METIS failed or was interrupted ({reason}); the greedy partitioner does the same task without METIS"
-    )]
+    /// METIS does not take this graph, and would not another time.
+    #[error("METIS cannot divide this graph ({reason}); the greedy partitioner can")]
     Metis {
+        /// Why not.
+        reason: String,
+    },
+
+    /// METIS ended early for what is not in the graph: the system had no memory for it, or a signal came. It does not always say which.
+    #[error(
+        "METIS ended early ({reason}) with a graph of {nodes} nodes and {edges} edges; run again with more memory free, or with the partitioner greedy, whose parts are others"
+    )]
+    EndedEarly {
         /// METIS's own words.
         reason: String,
+        /// Nodes of the graph.
+        nodes: usize,
+        /// Its edges.
+        edges: usize,
     },
 
     /// No partitioner has this name.

@@ -57,7 +57,7 @@ pub struct Partition {
     pub part_count: u32,
     /// Findings and changes of the repair.
     pub report: RepairReport,
-    /// The algorithm that made the partition: [`Partitioner::Greedy`] also where METIS was asked for and failed.
+    /// The algorithm that made the partition: [`Partitioner::Greedy`] also where METIS was asked for and does not take the graph.
     pub used: Partitioner,
 }
 
@@ -66,7 +66,7 @@ impl Partitioner {
     /// is. With no more nodes than parts, each node is a part of its own.
     ///
     /// # Errors
-    /// [`PartitionError::NoParts`] if `parts` is zero.
+    /// [`PartitionError::NoParts`] if `parts` is zero, [`PartitionError::EndedEarly`].
     pub fn kway(self, graph: &CsrGraph, parts: u32, seed: u64) -> Result<Partition, PartitionError> {
         if parts == 0 {
             return Err(PartitionError::NoParts);
@@ -83,7 +83,7 @@ impl Partitioner {
     /// Partitions into two parts whose weights are about as `fractions` is to its sum.
     ///
     /// # Errors
-    /// [`PartitionError::Fractions`] unless both fractions are positive and finite.
+    /// [`PartitionError::Fractions`] unless both fractions are positive and finite, [`PartitionError::EndedEarly`].
     pub fn bisect(
         self,
         graph: &CsrGraph,
@@ -100,16 +100,18 @@ impl Partitioner {
         repaired(graph, assignment, 2, larger, used)
     }
 
-    /// The chosen algorithm's answer, or the greedy one where METIS fails.
+    /// The chosen algorithm's answer, or the greedy one for graphs that METIS never takes. What may be otherwise another time is an error:
+    /// the same graph has one partition.
     fn choose(
         self,
         metis: impl FnOnce() -> Result<Vec<u32>, PartitionError>,
         greedy: impl FnOnce() -> Result<Vec<u32>, PartitionError>,
     ) -> Result<(Vec<u32>, Partitioner), PartitionError> {
-        if self == Partitioner::Metis
-            && let Ok(assignment) = metis()
-        {
-            return Ok((assignment, Partitioner::Metis));
+        if self == Partitioner::Metis {
+            match metis() {
+                Err(PartitionError::Metis { .. }) => {}
+                result => return Ok((result?, Partitioner::Metis)),
+            }
         }
         Ok((greedy()?, Partitioner::Greedy))
     }
@@ -168,8 +170,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn greedy_steps_in_where_metis_fails() {
-        let failed = || Err(PartitionError::Metis { reason: "interrupted".to_owned() });
+    fn greedy_steps_in_for_graphs_that_metis_does_not_take() {
+        let failed = || Err(PartitionError::Metis { reason: "a node outweighs".to_owned() });
         assert_eq!(Partitioner::Metis.choose(failed, || Ok(vec![7])), Ok((vec![7], Partitioner::Greedy)));
         assert_eq!(Partitioner::Metis.choose(|| Ok(vec![8]), failed), Ok((vec![8], Partitioner::Metis)));
         assert_eq!(Partitioner::Greedy.choose(failed, || Ok(vec![7])), Ok((vec![7], Partitioner::Greedy)));

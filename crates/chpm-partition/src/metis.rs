@@ -8,7 +8,7 @@
 //! During a call METIS takes over SIGTERM and SIGABRT with handlers that jump back into it. **A process that uses this module
 //! should keep SIGTERM blocked in every thread** (block it before the first thread starts, so that all inherit the mask) and wait
 //! for it in a thread of its own with `sigwait`. Otherwise a SIGTERM that arrives during a call may be swallowed, in which
-//! case the call returns [`PartitionError::Metis`], or delivered to a thread that METIS does not expect, which is fatal.
+//! case the call returns [`PartitionError::EndedEarly`], or delivered to a thread that METIS does not expect, which is fatal.
 //!
 //! The functions here return what METIS returns: parts may be empty or in several pieces. [`crate::Partitioner`]
 //! repairs that.
@@ -27,7 +27,8 @@ const KWAY_NODES_PER_PART: usize = 16;
 /// The part below `parts` of every node; few cut edges, weights within about 3% of equal where that is possible.
 ///
 /// # Errors
-/// [`PartitionError::NoParts`], [`PartitionError::TooLarge`], or [`PartitionError::Metis`] if METIS fails.
+/// [`PartitionError::NoParts`], [`PartitionError::TooLarge`], [`PartitionError::Metis`] for graphs that METIS does not take, or
+/// [`PartitionError::EndedEarly`].
 pub fn kway(graph: &CsrGraph, parts: u32, seed: u64) -> Result<Vec<u32>, PartitionError> {
     if parts == 0 {
         return Err(PartitionError::NoParts);
@@ -40,7 +41,7 @@ pub fn kway(graph: &CsrGraph, parts: u32, seed: u64) -> Result<Vec<u32>, Partiti
 /// The side, 0 or 1, of every node; the weights of the sides are about as the fractions.
 ///
 /// # Errors
-/// [`PartitionError::Fractions`], or [`PartitionError::Metis`] if METIS fails.
+/// [`PartitionError::Fractions`], and those of [`kway`].
 pub fn bisect(graph: &CsrGraph, fractions: [f64; 2], seed: u64) -> Result<Vec<u32>, PartitionError> {
     let fractions = normalised(fractions)?.map(|fraction| fraction as f32);
     Task { graph, parts: 2, fractions: Some(fractions), method: PType::Rb, seed }.run()
@@ -99,7 +100,14 @@ impl Task<'_> {
             PType::Kway => task.part_kway(&mut assignment),
         };
         drop(traps);
-        result.map_err(|error| failed(error.to_string()))?;
+        result.map_err(|error| match error {
+            metis::Error::Input => failed(error.to_string()),
+            _ => PartitionError::EndedEarly {
+                reason: error.to_string(),
+                nodes: graph.node_count(),
+                edges: graph.neighbors().len() / 2,
+            },
+        })?;
         let in_range: Option<Vec<u32>> = assignment
             .into_iter()
             .map(|part| u32::try_from(part).ok().filter(|&part| part < self.parts))
