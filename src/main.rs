@@ -42,6 +42,7 @@ mod session;
 mod stats_tables;
 mod stop;
 mod threads;
+mod tight;
 mod tolerance;
 mod view;
 #[cfg(feature = "web")]

@@ -238,11 +238,12 @@ impl MeshFile<'_> {
 }
 
 impl<'m, 'a> Ready<'m, 'a> {
-    /// Decides in which coordinates a mesh is written.
+    /// Decides in which coordinates a mesh is written. Where it is `proven` to be nearer to the source than is stored, that is told.
     pub(crate) fn new(
         target: MeshFile<'a>,
         file: &Chpm<MappedFile>,
         mesh: &'m Extraction<'m, MappedFile>,
+        proven: Option<f32>,
         cancel: &Cancel,
     ) -> Result<Self> {
         let lost = target.lost(file);
@@ -254,8 +255,8 @@ impl<'m, 'a> Ready<'m, 'a> {
         fn with(bound: f32, rounding: f64) -> f32 {
             if rounding > 0.0 { geom::round_up(f64::from(bound) + rounding) } else { bound }
         }
-        let bounds =
-            Bounds { error: with(mesh.error(), rounding), distance: with(mesh.distance(), rounding) };
+        let nearest = |stored: f32| with(proven.map_or(stored, |proven| proven.min(stored)), rounding);
+        let bounds = Bounds { error: nearest(mesh.error()), distance: nearest(mesh.distance()) };
         let moved = frame.offset().filter(|_| !target.args.local_origin).map(|[x, y, z]| {
             format!(
                 "so far from the zero point, the single precision of binary STL would move vertices by up to {} units: coordinates are written relative to {x} {y} {z}; --local-origin tells that in a file beside it, --ascii and other formats keep the coordinates",

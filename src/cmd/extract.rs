@@ -8,6 +8,8 @@ use crate::number::{self, Triangles};
 use crate::output;
 use crate::progress::{Meter, line};
 use crate::stop::{self, Stop};
+use crate::threads::ThreadArgs;
+use crate::tight;
 use crate::view::{self, ImageArgs};
 use anyhow::{Context, Error, Result};
 use chpm_build::config::Length;
@@ -33,6 +35,12 @@ pub(crate) struct Args {
     camera: Option<Camera>,
     #[command(flatten)]
     image: ImageArgs,
+    /// Go on to coarser meshes while these are proven to be within --error, as by verify --errors: stored distances are farther from the truth the
+    /// coarser a mesh is. Half of the triangles may be left; it takes ten seconds for a million triangles of the source, about
+    #[arg(long, requires = "error", conflicts_with_all = ["triangles", "level", "poe"])]
+    tight: bool,
+    #[command(flatten)]
+    threads: ThreadArgs,
     #[command(flatten)]
     mesh: MeshArgs,
     /// Exit with 1 where the file gives less than was asked for; it is a warning if not given
@@ -83,8 +91,10 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let mut out = output::messages([&target.output], args.json, args.quiet)?;
     let request = request(file, args)?;
     let lacks = || format!("'{}' does not have that", args.file.display());
-    let cut = request.cut(file, target.rounding(file), free, || stop::check(&cancel));
-    let cut = cut.map_err(|error: Error| match error.downcast_ref() {
+    let (meter, rounding) = (Meter::new(args.quiet), target.rounding(file));
+    let threads = args.tight.then_some(&args.threads);
+    let cut = tight::cut(file, &request, (rounding, free), threads, &meter, &cancel);
+    let (cut, proven) = cut.map_err(|error: Error| match error.downcast_ref() {
         Some(RefineError::Level { .. }) => error.context(lacks()),
         _ => error,
     })?;
@@ -93,7 +103,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     // What its order takes is known only now.
     let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh);
     memory::divide(file, args.memory.memory(), bytes)?;
-    let ready = Ready::new(target, file, &mesh, &cancel)?;
+    let ready = Ready::new(target, file, &mesh, proven, &cancel)?;
     let bounds = ready.bounds;
     let shortfall = request.shortfall(file, &cut, bounds.distance);
     let less = shortfall.map(|less| less.describe(args.file.display(), file.header().aabb().diagonal()));
@@ -106,7 +116,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
         warnings: warnings.clone(),
         mesh: ready.json(),
     };
-    ready.write(file, &Meter::new(args.quiet), &cancel)?;
+    ready.write(file, &meter, &cancel)?;
     if args.json {
         json::print(&extract, &mut out)?;
     } else {

@@ -261,3 +261,67 @@ fn wrong_words_and_files_are_refused() {
     let found = json(&folder, "verify in.chpm --against other.ply --errors --json -q", 1);
     assert!(found["errors"].is_null() && found["against"]["equal"] == false, "{found}");
 }
+
+fn triangles(folder: &Folder, words: &str) -> u64 {
+    json(folder, &format!("{words} -o out.ply --json -qf"), 0)["triangles"].as_u64().expect("a count")
+}
+
+#[test]
+fn what_is_proven_anew_is_coarser_and_near_enough() {
+    let folder = Folder::new();
+    folder.stdout("synth torus --triangles 20k -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 512");
+    folder.stdout("build in.ply -o trimmed.chpm -q --cluster-triangles 512 --finest-error 0.1%");
+    for file in ["in.chpm", "trimmed.chpm"] {
+        for share in ["3%", "1%", "0.5%"] {
+            let asked = format!("extract {file} --error {share}");
+            let stored = triangles(&folder, &asked);
+            let told = json(&folder, &format!("{asked} --tight --threads 1 -o tight.ply --json -qf"), 0);
+            let tight = told["triangles"].as_u64().expect("a count");
+            assert!(tight < stored, "{file} {share}: {tight}, {stored}");
+            let measured = json(&folder, "measure tight.ply in.ply --json -q", 0);
+            assert!(number(&measured["max"]) <= number(&told["distance"]), "{file} {share}: {measured}");
+            let of_diagonal = 0.01 * share.trim_end_matches('%').parse::<f64>().expect("a number");
+            let limit = of_diagonal * number(&measured["diagonal"]);
+            assert!(number(&told["distance"]) <= limit * (1.0 + 1e-6), "{file} {share}: {told}");
+            // Whatever works on it.
+            triangles(&folder, &format!("{asked} --tight --threads 3 --memory 128M"));
+            assert!(folder.read("out.ply") == folder.read("tight.ply"), "{file} {share}");
+        }
+    }
+    let simplified = triangles(&folder, "simplify in.ply --within 1% --tight");
+    assert!(simplified < triangles(&folder, "simplify in.ply --within 1%"));
+    for words in
+        ["extract in.chpm --level 0", "extract in.chpm --triangles 9", "simplify in.ply --triangles 9"]
+    {
+        let refused = folder.stderr(&format!("{words} --tight -o no.ply"), 2);
+        assert!(refused.contains("cannot be used"), "{words}: {refused}");
+    }
+}
+
+/// A mesh that is stored to be far away, of which the truth is known: a little more is proven, and a little less is not.
+#[test]
+fn only_what_is_true_is_proven_anew() {
+    let folder = Folder::new();
+    let gaps = |base| Gaps { fine: 0.0, base, from: 1.0 };
+    folder.write("pyramid.chpm", leaf_with(&pyramid(), &[0], &[3.0], gaps(0.0)));
+    // A large triangle, and far above it a small one that becomes its corner.
+    let mut mesh = hand::strip(1);
+    mesh.positions.truncate(3);
+    mesh.positions.extend([[0.25, 0.25, 50.0], [1.25, 0.25, 50.0], [0.25, 1.25, 50.0]]);
+    mesh.triangles = vec![[0, 1, 2], [3, 4, 5]];
+    folder.write("speck.chpm", leaf_with(&mesh, &[3, 3], &[1.0; 2], gaps(60.0)));
+    // The farthest corner is beside the large one: 50 up and the square root of an eighth away.
+    for (name, error, stored, tight) in [
+        ("pyramid", 3.0, 2, 2),
+        ("pyramid", 1.001, 4, 2),
+        ("pyramid", 0.999, 4, 4),
+        ("speck", 60.1, 1, 1),
+        ("speck", 50.002, 2, 1),
+        ("speck", 50.001, 2, 2),
+    ] {
+        let words = format!("extract {name}.chpm --error {error}");
+        assert_eq!(triangles(&folder, &words), stored, "{words}");
+        assert_eq!(triangles(&folder, &format!("{words} --tight")), tight, "{words}");
+    }
+}

@@ -64,10 +64,7 @@ impl Request {
         let model = file.header().source_triangle_count;
 
         match *self {
-            Request::Within(bound) => {
-                let distance = less(bound.of(file.header().aabb().diagonal()), rounding);
-                Cut::at_distance_while(file, distance, go_on)
-            }
+            Request::Within(bound) => Cut::at_distance_while(file, left(file, bound, rounding), go_on),
             Request::Triangles(wanted, None) => budget::best_anywhere(file, wanted.of(model), bytes, go_on),
             Request::Triangles(wanted, Some(view)) => {
                 let (hierarchy, limit) = (Hierarchy::new(file), wanted.of(model));
@@ -82,6 +79,12 @@ impl Request {
             }
             Request::View(view) => select_while(file, &Hierarchy::new(file), &view, go_on),
         }
+    }
+
+    /// How far a mesh may be from the source that will be rounded on its way, object units; none if no distance is asked for.
+    pub fn distance<D: AsRef<[u8]>>(&self, file: &Chpm<D>, rounding: f64) -> Option<f32> {
+        let Request::Within(bound) = *self else { return None };
+        Some(left(file, bound, rounding))
     }
 
     /// Refuses a mesh of more triangles than were asked for: the coarsest has more.
@@ -140,7 +143,8 @@ impl Shortfall {
 }
 
 /// Bound that is left for a mesh that is rounded: never more than was asked for.
-fn less(bound: f64, rounding: f64) -> f32 {
+fn left<D: AsRef<[u8]>>(file: &Chpm<D>, bound: Length, rounding: f64) -> f32 {
+    let bound = bound.of(file.header().aabb().diagonal());
     match rounding > 0.0 {
         true => ((bound - rounding) as f32).next_down().max(0.0),
         false => geom::round_down(bound),

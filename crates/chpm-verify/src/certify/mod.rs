@@ -9,8 +9,10 @@
 //! Beside it the true distance of either side is enclosed: some point is at least so far, and none is farther than so much. First by what the proofs of all triangles came
 //! to, and then anew in those clusters that might have a point farther than the farthest that is known.
 
+mod coarsest;
 mod faults;
 
+pub use coarsest::{Proven, coarsest};
 pub use faults::faults;
 
 use crate::cuts;
@@ -215,13 +217,8 @@ pub fn certify(
 ) -> Result<Certified, VerifyError> {
     let certifier = Certifier::new(file, wanted.effort, budget, progress, cancel)?;
     let leaf_errors = certifier.leaves.iter().map(|id| file.clusters()[id.index()].min_error.into());
-    let bounds = file.header().aabb();
-    let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |largest: f32, x| largest.max(x.abs()));
-    let mut found = Certified {
-        rounding: leaf_errors.fold(0.0, f64::max),
-        slack: 2.0 * LOSS * f64::from(largest),
-        ..Certified::default()
-    };
+    let mut found =
+        Certified { rounding: leaf_errors.fold(0.0, f64::max), slack: slack(file), ..Certified::default() };
     for level in
         (0..file.levels().len() as u32).filter(|l| wanted.levels.is_empty() || wanted.levels.contains(l))
     {
@@ -243,6 +240,13 @@ pub fn certify(
         found.cuts.push(certifier.cut(&cut, Which::Cut { seed }, &label, found.rounding, |_| true)?);
     }
     Ok(found)
+}
+
+/// By how much what a proof tells may be beyond the truth at most.
+fn slack(file: &Chpm<MappedFile>) -> f64 {
+    let bounds = file.header().aabb();
+    let largest = bounds.min.iter().chain(&bounds.max).fold(0.0, |largest: f32, x| largest.max(x.abs()));
+    2.0 * LOSS * f64::from(largest)
 }
 
 impl<'a> Certifier<'a> {

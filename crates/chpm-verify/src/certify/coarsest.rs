@@ -1,0 +1,140 @@
+//! The coarsest cut within a distance, by proof: stored distances add up from level to level, and the coarser a mesh is, the farther are they
+//! from the truth.
+//!
+//! Cuts by ever larger stored distances are held against the leaves, as surfaces, until one is not proven to be within what was asked for; then halfway. Each that
+//! is taken has been proven by itself, so nothing rests on how distances grow.
+
+use super::{Certifier, Side, Way, slack};
+use crate::deviation::{drawn_tiles, finest, mesh_of};
+use crate::error::VerifyError;
+use chpm_extmem::{Cancel, MappedFile, Progress};
+use chpm_format::Chpm;
+use chpm_measure::proof::{Allowed, Verdict};
+use chpm_mesh::geom::round_up;
+use chpm_mesh::{Aabb, ClusterId, TriMesh};
+use chpm_refine::Cut;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Pieces that a triangle may be cut into for each triangle below it, about.
+const EFFORT: u32 = 256;
+/// Cuts that are tried: they end within some percent of the last that can be proven.
+const TRIED: u32 = 8;
+/// What the stored distance grows by until a cut fails.
+const GROWTH: f64 = 1.5;
+
+/// A cut, and how far it is from the source, and the source from it, at most.
+#[derive(Clone, Debug)]
+pub struct Proven {
+    /// The cut.
+    pub cut: Cut,
+    /// That distance, object units; nothing is exempt.
+    pub distance: f32,
+}
+
+/// The coarsest cut that could be proven to be within a distance of the source, both ways; none where stored distances tell as much. Tiles may take `budget` bytes.
+///
+/// # Errors
+/// [`VerifyError::Format`] for a damaged page, [`VerifyError::Cancelled`], and what selecting a cut comes to.
+pub fn coarsest(
+    file: &Chpm<MappedFile>,
+    distance: f32,
+    budget: u64,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Option<Proven>, VerifyError> {
+    // What is missing in a file of version 1.0 may be anywhere.
+    if !file.has_gaps() {
+        return Ok(None);
+    }
+    for id in 0..file.clusters().len() as u32 {
+        cancel.check()?;
+        file.page(ClusterId(id))?;
+    }
+    let certifier = Certifier::new(file, EFFORT, budget, progress, cancel)?;
+    // The source is so far from the leaves.
+    let leaves = certifier.leaves.iter().map(|id| {
+        let leaf = &file.clusters()[id.index()];
+        f64::from(file.gaps(leaf.group()).distance(leaf.min_error))
+    });
+    let beside = leaves.fold(0.0, f64::max) + slack(file);
+    let limit = f64::from(distance) - 2.0 * beside;
+    if limit <= 0.0 {
+        return Ok(None);
+    }
+
+    let (mut near, mut far) = (f64::from(distance), None);
+    let mut last = Cut::at_distance(file, distance)?;
+    let mut found = None;
+    for _ in 0..TRIED {
+        let bound = far.map_or(near * GROWTH, |far: f64| (near * far).sqrt());
+        let cut = Cut::at_distance(file, bound as f32)?;
+        if cut == last {
+            near = bound;
+        } else if let Some(reached) = certifier.reach(&cut, limit)? {
+            near = bound;
+            last = cut.clone();
+            found = Some(Proven { cut, distance: round_up(reached + beside) });
+        } else {
+            far = Some(bound);
+        }
+    }
+    Ok(found)
+}
+
+impl Certifier<'_> {
+    /// How far a cut and the leaves are from each other at most, if that is proven to be within a limit.
+    fn reach(&self, cut: &Cut, limit: f64) -> Result<Option<f64>, VerifyError> {
+        let (file, members) = (self.file, cut.members());
+        let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
+        let drawn = drawn_tiles(file, members, boxes, self.budget, self.cancel);
+        let size = super::size_of(members.len(), |index| mesh_of(file, members[index]), self.cancel)?;
+        let of_mesh = Way { certifier: self, target: &self.source, limits: self.limits(size, self.size) };
+        let of_source = Way { certifier: self, target: &drawn, limits: self.limits(self.size, size) };
+
+        self.progress.begin("proving", (self.leaves.len() + members.len()) as u64);
+        let far = of_mesh.reach(members.len(), |i| mesh_of(file, members[i]), limit)?;
+        let far = match far {
+            Some(far) => of_source
+                .reach(self.leaves.len(), |leaf| finest(file, self.leaves[leaf]), limit)?
+                .map(|back| far.max(back)),
+            None => None,
+        };
+        self.progress.end();
+        Ok(far)
+    }
+}
+
+impl Way<'_> {
+    /// How far the parts are at most, if all of them are within a limit; ends at the first triangle that is not.
+    fn reach(
+        &self,
+        count: usize,
+        part: impl Fn(usize) -> TriMesh + Sync,
+        limit: f64,
+    ) -> Result<Option<f64>, VerifyError> {
+        let (allowed, is_beyond) = (Allowed::Same(limit), AtomicBool::new(false));
+        let sides = (0..count).into_par_iter().map(|index| {
+            if is_beyond.load(Ordering::Relaxed) {
+                return Ok(Side::default());
+            }
+            self.each_chunk(&part(index), |prover, chunk| {
+                let mut side = Side::default();
+                for triangle in chunk {
+                    if is_beyond.load(Ordering::Relaxed) {
+                        break;
+                    }
+                    let found = prover.within(*triangle, &allowed, self.limit(triangle));
+                    side.upper = side.upper.max(found.reached);
+                    if found.verdict != Verdict::Within {
+                        is_beyond.store(true, Ordering::Relaxed);
+                    }
+                }
+                side
+            })
+        });
+        let sides: Vec<Side> = sides.collect::<Result<_, VerifyError>>()?;
+        let farthest = sides.iter().map(|side| side.upper).fold(0.0, f64::max);
+        Ok((!is_beyond.into_inner()).then_some(farthest))
+    }
+}
