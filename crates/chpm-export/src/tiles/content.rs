@@ -6,7 +6,7 @@ use crate::glb::GlbWriter;
 use crate::gltf::Facts;
 use crate::packed_glb;
 use chpm_format::{Chpm, ErrorKind, Page};
-use chpm_mesh::{Aabb, ClusterId, Places, TriMesh};
+use chpm_mesh::{Aabb, Attributes, ClusterId, Places, TriMesh};
 use serde_json::{Map, Value};
 
 /// One end of a cluster's progressive mesh.
@@ -58,17 +58,27 @@ pub fn tile<D: AsRef<[u8]>>(
         extras: facts(file, cluster, error),
         scalars: Vec::new(),
     };
-    let (attributes, count) = (file.header().attributes().decoded(), mesh.triangles.len() as u64);
-    if options.packed && count > 0 {
-        return Ok((packed_glb::whole(&facts, attributes, mesh.view(), &mesh.triangles)?, count));
+    let glb = content(&facts, file.header().attributes().decoded(), &mesh, options.packed)?;
+    Ok((glb, mesh.triangles.len() as u64))
+}
+
+/// A mesh as a GLB; nothing is not packed, since the extension's buffers have at least a byte.
+pub(super) fn content(
+    facts: &Facts,
+    attributes: Attributes,
+    mesh: &TriMesh,
+    packed: bool,
+) -> Result<Vec<u8>, ExportError> {
+    if packed && !mesh.triangles.is_empty() {
+        return packed_glb::whole(facts, attributes, mesh.view(), &mesh.triangles);
     }
 
     let bounds = Aabb::of_points(&mesh.positions);
-    let vertices = mesh.positions.len() as u64;
-    let mut glb = GlbWriter::new(Vec::new(), &facts, attributes, vertices, count, &bounds)?;
+    let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
+    let mut glb = GlbWriter::new(Vec::new(), facts, attributes, vertices, triangles, &bounds)?;
     glb.vertices(mesh.view())?;
     glb.triangles(&mesh.triangles)?;
-    Ok((glb.finish()?, count))
+    glb.finish()
 }
 
 /// The bounds that a cluster's mesh keeps.

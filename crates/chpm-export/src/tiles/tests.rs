@@ -1,14 +1,16 @@
 //! Tilesets of small models, read as a viewer reads them.
 
+use super::content::content;
 use super::{Mesh, Options, Tree, tile, tile_path, tilesets};
 use crate::ExportError;
+use crate::gltf::Facts;
 use chpm_build::config::Length;
 use chpm_build::{BuildConfig, Cancel, Resources, Settings, Silent, build};
 use chpm_format::Chpm;
 use chpm_import::ply::{Encoding, write_mesh};
-use chpm_mesh::{Bytes, ClusterId, TriMesh};
+use chpm_mesh::{Attributes, Bytes, ClusterId, TriMesh};
 use chpm_synth::{Shape, Synth, hand};
-use serde_json::Value;
+use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 
@@ -345,4 +347,13 @@ fn boxes_of_flat_models_have_three_axes_in_single_precision() {
             assert!(way.iter().any(|x| (*x as f32).abs() > 1e-9), "{way:?}");
         }
     });
+}
+
+#[test]
+fn a_tile_of_nothing_is_never_packed() {
+    let placement = options(false, 1).placement();
+    let facts =
+        Facts { generator: "test".to_owned(), placement, extras: Map::default(), scalars: Vec::new() };
+    let of = |packed| content(&facts, Attributes::default(), &TriMesh::default(), packed).unwrap();
+    assert_eq!(of(true), of(false));
 }

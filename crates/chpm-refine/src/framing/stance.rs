@@ -146,7 +146,8 @@ fn shown(outline: &Outline, up: Up, why: &mut String) -> (f64, f64) {
         (false, true) => {
             format!("seen from the {name}: it is {:.1} times as wide as the front", along / across)
         }
-        (false, false) => format!("seen from the {name}"),
+        // Lucy's back has as much to see as her front.
+        (false, false) => format!("seen from the {name}, or from behind: nothing tells which"),
     });
     (around, ABOVE)
 }
@@ -245,6 +246,8 @@ mod tests {
                 _ => "front",
             };
             assert!(stance.why().contains(told), "{name}: {}", stance.why());
+            let is_guess = stance.why().contains("or from behind: nothing tells which");
+            assert_eq!(is_guess, name == "column", "{}", stance.why());
         }
         // A wall that is open, turned away from who looks from the front.
         let wall = |turned: bool| {
