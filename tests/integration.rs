@@ -10,6 +10,8 @@ mod integration {
     mod batch;
     /// Speed against error: figures, CSV and plot.
     mod bench;
+    /// The same bytes on every system.
+    mod bytes;
     /// Stored errors that are proven to hold, or refuted.
     mod certify;
     /// Files that are damaged, or truncated or changed while they are read.

@@ -7,11 +7,14 @@ cd "$(dirname "$0")/.."
 target=x86_64-pc-windows-gnu
 folder=$(realpath -m "${1:-target/windows}")
 built=${CARGO_TARGET_DIR:-target}
+list=$PWD/tests/integration/bytes.txt
 rm -rf "$folder" && mkdir -p "$folder/here"
 
 cargo build --quiet --profile quick --no-default-features
 # C++ and C libraries of the compiler go into the program, so that it is one file.
-CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUSTFLAGS="-C link-arg=-static" \
+library=$(dirname "$(x86_64-w64-mingw32-g++ -print-file-name=libstdc++.a)")
+CXXSTDLIB_x86_64_pc_windows_gnu="static=stdc++" \
+    CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUSTFLAGS="-C link-arg=-static -L native=$library" \
     cargo build --quiet --profile quick --no-default-features --target $target
 here=$(realpath "$built/quick/chpm")
 cp "$built/$target/quick/chpm.exe" "$folder"
@@ -27,7 +30,7 @@ C
 x86_64-w64-mingw32-gcc -shared -o bcryptprimitives.dll random.c -ladvapi32
 windows() { wine ./chpm.exe "$@" 2> >(grep -v wine32 >&2); }
 
-failed=0
+failed=0 number=0
 expect() { # NAME COMMAND.. : the command succeeds
     if "${@:2}" > out.txt 2>&1; then echo "ok      $1"; else
         echo "FAILED  $1"
@@ -45,23 +48,21 @@ refuse() { # NAME CODE WORDS COMMAND.. : the command ends with the code and says
     fi
 }
 
-while IFS=';' read -r name source settings; do
-    "$here" synth $source -o "$name.ply" -q > /dev/null
-    "$here" build "$name.ply" -o "here/$name.chpm" -q $settings > /dev/null
-    windows build "$name.ply" -q $settings > /dev/null
-    expect "bytes of $name ($source; $settings)" cmp "here/$name.chpm" "$name.chpm"
-done <<'END'
-torus;torus --triangles 60k;
-soup;odd:random --triangles 20k;
-surface;isosurface --triangles 100k;--threads 2 --memory 128M
-plates;plates --triangles 60k;--pages packed
-terrain;terrain --triangles 60k;--normals computed
-locked;sphere --triangles 30k;--boundary lock
-oblivious;torus --triangles 30k;--order cache-oblivious
-lattice;sphere --triangles 30k;--positions lattice:16
-cut;torus --triangles 30k;--finest-error 0.01
-large;isosurface --triangles 600k;--memory 128M
-END
+while IFS=';' read -r _ source settings; do
+    number=$((number + 1))
+    "$here" synth $source -o "$number.ply" -q > /dev/null
+    expect "synth $source" windows synth $source -o same.ply -qf
+    expect "the same source" cmp "$number.ply" same.ply
+    "$here" build "$number.ply" -o "here/$number.chpm" -q $settings > /dev/null
+    expect "build $settings" windows build "$number.ply" -q $settings
+    expect "the same bytes" cmp "here/$number.chpm" "$number.chpm"
+    rm -f "$number.ply" same.ply "$number.chpm"
+done < <(grep -v '^#' "$list")
+for shape in "torus --triangles 60k" "surface --triangles 100k" "plates --triangles 60k"; do
+    set -- $shape
+    "$here" synth "${1/surface/isosurface}" "$2" "$3" -o "$1.ply" -q > /dev/null
+    expect "build $shape" windows build "$1.ply" -q
+done
 expect "verify" windows verify surface.chpm --against surface.ply --cuts 20
 expect "verify --errors" windows verify torus.chpm --against torus.ply --errors
 expect "info" windows info surface.chpm

@@ -331,6 +331,41 @@ fn systems_differ_in_one_folder() {
     }
 }
 
+/// Functions that every system's library rounds in its own way; those of the crate `libm` are the same everywhere.
+const OF_A_MATH_LIBRARY: [&str; 16] = [
+    ".sin()",
+    ".cos()",
+    ".tan()",
+    ".sin_cos()",
+    ".asin()",
+    ".acos()",
+    ".atan()",
+    ".atan2(",
+    ".log2()",
+    ".log10()",
+    ".ln()",
+    ".exp()",
+    ".exp2()",
+    ".powf(",
+    ".cbrt()",
+    ".mul_add(",
+];
+
+#[test]
+fn no_byte_depends_on_the_math_library_of_a_system() {
+    let homes = ["build", "export", "extmem", "format", "import", "mesh", "partition", "qem", "synth"]
+        .map(|name| root().join("crates").join(format!("chpm-{name}")));
+    for path in library_sources() {
+        let text = fs::read_to_string(&path).expect("a source");
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        let found = OF_A_MATH_LIBRARY.iter().find(|word| code.contains(**word));
+        // The second one is an oracle for tests.
+        let is_test = path.ends_with("tests.rs") || path.ends_with("overlay/exact.rs");
+        let is_written = homes.iter().any(|home| path.starts_with(home)) && !is_test;
+        assert!(!is_written || found.is_none(), "{}: {found:?}", path.display());
+    }
+}
+
 #[test]
 fn files_stay_short() {
     for path in all_sources() {

@@ -88,7 +88,7 @@ fn unit(normal: [f32; 3]) -> [f32; 3] {
 /// A channel of sRGB as light.
 fn linear(channel: u8) -> u16 {
     let value = f64::from(channel) / 255.0;
-    let light = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
+    let light = if value <= 0.04045 { value / 12.92 } else { libm::pow((value + 0.055) / 1.055, 2.4) };
     (light * 65535.0).round() as u16
 }
 

@@ -175,8 +175,8 @@ pub struct Digits {
 impl Digits {
     /// For numbers up to `largest` that are known to within `tolerance`.
     pub fn within(tolerance: f64, largest: f64) -> Digits {
-        let wanted = (1.0 - tolerance.log10()).ceil();
-        let there = 16.0 - largest.max(f64::MIN_POSITIVE).log10();
+        let wanted = (1.0 - libm::log10(tolerance)).ceil();
+        let there = 16.0 - libm::log10(largest.max(f64::MIN_POSITIVE));
         let decimals = (wanted < there).then_some(wanted.max(0.0) as usize);
         Digits { decimals, largest }
     }
@@ -187,7 +187,7 @@ impl Digits {
             Some(decimals) if decimals <= READABLE => format!("{number:.decimals$}"),
             // As many digits from the first one on, so that zeros do not have to be counted.
             Some(decimals) => {
-                let power = number.abs().max(f64::MIN_POSITIVE).log10().floor() as i32;
+                let power = libm::log10(number.abs().max(f64::MIN_POSITIVE)).floor() as i32;
                 let digits = (decimals as i32 + power).clamp(0, 17) as usize;
                 if number == 0.0 { "0".to_owned() } else { format!("{number:.digits$e}") }
             }

@@ -105,7 +105,7 @@ impl Deviation {
 
     /// The angle between two unit normals whose difference has the length of `normal`: 0 to 180 degrees.
     pub fn degrees(self) -> f32 {
-        let half = (f64::from(self.normal) / 2.0).min(1.0).asin();
+        let half = libm::asin((f64::from(self.normal) / 2.0).min(1.0));
         round_up(2.0 * half.to_degrees()).min(180.0)
     }
 

@@ -177,5 +177,5 @@ impl Prices {
 /// A power of two, so that scaling loses nothing: costs grow with the square of a length.
 fn scale(positions: &[[f32; 3]]) -> f64 {
     let size = Aabb::of_points(positions).diagonal().clamp(f64::exp2(-150.0), f64::exp2(130.0));
-    f64::exp2(-2.0 * size.log2().floor())
+    libm::exp2(-2.0 * libm::log2(size).floor())
 }

@@ -51,7 +51,7 @@ impl Terrain {
     pub(super) fn vertices<E>(&self, batch: &mut Batch<'_, [f32; 3], E>) -> Result<(), E> {
         let Quads { nx, ny } = self.quads;
         let step = 1.0 / f64::from(nx.max(ny));
-        let octaves = (f64::from(nx.max(ny)) / 8.0).log2().floor().max(1.0) as u64;
+        let octaves = libm::log2(f64::from(nx.max(ny)) / 8.0).floor().max(1.0) as u64;
         for y in 0..=ny {
             for x in 0..=nx {
                 let point = [f64::from(x) * step, f64::from(y) * step];

@@ -44,7 +44,7 @@ impl Isosurface {
 
     /// Tries a few widths of the grid, since one slab more or less is a large step in a small mesh.
     pub(super) fn new(target: u64, seed: u64) -> Self {
-        let n = (target as f64 / (4.0 * Self::TRIANGLES_PER_CELL)).cbrt().round() as u32;
+        let n = libm::cbrt(target as f64 / (4.0 * Self::TRIANGLES_PER_CELL)).round() as u32;
         let n = n.clamp(6, 1 << 12);
         fn off(plan: &Isosurface, target: u64) -> u64 {
             target.abs_diff(plan.triangles)

@@ -355,7 +355,7 @@ fn knots(n: u32) -> Plan {
             (at[2] * m + at[1]) * m + at[0]
         })
     }
-    let m = (f64::from(n) / 40.0).cbrt().round().max(2.0) as u32;
+    let m = libm::cbrt(f64::from(n) / 40.0).round().max(2.0) as u32;
     Plan::new(m * m * m, n, move |v| place(v, m), move |t| triangle(t, m))
 }
 

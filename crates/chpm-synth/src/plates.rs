@@ -52,7 +52,7 @@ impl Plates {
     }
 
     pub(super) fn vertices<E>(&self, batch: &mut Batch<'_, [f32; 3], E>) -> Result<(), E> {
-        let side = (self.count as f64).cbrt().ceil() as u64;
+        let side = libm::cbrt(self.count as f64).ceil() as u64;
         for number in 0..self.count {
             let plate = self.plate(number);
             let cell = [number % side, number / side % side, number / (side * side)];

@@ -79,7 +79,7 @@ pub(crate) fn nearest_pairs(
 fn unit_sized(points: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let bounds = Aabb::of_points(points);
     let longest = (0..3).map(|a| f64::from(bounds.max[a]) - f64::from(bounds.min[a])).fold(0.0, f64::max);
-    let scale = if longest > 0.0 { (-longest.log2().floor()).exp2() } else { 1.0 };
+    let scale = if longest > 0.0 { libm::exp2(-libm::log2(longest).floor()) } else { 1.0 };
     points.iter().map(|p| p.map(|x| (f64::from(x) * scale) as f32)).collect()
 }
 

@@ -162,7 +162,7 @@ impl Grid {
 
         // A surface meets about four n * n of n * n * n cells: start where those would hold twice the limit.
         let wanted = (positions.count() as f64 / (8.0 * f64::from(limit))).sqrt().max(1.0);
-        let mut n = 1u32 << (wanted.log2().ceil() as u32).min(MAX_UNIFORM_LOG);
+        let mut n = 1u32 << (libm::log2(wanted).ceil() as u32).min(MAX_UNIFORM_LOG);
         let (mut grid, mut apart) = loop {
             let scale = if longest > 0.0 { f64::from(n) / longest } else { 0.0 };
             let dims = extent.map(|e| ((e * scale).ceil() as u32).clamp(1, n));

@@ -158,7 +158,7 @@ pub(crate) fn run(
 /// complete tree and all clusters of a level have a similar history.
 fn leaf_count(triangles: usize, settings: &Settings) -> u32 {
     let exact = triangles as f64 / f64::from(settings.cluster_triangles.max(1));
-    1 << exact.max(1.0).log2().round().min(31.0) as u32
+    1 << libm::log2(exact.max(1.0)).round().min(31.0) as u32
 }
 
 /// How many regions to work on at the same time, and the memory for them: where it is short, arrays move to disk.

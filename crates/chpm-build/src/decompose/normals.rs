@@ -62,7 +62,7 @@ fn sums(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<Sum> {
         if twice > 0.0 {
             let cosines = [-ca.dot(&ab), -ab.dot(&bc), -bc.dot(&ca)];
             for (vertex, cosine) in corners.iter().zip(cosines) {
-                sums[*vertex as usize].add_face(&area, twice, twice.atan2(cosine));
+                sums[*vertex as usize].add_face(&area, twice, libm::atan2(twice, cosine));
             }
         }
     }

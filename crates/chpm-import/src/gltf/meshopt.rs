@@ -294,6 +294,6 @@ fn octahedral_16(bytes: &mut [u8]) {
 /// Single precision from a mantissa of 24 bits and an exponent of eight.
 fn exponential(bytes: &mut [u8]) {
     let bits = i32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-    let value = f64::from(bits << 8 >> 8) * f64::from(bits >> 24).exp2();
+    let value = f64::from(bits << 8 >> 8) * libm::exp2(f64::from(bits >> 24));
     bytes.copy_from_slice(&(value as f32).to_le_bytes());
 }

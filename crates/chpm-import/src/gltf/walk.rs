@@ -103,7 +103,7 @@ fn color(numbers: &[f64]) -> [u8; 4] {
     let mut color = [255; 4];
     for (at, (channel, x)) in color.iter_mut().zip(numbers).enumerate() {
         let value = match at {
-            0..3 if *x > 0.003_130_8 => 1.055 * x.powf(1.0 / 2.4) - 0.055,
+            0..3 if *x > 0.003_130_8 => 1.055 * libm::pow(*x, 1.0 / 2.4) - 0.055,
             0..3 => 12.92 * x,
             _ => *x,
         };

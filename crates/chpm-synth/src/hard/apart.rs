@@ -13,7 +13,7 @@ fn chance(piece: u32, part: i64) -> f64 {
 
 /// As large as their mean distance.
 pub(super) fn soup(triangles: u32) -> TriMesh {
-    let size = 1.0 / f64::from(triangles.max(1)).cbrt();
+    let size = 1.0 / libm::cbrt(f64::from(triangles.max(1)));
     let positions = (0..triangles.max(1)).flat_map(|t| (0..3).map(move |k| (t, k)));
     let positions = positions.map(|(t, k)| corner(t, k, size)).collect();
     TriMesh::new(positions, (0..triangles.max(1)).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect())
@@ -26,7 +26,7 @@ fn corner(t: u32, k: i64, size: f64) -> [f32; 3] {
 /// In a cube of cells of side 1; sizes fall with the square of chance, from 0.5 down to 0.0005.
 pub(super) fn components(triangles: u32) -> TriMesh {
     let count = (triangles / 4).max(1);
-    let row = (f64::from(count).cbrt().ceil() as u32).max(1);
+    let row = (libm::cbrt(f64::from(count)).ceil() as u32).max(1);
     let piece = hand::tetrahedron();
     let mut mesh = TriMesh::default();
     for i in 0..count {

@@ -111,14 +111,14 @@ pub(super) fn pages(triangles: u32) -> TriMesh {
 
 /// A block of cubes that have their corners in common, each with twelve triangles of its own: between two cubes every triangle is there twice.
 pub(super) fn cubes(triangles: u32) -> TriMesh {
-    let n = (f64::from(triangles) / 12.0).cbrt().round().max(1.0) as u32;
+    let n = libm::cbrt(f64::from(triangles) / 12.0).round().max(1.0) as u32;
     let high = (f64::from(triangles) / f64::from(12 * n * n)).round().max(1.0) as u32;
     faces_of_cells([n, n, high], |_, _| true)
 }
 
 /// Cells of a lattice that are full or not, by chance: their hull touches itself along edges and at corners.
 pub(super) fn voxels(triangles: u32) -> TriMesh {
-    let n = (f64::from(triangles) / 3.0).cbrt().round().max(2.0) as u32;
+    let n = libm::cbrt(f64::from(triangles) / 3.0).round().max(2.0) as u32;
     fn is_full(cell: [i64; 3], n: u32) -> bool {
         cell.iter().all(|c| (0..i64::from(n)).contains(c)) && hash(5, cell) & 1 == 1
     }
