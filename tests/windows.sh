@@ -11,10 +11,10 @@ list=$PWD/tests/integration/bytes.txt
 rm -rf "$folder" && mkdir -p "$folder/here"
 
 cargo build --quiet --profile quick --no-default-features
-# C++ and C libraries of the compiler go into the program, so that it is one file.
-library=$(dirname "$(x86_64-w64-mingw32-g++ -print-file-name=libstdc++.a)")
-CXXSTDLIB_x86_64_pc_windows_gnu="static=stdc++" \
-    CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUSTFLAGS="-C link-arg=-static -L native=$library" \
+# C++ and C libraries of the compiler go into the program, so that it is one file: in a folder of its own the static one is found first.
+mkdir "$folder/library"
+cp "$(x86_64-w64-mingw32-g++ -print-file-name=libstdc++.a)" "$folder/library"
+CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUSTFLAGS="-C link-arg=-static -L native=$folder/library" \
     cargo build --quiet --profile quick --no-default-features --target $target
 here=$(realpath "$built/quick/chpm")
 cp "$built/$target/quick/chpm.exe" "$folder"
