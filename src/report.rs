@@ -128,6 +128,7 @@ pub(crate) fn build_json(report: &BuildReport, source: String, output: String) -
     let stages = report.stages.iter().map(|row| Stage {
         stage: row.stage.to_string(),
         seconds: row.seconds,
+        processor_seconds: row.processor_seconds,
         peak_resident_bytes: row.peak_resident,
         budget_used_bytes: row.budget_used,
     });

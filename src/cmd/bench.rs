@@ -1,5 +1,7 @@
 //! `chpm bench`: speed against error, this project and others on one source, each in a process of its own.
 
+mod scaling;
+
 use super::{Verdict, stdout, temporary};
 use crate::args::MemorySize;
 use crate::bench::{
@@ -34,6 +36,10 @@ pub(crate) struct Args {
     /// Who competes; all who can if not given
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_enum)]
     only: Vec<Contender>,
+    /// Build with each of these numbers of threads instead, in turn, and tell how speed and stages scale
+    #[arg(long, value_name = "N", value_delimiter = ',', value_parser = number::count(1_u32..=1024))]
+    #[arg(conflicts_with_all = ["only", "samples", "csv", "svg"])]
+    threads: Vec<u32>,
     /// Samples on each triangle of the source, and of each mesh
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = number::count(1_u32..=1_000_000))]
     samples: u32,
@@ -86,6 +92,9 @@ pub(crate) fn contend(args: &ContendArgs, stop: &Stop) -> Result<Verdict> {
 
 /// Runs all and prints the figures.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    if !args.threads.is_empty() {
+        return scaling::run(args, stop);
+    }
     let create = |path: &Option<PathBuf>, writes: Writes| -> Result<Option<Output>> {
         path.as_ref().map(|path| writes.create(path, args.force, &[&args.source])).transpose()
     };

@@ -62,6 +62,8 @@ pub(crate) struct Stage {
     pub(crate) stage: String,
     /// Wall-clock time of it
     pub(crate) seconds: f64,
+    /// Processor time of all its threads; `null` where the system does not tell
+    pub(crate) processor_seconds: Option<f64>,
     /// The most memory of the process up to its end; `null` where the system does not tell
     pub(crate) peak_resident_bytes: Option<u64>,
     /// Bytes of the budget in use at its end

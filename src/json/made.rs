@@ -158,6 +158,52 @@ pub(crate) struct Bench {
     pub(crate) declined: Vec<String>,
 }
 
+/// `chpm bench --threads --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Scaling {
+    /// `chpm-bench-threads/1`
+    pub(crate) schema: &'static str,
+    /// The source as it was named
+    pub(crate) source: String,
+    /// Its triangles
+    pub(crate) triangles: u64,
+    /// Processors and their model, in words
+    pub(crate) machine: String,
+    /// Timed runs of each number of threads
+    pub(crate) runs: u32,
+    pub(crate) builds: Vec<ScalingBuild>,
+}
+
+/// Builds on one number of threads, medians.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct ScalingBuild {
+    /// Threads of the build
+    pub(crate) threads: u32,
+    /// Wall-clock time
+    pub(crate) seconds: f64,
+    /// Triangles of the source, by `seconds`
+    pub(crate) triangles_per_second: f64,
+    /// Times as fast as the first number of threads
+    pub(crate) speedup: f64,
+    /// Processor time of all threads; `null` where the system does not tell
+    pub(crate) processor_seconds: Option<f64>,
+    /// The most memory of the process; `null` where the system does not tell
+    pub(crate) peak_resident_bytes: Option<u64>,
+    pub(crate) stages: Vec<ScalingStage>,
+}
+
+/// A stage of builds on one number of threads.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct ScalingStage {
+    /// Name of the stage
+    pub(crate) stage: String,
+    /// Wall-clock time of it, median
+    pub(crate) seconds: f64,
+}
+
 /// A contender of a bench.
 #[derive(Serialize, Debug)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]

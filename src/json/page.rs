@@ -40,6 +40,7 @@ fn documents() -> Vec<(&'static str, Value)> {
         ("chpm-report/1", schema_for!(made::Report).to_value()),
         ("chpm-batch/1", schema_for!(Summary).to_value()),
         ("chpm-bench/1", schema_for!(made::Bench).to_value()),
+        ("chpm-bench-threads/1", schema_for!(made::Scaling).to_value()),
         ("chpm-distance/1", schema_for!(near::Distance).to_value()),
         ("chpm-clearance/1", schema_for!(near::Clearance).to_value()),
         ("chpm-contacts/1", schema_for!(near::Contacts).to_value()),

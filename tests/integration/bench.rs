@@ -63,3 +63,30 @@ fn those_who_are_asked_for_run_and_nobody_else() {
     assert!(folder.stderr("bench small.ply", 2).contains("fewer than 256 triangles"));
     assert!(!folder.stdout("--help").contains("contend"));
 }
+
+#[test]
+fn numbers_of_threads_are_compared_with_one_another() {
+    let folder = Folder::new();
+    folder.stdout("synth torus --triangles 30k -o in.ply -q");
+    let told = folder.stdout("bench in.ply --threads 1,2,3 --runs 2 -q --json");
+    let told: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    let builds = told["builds"].as_array().expect("builds");
+    assert_eq!(builds.len(), 3);
+    for (build, threads) in builds.iter().zip(1..) {
+        assert_eq!(build["threads"], threads);
+        let number = |name: &str| build[name].as_f64().expect("a number");
+        let stages = build["stages"].as_array().expect("stages");
+        let sum: f64 = stages.iter().map(|stage| stage["seconds"].as_f64().expect("seconds")).sum();
+        assert!(stages.len() == 6 && sum > 0.0 && number("processor_seconds") > 0.0, "{build}");
+        let speedup = builds[0]["seconds"].as_f64().expect("seconds") / number("seconds");
+        assert!((number("speedup") - speedup).abs() < 1e-9, "{build}");
+    }
+    let told = folder.stdout("bench in.ply --threads 2 --runs 1 -q");
+    assert!(told.contains("times as fast") && told.contains("simplify"), "{told}");
+    assert_eq!(folder.names(), ["in.ply"]);
+    for words in
+        ["bench in.ply --threads 0", "bench in.ply --threads 1 --only plain", "bench none.ply --threads 1"]
+    {
+        assert!(folder.stderr(words, 2).contains("error"), "{words}");
+    }
+}

@@ -122,6 +122,7 @@ fn every_key_is_documented_and_appears() {
         ("export", "export in.chpm --3dtiles tiles -q --json", 0),
         ("report", "report in.chpm -o page.html -q --json", 0),
         ("bench", "bench in.ply --runs 1 --samples 1 -q --json", 0),
+        ("bench-threads", "bench in.ply --threads 1,2 --runs 1 -q --json", 0),
         ("batch", "batch in.ply odd.obj bad.ply -o out --shard 1/1 -q --json", 1),
     ];
     #[cfg(feature = "web")]

@@ -64,7 +64,7 @@ impl<'a> Context<'a> {
     ) -> Result<T, BuildError> {
         self.check()?;
         self.progress.begin_stage(stage, total);
-        let start = Instant::now();
+        let (start, used) = (Instant::now(), process::process_time());
         let result = self.pool.install(|| {
             let _traced = self.trace.stage(stage.name());
             run()
@@ -73,6 +73,9 @@ impl<'a> Context<'a> {
         let row = StageReport {
             stage,
             seconds: start.elapsed().as_secs_f64(),
+            processor_seconds: process::process_time()
+                .zip(used)
+                .map(|(now, before)| now.saturating_sub(before).as_secs_f64()),
             peak_resident: process::peak_resident(),
             budget_used: self.store.budget.used(),
         };

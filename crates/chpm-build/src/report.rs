@@ -13,6 +13,8 @@ pub struct StageReport {
     pub stage: Stage,
     /// Wall-clock seconds.
     pub seconds: f64,
+    /// Seconds of the process's processors meanwhile, where the system tells; builds side by side in one process count one another's.
+    pub processor_seconds: Option<f64>,
     /// Peak resident memory of the process up to the stage's end, bytes, where the system tells.
     pub peak_resident: Option<u64>,
     /// Bytes of the memory budget that were in use at the stage's end.

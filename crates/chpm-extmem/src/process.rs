@@ -1,6 +1,6 @@
 //! Resource usage of the process, from the operating system; `None` where it does not tell.
 
-pub use crate::platform::{peak_resident, resident, thread_time};
+pub use crate::platform::{peak_resident, process_time, resident, thread_time};
 
 /// Has every large block of the heap go back to the system as soon as it is freed, where the C library is GNU's: it
 /// would else keep what was freed between smaller blocks, and its share would grow with every block that did.
@@ -18,6 +18,16 @@ pub(crate) static WATCHED: std::sync::Mutex<()> = std::sync::Mutex::new(());
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn work_takes_processor_time() {
+        let before = process_time().unwrap();
+        let mut sum = 0.0;
+        while process_time().unwrap() == before {
+            sum = std::hint::black_box(f64::sqrt(sum + 1.0));
+        }
+        assert!(process_time().unwrap() > before && sum > 0.0);
+    }
 
     #[test]
     #[cfg(target_os = "linux")]

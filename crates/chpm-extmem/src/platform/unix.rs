@@ -117,6 +117,11 @@ pub fn thread_time() -> Option<Duration> {
     clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).ok().map(Duration::from)
 }
 
+/// Processor time that all threads of this process have used.
+pub fn process_time() -> Option<Duration> {
+    clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).ok().map(Duration::from)
+}
+
 /// Files that the process may have open at a time.
 ///
 /// # Errors
