@@ -20,13 +20,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn work_takes_processor_time() {
+    #[cfg(unix)]
+    fn the_time_of_a_thread_is_time_of_its_process() {
+        let work = || {
+            let before = thread_time().unwrap();
+            (0..1_000_000).fold(0.0, |sum, _| std::hint::black_box(f64::sqrt(sum + 1.0)));
+            thread_time().unwrap() - before
+        };
         let before = process_time().unwrap();
-        let mut sum = 0.0;
-        while process_time().unwrap() == before {
-            sum = std::hint::black_box(f64::sqrt(sum + 1.0));
-        }
-        assert!(process_time().unwrap() > before && sum > 0.0);
+        let of_thread = std::thread::spawn(work).join().unwrap();
+        let of_process = process_time().unwrap() - before;
+        assert!(!of_thread.is_zero() && of_process >= of_thread, "{of_process:?} {of_thread:?}");
     }
 
     #[test]
