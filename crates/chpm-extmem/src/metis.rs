@@ -6,8 +6,10 @@
 //! *Signals.* During a call METIS has SIGABRT and SIGTERM jump back into it, since it raises them itself where it cannot go
 //! on, and sets back afterwards what it found. Calls that overlap would set back what they found of each other: [`Traps`]
 //! sets METIS's handler before the first of them and what was there before after the last one.
+//!
+//! All else METIS keeps for each thread, but for a compiler that cannot: there calls wait for each other.
 
-use crate::platform::SignalAction;
+use crate::platform::{SignalAction, THREADS_KEEP_VARIABLES};
 use crate::sequence::Sequence;
 use std::cell::RefCell;
 use std::ffi::c_int;
@@ -48,10 +50,15 @@ unsafe extern "C" {
 /// Calls that are running, and what the signals did before the first of them.
 static RUNNING: Mutex<(usize, Vec<SignalAction>)> = Mutex::new((0, Vec::new()));
 
+/// Held by the one call that may run where METIS's variables are the process's.
+static TURN: Mutex<()> = Mutex::new(());
+
 /// METIS's handlers, set from the first call of those that overlap to the end of the last one. While they are, every call of
 /// METIS sets and sets back nothing but what is there.
+///
+/// With a compiler that has no variables of threads (MinGW's) no two of them are held at once: a second one waits.
 #[derive(Debug)]
-pub struct Traps(());
+pub struct Traps(Option<MutexGuard<'static, ()>>);
 
 impl Traps {
     /// To be held around a call.
@@ -59,10 +66,11 @@ impl Traps {
     /// # Errors
     /// Whatever the system says that does not take a handler.
     pub fn set() -> io::Result<Self> {
+        let turn = (!THREADS_KEEP_VARIABLES).then(|| TURN.lock().unwrap_or_else(PoisonError::into_inner));
         let mut running = running();
         // From here on, dropping it sets back what has been set.
         running.0 += 1;
-        let traps = Traps(());
+        let traps = Traps(turn);
         if running.0 == 1 {
             for signal in SignalAction::OF_METIS {
                 // SAFETY: the handler is the one that METIS sets itself, for as long as it would.

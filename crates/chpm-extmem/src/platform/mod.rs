@@ -17,8 +17,6 @@ mod truncation;
 #[cfg(unix)]
 mod unix;
 
-#[cfg(feature = "metis")]
-pub(crate) use system::SignalAction;
 pub use system::{
     FileId, HAS_COMMAND_KEY, Pipe, STDIN, cache_folder, exchange, id_at, kind, open_files, open_to_read,
     peak_resident, process_time, read_exact_at, replace_process, resident, state_folder, sync_below,
@@ -28,6 +26,8 @@ pub(crate) use system::{
     Guard, advise, advise_buffer, allocate, drop_pages, end_process, error_of_device, error_of_full_disk,
     first_bytes, free_bytes, host_name, is_at, map_large_blocks, open_folder,
 };
+#[cfg(feature = "metis")]
+pub(crate) use system::{SignalAction, THREADS_KEEP_VARIABLES};
 
 use std::env;
 use std::fs::{self, Metadata};

@@ -208,6 +208,10 @@ pub(crate) fn drop_pages(map: &Mmap) {
     let _ = unsafe { map.unchecked_advise(UncheckedAdvice::DontNeed) };
 }
 
+/// Whether METIS's C code has the variables of each thread that it asks for.
+#[cfg_attr(not(feature = "metis"), allow(dead_code))]
+pub(crate) const THREADS_KEEP_VARIABLES: bool = true;
+
 /// The action of a signal, to be set back.
 #[cfg_attr(not(feature = "metis"), allow(dead_code))]
 #[derive(Debug)]

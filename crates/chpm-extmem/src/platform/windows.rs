@@ -320,6 +320,10 @@ unsafe extern "C" {
     fn signal(signal: c_int, handler: Handler) -> Handler;
 }
 
+/// Whether METIS's C code has the variables of each thread that it asks for: MinGW's gcc ignores Microsoft's word for them.
+#[cfg_attr(not(feature = "metis"), allow(dead_code))]
+pub(crate) const THREADS_KEEP_VARIABLES: bool = cfg!(not(target_env = "gnu"));
+
 /// The action of a signal, to be set back.
 #[cfg_attr(not(feature = "metis"), allow(dead_code))]
 #[derive(Debug)]
