@@ -24,6 +24,7 @@ pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<(
             count(row.undecided()),
         ]
     }
+
     let header = [
         "",
         "clusters",
@@ -44,6 +45,7 @@ pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<(
         100.0 * TOLERANCE,
         Units(certified.slack)
     )?;
+
     if certified.rounding > 0.0 {
         writeln!(
             out,

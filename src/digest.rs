@@ -36,6 +36,7 @@ pub(crate) fn print(
     });
     writeln!(out, "{}: CHPM {}.{}, by {by}{from}", path.display(), h.version_major, h.version_minor)?;
     print_model(file, metadata, out)?;
+
     let sizes = Sizes::of(file);
     writeln!(
         out,
@@ -56,6 +57,7 @@ pub(crate) fn print(
             .map_or("unknown".to_owned(), |distance| format!("up to {} units", Units(distance.into()))),
         boundary(file)
     )?;
+
     let remarks = remarks(file, metadata, levels);
     if remarks.is_empty() {
         writeln!(out, "good       {}", praise(file, levels))?;
@@ -79,6 +81,7 @@ fn print_model(file: &Chpm<MappedFile>, metadata: Option<&Metadata>, out: &mut i
     let (triangles, vertices) = (h.source_triangle_count, h.source_vertex_count);
     let (triangles, vertices) = (Short(triangles).of("triangle"), Short(vertices).of("vertex"));
     writeln!(out, "model      {triangles}, {vertices}, {attributes}")?;
+
     for Scalar { name, kind, range: ScalarRange { low, high, count } } in file.scalars() {
         let name = in_line(name);
         let none = Short(h.source_vertex_count.saturating_sub(*count)).of("vertex");
@@ -86,6 +89,7 @@ fn print_model(file: &Chpm<MappedFile>, metadata: Option<&Metadata>, out: &mut i
             if *count < h.source_vertex_count { format!(", none for {none}") } else { String::new() };
         writeln!(out, "scalar     {name}: {kind}, {low} to {high}{without}")?;
     }
+
     let bounds = h.aabb();
     let [x, y, z] = [0, 1, 2].map(|axis| Units(f64::from(bounds.max[axis]) - f64::from(bounds.min[axis])));
     let origin = if h.origin == [0.0; 3] {

@@ -334,7 +334,7 @@ mod tests {
         let anew = || OutputFolder::create(&target, false, &NAMES, None).unwrap();
         let first = anew();
         first.write_to_keep("left", b"", 0).unwrap();
-        let left = first.path("left");
+        let left = first.partial.join("left");
         killed(first);
         assert!(left.exists());
         drop(anew());

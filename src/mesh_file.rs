@@ -448,6 +448,7 @@ fn ply(mesh: &Whole<'_>, output: Output, ascii: bool, comment: &str, steps: &Ste
         double,
         &[comment],
     )?;
+
     let mut absolute = Vec::new();
     mesh.vertices(|batch| {
         steps.done(batch.positions.len())?;

@@ -73,6 +73,7 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> String {
     let gaps = levels.iter().any(|level| level.max_gap > 0.0);
     let normals = levels.iter().any(|level| level.normal_deviation > 0.0);
     let colors = levels.iter().any(|level| level.color_deviation > 0.0);
+
     let mut below = None;
     let rows = levels.iter().map(|level| {
         let ratio = below.map_or("-".to_owned(), |below| share(level.triangles, below));
@@ -95,6 +96,7 @@ pub(crate) fn levels_table(levels: &[LevelRow]) -> String {
         );
         row
     });
+
     let mut names =
         vec!["level", "clusters", "triangles", "ratio", "kept", "shared", "min error", "max error"];
     names.extend(gaps.then_some("max gap"));

@@ -55,6 +55,7 @@ fn clusters(levels: &[LevelStats]) -> String {
             cell(level.group_size, |s| s.max, count),
         ]
     });
+
     let header = [
         "level",
         "clusters",
@@ -166,6 +167,7 @@ pub(crate) fn csv(rows: &[Row<'_>], out: &mut impl Write) -> io::Result<()> {
     fn known(value: Option<f64>) -> String {
         value.map_or(String::new(), |value| value.to_string())
     }
+
     for row in rows {
         let r = row.record;
         let parent = if r.is_root() { String::new() } else { r.parent_group.to_string() };

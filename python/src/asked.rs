@@ -63,6 +63,7 @@ impl Asked {
         ];
         let given: Vec<&str> = given.into_iter().filter(|(_, is)| *is).map(|(name, _)| name).collect();
         let refused = |told: String| Err(Failure::Asked(told));
+
         if let [first, second, ..] = given[..] {
             return refused(format!("{first} and {second} cannot both be given: each selects by itself"));
         }
@@ -74,10 +75,12 @@ impl Asked {
         if let (Some(_), ["error" | "level"]) = (&self.camera, &given[..]) {
             return refused(format!("{} is the same from everywhere: leave camera out", given[0]));
         }
+
         let is_seen = self.camera.is_some() || self.pixels.is_some();
         if !is_seen && (self.viewport.is_some() || self.cull) {
             return refused("viewport and cull are of a picture: give camera or pixels, too".to_owned());
         }
+
         if let Some(bound) = &self.error {
             return Ok(Request::Within(bound.length()?));
         }

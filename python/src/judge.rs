@@ -106,6 +106,7 @@ fn verification<'py>(py: Python<'py>, checks: &Checks, found: &Verification) -> 
     told.set_item("against", None::<u8>)?;
     told.set_item("errors", None::<u8>)?;
     told.set_item("cuts", None::<u8>)?;
+
     if let Some(compared) = &found.compared {
         let own = PyDict::new(py);
         own.set_item("source", checks.against.as_ref().map(|path| path.display().to_string()))?;
@@ -128,6 +129,7 @@ fn verification<'py>(py: Python<'py>, checks: &Checks, found: &Verification) -> 
         own.set_item("fault_count", cuts.fault_count)?;
         told.set_item("cuts", own)?;
     }
+
     Ok(told)
 }
 

@@ -82,6 +82,7 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
         }
         settings.cluster_triangles = count;
     }
+
     if let Some(partitioner) = given.parsed("partitioner")? {
         settings.partitioner = partitioner;
     }
@@ -94,12 +95,14 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
     {
         settings.topology = topology;
     }
+
     settings.finest_error = given.parsed("finest_error")?;
     settings.target_error = given.parsed("target_error")?;
     settings.min_component = given.parsed("min_component")?;
     if let Some(seed) = given.take("seed", |value| value.extract::<u64>())? {
         settings.seed = seed;
     }
+
     let normals = [("source", Normals::Source), ("computed", Normals::Computed), ("none", Normals::None)];
     if let Some(normals) = given.word("normals", &normals)? {
         settings.normals = normals;
@@ -111,6 +114,7 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
         settings.scalars = names.into();
     }
     settings.drop_invalid = given.is_set("drop_invalid")?;
+
     let orders = [
         ("vertex-cache", Layout::VertexCache),
         ("cache-oblivious", Layout::CacheOblivious),

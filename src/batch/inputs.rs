@@ -44,6 +44,7 @@ pub(crate) fn collect(inputs: &[PathBuf], stdin: impl BufRead) -> Result<Vec<Mod
 /// Adds the models of one input.
 fn take(input: &Path, found: &mut Vec<Model>) -> Result<()> {
     let before = found.len();
+
     if input.is_dir() {
         walk(input, input, found)?;
         ensure!(

@@ -28,6 +28,7 @@ pub(super) fn write(mesh: &TriMesh, output: &Path) -> Result<()> {
     let mut groups = 0;
     let mut local = vec![u32::MAX; mesh.positions.len()];
     let source = ClodMesh::new(mesh.triangles.as_flattened(), &vertices);
+
     clod_build(clod_default_config(CLUSTER), &source, |_, clusters| {
         for cluster in clusters {
             let bounds = cluster.bounds;
@@ -56,6 +57,7 @@ pub(super) fn write(mesh: &TriMesh, output: &Path) -> Result<()> {
         groups += 1;
         groups - 1
     });
+
     written?;
     Ok(out.flush()?)
 }

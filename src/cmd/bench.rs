@@ -95,6 +95,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     if !args.threads.is_empty() {
         return scaling::run(args, stop);
     }
+
     let create = |path: &Option<PathBuf>, writes: Writes| -> Result<Option<Output>> {
         path.as_ref().map(|path| writes.create(path, args.force, &[&args.source])).transpose()
     };
@@ -105,6 +106,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let triangles = mesh.triangles.len() as u64;
     let coarsest = DIVISORS[DIVISORS.len() - 1];
     ensure!(triangles >= coarsest, "'{}' has fewer than {coarsest} triangles", args.source.display());
+
     let cancel = stop.heed();
     let folder = temporary()?;
     let (mut contenders, mut declined) = (Vec::new(), Vec::new());
@@ -122,6 +124,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         .find(|c| contenders.contains(c));
     let figures = bench.measure(&contenders, &times, reference)?;
     let result = Outcome { declined, reference, figures, diagonal: bench.diagonal(), triangles };
+
     if let Some(mut csv) = csv {
         csv.write_all(result.csv(args).as_bytes())?;
         csv.publish()?;
@@ -132,6 +135,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         plot.write_all(svg(&result.figures, result.diagonal, &title, &machine())?.as_bytes())?;
         plot.publish()?;
     }
+
     if args.json {
         json::print(&result.json(args), &mut out)?;
     } else {
@@ -287,6 +291,7 @@ impl Outcome {
         writeln!(out, "{}\n", table(&header, rows))?;
         for (name, value) in [("rms", (|p: &Point| p.rms) as fn(&Point) -> f64), ("max", |p| p.max)] {
             let mut header = vec![format!("{name}, % of diagonal")];
+
             for divisor in DIVISORS {
                 header.extend([format!("1/{divisor}"), "triangles".to_owned()]);
             }
@@ -302,6 +307,7 @@ impl Outcome {
         }
         self.print_ratios(out)?;
         writeln!(out, "settings:")?;
+
         for figure in &self.figures {
             writeln!(out, "  {:<17} {}", figure.contender.name(), figure.contender.settings())?;
         }

@@ -83,6 +83,7 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
         "'{}' gives the output no name; name it with -o",
         args.source.display()
     );
+
     let output = args.output.clone().unwrap_or_else(|| source.with_extension("chpm"));
     let trace = args.trace.as_ref().map(|path| output::BUILD_TRACE.create(path, args.force, &[source]));
     let trace = trace.transpose()?;
@@ -97,6 +98,7 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
         config.resources.trace.write(&mut file)?;
         file.publish()?;
     }
+
     let mut out = stdout();
     if args.json {
         json::print(&report::build_json(&report, json::named(&args.source), json::named(&output)), &mut out)?;
@@ -159,6 +161,7 @@ pub(super) fn print(
         }
         writeln!(out)?;
     }
+
     writeln!(
         out,
         "{}: {}, {:.1} bytes for each of {}; {} in {}, {} at the top",
@@ -173,6 +176,7 @@ pub(super) fn print(
     let (seconds, rate) = (report.seconds(), report::rate(report.triangles, report.seconds()));
     let memory = report.peak_resident.map_or(String::new(), |bytes| format!(", {} of memory", Bytes(bytes)));
     writeln!(out, "built in {seconds:.2} s, {rate} triangles/s{memory}")?;
+
     for note in &report.notes {
         writeln!(out, "{note}")?;
     }

@@ -29,6 +29,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let (mut csv, mut out) = tell.open(output::CLEARANCE_CSV, &[first, &args.second.second])?;
     let ([still, _], path) = (poses.poses(), args.second.path.poses(poses)?);
     let pair = args.ask.pair(&args.second.second, stop)?;
+
     let cancel = stop.heed();
     let above = args.above.of(pair.diagonal());
     let question = Question { error: 0.0, above: Some(above), most_pairs: pair.most_pairs };
@@ -39,6 +40,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         write_csv(&answers, csv)?;
     }
     let is_clear = |answer: &Answer| answer.lower > above;
+
     if tell.json {
         let verdicts = answers
             .iter()

@@ -259,6 +259,7 @@ impl Work<'_> {
     fn measure(&self, meter: &Meter, cancel: &Cancel) -> Result<Measured> {
         let leaves = leaves(&self.scan.file);
         let pool = self.args.threads.pool()?;
+
         meter.start("compare", leaves.len() as u64);
         fn unproven(path: &Path) -> String {
             format!("cannot use '{}'", path.display())
@@ -282,6 +283,7 @@ impl Work<'_> {
             meter.add(1);
             Ok((found, [within, exact]))
         });
+
         let done = pool.install(|| measured.collect::<Result<Vec<_>>>())?;
         meter.finish();
         stop::check(cancel)?;

@@ -56,6 +56,7 @@ fn synopsis(verb: &Command) -> String {
     fn in_group(arg: &&Arg, groups: &[Vec<&Arg>]) -> bool {
         groups.iter().flatten().any(|other| other.get_id() == arg.get_id())
     }
+
     let shown = verb.get_arguments().filter(|arg| !arg.is_hide_set() && !in_group(arg, &groups));
     let (mut may, mut must, mut files) = (Vec::new(), Vec::new(), Vec::new());
     for arg in shown {
@@ -71,6 +72,7 @@ fn synopsis(verb: &Command) -> String {
             (false, false) => may.push(format!("[{named}]")),
         }
     }
+
     must.extend(groups.iter().map(|group| {
         let options = group.iter().filter(|arg| !arg.is_hide_set()).map(|arg| match arg.is_positional() {
             true => value(arg).trim_start().to_owned(),

@@ -211,6 +211,7 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
     let (memory, meter, cancel) = (args.storage.memory(), Meter::new(args.quiet), stop.heed());
     let measured = chpm_verify::measure(file, source, &measures, memory, &scratch, &meter, &cancel)?;
     let Measured { rows, compared, slack, .. } = &measured;
+
     let violations = measured.violations();
     let origin = file.header().origin;
     let diagonal = file.header().aabb().diagonal();
@@ -251,6 +252,7 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
             )?;
         }
     }
+
     out.flush()?;
     Ok(if violations == 0 { Verdict::Good } else { Verdict::Faulty })
 }

@@ -130,6 +130,7 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     tables.header.chunked = true;
     let ids = order(file, args.order);
     tables.reorder(&ids);
+
     let out = AtomicFile::create(&args.output, args.force)?;
     let align = if tables.header.packed { chpm_format::PACKED_ALIGN } else { chpm_format::PAGE_ALIGN };
     let mut offset = tables.first_page_offset()?;
@@ -147,6 +148,7 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
         meter.add(batch.len() as u64);
     }
     meter.finish();
+
     let head = tables.encode()?;
     out.set_len(tables.file_len()?)?;
     out.write_all_at(&head, 0)?;

@@ -53,6 +53,7 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
             memory::divide(&file, memory, memory_of(&file))?;
         }
     }
+
     let mut inputs = vec![args.file.as_path()];
     inputs.extend(args.compare.as_deref().into_iter().chain(args.built.as_deref()));
     let mut html = output::REPORT.create(&args.output, args.force, &inputs)?;
@@ -68,6 +69,7 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
     })?;
     html.write_all(text.as_bytes())?;
     html.publish()?;
+
     if args.json {
         let report = made::Report {
             schema: "chpm-report/1",

@@ -139,6 +139,7 @@ fn print(args: &Args, findings: &Verification, out: &mut impl Write) -> std::io:
     if findings.fault_count > 0 {
         return writeln!(out, "{path}: {}", Counted(findings.fault_count, "fault"));
     }
+
     if let Some(report) = &findings.checked {
         let (pages, triangles) =
             (Counted(report.good_pages, "cluster"), Counted(report.triangles, "triangle"));
@@ -162,6 +163,7 @@ fn print(args: &Args, findings: &Verification, out: &mut impl Write) -> std::io:
             false => writeln!(out, ", without {}", without.join(" and "))?,
         }
     }
+
     if findings.errors.is_some() {
         writeln!(out, "{path}: every stored distance holds, proven")?;
     }

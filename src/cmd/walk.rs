@@ -240,6 +240,7 @@ impl<'a> Walk<'a> {
         fn bytes(pages: &[ClusterId], clusters: &[chpm_format::ClusterRecord]) -> u64 {
             pages.iter().map(|id| u64::from(clusters[id.index()].page_len)).sum()
         }
+
         let mut watch = Watch(Instant::now());
         let traffic = self.pager.want(self.file, &self.hierarchy, view);
         self.let_go(&traffic.evictions);
@@ -251,6 +252,7 @@ impl<'a> Walk<'a> {
         requests.extend(early);
         let requested_runs = runs(&requests);
         let foreseen = watch.lap();
+
         self.deliver(requests)?;
         let checked = watch.lap();
         let changes = if self.pager.has_roots() {
@@ -267,6 +269,7 @@ impl<'a> Walk<'a> {
         let refined = asked + watch.lap();
         let triangles = self.play()?;
         let played = watch.lap();
+
         let records = self.list.members().map(|member| &clusters[member.cluster.index()]);
         fn splits(front: &Front) -> u64 {
             front.split_groups().len() as u64

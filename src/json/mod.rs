@@ -6,7 +6,8 @@ pub(crate) mod file;
 pub(crate) mod judged;
 pub(crate) mod made;
 pub(crate) mod near;
-#[cfg(test)]
+// The page has the documents of every feature.
+#[cfg(all(test, feature = "viewer", feature = "web"))]
 mod page;
 pub(crate) mod seen;
 

@@ -94,6 +94,7 @@ impl<'a> Rows<'a> {
         if schema["$ref"].as_str().is_some_and(|name| name.ends_with("/spread")) {
             return self.row(&format!("{key}.*"), &format!("Spread: {text}"));
         }
+
         let (found, may_be_null) = self.resolved(schema);
         if found["properties"].is_object() {
             if may_be_null {
@@ -101,6 +102,7 @@ impl<'a> Rows<'a> {
             }
             return self.object(key, found);
         }
+
         let types = &found["type"];
         let is_object =
             types == "object" || types.as_array().is_some_and(|types| types.contains(&"object".into()));
@@ -116,6 +118,7 @@ impl<'a> Rows<'a> {
             }
             return self.row(&format!("{key}.*"), text);
         }
+
         if let Some(items) = found.get("items").filter(|_| !may_be_null) {
             let (inner, _) = self.resolved(items);
             let key = format!("{key}[]");

@@ -214,6 +214,7 @@ pub(crate) fn as_json(stats: &Stats) -> seen::Frame {
         ("stall", times.stall),
         ("total", times.total),
     ];
+
     seen::Frame {
         poe: stats.poe,
         triangles: stats.triangles,

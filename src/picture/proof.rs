@@ -96,6 +96,7 @@ fn report(walk: &Walk<'_>, proof: &Proof, adapter: &str, out: &mut impl Write) -
         };
         return json::print(&proof, out);
     }
+
     writeln!(
         out,
         "{} of {}x{} on {adapter}: {} of {} pixels show another triangle with culling",

@@ -80,9 +80,9 @@ pub(crate) fn disk(vertices: u64, triangles: u64, vertex_len: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BuildConfig, Cancel, Settings, Silent, build};
-    use chpm_import::ply::{Encoding, write_mesh};
-    use chpm_mesh::{Bytes, TriMesh};
+    use crate::{BuildConfig, Cancel, Keep, Settings, Silent, build};
+    use chpm_import::ply::{Encoding, PlyWriter};
+    use chpm_mesh::{Bytes, Scalar, ScalarKind, TriMesh};
     use chpm_synth::odd::Odd;
     use chpm_synth::{Shape, Synth};
     use std::fs::File;
@@ -117,11 +117,34 @@ mod tests {
     /// Nothing for arrays, and one thread.
     const NONE: (usize, Bytes) = (1, Bytes(0));
 
+    /// A PLY in which each word of a vertex's scalars has a name.
+    fn write(file: File, mesh: &TriMesh) {
+        let words = mesh.attributes().scalar_words;
+        let scalars: Vec<Scalar> =
+            (0..words).map(|word| Scalar::new(format!("s{word}"), ScalarKind::Float32)).collect();
+        let [vertices, triangles] = [mesh.positions.len(), mesh.triangles.len()].map(|count| count as u64);
+        let encoding = Encoding::BinaryLittleEndian;
+        let ply = PlyWriter::with_scalars(
+            file,
+            encoding,
+            vertices,
+            triangles,
+            mesh.attributes(),
+            &scalars,
+            false,
+            &[],
+        );
+        let mut ply = ply.unwrap();
+        ply.vertices(mesh.view()).unwrap();
+        ply.triangles(&mesh.triangles).unwrap();
+        ply.finish().unwrap();
+    }
+
     /// Builds with so many threads and so much memory, and tells what `measured` wants to know.
     fn tell_build_of(mesh: TriMesh, settings: Settings, (threads, memory): (usize, Bytes)) {
         let dir = tempfile::tempdir().unwrap();
         let (source, output) = (dir.path().join("s.ply"), dir.path().join("s.chpm"));
-        write_mesh(File::create(&source).unwrap(), &mesh, Encoding::BinaryLittleEndian).unwrap();
+        write(File::create(&source).unwrap(), &mesh);
         drop(mesh);
         let config = BuildConfig {
             settings,
@@ -153,6 +176,21 @@ mod tests {
             return tell_build_of(odd("random", 240_000), Settings::default(), NONE);
         }
         let (_, held, resident) = measured("so_does_one_of_triangles_that_join_anything_to_anything");
+        let promised = PROGRAM + THREAD + held;
+        assert!(resident <= promised, "{resident} bytes resident, {promised} accounted for");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn so_does_one_of_vertices_with_many_scalars() {
+        if is_child() {
+            let mut mesh = odd("random", 240_000);
+            mesh.vertices.scalars =
+                (0..16 * mesh.positions.len() as u32).map(|n| (n as f32).to_bits()).collect();
+            let scalars = Keep { all: true, names: Vec::new() };
+            return tell_build_of(mesh, Settings { scalars, ..Settings::default() }, NONE);
+        }
+        let (_, held, resident) = measured("so_does_one_of_vertices_with_many_scalars");
         let promised = PROGRAM + THREAD + held;
         assert!(resident <= promised, "{resident} bytes resident, {promised} accounted for");
     }

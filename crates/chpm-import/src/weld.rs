@@ -131,6 +131,7 @@ impl<C: Corner> MeshReader for Welder<C> {
             triangles: take(&mut batch.triangles),
             ..Batch::default()
         };
+
         loop {
             match std::mem::replace(&mut self.phase, Phase::Ended) {
                 Phase::Reading { mut soup, mut corners } => {

@@ -40,6 +40,7 @@ impl Number {
         fn no_number(text: &str) -> NumberError {
             NumberError::NoNumber(text.to_owned())
         }
+
         let trimmed = text.trim();
         let unsigned = trimmed.strip_prefix('+').unwrap_or(trimmed);
         let (whole, rest) = split(unsigned, |byte| byte.is_ascii_digit() || matches!(byte, b',' | b'_'));
@@ -47,6 +48,7 @@ impl Number {
             Some(rest) => split(rest, |byte| byte.is_ascii_digit() || byte == b'_'),
             None => ("", rest),
         };
+
         if whole.contains(',') && !sets_thousands_apart(whole) || rest.starts_with(',') {
             return Err(NumberError::Comma(text.to_owned()));
         }
@@ -56,11 +58,13 @@ impl Number {
         if whole.is_empty() && fraction.is_empty() || !is_apart(whole) || !is_apart(fraction) {
             return Err(no_number(text));
         }
+
         let (power, rest) = power(rest);
         fn digits(part: &str) -> Vec<u8> {
             part.bytes().filter(u8::is_ascii_digit).collect::<Vec<_>>()
         }
         let (whole, fraction) = (digits(whole), digits(fraction));
+
         let mut number = Number {
             digits: 0,
             exponent: power.clamp(-MOST_EXPONENT, MOST_EXPONENT) - fraction.len() as i32,

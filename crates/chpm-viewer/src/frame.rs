@@ -132,11 +132,13 @@ impl Viewer {
             files.iter().zip(&tints).map(|(file, tint)| Model::needs(file, tint)).unzip();
         let memory = budget_shares("memory", budgets.memory, &in_memory)?;
         let gpu_memory = budget_shares("GPU memory", budgets.gpu_memory, &on_gpu)?;
+
         let mut models = Vec::with_capacity(files.len());
         for (place, (file, tint)) in files.into_iter().zip(tints).enumerate() {
             let budgets = Budgets { memory: memory[place], gpu_memory: gpu_memory[place] };
             models.push(Model::new(&gpu, file, tint, paths[place].1, budgets)?);
         }
+
         let probe = gpu.attempt("preparing shaders", || Probe::new(&gpu))?;
         let mut viewer = Viewer {
             origin: models.first().ok_or(ViewerError::NoModel)?.zero(),

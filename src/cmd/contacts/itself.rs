@@ -21,12 +21,14 @@ pub(super) fn within_itself(
     let model = Opened::new(first, limits.memory.0, tell.quiet, stop)?;
     let own = GROUP * model.file.clusters().len() as u64;
     let pages = memory::divide(&model.file, limits.memory.0, own)?;
+
     if model.file.is_trimmed() {
         bail!(
             "'{}' was built without detail below an error, so its leaves are not the source",
             model.path.display()
         );
     }
+
     let cancel = stop.heed();
     let origin = model.file.header().origin;
     let (mut pairs, mut first) = (0, None);
@@ -49,6 +51,7 @@ pub(super) fn within_itself(
         stop::check(&cancel)?;
         Ok(complete)
     })?;
+
     if args.ask.tell.json {
         let file = model.json();
         json::print(&near::ContactsSelf { schema: "chpm-contacts-self/1", file, complete, pairs }, out)?;

@@ -47,6 +47,8 @@ pub(crate) struct Decomposition {
     spool: Spool,
     pub(crate) leaves: Vec<Leaf>,
     pub(crate) shared: SharedVertices,
+    /// Words of the named scalars of a vertex.
+    pub(crate) scalar_words: u8,
     /// Memory for what is shared.
     #[serde(skip)]
     held: Option<Reservation>,
@@ -103,6 +105,7 @@ pub(crate) fn run(
 ) -> Result<Decomposition, BuildError> {
     let vertex_count = source.vertices.positions.len() as u64;
     let rounding = Displacement::within(source.rounding);
+    let scalar_words = source.vertices.scalars.len() as u8;
     let wanted = leaf_count(source.triangles.len(), settings);
     let divided = divide::run(source, wanted, settings, context)?;
 
@@ -151,7 +154,7 @@ pub(crate) fn run(
     let (leaves, shared) = collector.finish()?;
     repairs.merged_copies = copies;
     repairs.unreferenced_vertices = vertex_count - shared.used_vertices;
-    Decomposition { rounding, spool, leaves, shared, held: None }.hold(&context.store)
+    Decomposition { rounding, spool, leaves, shared, scalar_words, held: None }.hold(&context.store)
 }
 
 /// Clusters of the leaf level: the power of two for which a leaf comes closest to the wanted size, so that the hierarchy is a

@@ -11,6 +11,8 @@ const VERTEX: u64 = 80;
 /// Bytes for each triangle and vertex of the one mesh that the kernel works on, and that is put in order.
 const KERNEL_TRIANGLE: u64 = 192;
 const KERNEL_VERTEX: u64 = 224;
+/// Times that the words of a vertex's scalars are held in a member, and in the pages that are read and written beside it.
+const SCALARS: u64 = 3;
 
 /// Most that the members of a group of several may take together. Usual ones take a quarter of it.
 pub(super) const GROUP: u64 = 24 << 20;
@@ -30,7 +32,7 @@ fn counts(node: u32, tree: &Tree, decomposition: &Decomposition, refs: &[Option<
     }
 }
 
-/// Bytes of one member.
+/// Bytes of one member, but for its named scalars: groups are formed alike with them and without.
 pub(super) fn member(node: u32, tree: &Tree, decomposition: &Decomposition, refs: &[Option<PageRef>]) -> u64 {
     let (triangles, vertices) = counts(node, tree, decomposition, refs);
     TRIANGLE * triangles + VERTEX * vertices
@@ -43,10 +45,12 @@ pub(super) fn beyond_usual(
     decomposition: &Decomposition,
     refs: &[Option<PageRef>],
 ) -> u64 {
-    let members: u64 = group.iter().map(|node| member(*node, tree, decomposition, refs)).sum();
-    let kernel = |node: &u32| {
+    let scalars = SCALARS * size_of::<u32>() as u64 * u64::from(decomposition.scalar_words);
+    let bytes = |node: &u32, triangle: u64, vertex: u64| {
         let (triangles, vertices) = counts(*node, tree, decomposition, refs);
-        KERNEL_TRIANGLE * triangles + KERNEL_VERTEX * vertices
+        triangle * triangles + (vertex + scalars) * vertices
     };
-    (members + group.iter().map(kernel).max().unwrap_or(0)).saturating_sub(THREAD)
+    let members: u64 = group.iter().map(|node| bytes(node, TRIANGLE, VERTEX)).sum();
+    let kernel = group.iter().map(|node| bytes(node, KERNEL_TRIANGLE, KERNEL_VERTEX)).max();
+    (members + kernel.unwrap_or(0)).saturating_sub(THREAD)
 }

@@ -109,6 +109,7 @@ impl Scanner<'_> {
             read: 0,
             sink,
         };
+
         let mut block = vec![0; 1 << 16];
         let mut stream = BufReader::with_capacity(0, stream);
         loop {
@@ -127,6 +128,7 @@ impl Scanner<'_> {
                 return Err(refused(format!("its JSON is longer than {limit} MiB, without the data in it")));
             }
         }
+
         if let Some(mark) = scanner.json.strip_prefix(b"\xef\xbb\xbf") {
             scanner.json = mark.to_vec();
         }

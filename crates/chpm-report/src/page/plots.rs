@@ -50,6 +50,7 @@ pub(super) fn all(
         errors.push(line(named(name, "worst cluster"), 2 * place + 1, worst));
         cuts.push(line(named(name, ""), place, drawable.clone()));
     }
+
     let x = Axis { name: "level", log: false, label: level };
     let mut plots = vec![
         Chart {
@@ -74,6 +75,7 @@ pub(super) fn all(
         }
         .svg(SIZE)?,
     ];
+
     let names: Vec<String> = files
         .first()
         .map(|(_, stats, _)| stats.bytes.all().map(|(name, _)| name).collect())
@@ -85,6 +87,7 @@ pub(super) fn all(
     let parts: Vec<(String, Vec<f64>)> =
         parts.filter(|(_, values)| values.iter().any(|v| *v > 0.0)).collect();
     plots.push(bars("Bytes by part", Measure::Bytes, &parts, WIDE)?);
+
     if let Some(stages) = built.and_then(|built| built["stages"].as_array()) {
         let (seconds, memory) = (by_stage(stages, "seconds"), by_stage(stages, "peak_resident_bytes"));
         plots.push(bars("Time by stage", Measure::Seconds, &seconds, SIZE)?);

@@ -1,6 +1,6 @@
 //! The page of a file: pictures, plots, a map of the hierarchy, settings, findings.
 
-use super::seen::{self, Shows};
+use super::seen::{self, Seen, Shows};
 use super::{STYLE, plots, tree};
 use crate::Short;
 use crate::colors::Colors;
@@ -106,30 +106,14 @@ pub fn html(
     };
     let even = seen::look(file, &portrait, PICTURE, false)?;
     let beside = seen::look(file, &portrait, PICTURE, true)?;
-    let mut pictures = Vec::new();
-    for (seen, shows, caption, ends) in [
-        (&even, Shows::Cluster, "Clusters: each is stored, loaded and refined on its own", None),
-        (
-            &beside,
-            Shows::Level,
-            "Levels, as an eye at the right needs them",
-            Some(["level 0, the source".to_owned(), format!("level {}, the top", beside.top())]),
-        ),
-        (
-            &beside,
-            Shows::Error,
-            "Errors of the same",
-            Some(beside.errors().map(|error| format!("{} units", Units(error)))),
-        ),
-    ] {
-        pictures.push(Picture { data: seen.picture(shows)?, size: PICTURE, caption, ends });
-    }
+
     let files = std::iter::once(shown).chain(other).map(|shown| {
         let all = digest::drawables(shown.file).into_iter();
         let drawn = all.map(|row| [row.triangles as f64, row.distance]).collect::<Vec<_>>();
         (shown.name.clone(), &shown.stats, drawn)
     });
     let files: Vec<_> = files.collect();
+
     let remarks = digest::remarks(file, Some(&metadata), &levels);
     let page = Page {
         style: STYLE,
@@ -139,7 +123,7 @@ pub fn html(
         praise: remarks.is_empty().then(|| digest::praise(file, &levels)),
         remarks,
         first,
-        pictures,
+        pictures: pictures(&even, &beside)?,
         gradient: Colors::new([0.0, 1.0], false).gradient(),
         note: format!(
             "Model and clusters: {}, an error of {} units. Drawn on the processor; {}.",
@@ -159,6 +143,21 @@ pub fn html(
         warnings: metadata.warnings,
     };
     Ok(page.render()?)
+}
+
+/// Clusters of a model that is as fine everywhere, levels and errors of one that is seen from the right.
+fn pictures(even: &Seen, beside: &Seen) -> Result<Vec<Picture>, ReportError> {
+    let levels = ["level 0, the source".to_owned(), format!("level {}, the top", beside.top())];
+    let errors = beside.errors().map(|error| format!("{} units", Units(error)));
+    let rows = [
+        (even, Shows::Cluster, "Clusters: each is stored, loaded and refined on its own", None),
+        (beside, Shows::Level, "Levels, as an eye at the right needs them", Some(levels)),
+        (beside, Shows::Error, "Errors of the same", Some(errors)),
+    ];
+    let drawn = rows.into_iter().map(|(seen, shows, caption, ends)| {
+        Ok(Picture { data: seen.picture(shows)?, size: PICTURE, caption, ends })
+    });
+    drawn.collect()
 }
 
 fn facts(file: &Chpm<MappedFile>, metadata: &Metadata) -> Vec<(&'static str, String)> {

@@ -44,6 +44,7 @@ pub(super) fn look(
     let camera = portrait.camera(size[0] as f64 / size[1] as f64);
     let limit = TRIANGLES.max(coarsest);
     let source = file.header().source_triangle_count;
+
     let cut = if beside {
         let limit = limit.min(source / 4).max(coarsest);
         let view = View::new(&eye_at_the_right(portrait, &camera), [512, 512], 0.0)?;
@@ -58,6 +59,7 @@ pub(super) fn look(
         triangles: cut.triangle_count(file)?,
         error: cut.error(file)?,
     };
+
     let lens = Lens::new(&camera, size, portrait.stretch());
     let mut triangles = Vec::new();
     for member in cut.members() {

@@ -67,11 +67,13 @@ pub(super) fn json(file: &Chpm<MappedFile>, rows: &[Row<'_>]) -> Result<Value, R
             below[parent as usize] += below[*index];
         }
     }
+
     let least =
         order.len().checked_sub(SHOWN).map_or(0, |more| rows[order[more]].record.level + u32::from(more > 0));
     fn part(a: u32, b: u32) -> f64 {
         (1000.0 * f64::from(a) / f64::from(b.max(1))).round() / 1000.0
     }
+
     let nodes = rows.iter().filter(|row| row.record.level >= least).map(|row| {
         let r = row.record;
         json!([
@@ -88,6 +90,7 @@ pub(super) fn json(file: &Chpm<MappedFile>, rows: &[Row<'_>]) -> Result<Value, R
             r.page_len,
         ])
     });
+
     let gradient = Colors::new([0.0, 1.0], false).gradient();
     let colors: Vec<&str> = gradient.split(',').collect();
     Ok(json!({ "least": least, "colors": colors, "nodes": nodes.collect::<Vec<_>>() }))

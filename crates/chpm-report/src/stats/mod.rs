@@ -179,6 +179,7 @@ impl Stats {
             per_triangle: per_triangle(sizes.file, file.header().source_triangle_count),
             parts: parts(rows.iter()),
         };
+
         let mut sizes = file.groups().iter().map(|group| group.coarse_count);
         let most = sizes.clone().max().unwrap_or(0);
         let groups = GroupStats {
@@ -187,6 +188,7 @@ impl Stats {
             largest: sizes.position(|size| size == most).unwrap_or(0) as u32,
             longest_path: boxes::longest_path(file),
         };
+
         let mut stats = Stats {
             schema: "chpm-stats/1",
             file: path,
@@ -262,6 +264,7 @@ impl LevelStats {
         let [acmr16, acmr24, acmr32] = std::array::from_fn(|cache| {
             by(own.iter().map(|row| row.page.misses[cache]).sum(), record.triangle_count)
         });
+
         LevelStats {
             level,
             clusters: record.cluster_count,

@@ -82,6 +82,7 @@ impl Glance {
         gone.resize(ids.len(), 0);
         has_gone.clear();
         has_gone.resize(ids.len().div_ceil(64), 0);
+
         let (mut is_one, mut any) = (true, false);
         for member in cut.members() {
             let page = file.page_known(member.cluster)?;
@@ -99,6 +100,7 @@ impl Glance {
                 any = true;
             }
         }
+
         if any && is_one {
             for member in cut.members() {
                 let page = file.page_known(member.cluster)?;
@@ -110,6 +112,7 @@ impl Glance {
                 });
             }
         }
+
         (self.gone, self.has_gone) = (gone, has_gone);
         Ok(is_one)
     }
