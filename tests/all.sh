@@ -37,6 +37,7 @@ fi
 
 part "format" cargo fmt --all --check
 part "lints" cargo clippy --workspace --all-targets --locked -- -D warnings
+part "lints without the viewer" cargo clippy -p chpm --no-default-features --all-targets --locked -- -D warnings
 part "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 part "compile" cargo test "${packages[@]}" --locked --no-run
 part "tests" cargo test "${packages[@]}" --locked --no-fail-fast -- ${without[@]+"${without[@]}"}

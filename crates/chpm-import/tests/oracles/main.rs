@@ -1,4 +1,7 @@
-//! Readers of others beside ours: `serde-ply`, `tobj` and `stl_io` find the same faces in every file that is generated here.
+//! Readers of others beside ours: `serde-ply`, `tobj`, `stl_io`, `off-rs` and `gltf` find the same faces in every file that is generated here.
+
+mod gltf;
+mod off;
 
 use chpm_extmem::{Cancel, Store};
 use chpm_import::Input;
