@@ -19,6 +19,11 @@ pub(crate) struct Pairs {
 
 impl Pairs {
     pub(crate) fn add(&mut self, a: u32, b: u32, weight: u32) {
+        // A triangle that joins two joins them by two edges.
+        if let Some(last) = self.list.last_mut().filter(|last| (last.0, last.1) == (a, b)) {
+            last.2 = last.2.saturating_add(weight);
+            return;
+        }
         if self.list.len() >= LIMIT.max(2 * self.summed) {
             self.sum();
         }
@@ -41,7 +46,7 @@ impl Pairs {
     }
 
     fn sum(&mut self) {
-        self.list.sort_unstable();
+        self.list.sort_unstable_by_key(|(a, b, _)| u64::from(*a) << 32 | u64::from(*b));
         self.list.dedup_by(|next, kept| {
             let same = (next.0, next.1) == (kept.0, kept.1);
             if same {

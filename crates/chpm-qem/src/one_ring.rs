@@ -21,15 +21,15 @@ pub(crate) enum OneRingKind {
     Broken,
 }
 
-/// When a vertex was last seen in a wing.
+/// In which tick a vertex was last seen in a one-ring, and there the index of the wing that it leads.
 #[derive(Clone, Copy, Default, Debug)]
 struct Mark {
-    /// The tick in which it was seen first, and that wing.
-    leaving: u32,
+    tick: u32,
     wing: u16,
-    /// The tick in which it was seen second.
-    arriving: u32,
 }
+
+/// The index for a vertex that leads none: the last one of an open fan.
+const NONE: u16 = u16::MAX;
 
 /// The faces about one vertex, and the loop of edges about them if they form a single fan. Marks make clearing free.
 #[derive(Debug, Default)]
@@ -41,6 +41,8 @@ pub(crate) struct OneRing {
     pub(crate) ring: Ring,
     /// Per vertex of the patch.
     marks: Vec<Mark>,
+    /// The tick in which a vertex was last followed by a wing, where that was asked.
+    arrived: Vec<u32>,
     tick: u32,
 }
 
@@ -48,7 +50,9 @@ impl OneRing {
     pub(crate) fn reset(&mut self, vertex_count: usize) {
         if self.marks.len() < vertex_count || self.tick > u32::MAX / 2 {
             self.marks.clear();
-            self.marks.resize(vertex_count.max(self.marks.len()), Mark::default());
+            self.marks.resize(vertex_count, Mark::default());
+            self.arrived.clear();
+            self.arrived.resize(vertex_count, 0);
             self.tick = 0;
         }
     }
@@ -81,45 +85,65 @@ impl OneRing {
     fn classify(&mut self, wings: &[Wing]) -> OneRingKind {
         self.ring.clear();
         self.tick += 1;
-        let (tick, marks) = (self.tick, &mut self.marks[..]);
-        let mut manifold = !wings.is_empty();
+        let [first, ..] = wings else { return OneRingKind::Broken };
+        let mut manifold = true;
         for (index, wing) in wings.iter().enumerate() {
-            let mark = &mut marks[usize::from(wing.a)];
-            manifold &= mark.leaving != tick;
-            (mark.leaving, mark.wing) = (tick, index as u16);
-            let mark = &mut marks[usize::from(wing.b)];
-            manifold &= mark.arriving != tick;
-            mark.arriving = tick;
+            let mark = &mut self.marks[usize::from(wing.a)];
+            manifold &= mark.tick != self.tick;
+            *mark = Mark { tick: self.tick, wing: index as u16 };
         }
         if !manifold {
             return OneRingKind::Broken;
         }
-        // An open fan starts at the one vertex that nothing arrives at; a closed one may be entered anywhere.
-        let mut starts = wings.iter().map(|wing| wing.a).filter(|a| marks[usize::from(*a)].arriving != tick);
-        let open = starts.next();
-        if starts.next().is_some() {
-            return OneRingKind::Broken;
+
+        // A walk from any wing comes back with the last one, unless there is an end.
+        match self.walk(wings, first.a, wings.len() <= MAX_LOOP) {
+            Some(end) if end == first.a => OneRingKind::Closed,
+            _ => self.classify_open(wings),
         }
-        let first = open.unwrap_or(wings[0].a);
-        let fits = wings.len() + usize::from(open.is_some()) <= MAX_LOOP;
+    }
+
+    /// Fills the loop with a walk from a vertex, if it `fits`; answers where that ends, if it takes all wings.
+    fn walk(&mut self, wings: &[Wing], first: u16, fits: bool) -> Option<u16> {
         let mut vertex = first;
         for step in 1..=wings.len() {
-            let wing = wings[usize::from(marks[usize::from(vertex)].wing)];
+            let mark = self.marks[usize::from(vertex)];
+            let wing = wings[usize::from(mark.wing)];
             if fits {
                 self.ring.push(vertex, wing.face);
             }
             vertex = wing.b;
-            let ended = marks[usize::from(vertex)].leaving != tick || vertex == first;
+            let ended = self.marks[usize::from(vertex)].tick != self.tick || vertex == first;
             if ended != (step == wings.len()) {
                 self.ring.clear();
-                return OneRingKind::Broken;
+                return None;
             }
         }
-        let Some(start) = open else { return OneRingKind::Closed };
-        if fits {
-            self.ring.push(vertex, NO_FACE);
+        Some(vertex)
+    }
+
+    /// The same for what is no closed fan, if no vertex leads two wings. An open fan starts at the one vertex that nothing arrives at.
+    fn classify_open(&mut self, wings: &[Wing]) -> OneRingKind {
+        self.ring.clear();
+        let mut manifold = true;
+        for wing in wings {
+            let arrived = &mut self.arrived[usize::from(wing.b)];
+            manifold &= *arrived != self.tick;
+            *arrived = self.tick;
         }
-        OneRingKind::Open(start, vertex)
+        let mut starts =
+            wings.iter().map(|wing| wing.a).filter(|a| self.arrived[usize::from(*a)] != self.tick);
+        let (Some(first), None, true) = (starts.next(), starts.next(), manifold) else {
+            return OneRingKind::Broken;
+        };
+
+        let fits = wings.len() < MAX_LOOP;
+        let Some(last) = self.walk(wings, first, fits) else { return OneRingKind::Broken };
+        if fits {
+            self.ring.push(last, NO_FACE);
+        }
+        self.marks[usize::from(last)] = Mark { tick: self.tick, wing: NONE };
+        OneRingKind::Open(first, last)
     }
 
     /// Looks up where the loop is.
@@ -131,8 +155,7 @@ impl OneRing {
     /// Whether `vertex` is in the ring that was classified last.
     #[inline]
     pub(crate) fn has(&self, vertex: u16) -> bool {
-        let mark = self.marks[usize::from(vertex)];
-        (mark.leaving == self.tick) | (mark.arriving == self.tick)
+        self.marks[usize::from(vertex)].tick == self.tick
     }
 }
 

@@ -48,11 +48,30 @@ impl Quadric {
 
     /// Adds a face at this corner. `area_vector` is the cross product of two edges; a face without area adds nothing.
     pub fn add_face(&mut self, area_vector: Vector3<f64>) {
+        self.add_planes(&Quadric::of_face(area_vector));
+    }
+
+    /// What a face adds at each of its corners.
+    pub(crate) fn of_face(area_vector: Vector3<f64>) -> Self {
+        let mut quadric = Quadric::default();
         let doubled_area = area_vector.norm();
         if doubled_area > 0.0 {
-            self.add_plane(area_vector, 0.5 / doubled_area);
-            self.area += 0.5 * doubled_area;
+            quadric.add_plane(area_vector, 0.5 / doubled_area);
+            quadric.area = 0.5 * doubled_area;
         }
+        quadric
+    }
+
+    /// Adds planes through the quadric's own point.
+    #[inline]
+    pub(crate) fn add_planes(&mut self, other: &Quadric) {
+        self.xx += other.xx;
+        self.xy += other.xy;
+        self.xz += other.xz;
+        self.yy += other.yy;
+        self.yz += other.yz;
+        self.zz += other.zz;
+        self.area += other.area;
     }
 
     /// Adds the plane that stands on a boundary edge, perpendicular to its face, with the edge's squared length as weight,
@@ -98,13 +117,7 @@ impl Quadric {
         self.by += other.by + other.xy * d.x + other.yy * d.y + other.yz * d.z;
         self.bz += other.bz + other.xz * d.x + other.yz * d.y + other.zz * d.z;
         self.constant += constant;
-        self.xx += other.xx;
-        self.xy += other.xy;
-        self.xz += other.xz;
-        self.yy += other.yy;
-        self.yz += other.yz;
-        self.zz += other.zz;
-        self.area += other.area;
+        self.add_planes(other);
     }
 }
 

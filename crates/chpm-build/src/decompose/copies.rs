@@ -2,8 +2,6 @@
 //!
 //! Two faces of opposite turn are the two sides of a sheet, and both stay.
 
-use rayon::prelude::*;
-
 /// The triangle as all its copies have it: the smallest vertex first, the turn as it is.
 fn key([a, b, c]: [u32; 3]) -> [u32; 3] {
     if a < b && a < c {
@@ -93,13 +91,36 @@ impl Sifted {
     }
 }
 
-/// Drops every copy but the first; answers how many.
-pub(super) fn drop_all(triangles: &mut Vec<[u32; 3]>) -> u64 {
-    let mut keyed: Vec<([u32; 3], u32)> = triangles.iter().map(|t| key(*t)).zip(0..).collect();
-    keyed.par_sort_unstable();
-    let mut copies: Vec<u32> =
-        keyed.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| pair[1].1).collect();
-    drop(keyed);
+/// Drops every copy but the first, of triangles over vertices below `vertex_count`; answers how many.
+pub(super) fn drop_all(triangles: &mut Vec<[u32; 3]>, vertex_count: usize) -> u64 {
+    // Behind each vertex, the triangles of which it is the smallest: few, so that nothing large is sorted.
+    let mut ends = vec![0u32; vertex_count];
+    for triangle in &*triangles {
+        ends[key(*triangle)[0] as usize] += 1;
+    }
+    let mut end = 0;
+    for place in &mut ends {
+        (*place, end) = (end, end + *place);
+    }
+    let mut rest = vec![([0; 2], 0); triangles.len()];
+    for (index, triangle) in (0..).zip(&*triangles) {
+        let [least, b, c] = key(*triangle);
+        let place = &mut ends[least as usize];
+        rest[*place as usize] = ([b, c], index);
+        *place += 1;
+    }
+
+    let (mut copies, mut start) = (Vec::new(), 0);
+    for end in ends {
+        let about = &mut rest[start as usize..end as usize];
+        about.sort_unstable();
+        copies.extend(about.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| pair[1].1));
+        start = end;
+    }
+    if copies.is_empty() {
+        return 0;
+    }
+
     copies.sort_unstable();
     let (mut rest, mut at) = (copies.iter().peekable(), 0);
     triangles.retain(|_| {
@@ -117,9 +138,9 @@ mod tests {
     #[test]
     fn copies_in_any_rotation_go_and_the_other_side_stays() {
         let mut triangles = vec![[7, 3, 5], [1, 2, 3], [5, 7, 3], [3, 7, 5], [3, 5, 7], [2, 3, 1], [7, 5, 3]];
-        assert_eq!(drop_all(&mut triangles), 4);
+        assert_eq!(drop_all(&mut triangles, 8), 4);
         assert_eq!(triangles, [[7, 3, 5], [1, 2, 3], [3, 7, 5]]);
-        assert_eq!(drop_all(&mut triangles), 0);
+        assert_eq!(drop_all(&mut triangles, 8), 0);
     }
 
     #[test]
@@ -140,9 +161,9 @@ mod tests {
         }
         assert!(kept == passed && pieces.dropped == dropped && dropped > 0);
         let mut plain = all.clone();
-        let copies = drop_all(&mut plain);
+        let copies = drop_all(&mut plain, 1 << 20);
         assert_eq!(copies, 110_000);
-        assert_eq!(dropped + drop_all(&mut passed), copies);
+        assert_eq!(dropped + drop_all(&mut passed, 1 << 20), copies);
         assert_eq!(passed, plain);
         // Whatever is repeated soon is dropped at once.
         let mut sieve = Sieve::default();

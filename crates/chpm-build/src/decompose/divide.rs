@@ -347,7 +347,6 @@ impl Divided {
 
         let mut triangles = Vec::new();
         self.triangles.read(region, &mut triangles)?;
-        let copies = copies::drop_all(&mut triangles);
 
         // Where each vertex was looked for, and then which number those have that were found.
         const UNUSED: u32 = u32::MAX;
@@ -364,6 +363,7 @@ impl Divided {
             count += 1;
         }
         triangles.as_flattened_mut().iter_mut().for_each(|v| *v = numbers[*v as usize]);
+        let copies = copies::drop_all(&mut triangles, count as usize);
 
         // Border vertices: those at home here that others visit, used here or not, and the foreign ones.
         let mut border = vec![INNER; count as usize];

@@ -38,11 +38,14 @@ pub(super) struct Around {
     pub(super) index: u32,
 }
 
+/// Vertices that there can be; a table of this length takes any `u16` without a check.
+const TABLE: usize = 1 << 16;
+
 /// Scratch of the walk.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct CacheWalk {
     vertices: Vec<Vertex>,
-    scores: Vec<i32>,
+    scores: Box<[i32; TABLE]>,
     around: Vec<Around>,
     /// Vertices in the order in which they came into the cache, less those that were found to have nothing left.
     came: Vec<u16>,
@@ -56,10 +59,36 @@ pub(super) struct CacheWalk {
     looked: usize,
 }
 
+impl Default for CacheWalk {
+    fn default() -> Self {
+        CacheWalk {
+            vertices: Vec::new(),
+            scores: Box::new([0; TABLE]),
+            around: Vec::new(),
+            came: Vec::new(),
+            order: Vec::new(),
+            hubs: Hubs::default(),
+            #[cfg(test)]
+            plain: false,
+            #[cfg(test)]
+            looked: 0,
+        }
+    }
+}
+
 impl CacheWalk {
     /// An order of the triangles, which have vertices below `vertex_count`.
     pub(super) fn order(&mut self, triangles: &[[u16; 3]], vertex_count: usize) -> &[u32] {
         self.gather(triangles, vertex_count);
+        // Without hubs, which surfaces do not have, nothing asks for them.
+        match self.hubs.is_empty() {
+            true => self.walk::<false>(triangles, vertex_count),
+            false => self.walk::<true>(triangles, vertex_count),
+        }
+        &self.order
+    }
+
+    fn walk<const HUBS: bool>(&mut self, triangles: &[[u16; 3]], vertex_count: usize) {
         self.order.clear();
         self.came.clear();
 
@@ -68,20 +97,21 @@ impl CacheWalk {
         let mut time = SIZE + 1;
         let mut rest = 0..vertex_count as u16;
 
-        while let Some(index) = self.best(&recent, triangles).or_else(|| self.restart(&mut rest)) {
+        while let Some(index) = self.best::<HUBS>(&recent, triangles).or_else(|| self.restart(&mut rest)) {
             self.order.push(index);
-            self.hubs.take(index);
+            if HUBS {
+                self.hubs.take(index);
+            }
             let corners = triangles[index as usize];
             for corner in corners {
-                self.take(corner, index, triangles);
+                self.take::<HUBS>(corner, index, triangles);
                 if time - self.vertices[usize::from(corner)].came as usize > SIZE {
-                    self.load(corner, &mut cache, time, triangles);
+                    self.load::<HUBS>(corner, &mut cache, time, triangles);
                     time += 1;
                 }
             }
             recent = put_first(corners, recent);
         }
-        &self.order
     }
 
     /// Finds the triangles at each vertex.
@@ -98,18 +128,17 @@ impl CacheWalk {
             self.hubs = Hubs::default();
         }
 
-        self.scores.clear();
         let mut start = 0;
-        for vertex in &mut self.vertices {
+        for (vertex, score) in self.vertices.iter_mut().zip(&mut self.scores[..]) {
             let count = vertex.end;
-            self.scores.push(rarity(count));
+            *score = rarity(count);
             *vertex = Vertex { start, end: start, came: 0 };
             start += count;
         }
 
         self.around.clear();
         self.around.resize(start as usize, Around::default());
-        self.hubs.gather(triangles, &self.scores);
+        self.hubs.gather(triangles, &self.scores[..]);
 
         for (index, [a, b, c]) in (0..).zip(triangles) {
             for (corner, others) in [(*a, [*b, *c]), (*b, [*c, *a]), (*c, [*a, *b])] {
@@ -124,13 +153,13 @@ impl CacheWalk {
     }
 
     /// The triangle with the highest score at some vertices.
-    fn best(&mut self, recent: &[u16], triangles: &[[u16; 3]]) -> Option<u32> {
+    fn best<const HUBS: bool>(&mut self, recent: &[u16], triangles: &[[u16; 3]]) -> Option<u32> {
         // Score and index in one number, so that the larger of two is found without a branch.
         let mut best = 0;
         for corner in recent {
             let Some(vertex) = self.vertices.get(usize::from(*corner)) else { break };
-            if self.hubs.has(*corner) {
-                let (score, index) = self.hubs.best(*corner, triangles, &self.scores).unwrap_or_default();
+            if HUBS && self.hubs.has(*corner) {
+                let (score, index) = self.hubs.best(*corner, triangles, &self.scores[..]).unwrap_or_default();
                 best = best.max((score as u64) << 32 | u64::from(index));
                 continue;
             }
@@ -163,11 +192,11 @@ impl CacheWalk {
     }
 
     /// Takes a triangle from those that one of its corners has left.
-    fn take(&mut self, corner: u16, index: u32, triangles: &[[u16; 3]]) {
+    fn take<const HUBS: bool>(&mut self, corner: u16, index: u32, triangles: &[[u16; 3]]) {
         let vertex = &mut self.vertices[usize::from(corner)];
         let left = &mut self.around[vertex.start as usize..vertex.end as usize];
         let Some(last) = left.len().checked_sub(1) else { return };
-        let at = if self.hubs.has(corner) {
+        let at = if HUBS && self.hubs.has(corner) {
             let at = self.hubs.place(index, triangles[index as usize], corner);
             let moved = left[last].index;
             self.hubs.put(moved, triangles[moved as usize], corner, at);
@@ -178,31 +207,37 @@ impl CacheWalk {
         };
         left.swap(at, last);
         vertex.end -= 1;
-        self.raise(corner, rarity(last as u32) - rarity(last as u32 + 1), triangles);
+        self.raise::<HUBS>(corner, rarity(last as u32) - rarity(last as u32 + 1), triangles);
     }
 
     /// Adds to the score of a vertex.
-    fn raise(&mut self, vertex: u16, by: i32, triangles: &[[u16; 3]]) {
+    #[inline]
+    fn raise<const HUBS: bool>(&mut self, vertex: u16, by: i32, triangles: &[[u16; 3]]) {
         self.scores[usize::from(vertex)] += by;
-        if by > 0 && !self.hubs.is_empty() {
+        if HUBS && by > 0 {
             let Vertex { start, end, .. } = self.vertices[usize::from(vertex)];
             let left = &self.around[start as usize..end as usize];
-            self.hubs.rise(vertex, left, triangles, &self.scores);
+            self.hubs.rise(vertex, left, triangles, &self.scores[..]);
         }
     }
 
     /// Puts a vertex into the cache, in the place of the oldest, and lets others grow older.
-    fn load(&mut self, vertex: u16, cache: &mut [u16; SIZE], time: usize, triangles: &[[u16; 3]]) {
+    fn load<const HUBS: bool>(
+        &mut self,
+        vertex: u16,
+        cache: &mut [u16; SIZE],
+        time: usize,
+        triangles: &[[u16; 3]],
+    ) {
+        // That of no vertex is in the table, too, and nothing looks at it.
         let oldest = std::mem::replace(&mut cache[time % SIZE], vertex);
-        if let Some(score) = self.scores.get_mut(usize::from(oldest)) {
-            *score -= CACHED + OLDER * AGES.len() as i32;
-        }
+        self.scores[usize::from(oldest)] -= CACHED + OLDER * AGES.len() as i32;
         for older in AGES.map(|age| cache[(time - age) % SIZE]) {
             if older != NONE {
-                self.raise(older, OLDER, triangles);
+                self.raise::<HUBS>(older, OLDER, triangles);
             }
         }
-        self.raise(vertex, CACHED, triangles);
+        self.raise::<HUBS>(vertex, CACHED, triangles);
         self.vertices[usize::from(vertex)].came = time as u32;
         self.came.push(vertex);
     }
@@ -219,7 +254,8 @@ fn put_first(corners: [u16; 3], others: [u16; RECENT]) -> [u16; RECENT] {
     let mut end = 3;
     for vertex in others {
         all[end] = vertex;
-        end += usize::from(!corners.contains(&vertex));
+        let [a, b, c] = corners;
+        end += usize::from((vertex != a) & (vertex != b) & (vertex != c));
     }
     std::array::from_fn(|i| all[i])
 }

@@ -142,7 +142,8 @@ impl Hubs {
         let mut best = None;
         for group in groups {
             let group = &mut self.groups[*group as usize];
-            let own = group.hubs.iter().filter_map(|hub| scores.get(usize::from(*hub))).sum::<i32>();
+            let hubs = group.hubs.iter().filter(|hub| **hub != NONE);
+            let own: i32 = hubs.map(|hub| scores[usize::from(*hub)]).sum();
             let top = group.top(&self.is_taken, triangles, scores).map(|(score, index)| (own + score, index));
             best = best.max(top);
         }
