@@ -58,7 +58,9 @@ static TURN: Mutex<()> = Mutex::new(());
 ///
 /// With a compiler that has no variables of threads (MinGW's) no two of them are held at once: a second one waits.
 #[derive(Debug)]
-pub struct Traps(Option<MutexGuard<'static, ()>>);
+pub struct Traps {
+    _turn: Option<MutexGuard<'static, ()>>,
+}
 
 impl Traps {
     /// To be held around a call.
@@ -70,7 +72,7 @@ impl Traps {
         let mut running = running();
         // From here on, dropping it sets back what has been set.
         running.0 += 1;
-        let traps = Traps(turn);
+        let traps = Traps { _turn: turn };
         if running.0 == 1 {
             for signal in SignalAction::OF_METIS {
                 // SAFETY: the handler is the one that METIS sets itself, for as long as it would.
