@@ -128,17 +128,18 @@ impl Adjacency {
         let (v_offset, v_count) = self.slices[usize::from(v)];
         let (u_offset, u_count) = self.slices[usize::from(u)];
 
-        let mut died = 0;
+        // Which faces die cannot be foretold: all are written, and the next one takes the place of one that died.
+        self.arena.resize(merged + (u_count + v_count) as usize, Wing::default());
+        let (mut end, mut died) = (merged, 0);
         for i in u_offset..u_offset + u_count {
             let wing = self.arena[i as usize];
+            let dies = wing.has(v);
             let face = &mut self.faces[wing.face as usize];
-            if wing.has(v) {
-                face.dead = 1;
-                died += 1;
-            } else {
-                face.corners = face.corners.map(|c| if c == u { v } else { c });
-                self.arena.push(wing);
-            }
+            face.dead |= u16::from(dies);
+            face.corners = face.corners.map(|c| if c == u { v } else { c });
+            died += usize::from(dies);
+            self.arena[end] = wing;
+            end += usize::from(!dies);
             self.rename(wing.a, u, v);
             if !closed {
                 self.rename(wing.b, u, v);
@@ -147,12 +148,12 @@ impl Adjacency {
 
         for i in v_offset..v_offset + v_count {
             let wing = self.arena[i as usize];
-            if !wing.has(u) {
-                self.arena.push(wing);
-            }
+            self.arena[end] = wing;
+            end += usize::from(!wing.has(u));
         }
 
-        self.slices[usize::from(v)] = (merged as u32, (self.arena.len() - merged) as u32);
+        self.arena.truncate(end);
+        self.slices[usize::from(v)] = (merged as u32, (end - merged) as u32);
         self.slices[usize::from(u)].1 = 0;
         died
     }

@@ -491,11 +491,14 @@ impl<'a, 'd> Run<'a, 'd> {
             }
         }
         all.prices.hand_on(u, v, self.given.offset(u, v));
-        self.alive -= all.mesh.collapse(u, v, all.one_ring.kind() == OneRingKind::Closed);
+        let closed = all.one_ring.kind() == OneRingKind::Closed;
+        self.alive -= all.mesh.collapse(u, v, closed);
         all.states[usize::from(u)].set(VertexFlags::GONE);
         all.collapses.push(Collapse { from: u, to: v, error: self.error });
         // Ring vertices that had no legal collapse are put back into the queue: the ring has changed.
-        for w in all.one_ring.wings.iter().flat_map(|wing| [wing.a, wing.b]) {
+        let wings = &all.one_ring.wings[..];
+        let followers = if closed { &[] } else { wings };
+        for w in wings.iter().map(|wing| wing.a).chain(followers.iter().map(|wing| wing.b)) {
             let state = &mut all.states[usize::from(w)];
             state.set(VertexFlags::STALE);
             if state.is(VertexFlags::WAITING) {

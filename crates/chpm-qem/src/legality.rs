@@ -13,6 +13,9 @@ const MIN_COSINE: f64 = 0.25;
 const CLEAR: f64 = 1.000_001;
 const LEAST_SQUARES: f64 = 1e-250;
 
+/// "The edge has no apex on this side": no vertex.
+const NO_APEX: u32 = u32::MAX;
+
 /// Whether u -> v may be carried out, given the one-ring of u. The tests go from cheap to dear.
 pub(crate) fn check(given: &Given<'_>, mesh: &Adjacency, one_ring: &OneRing, v: u16) -> Result<(), Refusal> {
     check_topology(given, mesh, one_ring, v)?;
@@ -40,17 +43,13 @@ pub(crate) fn check_topology(
         return Err(Refusal::Valence);
     }
 
-    let (mut before, mut after) = (None, None);
+    let (mut before, mut after) = (NO_APEX, NO_APEX);
     for wing in &one_ring.wings {
-        if wing.b == v {
-            before = Some(wing.a);
-        }
-        if wing.a == v {
-            after = Some(wing.b);
-        }
+        before = if wing.b == v { wing.a.into() } else { before };
+        after = if wing.a == v { wing.b.into() } else { after };
     }
 
-    if given.is_locked(v) && joins_locked(given, one_ring, [Some(v), before, after]) {
+    if given.is_locked(v) && joins_locked(given, one_ring, [v.into(), before, after]) {
         return Err(Refusal::LockedEdge);
     }
     let (remaining, keeps_apex) = check_link(mesh, one_ring, v, [before, after])?;
@@ -58,7 +57,7 @@ pub(crate) fn check_topology(
         return Err(Refusal::Valence);
     }
 
-    let dying = usize::from(before.is_some()) + usize::from(after.is_some());
+    let dying = usize::from(before != NO_APEX) + usize::from(after != NO_APEX);
     if degree == dying && !keeps_apex {
         return Err(Refusal::Component);
     }
@@ -67,11 +66,11 @@ pub(crate) fn check_topology(
 
 /// Whether a new edge at the locked vertex v would end at another locked vertex, or the last of three faces would have
 /// locked corners only: another cluster may own such an edge or face.
-fn joins_locked(given: &Given<'_>, one_ring: &OneRing, apexes: [Option<u16>; 3]) -> bool {
+fn joins_locked(given: &Given<'_>, one_ring: &OneRing, apexes: [u32; 3]) -> bool {
     if one_ring.wings.len() == 3 && one_ring.wings.iter().all(|wing| given.is_locked(wing.a)) {
         return true;
     }
-    let beyond = |w: u16| !apexes.contains(&Some(w)) && given.is_locked(w);
+    let beyond = |w: u16| !apexes.contains(&w.into()) && given.is_locked(w);
     one_ring.wings.iter().any(|wing| beyond(wing.a) || beyond(wing.b))
 }
 
@@ -81,13 +80,13 @@ fn check_link(
     mesh: &Adjacency,
     one_ring: &OneRing,
     v: u16,
-    apexes: [Option<u16>; 2],
+    apexes: [u32; 2],
 ) -> Result<(usize, bool), Refusal> {
     let (mut remaining, mut keeps_apex, mut linked) = (0, false, false);
     for wing in mesh.wings(v) {
         let own = wing.has(one_ring.vertex());
-        fn apex(w: u16, apexes: &[Option<u16>; 2]) -> bool {
-            (apexes[0] == Some(w)) | (apexes[1] == Some(w))
+        fn apex(w: u16, apexes: &[u32; 2]) -> bool {
+            (apexes[0] == w.into()) | (apexes[1] == w.into())
         }
         let (a, b) = (apex(wing.a, &apexes), apex(wing.b, &apexes));
         let common = (one_ring.has(wing.a) & !a) | (one_ring.has(wing.b) & !b) | (a & b);

@@ -1,7 +1,5 @@
 //! The vertices in the order in which they may go.
 
-use std::collections::BinaryHeap;
-
 /// A vertex in the queue: cheapest first, then the smallest index. The costs are not negative.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(crate) struct Entry(u64);
@@ -56,29 +54,104 @@ impl Entry {
     }
 }
 
-/// A heap of entries.
+/// Children of an entry of the heap: with four, an entry that goes down takes half as many steps as with two, and each step compares side by
+/// side.
+const CHILDREN: usize = 4;
+
+/// A heap of entries, the largest first.
 #[derive(Debug, Default)]
-pub(crate) struct Queue(BinaryHeap<Entry>);
+pub(crate) struct Queue(Vec<Entry>);
 
 impl Queue {
     /// Refills the queue.
     pub(crate) fn refill(&mut self, entries: impl FnOnce(&mut Vec<Entry>)) {
-        let mut all = std::mem::take(&mut self.0).into_vec();
-        all.clear();
-        entries(&mut all);
-        self.0 = BinaryHeap::from(all);
+        self.0.clear();
+        entries(&mut self.0);
+        for place in (0..self.0.len().div_ceil(CHILDREN)).rev() {
+            self.sink(place, self.0[place]);
+        }
     }
 
     pub(crate) fn push(&mut self, entry: Entry) {
         self.0.push(entry);
+        self.rise(self.0.len() - 1, 0, entry);
     }
 
     pub(crate) fn pop(&mut self) -> Option<Entry> {
-        self.0.pop()
+        let last = self.0.pop()?;
+        let Some(top) = self.0.first().copied() else { return Some(last) };
+        self.sink(0, last);
+        Some(top)
     }
 
     /// The cost of the next entry; infinite if there is none.
     pub(crate) fn next_cost(&self) -> f32 {
-        self.0.peek().map_or(f32::INFINITY, |e| e.cost())
+        self.0.first().map_or(f32::INFINITY, |e| e.cost())
+    }
+
+    /// Puts an entry at a place or below it: the largest children move up, all the way, and it rises from there. Few rise far.
+    fn sink(&mut self, top: usize, entry: Entry) {
+        let all = &mut self.0[..];
+        let mut hole = top;
+        while let Some([a, b, c, d]) = all.get(CHILDREN * hole + 1..).and_then(<[Entry]>::first_chunk) {
+            let (low, high) = (a.max(b), c.max(d));
+            let (of_low, of_high) = (usize::from(b > a), 2 + usize::from(d > c));
+            let (largest, child) = if high > low { (*high, of_high) } else { (*low, of_low) };
+            all[hole] = largest;
+            hole = CHILDREN * hole + 1 + child;
+        }
+        let last = CHILDREN * hole + 1..all.len();
+        if let Some(child) = last.max_by_key(|child| all[*child]) {
+            all[hole] = all[child];
+            hole = child;
+        }
+        self.rise(hole, top, entry);
+    }
+
+    /// Puts an entry at a free place or above it, not above `top`.
+    fn rise(&mut self, mut hole: usize, top: usize, entry: Entry) {
+        let all = &mut self.0[..];
+        while hole > top {
+            let parent = (hole - 1) / CHILDREN;
+            if all[parent] >= entry {
+                break;
+            }
+            all[hole] = all[parent];
+            hole = parent;
+        }
+        all[hole] = entry;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BinaryHeap;
+
+    #[test]
+    fn entries_come_in_order_whenever_they_were_put_in() {
+        let mut state = 1u32;
+        let mut chance = |below: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) % below
+        };
+        for count in 0..40 {
+            let mut queue = Queue::default();
+            let mut plain = BinaryHeap::new();
+            let entries: Vec<Entry> =
+                (0..count).map(|_| Entry::new(chance(30) as f32, chance(9) as u16)).collect();
+            queue.refill(|all| all.extend_from_slice(&entries));
+            plain.extend(entries);
+            for _ in 0..200 {
+                if chance(3) == 0 {
+                    let entry = Entry::bounded(chance(30) as f32, chance(9) as u16);
+                    queue.push(entry);
+                    plain.push(entry);
+                } else {
+                    assert_eq!(queue.pop(), plain.pop());
+                }
+                assert_eq!(queue.next_cost(), plain.peek().map_or(f32::INFINITY, |e| e.cost()));
+            }
+        }
     }
 }

@@ -66,7 +66,8 @@ impl Ring {
 
     /// Looks up where u and the vertices of the loop are.
     pub(crate) fn place(&mut self, apex: [f64; 3], place: impl Fn(u16) -> [f64; 3]) {
-        let len = self.len;
+        // It is no more than that, and the compiler need not test each place.
+        let len = self.len.min(MAX_LOOP);
         self.apex = apex;
         for i in 0..len {
             let vertex = self.vertices[i];
