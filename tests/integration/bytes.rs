@@ -1,7 +1,7 @@
 //! The same bytes on every system: builds of all kinds of meshes by all kinds of settings, beside the digests of a list.
 //!
 //! Whoever changes bytes on purpose writes the list anew: `CHPM_GOLDEN=write cargo test --test integration bytes`.
-//! `tests/targets.sh` goes through the same list for other systems.
+//! `tests/targets.sh` runs this for other systems.
 
 use super::harness::Folder;
 use std::env;

@@ -14,8 +14,11 @@ use std::path::{Path, PathBuf};
 use std::process::{self, Child, ExitStatus, Stdio};
 use tempfile::TempDir;
 
-/// The command's executable.
-pub(crate) const CHPM: &str = env!("CARGO_BIN_EXE_chpm");
+/// The command's executable; or that of another system, when `tests/targets.sh` compiles these tests.
+pub(crate) const CHPM: &str = match option_env!("CHPM_PROGRAM") {
+    Some(program) => program,
+    None => env!("CARGO_BIN_EXE_chpm"),
+};
 
 /// Says that a test does less than it could, and why: at once, and in the list that `tests/all.sh` ends with.
 pub(crate) fn skipped(why: impl Display) {
