@@ -317,7 +317,7 @@ fn unsafe_code_has_three_addresses() {
 }
 
 /// Words of code that one system understands, or that ask which one it is.
-const OF_A_SYSTEM: [&str; 5] = ["cfg(unix)", "cfg(windows)", "target_os", "std::os::", "nix::"];
+const OF_A_SYSTEM: [&str; 6] = ["cfg(unix)", "cfg(windows)", "target_os", "std::os::", "nix::", "rustix::"];
 
 #[test]
 fn systems_differ_in_one_folder() {

@@ -4,7 +4,7 @@ use super::absolute;
 pub use super::unix::*;
 
 pub(crate) use super::truncation::Guard;
-use nix::fcntl::{AT_FDCWD, RenameFlags, renameat2};
+use rustix::fs::{CWD, RenameFlags, renameat_with};
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ pub const HAS_COMMAND_KEY: bool = false;
 /// # Errors
 /// Those of the system; both have their names then.
 pub fn exchange(one: &Path, other: &Path) -> io::Result<()> {
-    if renameat2(AT_FDCWD, one, AT_FDCWD, other, RenameFlags::RENAME_EXCHANGE).is_ok() {
+    if renameat_with(CWD, one, CWD, other, RenameFlags::EXCHANGE).is_ok() {
         return Ok(());
     }
     super::exchange_in_steps(one, other)

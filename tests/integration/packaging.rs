@@ -1,0 +1,98 @@
+use super::harness::{Folder, root};
+use std::collections::BTreeSet;
+use std::fs;
+use std::process::Command;
+use yaml_rust2::{Yaml, YamlLoader};
+
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+fn yaml(text: &str) -> Yaml {
+    YamlLoader::load_from_str(text).expect("YAML").swap_remove(0)
+}
+
+fn read(name: &str) -> String {
+    fs::read_to_string(root().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+/// Names of the archives that the release's workflow makes.
+fn archives() -> BTreeSet<String> {
+    let workflow = yaml(&read(".github/workflows/release.yml"));
+    let programs = workflow["jobs"]["program"]["strategy"]["matrix"]["include"].as_vec().expect("a list");
+    let name = |entry: &Yaml| {
+        let target = entry["target"].as_str().expect("a target");
+        let ending = if target.contains("windows") { "zip" } else { "tar.xz" };
+        format!("chpm-{VERSION}-{target}.{ending}")
+    };
+    let crates = [format!("chpm-{VERSION}.crate")];
+    programs.iter().map(name).chain(crates).collect()
+}
+
+/// Manifests name archives that a release has, with their checksums, and nothing in them is left to fill in.
+#[test]
+fn manifests_name_what_a_release_has() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("dist")).expect("a folder");
+    let archives = archives();
+    for name in &archives {
+        folder.write(&format!("dist/{name}"), name);
+    }
+
+    let mut command = Command::new("python3");
+    command.current_dir(folder.path("")).arg(root().join("packaging/manifests.py"));
+    let output = command.args(["dist", "https://example.org/v1", "out"]).output().expect("python3");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let manifests = String::from_utf8(output.stdout).expect("names");
+    assert_eq!(manifests.lines().count(), 5);
+
+    for path in manifests.lines() {
+        let text = fs::read_to_string(folder.path(path)).expect("a manifest");
+        assert!(!text.contains('@') && text.contains(VERSION), "{path}: {text}");
+        for (at, _) in text.match_indices("https://example.org/v1/") {
+            let name = text[at..].split(['"', '\n']).next().and_then(|address| address.rsplit('/').next());
+            assert!(archives.contains(name.expect("a name")), "{path}: {name:?}");
+        }
+        if path.ends_with(".yaml") {
+            let read = yaml(&text);
+            assert!(!read.as_hash().expect("keys").is_empty(), "{path}");
+        }
+    }
+}
+
+/// The installer's checksum is that of the archive: SHA-256 of its own name, here.
+#[test]
+fn a_manifest_has_the_checksum_of_its_archive() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("dist")).expect("a folder");
+    for name in archives() {
+        folder.write(&format!("dist/{name}"), "abc");
+    }
+    let mut command = Command::new("python3");
+    command.current_dir(folder.path("")).arg(root().join("packaging/manifests.py"));
+    assert!(command.args(["dist", "https://example.org", "out"]).status().expect("python3").success());
+
+    // FIPS 180-2, appendix B.1.
+    let of_abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+    let winget = yaml(&fs::read_to_string(folder.path("out/winget/chpm.installer.yaml")).expect("a manifest"));
+    assert_eq!(winget["Installers"][0]["InstallerSha256"].as_str(), Some(of_abc));
+    let conda = yaml(&fs::read_to_string(folder.path("out/conda/recipe.yaml")).expect("a manifest"));
+    assert_eq!(conda["source"]["sha256"].as_str(), Some(of_abc));
+}
+
+/// What workflows and the container run of this project is there.
+#[test]
+fn workflows_run_scripts_that_exist() {
+    let mut found = 0;
+    for name in [".github/workflows/release.yml", ".github/workflows/test.yml", "packaging/docker/Dockerfile"] {
+        let text = read(name);
+        if name.ends_with(".yml") {
+            assert!(yaml(&text)["jobs"].as_hash().is_some_and(|jobs| !jobs.is_empty()), "{name}");
+        }
+        for word in text.split_whitespace().filter(|word| {
+            ["packaging/", ".ci/", "tests/"].iter().any(|folder| word.starts_with(folder))
+        }) {
+            assert!(root().join(word).exists(), "{name}: {word}");
+            found += 1;
+        }
+    }
+    assert!(found >= 5, "{found}");
+}
