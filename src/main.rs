@@ -50,6 +50,7 @@ mod web;
 mod whole;
 
 use args::Cli;
+use chpm_extmem::platform::is_closed_pipe;
 use clap::FromArgMatches;
 use cmd::Verdict;
 use std::borrow::Cow;
@@ -83,7 +84,7 @@ fn main() -> ExitCode {
 /// Prints what was asked for instead of a verb: help, or the version.
 fn shown(help: &clap::Error) -> ExitCode {
     match help.print().and_then(|()| io::stdout().flush()).map_err(output::placed) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => failed(&error.into(), 2),
+        Err(error) if !is_closed_pipe(&error) => failed(&error.into(), 2),
         _ => ExitCode::SUCCESS,
     }
 }
@@ -99,10 +100,7 @@ fn misused(error: &clap::Error) -> ! {
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    fn is_broken(e: &io::Error) -> bool {
-        e.kind() == io::ErrorKind::BrokenPipe
-    }
-    error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
+    error.chain().any(|cause| cause.downcast_ref().is_some_and(is_closed_pipe))
 }
 
 /// Prints the error and its causes, one a line.

@@ -6,6 +6,7 @@ use chpm_build::Cancel;
 use chpm_import::{COMPRESSED, FORMATS, extension, extensions, input};
 use glob::MatchOptions;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
 use std::fs;
 use std::io::BufRead;
 use std::path::{Component, Path, PathBuf};
@@ -104,8 +105,9 @@ fn walk(root: &Path, folder: &Path, found: &mut Vec<Model>) -> Result<()> {
         } else if is_mesh(&path) && !parts.contains(&path) {
             let relative = path.strip_prefix(root).unwrap_or(&path);
             let name = relative.with_file_name(stem(relative)?);
-            let name =
-                name.to_str().with_context(|| format!("'{}' is not UTF-8", path.display()))?.to_owned();
+            let parts: Option<Vec<&str>> = name.iter().map(OsStr::to_str).collect();
+            // The same on every system.
+            let name = parts.with_context(|| format!("'{}' is not UTF-8", path.display()))?.join("/");
             found.push(Model { name, source: path, settings: Vec::new() });
         }
     }

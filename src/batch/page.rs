@@ -6,7 +6,7 @@ use crate::number::Short;
 use anyhow::Result;
 use chpm_mesh::Bytes;
 use chpm_report::page::{self, Card};
-use std::path::Path;
+use std::path::{MAIN_SEPARATOR, Path};
 
 /// The page of a batch, failures first; a model of which there is no picture has none.
 pub(crate) fn index(summary: &Summary, folder: &Path) -> Result<String> {
@@ -21,7 +21,13 @@ pub(crate) fn index(summary: &Summary, folder: &Path) -> Result<String> {
             warnings: &row.warnings,
             picture: is_there.then(|| picture(&row.output).ok()).flatten(),
             facts: format!("{}, {}{seconds}", Short(row.triangles).of("triangle"), Bytes(row.output_bytes)),
-            link: row.output.strip_prefix(folder).unwrap_or(&row.output).display().to_string(),
+            link: row
+                .output
+                .strip_prefix(folder)
+                .unwrap_or(&row.output)
+                .display()
+                .to_string()
+                .replace(MAIN_SEPARATOR, "/"),
         });
     }
     Ok(page::index(&summary.line(), cards)?)

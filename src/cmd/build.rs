@@ -15,7 +15,6 @@ use chpm_extmem::platform::{self, Kind};
 use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, Counted};
 use clap::Parser;
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -76,8 +75,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 /// Builds, and reports on stdout.
 fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     let mut config = build_config(&args.settings, &args.resources, args.force)?;
-    let source = super::source(&args.source)?;
-    let is_pipe = fs::metadata(source).is_ok_and(|found| platform::kind(found.file_type()) == Kind::Pipe);
+    let source = super::source(&args.source);
+    let is_pipe = platform::kind_at(source).is_ok_and(|kind| kind == Kind::Pipe);
     ensure!(
         args.output.is_some() || !(is_pipe || source != args.source),
         "'{}' gives the output no name; name it with -o",

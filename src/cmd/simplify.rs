@@ -70,7 +70,7 @@ struct Wanted {
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let bound = args.wanted.within.map(|within| within.length(args.unit)).transpose()?;
-    let source = super::source(&args.source)?;
+    let source = super::source(&args.source);
     // Whatever is refused is refused before the work.
     let target = args.mesh.create("simplify", &[source])?;
     let mut out = output::messages([&target.output], args.json, args.quiet)?;

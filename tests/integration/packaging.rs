@@ -72,7 +72,8 @@ fn a_manifest_has_the_checksum_of_its_archive() {
 
     // FIPS 180-2, appendix B.1.
     let of_abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
-    let winget = yaml(&fs::read_to_string(folder.path("out/winget/chpm.installer.yaml")).expect("a manifest"));
+    let winget =
+        yaml(&fs::read_to_string(folder.path("out/winget/chpm.installer.yaml")).expect("a manifest"));
     assert_eq!(winget["Installers"][0]["InstallerSha256"].as_str(), Some(of_abc));
     let conda = yaml(&fs::read_to_string(folder.path("out/conda/recipe.yaml")).expect("a manifest"));
     assert_eq!(conda["source"]["sha256"].as_str(), Some(of_abc));
@@ -82,14 +83,16 @@ fn a_manifest_has_the_checksum_of_its_archive() {
 #[test]
 fn workflows_run_scripts_that_exist() {
     let mut found = 0;
-    for name in [".github/workflows/release.yml", ".github/workflows/test.yml", "packaging/docker/Dockerfile"] {
+    for name in [".github/workflows/release.yml", ".github/workflows/test.yml", "packaging/docker/Dockerfile"]
+    {
         let text = read(name);
         if name.ends_with(".yml") {
             assert!(yaml(&text)["jobs"].as_hash().is_some_and(|jobs| !jobs.is_empty()), "{name}");
         }
-        for word in text.split_whitespace().filter(|word| {
-            ["packaging/", ".ci/", "tests/"].iter().any(|folder| word.starts_with(folder))
-        }) {
+        for word in text
+            .split_whitespace()
+            .filter(|word| ["packaging/", ".ci/", "tests/"].iter().any(|folder| word.starts_with(folder)))
+        {
             assert!(root().join(word).exists(), "{name}: {word}");
             found += 1;
         }

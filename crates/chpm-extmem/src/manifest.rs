@@ -3,6 +3,7 @@
 //! Eight bytes say what it is, then comes what the caller writes, then the XXH3 of both. It is written under another name, synced and
 //! renamed, so that there is always the last one or the next; the files that it names are synced before.
 
+use crate::platform::sync_folder;
 use crate::{ExtmemError, WorkDir};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -40,8 +41,7 @@ impl WorkDir {
             .and_then(|()| fs::rename(self.path().join(Self::NEXT), self.manifest_path()));
         renamed.map_err(failed)?;
         self.keep(true);
-        let synced =
-            self.fail_points().access().and_then(|()| File::open(self.path())).and_then(|dir| dir.sync_all());
+        let synced = self.fail_points().access().and_then(|()| sync_folder(self.path()));
         synced.map_err(failed)?;
         self.list(names);
         Ok(())

@@ -81,8 +81,7 @@ impl Supply {
 }
 
 fn kind(path: &Path) -> Result<Kind, SourceError> {
-    let found = fs::metadata(path).map(|metadata| platform::kind(metadata.file_type()));
-    found.map_err(|source| SourceError::Read { path: path.to_owned(), source })
+    platform::kind_at(path).map_err(|source| SourceError::Read { path: path.to_owned(), source })
 }
 
 fn name(kind: Kind) -> &'static str {

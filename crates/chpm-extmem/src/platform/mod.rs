@@ -18,9 +18,9 @@ mod truncation;
 mod unix;
 
 pub use system::{
-    FileId, HAS_COMMAND_KEY, Pipe, STDIN, cache_folder, exchange, id_at, kind, open_files, open_to_read,
-    peak_resident, process_time, read_exact_at, replace_process, resident, state_folder, sync_below,
-    sync_folder, thread_time, write_all_at,
+    FileId, HAS_COMMAND_KEY, Pipe, STDIN, cache_folder, exchange, id_at, is_closed_pipe, kind, kind_at,
+    open_files, open_to_read, peak_resident, process_time, read_exact_at, replace_process, resident,
+    state_folder, sync_below, sync_folder, thread_time, write_all_at,
 };
 pub(crate) use system::{
     Guard, advise, advise_buffer, allocate, drop_pages, end_process, error_of_device, error_of_full_disk,

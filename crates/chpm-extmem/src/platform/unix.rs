@@ -22,7 +22,7 @@ use std::process::Command;
 use std::time::Duration;
 
 /// The path of standard input.
-pub const STDIN: Option<&str> = Some("/dev/stdin");
+pub const STDIN: &str = "/dev/stdin";
 
 /// Device and number of a file: equal for two names of one file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -47,6 +47,19 @@ fn id(found: &fs::Metadata) -> FileId {
 /// Whether an open file, or folder from [`open_folder`], is the one at `path`.
 pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     matches!((file.metadata(), id_at(path)), (Ok(opened), Ok(found)) if id(&opened) == found)
+}
+
+/// The kind of what is at a path, or of what a link there points at.
+///
+/// # Errors
+/// Those of the system.
+pub fn kind_at(path: &Path) -> io::Result<Kind> {
+    Ok(kind(fs::metadata(path)?.file_type()))
+}
+
+/// Whether an error says that whoever read a pipe has closed it.
+pub fn is_closed_pipe(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::BrokenPipe
 }
 
 /// The kind of a thing.

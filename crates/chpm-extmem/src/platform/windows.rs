@@ -11,12 +11,14 @@ use std::fs::{self, File, FileType, OpenOptions};
 use std::io;
 use std::os::windows::ffi::{OsStrExt, OsStringExt};
 use std::os::windows::fs::{FileExt, OpenOptionsExt};
-use std::os::windows::io::AsRawHandle;
+use std::os::windows::io::{AsHandle, AsRawHandle};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 use std::{mem, ptr};
-use windows_sys::Win32::Foundation::{ERROR_DISK_FULL, ERROR_IO_DEVICE, ERROR_NOT_SUPPORTED, FILETIME};
+use windows_sys::Win32::Foundation::{
+    ERROR_DISK_FULL, ERROR_IO_DEVICE, ERROR_NOT_SUPPORTED, ERROR_PIPE_NOT_CONNECTED, FILETIME,
+};
 use windows_sys::Win32::Storage::FileSystem::{
     BY_HANDLE_FILE_INFORMATION, FILE_FLAG_BACKUP_SEMANTICS, GetDiskFreeSpaceExW, GetFileInformationByHandle,
 };
@@ -26,8 +28,8 @@ use windows_sys::Win32::System::Threading::{GetCurrentProcess, GetProcessTimes, 
 /// Whether keyboards have a Command key, which is the one for shortcuts.
 pub const HAS_COMMAND_KEY: bool = false;
 
-/// The path of standard input: it has none.
-pub const STDIN: Option<&str> = None;
+/// The path that stands for standard input, which has none: the functions here know it.
+pub const STDIN: &str = r"\\.\standard input";
 
 /// File in a folder that says by its lock that somebody is at work: folders cannot be locked.
 const HELD: &str = ".held";
@@ -69,6 +71,22 @@ fn lock_of(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(HELD) } else { path.to_owned() }
 }
 
+/// The kind of what is at a path, or of what a link there points at. Standard input counts as a pipe, whatever it is.
+///
+/// # Errors
+/// Those of the system.
+pub fn kind_at(path: &Path) -> io::Result<Kind> {
+    if path == Path::new(STDIN) {
+        return Ok(Kind::Pipe);
+    }
+    Ok(kind(fs::metadata(path)?.file_type()))
+}
+
+/// Whether an error says that whoever read a pipe has closed it.
+pub fn is_closed_pipe(error: &io::Error) -> bool {
+    error.kind() == io::ErrorKind::BrokenPipe || error.raw_os_error() == Some(ERROR_PIPE_NOT_CONNECTED as i32)
+}
+
 /// The kind of a thing.
 pub fn kind(found: FileType) -> Kind {
     match () {
@@ -83,7 +101,8 @@ pub fn kind(found: FileType) -> Kind {
 /// # Errors
 /// Those of the system.
 pub fn open_to_read(path: &Path) -> io::Result<File> {
-    File::open(path)
+    // With this flag a folder opens, too, and can be told from what may not be read.
+    File::options().read(true).custom_flags(FILE_FLAG_BACKUP_SEMANTICS).open(path)
 }
 
 /// Opens the file that stands for a folder, to lock it.
@@ -274,6 +293,9 @@ impl Pipe {
     /// # Errors
     /// Those of the system.
     pub fn open(path: &Path) -> io::Result<Pipe> {
+        if path == Path::new(STDIN) {
+            return Ok(Pipe(io::stdin().as_handle().try_clone_to_owned()?.into()));
+        }
         File::open(path).map(Pipe)
     }
 
