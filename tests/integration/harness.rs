@@ -10,6 +10,7 @@ use std::env;
 use std::fmt::Display;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{self, Child, ExitStatus, Stdio};
 use tempfile::TempDir;
@@ -19,6 +20,12 @@ pub(crate) const CHPM: &str = match option_env!("CHPM_PROGRAM") {
     Some(program) => program,
     None => env!("CARGO_BIN_EXE_chpm"),
 };
+
+/// Whether a process was killed; a program for Windows tells so by its code.
+pub(crate) fn was_killed(status: ExitStatus) -> bool {
+    let by_code = option_env!("CHPM_PROGRAM").is_some() && status.code() == Some(1);
+    status.signal() == Some(Signal::SIGKILL as i32) || by_code
+}
 
 /// Says that a test does less than it could, and why: at once, and in the list that `tests/all.sh` ends with.
 pub(crate) fn skipped(why: impl Display) {
