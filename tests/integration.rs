@@ -60,7 +60,7 @@ mod integration {
     mod odd_cuts;
     /// What is written, and where: devices, links, streams, names, limits.
     mod outputs;
-    /// What releases are made of: workflows, manifests of package managers.
+    /// Releases: workflows, manifests of package managers.
     mod packaging;
     /// How near two models are, and what is refused.
     mod proximity;
