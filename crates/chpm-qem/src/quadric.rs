@@ -51,7 +51,7 @@ impl Quadric {
         self.add_planes(&Quadric::of_face(area_vector));
     }
 
-    /// What a face adds at each of its corners.
+    /// A face's part of the quadric of each of its corners.
     pub(crate) fn of_face(area_vector: Vector3<f64>) -> Self {
         let mut quadric = Quadric::default();
         let doubled_area = area_vector.norm();
