@@ -3,6 +3,8 @@
 use crate::number;
 use anyhow::{Context, Result};
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::ops::Deref;
+use std::thread::{Builder, JoinHandle};
 
 /// Threads of a verb whose result does not depend on their number.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -19,7 +21,37 @@ impl ThreadArgs {
     }
 
     /// The threads, to be given work with `install`.
-    pub(crate) fn pool(&self) -> Result<ThreadPool> {
-        ThreadPoolBuilder::new().num_threads(self.count()).build().context("cannot start the worker threads")
+    pub(crate) fn pool(&self) -> Result<Workers> {
+        let mut threads = Vec::new();
+        let pool = ThreadPoolBuilder::new().num_threads(self.count()).spawn_handler(|worker| {
+            threads.push(Builder::new().spawn(|| worker.run())?);
+            Ok(())
+        });
+        let pool = pool.build().context("cannot start the worker threads")?;
+        Ok(Workers { pool: Some(pool), threads })
+    }
+}
+
+/// Worker threads, all of which have ended when this is dropped: a process that ends together with its threads is killed in Wine now and then.
+#[derive(Debug)]
+pub(crate) struct Workers {
+    pool: Option<ThreadPool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Deref for Workers {
+    type Target = ThreadPool;
+
+    fn deref(&self) -> &ThreadPool {
+        self.pool.as_ref().expect("there until it is dropped")
+    }
+}
+
+impl Drop for Workers {
+    fn drop(&mut self) {
+        drop(self.pool.take());
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
     }
 }
