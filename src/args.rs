@@ -1,16 +1,5 @@
-//! The command line as it is typed, and how it becomes a build's configuration.
+//! Options of builds, which several verbs share, and how they become a build's configuration.
 
-use crate::cmd::relayout::Pages;
-#[cfg(feature = "viewer")]
-use crate::cmd::render;
-#[cfg(feature = "viewer")]
-use crate::cmd::view;
-use crate::cmd::{
-    batch, bench, build, clearance, compare, completions, config, contacts, demo, distance, dump, export,
-    extract, info, measure, path, relayout, report, simplify, stats, synth, verify, walk,
-};
-#[cfg(feature = "web")]
-use crate::cmd::{serve, share};
 use crate::number;
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::{Layout, Length, Normals, Positions, Topology};
@@ -18,90 +7,9 @@ use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings, Trace
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 pub(crate) use chpm_mesh::MemorySize;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
-
-/// Turns a triangle mesh ({meshes}) into one memory-mapped clustered
-/// hierarchy of progressive meshes (CHPM).
-#[derive(Parser, Debug)]
-#[command(name = "chpm", version, after_help = AFTER_HELP)]
-pub(crate) struct Cli {
-    #[command(subcommand)]
-    pub(crate) command: Command,
-}
-
-const AFTER_HELP: &str =
-    "Exit codes: 0 success; 1 a verification found a fault; 2 error; 129, 130, 143 stopped by a signal.
-Start with: chpm demo";
-
-/// Verbs.
-#[derive(Subcommand, Debug)]
-pub(crate) enum Command {
-    /// Build a .chpm file from a mesh
-    Build(build::Args),
-    /// Build many meshes into one folder; what is current is left alone
-    Batch(batch::Args),
-    /// Show what a file is, how big and how good, and what to do next
-    Info(info::Args),
-    /// Show how good a file is, level by level, and its worst clusters
-    Stats(stats::Args),
-    /// Write a page about a file: pictures, plots, a map of clusters
-    Report(report::Args),
-    /// Check every byte and invariant, the source's triangles, cracks
-    Verify(verify::Args),
-    /// Sample the distance of a file from its source, or of two meshes
-    Measure(measure::Args),
-    /// Find how near two models are: an interval that is proven
-    Distance(distance::Args),
-    /// Prove that two models are farther apart than a distance
-    Clearance(clearance::Args),
-    /// Find everywhere that two models, or one and itself, come near
-    Contacts(contacts::Args),
-    /// Find how far each vertex of a scan is from a reference
-    Compare(compare::Args),
-    /// Measure time, memory and deviation beside other simplifiers
-    Bench(bench::Args),
-    /// What `bench` runs in processes of their own
-    #[command(hide = true)]
-    Contend(bench::ContendArgs),
-    /// Write a file anew with its pages compressed, or uncompressed
-    Relayout(relayout::Args),
-    /// Print the tables of a file as text, and its pages
-    Dump(dump::Args),
-    /// Take one mesh without cracks out of a file: PLY, STL, OBJ, GLB
-    Extract(extract::Args),
-    /// Write the whole hierarchy as 3D Tiles
-    Export(export::Args),
-    /// Make a mesh smaller and prove how near it stays
-    Simplify(simplify::Args),
-    /// Make a camera path around a model
-    Path(path::Args),
-    /// Draw a picture of a model, or of two, without a window
-    #[cfg(feature = "viewer")]
-    Render(Box<render::Args>),
-    /// Look at a model, or at two, in a window
-    #[cfg(feature = "viewer")]
-    View(Box<view::Args>),
-    /// Select along a camera path, frame by frame, and count
-    Walk(walk::Args),
-    /// Show files in a browser: serve them and a page on this machine
-    #[cfg(feature = "web")]
-    Serve(serve::Args),
-    /// Write a folder for a web host: a model and a page that shows it
-    #[cfg(feature = "web")]
-    Share(share::Args),
-    /// Generate a mesh of any size
-    Synth(synth::Args),
-    /// Generate a model, build it, verify it: all of it once
-    Demo(demo::Args),
-    /// Print the settings that a build would have, and their origins
-    Config(config::Args),
-    /// Write a script that completes this command line in a shell
-    Completions(completions::Args),
-    /// Write manual pages into a folder
-    Man(completions::ManArgs),
-}
 
 /// Settings, which decide the bytes of the output.
 #[derive(Args, Debug)]
@@ -261,6 +169,17 @@ impl NormalsArg {
     }
 }
 
+/// How pages are stored.
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Pages {
+    /// Uncompressed, as they are used: read in place, at multiples of 4096 bytes
+    #[value(alias = "uncompressed")]
+    Raw,
+    /// Compressed: every bit of them in fewer bytes, on scans less than half, to be unpacked when they are read
+    #[value(alias = "compressed")]
+    Packed,
+}
+
 /// Resources; none of them shows in the output.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Resources (none of them shows in the output)")]
@@ -365,7 +284,7 @@ pub(crate) fn build_config(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
+    use clap::Parser;
 
     #[derive(Parser)]
     struct Build {
@@ -378,11 +297,6 @@ mod tests {
     fn config(arguments: &[&str]) -> BuildConfig {
         let build = Build::try_parse_from([&["build"], arguments].concat()).unwrap();
         build_config(&build.settings, &build.resources, false).unwrap()
-    }
-
-    #[test]
-    fn the_command_line_is_well_formed() {
-        Cli::command().debug_assert();
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Settings that are not typed: those of a preset, and of a `chpm.toml`. What is typed wins over the file, the file over the preset.
 
-use crate::args::{Cli, ResourceArgs, SettingsArgs, build_config};
+use crate::args::{ResourceArgs, SettingsArgs, build_config};
 use crate::batch::manifest::{self, Settings};
+use crate::cli::Cli;
 use crate::presets::Preset;
 use anyhow::{Context, Result, anyhow, ensure};
 use chpm_mesh::Bytes;

@@ -1,6 +1,6 @@
 //! The command line with an example or more for each verb, as `chpm help VERB` and the man pages show them.
 
-use crate::args::Cli;
+use crate::cli::Cli;
 use crate::formats;
 use crate::help;
 use clap::{Command, CommandFactory};

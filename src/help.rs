@@ -46,7 +46,7 @@ mod page;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::Cli;
+    use crate::cli::Cli;
     use clap::CommandFactory;
 
     #[test]

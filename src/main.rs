@@ -12,6 +12,7 @@ mod beside;
 mod caches;
 mod certified;
 mod claim;
+mod cli;
 mod cmd;
 mod compare;
 mod config;
@@ -49,9 +50,9 @@ mod view;
 mod web;
 mod whole;
 
-use args::Cli;
 use chpm_extmem::platform::is_closed_pipe;
 use clap::FromArgMatches;
+use cli::Cli;
 use cmd::Verdict;
 use std::borrow::Cow;
 use std::io::{self, Write};

@@ -1,6 +1,6 @@
 //! The folder of the session, which a layer of Mesa's Vulkan looks for.
 
-use crate::args::Command as Verb;
+use crate::cli::Command as Verb;
 use chpm_extmem::platform::replace_process;
 use std::env;
 use std::process::Command;

@@ -1,12 +1,13 @@
 //! `chpm batch`: many models into one folder, again and again, on one machine or on many.
 
 use super::{Verdict, stdout};
-use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
+use crate::args::{ResourceArgs, SettingsArgs, build_config};
 use crate::batch::inputs::{self, Model};
 use crate::batch::page;
 use crate::batch::run;
 use crate::batch::shard::Shard;
 use crate::batch::summary::{self, Status, Summary};
+use crate::cli::{Cli, Command};
 use crate::config::{self, ConfigArgs};
 use crate::number;
 use crate::output;

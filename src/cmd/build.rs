@@ -1,7 +1,8 @@
 //! `chpm build`: from a PLY to a file, and the tables at the end.
 
 use super::{Verdict, open, stdout, word};
-use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
+use crate::args::{ResourceArgs, SettingsArgs, build_config};
+use crate::cli::{Cli, Command};
 use crate::config::{self, ConfigArgs};
 use crate::json;
 use crate::number::Short;

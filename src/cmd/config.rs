@@ -1,7 +1,8 @@
 //! `chpm config`: which settings a build would have, and from where.
 
 use super::{Verdict, stdout};
-use crate::args::{Cli, Command, ResourceArgs, SettingsArgs, build_config};
+use crate::args::{ResourceArgs, SettingsArgs, build_config};
+use crate::cli::{Cli, Command};
 use crate::config::{self, ConfigArgs};
 use crate::json::{
     self,

@@ -32,7 +32,7 @@ pub(crate) mod verify;
 pub(crate) mod view;
 pub(crate) mod walk;
 
-use crate::args::Command;
+use crate::cli::Command;
 pub(crate) use crate::output::stdout;
 use crate::stop::Stop;
 use anyhow::{Context, Result, anyhow};

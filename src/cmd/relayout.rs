@@ -1,6 +1,7 @@
 //! `chpm relayout`: the same file with its pages stored otherwise, or in another order.
 
 use super::{Verdict, open, reading, stdout};
+use crate::args::Pages;
 use crate::memory::{self, MemoryArgs};
 use crate::output;
 use crate::progress::Meter;
@@ -46,17 +47,6 @@ pub(crate) struct Args {
     quiet: bool,
     #[command(flatten)]
     memory: MemoryArgs,
-}
-
-/// How pages are stored.
-#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Pages {
-    /// Uncompressed, as they are used: read in place, at multiples of 4096 bytes
-    #[value(alias = "uncompressed")]
-    Raw,
-    /// Compressed: every bit of them in fewer bytes, on scans less than half, to be unpacked when they are read
-    #[value(alias = "compressed")]
-    Packed,
 }
 
 /// In which order pages are.

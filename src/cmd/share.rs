@@ -1,7 +1,8 @@
 //! `chpm share`: a model, and the page that shows it, as a folder for any host of static files.
 
-use super::relayout::{self, Pages};
+use super::relayout;
 use super::{Verdict, open, stdout, word};
+use crate::args::Pages;
 use crate::folder::{OutputFolder, above};
 use crate::json::{self, made, named};
 use crate::memory::MemoryArgs;

@@ -29,10 +29,9 @@ const EDGES: [(&str, &[&str]); 15] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 26] = [
+const LAYERS: [&str; 25] = [
     "trace",
     "progress",
-    "foreign",
     "report",
     "error",
     "config",

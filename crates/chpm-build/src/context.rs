@@ -90,6 +90,6 @@ impl<'a> Context<'a> {
 
     /// Ends the build if it was asked to stop.
     pub fn check(&self) -> Result<(), BuildError> {
-        if self.cancel.is_cancelled() { Err(BuildError::Cancelled) } else { Ok(()) }
+        Ok(self.cancel.check()?)
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::progress::Stage;
 use crate::report::Reached;
+use chpm_extmem::Cancelled;
 use chpm_import::SourceError;
 use std::path::PathBuf;
 
@@ -151,6 +152,12 @@ impl BuildError {
             BuildError::Kept { error, .. } | BuildError::WorkRemoved { error, .. } => error.is_cancelled(),
             _ => false,
         }
+    }
+}
+
+impl From<Cancelled> for BuildError {
+    fn from(_: Cancelled) -> Self {
+        BuildError::Cancelled
     }
 }
 

@@ -14,7 +14,6 @@ mod decompose;
 mod emit;
 mod error;
 mod fingerprint;
-mod foreign;
 mod hierarchy;
 mod in_order;
 mod ingest;

@@ -1,6 +1,5 @@
 //! Report of a build: stages, levels, repairs, sizes.
 
-use crate::foreign::RefusalsFields;
 use crate::progress::Stage;
 use chpm_qem::Refusals;
 use serde::{Deserialize, Serialize};
@@ -53,7 +52,6 @@ pub struct LevelReport {
     /// Largest deviation of a colour's channel, of 255; 0 without colours.
     pub color_deviation: f32,
     /// Collapses refused, by reason.
-    #[serde(with = "RefusalsFields")]
     pub refusals: Refusals,
 }
 

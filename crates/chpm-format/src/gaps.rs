@@ -1,10 +1,11 @@
 //! Dropped components of a group: how far they are from what the group draws.
 
 use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
 
 /// How far the points of the source that have vanished are from the nearest vertex that is drawn, at most, object units. Components that
 /// lie apart vanish at a price by their size, so that the errors of a group do not tell of them; with its gaps they are distances.
-#[derive(Clone, Copy, PartialEq, Pod, Zeroable, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Pod, Zeroable, Debug, Default, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Gaps {
     /// At positions of an error below [`Self::from`], where nothing is missing but what has vanished below the group.

@@ -12,11 +12,13 @@
 
 mod batch;
 mod conf;
+mod corner_normals;
 mod error;
 mod foreign;
 mod format;
 mod gltf;
 pub mod input;
+mod kept_polygons;
 mod lines;
 mod location;
 mod obj;
@@ -38,10 +40,12 @@ mod weld;
 
 pub use batch::{Batch, BatchKind, MAX_CORNERS, MAX_VERTICES, Tally};
 pub use conf::{Pose, RangeScans, Scan};
+pub use corner_normals::{CornerNormals, Joined};
 pub use error::{ImportError, SourceError};
 pub use foreign::Foreign;
 pub use format::{COMPRESSED, FORMATS, Format, extension, extensions, read_formats};
 pub use input::Input;
+pub use kept_polygons::KeptPolygons;
 pub use location::SourceLocation;
 pub use obj::ObjReader;
 pub use options::{Invalid, Keep, Options};

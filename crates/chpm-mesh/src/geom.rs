@@ -1,6 +1,7 @@
 //! Boxes and spheres that only ever grow, and triangle helpers.
 
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// How far from zero a coordinate of a mesh may be. Everything that is made of coordinates (diagonals, spheres about spheres,
 /// bounds of errors, level upon level) then stays a factor of hundred below the greatest f32.
@@ -15,7 +16,7 @@ pub const FAR: f64 = 1e36;
 /// assert_eq!(bounds.diagonal(), 5.0);
 /// assert!(Aabb::EMPTY.is_empty());
 /// ```
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Aabb {
     /// Smallest corner.
     pub min: [f32; 3],

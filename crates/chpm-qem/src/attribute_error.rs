@@ -12,6 +12,7 @@ use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::round_up;
 use chpm_mesh::{Octahedral, VertexSlices};
 use nalgebra::{Vector3, Vector4};
+use serde::{Deserialize, Serialize};
 
 /// Relative rounding error of a difference of attributes, with room.
 const LOST: f64 = 1.0 / (1u64 << 48) as f64;
@@ -88,7 +89,7 @@ fn color_value(color: &[u8; 4]) -> Value {
 
 /// A bound on how far the interpolated attributes at a point of a mesh are from those of the source at the point that the
 /// collapses took there. Rounded up; 0 for attributes that are not there.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Deviation {
     /// Length of the difference of the normals, each interpolated between unit normals.
     pub normal: f32,

@@ -4,6 +4,7 @@ use crate::overlay::Sweep;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::round_up;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// Relative rounding error of a sum of two f64 numbers, with room.
 const LOST: f64 = 1.0 / (1u64 << 50) as f64;
@@ -18,7 +19,7 @@ const LOST: f64 = 1.0 / (1u64 << 50) as f64;
 /// assert_eq!(Displacement::default().error(), 0.0);
 /// assert!(Displacement::within(1.0).norm() >= 3.0_f64.sqrt());
 /// ```
-#[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Displacement {
     lo: [f32; 3],

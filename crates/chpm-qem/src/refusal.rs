@@ -1,5 +1,6 @@
 //! Why a collapse is not carried out. A refusal is a counted value, never a silent exit.
 
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::AddAssign;
 
@@ -54,7 +55,7 @@ impl fmt::Display for Refusal {
 }
 
 /// Refusals by reason, in the order of [`Refusal::ALL`].
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Refusals(pub [u64; 8]);
 
 impl Refusals {

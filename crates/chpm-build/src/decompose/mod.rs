@@ -41,7 +41,6 @@ use topology::Account;
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Decomposition {
     /// How far a triangle of a leaf is from the source's own: its coordinates were rounded.
-    #[serde(with = "displacement")]
     pub(crate) rounding: Displacement,
     /// The leaves' data.
     spool: Spool,
@@ -73,20 +72,6 @@ impl Decomposition {
     /// Triangles of all leaves.
     pub(crate) fn triangle_count(&self) -> u64 {
         self.leaves.iter().map(|leaf| u64::from(leaf.triangle_count)).sum()
-    }
-}
-
-/// A displacement in a record.
-mod displacement {
-    use chpm_qem::Displacement;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    pub(super) fn serialize<S: Serializer>(value: &Displacement, serializer: S) -> Result<S::Ok, S::Error> {
-        bytemuck::cast::<Displacement, [f32; 6]>(*value).serialize(serializer)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Displacement, D::Error> {
-        <[f32; 6]>::deserialize(deserializer).map(bytemuck::cast)
     }
 }
 

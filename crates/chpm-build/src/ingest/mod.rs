@@ -4,8 +4,6 @@
 mod components;
 mod lattice;
 mod local;
-mod normals;
-mod polygons;
 mod small;
 mod used;
 
@@ -13,17 +11,15 @@ use crate::allowance;
 use crate::config::{Normals, Positions, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
-use crate::foreign::AabbFields;
 use crate::report::SmallComponents;
 use crate::vertex_columns::{POSITIONS, VertexColumns, VertexWriter};
-use chpm_extmem::{BufferWriter, Column, Store};
+use bytemuck::Pod;
+use chpm_extmem::{BufferWriter, Cached, Column, Store};
 use chpm_format::Source as Provenance;
 use chpm_import::ply::{Batch, BatchKind, Invalid, Options, SourceLocation, Tally};
-use chpm_import::{Beside, Input, SourceError, SourceInfo, Supply};
+use chpm_import::{Beside, CornerNormals, Input, KeptPolygons, SourceError, SourceInfo, Supply};
 use chpm_mesh::{Aabb, Attributes, Scalar, scalar_places};
 use local::Local;
-use normals::CornerNormals;
-use polygons::Faces;
 use serde::{Deserialize, Serialize};
 use std::panic::resume_unwind;
 use std::sync::mpsc;
@@ -36,7 +32,6 @@ pub(crate) struct Source {
     pub(crate) vertices: VertexColumns,
     pub(crate) triangles: Column<[u32; 3]>,
     /// Of the vertices that faces use, as all that follows.
-    #[serde(with = "AabbFields")]
     pub(crate) bounds: Aabb,
     /// By how much a coordinate was changed at most: what errors start from. Zero for f32 sources that are on no lattice.
     pub(crate) rounding: f64,
@@ -96,8 +91,8 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         Ok(triangles.extend_from_slice(more)?)
     };
     read.tally.degenerate_faces += match is_double {
-        true => polygons.cut(&doubles, context, &mut take)?,
-        false => polygons.cut(&vertices.positions, context, &mut take)?,
+        true => polygons.cut(&context.cancel, places(&doubles), &mut take)?,
+        false => polygons.cut(&context.cancel, places(&vertices.positions), &mut take)?,
     };
     if triangles.is_empty() {
         return Err(BuildError::Empty { path: supply.path.clone(), faces: read.face_count });
@@ -109,7 +104,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     refuse_far(&far.finish_column()?, &used, supply, &read, context)?;
 
     let (corner_normals, of_normals) = match corner_normals {
-        Some(normals) => normals.join(count, context)?,
+        Some(normals) => normals.join(count, &context.store, &context.cancel)?,
         None => (None, None),
     };
     vertices.normals = vertices.normals.or(corner_normals);
@@ -140,6 +135,12 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     warnings.extend(of_normals);
     let facts = SourceFacts { origin, lattice_step, tally, small, warnings, provenance, scalars };
     Ok(Source { vertices, triangles, bounds, rounding, facts })
+}
+
+/// Where vertices are; zero where there is none, as it is for all that comes after.
+fn places<T: Pod + Into<f64>>(positions: &Column<[T; 3]>) -> impl FnMut(u32) -> Result<[f64; 3], BuildError> {
+    let mut positions = Cached::new(positions);
+    move |vertex| Ok(positions.get(vertex as usize)?.map_or([0.0; 3], |place| place.map(Into::into)))
 }
 
 /// Finds the range of each scalar, among the vertices that faces use.
@@ -173,7 +174,7 @@ struct Arrays {
     vertices: VertexWriter,
     doubles: BufferWriter<[f64; 3]>,
     triangles: BufferWriter<[u32; 3]>,
-    polygons: Faces,
+    polygons: KeptPolygons,
     /// Of formats that give them to corners.
     corner_normals: Option<CornerNormals>,
     store: Store,
@@ -230,7 +231,7 @@ impl Arrays {
             vertices: VertexWriter::new(store, format.attributes, vertices, singles)?,
             doubles: BufferWriter::new(store, POSITIONS, doubles)?,
             triangles: BufferWriter::new(store, TRIANGLES, faces)?,
-            polygons: Faces::new(store)?,
+            polygons: KeptPolygons::new(store)?,
             corner_normals: None,
             store: store.clone(),
         })

@@ -18,7 +18,6 @@ use crate::config::Settings;
 use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
-use crate::foreign::{AabbFields, DeviationFields, GapsFields};
 use crate::hierarchy::Tree;
 use crate::in_order::while_not_due;
 use crate::per_thread::PerThread;
@@ -41,10 +40,8 @@ pub(crate) struct PageRef {
     /// Largest decoded error of a base mesh of its group: what errors above start from.
     pub(crate) group_error: f32,
     /// Box around the finest mesh.
-    #[serde(with = "AabbFields")]
     pub(crate) bounds: Aabb,
     /// Box around its part of the source.
-    #[serde(with = "AabbFields")]
     source: Aabb,
     /// Vertices of the base mesh: what a merge starts from.
     base_vertex_count: u32,
@@ -60,10 +57,8 @@ pub(crate) struct PageRef {
     dropped: u64,
     dropped_count: u32,
     /// Those of its group.
-    #[serde(with = "GapsFields")]
     pub(crate) gaps: Gaps,
     /// The largest of its meshes and of those below.
-    #[serde(with = "DeviationFields")]
     pub(crate) deviation: Deviation,
 }
 

@@ -5,7 +5,7 @@ use bytemuck::Pod;
 use chpm_extmem::{BufferWriter, Cancel, Column, Paged, Progress, Store};
 use chpm_format::{Chpm, Metadata};
 use chpm_import::ply::{Batch, BatchKind, Coordinates, Invalid, Keep, Options, Tally};
-use chpm_import::{Input, Triangulator, polygon};
+use chpm_import::{Input, KeptPolygons};
 use std::path::Path;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -14,7 +14,7 @@ pub(super) type Corners = [[f64; 3]; 3];
 /// For each corner, the hash of its named scalars; 0 without any.
 pub(super) type Marks = [u64; 3];
 
-/// Triangles, or words of polygons, that are read at once.
+/// Items that are read at once.
 const WINDOW: usize = 1 << 14;
 
 /// A source that was read to its end.
@@ -77,7 +77,7 @@ impl Source {
         let mut marks = BufferWriter::<u64>::new(store, MARKS, 0)?;
         let mut marked = Vec::new();
         let mut triangles = BufferWriter::new(store, "source triangles", 0)?;
-        let mut polygons = BufferWriter::new(store, "source polygons", 0)?;
+        let mut polygons = KeptPolygons::new(store)?;
         let mut batch = Batch::default();
         while input.next_batch(&mut batch)? != BatchKind::End {
             cancel.check()?;
@@ -87,7 +87,7 @@ impl Source {
             marked.extend(batch.vertices.scalars.chunks(words.max(1)).map(mark));
             marks.extend_from_slice(&marked)?;
             triangles.extend_from_slice(&batch.triangles)?;
-            polygons.extend_from_slice(batch.polygons.as_words())?;
+            polygons.add(&batch.polygons)?;
             tell(input.bytes_read());
         }
         let mut tally = input.finish()?.tally;
@@ -96,8 +96,12 @@ impl Source {
             true => Positions::Double(Paged::new(store, POSITIONS, doubles.finish_column()?)?),
             false => Positions::Single(Paged::new(store, POSITIONS, singles.finish_column()?)?),
         };
-        let polygons = polygons.finish_column()?;
-        tally.degenerate_faces += cut(&polygons, &mut positions, &mut triangles, cancel)?;
+        // There are many right ways to cut them; this is the builder's.
+        tally.degenerate_faces += polygons.cut(
+            cancel,
+            |corner| positions.get(corner),
+            |cut| Ok::<(), VerifyError>(triangles.extend_from_slice(cut)?),
+        )?;
         let marks = marks.finish_column()?;
         Ok(Source {
             positions,
@@ -171,40 +175,6 @@ impl Positions {
             Positions::Double(all) => all.get(vertex as usize)?,
         })
     }
-}
-
-/// Cuts polygons as the builder does, since there are many right ways to. Returns how many of their triangles name a vertex twice
-/// and are left out.
-fn cut(
-    polygons: &Column<u32>,
-    positions: &mut Positions,
-    triangles: &mut BufferWriter<[u32; 3]>,
-    cancel: &Cancel,
-) -> Result<u64, VerifyError> {
-    let (mut triangulator, mut cut, mut degenerate) = (Triangulator::default(), Vec::new(), 0);
-    let (mut at, mut scratch, mut places) = (0, Vec::new(), Vec::new());
-    while at < polygons.len() {
-        cancel.check()?;
-        let mut words = polygons.read(at..polygons.len().min(at + WINDOW), &mut scratch)?;
-        // A polygon of very many corners has a window of its own.
-        let len = 1 + words[0] as usize;
-        if len > words.len() {
-            words = polygons.read(at..at + len, &mut scratch)?;
-        }
-        for corners in polygon::each(words) {
-            at += 1 + corners.len();
-            places.clear();
-            if corners.len() <= Triangulator::EARS {
-                for corner in corners {
-                    places.push(positions.get(*corner)?);
-                }
-            }
-            degenerate += triangulator.cut(corners, &places, &mut cut);
-        }
-        triangles.extend_from_slice(&cut)?;
-        cut.clear();
-    }
-    Ok(degenerate)
 }
 
 /// Shows all items in their order.

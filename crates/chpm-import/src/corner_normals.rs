@@ -1,11 +1,9 @@
 //! Normals that a source gives to corners of faces: vertices get them if each has just one.
 
-use crate::context::Context;
-use crate::error::BuildError;
-use crate::vertex_columns::NORMALS;
+use crate::batch::Batch;
+use crate::error::SourceError;
 use bytemuck::{Pod, Zeroable};
-use chpm_extmem::{BufferWriter, Column, Sorted, Sorter, Store};
-use chpm_import::ply::Batch;
+use chpm_extmem::{BufferWriter, Cancel, Column, Sorted, Sorter, Store};
 use chpm_mesh::Counted;
 
 /// Pairs that are remembered, so that corners of one vertex that lie together count once.
@@ -16,10 +14,10 @@ const WINDOW: usize = 1 << 14;
 const HEED: u64 = 1 << 14;
 
 /// Normals by vertex, or in words why there are none.
-pub(super) type Joined = (Option<Column<[f32; 3]>>, Option<String>);
+pub type Joined = (Option<Column<[f32; 3]>>, Option<String>);
 
 /// Normals of corners, in the order of the source.
-pub(super) struct CornerNormals {
+pub struct CornerNormals {
     values: BufferWriter<[f32; 3]>,
     /// The number of a normal, and below it that of a vertex.
     pairs: Sorter<u64>,
@@ -27,13 +25,21 @@ pub(super) struct CornerNormals {
 }
 
 impl CornerNormals {
-    pub(super) fn new(store: &Store) -> Result<Self, BuildError> {
+    /// None yet.
+    ///
+    /// # Errors
+    /// Those of the store, as of all that it does.
+    pub fn new(store: &Store) -> Result<Self, SourceError> {
         let values = BufferWriter::new(store, "normals of corners", 0)?;
         let pairs = Sorter::new(store, "normals of corners");
         Ok(CornerNormals { values, pairs, recent: vec![u64::MAX; RECENT] })
     }
 
-    pub(super) fn take(&mut self, batch: &Batch) -> Result<(), BuildError> {
+    /// Takes those of a batch.
+    ///
+    /// # Errors
+    /// Those of the store.
+    pub fn take(&mut self, batch: &Batch) -> Result<(), SourceError> {
         self.values.extend_from_slice(&batch.listed_normals)?;
         for [vertex, normal] in &batch.corner_normals {
             let pair = u64::from(*normal) << 32 | u64::from(*vertex);
@@ -47,21 +53,24 @@ impl CornerNormals {
     }
 
     /// The normals of all vertices, zero for those that no face uses; or none, and in words why they cannot be had.
-    pub(super) fn join(self, vertices: usize, context: &Context<'_>) -> Result<Joined, BuildError> {
+    ///
+    /// # Errors
+    /// Those of the store, and [`SourceError::Cancelled`].
+    pub fn join(self, vertices: usize, store: &Store, cancel: &Cancel) -> Result<Joined, SourceError> {
         let count = self.values.len() as u64;
         if count == 0 {
             return Ok((None, None));
         }
         let dropped = |why: String| Ok((None, Some(format!("dropped {}, {why}", Counted(count, "normal")))));
-        let Some(mut looks) = self.looks(context)? else {
+        let Some(mut looks) = self.looks(store, cancel)? else {
             return dropped("since some corners of faces name none".to_owned());
         };
 
         // Looks are sorted by vertex, as vertices are: both are gone through side by side.
-        let mut normals = BufferWriter::new(&context.store, NORMALS, vertices)?;
+        let mut normals = BufferWriter::new(store, "normals", vertices)?;
         let (mut block, mut next, mut conflicts) = (Vec::with_capacity(WINDOW), looks.next()?, 0);
         for start in (0..vertices).step_by(WINDOW) {
-            context.check()?;
+            cancel.check().map_err(|_| SourceError::Cancelled)?;
             block.clear();
             for vertex in start..vertices.min(start + WINDOW) {
                 let mut normal = None;
@@ -84,16 +93,16 @@ impl CornerNormals {
     }
 
     /// Normals of vertices, by vertex; none if a corner has none.
-    fn looks(self, context: &Context<'_>) -> Result<Option<Sorted<Look>>, BuildError> {
+    fn looks(self, store: &Store, cancel: &Cancel) -> Result<Option<Sorted<Look>>, SourceError> {
         // By normal first, so that these are read front to back.
         let values = self.values.finish_column()?;
-        let (mut pairs, mut looks) = (self.pairs.finish()?, Sorter::new(&context.store, "normals by vertex"));
+        let (mut pairs, mut looks) = (self.pairs.finish()?, Sorter::new(store, "normals by vertex"));
         let (mut first, mut window, mut scratch) = (0, &[][..], Vec::new());
         let mut taken = 0u64;
         while let Some(pair) = pairs.next()? {
             taken += 1;
             if taken.is_multiple_of(HEED) {
-                context.check()?;
+                cancel.check().map_err(|_| SourceError::Cancelled)?;
             }
 
             // That of a corner without any, too, is beyond them all.
