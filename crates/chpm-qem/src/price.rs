@@ -157,7 +157,7 @@ impl Prices {
     }
 }
 
-/// What half-edges from one vertex cost by its quadric.
+/// Costs of the half-edges from one vertex, by its quadric.
 struct QuadricCost<'a> {
     quadric: &'a Quadric,
     origin: [f64; 3],
