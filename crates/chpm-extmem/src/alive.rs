@@ -27,7 +27,12 @@ pub(crate) fn clear(path: &Path) {
     let Ok(left) = open(path, kind.is_dir()) else { return };
     // Until the lock was there, another may have removed it, and a third made it anew.
     if left.try_lock().is_ok() && is_at(&left, path) {
-        let _ = if kind.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+        let removed = if kind.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+        // Some systems remove only what nobody has open; a folder of this kind is never made anew by the same name.
+        if removed.is_err() && kind.is_dir() {
+            drop(left);
+            let _ = fs::remove_dir_all(path);
+        }
     }
 }
 

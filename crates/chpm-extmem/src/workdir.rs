@@ -194,8 +194,13 @@ impl WorkDir {
         let is_needed = |name: &str| names.contains(name) || (manifest && name == Self::MANIFEST);
         for entry in self.fail_points.access().and_then(|()| fs::read_dir(&self.path)).map_err(failed)? {
             let entry = entry.map_err(failed)?;
-            if !entry.file_name().to_str().is_some_and(is_needed) {
-                fs::remove_file(entry.path()).map_err(failed)?;
+            if entry.file_name().to_str().is_some_and(is_needed) {
+                continue;
+            }
+            match fs::remove_file(entry.path()) {
+                // A file without a name has one on some systems, for as long as it is open.
+                Err(error) if platform::is_in_use(&error) => {}
+                removed => removed.map_err(failed)?,
             }
         }
         Ok(())

@@ -17,7 +17,8 @@ use std::process::Command;
 use std::time::Duration;
 use std::{mem, ptr};
 use windows_sys::Win32::Foundation::{
-    ERROR_DISK_FULL, ERROR_IO_DEVICE, ERROR_NOT_SUPPORTED, ERROR_PIPE_NOT_CONNECTED, FILETIME,
+    ERROR_DISK_FULL, ERROR_IO_DEVICE, ERROR_NOT_SUPPORTED, ERROR_PIPE_NOT_CONNECTED, ERROR_SHARING_VIOLATION,
+    FILETIME,
 };
 use windows_sys::Win32::Storage::FileSystem::{
     BY_HANDLE_FILE_INFORMATION, FILE_FLAG_BACKUP_SEMANTICS, GetDiskFreeSpaceExW, GetFileInformationByHandle,
@@ -85,6 +86,11 @@ pub fn kind_at(path: &Path) -> io::Result<Kind> {
 /// Whether an error says that whoever read a pipe has closed it.
 pub fn is_closed_pipe(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::BrokenPipe || error.raw_os_error() == Some(ERROR_PIPE_NOT_CONNECTED as i32)
+}
+
+/// Whether an error says that a file stays because somebody has it open.
+pub(crate) fn is_in_use(error: &io::Error) -> bool {
+    error.raw_os_error() == Some(ERROR_SHARING_VIOLATION as i32)
 }
 
 /// The kind of a thing.
