@@ -1,0 +1,13 @@
+//! Rows of images, from the top, in bounded memory: the fence around the codecs.
+//!
+//! [`ImageRows`] tells the format by the first bytes and hands out RGBA of 8 bits, straight alpha, sRGB as it is stored. The same
+//! bytes come out on every machine. Everything here takes untrusted bytes.
+#![forbid(unsafe_code)]
+
+mod error;
+mod forward;
+mod png;
+mod rows;
+
+pub use error::ImageError;
+pub use rows::ImageRows;
