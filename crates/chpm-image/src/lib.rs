@@ -6,6 +6,7 @@
 
 mod error;
 mod forward;
+mod jpeg;
 mod png;
 mod rows;
 

@@ -1,6 +1,7 @@
 //! Rows of an image in any format that is read.
 
 use crate::ImageError;
+use crate::jpeg::JpegRows;
 use crate::png::PngRows;
 use std::io::{BufRead, Cursor, Read};
 
@@ -50,7 +51,7 @@ impl ImageRows {
         let bytes = Cursor::new(first).chain(bytes);
         let codec: Box<dyn Codec> = match (is_png, is_jpeg) {
             (true, _) => Box::new(PngRows::open(bytes, memory)?),
-            (_, true) => return Err(ImageError::Unsupported { what: "a JPEG (so far)" }),
+            (_, true) => Box::new(JpegRows::open(bytes, memory)?),
             _ => return Err(ImageError::Foreign),
         };
         let size = codec.size();
