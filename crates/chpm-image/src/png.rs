@@ -8,6 +8,8 @@ use std::io::BufRead;
 
 /// Bytes that the codec holds beside rows: its window, tables and chunks.
 const CODEC: u64 = 1 << 20;
+/// Bytes that the codec may take for chunks that say nothing about pixels.
+const LIMIT: u64 = 16 << 20;
 
 pub(crate) struct PngRows<R: BufRead + Send> {
     reader: Reader<Forward<R>>,
@@ -16,17 +18,18 @@ pub(crate) struct PngRows<R: BufRead + Send> {
     memory: u64,
     row: Vec<u8>,
     /// All pixels of an interlaced image, and how many were handed out.
+    is_interlaced: bool,
     whole: Option<(Vec<u8>, usize)>,
 }
 
 impl<R: BufRead + Send> PngRows<R> {
     pub(crate) fn open(bytes: R, memory: u64) -> Result<Self, ImageError> {
-        let limits = Limits { bytes: usize::try_from(memory).unwrap_or(usize::MAX) };
+        let limits = Limits { bytes: memory.min(LIMIT) as usize };
         let mut decoder = Decoder::new_with_limits(Forward(bytes), limits);
         decoder.set_transformations(Transformations::normalize_to_color8());
         decoder.set_ignore_text_chunk(true);
         decoder.set_ignore_iccp_chunk(true);
-        let mut reader = decoder.read_info().map_err(error)?;
+        let reader = decoder.read_info().map_err(error)?;
 
         let size = [reader.info().width, reader.info().height];
         let (color, depth) = reader.output_color_type();
@@ -44,15 +47,8 @@ impl<R: BufRead + Send> PngRows<R> {
             return Err(ImageError::Memory { what, instead, size, needed, limit: memory });
         }
 
-        let whole = if is_interlaced {
-            let mut pixels = vec![0; all as usize];
-            reader.next_frame(&mut pixels).map_err(error)?;
-            Some((pixels, 0))
-        } else {
-            None
-        };
         let row = vec![0; size[0] as usize * channels];
-        Ok(PngRows { reader, size, channels, memory: needed, row, whole })
+        Ok(PngRows { reader, size, channels, memory: needed, row, is_interlaced, whole: None })
     }
 }
 
@@ -66,6 +62,11 @@ impl<R: BufRead + Send> Codec for PngRows<R> {
     }
 
     fn read_row(&mut self, out: &mut Vec<[u8; 4]>) -> Result<(), ImageError> {
+        if self.is_interlaced && self.whole.is_none() {
+            let mut pixels = vec![0; self.row.len() * self.size[1] as usize];
+            self.reader.next_frame(&mut pixels).map_err(error)?;
+            self.whole = Some((pixels, 0));
+        }
         let row = match &mut self.whole {
             Some((pixels, at)) => {
                 *at += self.row.len();

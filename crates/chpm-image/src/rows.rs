@@ -39,7 +39,7 @@ pub(crate) trait Codec: Send {
 }
 
 impl ImageRows {
-    /// Opens an image, whose decoder may hold `memory` bytes.
+    /// Opens an image, whose decoder may hold `memory` bytes; it takes them with the first row.
     ///
     /// # Errors
     /// [`ImageError`]: what is no image, is damaged, or needs more memory.

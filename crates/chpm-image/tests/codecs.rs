@@ -7,6 +7,13 @@ use std::io::Cursor;
 
 const PLENTY: u64 = 64 << 20;
 
+/// Makes a pixel of its samples.
+type Pixel = fn(&[u8]) -> [u8; 4];
+
+fn grey(v: u8) -> [u8; 4] {
+    [v, v, v, 255]
+}
+
 /// Smooth colours with some noise.
 fn picture(width: usize, height: usize, channels: usize) -> Vec<u8> {
     let mut noise = 1u32;
@@ -86,12 +93,11 @@ fn every_png_is_read() {
     let (w, h) = (37, 23);
     let bytes = |channels| picture(w, h, channels);
     let wide = |channels| -> Vec<u8> { bytes(channels).iter().flat_map(|&byte| [byte, !byte]).collect() };
-    let grey = |v: u8| [v, v, v, 255];
-    let cases: [(png::ColorType, usize, &dyn Fn(&[u8]) -> [u8; 4]); 4] = [
-        (Grayscale, 1, &|p| grey(p[0])),
-        (GrayscaleAlpha, 2, &|p| [p[0], p[0], p[0], p[1]]),
-        (Rgb, 3, &|p| [p[0], p[1], p[2], 255]),
-        (Rgba, 4, &|p| [p[0], p[1], p[2], p[3]]),
+    let cases: [(png::ColorType, usize, Pixel); 4] = [
+        (Grayscale, 1, |p| grey(p[0])),
+        (GrayscaleAlpha, 2, |p| [p[0], p[0], p[0], p[1]]),
+        (Rgb, 3, |p| [p[0], p[1], p[2], 255]),
+        (Rgba, 4, |p| [p[0], p[1], p[2], p[3]]),
     ];
     for (color, channels, pixel) in cases {
         let expected: Vec<[u8; 4]> = bytes(channels).chunks(channels).map(pixel).collect();

@@ -1,15 +1,17 @@
 //! The pass that averages.
 
+use crate::footprint::Footprint;
+use crate::images::{OpenImage, Sizes, Strips};
+use crate::piece::Piece;
+use crate::shares::Shares;
 use crate::{Material, TextureError, TexturedTriangle, VertexColors};
-use chpm_extmem::{BufferWriter, Cancel, Column, Store};
-use chpm_image::ImageRows;
-use std::io::{self, BufRead};
+use chpm_extmem::{BufferWriter, Cancel, Sorted, Sorter, Store};
 
-/// Opens an image by its number. An image may be opened twice: for its size, then for its pixels.
-pub type OpenImage<'a> = dyn FnMut(u32) -> io::Result<Box<dyn BufRead + Send>> + 'a;
-
-/// Colour of a vertex that no material says anything about.
-const WHITE: [u8; 4] = [255; 4];
+/// Triangles that are taken at once.
+const AT_ONCE: usize = 1 << 12;
+/// Texels that a triangle counts for whose material has no image, or that has no coordinates.
+const PLAIN: f64 = 1.0;
+const LOST: f64 = 1.0 / 256.0;
 
 /// Gathers the triangles of a textured mesh and averages what they cover.
 pub struct Averager {
@@ -35,8 +37,8 @@ impl Averager {
         Ok(self.triangles.extend_from_slice(std::slice::from_ref(triangle))?)
     }
 
-    /// Colours of all vertices. A corner without finite coordinates, or of a material without an image, has the material's factor; a vertex without
-    /// any material is white.
+    /// Colours of all vertices. A triangle without finite coordinates, or of a material without an image, has the material's factor; a vertex
+    /// without any material is white.
     ///
     /// # Errors
     /// [`TextureError`]: of images, of a vertex that is not there, of the disk, or that it was to stop.
@@ -47,34 +49,71 @@ impl Averager {
         vertex_count: usize,
         cancel: &Cancel,
     ) -> Result<VertexColors, TextureError> {
-        let mut colors = Column::zeroed(&self.store, "colours of vertices", vertex_count)?;
-        let triangles = self.triangles.finish()?;
-        for start in 0..vertex_count {
-            colors.write(start, &[WHITE])?;
-        }
-        for triangle in triangles.iter() {
+        let store = self.store.clone();
+        let mut shares = Shares::new(&store, vertex_count)?;
+        let pieces = self.cut(materials, open_image, vertex_count, &mut shares, cancel)?;
+        average(&store, pieces, materials, open_image, &mut shares, cancel)?;
+        Ok(shares.finish()?)
+    }
+
+    /// Sorts what triangles cover by image and strip. Those that cover nothing of an image are done with.
+    fn cut(
+        self,
+        materials: &[Material],
+        open_image: &mut OpenImage<'_>,
+        vertex_count: usize,
+        shares: &mut Shares,
+        cancel: &Cancel,
+    ) -> Result<Sorted<Piece>, TextureError> {
+        let mut pieces = Sorter::new(&self.store, "texels of triangles");
+        let triangles = self.triangles.finish_column()?;
+        let (mut sizes, mut scratch) = (Sizes::default(), Vec::new());
+        for start in (0..triangles.len()).step_by(AT_ONCE) {
             cancel.check()?;
-            let Some(material) = materials.get(triangle.material as usize) else { continue };
-            let mut color = material.factor.map(|part| (part.clamp(0.0, 1.0) * 255.0).round() as u8);
-            if let Some(image) = material.image {
-                color = first_pixel(image, open_image)?;
-            }
-            for vertex in triangle.vertices {
-                if vertex as usize >= vertex_count {
+            let range = start..triangles.len().min(start + AT_ONCE);
+            for triangle in triangles.read(range, &mut scratch)? {
+                let TexturedTriangle { vertices, uv, material: number } = *triangle;
+                let Some(material) = materials.get(number as usize) else { continue };
+                if let Some(&vertex) = vertices.iter().find(|vertex| **vertex as usize >= vertex_count) {
                     return Err(TextureError::VertexOutOfRange { vertex, count: vertex_count });
                 }
-                colors.write(vertex as usize, &[color])?;
+                let Some(image) = material.image else {
+                    shares.add_to_all(vertices, &[material.plain_share(PLAIN); 3])?;
+                    continue;
+                };
+                let size = sizes.get(image, open_image)?;
+                let Some(footprint) = Footprint::new(uv, size, material.wrap) else {
+                    shares.add_to_all(vertices, &[material.plain_share(LOST); 3])?;
+                    continue;
+                };
+                let (corners, rows) = (footprint.corners, footprint.rows());
+                let piece = Piece { image, strip: 0, corners, rows, vertices, material: number };
+                piece.cut(size, material.wrap[1], |piece| pieces.push(piece))?;
             }
         }
-        Ok(VertexColors(colors))
+        Ok(pieces.finish()?)
     }
 }
 
-/// Placeholder until images are averaged.
-fn first_pixel(image: u32, open_image: &mut OpenImage<'_>) -> Result<[u8; 4], TextureError> {
-    let bytes = open_image(image).map_err(|source| TextureError::Open { image, source })?;
-    let error = |source| TextureError::Image { image, source };
-    let mut pixels = Vec::new();
-    ImageRows::open(bytes, 64 << 20).map_err(error)?.read_rows(1, &mut pixels).map_err(error)?;
-    Ok(pixels.first().copied().unwrap_or(WHITE))
+/// Decodes images and gives texels to corners.
+fn average(
+    store: &Store,
+    mut pieces: Sorted<Piece>,
+    materials: &[Material],
+    open_image: &mut OpenImage<'_>,
+    shares: &mut Shares,
+    cancel: &Cancel,
+) -> Result<(), TextureError> {
+    let mut next = pieces.next()?;
+    while let Some(Piece { image, .. }) = next {
+        let mut strips = Strips::open(store, image, open_image)?;
+        while let Some(piece) = next.filter(|piece| piece.image == image) {
+            strips.go_to(piece.strip, cancel)?;
+            let material = &materials[piece.material as usize];
+            let found = piece.footprint().shares(piece.rows, &strips, material);
+            shares.add_to_all(piece.vertices, &found)?;
+            next = pieces.next()?;
+        }
+    }
+    Ok(())
 }

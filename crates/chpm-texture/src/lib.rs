@@ -8,11 +8,18 @@
 mod averager;
 mod colors;
 mod error;
+mod footprint;
+mod images;
 mod material;
+mod piece;
+mod shares;
+mod srgb;
+mod texels;
 mod triangle;
 
-pub use averager::{Averager, OpenImage};
+pub use averager::Averager;
 pub use colors::VertexColors;
 pub use error::TextureError;
+pub use images::OpenImage;
 pub use material::{Material, Wrap};
 pub use triangle::TexturedTriangle;
