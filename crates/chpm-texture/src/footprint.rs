@@ -30,7 +30,8 @@ impl Footprint {
         }
         let u = wrapped(uv.map(|[u, _]| f64::from(u)), wrap[0]);
         let v = wrapped(uv.map(|[_, v]| 1.0 - f64::from(v)), wrap[1]);
-        let place = |value: f64, side: u32| (value * f64::from(side) * PARTS as f64).round() as i32;
+        // None is below zero.
+        let place = |value: f64, side: u32| (value * f64::from(side) * PARTS as f64 + 0.5) as i32;
         Some(Footprint { corners: std::array::from_fn(|i| [place(u[i], size[0]), place(v[i], size[1])]) })
     }
 
@@ -89,6 +90,9 @@ impl Footprint {
 fn wrapped(values: [f64; 3], wrap: Wrap) -> [f64; 3] {
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if low >= 0.0 && high <= 1.0 {
+        return values;
+    }
     let start = match wrap {
         Wrap::Clamp => return values.map(|value| value.clamp(0.0, 1.0)),
         Wrap::Repeat => low.floor(),
@@ -101,6 +105,7 @@ fn wrapped(values: [f64; 3], wrap: Wrap) -> [f64; 3] {
 /// The column or row of the image that one of the grid shows.
 pub(crate) fn inside(place: i64, side: i64, wrap: Wrap) -> i64 {
     match wrap {
+        _ if (0..side).contains(&place) => place,
         Wrap::Clamp => place.clamp(0, side - 1),
         Wrap::Repeat => place.rem_euclid(side),
         Wrap::Mirror => {
@@ -139,16 +144,19 @@ struct Edges {
     /// What is added by a column and by a row.
     steps: [i64; 3],
     down: [i64; 3],
+    /// One by the steps of columns.
+    scales: [f64; 3],
 }
 
 impl Edges {
     fn new(footprint: &Footprint, area: i64) -> Self {
         let corners = footprint.corners.map(|corner| corner.map(i64::from));
-        let mut edges = Edges { start: [0; 3], steps: [0; 3], down: [0; 3] };
+        let mut edges = Edges { start: [0; 3], steps: [0; 3], down: [0; 3], scales: [0.0; 3] };
         for i in 0..3 {
             let (from, to) = (corners[(i + 1) % 3], corners[(i + 2) % 3]);
             let along = [0, 1].map(|axis| (to[axis] - from[axis]) * area.signum());
             edges.steps[i] = -along[1] * PARTS;
+            edges.scales[i] = 1.0 / edges.steps[i] as f64;
             edges.down[i] = along[0] * PARTS;
             edges.start[i] = along[0] * (PARTS / 2 - from[1]) - along[1] * (PARTS / 2 - from[0]);
         }
@@ -162,12 +170,23 @@ impl Edges {
     /// Columns whose middles are inside.
     fn span(&self, row: i64) -> Option<[i64; 2]> {
         let (mut begin, mut end) = (i64::MIN, i64::MAX);
-        for (value, step) in self.at(0, row).into_iter().zip(self.steps) {
+        for ((value, step), scale) in self.at(0, row).into_iter().zip(self.steps).zip(self.scales) {
+            let is_inside = |column: i64| value + step * column >= 0;
+            // A division by whole numbers takes longer than an estimate that is put right.
+            let mut zero = (-(value as f64) * scale) as i64;
             match step {
                 0 if value < 0 => return None,
                 0 => {}
-                1.. => begin = begin.max(-value.div_euclid(step)),
-                _ => end = end.min(value.div_euclid(-step) + 1),
+                1.. => {
+                    zero += i64::from(!is_inside(zero));
+                    zero -= i64::from(is_inside(zero - 1));
+                    begin = begin.max(zero);
+                }
+                _ => {
+                    zero -= i64::from(!is_inside(zero));
+                    zero += i64::from(is_inside(zero + 1));
+                    end = end.min(zero + 1);
+                }
             }
         }
         (begin < end).then_some([begin, end])
@@ -215,7 +234,7 @@ impl Gathered {
     fn shares(&self, material: &Material) -> [Share; 3] {
         let [first, second] = self.corners;
         let third = std::array::from_fn(|i| (self.all[i] - first[i] - second[i]).max(0.0));
-        [first, second, third].map(|parts| material.tint(parts).map(|part| (part * FINE).round() as i64))
+        [first, second, third].map(|parts| material.tint(parts).map(|part| (part * FINE + 0.5) as i64))
     }
 }
 
@@ -229,7 +248,7 @@ impl Material {
     pub(crate) fn plain_share(&self, weight: f64) -> Share {
         let shown = 256.0;
         let full = [65_535.0, 65_535.0, 65_535.0, shown * 255.0, 255.0].map(|part| part * weight);
-        self.tint(full).map(|part| (part * FINE).round() as i64)
+        self.tint(full).map(|part| (part * FINE + 0.5) as i64)
     }
 
     /// Multiplies by the factor.

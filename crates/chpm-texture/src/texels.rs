@@ -46,6 +46,9 @@ impl Texels {
     pub(crate) fn fill(&mut self, pixels: &[[u8; 4]]) {
         let light = linear();
         let texel = |&[r, g, b, a]: &[u8; 4]| {
+            if a == 255 {
+                return [light[r as usize], light[g as usize], light[b as usize], 256 * 255];
+            }
             let shown = u32::from(a) + 1;
             let part = |value: u8| ((u32::from(light[value as usize]) * shown + 128) >> 8) as u16;
             [part(r), part(g), part(b), (shown * 255) as u16]
