@@ -3,6 +3,7 @@
 use crate::images::Strips;
 use crate::texels::{Sums, Texels, WEIGHT};
 use crate::{Material, Wrap};
+use bytemuck::{Pod, Zeroable};
 
 /// Parts of a texel that corners are rounded to.
 pub(crate) const PARTS: i64 = 256;
@@ -13,8 +14,18 @@ const FINE: f64 = 16_384.0;
 /// Part of its weight that a triangle's middle has where texels are counted: a corner far from every texel gets that much.
 const LITTLE: f64 = 1.0 / 1024.0;
 
-/// Parts of a corner: red, green and blue times their weight, that weight, and the weight without alpha.
-pub(crate) type Share = [i64; 5];
+/// Sums over texels: red, green and blue times their weight, that weight, and the weight without alpha.
+pub(crate) type Parts = [i64; 5];
+
+/// What a corner gets of its triangles.
+#[derive(Clone, Copy, Default, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct Share {
+    /// Texels times how near to the corner they are.
+    pub(crate) near: Parts,
+    /// Texels times a third.
+    pub(crate) third: Parts,
+}
 
 /// Corners of a triangle on the grid, in [`PARTS`] of a texel, columns and rows. The grid goes on beyond the image as the material wraps it.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -234,7 +245,8 @@ impl Gathered {
     fn shares(&self, material: &Material) -> [Share; 3] {
         let [first, second] = self.corners;
         let third = std::array::from_fn(|i| (self.all[i] - first[i] - second[i]).max(0.0));
-        [first, second, third].map(|parts| material.tint(parts).map(|part| (part * FINE + 0.5) as i64))
+        let mean = material.parts(self.all.map(|sum| sum / 3.0));
+        [first, second, third].map(|near| Share { near: material.parts(near), third: mean })
     }
 }
 
@@ -248,7 +260,12 @@ impl Material {
     pub(crate) fn plain_share(&self, weight: f64) -> Share {
         let shown = 256.0;
         let full = [65_535.0, 65_535.0, 65_535.0, shown * 255.0, 255.0].map(|part| part * weight);
-        self.tint(full).map(|part| (part * FINE + 0.5) as i64)
+        let parts = self.parts(full);
+        Share { near: parts, third: parts }
+    }
+
+    fn parts(&self, sums: [f64; 5]) -> Parts {
+        self.tint(sums).map(|sum| (sum * FINE + 0.5) as i64)
     }
 
     /// Multiplies by the factor.

@@ -10,7 +10,7 @@ use chpm_extmem::{Buckets, BufferWriter, ExtmemError, Reservation, Store};
 const WHITE: [u8; 4] = [255; 4];
 
 /// Bits of the number of a vertex among those that are added up at once.
-const RANGE: u32 = 17;
+const RANGE: u32 = 16;
 /// Shares that are at hand: neighbours come one after the other.
 const AT_HAND: usize = 1 << 14;
 /// Bytes that are gathered for each range.
@@ -38,7 +38,7 @@ impl Shares {
     pub(crate) fn new(store: &Store, count: usize) -> Result<Self, ExtmemError> {
         let what = "colours of vertices";
         let ranges = count.div_ceil(1 << RANGE).max(1);
-        let bytes = AT_HAND * size_of::<Entry>() + ranges * BLOCK + (size_of::<Share>() << RANGE);
+        let bytes = AT_HAND * size_of::<Entry>() + ranges * BLOCK + (size_of::<Entry>() << RANGE);
         let memory = store.budget.reserve_work(what, bytes as u64)?;
         let at_hand = vec![Entry::zeroed(); AT_HAND];
         let ranges = Buckets::new(store, what, ranges, BLOCK);
@@ -89,15 +89,23 @@ impl Shares {
 
 impl Entry {
     fn add(&mut self, share: &Share) {
-        for (sum, part) in self.share.iter_mut().zip(share) {
+        let Share { near, third } = &mut self.share;
+        for (sum, part) in near.iter_mut().chain(third).zip(share.near.iter().chain(&share.third)) {
             *sum = sum.saturating_add(*part);
         }
     }
 }
 
-/// The colour that a sum stands for.
+/// The colour that sums stand for.
+///
+/// A mean over all triangles of a vertex is that of a place larger than what the vertex shows: twice the mean by nearness less the mean of the triangles is nearer
+/// to the colours between corners that least squares would find. Where little is left of the weight, nearness has to do.
 fn color(share: &Share) -> [u8; 4] {
-    let [r, g, b, shown, weight] = share.map(|part| part as f64);
+    let near = share.near.map(|part| part as f64);
+    let third = share.third.map(|part| part as f64);
+    let sharp: [f64; 5] = std::array::from_fn(|i| 2.0 * near[i] - third[i]);
+    let is_left = sharp[3] * 4.0 >= near[3] && sharp[4] * 4.0 >= near[4];
+    let [r, g, b, shown, weight] = if is_left { sharp } else { near };
     if weight <= 0.0 || shown <= 0.0 {
         return WHITE;
     }
