@@ -17,7 +17,7 @@ const LITTLE: f64 = 1.0 / 1024.0;
 /// Sums over texels: red, green and blue times their weight, that weight, and the weight without alpha.
 pub(crate) type Parts = [i64; 5];
 
-/// What a corner gets of its triangles.
+/// Sums that a corner gets of its triangles.
 #[derive(Clone, Copy, Default, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct Share {
@@ -152,7 +152,7 @@ fn wrapped_sums(texels: &Texels, row: usize, span: [i64; 2], width: i64, wrap: W
 struct Edges {
     /// Values at the middle of texel (0, 0).
     start: [i64; 3],
-    /// What is added by a column and by a row.
+    /// Differences from a column, and from a row, to the next.
     steps: [i64; 3],
     down: [i64; 3],
     /// One by the steps of columns.
@@ -256,7 +256,7 @@ fn with_weight(parts: [u64; 4], weight: u64) -> [f64; 5] {
 }
 
 impl Material {
-    /// What all corners of a triangle without texels get.
+    /// The share of all corners of a triangle without texels.
     pub(crate) fn plain_share(&self, weight: f64) -> Share {
         let shown = 256.0;
         let full = [65_535.0, 65_535.0, 65_535.0, shown * 255.0, 255.0].map(|part| part * weight);
