@@ -6,7 +6,7 @@ use crate::cmd::render;
 use crate::cmd::view;
 use crate::cmd::{
     batch, bench, build, clearance, compare, completions, config, contacts, demo, distance, dump, export,
-    extract, info, measure, path, relayout, report, simplify, stats, synth, verify, walk,
+    extract, info, measure, path, relayout, report, section, simplify, stats, synth, verify, walk,
 };
 #[cfg(feature = "web")]
 use crate::cmd::{serve, share};
@@ -61,6 +61,8 @@ pub(crate) enum Command {
     Dump(dump::Args),
     /// Take one mesh without cracks out of a file: PLY, STL, OBJ, GLB
     Extract(extract::Args),
+    /// Cut by a plane, or by many: sections and contours as drawings
+    Section(section::Args),
     /// Write the whole hierarchy as 3D Tiles
     Export(export::Args),
     /// Make a mesh smaller and prove how near it stays

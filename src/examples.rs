@@ -124,6 +124,27 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         ],
     ),
     (
+        "section",
+        &[
+            (
+                "chpm section scan.chpm --plane 0,0,1:0.5 -o plan.svg",
+                "a plan at the height of half a unit, to scale",
+            ),
+            (
+                "chpm section scan.chpm --plane 1,0,0:0 --unit m --scale 1:50 -o profile.svg",
+                "a profile of a model in metres",
+            ),
+            (
+                "chpm section scan.chpm --every 0.1 --axis z -o contours.dxf",
+                "contours, a layer for each height",
+            ),
+            (
+                "chpm section scan.chpm --every 0.1 --origin 13.4,52.5,34 -o contours.geojson",
+                "in longitude and latitude",
+            ),
+        ],
+    ),
+    (
         "simplify",
         &[
             (

@@ -1,5 +1,7 @@
 //! A place on the earth, and the frame there: east, north, up.
 
+use crate::report::count;
+use clap::ValueEnum;
 use std::str::FromStr;
 
 /// Longitude and latitude in degrees, and height above the ellipsoid of WGS 84 in metres.
@@ -26,7 +28,58 @@ pub(crate) struct Far {
     pub(crate) height: f64,
 }
 
+/// Which point of a model is at its place.
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum At {
+    /// Where its coordinates are zero: for those that are metres from the place
+    Zero,
+    /// The middle of its box: for projected coordinates (UTM, national grids), whose zero point is far away
+    #[value(alias = "center")]
+    Centre,
+}
+
+/// A model on the earth.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct Placed {
+    /// From the model, z upward, to earth-centred coordinates, column by column.
+    pub(crate) matrix: [f64; 16],
+    /// Where that is not on the ground.
+    pub(crate) warning: Option<String>,
+}
+
+impl Placed {
+    /// Longitude and latitude in degrees, and height above the ellipsoid, of a point of the model.
+    pub(crate) fn geodetic(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        geodetic(applied(&self.matrix, [x, y, z]))
+    }
+}
+
+fn applied(matrix: &[f64; 16], [x, y, z]: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|row| matrix[row] * x + matrix[4 + row] * y + matrix[8 + row] * z + matrix[12 + row])
+}
+
 impl Georeference {
+    /// Puts a model here, whose box has these corners.
+    pub(crate) fn place(self, at: At, corners: [[f64; 3]; 2]) -> Placed {
+        let [min, max] = corners;
+        let about = match at {
+            At::Zero => [0.0; 3],
+            At::Centre => std::array::from_fn(|axis| min[axis].midpoint(max[axis])),
+        };
+        let warning = self.far(about, corners).map(|Far { away, height }| {
+            let [away, to] = [away, height.abs()].map(|metres| count((metres / 1e3).round() as u64));
+            let side = if height < 0.0 { "below" } else { "above" };
+            let remedy = match at {
+                At::Zero => {
+                    "projected coordinates (UTM, national grids) have their zero point far away, and take --origin-at centre; a unit has to be a metre"
+                }
+                At::Centre => "a unit has to be a metre",
+            };
+            format!("the model begins {away} km from its --origin, and reaches {to} km {side} the ellipsoid: {remedy}")
+        });
+        Placed { matrix: self.frame_about(about), warning }
+    }
+
     /// Matrix from metres to the east, to the north and upward from here to earth-centred coordinates, column by column.
     pub(crate) fn frame(self) -> [f64; 16] {
         let ((so, co), (sa, ca)) =
@@ -57,23 +110,24 @@ impl Georeference {
         let heights = (0..8).map(|corner| {
             let [x, y, z]: [f64; 3] =
                 std::array::from_fn(|axis| if corner >> axis & 1 == 0 { min[axis] } else { max[axis] });
-            height(std::array::from_fn(|row| {
-                frame[row] * x + frame[4 + row] * y + frame[8 + row] * z + frame[12 + row]
-            }))
+            geodetic(applied(&frame, [x, y, z]))[2]
         });
         let height = heights.fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
         (away > NEAR || height.abs() > NEAR).then_some(Far { away, height })
     }
 }
 
-/// The height of earth-centred coordinates above the ellipsoid (Bowring's formula, whose error is far below a metre from the ground to satellites).
-fn height([x, y, z]: [f64; 3]) -> f64 {
+/// Longitude and latitude in degrees and height above the ellipsoid of earth-centred coordinates (Bowring's formula, whose error is far below a metre from
+/// the ground to satellites).
+fn geodetic([x, y, z]: [f64; 3]) -> [f64; 3] {
     let flat = (1.0 - ECCENTRICITY).sqrt();
     let level = x.hypot(y);
     let (s, c) = (z / flat).atan2(level).sin_cos();
     let rise = z + ECCENTRICITY / flat * EQUATOR * s.powi(3);
-    let (s, c) = rise.atan2(level - ECCENTRICITY * EQUATOR * c.powi(3)).sin_cos();
-    level * c + z * s - EQUATOR * (1.0 - ECCENTRICITY * s * s).sqrt()
+    let latitude = rise.atan2(level - ECCENTRICITY * EQUATOR * c.powi(3));
+    let (s, c) = latitude.sin_cos();
+    let height = level * c + z * s - EQUATOR * (1.0 - ECCENTRICITY * s * s).sqrt();
+    [y.atan2(x).to_degrees(), latitude.to_degrees(), height]
 }
 
 /// Numbers with commas between them.
@@ -136,13 +190,15 @@ mod tests {
     }
 
     #[test]
-    fn heights_are_above_the_ellipsoid() {
+    fn places_on_the_ellipsoid_come_back() {
         for (longitude, latitude) in [(0.0, 0.0), (13.4, 52.5), (-120.0, -33.0), (5.0, 89.999), (0.0, -90.0)]
         {
             for told in [-12e3, -430.0, 0.0, 34.0, 8_848.0, 400e3, 36e6] {
                 let [.., x, y, z, _] = Georeference { longitude, latitude, height: told }.frame();
-                let found = height([x, y, z]);
+                let [east, north, found] = geodetic([x, y, z]);
                 assert!((found - told).abs() < 1e-3 + 1e-7 * told.abs(), "{latitude} {told} {found}");
+                assert!((north - latitude).abs() < 1e-8, "{latitude} {told} {north}");
+                assert!(latitude.abs() == 90.0 || (east - longitude).abs() < 1e-9, "{longitude} {east}");
             }
         }
     }

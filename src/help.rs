@@ -10,7 +10,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
     ("Look", &["view", "render", "info", "stats", "report", "dump"]),
     ("Check", &["verify", "measure", "bench"]),
     ("Compare", &["compare", "distance", "clearance", "contacts"]),
-    ("Share", &["extract", "export", "serve", "share"]),
+    ("Share", &["extract", "section", "export", "serve", "share"]),
     ("Tools", &["demo", "config", "path", "walk", "completions", "man", "help"]),
 ];
 

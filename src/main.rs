@@ -38,6 +38,7 @@ mod presets;
 mod progress;
 mod proximity;
 mod report;
+mod section;
 #[cfg(feature = "viewer")]
 mod session;
 mod stats_tables;

@@ -37,6 +37,12 @@ pub(crate) const CLEARANCE_CSV: Writes = writes("clearance --csv", "CSV");
 pub(crate) const DISTANCE_CSV: Writes = writes("distance --csv", "CSV");
 pub(crate) const WALK_CSV: Writes = writes("walk --csv", "CSV");
 pub(crate) const REPORT: Writes = writes("report", "HTML");
+pub(crate) const SECTION: [Writes; 4] = [
+    writes("section", "SVG"),
+    writes("section", "DXF"),
+    writes("section", "GeoJSON"),
+    writes("section", "CSV"),
+];
 pub(crate) const STATS_CSV: Writes = writes("stats --csv", "CSV");
 pub(crate) const BENCH_CSV: Writes = writes("bench --csv", "CSV");
 pub(crate) const BENCH_SVG: Writes = writes("bench --svg", "SVG");
@@ -54,7 +60,7 @@ const EXTENSIONS: &[(&str, &str)] = &[
     ("path", "a camera path"), ("csv", "CSV"), ("html", "HTML"), ("htm", "HTML"), ("svg", "SVG"), ("png", "PNG"),
     ("3dm", "Rhino"), ("3ds", "3DS"), ("3mf", "3MF"), ("abc", "Alembic"), ("amf", "AMF"), ("blend", "Blender"), ("bmp", "BMP"),
     ("conf", "a list of range scans"), ("ctm", "OpenCTM"), ("dae", "COLLADA"), ("drc", "Draco"), ("dxf", "DXF"), ("e57", "E57"),
-    ("exr", "OpenEXR"), ("fbx", "FBX"), ("gif", "GIF"), ("gltf", "glTF"), ("gz", "gzip"), ("iges", "IGES"), ("igs", "IGES"),
+    ("exr", "OpenEXR"), ("fbx", "FBX"), ("geojson", "GeoJSON"), ("gif", "GIF"), ("gltf", "glTF"), ("gz", "gzip"), ("iges", "IGES"), ("igs", "IGES"),
     ("jpeg", "JPEG"), ("jpg", "JPEG"), ("json", "JSON"), ("las", "LAS"), ("laz", "LAZ"), ("mp4", "MP4"), ("nii", "NIfTI"), ("off", "OFF"),
     ("pcd", "PCD"), ("pdf", "PDF"), ("pts", "points"), ("step", "STEP"), ("stp", "STEP"), ("tar", "tar"), ("tif", "TIFF"),
     ("tiff", "TIFF"), ("toml", "TOML"), ("tsv", "TSV"), ("txt", TEXT), ("usd", "USD"), ("usda", "USD"), ("usdc", "USD"), ("usdz", "USD"),
@@ -107,6 +113,11 @@ impl Writes {
     /// A mesh in a format that may be chosen.
     pub(crate) fn mesh(by: &'static str, format: &'static str) -> Self {
         Writes { streams: format != BUILD.format, ..writes(by, format) }
+    }
+
+    /// Name of the format.
+    pub(crate) fn format(self) -> &'static str {
+        self.format
     }
 
     /// The same where the format was told beside the name, which then may be any that promises no other.

@@ -40,7 +40,8 @@ impl Unit {
         Self::ALL.iter().find(|(unit, ..)| *unit == self).map_or("", |(_, symbol, _)| symbol)
     }
 
-    fn metres(self) -> f64 {
+    /// How long it is.
+    pub(crate) fn metres(self) -> f64 {
         Self::ALL.iter().find(|(unit, ..)| *unit == self).map_or(1.0, |(.., metres)| *metres)
     }
 }

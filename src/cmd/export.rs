@@ -3,14 +3,13 @@
 use super::{Verdict, open, reading, stdout};
 use crate::folder::{OutputFolder, above};
 use crate::frame::Up;
-use crate::georeference::{self, Far, Georeference};
+use crate::georeference::{self, At, Georeference, Placed};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::mesh_file;
 use crate::number;
 use crate::output;
 use crate::progress::{Meter, line};
-use crate::report::count;
 use crate::stop::Stop;
 use anyhow::{Result, ensure};
 use chpm_build::Cancel;
@@ -18,7 +17,6 @@ use chpm_export::tiles::{Mesh, Options, Tree, tile, tile_path, tilesets};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Bytes, ClusterId, Counted};
-use clap::ValueEnum;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
@@ -69,15 +67,6 @@ pub(crate) struct Args {
 
 /// So that the argument is one value.
 type Transform = [f64; 16];
-
-#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-enum At {
-    /// Where its coordinates are zero: for those that are metres from the place
-    Zero,
-    /// The middle of its box: for projected coordinates (UTM, national grids), whose zero point is far away
-    #[value(alias = "center")]
-    Centre,
-}
 
 /// Names in an export's folder.
 const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
@@ -157,14 +146,6 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
     Ok(out.flush()?)
 }
 
-/// A model on the earth.
-struct Placed {
-    /// From the model, z upward, to there.
-    matrix: Transform,
-    /// Where that is not on the ground.
-    warning: Option<String>,
-}
-
 fn frame(file: &Chpm<MappedFile>, place: Georeference, args: &Args) -> Placed {
     let header = file.header();
     let Aabb { min, max } = header.aabb();
@@ -172,22 +153,7 @@ fn frame(file: &Chpm<MappedFile>, place: Georeference, args: &Args) -> Placed {
     let (a, b) = (there(min, &header.origin, &args.up), there(max, &header.origin, &args.up));
     let corners =
         [std::array::from_fn(|axis| a[axis].min(b[axis])), std::array::from_fn(|axis| a[axis].max(b[axis]))];
-    let about = match args.origin_at {
-        At::Zero => [0.0; 3],
-        At::Centre => std::array::from_fn(|axis| a[axis].midpoint(b[axis])),
-    };
-    let warning = place.far(about, corners).map(|Far { away, height }| {
-        let [away, to] = [away, height.abs()].map(|metres| count((metres / 1e3).round() as u64));
-        let side = if height < 0.0 { "below" } else { "above" };
-        let remedy = match args.origin_at {
-            At::Zero => {
-                "projected coordinates (UTM, national grids) have their zero point far away, and take --origin-at centre; a unit has to be a metre"
-            }
-            At::Centre => "a unit has to be a metre",
-        };
-        format!("the model begins {away} km from its --origin, and reaches {to} km {side} the ellipsoid: {remedy}")
-    });
-    Placed { matrix: place.frame_about(about), warning }
+    place.place(args.origin_at, corners)
 }
 
 fn there(local: [f32; 3], header_origin: &[f64; 3], args_up: &Up) -> [f64; 3] {

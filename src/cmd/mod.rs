@@ -20,6 +20,7 @@ pub(crate) mod relayout;
 #[cfg(feature = "viewer")]
 pub(crate) mod render;
 pub(crate) mod report;
+pub(crate) mod section;
 #[cfg(feature = "web")]
 pub(crate) mod serve;
 #[cfg(feature = "web")]
@@ -43,6 +44,7 @@ use chpm_format::{Chpm, FilePart, FormatError};
 use chpm_proximity::ProximityError;
 use chpm_refine::RefineError;
 use chpm_report::ReportError;
+use chpm_section::SectionError;
 use chpm_verify::VerifyError;
 use std::error::Error;
 use std::fmt;
@@ -78,6 +80,7 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
         Command::Distance(args) => distance::run(&args, stop),
         Command::Clearance(args) => clearance::run(&args, stop),
         Command::Contacts(args) => contacts::run(&args, stop),
+        Command::Section(args) => section::run(&args, stop),
         Command::Compare(args) => compare::run(&args, stop),
         Command::Bench(args) => bench::run(&args, stop),
         Command::Contend(args) => bench::contend(&args, stop),
@@ -129,6 +132,7 @@ fn is_about(file: &Chpm<MappedFile>, cause: &(dyn Error + 'static)) -> bool {
         || matches!(cause.downcast_ref(), Some(ExportError::Format(damage)) if own(damage))
         || matches!(cause.downcast_ref(), Some(ExportError::Orphan { .. }))
         || matches!(cause.downcast_ref(), Some(ProximityError::Format(damage)) if own(damage))
+        || matches!(cause.downcast_ref(), Some(SectionError::Format(damage)) if own(damage))
         || cause.downcast_ref().and_then(VerifyError::damage).is_some_and(own)
         || cause.downcast_ref().and_then(ReportError::damage).is_some_and(own)
 }

@@ -238,3 +238,55 @@ pub(crate) struct BenchMesh {
     /// Triangles by those of the reference at the same `rms`; `null` where that has none
     pub(crate) triangles_by_reference: Option<f64>,
 }
+
+/// `chpm section --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Section {
+    /// `chpm-section/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// What was written; `null` without `-o`
+    pub(crate) output: Option<String>,
+    /// `SVG`, `DXF`, `GeoJSON` or `CSV`; `null` without `-o`
+    pub(crate) format: Option<&'static str>,
+    /// Normal of the planes, of length 1
+    pub(crate) normal: [f64; 3],
+    /// With `--preview`: how far the mesh that was cut and the source are from each other at most. The source's own lines may be farther from these by any amount
+    pub(crate) preview: Option<f64>,
+    /// The scale of an SVG, as `1:200`
+    pub(crate) scale: Option<String>,
+    /// Pages whose boxes a plane crosses: they were read
+    pub(crate) pages: u64,
+    /// Their bytes in the file
+    pub(crate) page_bytes: u64,
+    /// Those of them that have a triangle on both sides of a plane
+    pub(crate) pages_crossed: u64,
+    /// Ends of lines that are not closed, of all planes
+    pub(crate) open_ends: u64,
+    /// The planes, by ascending offset
+    pub(crate) sections: Vec<PlaneSection>,
+    /// Remarks on what is less than was asked for
+    pub(crate) warnings: Vec<String>,
+}
+
+/// What a plane cuts out.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct PlaneSection {
+    /// The plane's distance from the zero point along the normal
+    pub(crate) offset: f64,
+    /// Lines
+    pub(crate) lines: u64,
+    /// Those of them that are closed
+    pub(crate) closed: u64,
+    /// Ends of the others
+    pub(crate) open_ends: u64,
+    /// Points of all lines
+    pub(crate) points: u64,
+    /// Their length
+    pub(crate) length: f64,
+    /// Area inside of closed lines, less that of closed lines in these, and so on
+    pub(crate) area: f64,
+}

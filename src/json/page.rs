@@ -33,6 +33,7 @@ fn documents() -> Vec<(&'static str, Value)> {
         ("chpm-measure/2", schema_for!(judged::Measure).to_value()),
         ("chpm-measure-meshes/1", schema_for!(judged::MeasureMeshes).to_value()),
         ("chpm-extract/1", schema_for!(made::Extract).to_value()),
+        ("chpm-section/1", schema_for!(made::Section).to_value()),
         ("chpm-simplify/1", schema_for!(made::Simplify).to_value()),
         ("chpm-origin/1", schema_for!(made::Origin).to_value()),
         ("chpm-export/1", schema_for!(made::Export).to_value()),

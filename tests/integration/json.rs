@@ -117,6 +117,8 @@ fn every_key_is_documented_and_appears() {
         ("walk", "walk in.chpm in.path -q --json", 0),
         ("extract", "extract in.chpm --level 1 --local-origin -o local.ply -q --json", 0),
         ("extract", "extract in.chpm --triangles 9k --up z -o turned.obj -q --json", 0),
+        ("section", "section in.chpm --plane 0,0,1:0.1 --preview 5% -o a.svg -q --json", 0),
+        ("section", "section in.chpm --every 0.5 -q --json", 0),
         ("simplify", "simplify in.ply --within 1% -o simple.glb -q --json", 0),
         ("simplify", "simplify odd.obj --within 1% -o simple.stl -q --json", 0),
         ("export", "export in.chpm --3dtiles tiles -q --json", 0),

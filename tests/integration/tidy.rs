@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Crates of this workspace that each may depend on; tests may use more.
-const EDGES: [(&str, &[&str]); 17] = [
+const EDGES: [(&str, &[&str]); 18] = [
     ("chpm-mesh", &[]),
     ("chpm-extmem", &[]),
     ("chpm-image", &[]),
@@ -21,6 +21,7 @@ const EDGES: [(&str, &[&str]); 17] = [
     ("chpm-export", &["chpm-mesh", "chpm-format"]),
     ("chpm-refine", &["chpm-mesh", "chpm-format"]),
     ("chpm-proximity", &["chpm-mesh", "chpm-format", "chpm-refine"]),
+    ("chpm-section", &["chpm-mesh", "chpm-format", "chpm-refine"]),
     ("chpm-build", &["chpm-mesh", "chpm-import", "chpm-extmem", "chpm-partition", "chpm-qem", "chpm-format"]),
     ("chpm-report", &["chpm-mesh", "chpm-extmem", "chpm-format", "chpm-measure", "chpm-refine"]),
     (
@@ -174,6 +175,7 @@ fn the_python_package_has_the_same_crates() {
         "chpm-measure",
         "chpm-mesh",
         "chpm-refine",
+        "chpm-section",
         "chpm-verify",
     ];
     for used in dependencies(&folder.join("Cargo.toml")).iter().filter(|used| used.starts_with("chpm-")) {

@@ -39,8 +39,17 @@ impl Pieces {
     /// Cuts the mesh of `n` vertices of a page by some of the planes. A triangle with corners on both sides of a plane has one edge that
     /// goes down and one that goes up; from the former to the latter its segment has the inside of what it bounds on its left.
     pub(crate) fn cut(page: &Page<'_>, n: usize, planes: &Planes, range: Range<usize>) -> Self {
-        let heights: Vec<f64> = page.positions[..n].iter().map(|point| planes.height(*point)).collect();
-        let mut segments = Segments { heights: &heights, planes, range, ends: Vec::new() };
+        let offsets = &planes.offsets()[range.clone()];
+        let below = |point: &[f32; 3]| {
+            let height = planes.height(*point);
+            // Most clusters are crossed by a single plane.
+            match offsets {
+                [offset] => u32::from(*offset <= height),
+                _ => offsets.partition_point(|offset| *offset <= height) as u32,
+            }
+        };
+        let ranks: Vec<u32> = page.positions[..n].iter().map(below).collect();
+        let mut segments = Segments { ranks: &ranks, planes, first: range.start, ends: Vec::new() };
         if n == page.vertex_count() {
             page.triangles.iter().for_each(|corners| segments.add(*corners));
         } else {
@@ -59,25 +68,28 @@ impl Pieces {
 
 /// The segments of a cluster by the edges at their ends.
 struct Segments<'a> {
-    heights: &'a [f64],
+    /// By vertex: how many of the planes it is above.
+    ranks: &'a [u32],
     planes: &'a Planes,
-    range: Range<usize>,
+    /// The first of these planes.
+    first: usize,
     ends: Vec<[Option<(u32, Edge)>; 2]>,
 }
 
 impl Segments<'_> {
+    #[inline]
     fn add(&mut self, corners: [u16; 3]) {
-        let heights = corners.map(|corner| self.heights[usize::from(corner)]);
-        let (low, high) =
-            (heights[0].min(heights[1]).min(heights[2]), heights[0].max(heights[1]).max(heights[2]));
-        let offsets = self.planes.offsets();
-        if high < offsets[self.range.start] || low >= offsets[self.range.end - 1] {
-            return;
+        let ranks = corners.map(|corner| self.ranks[usize::from(corner)]);
+        if ranks[0] != ranks[1] || ranks[1] != ranks[2] {
+            self.cross(corners, ranks);
         }
+    }
 
-        let crossed = self.planes.between(low, high);
-        for plane in crossed.start.max(self.range.start)..crossed.end.min(self.range.end) {
-            let is_above = heights.map(|height| height >= offsets[plane]);
+    /// Adds the segments of a triangle that is on both sides of a plane.
+    fn cross(&mut self, corners: [u16; 3], ranks: [u32; 3]) {
+        let (low, high) = (ranks[0].min(ranks[1]).min(ranks[2]), ranks[0].max(ranks[1]).max(ranks[2]));
+        for plane in low..high {
+            let is_above = ranks.map(|rank| rank > plane);
             let falls = |i: usize| is_above[i] && !is_above[(i + 1) % 3];
             let rises = |i: usize| !is_above[i] && is_above[(i + 1) % 3];
             let (Some(down), Some(up)) = ((0..3).find(|i| falls(*i)), (0..3).find(|i| rises(*i))) else {
@@ -85,7 +97,8 @@ impl Segments<'_> {
             };
             let first = [corners[down], corners[(down + 1) % 3]];
             let second = [corners[(up + 1) % 3], corners[up]];
-            self.ends.push([first, second].map(|edge| Some((plane as u32, edge))));
+            let plane = self.first as u32 + plane;
+            self.ends.push([first, second].map(|edge| Some((plane, edge))));
         }
     }
 
@@ -137,8 +150,9 @@ impl Segments<'_> {
 
     /// Where an edge crosses a plane, from above to below: the same bits in every triangle that has the edge.
     fn point(&self, page: &Page<'_>, (plane, [above, below]): (u32, Edge)) -> [f64; 3] {
-        let [high, low] = [above, below].map(|vertex| self.heights[usize::from(vertex)]);
-        let [a, b] = [above, below].map(|vertex| page.positions[usize::from(vertex)].map(f64::from));
+        let [a, b] = [above, below].map(|vertex| page.positions[usize::from(vertex)]);
+        let [high, low] = [a, b].map(|point| self.planes.height(point));
+        let [a, b] = [a, b].map(|point| point.map(f64::from));
         let t = (high - self.planes.offsets()[plane as usize]) / (high - low);
         std::array::from_fn(|axis| a[axis] + t * (b[axis] - a[axis]))
     }

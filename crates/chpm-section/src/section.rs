@@ -54,6 +54,9 @@ pub struct Pages {
     pub crossed: u64,
 }
 
+/// Planes that are cut side by side at most: what a thread holds of one page is bounded by their number.
+const AT_ONCE: usize = 64;
+
 /// A mesh that is to be cut, and by what.
 #[derive(Debug)]
 pub struct Slicer<'a, D> {
@@ -63,6 +66,11 @@ pub struct Slicer<'a, D> {
     offsets: Vec<f64>,
     /// Clusters whose boxes are crossed, and by which planes.
     members: Vec<(Member, Range<usize>)>,
+    /// Whether triangles of these are.
+    crossed: Vec<bool>,
+    /// The first plane that has not been told, and how many go on side by side.
+    next: usize,
+    at_once: usize,
 }
 
 impl<'a, D: AsRef<[u8]> + Sync> Slicer<'a, D> {
@@ -72,8 +80,9 @@ impl<'a, D: AsRef<[u8]> + Sync> Slicer<'a, D> {
         let planes = planes.about(file.header().origin);
         let through = |member: &Member| planes.through(&file.clusters()[member.cluster.index()].aabb());
         let members = cut.members().iter().map(|member| (*member, through(member)));
-        let members = members.filter(|(_, range)| !range.is_empty()).collect();
-        Slicer { file, planes, offsets, members }
+        let members: Vec<_> = members.filter(|(_, range)| !range.is_empty()).collect();
+        let crossed = vec![false; members.len()];
+        Slicer { file, planes, offsets, members, crossed, next: 0, at_once: AT_ONCE }
     }
 
     /// The corners of a box in the plane, along its axes and relative to the file's origin, that holds all lines; none if no cluster is crossed.
@@ -94,41 +103,40 @@ impl<'a, D: AsRef<[u8]> + Sync> Slicer<'a, D> {
         bounds
     }
 
-    /// Hands the section of each plane to `sink`, in ascending order, on the threads of rayon's current pool. As many planes are cut side by side as have their lines in
-    /// `room`; that shows in nothing but how often a page is read. Asks `go_on` before each page.
+    /// The sections of the next planes, in ascending order, on the threads of rayon's current pool; none when all have been told. As many planes are cut side by side as
+    /// have their lines in `room`; that shows in nothing but how often a page is read. Asks `go_on` before each page.
     ///
     /// # Errors
-    /// [`SectionError::Format`] for a damaged page, [`SectionError::TooLarge`] where a single plane has too many lines, [`SectionError::Stopped`],
-    /// and what `sink` answers.
-    pub fn each<E: From<SectionError>>(
-        &self,
+    /// [`SectionError::Format`] for a damaged page, [`SectionError::TooLarge`] where a single plane has too many lines, [`SectionError::Stopped`].
+    pub fn next_sections(
+        &mut self,
         room: Bytes,
         go_on: impl Fn() -> bool + Sync,
-        mut sink: impl FnMut(Section) -> Result<(), E>,
-    ) -> Result<Pages, E> {
-        let mut crossed = vec![false; self.members.len()];
-        let (mut next, mut at_once) = (0, self.offsets.len().max(1));
-        while next < self.offsets.len() {
-            let batch = next..self.offsets.len().min(next + at_once);
+    ) -> Result<Vec<Section>, SectionError> {
+        loop {
+            let batch = self.next..self.offsets.len().min(self.next + self.at_once);
             match self.cut(batch.clone(), room, &go_on) {
-                Err(SectionError::TooLarge { .. }) if batch.len() > 1 => at_once = batch.len() / 2,
-                Err(error) => return Err(error.into()),
+                Err(SectionError::TooLarge { .. }) if batch.len() > 1 => self.at_once = batch.len() / 2,
+                Err(error) => return Err(error),
                 Ok(pieces) => {
                     for (member, pieces) in &pieces {
-                        crossed[*member] |= !pieces.pieces.is_empty();
+                        self.crossed[*member] |= !pieces.pieces.is_empty();
                     }
-                    self.sections(batch.clone(), &pieces).into_iter().try_for_each(&mut sink)?;
-                    next = batch.end;
+                    self.next = batch.end;
+                    return Ok(self.sections(batch, &pieces));
                 }
             }
         }
+    }
 
+    /// Pages of all planes; those that are crossed of the planes that have been told.
+    pub fn pages(&self) -> Pages {
         let record = |(member, _): &(Member, _)| &self.file.clusters()[member.cluster.index()];
-        Ok(Pages {
+        Pages {
             read: self.members.len() as u64,
             bytes: self.members.iter().map(|member| u64::from(record(member).page_len)).sum(),
-            crossed: crossed.iter().filter(|is_crossed| **is_crossed).count() as u64,
-        })
+            crossed: self.crossed.iter().filter(|is_crossed| **is_crossed).count() as u64,
+        }
     }
 
     /// The pieces of all clusters that some of the planes cross, and their numbers.

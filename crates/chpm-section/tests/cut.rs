@@ -35,17 +35,15 @@ fn cut_with(
     planes: &Planes,
     room: u64,
 ) -> Result<(Vec<Section>, Pages), SectionError> {
+    let mut slicer = Slicer::new(file, cut, planes);
     let mut sections = Vec::new();
-    let slicer = Slicer::new(file, cut, planes);
-    let pages = slicer.each(
-        Bytes(room),
-        || true,
-        |section| {
-            sections.push(section);
-            Ok::<_, SectionError>(())
-        },
-    )?;
-    Ok((sections, pages))
+    loop {
+        let more = slicer.next_sections(Bytes(room), || true)?;
+        if more.is_empty() {
+            return Ok((sections, slicer.pages()));
+        }
+        sections.extend(more);
+    }
 }
 
 fn cut(file: &File, planes: &Planes) -> Vec<Section> {
@@ -212,8 +210,7 @@ fn neither_threads_nor_memory_show() {
             cut_with(&file, &leaves, &planes, u64::MAX).unwrap().0.iter().map(Section::points).sum::<u64>();
         assert!(least.is_some_and(|least| least > 1 && least < 144 * all), "{least:?} {all}");
     }
-    let slicer = Slicer::new(&file, &leaves, &planes);
-    let stopped = slicer.each(Bytes(u64::MAX), || false, |_| Ok::<_, SectionError>(()));
+    let stopped = Slicer::new(&file, &leaves, &planes).next_sections(Bytes(u64::MAX), || false);
     assert!(matches!(stopped, Err(SectionError::Stopped)));
 }
 

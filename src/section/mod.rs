@@ -1,0 +1,116 @@
+//! Sections as files: drawings to scale, and lines for other programs.
+
+mod csv;
+mod dxf;
+mod geojson;
+mod plane;
+mod scale;
+mod svg;
+
+pub(crate) use plane::{Axis, Every, PlaneArg};
+pub(crate) use scale::{Ratio, Scale};
+
+use crate::georeference::Placed;
+use crate::output::Output;
+use anyhow::Result;
+use chpm_section::Section;
+use geojson::GeoJson;
+use std::io::Write;
+use svg::Svg;
+
+/// What every format is told before the first line.
+#[derive(Debug)]
+pub(crate) struct Sheet {
+    pub(crate) title: String,
+    /// What lines' points are relative to.
+    pub(crate) origin: [f64; 3],
+    /// Directions to the right and upward in the drawing.
+    pub(crate) axes: [[f64; 3]; 2],
+    /// Corners of a box there that holds all lines, relative to the origin.
+    pub(crate) bounds: [[f64; 2]; 2],
+    /// Distances of the planes from the zero point.
+    pub(crate) offsets: Vec<f64>,
+    /// The axis and the step, where there are many planes.
+    pub(crate) contours: Option<(Axis, f64)>,
+    /// Digits behind the point with which coordinates are told: more than single precision has.
+    pub(crate) decimals: usize,
+    pub(crate) scale: Scale,
+    /// The model on the earth.
+    pub(crate) placed: Option<Placed>,
+}
+
+impl Sheet {
+    /// A point of a line in the model's coordinates.
+    fn world(&self, point: &[f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|axis| point[axis] + self.origin[axis])
+    }
+
+    /// A coordinate without digits that it does not have, and without zeros at its end.
+    fn number(&self, x: f64) -> String {
+        trimmed(x, self.decimals)
+    }
+
+    /// The name of a plane's height or distance, by the step that they have.
+    fn height(&self, offset: f64) -> String {
+        let decimals =
+            self.contours.map_or(self.decimals, |(_, step)| (2.0 - step.log10().floor()).max(0.0) as usize);
+        trimmed(offset, decimals)
+    }
+}
+
+/// A number without zeros at its end.
+fn trimmed(x: f64, decimals: usize) -> String {
+    let text = format!("{x:.decimals$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+/// Decimals of coordinates in a model of such a diagonal.
+pub(crate) fn decimals(diagonal: f64) -> usize {
+    if diagonal > 0.0 { (9.0 - diagonal.log10().floor()).clamp(0.0, 15.0) as usize } else { 15 }
+}
+
+/// A file of sections that is being written.
+pub(crate) enum Drawing {
+    Svg(Svg),
+    Dxf,
+    GeoJson(GeoJson),
+    Csv,
+}
+
+impl Drawing {
+    /// Begins a file of a format that the verb writes.
+    pub(crate) fn begin(format: &str, sheet: &Sheet, out: &mut Output) -> Result<Self> {
+        Ok(match format {
+            "DXF" => {
+                dxf::begin(sheet, out)?;
+                Drawing::Dxf
+            }
+            "GeoJSON" => Drawing::GeoJson(GeoJson::begin(out)?),
+            "CSV" => {
+                csv::begin(out)?;
+                Drawing::Csv
+            }
+            _ => Drawing::Svg(Svg::begin(sheet, out)?),
+        })
+    }
+
+    /// Adds the lines of a plane.
+    pub(crate) fn add(&mut self, sheet: &Sheet, section: &Section, out: &mut Output) -> Result<()> {
+        match self {
+            Drawing::Svg(svg) => svg.add(sheet, section, out),
+            Drawing::Dxf => dxf::add(sheet, section, out),
+            Drawing::GeoJson(json) => json.add(sheet, section, out),
+            Drawing::Csv => csv::add(sheet, section, out),
+        }
+    }
+
+    pub(crate) fn end(self, sheet: &Sheet, out: &mut Output) -> Result<()> {
+        match self {
+            Drawing::Svg(svg) => svg.end(sheet, out),
+            Drawing::Dxf => dxf::end(out),
+            Drawing::GeoJson(_) => Ok(writeln!(out, "\n]}}")?),
+            Drawing::Csv => Ok(()),
+        }
+    }
+}
