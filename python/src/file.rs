@@ -4,6 +4,7 @@ use crate::asked::{Amount, Asked};
 use crate::camera::{Camera, From as Point};
 use crate::error::Failure;
 use crate::page::Page;
+use crate::section::{self, Section};
 use crate::selection::{self, Selection};
 use crate::view::row;
 use chpm_extmem::MappedFile;
@@ -340,6 +341,34 @@ impl File {
         }
         let origin = self.origin(py)?;
         Selection::new(py, selected, origin)
+    }
+
+    /// Cuts the finest mesh by a plane, exactly: what ``chpm section --plane`` writes.
+    ///
+    /// Parameters
+    /// ----------
+    /// plane : sequence of 4 floats
+    ///     Its normal, of any length, and its distance from the zero point along it, in the model's units.
+    /// error : float or str, optional
+    ///     Cut the mesh that :meth:`select` gives for this in place of the finest. Its points are as near to the source, but nothing bounds how far the source's own lines are
+    ///     from these.
+    ///
+    /// Returns
+    /// -------
+    /// Section
+    ///     Lines, as arrays.
+    ///
+    /// Raises
+    /// ------
+    /// SelectionError
+    ///     If the normal has no direction; a ValueError, too.
+    /// DamagedError, FileError
+    ///     If the file is damaged, or was changed meanwhile.
+    #[pyo3(signature = (plane, *, error=None))]
+    fn section(&self, py: Python<'_>, plane: [f64; 4], error: Option<Amount>) -> PyResult<Section> {
+        let model = self.model()?;
+        let found = py.detach(|| section::cut(&model, plane, error))?;
+        Section::new(py, found, model.file.header().origin)
     }
 
     /// The page of a cluster.

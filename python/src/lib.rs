@@ -12,6 +12,7 @@ mod job;
 mod judge;
 mod make;
 mod page;
+mod section;
 mod selection;
 mod settings;
 mod view;
@@ -31,6 +32,8 @@ mod _chpm {
     use super::make::{build, simplify};
     #[pymodule_export]
     use super::page::Page;
+    #[pymodule_export]
+    use super::section::Section;
     #[pymodule_export]
     use super::selection::Selection;
 }

@@ -1,4 +1,4 @@
-//! `chpm section`: what planes cut out of a model.
+//! `chpm section`: the lines that planes cut out of a model.
 
 use super::{Verdict, open, reading};
 use crate::georeference::{At, Georeference, Placed};
@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// lines are from these
     #[arg(long, value_name = "E")]
     preview: Option<Length>,
-    /// What one unit of the model is
+    /// Unit of the model
     #[arg(long, value_name = "UNIT", value_enum)]
     unit: Option<Unit>,
     /// Write the lines. The name says the format: .svg, to scale, with a scale bar and heights; .dxf, release 12, a layer for each height; .geojson, with --origin;

@@ -247,7 +247,7 @@ pub(crate) struct Section {
     pub(crate) schema: &'static str,
     /// The file as it was named
     pub(crate) file: String,
-    /// What was written; `null` without `-o`
+    /// The file that was written; `null` without `-o`
     pub(crate) output: Option<String>,
     /// `SVG`, `DXF`, `GeoJSON` or `CSV`; `null` without `-o`
     pub(crate) format: Option<&'static str>,
@@ -271,7 +271,7 @@ pub(crate) struct Section {
     pub(crate) warnings: Vec<String>,
 }
 
-/// What a plane cuts out.
+/// Lines of a plane.
 #[derive(Serialize, Debug)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct PlaneSection {

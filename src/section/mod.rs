@@ -18,11 +18,11 @@ use geojson::GeoJson;
 use std::io::Write;
 use svg::Svg;
 
-/// What every format is told before the first line.
+/// Facts that every format is told before the first line.
 #[derive(Debug)]
 pub(crate) struct Sheet {
     pub(crate) title: String,
-    /// What lines' points are relative to.
+    /// Point that lines are relative to.
     pub(crate) origin: [f64; 3],
     /// Directions to the right and upward in the drawing.
     pub(crate) axes: [[f64; 3]; 2],

@@ -9,7 +9,7 @@ use std::path::Path;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// What is written into the folder and has to be there afterwards, and the words that say so; `F` is the file.
-const WRITERS: [(&str, &str); 12] = [
+const WRITERS: [(&str, &str); 14] = [
     ("tiles", "export F -q --memory=128M --3dtiles tiles"),
     ("tiles", "export F -q --memory=128M --3dtiles tiles --meshopt --up y"),
     ("tiles", "export F -q --memory=128M --3dtiles tiles --origin=-13.4,52.5,34"),
@@ -22,6 +22,8 @@ const WRITERS: [(&str, &str); 12] = [
     ("shared", "share F -q -o shared"),
     ("page.html", "report F -q -o page.html"),
     ("orbit.path", "path orbit F --frames 5 -o orbit.path"),
+    ("plan.svg", "section F -q --memory=128M --every=3% -o plan.svg"),
+    ("plan.dxf", "section F -q --memory=128M --plane=1,2,3:0.1 -o plan.dxf"),
 ];
 
 /// What a file is asked with itself, and how it may end where the file is sound.

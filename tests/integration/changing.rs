@@ -155,6 +155,8 @@ fn every_verb_refuses_a_page_of_which_only_the_checksum_tells() {
         "clearance in.chpm bad.chpm --above 1.05 --pose 3,0,0",
         "contacts bad.chpm in.chpm --pose 1,0,0",
         "contacts bad.chpm --self",
+        "section bad.chpm --every 0.01 -o out.svg -q",
+        "section bad.chpm --every 0.01 -q --preview 1%",
         "compare bad.chpm in.ply -o out.ply -q",
         "compare in.chpm bad.chpm -q",
         "walk bad.chpm in.path --csv out.csv -q",

@@ -24,7 +24,8 @@ fn ball() -> Folder {
 }
 
 /// All that writes a file called `NAME`, and whether it can stream.
-const WRITERS: [(&str, bool); 6] = [
+const WRITERS: [(&str, bool); 7] = [
+    ("section ball.chpm --plane 0,0,1:0 -q -f -o NAME", true),
     ("build ball.ply -q -f -o NAME", false),
     ("extract ball.chpm --level 0 -q -f -o NAME", true),
     ("synth sphere --triangles 3000 -q -f -o NAME", true),
@@ -192,7 +193,8 @@ fn names_of_other_formats_are_refused() {
 }
 
 /// All else that writes, each word by word, and whether it is a folder: the name of one may end in anything but a format.
-const OTHERS: [(&str, bool); 21] = [
+const OTHERS: [(&str, bool); 22] = [
+    ("section ball.chpm --plane 0,0,1:0 -o NAME", false),
     ("relayout ball.chpm --pages packed -o NAME", false),
     ("simplify ball.ply --triangles 100 -o NAME", false),
     ("stats ball.chpm --csv NAME", false),

@@ -25,7 +25,7 @@ pub enum SectionError {
     TooLarge {
         /// Which plane.
         offset: f64,
-        /// What there is for lines.
+        /// Memory for lines.
         room: Bytes,
     },
     /// Whoever asked has had enough.

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// What a plane cuts out of a mesh.
+/// Lines that a plane cuts out of a mesh.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Section {
     /// The plane's distance from the zero point.

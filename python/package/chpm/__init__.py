@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError as _NotInstalled
 from importlib.metadata import version as _version
 
 from ._build import build, simplify
-from ._chpm import Camera, File, Level, Page, Selection
+from ._chpm import Camera, File, Level, Page, Section, Selection
 from ._errors import (
     BuildError,
     ClosedError,
@@ -43,6 +43,7 @@ __all__ = [
     "Measurement",
     "MissingFileError",
     "Page",
+    "Section",
     "Selection",
     "SelectionError",
     "ShortfallWarning",
