@@ -25,13 +25,13 @@ fn ball() -> Folder {
 
 /// All that writes a file called `NAME`, and whether it can stream.
 const WRITERS: [(&str, bool); 7] = [
-    ("section ball.chpm --plane 0,0,1:0 -q -f -o NAME", true),
     ("build ball.ply -q -f -o NAME", false),
     ("extract ball.chpm --level 0 -q -f -o NAME", true),
     ("synth sphere --triangles 3000 -q -f -o NAME", true),
     ("path orbit ball.chpm --frames 2 -f -o NAME", true),
     ("walk ball.chpm ball.path -q -f --csv NAME", true),
     ("bench ball.ply --runs 1 --samples 1 --only meshopt-simplify -q -f --csv NAME", true),
+    ("section ball.chpm --plane 0,0,1:0 -q -f -o NAME", true),
 ];
 
 fn writing(words: &str, name: &str) -> String {
@@ -180,6 +180,7 @@ fn names_of_other_formats_are_refused() {
         (WRITERS[3].0, "q.csv q.chpm"),
         (WRITERS[4].0, "q.json q.svg"),
         (WRITERS[5].0, "q.svg"),
+        (WRITERS[6].0, "q.ply q.png q.shp"),
     ] {
         for name in names.split(' ') {
             let error = folder.stderr(&writing(words, name), 2);
