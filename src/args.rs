@@ -2,7 +2,7 @@
 
 use crate::number;
 use anyhow::{Context, Result, ensure};
-use chpm_build::config::{Layout, Length, Normals, Positions, Topology};
+use chpm_build::config::{Layout, Length, MissingImages, Normals, Positions, Texture, Topology};
 use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings, Trace};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
@@ -59,6 +59,12 @@ pub(crate) struct SettingsArgs {
     /// Leave vertex colours out
     #[arg(long)]
     no_colors: bool,
+    /// What becomes of the source's images; vertices, where one is there, if not given
+    #[arg(long, value_name = "WHAT", value_enum)]
+    texture: Option<TextureArg>,
+    /// What becomes of images that are not there
+    #[arg(long, value_name = "WHAT", hide_short_help = true, value_enum, default_value_t = MissingArg::Grey)]
+    missing_images: MissingArg,
     /// Keep a number that vertices have, by its name
     ///
     /// Such as quality or intensity: every level has it, bit for bit. Can be given several times; all keeps all that the source has. Properties
@@ -169,6 +175,24 @@ impl NormalsArg {
     }
 }
 
+/// [`Texture`], as far as it can be asked for.
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum TextureArg {
+    /// Nothing: texture coordinates are left out
+    None,
+    /// Their texels are averaged into the colours of vertices
+    Vertices,
+}
+
+/// [`MissingImages`].
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum MissingArg {
+    /// Their triangles are grey, with a warning; so are those of images that are neither PNG nor JPEG
+    Grey,
+    /// They are an error
+    Refuse,
+}
+
 /// How pages are stored.
 #[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Pages {
@@ -260,6 +284,15 @@ pub(crate) fn build_config(
             seed: settings.seed,
             normals: if settings.no_normals { Normals::None } else { settings.normals.normals() },
             colors: !settings.no_colors,
+            texture: match settings.texture {
+                None => Texture::Found,
+                Some(TextureArg::None) => Texture::None,
+                Some(TextureArg::Vertices) => Texture::Vertices,
+            },
+            missing_images: match settings.missing_images {
+                MissingArg::Grey => MissingImages::Grey,
+                MissingArg::Refuse => MissingImages::Refuse,
+            },
             scalars: settings.keep.clone().into(),
             drop_invalid: settings.drop_invalid,
             layout: if settings.no_layout { Layout::Simplification } else { settings.order.layout() },
@@ -318,6 +351,8 @@ mod tests {
             "--seed=3",
             "--no-normals",
             "--no-colors",
+            "--texture=none",
+            "--missing-images=refuse",
             "--drop-invalid",
             "--order=cache-oblivious",
             "--pages=packed",
@@ -338,6 +373,8 @@ mod tests {
         assert_eq!(s.min_component, Some(Length::OfDiagonal(3.0)));
         assert_eq!(config(&["--prune-exact"]).settings.finest_error, Some(Length::Units(0.0)));
         assert_eq!((s.normals, s.colors, s.drop_invalid), (Normals::None, false, true));
+        assert_eq!((s.texture, s.missing_images), (Texture::None, MissingImages::Refuse));
+        assert_eq!(config(&["--texture=vertices"]).settings.texture, Texture::Vertices);
         let normals = |which: &str| config(&[&format!("--normals={which}")]).settings.normals;
         let named = ["source", "computed", "none"].map(normals);
         assert_eq!(named, [Normals::Source, Normals::Computed, Normals::None]);
@@ -381,6 +418,7 @@ mod tests {
             ["--min-component=nan"],
             ["--checkpoint=-1"],
             ["--order=fastest"],
+            ["--texture=sheets"],
             ["--positions=lattice:25"],
         ] {
             assert!(Build::try_parse_from(["build"].iter().chain(&bad)).is_err(), "{bad:?}");

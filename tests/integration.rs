@@ -95,6 +95,7 @@ mod integration {
     mod stats;
     /// The command line as people meet it.
     mod terminal;
+    mod texture;
     /// The house rules: which crate may use which, where unsafe code may be, how long a file gets.
     mod tidy;
     /// Tilesets, walked as viewers do.

@@ -1,7 +1,7 @@
 //! Settings of a build by the names of the command's options, as Python says them.
 
 use crate::error::Failure;
-use chpm_build::config::{Layout, Normals, Topology};
+use chpm_build::config::{Layout, MissingImages, Normals, Texture, Topology};
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::{Bytes, MemorySize};
@@ -109,6 +109,15 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
     }
     if let Some(colors) = given.take("colors", |value| value.extract::<bool>())? {
         settings.colors = colors;
+    }
+    if let Some(texture) =
+        given.word("texture", &[("none", Texture::None), ("vertices", Texture::Vertices)])?
+    {
+        settings.texture = texture;
+    }
+    let missing = [("grey", MissingImages::Grey), ("refuse", MissingImages::Refuse)];
+    if let Some(missing) = given.word("missing_images", &missing)? {
+        settings.missing_images = missing;
     }
     if let Some(names) = given.take("keep", names)? {
         settings.scalars = names.into();

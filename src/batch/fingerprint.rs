@@ -5,7 +5,7 @@ use crate::cmd;
 use anyhow::Result;
 use chpm_build::{Cancel, Settings};
 use chpm_extmem::platform::modified;
-use chpm_import::input;
+use chpm_import::{Images, input};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -44,11 +44,13 @@ pub(crate) fn need(
     if generator != GENERATOR {
         return Need::Build("other version");
     }
-    if built_with != settings.describe() {
+    if !is_of(&built_with, settings) {
         return Need::Build("other settings");
     }
     // A source that cannot be read is a build's error to tell.
-    let Ok(files) = input::files(source, cancel) else { return Need::Build("source unreadable") };
+    let Ok(files) = input::files(source, settings.images(), cancel) else {
+        return Need::Build("source unreadable");
+    };
     let fingerprint = fingerprint(&files);
     if earlier.is_some_and(|row| {
         row.hash == hash_text(hash) && !fingerprint.is_empty() && row.fingerprint == fingerprint
@@ -60,6 +62,13 @@ pub(crate) fn need(
         Ok(_) => Need::Build("source changed"),
         Err(_) => Need::Build("source unreadable"),
     }
+}
+
+/// Whether a file has these settings. That its colours are those of images is up to its source, where they are read.
+fn is_of(built: &[(String, String)], settings: &Settings) -> bool {
+    let reads_images = settings.images() != Images::Ignored;
+    let is_textured = |entry: &(String, String)| [&entry.0, &entry.1] == Settings::TEXTURE;
+    built.iter().filter(|entry| !(reads_images && is_textured(entry))).eq(&settings.describe())
 }
 
 /// Generator, settings, length and hash of the source, as a file has them.

@@ -3,7 +3,7 @@
 use super::manifest;
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
-use chpm_import::{COMPRESSED, FORMATS, extension, extensions, input};
+use chpm_import::{COMPRESSED, FORMATS, Images, extension, extensions, input};
 use glob::MatchOptions;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
@@ -97,7 +97,9 @@ fn walk(root: &Path, folder: &Path, found: &mut Vec<Model>) -> Result<()> {
     let mut parts = BTreeSet::new();
     for list in entries.iter().filter(|path| is_list(path)) {
         // What is wrong with a list is told when it is built.
-        parts.extend(input::files(list, &Cancel::default()).unwrap_or_default().into_iter().skip(1));
+        parts.extend(
+            input::files(list, Images::Ignored, &Cancel::default()).unwrap_or_default().into_iter().skip(1),
+        );
     }
     for path in entries {
         if path.is_dir() {

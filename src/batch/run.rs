@@ -41,19 +41,19 @@ pub(crate) fn plan(
             true => Need::Build("asked for"),
             false => fingerprint::need(&model.source, &output, &config.settings, before, cancel),
         };
-        let row = row(model, output, need, cancel);
+        let row = row(model, &config, output, need, cancel);
         Task { config, need, row }
     });
     tasks.collect()
 }
 
 /// What is known of a model before it is built.
-fn row(model: Model, output: PathBuf, need: Need, cancel: &Cancel) -> Row {
+fn row(model: Model, config: &BuildConfig, output: PathBuf, need: Need, cancel: &Cancel) -> Row {
     let (status, reason) = match need {
         Need::Nothing => (Status::Current, ""),
         Need::Build(reason) => (Status::Planned, reason),
     };
-    let files = input::files(&model.source, cancel).unwrap_or_default();
+    let files = input::files(&model.source, config.settings.images(), cancel).unwrap_or_default();
     let lens = files.iter().map(|file| fs::metadata(file).map_or(0, |metadata| metadata.len()));
 
     let mut row = Row {

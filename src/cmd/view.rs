@@ -15,10 +15,11 @@ use crate::report::count;
 use crate::stop::Stop;
 use crate::view;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::{BuildConfig, BuildProgress, Cancel, Progress, Silent, Stage};
+use chpm_build::{BuildConfig, BuildProgress, Cancel, Progress, Settings, Silent, Stage};
 use chpm_extmem::{Store, WorkDir};
-use chpm_import::input;
+use chpm_format::Metadata;
 use chpm_import::ply::{Encoding, write_mesh};
+use chpm_import::{Images, input};
 use chpm_mesh::{Bytes, Counted};
 use chpm_verify::against::each_corners;
 use chpm_viewer::window::remember::Memory;
@@ -210,8 +211,11 @@ fn is_current(source: &Path, output: &Path, cancel: &Cancel) -> Option<bool> {
 }
 
 fn is_built_from(source: &Path, output: &Path, cancel: &Cancel) -> Result<bool> {
-    let from = open(output)?.metadata()?.source;
-    Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source, cancel)?, cancel)?)
+    let Metadata { source: from, settings, .. } = open(output)?.metadata()?;
+    // A file without colours of images was built without them.
+    let is_textured = settings.iter().any(|entry| [&entry.0, &entry.1] == Settings::TEXTURE);
+    let images = if is_textured { Images::Grey } else { Images::Ignored };
+    Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source, images, cancel)?, cancel)?)
 }
 
 fn stale(source: &Path, output: &Path) -> String {
@@ -257,7 +261,9 @@ impl Builder {
         let folder = temporary()?;
         let store = Store::create(folder.path(), PREVIEW.0)?;
         let mut sketch = Sketch::default();
-        let lens = input::files(source, cancel)?.into_iter().map(|file| Ok(fs::metadata(file)?.len()));
+        let lens = input::files(source, Images::Ignored, cancel)?
+            .into_iter()
+            .map(|file| Ok(fs::metadata(file)?.len()));
         let len: u64 = lens.sum::<Result<u64>>()?;
         let mut told = 0;
         let tell_read = |read: u64| {

@@ -13,7 +13,7 @@ const EDGES: [(&str, &[&str]); 18] = [
     ("chpm-image", &[]),
     ("chpm-texture", &["chpm-extmem", "chpm-image"]),
     ("chpm-partition", &["chpm-extmem"]),
-    ("chpm-import", &["chpm-mesh", "chpm-extmem"]),
+    ("chpm-import", &["chpm-mesh", "chpm-extmem", "chpm-texture"]),
     ("chpm-synth", &["chpm-mesh"]),
     ("chpm-qem", &["chpm-mesh"]),
     ("chpm-format", &["chpm-mesh"]),
@@ -22,7 +22,18 @@ const EDGES: [(&str, &[&str]); 18] = [
     ("chpm-refine", &["chpm-mesh", "chpm-format"]),
     ("chpm-proximity", &["chpm-mesh", "chpm-format", "chpm-refine"]),
     ("chpm-section", &["chpm-mesh", "chpm-format", "chpm-refine"]),
-    ("chpm-build", &["chpm-mesh", "chpm-import", "chpm-extmem", "chpm-partition", "chpm-qem", "chpm-format"]),
+    (
+        "chpm-build",
+        &[
+            "chpm-mesh",
+            "chpm-import",
+            "chpm-extmem",
+            "chpm-partition",
+            "chpm-qem",
+            "chpm-format",
+            "chpm-texture",
+        ],
+    ),
     ("chpm-report", &["chpm-mesh", "chpm-extmem", "chpm-format", "chpm-measure", "chpm-refine"]),
     (
         "chpm-verify",

@@ -3,6 +3,7 @@
 use crate::trace::Trace;
 use chpm_extmem::FailPoints;
 use chpm_format::BoundaryMode;
+use chpm_import::Images;
 pub use chpm_import::ply::Keep;
 use chpm_mesh::Bytes;
 pub use chpm_mesh::asked::{Length, LengthError};
@@ -65,6 +66,10 @@ pub struct Settings {
     pub normals: Normals,
     /// Whether vertex colours of the source are carried along.
     pub colors: bool,
+    /// What becomes of the source's images.
+    pub texture: Texture,
+    /// What becomes of images that are not there.
+    pub missing_images: MissingImages,
     /// Which named scalars of the source's vertices are carried along.
     pub scalars: Keep,
     /// Whether invalid vertices and faces are dropped and counted rather than refused.
@@ -97,6 +102,8 @@ impl Default for Settings {
             min_component: None,
             normals: Normals::Source,
             colors: true,
+            texture: Texture::Found,
+            missing_images: MissingImages::Grey,
             scalars: Keep::default(),
             drop_invalid: false,
             layout: Layout::VertexCache,
@@ -127,6 +134,28 @@ impl fmt::Display for Normals {
             Normals::Computed => "computed",
         })
     }
+}
+
+/// What becomes of the source's images.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Texture {
+    /// Those of vertices, where an image is there.
+    #[default]
+    Found,
+    /// Nothing.
+    None,
+    /// Their texels are averaged into the colours of vertices.
+    Vertices,
+}
+
+/// What becomes of images that are not there, or of no kind that is read.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum MissingImages {
+    /// Triangles of theirs are grey, with a warning.
+    #[default]
+    Grey,
+    /// They are an error.
+    Refuse,
 }
 
 /// In which order a file has what is in it.
@@ -205,7 +234,22 @@ fn length_text(length: Option<Length>) -> String {
 }
 
 impl Settings {
-    /// Names and values as they are stored in the file and printed by `chpm info`.
+    /// The setting by which a file says that its colours are those of images.
+    pub const TEXTURE: [&str; 2] = ["texture", "vertices"];
+
+    /// Which images of a source are read.
+    pub fn images(&self) -> Images {
+        match (self.texture, self.missing_images) {
+            _ if !self.colors => Images::Ignored,
+            (Texture::None, _) => Images::Ignored,
+            (_, MissingImages::Refuse) => Images::Required,
+            (Texture::Found, _) => Images::IfAny,
+            (Texture::Vertices, _) => Images::Grey,
+        }
+    }
+
+    /// Names and values as they are stored in the file and printed by `chpm info`. That colours are those of images depends on the source, and
+    /// comes behind them.
     pub fn describe(&self) -> Vec<(String, String)> {
         let entry = |name: &str, value: &dyn ToString| (name.to_owned(), value.to_string());
         let mut entries = vec![

@@ -35,13 +35,15 @@ pub(crate) struct Facts {
     used_vertices: u64,
     shared_vertices: u32,
     scalars: Vec<Scalar>,
+    /// Images whose texels became colours, if that is where these come from.
+    pub(crate) images: Option<u64>,
     pub(crate) warnings: Vec<String>,
     pub(crate) provenance: Provenance,
 }
 
 impl Facts {
     pub(crate) fn of(source: &Source) -> Self {
-        let SourceFacts { origin, lattice_step, scalars, warnings, provenance, .. } = &source.facts;
+        let SourceFacts { origin, lattice_step, scalars, images, warnings, provenance, .. } = &source.facts;
         Facts {
             triangles: source.triangles.len() as u64,
             attributes: source.vertices.attributes(),
@@ -50,6 +52,7 @@ impl Facts {
             used_vertices: 0,
             shared_vertices: 0,
             scalars: scalars.clone(),
+            images: *images,
             warnings: warnings.clone(),
             provenance: provenance.clone(),
         }
@@ -169,6 +172,7 @@ fn metadata(known: &Known, settings: &Settings) -> Metadata {
     let Known { facts, repairs } = known;
     let mut settings = settings.describe();
     settings.extend(facts.lattice_step.map(|step| (LATTICE_STEP.to_owned(), step.to_string())));
+    settings.extend(facts.images.map(|_| Settings::TEXTURE.map(str::to_owned).into()));
     Metadata {
         generator: GENERATOR.to_owned(),
         source: facts.provenance.clone(),

@@ -21,6 +21,14 @@ pub enum BuildError {
         /// The name that was asked for.
         name: String,
     },
+    /// An image of the source cannot be read.
+    #[error("{image}: {reason}; or leave textures out with --texture none")]
+    Image {
+        /// The source file and the image.
+        image: String,
+        /// Cause.
+        reason: String,
+    },
     /// The source has no triangle that could be built.
     #[error("{path}: {}: nothing was written", nothing(*faces))]
     Empty {

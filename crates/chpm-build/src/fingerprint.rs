@@ -2,7 +2,7 @@
 
 use crate::error::BuildError;
 use chpm_extmem::{Cancel, platform};
-use chpm_import::{SourceError, Supply, input};
+use chpm_import::{Images, SourceError, Supply, input};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -27,11 +27,11 @@ struct File {
 
 impl Fingerprint {
     /// The identity of `source` as it is now. What came through a pipe has none: nobody else can change it.
-    pub(crate) fn of(source: &Supply, cancel: &Cancel) -> Result<Fingerprint, BuildError> {
+    pub(crate) fn of(source: &Supply, images: Images, cancel: &Cancel) -> Result<Fingerprint, BuildError> {
         if source.is_spooled() {
             return Ok(Fingerprint { files: Vec::new(), len: source.len() });
         }
-        let found = input::files(&source.path, cancel)?;
+        let found = input::files(&source.path, images, cancel)?;
         let list = &source.path;
         let files = found.into_iter().enumerate().map(|(at, path)| match (at, File::of(path)) {
             // Behind a list come its scans.

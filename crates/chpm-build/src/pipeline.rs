@@ -11,6 +11,7 @@ use crate::report::BuildReport;
 use crate::{allowance, decompose, emit, hierarchy, ingest, layout, simplify, trim};
 use chpm_extmem::{AtomicFile, Cancel, ExtmemError, Lock, Store, WorkDir, process};
 use chpm_import::Supply;
+use chpm_mesh::Counted;
 use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
@@ -65,7 +66,7 @@ fn make(
     let resources = &config.resources;
     let folder = resources.work_dir.as_deref().unwrap_or(beside(output));
     let source = &take(folder)?;
-    let fingerprint = Fingerprint::of(source, cancel)?;
+    let fingerprint = Fingerprint::of(source, config.settings.images(), cancel)?;
     fingerprint.refuse_output(output)?;
     // What came through a pipe does not come again, so that no other run could go on.
     let every = resources.checkpoint.filter(|_| !source.is_spooled());
@@ -146,6 +147,10 @@ fn run(
         layout::run(&order, &built, settings, context, |place, page: &[u8]| file.write_page(place, page))
     })?;
 
+    let mut notes = std::mem::take(&mut checkpoints.notes);
+    notes.extend(known.facts.images.map(|images| {
+        format!("colours of vertices are averages of the texels of {}", Counted(images, "image"))
+    }));
     let written = context
         .stage(Stage::Emit, 1, || file.finish(records, context).inspect(|_| context.progress.advance(1)))?;
     Ok(BuildReport {
@@ -160,7 +165,7 @@ fn run(
         repairs: known.repairs,
         warnings: known.facts.warnings,
         resumed: checkpoints.resumed,
-        notes: std::mem::take(&mut checkpoints.notes),
+        notes,
         budget_peak: context.store.budget.peak(),
         peak_resident: process::peak_resident(),
     })

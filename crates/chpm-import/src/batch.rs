@@ -3,6 +3,7 @@
 use crate::Polygons;
 use crate::location::SourceLocation;
 use chpm_mesh::Vertices;
+use chpm_texture::TexturedTriangle;
 
 /// Vertices that a file may have at most: an index is a `u32`, and one value of it is kept free.
 pub const MAX_VERTICES: u64 = u32::MAX as u64;
@@ -46,6 +47,9 @@ pub struct Batch {
     /// Faces of more than three corners, all in range: which triangles they are is known when all vertices are. They come
     /// after the triangles of the whole file; see [`Triangulator`](crate::Triangulator).
     pub polygons: Polygons,
+    /// Triangles with texture coordinates: where images are asked for, those of all faces that have a material, in any order and whenever
+    /// they are known.
+    pub textured: Vec<TexturedTriangle>,
 }
 
 impl Batch {
@@ -61,6 +65,7 @@ impl Batch {
         self.corner_normals.clear();
         self.triangles.clear();
         self.polygons.clear();
+        self.textured.clear();
     }
 
     /// Whether there are as many faces as a batch should have.

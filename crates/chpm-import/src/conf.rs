@@ -8,6 +8,8 @@ use crate::location::excerpt;
 use crate::reader::{MeshReader, Opening, Start};
 use crate::scans::ScanSet;
 use crate::stream::Stream;
+use crate::texture::Images;
+use chpm_extmem::Cancel;
 use chpm_mesh::FAR;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -34,7 +36,7 @@ fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
 }
 
 /// The scans of the list at `path`.
-fn files(stream: Stream, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+fn files(stream: Stream, path: &Path, _: Images, _: &Cancel) -> Result<Vec<PathBuf>, ImportError> {
     let list = RangeScans::read(stream)?;
     Ok(list.scans.iter().map(|scan| path.with_file_name(&scan.file)).collect())
 }

@@ -4,7 +4,9 @@ use super::lines::words;
 use crate::error::ImportError;
 use crate::reader::{MeshReader, Opening, Start};
 use crate::stream::Stream;
+use crate::texture::Images;
 use crate::{conf, gltf, obj, off, ply, stl};
+use chpm_extmem::Cancel;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -30,8 +32,8 @@ pub struct Format {
     pub(crate) names: Option<NamedFiles>,
 }
 
-/// Lists the other files that the one at a path names.
-pub(crate) type NamedFiles = fn(Stream, &Path) -> Result<Vec<PathBuf>, ImportError>;
+/// Lists the other files that the one at a path names, with images as they are asked for.
+pub(crate) type NamedFiles = fn(Stream, &Path, Images, &Cancel) -> Result<Vec<PathBuf>, ImportError>;
 
 /// How sure a format is that an input is its own.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]

@@ -8,6 +8,7 @@ use crate::options::Options;
 use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::stream::{self, Packing, Tap};
 use crate::supply::Supply;
+use crate::texture::Images;
 use crate::vertex_format::VertexFormat;
 use chpm_extmem::{Cancel, FailPoints, Reservation, Store};
 use chpm_mesh::Scalar;
@@ -147,11 +148,11 @@ fn heeded(error: SourceError, cancel: &Cancel) -> SourceError {
     if cancel.is_cancelled() { SourceError::Cancelled } else { error }
 }
 
-/// The files that a source is made of: itself and those that it names.
+/// The files that a source is made of: itself and those that it names, with its images as far as these are asked for.
 ///
 /// # Errors
 /// [`SourceError::Read`] or [`SourceError::NotAFile`] if it cannot be read, [`SourceError::Import`] if what it names cannot be told.
-pub fn files(path: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, SourceError> {
+pub fn files(path: &Path, images: Images, cancel: &Cancel) -> Result<Vec<PathBuf>, SourceError> {
     let opened = Tap::open(&Supply::file(path)?, &FailPoints::default(), cancel)
         // Only the first bytes are unpacked, and a window is not filled.
         .and_then(|tap| stream::open(&tap, Format::HEAD, u64::MAX))
@@ -160,7 +161,7 @@ pub fn files(path: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, SourceError> 
     let start = Start { head: &opened.head, len: opened.len, extension: extension.as_deref() };
     let mut files = vec![path.to_owned()];
     if let Some(names) = Format::detect(&start).names {
-        let named = names(opened.stream, path).map_err(|error| SourceError::of(path, error));
+        let named = names(opened.stream, path, images, cancel).map_err(|error| SourceError::of(path, error));
         files.extend(named.map_err(|error| heeded(error, cancel))?);
     }
     Ok(files)

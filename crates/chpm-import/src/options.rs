@@ -1,5 +1,7 @@
 //! How a source is to be read, whatever its format.
 
+use crate::texture::Images;
+
 /// Treatment of invalid data.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Invalid {
@@ -44,10 +46,18 @@ pub struct Options {
     pub colors: bool,
     /// Which named scalars to deliver. Default: none.
     pub keep: Keep,
+    /// Which images to read. Default: none.
+    pub images: Images,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { invalid: Invalid::Refuse, normals: true, colors: true, keep: Keep::default() }
+        Options {
+            invalid: Invalid::Refuse,
+            normals: true,
+            colors: true,
+            keep: Keep::default(),
+            images: Images::Ignored,
+        }
     }
 }

@@ -5,6 +5,7 @@ use crate::error::ImportError;
 use crate::options::Options;
 use crate::stream::Stream;
 use crate::supply::Supply;
+use crate::texture::Textures;
 use crate::vertex_format::VertexFormat;
 use chpm_extmem::{Cancel, Store};
 use chpm_mesh::Scalar;
@@ -107,6 +108,8 @@ pub struct SourceInfo {
     pub warnings: Vec<String>,
     /// Further files that the mesh is made of, in its order.
     pub beside: Vec<Beside>,
+    /// Images of its textured triangles.
+    pub textures: Option<Textures>,
 }
 
 /// A file that another one names.

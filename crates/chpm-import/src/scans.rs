@@ -8,6 +8,7 @@ use crate::options::{Keep, Options};
 use crate::ply::PlyError;
 use crate::reader::{Beside, MeshReader, SourceInfo};
 use crate::supply::Supply;
+use crate::texture::Images;
 use crate::vertex_format::{Coordinates, VertexFormat};
 use chpm_extmem::{Cancel, Store};
 use chpm_mesh::{Attributes, Scalar, scalar_words};
@@ -43,6 +44,8 @@ impl ScanSet {
         store: &Store,
         cancel: &Cancel,
     ) -> Result<Self, SourceError> {
+        // Whoever scans ranges has no images of them.
+        let options = Options { images: Images::Ignored, ..options };
         let (mut attributes, mut some) = (Attributes::ALL, Attributes::NONE);
         let (mut scans, mut scalars) = (Vec::new(), Common::default());
         for (index, scan) in list.scans.into_iter().enumerate() {

@@ -4,6 +4,7 @@
 use super::input::Input;
 use super::stream::Tap;
 use super::supply::Supply;
+use super::texture::Images;
 use crate::batch::{Batch, BatchKind};
 use crate::error::SourceError;
 use crate::options::{Invalid, Options};
@@ -156,7 +157,10 @@ fn whole_files_are_hashed_until_a_stop() {
     assert_eq!(super::input::fingerprint(&files, &cancel).unwrap().0, 1000);
     cancel.cancel();
     assert!(matches!(super::input::fingerprint(&files, &cancel), Err(SourceError::Cancelled)));
-    assert!(matches!(super::input::files(Path::new(&path), &cancel), Err(SourceError::Cancelled)));
+    assert!(matches!(
+        super::input::files(Path::new(&path), Images::Ignored, &cancel),
+        Err(SourceError::Cancelled)
+    ));
 }
 
 /// A frame of a few bytes that asks for a window of 256 MiB to be unpacked in.

@@ -45,6 +45,7 @@ impl Key {
             add(&mut hash, name.as_bytes());
             add(&mut hash, value.as_bytes());
         }
+        add(&mut hash, format!("{:?}", settings.images()).as_bytes());
         let prefix = hidden_name(name, &format!(".{:08x}-", place as u32));
         Ok(Key { prefix, hash: hash.digest() })
     }

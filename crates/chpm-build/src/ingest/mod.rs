@@ -5,6 +5,7 @@ mod components;
 mod lattice;
 mod local;
 mod small;
+mod texels;
 mod used;
 
 use crate::allowance;
@@ -23,6 +24,7 @@ use local::Local;
 use serde::{Deserialize, Serialize};
 use std::panic::resume_unwind;
 use std::sync::mpsc;
+use texels::Texels;
 use used::Used;
 
 /// The validated source.
@@ -54,6 +56,8 @@ pub(crate) struct SourceFacts {
     pub(crate) provenance: Provenance,
     /// Named scalars, with the ranges of the vertices that faces use.
     pub(crate) scalars: Vec<Scalar>,
+    /// Images whose texels became colours, if that is where these come from.
+    pub(crate) images: Option<u64>,
 }
 
 const TRIANGLES: &str = "triangles";
@@ -65,6 +69,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         normals: settings.normals == Normals::Source,
         colors: settings.colors,
         keep: settings.scalars.clone(),
+        images: settings.images(),
     };
     let mut input = Input::of(supply, options, &context.store, &context.cancel)?;
     let format = input.vertex_format();
@@ -79,7 +84,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     let mut arrays = Arrays::expecting(&input, supply.len(), kept, &context.store)?;
     let mut marks = Marks::new(&context.store)?;
     arrays.fill(&mut marks, &mut input, context)?;
-    let Arrays { vertices, doubles, mut triangles, polygons, corner_normals, .. } = arrays;
+    let Arrays { vertices, doubles, mut triangles, polygons, corner_normals, texels, .. } = arrays;
     let Marks { bounds, mut used, far, .. } = marks;
 
     // Polygons are cut last, since their corners' positions may come after them.
@@ -108,6 +113,12 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         None => (None, None),
     };
     vertices.normals = vertices.normals.or(corner_normals);
+    let mut images = None;
+    if let (Some(texels), Some(textures)) = (texels, &read.textures) {
+        let own = vertices.colors.as_ref();
+        vertices.colors = Some(texels.finish(textures, own, count, supply, context)?);
+        images = Some(textures.images.len() as u64);
+    }
 
     let mut columns = Columns { vertices, doubles, triangles, used, bounds };
     let mut small = None;
@@ -133,7 +144,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     let SourceInfo { tally, mut warnings, .. } = read;
     warnings.extend(warning);
     warnings.extend(of_normals);
-    let facts = SourceFacts { origin, lattice_step, tally, small, warnings, provenance, scalars };
+    let facts = SourceFacts { origin, lattice_step, tally, small, warnings, provenance, scalars, images };
     Ok(Source { vertices, triangles, bounds, rounding, facts })
 }
 
@@ -177,6 +188,9 @@ struct Arrays {
     polygons: KeptPolygons,
     /// Of formats that give them to corners.
     corner_normals: Option<CornerNormals>,
+    /// Of sources with images.
+    texels: Option<Texels>,
+    has_colors: bool,
     store: Store,
 }
 
@@ -233,6 +247,8 @@ impl Arrays {
             triangles: BufferWriter::new(store, TRIANGLES, faces)?,
             polygons: KeptPolygons::new(store)?,
             corner_normals: None,
+            texels: None,
+            has_colors: format.attributes.colors,
             store: store.clone(),
         })
     }
@@ -302,6 +318,14 @@ impl Arrays {
                 None => CornerNormals::new(&self.store)?,
             };
             self.corner_normals.insert(normals).take(batch)?;
+        }
+        if !batch.textured.is_empty() {
+            let texels = match self.texels.take() {
+                Some(texels) => texels,
+                None => Texels::new(&self.store, self.has_colors)?,
+            };
+            let vertices = self.vertices.len() + self.doubles.len();
+            self.texels.insert(texels).take(&batch.textured, vertices)?;
         }
         Ok(self.triangles.extend_from_slice(&batch.triangles)?)
     }

@@ -148,6 +148,7 @@ impl Elements {
         }
         let width = match accessor.shape {
             Shape::Scalar => 1,
+            Shape::Vec2 => 2,
             Shape::Vec3 => 3,
             _ => 4,
         };

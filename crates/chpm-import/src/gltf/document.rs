@@ -69,6 +69,7 @@ pub(super) struct Mesh {
 pub(super) struct Primitive {
     pub(super) attributes: Attributes,
     pub(super) indices: Option<u32>,
+    pub(super) material: Option<u32>,
     #[serde(default = "triangles")]
     pub(super) mode: u8,
     #[serde(default)]
@@ -95,6 +96,22 @@ pub(super) struct Attributes {
     pub(super) normal: Option<u32>,
     pub(super) color_0: Option<u32>,
     pub(super) texcoord_0: Option<u32>,
+    texcoord_1: Option<u32>,
+    texcoord_2: Option<u32>,
+    texcoord_3: Option<u32>,
+    texcoord_4: Option<u32>,
+    texcoord_5: Option<u32>,
+    texcoord_6: Option<u32>,
+    texcoord_7: Option<u32>,
+}
+
+impl Attributes {
+    /// Texture coordinates by their number; more than these are not seen.
+    pub(super) fn texcoord(&self, set: u32) -> Option<u32> {
+        let Attributes { texcoord_0: a, texcoord_1: b, texcoord_2: c, texcoord_3: d, .. } = *self;
+        let Attributes { texcoord_4: e, texcoord_5: f, texcoord_6: g, texcoord_7: h, .. } = *self;
+        [a, b, c, d, e, f, g, h].get(set as usize).copied().flatten()
+    }
 }
 
 #[derive(Deserialize)]

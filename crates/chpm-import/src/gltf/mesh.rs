@@ -1,21 +1,22 @@
 //! The reader: places vertices, joins those of equal position, and makes triangles of corners.
 
 use super::accessor::WINDOW;
+use super::coats::Coat;
 use super::parts::Parts;
-use super::walk::{TriangleWalk, VertexWalk};
-use super::weld::{Keys, Numbers, Pairs, SortedKeys, pair};
+use super::walk::{Corner, TriangleWalk, VertexWalk, Wanted};
 use crate::batch::{Batch, BatchKind, Tally};
 use crate::error::{ImportError, SourceError};
+use crate::joined::{Keys, Numbers, Pairs, SortedKeys, pair};
 use crate::location::SourceLocation;
 use crate::options::Invalid;
 use crate::ply::Warning;
-use crate::reader::{Beside, MeshReader, SourceInfo};
-use crate::stream::Tap;
-use crate::supply::Supply;
+use crate::reader::{MeshReader, SourceInfo};
+use crate::texture::{self, Table};
 use crate::vertex_format::VertexFormat;
 use crate::vertex_set::VertexSet;
-use chpm_extmem::{Cancel, FailPoints, Reservation, Sorted, Sorter, Store};
+use chpm_extmem::{BufferWriter, Cached, Cancel, Reservation, Sorted, Sorter, Store};
 use chpm_mesh::FAR;
+use chpm_texture::TexturedTriangle;
 use std::path::PathBuf;
 
 /// A glTF that is being read.
@@ -23,6 +24,8 @@ pub(super) struct GltfReader {
     encoding: &'static str,
     parts: Parts,
     names: Vec<PathBuf>,
+    /// Images, where some are asked for.
+    table: Option<Table>,
     invalid_data: Invalid,
     store: Store,
     cancel: Cancel,
@@ -53,7 +56,7 @@ enum Phase {
     Normals(Pairs, Sorter<u128>, Found),
     /// Vertices are delivered.
     Vertices(Box<Delivery>),
-    Triangles(Box<TriangleWalk>, Numbers),
+    Triangles(Box<TriangleWalk>, Numbers, Option<Coordinates>),
     Ended,
 }
 
@@ -78,13 +81,18 @@ struct Delivery {
     colors: Sorter<u64>,
     /// Vertices that are not delivered, with the number that they have now.
     joined: Sorter<u64>,
+    /// Texture coordinates of all vertices, delivered or not.
+    coordinates: Option<BufferWriter<[f32; 2]>>,
 }
+
+/// Texture coordinates by vertex of the scene.
+type Coordinates = Cached<[f32; 2]>;
 
 impl GltfReader {
     pub(super) fn new(
         encoding: &'static str,
         parts: Parts,
-        names: Vec<PathBuf>,
+        (names, table): (Vec<PathBuf>, Option<Table>),
         invalid_data: Invalid,
         (store, cancel): (&Store, &Cancel),
         share: Reservation,
@@ -94,6 +102,7 @@ impl GltfReader {
             encoding,
             parts,
             names,
+            table,
             invalid_data,
             store: store.clone(),
             cancel: cancel.clone(),
@@ -139,13 +148,15 @@ impl GltfReader {
                         self.other_colors = several(delivery.colors.finish()?)?;
                         let vertices = self.parts.vertices;
                         let numbers = Numbers::new(delivery.joined, vertices, &self.store, &self.cancel)?;
-                        Phase::Triangles(Box::default(), numbers)
+                        let coordinates =
+                            delivery.coordinates.map(BufferWriter::finish_column).transpose()?;
+                        Phase::Triangles(Box::default(), numbers, coordinates.map(Cached::new))
                     }
                 };
             }
-            Phase::Triangles(mut walk, mut numbers) => {
-                if self.deliver_triangles(&mut walk, &mut numbers, batch)? {
-                    self.phase = Phase::Triangles(walk, numbers);
+            Phase::Triangles(mut walk, mut numbers, mut coordinates) => {
+                if self.deliver_triangles(&mut walk, &mut numbers, &mut coordinates, batch)? {
+                    self.phase = Phase::Triangles(walk, numbers, coordinates);
                 }
                 return Ok(BatchKind::Triangles);
             }
@@ -162,7 +173,10 @@ impl GltfReader {
 
     /// Hands the positions that come next to the sort; false if there are none.
     fn read_keys(&mut self, keys: &mut Keys) -> Result<bool, ImportError> {
-        let Some(window) = self.walk.next(&self.parts, [true, false, false])? else { return Ok(false) };
+        let Some(window) = self.walk.next(&self.parts, Wanted { positions: true, ..Wanted::default() })?
+        else {
+            return Ok(false);
+        };
         for (vertex, position) in (window.first..).zip(&window.positions) {
             // What is not finite is dealt with when it is delivered.
             if position.iter().all(|x| x.is_finite()) {
@@ -187,7 +201,9 @@ impl GltfReader {
 
     /// Takes the normals of those among the next vertices that are joined; false if no vertex is left.
     fn read_normals(&mut self, members: &mut Pairs, normals: &mut Sorter<u128>) -> Result<bool, ImportError> {
-        let Some(window) = self.walk.next(&self.parts, [false, true, false])? else { return Ok(false) };
+        let Some(window) = self.walk.next(&self.parts, Wanted { normals: true, ..Wanted::default() })? else {
+            return Ok(false);
+        };
         for (vertex, normal) in (window.first..).zip(&window.normals) {
             if let Some(first) = members.of(vertex as u32)?
                 && let Some(normal) = finite(*normal).filter(|normal| *normal != [0.0; 3])
@@ -200,12 +216,15 @@ impl GltfReader {
 
     fn delivery(&mut self, found: Found, normals: Option<Sorter<u128>>) -> Result<Delivery, ImportError> {
         self.walk = VertexWalk::default();
+        let is_textured = self.table.as_ref().is_some_and(Table::is_textured);
+        let coordinates = is_textured.then(|| BufferWriter::new(&self.store, "texture coordinates", 0));
         Ok(Delivery {
             members: Pairs::new(found.members)?,
             others: Pairs::new(found.others)?,
             normals: normals.map(Normals::new).transpose()?,
             colors: Sorter::new(&self.store, "colours of joined vertices"),
             joined: Sorter::new(&self.store, "joined vertices"),
+            coordinates: coordinates.transpose()?,
         })
     }
 
@@ -213,9 +232,18 @@ impl GltfReader {
     fn deliver(&mut self, delivery: &mut Delivery, batch: &mut Batch) -> Result<bool, ImportError> {
         let attributes = self.parts.format.attributes;
         let is_double = self.parts.format.coordinates.are_double();
-        let Some(window) = self.walk.next(&self.parts, [true, attributes.normals, attributes.colors])? else {
-            return Ok(false);
+        let wanted = Wanted {
+            positions: true,
+            normals: attributes.normals,
+            colors: attributes.colors,
+            coordinates: delivery.coordinates.is_some(),
         };
+        let Some(window) = self.walk.next(&self.parts, wanted)? else { return Ok(false) };
+        if let Some(coordinates) = &mut delivery.coordinates {
+            let mut own = window.coordinates;
+            own.resize(window.positions.len(), [f32::NAN; 2]);
+            coordinates.extend_from_slice(&own)?;
+        }
         batch.first = self.delivered;
         for (at, position) in window.positions.iter().enumerate() {
             let vertex = (window.first + at as u64) as u32;
@@ -271,6 +299,7 @@ impl GltfReader {
         &mut self,
         walk: &mut TriangleWalk,
         numbers: &mut Numbers,
+        coordinates: &mut Option<Coordinates>,
         batch: &mut Batch,
     ) -> Result<bool, ImportError> {
         batch.first = self.faces;
@@ -290,9 +319,12 @@ impl GltfReader {
                 }
                 is_valid &= !self.invalid.contains((*vertex).into());
             }
-            match is_valid {
-                true => _ = batch.push_face(&triangle, &mut self.tally),
-                false => self.tally.dropped_faces += 1,
+            if !is_valid {
+                self.tally.dropped_faces += 1;
+            } else if batch.push_face(&triangle, &mut self.tally)
+                && let (Some(coat), Some(coordinates)) = (walk.coat, &mut *coordinates)
+            {
+                batch.textured.push(textured(triangle, corners, coat, coordinates)?);
             }
         }
         self.faces += batch.triangles.len() as u64;
@@ -328,10 +360,13 @@ impl MeshReader for GltfReader {
 
         let mut beside = Vec::new();
         for path in self.names {
-            let supply = Supply::file(&path)?;
-            let read = Tap::open(&supply, &FailPoints::default(), &self.cancel).and_then(Tap::finish);
-            let (len, hash) = read.map_err(|source| SourceError::Read { path: path.clone(), source })?;
-            beside.push(Beside { path, first: None, len, hash });
+            beside.push(texture::file_beside(&path, &self.cancel)?);
+        }
+        let mut textures = None;
+        if let Some(table) = self.table {
+            warnings.extend(table.warnings());
+            beside.extend(table.beside(&self.cancel)?);
+            textures = table.finish(true);
         }
         Ok(SourceInfo {
             encoding: self.encoding.to_owned(),
@@ -340,9 +375,28 @@ impl MeshReader for GltfReader {
             tally: self.tally,
             warnings,
             beside,
+            textures,
             ..SourceInfo::default()
         })
     }
+}
+
+/// A triangle with the coordinates of its corners, each of which is a vertex of the scene.
+fn textured(
+    vertices: [u32; 3],
+    corners: &[Corner; 3],
+    coat: Coat,
+    coordinates: &mut Coordinates,
+) -> Result<TexturedTriangle, ImportError> {
+    let mut triangle = TexturedTriangle { vertices, uv: [[f32::NAN; 2]; 3], material: coat.plain };
+    let Some(painted) = coat.painted else { return Ok(triangle) };
+    triangle.material = painted.material;
+    for (uv, corner) in triangle.uv.iter_mut().zip(corners) {
+        if let Some(own) = coordinates.get(corner.map_or(usize::MAX, |vertex| vertex as usize))? {
+            *uv = painted.place(own);
+        }
+    }
+    Ok(triangle)
 }
 
 /// How many higher numbers of sorted pairs have several lower ones.

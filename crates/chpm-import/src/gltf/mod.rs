@@ -15,6 +15,7 @@
 //! The JSON is held in memory; all else is read from its file where it is needed, in windows.
 
 mod accessor;
+mod coats;
 mod document;
 mod mesh;
 mod meshopt;
@@ -25,12 +26,14 @@ mod tests;
 mod text;
 mod views;
 mod walk;
-mod weld;
 
 use crate::error::{ImportError, SourceError};
 use crate::format::{Format, Likeness, is_text, without_mark};
 use crate::reader::{MeshReader, Opening, Start};
 use crate::stream::Stream;
+use crate::texture::Images;
+use chpm_extmem::Cancel;
+use coats::{Coats, Places};
 use document::Document;
 use mesh::GltfReader;
 use parts::Parts;
@@ -90,11 +93,16 @@ fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
     };
     let data = (&scratch.finish()?, &text.payloads[..]);
     let mut views = Views::open(&document, binary.as_ref(), data, &supply.path, (store, cancel))?;
-    let parts = Parts::new(&document, &mut views, &options)?;
+    let inner = Some((&mut views, data.0, data.1));
+    let places = Places { path: &supply.path, is_pipe: supply.is_spooled(), inner };
+    let coats = Coats::find(&text.json, options.images, places, Some(store))?;
+    let textured = coats.as_ref().filter(|coats| coats.table.is_textured());
+    let parts = Parts::new(&document, &mut views, &options, textured)?;
     drop(views);
     drop(document);
     let encoding = if is_glb { "gltf, binary" } else { "gltf, json" };
-    Ok(Box::new(GltfReader::new(encoding, parts, names, options.invalid, (store, cancel), share)))
+    let table = coats.map(|coats| coats.table);
+    Ok(Box::new(GltfReader::new(encoding, parts, (names, table), options.invalid, (store, cancel), share)))
 }
 
 /// Copies what is left of a stream.
@@ -113,13 +121,15 @@ fn spooled(stream: &mut dyn Read, mut scratch: Scratch<'_>) -> Result<Region, Im
 }
 
 /// The files that a glTF at `path` names.
-fn files(mut stream: Stream, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+fn files(mut stream: Stream, path: &Path, images: Images, _: &Cancel) -> Result<Vec<PathBuf>, ImportError> {
     let mut head = [0; 4];
     let count = stream.by_ref().take(4).read(&mut head);
     let count = count.map_err(|source| ImportError::Read { offset: 0, source })?;
     let is_glb = is_glb(&head);
     let text = text::read(&mut (&head[..count]).chain(stream), is_glb, &mut |_| Ok(()))?;
-    named(&Document::parse(&text.json)?, path)
+    let mut files = named(&Document::parse(&text.json)?, path)?;
+    files.extend(coats::files(&text.json, path, images)?);
+    Ok(files)
 }
 
 /// The files of buffers, each once.

@@ -1,6 +1,7 @@
 //! Parts of a glTF that are to be read: vertices and triangles of its meshes, and where each mesh stands.
 
 use super::accessor::Elements;
+use super::coats::{Coat, Coats};
 use super::document::{Document, Mesh, Primitive, Shape, entry, refused};
 use super::scene::{Instance, Placement, instances};
 use super::views::Views;
@@ -37,6 +38,7 @@ pub(super) struct VertexSet {
     pub(super) positions: Elements,
     pub(super) normals: Option<Elements>,
     pub(super) colors: Option<Elements>,
+    pub(super) coordinates: Option<Elements>,
     /// Whether the file calls these integers no shares.
     has_whole_colors: bool,
     /// Vertices of the mesh before these.
@@ -51,6 +53,7 @@ pub(super) struct Triangles {
     pub(super) mode: Mode,
     /// Corners, by index or not.
     pub(super) corners: u64,
+    pub(super) coat: Option<Coat>,
 }
 
 /// How corners make triangles.
@@ -77,6 +80,7 @@ struct LeftOut {
     textures: u64,
     bare: u64,
     whole_colors: u64,
+    bad_coordinates: u64,
     primitives: u64,
     with_normals: u64,
     with_colors: u64,
@@ -88,6 +92,7 @@ impl Parts {
         document: &Document,
         views: &mut Views<'_>,
         options: &Options,
+        coats: Option<&Coats>,
     ) -> Result<Parts, ImportError> {
         let (mut instances, mut warnings) = instances(document)?;
         let mut meshes = Vec::new();
@@ -97,13 +102,16 @@ impl Parts {
             let found = entry(&document.meshes, *mesh, "mesh")?;
             let part = &mut meshes[*mesh as usize];
             if part.is_none() {
-                *part = Some(Part::new(found, document, views, options, &mut left_out)?);
+                *part = Some(Part::new(found, document, views, (options, coats), &mut left_out)?);
             }
         }
         let mut meshes: Vec<Part> = meshes.into_iter().map(Option::unwrap_or_default).collect();
         // Where nothing is drawn, no number of nodes costs time.
         instances.retain(|instance| meshes[instance.mesh as usize].vertices > 0);
 
+        if coats.is_some() {
+            left_out.textures = 0;
+        }
         let LeftOut { primitives, with_normals, with_colors, .. } = left_out;
         let has_normals = with_normals > 0 && with_normals == primitives;
         if with_normals > 0 && !has_normals {
@@ -171,7 +179,7 @@ impl Part {
         mesh: &Mesh,
         document: &Document,
         views: &mut Views<'_>,
-        options: &Options,
+        (options, coats): (&Options, Option<&Coats>),
         left_out: &mut LeftOut,
     ) -> Result<Part, ImportError> {
         let (mut part, mut sets) = (Part::default(), BTreeMap::new());
@@ -187,11 +195,15 @@ impl Part {
             let attributes = &primitive.attributes;
             let normal = attributes.normal.filter(|_| options.normals);
             let color = attributes.color_0.filter(|_| options.colors);
-            let key = (position, normal, color);
+            let coat = coats.and_then(|coats| coats.get(primitive.material));
+            let painted = coat.and_then(|coat| coat.painted);
+            let coordinates = painted.and_then(|painted| attributes.texcoord(painted.set));
+            let key = (position, normal, color, coordinates);
             let set = match sets.get(&key) {
                 Some(set) => *set,
                 None => {
                     let set = VertexSet::open(key, part.vertices, document, views)?;
+                    left_out.bad_coordinates += u64::from(coordinates.is_some() && set.coordinates.is_none());
                     // Nothing of it is to be walked over, however often it is placed.
                     if set.positions.count == 0 {
                         continue;
@@ -215,7 +227,7 @@ impl Part {
             left_out.with_normals += u64::from(normal.is_some());
             left_out.with_colors += u64::from(color.is_some());
             left_out.whole_colors += u64::from(part.sets[set].has_whole_colors);
-            part.primitives.push(Triangles { set, indices, mode, corners });
+            part.primitives.push(Triangles { set, indices, mode, corners, coat });
         }
         Ok(part)
     }
@@ -244,7 +256,7 @@ fn drawn(primitive: &Primitive, left_out: &mut LeftOut) -> Result<Option<(Mode, 
 
 impl VertexSet {
     fn open(
-        (position, normal, color): (u32, Option<u32>, Option<u32>),
+        (position, normal, color, coordinates): (u32, Option<u32>, Option<u32>, Option<u32>),
         first: u64,
         document: &Document,
         views: &mut Views<'_>,
@@ -261,7 +273,10 @@ impl VertexSet {
                 return Err(refused(format!("an attribute has {has} elements, and its positions are {is}")));
             }
         }
-        Ok(VertexSet { positions, normals, colors, has_whole_colors, first })
+        // They are not worth a mesh.
+        let coordinates = coordinates.and_then(|number| open(number, &[Shape::Vec2]).ok());
+        let coordinates = coordinates.filter(|coordinates| coordinates.count == positions.count);
+        Ok(VertexSet { positions, normals, colors, coordinates, has_whole_colors, first })
     }
 }
 
@@ -276,7 +291,7 @@ impl Triangles {
 
 impl LeftOut {
     fn messages(&self) -> Vec<String> {
-        let LeftOut { lines_and_points, morphs, textures, bare, whole_colors, .. } = *self;
+        let LeftOut { lines_and_points, morphs, textures, bare, whole_colors, bad_coordinates, .. } = *self;
         let mut warnings = Vec::new();
         let mut warn = |count: u64, text: String| warnings.extend((count > 0).then_some(text));
         warn(lines_and_points, format!("skipped {lines_and_points} primitives of points or lines"));
@@ -288,6 +303,12 @@ impl LeftOut {
         warn(
             whole_colors,
             format!("took the integers of {whole_colors} primitives' colours for normalized ones"),
+        );
+        warn(
+            bad_coordinates,
+            format!(
+                "read {bad_coordinates} sets of vertices without their texture coordinates, which are damaged"
+            ),
         );
         warn(textures, format!("dropped the texture coordinates of {textures} primitives"));
         warnings

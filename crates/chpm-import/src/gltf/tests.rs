@@ -340,7 +340,7 @@ fn data_lies_beside_it_or_in_it() {
     file["buffers"][0]["uri"] = "sub/./my%20data.bin".into();
     let (mesh, info) = read(&file).unwrap();
     assert_eq!((mesh.triangles.len(), info.beside.len()), (1, 1));
-    let files = crate::input::files(&path, &Cancel::default()).unwrap();
+    let files = crate::input::files(&path, crate::Images::Ignored, &Cancel::default()).unwrap();
     assert_eq!(files.len(), 2);
     let fingerprint = crate::input::fingerprint(&files, &Cancel::default()).unwrap();
     assert_eq!((info.byte_len, info.hash), fingerprint);

@@ -4,6 +4,7 @@ use super::document::{Compressed, Document, entry, refused};
 use super::meshopt;
 use super::text::Payload;
 use crate::error::{ImportError, SourceError};
+use crate::texture::Image;
 use chpm_extmem::platform::read_exact_at;
 use chpm_extmem::{Cancel, ExtmemError, FailPoints, Store};
 use std::collections::BTreeMap;
@@ -46,6 +47,13 @@ impl Region {
             ))
         })?;
         Ok(Region { file: Rc::clone(&self.file), start: self.start + start, len })
+    }
+
+    /// An image whose bytes these are.
+    pub(super) fn image(&self, name: String) -> Result<Image, ImportError> {
+        let Opened { file, path, .. } = &*self.file;
+        let file = file.try_clone().map_err(|source| SourceError::Read { path: path.clone(), source })?;
+        Ok(Image::stretch(name, file, self.start, self.len))
     }
 
     /// Fills `out` with the bytes from `offset` on, which must be there.
@@ -225,7 +233,7 @@ pub(super) fn beside(uri: &str, path: &Path) -> Result<PathBuf, ImportError> {
 }
 
 /// A URI with its `%20`s as what they stand for.
-fn unescaped(uri: &str) -> Option<String> {
+pub(super) fn unescaped(uri: &str) -> Option<String> {
     let mut bytes = Vec::new();
     let mut rest = uri.bytes();
     while let Some(byte) = rest.next() {

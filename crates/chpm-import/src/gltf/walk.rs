@@ -1,6 +1,7 @@
 //! Walks over the vertices and the triangles of a scene, window by window.
 
-use super::accessor::{Reader, WINDOW};
+use super::accessor::{Elements, Reader, WINDOW};
+use super::coats::Coat;
 use super::parts::{Mode, Parts, Placed};
 use super::scene::Placement;
 use crate::error::ImportError;
@@ -24,6 +25,7 @@ struct OpenSet {
     positions: Option<Reader>,
     normals: Option<Reader>,
     colors: Option<Reader>,
+    coordinates: Option<Reader>,
 }
 
 /// Some vertices; what was not asked for, or is not there, is empty.
@@ -35,11 +37,22 @@ pub(super) struct Window {
     pub(super) positions: Vec<[f64; 3]>,
     pub(super) normals: Vec<[f64; 3]>,
     pub(super) colors: Vec<[u8; 4]>,
+    /// Texture coordinates.
+    pub(super) coordinates: Vec<[f32; 2]>,
+}
+
+/// Which attributes of vertices to read.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Wanted {
+    pub(super) positions: bool,
+    pub(super) normals: bool,
+    pub(super) colors: bool,
+    pub(super) coordinates: bool,
 }
 
 impl VertexWalk {
-    /// The next vertices: positions, normals and colours if they are `wanted`. None behind the last.
-    pub(super) fn next(&mut self, parts: &Parts, wanted: [bool; 3]) -> Result<Option<Window>, ImportError> {
+    /// The next vertices, with what of them is `wanted`. None behind the last.
+    pub(super) fn next(&mut self, parts: &Parts, wanted: Wanted) -> Result<Option<Window>, ImportError> {
         loop {
             if let Some(open) = self.open.as_mut().filter(|open| open.left > 0) {
                 return open.read().map(Some);
@@ -60,16 +73,17 @@ impl VertexWalk {
 }
 
 impl OpenSet {
-    fn new(placed: &Placed<'_>, [positions, normals, colors]: [bool; 3]) -> OpenSet {
+    fn new(placed: &Placed<'_>, wanted: Wanted) -> OpenSet {
         let Placed { set, placement, first } = *placed;
         OpenSet {
             placement: *placement,
             of_normals: placement.of_normals(),
             next: first,
             left: set.positions.count,
-            positions: positions.then(|| set.positions.reader()),
-            normals: set.normals.as_ref().filter(|_| normals).map(|normals| normals.reader()),
-            colors: set.colors.as_ref().filter(|_| colors).map(|colors| colors.reader()),
+            positions: wanted.positions.then(|| set.positions.reader()),
+            normals: set.normals.as_ref().filter(|_| wanted.normals).map(Elements::reader),
+            colors: set.colors.as_ref().filter(|_| wanted.colors).map(Elements::reader),
+            coordinates: set.coordinates.as_ref().filter(|_| wanted.coordinates).map(Elements::reader),
         }
     }
 
@@ -91,6 +105,11 @@ impl OpenSet {
             colors.read(&mut numbers)?;
             window.colors = numbers.chunks_exact(colors.width()).map(color).collect();
         }
+        if let Some(coordinates) = &mut self.coordinates {
+            coordinates.read(&mut numbers)?;
+            let twos = numbers.as_chunks::<2>().0.iter();
+            window.coordinates = twos.map(|uv| uv.map(|x| x as f32)).collect();
+        }
         let count = self.left.min(WINDOW as u64);
         self.next += count;
         self.left -= count;
@@ -102,15 +121,16 @@ impl OpenSet {
 fn color(numbers: &[f64]) -> [u8; 4] {
     let mut color = [255; 4];
     for (at, (channel, x)) in color.iter_mut().zip(numbers).enumerate() {
-        let value = match at {
-            0..3 if *x > 0.003_130_8 => 1.055 * libm::pow(*x, 1.0 / 2.4) - 0.055,
-            0..3 => 12.92 * x,
-            _ => *x,
-        };
+        let value = if at < 3 { encoded(*x) } else { *x };
         // The cast clamps, and makes NaN zero.
         *channel = (value * 255.0).round() as u8;
     }
     color
+}
+
+/// Light by the curve of sRGB.
+pub(super) fn encoded(x: f64) -> f64 {
+    if x > 0.003_130_8 { 1.055 * libm::pow(x, 1.0 / 2.4) - 0.055 } else { 12.92 * x }
 }
 
 /// A corner: the number of its vertex in the scene; or, out of range, the index and how many vertices there are.
@@ -121,6 +141,8 @@ pub(super) type Corner = Result<u32, (u32, u64)>;
 pub(super) struct TriangleWalk {
     /// Triangles that were read last.
     pub(super) triangles: Vec<[Corner; 3]>,
+    /// What they are coated with.
+    pub(super) coat: Option<Coat>,
     instance: usize,
     primitive: usize,
     before: u64,
@@ -157,6 +179,7 @@ impl TriangleWalk {
             }
             match parts.triangles(self.instance, self.before).nth(self.primitive) {
                 Some((primitive, placed)) => {
+                    self.coat = primitive.coat;
                     self.open = Some(OpenPrimitive {
                         indices: primitive.indices.as_ref().map(|indices| indices.reader()),
                         mode: primitive.mode,

@@ -80,6 +80,20 @@ pub(super) fn doubles<const BIG: bool>(
     );
 }
 
+/// Two numbers of each record, as f32.
+pub(super) fn pairs<const BIG: bool>(
+    records: &[u8],
+    stride: usize,
+    fields: &[Field; 2],
+    out: &mut Vec<[f32; 2]>,
+) {
+    out.extend(
+        records
+            .chunks_exact(stride)
+            .map(|record| fields.map(|field| load::<BIG>(&record[field.offset..], field.ty) as f32)),
+    );
+}
+
 /// A colour of each record; opaque if there is no alpha.
 pub(super) fn colors<const BIG: bool>(
     records: &[u8],

@@ -32,6 +32,9 @@ impl<R: Read> Body<R> {
         plan: &ListPlan,
         batch: &mut Batch,
     ) -> Result<(), Fault> {
+        while self.wedges.is_some() && self.index < element.count && !batch.is_full_of_faces() {
+            self.textured_face(element, plan, batch)?;
+        }
         while self.index < element.count && !batch.is_full_of_faces() {
             match self.source.encoding {
                 Encoding::Ascii => {}

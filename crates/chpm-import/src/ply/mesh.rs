@@ -1,6 +1,7 @@
 //! PLY as a format among others.
 
 use super::PlyReader;
+use super::texture::{self, Texture};
 use crate::batch::{Batch, BatchKind};
 use crate::error::ImportError;
 use crate::format::{Format, Likeness};
@@ -8,11 +9,12 @@ use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::steps::Steps;
 use crate::stream::Stream;
 use crate::vertex_format::VertexFormat;
+use chpm_extmem::Cancel;
 use chpm_mesh::Scalar;
 
 /// Stanford PLY.
 pub(crate) const FORMAT: Format =
-    Format { name: "PLY", extensions: &["ply"], sniff, open: PlyMesh::open, names: None };
+    Format { name: "PLY", extensions: &["ply"], sniff, open: PlyMesh::open, names: Some(texture::files) };
 
 fn sniff(start: &Start<'_>) -> Likeness {
     let is_ply = match start.head {
@@ -26,13 +28,18 @@ fn sniff(start: &Start<'_>) -> Likeness {
 struct PlyMesh {
     reader: PlyReader<Stream>,
     steps: Option<Steps>,
+    texture: Option<Texture>,
+    cancel: Cancel,
 }
 
 impl PlyMesh {
     fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
-        let reader = PlyReader::new(opening.stream, opening.options)?;
-        let steps = reader.has_grid().then(|| Steps::new(opening.store)).transpose()?;
-        Ok(Box::new(PlyMesh { reader, steps }))
+        let Opening { stream, options, store, cancel, supply, .. } = opening;
+        let images = options.images;
+        let mut reader = PlyReader::new(stream, options)?;
+        let steps = reader.has_grid().then(|| Steps::new(store)).transpose()?;
+        let texture = Texture::find(&mut reader, supply, images, (store, cancel))?;
+        Ok(Box::new(PlyMesh { reader, steps, texture, cancel: cancel.clone() }))
     }
 }
 
@@ -56,21 +63,35 @@ impl MeshReader for PlyMesh {
             steps.vertices(batch)?;
             self.steps = Some(if kind == BatchKind::Triangles { steps.triangles(batch)? } else { steps });
         }
+        if let Some(texture) = &mut self.texture {
+            texture.complete(&mut self.reader, kind, batch)?;
+        }
         Ok(kind)
     }
 
     fn finish(self: Box<Self>) -> Result<SourceInfo, ImportError> {
-        let header = self.reader.header();
-        let mut warnings: Vec<String> = self.reader.warnings().iter().map(ToString::to_string).collect();
-        warnings.extend(self.steps.and_then(|steps| steps.warning()));
-        Ok(SourceInfo {
+        let PlyMesh { reader, steps, texture, cancel } = *self;
+        let header = reader.header();
+        let mut info = SourceInfo {
             encoding: header.format.to_string(),
             vertex_count: header.vertex_count,
             face_count: header.face_count,
             comments: header.comments.clone(),
-            tally: self.reader.tally(),
-            warnings,
+            tally: reader.tally(),
+            warnings: reader.warnings().iter().map(ToString::to_string).collect(),
             ..SourceInfo::default()
-        })
+        };
+        info.warnings.extend(steps.and_then(|steps| steps.warning()));
+        if let Some(Texture { table, degenerate, joined, .. }) = texture {
+            info.tally.degenerate_faces += degenerate;
+            let told = || {
+                format!("joined {joined} vertices of equal position, which texture coordinates had doubled")
+            };
+            info.warnings.extend((joined > 0).then(told));
+            info.warnings.extend(table.warnings());
+            info.beside = table.beside(&cancel)?;
+            info.textures = table.finish(false);
+        }
+        Ok(info)
     }
 }

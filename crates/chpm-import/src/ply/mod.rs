@@ -30,8 +30,10 @@ mod read;
 mod scalars;
 mod schema;
 mod source;
+mod texture;
 mod vertices;
 mod warning;
+mod wedges;
 mod write;
 
 pub use crate::batch::{Batch, BatchKind, MAX_CORNERS, MAX_VERTICES, Tally};

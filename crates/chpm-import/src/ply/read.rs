@@ -5,9 +5,10 @@ use super::{
     faces::Strip,
     grid::Grid,
     header::{Element, Encoding, Header, PropertyType},
-    schema::{Role, Schema},
+    schema::{Field, Role, Schema, Slot},
     source::Source,
     warning::Warning,
+    wedges::Wedges,
 };
 use crate::batch::{Batch, BatchKind, MAX_CORNERS, Tally};
 use crate::location::SourceLocation;
@@ -51,6 +52,10 @@ pub(super) struct Body<R> {
     /// Vertices that are not finite.
     pub(super) invalid: VertexSet,
     pub(super) tally: Tally,
+    /// Texture coordinates of the last vertices, where they are asked for.
+    pub(super) coordinates: Vec<[f32; 2]>,
+    /// How faces name images, where they do.
+    pub(super) wedges: Option<Box<Wedges>>,
 }
 
 impl<R: Read> PlyReader<R> {
@@ -72,8 +77,30 @@ impl<R: Read> PlyReader<R> {
             grid: Grid::default(),
             invalid: VertexSet::default(),
             tally: Tally::default(),
+            coordinates: Vec::new(),
+            wedges: None,
         };
         Ok(PlyReader { header, schema, body, element: 0, vertices: 0, faces: 0, state: State::Open })
+    }
+
+    /// Hands over texture coordinates: those of vertices, to be taken after each batch, and triangles of faces that `wedges` is for.
+    /// To be called before all else.
+    pub(super) fn read_textures(&mut self, of_vertices: Option<[Field; 2]>, wedges: Option<Wedges>) {
+        self.schema.warnings.retain(|warning| !matches!(warning, Warning::TextureDropped { .. }));
+        self.body.wedges = wedges.map(Box::new);
+        for role in &mut self.schema.roles {
+            if let (Role::Vertices(plan), Some(fields)) = (role, of_vertices) {
+                plan.texture = Some(fields);
+                let slots = fields.iter().enumerate();
+                slots.for_each(|(axis, field)| plan.slots[field.property] = Slot::Texture(axis));
+            }
+        }
+    }
+
+    /// Texture coordinates of the vertices since this was asked last.
+    pub(super) fn take_coordinates(&mut self, out: &mut Vec<[f32; 2]>) {
+        out.clear();
+        std::mem::swap(out, &mut self.body.coordinates);
     }
 
     /// Header of the file.

@@ -42,6 +42,8 @@ pub(super) struct VertexPlan {
     /// Meaning of each property, for records that are read number by number.
     pub(super) slots: Vec<Slot>,
     pub(super) scalars: ScalarPlan,
+    /// Texture coordinates, where these are asked for.
+    pub(super) texture: Option<[Field; 2]>,
 }
 
 /// Meaning of a vertex's property; the number is the axis or the channel.
@@ -51,6 +53,7 @@ pub(super) enum Slot {
     Position(usize),
     Normal(usize),
     Color(usize),
+    Texture(usize),
 }
 
 /// The list of corners among the properties of a face or of strips.
@@ -206,7 +209,7 @@ fn vertex_plan(
         warnings.push(Warning::ColorsQuantised { from: field.ty });
     }
     let stride = fixed_size(element, 0..element.properties.len());
-    Ok(VertexPlan { position, normal, color, alpha, stride, slots, scalars })
+    Ok(VertexPlan { position, normal, color, alpha, stride, slots, scalars, texture: None })
 }
 
 fn list_plan(element: &Element, warnings: &mut Vec<Warning>) -> Result<ListPlan, PlyError> {
@@ -228,7 +231,7 @@ fn corners(name: &str, element: &Element) -> Option<(usize, ScalarType, ScalarTy
     }
 }
 
-fn find(element: &Element, name: &str) -> Option<usize> {
+pub(super) fn find(element: &Element, name: &str) -> Option<usize> {
     element.properties.iter().position(|property| property.name == name)
 }
 
@@ -246,6 +249,16 @@ pub(super) fn field(element: &Element, property: usize) -> Option<Field> {
 fn group(element: &Element, names: [&str; 3]) -> Option<[Field; 3]> {
     let [a, b, c] = names.map(|name| find(element, name).and_then(|at| field(element, at)));
     Some([a?, b?, c?])
+}
+
+/// Texture coordinates of a vertex, by the names that programs give them.
+pub(super) fn texture_of_vertex(element: &Element) -> Option<[Field; 2]> {
+    const NAMES: [[&str; 2]; 4] =
+        [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
+    NAMES.iter().find_map(|names| {
+        let [u, v] = names.map(|name| find(element, name).and_then(|at| field(element, at)));
+        Some([u?, v?])
+    })
 }
 
 /// Bytes of some properties, if none of them is a list.

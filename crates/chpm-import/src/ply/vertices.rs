@@ -77,6 +77,9 @@ impl<R: Read> Body<R> {
             binary::colors::<BIG>(records, stride, fields, plan.alpha, &mut batch.vertices.colors);
         }
         plan.scalars.read_records::<BIG>(records, stride, &mut batch.vertices.scalars);
+        if let Some(fields) = &plan.texture {
+            binary::pairs::<BIG>(records, stride, fields, &mut self.coordinates);
+        }
 
         // Rare, so that only then each vertex is looked at.
         if !near {
@@ -139,6 +142,7 @@ impl<R: Read> Body<R> {
         let mut position = [0.0; 3];
         let mut normal = [0.0; 3];
         let mut color = [0, 0, 0, 255];
+        let mut uv = [0.0; 2];
         let mut valid = true;
         let is_text = self.source.encoding == Encoding::Ascii;
         // The words of this vertex are filled in the order in which its numbers come.
@@ -180,6 +184,7 @@ impl<R: Read> Body<R> {
                 Slot::Position(_) => valid = false,
                 Slot::Normal(axis) => normal[axis] = value as f32,
                 Slot::Color(channel) => color[channel] = binary::channel(value, ty),
+                Slot::Texture(axis) => uv[axis] = value as f32,
             }
         }
 
@@ -203,6 +208,9 @@ impl<R: Read> Body<R> {
         }
         if format.attributes.colors {
             batch.vertices.colors.push(color);
+        }
+        if plan.texture.is_some() {
+            self.coordinates.push(uv);
         }
         self.index += 1;
         Ok(())

@@ -5,7 +5,7 @@ use bytemuck::Pod;
 use chpm_extmem::{BufferWriter, Cancel, Column, Paged, Progress, Store};
 use chpm_format::{Chpm, Metadata};
 use chpm_import::ply::{Batch, BatchKind, Coordinates, Invalid, Keep, Options, Tally};
-use chpm_import::{Input, KeptPolygons};
+use chpm_import::{Images, Input, KeptPolygons};
 use std::path::Path;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -67,7 +67,7 @@ impl Source {
     ) -> Result<Self, VerifyError> {
         let invalid = if drops { Invalid::Drop } else { Invalid::Refuse };
         let keep = Keep { all: false, names: scalars };
-        let options = Options { invalid, normals: false, colors: false, keep };
+        let options = Options { invalid, normals: false, colors: false, keep, images: Images::Ignored };
         let mut input = Input::open(path, options, store, cancel)?;
         let coordinates = input.vertex_format().coordinates;
         let words = usize::from(input.vertex_format().attributes.scalar_words);

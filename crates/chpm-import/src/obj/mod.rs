@@ -1,4 +1,9 @@
-//! Wavefront OBJ: `v` and `f` lines; whatever else there is, is left out with a warning.
+//! Wavefront OBJ: `v` and `f` lines, and where images are asked for, materials and texture coordinates; whatever else there is, is
+//! left out with a warning.
+
+mod libraries;
+mod mtl;
+mod wedges;
 
 use super::error::ImportError;
 use super::format::{Format, Likeness, first_line, is_text};
@@ -9,13 +14,18 @@ use crate::options::{Invalid, Options};
 use crate::ply::Warning;
 use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::stream::Stream;
+use crate::texture::Images;
 use crate::vertex_format::{Coordinates, VertexFormat};
 use crate::vertex_set::VertexSet;
+use chpm_extmem::Cancel;
 use chpm_mesh::{Attributes, FAR};
+use libraries::Libraries;
 use std::io::Read;
+use wedges::{Faces, Wedges};
 
 /// Wavefront OBJ.
-pub(crate) const FORMAT: Format = Format { name: "OBJ", extensions: &["obj"], sniff, open, names: None };
+pub(crate) const FORMAT: Format =
+    Format { name: "OBJ", extensions: &["obj"], sniff, open, names: Some(libraries::files) };
 
 /// Goes by the first line that is no comment.
 fn sniff(start: &Start<'_>) -> Likeness {
@@ -26,27 +36,52 @@ fn sniff(start: &Start<'_>) -> Likeness {
 }
 
 fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
-    Ok(Box::new(ObjReader::new(opening.stream, opening.options)?))
+    let Opening { stream, options, store, cancel, supply, .. } = opening;
+    // Nothing lies beside a pipe.
+    let images = if supply.is_spooled() { Images::Ignored } else { options.images };
+    let wedges = match images {
+        Images::Ignored => None,
+        images => {
+            let libraries = Libraries::new(&supply.path, images, Some(store), cancel)?;
+            Some(Box::new(Wedges::new(libraries, store)?))
+        }
+    };
+    let reader = ObjReader::with(stream, options, wedges)?;
+    Ok(Box::new(ObjMesh { reader, cancel: cancel.clone() }))
 }
 
-impl MeshReader for ObjReader<Stream> {
+/// An OBJ, and then the triangles that its images are on.
+struct ObjMesh {
+    reader: ObjReader<Stream>,
+    cancel: Cancel,
+}
+
+impl MeshReader for ObjMesh {
     fn format(&self) -> VertexFormat {
-        self.vertex_format()
+        self.reader.vertex_format()
     }
 
     fn next(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
-        self.next_batch(batch)
+        self.reader.next_batch(batch)
     }
 
     fn finish(self: Box<Self>) -> Result<SourceInfo, ImportError> {
-        Ok(SourceInfo {
+        let ObjMesh { reader, cancel, .. } = *self;
+        let mut info = SourceInfo {
             encoding: "obj".to_owned(),
-            vertex_count: self.vertices(),
-            face_count: self.faces(),
-            tally: self.tally(),
-            warnings: self.warnings(),
+            vertex_count: reader.vertices(),
+            face_count: reader.faces(),
+            tally: reader.tally(),
+            warnings: reader.warnings(),
             ..SourceInfo::default()
-        })
+        };
+        if let Some(faces) = reader.faces {
+            let table = faces.libraries.table;
+            info.warnings.extend(table.warnings());
+            info.beside = table.beside(&cancel)?;
+            info.textures = table.finish(false);
+        }
+        Ok(info)
     }
 }
 
@@ -55,7 +90,7 @@ impl MeshReader for ObjReader<Stream> {
 /// Coordinates are text without a type and delivered as `f64`. Corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn`, count from 1 or
 /// from the last vertex backwards (-1), and may name vertices that come later.
 /// A vertex has a colour if three more numbers follow its position, from 0 to 1, or from 0 to 255 where one of them exceeds 1;
-/// the first vertex decides for all. Normals belong to corners and are handed over as such; texture coordinates are left out.
+/// the first vertex decides for all. Normals belong to corners and are handed over as such.
 pub struct ObjReader<R: Read> {
     lines: Lines<R>,
     /// A line that was joined from several.
@@ -63,6 +98,8 @@ pub struct ObjReader<R: Read> {
     read: Statements,
     delivered: [u64; 2],
     state: State,
+    /// Textured faces, when all is read.
+    faces: Option<Box<Faces>>,
 }
 
 /// State of the statements up to now.
@@ -86,6 +123,8 @@ struct Statements {
     corner_normals: Vec<[u32; 2]>,
     tally: Tally,
     left_out: LeftOut,
+    /// Where images are asked for.
+    wedges: Option<Box<Wedges>>,
 }
 
 /// Where a statement is: the element that it tells of, and that one's number.
@@ -117,13 +156,18 @@ impl<R: Read> ObjReader<R> {
     /// # Errors
     /// What is wrong up to there.
     pub fn new(reader: R, options: Options) -> Result<Self, ImportError> {
+        Self::with(reader, options, None)
+    }
+
+    fn with(reader: R, options: Options, wedges: Option<Box<Wedges>>) -> Result<Self, ImportError> {
         let Options { invalid: invalid_data, colors: colored, normals: wants_normals, .. } = options;
         let mut obj = ObjReader {
             lines: Lines::new(reader),
             joined: Vec::new(),
-            read: Statements { invalid_data, colored, wants_normals, ..Statements::default() },
+            read: Statements { invalid_data, colored, wants_normals, wedges, ..Statements::default() },
             delivered: [0; 2],
             state: State::Open,
+            faces: None,
         };
         while obj.read.vertices == 0 && obj.state == State::Open && !obj.read.is_full() {
             obj.line()?;
@@ -155,7 +199,10 @@ impl<R: Read> ObjReader<R> {
 
     /// Losses, in words; complete when the stream has ended.
     pub fn warnings(&self) -> Vec<String> {
-        let LeftOut { texture, materials, lines_and_points, .. } = self.read.left_out;
+        let LeftOut { texture, mut materials, lines_and_points, .. } = self.read.left_out;
+        if self.faces.as_ref().is_some_and(|faces| faces.libraries.table.is_textured()) {
+            materials = 0;
+        }
         let LeftOut { vertex_numbers, late_colors, statements, ref names, .. } = self.read.left_out;
         let mut warnings = Vec::new();
         let mut warn = |count: u64, text: String| warnings.extend((count > 0).then_some(text));
@@ -213,8 +260,17 @@ impl<R: Read> ObjReader<R> {
         } else if !batch.listed_normals.is_empty() {
             Ok(BatchKind::Vertices)
         } else {
-            Ok(BatchKind::End)
+            self.fill_textured(batch)
         }
+    }
+
+    /// Coordinates may come behind the faces that name them, so that textured faces come last.
+    fn fill_textured(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
+        if let Some(wedges) = self.read.wedges.take() {
+            self.faces = Some(Box::new(wedges.finish()?));
+        }
+        let is_any = self.faces.as_mut().map_or(Ok(false), |faces| faces.next(&mut batch.textured))?;
+        Ok(if is_any { BatchKind::Triangles } else { BatchKind::End })
     }
 
     /// One line, with those that it goes on in.
@@ -267,14 +323,30 @@ impl Statements {
     fn statement(&mut self, line: &[u8], place: PlaceOf) -> Result<(), ImportError> {
         let mut words = words(line);
         let left_out = &mut self.left_out;
+        let textured = self.wedges.as_mut().filter(|wedges| wedges.is_textured());
         match words.next() {
             None => {}
             Some(b"v") => self.vertex(words, place)?,
             Some(b"vn") if self.wants_normals => self.normal(words),
             Some(b"f") => self.face(words, place)?,
-            Some(b"vt") => left_out.texture += 1,
+            Some(b"vt") => match textured {
+                Some(wedges) => wedges.coordinate(words)?,
+                None => left_out.texture += 1,
+            },
             Some(b"vn") => {}
-            Some(b"mtllib" | b"usemtl" | b"usemap" | b"maplib") => left_out.materials += 1,
+            Some(b"mtllib") => {
+                left_out.materials += 1;
+                if let Some(wedges) = &mut self.wedges
+                    && let Some((_, names)) = mtl::statement(line)
+                {
+                    wedges.library(names, &mut left_out.texture)?;
+                }
+            }
+            Some(b"usemtl") => match textured {
+                Some(wedges) => wedges.choose(mtl::statement(line).map_or(&[], |(_, name)| name)),
+                None => left_out.materials += 1,
+            },
+            Some(b"usemap" | b"maplib") => left_out.materials += 1,
             Some(b"l" | b"p") => left_out.lines_and_points += 1,
             Some(b"g" | b"o" | b"s" | b"mg") => {}
             Some(comment) if comment.starts_with(b"#") => {}
@@ -364,6 +436,9 @@ impl Statements {
     fn face<'a>(&mut self, words: impl Iterator<Item = &'a [u8]>, place: PlaceOf) -> Result<(), ImportError> {
         self.corners.clear();
         self.corner_normals.clear();
+        if let Some(wedges) = &mut self.wedges {
+            wedges.begin();
+        }
         let mut valid = true;
         for word in words {
             valid &= self.corner(word, place)?;
@@ -375,6 +450,9 @@ impl Statements {
             return Ok(());
         }
         let is_delivered = self.pending.push_face(&self.corners, &mut self.tally);
+        if let Some(wedges) = self.wedges.as_mut().filter(|_| is_delivered) {
+            wedges.end()?;
+        }
         for corner in self.corner_normals.iter().filter(|_| is_delivered) {
             // Most files have no normals at all: once is enough to tell this.
             let is_bare = corner[1] == u32::MAX;
@@ -410,6 +488,9 @@ impl Statements {
         }
 
         self.corners.push(vertex as u32);
+        if let Some(wedges) = &mut self.wedges {
+            wedges.corner(vertex as u32, word);
+        }
         if self.wants_normals {
             let normal = normal(word, self.normals);
             self.corner_normals.push([vertex as u32, normal.unwrap_or(u32::MAX)]);

@@ -1,0 +1,129 @@
+//! Colours of vertices out of the images of a source.
+
+use super::used::Used;
+use crate::context::Context;
+use crate::error::BuildError;
+use chpm_extmem::{BufferWriter, Column, Store};
+use chpm_import::{Supply, Textures};
+use chpm_texture::{Averager, TextureError, TexturedTriangle};
+
+/// Vertices that are coloured at once.
+const WINDOW: usize = 1 << 14;
+
+/// Textured triangles of a source, while they come.
+pub(super) struct Texels {
+    averager: Averager,
+    /// Vertices that they have, where others may have colours of their own.
+    painted: Option<Used>,
+}
+
+impl Texels {
+    /// None yet, of a source whose vertices have colours of their own or not.
+    pub(super) fn new(store: &Store, has_colors: bool) -> Result<Self, BuildError> {
+        let painted = has_colors.then(|| Used::new(store)).transpose()?;
+        let averager = Averager::new(store).map_err(|error| failed(error, |_| String::new()))?;
+        Ok(Texels { averager, painted })
+    }
+
+    /// Takes triangles of so many vertices up to now.
+    pub(super) fn take(&mut self, triangles: &[TexturedTriangle], vertices: usize) -> Result<(), BuildError> {
+        for triangle in triangles {
+            self.averager.push(triangle).map_err(|error| failed(error, |_| String::new()))?;
+            if let Some(painted) = &mut self.painted {
+                painted.add(&[triangle.vertices], vertices)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Colours of all vertices. Their `own` stay where there is no texture, and tint it elsewhere if textures ask for it.
+    pub(super) fn finish(
+        self,
+        textures: &Textures,
+        own: Option<&Column<[u8; 4]>>,
+        vertices: usize,
+        supply: &Supply,
+        context: &Context<'_>,
+    ) -> Result<Column<[u8; 4]>, BuildError> {
+        let images = &textures.images;
+        let mut open = |image: u32| images[image as usize].open();
+        let averaged = self.averager.finish(&textures.materials, &mut open, vertices, &context.cancel);
+        let averaged = averaged.map_err(|error| {
+            failed(error, |image| {
+                format!("{}: image '{}'", supply.path.display(), images[image as usize].name)
+            })
+        })?;
+
+        let mut colors = BufferWriter::new(&context.store, "colours of vertices", vertices)?;
+        let (mut scratch, mut own_scratch) = (Vec::new(), Vec::new());
+        for start in (0..vertices).step_by(WINDOW) {
+            context.check()?;
+            let range = start..vertices.min(start + WINDOW);
+            let mut block = averaged.read(range.clone(), &mut scratch)?.to_vec();
+            if let Some(own) = own {
+                let own = own.read(range, &mut own_scratch)?;
+                for (at, (color, own)) in block.iter_mut().zip(own).enumerate() {
+                    let is_painted = self.painted.as_ref().is_some_and(|set| set.contains(start + at));
+                    *color = match (is_painted, textures.tints) {
+                        (false, _) => *own,
+                        (true, true) => tinted(*color, *own),
+                        (true, false) => *color,
+                    };
+                }
+            }
+            colors.extend_from_slice(&block)?;
+        }
+        Ok(colors.finish_column()?)
+    }
+}
+
+fn failed(error: TextureError, name: impl Fn(u32) -> String) -> BuildError {
+    match error {
+        TextureError::Extmem(error) => error.into(),
+        TextureError::Cancelled(stop) => stop.into(),
+        TextureError::Open { image, source } => {
+            BuildError::Image { image: name(image), reason: source.to_string() }
+        }
+        TextureError::Image { image, source } => {
+            BuildError::Image { image: name(image), reason: source.to_string() }
+        }
+        error => BuildError::Image { image: name(0), reason: error.to_string() },
+    }
+}
+
+/// The product of two colours as light; coverage goes by itself.
+fn tinted(color: [u8; 4], tint: [u8; 4]) -> [u8; 4] {
+    std::array::from_fn(|channel| {
+        let (a, b) = (color[channel], tint[channel]);
+        match (a, b) {
+            (255, x) | (x, 255) => x,
+            _ if channel == 3 => ((u32::from(a) * u32::from(b) + 127) / 255) as u8,
+            _ => encoded(light(a) * light(b)),
+        }
+    })
+}
+
+fn light(byte: u8) -> f64 {
+    let x = f64::from(byte) / 255.0;
+    if x <= 0.040_45 { x / 12.92 } else { libm::pow((x + 0.055) / 1.055, 2.4) }
+}
+
+fn encoded(x: f64) -> u8 {
+    let x = if x > 0.003_130_8 { 1.055 * libm::pow(x, 1.0 / 2.4) - 0.055 } else { 12.92 * x };
+    (x * 255.0).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tints_multiply_light() {
+        assert_eq!(tinted([255, 128, 7, 255], [9, 255, 255, 255]), [9, 128, 7, 255]);
+        // Half the light is 188 of 255, and a quarter of it 137.
+        assert_eq!(tinted([188, 0, 188, 128], [188, 90, 0, 128]), [137, 0, 0, 64]);
+        for byte in 0..=255 {
+            assert_eq!(encoded(light(byte)), byte);
+        }
+    }
+}

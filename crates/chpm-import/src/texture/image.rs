@@ -1,0 +1,83 @@
+//! An image of a source: a file beside it, or a stretch of its own bytes.
+
+use crate::supply::Supply;
+use chpm_extmem::platform::read_exact_at;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Bytes that are read at once.
+const BLOCK: usize = 1 << 16;
+
+/// Where the bytes of an image are.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// What it is called in messages.
+    pub name: String,
+    place: Place,
+}
+
+#[derive(Clone, Debug)]
+enum Place {
+    File(PathBuf),
+    Stretch { file: Arc<File>, start: u64, len: u64 },
+}
+
+impl Image {
+    pub(crate) fn file(path: PathBuf) -> Image {
+        Image { name: path.display().to_string(), place: Place::File(path) }
+    }
+
+    pub(crate) fn stretch(name: String, file: File, start: u64, len: u64) -> Image {
+        Image { name, place: Place::Stretch { file: Arc::new(file), start, len } }
+    }
+
+    /// The file, if it is one of its own.
+    pub(crate) fn path(&self) -> Option<&Path> {
+        match &self.place {
+            Place::File(path) => Some(path),
+            Place::Stretch { .. } => None,
+        }
+    }
+
+    /// Bytes of the image, from the first on.
+    ///
+    /// # Errors
+    /// Those of opening a file, which may have become something else.
+    pub fn open(&self) -> io::Result<Box<dyn BufRead + Send>> {
+        let bytes: Box<dyn Read + Send> = match &self.place {
+            Place::File(path) => Box::new(Supply::file(path).map_err(io::Error::other)?.open()?),
+            Place::Stretch { file, start, len } => {
+                Box::new(Stretch { file: Arc::clone(file), next: *start, end: start + len })
+            }
+        };
+        Ok(Box::new(BufReader::with_capacity(BLOCK, bytes)))
+    }
+
+    /// Whether it begins as those do that are read.
+    pub(crate) fn is_of_known_kind(&self) -> io::Result<bool> {
+        let mut head = Vec::new();
+        self.open()?.take(8).read_to_end(&mut head)?;
+        Ok(MAGICS.iter().any(|magic| head.starts_with(magic)))
+    }
+}
+
+/// First bytes of PNG and JPEG.
+const MAGICS: [&[u8]; 2] = [b"\x89PNG", b"\xff\xd8\xff"];
+
+/// Bytes of a file that others read elsewhere.
+struct Stretch {
+    file: Arc<File>,
+    next: u64,
+    end: u64,
+}
+
+impl Read for Stretch {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let count = (self.end - self.next).min(out.len() as u64) as usize;
+        read_exact_at(&self.file, &mut out[..count], self.next)?;
+        self.next += count as u64;
+        Ok(count)
+    }
+}
