@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 import signal
+import struct
 import subprocess
 import sys
 import textwrap
 import threading
 import time
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 
 import chpm
@@ -48,6 +50,34 @@ def test_a_file_is_built_to_the_bytes_of_the_command(source, tmp_path, settings)
         with chpm.build(source, out, **settings, **means) as file:
             assert not file.closed and file.path == out
         assert out.read_bytes() == expected
+
+
+def png(color):
+    """An image of one pixel."""
+
+    def chunk(name, data):
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    header = struct.pack(">IIBBBBB", 1, 1, 8, 2, 0, 0, 0)
+    pixels = zlib.compress(b"\0" + bytes(color))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
+
+
+def test_images_become_colours(tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd a.png\n")
+    (tmp_path / "a.png").write_bytes(png((10, 200, 30)))
+    obj = tmp_path / "a.obj"
+    obj.write_text("mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
+    for texture, expected in [(None, [10, 200, 30, 255]), ("vertices", [10, 200, 30, 255]), ("none", None)]:
+        with chpm.build(obj, tmp_path / "a.chpm", force=True, texture=texture) as file:
+            colors = file.select(level=0).colors
+            assert (colors is None) if expected is None else (colors == expected).all()
+
+    (tmp_path / "a.png").unlink()
+    with pytest.raises(chpm.BuildError, match="a.png"):
+        chpm.build(obj, tmp_path / "b.chpm", missing_images="refuse")
+    with pytest.raises(ValueError, match="texture: one of 'none', 'vertices' expected"):
+        chpm.build(obj, tmp_path / "b.chpm", texture="sheets")
 
 
 @pytest.mark.parametrize("pages", ["raw", "packed"])

@@ -3,8 +3,8 @@
 //! Nodes place meshes by matrices or by translation, rotation and scale, one in another; a placement that mirrors turns triangles
 //! over, so that their front stays in front. Coordinates are what they become by that, y up, and nothing else is done to them. Triangles,
 //! strips and fans are read, with positions, normals and the first colours, of all types that the standard and
-//! `KHR_mesh_quantization` know, with sparse accessors and `EXT_meshopt_compression`. Lines, points, textures, materials, skins and
-//! morphs are left out. Colours are light in glTF, and become sRGB of eight bits.
+//! `KHR_mesh_quantization` know, with sparse accessors and `EXT_meshopt_compression`. Lines, points, skins and
+//! morphs are left out; of materials, base colours and their images are found where images are asked for. Colours are light in glTF, and become sRGB of eight bits.
 //!
 //! Exporters split a vertex wherever its normal, colour or texture coordinate differs, which cuts the surface there. So vertices
 //! whose positions are equal, bit for bit, after they were placed, become one: the first in the order of the file. **It keeps its

@@ -11,8 +11,8 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Bytes of a library that are read.
-const LONGEST: u64 = 16 << 20;
+/// Bytes of all libraries that are read, however often they are named.
+const LONGEST: u64 = 64 << 20;
 
 /// Materials by their names, in the libraries that were named so far.
 pub(super) struct Libraries {
@@ -21,6 +21,8 @@ pub(super) struct Libraries {
     pub(super) surfaces: Vec<Surface>,
     named: BTreeMap<Vec<u8>, u32>,
     pub(super) cancel: Cancel,
+    /// Bytes of libraries that may still be read.
+    left: u64,
 }
 
 /// A material on a face.
@@ -50,7 +52,7 @@ impl Libraries {
     ) -> Result<Libraries, ImportError> {
         let table = Table::new(images, store)?;
         let (path, cancel) = (path.to_owned(), cancel.clone());
-        Ok(Libraries { path, table, surfaces: Vec::new(), named: BTreeMap::new(), cancel })
+        Ok(Libraries { path, table, surfaces: Vec::new(), named: BTreeMap::new(), cancel, left: LONGEST })
     }
 
     /// Reads the libraries that an `mtllib` statement names. Of several, the first that has a material counts.
@@ -88,10 +90,16 @@ impl Libraries {
 
     fn read(&mut self, library: &Path, new: &mut BTreeMap<Vec<u8>, u32>) -> Result<(), ImportError> {
         let unread = |source| SourceError::Read { path: library.to_owned(), source };
-        let bytes = Supply::file(library)?.open().map_err(unread)?;
+        let supply = Supply::file(library)?;
+        let bytes = supply.open().map_err(unread)?.take(self.left);
         self.table.add_file(library.to_owned());
+        if supply.len() > self.left {
+            let name = library.display().to_string();
+            self.table.lose("material library", &name, "is longer, with the others, than 64 MiB")?;
+        }
+        self.left = self.left.saturating_sub(supply.len());
         let cancel = self.cancel.clone();
-        mtl::read(bytes.take(LONGEST), &mut |mtl| {
+        mtl::read(bytes, &mut |mtl| {
             cancel.check().map_err(|_| SourceError::Cancelled)?;
             let surface = self.surface(&mtl, library)?;
             if !new.contains_key(&mtl.name) {

@@ -11,6 +11,7 @@
 //!   any other number as a named [scalar](chpm_mesh::scalar);
 //! - `face`: a list `vertex_indices` or `vertex_index`. Faces of more than three corners come as
 //!   [`Polygons`](crate::Polygons);
+//! - where images are asked for, comments `TextureFile`, `texcoord` and `texnumber` of faces, and coordinates of vertices;
 //! - `tristrips`: the same lists, as strips of alternating winding that -1 restarts;
 //! - `range_grid`, where an `obj_info num_cols` line gives the length of its rows: lists of one vertex or none. Neighbours become
 //!   triangles, also where the scanner's view jumps in depth: who wants a surface has to leave those out.

@@ -1,5 +1,6 @@
 //! STL and OBJ as they come, and as they must not; images of all formats.
 
+mod damaged_textures;
 mod hostile;
 mod obj;
 mod stl;

@@ -9,11 +9,11 @@ use std::path::Path;
 use tempfile::TempDir;
 
 /// First bytes of an image: a reader of meshes looks at no more.
-const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+pub(crate) const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 const GREY: f32 = 128.0 / 255.0;
 
 /// A folder with files.
-fn folder(files: &[(&str, &[u8])]) -> TempDir {
+pub(crate) fn folder(files: &[(&str, &[u8])]) -> TempDir {
     let dir = tempfile::tempdir().unwrap();
     for (name, bytes) in files {
         let path = dir.path().join(name);
@@ -25,11 +25,11 @@ fn folder(files: &[(&str, &[u8])]) -> TempDir {
 
 /// What was read of a source.
 #[derive(Debug)]
-struct Read {
-    positions: usize,
+pub(crate) struct Read {
+    pub(crate) positions: usize,
     triangles: Vec<[u32; 3]>,
-    textured: Vec<TexturedTriangle>,
-    info: SourceInfo,
+    pub(crate) textured: Vec<TexturedTriangle>,
+    pub(crate) info: SourceInfo,
 }
 
 impl Read {
@@ -49,7 +49,7 @@ impl Read {
     }
 }
 
-fn read_with(path: &Path, images: Images, memory: u64) -> Result<Read, String> {
+pub(crate) fn read_with(path: &Path, images: Images, memory: u64) -> Result<Read, String> {
     let work = tempfile::tempdir().unwrap();
     let budget = MemoryBudget::with_work_limit(memory, if memory == 0 { 1 << 20 } else { 64 << 20 });
     let store = Store::with_budget(work.path(), budget).unwrap();
@@ -83,7 +83,7 @@ fn read(dir: &TempDir, name: &str, images: Images) -> Result<Read, String> {
     Ok(read)
 }
 
-const FACE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0.25 0.75\nvt 1 1\n";
+pub(crate) const FACE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0.25 0.75\nvt 1 1\n";
 
 #[test]
 fn libraries_are_found_by_names_of_any_kind() {
@@ -266,7 +266,7 @@ fn a_thousand_materials_take_memory_that_is_asked_for() {
     assert!(refused.contains("no memory for materials"), "{refused}");
 }
 
-fn ply(comments: &str, vertex: &str, vertices: &str, face: &str, faces: &str) -> Vec<u8> {
+pub(crate) fn ply(comments: &str, vertex: &str, vertices: &str, face: &str, faces: &str) -> Vec<u8> {
     let (v, f) = (vertices.lines().count(), faces.lines().count());
     format!(
         "ply\nformat ascii 1.0\n{comments}element vertex {v}\nproperty float x\nproperty float y\nproperty float z\n{vertex}element face {f}\n{face}end_header\n{vertices}{faces}"
@@ -274,7 +274,7 @@ fn ply(comments: &str, vertex: &str, vertices: &str, face: &str, faces: &str) ->
     .into_bytes()
 }
 
-const INDICES: &str = "property list uchar int vertex_indices\n";
+pub(crate) const INDICES: &str = "property list uchar int vertex_indices\n";
 
 #[test]
 fn faces_of_a_ply_have_coordinates_and_numbers() {
@@ -377,7 +377,7 @@ fn gltf(parts: Value) -> (Value, Vec<u8>) {
     (file, data)
 }
 
-fn glb(parts: Value) -> Vec<u8> {
+pub(crate) fn glb(parts: Value) -> Vec<u8> {
     let (file, data) = gltf(parts);
     let mut text = file.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
@@ -393,7 +393,7 @@ fn glb(parts: Value) -> Vec<u8> {
     bytes
 }
 
-fn base(texture: Value) -> Value {
+pub(crate) fn base(texture: Value) -> Value {
     json!([{ "pbrMetallicRoughness": { "baseColorFactor": [1.0, 0.5, 0.0, 0.5], "baseColorTexture": texture } }])
 }
 
