@@ -148,7 +148,7 @@ fn run(
     })?;
 
     let mut notes = std::mem::take(&mut checkpoints.notes);
-    notes.extend(known.facts.images.map(|images| {
+    notes.extend(known.facts.images.filter(|images| *images > 0).map(|images| {
         format!("colours of vertices are averages of the texels of {}", Counted(images, "image"))
     }));
     let written = context
