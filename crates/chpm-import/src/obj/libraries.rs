@@ -102,10 +102,8 @@ impl Libraries {
         mtl::read(bytes, &mut |mtl| {
             cancel.check().map_err(|_| SourceError::Cancelled)?;
             let surface = self.surface(&mtl, library)?;
-            if !new.contains_key(&mtl.name) {
-                self.table.count(mtl.name.len())?;
-                new.insert(mtl.name, self.surfaces.len() as u32);
-            }
+            self.table.count(mtl.name.len())?;
+            new.entry(mtl.name).or_insert(self.surfaces.len() as u32);
             self.surfaces.push(surface);
             Ok(())
         })
