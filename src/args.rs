@@ -59,10 +59,10 @@ pub(crate) struct SettingsArgs {
     /// Leave vertex colours out
     #[arg(long)]
     no_colors: bool,
-    /// What becomes of the source's images; vertices, where one is there, if not given
+    /// Use of the source's images; vertices, where one is there, if not given
     #[arg(long, value_name = "WHAT", value_enum)]
     texture: Option<TextureArg>,
-    /// What becomes of images that are not there
+    /// Treatment of images that are not there
     #[arg(long, value_name = "WHAT", hide_short_help = true, value_enum, default_value_t = MissingArg::Grey)]
     missing_images: MissingArg,
     /// Keep a number that vertices have, by its name

@@ -80,7 +80,7 @@ fn images_become_colours_and_leave_the_geometry_alone() {
     let told = folder.stdout(&format!("build a.obj -o a.chpm {BUILD}"));
     assert!(told.contains("averages of the texels of 1 image"), "{told}");
     check_quarters(&finest(&folder, "a.chpm"), |[x, y, _]| [x, y]);
-    assert!(folder.stdout("info a.chpm").contains("texture"));
+    assert!(folder.stdout("info a.chpm --json").contains(r#""texture": "vertices""#));
 
     folder.stdout(&format!("build a.obj -o none.chpm --texture none {BUILD}"));
     for ask in ["--error 0", "--triangles 2000", "--triangles 300"] {
@@ -107,7 +107,7 @@ fn any_memory_and_threads_give_the_same_bytes() {
     assert!(built.windows(2).all(|two| two[0] == two[1]));
 }
 
-/// What is there but for textures has the bytes that it always had.
+/// Nothing but textures changes bytes.
 #[test]
 fn sources_without_images_are_built_as_ever() {
     let folder = textured();
@@ -140,12 +140,12 @@ fn images_that_are_missing_are_told() {
     assert!(told.contains("image 'a.png' is not there: grey instead"), "{told}");
     assert!(finest(&folder, "a.chpm").colors.iter().all(|color| *color == [128, 128, 128, 255]));
 
-    let refused = folder.stderr(&format!("build a.obj -o b.chpm --missing-images refuse {BUILD}"), 1);
+    let refused = folder.stderr(&format!("build a.obj -o b.chpm --missing-images refuse {BUILD}"), 2);
     assert!(refused.contains("image 'a.png' is not there: put it there"), "{refused}");
 
     let whole = image(64);
     folder.write("a.png", &whole[..whole.len() / 2]);
-    let refused = folder.stderr(&format!("build a.obj -o b.chpm {BUILD}"), 1);
+    let refused = folder.stderr(&format!("build a.obj -o b.chpm {BUILD}"), 2);
     assert!(refused.contains("a.png'") && refused.contains("--texture none"), "{refused}");
     assert!(!folder.names().contains(&"b.chpm".to_owned()));
 }

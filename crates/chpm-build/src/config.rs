@@ -66,9 +66,9 @@ pub struct Settings {
     pub normals: Normals,
     /// Whether vertex colours of the source are carried along.
     pub colors: bool,
-    /// What becomes of the source's images.
+    /// Use of the source's images.
     pub texture: Texture,
-    /// What becomes of images that are not there.
+    /// Treatment of images that are not there.
     pub missing_images: MissingImages,
     /// Which named scalars of the source's vertices are carried along.
     pub scalars: Keep,
@@ -136,7 +136,7 @@ impl fmt::Display for Normals {
     }
 }
 
-/// What becomes of the source's images.
+/// Use of the source's images.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Texture {
     /// Those of vertices, where an image is there.
@@ -148,7 +148,7 @@ pub enum Texture {
     Vertices,
 }
 
-/// What becomes of images that are not there, or of no kind that is read.
+/// Treatment of images that are not there, or of no kind that is read.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum MissingImages {
     /// Triangles of theirs are grey, with a warning.

@@ -37,7 +37,7 @@ struct Pbr {
 #[derive(Deserialize, Default)]
 #[serde(default)]
 struct MaterialExtensions {
-    /// What exporters of photogrammetry once wrote in place of the other.
+    /// Colour in exports of photogrammetry before the other was usual.
     #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
     glossiness: Option<Glossiness>,
 }

@@ -141,7 +141,7 @@ pub(super) type Corner = Result<u32, (u32, u64)>;
 pub(super) struct TriangleWalk {
     /// Triangles that were read last.
     pub(super) triangles: Vec<[Corner; 3]>,
-    /// What they are coated with.
+    /// Their coat.
     pub(super) coat: Option<Coat>,
     instance: usize,
     primitive: usize,

@@ -237,26 +237,31 @@ fn whole_lines(bytes: &[u8]) -> usize {
     0
 }
 
-fn in_block(block: &[u8], take: &mut dyn FnMut(&[u8]) -> Result<(), ImportError>) -> Result<(), ImportError> {
+fn in_block(
+    mut block: &[u8],
+    take: &mut dyn FnMut(&[u8]) -> Result<(), ImportError>,
+) -> Result<(), ImportError> {
+    let mut look = |line: &[u8]| match statement(line) {
+        Some((b"mtllib", names)) => take(names),
+        _ => Ok(()),
+    };
     let mut joined = Vec::new();
-    for line in block.split(|byte| matches!(byte, b'\n' | b'\r')) {
-        let is_begun = !joined.is_empty();
-        if line.is_empty() && is_begun || !is_begun && !is_library(line) {
+    while !block.is_empty() {
+        let end = block.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(block.len());
+        let (line, rest) = block.split_at(end);
+        block = rest.strip_prefix(b"\r\n").unwrap_or(rest.get(1..).unwrap_or_default());
+
+        let body = line.strip_suffix(b"\\");
+        if joined.is_empty() && body.is_none() {
+            look(line)?;
             continue;
         }
-        let body = line.strip_suffix(b"\\");
         joined.extend_from_slice(body.unwrap_or(line));
         joined.push(b' ');
         if body.is_none() {
-            if let Some((b"mtllib", names)) = statement(&joined) {
-                take(names)?;
-            }
+            look(&joined)?;
             joined.clear();
         }
     }
-    Ok(())
-}
-
-fn is_library(line: &[u8]) -> bool {
-    statement(line).is_some_and(|(keyword, _)| keyword == b"mtllib")
+    look(&joined)
 }

@@ -23,7 +23,7 @@ pub(super) struct Map {
 }
 
 impl Mtl {
-    /// What the image, or all of it, is multiplied by. Exporters that write black beside an image do not mean it.
+    /// Factor of the image, or of all of it. Exporters that write black beside an image do not mean it.
     pub(super) fn factor(&self) -> [f32; 4] {
         let [r, g, b] = self.kd.filter(|kd| self.map.is_none() || *kd != [0.0; 3]).unwrap_or([1.0; 3]);
         [r, g, b, 1.0]
@@ -53,9 +53,17 @@ pub(super) fn read(
 
 /// The first word of a line, and what follows it without blanks at its ends.
 pub(super) fn statement(line: &[u8]) -> Option<(&[u8], &[u8])> {
-    let line = line.trim_ascii();
     let keyword = words(line).next()?;
-    Some((keyword, line[keyword.len()..].trim_ascii()))
+    let start = line.iter().position(|byte| !is_blank(byte))?;
+    let rest = &line[start + keyword.len()..];
+    let end = rest.iter().rposition(|byte| !is_blank(byte)).map_or(0, |at| at + 1);
+    let start = rest[..end].iter().position(|byte| !is_blank(byte)).unwrap_or(0);
+    Some((keyword, &rest[start..end]))
+}
+
+/// As between [`words`].
+fn is_blank(byte: &u8) -> bool {
+    matches!(byte, b' ' | b'\t'..=b'\r')
 }
 
 /// Three numbers, or one for all; none for what is no number, as a spectrum.

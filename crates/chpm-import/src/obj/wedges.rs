@@ -16,7 +16,7 @@ const WINDOW: usize = 1 << 16;
 /// Coordinate of a corner that names none.
 const NONE: u32 = u32::MAX;
 
-/// What was read so far.
+/// Coordinates and faces so far.
 pub(super) struct Wedges {
     pub(super) libraries: Libraries,
     coordinates: BufferWriter<[f32; 2]>,

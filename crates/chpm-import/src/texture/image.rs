@@ -13,7 +13,7 @@ const BLOCK: usize = 1 << 16;
 /// Where the bytes of an image are.
 #[derive(Clone, Debug)]
 pub struct Image {
-    /// What it is called in messages.
+    /// Name for messages.
     pub name: String,
     place: Place,
 }

@@ -23,7 +23,7 @@ pub(crate) fn folder(files: &[(&str, &[u8])]) -> TempDir {
     dir
 }
 
-/// What was read of a source.
+/// Content of a source.
 #[derive(Debug)]
 pub(crate) struct Read {
     pub(crate) positions: usize,
