@@ -1,6 +1,7 @@
 //! Errors name the element, its index, and the offset of the very value; or it is dropped and counted.
 
 use crate::forge::{ENCODINGS, Random, SPECIMENS};
+use chpm_import::Images;
 use chpm_import::ply::{
     Batch, BatchKind, Encoding, Invalid, Keep, Options, PlyError, PlyReader, PlyWriter, SourceLocation,
     Tally, Warning, read_mesh, write_mesh,
@@ -12,6 +13,7 @@ const DROP: Options = Options {
     normals: true,
     colors: true,
     keep: Keep { all: false, names: Vec::new() },
+    images: Images::Ignored,
 };
 
 /// Four vertices and four triangles as text; line 10 is the first vertex.
