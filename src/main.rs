@@ -25,6 +25,7 @@ mod folder;
 mod forecast;
 mod formats;
 mod frame;
+mod further;
 mod georeference;
 mod help;
 mod json;

@@ -7,7 +7,7 @@ use anyhow::{Result, bail, ensure};
 use chpm_build::{Cancel, MOST_ORDERED, ORDER_BYTES, order_mesh};
 use chpm_extmem::MappedFile;
 use chpm_mesh::{Attributes, Scalar, TriMesh, VertexSlices, Vertices};
-use chpm_refine::Extraction;
+use chpm_refine::{Extraction, pieces};
 
 /// In which order vertices and triangles are written.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
@@ -141,35 +141,4 @@ fn ordered(mesh: &Extraction<'_, MappedFile>, cancel: &Cancel) -> Result<TriMesh
     let mut moved = Vertices::default();
     moved.gather(vertices.view(), at_place.into_iter());
     Ok(TriMesh { vertices: moved, triangles })
-}
-
-/// Runs of triangles, each with the vertices that it has, by first use.
-fn pieces(
-    mesh: &TriMesh,
-    limit: usize,
-    mut sink: impl FnMut(VertexSlices<'_>, &[[u32; 3]]) -> Result<()>,
-) -> Result<()> {
-    const NONE: u32 = u32::MAX;
-    let mut local = vec![NONE; mesh.positions.len()];
-    let (mut used, mut triangles) = (Vec::<usize>::new(), Vec::<[u32; 3]>::new());
-    let mut vertices = Vertices::default();
-    let last = mesh.triangles.len().saturating_sub(1);
-    for (at, corners) in mesh.triangles.iter().enumerate() {
-        triangles.push(corners.map(|vertex| {
-            let place = &mut local[vertex as usize];
-            if *place == NONE {
-                *place = used.len() as u32;
-                used.push(vertex as usize);
-            }
-            *place
-        }));
-        if used.len() + 3 > limit || at == last {
-            vertices.clear_vertices();
-            vertices.gather(mesh.view(), used.iter().copied());
-            sink(vertices.view(), &triangles)?;
-            triangles.clear();
-            used.drain(..).for_each(|vertex| local[vertex] = NONE);
-        }
-    }
-    Ok(())
 }

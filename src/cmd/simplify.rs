@@ -3,6 +3,7 @@
 use super::build::of;
 use super::{Verdict, open, reading};
 use crate::args::{MemorySize, StorageArgs};
+use crate::further::{self, Effort};
 use crate::json::{self, made, named};
 use crate::memory;
 use crate::mesh_file::{self, MeshArgs, Ready};
@@ -19,6 +20,7 @@ use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_extmem::WorkDir;
 use chpm_mesh::{Bytes, Counted};
 use chpm_refine::{Extraction, Request};
+use chpm_verify::certify::Further;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -32,9 +34,13 @@ pub(crate) struct Args {
     /// What one unit of the model is; needed only where --within has a unit
     #[arg(long, value_name = "UNIT", value_enum)]
     unit: Option<Unit>,
-    /// Go on to coarser meshes while these are proven to be within --within, as by verify --errors: stored distances are farther from the truth the
-    /// coarser a mesh is. Half of the triangles may be left; it takes ten seconds for a million triangles of the source, about
-    #[arg(long, requires = "within", conflicts_with = "triangles")]
+    /// How long to look for a coarser mesh that is proven to be within --within: 0, by the distances that were stored, at once; 1, also by
+    /// proof, as by verify --errors: half of the triangles may be left, ten seconds for a million of the source, about; 2, vertex by vertex from there on, and a third
+    /// or less may be left: a minute, about; 3, as 2 without end
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3), requires = "within", conflicts_with = "triangles")]
+    effort: u8,
+    /// As --effort 1
+    #[arg(long, requires = "within", conflicts_with_all = ["triangles", "effort"])]
     tight: bool,
     #[command(flatten)]
     mesh: MeshArgs,
@@ -95,10 +101,20 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             _ => Request::Level(0),
         };
         let rounding = target.rounding(&file);
-        let threads = args.tight.then_some(&args.threads);
+        let effort = args.effort.max(args.tight.into());
+        let threads = (effort > 0).then_some(&args.threads);
         let (cut, proven) = tight::cut(&file, &request, (rounding, free), threads, &meter, &cancel)?;
+        let further =
+            match request.distance(&file, rounding).and_then(|distance| Effort::of(effort, distance)) {
+                Some(effort) => further::mesh(&file, &cut, effort, free, &args.threads, (&meter, &cancel))?,
+                None => None,
+            };
         let mesh = Extraction::keeping(&file, &cut, args.mesh.to_keep(free), || stop::check(&cancel))?;
         request.check(&file, &mesh)?;
+        let (mesh, proven) = match further {
+            Some(Further { mesh: coarser, distance }) => (mesh.replaced(coarser, distance), Some(distance)),
+            None => (mesh, proven),
+        };
         // What its order takes is known only now.
         let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh);
         memory::divide(&file, config.resources.memory, bytes)?;

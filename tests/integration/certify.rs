@@ -299,6 +299,35 @@ fn what_is_proven_anew_is_coarser_and_near_enough() {
     }
 }
 
+/// Vertex by vertex, fewer triangles are left than any mesh of the file has, as near, whatever works on it and wherever they go.
+#[test]
+fn a_mesh_is_taken_further_than_the_file_goes() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 12000 -o in.ply -q");
+    let asked = "simplify in.ply --within 1%";
+    let told =
+        |effort: u32, rest: &str| json(&folder, &format!("{asked} --effort {effort} {rest} --json -qf"), 0);
+    let cut = told(1, "-o cut.ply")["triangles"].as_u64();
+    for effort in [2, 3] {
+        let further = told(effort, "-o out.ply --threads 1");
+        assert!(further["triangles"].as_u64() < cut, "{further} {cut:?}");
+        let measured = json(&folder, "measure out.ply in.ply --json -q", 0);
+        let limit = 0.01 * number(&measured["diagonal"]) * (1.0 + 1e-6);
+        assert!(number(&measured["max"]) <= number(&further["distance"]), "{further} {measured}");
+        assert!(number(&further["distance"]) <= limit, "{further}");
+
+        told(effort, "-o same.ply --threads 3");
+        assert!(folder.read("out.ply") == folder.read("same.ply"), "{effort}");
+        for name in ["out.stl", "out.obj", "out.glb"] {
+            assert_eq!(told(effort, &format!("-o {name}"))["triangles"], further["triangles"], "{name}");
+            assert_eq!(json(&folder, &format!("measure {name} out.ply --json -q"), 0)["max"], 0.0, "{name}");
+        }
+    }
+    for wrong in ["--effort 4", "--effort 1 --tight"] {
+        folder.stderr(&format!("{asked} {wrong} -o no.ply"), 2);
+    }
+}
+
 /// A mesh that is stored to be far away, of which the truth is known: a little more is proven, and a little less is not.
 #[test]
 fn only_what_is_true_is_proven_anew() {

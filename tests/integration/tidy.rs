@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Crates of this workspace that each may depend on; tests may use more.
-const EDGES: [(&str, &[&str]); 18] = [
+const EDGES: [(&str, &[&str]); 19] = [
     ("chpm-mesh", &[]),
     ("chpm-extmem", &[]),
     ("chpm-image", &[]),
@@ -18,6 +18,7 @@ const EDGES: [(&str, &[&str]); 18] = [
     ("chpm-qem", &["chpm-mesh"]),
     ("chpm-format", &["chpm-mesh"]),
     ("chpm-measure", &["chpm-mesh"]),
+    ("chpm-reduce", &["chpm-mesh", "chpm-measure", "chpm-qem"]),
     ("chpm-export", &["chpm-mesh", "chpm-format"]),
     ("chpm-refine", &["chpm-mesh", "chpm-format"]),
     ("chpm-proximity", &["chpm-mesh", "chpm-format", "chpm-refine"]),

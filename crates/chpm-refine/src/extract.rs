@@ -3,6 +3,7 @@
 use crate::cut::Cut;
 use crate::error::RefineError;
 use crate::lod::Lod;
+use crate::pieces::pieces;
 use chpm_format::{Chpm, Page, PageBuf};
 use chpm_mesh::{Attributes, Scalar, TriMesh, VertexSlices, Vertices};
 use std::borrow::Cow;
@@ -40,6 +41,8 @@ pub struct Extraction<'a, D> {
     distance: f32,
     /// By member, of the first ones: its page, if that was packed. What lies in place is looked up anew, so that whoever maps the file knows of it.
     kept: Vec<Option<PageBuf<'a>>>,
+    /// What is handed out instead of the cut's own mesh.
+    replaced: Option<TriMesh>,
 }
 
 impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
@@ -99,7 +102,19 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             error,
             distance,
             kept,
+            replaced: None,
         })
+    }
+
+    /// Hands out another mesh instead, which is within a distance of the source; normals decoded.
+    #[must_use]
+    pub fn replaced(mut self, mesh: TriMesh, distance: f32) -> Self {
+        (self.error, self.distance) = (distance, distance);
+        self.vertex_count = mesh.positions.len() as u32;
+        self.triangle_count = mesh.triangles.len() as u64;
+        self.coincident_count = coincident(&mesh.triangles, &mut Vec::new());
+        self.replaced = Some(mesh);
+        self
     }
 
     /// As [`Cut::error`].
@@ -152,6 +167,9 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         &self,
         mut sink: impl FnMut(VertexSlices<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
+        if let Some(mesh) = &self.replaced {
+            return sink(mesh.view());
+        }
         let mut fresh = Vertices::default();
         self.walk(|page, weld| {
             fresh.clear_vertices();
@@ -169,6 +187,9 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         &self,
         mut sink: impl FnMut(&[[u32; 3]]) -> Result<(), E>,
     ) -> Result<(), E> {
+        if let Some(mesh) = &self.replaced {
+            return mesh.triangles.chunks(BATCH).try_for_each(sink);
+        }
         let mut triangles = Vec::new();
         self.walk(|_, weld| {
             triangles.clear();
@@ -188,6 +209,9 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         limit: usize,
         mut sink: impl FnMut(VertexSlices<'_>, &[[u32; 3]]) -> Result<(), E>,
     ) -> Result<(), E> {
+        if let Some(mesh) = &self.replaced {
+            return pieces(mesh, limit, sink);
+        }
         let mut weld = Weld::new(self.file.header().shared_vertex_count);
         let (mut piece, mut shared) = (TriMesh::default(), Vec::new());
         for (number, member) in self.cut.members().iter().enumerate() {
@@ -230,6 +254,9 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         &self,
         mut sink: impl FnMut(VertexSlices<'_>, &[[u32; 3]]) -> Result<(), E>,
     ) -> Result<(), E> {
+        if let Some(mesh) = &self.replaced {
+            return sink(mesh.view(), &mesh.triangles);
+        }
         let (mut fresh, mut triangles) = (Vertices::default(), Vec::new());
         self.walk(|page, weld| {
             fresh.clear_vertices();
@@ -259,13 +286,16 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
 }
 
 /// Counts the triangles that have the same vertices as another one before them; `keys` is scratch.
-pub fn coincident(triangles: &[[u16; 3]], keys: &mut Vec<[u16; 3]>) -> u64 {
+pub fn coincident<I: Copy + Ord>(triangles: &[[I; 3]], keys: &mut Vec<[I; 3]>) -> u64 {
     keys.clear();
     keys.extend_from_slice(triangles);
     keys.iter_mut().for_each(|corners| corners.sort_unstable());
     keys.sort_unstable();
     keys.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64
 }
+
+/// Triangles of a held mesh that are handed on at a time.
+const BATCH: usize = 1 << 16;
 
 /// Index of a vertex that no triangle uses; larger than that of any vertex.
 const UNUSED: u32 = u32::MAX;

@@ -4,11 +4,12 @@
 //! Cuts by ever larger stored distances are held against the leaves, as surfaces, until one is not proven to be within what was asked for; then halfway. Each that
 //! is taken has been proven by itself, so nothing rests on how distances grow.
 
-use super::{Certifier, Side, Way, slack};
+use super::{Certifier, EFFORT, Side, Way};
 use crate::deviation::{drawn_tiles, finest, mesh_of};
 use crate::error::VerifyError;
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
+use chpm_measure::Tiles;
 use chpm_measure::proof::{Allowed, Verdict};
 use chpm_mesh::geom::round_up;
 use chpm_mesh::{Aabb, ClusterId, TriMesh};
@@ -16,8 +17,6 @@ use chpm_refine::Cut;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Pieces that a triangle may be cut into for each triangle below it, about.
-const EFFORT: u32 = 256;
 /// Cuts that are tried: they end within some percent of the last that can be proven.
 const TRIED: u32 = 8;
 /// What the stored distance grows by until a cut fails.
@@ -52,12 +51,7 @@ pub fn coarsest(
         file.page(ClusterId(id))?;
     }
     let certifier = Certifier::new(file, EFFORT, budget, progress, cancel)?;
-    // The source is so far from the leaves.
-    let leaves = certifier.leaves.iter().map(|id| {
-        let leaf = &file.clusters()[id.index()];
-        f64::from(file.gaps(leaf.group()).distance(leaf.min_error))
-    });
-    let beside = leaves.fold(0.0, f64::max) + slack(file);
+    let beside = certifier.beside();
     let limit = f64::from(distance) - 2.0 * beside;
     if limit <= 0.0 {
         return Ok(None);
@@ -88,20 +82,31 @@ impl Certifier<'_> {
         let (file, members) = (self.file, cut.members());
         let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
         let drawn = drawn_tiles(file, members, boxes, self.budget, self.cancel);
-        let size = super::size_of(members.len(), |index| mesh_of(file, members[index]), self.cancel)?;
-        let of_mesh = Way { certifier: self, target: &self.source, limits: self.limits(size, self.size) };
-        let of_source = Way { certifier: self, target: &drawn, limits: self.limits(self.size, size) };
+        self.reach_both(members.len(), |index| mesh_of(file, members[index]), &drawn, limit)
+    }
 
-        self.progress.begin("proving", (self.leaves.len() + members.len()) as u64);
-        let far = of_mesh.reach(members.len(), |i| mesh_of(file, members[i]), limit)?;
-        let far = match far {
-            Some(far) => of_source
-                .reach(self.leaves.len(), |leaf| finest(file, self.leaves[leaf]), limit)?
-                .map(|back| far.max(back)),
+    /// How far the parts of a mesh, whose tiles are `drawn`, and the leaves are from each other at most, if that is proven to be within a limit.
+    pub(super) fn reach_both(
+        &self,
+        count: usize,
+        part: impl Fn(usize) -> TriMesh + Sync + Copy,
+        drawn: &Tiles<'_>,
+        limit: f64,
+    ) -> Result<Option<f64>, VerifyError> {
+        let size = super::size_of(count, part, self.cancel)?;
+        let of_mesh = Way { certifier: self, target: &self.source, limits: self.limits(size, self.size) };
+        let of_source = Way { certifier: self, target: drawn, limits: self.limits(self.size, size) };
+
+        self.progress.begin("proving", (self.leaves.len() + count) as u64);
+        let far = of_mesh.reach(count, part, limit)?;
+        let back = match far {
+            Some(_) => {
+                of_source.reach(self.leaves.len(), |leaf| finest(self.file, self.leaves[leaf]), limit)?
+            }
             None => None,
         };
         self.progress.end();
-        Ok(far)
+        Ok(far.zip(back).map(|(far, back)| far.max(back)))
     }
 }
 

@@ -11,9 +11,11 @@
 
 mod coarsest;
 mod faults;
+mod further;
 
 pub use coarsest::{Proven, coarsest};
 pub use faults::faults;
+pub use further::{Further, Goal, SOURCE_BYTES, further};
 
 use crate::cuts;
 use crate::deviation::{at_position, drawn_tiles, finest, mesh_of, source_tiles};
@@ -30,6 +32,8 @@ use std::fmt;
 /// Bytes that are found out about each cluster.
 pub const FOUND: u64 = 1024;
 
+/// Pieces that a triangle may be cut into for each triangle below it, about, where what is proven is proven to be used.
+const EFFORT: u32 = 256;
 /// Triangles that one task judges in turn, each search hinting the next one; fixed, so that no result depends on threads.
 const CHUNK: usize = 64;
 /// Triangles of the other surface that a triangle of no area may lie on.
@@ -316,6 +320,15 @@ impl<'a> Certifier<'a> {
             of_mesh,
             of_source,
         })
+    }
+
+    /// How far the source may be from its leaves, with the rounding of a proof.
+    fn beside(&self) -> f64 {
+        let leaves = self.leaves.iter().map(|id| {
+            let leaf = &self.file.clusters()[id.index()];
+            f64::from(self.file.gaps(leaf.group()).distance(leaf.min_error))
+        });
+        leaves.fold(0.0, f64::max) + slack(self.file)
     }
 
     /// Pieces for a triangle of `from`, whatever its area, and for its share of the area.

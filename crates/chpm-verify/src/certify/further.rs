@@ -1,0 +1,101 @@
+//! A cut that somebody takes further than the file goes, and the proof of what comes of it.
+
+use super::{Certifier, EFFORT};
+use crate::deviation::finest;
+use crate::error::VerifyError;
+use chpm_extmem::{Cancel, MappedFile, Progress};
+use chpm_format::Chpm;
+use chpm_measure::Tiles;
+use chpm_mesh::geom::round_up;
+use chpm_mesh::{Aabb, TriMesh, Vertices};
+use chpm_refine::{Cut, extract};
+
+/// Bytes that a triangle of the source takes meanwhile, about: itself, a hierarchy over it, and the faces that it is near to.
+pub const SOURCE_BYTES: u64 = 192;
+
+/// Triangles in a tile.
+const TILE: usize = 4096;
+
+/// What a cut has to keep to, for whoever takes it further.
+pub struct Goal<'a> {
+    /// Mesh of the cut.
+    pub mesh: &'a TriMesh,
+    /// The source.
+    pub source: &'a Tiles<'a>,
+    /// Its triangles.
+    pub triangles: &'a [[[f32; 3]; 3]],
+    /// Distance that is allowed, both ways; the cut keeps to it.
+    pub distance: f64,
+}
+
+/// A mesh, and how far it is from the source, and the source from it, at most.
+#[derive(Clone, Debug)]
+pub struct Further {
+    /// Vertices that triangles use, and triangles.
+    pub mesh: TriMesh,
+    /// That distance, object units; nothing is exempt.
+    pub distance: f32,
+}
+
+/// The mesh of a cut with the faces that `collapse` makes of it, if all of it is proven to be within a distance of the source, both ways. Whatever
+/// `collapse` does, nothing is believed. The source's triangles are held in memory, and tiles may take `budget` bytes.
+///
+/// # Errors
+/// As [`coarsest`](super::coarsest).
+pub fn further(
+    file: &Chpm<MappedFile>,
+    (cut, distance): (&Cut, f32),
+    budget: u64,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+    collapse: impl FnOnce(&Goal<'_>) -> Vec<[u32; 3]>,
+) -> Result<Option<Further>, VerifyError> {
+    let certifier = Certifier::new(file, EFFORT, budget, progress, cancel)?;
+    let beside = certifier.beside();
+    let limit = f64::from(distance) - 2.0 * beside;
+    if !file.has_gaps() || limit <= 0.0 {
+        return Ok(None);
+    }
+    let whole = extract(file, cut)?;
+    let triangles: Vec<_> = certifier
+        .leaves
+        .iter()
+        .flat_map(|leaf| {
+            let leaf = finest(file, *leaf);
+            leaf.triangles.iter().map(|t| leaf.corners(*t)).collect::<Vec<_>>()
+        })
+        .collect();
+    cancel.check()?;
+
+    progress.begin("collapsing", 1);
+    let goal = Goal { mesh: &whole, source: &certifier.source, triangles: &triangles, distance: limit };
+    let mesh = used(&whole, collapse(&goal));
+    progress.end();
+    cancel.check()?;
+    let reached = certifier.reach_mesh(&mesh, limit)?;
+    Ok(reached.map(|reached| Further { mesh, distance: round_up(reached + beside) }))
+}
+
+/// The mesh of some triangles, without vertices that none of them uses.
+fn used(mesh: &TriMesh, mut triangles: Vec<[u32; 3]>) -> TriMesh {
+    let mut order: Vec<u32> = triangles.as_flattened().to_vec();
+    order.sort_unstable();
+    order.dedup();
+    let mut place = vec![0; mesh.positions.len()];
+    (0..).zip(&order).for_each(|(new, old)| place[*old as usize] = new);
+    triangles.as_flattened_mut().iter_mut().for_each(|v| *v = place[*v as usize]);
+    let mut vertices = Vertices::default();
+    vertices.gather(mesh.view(), order.iter().map(|v| *v as usize));
+    TriMesh { vertices, triangles }
+}
+
+impl Certifier<'_> {
+    /// How far a mesh and the leaves are from each other at most, if that is proven to be within a limit.
+    fn reach_mesh(&self, mesh: &TriMesh, limit: f64) -> Result<Option<f64>, VerifyError> {
+        let parts: Vec<&[[u32; 3]]> = mesh.triangles.chunks(TILE).collect();
+        let part = |index: usize| used(mesh, parts[index].to_vec());
+        let boxes = (0..parts.len()).map(|index| Aabb::of_points(&part(index).positions)).collect();
+        let drawn = Tiles::new(boxes, self.budget, part);
+        self.reach_both(parts.len(), part, &drawn, limit)
+    }
+}
