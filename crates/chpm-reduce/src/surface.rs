@@ -103,7 +103,7 @@ impl<'a> Surface<'a> {
         steps == star.len()
     }
 
-    /// What a collapse would do; none if the surface would not stay one of the same kind, or a face would turn over.
+    /// Finds out the effect of a collapse; false if the surface would not stay one of the same kind, or a face would turn over.
     pub(crate) fn collapse(
         &self,
         from: u32,

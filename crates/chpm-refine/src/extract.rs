@@ -41,7 +41,7 @@ pub struct Extraction<'a, D> {
     distance: f32,
     /// By member, of the first ones: its page, if that was packed. What lies in place is looked up anew, so that whoever maps the file knows of it.
     kept: Vec<Option<PageBuf<'a>>>,
-    /// What is handed out instead of the cut's own mesh.
+    /// The mesh that is handed out instead of the cut's own.
     replaced: Option<TriMesh>,
 }
 

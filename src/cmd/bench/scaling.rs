@@ -14,7 +14,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 
-/// What one build tells of itself.
+/// Figures that one build tells of itself.
 struct Run {
     triangles: u64,
     seconds: f64,

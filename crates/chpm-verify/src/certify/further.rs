@@ -16,7 +16,7 @@ pub const SOURCE_BYTES: u64 = 192;
 /// Triangles in a tile.
 const TILE: usize = 4096;
 
-/// What a cut has to keep to, for whoever takes it further.
+/// Surfaces and distance that whoever takes a cut further has to keep to.
 pub struct Goal<'a> {
     /// Mesh of the cut.
     pub mesh: &'a TriMesh,
