@@ -1,33 +1,14 @@
 //! In which coordinates a mesh is written: turned so that its up is where a format has it, relative to a point near it, without attributes that nobody wants.
 
+use chpm_export::Turn;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Attributes, VertexSlices, Vertices};
 
-/// The axis of a model that points up.
-#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Up {
-    /// As in surveys and terrains
-    Z,
-    /// As in most pictures and scans
-    Y,
-}
-
-impl Up {
-    /// As it is typed.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Up::Z => "z",
-            Up::Y => "y",
-        }
-    }
-}
-
 /// Transformation of a file's vertices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
-    /// The axis that points up in the file, and in what is written; the same where nothing is turned.
-    turn: Option<(Up, Up)>,
+    turn: Turn,
     /// Origin of the file's positions, turned.
     origin: [f64; 3],
     /// Vector taken off positions, besides the file's origin.
@@ -44,7 +25,15 @@ impl Frame {
     /// The coordinates of a file.
     pub(crate) fn new(file: &Chpm<MappedFile>) -> Self {
         let origin = file.header().origin;
-        Frame { turn: None, origin, less: [0.0; 3], offset: None, rounding: 0.0, normals: true, colors: true }
+        Frame {
+            turn: Turn::NONE,
+            origin,
+            less: [0.0; 3],
+            offset: None,
+            rounding: 0.0,
+            normals: true,
+            colors: true,
+        }
     }
 
     /// Leaves attributes out.
@@ -56,20 +45,18 @@ impl Frame {
     pub(crate) fn about_middle(self, file: &Chpm<MappedFile>) -> Self {
         let header = file.header();
         if header.origin != [0.0; 3] {
-            return Frame { offset: Some(self.turned(header.origin)), ..self };
+            return Frame { offset: Some(header.origin), ..self };
         }
         let Aabb { min, max } = header.aabb();
         let less = [0, 1, 2].map(|axis| min[axis] / 2.0 + max[axis] / 2.0);
         let rounding = chpm_export::rounding(&header.aabb(), less.map(|x| -f64::from(x)));
-        Frame { less, offset: Some(self.turned(less.map(f64::from))), rounding, ..self }
+        Frame { less, offset: Some(less.map(f64::from)), rounding, ..self }
     }
 
-    /// Turned from one axis that points up to another.
-    pub(crate) fn turned_up(mut self, from: Up, to: Up) -> Self {
-        self.turn = (from != to).then_some((from, to));
-        self.origin = self.turned(self.origin);
-        self.offset = self.offset.map(|offset| self.turned(offset));
-        self
+    /// Turned, origin and all.
+    pub(crate) fn turned(self, turn: Turn) -> Self {
+        let (origin, offset) = (turn.apply(self.origin), self.offset.map(|offset| turn.apply(offset)));
+        Frame { turn, origin, offset, ..self }
     }
 
     /// Rounded by so much on the way into a format.
@@ -104,7 +91,7 @@ impl Frame {
             colors: if self.colors { from.colors } else { &[] },
             ..from
         };
-        if self.turn.is_none() && self.less == [0.0; 3] {
+        if self.turn == Turn::NONE && self.less == [0.0; 3] {
             return kept;
         }
         room.clear_vertices();
@@ -112,17 +99,9 @@ impl Frame {
         for position in &mut room.positions {
             // Through doubles, so that what is lost is lost once.
             let near = [0, 1, 2].map(|axis| f64::from(position[axis]) - f64::from(self.less[axis]));
-            *position = self.turned(near.map(|x| x as f32));
+            *position = self.turn.apply(near.map(|x| x as f32));
         }
-        room.normals.iter_mut().for_each(|normal| *normal = self.turned(*normal));
+        room.normals.iter_mut().for_each(|normal| *normal = self.turn.apply(*normal));
         room.view()
-    }
-
-    fn turned<T: Copy + std::ops::Neg<Output = T>>(&self, [x, y, z]: [T; 3]) -> [T; 3] {
-        match self.turn {
-            Some((Up::Z, Up::Y)) => [x, z, -y],
-            Some((Up::Y, Up::Z)) => [x, -z, y],
-            _ => [x, y, z],
-        }
     }
 }

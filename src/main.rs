@@ -47,6 +47,7 @@ mod stop;
 mod threads;
 mod tight;
 mod tolerance;
+mod upright;
 mod view;
 #[cfg(feature = "web")]
 mod web;

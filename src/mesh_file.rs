@@ -1,21 +1,22 @@
 //! One mesh as a file of another program: which format, and how it is streamed.
 
 use crate::escape::in_line;
-use crate::frame::{Frame, Up};
+use crate::frame::Frame;
 use crate::json::{self, made, named};
 use crate::number::AtMost;
 use crate::output::{self, Output, Promise, Writes};
 use crate::progress::Meter;
 use crate::stop;
+use crate::upright::Upright;
 use crate::whole::{Order, Whole};
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
-use chpm_export::{Facts, GlbWriter, ObjWriter, PIECE_VERTICES, PackedGlb, Placement, StlWriter};
+use chpm_export::{Facts, GlbWriter, ObjWriter, PIECE_VERTICES, PackedGlb, Placement, StlWriter, Turn};
 use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::{Chpm, ErrorKind};
 use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Aabb, Counted, Scalar, VertexSlices, geom};
-use chpm_refine::Extraction;
+use chpm_refine::{Extraction, Up};
 use serde_json::Map;
 use std::path::{Path, PathBuf};
 
@@ -42,9 +43,9 @@ pub(crate) struct MeshArgs {
     /// In which order vertices and triangles are
     #[arg(long, value_name = "ORDER", value_enum, default_value = "file")]
     order: Order,
-    /// The model's axis that points up: the mesh is turned so that up is where its format has it, y in GLB and OBJ, z in PLY and STL. If not given,
-    /// coordinates are as in the model
-    #[arg(long, value_name = "AXIS", value_enum)]
+    /// What is up in the model, x, y, z, -x, -y or -z: the mesh is turned so that up is where its format has it, y in GLB and OBJ, z in PLY and STL. If
+    /// not given, coordinates are as in the model, and the node of a GLB turns it from what `render` finds to be up
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<Up>,
     /// Leave vertex normals out
     #[arg(long)]
@@ -86,11 +87,17 @@ impl MeshFormat {
     }
 
     /// Which axis points up in such a file.
-    fn up(self) -> Up {
+    fn up(self) -> &'static str {
         match self {
-            MeshFormat::Glb | MeshFormat::Obj => Up::Y,
-            MeshFormat::Ply | MeshFormat::Stl => Up::Z,
+            MeshFormat::Glb | MeshFormat::Obj => "y",
+            MeshFormat::Ply | MeshFormat::Stl => "z",
         }
+    }
+
+    /// The turn after which a direction points up in such a file.
+    fn turn(self, up: Up) -> Turn {
+        let to = if self.up() == "y" { Turn::to_y } else { Turn::to_z };
+        to(up.axis(), up.is_negative())
     }
 }
 
@@ -109,6 +116,10 @@ pub(crate) struct Ready<'m, 'a> {
     target: MeshFile<'a>,
     mesh: &'m Extraction<'m, MappedFile>,
     frame: Frame,
+    /// By a node.
+    turn: Turn,
+    /// Which way is up, and why, where that was found out.
+    pub(crate) upright: Option<String>,
     pub(crate) bounds: Bounds,
     pub(crate) warnings: Vec<String>,
 }
@@ -216,7 +227,7 @@ impl MeshFile<'_> {
             false => frame.rounded(lost),
         };
         match self.args.up {
-            Some(up) => frame.turned_up(up, self.format.up()),
+            Some(up) => frame.turned(self.format.turn(up)),
             None => frame,
         }
     }
@@ -251,6 +262,10 @@ impl<'m, 'a> Ready<'m, 'a> {
         if lost > 0.0 && frame.offset().is_none() && collapses(mesh, file.header().origin, cancel)? {
             frame = target.frame(file, true);
         }
+        let finds_up = target.format == MeshFormat::Glb && target.args.up.is_none();
+        let found = finds_up.then(|| Upright::of(file, None)).transpose()?;
+        let turn = found.as_ref().map_or(Turn::NONE, Upright::turn);
+        let upright = found.map(|found| format!("{} (--up chooses otherwise)", found.why));
         let rounding = frame.rounding();
         fn with(bound: f32, rounding: f64) -> f32 {
             if rounding > 0.0 { geom::round_up(f64::from(bound) + rounding) } else { bound }
@@ -265,33 +280,40 @@ impl<'m, 'a> Ready<'m, 'a> {
         });
         let left_out =
             if target.keeps_scalars(mesh.triangle_count()) { None } else { without(mesh.scalars()) };
-        Ok(Ready { target, mesh, frame, bounds, warnings: moved.into_iter().chain(left_out).collect() })
+        let warnings = moved.into_iter().chain(left_out).collect();
+        Ok(Ready { target, mesh, frame, turn, upright, bounds, warnings })
     }
 
     /// Facts about the written file, for programs.
     pub(crate) fn json(&self) -> made::Mesh {
-        let MeshArgs { output, up, .. } = self.target.args;
+        let (MeshArgs { output, up, .. }, format) = (self.target.args, self.target.format);
         made::Mesh {
             output: named(output),
-            format: self.target.format.name(),
+            format: format.name(),
             triangles: self.mesh.triangle_count(),
             coincident: self.mesh.coincident_count(),
             vertices: self.mesh.vertex_count(),
             error: self.bounds.error,
             distance: self.bounds.distance,
-            origin: self.frame.offset(),
+            origin: self.offset(),
             origin_file: self.target.aside.as_ref().map(|(path, _)| named(path)),
-            up: up.map(|_| self.target.format.up().name()),
+            up: up.is_some().then_some(format.up()).or(self.upright.as_ref().map(|_| format.up())),
         }
+    }
+
+    /// Origin of coordinates as whoever loads the file has them.
+    fn offset(&self) -> Option<[f64; 3]> {
+        self.frame.offset().map(|offset| self.turn.apply(offset))
     }
 
     /// Streams the mesh and gives the file its name.
     pub(crate) fn write(self, file: &Chpm<MappedFile>, meter: &Meter, cancel: &Cancel) -> Result<()> {
-        let Ready { target, mesh, frame, bounds, .. } = self;
+        let offset = self.offset();
+        let Ready { target, mesh, frame, turn, bounds, .. } = self;
         let (by, ascii) = (target.by, target.args.ascii);
         let Bounds { error, distance } = bounds;
         // In front, since a binary STL has room for 80 bytes.
-        let place = frame.offset().map_or(String::new(), |[x, y, z]| format!(", origin {x} {y} {z}"));
+        let place = offset.map_or(String::new(), |[x, y, z]| format!(", origin {x} {y} {z}"));
         let comment = match file.has_gaps() {
             true => format!("chpm {by}{place}, error {error:e}, distance {distance:e}"),
             false => format!("chpm {by}{place}, error {error:e}"),
@@ -299,7 +321,7 @@ impl<'m, 'a> Ready<'m, 'a> {
         let steps = Steps { meter, cancel };
         let mesh = &Whole::new(mesh, frame, target.args.order, cancel)?;
         stop::check(cancel)?;
-        let facts = || facts(file, mesh, by, bounds, frame.offset());
+        let facts = || facts(file, mesh, by, bounds, offset, turn);
         let output = match target.format {
             MeshFormat::Ply => ply(mesh, target.output, ascii, &comment, &steps),
             MeshFormat::Stl => stl(mesh, target.output, ascii, &comment, &steps),
@@ -317,7 +339,7 @@ impl<'m, 'a> Ready<'m, 'a> {
             let origin = made::Origin {
                 schema: "chpm-origin/1",
                 file: name.to_string_lossy().into_owned(),
-                origin: frame.offset(),
+                origin: offset,
             };
             json::print(&origin, &mut aside)?;
             aside.publish()?;
@@ -415,6 +437,7 @@ fn facts(
     by: &str,
     bounds: Bounds,
     offset: Option<[f64; 3]>,
+    turn: Turn,
 ) -> Facts {
     let mut extras = Map::new();
     extras.insert("error".to_owned(), f64::from(bounds.error).into());
@@ -426,7 +449,7 @@ fn facts(
         extras.insert("origin".to_owned(), offset.to_vec().into());
     }
     let generator = format!("chpm {} {by}", env!("CARGO_PKG_VERSION"));
-    let placement = mesh.origin().map_or(Placement::Here, Placement::At);
+    let placement = Placement { origin: mesh.origin().unwrap_or_default(), turn };
     Facts { generator, placement, extras, scalars: mesh.scalars().to_vec() }
 }
 

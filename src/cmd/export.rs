@@ -2,7 +2,6 @@
 
 use super::{Verdict, open, reading, stdout};
 use crate::folder::{OutputFolder, above};
-use crate::frame::Up;
 use crate::georeference::{self, At, Georeference, Placed};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
@@ -11,12 +10,16 @@ use crate::number;
 use crate::output;
 use crate::progress::{Meter, line};
 use crate::stop::Stop;
+use crate::upright::Upright;
 use anyhow::{Result, ensure};
 use chpm_build::Cancel;
-use chpm_export::tiles::{Mesh, Options, Tree, tile, tile_path, tilesets};
+use chpm_export::Turn;
+use chpm_export::tiles::{Mesh, Options, SharedNormals, Tree, tile, tile_path, tilesets};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Bytes, ClusterId, Counted};
+use chpm_refine::Up;
+use clap::ValueEnum;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
@@ -36,9 +39,12 @@ pub(crate) struct Args {
     /// Compress the tiles: EXT_meshopt_compression
     #[arg(long)]
     meshopt: bool,
-    /// The model's axis that points up
-    #[arg(long, value_name = "AXIS", value_enum, default_value_t = Up::Z)]
-    up: Up,
+    /// What is up in the model: x, y, z, -x, -y or -z. If not given, what `render` finds, and z with --origin or --transform
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    up: Option<Up>,
+    /// Normals of tiles where the file has none
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = Normals::Computed)]
+    normals: Normals,
     /// Where on the earth the model's zero point is, or what --origin-at names: degrees of longitude and latitude, and metres above the ellipsoid. Then x
     /// points east and y north, or -z where y is up, and a unit has to be a metre
     #[arg(long, value_name = "LON,LAT,H", conflicts_with = "transform", allow_hyphen_values = true)]
@@ -68,6 +74,14 @@ pub(crate) struct Args {
 /// So that the argument is one value.
 type Transform = [f64; 16];
 
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum Normals {
+    /// By the triangles about a vertex; the same in all tiles where tiles meet
+    Computed,
+    /// Left out: many viewers then draw facets, or no shading at all
+    None,
+}
+
 /// Names in an export's folder.
 const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
 
@@ -83,20 +97,27 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let file = open(&args.file)?;
     let threads = rayon::current_num_threads() as u64;
-    let own = EACH * u64::from(file.header().cluster_count) + WORK * threads;
+    let normals = if computes(&file, args) { SharedNormals::memory(&file) } else { 0 };
+    let own = EACH * u64::from(file.header().cluster_count) + WORK * threads + normals;
     memory::divide(&file, args.memory.memory(), own)?;
     reading(&file, || export(&file, args, &cancel))?;
     Ok(Verdict::Good)
 }
 
 fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
-    let placed = args.origin.map(|place| frame(file, place, args));
+    // Whoever gives a place has coordinates that go to the east, the north and up.
+    let is_placed = args.origin.is_some() || args.transform.is_some();
+    let told = args.up.or_else(|| is_placed.then(|| Up::nearest([0.0, 0.0, 1.0].into())));
+    let upright = Upright::of(file, told)?;
+    let turn = upright.turn();
+    let placed = args.origin.map(|place| frame(file, place, turn, args.origin_at));
     let far = placed.as_ref().and_then(|placed| placed.warning.clone());
     let warnings: Vec<String> = far.into_iter().chain(mesh_file::without(file.scalars())).collect();
     warnings.iter().for_each(|warning| line(&format!("warning: {warning}")));
     let options = Options {
         generator: format!("chpm {} export", env!("CARGO_PKG_VERSION")),
-        y_up: args.up == Up::Y,
+        turn,
+        normals: computes(file, args),
         packed: args.meshopt,
         transform: args.transform.or(placed.map(|placed| placed.matrix)),
         span: args.span,
@@ -134,6 +155,9 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
         json::print(&export, &mut out)?;
         return Ok(out.flush()?);
     }
+    if !upright.why.is_empty() {
+        writeln!(out, "{} (--up chooses otherwise)", upright.why)?;
+    }
     writeln!(
         out,
         "{}: {} of {}, {}, in {}",
@@ -146,19 +170,23 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
     Ok(out.flush()?)
 }
 
-fn frame(file: &Chpm<MappedFile>, place: Georeference, args: &Args) -> Placed {
+fn frame(file: &Chpm<MappedFile>, place: Georeference, turn: Turn, at: At) -> Placed {
     let header = file.header();
     let Aabb { min, max } = header.aabb();
     // Turned upright, an axis may have its ends the other way round.
-    let (a, b) = (there(min, &header.origin, &args.up), there(max, &header.origin, &args.up));
+    let (a, b) = (there(min, &header.origin, turn), there(max, &header.origin, turn));
     let corners =
         [std::array::from_fn(|axis| a[axis].min(b[axis])), std::array::from_fn(|axis| a[axis].max(b[axis]))];
-    place.place(args.origin_at, corners)
+    place.place(at, corners)
 }
 
-fn there(local: [f32; 3], header_origin: &[f64; 3], args_up: &Up) -> [f64; 3] {
-    let [x, y, z] = std::array::from_fn(|axis| header_origin[axis] + f64::from(local[axis]));
-    if *args_up == Up::Y { [x, -z, y] } else { [x, y, z] }
+fn there(local: [f32; 3], origin: &[f64; 3], turn: Turn) -> [f64; 3] {
+    chpm_export::tiles::upright(turn, std::array::from_fn(|axis| origin[axis] + f64::from(local[axis])))
+}
+
+/// Whether tiles get normals that the file does not have.
+fn computes(file: &Chpm<MappedFile>, args: &Args) -> bool {
+    args.normals == Normals::Computed && !file.header().attributes().decoded().normals
 }
 
 /// Hash of everything that decides the bytes: the options, and the file, whose header has a checksum of the checksums of all that is in it.
@@ -188,6 +216,7 @@ fn fill(
     })?;
     meter.finish();
 
+    let normals = if options.normals { Some(normals(file, meter, cancel)?) } else { None };
     let clusters: Vec<ClusterId> = (0..file.header().cluster_count).map(ClusterId).collect();
     let folders: BTreeSet<String> =
         clusters.iter().map(|id| above(&tile_path(*id, Mesh::Base)).to_owned()).collect();
@@ -200,7 +229,7 @@ fn fill(
             let (len, count) = match folder.whole(&path) {
                 Some(found) => found,
                 None => {
-                    let (glb, count) = tile(file, *id, *mesh, options)?;
+                    let (glb, count) = tile(file, *id, *mesh, options, normals.as_ref())?;
                     folder.write_to_keep(&path, &glb, count)?;
                     (glb.len() as u64, count)
                 }
@@ -214,6 +243,17 @@ fn fill(
     })?;
     file.get_ref().check_unchanged()?;
     Ok([sets, tiles.into_inner(), triangles.into_inner(), bytes.into_inner()])
+}
+
+fn normals(file: &Chpm<MappedFile>, meter: &Meter, cancel: &Cancel) -> Result<SharedNormals> {
+    let leaves = file.clusters().iter().filter(|cluster| cluster.is_leaf()).count();
+    meter.start("normals", leaves as u64);
+    let normals = SharedNormals::find(file, |_| {
+        meter.add(1);
+        go_on(cancel)
+    })?;
+    meter.finish();
+    Ok(normals)
 }
 
 fn go_on(cancel: &Cancel) -> std::result::Result<(), anyhow::Error> {

@@ -104,7 +104,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh);
     memory::divide(file, args.memory.memory(), bytes)?;
     let ready = Ready::new(target, file, &mesh, proven, &cancel)?;
-    let bounds = ready.bounds;
+    let (bounds, upright) = (ready.bounds, ready.upright.clone());
     let shortfall = request.shortfall(file, &cut, bounds.distance);
     let less = shortfall.map(|less| less.describe(args.file.display(), file.header().aabb().diagonal()));
     let warnings: Vec<String> = ready.warnings.iter().cloned().chain(less).collect();
@@ -122,6 +122,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     } else {
         let told = mesh_file::summary(&args.mesh.output, &mesh, bounds, "units");
         writeln!(out, "{told}, from {}", Counted(cut.members().len() as u64, "cluster"))?;
+        upright.iter().try_for_each(|why| writeln!(out, "{why}"))?;
     }
     out.flush()?;
     warnings.iter().for_each(|warning| line(&format!("warning: {warning}")));

@@ -119,7 +119,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh);
         memory::divide(&file, config.resources.memory, bytes)?;
         let ready = Ready::new(target, &file, &mesh, proven, &cancel)?;
-        let bounds = ready.bounds;
+        let (bounds, upright) = (ready.bounds, ready.upright.clone());
         if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
             ensure!(
                 f64::from(bounds.distance) <= asked,
@@ -160,6 +160,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             "proven: no point of either is farther than {distance} {unit} from the other{}",
             if diagonal > 0.0 { format!(", {share}% of the diagonal") } else { String::new() }
         )?;
+        upright.iter().try_for_each(|why| writeln!(out, "{why}"))?;
         for warning in &report.warnings {
             writeln!(out, "warning: {warning}")?;
         }

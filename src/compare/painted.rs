@@ -5,6 +5,7 @@ use crate::cmd::build;
 use crate::output::{self, Output, Promise, Writes};
 use crate::progress::Meter;
 use crate::stop::{self, Stop};
+use crate::upright::Upright;
 use anyhow::{Result, bail};
 use chpm_build::{BuildConfig, Cancel, Resources};
 use chpm_export::{Facts, GlbWriter, Placement};
@@ -158,7 +159,7 @@ impl Colored<'_> {
 
     fn glb(&self, output: Output) -> Result<Output> {
         let origin = self.file.header().origin;
-        let placement = if origin == [0.0; 3] { Placement::Here } else { Placement::At(origin) };
+        let placement = Placement { origin, turn: Upright::of(self.file, None)?.turn() };
         let range = self.colors.range().to_vec();
         let extras = Map::from_iter([("range".to_owned(), range.into())]);
         let facts = Facts {

@@ -24,7 +24,7 @@ pub(crate) struct Mesh {
     pub(crate) origin: Option<[f64; 3]>,
     /// The file beside it that tells that; `null` without `--local-origin`
     pub(crate) origin_file: Option<String>,
-    /// With `--up`: the axis of the mesh file that points up, `y` or `z`
+    /// With `--up`, and in GLB: the axis of the mesh file that points up, `y` or `z`
     pub(crate) up: Option<&'static str>,
 }
 

@@ -132,8 +132,8 @@ fn every_mesh_file_that_is_written_is_read_back() {
             ("a.stl", ""),
             ("text.stl", "--ascii"),
             ("a.obj", ""),
-            ("a.glb", ""),
-            ("packed.glb", "--meshopt"),
+            ("a.glb", "--up y"),
+            ("packed.glb", "--meshopt --up y"),
         ] {
             folder.stdout(&format!("extract in.chpm {wanted} -o {name} {more} -qf"));
             let mesh = read(&folder, name);
@@ -154,9 +154,13 @@ fn coordinates_far_from_zero_come_back_by_every_format() {
         "v 500000.25 5800000.125 0\nv 500001.5 5800000 0\nv 500000 5800001.75 1\nf 1 2 3\n",
     );
     folder.stdout("build far.obj -q");
-    for (name, more) in
-        [("a.ply", ""), ("a.stl", "--ascii"), ("a.obj", ""), ("a.glb", ""), ("b.glb", "--meshopt")]
-    {
+    for (name, more) in [
+        ("a.ply", ""),
+        ("a.stl", "--ascii"),
+        ("a.obj", ""),
+        ("a.glb", "--up y"),
+        ("b.glb", "--meshopt --up y"),
+    ] {
         folder.stdout(&format!("extract far.chpm --level 0 -q {more} -f -o {name}"));
         folder.stdout(&format!("build {name} -o back.chpm -qf"));
         folder.stdout("extract back.chpm --level 0 -qf --ascii -o back.stl");
@@ -210,7 +214,7 @@ fn far_from_the_zero_point_nothing_moves_unless_it_is_told() {
     let corners: String = (0..4).map(|i| at(f64::from(i % 2), f64::from(i / 2), f64::from(i))).collect();
     folder.write("far.obj", format!("{corners}f 1 2 3\nf 2 4 3\nf 1 3 2\nf 2 3 4\n"));
     folder.stdout("build far.obj -q");
-    folder.stdout("extract far.chpm --level 0 -q -o far.glb");
+    folder.stdout("extract far.chpm --level 0 -q -o far.glb --up y");
     let glb = Glb::read(&folder.read("far.glb"));
     let origin = &glb.json["nodes"][0]["translation"];
     let header = [96, 104, 112]
@@ -339,6 +343,39 @@ fn a_mesh_is_turned_moved_and_stripped_as_asked_for() {
     );
     let again = folder.stderr("extract far.chpm --level 0 -o near.stl -q --local-origin", 2);
     assert!(again.contains("--force"), "{again}");
+}
+
+/// glTF has y upward: what stands otherwise is turned by a node, and no position changes a bit.
+#[test]
+fn a_glb_stands_upright_wherever_up_is_in_the_source() {
+    let folder = Folder::new();
+    folder.stdout("synth terrain --triangles 5000 -o in.ply -q");
+    folder.stdout("build in.ply -q");
+    folder.stdout("extract in.chpm --level 0 -o all.ply -q");
+    let all = folder.read_mesh("all.ply");
+    for more in ["", "--meshopt"] {
+        let told = folder.stdout(&format!("extract in.chpm --level 0 -o out.glb -f {more}"));
+        assert!(told.contains("up is z") && told.contains("--up"), "{told}");
+        let glb = Glb::read(&folder.read("out.glb"));
+        assert_eq!(triangles(&glb.mesh), triangles(&all));
+        let matrix = &glb.json["nodes"][0]["matrix"];
+        assert_eq!(*matrix, serde_json::json!([1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1]));
+        // A reader that heeds nodes has the same as where positions themselves are turned.
+        folder.stdout(&format!("extract in.chpm --level 0 -o turned.glb -qf --up z {more}"));
+        assert_eq!(Glb::read(&folder.read("turned.glb")).json["nodes"][0].get("matrix"), None);
+        let [found, turned] = ["out.glb", "turned.glb"].map(|name| {
+            let mut mesh = read(&folder, name);
+            // Products with 0 make 0 of -0.
+            mesh.positions.iter_mut().for_each(|p| *p = p.map(|x| x + 0.0));
+            triangles(&mesh)
+        });
+        assert_eq!(found, turned);
+    }
+    // A source that is a glTF has y upward, whatever its shape says.
+    folder.stdout("build out.glb -q -o again.chpm");
+    let told = folder.stdout("extract again.chpm --level 0 -o again.glb");
+    assert!(told.contains("up is y"), "{told}");
+    assert_eq!(Glb::read(&folder.read("again.glb")).json["nodes"][0].get("matrix"), None);
 }
 
 #[test]

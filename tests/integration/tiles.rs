@@ -5,7 +5,7 @@ use super::harness::{CHPM, Folder, Triangles, skipped, text, triangles};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_measure::crack::{cracks, weld};
-use chpm_mesh::{Level, TriMesh};
+use chpm_mesh::{Aabb, Level, TriMesh};
 use chpm_refine::{Cut, Hierarchy, extract, select_by};
 use chpm_synth::{Shape, Synth};
 use nix::sys::signal::Signal;
@@ -23,10 +23,10 @@ struct View {
 }
 
 impl View {
-    /// Whether an error in a sphere is too much.
-    fn refines(&self, center: [f64; 3], radius: f64, error: f64) -> bool {
-        let away: f64 = center.iter().zip(&self.eye).map(|(c, e)| (c - e).powi(2)).sum();
-        error > self.allowed * (away.sqrt() - radius).max(0.0)
+    /// Whether an error in a box, from its middle so far along each axis, is too much.
+    fn refines(&self, center: [f64; 3], half: [f64; 3], error: f64) -> bool {
+        let outside = [0, 1, 2].map(|axis| ((self.eye[axis] - center[axis]).abs() - half[axis]).max(0.0));
+        error > self.allowed * outside.iter().map(|x| x * x).sum::<f64>().sqrt()
     }
 }
 
@@ -106,11 +106,12 @@ impl Viewer {
     fn drawn(&self, view: &View) -> Vec<&str> {
         let (mut drawn, mut waiting) = (Vec::new(), vec![&self.root]);
         while let Some(tile) = waiting.pop() {
-            let number = |at: usize| tile["boundingVolume"]["sphere"][at].as_f64().expect("a sphere");
+            let number = |at: usize| tile["boundingVolume"]["box"][at].as_f64().expect("a box");
+            let half = [3, 7, 11].map(number);
             let error = tile["geometricError"].as_f64().expect("an error");
             let children = tile["children"].as_array();
             match children {
-                Some(children) if view.refines([0, 1, 2].map(number), number(3), error) => {
+                Some(children) if view.refines([0, 1, 2].map(number), half, error) => {
                     waiting.extend(children)
                 }
                 _ => drawn.extend(tile["path"].as_str()),
@@ -139,13 +140,33 @@ impl Viewer {
 
 /// The cut at the base meshes, and of leaves that are too coarse the finest, as selection by the file's own tables has it.
 fn cut(file: &Chpm<MappedFile>, view: &View) -> Cut {
+    let boxes = boxes(file);
     let bound = |group: chpm_mesh::GroupId| {
-        let record = &file.groups()[group.index()];
-        let too_much =
-            view.refines(record.center.map(f64::from), record.radius.into(), record.max_error.into());
+        let (record, bounds) = (&file.groups()[group.index()], &boxes[group.index()]);
+        let half = [0, 1, 2].map(|axis| (f64::from(bounds.max[axis]) - f64::from(bounds.min[axis])) / 2.0);
+        let too_much = view.refines(bounds.center().into(), half, record.max_error.into());
         if too_much { -1.0 } else { f32::INFINITY }
     };
     select_by(file, &Hierarchy::new(file), bound).expect("a cut")
+}
+
+/// Boxes of groups and all that is below them.
+fn boxes(file: &Chpm<MappedFile>) -> Vec<Aabb> {
+    let mut boxes = vec![Aabb::EMPTY; file.groups().len()];
+    for level in 0..file.header().level_count {
+        for (at, group) in file.groups().iter().enumerate().filter(|(_, group)| group.level == level) {
+            let id = chpm_mesh::GroupId(at as u32);
+            for record in file.coarse(id).iter().map(|coarse| &file.clusters()[*coarse as usize]) {
+                boxes[at].merge(&Aabb { min: record.aabb_min, max: record.aabb_max });
+            }
+            for fine in file.fine(id) {
+                let below = boxes[file.clusters()[*fine as usize].group().index()];
+                boxes[at].merge(&below);
+            }
+            assert_eq!(level, group.level);
+        }
+    }
+    boxes
 }
 
 fn bits(mesh: &TriMesh) -> Triangles {
@@ -188,7 +209,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 fn a_viewer_draws_the_cuts_of_the_file_and_they_have_no_cracks() {
     let folder = models();
     for (name, more) in [("closed", ""), ("open", "--span 2 --meshopt"), ("roots", "--span 1")] {
-        let words = format!("export {name}.chpm --3dtiles {name} -q {more}");
+        let words = format!("export {name}.chpm --3dtiles {name} -q --up z {more}");
         let told = folder.stdout(&words);
         let file = open(&folder, &format!("{name}.chpm"));
         assert!(name != "roots" || file.roots().count() > 1, "several roots");
@@ -219,11 +240,35 @@ fn a_viewer_draws_the_cuts_of_the_file_and_they_have_no_cracks() {
     assert!(files(&folder.path("open")).keys().any(|name| name.starts_with("subtrees/")));
 }
 
+/// Spheres about spheres grow by each level, and draw what nobody sees; boxes do not.
+#[test]
+fn boxes_draw_less_than_spheres() {
+    let folder = models();
+    folder.stdout("export closed.chpm --3dtiles out -q --up z");
+    let (file, viewer) = (open(&folder, "closed.chpm"), Viewer::open(&folder.path("out")));
+    let mut sums = [0, 0];
+    for view in views(&file, 34) {
+        let bound = |group: chpm_mesh::GroupId| {
+            let record = &file.groups()[group.index()];
+            let away =
+                record.center.map(f64::from).iter().zip(view.eye).map(|(c, e)| (c - e).powi(2)).sum::<f64>();
+            let near = (away.sqrt() - f64::from(record.radius)).max(0.0);
+            if f64::from(record.max_error) > view.allowed * near { -1.0 } else { f32::INFINITY }
+        };
+        let spheres = select_by(&file, &Hierarchy::new(&file), bound).expect("a cut");
+        sums[0] += viewer.mesh(&view).triangles.len();
+        sums[1] += extract(&file, &spheres).expect("a mesh").triangles.len();
+    }
+    let share = sums[0] as f64 / sums[1] as f64;
+    println!("boxes draw {} triangles, spheres {}: {share:.3}", sums[0], sums[1]);
+    assert!(share < 0.9, "{share}");
+}
+
 /// The test above can fail: a tile that decides otherwise than the other members of its group leaves a crack.
 #[test]
-fn a_falsified_sphere_cracks() {
+fn a_falsified_box_cracks() {
     let folder = models();
-    folder.stdout("export closed.chpm --3dtiles out -q");
+    folder.stdout("export closed.chpm --3dtiles out -q --up z");
     let file = open(&folder, "closed.chpm");
     let source = weld(&extract(&file, &Cut::at_level(&file, Level(0))).expect("the source"));
     let cluster = |tile: &Value| -> Option<usize> {
@@ -234,8 +279,8 @@ fn a_falsified_sphere_cracks() {
     let mut root = viewer.root.take();
     Viewer::change(&mut root, &mut |tile| {
         let Some(record) = cluster(tile).map(|id| file.clusters()[id]) else { return };
-        let [x, y, z] = record.center.map(f64::from);
-        tile["boundingVolume"]["sphere"] = serde_json::json!([x, y, z, f64::from(record.radius)]);
+        assert!(record.triangle_count > 0);
+        tile["boundingVolume"] = tile["content"]["boundingVolume"].clone();
     });
     viewer.root = root;
     let cracked =
@@ -247,7 +292,7 @@ fn a_falsified_sphere_cracks() {
 #[test]
 fn children_are_the_parts_of_their_parent() {
     let folder = models();
-    folder.stdout("export closed.chpm --3dtiles out -q");
+    folder.stdout("export closed.chpm --3dtiles out -q --up z");
     let file = open(&folder, "closed.chpm");
     let viewer = Viewer::open(&folder.path("out"));
     let mut seen = 0;
@@ -294,7 +339,8 @@ fn the_frame_of_the_world_is_what_was_asked_for() {
     folder.stdout("build far.obj -q");
     let origin = open(&folder, "far.chpm").header().origin;
     let top = |more: &str| {
-        folder.stdout(&format!("export far.chpm --3dtiles out -qf {more}"));
+        let up = if more.contains("--up") { "" } else { "--up z" };
+        folder.stdout(&format!("export far.chpm --3dtiles out -qf {more} {up}"));
         json(&folder.path("out/tileset.json"))["root"].take()
     };
     let numbers = |value: &Value| -> Vec<f64> {

@@ -1,8 +1,8 @@
 // node check.mjs NAME=DIR[:open][:false] ...
 //
 // Shows tilesets to 3d-tiles-renderer in a browser without a window, and checks for settled views that the tiles that it draws are those that
-// their own errors and spheres ask for, and that they have no crack; and every GLB by gltf-validator. A set marked `false` is shown with the spheres of
-// its boxes instead of its own, and has to crack. CHROMIUM names another browser, VIEWS another number of views of each set.
+// their own errors and boxes ask for, and that they have no crack; and every GLB by gltf-validator. A set marked `false` is shown with the boxes of
+// its contents instead of its groups', and has to crack. CHROMIUM names another browser, VIEWS another number of views of each set.
 import { spawn } from "node:child_process";
 import { once } from "node:events";
 import { mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
@@ -11,7 +11,7 @@ import { tmpdir } from "node:os";
 import { dirname, extname, join, normalize } from "node:path";
 import { fileURLToPath } from "node:url";
 import validator from "gltf-validator";
-import { whole } from "./tileset.mjs";
+import { outside, whole } from "./tileset.mjs";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const count = Number(process.env.VIEWS ?? 34);
@@ -30,8 +30,7 @@ function name(tile) {
 function expected(root, eye, pixels) {
   const drawn = [];
   const walk = (tile) => {
-    const [x, y, z, radius] = tile.boundingVolume.sphere;
-    const away = Math.max(Math.hypot(x - eye[0], y - eye[1], z - eye[2]) - radius, 0);
+    const away = outside(tile.boundingVolume.box, eye);
     const covered = away > 0 ? (tile.geometricError * 1000) / (away * 2 * Math.tan(Math.PI / 4)) : Infinity;
     if (tile.children.length > 0 && tile.geometricError > 0 && covered > pixels) tile.children.forEach(walk);
     else if (tile.content) drawn.push(name(tile));
@@ -41,7 +40,8 @@ function expected(root, eye, pixels) {
 }
 
 function views(root) {
-  const [x, y, z, radius] = root.boundingVolume.sphere;
+  const [x, y, z, ...ways] = root.boundingVolume.box;
+  const radius = Math.hypot(...ways);
   return Array.from({ length: count }, (_, i) => {
     const turn = 2.399963 * i;
     const rise = (2 * ((i * 37) % 101)) / 101 - 1;
@@ -61,11 +61,11 @@ async function validate({ name, dir }) {
   console.log(`${name}: ${files.length} GLBs valid`);
 }
 
-/// A sphere around each tile's own content: what one would take without thinking of the group.
+/// The box of each tile's own content: what one would take without thinking of the group.
 function falsified(text) {
   const change = (tile) => {
     const box = tile.content?.boundingVolume?.box;
-    if (box) tile.boundingVolume.sphere = [box[0], box[1], box[2], Math.hypot(box[3], box[7], box[11])];
+    if (box) tile.boundingVolume = { box };
     tile.children?.forEach(change);
   };
   const tileset = JSON.parse(text);
@@ -131,7 +131,7 @@ function crackEdges({ open }, border) {
 
 for (const set of sets) if (!set.isFalse) await validate(set);
 // One view from within, with no error allowed, is the source itself: what is open there is no crack.
-for (const set of sets) asked[set.name].push({ eye: roots.get(set.name).boundingVolume.sphere.slice(0, 3), pixels: 1e-9 });
+for (const set of sets) asked[set.name].push({ eye: roots.get(set.name).boundingVolume.box.slice(0, 3), pixels: 1e-9 });
 const [results, end] = await browse();
 await end();
 for (const set of sets) {

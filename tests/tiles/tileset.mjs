@@ -16,3 +16,14 @@ export function whole(dir) {
   };
   return load("tileset.json");
 }
+
+/// How far a place is from a box whose axes are at right angles.
+export function outside(box, place) {
+  const from = [0, 1, 2].map((axis) => place[axis] - box[axis]);
+  const ways = [3, 6, 9].map((at) => {
+    const way = box.slice(at, at + 3);
+    const half = Math.hypot(...way);
+    return Math.max(Math.abs((way[0] * from[0] + way[1] * from[1] + way[2] * from[2]) / half) - half, 0);
+  });
+  return Math.hypot(...ways);
+}

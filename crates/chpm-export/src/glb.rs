@@ -112,12 +112,12 @@ mod tests {
 
     #[test]
     fn nothing_is_a_node_without_a_mesh() {
-        let empty = GlbWriter::new(Vec::new(), &facts(Placement::Here), Attributes::ALL, 0, 0, &Aabb::EMPTY);
+        let empty = GlbWriter::new(Vec::new(), &facts(Placement::HERE), Attributes::ALL, 0, 0, &Aabb::EMPTY);
         let bytes = empty.unwrap().finish().unwrap();
         let text = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         assert_eq!(bytes.len(), 20 + text, "no chunk of nothing");
         let empty = json(&bytes);
-        let packed = PackedGlb::new(facts(Placement::Here), Attributes::ALL).begin(Vec::new());
+        let packed = PackedGlb::new(facts(Placement::HERE), Attributes::ALL).begin(Vec::new());
         assert_eq!(json(&packed.unwrap().finish().unwrap()), empty);
         assert_eq!((&empty["nodes"][0]["extras"]["error"], empty.get("meshes")), (&0.5.into(), None));
     }
@@ -130,7 +130,7 @@ mod tests {
         for values in [[0.5, 1e300], [f64::NAN, -0.1], [-2.0, f64::NEG_INFINITY]] {
             scalars.iter().zip(values).for_each(|(scalar, value)| scalar.kind.put(value, &mut words));
         }
-        let facts = Facts { scalars, ..facts(Placement::Here) };
+        let facts = Facts { scalars, ..facts(Placement::HERE) };
         let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let attributes = Attributes { scalar_words: 3, ..Attributes::NONE };
         let bounds = Aabb::of_points(&positions);
@@ -160,7 +160,7 @@ mod tests {
         let mut out = Vec::new();
         let bounds = Aabb { min: [0.0; 3], max: [1.0; 3] };
         let new = |out: &mut Vec<u8>, vertices, triangles| {
-            GlbWriter::new(out, &facts(Placement::Here), Attributes::NONE, vertices, triangles, &bounds)
+            GlbWriter::new(out, &facts(Placement::HERE), Attributes::NONE, vertices, triangles, &bounds)
                 .map(drop)
         };
         // 12 bytes a vertex and 12 a triangle.
@@ -174,7 +174,7 @@ mod tests {
     fn indices_are_as_short_as_they_can_be_and_lengths_even_out() {
         let bounds = Aabb { min: [0.0; 3], max: [0.0; 3] };
         for (vertices, component, len) in [(65_535_u64, 5123, 8), (65_536, 5125, 12)] {
-            let placement = Placement::At([1e7, 0.1, -3.0]);
+            let placement = Placement { origin: [1e7, 0.1, -3.0], ..Placement::HERE };
             let mut glb =
                 GlbWriter::new(Vec::new(), &facts(placement), Attributes::NONE, vertices, 1, &bounds)
                     .unwrap();

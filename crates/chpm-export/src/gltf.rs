@@ -1,6 +1,7 @@
 //! The JSON of a GLB, and the frame around it.
 
 use crate::error::ExportError;
+use crate::turn::Turn;
 use crate::vertex::Stride;
 use chpm_mesh::{Attributes, Scalar, scalar_names};
 use serde_json::{Map, Value, json};
@@ -8,15 +9,33 @@ use serde_json::{Map, Value, json};
 /// Name of the extension `EXT_meshopt_compression`.
 const MESHOPT: &str = "EXT_meshopt_compression";
 
-/// Where a mesh stands.
+/// Where a mesh stands: at its positions and what they are relative to, turned so that y is up.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub enum Placement {
-    /// At its coordinates.
-    Here,
-    /// Moved: what positions are relative to.
-    At([f64; 3]),
-    /// Turned so that a reader that takes glTF's y axis for its own z axis, as those of 3D Tiles do, finds all coordinates as they are here.
-    ZUp,
+pub struct Placement {
+    /// What positions are relative to, before the turn.
+    pub origin: [f64; 3],
+    /// The turn that makes y point up.
+    pub turn: Turn,
+}
+
+impl Placement {
+    /// At its positions.
+    pub const HERE: Placement = Placement { origin: [0.0; 3], turn: Turn::NONE };
+
+    /// A node without a mesh.
+    fn node(&self) -> Value {
+        let is_moved = self.origin != [0.0; 3];
+        if self.turn == Turn::NONE {
+            return if is_moved { json!({ "translation": self.origin }) } else { json!({}) };
+        }
+        let [x, y, z] = self.turn.columns();
+        let mut matrix = json!([x[0], x[1], x[2], 0, y[0], y[1], y[2], 0, z[0], z[1], z[2], 0, 0, 0, 0, 1]);
+        if is_moved {
+            let zero = self.turn.apply(self.origin);
+            (0..3).for_each(|axis| matrix[12 + axis] = zero[axis].into());
+        }
+        json!({ "matrix": matrix })
+    }
 }
 
 /// Facts of a GLB beside its mesh.
@@ -98,14 +117,7 @@ pub(crate) fn front(facts: &Facts, attributes: Attributes, parts: &[Part]) -> Re
 }
 
 fn root(facts: &Facts, stride: Stride, parts: &[Part], body: u64) -> Value {
-    let mut node = match facts.placement {
-        Placement::Here => json!({}),
-        Placement::At(origin) => json!({ "translation": origin }),
-        // Columns: what x, y and z become.
-        Placement::ZUp => {
-            json!({ "matrix": [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1] })
-        }
-    };
+    let mut node = facts.placement.node();
     let asset = json!({ "version": "2.0", "generator": facts.generator });
     let mut root = json!({ "asset": asset, "scene": 0, "scenes": [{ "nodes": [0] }] });
     if parts.is_empty() {

@@ -12,6 +12,7 @@ mod obj;
 mod packed_glb;
 mod stl;
 pub mod tiles;
+mod turn;
 mod vertex;
 
 pub use error::ExportError;
@@ -20,3 +21,4 @@ pub use gltf::{Facts, Placement};
 pub use obj::ObjWriter;
 pub use packed_glb::{PIECE_VERTICES, PackedGlb, PackedGlbWriter};
 pub use stl::{StlWriter, rounding};
+pub use turn::Turn;

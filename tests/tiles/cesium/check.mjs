@@ -1,7 +1,7 @@
 // node check.mjs NAME=DIR=PLAIN[=OPTIONS] ...
 //
 // Shows tilesets to CesiumJS in a browser without a window, and checks for settled views that the tiles that it draws are those that their errors and
-// spheres ask for, and that they have no crack. PLAIN is the folder of a tileset of the same file whose GLBs are not compressed: cracks are looked for in
+// boxes ask for, and that they have no crack. PLAIN is the folder of a tileset of the same file whose GLBs are not compressed: cracks are looked for in
 // the bits of those, in the tileset's own frame, since on the earth the last bits of a place are not there. OPTIONS are those of Cesium3DTileset, as
 // JSON; a set that has some is told of only. CHROMIUM names another browser, VIEWS another number of views, PICTURES a folder for a picture of each set.
 import { spawn } from "node:child_process";
@@ -11,7 +11,7 @@ import { createServer } from "node:http";
 import { tmpdir } from "node:os";
 import { dirname, extname, join, normalize } from "node:path";
 import { fileURLToPath } from "node:url";
-import { whole } from "../tileset.mjs";
+import { outside, whole } from "../tileset.mjs";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const count = Number(process.env.VIEWS ?? 6);
@@ -27,8 +27,7 @@ const ROWS = 400;
 function expected(root, eye, pixels) {
   const drawn = [];
   const walk = (tile) => {
-    const [x, y, z, radius] = tile.boundingVolume.sphere;
-    const away = Math.max(Math.hypot(x - eye[0], y - eye[1], z - eye[2]) - radius, 0);
+    const away = outside(tile.boundingVolume.box, eye);
     const covered = away > 0 ? (tile.geometricError * ROWS) / (away * 2 * Math.tan(Math.PI / 3)) : Infinity;
     if (tile.children.length > 0 && tile.geometricError > 0 && covered > pixels) tile.children.forEach(walk);
     else if (tile.content) drawn.push(tile.content.uri.replace(/^.*tiles\//, ""));

@@ -1,6 +1,6 @@
 //! The mesh of a tile.
 
-use super::Options;
+use super::{Options, SharedNormals};
 use crate::error::ExportError;
 use crate::glb::GlbWriter;
 use crate::gltf::Facts;
@@ -36,7 +36,7 @@ impl Mesh {
     }
 }
 
-/// A tile as a GLB; positions are relative to the file's origin. Answers its triangles, too.
+/// A tile as a GLB; positions are relative to the file's origin. With `normals`, the file has none. Answers its triangles, too.
 ///
 /// # Errors
 /// [`ExportError::Format`] for a damaged page; what the writer of GLB refuses.
@@ -45,11 +45,15 @@ pub fn tile<D: AsRef<[u8]>>(
     cluster: ClusterId,
     mesh: Mesh,
     options: &Options,
+    normals: Option<&SharedNormals>,
 ) -> Result<(Vec<u8>, u64), ExportError> {
     let page = file.page(cluster)?;
     let page = page.view();
     let n = mesh.position(&page);
-    let mesh = compact(&page, n);
+    let (mut mesh, used) = compact(&page, n);
+    if let Some(normals) = normals {
+        normals.give(&page, &used, &mut mesh);
+    }
     let error = page.error_at(n);
 
     let facts = Facts {
@@ -58,7 +62,9 @@ pub fn tile<D: AsRef<[u8]>>(
         extras: facts(file, cluster, error),
         scalars: Vec::new(),
     };
-    let glb = content(&facts, file.header().attributes().decoded(), &mesh, options.packed)?;
+    let stored = file.header().attributes().decoded();
+    let attributes = Attributes { normals: stored.normals || normals.is_some(), ..stored };
+    let glb = content(&facts, attributes, &mesh, options.packed)?;
     Ok((glb, mesh.triangles.len() as u64))
 }
 
@@ -94,8 +100,8 @@ fn facts<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: ClusterId, error: f32) -> Map<
     facts
 }
 
-/// The mesh of `n` vertices, without those that no triangle uses.
-fn compact(page: &Page<'_>, n: usize) -> TriMesh {
+/// The mesh of `n` vertices, without those that no triangle uses; and the page's index of each of them.
+fn compact(page: &Page<'_>, n: usize) -> (TriMesh, Vec<usize>) {
     const UNUSED: u32 = u32::MAX;
     let mut places = Places::default();
     places.go_to(&page.progressive_mesh(), n);
@@ -107,9 +113,9 @@ fn compact(page: &Page<'_>, n: usize) -> TriMesh {
     mesh.gather(page.vertices, used.clone());
     mesh.decode_normals();
     let used: Vec<usize> = used.collect();
-    for (number, vertex) in (0..).zip(used) {
-        numbers[vertex] = number;
+    for (number, vertex) in (0..).zip(&used) {
+        numbers[*vertex] = number;
     }
     mesh.triangles = local.iter().map(|corners| corners.map(|v| numbers[usize::from(v)])).collect();
-    mesh
+    (mesh, used)
 }

@@ -1,7 +1,7 @@
 //! A `.chpm` as a tree of tiles: 3D Tiles 1.1.
 //!
-//! Groups are a directed acyclic graph; a tileset is a tree in which tiles decide alone. This module makes them decide alike: the tile of a cluster has its *group's* sphere and
-//! `max_error`, the same for all coarse members, and I6 keeps a group from being refined before its parents. Errors are raised by a last bit where they would not fall strictly: 3d-tiles-renderer
+//! Groups are a directed acyclic graph; a tileset is a tree in which tiles decide alone. This module makes them decide alike: the tile of a cluster has its *group's* box and
+//! `max_error`, the same for all coarse members (the box holds all that is below; spheres about spheres would grow level by level), and I6 keeps a group from being refined before its parents. Errors are raised by a last bit where they would not fall strictly: 3d-tiles-renderer
 //! never stops at a tile whose error is no less than its parent's. Content is the *base* mesh, since borders are at base where a neighbour is
 //! coarser; finest meshes crack. The box of the cluster itself is in `content.boundingVolume`. Under each leaf there is a tile with its finest mesh and `geometricError` 0: no border between
 //! two groups of leaves collapses in either. The tree is not in the file: a fine cluster is a part of the coarse cluster of its group with most of its base triangles (I4), asked only where a
@@ -9,16 +9,19 @@
 //! eight changes. Tested: a viewer of 30 lines in `tests/integration/tiles.rs`, and 3d-tiles-renderer in Chromium by hand (`tests/tiles/check.mjs`).
 
 mod content;
+mod normals;
 #[cfg(test)]
 mod tests;
 mod tileset;
 mod tree;
 
 pub use content::{Mesh, tile};
+pub use normals::SharedNormals;
 pub use tileset::{Tileset, tilesets};
 pub use tree::Tree;
 
 use crate::gltf::Placement;
+use crate::turn::Turn;
 use chpm_mesh::ClusterId;
 
 /// How a model becomes tiles.
@@ -26,8 +29,10 @@ use chpm_mesh::ClusterId;
 pub struct Options {
     /// The program that writes them.
     pub generator: String,
-    /// Whether the model's y axis points up, and not its z axis.
-    pub y_up: bool,
+    /// What makes the model's y axis point up.
+    pub turn: Turn,
+    /// Whether tiles get normals where the file has none.
+    pub normals: bool,
     /// Whether the tiles are compressed with `EXT_meshopt_compression`.
     pub packed: bool,
     /// Matrix from the model's coordinates to those of the world, column by column.
@@ -41,13 +46,17 @@ impl Options {
     pub const SPAN: u32 = 8;
 
     fn placement(&self) -> Placement {
-        if self.y_up { Placement::Here } else { Placement::ZUp }
+        Placement { turn: self.turn, ..Placement::HERE }
     }
 
-    /// A direction or a place of the model in a frame with z upward.
-    fn upright(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
-        if self.y_up { [x, -z, y] } else { [x, y, z] }
+    fn upright(&self, place: [f64; 3]) -> [f64; 3] {
+        upright(self.turn, place)
     }
+}
+
+/// A direction or a place of the model in a frame with z upward, which is what viewers make of glTF's y.
+pub fn upright(turn: Turn, place: [f64; 3]) -> [f64; 3] {
+    Turn::to_z(1, false).apply(turn.apply(place))
 }
 
 /// Files to a folder.

@@ -1,9 +1,9 @@
 //! Tilesets of small models, read as a viewer reads them.
 
 use super::content::content;
-use super::{Mesh, Options, Tree, tile, tile_path, tilesets};
-use crate::ExportError;
+use super::{Mesh, Options, SharedNormals, Tree, tile, tile_path, tilesets};
 use crate::gltf::Facts;
+use crate::{ExportError, Turn};
 use chpm_build::config::Length;
 use chpm_build::{BuildConfig, Cancel, Resources, Settings, Silent, build};
 use chpm_format::Chpm;
@@ -34,7 +34,8 @@ fn built_of(mesh: &TriMesh, target: Option<f64>) -> Chpm<Vec<u8>> {
 }
 
 fn options(y_up: bool, span: u32) -> Options {
-    Options { generator: "test".to_owned(), y_up, packed: false, transform: None, span }
+    let turn = if y_up { Turn::NONE } else { Turn::to_y(2, false) };
+    Options { generator: "test".to_owned(), turn, normals: false, packed: false, transform: None, span }
 }
 
 fn tree(file: &Chpm<Vec<u8>>) -> Tree {
@@ -122,12 +123,31 @@ fn placed(glb: &[u8]) -> (Value, Vec<[f64; 3]>) {
     (json, places)
 }
 
+/// How far a place is from a box's middle along each of its axes, in halves of them.
+fn shares(place: &[f64; 3], volume: &[f64]) -> [f64; 3] {
+    [0, 1, 2].map(|side| {
+        let way = &volume[3 + 3 * side..][..3];
+        let along = |v: &[f64]| v.iter().zip(way).map(|(x, y)| x * y).sum::<f64>();
+        let offset: Vec<f64> = place.iter().zip(volume).map(|(x, middle)| x - middle).collect();
+        (along(&offset) / along(way)).abs()
+    })
+}
+
+fn corners(volume: &[f64]) -> [[f64; 3]; 8] {
+    std::array::from_fn(|corner| {
+        std::array::from_fn(|axis| {
+            let sign = |side: usize| if corner >> side & 1 == 0 { -1.0 } else { 1.0 };
+            volume[axis] + (0..3).map(|side| sign(side) * volume[3 + 3 * side + axis]).sum::<f64>()
+        })
+    })
+}
+
 fn glb(file: &Chpm<Vec<u8>>, (cluster, mesh): (ClusterId, Mesh), options: &Options) -> (Vec<u8>, u64) {
-    tile(file, cluster, mesh, options).unwrap()
+    tile(file, cluster, mesh, options, None).unwrap()
 }
 
 #[test]
-fn boxes_and_spheres_hold_what_is_drawn_whatever_is_upward() {
+fn boxes_hold_what_is_drawn_and_those_below_whatever_is_upward() {
     let whole = built(Shape::Terrain, 1500, None);
     let parts = built(Shape::Terrain, 1500, Some(0.5));
     assert!(whole.roots().count() == 1 && parts.roots().count() > 1);
@@ -135,32 +155,35 @@ fn boxes_and_spheres_hold_what_is_drawn_whatever_is_upward() {
         let options = options(y_up, 2);
         let mut root = root(file, &options);
         let mut tiles = 0;
-        // The spheres of all tiles above, and their levels.
+        // The boxes of all tiles above.
         fn check(tile: &Value, above: &[Vec<f64>], visit: &mut impl FnMut(&Value, &[Vec<f64>])) {
-            let mut spheres = above.to_vec();
-            spheres.push(numbers(&tile["boundingVolume"]["sphere"]));
-            visit(tile, &spheres);
-            tile["children"].as_array().into_iter().flatten().for_each(|child| check(child, &spheres, visit));
+            let mut boxes = above.to_vec();
+            boxes.push(numbers(&tile["boundingVolume"]["box"]));
+            visit(tile, &boxes);
+            tile["children"].as_array().into_iter().flatten().for_each(|child| check(child, &boxes, visit));
         }
-        check(&root.take(), &[], &mut |tile, spheres| {
+        check(&root.take(), &[], &mut |tile, above| {
+            let own = corners(above.last().expect("its own"));
+            for volume in above {
+                for place in &own {
+                    assert!(shares(place, volume).iter().all(|share| *share <= 1.0 + 1e-9), "{volume:?}");
+                }
+            }
             let Some(which) = shown(file, tile) else { return };
             let (json, places) = placed(&glb(file, which, &options).0);
             assert!(json["meshes"][0].is_object() && !places.is_empty());
             let volume = numbers(&tile["content"]["boundingVolume"]["box"]);
             let mut reached = [0.0_f64; 3];
             for place in &places {
-                for sphere in spheres {
-                    let away = (0..3).map(|axis| (place[axis] - sphere[axis]).powi(2)).sum::<f64>().sqrt();
-                    assert!(away <= sphere[3] * (1.0 + 1e-6), "{y_up}, {which:?}: {place:?} and {sphere:?}");
+                for volume in above.iter().chain([&volume]) {
+                    let shares = shares(place, volume);
+                    assert!(
+                        shares.iter().all(|share| *share <= 1.0 + 1e-6),
+                        "{y_up}, {which:?}: {place:?} and {volume:?}"
+                    );
                 }
-                for (side, reached) in reached.iter_mut().enumerate() {
-                    let way = &volume[3 + 3 * side..][..3];
-                    let along = |v: &[f64]| v.iter().zip(way).map(|(x, y)| x * y).sum::<f64>();
-                    let offset: Vec<f64> = place.iter().zip(&volume).map(|(x, middle)| x - middle).collect();
-                    let share = (along(&offset) / along(way)).abs();
-                    assert!(share <= 1.0 + 1e-6, "{y_up}, {which:?}: {place:?} and {volume:?}");
-                    *reached = reached.max(share);
-                }
+                let shares = shares(place, &volume);
+                reached = [0, 1, 2].map(|side| reached[side].max(shares[side]));
             }
             // Nothing less would do for the finest mesh of a leaf.
             if which.1 == Mesh::Finest {
@@ -356,4 +379,73 @@ fn a_tile_of_nothing_is_never_packed() {
         Facts { generator: "test".to_owned(), placement, extras: Map::default(), scalars: Vec::new() };
     let of = |packed| content(&facts, Attributes::default(), &TriMesh::default(), packed).unwrap();
     assert_eq!(of(true), of(false));
+}
+
+/// Normals of a tile's vertices, by place.
+fn normals(glb: &[u8]) -> BTreeMap<[u32; 3], BTreeSet<[u32; 3]>> {
+    let len = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let json: Value = serde_json::from_slice(&glb[20..20 + len]).unwrap();
+    let count = json["accessors"][0]["count"].as_u64().unwrap() as usize;
+    assert_eq!(json["bufferViews"][0]["byteStride"], 24, "a place and a normal");
+    let vertices = bytemuck::pod_collect_to_vec::<u8, [[u32; 3]; 2]>(&glb[28 + len..][..24 * count]);
+    let mut all = BTreeMap::new();
+    for [place, normal] in vertices {
+        let length = normal.map(f32::from_bits).iter().map(|x| x * x).sum::<f32>();
+        assert!((length - 1.0).abs() < 1e-5, "{length}");
+        all.entry(place).or_insert_with(BTreeSet::new).insert(normal);
+    }
+    all
+}
+
+#[test]
+fn tiles_of_any_cut_have_the_same_normal_where_they_meet() {
+    let file = built(Shape::Isosurface, 3000, None);
+    let options = Options { normals: true, ..options(false, 8) };
+    let shared = SharedNormals::find(&file, |_| Ok::<_, ExportError>(())).unwrap();
+    let of = |cluster, mesh| normals(&tile(&file, cluster, mesh, &options, Some(&shared)).unwrap().0);
+    let is_shared = |cluster: ClusterId| -> BTreeSet<[u32; 3]> {
+        let page = file.page(cluster).unwrap();
+        let page = page.view();
+        let bits = |v: &usize| page.shared_bits[v / 8] >> (v % 8) & 1 == 1;
+        (0..page.vertex_count()).filter(bits).map(|v| page.positions[v].map(f32::to_bits)).collect()
+    };
+    let (mut met, mut levels) =
+        (BTreeMap::<[u32; 3], BTreeSet<[u32; 3]>>::new(), BTreeMap::<_, BTreeSet<_>>::new());
+    for cluster in (0..file.clusters().len() as u32).map(ClusterId) {
+        let border = is_shared(cluster);
+        for mesh in Mesh::of(&file, cluster) {
+            for (place, normals) in of(cluster, *mesh).into_iter().filter(|(place, _)| border.contains(place))
+            {
+                met.entry(place).or_default().extend(normals);
+                levels.entry(place).or_default().insert(file.clusters()[cluster.index()].level);
+            }
+        }
+    }
+    assert!(met.len() > 100 && met.values().all(|normals| normals.len() == 1), "one normal at each place");
+    assert!(levels.values().filter(|levels| levels.len() > 1).count() > 50, "on several levels");
+}
+
+#[test]
+fn normals_point_as_the_surface_does() {
+    let file = built(Shape::Sphere, 3000, None);
+    let options = Options { normals: true, ..options(false, 8) };
+    let shared = SharedNormals::find(&file, |_| Ok::<_, ExportError>(())).unwrap();
+    let middle: [f64; 3] = file.header().aabb().center().into();
+    for cluster in (0..file.clusters().len() as u32).map(ClusterId) {
+        for mesh in Mesh::of(&file, cluster) {
+            let (glb, _) = tile(&file, cluster, *mesh, &options, Some(&shared)).unwrap();
+            let is_leaf = file.clusters()[cluster.index()].is_leaf();
+            for (place, normals) in normals(&glb) {
+                let away: Vec<f64> =
+                    (0..3).map(|axis| f64::from(f32::from_bits(place[axis])) - middle[axis]).collect();
+                let length = away.iter().map(|x| x * x).sum::<f64>().sqrt();
+                for normal in normals {
+                    let along: f64 =
+                        (0..3).map(|axis| f64::from(f32::from_bits(normal[axis])) * away[axis]).sum();
+                    let least = if is_leaf && *mesh == Mesh::Finest { 0.97 } else { 0.5 };
+                    assert!(along / length > least, "{cluster:?} {mesh:?}: {}", along / length);
+                }
+            }
+        }
+    }
 }

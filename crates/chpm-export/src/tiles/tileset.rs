@@ -2,8 +2,8 @@
 
 use super::{Mesh, Options, Tree, subtree_path, tile_path};
 use crate::error::ExportError;
-use chpm_format::{Chpm, GroupRecord};
-use chpm_mesh::ClusterId;
+use chpm_format::Chpm;
+use chpm_mesh::{Aabb, ClusterId};
 use serde_json::{Value, json};
 
 /// One file of a tileset.
@@ -62,14 +62,9 @@ impl<D: AsRef<[u8]>> Writer<'_, D> {
             [root] => self.tile(root, ""),
             _ => {
                 let children: Vec<Value> = roots.iter().map(|root| self.tile(*root, "")).collect();
-                let center = header.aabb().center();
-                let groups = roots.iter().map(|root| self.group(*root));
-                let radius = groups.map(|group| {
-                    chpm_mesh::geom::to_f64(group.center).coords.metric_distance(&center.coords)
-                        + f64::from(group.radius)
-                });
-                let radius = radius.fold(0.0, f64::max);
-                json!({ "boundingVolume": self.sphere(center.into(), radius), "geometricError": NOTHING * size, "children": children })
+                let mut bounds = Aabb::EMPTY;
+                roots.iter().for_each(|root| bounds.merge(self.bounds(*root)));
+                json!({ "boundingVolume": self.volume(&bounds), "geometricError": NOTHING * size, "children": children })
             }
         };
 
@@ -119,25 +114,24 @@ impl<D: AsRef<[u8]>> Writer<'_, D> {
 
     /// Error and bounds that a viewer decides by: the same for all coarse clusters of a group.
     fn node(&self, cluster: ClusterId) -> Value {
-        let group = self.group(cluster);
         let error = self.tree.error(self.file.clusters()[cluster.index()].group());
-        let sphere = self.sphere(group.center.map(f64::from), group.radius.into());
-        json!({ "boundingVolume": sphere, "geometricError": f64::from(error) })
+        json!({ "boundingVolume": self.volume(self.bounds(cluster)), "geometricError": f64::from(error) })
     }
 
-    fn group(&self, cluster: ClusterId) -> &GroupRecord {
-        &self.file.groups()[self.file.clusters()[cluster.index()].group().index()]
+    fn bounds(&self, cluster: ClusterId) -> &Aabb {
+        self.tree.bounds(self.file.clusters()[cluster.index()].group())
     }
 
-    fn sphere(&self, center: [f64; 3], radius: f64) -> Value {
-        let [x, y, z] = self.options.upright(center);
-        json!({ "sphere": [x, y, z, radius] })
-    }
-
-    /// A mesh, and the box around it, which culls better than the sphere of its group.
+    /// A mesh, and the box around it, which culls better than that of its group.
     fn content(&self, cluster: ClusterId, mesh: Mesh, up: &str) -> Value {
         let record = &self.file.clusters()[cluster.index()];
-        let [low, high] = [record.aabb_min, record.aabb_max].map(|corner| corner.map(f64::from));
+        let volume = self.volume(&Aabb { min: record.aabb_min, max: record.aabb_max });
+        json!({ "uri": format!("{up}{}", tile_path(cluster, mesh)), "boundingVolume": volume })
+    }
+
+    /// A box as its middle and half of each axis.
+    fn volume(&self, bounds: &Aabb) -> Value {
+        let [low, high] = [bounds.min, bounds.max].map(|corner| corner.map(f64::from));
         let half: [f64; 3] = std::array::from_fn(|axis| (high[axis] - low[axis]) / 2.0);
         // Some viewers divide by the length of an axis.
         let least = half.iter().fold(0.0, |most: f64, x| most.max(*x)) * 1e-6 + f64::from(f32::MIN_POSITIVE);
@@ -147,7 +141,7 @@ impl<D: AsRef<[u8]>> Writer<'_, D> {
             way[axis] = half[axis].max(least);
             numbers.extend(self.options.upright(way).map(|x| x + 0.0));
         }
-        json!({ "uri": format!("{up}{}", tile_path(cluster, mesh)), "boundingVolume": { "box": numbers } })
+        json!({ "box": numbers })
     }
 
     /// From the frame of the tiles to the world, column by column: the origin, and then what was asked for.

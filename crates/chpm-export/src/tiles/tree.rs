@@ -4,7 +4,7 @@
 use super::Mesh;
 use crate::error::ExportError;
 use chpm_format::{Chpm, FormatError};
-use chpm_mesh::{ClusterId, GroupId, Places};
+use chpm_mesh::{Aabb, ClusterId, GroupId, Places};
 use rayon::prelude::*;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -14,6 +14,8 @@ pub struct Tree {
     parents: Vec<u32>,
     /// By group: at least its largest error, and more than any group below has.
     errors: Vec<f32>,
+    /// By group: the box around its clusters and all that is below.
+    boxes: Vec<Aabb>,
 }
 
 impl Tree {
@@ -37,13 +39,19 @@ impl Tree {
                 parents[*cluster as usize] = *parent;
             }
         }
-        Ok(Tree { parents, errors: falling(file) })
+        let upward = upward(file);
+        Ok(Tree { parents, errors: falling(file, &upward), boxes: nested(file, &upward) })
     }
 
     /// The error that a viewer decides by. It falls from tile to tile, by a last bit at least: viewers take a tile whose error is no less than its
     /// parent's for one that is never to be drawn itself.
     pub fn error(&self, group: GroupId) -> f32 {
         self.errors[group.index()]
+    }
+
+    /// The box around a group and all that is below, the same for all of its coarse clusters.
+    pub fn bounds(&self, group: GroupId) -> &Aabb {
+        &self.boxes[group.index()]
     }
 
     /// The parts of a coarse cluster, ascending.
@@ -59,18 +67,41 @@ impl Tree {
     }
 }
 
-/// Errors of groups that fall strictly, down to the 0 of the finest meshes.
-fn falling<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<f32> {
-    let mut errors: Vec<f32> = file.groups().iter().map(|group| group.max_error).collect();
-    let mut upward: Vec<GroupId> = (0..errors.len() as u32).map(GroupId).collect();
+/// Groups, each after those below.
+fn upward<D: AsRef<[u8]>>(file: &Chpm<D>) -> Vec<GroupId> {
+    let mut upward: Vec<GroupId> = (0..file.groups().len() as u32).map(GroupId).collect();
     upward.sort_by_key(|group| file.groups()[group.index()].level);
+    upward
+}
+
+/// The groups in which the fine clusters of a group are coarse.
+fn below<D: AsRef<[u8]>>(file: &Chpm<D>, group: GroupId) -> impl Iterator<Item = usize> {
+    file.fine(group).iter().map(|fine| file.clusters()[*fine as usize].group().index())
+}
+
+/// Errors of groups that fall strictly, down to the 0 of the finest meshes.
+fn falling<D: AsRef<[u8]>>(file: &Chpm<D>, upward: &[GroupId]) -> Vec<f32> {
+    let mut errors: Vec<f32> = file.groups().iter().map(|group| group.max_error).collect();
     for group in upward {
-        let below =
-            file.fine(group).iter().map(|fine| errors[file.clusters()[*fine as usize].group().index()]);
-        let below = below.fold(0.0, f32::max);
-        errors[group.index()] = errors[group.index()].max(below.next_up());
+        let largest = below(file, *group).map(|group| errors[group]).fold(0.0, f32::max);
+        errors[group.index()] = errors[group.index()].max(largest.next_up());
     }
     errors
+}
+
+/// Boxes of groups, each in those above.
+fn nested<D: AsRef<[u8]>>(file: &Chpm<D>, upward: &[GroupId]) -> Vec<Aabb> {
+    let mut boxes = vec![Aabb::EMPTY; upward.len()];
+    for group in upward {
+        let own = file.coarse(*group).iter().map(|coarse| {
+            let record = &file.clusters()[*coarse as usize];
+            Aabb { min: record.aabb_min, max: record.aabb_max }
+        });
+        let mut bounds = Aabb::EMPTY;
+        own.chain(below(file, *group).map(|group| boxes[group])).for_each(|part| bounds.merge(&part));
+        boxes[group.index()] = bounds;
+    }
+    boxes
 }
 
 /// Search for parents within a group.
