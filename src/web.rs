@@ -36,7 +36,7 @@ pub(crate) const FILES: &[WebFile] = web_files! {
     "text/css; charset=utf-8": "view/style.css";
     "text/javascript; charset=utf-8":
         "view/colors.js", "view/facing.js", "view/main.js", "view/model.js", "view/orbit.js", "view/renderer.js",
-        "chpm/index.js", "chpm/file.js", "chpm/mesh.js", "chpm/packed.js", "chpm/page.js", "chpm/records.js", "chpm/select.js",
+        "chpm/index.js", "chpm/file.js", "chpm/frustum.js", "chpm/mesh.js", "chpm/packed.js", "chpm/page.js", "chpm/records.js", "chpm/select.js",
         "chpm/source.js", "chpm/three.js", "chpm/xxh3.js", "chpm/zstd.js";
 };
 

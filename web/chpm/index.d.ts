@@ -156,8 +156,11 @@ export function uniform(error: number): Rule;
 export function distance(most: number): Rule;
 /** The clusters of a level at their finest; 0 is the source. */
 export function level(number: number): Rule;
-/** At most `pixels` of error in an image of `height` rows; `eye` in the model's coordinates, less `origin`; `fov` in degrees, vertical. */
-export function camera(view: { eye: number[]; fov: number; near?: number; height: number; pixels: number; origin?: number[] }): Rule;
+/**
+ * At most `pixels` of error in an image of `height` rows; `eye` in the model's coordinates, less `origin`; `fov` in degrees, vertical. Beyond one of
+ * the `planes` (inner normal of length 1, offset; for points relative to the eye) any error is allowed.
+ */
+export function camera(view: { eye: number[]; fov: number; near?: number; height: number; pixels: number; origin?: number[]; planes?: number[][] }): Rule;
 
 /** The cut that a rule gives; tables are fetched as far as it goes. */
 export function select(file: ChpmFile, rule: Rule, options?: { signal?: AbortSignal }): Promise<Member[]>;

@@ -1,5 +1,6 @@
 // Which clusters are drawn, and how finely: the selection of the file format. Any cut that it gives has no cracks.
 
+import { missesGroup } from "./frustum.js";
 import { NONE, expect } from "./records.js";
 
 /**
@@ -46,13 +47,16 @@ export function level(number) {
 
 /**
  * At most `pixels` of error in an image of `height` rows.
- * @param {{ eye: number[], fov: number, near?: number, height: number, pixels: number, origin?: number[] }} view `eye` in the model's
- *   coordinates, or relative to `origin` if that is given; `fov` is the vertical angle in degrees
+ * @param {{ eye: number[], fov: number, near?: number, height: number, pixels: number, origin?: number[], planes?: number[][] }} view `eye` in the
+ *   model's coordinates, or relative to `origin` if that is given; `fov` is the vertical angle in degrees. Beyond one of the `planes` (inner normal of
+ *   length 1, offset; for points relative to the eye) any error is allowed
  */
-export function camera({ eye, fov, near = 0, height, pixels, origin = [0, 0, 0] }) {
+export function camera({ eye, fov, near = 0, height, pixels, origin = [0, 0, 0], planes = [] }) {
   const at = eye.map((x, axis) => x - origin[axis]);
   const scale = pixels * ((2 * Math.tan((fov * Math.PI) / 360)) / height);
-  const bound = ({ sphere: { center, radius } }) => {
+  const bound = (group) => {
+    if (missesGroup(planes, at, group)) return Infinity;
+    const { center, radius } = group.sphere;
     const away = Math.hypot(center[0] - at[0], center[1] - at[1], center[2] - at[2]);
     // What rounding may have added to the distance is taken off.
     const reach = away - radius - 1e-14 * (away + radius);

@@ -20,11 +20,14 @@ const { page } = await newPage(browser);
 await page.goto(`${host.url}/view.html?file=${encodeURIComponent(path.basename(file))}`);
 await rest(page);
 const next = random(11);
+// What it covers is not in the image.
+await page.evaluate(() => (document.getElementById("panel").open = false));
 for (let i = 0; i < 20; i++) {
-  const camera = { turn: 6 * next(), rise: 3 * next() - 1.5, away: 0.2 + 12 * next(), pixels: String(7 * next() - 2) };
-  await page.evaluate(({ turn, rise, away, pixels }) => {
-    const { orbit } = chpmView;
-    Object.assign(orbit, { turn, rise, distance: away * orbit.size });
+  const camera = { turn: 6 * next(), rise: 3 * next() - 1.5, away: 0.2 + 12 * next(), pixels: String(7 * next() - 2), aside: [0, 0, 0].map(() => 2 * next() - 1) };
+  await page.evaluate(({ turn, rise, away, pixels, aside }) => {
+    const { orbit, model } = chpmView;
+    const target = model.center.map((x, axis) => x + aside[axis] * orbit.size);
+    Object.assign(orbit, { framed: null, turn, rise, target, distance: away * orbit.size });
     document.getElementById("pixels").value = pixels;
     document.getElementById("budget").value = document.getElementById("budget").max;
     orbit.onChange();
@@ -36,10 +39,14 @@ for (let i = 0; i < 20; i++) {
       status,
       message,
       eye: orbit.eye(),
+      target: orbit.target,
+      up: orbit.axes()[1],
       near: orbit.range()[0],
       fov: orbit.fov,
+      width: model.renderer.canvas.clientWidth,
       height: model.renderer.canvas.clientHeight,
       pixels: 2 ** Number(document.getElementById("pixels").value) * drawn.relaxed,
+      clusters: drawn.clusters,
       triangles: drawn.triangles,
       // What JSON has no number for is that of a base mesh.
       cut: drawn.cut.map(({ cluster, bound }) => [cluster, bound === Infinity ? null : bound]),

@@ -22,7 +22,7 @@ test("a camera allows no more than its pixels at any point of a sphere", () => {
     const [radius, pixels] = [8 * next(), 0.1 + 4 * next()];
     const world = eye.map((x, axis) => x + origin[axis]);
     const rule = camera({ eye: world, fov: 60, height: 1000, pixels, origin });
-    const bound = rule.bound({ sphere: { center, radius } });
+    const bound = rule.bound({ sphere: { center, radius }, level: 0 });
     const nearest = Math.max(apart(eye, center) - radius, 0);
     const allowed = pixels * PIXEL * nearest;
     assert.ok(bound <= allowed * (1 + 1e-9), `${bound} at ${nearest}`);
@@ -31,15 +31,40 @@ test("a camera allows no more than its pixels at any point of a sphere", () => {
     near += nearest === 0 ? 1 : 0;
     // What is in the sphere is refined, unless it is as fine as can be told.
     if (nearest === 0) assert.equal(bound, 0);
-    assert.equal(rule.wants({ sphere: { center, radius }, minError: bound }), false);
-    assert.equal(rule.wants({ sphere: { center, radius }, minError: bound + 1e-6 }), true);
+    assert.equal(rule.wants({ sphere: { center, radius }, level: 0, minError: bound }), false);
+    assert.equal(rule.wants({ sphere: { center, radius }, level: 0, minError: bound + 1e-6 }), true);
   }
   assert.ok(near > 20 && near < 400, `${near}`);
 });
 
+test("beyond the sides of the image any error is allowed, below wherever it is above", () => {
+  const next = random(5);
+  const eye = [3, -2, 1];
+  const planes = [[0.6, 0, -0.8, 0], [-0.6, 0, -0.8, 0], [0, 0.6, -0.8, 0], [0, -0.6, -0.8, 0], [0, 0, -1, -0.1]];
+  const rule = camera({ eye, fov: 60, near: 0.1, height: 1000, pixels: 1, planes });
+  const [seen, missed] = [[3, -2, -9], [3, -2, 9]].map((center) => rule.bound({ sphere: { center, radius: 1 }, level: 0 }));
+  assert.ok(seen < 1 && missed === Infinity, `${seen} ${missed}`);
+  // Spheres that touch a side from beyond or nearly do, and others in them that touch it at the same point.
+  let outside = 0;
+  for (let i = 0; i < 5000; i++) {
+    const plane = planes[i % 4];
+    const along = [next() - 0.5, next() - 0.5, -next()];
+    const depth = plane[0] * along[0] + plane[1] * along[1] + plane[2] * along[2];
+    const at = along.map((x, axis) => eye[axis] + 1e3 * (x - depth * plane[axis]));
+    const inward = (radius) => at.map((x, axis) => x - (radius + 4e-12 * (next() - 0.2)) * plane[axis]);
+    const center = inward(1);
+    const inner = inward(0.25);
+    const radius = Math.hypot(...inner.map((x, axis) => x - center[axis])) + 0.25;
+    const [above, below] = [{ sphere: { center, radius }, level: 1 }, { sphere: { center: inner, radius: 0.25 }, level: 0 }].map(rule.bound);
+    assert.ok(below >= above, `${below} below ${above}`);
+    outside += above === Infinity ? 1 : 0;
+  }
+  assert.ok(outside > 500 && outside < 4900, `${outside}`);
+});
+
 test("what lies before the near plane counts as at it", () => {
   const rule = camera({ eye: [0, 0, 0], fov: 60, near: 0.5, height: 1000, pixels: 1 });
-  assert.ok(Math.abs(rule.bound({ sphere: { center: [0.1, 0, 0], radius: 1 } }) - 0.5 * PIXEL) < 1e-9);
+  assert.ok(Math.abs(rule.bound({ sphere: { center: [0.1, 0, 0], radius: 1 }, level: 0 }) - 0.5 * PIXEL) < 1e-9);
 });
 
 /**

@@ -1,6 +1,7 @@
 // An open model: what of it is drawn for a camera, and what is fetched next.
 
 import { camera as cameraRule, open, selectFromMemory } from "../chpm/index.js";
+import { missesCluster } from "../chpm/frustum.js";
 import { Borders } from "./facing.js";
 
 /** Batches of splits that are under way at once, and clusters that the splits of one bring, about. */
@@ -73,14 +74,16 @@ export class Model {
    */
   draw(orbit, { pixels, budget, colorOf, shading }) {
     const { file, renderer } = this;
-    const height = renderer.canvas.clientHeight;
-    const eye = orbit.eye().map((x, axis) => x / this.place.stretch[axis]);
-    const view = (pixels) => cameraRule({ eye, fov: orbit.fov, near: orbit.range()[0], height, pixels });
+    const { clientWidth: width, clientHeight: height } = renderer.canvas;
+    const { stretch } = this.place;
+    const eye = orbit.eye().map((x, axis) => x / stretch[axis]);
+    const planes = orbit.planes(Math.max(width, 1) / Math.max(height, 1), stretch);
     // Errors know nothing of a stretch, and say little of such a picture: it is nearly as fine as the file.
-    const fine = this.place.stretch.every((factor) => factor === 1) ? 1 : 1e-6;
-    const rule = view(pixels * fine * this.relaxed);
+    const fine = stretch.every((factor) => factor === 1) ? 1 : 1e-6;
+    const rule = cameraRule({ eye, fov: orbit.fov, near: orbit.range()[0], height, pixels: pixels * fine * this.relaxed, planes });
     const { cut, waiting } = selectFromMemory(file, this.roots, rule, (id) => renderer.has(id));
-    const drawn = renderer.draw(cut, orbit, this.place, colorOf, shading === "flat" ? null : this.borders);
+    const seen = cut.filter(({ cluster }) => !missesCluster(planes, eye, file.cluster(cluster)));
+    const drawn = renderer.draw(seen, orbit, this.place, colorOf, shading === "flat" ? null : this.borders);
 
     // Where a view asks for more triangles than are allowed, all of it gets coarser until it fits.
     const before = this.relaxed;
@@ -101,7 +104,7 @@ export class Model {
       this.#fetch(batch);
     }
     renderer.shrink(GPU_BYTES, this.kept);
-    return { ...drawn, clusters: cut.length, cut, settled: wanted.length === 0 && !settling, relaxed: this.relaxed, settling };
+    return { ...drawn, clusters: seen.length, cut, settled: wanted.length === 0 && !settling, relaxed: this.relaxed, settling };
   }
 
   #urgency(group, rule) {

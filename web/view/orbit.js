@@ -100,10 +100,30 @@ export class Orbit {
     ];
     rows[2][3] += (2 * far * near) / (near - far);
     // What is looked at is in the middle of what is left of the image.
-    const aside = this.covered() / Math.max(this.canvas.clientWidth, 1);
+    const aside = this.#aside();
     rows[0].forEach((x, column) => (rows[0][column] = x + aside * rows[3][column]));
     rows.forEach((row) => (row[3] /= scale));
     return new Float32Array([0, 1, 2, 3].flatMap((column) => rows.map((row) => row[column])));
+  }
+
+  /** The sides of the image and the near plane, as `frustum.js` takes them, for a model that is stretched. */
+  planes(aspect, stretch) {
+    const [right, up, back] = this.axes();
+    const rise = Math.tan((this.fov * Math.PI) / 360);
+    const run = rise * aspect;
+    const aside = this.#aside();
+    const side = (across, slope) => added(across, scaled(back, -slope));
+    const sides = [side(right, run * (1 + aside)), side(scaled(right, -1), run * (1 - aside)), side(up, rise), side(scaled(up, -1), rise), scaled(back, -1)];
+    return sides.map((normal, i) => {
+      const inner = normal.map((x, axis) => x * stretch[axis]);
+      const length = Math.hypot(...inner);
+      return [...scaled(inner, 1 / length), i < 4 ? 0 : -this.range()[0] / length];
+    });
+  }
+
+  /** By how much what is looked at is to the right of the middle, in halves of the image. */
+  #aside() {
+    return this.covered() / Math.max(this.canvas.clientWidth, 1);
   }
 
   #turn(dx, dy) {
