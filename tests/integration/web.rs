@@ -4,7 +4,7 @@ use super::harness::{CHPM, Folder, skipped};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::GroupId;
-use chpm_refine::{Camera, Hierarchy, Region, View, select_by};
+use chpm_refine::{Camera, Cut, Hierarchy, Region, View, is_visible, select_by};
 use chpm_synth::{Shape, Synth};
 use serde_json::Value;
 use std::fs;
@@ -381,18 +381,19 @@ fn the_page_draws_what_the_library_selects() {
         .map(|line| serde_json::from_str(line).expect("JSON"))
         .collect();
     assert_eq!(lines.len(), 20);
-    let mut sizes = Vec::new();
+    let (mut sizes, mut culled) = (Vec::new(), 0);
     for drawn in lines {
         assert_eq!(drawn["status"], "settled", "{}", drawn["message"]);
         let number = |key: &str| drawn[key].as_f64().expect(key);
-        let eye: [f64; 3] = serde_json::from_value(drawn["eye"].clone()).expect("an eye");
+        let point = |key: &str| -> [f64; 3] { serde_json::from_value(drawn[key].clone()).expect(key) };
         let camera = Camera {
             fov: number("fov"),
             near: number("near"),
-            ..Camera::looking(eye, file.header().aabb().center().into())
+            up: point("up"),
+            ..Camera::looking(point("eye"), point("target"))
         };
-        let height = number("height") as u32;
-        let view = View::new(&camera, [height, height], number("pixels")).expect("a view");
+        let viewport = ["width", "height"].map(|key| number(key) as u32);
+        let view = View::new(&camera, viewport, number("pixels")).expect("a view").with_culling(true);
         let bound = |group: GroupId| {
             let record = &file.groups()[group.index()];
             view.bound(&Region::sphere(record.center.map(f64::from), record.radius.into()))
@@ -408,8 +409,15 @@ fn the_page_draws_what_the_library_selects() {
         let mut got: Vec<(u32, u32)> = got.into_iter().map(position).collect();
         got.sort_unstable();
         assert_eq!(got, expected, "{camera:?}");
-        assert_eq!(number("triangles") as u64, selected.triangle_count(&file).expect("a count"));
+        let seen = selected.members().iter().copied();
+        let seen = Cut::new(
+            seen.filter(|member| is_visible(&file.clusters()[member.cluster.index()], &view)).collect(),
+        );
+        assert_eq!(number("clusters") as usize, seen.members().len(), "{camera:?}");
+        assert_eq!(number("triangles") as u64, seen.triangle_count(&file).expect("a count"));
+        culled += usize::from(seen.members().len() < got.len());
         sizes.push(got.len());
     }
+    assert!(culled > 5, "{culled}");
     assert!(sizes.iter().max() > Some(&20) && sizes.iter().min() < Some(&5), "{sizes:?}");
 }

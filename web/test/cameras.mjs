@@ -23,7 +23,7 @@ const next = random(11);
 // What it covers is not in the image.
 await page.evaluate(() => (document.getElementById("panel").open = false));
 for (let i = 0; i < 20; i++) {
-  const camera = { turn: 6 * next(), rise: 3 * next() - 1.5, away: 0.2 + 12 * next(), pixels: String(7 * next() - 2), aside: [0, 0, 0].map(() => 2 * next() - 1) };
+  const camera = { turn: 6 * next(), rise: 3 * next() - 1.5, away: 0.2 + 40 * next() ** 4, pixels: String(7 * next() - 2), aside: [0, 0, 0].map(() => 2 * next() - 1) };
   await page.evaluate(({ turn, rise, away, pixels, aside }) => {
     const { orbit, model } = chpmView;
     const target = model.center.map((x, axis) => x + aside[axis] * orbit.size);

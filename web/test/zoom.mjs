@@ -1,41 +1,40 @@
+// node zoom.mjs FILE.chpm X,Y,Z
+//
+// Nears a point in steps, each in a page of its own that goes there at once, without culling and with it: triangles drawn, MiB of the model
+// fetched, requests, and the eye.
+
+import path from "node:path";
+import { fileURLToPath } from "node:url";
 import { launch, newPage, rest } from "./browser.mjs";
 import { serve } from "./server.mjs";
-import path from "node:path";
-const web = path.resolve(new URL("..", import.meta.url).pathname);
+
 const file = path.resolve(process.argv[2]);
-const host = await serve([web, path.dirname(file)]);
+const target = process.argv[3].split(",").map(Number);
+const host = await serve([fileURLToPath(new URL("..", import.meta.url)), path.dirname(file)]);
 const browser = await launch();
-for (const culled of [false, true]) {
-  const { page, said } = await newPage(browser);
-  await page.setViewportSize({ width: 1920, height: 1080 });
-  host.state.requests.length = 0;
-  await page.goto(`${host.url}/view.html?file=${path.basename(file)}&up=z`);
-  await page.evaluate((culled) => { document.getElementById("panel").open = false; document.getElementById("budget").value = 7.5; if (!culled) chpmView.orbit.planes = () => []; }, culled);
-  await rest(page);
-  for (let k = 0; k < 7; k++) {
-    const told = await page.evaluate((k) => {
-      const { orbit, model } = chpmView;
-      if (k === 0) {
-        const eye = orbit.eye();
-        let best = null;
-        for (const { cluster } of chpmView.drawn.cut) {
-          const { center } = model.file.cluster(cluster).sphere;
-          const d = Math.hypot(...center.map((x, i) => x - eye[i]));
-          if (!best || d < best[0]) best = [d, center];
-        }
-        orbit.framed = null;
-        orbit.target = best[1];
-      }
-      orbit.distance = orbit.size * 2 * 0.5 ** k;
+for (const step of [0, 2, 4, 6]) {
+  for (const isCulled of [false, true]) {
+    const { page } = await newPage(browser);
+    await page.setViewportSize({ width: 1920, height: 1080 });
+    host.state.requests.length = 0;
+    await page.goto(`${host.url}/view.html?file=${encodeURIComponent(path.basename(file))}&up=z`);
+    await page.waitForFunction(() => chpmView.model?.isReady);
+    const eye = await page.evaluate(({ target, isCulled, step }) => {
+      const { orbit } = chpmView;
+      document.getElementById("panel").open = false;
+      document.getElementById("budget").value = 7.5;
+      if (!isCulled) orbit.planes = () => [];
+      Object.assign(orbit, { framed: null, target, distance: 2 * orbit.size * 0.5 ** step });
       orbit.onChange();
-      return { eye: orbit.eye(), target: orbit.target };
-    }, k);
-    await new Promise((r) => setTimeout(r, 100));
+      return orbit.eye();
+    }, { target, isCulled, step });
+    await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
     await rest(page);
-    const drawn = await page.evaluate(() => ({ t: chpmView.drawn.triangles, c: chpmView.drawn.clusters, r: chpmView.drawn.relaxed, f: chpmView.model.source.statistics.bytes }));
+    const triangles = await page.evaluate(() => chpmView.drawn.triangles);
     const bytes = host.state.requests.reduce((sum, { length }) => sum + length, 0);
-    console.log(culled, k, drawn.t, drawn.c, drawn.r, (bytes / 2 ** 20).toFixed(1), host.state.requests.length, told.eye.map((x) => x.toFixed(3)).join(","), told.target.map((x) => x.toFixed(3)).join(","));
+    console.log([step, isCulled ? "culled" : "whole", triangles, (bytes / 2 ** 20).toFixed(1), host.state.requests.length, eye].join(" "));
+    await page.close();
   }
-  console.log(said);
 }
-await browser.close(); host.close();
+await browser.close();
+host.close();
