@@ -117,14 +117,19 @@ impl Georeference {
     }
 }
 
-/// Longitude and latitude in degrees and height above the ellipsoid of earth-centred coordinates (Bowring's formula, whose error is far below a metre from
-/// the ground to satellites).
+/// Longitude and latitude in degrees and height above the ellipsoid of earth-centred coordinates, by Bowring's formula; repeated, since its error grows with
+/// the height.
 fn geodetic([x, y, z]: [f64; 3]) -> [f64; 3] {
     let flat = (1.0 - ECCENTRICITY).sqrt();
     let level = x.hypot(y);
-    let (s, c) = (z / flat).atan2(level).sin_cos();
-    let rise = z + ECCENTRICITY / flat * EQUATOR * s.powi(3);
-    let latitude = rise.atan2(level - ECCENTRICITY * EQUATOR * c.powi(3));
+    let mut reduced = (z / flat).atan2(level);
+    let mut latitude = 0.0_f64;
+    for _ in 0..3 {
+        let (s, c) = reduced.sin_cos();
+        let rise = z + ECCENTRICITY / flat * EQUATOR * s.powi(3);
+        latitude = rise.atan2(level - ECCENTRICITY * EQUATOR * c.powi(3));
+        reduced = (flat * latitude.sin()).atan2(latitude.cos());
+    }
     let (s, c) = latitude.sin_cos();
     let height = level * c + z * s - EQUATOR * (1.0 - ECCENTRICITY * s * s).sqrt();
     [y.atan2(x).to_degrees(), latitude.to_degrees(), height]

@@ -14,7 +14,7 @@ pub(crate) struct Upright {
 }
 
 impl Upright {
-    /// What is told; else y where the source is a glTF, which has it so, else the direction in which a file's model stands best, as in pictures.
+    /// The direction that is told; else y where the source is a glTF, which has it so, else the direction in which a file's model stands best, as in pictures.
     pub(crate) fn of(file: &Chpm<MappedFile>, told: Option<Up>) -> Result<Self> {
         if let Some(up) = told {
             return Ok(Upright { up, why: String::new() });
@@ -31,7 +31,7 @@ impl Upright {
         Ok(Upright { up: stance.up(), why })
     }
 
-    /// What makes y point up.
+    /// The turn that makes y point up.
     pub(crate) fn turn(&self) -> Turn {
         Turn::to_y(self.up.axis(), self.up.is_negative())
     }

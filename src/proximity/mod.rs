@@ -74,7 +74,7 @@ impl Opened {
         self.file.header().aabb().diagonal()
     }
 
-    /// What it is, for programs.
+    /// Its name for programs.
     pub(crate) fn json(&self) -> near::Model {
         near::Model {
             path: named(&self.path),
