@@ -12,7 +12,7 @@ const MESHOPT: &str = "EXT_meshopt_compression";
 /// Where a mesh stands: at its positions and what they are relative to, turned so that y is up.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Placement {
-    /// What positions are relative to, before the turn.
+    /// The point that positions are relative to, before the turn.
     pub origin: [f64; 3],
     /// The turn that makes y point up.
     pub turn: Turn,

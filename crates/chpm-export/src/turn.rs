@@ -10,7 +10,7 @@ impl Turn {
     /// Nothing is turned.
     pub const NONE: Turn = Turn([(0, false), (1, false), (2, false)]);
 
-    /// What makes an axis (0 to 2), or its negative end, point along y.
+    /// The turn that makes an axis (0 to 2), or its negative end, point along y.
     pub const fn to_y(axis: usize, is_negative: bool) -> Turn {
         let sign = is_negative;
         match axis {

@@ -29,7 +29,7 @@ use chpm_mesh::ClusterId;
 pub struct Options {
     /// The program that writes them.
     pub generator: String,
-    /// What makes the model's y axis point up.
+    /// The turn that makes the model's y axis point up.
     pub turn: Turn,
     /// Whether tiles get normals where the file has none.
     pub normals: bool,

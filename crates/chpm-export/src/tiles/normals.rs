@@ -76,7 +76,7 @@ fn shared<'a>(page: &Page<'a>) -> impl Iterator<Item = (usize, u32)> + 'a {
     locals.zip(page.shared_ids.iter().copied())
 }
 
-/// What a leaf's triangles add to the normals of its shared vertices.
+/// Shares of a leaf's triangles in the normals of its shared vertices.
 fn of_leaf<D: AsRef<[u8]>>(
     file: &Chpm<D>,
     leaf: ClusterId,
