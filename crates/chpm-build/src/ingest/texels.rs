@@ -120,8 +120,8 @@ mod tests {
     #[test]
     fn tints_multiply_light() {
         assert_eq!(tinted([255, 128, 7, 255], [9, 255, 255, 255]), [9, 128, 7, 255]);
-        // Half the light is 188 of 255, and a quarter of it 137.
-        assert_eq!(tinted([188, 0, 188, 128], [188, 90, 0, 128]), [137, 0, 0, 64]);
+        // 188 of 255 are 0.503 of the light, and the square of that is 138.
+        assert_eq!(tinted([188, 0, 188, 128], [188, 90, 0, 128]), [138, 0, 0, 64]);
         for byte in 0..=255 {
             assert_eq!(encoded(light(byte)), byte);
         }
