@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Crates of this workspace that each may depend on; tests may use more.
-const EDGES: [(&str, &[&str]); 19] = [
+const EDGES: [(&str, &[&str]); 21] = [
     ("chpm-mesh", &[]),
     ("chpm-extmem", &[]),
     ("chpm-image", &[]),
@@ -21,8 +21,10 @@ const EDGES: [(&str, &[&str]); 19] = [
     ("chpm-reduce", &["chpm-mesh", "chpm-measure", "chpm-qem"]),
     ("chpm-export", &["chpm-mesh", "chpm-format"]),
     ("chpm-refine", &["chpm-mesh", "chpm-format"]),
-    ("chpm-proximity", &["chpm-mesh", "chpm-format", "chpm-refine"]),
+    ("chpm-space", &["chpm-mesh", "chpm-format", "chpm-refine"]),
+    ("chpm-proximity", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-space"]),
     ("chpm-section", &["chpm-mesh", "chpm-format", "chpm-refine"]),
+    ("chpm-rays", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-space"]),
     (
         "chpm-build",
         &[

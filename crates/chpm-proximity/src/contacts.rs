@@ -1,12 +1,12 @@
 //! Everywhere that two models come near, by regions: nothing that is within a distance is missed, and nothing much beyond it is told.
 
 use crate::error::ProximityError;
-use crate::model::{Model, Reads};
-use crate::patch::Patch;
-use crate::pose::{Between, Pose};
+use crate::patch::Search;
+use crate::pose::{Between, Frame, Pose};
 use crate::search::{ClosestPoints, closest_points_of, since};
-use crate::triangle::{self, Corners};
+use crate::triangle;
 use chpm_mesh::{ClusterId, GroupId};
+use chpm_space::{Corners, Model, Patch, Reads};
 use nalgebra::Vector3;
 use rayon::ThreadPool;
 use rayon::prelude::*;
@@ -87,7 +87,7 @@ pub fn contacts<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync>(
         }
     }
 
-    let between = Between::new(&a.frame(poses[0]), &b.frame(poses[1]));
+    let between = Between::new(&Frame::of(a, poses[0]), &Frame::of(b, poses[1]));
     let before = [a.reads(), b.reads()];
     let mut search = ContactSearch {
         between,

@@ -2,12 +2,14 @@
 
 use crate::cross;
 use crate::error::ProximityError;
-use crate::model::Model;
-use crate::pose::{Between, Pose};
+use crate::patch::Search;
+use crate::pose::{Between, Frame, Pose};
 use chpm_mesh::{Aabb, ClusterId};
+use chpm_space::{Model, Patch};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Two triangles of the source that have a point in common and no vertex: their clusters, their places there and their corners.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -45,7 +47,7 @@ pub fn crossings<D: AsRef<[u8]> + Sync, X: From<ProximityError>>(
         .map(|(id, record)| (record.aabb(), id))
         .collect();
     leaves.sort_by(|a, b| a.0.min[0].total_cmp(&b.0.min[0]).then(a.1.cmp(&b.1)));
-    let frame = model.frame(&Pose::IDENTITY);
+    let frame = Frame::of(model, &Pose::IDENTITY);
     let finder = Finder { model, pool, still: Between::new(&frame, &frame) };
     let upper = EACH * pool.current_num_threads();
     let mut jobs = Vec::new();
@@ -115,12 +117,16 @@ impl<D: AsRef<[u8]> + Sync> Finder<'_, '_, D> {
         }
     }
 
+    fn patch(&self, cluster: ClusterId) -> Result<Arc<Patch>, ProximityError> {
+        Ok(self.model.patch(cluster)?)
+    }
+
     fn each<X: From<ProximityError>>(
         &self,
         [x, y]: [ClusterId; 2],
         found: &mut dyn FnMut(&Crossing) -> Result<(), X>,
     ) -> Result<(), X> {
-        let (p, q) = (self.model.patch(x)?, self.model.patch(y)?);
+        let (p, q) = (self.patch(x)?, self.patch(y)?);
         let end = p.pairs_within(&q, &self.still, self.still.margin, &mut |i, j| {
             let is_one = x == y;
             if (is_one && i >= j)

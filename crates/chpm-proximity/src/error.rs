@@ -9,16 +9,6 @@ pub enum ProximityError {
     /// A page that is needed is damaged.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// Nothing is known of how far the model's coarse meshes are from its source.
-    #[error(
-        "{expected} expected, got {got}: nothing can be proven with it; build the file again with this version of chpm"
-    )]
-    Unproven {
-        /// Expected form.
-        expected: &'static str,
-        /// Found form.
-        got: &'static str,
-    },
     /// A motion that changes distances, or is none.
     #[error("pose: {expected} expected, got {got}; scale the model before it is built, not in the pose")]
     Pose {

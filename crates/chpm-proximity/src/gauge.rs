@@ -1,12 +1,11 @@
 //! How far points are from a model, each within a tolerance.
 
-use crate::boxes::Block;
 use crate::error::ProximityError;
-use crate::model::Model;
-use crate::patch::{Patch, Spot};
-use crate::pose::{Between, Pose};
+use crate::patch::{Search, Spot};
+use crate::pose::{Between, Frame, Pose};
 use chpm_mesh::curve::morton;
 use chpm_mesh::{ClusterId, GroupId};
+use chpm_space::{Block, Model, Patch};
 use nalgebra::Vector3;
 use std::collections::{BTreeSet, BinaryHeap};
 use std::sync::Arc;
@@ -64,7 +63,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
         if tolerance.is_nan() || tolerance < 0.0 {
             return Err(ProximityError::Length { what: "tolerance", got: tolerance });
         }
-        let between = Between::new(&reference.frame(poses[1]), &scan.frame(poses[0]));
+        let between = Between::new(&Frame::of(reference, poses[1]), &Frame::of(scan, poses[0]));
         let points = between.margin + scan.rounding();
         Ok(Gauge { reference, between, points, tolerance })
     }

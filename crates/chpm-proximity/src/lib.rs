@@ -19,17 +19,16 @@ pub mod crossing;
 pub mod error;
 pub mod front;
 pub mod gauge;
-pub mod model;
 mod patch;
 pub mod pose;
 pub mod search;
 mod triangle;
 
+pub use chpm_space::{Model, Reads};
 pub use contacts::{Contacts, Region, contacts};
 pub use crossing::{Crossing, crossings};
 pub use error::ProximityError;
 pub use front::Front;
 pub use gauge::Gauge;
-pub use model::{Model, Reads};
 pub use pose::Pose;
 pub use search::{Answer, ClosestPoints, End, Question, distance, follow};

@@ -1,63 +1,10 @@
-//! The finest mesh of one cluster, and boxes over it.
+//! Searches among the triangles of patches: the nearest of two, the nearest to a point, all that are near.
 
-use crate::boxes::Block;
 use crate::pose::Between;
-use crate::triangle::{self, Corners, Near};
-use chpm_format::{ClusterRecord, Page};
-use chpm_mesh::Aabb;
+use crate::triangle::{self, Near};
+use chpm_space::{Corners, FEW, Node, Patch};
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
-
-/// No shared id.
-const NONE: u32 = u32::MAX;
-
-/// Triangles of a box that is not divided.
-const FEW: usize = 4;
-
-/// Triangles in an order in which each box has a run of them.
-#[derive(Clone, Debug)]
-pub(crate) struct Patch {
-    corners: Vec<[[f32; 3]; 3]>,
-    /// Their places in the page.
-    places: Vec<u32>,
-    nodes: Vec<Node>,
-    /// Their corners as vertices of the page.
-    vertices: Vec<[u16; 3]>,
-    /// By vertex of the page: its shared id, or none.
-    shared: Vec<u32>,
-}
-
-/// A box. Those of a divided one lie behind it: the first at once, the second at `other`.
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    min: [f32; 3],
-    max: [f32; 3],
-    first: u32,
-    count: u32,
-    /// 0 where it is not divided.
-    other: u32,
-}
-
-impl Node {
-    fn block(&self) -> Block {
-        Block::new(self.min, self.max)
-    }
-
-    /// The squared distance of a point.
-    fn squared_from(&self, point: &Vector3<f64>) -> f64 {
-        let mut squared = 0.0;
-        for axis in 0..3 {
-            let (low, high) = (f64::from(self.min[axis]), f64::from(self.max[axis]));
-            let away = (low - point[axis]).max(point[axis] - high).max(0.0);
-            squared += away * away;
-        }
-        squared
-    }
-
-    fn triangles(&self) -> std::ops::Range<usize> {
-        self.first as usize..(self.first + self.count) as usize
-    }
-}
 
 /// Result of a search among the triangles of two patches.
 #[derive(Clone, Copy, Debug)]
@@ -68,61 +15,32 @@ pub(crate) struct Found {
     pub(crate) near: Option<(Near, [u32; 2])>,
 }
 
-impl Patch {
-    /// `often`: boxes that are tighter, and take longer to make.
-    pub(crate) fn new(page: &Page<'_>, often: bool) -> Self {
-        let corners: Vec<[[f32; 3]; 3]> =
-            page.triangles.iter().map(|t| t.map(|v| page.positions[usize::from(v)])).collect();
-        let mut items = if often { each_alone(&corners) } else { in_runs(&corners) };
-        let mut nodes = Vec::with_capacity(corners.len());
-        if !corners.is_empty() {
-            divide(&corners, &mut items, 0, &mut nodes);
-        }
-        let places: Vec<u32> = items.iter().flat_map(Item::places).collect();
-        let corners = places.iter().map(|place| corners[*place as usize]).collect();
-        let vertices = places.iter().map(|place| page.triangles[*place as usize]).collect();
-        let mut shared = vec![NONE; page.vertex_count()];
-        for (vertex, id) in page.shared() {
-            shared[usize::from(vertex)] = id;
-        }
-        Patch { corners, places, nodes, vertices, shared }
-    }
-
-    /// Bytes of memory that the patch of a cluster takes at most.
-    pub(crate) fn bytes_of(record: &ClusterRecord) -> u64 {
-        let triangle =
-            size_of::<[[f32; 3]; 3]>() + size_of::<u32>() + size_of::<Node>() + size_of::<[u16; 3]>();
-        u64::from(record.triangle_count) * triangle as u64 + 4 * u64::from(record.vertex_count)
-    }
-
-    pub(crate) fn is_empty(&self) -> bool {
-        self.corners.is_empty()
-    }
-
-    /// The corners of the triangle at a place of the boxes' order.
-    pub(crate) fn corners_of(&self, index: usize) -> &[[f32; 3]; 3] {
-        &self.corners[index]
-    }
-
-    /// Its place in the page.
-    pub(crate) fn place(&self, index: usize) -> u32 {
-        self.places[index]
-    }
-
-    /// Where the triangle of a place in the page is in the boxes' order.
-    pub(crate) fn index_of(&self, place: u32) -> Option<usize> {
-        self.places.iter().position(|at| *at == place)
-    }
-
-    /// Whether a triangle has a vertex that one of another cluster, or of the same one, has too.
-    pub(crate) fn has_common_vertex(&self, index: usize, other: &Patch, at: usize, is_one: bool) -> bool {
-        self.vertices[index]
-            .iter()
-            .any(|v| other.vertices[at].iter().any(|w| same(*v, *w, is_one, &self.shared, &other.shared)))
-    }
-
+/// Searches of a patch.
+pub(crate) trait Search {
     /// The nearest triangles of two patches, if they are nearer than `below`; found to `slack`.
-    pub(crate) fn nearest(&self, other: &Patch, between: &Between, below: f64, slack: f64) -> Found {
+    fn nearest(&self, other: &Patch, between: &Between, below: f64, slack: f64) -> Found;
+
+    /// Goes to the nearest point of the patch, if it is nearer than what was found. Answers its triangle, by its place in the boxes' order.
+    fn nearest_to(&self, point: &Vector3<f64>, spot: &mut Spot) -> Option<usize>;
+
+    /// Goes to the nearest point of one triangle; answers whether it is nearer.
+    fn take(&self, index: usize, point: &Vector3<f64>, spot: &mut Spot) -> bool;
+
+    /// Calls `found` for every pair of triangles that may be within `reach`, until it breaks.
+    fn pairs_within<X>(
+        &self,
+        other: &Patch,
+        between: &Between,
+        reach: f64,
+        found: &mut dyn FnMut(usize, usize) -> ControlFlow<X>,
+    ) -> ControlFlow<X>;
+
+    /// The same in the frame of another model.
+    fn moved(&self, index: usize, between: &Between) -> (Corners, u32);
+}
+
+impl Search for Patch {
+    fn nearest(&self, other: &Patch, between: &Between, below: f64, slack: f64) -> Found {
         let mut search = PatchSearch {
             a: self,
             b: other,
@@ -139,12 +57,11 @@ impl Patch {
         Found { lower: search.lower, near: search.near }
     }
 
-    /// Goes to the nearest point of the patch, if it is nearer than what was found. Answers its triangle, by its place in the boxes' order.
-    pub(crate) fn nearest_to(&self, point: &Vector3<f64>, spot: &mut Spot) -> Option<usize> {
+    fn nearest_to(&self, point: &Vector3<f64>, spot: &mut Spot) -> Option<usize> {
         if self.is_empty() {
             return None;
         }
-        let away = |at: usize| self.nodes[at].squared_from(point);
+        let away = |at: usize| self.nodes()[at].squared_from(point);
         let mut nearest = None;
         let mut open = [(0.0, 0); DEEP];
         let mut count = 1;
@@ -155,7 +72,7 @@ impl Patch {
             if lower > spot.reach() {
                 continue;
             }
-            let node = &self.nodes[at];
+            let node = &self.nodes()[at];
             if node.other == 0 {
                 for index in node.triangles() {
                     if self.take(index, point, spot) {
@@ -174,13 +91,11 @@ impl Patch {
         nearest
     }
 
-    /// Goes to the nearest point of one triangle; answers whether it is nearer.
-    pub(crate) fn take(&self, index: usize, point: &Vector3<f64>, spot: &mut Spot) -> bool {
+    fn take(&self, index: usize, point: &Vector3<f64>, spot: &mut Spot) -> bool {
         spot.take(point, &self.triangle(index).0)
     }
 
-    /// Calls `found` for every pair of triangles that may be within `reach`, until it breaks.
-    pub(crate) fn pairs_within<X>(
+    fn pairs_within<X>(
         &self,
         other: &Patch,
         between: &Between,
@@ -194,7 +109,7 @@ impl Patch {
         let squared = reach * reach;
         let mut open = vec![(0, 0)];
         while let Some((a, b)) = open.pop() {
-            let (x, y) = (&self.nodes[a], &other.nodes[b]);
+            let (x, y) = (&self.nodes()[a], &other.nodes()[b]);
             if between.squared(&x.block(), &y.block()) > squared {
                 continue;
             }
@@ -214,25 +129,8 @@ impl Patch {
         ControlFlow::Continue(())
     }
 
-    /// The triangle at a place of the boxes' order, in f64, and its place in the page.
-    pub(crate) fn triangle(&self, index: usize) -> (Corners, u32) {
-        let corners = self.corners[index].map(|corner| Vector3::from(corner.map(f64::from)));
-        (corners, self.places[index])
-    }
-
-    /// The same in the frame of another model.
-    pub(crate) fn moved(&self, index: usize, between: &Between) -> (Corners, u32) {
-        (self.corners[index].map(|corner| between.apply(corner)), self.places[index])
-    }
-}
-
-fn same(v: u16, w: u16, is_one: bool, shared: &[u32], other_shared: &[u32]) -> bool {
-    match is_one {
-        true => v == w,
-        false => {
-            let id = shared[usize::from(v)];
-            id != NONE && id == other_shared[usize::from(w)]
-        }
+    fn moved(&self, index: usize, between: &Between) -> (Corners, u32) {
+        (self.corners_of(index).map(|corner| between.apply(corner)), self.place(index))
     }
 }
 
@@ -313,80 +211,6 @@ fn further(x: &Node, y: &Node) -> Option<bool> {
     }
 }
 
-/// Triangles that are put in order together.
-#[derive(Clone, Copy)]
-struct Item {
-    middle: [f32; 3],
-    /// The place of the first in the page; others follow.
-    place: u32,
-    count: u32,
-}
-
-impl Item {
-    fn places(&self) -> std::ops::Range<u32> {
-        self.place..self.place + self.count
-    }
-}
-
-/// Runs of a few triangles of the page, where these lie beside each other, as in pages that are ordered for drawing; each on its own where they do not.
-fn in_runs(corners: &[[[f32; 3]; 3]]) -> Vec<Item> {
-    let (mut together, mut alone) = (0.0, 0.0);
-    let mut runs = Vec::with_capacity(corners.len() / FEW + 1);
-    for (at, run) in corners.chunks(FEW).enumerate() {
-        let mut bounds = Aabb::EMPTY;
-        for corners in run {
-            let own = Aabb::of_points(corners);
-            alone += own.diagonal();
-            bounds.merge(&own);
-        }
-        together += bounds.diagonal();
-        let middle = [0, 1, 2].map(|axis| bounds.min[axis] / 2.0 + bounds.max[axis] / 2.0);
-        runs.push(Item { middle, place: (at * FEW) as u32, count: run.len() as u32 });
-    }
-    if together <= COHERENT * alone { runs } else { each_alone(corners) }
-}
-
-fn each_alone(corners: &[[[f32; 3]; 3]]) -> Vec<Item> {
-    fn middle([a, b, c]: &[[f32; 3]; 3]) -> [f32; 3] {
-        [0, 1, 2].map(|axis| a[axis] / 3.0 + b[axis] / 3.0 + c[axis] / 3.0)
-    }
-    (0..).zip(corners).map(|(place, corners)| Item { middle: middle(corners), place, count: 1 }).collect()
-}
-
-/// Runs that are no larger than this share of their triangles, one after the other.
-const COHERENT: f64 = 0.75;
-
-/// Appends the box of a run of triangles and all below it, and answers it; halves by the middles along the longest axis.
-fn divide(corners: &[[[f32; 3]; 3]], items: &mut [Item], first: u32, nodes: &mut Vec<Node>) -> Aabb {
-    let at = nodes.len();
-    let count: u32 = items.iter().map(|item| item.count).sum();
-    nodes.push(Node { min: [0.0; 3], max: [0.0; 3], first, count, other: 0 });
-
-    let mut bounds = Aabb::EMPTY;
-    if count as usize <= FEW {
-        let places = items.iter().flat_map(Item::places);
-        places.for_each(|place| corners[place as usize].iter().for_each(|corner| bounds.add(*corner)));
-    } else {
-        // Two halves by the median along the longest axis.
-        let mut middles = Aabb::EMPTY;
-        items.iter().for_each(|item| middles.add(item.middle));
-        let size = [0, 1, 2].map(|axis| middles.max[axis] - middles.min[axis]);
-        let axis = (1..3).fold(0, |best, axis| if size[axis] > size[best] { axis } else { best });
-        let half = items.len() / 2;
-        items.select_nth_unstable_by(half, |x, y| {
-            x.middle[axis].total_cmp(&y.middle[axis]).then(x.place.cmp(&y.place))
-        });
-        let (low, high) = items.split_at_mut(half);
-        bounds = divide(corners, low, first, nodes);
-        let begun = nodes[at + 1].count;
-        nodes[at].other = nodes.len() as u32;
-        bounds.merge(&divide(corners, high, first + begun, nodes));
-    }
-
-    (nodes[at].min, nodes[at].max) = (bounds.min, bounds.max);
-    bounds
-}
-
 struct PatchSearch<'a> {
     a: &'a Patch,
     b: &'a Patch,
@@ -411,14 +235,15 @@ impl PatchSearch<'_> {
     }
 
     fn descend(&mut self, a: usize, b: usize) {
-        let (x, y) = (self.a.nodes[a], self.b.nodes[b]);
+        let (x, y) = (self.a.nodes()[a], self.b.nodes()[b]);
         let pairs = match further(&x, &y) {
             None => return self.compare(&x, &y),
             Some(true) => [(a + 1, b), (x.other as usize, b)],
             Some(false) => [(a, b + 1), (a, y.other as usize)],
         };
-        let away = pairs
-            .map(|(a, b)| self.between.squared(&self.a.nodes[a].block(), &self.b.nodes[b].block()).sqrt());
+        let away = pairs.map(|(a, b)| {
+            self.between.squared(&self.a.nodes()[a].block(), &self.b.nodes()[b].block()).sqrt()
+        });
         // The nearer one first.
         let order = if away[1] < away[0] { [1, 0] } else { [0, 1] };
         for i in order {

@@ -1,6 +1,7 @@
 //! Where a model is: a rigid motion, and how far f64 can be wrong about it.
 
 use crate::error::ProximityError;
+use chpm_space::Model;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// A rotation, and then a translation.
@@ -126,6 +127,18 @@ pub(crate) struct Between {
     pub(crate) translation: Vector3<f64>,
     /// How far a distance computed in the first one's frame can be from the true one, all rounding included.
     pub(crate) margin: f64,
+}
+
+impl Frame {
+    /// A model's, in its pose.
+    pub(crate) fn of<D: AsRef<[u8]>>(model: &Model<'_, D>, pose: &Pose) -> Self {
+        let header = model.file().header();
+        let corner = Vector3::from_fn(|axis, _| {
+            f64::from(header.aabb_min[axis].abs().max(header.aabb_max[axis].abs()))
+        });
+        let reach = corner.norm() * (1.0 + 1e-15);
+        Frame { origin: header.origin, reach: reach + model.farthest(), pose: *pose }
+    }
 }
 
 impl Between {

@@ -2,10 +2,11 @@
 
 use crate::error::ProximityError;
 use crate::front::{Front, Pair};
-use crate::model::{Model, Reads};
-use crate::pose::{Between, Pose};
+use crate::patch::Search;
+use crate::pose::{Between, Frame, Pose};
 use crate::triangle::{self, Near};
 use chpm_mesh::{ClusterId, GroupId};
+use chpm_space::{Model, Reads};
 
 /// A question about the distance.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -99,7 +100,7 @@ pub fn follow<D: AsRef<[u8]>, E: AsRef<[u8]>>(
             return Err(ProximityError::Length { what, got });
         }
     }
-    let between = Between::new(&a.frame(poses[0]), &b.frame(poses[1]));
+    let between = Between::new(&Frame::of(a, poses[0]), &Frame::of(b, poses[1]));
     let before = [a.reads(), b.reads()];
     let bounds = b.bounds();
     let last = front.between();

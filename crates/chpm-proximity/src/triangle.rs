@@ -1,9 +1,7 @@
 //! How far two triangles are from each other: a bound from below and one from above, whatever the arithmetic loses.
 
+use chpm_space::Corners;
 use nalgebra::Vector3;
-
-/// The corners of a triangle, which may have no area.
-pub(crate) type Corners = [Vector3<f64>; 3];
 
 /// Two points, one of each triangle, and what their distance proves.
 #[derive(Clone, Copy, Debug)]

@@ -51,6 +51,16 @@ impl SharedNormals {
         Ok(SharedNormals(sums))
     }
 
+    /// The normals of a leaf's vertices, none of length 1; zero where there is none.
+    pub fn of_leaf(&self, page: &Page<'_>) -> Vec<[f64; 3]> {
+        let corners: Vec<[u32; 3]> = page.triangles.iter().map(|corners| corners.map(u32::from)).collect();
+        let mut normals = sums(page.vertices.positions, &corners);
+        for (local, id) in shared(page) {
+            normals[local] = self.0[id as usize].map(f64::from);
+        }
+        normals
+    }
+
     /// Gives a tile's mesh its normals; `used` has the page's index of each of its vertices.
     pub(super) fn give(&self, page: &Page<'_>, used: &[usize], mesh: &mut TriMesh) {
         let mut normals = sums(&mesh.positions, &mesh.triangles);

@@ -1,15 +1,13 @@
 //! A file as a question sees it: groups with the space that they hold, what they are wrong by, and the pages that were read.
 
-use crate::boxes::Block;
-use crate::error::ProximityError;
+use crate::block::Block;
+use crate::error::Unproven;
 use crate::patch::Patch;
-use crate::pose::{Frame, Pose};
-use chpm_format::{Chpm, ErrorKind};
+use crate::shelf::{Shelf, lock};
+use chpm_format::{Chpm, ErrorKind, FormatError};
 use chpm_mesh::{Aabb, Bytes, ClusterId, GroupId};
 use chpm_refine::Hierarchy;
-use nalgebra::Vector3;
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Bytes and pages read for an answer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -40,42 +38,18 @@ pub struct Model<'a, D> {
     shelf: Mutex<Shelf>,
 }
 
-/// Patches that are kept, or on their way.
-#[derive(Debug)]
-struct Shelf {
-    budget: u64,
-    used: u64,
-    clock: u64,
-    kept: HashMap<ClusterId, Kept>,
-    reads: Reads,
-}
-
-#[derive(Debug)]
-struct Kept {
-    slot: Arc<Slot>,
-    bytes: u64,
-    last: u64,
-}
-
-/// Empty until the first who asks has read the page; others wait for that.
-type Slot = Mutex<Option<Arc<Patch>>>;
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What is behind it is never half changed.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// How wrong the finest meshes of a group's clusters are.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(crate) struct Wrong {
+pub struct Wrong {
     /// No point of what is drawn is farther from the source.
-    pub(crate) error: f64,
+    pub error: f64,
     /// No point of the source is farther from what is drawn.
-    pub(crate) distance: f64,
+    pub distance: f64,
 }
 
 impl Wrong {
-    pub(crate) fn both(&self) -> f64 {
+    /// Both together.
+    pub fn both(&self) -> f64 {
         self.error + self.distance
     }
 }
@@ -85,15 +59,14 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
     ///
     /// # Errors
     /// A file that bounds no distances: of estimated errors, or of version 1.0.
-    pub fn new(file: &'a Chpm<D>, budget: Bytes) -> Result<Self, ProximityError> {
+    pub fn new(file: &'a Chpm<D>, budget: Bytes) -> Result<Self, Unproven> {
         let certified = file.header().error_kind() == Some(ErrorKind::Certified);
         if !certified || !file.has_gaps() {
             let got = if certified { "version 1.0, which has no gaps" } else { "estimated errors" };
-            return Err(ProximityError::Unproven { expected: "a file with proven distances", got });
+            return Err(Unproven { expected: "a file with proven distances", got });
         }
 
-        let shelf =
-            Shelf { budget: budget.0, used: 0, clock: 0, kept: HashMap::new(), reads: Reads::default() };
+        let shelf = Shelf::new(budget);
         let leaves = file.clusters().iter().filter(|record| record.is_leaf() && !record.is_trimmed());
         let rounding = leaves.map(|record| f64::from(record.min_error)).fold(0.0, f64::max);
 
@@ -126,17 +99,13 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
         lock(&self.shelf).reads
     }
 
-    pub(crate) fn frame(&self, pose: &Pose) -> Frame {
-        let header = self.file.header();
-        let corner = Vector3::from_fn(|axis, _| {
-            f64::from(header.aabb_min[axis].abs().max(header.aabb_max[axis].abs()))
-        });
-        let reach = corner.norm() * (1.0 + 1e-15);
-        Frame { origin: header.origin, reach: reach + self.farthest, pose: *pose }
+    /// How far what is of the source may be beyond the boxes of the leaves, at most.
+    pub fn farthest(&self) -> f64 {
+        self.farthest
     }
 
     /// A box about all of the source, which the file's box is but for rounding and what was trimmed away.
-    pub(crate) fn bounds(&self) -> Aabb {
+    pub fn bounds(&self) -> Aabb {
         let Aabb { min, max } = self.file.header().aabb();
         if self.farthest <= 0.0 {
             return Aabb { min, max };
@@ -147,27 +116,30 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
         }
     }
 
-    pub(crate) fn is_leaf(&self, group: GroupId) -> bool {
+    /// Whether nothing is below a group.
+    pub fn is_leaf(&self, group: GroupId) -> bool {
         self.file.fine(group).is_empty()
     }
 
-    pub(crate) fn level(&self, group: GroupId) -> u32 {
+    /// The level of a group.
+    pub fn level(&self, group: GroupId) -> u32 {
         self.file.groups()[group.index()].level
     }
 
     /// A box about all of the source that the group stands for: the tables' is about what the leaves hold of it.
-    pub(crate) fn block(&self, group: GroupId) -> Block {
+    pub fn block(&self, group: GroupId) -> Block {
         let (region, beyond) = (self.hierarchy.region(group), self.beyond[group.index()]);
         Block::wide(region.low.map(|x| x - beyond), region.high.map(|x| x + beyond))
     }
 
     /// The box of a cluster's own vertices.
-    pub(crate) fn cluster_block(&self, cluster: ClusterId) -> Block {
+    pub fn cluster_block(&self, cluster: ClusterId) -> Block {
         let record = &self.file.clusters()[cluster.index()];
         Block::new(record.aabb_min, record.aabb_max)
     }
 
-    pub(crate) fn wrong(&self, group: GroupId) -> Wrong {
+    /// How wrong the finest meshes of a group's coarse clusters are.
+    pub fn wrong(&self, group: GroupId) -> Wrong {
         let record = &self.file.groups()[group.index()];
         let error = record.min_error;
         // Leaves are the source: nothing has vanished, whatever their collapses will cost.
@@ -177,17 +149,18 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
         Wrong { error: error.into(), distance: distance.into() }
     }
 
-    pub(crate) fn coarse(&self, group: GroupId) -> impl Iterator<Item = ClusterId> + use<'a, D> {
+    /// The coarse clusters of a group.
+    pub fn coarse(&self, group: GroupId) -> impl Iterator<Item = ClusterId> + use<'a, D> {
         self.file.coarse(group).iter().map(|id| ClusterId(*id))
     }
 
     /// The groups that stand for the same part of the source together, finer; ascending.
-    pub(crate) fn below(&self, group: GroupId) -> Vec<GroupId> {
+    pub fn below(&self, group: GroupId) -> Vec<GroupId> {
         self.groups_of(self.file.fine(group).iter().copied())
     }
 
     /// The groups that stand for all.
-    pub(crate) fn top(&self) -> Vec<GroupId> {
+    pub fn top(&self) -> Vec<GroupId> {
         self.groups_of(self.file.roots().map(|id| id.0))
     }
 
@@ -199,16 +172,16 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
     }
 
     /// The finest mesh of a cluster: kept, or read.
-    pub(crate) fn patch(&self, cluster: ClusterId) -> Result<Arc<Patch>, ProximityError> {
+    pub fn patch(&self, cluster: ClusterId) -> Result<Arc<Patch>, FormatError> {
         self.take(cluster, false)
     }
 
     /// The same for thousands of questions, each a short one.
-    pub(crate) fn patch_for_many(&self, cluster: ClusterId) -> Result<Arc<Patch>, ProximityError> {
+    pub fn patch_for_many(&self, cluster: ClusterId) -> Result<Arc<Patch>, FormatError> {
         self.take(cluster, true)
     }
 
-    fn take(&self, cluster: ClusterId, often: bool) -> Result<Arc<Patch>, ProximityError> {
+    fn take(&self, cluster: ClusterId, often: bool) -> Result<Arc<Patch>, FormatError> {
         let record = &self.file.clusters()[cluster.index()];
         let slot = lock(&self.shelf).slot(cluster, Patch::bytes_of(record));
         let mut held = lock(&slot);
@@ -222,30 +195,5 @@ impl<'a, D: AsRef<[u8]>> Model<'a, D> {
         reads.pages += 1;
         reads.bytes.0 += u64::from(record.page_len);
         Ok(patch)
-    }
-}
-
-impl Shelf {
-    /// The place of a patch, which becomes the last one to go.
-    fn slot(&mut self, cluster: ClusterId, bytes: u64) -> Arc<Slot> {
-        self.clock += 1;
-        if let Some(kept) = self.kept.get_mut(&cluster) {
-            kept.last = self.clock;
-            return Arc::clone(&kept.slot);
-        }
-        while self.used + bytes > self.budget && !self.kept.is_empty() {
-            self.forget_oldest();
-        }
-        self.used += bytes;
-        let slot = Arc::new(Slot::default());
-        self.kept.insert(cluster, Kept { slot: Arc::clone(&slot), bytes, last: self.clock });
-        slot
-    }
-
-    fn forget_oldest(&mut self) {
-        let oldest = self.kept.iter().min_by_key(|(_, kept)| kept.last).map(|(cluster, _)| *cluster);
-        if let Some(kept) = oldest.and_then(|cluster| self.kept.remove(&cluster)) {
-            self.used -= kept.bytes;
-        }
     }
 }

@@ -1,0 +1,18 @@
+//! Errors of rays.
+
+use chpm_format::FormatError;
+
+/// Why rays have no answer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RayError {
+    /// A page that is needed is damaged.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// Nothing is known of how far coarse meshes are from the source.
+    #[error("{0}; or take the leaves (--error 0)")]
+    Unproven(#[from] chpm_space::Unproven),
+    /// Whoever asked has had enough.
+    #[error("stopped on request; nothing was written")]
+    Stopped,
+}
