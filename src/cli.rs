@@ -6,7 +6,8 @@ use crate::cmd::render;
 use crate::cmd::view;
 use crate::cmd::{
     batch, bench, build, clearance, compare, completions, config, contacts, demo, distance, dump, export,
-    extract, info, measure, path, relayout, report, section, simplify, stats, synth, verify, walk,
+    extract, info, measure, path, rays, relayout, report, section, simplify, stats, synth, thickness, verify,
+    visible, walk,
 };
 #[cfg(feature = "web")]
 use crate::cmd::{serve, share};
@@ -63,6 +64,12 @@ pub(crate) enum Command {
     Extract(extract::Args),
     /// Cut by a plane, or by many: sections and contours as drawings
     Section(section::Args),
+    /// Cast rays: what each meets, and what that proves of the source
+    Rays(rays::Args),
+    /// Find how thick the wall is behind each vertex
+    Thickness(thickness::Args),
+    /// Find which vertices can be seen from points
+    Visible(visible::Args),
     /// Write the whole hierarchy as 3D Tiles
     Export(export::Args),
     /// Make a mesh smaller and prove how near it stays

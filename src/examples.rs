@@ -145,6 +145,27 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         ],
     ),
     (
+        "rays",
+        &[
+            ("chpm rays scan.chpm rays.csv -o hits.csv", "what each ray of a file meets first"),
+            ("chpm rays scan.chpm rays.csv --error 0.1% --any --json", "how many certainly meet nothing"),
+        ],
+    ),
+    (
+        "thickness",
+        &[
+            ("chpm thickness scan.chpm -o walls.ply --svg histogram.svg", "in colours, with a histogram"),
+            ("chpm thickness scan.chpm --cone 0 --json", "along the normals alone"),
+        ],
+    ),
+    (
+        "visible",
+        &[(
+            "chpm visible scan.chpm --from 0,0,2 --from 3,0,2 -o seen.ply",
+            "from which points each vertex is seen",
+        )],
+    ),
+    (
         "simplify",
         &[
             (

@@ -5,11 +5,12 @@ use clap::{Command, builder::StyledStr};
 use std::fmt::Write;
 
 /// Verbs that belong together, in the order in which they are listed.
-const GROUPS: [(&str, &[&str]); 6] = [
+const GROUPS: [(&str, &[&str]); 7] = [
     ("Make", &["build", "simplify", "batch", "relayout", "synth"]),
     ("Look", &["view", "render", "info", "stats", "report", "dump"]),
     ("Check", &["verify", "measure", "bench"]),
     ("Compare", &["compare", "distance", "clearance", "contacts"]),
+    ("Probe", &["rays", "thickness", "visible"]),
     ("Share", &["extract", "section", "export", "serve", "share"]),
     ("Tools", &["demo", "config", "path", "walk", "completions", "man", "help"]),
 ];

@@ -38,6 +38,7 @@ mod picture;
 mod presets;
 mod progress;
 mod proximity;
+mod rays;
 mod report;
 mod section;
 #[cfg(feature = "viewer")]

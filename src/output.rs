@@ -37,6 +37,9 @@ pub(crate) const CLEARANCE_CSV: Writes = writes("clearance --csv", "CSV");
 pub(crate) const DISTANCE_CSV: Writes = writes("distance --csv", "CSV");
 pub(crate) const WALK_CSV: Writes = writes("walk --csv", "CSV");
 pub(crate) const REPORT: Writes = writes("report", "HTML");
+pub(crate) const THICKNESS_SVG: Writes = writes("thickness --svg", "SVG");
+pub(crate) const VISIBLE_SVG: Writes = writes("visible --svg", "SVG");
+pub(crate) const RAYS: [Writes; 2] = [writes("rays", "CSV"), writes("rays", "NumPy")];
 pub(crate) const SECTION: [Writes; 4] = [
     writes("section", "SVG"),
     writes("section", "DXF"),
@@ -61,7 +64,7 @@ const EXTENSIONS: &[(&str, &str)] = &[
     ("3dm", "Rhino"), ("3ds", "3DS"), ("3mf", "3MF"), ("abc", "Alembic"), ("amf", "AMF"), ("blend", "Blender"), ("bmp", "BMP"),
     ("conf", "a list of range scans"), ("ctm", "OpenCTM"), ("dae", "COLLADA"), ("drc", "Draco"), ("dxf", "DXF"), ("e57", "E57"),
     ("exr", "OpenEXR"), ("fbx", "FBX"), ("geojson", "GeoJSON"), ("gif", "GIF"), ("gltf", "glTF"), ("gz", "gzip"), ("iges", "IGES"), ("igs", "IGES"),
-    ("jpeg", "JPEG"), ("jpg", "JPEG"), ("json", "JSON"), ("las", "LAS"), ("laz", "LAZ"), ("mp4", "MP4"), ("nii", "NIfTI"), ("off", "OFF"),
+    ("npy", "NumPy"), ("jpeg", "JPEG"), ("jpg", "JPEG"), ("json", "JSON"), ("las", "LAS"), ("laz", "LAZ"), ("mp4", "MP4"), ("nii", "NIfTI"), ("off", "OFF"),
     ("pcd", "PCD"), ("pdf", "PDF"), ("pts", "points"), ("step", "STEP"), ("stp", "STEP"), ("tar", "tar"), ("tif", "TIFF"),
     ("tiff", "TIFF"), ("toml", "TOML"), ("tsv", "TSV"), ("txt", TEXT), ("usd", "USD"), ("usda", "USD"), ("usdc", "USD"), ("usdz", "USD"),
     ("vtk", "VTK"), ("vtp", "VTK"), ("vtu", "VTK"), ("webm", "WebM"), ("webp", "WebP"), ("wrl", "VRML"), ("x3d", "X3D"), ("xml", "XML"),

@@ -66,6 +66,7 @@ mod integration {
     mod proximity;
     /// A file's bytes, read without the reader under test.
     mod raw;
+    mod rays;
     /// Pages stored otherwise, and proof that they hold the same.
     mod relayout;
     /// Pictures, and camera paths in pictures.

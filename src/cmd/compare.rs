@@ -80,7 +80,7 @@ pub(crate) struct Args {
     memory: MemoryArgs,
 }
 
-fn range(text: &str) -> Result<[f64; 2], String> {
+pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
     let numbers: Option<Vec<f64>> =
         text.split(',').map(|n| n.trim().parse().ok().filter(|n: &f64| n.is_finite())).collect();
     match numbers.as_deref() {
@@ -109,8 +109,11 @@ const VERTEX: u64 = 20;
 /// Measures, and writes what is asked for.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let inputs = [args.scan.as_path(), args.reference.as_path()];
-    let painted =
-        args.output.as_deref().map(|path| Painted::create(path, args.force, &inputs)).transpose()?;
+    let painted = args
+        .output
+        .as_deref()
+        .map(|path| Painted::create("compare", path, args.force, &inputs))
+        .transpose()?;
     let svg = args.svg.as_deref().map(|path| output::COMPARE_SVG.create(path, args.force, &inputs));
     let svg = svg.transpose()?;
     let html = args.html.as_deref().map(|path| output::COMPARE_HTML.create(path, args.force, &inputs));
@@ -148,7 +151,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let verdict = pass.as_ref().map(|pass| verdict(pass, args));
     let colors = Colors::new(summary.range, signed);
     if let Some(painted) = painted {
-        reading(&scan.file, || painted.write(&scan.file, &parts, &colors, &cancel))?.build(
+        reading(&scan.file, || painted.write("compare", &scan.file, &parts, &colors, &cancel))?.build(
             args.memory.memory(),
             args.quiet,
             stop,
@@ -157,7 +160,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let title = format!("{} from {}", name(&args.scan), name(&args.reference));
     let note = format!("{}, each within {} units", Counted(summary.count, "vertex"), AtMost(tolerance));
     if let Some(mut svg) = svg {
-        svg.write_all(plot(&summary, &colors, limit, &title, &note)?.as_bytes())?;
+        svg.write_all(plot(&summary, &colors, limit, "distance, units", [&title, &note])?.as_bytes())?;
         svg.publish()?;
     }
     if let Some(mut html) = html {

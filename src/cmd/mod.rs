@@ -16,6 +16,7 @@ pub(crate) mod extract;
 pub(crate) mod info;
 pub(crate) mod measure;
 pub(crate) mod path;
+pub(crate) mod rays;
 pub(crate) mod relayout;
 #[cfg(feature = "viewer")]
 pub(crate) mod render;
@@ -28,9 +29,11 @@ pub(crate) mod share;
 pub(crate) mod simplify;
 pub(crate) mod stats;
 pub(crate) mod synth;
+pub(crate) mod thickness;
 pub(crate) mod verify;
 #[cfg(feature = "viewer")]
 pub(crate) mod view;
+pub(crate) mod visible;
 pub(crate) mod walk;
 
 use crate::cli::Command;
@@ -42,6 +45,7 @@ use chpm_extmem::platform::STDIN;
 use chpm_extmem::{ExtmemError, MappedFile, WorkDir};
 use chpm_format::{Chpm, FilePart, FormatError};
 use chpm_proximity::ProximityError;
+use chpm_rays::RayError;
 use chpm_refine::RefineError;
 use chpm_report::ReportError;
 use chpm_section::SectionError;
@@ -81,6 +85,9 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
         Command::Clearance(args) => clearance::run(&args, stop),
         Command::Contacts(args) => contacts::run(&args, stop),
         Command::Section(args) => section::run(&args, stop),
+        Command::Rays(args) => rays::run(&args, stop),
+        Command::Thickness(args) => thickness::run(&args, stop),
+        Command::Visible(args) => visible::run(&args, stop),
         Command::Compare(args) => compare::run(&args, stop),
         Command::Bench(args) => bench::run(&args, stop),
         Command::Contend(args) => bench::contend(&args, stop),
@@ -133,6 +140,7 @@ fn is_about(file: &Chpm<MappedFile>, cause: &(dyn Error + 'static)) -> bool {
         || matches!(cause.downcast_ref(), Some(ExportError::Orphan { .. }))
         || matches!(cause.downcast_ref(), Some(ProximityError::Format(damage)) if own(damage))
         || matches!(cause.downcast_ref(), Some(SectionError::Format(damage)) if own(damage))
+        || matches!(cause.downcast_ref(), Some(RayError::Format(damage)) if own(damage))
         || cause.downcast_ref().and_then(VerifyError::damage).is_some_and(own)
         || cause.downcast_ref().and_then(ReportError::damage).is_some_and(own)
 }

@@ -38,7 +38,13 @@ pub(crate) fn page(file: &Chpm<MappedFile>, parts: &Parts, told: &Told<'_>) -> R
         picture: (picture(file, parts, &portrait, &colors)?, PICTURE),
         gradient: colors.gradient(),
         ends: [low, 0.5 * (low + high), high].map(signed),
-        plot: plot(told.summary, &colors, tolerance, "How many vertices are how far away", told.note)?,
+        plot: plot(
+            told.summary,
+            &colors,
+            tolerance,
+            "distance, units",
+            ["How many vertices are how far away", told.note],
+        )?,
         numbers: numbers(told),
         why: portrait.why(),
     };

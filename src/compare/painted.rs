@@ -39,10 +39,8 @@ const SOURCE: &str = "compared.ply";
 
 impl Painted {
     /// Refuses what cannot be written, before the work.
-    pub(crate) fn create(path: &Path, force: bool, inputs: &[&Path]) -> Result<Self> {
-        fn writes(format: &'static str) -> Writes {
-            Writes::mesh("compare", format)
-        }
+    pub(crate) fn create(by: &'static str, path: &Path, force: bool, inputs: &[&Path]) -> Result<Self> {
+        let writes = |format: &'static str| Writes::mesh(by, format);
         Ok(match output::promised(path) {
             Promise::Nothing | Promise::Format("PLY") => {
                 Painted::Ply(writes("PLY").create(path, force, inputs)?)
@@ -55,7 +53,7 @@ impl Painted {
                 Painted::Chpm { path: path.to_owned(), force, folder: WorkDir::create(place)? }
             }
             _ => bail!(
-                "compare writes PLY, GLB and CHPM, and {}: choose another, or leave the extension out",
+                "{by} writes PLY, GLB and CHPM, and {}: choose another, or leave the extension out",
                 output::otherwise(path)
             ),
         })
@@ -72,18 +70,18 @@ impl Painted {
     /// Writes the leaves with their colours.
     pub(crate) fn write(
         self,
+        by: &'static str,
         file: &Chpm<MappedFile>,
         parts: &Parts,
         colors: &Colors,
         cancel: &Cancel,
     ) -> Result<Written> {
-        let mesh = Colored { file, parts, colors, cancel };
+        let mesh = Colored { by, file, parts, colors, cancel };
         let finished = match self {
             Painted::Ply(output) => mesh.ply(output)?,
             Painted::Glb(output) => mesh.glb(output)?,
             Painted::Chpm { path, force, folder } => {
-                let output =
-                    Writes::mesh("compare", "PLY").create(&folder.path().join(SOURCE), false, &[])?;
+                let output = Writes::mesh(by, "PLY").create(&folder.path().join(SOURCE), false, &[])?;
                 mesh.ply(output)?.publish()?;
                 return Ok(Written(Some((path, force, folder))));
             }
@@ -106,6 +104,7 @@ impl Written {
 }
 
 struct Colored<'a> {
+    by: &'static str,
     file: &'a Chpm<MappedFile>,
     parts: &'a Parts,
     colors: &'a Colors,
@@ -142,7 +141,7 @@ impl Colored<'_> {
         let origin = self.file.header().origin;
         let double = origin != [0.0; 3];
         let [low, high] = self.colors.range();
-        let comment = format!("chpm compare, colours from {low} to {high}");
+        let comment = format!("chpm {}, colours from {low} to {high}", self.by);
         let (encoding, (vertices, triangles)) = (Encoding::BinaryLittleEndian, self.counts());
         let mut ply = PlyWriter::new(output, encoding, vertices, triangles, COLORED, double, &[&comment])?;
         self.vertices(|batch| {
@@ -163,7 +162,7 @@ impl Colored<'_> {
         let range = self.colors.range().to_vec();
         let extras = Map::from_iter([("range".to_owned(), range.into())]);
         let facts = Facts {
-            generator: format!("chpm {} compare", env!("CARGO_PKG_VERSION")),
+            generator: format!("chpm {} {}", env!("CARGO_PKG_VERSION"), self.by),
             placement,
             extras,
             scalars: Vec::new(),

@@ -8,13 +8,13 @@ use chpm_report::colors::Colors;
 
 const SIZE: [u32; 2] = [720, 380];
 
-/// How many vertices are how far away; where there is a tolerance, its ends are marked.
+/// How many vertices have which number; where there is a tolerance, its ends are marked.
 pub(crate) fn plot(
     summary: &Summary,
     colors: &Colors,
     tolerance: Option<f64>,
-    title: &str,
-    note: &str,
+    along: &str,
+    [title, note]: [&str; 2],
 ) -> Result<String> {
     let outside = match summary.outside {
         [0, 0] => String::new(),
@@ -28,7 +28,7 @@ pub(crate) fn plot(
         counts: &summary.bins,
         color: &|value| colors.of(value),
         marks: &ends,
-        x: &format!("distance, units{outside}"),
+        x: &format!("{along}{outside}"),
         y: "vertices",
         label: signed,
     };

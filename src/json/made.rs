@@ -239,6 +239,46 @@ pub(crate) struct BenchMesh {
     pub(crate) triangles_by_reference: Option<f64>,
 }
 
+/// `chpm rays --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Rays {
+    /// `chpm-rays/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// The file of rays as it was named
+    pub(crate) rays: String,
+    /// The file that was written; `null` without `-o`
+    pub(crate) output: Option<String>,
+    /// `CSV` or `NumPy`; `null` without `-o`
+    pub(crate) format: Option<&'static str>,
+    /// Error that the mesh was allowed; 0 is the source's own triangles
+    pub(crate) error: f64,
+    /// How far mesh and source are apart at most; `null` where the file does not know
+    pub(crate) distance: Option<f64>,
+    /// Whether any hit was enough
+    pub(crate) any: bool,
+    /// Rays
+    pub(crate) count: u64,
+    /// Those that meet the mesh
+    pub(crate) hits: u64,
+    /// Those that do not
+    pub(crate) misses: u64,
+    /// Those that are proven to miss the source
+    pub(crate) proven_misses: u64,
+    /// The least distance of a hit; `null` where there is none, and with `--any`
+    pub(crate) nearest: Option<f64>,
+    /// The largest
+    pub(crate) farthest: Option<f64>,
+    /// Reads of pages
+    pub(crate) pages: u64,
+    /// Their bytes in the file
+    pub(crate) page_bytes: u64,
+    /// Pages that were read once or more
+    pub(crate) pages_different: u64,
+}
+
 /// `chpm section --json`
 #[derive(Serialize, Debug)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]

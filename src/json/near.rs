@@ -193,6 +193,43 @@ pub(crate) struct Compare {
     pub(crate) pass: Option<Pass>,
 }
 
+/// `chpm thickness --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Thickness {
+    /// `chpm-thickness/1`
+    pub(crate) schema: &'static str,
+    pub(crate) file: Model,
+    /// Angle between the axis and the other rays, degrees
+    pub(crate) cone: f64,
+    /// Rays of each vertex
+    pub(crate) rays: u64,
+    /// Vertices behind which there is nothing, which are in no other number
+    pub(crate) open: u64,
+    /// Statistics of the others: here each distance is a thickness
+    #[serde(flatten)]
+    pub(crate) summary: CompareSummary,
+    /// Reads of pages
+    pub(crate) pages: u64,
+}
+
+/// `chpm visible --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Visible {
+    /// `chpm-visible/1`
+    pub(crate) schema: &'static str,
+    pub(crate) file: Model,
+    /// Vertices of the leaves
+    pub(crate) vertices: u64,
+    /// The points
+    pub(crate) from: Vec<[f64; 3]>,
+    /// Vertices by the number of points that they are seen from, from 0 on
+    pub(crate) histogram: Vec<u64>,
+    /// Reads of pages
+    pub(crate) pages: u64,
+}
+
 /// Distances of all vertices of a scan.
 #[derive(Serialize, Debug)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]

@@ -27,7 +27,9 @@ const WRITERS: [(&str, &str); 14] = [
 ];
 
 /// What a file is asked with itself, and how it may end where the file is sound.
-const QUESTIONS: [(&str, &[i32]); 12] = [
+const QUESTIONS: [(&str, &[i32]); 14] = [
+    ("thickness F -q --memory=128M --json", &[0]),
+    ("visible F -q --memory=128M --from=0,0,0 --from=1e9,-1,2", &[0]),
     ("distance F F -q --memory=128M --json --error=0", &[0]),
     ("distance F F -q --memory=128M --json --pose=1e3,0,0,0,0,1,1", &[0]),
     ("distance F F -q --memory=128M --json --pose=0,0,0.01,0,1,0,3 --max-pages=3", &[0]),

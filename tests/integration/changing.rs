@@ -117,6 +117,7 @@ fn with_a_damaged_page(pages: &str) -> Folder {
         }
     }
     folder.write("bad.chpm", bytes);
+    folder.write("in.rays", "0,0,9,0,0,-1\n");
     folder
 }
 
@@ -157,6 +158,10 @@ fn every_verb_refuses_a_page_of_which_only_the_checksum_tells() {
         "contacts bad.chpm --self",
         "section bad.chpm --every 0.01 -o out.svg -q",
         "section bad.chpm --every 0.01 -q --preview 1%",
+        "rays bad.chpm in.rays -o out.csv -q",
+        "rays bad.chpm in.rays --any -q --error 1e-9",
+        "thickness bad.chpm -o out.ply -q",
+        "visible bad.chpm --from 0,0,9 --svg out.svg -q",
         "compare bad.chpm in.ply -o out.ply -q",
         "compare in.chpm bad.chpm -q",
         "walk bad.chpm in.path --csv out.csv -q",

@@ -86,6 +86,7 @@ fn every_key_is_documented_and_appears() {
     folder.stdout("path orbit in.chpm --frames 2 -o in.path");
     folder.stdout("extract in.chpm --triangles 500 -o small.ply -q");
     folder.write("one.poses", "0,0,0\n");
+    folder.write("some.rays", "0,0,9,0,0,-1\n0,0,9,0,0,1\n");
 
     let measured = folder.stdout("measure in.chpm --against in.ply --samples 1 -q --json");
     folder.write("measured.json", measured);
@@ -119,6 +120,10 @@ fn every_key_is_documented_and_appears() {
         ("extract", "extract in.chpm --triangles 9k --up z -o turned.obj -q --json", 0),
         ("section", "section in.chpm --plane 0,0,1:0.1 --preview 5% -o a.svg -q --json", 0),
         ("section", "section in.chpm --every 0.5 -q --json", 0),
+        ("rays", "rays in.chpm some.rays --error 1% -o a.csv -q --json", 0),
+        ("rays", "rays in.chpm some.rays --any -q --json", 0),
+        ("thickness", "thickness in.chpm --svg a.svg -fq --json", 0),
+        ("visible", "visible in.chpm --from 0,0,9 --from 9,0,0 -q --json", 0),
         ("simplify", "simplify in.ply --within 1% -o simple.glb -q --json", 0),
         ("simplify", "simplify odd.obj --within 1% -o simple.stl -q --json", 0),
         ("export", "export in.chpm --3dtiles tiles -q --json", 0),

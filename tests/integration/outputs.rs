@@ -194,7 +194,10 @@ fn names_of_other_formats_are_refused() {
 }
 
 /// All else that writes, each word by word, and whether it is a folder: the name of one may end in anything but a format.
-const OTHERS: [(&str, bool); 22] = [
+const OTHERS: [(&str, bool); 25] = [
+    ("rays ball.chpm ball.ply -o NAME", false),
+    ("thickness ball.chpm -o NAME", false),
+    ("visible ball.chpm --from 0,0,9 --svg NAME", false),
     ("section ball.chpm --plane 0,0,1:0 -o NAME", false),
     ("relayout ball.chpm --pages packed -o NAME", false),
     ("simplify ball.ply --triangles 100 -o NAME", false),

@@ -1,0 +1,192 @@
+//! Rays of files, walls and what is seen, as files and numbers.
+
+use super::harness::Folder;
+use chpm_mesh::TriMesh;
+use chpm_synth::{Shape, Synth};
+use serde_json::Value;
+
+fn told(folder: &Folder, words: &str) -> Value {
+    serde_json::from_str(&folder.stdout(words)).expect("JSON")
+}
+
+/// A sphere of radius 1 in small clusters, and rays: at it from 3 away, past it, from inside, and one that ends before.
+fn ball() -> Folder {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 6000 -o ball.ply -q");
+    folder.stdout("build ball.ply -q --cluster-triangles 256");
+    folder.write(
+        "some.rays",
+        "ox,oy,oz,dx,dy,dz,reach\n3,0.01,0.02,-2,0,0,inf\n3,0,1.5,-1,0,0,inf\n0,0,0,0.1,0.2,0.3,9\n0,3,0.01,0,-1,0,1.5\n",
+    );
+    folder
+}
+
+/// Rows of CSV; nothing is no number.
+fn rows(bytes: &[u8]) -> Vec<Vec<f64>> {
+    let text = String::from_utf8(bytes.to_vec()).unwrap();
+    text.lines()
+        .skip(1)
+        .map(|line| line.split(',').map(|x| x.parse().unwrap_or(f64::NAN)).collect())
+        .collect()
+}
+
+#[test]
+fn rays_meet_a_sphere_where_it_is() {
+    let folder = ball();
+    let value = told(&folder, "rays ball.chpm some.rays -o hits.csv -q --json");
+    let number = |key: &str| value[key].as_u64().unwrap();
+    assert_eq!((number("count"), number("hits"), number("misses"), number("proven_misses")), (4, 2, 2, 2));
+    assert_eq!((value["error"].as_f64(), value["distance"].as_f64()), (Some(0.0), Some(0.0)));
+    let hits = rows(&folder.read("hits.csv"));
+    assert_eq!(hits.iter().map(|row| row[0]).collect::<Vec<_>>(), [1.0, 0.0, 1.0, 0.0]);
+    assert!((hits[0][1] - 2.0).abs() < 0.01 && (hits[2][1] - 1.0).abs() < 0.01, "{hits:?}");
+    for (row, from, way) in
+        [(0, [3.0, 0.01, 0.02], [-1.0, 0.0, 0.0]), (2, [0.0; 3], [0.267_261, 0.534_522, 0.801_784])]
+    {
+        for axis in 0..3 {
+            let along = from[axis] + way[axis] * hits[row][1];
+            assert!((hits[row][2 + axis] - along).abs() < 1e-5, "{row}: {hits:?}");
+        }
+        let facing: f64 = (0..3).map(|axis| hits[row][5 + axis] * hits[row][2 + axis]).sum();
+        assert!(facing > 0.98, "the normal points outward: {hits:?}");
+    }
+    assert!(hits[1][1..].iter().all(|x| x.is_nan()) && hits[0].len() == 10);
+    let text = folder.stdout("rays ball.chpm some.rays -q");
+    assert!(text.contains("hits and misses are the source's"), "{text}");
+}
+
+#[test]
+fn a_coarse_mesh_proves_misses_and_lower_bounds() {
+    let folder = ball();
+    let value = told(&folder, "rays ball.chpm some.rays --error 5% -o hits.csv -q --json");
+    let within = value["distance"].as_f64().unwrap();
+    assert!(within > 0.0 && value["proven_misses"] == 2, "{value}");
+    let hits = rows(&folder.read("hits.csv"));
+    let exact = [2.0, f64::INFINITY, 1.0, f64::INFINITY];
+    for (row, exact) in hits.iter().zip(exact) {
+        let least = row[10];
+        assert!(least <= exact + 0.01, "{hits:?}");
+        assert!(
+            exact.is_infinite() && least.is_infinite() || least > exact - 3.0 * within - 0.01,
+            "{hits:?}"
+        );
+    }
+    let text = folder.stdout("rays ball.chpm some.rays --error 5% -q");
+    assert!(text.contains("hits are not proven"), "{text}");
+}
+
+/// NumPy's arrays hold the numbers of CSV, whichever goes in.
+#[test]
+fn arrays_and_text_say_the_same_whatever_the_threads_and_the_memory() {
+    let folder = ball();
+    let rays = rows(&folder.read("some.rays"));
+    let dict = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 7), }}\n", rays.len());
+    let mut bytes = [&b"\x93NUMPY\x01\x00"[..], &(dict.len() as u16).to_le_bytes(), dict.as_bytes()].concat();
+    rays.iter().flatten().for_each(|x| bytes.extend(x.to_le_bytes()));
+    folder.write("some.npy", bytes);
+    folder.stdout("rays ball.chpm some.rays --error 1% -o a.csv -q --threads 1");
+    folder.stdout("rays ball.chpm some.npy --error 1% -o b.csv -q --threads 3 --memory 80M");
+    assert_eq!(folder.read("a.csv"), folder.read("b.csv"));
+    folder.stdout("rays ball.chpm some.npy --error 1% -o c.npy -q");
+    let array = folder.read("c.npy");
+    let start = 10 + usize::from(u16::from_le_bytes([array[8], array[9]]));
+    let numbers: Vec<f64> =
+        array[start..].chunks_exact(8).map(|x| f64::from_le_bytes(x.try_into().unwrap())).collect();
+    let expected: Vec<f64> = rows(&folder.read("a.csv")).concat();
+    assert!(numbers.len() == 44 && start % 64 == 0);
+    assert!(numbers.iter().zip(&expected).all(|(a, b)| a == b || a.is_nan() && b.is_nan()), "{numbers:?}");
+}
+
+#[test]
+fn what_is_no_ray_is_refused_with_its_place() {
+    let folder = ball();
+    folder.write("bad.rays", "0,0,0,0,0,1\n0,0,0,1,0\n");
+    folder.write("zero.rays", "# none\n0,0,0,0,0,0\n");
+    folder.write("short.npy", b"\x93NUMPY\x01\x00\xff\xff{");
+    folder.write("no.rays", "");
+    let before = folder.names();
+    for (words, told) in [
+        ("bad.rays", "'bad.rays', line 2"),
+        ("zero.rays", "'zero.rays', line 2"),
+        ("short.npy", "numpy.save"),
+        ("gone.rays", "gone.rays"),
+        ("some.rays --error=-1", "--error"),
+        ("some.rays -o a.png", "rays writes CSV and NumPy"),
+        ("some.rays --memory 1M", "--memory"),
+    ] {
+        let error = folder.stderr(
+            &format!("rays ball.chpm -q -o out.csv {words}")
+                .replace("-o out.csv some.rays -o", "some.rays -o"),
+            2,
+        );
+        assert!(error.contains(told), "{words}: {error}");
+    }
+    assert_eq!(folder.names(), before);
+    assert_eq!(told(&folder, "rays ball.chpm no.rays -q --json")["count"], 0);
+}
+
+/// Two spheres about one middle, the inner one turned inside out.
+fn shell(inner: f32) -> TriMesh {
+    let mut mesh = Synth::new(Shape::Sphere, 12_000, 1).to_mesh();
+    let count = mesh.positions.len() as u32;
+    let inside: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.map(|x| x * inner)).collect();
+    let turned: Vec<[u32; 3]> =
+        mesh.triangles.iter().map(|[a, b, c]| [a + count, c + count, b + count]).collect();
+    mesh.positions.extend(inside);
+    mesh.triangles.extend(turned);
+    mesh
+}
+
+#[test]
+fn a_shell_is_as_thick_as_it_was_made() {
+    let folder = Folder::new();
+    folder.write_mesh("shell.ply", &shell(0.9));
+    folder.stdout("build shell.ply -q --cluster-triangles 512");
+    for (cone, off) in [("0", 2e-3), ("10", 2e-3), ("25", 6e-3)] {
+        let value = told(&folder, &format!("thickness shell.chpm --cone {cone} -q --json"));
+        let number = |key: &str| value[key].as_f64().unwrap();
+        assert_eq!(
+            (value["open"].as_u64(), value["rays"].as_u64()),
+            (Some(0), Some(if cone == "0" { 1 } else { 7 }))
+        );
+        // On flat triangles of this size the sphere is missed by so much, and more where rays lean.
+        assert!((number("min") - 0.1).abs() < off && (number("max") - 0.1).abs() < off, "{cone}: {value}");
+    }
+    folder.stdout("thickness shell.chpm -o walls.ply --svg walls.svg -q");
+    let painted = folder.read_mesh("walls.ply");
+    assert_eq!(painted.colors.len(), painted.positions.len());
+    assert!(String::from_utf8(folder.read("walls.svg")).unwrap().contains("thickness, units"));
+    let again = folder.stdout("thickness shell.chpm -q --json --threads 3 --memory 80M");
+    assert_eq!(again, folder.stdout("thickness shell.chpm -q --json --threads 1"));
+
+    // Behind an open sheet there is nothing.
+    folder.stdout("synth terrain --triangles 3000 -o land.ply -q");
+    folder.stdout("build land.ply -q");
+    let text = folder.stdout("thickness land.chpm -q");
+    assert!(text.contains("the surface is open there"), "{text}");
+}
+
+#[test]
+fn half_of_a_sphere_is_seen_from_far_away() {
+    let folder = ball();
+    let value = told(&folder, "visible ball.chpm --from 1000,0,0 --from=-1000,0,0 -q --json");
+    let counts: Vec<u64> =
+        value["histogram"].as_array().unwrap().iter().map(|x| x.as_u64().unwrap()).collect();
+    let all = value["vertices"].as_u64().unwrap();
+    assert_eq!(counts.iter().sum::<u64>(), all);
+    // All from one of them, but for some about the rim.
+    assert!(counts[1] > all * 95 / 100 && counts[0] + counts[2] < all / 20, "{value}");
+    let near = told(&folder, "visible ball.chpm --from 2,0,0 -q --json");
+    let seen = near["histogram"][1].as_u64().unwrap() as f64 / all as f64;
+    // A cap of height 1 - 1/2, of the sphere's 2.
+    assert!((seen - 0.25).abs() < 0.04, "{near}");
+    let inside = told(&folder, "visible ball.chpm --from 0,0,0 -q --json");
+    assert_eq!(inside["histogram"][1], all);
+    folder.stdout("visible ball.chpm --from 2,0,0 -o seen.ply -q");
+    let painted = folder.read_mesh("seen.ply");
+    let (low, high) = (
+        painted.positions.iter().position(|p| p[0] < -0.9),
+        painted.positions.iter().position(|p| p[0] > 0.9),
+    );
+    assert_ne!(painted.colors[low.unwrap()], painted.colors[high.unwrap()]);
+}
