@@ -220,7 +220,7 @@ fn print(told: &made::Rays, out: &mut impl Write) -> Result<()> {
     match told.distance {
         Some(distance) if told.error > 0.0 => writeln!(
             out,
-            "a coarse mesh, within {} units of the source: {} are proven to miss the source, no other meets it before the distance that is told for it; hits are not proven",
+            "a coarse mesh, within {} units of the source. Proven to miss the source: {}; no other meets it before the distance that is told for it. Hits are not proven",
             AtMost(distance),
             count(proven_misses)
         )?,

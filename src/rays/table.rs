@@ -1,7 +1,7 @@
 //! Files of rays: text with a ray on each line, or an array of NumPy.
 
 use super::npy::{self, Kind, Shape};
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use chpm_rays::Ray;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
@@ -89,9 +89,11 @@ impl RayFile {
                 (read as u64) < LONGEST,
                 "a line of a ray expected, got one of more than {LONGEST} bytes"
             );
-            let text = std::str::from_utf8(&self.text).map_err(|_| {
-                anyhow!("text expected: a ray on each line, or an array that numpy.save wrote")
-            })?;
+            let text = std::str::from_utf8(&self.text).ok();
+            // Of what is no text, lines may look like names of columns.
+            let text = text.filter(|text| !text.trim_end().contains(|c: char| c.is_control() && c != '\t'));
+            let text =
+                text.context("text expected: a ray on each line, or an array that numpy.save wrote")?;
             let text = text.trim_start_matches('\u{feff}').trim();
             if text.is_empty() || text.starts_with('#') {
                 continue;

@@ -72,7 +72,7 @@ fn a_coarse_mesh_proves_misses_and_lower_bounds() {
         );
     }
     let text = folder.stdout("rays ball.chpm some.rays --error 5% -q");
-    assert!(text.contains("hits are not proven"), "{text}");
+    assert!(text.contains("Hits are not proven"), "{text}");
 }
 
 /// NumPy's arrays hold the numbers of CSV, whichever goes in.
