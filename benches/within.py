@@ -37,19 +37,25 @@ def fast(points, faces, count):
     return fast_simplification.simplify(points, faces.astype(numpy.int32), target_count=count)
 
 
-def meshlab(points, faces, count):
-    meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.add_mesh(pymeshlab.Mesh(points.astype(numpy.float64), faces.astype(numpy.int32)))
-    meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=count, planarquadric=True)
-    mesh = meshes.current_mesh()
-    return mesh.vertex_matrix(), mesh.face_matrix()
+def meshlab(boundary):
+    def simplify(points, faces, count):
+        meshes = pymeshlab.MeshSet(verbose=False)
+        meshes.add_mesh(pymeshlab.Mesh(points.astype(numpy.float64), faces.astype(numpy.int32)))
+        meshes.meshing_decimation_quadric_edge_collapse(
+            targetfacenum=count, planarquadric=True, preserveboundary=boundary
+        )
+        mesh = meshes.current_mesh()
+        return mesh.vertex_matrix(), mesh.face_matrix()
+
+    return simplify
 
 
 PEERS = {
     "meshopt": meshopt(0),
     "meshopt_prune": meshopt(meshoptimizer.SIMPLIFY_PRUNE),
     "fast": fast,
-    "meshlab": meshlab,
+    "meshlab": meshlab(False),
+    "meshlab_boundary": meshlab(True),
 }
 
 
@@ -66,7 +72,9 @@ def read(path):
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.load_new_mesh(path)
     mesh = meshes.current_mesh()
-    return mesh.vertex_matrix().astype(numpy.float32), mesh.face_matrix().astype(numpy.uint32)
+    # Rows one after the other, as meshoptimizer takes them.
+    points = numpy.ascontiguousarray(mesh.vertex_matrix(), dtype=numpy.float32)
+    return points, numpy.ascontiguousarray(mesh.face_matrix(), dtype=numpy.uint32)
 
 
 def write(path, points, faces):

@@ -1,6 +1,7 @@
 //! `chpm extract`: one crack-free mesh out of a file, as a file of another program.
 
 use super::{Verdict, open, reading};
+use crate::further::{self, Effort};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::mesh_file::{self, MeshArgs, Ready};
@@ -17,6 +18,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::Counted;
 use chpm_refine::{Camera, Extraction, RefineError, Request};
+use chpm_verify::certify::Further;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -39,6 +41,11 @@ pub(crate) struct Args {
     /// coarser a mesh is. Half of the triangles may be left; it takes ten seconds for a million triangles of the source, about
     #[arg(long, requires = "error", conflicts_with_all = ["triangles", "level", "poe"])]
     tight: bool,
+    /// How long to look for a coarser mesh that is proven to be within --error: 0, not at all; 1, as --tight; 2, vertex by vertex from there on, a minute more at most, about;
+    /// 3, as 2 without end. The last two hold the source in memory
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3), requires = "error",
+          conflicts_with_all = ["triangles", "level", "poe", "tight"])]
+    effort: u8,
     #[command(flatten)]
     threads: ThreadArgs,
     #[command(flatten)]
@@ -92,14 +99,23 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let request = request(file, args)?;
     let lacks = || format!("'{}' does not have that", args.file.display());
     let (meter, rounding) = (Meter::new(args.quiet), target.rounding(file));
-    let threads = args.tight.then_some(&args.threads);
+    let effort = args.effort.max(args.tight.into());
+    let threads = (effort > 0).then_some(&args.threads);
     let cut = tight::cut(file, &request, (rounding, free), threads, &meter, &cancel);
     let (cut, proven) = cut.map_err(|error: Error| match error.downcast_ref() {
         Some(RefineError::Level { .. }) => error.context(lacks()),
         _ => error,
     })?;
+    let further = match request.distance(file, rounding).and_then(|distance| Effort::of(effort, distance)) {
+        Some(effort) => further::mesh(file, &cut, effort, free, &args.threads, (&meter, &cancel))?,
+        None => None,
+    };
     let mesh = Extraction::keeping(file, &cut, args.mesh.to_keep(free), || stop::check(&cancel))?;
     request.check(file, &mesh).with_context(lacks)?;
+    let (mesh, proven) = match further {
+        Some(Further { mesh: coarser, distance }) => (mesh.replaced(coarser, distance), Some(distance)),
+        None => (mesh, proven),
+    };
     // What its order takes is known only now.
     let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh);
     memory::divide(file, args.memory.memory(), bytes)?;

@@ -35,10 +35,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "UNIT", value_enum)]
     unit: Option<Unit>,
     /// How long to look for a coarser mesh that is proven to be within --within: 0, by the distances that were stored, at once; 1, also by
-    /// proof, as by verify --errors: half of the triangles may be left, ten seconds for a million of the source, about; 2, vertex by vertex from there on, and a third
-    /// or less may be left: a minute, about; 3, as 2 without end
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3), requires = "within", conflicts_with = "triangles")]
-    effort: u8,
+    /// proof, as by verify --errors: half of the triangles may be left, ten seconds for a million of the source, about; 2, vertex by vertex from there on: a fifth may be
+    /// left, a minute more at most, about; 3, as 2 without end, and five times as many places are tried for each vertex: some percent less. If not given, 2, and 0 of more than 4 million triangles
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3), requires = "within", conflicts_with = "triangles")]
+    effort: Option<u8>,
     /// As --effort 1
     #[arg(long, requires = "within", conflicts_with_all = ["triangles", "effort"])]
     tight: bool,
@@ -101,7 +101,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             _ => Request::Level(0),
         };
         let rounding = target.rounding(&file);
-        let effort = args.effort.max(args.tight.into());
+        let effort = further::level(args.effort.or(args.tight.then_some(1)), report.triangles);
         let threads = (effort > 0).then_some(&args.threads);
         let (cut, proven) = tight::cut(&file, &request, (rounding, free), threads, &meter, &cancel)?;
         let further =

@@ -398,7 +398,7 @@ fn one_triangle_goes_into_every_format() {
 fn simplify_keeps_to_what_is_asked_and_leaves_nothing_else() {
     let folder = Folder::new();
     folder.stdout("synth isosurface --triangles 20000 -o in.ply -q");
-    let told = folder.stdout("simplify in.ply --within 0.02 -o out.ply -q");
+    let told = folder.stdout("simplify in.ply --within 0.02 --effort 0 -o out.ply -q");
     assert!(
         told.contains("out.ply: ") && told.contains("of 19,768 triangles") && told.contains("proven: "),
         "{told}"
@@ -419,7 +419,7 @@ fn simplify_keeps_to_what_is_asked_and_leaves_nothing_else() {
     assert!(folder.read_mesh("out.ply").triangles.len() < 10_000);
 
     // A millimetre of a model in centimetres.
-    folder.stdout("simplify in.ply --within 0.2mm --unit cm -o unit.ply -q");
+    folder.stdout("simplify in.ply --within 0.2mm --unit cm --effort 0 -o unit.ply -q");
     assert_eq!(triangles(&folder.read_mesh("unit.ply")), triangles(&folder.read_mesh("out.ply")));
     let told = folder.stdout("simplify in.ply --triangles 10% -o small.glb -q");
     assert!(

@@ -1,34 +1,39 @@
-//! A triangle mesh that loses vertices by half-edge collapses.
+//! A triangle mesh that loses vertices by collapses of edges.
 
 use chpm_mesh::geom::{area_vector, to_f64};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
-/// Least cosine between a face's normals before and after a collapse.
+/// Least cosine between a face's normals before and after a change.
 const TURN: f64 = 0.1;
 
-/// Faces over fixed vertices, and the faces about each vertex.
-pub(crate) struct Surface<'a> {
-    positions: &'a [[f32; 3]],
+/// Faces over vertices, and the faces about each vertex.
+pub(crate) struct Surface {
+    positions: Vec<[f32; 3]>,
     /// Corners of each face, also of those that are gone.
     faces: Vec<[u32; 3]>,
     stars: Vec<Vec<u32>>,
 }
 
-/// Effect of a collapse: the faces about its vertex, those that go and those that change.
+/// Change of a surface: faces that go, and others that get other corners or another place.
 #[derive(Default)]
-pub(crate) struct Collapse {
-    /// The vertex that goes.
-    pub(crate) from: u32,
-    /// Its neighbour, where it goes.
+pub(crate) struct Change {
+    /// The vertex that goes, if one does.
+    pub(crate) from: Option<u32>,
+    /// The vertex that gets its faces.
     pub(crate) to: u32,
+    /// Where that is put.
+    pub(crate) at: [f32; 3],
     /// Faces that go.
     pub(crate) gone: Vec<u32>,
     /// Faces that change, and their corners afterwards.
     pub(crate) changed: Vec<(u32, [u32; 3])>,
 }
 
-impl<'a> Surface<'a> {
-    pub(crate) fn new(positions: &'a [[f32; 3]], faces: Vec<[u32; 3]>) -> Self {
+/// Neighbours of a vertex in ascending order, with the number of faces at each edge.
+pub(crate) type Ring = Vec<(u32, u32)>;
+
+impl Surface {
+    pub(crate) fn new(positions: Vec<[f32; 3]>, faces: Vec<[u32; 3]>) -> Self {
         let mut stars = vec![Vec::new(); positions.len()];
         for (face, corners) in faces.iter().enumerate() {
             corners.iter().for_each(|v| stars[*v as usize].push(face as u32));
@@ -48,6 +53,14 @@ impl<'a> Surface<'a> {
         self.faces[face as usize]
     }
 
+    pub(crate) fn position(&self, vertex: u32) -> [f32; 3] {
+        self.positions[vertex as usize]
+    }
+
+    pub(crate) fn point(&self, vertex: u32) -> Point3<f64> {
+        to_f64(self.positions[vertex as usize])
+    }
+
     pub(crate) fn corners(&self, corners: [u32; 3]) -> [[f32; 3]; 3] {
         corners.map(|v| self.positions[v as usize])
     }
@@ -57,34 +70,29 @@ impl<'a> Surface<'a> {
         area_vector(a, b, c)
     }
 
-    /// From one vertex to another.
-    pub(crate) fn edge(&self, from: u32, to: u32) -> Vector3<f64> {
-        to_f64(self.positions[to as usize]) - to_f64(self.positions[from as usize])
-    }
-
-    /// Neighbours of a vertex in ascending order, with the number of faces at each edge.
-    pub(crate) fn neighbours(&self, vertex: u32, found: &mut Vec<(u32, u32)>) {
-        found.clear();
+    /// Finds a vertex's neighbours.
+    pub(crate) fn ring(&self, vertex: u32, ring: &mut Ring) {
+        ring.clear();
         for face in self.star(vertex) {
             for v in self.face(*face).into_iter().filter(|v| *v != vertex) {
-                match found.iter_mut().find(|(known, _)| *known == v) {
+                match ring.iter_mut().find(|(known, _)| *known == v) {
                     Some((_, faces)) => *faces += 1,
-                    None => found.push((v, 1)),
+                    None => ring.push((v, 1)),
                 }
             }
         }
-        found.sort_unstable();
+        ring.sort_unstable();
     }
 
     /// Whether the faces about a vertex are one fan, open or closed; given its neighbours.
-    pub(crate) fn is_fan(&self, vertex: u32, neighbours: &[(u32, u32)]) -> bool {
-        let open = neighbours.iter().filter(|(_, faces)| *faces == 1).count();
-        if neighbours.iter().any(|(_, faces)| *faces > 2) || !matches!(open, 0 | 2) {
+    pub(crate) fn is_fan(&self, vertex: u32, ring: &Ring) -> bool {
+        let open = ring.iter().filter(|(_, faces)| *faces == 1).count();
+        if ring.iter().any(|(_, faces)| *faces > 2) || !matches!(open, 0 | 2) {
             return false;
         }
         // A walk from face to face reaches all of them.
         let star = self.star(vertex);
-        let Some(first) = neighbours.iter().find(|(_, faces)| *faces == 1).or(neighbours.first()) else {
+        let Some(first) = ring.iter().find(|(_, faces)| *faces == 1).or(ring.first()) else {
             return false;
         };
         let (mut at, mut last) = (first.0, None);
@@ -103,66 +111,96 @@ impl<'a> Surface<'a> {
         steps == star.len()
     }
 
-    /// Finds out the effect of a collapse; false if the surface would not stay one of the same kind, or a face would turn over.
+    /// Finds out what a collapse changes that puts two vertices at one place; false if the surface would not stay one of the same kind, or a face would
+    /// turn over. The rings are those of both.
     pub(crate) fn collapse(
         &self,
-        from: u32,
-        to: u32,
-        neighbours: &[(u32, u32)],
-        others: &mut Vec<(u32, u32)>,
-        collapse: &mut Collapse,
+        (from, ring): (u32, &Ring),
+        (to, others): (u32, &Ring),
+        at: [f32; 3],
+        change: &mut Change,
     ) -> bool {
-        let between = neighbours.iter().find(|(v, _)| *v == to).map_or(0, |(_, faces)| *faces);
+        let between = ring.iter().find(|(v, _)| *v == to).map_or(0, |(_, faces)| *faces);
+        let is_open = |ring: &Ring| ring.iter().any(|(_, faces)| *faces == 1);
+        let moves = at != self.position(to);
         // A boundary moves along itself.
-        if between != 2 && !(between == 1 && neighbours.iter().any(|(_, faces)| *faces == 1)) {
+        let fits = match between {
+            1 => true,
+            2 => !is_open(ring) && !(moves && is_open(others)),
+            _ => false,
+        };
+        if !fits || moves && !self.is_fan(to, others) {
             return false;
         }
-        if between == 2 && neighbours.iter().any(|(_, faces)| *faces == 1) {
-            return false;
-        }
-        self.neighbours(to, others);
-        let common = others.iter().filter(|(v, _)| neighbours.iter().any(|(w, _)| w == v)).count();
+        let common = others.iter().filter(|(v, _)| ring.iter().any(|(w, _)| w == v)).count();
         if common != between as usize {
             return false;
         }
 
-        (collapse.from, collapse.to) = (from, to);
-        collapse.gone.clear();
-        collapse.changed.clear();
+        (change.from, change.to, change.at) = (Some(from), to, at);
+        change.gone.clear();
+        change.changed.clear();
         for face in self.star(from) {
             let corners = self.face(*face);
             if corners.contains(&to) {
-                collapse.gone.push(*face);
+                change.gone.push(*face);
                 continue;
             }
             let after = corners.map(|v| if v == from { to } else { v });
-            let (old, new) = (self.area_vector(corners), self.area_vector(after));
-            let least = TURN * old.norm() * new.norm();
-            let turned = new.norm() == 0.0 || (old.norm() > 0.0 && old.dot(&new) < least);
             let is_there = self.star(to).iter().any(|other| {
                 let other = self.face(*other);
                 after.iter().all(|v| other.contains(v))
             });
-            if turned || is_there {
+            if is_there || self.turns(corners, after, to, at) {
                 return false;
             }
-            collapse.changed.push((*face, after));
+            change.changed.push((*face, after));
         }
-        !collapse.changed.is_empty()
+        if moves {
+            for face in self.star(to) {
+                let corners = self.face(*face);
+                if change.gone.contains(face) {
+                    continue;
+                }
+                if self.turns(corners, corners, to, at) {
+                    return false;
+                }
+                change.changed.push((*face, corners));
+            }
+        }
+        !change.changed.is_empty()
     }
 
-    /// Carries a collapse out.
-    pub(crate) fn apply(&mut self, collapse: &Collapse) {
-        for face in &collapse.gone {
+    /// Whether a face turns over where it gets other corners, and one of these another place.
+    fn turns(&self, before: [u32; 3], after: [u32; 3], to: u32, at: [f32; 3]) -> bool {
+        let [a, b, c] = after.map(|v| if v == to { at } else { self.position(v) });
+        let (old, new) = (self.area_vector(before), area_vector(a, b, c));
+        let least = TURN * old.norm() * new.norm();
+        new.norm() == 0.0 || (old.norm() > 0.0 && old.dot(&new) < least)
+    }
+
+    /// Puts a vertex elsewhere; answers where it was.
+    pub(crate) fn put(&mut self, vertex: u32, at: [f32; 3]) -> [f32; 3] {
+        std::mem::replace(&mut self.positions[vertex as usize], at)
+    }
+
+    /// Carries a change out.
+    pub(crate) fn apply(&mut self, change: &Change) {
+        for face in &change.gone {
             for v in self.faces[*face as usize] {
                 self.stars[v as usize].retain(|other| other != face);
             }
         }
-        for (face, after) in &collapse.changed {
-            self.faces[*face as usize] = *after;
-            self.stars[collapse.to as usize].push(*face);
+        for (face, after) in &change.changed {
+            let before = std::mem::replace(&mut self.faces[*face as usize], *after);
+            for v in before.into_iter().filter(|v| !after.contains(v)) {
+                self.stars[v as usize].retain(|other| other != face);
+            }
+            for v in after.iter().filter(|v| !before.contains(v)) {
+                self.stars[*v as usize].push(*face);
+            }
         }
-        self.stars[collapse.from as usize].clear();
+        self.put(change.to, change.at);
     }
 
     /// The faces that are left.

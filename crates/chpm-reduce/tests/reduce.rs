@@ -6,16 +6,17 @@ use chpm_mesh::{Aabb, TriMesh};
 use chpm_reduce::{Effort, reduce};
 use chpm_synth::{Shape, Synth};
 
-const ALL: Effort = Effort { pieces: u64::MAX, targets: 3 };
+const ALL: Effort = Effort { pieces: u64::MAX, places: 3 };
 
 fn tiles(mesh: &TriMesh) -> Tiles<'_> {
     Tiles::new(vec![Aabb::of_points(&mesh.positions)], u64::MAX, |_| mesh.clone())
 }
 
 fn reduced(source: &TriMesh, distance: f64, effort: Effort) -> TriMesh {
-    let triangles: Vec<_> = source.triangles.iter().map(|t| source.corners(*t)).collect();
-    let faces = reduce(source, (&tiles(source), &triangles), distance, effort, &|| false);
-    TriMesh::new(source.positions.clone(), faces)
+    let left = reduce(source, (&tiles(source), source), distance, effort, &|| false);
+    let count = source.positions.len() as u32;
+    let positions = left.vertices.iter().map(|v| source.positions[(*v % count) as usize]).collect();
+    TriMesh::new(positions, left.triangles)
 }
 
 /// Whether every triangle of one mesh is within a distance of the other, by proof.
@@ -71,7 +72,7 @@ fn a_plate_becomes_two_triangles_and_a_bent_one_keeps_its_bend() {
 fn nothing_goes_where_nothing_may() {
     let source = Synth::new(Shape::Isosurface, 500, 3).to_mesh();
     assert_eq!(reduced(&source, 0.0, ALL).triangles.len(), source.triangles.len());
-    let none = Effort { pieces: 0, targets: 3 };
+    let none = Effort { pieces: 0, places: 3 };
     assert_eq!(reduced(&source, 1.0, none).triangles, source.triangles);
 }
 
@@ -92,4 +93,22 @@ fn odd_meshes_are_left_whole_where_they_are_odd() {
     let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let tetrahedron = TriMesh::new(corners, vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]);
     assert_eq!(reduced(&tetrahedron, 10.0, ALL).triangles.len(), 4);
+}
+
+#[test]
+fn more_places_leave_fewer_triangles_and_each_is_one_of_the_source() {
+    let source = Synth::new(Shape::Isosurface, 8000, 3).to_mesh();
+    let distance = 0.01 * Aabb::of_points(&source.positions).diagonal();
+    let count = |places| reduced(&source, distance, Effort { places, ..ALL }).triangles.len();
+    let counts = [0, 3].map(count);
+    assert!(10 * counts[1] < 9 * counts[0], "{counts:?}");
+
+    // Some vertices were put where neither of two was.
+    let left = reduce(&source, (&tiles(&source), &source), distance, ALL, &|| false);
+    let others = left
+        .triangles
+        .as_flattened()
+        .iter()
+        .filter(|v| left.vertices[**v as usize] >= source.positions.len() as u32);
+    assert!(others.count() > 0);
 }

@@ -1,17 +1,18 @@
 //! A cut that somebody takes further than the file goes, and the proof of what comes of it.
 
 use super::{Certifier, EFFORT};
-use crate::deviation::finest;
 use crate::error::VerifyError;
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::Tiles;
 use chpm_mesh::geom::round_up;
-use chpm_mesh::{Aabb, TriMesh, Vertices};
+use chpm_mesh::{Aabb, Level, TriMesh, Vertices};
 use chpm_refine::{Cut, extract};
 
-/// Bytes that a triangle of the source takes meanwhile, about: itself, a hierarchy over it, and the faces that it is near to.
-pub const SOURCE_BYTES: u64 = 192;
+/// Bytes that a triangle of the source takes meanwhile, about: itself, its vertices, and the faces that it is near to.
+pub const SOURCE_BYTES: u64 = 96;
+/// Bytes that a triangle of the cut takes, about: its vertices, quadrics, faces about each, and places in the queue.
+pub const CUT_BYTES: u64 = 256;
 
 /// Triangles in a tile.
 const TILE: usize = 4096;
@@ -22,8 +23,8 @@ pub struct Goal<'a> {
     pub mesh: &'a TriMesh,
     /// The source.
     pub source: &'a Tiles<'a>,
-    /// Its triangles.
-    pub triangles: &'a [[[f32; 3]; 3]],
+    /// The same as one mesh.
+    pub whole: &'a TriMesh,
     /// Distance that is allowed, both ways; the cut keeps to it.
     pub distance: f64,
 }
@@ -37,8 +38,8 @@ pub struct Further {
     pub distance: f32,
 }
 
-/// The mesh of a cut with the faces that `collapse` makes of it, if all of it is proven to be within a distance of the source, both ways. Whatever
-/// `collapse` does, nothing is believed. The source's triangles are held in memory, and tiles may take `budget` bytes.
+/// The mesh that `collapse` makes of a cut, of vertices of the cut and, after those, of the source; if all of it is proven to be within a distance of the source, both ways. Whatever
+/// `collapse` does, nothing is believed. The source is held in memory, and tiles may take `budget` bytes.
 ///
 /// # Errors
 /// As [`coarsest`](super::coarsest).
@@ -48,7 +49,7 @@ pub fn further(
     budget: u64,
     progress: &dyn Progress,
     cancel: &Cancel,
-    collapse: impl FnOnce(&Goal<'_>) -> Vec<[u32; 3]>,
+    collapse: impl FnOnce(&Goal<'_>) -> (Vec<u32>, Vec<[u32; 3]>),
 ) -> Result<Option<Further>, VerifyError> {
     let certifier = Certifier::new(file, EFFORT, budget, progress, cancel)?;
     let beside = certifier.beside();
@@ -56,24 +57,29 @@ pub fn further(
     if !file.has_gaps() || limit <= 0.0 {
         return Ok(None);
     }
-    let whole = extract(file, cut)?;
-    let triangles: Vec<_> = certifier
-        .leaves
-        .iter()
-        .flat_map(|leaf| {
-            let leaf = finest(file, *leaf);
-            leaf.triangles.iter().map(|t| leaf.corners(*t)).collect::<Vec<_>>()
-        })
-        .collect();
+    let coarse = extract(file, cut)?;
+    let whole = extract(file, &Cut::at_level(file, Level(0)))?;
     cancel.check()?;
 
     progress.begin("collapsing", 1);
-    let goal = Goal { mesh: &whole, source: &certifier.source, triangles: &triangles, distance: limit };
-    let mesh = used(&whole, collapse(&goal));
+    let goal = Goal { mesh: &coarse, source: &certifier.source, whole: &whole, distance: limit };
+    let mesh = taken([&coarse, &whole], collapse(&goal));
     progress.end();
     cancel.check()?;
     let reached = certifier.reach_mesh(&mesh, limit)?;
     Ok(reached.map(|reached| Further { mesh, distance: round_up(reached + beside) }))
+}
+
+/// The mesh of triangles that have their corners in a list of vertices, which are those of one mesh, and after them those of another.
+fn taken([first, second]: [&TriMesh; 2], (vertices, triangles): (Vec<u32>, Vec<[u32; 3]>)) -> TriMesh {
+    let count = first.positions.len() as u32;
+    let mut all = TriMesh { vertices: Vertices::default(), triangles };
+    for v in vertices {
+        let (mesh, v) = if v < count { (first, v) } else { (second, v - count) };
+        all.vertices.gather(mesh.view(), std::iter::once(v as usize));
+    }
+    let triangles = std::mem::take(&mut all.triangles);
+    used(&all, triangles)
 }
 
 /// The mesh of some triangles, without vertices that none of them uses.

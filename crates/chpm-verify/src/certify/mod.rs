@@ -15,7 +15,7 @@ mod further;
 
 pub use coarsest::{Proven, coarsest};
 pub use faults::faults;
-pub use further::{Further, Goal, SOURCE_BYTES, further};
+pub use further::{CUT_BYTES, Further, Goal, SOURCE_BYTES, further};
 
 use crate::cuts;
 use crate::deviation::{at_position, drawn_tiles, finest, mesh_of, source_tiles};
