@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Triangles of `chpm simplify --within` beside the fewest that other simplifiers need to come as near.
 
-within.py CHPM FOLDER SHARE[,SHARE..] SOURCE... writes CSV. Distances are sampled in both directions at SAMPLES points a triangle of either mesh, whoever made it, and a peer has
-an oracle that none of its users has: its count of triangles is bisected until its mesh is as near to the source as ours. Seconds are processor time of one call.
-Needs fast-simplification, meshoptimizer and pymeshlab of PyPI.
+within.py CHPM FOLDER SHARE[,SHARE..] EFFORT[,EFFORT..] SOURCE... writes CSV. Distances are sampled in both directions at SAMPLES points a triangle of either mesh, whoever made it,
+and a peer has an oracle that none of its users has: its count of triangles is bisected until its mesh is as near to the source as ours of the last effort.
+Seconds are processor time of one call. Needs fast-simplification, meshoptimizer and pymeshlab of PyPI.
 """
 import json
 import math
@@ -17,8 +17,10 @@ import meshoptimizer
 import numpy
 import pymeshlab
 
-SAMPLES = "10"
-STEPS = 10
+SAMPLES = "4"
+# A count is looked for to within this share of it, beginning at ours and going by this factor.
+FINE = 1.02
+FACTOR = 2
 
 
 def meshopt(options):
@@ -105,44 +107,55 @@ class Model:
         """How far the mesh that was written last is from the source."""
         return told([self.chpm, "measure", self.mesh, self.whole, "--samples", SAMPLES, "--json", "-q"])["max"]
 
-    def ours(self, share, *options):
-        words = [self.chpm, "simplify", self.whole, "--within", f"{100 * share}%", *options, "--threads", "1"]
+    def ours(self, share, effort):
+        words = [self.chpm, "simplify", self.whole, "--within", f"{100 * share}%", "--effort", effort, "--threads", "1"]
         begun = spent()
         triangles = told([*words, "-o", self.mesh, "-f", "--json", "-q"])["triangles"]
         return triangles, spent() - begun, self.distance()
 
-    def fewest(self, peer, distance):
+    def near(self, peer, count, distance):
+        """Triangles of a peer's mesh, if that is within a distance."""
+        points, faces = peer(self.points, self.faces, count)
+        if not len(faces):
+            return None
+        write(self.mesh, points, faces)
+        return len(faces) if self.distance() <= distance else None
+
+    def fewest(self, peer, distance, begin):
         """The fewest triangles of a peer that are within a distance; none if it does not come so near."""
-        low, high, fewest = 4, len(self.faces), None
-        for _ in range(STEPS):
-            count = round(math.sqrt(low * high))
-            points, faces = peer(self.points, self.faces, count)
-            near = False
-            if len(faces):
-                write(self.mesh, points, faces)
-                near = self.distance() <= distance
-            if near:
-                high = count
-                fewest = min(fewest or len(faces), len(faces))
+        low, high = 0, begin
+        while not (fewest := self.near(peer, high, distance)):
+            if high >= len(self.faces):
+                return None
+            low, high = high, min(FACTOR * high, len(self.faces))
+        while True:
+            count = round(math.sqrt(low * high) if low else high / FACTOR)
+            if count < 4 or high <= FINE * count:
+                return fewest
+            if found := self.near(peer, count, distance):
+                high, fewest = count, min(fewest, found)
             else:
                 low = count
-        return fewest
 
 
 def main():
-    chpm, folder, shares, sources = sys.argv[1], sys.argv[2], sys.argv[3].split(","), sys.argv[4:]
-    print("model,share,stored,stored_s,ours,ours_s,distance_of_diagonal," + ",".join(PEERS), flush=True)
+    chpm, folder, shares, efforts, sources = *sys.argv[1:3], sys.argv[3].split(","), sys.argv[4].split(","), sys.argv[5:]
+    columns = ",".join(f"effort_{effort},effort_{effort}_s" for effort in efforts)
+    print(f"model,of,share,{columns},distance_of_share," + ",".join(PEERS) + ",ours_by_best", flush=True)
     for source in sources:
         name = os.path.splitext(os.path.basename(source))[0]
         model = Model(chpm, folder, source)
         for share in map(float, shares):
-            stored, stored_s, _ = model.ours(share)
-            ours, ours_s, distance = model.ours(share, *OURS)
-            found = ",".join(str(model.fewest(peer, distance) or "") for peer in PEERS.values())
-            row = f"{name},{100 * share:g}%,{stored},{stored_s:.2f},{ours},{ours_s:.2f},{distance / model.diagonal:.5f},"
-            print(row + found, flush=True)
+            ours = [model.ours(share, effort) for effort in efforts]
+            count, _, distance = ours[-1]
+            found = [model.fewest(peer, distance, count) for peer in PEERS.values()]
+            cells = [name, len(model.faces), f"{100 * share:g}%"]
+            cells += [cell for count, seconds, _ in ours for cell in (count, f"{seconds:.2f}")]
+            cells += [f"{distance / (share * model.diagonal):.4f}", *(count or "" for count in found)]
+            best = min((count for count in found if count), default=None)
+            cells.append(f"{count / best:.3f}" if best else "")
+            print(*cells, sep=",", flush=True)
 
 
-OURS = ("--tight",)
-
-main()
+if __name__ == "__main__":
+    main()

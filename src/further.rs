@@ -41,6 +41,19 @@ impl Effort {
 
 /// What is left of `free` bytes beside a source and a cut of so many triangles, or how many are missing.
 fn room(free: u64, source: u64, cut: u64) -> Result<u64, u64> {
+    let takes = SOURCE_BYTES.saturating_mul(source).saturating_add(CUT_BYTES.saturating_mul(cut));
+    free.checked_sub(takes).ok_or_else(|| takes - free)
+}
+
+/// The mesh of a cut, taken further within a distance of the source; none where nothing is proven. It may take `free` bytes.
+pub(crate) fn mesh(
+    file: &Chpm<MappedFile>,
+    cut: &Cut,
+    Effort { distance, reduce }: Effort,
+    free: u64,
+    threads: &ThreadArgs,
+    (meter, cancel): (&Meter, &Cancel),
+) -> Result<Option<Further>> {
     let (source, drawn) = (file.header().source_triangle_count, cut.triangle_count(file)?);
     let tiles = match room(free, source, drawn) {
         Ok(tiles) => tiles,

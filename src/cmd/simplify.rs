@@ -35,7 +35,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "UNIT", value_enum)]
     unit: Option<Unit>,
     /// How long to look for a coarser mesh that is proven to be within --within: 0, by the distances that were stored, at once; 1, also by
-    /// proof, as by verify --errors: half of the triangles may be left, ten seconds for a million of the source, about; 2, vertex by vertex from there on: a fifth may be
+    /// proof, as by verify --errors: half of the triangles may be left, ten seconds for a million of the source, about; 2, vertex by vertex from there on: a quarter may be
     /// left, a minute more at most, about; 3, as 2 without end, and five times as many places are tried for each vertex: some percent less. If not given, 2, and 0 of more than 4 million triangles
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3), requires = "within", conflicts_with = "triangles")]
     effort: Option<u8>,

@@ -30,8 +30,14 @@ const RINGS: usize = 3;
 const LEAST: u64 = 256;
 /// Triangles under a change that are looked at first: one in so many.
 const SAMPLED: usize = 16;
-/// Vertices of the source whose cost is a piece's work.
+/// Vertices or faces to look at that come to a piece's work.
 const SCANNED: u64 = 16;
+/// Faces about a vertex beyond which it stays as it is, and its other faces are not looked for near a change.
+const MOST: usize = 128;
+/// Faces near a change beyond which it is left.
+const CROWD: usize = 2048;
+/// Triangles of the source after which it is asked whether to stop.
+const ASKED: usize = 1 << 12;
 /// What the squares of distances count for beside those from planes.
 const SHORT: f64 = 5e-7;
 
@@ -153,6 +159,9 @@ impl<'a> Reducer<'a> {
         reducer.cover_source(mesh);
         reducer.add_quadrics();
         for v in 0..count as u32 {
+            if reducer.pieces >= effort.pieces || is_stopped() {
+                break;
+            }
             reducer.enqueue_edges(v, |w| w > v);
         }
         reducer
@@ -165,6 +174,9 @@ impl<'a> Reducer<'a> {
         let boxes: Vec<Aabb> = faces.iter().map(Aabb::of_points).collect();
         let (mut of, mut faces_of) = (Vec::new(), Vec::new());
         for (number, triangle) in self.source.triangles.iter().enumerate() {
+            if number.is_multiple_of(ASKED) && (self.is_stopped)() {
+                return;
+            }
             let triangle = self.source.corners(*triangle);
             let grown = grown(&triangle, self.reach);
             let around = 0.5 * grown.diagonal();
@@ -196,6 +208,9 @@ impl<'a> Reducer<'a> {
 
     fn add_quadrics(&mut self) {
         for v in 0..self.surface.vertex_count() as u32 {
+            if self.is_crowded(v) {
+                continue;
+            }
             self.surface.ring(v, &mut self.ring);
             for face in self.surface.star(v) {
                 let corners = self.surface.face(*face);
@@ -250,9 +265,15 @@ impl<'a> Reducer<'a> {
 
     /// Puts those edges of a vertex into the queue whose other ends are wanted.
     fn enqueue_edges(&mut self, vertex: u32, is_wanted: impl Fn(u32) -> bool) {
+        if self.is_crowded(vertex) {
+            return;
+        }
         let mut ring = std::mem::take(&mut self.edges);
         self.surface.ring(vertex, &mut ring);
         for (v, _) in ring.iter().filter(|(v, _)| is_wanted(*v)) {
+            if self.is_crowded(*v) {
+                continue;
+            }
             let (a, b) = (vertex.min(*v), vertex.max(*v));
             self.find_ways(a, b);
             if let Some(best) = self.ways.first() {
@@ -261,6 +282,10 @@ impl<'a> Reducer<'a> {
             }
         }
         self.edges = ring;
+    }
+
+    fn is_crowded(&self, vertex: u32) -> bool {
+        self.surface.star(vertex).len() > MOST
     }
 
     /// Tries the next edge; false if there is none.
@@ -295,7 +320,9 @@ impl<'a> Reducer<'a> {
             self.cover.under(faces, &mut self.under);
             let before = self.surface.put(way.to, way.at);
             self.find_near(&change, [&ring, &others]);
-            let is_proven = self.keeps_source() && self.keeps_mesh(&change);
+            self.pieces += self.near.faces().len() as u64 / SCANNED;
+            let is_crowded = self.near.faces().len() > CROWD;
+            let is_proven = !is_crowded && self.keeps_source() && self.keeps_mesh(&change);
             self.surface.put(way.to, before);
             if is_proven {
                 self.carry_out(way, &change, [&ring, &others]);
@@ -317,7 +344,8 @@ impl<'a> Reducer<'a> {
         set(about, rings.into_iter().flatten().map(|(v, _)| *v));
         let mut before = 0;
         for _ in 0..RINGS {
-            faces.extend(about.iter().flat_map(|v| self.surface.star(*v)));
+            let stars = about.iter().map(|v| self.surface.star(*v));
+            faces.extend(stars.filter(|star| star.len() <= MOST).flatten());
             set(about, faces[before..].iter().flat_map(|face| self.surface.face(*face)));
             before = faces.len();
         }
