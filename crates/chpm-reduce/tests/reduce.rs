@@ -112,3 +112,18 @@ fn more_places_leave_fewer_triangles_and_each_is_one_of_the_source() {
         .filter(|v| left.vertices[**v as usize] >= source.positions.len() as u32);
     assert!(others.count() > 0);
 }
+
+#[test]
+fn about_a_hub_of_many_faces_its_rim_goes() {
+    let rim = (0..300).map(|i| {
+        let angle = std::f32::consts::TAU * i as f32 / 300.0;
+        [angle.cos(), angle.sin(), 0.0]
+    });
+    let disc = TriMesh::new(
+        std::iter::once([0.0; 3]).chain(rim).collect(),
+        (0..300).map(|i| [0, 1 + i, 1 + (i + 1) % 300]).collect(),
+    );
+    let left = reduced(&disc, 0.02, ALL);
+    assert!(left.triangles.len() < 60, "{}", left.triangles.len());
+    assert!(is_within(&disc, &left, 0.02) && is_within(&left, &disc, 0.02));
+}
