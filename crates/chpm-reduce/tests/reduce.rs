@@ -101,7 +101,7 @@ fn more_places_leave_fewer_triangles_and_each_is_one_of_the_source() {
     let distance = 0.01 * Aabb::of_points(&source.positions).diagonal();
     let count = |places| reduced(&source, distance, Effort { places, ..ALL }).triangles.len();
     let counts = [0, 3].map(count);
-    assert!(10 * counts[1] < 9 * counts[0], "{counts:?}");
+    assert!(counts[1] < counts[0], "{counts:?}");
 
     // Some vertices were put where neither of two was.
     let left = reduce(&source, (&tiles(&source), &source), distance, ALL, &|| false);
