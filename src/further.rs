@@ -15,7 +15,7 @@ const MINUTE: u64 = 16_000_000;
 /// Triangles of a source up to which a mesh is taken further if nothing else is asked for.
 const FURTHER: u64 = 4_000_000;
 
-/// What `--effort` is if nothing is asked for: as far as a minute goes, about; of a large source, what is stored.
+/// Level of `--effort`; if nothing is asked for, as far as a minute goes, about, and of a large source what is stored.
 pub(crate) fn level(asked: Option<u8>, triangles: u64) -> u8 {
     asked.unwrap_or(if triangles <= FURTHER { 2 } else { 0 })
 }
@@ -39,7 +39,7 @@ impl Effort {
     }
 }
 
-/// What is left of `free` bytes beside a source and a cut of so many triangles, or how many are missing.
+/// Bytes of `free` that are left beside a source and a cut of so many triangles, or how many are missing.
 fn room(free: u64, source: u64, cut: u64) -> Result<u64, u64> {
     let takes = SOURCE_BYTES.saturating_mul(source).saturating_add(CUT_BYTES.saturating_mul(cut));
     free.checked_sub(takes).ok_or_else(|| takes - free)

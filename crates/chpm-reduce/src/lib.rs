@@ -38,7 +38,7 @@ const MOST: usize = 128;
 const CROWD: usize = 2048;
 /// Triangles of the source after which it is asked whether to stop.
 const ASKED: usize = 1 << 12;
-/// What the squares of distances count for beside those from planes.
+/// Weight of squared distances beside those from planes.
 const SHORT: f64 = 5e-7;
 
 /// How long to look for collapses.

@@ -14,7 +14,7 @@ pub(crate) struct Near {
     faces: Vec<u32>,
     corners: Vec<[[f32; 3]; 3]>,
     boxes: Vec<Aabb>,
-    /// What was nearest last.
+    /// Place of the face that was nearest last.
     last: usize,
     stack: Vec<([Point3<f64>; 3], u32)>,
 }
