@@ -260,20 +260,12 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The configuration that was asked for.
-pub(crate) fn build_config(
-    settings: &SettingsArgs,
-    resources: &ResourceArgs,
-    overwrite: bool,
-) -> Result<BuildConfig> {
-    let partitioner = settings.partitioner.parse().context("--partitioner")?;
-    let (memory, least) = (resources.storage.memory, MemorySize(Bytes(MIN_MEMORY)));
-    ensure!(
-        memory.0 >= least.0 || resources.any_memory,
-        "--memory {memory} is less than a build can stay below: give it {least} or more"
-    );
-    Ok(BuildConfig {
-        settings: Settings {
+impl SettingsArgs {
+    /// The settings that were asked for.
+    pub(crate) fn settings(&self) -> Result<Settings> {
+        let settings = self;
+        let partitioner = settings.partitioner.parse().context("--partitioner")?;
+        Ok(Settings {
             cluster_triangles: settings.cluster_triangles,
             partitioner,
             boundary: settings.boundary.mode(),
@@ -299,7 +291,24 @@ pub(crate) fn build_config(
             packed: settings.pages == Pages::Packed,
             positions: settings.positions,
             ..Settings::default()
-        },
+        })
+    }
+}
+
+/// The configuration that was asked for.
+pub(crate) fn build_config(
+    settings: &SettingsArgs,
+    resources: &ResourceArgs,
+    overwrite: bool,
+) -> Result<BuildConfig> {
+    let settings = settings.settings()?;
+    let (memory, least) = (resources.storage.memory, MemorySize(Bytes(MIN_MEMORY)));
+    ensure!(
+        memory.0 >= least.0 || resources.any_memory,
+        "--memory {memory} is less than a build can stay below: give it {least} or more"
+    );
+    Ok(BuildConfig {
+        settings,
         resources: Resources {
             // Zero is the library's word for one per processor.
             threads: resources.threads.unwrap_or(0) as usize,

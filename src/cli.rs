@@ -6,8 +6,8 @@ use crate::cmd::render;
 use crate::cmd::view;
 use crate::cmd::{
     batch, bench, build, clearance, compare, completions, config, contacts, demo, distance, dump, export,
-    extract, info, measure, path, rays, relayout, report, section, simplify, stats, synth, thickness, verify,
-    visible, walk,
+    extract, info, measure, path, rays, relayout, report, section, simplify, stage, stats, synth, thickness,
+    verify, visible, walk,
 };
 #[cfg(feature = "web")]
 use crate::cmd::{serve, share};
@@ -33,6 +33,10 @@ pub(crate) enum Command {
     Build(build::Args),
     /// Build many meshes into one folder; what is current is left alone
     Batch(batch::Args),
+    /// Build one model in steps, on many machines
+    Stage(Box<stage::Args>),
+    /// Do steps of a plan that nobody else does, until all are done
+    Work(stage::WorkArgs),
     /// Show what a file is, how big and how good, and what to do next
     Info(info::Args),
     /// Show how good a file is, level by level, and its worst clusters

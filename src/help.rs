@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 /// Verbs that belong together, in the order in which they are listed.
 const GROUPS: [(&str, &[&str]); 7] = [
-    ("Make", &["build", "simplify", "batch", "relayout", "synth"]),
+    ("Make", &["build", "simplify", "batch", "stage", "work", "relayout", "synth"]),
     ("Look", &["view", "render", "info", "stats", "report", "dump"]),
     ("Check", &["verify", "measure", "bench"]),
     ("Compare", &["compare", "distance", "clearance", "contacts"]),

@@ -53,6 +53,7 @@ mod view;
 #[cfg(feature = "web")]
 mod web;
 mod whole;
+mod workflow;
 
 use chpm_extmem::platform::is_closed_pipe;
 use clap::FromArgMatches;

@@ -89,6 +89,8 @@ mod integration {
     mod signals;
     /// Dust that is left out of what is built, and of what it is compared with.
     mod small;
+    /// Builds in steps, on many machines.
+    mod stage;
     /// How models stand, and what of them is framed.
     #[cfg(feature = "viewer")]
     mod stance;

@@ -27,6 +27,7 @@ pub(crate) mod serve;
 #[cfg(feature = "web")]
 pub(crate) mod share;
 pub(crate) mod simplify;
+pub(crate) mod stage;
 pub(crate) mod stats;
 pub(crate) mod synth;
 pub(crate) mod thickness;
@@ -73,6 +74,8 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
     match command {
         Command::Build(args) => build::run(&args, stop),
         Command::Batch(args) => batch::run(&args, stop),
+        Command::Stage(args) => stage::run(&args, stop),
+        Command::Work(args) => stage::work(&args, stop),
         Command::Info(args) => info::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Config(args) => config::run(&args),

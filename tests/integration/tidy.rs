@@ -46,7 +46,7 @@ const EDGES: [(&str, &[&str]); 21] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 25] = [
+const LAYERS: [&str; 26] = [
     "trace",
     "progress",
     "report",
@@ -72,6 +72,7 @@ const LAYERS: [&str; 25] = [
     "emit",
     "checkpoint",
     "pipeline",
+    "stage",
 ];
 
 /// What only the command may use; but chpm-export and chpm-report write JSON, and chpm-import reads some.

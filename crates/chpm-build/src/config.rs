@@ -9,6 +9,7 @@ use chpm_mesh::Bytes;
 pub use chpm_mesh::asked::{Length, LengthError};
 use chpm_partition::Partitioner;
 pub use chpm_qem::Topology;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -27,7 +28,7 @@ pub struct BuildConfig {
 }
 
 /// Settings that decide the output, byte for byte; stored in the file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Triangles of a leaf cluster that the decomposition aims for (Quick-VDR 4.1: about 2K vertices, so 4K triangles).
     pub cluster_triangles: u32,
@@ -36,6 +37,7 @@ pub struct Settings {
     /// Neighbours of a cell in the cell graph (Quick-VDR 4.1: k = 6).
     pub cell_neighbors: u32,
     /// Who partitions the cell graph and the cluster graph.
+    #[serde(with = "as_text")]
     pub partitioner: Partitioner,
     /// Seed of the partitioner.
     pub seed: u64,
@@ -114,7 +116,7 @@ impl Default for Settings {
 }
 
 /// Which normals vertices have.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum Normals {
     /// Those of the source, if it has any.
     #[default]
@@ -137,7 +139,7 @@ impl fmt::Display for Normals {
 }
 
 /// Use of the source's images.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum Texture {
     /// Those of vertices, where an image is there.
     #[default]
@@ -149,7 +151,7 @@ pub enum Texture {
 }
 
 /// Treatment of images that are not there, or of no kind that is read.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum MissingImages {
     /// Triangles of theirs are grey, with a warning.
     #[default]
@@ -159,7 +161,7 @@ pub enum MissingImages {
 }
 
 /// In which order a file has what is in it.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Layout {
     /// Clusters that are read together side by side, by falling error; the triangles of each in an order for vertex caches.
     VertexCache,
@@ -180,7 +182,7 @@ impl fmt::Display for Layout {
 }
 
 /// Treatment of the source's coordinates.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Positions {
     /// Singles keep their bits, what has more digits is rounded to singles.
     Exact,
@@ -227,6 +229,20 @@ impl FromStr for Positions {
 pub struct PositionsError {
     /// The text.
     pub got: String,
+}
+
+/// A partitioner in a record: by its name, since its crate knows of no records.
+mod as_text {
+    use chpm_partition::Partitioner;
+    use serde::{Deserialize, Deserializer, Serializer, de};
+
+    pub(super) fn serialize<S: Serializer>(value: &Partitioner, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(value)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Partitioner, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(de::Error::custom)
+    }
 }
 
 fn length_text(length: Option<Length>) -> String {

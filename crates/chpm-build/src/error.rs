@@ -61,6 +61,19 @@ pub enum BuildError {
     /// The file that is being written would not be valid.
     #[error("cannot write the file: {0}")]
     Format(#[from] chpm_format::FormatError),
+    /// A part that another process is to go on with cannot be written or understood.
+    #[error("a part cannot be written or understood: {0}")]
+    Record(String),
+    /// A part of a build in stages is not there, or is not what is needed.
+    #[error("'{}' {reason}; {remedy}", path.display())]
+    Part {
+        /// The part.
+        path: PathBuf,
+        /// Reason, in words.
+        reason: String,
+        /// What helps.
+        remedy: String,
+    },
     /// The threads could not be started.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {

@@ -26,6 +26,7 @@ pub mod progress;
 mod range;
 pub mod report;
 mod simplify;
+pub mod stage;
 mod trace;
 mod triangle_order;
 mod trim;

@@ -176,7 +176,7 @@ fn available() -> usize {
 }
 
 /// Storage and threads for a source of so many bytes.
-fn context<'a>(
+pub(crate) fn context<'a>(
     dir: WorkDir,
     source_len: u64,
     resources: &Resources,

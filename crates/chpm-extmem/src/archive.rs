@@ -1,11 +1,13 @@
 //! Records of values that outlive the process. While a record is written or read, the columns and spools in it serialise themselves: their data
 //! lie in files of the work directory, and the record says in which.
 
-use crate::{Column, ExtmemError, SavedFile, Spool, Store};
+use crate::spool::{Extent, SavedExtent};
+use crate::{Column, ExtmemError, PartFolder, SavedFile, Spool, Store};
 use bytemuck::Pod;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de, ser};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// What arrays are called that were read back.
 const WHAT: &str = "an array of earlier work";
@@ -19,6 +21,8 @@ thread_local! {
 #[derive(Debug)]
 struct Archive {
     store: Store,
+    /// Where parts are that other processes wrote.
+    parts: Option<Arc<PartFolder>>,
     /// Files that it needs.
     names: BTreeSet<String>,
     /// Columns so far: each has a file of its own.
@@ -35,7 +39,20 @@ pub fn archived<T, E: From<ExtmemError>>(
     store: &Store,
     serialise: impl FnOnce() -> Result<T, E>,
 ) -> Result<(T, BTreeSet<String>), E> {
-    let fresh = Archive { store: store.clone(), names: BTreeSet::new(), columns: 0, failure: None };
+    archived_among(store, None, serialise)
+}
+
+/// The same where spools begin with what is in `parts`.
+///
+/// # Errors
+/// As [`archived`].
+pub fn archived_among<T, E: From<ExtmemError>>(
+    store: &Store,
+    parts: Option<&Arc<PartFolder>>,
+    serialise: impl FnOnce() -> Result<T, E>,
+) -> Result<(T, BTreeSet<String>), E> {
+    let parts = parts.map(Arc::clone);
+    let fresh = Archive { store: store.clone(), parts, names: BTreeSet::new(), columns: 0, failure: None };
     let before = OPEN.replace(Some(fresh));
     let result = serialise();
     let Some(archive) = OPEN.replace(before) else { unreachable!("it was put there") };
@@ -104,16 +121,24 @@ impl Serialize for Spool {
             archive.need(&saved);
             Ok(saved)
         });
-        saved.map_err(ser::Error::custom)?.serialize(serializer)
+        let earlier: Vec<SavedExtent> = self.earlier().map(Extent::saved).collect();
+        (earlier, saved.map_err(ser::Error::custom)?).serialize(serializer)
     }
 }
 
 impl<'de> Deserialize<'de> for Spool {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let saved = SavedFile::deserialize(deserializer)?;
+        let (earlier, saved) = <(Vec<SavedExtent>, SavedFile)>::deserialize(deserializer)?;
         let spool = within(|archive| {
             archive.need(&saved);
-            Spool::load(&archive.store, WHAT, saved.file_name(), &saved)
+            let spool = Spool::load(&archive.store, WHAT, saved.file_name(), &saved)?;
+            let path = || archive.store.workdir.path().to_owned();
+            let open = |extent: &SavedExtent| {
+                let absent = || ExtmemError::Damaged { path: path(), reason: "is of no folder of parts" };
+                extent.of(archive.parts.as_ref().ok_or_else(absent)?.open(&extent.name)?)
+            };
+            let extents = earlier.iter().map(open).collect::<Result<Vec<_>, _>>()?;
+            Ok(spool.with_earlier(extents))
         });
         spool.map_err(de::Error::custom)
     }

@@ -27,6 +27,7 @@ mod map;
 #[allow(unsafe_code)]
 pub mod metis;
 mod paged;
+mod part;
 mod pipe;
 #[allow(unsafe_code)]
 pub mod platform;
@@ -44,7 +45,7 @@ mod target;
 mod text;
 mod workdir;
 
-pub use archive::archived;
+pub use archive::{archived, archived_among};
 pub use buckets::{BucketMut, Buckets, Drain};
 pub use budget::{MemoryBudget, Reservation, TaskReservation};
 pub use buffer::{Buffer, BufferWriter};
@@ -56,12 +57,13 @@ pub use fail_point::FailPoints;
 pub use lock::Lock;
 pub use map::{Access, MappedBuffer, MappedFile};
 pub use paged::Paged;
+pub use part::{PartFile, PartFolder, PartWriter};
 pub use pipe::receive;
 pub use progress::{Progress, Silent};
 pub use publish::AtomicFile;
 pub use saved::SavedFile;
 pub use sorter::{Sorted, Sorter};
-pub use spool::Spool;
+pub use spool::{Extent, Spool};
 pub use store::Store;
 pub use target::{hidden_name, same_file, target};
 pub use text::{read_limited, read_text};

@@ -2,7 +2,8 @@
 
 use crate::saved::STEP;
 use crate::segments::{Segment, Segments};
-use crate::{ExtmemError, SavedFile, Store};
+use crate::{ExtmemError, PartFile, SavedFile, Store};
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -10,6 +11,54 @@ use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a segment: large enough to make bookkeeping vanish, small beside any budget.
 const SEGMENT: usize = 8 << 20;
+
+/// Some bytes of a part that another process wrote, at the beginning of a spool.
+#[derive(Clone, Debug)]
+pub struct Extent {
+    part: Arc<PartFile>,
+    start: u64,
+    len: u64,
+}
+
+impl Extent {
+    /// The bytes of `part` in a range.
+    ///
+    /// # Errors
+    /// [`ExtmemError::OutOfRange`] if it has not so many.
+    pub fn new(part: Arc<PartFile>, range: Range<u64>) -> Result<Self, ExtmemError> {
+        let Range { start, end } = range;
+        match end.checked_sub(start) {
+            Some(len) if end <= part.len() => Ok(Extent { part, start, len }),
+            _ => Err(ExtmemError::OutOfRange { what: "a part", offset: start, len: end, size: part.len() }),
+        }
+    }
+
+    /// How the part is found again.
+    pub(crate) fn saved(&self) -> SavedExtent {
+        let name = self.part.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
+        SavedExtent { name, id: self.part.id(), start: self.start, len: self.len }
+    }
+}
+
+/// [`Extent`] in a record.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SavedExtent {
+    pub(crate) name: String,
+    pub(crate) id: u64,
+    start: u64,
+    len: u64,
+}
+
+impl SavedExtent {
+    /// The bytes of `part`, which must be the one that was meant.
+    pub(crate) fn of(&self, part: Arc<PartFile>) -> Result<Extent, ExtmemError> {
+        if part.id() != self.id {
+            let reason = "is another one than what was made of it says; make that again";
+            return Err(ExtmemError::Damaged { path: part.path().to_owned(), reason });
+        }
+        Extent::new(part, self.start..self.start.saturating_add(self.len))
+    }
+}
 
 /// An append-only sequence of bytes. Blobs are laid end to end across segments; a segment is in memory if the
 /// budget granted it, and from the first refusal on every further segment is in one file. Work that reserves memory and does not find it moves
@@ -34,6 +83,10 @@ pub struct Spool {
     store: Store,
     what: &'static str,
     segment_len: usize,
+    /// What other processes wrote, with the place of each in the spool, and where it ends.
+    earlier: Vec<(u64, Extent)>,
+    base: u64,
+    /// Bytes of its own, which come behind that.
     len: AtomicU64,
     segments: Arc<Segments>,
     /// State for another run, if the file has a name.
@@ -62,10 +115,46 @@ impl Spool {
             store: store.clone(),
             what,
             segment_len,
+            earlier: Vec::new(),
+            base: 0,
             len: AtomicU64::new(0),
             segments: Segments::new(store, segment_len, name),
             saved: name.map(|name| Box::new(Mutex::new(SavedFile::new(name)))),
         }
+    }
+
+    /// Has what another process wrote come next, before anything is appended.
+    ///
+    /// # Panics
+    /// If something was appended.
+    pub fn push_earlier(&mut self, extent: Extent) {
+        assert_eq!(*self.len.get_mut(), 0, "what is appended comes behind what is there");
+        self.earlier.push((self.base, extent.clone()));
+        self.base += extent.len;
+    }
+
+    /// The same bytes behind what other processes wrote.
+    pub(crate) fn with_earlier(mut self, extents: Vec<Extent>) -> Self {
+        for extent in extents {
+            self.earlier.push((self.base, extent));
+            self.base += self.earlier[self.earlier.len() - 1].1.len;
+        }
+        self
+    }
+
+    /// What other processes wrote, in order.
+    pub(crate) fn earlier(&self) -> impl Iterator<Item = &Extent> {
+        self.earlier.iter().map(|(_, extent)| extent)
+    }
+
+    /// A spool with only what other processes wrote.
+    pub fn of_others(&self, store: &Store) -> Self {
+        Self::named(store, self.what, "others").with_earlier(self.earlier().cloned().collect())
+    }
+
+    /// Bytes that other processes wrote; what is appended comes behind them.
+    pub fn earlier_len(&self) -> u64 {
+        self.base
     }
 
     /// Writes what was appended since the last time to the file, and answers how another run finds all of it. No append may be in
@@ -77,7 +166,7 @@ impl Spool {
         let unnamed = || ExtmemError::NotAFile { path: self.store.workdir.path().to_owned() };
         let lock = self.saved.as_ref().ok_or_else(unnamed)?;
         let mut saved = locked(lock).clone();
-        let (mut offset, end) = (saved.len(), self.len());
+        let (mut offset, end) = (saved.len(), self.own_len());
         if offset == end {
             return Ok(saved);
         }
@@ -122,8 +211,12 @@ impl Spool {
         Ok(spool)
     }
 
-    /// Bytes appended so far, those of appends in progress included.
+    /// Bytes appended so far, those of appends in progress included, and those that others wrote.
     pub fn len(&self) -> u64 {
+        self.base + self.own_len()
+    }
+
+    fn own_len(&self) -> u64 {
         self.len.load(Relaxed)
     }
 
@@ -141,7 +234,7 @@ impl Spool {
         let offset = self.len.fetch_add(blob.len() as u64, Relaxed);
         self.grow(offset + blob.len() as u64)?;
         self.put(offset, blob)?;
-        Ok(offset)
+        Ok(self.base + offset)
     }
 
     /// Replaces the bytes from `offset` on by `blob`, all of which must have been appended before.
@@ -150,7 +243,9 @@ impl Spool {
     /// [`ExtmemError::OutOfRange`], or as [`Self::append`].
     pub fn overwrite(&self, offset: u64, blob: &[u8]) -> Result<(), ExtmemError> {
         self.check(offset, blob.len() as u64)?;
-        self.put(offset, blob)
+        let (what, len, size) = (self.what, blob.len() as u64, self.len());
+        let own = offset.checked_sub(self.base);
+        self.put(own.ok_or(ExtmemError::OutOfRange { what, offset, len, size })?, blob)
     }
 
     /// Makes `out` the `len` bytes from `offset` on. They are whole once the appends that wrote them have returned.
@@ -170,13 +265,30 @@ impl Spool {
     /// As [`Self::read`].
     pub fn read_exact(&self, offset: u64, out: &mut [u8]) -> Result<(), ExtmemError> {
         self.check(offset, out.len() as u64)?;
-        let len = out.len();
+        let of_others = self.base.saturating_sub(offset).min(out.len() as u64) as usize;
+        let (earlier, out) = out.split_at_mut(of_others);
+        self.read_earlier(offset, earlier)?;
+
+        let (len, own) = (out.len(), (offset + of_others as u64).saturating_sub(self.base));
         let mut rest = out;
-        self.each_piece(offset, len, |segment, range, at| {
+        self.each_piece(own, len, |segment, range, at| {
             let (piece, tail) = std::mem::take(&mut rest).split_at_mut(range.len());
             rest = tail;
             segment.read(range, at, piece).map(|_| ())
         })
+    }
+
+    fn read_earlier(&self, mut offset: u64, mut out: &mut [u8]) -> Result<(), ExtmemError> {
+        while !out.is_empty() {
+            let next = self.earlier.partition_point(|(begin, _)| *begin <= offset);
+            let (begin, extent) = &self.earlier[next - 1];
+            let inside = offset - begin;
+            let (piece, rest) = out.split_at_mut((extent.len - inside).min(out.len() as u64) as usize);
+            extent.part.read_exact(extent.start + inside, piece)?;
+            offset += piece.len() as u64;
+            out = rest;
+        }
+        Ok(())
     }
 
     fn put(&self, offset: u64, blob: &[u8]) -> Result<(), ExtmemError> {
@@ -240,6 +352,34 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::create(dir.path(), limit).unwrap();
         (dir, store)
+    }
+
+    #[test]
+    fn what_others_wrote_comes_first() {
+        let (dir, store) = store(0);
+        let [first, second] = ["a.part", "b.part"].map(|name| {
+            let path = dir.path().join(name);
+            let mut part = crate::PartWriter::create(&path, crate::FailPoints::default()).unwrap();
+            part.append(name.as_bytes()).unwrap();
+            part.finish(b"").unwrap();
+            Arc::new(PartFile::open(&path, crate::FailPoints::default()).unwrap())
+        });
+        let mut spool = Spool::new(&store, "blobs");
+        spool.push_earlier(Extent::new(Arc::clone(&first), 2..6).unwrap());
+        spool.push_earlier(Extent::new(Arc::clone(&second), 0..0).unwrap());
+        spool.push_earlier(Extent::new(second, 0..1).unwrap());
+        assert!(Extent::new(first, 2..7).is_err());
+        assert_eq!((spool.append(b"own").unwrap(), spool.len(), spool.earlier_len()), (5, 8, 5));
+        let mut out = Vec::new();
+        for (offset, text) in [(0, "part"), (0, "partbown"), (3, "tb"), (4, "bo"), (5, "own"), (8, "")] {
+            spool.read(offset, text.len(), &mut out).unwrap();
+            assert_eq!(out, text.as_bytes(), "{offset}");
+        }
+        spool.overwrite(6, b"ld").unwrap();
+        spool.read(4, 4, &mut out).unwrap();
+        assert_eq!(out, b"bold");
+        assert!(spool.overwrite(4, b"c").is_err(), "it is another's");
+        assert!(spool.read(5, 4, &mut out).is_err());
     }
 
     #[test]

@@ -4,6 +4,7 @@ use crate::error::{FilePart, FormatError, require, require_eq};
 use crate::{PACKED_ALIGN, PAGE_ALIGN, checksum};
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::{Aabb, Attributes};
+use serde::{Deserialize, Serialize};
 use std::{fmt, mem};
 
 /// The first eight bytes; like PNG's they show a transfer that changed line ends or lost the eighth bit.
@@ -88,7 +89,7 @@ const _: () = assert!(mem::offset_of!(Header, origin) == 96 && mem::offset_of!(H
 const _: () = assert!(mem::offset_of!(Header, section_table_checksum) == 240);
 
 /// How boundaries between clusters were treated (chpm.md's modes; the reader need not care).
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[repr(u32)]
 pub enum BoundaryMode {
     /// Shared vertices never collapse.

@@ -1,6 +1,7 @@
 //! How a source is to be read, whatever its format.
 
 use crate::texture::Images;
+use serde::{Deserialize, Serialize};
 
 /// Treatment of invalid data.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -18,7 +19,7 @@ pub enum Invalid {
 }
 
 /// Which named scalars of vertices to deliver: numbers besides coordinates, normals and colours.
-#[derive(Clone, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Keep {
     /// All that the file has. None is missed where it has none.
     pub all: bool,

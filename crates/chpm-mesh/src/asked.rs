@@ -1,6 +1,7 @@
 //! Lengths and numbers of triangles, as people type them.
 
 use crate::{Number, NumberError, Units};
+use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display};
 use std::str::FromStr;
 
@@ -59,7 +60,7 @@ pub fn decimal(text: &str) -> Result<f64, AskedError> {
 /// assert_eq!(length.of(500.0), 0.5);
 /// assert_eq!("0.25".parse::<Length>().unwrap().of(500.0), 0.25);
 /// ```
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Length {
     /// Object units.
     Units(f64),

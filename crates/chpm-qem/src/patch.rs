@@ -6,6 +6,7 @@ use crate::dropped::DroppedComponent;
 use crate::refusal::Refusals;
 use chpm_mesh::geom::to_f64;
 use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// One cluster's mesh: positions, triangles over local indices, and which vertices must stay.
 #[derive(Clone, Copy, Debug, Default)]
@@ -23,7 +24,7 @@ pub struct Patch<'a> {
 }
 
 /// Whether a simplification may change the topology.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum Topology {
     /// Every collapse satisfies the link condition: components, handles and holes stay.
     #[default]

@@ -3,7 +3,7 @@
 use super::region::Mesh;
 use super::shared::SharedVertices;
 use crate::error::BuildError;
-use chpm_extmem::Spool;
+use chpm_extmem::{ExtmemError, Spool};
 use chpm_format::{Page, PageParts};
 use chpm_mesh::{Aabb, Vertices};
 use serde::{Deserialize, Serialize};
@@ -41,6 +41,23 @@ impl LeafPage<'_> {
 }
 
 impl Leaf {
+    /// Moves the leaf's page to where `append` puts it.
+    pub(super) fn move_to(
+        &mut self,
+        spool: &Spool,
+        page: &mut Vec<u8>,
+        append: impl FnOnce(&[u8]) -> Result<u64, ExtmemError>,
+    ) -> Result<(), ExtmemError> {
+        spool.read(self.offset, self.len as usize, page)?;
+        self.offset = append(page)?;
+        Ok(())
+    }
+
+    /// The page has come to lie behind so many bytes.
+    pub(super) fn shift(&mut self, before: u64) {
+        self.offset += before;
+    }
+
     /// Reads the leaf's page into `bytes`.
     pub(super) fn read<'a>(
         &'a self,

@@ -8,12 +8,14 @@
 mod cell_graph;
 mod copies;
 mod divide;
+mod gather;
 mod grid;
 mod leaf;
 mod normals;
 mod number;
 mod partition;
 mod region;
+mod scatter;
 mod shared;
 #[cfg(test)]
 mod tests;
@@ -21,6 +23,7 @@ mod topology;
 
 pub(crate) use cell_graph::nearest_pairs;
 pub(crate) use leaf::{Leaf, LeafPage};
+pub(crate) use scatter::{Regions, Results, scatter};
 pub(crate) use shared::SharedVertices;
 
 use crate::config::{Normals, Settings};
@@ -33,9 +36,9 @@ use crate::report::Repairs;
 use chpm_extmem::{Reservation, Spool, Store};
 use chpm_qem::Displacement;
 use divide::Divided;
+use gather::{About, Gatherer};
+use region::Mesh;
 use serde::{Deserialize, Serialize};
-use shared::Collector;
-use topology::Account;
 
 /// The leaf clusters.
 #[derive(Serialize, Deserialize)]
@@ -88,21 +91,18 @@ pub(crate) fn run(
     context: &Context<'_>,
     repairs: &mut Repairs,
 ) -> Result<Decomposition, BuildError> {
-    let vertex_count = source.vertices.positions.len() as u64;
-    let rounding = Displacement::within(source.rounding);
-    let scalar_words = source.vertices.scalars.len() as u8;
+    let about = About::of(&source);
     let wanted = leaf_count(source.triangles.len(), settings);
     let divided = divide::run(source, wanted, settings, context)?;
 
     let spool = Spool::named(&context.store, LEAVES, LEAVES);
-    let border_count = divided.border_count();
-    let is_computed = settings.normals == Normals::Computed;
-    let mut collector = Collector::new(border_count, is_computed, &context.store)?;
-    let mut account = Account::new(border_count, &context.store);
-    let mut copies = divided.copies;
+    let border_count = divided.border_count() as u32;
+    let mut gatherer = Gatherer::new(border_count, divided.copies, settings, &context.store)?;
 
-    // Regions are worked on several at a time, and taken in one after another, in their order: so ids do not depend on who was first.
-    let (divided, workers, share) = workers(divided, is_computed, context)?;
+    // Regions are worked on several at a time, and taken in one after another.
+    let costs: Vec<u64> =
+        (0..divided.region_count()).map(|region| cost(&divided, region, settings)).collect();
+    let (divided, workers, share) = share_of(divided, &costs, context)?;
     let phase = context.trace.phase();
     in_order(
         divided.region_count(),
@@ -111,35 +111,29 @@ pub(crate) fn run(
             let _traced = phase.task("region");
             context.check()?;
             let traced = context.trace.task("load");
-            let mut mesh = divided.load(region)?;
+            let (mesh, leaves) = load(&divided, region, wanted, settings)?;
             drop(traced);
-            let normals = if is_computed { normals::compute(&mut mesh) } else { Vec::new() };
-            let leaves = divide::leaves_of(&divided, &mesh, wanted, settings);
-            let done = region::run(&mesh, leaves, border_count as u32, settings, &spool, context)?;
-            Ok(region::Done { normals, ..done })
+            region::done(mesh, leaves, border_count, settings, &spool, context)
         },
-        |done| {
-            // Border numbers hold everywhere; inner numbers count from those of the regions before.
-            let inner_before = collector.inner_count();
-            collector.add(&done)?;
-            let border_count = border_count as u32;
-            let topology =
-                done.topology.renumbered(|id| if id < border_count { id } else { id + inner_before });
-            copies += done.copies;
-            Ok(account.enter(topology)?)
-        },
+        |done| gatherer.take(done),
     )?;
     let traced = context.trace.task("drop");
     drop((divided, share));
     drop(traced);
     let _traced = context.trace.task("account");
+    gatherer.finish(about, spool, context, repairs)
+}
 
-    account.close()?.add_to(repairs);
-    context.check()?;
-    let (leaves, shared) = collector.finish()?;
-    repairs.merged_copies = copies;
-    repairs.unreferenced_vertices = vertex_count - shared.used_vertices;
-    Decomposition { rounding, spool, leaves, shared, scalar_words, held: None }.hold(&context.store)
+/// The mesh of a region, and the leaves that it is cut into.
+fn load(
+    divided: &Divided,
+    region: usize,
+    wanted: u32,
+    settings: &Settings,
+) -> Result<(Mesh, u32), BuildError> {
+    let mesh = divided.load(region)?;
+    let leaves = divide::leaves_of(divided, &mesh, wanted, settings);
+    Ok((mesh, leaves))
 }
 
 /// Clusters of the leaf level: the power of two for which a leaf comes closest to the wanted size, so that the hierarchy is a
@@ -149,28 +143,30 @@ fn leaf_count(triangles: usize, settings: &Settings) -> u32 {
     1 << libm::log2(exact.max(1.0)).round().min(31.0) as u32
 }
 
-/// How many regions to work on at the same time, and the memory for them: where it is short, arrays move to disk.
-fn workers(
+/// Memory that a region takes while it is worked on.
+fn cost(divided: &Divided, region: usize, settings: &Settings) -> u64 {
+    let (triangles, vertices) = (divided.triangle_count(region) as u64, divided.vertex_count(region) as u64);
+    let used = vertices.min(3 * triangles);
+    let is_computed = settings.normals == Normals::Computed;
+    let sums = if is_computed { divided.border_vertices(region) as u64 } else { 0 };
+    // Words are read, kept, and written, those of vertices that triangles do not have read alone.
+    let words = 4 * divided.scalar_words() as u64;
+    let sorted = TRIANGLE_COST * triangles
+        + (VERTEX_COST + 3 * words) * used
+        + (PASSED_COST + words) * (vertices - used)
+        + SUM_COST * sums;
+    // Its cells are cut before its leaves are gathered: of both the larger one.
+    let cut = GRAPH_COST * triangles + (MESH_COST + divided.vertex_len() as u64) * used + SUM_COST * sums;
+    if divided.is_joined_to_all(region) { sorted.max(cut) } else { sorted }
+}
+
+/// How many regions of such costs to work on at the same time, and the memory for them: where it is short, arrays move to disk.
+fn share_of(
     mut divided: Divided,
-    is_computed: bool,
+    costs: &[u64],
     context: &Context<'_>,
 ) -> Result<(Divided, usize, Reservation), BuildError> {
-    let cost = |region| {
-        let (triangles, vertices) =
-            (divided.triangle_count(region) as u64, divided.vertex_count(region) as u64);
-        let used = vertices.min(3 * triangles);
-        let sums = if is_computed { divided.border_vertices(region) as u64 } else { 0 };
-        // Words are read, kept, and written, those of vertices that triangles do not have read alone.
-        let words = 4 * divided.scalar_words() as u64;
-        let sorted = TRIANGLE_COST * triangles
-            + (VERTEX_COST + 3 * words) * used
-            + (PASSED_COST + words) * (vertices - used)
-            + SUM_COST * sums;
-        // Its cells are cut before its leaves are gathered: of both the larger one.
-        let cut = GRAPH_COST * triangles + (MESH_COST + divided.vertex_len() as u64) * used + SUM_COST * sums;
-        if divided.is_joined_to_all(region) { sorted.max(cut) } else { sorted }
-    };
-    let largest = (0..divided.region_count()).map(cost).max().unwrap_or(0);
+    let largest = costs.iter().copied().max().unwrap_or(0);
     let budget = &context.store.budget;
     let fitting =
         (budget.available_for_work() / largest.max(1)).clamp(1, rayon::current_num_threads() as u64);

@@ -4,10 +4,10 @@ use super::cell_graph::{self, Cell};
 use super::divide::{INNER, majority};
 use super::grid::Grid;
 use super::leaf::{self, Leaf, LeafMesh, LeafWriter};
-use super::normals::BorderSum;
+use super::normals::{self, BorderSum};
 use super::partition;
 use super::topology::{Ledger, Surveyor, TopologyCounts};
-use crate::config::Settings;
+use crate::config::{Normals, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::pairs::Pairs;
@@ -72,6 +72,22 @@ struct Shared {
     inner_count: u32,
     /// Border numbers of those after the inner ones.
     border: Vec<u32>,
+}
+
+/// What becomes of a region, with the normals of its vertices, if they are computed.
+pub(crate) fn done(
+    mut mesh: Mesh,
+    parts: u32,
+    border_count: u32,
+    settings: &Settings,
+    spool: &Spool,
+    context: &Context<'_>,
+) -> Result<Done, BuildError> {
+    let normals = match settings.normals {
+        Normals::Computed => normals::compute(&mut mesh),
+        _ => Vec::new(),
+    };
+    Ok(Done { normals, ..run(&mesh, parts, border_count, settings, spool, context)? })
 }
 
 /// Cuts the region into `parts` leaves, more if one would not fit 16-bit indices.

@@ -16,6 +16,8 @@ mod whole;
 use crate::config::{Layout, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::in_order::in_order;
+use crate::per_thread::PerThread;
 use crate::trim::Built;
 use chpm_format::{ClusterRecord, Page, checksum, packed};
 use chpm_mesh::{Aabb, GroupId, Level};
@@ -23,6 +25,7 @@ use first_use::FirstUse;
 use local_order::LocalOrder;
 use page_order::Run;
 use rayon::prelude::*;
+use std::ops::Range;
 pub use whole::{MOST_ORDERED, ORDER_BYTES, order_mesh};
 
 /// The built nodes of the tree in the order of their pages in the file: roots first, so that whoever reads from its start can begin to draw.
@@ -90,6 +93,29 @@ pub(crate) fn run(
         Ok(record)
     });
     records.collect()
+}
+
+/// The same for some places, which are handed to `take` in their order.
+pub(crate) fn run_in_order(
+    range: Range<usize>,
+    order: &[u32],
+    built: &Built,
+    settings: &Settings,
+    context: &Context<'_>,
+    mut take: impl FnMut(&ClusterRecord, &[u8]) -> Result<(), BuildError> + Send,
+) -> Result<(), BuildError> {
+    let scratch: PerThread<Scratch> = PerThread::new();
+    let nodes = &order[range];
+    let lay_out = |at: usize| {
+        context.check()?;
+        let mut scratch = scratch.own();
+        let (record, stored) = lay_out(nodes[at], built, settings, &mut scratch)?;
+        Ok((record, stored.to_vec()))
+    };
+    in_order(nodes.len(), rayon::current_num_threads(), lay_out, |(record, stored)| {
+        context.progress.advance(1);
+        take(&record, &stored)
+    })
 }
 
 /// A node's record, and its page as it is stored.

@@ -32,6 +32,16 @@ fn counts(node: u32, tree: &Tree, decomposition: &Decomposition, refs: &[Option<
     }
 }
 
+/// Triangles of a node's finest mesh, at most.
+pub(super) fn triangles(
+    node: u32,
+    tree: &Tree,
+    decomposition: &Decomposition,
+    refs: &[Option<PageRef>],
+) -> u64 {
+    counts(node, tree, decomposition, refs).0
+}
+
 /// Bytes of one member, but for its named scalars: groups are formed alike with them and without.
 pub(super) fn member(node: u32, tree: &Tree, decomposition: &Decomposition, refs: &[Option<PageRef>]) -> u64 {
     let (triangles, vertices) = counts(node, tree, decomposition, refs);

@@ -6,7 +6,7 @@
 //! the interior's, was tried and gained nothing. The papers forbid chains of dependencies, since a split travels along them; a group
 //! here splits by one rule of its own, so a chain costs no more than its length, and that is limited.
 
-use super::cost;
+use super::{Inputs, cost};
 use crate::config::Settings;
 use crate::decompose::SharedVertices;
 use crate::hierarchy::Tree;
@@ -32,6 +32,14 @@ impl<'a> GroupBorders<'a> {
     pub(super) fn new(shared: &'a SharedVertices, release: &'a [u8], leaf_count: usize) -> Self {
         let cluster_over = (0..leaf_count as u32).collect();
         GroupBorders { shared, release, cluster_over }
+    }
+
+    /// At `level`.
+    pub(super) fn at(level: u32, inputs: &Inputs<'a>) -> Self {
+        let Inputs { decomposition, tree, release, .. } = *inputs;
+        let mut borders = GroupBorders::new(&decomposition.shared, release, decomposition.leaves.len());
+        (0..=level).for_each(|level| borders.rise(tree, level));
+        borders
     }
 
     /// Goes on to `level`.

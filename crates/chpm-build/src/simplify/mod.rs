@@ -9,6 +9,7 @@ mod cost;
 mod dependency;
 mod group;
 mod group_border;
+mod handed;
 mod levels;
 mod merge;
 mod vanished;
@@ -29,8 +30,10 @@ use chpm_mesh::Aabb;
 use chpm_qem::Deviation;
 use dependency::GroupBorders;
 use group::{Buffers, GroupDone, GroupTask, Scratch};
+pub(crate) use handed::Handed;
 pub(crate) use levels::Levels;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// A cluster's page in a spool.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -108,13 +111,11 @@ pub(crate) fn run(
     begun: Option<Box<Levels>>,
     mut keep: impl FnMut(&Levels) -> Result<(), BuildError>,
 ) -> Result<Clusters, BuildError> {
-    let Inputs { decomposition, tree, release, settings, context } = *inputs;
-    let all_left = || decomposition.shared.interfaces().map(|(_, count)| count).collect();
-    let mut levels = begun.map_or_else(|| Levels::new(tree, all_left(), &context.store), |begun| *begun);
+    let Inputs { tree, context, .. } = *inputs;
+    let mut levels = begun.map_or_else(|| Levels::begin(inputs), |begun| *begun);
 
     // What a saved state does not have: the group borders of the levels that are done, which follow from the tree.
-    let mut group_borders = GroupBorders::new(&decomposition.shared, release, decomposition.leaves.len());
-    (0..levels.level).for_each(|level| group_borders.rise(tree, level));
+    let mut group_borders = GroupBorders::at(levels.level, inputs);
     context.progress.advance(levels.built.refs.iter().flatten().count() as u64);
 
     while levels.level < tree.level_count() {
@@ -128,11 +129,7 @@ pub(crate) fn run(
                 keep(&levels)?;
             }
         }
-        if levels.level == 0 {
-            levels.built.range =
-                ErrorRange::of(settings, diagonal(&levels.built.refs), decomposition.rounding.error())?;
-        }
-        levels.rise(tree, &context.store);
+        levels.end(inputs)?;
     }
 
     let mut built = levels.built;
@@ -164,6 +161,20 @@ impl Levels {
 
     /// Simplifies groups of the level until all are done or it is time to save.
     fn work(&mut self, group_borders: &GroupBorders<'_>, inputs: &Inputs<'_>) -> Result<(), BuildError> {
+        let results = self.simplify(self.done..self.groups().len(), group_borders, inputs)?;
+        for done in results {
+            self.take(done, inputs.decomposition);
+        }
+        Ok(())
+    }
+
+    /// Simplifies the first groups of a range, until it is time to save: the results in the order of the groups, whichever thread was done first.
+    fn simplify(
+        &self,
+        range: Range<usize>,
+        group_borders: &GroupBorders<'_>,
+        inputs: &Inputs<'_>,
+    ) -> Result<Vec<GroupDone>, BuildError> {
         let Inputs { decomposition, tree, release, settings, context } = *inputs;
         let buffers = PerThread::new();
         let task = GroupTask {
@@ -180,8 +191,8 @@ impl Levels {
             settings,
         };
 
-        let open = &self.groups()[self.done..];
-        let results = while_not_due(open.len(), context, Scratch::default, |scratch, index| {
+        let open = &self.groups()[range];
+        while_not_due(open.len(), context, Scratch::default, |scratch, index| {
             let group = &open[index];
             let done = match cost::beyond_usual(group, tree, decomposition, &self.built.refs) {
                 0 => scratch.run(&task, group, true)?,
@@ -201,12 +212,17 @@ impl Levels {
             };
             context.progress.advance(group.len() as u64);
             Ok(done)
-        })?;
+        })
+    }
 
-        // In the order of the groups, whichever thread was done first.
-        for done in results {
-            self.take(done, decomposition);
+    /// Ends the level, whose groups are all done.
+    fn end(&mut self, inputs: &Inputs<'_>) -> Result<(), BuildError> {
+        let Inputs { decomposition, tree, settings, context, .. } = *inputs;
+        if self.level == 0 {
+            self.built.range =
+                ErrorRange::of(settings, diagonal(&self.built.refs), decomposition.rounding.error())?;
         }
+        self.rise(tree, &context.store);
         Ok(())
     }
 

@@ -1,0 +1,85 @@
+//! What regions leave, taken in one after another, in their order: so ids do not depend on who was first.
+
+use super::Decomposition;
+use super::leaf::Leaf;
+use super::region::Done;
+use super::shared::{Collector, SharedVertices};
+use super::topology::Account;
+use crate::config::{Normals, Settings};
+use crate::context::Context;
+use crate::error::BuildError;
+use crate::ingest::Source;
+use crate::report::Repairs;
+use chpm_extmem::{Spool, Store};
+use chpm_qem::Displacement;
+use serde::{Deserialize, Serialize};
+
+/// What is known of a source beside its triangles.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub(crate) struct About {
+    vertex_count: u64,
+    rounding: Displacement,
+    scalar_words: u8,
+}
+
+impl About {
+    pub(super) fn of(source: &Source) -> Self {
+        About {
+            vertex_count: source.vertices.positions.len() as u64,
+            rounding: Displacement::within(source.rounding),
+            scalar_words: source.vertices.scalars.len() as u8,
+        }
+    }
+}
+
+/// Takes in regions, in their order.
+pub(crate) struct Gatherer {
+    collector: Collector,
+    account: Account,
+    border_count: u32,
+    copies: u64,
+}
+
+impl Gatherer {
+    /// For regions with so many border vertices, on the way to which so many copies of triangles were left out.
+    pub(super) fn new(
+        border_count: u32,
+        copies: u64,
+        settings: &Settings,
+        store: &Store,
+    ) -> Result<Self, BuildError> {
+        let is_computed = settings.normals == Normals::Computed;
+        let collector = Collector::new(border_count as usize, is_computed, store)?;
+        let account = Account::new(border_count as usize, store);
+        Ok(Gatherer { collector, account, border_count, copies })
+    }
+
+    /// Takes in the next region.
+    pub(super) fn take(&mut self, done: Done) -> Result<(), BuildError> {
+        // Border numbers hold everywhere; inner numbers count from those of the regions before.
+        let inner_before = self.collector.inner_count();
+        self.collector.add(&done)?;
+        let border_count = self.border_count;
+        let topology = done.topology.renumbered(|id| if id < border_count { id } else { id + inner_before });
+        self.copies += done.copies;
+        Ok(self.account.enter(topology)?)
+    }
+
+    /// The leaves, which lie in `spool`; what is odd about the source is counted into `repairs`.
+    pub(super) fn finish(
+        self,
+        about: About,
+        spool: Spool,
+        context: &Context<'_>,
+        repairs: &mut Repairs,
+    ) -> Result<Decomposition, BuildError> {
+        let Gatherer { collector, account, copies, .. } = self;
+        account.close()?.add_to(repairs);
+        context.check()?;
+        let (leaves, shared): (Vec<Leaf>, SharedVertices) = collector.finish()?;
+        repairs.merged_copies = copies;
+        repairs.unreferenced_vertices = about.vertex_count - shared.used_vertices;
+        let About { rounding, scalar_words, .. } = about;
+        Decomposition { rounding, spool, leaves, shared, scalar_words, held: None }.hold(&context.store)
+    }
+}
