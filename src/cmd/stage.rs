@@ -9,10 +9,11 @@ use crate::progress::Meter;
 use crate::stop::Stop;
 use crate::workflow::{Engine, Workflow};
 use anyhow::{Context, Result, ensure};
-use chpm_build::stage::{self, Division, MOST_PARTS, Share, Step, StepReport};
+use chpm_build::stage::{self, Condition, Division, MOST_PARTS, Share, Step, StepReport};
 use chpm_build::{FailPoints, MIN_MEMORY, Resources};
 use chpm_mesh::Bytes;
 use clap::Parser;
+use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -42,8 +43,19 @@ enum StepArgs {
     Emit(PartArgs),
     /// Write the file
     Finish(FinishArgs),
+    /// Look at what all steps have left, to the last byte
+    Check(CheckArgs),
     /// Print a workflow of all steps for an engine
     Workflow(WorkflowArgs),
+}
+
+#[derive(clap::Args, Debug)]
+struct CheckArgs {
+    /// The folder of the plan
+    folder: PathBuf,
+    /// Delete what is damaged, or made of something else, so that it is made again
+    #[arg(long)]
+    remove: bool,
 }
 
 #[derive(clap::Args, Debug)]
@@ -209,6 +221,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let (step, common) = match &args.step {
         StepArgs::Plan(args) => return plan(args, stop),
         StepArgs::Workflow(args) => return workflow(args),
+        StepArgs::Check(args) => return check(args, stop),
         StepArgs::Regions(args) => (Step::Regions(args.part), &args.common),
         StepArgs::Hierarchy(common) => (Step::Hierarchy, common),
         StepArgs::Group(args) => (Step::Group(args.level), &args.common),
@@ -239,6 +252,30 @@ fn plan(args: &PlanArgs, stop: &Stop) -> Result<Verdict> {
         &stop.heed(),
     );
     tell(&report.map_err(|error| super::build::of(&args.source, error))?)
+}
+
+fn check(args: &CheckArgs, stop: &Stop) -> Result<Verdict> {
+    let (mut out, mut verdict, mut missing) = (stdout(), Verdict::Good, 0);
+    let found = stage::check(&args.folder, &stop.heed())?;
+    for (step, path, condition) in &found {
+        match condition {
+            Condition::Whole => {}
+            Condition::Missing => missing += 1,
+            // Without a plan nothing else is of use, and it takes the source to make it again.
+            Condition::Wrong(reason) if args.remove && *step != Step::Plan => {
+                fs::remove_file(path).with_context(|| format!("cannot delete '{}'", path.display()))?;
+                writeln!(out, "deleted: {reason}")?;
+                missing += 1;
+            }
+            Condition::Wrong(reason) => {
+                writeln!(out, "{reason}")?;
+                verdict = Verdict::Faulty;
+            }
+        }
+    }
+    writeln!(out, "{} of {} steps are to be done", missing, found.len())?;
+    out.flush()?;
+    Ok(verdict)
 }
 
 /// Bytes of a binary mesh for each triangle, by which those of a source are guessed.

@@ -69,6 +69,11 @@ fn row(arg: &Arg) -> String {
     format!("| `{}` | {} |\n", name.replace('|', "\\|"), text.replace('|', "\\|"))
 }
 
+/// Whether an argument decides the bytes of a model, as those of `build` do.
+fn is_setting(arg: &Arg) -> bool {
+    arg.get_help_heading().is_some_and(|heading| heading.starts_with("Settings"))
+}
+
 /// The page of all verbs with all that they take.
 fn reference(command: &Command) -> String {
     let mut page = "# Verbs\n\nEvery verb with all that it takes, as `chpm help VERB` prints it. Generated from the program: a test \
@@ -83,6 +88,14 @@ fn reference(command: &Command) -> String {
             page += "| | |\n|---|---|\n";
             let shown = verb.get_arguments().filter(|arg| !arg.is_hide_set() && arg.get_id() != "help");
             shown.for_each(|arg| page += &row(arg));
+            for step in verb.get_subcommands().filter(|step| step.get_name() != "help") {
+                let about = step.get_about().map(ToString::to_string).unwrap_or_default();
+                let _ = writeln!(page, "| **`{}`** | **{}** |", step.get_name(), escaped(&about));
+                let shown = step.get_arguments().filter(|arg| !arg.is_hide_set() && arg.get_id() != "help");
+                // Settings are those of the build.
+                let own = shown.filter(|arg| !is_setting(arg));
+                own.for_each(|arg| page += &row(arg));
+            }
             let examples = verb.get_after_long_help().map(ToString::to_string).unwrap_or_default();
             let examples = examples.trim_start_matches("Examples:\n").replace("\n  ", "\n");
             let _ = write!(page, "\n```sh\n{}\n```\n", examples.trim());

@@ -119,7 +119,7 @@ pub struct PartFile {
     path: PathBuf,
     fail_points: FailPoints,
     len: u64,
-    record: Vec<u8>,
+    record_len: usize,
     hashes: Vec<u64>,
     /// A bit for each block that was found to be whole.
     checked: Vec<AtomicU64>,
@@ -167,12 +167,18 @@ impl PartFile {
             return Err(damaged("is not what was written"));
         }
         let checked = (0..blocks.div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
-        Ok(PartFile { file, path: path.to_owned(), fail_points, len, record, hashes, checked, id })
+        let record_len = record.len();
+        Ok(PartFile { file, path: path.to_owned(), fail_points, len, record_len, hashes, checked, id })
     }
 
-    /// The record.
-    pub fn record(&self) -> &[u8] {
-        &self.record
+    /// The record, read again.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Io`].
+    pub fn record(&self) -> Result<Vec<u8>, ExtmemError> {
+        let mut record = vec![0; self.record_len];
+        self.read(&mut record, self.len)?;
+        Ok(record)
     }
 
     /// The identity: that of another content is another.
@@ -307,7 +313,7 @@ mod tests {
         let (path, blobs) = (dir.path().join("a.part"), blobs());
         let (places, id) = write(&path, &blobs);
         let part = PartFile::open(&path, FailPoints::default()).unwrap();
-        assert_eq!((part.record(), part.id()), (&b"the record"[..], id));
+        assert_eq!((part.record().unwrap(), part.id()), (b"the record".to_vec(), id));
         // Twice: the second time blocks are known to be whole.
         for (blob, place) in blobs.iter().zip(&places).cycle().take(2 * blobs.len()) {
             let mut out = vec![0; blob.len()];

@@ -142,6 +142,8 @@ impl Clusters {
             copy(&mut page.offset, page.len as usize, &self.pages, &mut scratch, out)?;
             page.offset += before;
         }
+        // What only levels above would read has been where this process had it.
+        self.refs.iter_mut().flatten().flat_map(PageRef::beside).for_each(|(place, _)| *place = 0);
         self.pages = self.pages.of_others(store);
         Ok(())
     }

@@ -19,7 +19,6 @@ const VERSION: u32 = 1;
 #[derive(Serialize, Deserialize)]
 struct Header {
     program: String,
-    version: u32,
     /// Identity of the plan; that of a plan itself is the file's.
     plan: u64,
     step: String,
@@ -67,8 +66,9 @@ impl Folder {
         store: Option<&Store>,
     ) -> Result<Opened<T>, BuildError> {
         let part = self.parts.open(&step.file())?;
-        let (_, rest) = self.header(&part, step)?;
-        let decode = || -> Result<T, Undecoded> { Ok(decode_from_slice(rest, CONFIG)?.0) };
+        let bytes = part.record()?;
+        let (_, begin) = self.header(&part, &bytes, step)?;
+        let decode = || -> Result<T, Undecoded> { Ok(decode_from_slice(&bytes[begin..], CONFIG)?.0) };
         let record = match store {
             Some(store) => archived_among(store, Some(&self.parts), decode).map(|(record, _)| record),
             None => decode(),
@@ -76,21 +76,21 @@ impl Folder {
         Ok(Opened { record: record.map_err(|error| error.of(&part))?, part })
     }
 
-    /// The header of a part, and what comes behind it.
-    fn header<'a>(&self, part: &'a PartFile, step: Step) -> Result<(Header, &'a [u8]), BuildError> {
+    /// The header of a part's record, and where it ends.
+    fn header(&self, part: &PartFile, record: &[u8], step: Step) -> Result<(Header, usize), BuildError> {
         let refused = |reason: String| BuildError::Part {
             path: part.path().to_owned(),
             reason,
             remedy: "make it again by the same program, for this plan".to_owned(),
         };
-        let (version, length): (u32, usize) = decode_from_slice(part.record(), CONFIG)
-            .map_err(|_| refused("cannot be understood".to_owned()))?;
+        let (version, length): (u32, usize) =
+            decode_from_slice(record, CONFIG).map_err(|_| refused("cannot be understood".to_owned()))?;
         if version != VERSION {
             return Err(refused(format!(
                 "is of another version of parts ({version}, this program writes {VERSION})"
             )));
         }
-        let (header, rest): (Header, usize) = decode_from_slice(&part.record()[length..], CONFIG)
+        let (header, rest): (Header, usize) = decode_from_slice(&record[length..], CONFIG)
             .map_err(|_| refused("cannot be understood".to_owned()))?;
         if header.program != GENERATOR {
             return Err(refused(format!("is of another version ({}, this is {GENERATOR})", header.program)));
@@ -101,26 +101,31 @@ impl Folder {
         if step != Step::Plan && header.plan != self.plan {
             return Err(refused("is of another plan".to_owned()));
         }
-        Ok((header, &part.record()[length + rest..]))
+        Ok((header, length + rest))
     }
 
-    /// Whether a step is done: its file is made of what is there now, and whole, which is looked at to the last byte if it is to be sure.
+    /// An error unless a step is done: its file is made of what is there now, and whole, which is looked at to the last byte if it is to be sure.
+    pub(super) fn examine(&self, step: Step, sure: bool) -> Result<(), BuildError> {
+        // Opened anew: it may have been replaced.
+        let part = PartFile::open(&self.parts.path().join(step.file()), self.fail_points.clone())?;
+        for (name, id) in self.header(&part, &part.record()?, step)?.0.inputs {
+            if self.parts.open(&name)?.id() != id {
+                return Err(BuildError::Part {
+                    path: part.path().to_owned(),
+                    reason: format!("is made of another {name}"),
+                    remedy: String::new(),
+                });
+            }
+        }
+        if sure {
+            part.check_all()?;
+        }
+        Ok(())
+    }
+
+    /// Whether a step is done.
     pub(super) fn is_current(&self, step: Step, sure: bool) -> bool {
-        let current = || -> Result<bool, BuildError> {
-            // Opened anew: it may have been replaced.
-            let part = PartFile::open(&self.parts.path().join(step.file()), self.fail_points.clone())?;
-            let (header, _) = self.header(&part, step)?;
-            for (name, id) in header.inputs {
-                if self.parts.open(&name)?.id() != id {
-                    return Ok(false);
-                }
-            }
-            if sure {
-                part.check_all()?;
-            }
-            Ok(true)
-        };
-        current().unwrap_or(false)
+        self.examine(step, sure).is_ok()
     }
 
     /// Makes the file of a step of those of `inputs`: `make` writes its blobs and answers its record. Answers the length of the blobs.
@@ -133,7 +138,7 @@ impl Folder {
     ) -> Result<u64, BuildError> {
         let input = |step: &Step| -> Result<(String, u64), BuildError> {
             let part = self.parts.open(&step.file())?;
-            self.header(&part, *step)?;
+            self.header(&part, &part.record()?, *step)?;
             Ok((step.file(), part.id()))
         };
         let inputs = inputs.iter().map(input).collect::<Result<_, _>>()?;
@@ -141,7 +146,7 @@ impl Folder {
         let value = make(&mut out)?;
 
         let (program, step) = (GENERATOR.to_owned(), step.file());
-        let header = Header { program, version: VERSION, plan: self.plan, step, inputs };
+        let header = Header { program, plan: self.plan, step, inputs };
         let mut record = Vec::new();
         let encode = || -> Result<(), Undecoded> {
             encode_into_std_write(VERSION, &mut record, CONFIG)?;
@@ -190,5 +195,65 @@ impl From<bincode::error::EncodeError> for Undecoded {
 impl From<bincode::error::DecodeError> for Undecoded {
     fn from(error: bincode::error::DecodeError) -> Self {
         Undecoded::Record(error.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::Share;
+
+    fn reason(folder: &Folder, step: Step) -> String {
+        match folder.read::<u32>(step, None) {
+            Ok(_) => "read".to_owned(),
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn what_another_program_or_plan_made_is_refused_by_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let none = FailPoints::default();
+        let store = Store::create(dir.path(), 1 << 20).unwrap();
+        let step = Step::Regions(Share { index: 2, of: 3 });
+        Folder::new(dir.path(), &none).write(Step::Plan, &[], &store, |_| Ok(7_u32)).unwrap();
+        let (folder, plan) = Folder::open::<u32>(dir.path(), &none, None).unwrap();
+        assert_eq!(plan.record, 7);
+        folder.write(step, &[Step::Plan], &store, |_| Ok(8_u32)).unwrap();
+        assert!(reason(&folder, step) == "read" && folder.is_current(step, true));
+
+        // The same with another header each time.
+        let right = |program: &str, version| {
+            (
+                version,
+                Header {
+                    program: program.to_owned(),
+                    plan: folder.plan,
+                    step: step.file(),
+                    inputs: vec![(Step::Plan.file(), folder.plan)],
+                },
+            )
+        };
+        let other_plan = |(version, header): (u32, Header)| (version, Header { plan: 1, ..header });
+        let other_input = |(version, header): (u32, Header)| {
+            (version, Header { inputs: vec![(Step::Plan.file(), 1)], ..header })
+        };
+        for (header, told) in [
+            (right(GENERATOR, VERSION), "read"),
+            (right("chpm 99.0.0", VERSION), "is of another version (chpm 99.0.0"),
+            (right(GENERATOR, 99), "is of another version of parts (99"),
+            (other_plan(right(GENERATOR, VERSION)), "is of another plan"),
+            (other_input(right(GENERATOR, VERSION)), "read"),
+        ] {
+            let is_current = header.1.inputs[0].1 == folder.plan && told == "read";
+            let record = bincode::serde::encode_to_vec((header.0, header.1, 8_u32), CONFIG).unwrap();
+            let out = PartWriter::create(&dir.path().join(step.file()), none.clone()).unwrap();
+            out.finish(&record).unwrap();
+            let (folder, _) = Folder::open::<u32>(dir.path(), &none, None).unwrap();
+            let found = reason(&folder, step);
+            assert!(found.contains(told), "{found}");
+            assert!(told == "read" || found.contains("regions-2-of-3.part"), "{found}");
+            assert_eq!(folder.is_current(step, true), is_current, "{told}");
+        }
     }
 }

@@ -143,6 +143,37 @@ pub fn run(
     run().map_err(|error| explained(error, folder))
 }
 
+/// What the file of a step is.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Condition {
+    /// As it was written, and made of what is there.
+    Whole,
+    /// Not there.
+    Missing,
+    /// Something else, with the reason.
+    Wrong(String),
+}
+
+/// Looks at the files of all steps, to the last byte.
+///
+/// # Errors
+/// See [`BuildError`]; a plan that cannot be read is one.
+pub fn check(folder: &Path, cancel: &Cancel) -> Result<Vec<(Step, PathBuf, Condition)>, BuildError> {
+    let opened = Folder::open::<Plan>(folder, &Resources::default().fail_points, None);
+    let (parts, plan) = opened.map_err(|error| explained(error, folder))?;
+    let condition = |step: Step| {
+        cancel.check()?;
+        let path = folder.join(step.file());
+        let condition = match parts.examine(step, true) {
+            Ok(()) => Condition::Whole,
+            Err(_) if !path.exists() => Condition::Missing,
+            Err(error) => Condition::Wrong(explained(error, folder).to_string()),
+        };
+        Ok((step, path, condition))
+    };
+    Step::all(plan.record.parts, plan.record.levels).into_iter().map(condition).collect()
+}
+
 /// The model that a folder is for, unless another is named: `scan.chpm` for `scan.stages`.
 pub fn output_of(folder: &Path) -> PathBuf {
     folder.with_extension("chpm")
