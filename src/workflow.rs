@@ -25,7 +25,7 @@ pub(crate) struct Workflow {
     pub(crate) output: PathBuf,
     pub(crate) parts: u32,
     pub(crate) levels: u32,
-    /// What each command may take.
+    /// Resources of each command.
     pub(crate) threads: u32,
     pub(crate) memory: Bytes,
     /// Settings for the plan, word by word.

@@ -71,7 +71,7 @@ pub enum BuildError {
         path: PathBuf,
         /// Reason, in words.
         reason: String,
-        /// What helps.
+        /// Remedy, in words.
         remedy: String,
     },
     /// The threads could not be started.

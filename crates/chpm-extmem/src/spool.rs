@@ -83,7 +83,7 @@ pub struct Spool {
     store: Store,
     what: &'static str,
     segment_len: usize,
-    /// What other processes wrote, with the place of each in the spool, and where it ends.
+    /// Bytes that other processes wrote, with the place of each in the spool, and where it ends.
     earlier: Vec<(u64, Extent)>,
     base: u64,
     /// Bytes of its own, which come behind that.
@@ -142,7 +142,7 @@ impl Spool {
         self
     }
 
-    /// What other processes wrote, in order.
+    /// Bytes that other processes wrote, in order.
     pub(crate) fn earlier(&self) -> impl Iterator<Item = &Extent> {
         self.earlier.iter().map(|(_, extent)| extent)
     }

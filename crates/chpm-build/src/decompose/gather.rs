@@ -1,4 +1,4 @@
-//! What regions leave, taken in one after another, in their order: so ids do not depend on who was first.
+//! Results of regions, taken in one after another, in their order: so ids do not depend on who was first.
 
 use super::Decomposition;
 use super::leaf::Leaf;
@@ -14,7 +14,7 @@ use chpm_extmem::{Spool, Store};
 use chpm_qem::Displacement;
 use serde::{Deserialize, Serialize};
 
-/// What is known of a source beside its triangles.
+/// Facts about a source beside its triangles.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct About {
     vertex_count: u64,

@@ -74,7 +74,7 @@ struct Shared {
     border: Vec<u32>,
 }
 
-/// What becomes of a region, with the normals of its vertices, if they are computed.
+/// Result of a region, with the normals of its vertices, if they are computed.
 pub(crate) fn done(
     mut mesh: Mesh,
     parts: u32,

@@ -20,7 +20,7 @@ pub(crate) struct Handed {
 }
 
 impl PageRef {
-    /// What a parent reads beside the page: places and lengths of the base mesh's triangles, displacements, attribute errors and dropped components.
+    /// Blobs that a parent reads beside the page: places and lengths of the base mesh's triangles, displacements, attribute errors and dropped components.
     fn beside(&mut self) -> [(&mut u64, usize); 4] {
         let triangles = self.base_triangle_count as usize;
         [

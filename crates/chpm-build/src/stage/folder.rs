@@ -15,7 +15,7 @@ const CONFIG: Configuration = bincode::config::standard();
 /// Changes with the meaning of what is in parts.
 const VERSION: u32 = 1;
 
-/// What stands at the beginning of each record.
+/// Beginning of each record.
 #[derive(Serialize, Deserialize)]
 struct Header {
     program: String,

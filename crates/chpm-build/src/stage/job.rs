@@ -1,4 +1,4 @@
-//! What each step does between the parts that it reads and the one that it writes.
+//! Work of each step between the parts that it reads and the one that it writes.
 
 use super::folder::{Folder, Opened};
 use super::step::{Share, Step};
@@ -38,7 +38,7 @@ impl Plan {
         Err(BuildError::Part {
             path: folder.join(Step::Plan.file()),
             reason: format!(
-                "is for {} parts and for {} levels in parts, and has no step '{}{behind}'",
+                "has parts: {}, levels in parts: {}, and no step '{}{behind}'",
                 self.parts, self.levels, before
             ),
             remedy: "name one that it has, or plan again".to_owned(),
@@ -77,7 +77,7 @@ pub(super) struct Job<'a> {
     pub(super) context: &'a Context<'a>,
 }
 
-/// What the levels are built on, and the memory for tables.
+/// Leaves under a tree, and the memory for tables.
 struct Under {
     arranged: Arranged,
     _tables: Reservation,

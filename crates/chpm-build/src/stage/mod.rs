@@ -28,7 +28,7 @@ use std::time::Instant;
 /// Clusters of a level for each part, at least, so that it is worth a step of its own.
 const LEVEL_SHARE: u32 = 64;
 
-/// What a step did.
+/// Report of a step.
 #[derive(Clone, Debug)]
 pub struct StepReport {
     /// The step.
@@ -143,7 +143,7 @@ pub fn run(
     run().map_err(|error| explained(error, folder))
 }
 
-/// What the file of a step is.
+/// Condition of the file of a step.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Condition {
     /// As it was written, and made of what is there.
