@@ -91,4 +91,5 @@ def main():
         print(f"{workers},all,{len(times)},{total:.2f},{end:.2f},{total / (end * workers):.3f}")
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -20,6 +20,8 @@ import subprocess
 import sys
 import time
 
+import schedule
+
 LINE = re.compile(r"^(.*): ([0-9.,]+) (B|KiB|MiB|GiB) in ([0-9.]+) s(?:, ([0-9.]+) s of processors)?(?:, ([0-9.]+) (B|KiB|MiB|GiB) of memory)?$")
 UNITS = {"B": 1, "KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30}
 
@@ -91,6 +93,14 @@ def parts(folder):
     return {name: (digest(os.path.join(folder, name)), os.stat(os.path.join(folder, name)).st_mtime_ns) for name in names}
 
 
+def behind(name, names):
+    """The parts that are made of one, or of what is."""
+    found = {name}
+    while more := {other for other in names if other not in found and found & set(schedule.needs(other, names))}:
+        found |= more
+    return found
+
+
 def fault(args, chance, names):
     """Does something to a part; answers its name and what was done."""
     name = chance.choice(names)
@@ -137,7 +147,7 @@ def faults(args):
         after = parts(args.stages)
         again = [other for other in after if after[other][1] != before[other][1]]
         same = digest(args.model) == whole and {n: d for n, (d, _) in after.items()} == {n: d for n, (d, _) in first.items()}
-        only = set(again) <= {name, "finish.part"}
+        only = set(again) <= behind(name, list(first)) | {"finish.part"}
         failed |= not (same and only)
         print(f"{turn},{name},{what},{' '.join(again)},{'same' if same else 'DIFFERENT'}{'' if only else ' TOO MANY'}", flush=True)
     return int(failed)
