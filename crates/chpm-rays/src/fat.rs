@@ -57,7 +57,7 @@ fn tube(p: Vector, q: Vector, way: Vector, radius: f64, begin: f64) -> f64 {
     let length = dot(edge, edge);
     let side = cross(way, edge);
     let sine = dot(side, side);
-    if !(length > 0.0) || sine <= 1e-24 * length {
+    if length <= 0.0 || sine <= 1e-24 * length {
         // Along the edge: the balls about its ends are as near.
         return f64::INFINITY;
     }
@@ -87,7 +87,7 @@ fn tube(p: Vector, q: Vector, way: Vector, radius: f64, begin: f64) -> f64 {
 fn sheet(points: &[Vector; 3], way: Vector, radius: f64, begin: f64) -> f64 {
     let normal = cross(less(points[1], points[0]), less(points[2], points[0]));
     let length = dot(normal, normal).sqrt();
-    if !(length > 0.0) {
+    if length <= 0.0 {
         return f64::INFINITY;
     }
     let (mut near, mut leave) = (begin, f64::INFINITY);

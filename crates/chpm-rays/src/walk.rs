@@ -200,7 +200,7 @@ impl<D: AsRef<[u8]>> Walk<'_, '_, D> {
         let bounds = self.clusters[cluster as usize].aabb();
         let enter = ready.slabs.enter(&bounds.min, &bounds.max, found.limit(ready));
         if enter < f32::INFINITY {
-            open.push(Open { enter, what: MESH | 2 * cluster | u32::from(is_finest) });
+            open.push(Open { enter, what: MESH | (2 * cluster) | u32::from(is_finest) });
         }
     }
 }

@@ -37,8 +37,11 @@ impl Wide {
     }
 }
 
+/// A box and its number.
+type Boxed = (Aabb, u32);
+
 /// Appends nodes over boxes, each with a number of its own, halved by their middles along the longest axis; answers what is at the top.
-pub(crate) fn over(boxes: &mut [(Aabb, u32)], nodes: &mut Vec<Wide>) -> u32 {
+pub(crate) fn over(boxes: &mut [Boxed], nodes: &mut Vec<Wide>) -> u32 {
     if let [(_, number)] = boxes {
         return LEAF | 1 << COUNT | *number;
     }
@@ -55,7 +58,7 @@ pub(crate) fn over(boxes: &mut [(Aabb, u32)], nodes: &mut Vec<Wide>) -> u32 {
     place as u32
 }
 
-fn halves(boxes: &mut [(Aabb, u32)]) -> (&mut [(Aabb, u32)], &mut [(Aabb, u32)]) {
+fn halves(boxes: &mut [Boxed]) -> (&mut [Boxed], &mut [Boxed]) {
     // Sums, not means: only their order counts. Halves, so that none is too large.
     let middle = |bounds: &Aabb, axis: usize| 0.5 * bounds.min[axis] + 0.5 * bounds.max[axis];
     let mut middles = Aabb::EMPTY;
