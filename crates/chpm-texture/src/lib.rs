@@ -22,4 +22,5 @@ pub use colors::VertexColors;
 pub use error::TextureError;
 pub use images::OpenImage;
 pub use material::{Material, Wrap};
+pub use srgb::srgb_product;
 pub use triangle::TexturedTriangle;

@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::error::BuildError;
 use chpm_extmem::{BufferWriter, Column, Store};
 use chpm_import::{Supply, Textures};
-use chpm_texture::{Averager, TextureError, TexturedTriangle};
+use chpm_texture::{Averager, TextureError, TexturedTriangle, srgb_product};
 
 /// Vertices that are coloured at once.
 const WINDOW: usize = 1 << 14;
@@ -93,24 +93,9 @@ fn failed(error: TextureError, name: impl Fn(u32) -> String) -> BuildError {
 
 /// The product of two colours as light; coverage goes by itself.
 fn tinted(color: [u8; 4], tint: [u8; 4]) -> [u8; 4] {
-    std::array::from_fn(|channel| {
-        let (a, b) = (color[channel], tint[channel]);
-        match (a, b) {
-            (255, x) | (x, 255) => x,
-            _ if channel == 3 => ((u32::from(a) * u32::from(b) + 127) / 255) as u8,
-            _ => encoded(light(a) * light(b)),
-        }
-    })
-}
-
-fn light(byte: u8) -> f64 {
-    let x = f64::from(byte) / 255.0;
-    if x <= 0.040_45 { x / 12.92 } else { libm::pow((x + 0.055) / 1.055, 2.4) }
-}
-
-fn encoded(x: f64) -> u8 {
-    let x = if x > 0.003_130_8 { 1.055 * libm::pow(x, 1.0 / 2.4) - 0.055 } else { 12.92 * x };
-    (x * 255.0).round() as u8
+    let coverage = (u32::from(color[3]) * u32::from(tint[3]) + 127) / 255;
+    let [red, green, blue] = std::array::from_fn(|channel| srgb_product(color[channel], tint[channel]));
+    [red, green, blue, coverage as u8]
 }
 
 #[cfg(test)]
@@ -120,10 +105,6 @@ mod tests {
     #[test]
     fn tints_multiply_light() {
         assert_eq!(tinted([255, 128, 7, 255], [9, 255, 255, 255]), [9, 128, 7, 255]);
-        // 188 of 255 are 0.503 of the light, and the square of that is 138.
         assert_eq!(tinted([188, 0, 188, 128], [188, 90, 0, 128]), [138, 0, 0, 64]);
-        for byte in 0..=255 {
-            assert_eq!(encoded(light(byte)), byte);
-        }
     }
 }
