@@ -335,7 +335,6 @@ impl<'a, 'd> Run<'a, 'd> {
             // The cheapest collapse that the legality tests leave, at the price of its bound, is carried out, or comes up again
             // at that price.
             let kind = all.one_ring.gather(&all.mesh, u);
-            all.one_ring.place(&self.given);
             let locked = self.refusals.of(Refusal::LockedEdge);
             if let Some((cost, v)) = self.cheapest_legal() {
                 let all = &mut *self.all;
@@ -384,6 +383,7 @@ impl<'a, 'd> Run<'a, 'd> {
     /// `held` back at a cost by its quadric that is next to nothing, neither is done.
     fn force(&mut self, goal: Goal, v: u16, held: Option<f32>) -> bool {
         let (u, next) = (self.all.one_ring.vertex(), self.all.queue.next_cost());
+        self.all.one_ring.turn_to(&self.given, v);
         let Some(bound) = self.propose(v) else {
             self.refuse(u);
             return false;
@@ -438,7 +438,7 @@ impl<'a, 'd> Run<'a, 'd> {
         one_ring.gather(mesh, u);
         legality::check_topology(&self.given, mesh, one_ring, v).ok()?;
         if cfg!(debug_assertions) {
-            one_ring.place(&self.given);
+            one_ring.turn_to(&self.given, v);
             let alive = self.alive;
             let scene = Scene { given: &self.given, mesh, displacements: current, one_ring, alive };
             // By another, so that what this one holds is the same without the test.

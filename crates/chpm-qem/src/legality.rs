@@ -4,8 +4,9 @@ use crate::adjacency::Adjacency;
 use crate::one_ring::{MAX_VALENCE, OneRing, OneRingKind};
 use crate::patch::{Given, Patch};
 use crate::refusal::Refusal;
-use crate::ring::RingView;
+use crate::ring::{Ring, bits, following};
 use chpm_mesh::geom::area_vector;
+use wide::f64x2;
 
 /// A collapse is a flip if the cosine between a face's normals before and after is not above this.
 const MIN_COSINE: f64 = 0.25;
@@ -16,13 +17,18 @@ const LEAST_SQUARES: f64 = 1e-250;
 /// "The edge has no apex on this side": no vertex.
 const NO_APEX: u32 = u32::MAX;
 
-/// Whether u -> v may be carried out, given the one-ring of u. The tests go from cheap to dear.
-pub(crate) fn check(given: &Given<'_>, mesh: &Adjacency, one_ring: &OneRing, v: u16) -> Result<(), Refusal> {
+/// Whether u -> v may be carried out, given the one-ring of u, whose loop is then turned to begin at v. The tests go from cheap to dear.
+pub(crate) fn check(
+    given: &Given<'_>,
+    mesh: &Adjacency,
+    one_ring: &mut OneRing,
+    v: u16,
+) -> Result<(), Refusal> {
     check_topology(given, mesh, one_ring, v)?;
-    match one_ring.ring.seen_from(v) {
-        Some(ring) if is_far_from_flips(ring) => Ok(()),
-        _ => check_flips(given.patch, one_ring, v),
+    if one_ring.turn_to(given, v) && is_far_from_flips(&one_ring.ring) {
+        return Ok(());
     }
+    check_flips(given.patch, one_ring, v)
 }
 
 /// The tests that do not ask where vertices are. They ask for faces of v that are none of u's.
@@ -98,28 +104,29 @@ fn check_link(
 }
 
 /// Whether all faces are so far from turning by the limit, and from losing their area, that it needs no root to tell.
-fn is_far_from_flips(ring: RingView<'_>) -> bool {
+fn is_far_from_flips(ring: &Ring) -> bool {
     let ([x, y, z], [areas_x, areas_y, areas_z]) = (ring.places(), ring.areas());
-    let v = [x[0], y[0], z[0]];
-    // The first and the last face are at v and go.
-    let last = ring.len() - 1;
-    let arm = |i: usize| [x[i] - v[0], y[i] - v[1], z[i] - v[2]];
-    fn product(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let v = ring.point(0);
+    let v = [v.x, v.y, v.z].map(f64x2::splat);
+    fn product(a: [f64x2; 3], b: [f64x2; 3]) -> f64x2 {
         a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     }
-    let mut near = 0;
-    let mut a = arm(1);
-    for i in 1..last {
-        let b = arm(i + 1);
+    let least_squares = f64x2::splat(LEAST_SQUARES);
+    let mut clear = 0;
+    for pair in 0..ring.pairs() {
+        let a = [x[pair] - v[0], y[pair] - v[1], z[pair] - v[2]];
+        let b = [following(x, pair) - v[0], following(y, pair) - v[1], following(z, pair) - v[2]];
         let new = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        let old = [areas_x[i], areas_y[i], areas_z[i]];
+        let old = [areas_x[pair], areas_y[pair], areas_z[pair]];
         let (dot, squares) = (product(old, new), product(old, old) * product(new, new));
-        let clear =
-            (dot > 0.0) & (squares > LEAST_SQUARES) & (dot * dot > CLEAR * MIN_COSINE * MIN_COSINE * squares);
-        near += usize::from(!clear);
-        a = b;
+        let far = dot.simd_gt(f64x2::ZERO)
+            & squares.simd_gt(least_squares)
+            & (dot * dot).simd_gt(CLEAR * MIN_COSINE * MIN_COSINE * squares);
+        clear |= u64::from(far.to_bitmask()) << (2 * pair);
     }
-    near == 0
+    // The first and the last face are at v and go.
+    let stay = bits(1..ring.len() - 1);
+    clear & stay == stay
 }
 
 /// No face may turn by more than the limit or lose its area. A face that has none already cannot get worse.

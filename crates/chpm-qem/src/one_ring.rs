@@ -146,10 +146,10 @@ impl OneRing {
         OneRingKind::Open(first, last)
     }
 
-    /// Looks up where the loop is.
-    pub(crate) fn place(&mut self, given: &Given<'_>) {
+    /// Turns the loop to begin at v, and looks up where it is; false if there is none from v on.
+    pub(crate) fn turn_to(&mut self, given: &Given<'_>, v: u16) -> bool {
         let place = |vertex: u16| given.patch.positions[usize::from(vertex)].map(f64::from);
-        self.ring.place(place(self.vertex), place);
+        self.ring.turn_to(v, place(self.vertex), place)
     }
 
     /// Whether `vertex` is in the ring that was classified last.
