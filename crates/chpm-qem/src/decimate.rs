@@ -172,7 +172,7 @@ impl<'a, 'd> Run<'a, 'd> {
         all.bounder.clear();
         all.kept.clear(patch.positions.len());
         all.mesh.build(patch.positions.len(), patch.triangles);
-        all.one_ring.reset(patch.positions.len());
+        all.one_ring.reset();
         all.prices.begin(patch, all.hasty);
         all.displacements.clear();
         all.displacements.extend_from_slice(patch.displacements);

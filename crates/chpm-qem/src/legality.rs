@@ -1,6 +1,6 @@
 //! The list of tests that a collapse has to pass; what fails has a reason that is counted.
 
-use crate::adjacency::Adjacency;
+use crate::adjacency::{Adjacency, Wing};
 use crate::one_ring::{MAX_VALENCE, OneRing, OneRingKind};
 use crate::patch::{Given, Patch};
 use crate::refusal::Refusal;
@@ -58,13 +58,17 @@ pub(crate) fn check_topology(
     if given.is_locked(v) && joins_locked(given, one_ring, [v.into(), before, after]) {
         return Err(Refusal::LockedEdge);
     }
-    let (remaining, keeps_apex) = check_link(mesh, one_ring, v, [before, after])?;
-    if remaining + degree > MAX_VALENCE + 4 {
+    check_link(mesh, one_ring, v, [before, after])?;
+    let dying = usize::from(before != NO_APEX) + usize::from(after != NO_APEX);
+    if mesh.count(v) - dying + degree > MAX_VALENCE + 4 {
         return Err(Refusal::Valence);
     }
-
-    let dying = usize::from(before != NO_APEX) + usize::from(after != NO_APEX);
-    if degree == dying && !keeps_apex {
+    // Whether something stays: a face of u, or one that v has beyond an apex.
+    let is_beyond = |wing: &Wing| {
+        !wing.has(one_ring.vertex())
+            && [wing.a, wing.b].iter().any(|w| [before, after].contains(&u32::from(*w)))
+    };
+    if degree == dying && !mesh.wings(v).iter().any(is_beyond) {
         return Err(Refusal::Component);
     }
     Ok(())
@@ -81,26 +85,20 @@ fn joins_locked(given: &Given<'_>, one_ring: &OneRing, apexes: [u32; 3]) -> bool
 }
 
 /// The link condition: besides the apexes of the edge, u and v have no neighbour in common, and no face of v lies opposite to
-/// the edge. Answers how many faces v has apart from those of u, and whether one of them is at an apex.
+/// the edge.
 fn check_link(
     mesh: &Adjacency,
     one_ring: &OneRing,
     v: u16,
-    apexes: [u32; 2],
-) -> Result<(usize, bool), Refusal> {
-    let (mut remaining, mut keeps_apex, mut linked) = (0, false, false);
-    for wing in mesh.wings(v) {
-        let own = wing.has(one_ring.vertex());
-        fn apex(w: u16, apexes: &[u32; 2]) -> bool {
-            (apexes[0] == w.into()) | (apexes[1] == w.into())
-        }
-        let (a, b) = (apex(wing.a, &apexes), apex(wing.b, &apexes));
-        let common = (one_ring.has(wing.a) & !a) | (one_ring.has(wing.b) & !b) | (a & b);
-        linked |= common & !own;
-        remaining += usize::from(!own);
-        keeps_apex |= (a | b) & !own;
-    }
-    if linked { Err(Refusal::Link) } else { Ok((remaining, keeps_apex)) }
+    [before, after]: [u32; 2],
+) -> Result<(), Refusal> {
+    // The faces at the edge itself have no vertex but u and the apexes.
+    let is_apex = |w: u16| (before == w.into()) | (after == w.into());
+    let linked = mesh.wings(v).iter().fold(false, |linked, wing| {
+        let (a, b) = (is_apex(wing.a), is_apex(wing.b));
+        linked | (one_ring.has(wing.a) & !a) | (one_ring.has(wing.b) & !b) | (a & b)
+    });
+    if linked { Err(Refusal::Link) } else { Ok(()) }
 }
 
 /// Whether all faces are so far from turning by the limit, and from losing their area, that it needs no root to tell.

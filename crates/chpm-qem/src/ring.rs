@@ -89,8 +89,10 @@ impl Ring {
     /// Appends the next vertex, and the face that it leads. There are no more than [`MAX_LOOP`].
     #[inline]
     pub(crate) fn push(&mut self, vertex: u16, face: u32) {
-        self.walked[self.len] = (vertex, face);
-        self.len += 1;
+        if let Some(next) = self.walked.get_mut(self.len) {
+            *next = (vertex, face);
+            self.len += 1;
+        }
     }
 
     /// Turns the loop to begin at one of its vertices, and looks up where all of them and u are; false if it has no such vertex.
