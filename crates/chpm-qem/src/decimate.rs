@@ -256,7 +256,7 @@ impl<'a, 'd> Run<'a, 'd> {
                     let (vertex, on_boundary) = (vertex as u16, state.is(VertexFlags::BOUNDARY));
                     let wings = mesh.wings(vertex);
                     let least = prices.half_edges(&self.given, vertex, wings, on_boundary, candidates);
-                    entries.push(Entry::new(prices.guess(wings, least), vertex));
+                    entries.push(Entry::new(prices.guess(prices.displaced(wings), least), vertex));
                 }
             }
         });
@@ -324,8 +324,9 @@ impl<'a, 'd> Run<'a, 'd> {
             let next = all.queue.next_cost();
             // A price that a bound gave is right as long as nothing changes; any other is only as good as the guess.
             let guessed = !entry.is_offer() && (entry.is_guess() || state.is(VertexFlags::STALE));
+            let displaced = if guessed { all.prices.displaced(wings) } else { 0.0 };
             if guessed {
-                let due = all.prices.guess(wings, least);
+                let due = all.prices.guess(displaced, least);
                 if due > next {
                     all.queue.push(Entry::new(due, u));
                     continue;
@@ -338,7 +339,7 @@ impl<'a, 'd> Run<'a, 'd> {
             let locked = self.refusals.of(Refusal::LockedEdge);
             if let Some((cost, v)) = self.cheapest_legal() {
                 let all = &mut *self.all;
-                let due = all.prices.guess(&all.one_ring.wings, cost);
+                let due = all.prices.guess(displaced, cost);
                 if guessed && due > next {
                     all.queue.push(Entry::new(due, u));
                     continue;

@@ -152,10 +152,16 @@ impl Prices {
         }
     }
 
-    /// Guess for a vertex whose cheapest half-edge cost is given: its faces keep the displacement that they have.
-    pub(crate) fn guess(&self, wings: &[Wing], least: f32) -> f32 {
+    /// Squared length of the longest displacement of some faces.
+    #[inline]
+    pub(crate) fn displaced(&self, wings: &[Wing]) -> f64 {
         let squares = wings.iter().map(|wing| self.displaced[wing.face as usize]);
-        let displaced = squares.fold(0.0, |most: f64, square| if square > most { square } else { most });
+        squares.fold(0.0, |most: f64, square| if square > most { square } else { most })
+    }
+
+    /// Guess for a vertex whose cheapest half-edge cost is given: its faces keep the displacement that they have.
+    #[inline]
+    pub(crate) fn guess(&self, displaced: f64, least: f32) -> f32 {
         self.factor * (least + (BOUND_TERM * displaced * self.scale) as f32)
     }
 
