@@ -145,6 +145,12 @@ impl Adjacency {
                 self.rename(wing.b, u, v);
             }
         }
+        for i in u_offset..u_offset + u_count {
+            let wing = self.arena[i as usize];
+            if wing.has(v) {
+                self.remove(wing.a ^ wing.b ^ v, wing.face);
+            }
+        }
 
         for i in v_offset..v_offset + v_count {
             let wing = self.arena[i as usize];
@@ -158,24 +164,30 @@ impl Adjacency {
         died
     }
 
-    /// Puts v in the place of u about another vertex, but for faces that have both, which die.
+    /// Puts v in the place of u about another vertex.
     #[inline]
     fn rename(&mut self, vertex: u16, u: u16, v: u16) {
+        let (offset, count) = self.slices[usize::from(vertex)];
+        if vertex == v || count as usize > MANY {
+            return;
+        }
+        for wing in &mut self.arena[offset as usize..(offset + count) as usize] {
+            let renamed = |w: u16| if w == u { v } else { w };
+            (wing.a, wing.b) = (renamed(wing.a), renamed(wing.b));
+        }
+    }
+
+    /// Takes a face from those about another vertex; the others stay in their order.
+    fn remove(&mut self, vertex: u16, face: u32) {
         let (offset, count) = &mut self.slices[usize::from(vertex)];
-        if vertex == v || *count as usize > MANY {
+        if *count as usize > MANY {
             return;
         }
         let wings = &mut self.arena[*offset as usize..(*offset + *count) as usize];
-        let mut kept = 0;
-        for i in 0..wings.len() {
-            let Wing { face, a, b } = wings[i];
-            let renamed = |w: u16| if w == u { v } else { w };
-            let (a, b) = (renamed(a), renamed(b));
-            wings[kept] = Wing { face, a, b };
-            // Only one that had both has v twice now.
-            kept += usize::from(a != b);
+        if let Some(at) = wings.iter().position(|wing| wing.face == face) {
+            wings.copy_within(at + 1.., at);
+            *count -= 1;
         }
-        *count = kept as u32;
     }
 }
 

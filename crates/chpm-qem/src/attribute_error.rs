@@ -7,7 +7,7 @@
 
 use crate::overlay::{CellPoint, Overlay};
 use crate::patch::Patch;
-use crate::ring::RingView;
+use crate::ring::Ring;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::geom::round_up;
 use chpm_mesh::{Octahedral, VertexSlices};
@@ -246,7 +246,7 @@ impl AttributeErrorTracker {
     }
 
     /// Carries the attribute errors of the faces about u on over the collapse u -> v, cell by cell.
-    pub(crate) fn carry_over(&mut self, overlay: &Overlay, ring: RingView<'_>, u: u16, v: u16) {
+    pub(crate) fn carry_over(&mut self, overlay: &Overlay, ring: &Ring, u: u16, v: u16) {
         let mut at = std::mem::take(&mut self.corners);
         let mut changed = std::mem::take(&mut self.changed);
         changed.clear();

@@ -172,7 +172,7 @@ impl<'a, 'd> Run<'a, 'd> {
         all.bounder.clear();
         all.kept.clear(patch.positions.len());
         all.mesh.build(patch.positions.len(), patch.triangles);
-        all.one_ring.reset(patch.positions.len());
+        all.one_ring.reset();
         all.prices.begin(patch, all.hasty);
         all.displacements.clear();
         all.displacements.extend_from_slice(patch.displacements);
@@ -256,7 +256,7 @@ impl<'a, 'd> Run<'a, 'd> {
                     let (vertex, on_boundary) = (vertex as u16, state.is(VertexFlags::BOUNDARY));
                     let wings = mesh.wings(vertex);
                     let least = prices.half_edges(&self.given, vertex, wings, on_boundary, candidates);
-                    entries.push(Entry::new(prices.guess(wings, least), vertex));
+                    entries.push(Entry::new(prices.guess(prices.displaced(wings), least), vertex));
                 }
             }
         });
@@ -324,8 +324,9 @@ impl<'a, 'd> Run<'a, 'd> {
             let next = all.queue.next_cost();
             // A price that a bound gave is right as long as nothing changes; any other is only as good as the guess.
             let guessed = !entry.is_offer() && (entry.is_guess() || state.is(VertexFlags::STALE));
+            let displaced = if guessed { all.prices.displaced(wings) } else { 0.0 };
             if guessed {
-                let due = all.prices.guess(wings, least);
+                let due = all.prices.guess(displaced, least);
                 if due > next {
                     all.queue.push(Entry::new(due, u));
                     continue;
@@ -335,11 +336,10 @@ impl<'a, 'd> Run<'a, 'd> {
             // The cheapest collapse that the legality tests leave, at the price of its bound, is carried out, or comes up again
             // at that price.
             let kind = all.one_ring.gather(&all.mesh, u);
-            all.one_ring.place(&self.given);
             let locked = self.refusals.of(Refusal::LockedEdge);
             if let Some((cost, v)) = self.cheapest_legal() {
                 let all = &mut *self.all;
-                let due = all.prices.guess(&all.one_ring.wings, cost);
+                let due = all.prices.guess(displaced, cost);
                 if guessed && due > next {
                     all.queue.push(Entry::new(due, u));
                     continue;
@@ -384,6 +384,7 @@ impl<'a, 'd> Run<'a, 'd> {
     /// `held` back at a cost by its quadric that is next to nothing, neither is done.
     fn force(&mut self, goal: Goal, v: u16, held: Option<f32>) -> bool {
         let (u, next) = (self.all.one_ring.vertex(), self.all.queue.next_cost());
+        self.all.one_ring.turn_to(&self.given, v);
         let Some(bound) = self.propose(v) else {
             self.refuse(u);
             return false;
@@ -438,7 +439,7 @@ impl<'a, 'd> Run<'a, 'd> {
         one_ring.gather(mesh, u);
         legality::check_topology(&self.given, mesh, one_ring, v).ok()?;
         if cfg!(debug_assertions) {
-            one_ring.place(&self.given);
+            one_ring.turn_to(&self.given, v);
             let alive = self.alive;
             let scene = Scene { given: &self.given, mesh, displacements: current, one_ring, alive };
             // By another, so that what this one holds is the same without the test.

@@ -1,10 +1,11 @@
 //! How far a face is from the surface that it stands for.
 
 use crate::overlay::Sweep;
-use bytemuck::{Pod, Zeroable};
+use bytemuck::{Pod, Zeroable, cast};
 use chpm_mesh::geom::round_up;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
+use wide::{f32x4, f64x2, i32x4, u32x4};
 
 /// Relative rounding error of a sum of two f64 numbers, with room.
 const LOST: f64 = 1.0 / (1u64 << 50) as f64;
@@ -85,78 +86,104 @@ impl Displacement {
         if lo == hi && lo == Vector3::zeros() {
             return *self;
         }
-        Reach::of(self, &Sweep { lo, hi, share: 0.0 }).outward()
+        let along = Along::new(Vector3::zeros());
+        let slide = Reach::of_slide(&Sweep { lo, hi, share: 0.0 }, &along);
+        Reach::of(self, &slide, &along).outward(&along)
     }
 }
 
-/// A box of displacements in the making, in f64. Comparisons are written out: there are no NaNs, and each is one instruction. A
-/// fourth lane that says nothing makes all of it whole registers.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Reach {
-    lo: [f64; 4],
-    hi: [f64; 4],
-}
-
-/// A direction, by the signs of its coordinates.
+/// A direction, and with it a frame whose axes are turned so that none of its coordinates is negative.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Along {
-    up: [f64; 4],
-    down: [f64; 4],
+    lengths: [f64x2; 3],
+    is_turned: [bool; 3],
 }
 
 impl Along {
     pub(crate) fn new(direction: Vector3<f64>) -> Self {
-        let [x, y, z] = direction.into();
-        let all = [x, y, z, 0.0];
-        Along { up: all.map(|x| x.max(0.0)), down: all.map(|x| x.min(0.0)) }
+        let all: [f64; 3] = direction.into();
+        Along { lengths: all.map(|x| f64x2::splat(x.abs())), is_turned: all.map(|x| x < 0.0) }
+    }
+
+    /// The ends of an interval of an axis in the frame, the greater one with its sign turned.
+    #[inline]
+    fn ends(&self, axis: usize, lo: f64, hi: f64) -> f64x2 {
+        if self.is_turned[axis] { f64x2::new([-hi, lo]) } else { f64x2::new([lo, -hi]) }
     }
 }
 
+/// A box of displacements in the making, in f64 and in the frame of a direction: by axis its least coordinate and, with its sign turned, the
+/// greatest, so that the lesser of both counts and a register holds both.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach([f64x2; 3]);
+
 impl Reach {
-    pub(crate) const EMPTY: Reach = Reach { lo: [f64::INFINITY; 4], hi: [f64::NEG_INFINITY; 4] };
+    pub(crate) const EMPTY: Reach = Reach([f64x2::new([f64::INFINITY; 2]); 3]);
+
+    /// A slide.
+    pub(crate) fn of_slide(slide: &Sweep, along: &Along) -> Reach {
+        Reach([0, 1, 2].map(|axis| along.ends(axis, slide.lo[axis], slide.hi[axis])))
+    }
 
     /// A box after a slide, with what a sum with it can lose in f64.
     #[inline]
-    pub(crate) fn of(of: &Displacement, slide: &Sweep) -> Reach {
-        let mut reach = Reach { lo: [0.0; 4], hi: [0.0; 4] };
+    pub(crate) fn of(of: &Displacement, slide: &Reach, along: &Along) -> Reach {
+        let mut reach = Reach::EMPTY;
         for axis in 0..3 {
-            let (lo, hi) = (f64::from(of.lo[axis]), f64::from(of.hi[axis]));
-            reach.lo[axis] = (lo - LOST * lo.abs()) + slide.lo[axis];
-            reach.hi[axis] = (hi + LOST * hi.abs()) + slide.hi[axis];
+            let ends = along.ends(axis, f64::from(of.lo[axis]), f64::from(of.hi[axis]));
+            reach.0[axis] = (ends - LOST * ends.abs()) + slide.0[axis];
         }
         reach
     }
 
-    /// Grows by a box after a further displacement along a direction, by `least` to `most`.
+    /// Grows by a box after a further displacement along the direction. Of its length too the least and the greatest with its sign turned are
+    /// given.
     #[inline]
-    pub(crate) fn add(&mut self, of: &Reach, along: &Along, least: f64, most: f64) {
-        for lane in 0..4 {
-            let lo = of.lo[lane] + (along.up[lane] * least + along.down[lane] * most);
-            let hi = of.hi[lane] + (along.up[lane] * most + along.down[lane] * least);
-            self.lo[lane] = if lo < self.lo[lane] { lo } else { self.lo[lane] };
-            self.hi[lane] = if hi > self.hi[lane] { hi } else { self.hi[lane] };
+    pub(crate) fn add(&mut self, of: &Reach, along: &Along, length: f64x2) {
+        for axis in 0..3 {
+            self.0[axis] = self.0[axis].fast_min(of.0[axis] + along.lengths[axis] * length);
         }
     }
 
     /// The smallest box about it, and more than the last operation on it can have lost.
     #[inline]
-    pub(crate) fn outward(&self) -> Displacement {
-        let (lo, hi) = (self.lo, self.hi);
-        let (down, up) = (|x: f64| step(x as f32, -1), |x: f64| step(x as f32, 1));
-        Displacement { lo: [down(lo[0]), down(lo[1]), down(lo[2])], hi: [up(hi[0]), up(hi[1]), up(hi[2])] }
+    pub(crate) fn outward(&self, along: &Along) -> Displacement {
+        let mut ends = [[0.0; 2]; 3];
+        for axis in 0..3 {
+            let [a, b] = self.0[axis].to_array();
+            ends[axis] = if along.is_turned[axis] { [b, a] } else { [a, b] };
+        }
+        let [[x, p], [y, q], [z, r]] = ends;
+        // Zero has one sign only.
+        let [x, y, z] = [x, y, z].map(|x| (x + 0.0) as f32);
+        let [p, q, r] = [p, q, r].map(|x| (0.0 - x) as f32);
+        let [lo_x, lo_y, lo_z, _] = step_down(f32x4::new([x, y, z, z])).to_array();
+        let [hi_x, hi_y, hi_z, _] = step_up(f32x4::new([p, q, r, r])).to_array();
+        Displacement { lo: [lo_x, lo_y, lo_z], hi: [hi_x, hi_y, hi_z] }
     }
 }
 
-/// The number `by` places further up among those of f32; the two zeros count as two. Without a branch.
+/// The next lower numbers among those of f32; the two zeros count as two. Without a branch.
 #[inline]
-fn step(x: f32, by: i32) -> f32 {
-    // Numbers of one sign are in the order of their bits.
-    fn ordered(bits: i32) -> i32 {
-        bits ^ ((bits >> 31) as u32 >> 1) as i32
-    }
-    let infinity = f32::INFINITY.to_bits() as i32;
-    let place = (ordered(x.to_bits() as i32) + by).clamp(-infinity - 1, infinity);
-    f32::from_bits(ordered(place) as u32)
+fn step_down(x: f32x4) -> f32x4 {
+    let lower = ordered(cast(x)) - i32x4::splat(1);
+    cast(ordered(lower.max(i32x4::splat(-INFINITY - 1))))
+}
+
+/// The next higher ones.
+#[inline]
+fn step_up(x: f32x4) -> f32x4 {
+    let higher = ordered(cast(x)) + i32x4::splat(1);
+    cast(ordered(higher.min(i32x4::splat(INFINITY))))
+}
+
+const INFINITY: i32 = f32::INFINITY.to_bits() as i32;
+
+/// Numbers of one sign are in the order of their bits: the others are turned around, and back.
+#[inline]
+fn ordered(bits: i32x4) -> i32x4 {
+    let negative: u32x4 = cast(bits >> 31);
+    bits ^ cast::<u32x4, i32x4>(negative >> 1)
 }
 
 #[cfg(test)]
@@ -180,12 +207,14 @@ mod tests {
 
     #[test]
     fn steps_go_to_the_next_number() {
+        let up = |x: f32| step_up(f32x4::new([0.0, x, 1.0, 2.0])).to_array()[1];
+        let down = |x: f32| step_down(f32x4::new([0.0, x, 1.0, 2.0])).to_array()[1];
         for x in [1.0f32, -1.0, 3.7e-39, -3.7e-39, f32::MAX, f32::MIN, 1e-45, -1e-45, 0.1, -2e30] {
-            assert_eq!((step(x, 1), step(x, -1)), (x.next_up(), x.next_down()), "{x}");
+            assert_eq!((up(x), down(x)), (x.next_up(), x.next_down()), "{x}");
         }
-        assert_eq!((step(0.0, 1), step(-0.0, -1)), (1e-45, -1e-45));
-        assert_eq!((step(0.0, -1).to_bits(), step(-0.0, 1).to_bits()), ((-0.0f32).to_bits(), 0));
-        assert_eq!((step(f32::INFINITY, 1), step(f32::NEG_INFINITY, -1)), (f32::INFINITY, f32::NEG_INFINITY));
+        assert_eq!((up(0.0), down(-0.0)), (1e-45, -1e-45));
+        assert_eq!((down(0.0).to_bits(), up(-0.0).to_bits()), ((-0.0f32).to_bits(), 0));
+        assert_eq!((up(f32::INFINITY), down(f32::NEG_INFINITY)), (f32::INFINITY, f32::NEG_INFINITY));
     }
 
     #[test]

@@ -1,11 +1,12 @@
 //! The list of tests that a collapse has to pass; what fails has a reason that is counted.
 
-use crate::adjacency::Adjacency;
+use crate::adjacency::{Adjacency, Wing};
 use crate::one_ring::{MAX_VALENCE, OneRing, OneRingKind};
 use crate::patch::{Given, Patch};
 use crate::refusal::Refusal;
-use crate::ring::RingView;
+use crate::ring::{Ring, bits, following};
 use chpm_mesh::geom::area_vector;
+use wide::f64x2;
 
 /// A collapse is a flip if the cosine between a face's normals before and after is not above this.
 const MIN_COSINE: f64 = 0.25;
@@ -16,13 +17,18 @@ const LEAST_SQUARES: f64 = 1e-250;
 /// "The edge has no apex on this side": no vertex.
 const NO_APEX: u32 = u32::MAX;
 
-/// Whether u -> v may be carried out, given the one-ring of u. The tests go from cheap to dear.
-pub(crate) fn check(given: &Given<'_>, mesh: &Adjacency, one_ring: &OneRing, v: u16) -> Result<(), Refusal> {
+/// Whether u -> v may be carried out, given the one-ring of u, whose loop is then turned to begin at v. The tests go from cheap to dear.
+pub(crate) fn check(
+    given: &Given<'_>,
+    mesh: &Adjacency,
+    one_ring: &mut OneRing,
+    v: u16,
+) -> Result<(), Refusal> {
     check_topology(given, mesh, one_ring, v)?;
-    match one_ring.ring.seen_from(v) {
-        Some(ring) if is_far_from_flips(ring) => Ok(()),
-        _ => check_flips(given.patch, one_ring, v),
+    if one_ring.turn_to(given, v) && is_far_from_flips(&one_ring.ring) {
+        return Ok(());
     }
+    check_flips(given.patch, one_ring, v)
 }
 
 /// The tests that do not ask where vertices are. They ask for faces of v that are none of u's.
@@ -52,13 +58,17 @@ pub(crate) fn check_topology(
     if given.is_locked(v) && joins_locked(given, one_ring, [v.into(), before, after]) {
         return Err(Refusal::LockedEdge);
     }
-    let (remaining, keeps_apex) = check_link(mesh, one_ring, v, [before, after])?;
-    if remaining + degree > MAX_VALENCE + 4 {
+    check_link(mesh, one_ring, v, [before, after])?;
+    let dying = usize::from(before != NO_APEX) + usize::from(after != NO_APEX);
+    if mesh.count(v) - dying + degree > MAX_VALENCE + 4 {
         return Err(Refusal::Valence);
     }
-
-    let dying = usize::from(before != NO_APEX) + usize::from(after != NO_APEX);
-    if degree == dying && !keeps_apex {
+    // Whether something stays: a face of u, or one that v has beyond an apex.
+    let is_beyond = |wing: &Wing| {
+        !wing.has(one_ring.vertex())
+            && [wing.a, wing.b].iter().any(|w| [before, after].contains(&u32::from(*w)))
+    };
+    if degree == dying && !mesh.wings(v).iter().any(is_beyond) {
         return Err(Refusal::Component);
     }
     Ok(())
@@ -75,51 +85,46 @@ fn joins_locked(given: &Given<'_>, one_ring: &OneRing, apexes: [u32; 3]) -> bool
 }
 
 /// The link condition: besides the apexes of the edge, u and v have no neighbour in common, and no face of v lies opposite to
-/// the edge. Answers how many faces v has apart from those of u, and whether one of them is at an apex.
+/// the edge.
 fn check_link(
     mesh: &Adjacency,
     one_ring: &OneRing,
     v: u16,
-    apexes: [u32; 2],
-) -> Result<(usize, bool), Refusal> {
-    let (mut remaining, mut keeps_apex, mut linked) = (0, false, false);
-    for wing in mesh.wings(v) {
-        let own = wing.has(one_ring.vertex());
-        fn apex(w: u16, apexes: &[u32; 2]) -> bool {
-            (apexes[0] == w.into()) | (apexes[1] == w.into())
-        }
-        let (a, b) = (apex(wing.a, &apexes), apex(wing.b, &apexes));
-        let common = (one_ring.has(wing.a) & !a) | (one_ring.has(wing.b) & !b) | (a & b);
-        linked |= common & !own;
-        remaining += usize::from(!own);
-        keeps_apex |= (a | b) & !own;
-    }
-    if linked { Err(Refusal::Link) } else { Ok((remaining, keeps_apex)) }
+    [before, after]: [u32; 2],
+) -> Result<(), Refusal> {
+    // The faces at the edge itself have no vertex but u and the apexes.
+    let is_apex = |w: u16| (before == w.into()) | (after == w.into());
+    let linked = mesh.wings(v).iter().fold(false, |linked, wing| {
+        let (a, b) = (is_apex(wing.a), is_apex(wing.b));
+        linked | (one_ring.has(wing.a) & !a) | (one_ring.has(wing.b) & !b) | (a & b)
+    });
+    if linked { Err(Refusal::Link) } else { Ok(()) }
 }
 
 /// Whether all faces are so far from turning by the limit, and from losing their area, that it needs no root to tell.
-fn is_far_from_flips(ring: RingView<'_>) -> bool {
+fn is_far_from_flips(ring: &Ring) -> bool {
     let ([x, y, z], [areas_x, areas_y, areas_z]) = (ring.places(), ring.areas());
-    let v = [x[0], y[0], z[0]];
-    // The first and the last face are at v and go.
-    let last = ring.len() - 1;
-    let arm = |i: usize| [x[i] - v[0], y[i] - v[1], z[i] - v[2]];
-    fn product(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let v = ring.point(0);
+    let v = [v.x, v.y, v.z].map(f64x2::splat);
+    fn product(a: [f64x2; 3], b: [f64x2; 3]) -> f64x2 {
         a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     }
-    let mut near = 0;
-    let mut a = arm(1);
-    for i in 1..last {
-        let b = arm(i + 1);
+    let least_squares = f64x2::splat(LEAST_SQUARES);
+    let mut clear = 0;
+    for pair in 0..ring.pairs() {
+        let a = [x[pair] - v[0], y[pair] - v[1], z[pair] - v[2]];
+        let b = [following(x, pair) - v[0], following(y, pair) - v[1], following(z, pair) - v[2]];
         let new = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        let old = [areas_x[i], areas_y[i], areas_z[i]];
+        let old = [areas_x[pair], areas_y[pair], areas_z[pair]];
         let (dot, squares) = (product(old, new), product(old, old) * product(new, new));
-        let clear =
-            (dot > 0.0) & (squares > LEAST_SQUARES) & (dot * dot > CLEAR * MIN_COSINE * MIN_COSINE * squares);
-        near += usize::from(!clear);
-        a = b;
+        let far = dot.simd_gt(f64x2::ZERO)
+            & squares.simd_gt(least_squares)
+            & (dot * dot).simd_gt(CLEAR * MIN_COSINE * MIN_COSINE * squares);
+        clear |= u64::from(far.to_bitmask()) << (2 * pair);
     }
-    near == 0
+    // The first and the last face are at v and go.
+    let stay = bits(1..ring.len() - 1);
+    clear & stay == stay
 }
 
 /// No face may turn by more than the limit or lose its area. A face that has none already cannot get worse.

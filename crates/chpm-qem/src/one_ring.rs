@@ -21,39 +21,45 @@ pub(crate) enum OneRingKind {
     Broken,
 }
 
-/// In which tick a vertex was last seen in a one-ring, and there the index of the wing that it leads.
-#[derive(Clone, Copy, Default, Debug)]
-struct Mark {
-    tick: u32,
-    wing: u16,
-}
-
-/// The index for a vertex that leads none: the last one of an open fan.
-const NONE: u16 = u16::MAX;
+/// Vertices that there can be; a table of this length takes any `u16` without a check.
+const TABLE: usize = 1 << 16;
 
 /// The faces about one vertex, and the loop of edges about them if they form a single fan. Marks make clearing free.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct OneRing {
     vertex: u16,
     kind: OneRingKind,
     pub(crate) wings: Vec<Wing>,
     /// The loop of a single fan, if it is not too long, else empty.
     pub(crate) ring: Ring,
-    /// Per vertex of the patch.
-    marks: Vec<Mark>,
+    /// By vertex, the tick in which it was last seen in a one-ring, and the index of the wing that it led there.
+    seen: Box<[u32; TABLE]>,
+    led: Box<[u16; TABLE]>,
     /// The tick in which a vertex was last followed by a wing, where that was asked.
-    arrived: Vec<u32>,
+    arrived: Box<[u32; TABLE]>,
     tick: u32,
 }
 
+impl Default for OneRing {
+    fn default() -> Self {
+        OneRing {
+            vertex: 0,
+            kind: OneRingKind::Broken,
+            wings: Vec::new(),
+            ring: Ring::default(),
+            seen: Box::new([0; TABLE]),
+            led: Box::new([0; TABLE]),
+            arrived: Box::new([0; TABLE]),
+            tick: 0,
+        }
+    }
+}
+
 impl OneRing {
-    pub(crate) fn reset(&mut self, vertex_count: usize) {
-        if self.marks.len() < vertex_count || self.tick > u32::MAX / 2 {
-            self.marks.clear();
-            self.marks.resize(vertex_count, Mark::default());
-            self.arrived.clear();
-            self.arrived.resize(vertex_count, 0);
-            self.tick = 0;
+    /// Forgets the last patch, long before ticks run out.
+    pub(crate) fn reset(&mut self) {
+        if self.tick > u32::MAX / 2 {
+            (self.seen, self.arrived, self.tick) = (Box::new([0; TABLE]), Box::new([0; TABLE]), 0);
         }
     }
 
@@ -87,10 +93,11 @@ impl OneRing {
         self.tick += 1;
         let [first, ..] = wings else { return OneRingKind::Broken };
         let mut manifold = true;
-        for (index, wing) in wings.iter().enumerate() {
-            let mark = &mut self.marks[usize::from(wing.a)];
-            manifold &= mark.tick != self.tick;
-            *mark = Mark { tick: self.tick, wing: index as u16 };
+        for (index, wing) in (0..).zip(wings) {
+            let seen = &mut self.seen[usize::from(wing.a)];
+            manifold &= *seen != self.tick;
+            *seen = self.tick;
+            self.led[usize::from(wing.a)] = index;
         }
         if !manifold {
             return OneRingKind::Broken;
@@ -105,17 +112,17 @@ impl OneRing {
 
     /// Fills the loop with a walk from a vertex, if it `fits`; answers where that ends, if it takes all wings.
     fn walk(&mut self, wings: &[Wing], first: u16, fits: bool) -> Option<u16> {
+        let OneRing { ring, seen, led, tick, .. } = self;
         let mut vertex = first;
         for step in 1..=wings.len() {
-            let mark = self.marks[usize::from(vertex)];
-            let wing = wings[usize::from(mark.wing)];
+            let wing = wings[usize::from(led[usize::from(vertex)])];
             if fits {
-                self.ring.push(vertex, wing.face);
+                ring.push(vertex, wing.face);
             }
             vertex = wing.b;
-            let ended = self.marks[usize::from(vertex)].tick != self.tick || vertex == first;
+            let ended = (seen[usize::from(vertex)] != *tick) | (vertex == first);
             if ended != (step == wings.len()) {
-                self.ring.clear();
+                ring.clear();
                 return None;
             }
         }
@@ -142,20 +149,20 @@ impl OneRing {
         if fits {
             self.ring.push(last, NO_FACE);
         }
-        self.marks[usize::from(last)] = Mark { tick: self.tick, wing: NONE };
+        self.seen[usize::from(last)] = self.tick;
         OneRingKind::Open(first, last)
     }
 
-    /// Looks up where the loop is.
-    pub(crate) fn place(&mut self, given: &Given<'_>) {
+    /// Turns the loop to begin at v, and looks up where it is; false if there is none from v on.
+    pub(crate) fn turn_to(&mut self, given: &Given<'_>, v: u16) -> bool {
         let place = |vertex: u16| given.patch.positions[usize::from(vertex)].map(f64::from);
-        self.ring.place(place(self.vertex), place);
+        self.ring.turn_to(v, place(self.vertex), place)
     }
 
     /// Whether `vertex` is in the ring that was classified last.
     #[inline]
     pub(crate) fn has(&self, vertex: u16) -> bool {
-        self.marks[usize::from(vertex)].tick == self.tick
+        self.seen[usize::from(vertex)] == self.tick
     }
 }
 
@@ -167,7 +174,6 @@ mod tests {
         let mut adjacency = Adjacency::default();
         adjacency.build(10, triangles);
         let mut one_ring = OneRing::default();
-        one_ring.reset(10);
         one_ring.gather(&adjacency, vertex)
     }
 

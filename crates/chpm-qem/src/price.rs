@@ -4,10 +4,11 @@ use crate::adjacency::Wing;
 use crate::displacement::Displacement;
 use crate::one_ring::{OneRing, OneRingKind};
 use crate::patch::{Given, Patch};
-use crate::quadric::Quadric;
+use crate::quadric::{Quadric, QuadricPairs};
 use chpm_mesh::Aabb;
 use chpm_mesh::geom::area_vector;
 use nalgebra::Vector3;
+use wide::f64x2;
 
 /// Weight of the squared edge length in the order of collapses, for a vertex of mean area. It decides between collapses that cost
 /// the same, as in planes and along lines, in favour of the shorter edge and the smaller area; it is no part of an error. It stands for a distance of
@@ -115,26 +116,20 @@ impl Prices {
             out.extend(ends.next().map(|end| (0.0, end)));
         }
 
-        let (quadric, origin) = (&self.quadrics[usize::from(u)], given.patch.positions[usize::from(u)]);
-        let cost = QuadricCost {
-            quadric,
-            origin: origin.map(f64::from),
-            // Without area there is nothing to be far from.
-            per_area: if quadric.area > 0.0 { 1.0 / quadric.area } else { 0.0 },
-            length_term: LENGTH_TERM * quadric.area * self.per_mean_area,
-            scale: self.scale,
-        };
-        // An odd one out is done twice.
-        let count = out.len();
-        if count % 2 == 1 {
-            out.push(out[0]);
+        let cost = self.of_edges(given, u);
+        let positions = given.patch.positions;
+        let (mut least, mut last) = (f32::INFINITY, f32::INFINITY);
+        let (twos, odd) = out.as_chunks_mut::<2>();
+        for [(first, a), (second, b)] in twos {
+            [*first, *second] = cost.of(positions, [*a, *b]);
+            least = if *first < least { *first } else { least };
+            last = if *second < last { *second } else { last };
         }
-        let mut least = f32::INFINITY;
-        let (fours, rest) = out.as_chunks_mut::<4>();
-        fours.iter_mut().for_each(|four| cost.fill(given.patch.positions, four, &mut least));
-        let (twos, _) = rest.as_chunks_mut::<2>();
-        twos.iter_mut().for_each(|two| cost.fill(given.patch.positions, two, &mut least));
-        out.truncate(count);
+        for (cost_of, a) in odd {
+            [*cost_of, _] = cost.of(positions, [*a; 2]);
+            least = if *cost_of < least { *cost_of } else { least };
+        }
+        least = if last < least { last } else { least };
 
         // Across a group border it goes only where all members can follow.
         if !given.sides.is_empty() {
@@ -144,10 +139,29 @@ impl Prices {
         least
     }
 
-    /// Guess for a vertex whose cheapest half-edge cost is given: its faces keep the displacement that they have.
-    pub(crate) fn guess(&self, wings: &[Wing], least: f32) -> f32 {
+    /// Of the half-edges from a vertex.
+    fn of_edges(&self, given: &Given<'_>, u: u16) -> EdgeCosts {
+        let quadric = &self.quadrics[usize::from(u)];
+        // Without area there is nothing to be far from.
+        let per_area = if quadric.area > 0.0 { 1.0 / quadric.area } else { 0.0 };
+        EdgeCosts {
+            quadric: quadric.in_pairs(),
+            origin: given.patch.positions[usize::from(u)].map(|x| f64x2::splat(x.into())),
+            per_area: f64x2::splat(per_area * self.scale),
+            length_term: f64x2::splat(LENGTH_TERM * quadric.area * self.per_mean_area * self.scale),
+        }
+    }
+
+    /// Squared length of the longest displacement of some faces.
+    #[inline]
+    pub(crate) fn displaced(&self, wings: &[Wing]) -> f64 {
         let squares = wings.iter().map(|wing| self.displaced[wing.face as usize]);
-        let displaced = squares.fold(0.0, |most: f64, square| if square > most { square } else { most });
+        squares.fold(0.0, |most: f64, square| if square > most { square } else { most })
+    }
+
+    /// Guess for a vertex whose cheapest half-edge cost is given: its faces keep the displacement that they have.
+    #[inline]
+    pub(crate) fn guess(&self, displaced: f64, least: f32) -> f32 {
         self.factor * (least + (BOUND_TERM * displaced * self.scale) as f32)
     }
 
@@ -157,43 +171,26 @@ impl Prices {
     }
 }
 
-/// Costs of the half-edges from one vertex, by its quadric.
-struct QuadricCost<'a> {
-    quadric: &'a Quadric,
-    origin: [f64; 3],
-    per_area: f64,
-    length_term: f64,
-    scale: f64,
+/// Costs of the half-edges from one vertex, by its quadric. Each number is there twice, for two at a time.
+struct EdgeCosts {
+    quadric: QuadricPairs,
+    origin: [f64x2; 3],
+    /// One over the quadric's area, scaled.
+    per_area: f64x2,
+    /// Scaled, too.
+    length_term: f64x2,
 }
 
-impl QuadricCost<'_> {
-    /// Fills in the costs of some, side by side, and lowers the least.
+impl EdgeCosts {
+    /// Of the half-edges to two vertices.
     #[inline]
-    fn fill<const N: usize>(&self, positions: &[[f32; 3]], edges: &mut [(f32, u16); N], least: &mut f32) {
-        let costs = self.costs(positions, edges.map(|(_, vertex)| vertex));
-        for (edge, cost) in edges.iter_mut().zip(costs) {
-            edge.0 = cost;
-            *least = if cost < *least { cost } else { *least };
-        }
-    }
-
-    /// Kept apart, since the compiler finds the lanes where all of them are stored together.
-    #[inline(never)]
-    fn costs<const N: usize>(&self, positions: &[[f32; 3]], vertices: [u16; N]) -> [f32; N] {
-        let (mut x, mut y, mut z) = ([0.0; N], [0.0; N], [0.0; N]);
-        for lane in 0..N {
-            let at = positions[usize::from(vertices[lane])];
-            x[lane] = f64::from(at[0]) - self.origin[0];
-            y[lane] = f64::from(at[1]) - self.origin[1];
-            z[lane] = f64::from(at[2]) - self.origin[2];
-        }
-        let values = self.quadric.at_each(x, y, z);
-        let mut costs = [0.0; N];
-        for lane in 0..N {
-            let squared = x[lane] * x[lane] + y[lane] * y[lane] + z[lane] * z[lane];
-            costs[lane] = ((values[lane] * self.per_area + self.length_term * squared) * self.scale) as f32;
-        }
-        costs
+    fn of(&self, positions: &[[f32; 3]], vertices: [u16; 2]) -> [f32; 2] {
+        let [a, b] = vertices.map(|vertex| positions[usize::from(vertex)]);
+        let [x, y, z] =
+            [0, 1, 2].map(|axis| f64x2::new([f64::from(a[axis]), f64::from(b[axis])]) - self.origin[axis]);
+        let squared = x * x + y * y + z * z;
+        let costs = self.quadric.at([x, y, z]) * self.per_area + self.length_term * squared;
+        costs.to_array().map(|cost| cost as f32)
     }
 }
 

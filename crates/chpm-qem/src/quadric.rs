@@ -4,6 +4,7 @@
 //! nothing cancels, however far the model lies from the origin. Merging moves a quadric by one edge.
 
 use nalgebra::Vector3;
+use wide::f64x2;
 
 /// Sum of weighted squared distances to planes, as a function of the offset from the quadric's own point.
 ///
@@ -87,26 +88,17 @@ impl Quadric {
     /// Value at an offset from the quadric's own point; never negative.
     #[inline]
     pub fn at(&self, d: Vector3<f64>) -> f64 {
-        let [value] = self.at_each([d.x], [d.y], [d.z]);
-        value
+        self.in_pairs().at([d.x, d.y, d.z].map(f64x2::splat)).to_array()[0]
     }
 
-    /// Values at some offsets, by coordinate.
+    /// The same for two offsets at a time.
     #[inline]
-    pub(crate) fn at_each<const N: usize>(&self, x: [f64; N], y: [f64; N], z: [f64; N]) -> [f64; N] {
-        let mut values = [0.0; N];
-        for i in 0..N {
-            let (x, y, z) = (x[i], y[i], z[i]);
-            let ax = self.xx * x + self.xy * y + self.xz * z;
-            let ay = self.xy * x + self.yy * y + self.yz * z;
-            let az = self.xz * x + self.yz * y + self.zz * z;
-            let value = (ax + 2.0 * self.bx) * x
-                + (ay + 2.0 * self.by) * y
-                + (az + 2.0 * self.bz) * z
-                + self.constant;
-            values[i] = if value > 0.0 { value } else { 0.0 };
+    pub(crate) fn in_pairs(&self) -> QuadricPairs {
+        QuadricPairs {
+            squares: [self.xx, self.xy, self.xz, self.yy, self.yz, self.zz].map(f64x2::splat),
+            linear: [2.0 * self.bx, 2.0 * self.by, 2.0 * self.bz].map(f64x2::splat),
+            constant: f64x2::splat(self.constant),
         }
-        values
     }
 
     /// Adds `other`, whose own point lies at `-offset` from this one's (so `offset` leads from the other's point to this).
@@ -118,6 +110,26 @@ impl Quadric {
         self.bz += other.bz + other.xz * d.x + other.yz * d.y + other.zz * d.z;
         self.constant += constant;
         self.add_planes(other);
+    }
+}
+
+/// A quadric for two offsets at a time.
+pub(crate) struct QuadricPairs {
+    squares: [f64x2; 6],
+    linear: [f64x2; 3],
+    constant: f64x2,
+}
+
+impl QuadricPairs {
+    /// Values at two offsets, by coordinate; never negative.
+    #[inline]
+    pub(crate) fn at(&self, [x, y, z]: [f64x2; 3]) -> f64x2 {
+        let ([xx, xy, xz, yy, yz, zz], [bx, by, bz]) = (self.squares, self.linear);
+        let ax = xx * x + xy * y + xz * z;
+        let ay = xy * x + yy * y + yz * z;
+        let az = xz * x + yz * y + zz * z;
+        let value = (ax + bx) * x + (ay + by) * y + (az + bz) * z + self.constant;
+        value.fast_max(f64x2::ZERO)
     }
 }
 

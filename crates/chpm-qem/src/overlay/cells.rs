@@ -2,7 +2,7 @@
 
 use super::arrangement::Arrangement;
 use super::{AREA_LOSS, Crossing, Laid, Overlay};
-use crate::ring::{NO_FACE, RingView};
+use crate::ring::{NO_FACE, Ring};
 use std::ops::RangeInclusive;
 
 /// Rounding error of a weight on an edge, relative to the squared size over the area that it was divided by: twice what an area
@@ -22,7 +22,7 @@ pub(crate) struct CellPoint {
 
 impl Overlay {
     /// A new face, and its corners by vertices of the patch.
-    pub(crate) fn new_face(ring: RingView<'_>, new: usize) -> (u32, [u16; 3]) {
+    pub(crate) fn new_face(ring: &Ring, new: usize) -> (u32, [u16; 3]) {
         let vertices = ring.vertices();
         (ring.faces()[new], [vertices[0], vertices[new], vertices[new + 1]])
     }
@@ -40,7 +40,7 @@ impl Overlay {
 
     /// Calls `visit` with the places of all corners off the loop, in order, if u lies over the new face `sector`: corners are
     /// numbered from 1, and 0 is the loop, of both one-rings, so that nothing changes there.
-    pub(crate) fn places(&self, ring: RingView<'_>, sector: usize, mut visit: impl FnMut(CellPoint)) {
+    pub(crate) fn places(&self, ring: &Ring, sector: usize, mut visit: impl FnMut(CellPoint)) {
         let Some(Laid { share, size, .. }) = self.laid else { return };
         let vertices = ring.vertices();
         fn loss(area: f64, size: f64) -> f64 {
@@ -55,7 +55,8 @@ impl Overlay {
         let new = [(vertices[sector], of_a), (vertices[sector + 1], of_b)];
         visit(CellPoint { old: (vertices[0], 0.0), new, loss: loss(area, size) });
         for &(a, b) in &Arrangement::of(ring.len(), sector).crossings {
-            let Crossing { on_old, on_new, area, .. } = self.crossing(a, b);
+            let Crossing { on_old, on_new, area, .. } = self.crossings([(a, b); 2]);
+            let [on_old, on_new, area] = [on_old, on_new, area].map(|two| two.to_array()[0]);
             let (a, b) = (usize::from(a), usize::from(b));
             let new = [(vertices[b], on_new), (vertices[0], 0.0)];
             visit(CellPoint { old: (vertices[a], on_old), new, loss: loss(area, size) });
@@ -64,10 +65,10 @@ impl Overlay {
 
     /// Calls `visit` with the place in the loop of each new face, and of each old one that it has a cell in common with, and with
     /// the cell's corners; new faces in order.
-    pub(crate) fn cells(ring: RingView<'_>, sector: usize, mut visit: impl FnMut(usize, u32, &[u16])) {
+    pub(crate) fn cells(ring: &Ring, sector: usize, mut visit: impl FnMut(usize, u32, &[u16])) {
         let arrangement = Arrangement::of(ring.len(), sector);
-        for new in 1..ring.len() - 1 {
-            for cell in arrangement.cells(new) {
+        for (new, cells) in (1..).zip(arrangement.faces()) {
+            for cell in cells {
                 let old = ring.faces()[usize::from(cell.old)];
                 if old != NO_FACE {
                     visit(new, old, &cell.corners);

@@ -1,10 +1,8 @@
 //! The vertices of a loop as they are seen along a normal.
 
-use crate::ring::MAX_LOOP;
-use std::ops::Range;
-
-/// Room for a loop, and for its first vertex again.
-pub(super) const ROOM: usize = MAX_LOOP + 1;
+use crate::ring::{PAIRS, Pairs, Ring, each, following};
+use nalgebra::Vector3;
+use wide::f64x2;
 
 /// A point, seen along the normal.
 #[derive(Clone, Copy, Default, Debug)]
@@ -20,80 +18,98 @@ impl Projected {
     }
 }
 
-/// The vertices of a loop l_0 = v, l_1, ..., v, seen along the normal, by coordinate.
+/// The vertices of a loop l_0 = v, l_1, ..., v, seen along the normal, by coordinate. What is done with all of them is done with so many
+/// pairs as it has.
 #[derive(Clone, Debug)]
 pub(super) struct Seen {
-    pub(super) x: [f64; ROOM],
-    pub(super) y: [f64; ROOM],
-    pub(super) height: [f64; ROOM],
+    pub(super) x: Pairs,
+    pub(super) y: Pairs,
+    pub(super) height: Pairs,
     /// The area that the edge from u to v makes with each.
-    pub(super) beside: [f64; ROOM],
+    pub(super) beside: Pairs,
 }
 
 impl Default for Seen {
     fn default() -> Self {
-        Seen { x: [0.0; ROOM], y: [0.0; ROOM], height: [0.0; ROOM], beside: [0.0; ROOM] }
+        const NOTHING: Pairs = [f64x2::ZERO; PAIRS];
+        Seen { x: NOTHING, y: NOTHING, height: NOTHING, beside: NOTHING }
     }
 }
 
 impl Seen {
     #[inline]
     pub(super) fn at(&self, i: usize) -> Projected {
-        Projected { x: self.x[i], y: self.y[i], height: self.height[i] }
+        Projected { x: each(&self.x)[i], y: each(&self.y)[i], height: each(&self.height)[i] }
     }
 
-    /// The first `count` of others, relative to a point.
+    /// Takes in a loop relative to u, seen in a frame whose third axis is the normal. Answers with the least and the largest height, that
+    /// of u among them.
     #[inline]
-    pub(super) fn relative_to(&mut self, from: Projected, of: &Seen, count: usize) {
-        for i in 0..count.min(ROOM) {
-            self.x[i] = of.x[i] - from.x;
-            self.y[i] = of.y[i] - from.y;
-            self.height[i] = of.height[i] - from.height;
+    pub(super) fn project(&mut self, ring: &Ring, frame: [Vector3<f64>; 3]) -> (f64, f64) {
+        let [x, y, z] = ring.arms();
+        let [across, up, normal] = frame.map(|axis| [axis.x, axis.y, axis.z].map(f64x2::splat));
+        let (mut low, mut high) = (f64x2::ZERO, f64x2::ZERO);
+        for pair in 0..ring.pairs() {
+            let (x, y, z) = (x[pair], y[pair], z[pair]);
+            self.x[pair] = across[0] * x + across[1] * y + across[2] * z;
+            self.y[pair] = up[0] * x + up[1] * y + up[2] * z;
+            let height = normal[0] * x + normal[1] * y + normal[2] * z;
+            self.height[pair] = height;
+            (low, high) = (low.fast_min(height), high.fast_max(height));
+        }
+        let ([a, b], [c, d]) = (low.to_array(), high.to_array());
+        (if a < b { a } else { b }, if c > d { c } else { d })
+    }
+
+    /// Takes in others, relative to a point.
+    #[inline]
+    pub(super) fn relative_to(&mut self, from: Projected, of: &Seen, pairs: usize) {
+        let from = [from.x, from.y, from.height].map(f64x2::splat);
+        for pair in 0..pairs.min(PAIRS) {
+            self.x[pair] = of.x[pair] - from[0];
+            self.y[pair] = of.y[pair] - from[1];
+            self.height[pair] = of.height[pair] - from[2];
         }
     }
 
     /// Makes them relative to a point.
-    pub(super) fn move_to(&mut self, from: Projected) {
-        self.x.iter_mut().for_each(|x| *x -= from.x);
-        self.y.iter_mut().for_each(|y| *y -= from.y);
-        self.height.iter_mut().for_each(|height| *height -= from.height);
-    }
-
-    /// Finds the areas that an edge makes with the first `count` of them.
-    #[inline]
-    pub(super) fn find_beside(&mut self, edge: Projected, count: usize) {
-        for i in 0..count.min(ROOM) {
-            self.beside[i] = edge.x * self.y[i] - edge.y * self.x[i];
+    pub(super) fn move_to(&mut self, from: Projected, pairs: usize) {
+        let from = [from.x, from.y, from.height].map(f64x2::splat);
+        for pair in 0..pairs.min(PAIRS) {
+            self.x[pair] -= from[0];
+            self.y[pair] -= from[1];
+            self.height[pair] -= from[2];
         }
     }
 
-    /// The least and the largest height of the first `count` of them and of the middle.
+    /// Finds the areas that an edge makes with them, and answers with a bit for each that is negative.
     #[inline]
-    pub(super) fn heights(&self, count: usize) -> (f64, f64) {
-        let (mut low, mut high) = (0f64, 0f64);
-        for height in &self.height[..count] {
-            low = if *height < low { *height } else { low };
-            high = if *height > high { *height } else { high };
+    pub(super) fn find_beside(&mut self, edge: Projected, pairs: usize) -> u64 {
+        let edge = [edge.x, edge.y].map(f64x2::splat);
+        let mut negative = 0;
+        for pair in 0..pairs.min(PAIRS) {
+            let area = edge[0] * self.y[pair] - edge[1] * self.x[pair];
+            self.beside[pair] = area;
+            negative |= u64::from(area.simd_lt(f64x2::ZERO).to_bitmask()) << (2 * pair);
         }
-        (low, high)
+        negative
     }
 
-    /// How often the loop of `count` of them goes up across the axis.
+    /// A bit for each triangle, which a vertex and the next make with the point in the middle, that is larger than an area.
     #[inline]
-    pub(super) fn rises(&self, count: usize) -> u32 {
-        let y = &self.y[..=count];
-        (1..y.len()).map(|i| u32::from((y[i - 1] < 0.0) & (y[i] >= 0.0))).sum()
+    pub(super) fn larger(&self, least_area: f64, pairs: usize) -> u64 {
+        let (least_area, mut larger) = (f64x2::splat(least_area), 0);
+        for pair in 0..pairs.min(PAIRS - 1) {
+            let area = self.x[pair] * following(&self.y, pair) - self.y[pair] * following(&self.x, pair);
+            larger |= u64::from(area.simd_gt(least_area).to_bitmask()) << (2 * pair);
+        }
+        larger
     }
 
-    /// Whether all of the given triangles, which each vertex and the next make with the point in the middle, are larger than an area.
+    /// A bit for each that lies below the axis.
     #[inline]
-    pub(super) fn are_larger(&self, triangles: Range<usize>, least_area: f64) -> bool {
-        let (x, y) =
-            (&self.x[triangles.start..triangles.end + 1], &self.y[triangles.start..triangles.end + 1]);
-        let mut larger = 0;
-        for i in 1..x.len() {
-            larger += usize::from(x[i - 1] * y[i] - y[i - 1] * x[i] > least_area);
-        }
-        larger == triangles.len()
+    pub(super) fn below(&self, pairs: usize) -> u64 {
+        let bit = |pair: usize| u64::from(self.y[pair].simd_lt(f64x2::ZERO).to_bitmask()) << (2 * pair);
+        (0..pairs.min(PAIRS)).fold(0, |below, pair| below | bit(pair))
     }
 }
