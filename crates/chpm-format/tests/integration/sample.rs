@@ -89,7 +89,7 @@ impl Sample {
                 center: sphere.center,
                 radius: sphere.radius,
                 gaps: Gaps::default(),
-                reserved: [0; 4],
+                rest: 0.0,
             });
         }
         let top = self.clusters.iter().map(|c| c.level).max().unwrap();
