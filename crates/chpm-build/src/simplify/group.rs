@@ -331,6 +331,7 @@ impl Member {
         let limited = |error: f32| error.min(farthest).max(min_error);
         self.record.errors.iter_mut().for_each(|error| *error = limited(*error));
         self.vanished.limit(limited);
+        self.vanished.keep_within(&self.record);
     }
 
     fn max_error(&self) -> f32 {

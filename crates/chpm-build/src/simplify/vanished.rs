@@ -84,6 +84,13 @@ impl Vanished {
         }
     }
 
+    /// Leaves those without a remnant that may be farther from theirs than the mesh in which they are missing is allowed to be, once errors were lowered.
+    pub(super) fn keep_within(&mut self, record: &Record) {
+        let base = record.base_vertex_count();
+        let beyond = |lasting: &mut Lasting| lasting.bound > record.errors[lasting.vertex as usize - base];
+        self.bare.extend(self.lasting.extract_if(.., beyond).map(|lasting| lasting.ball));
+    }
+
     /// The error with which something vanished first; infinite if nothing did.
     pub(super) fn from(&self) -> f32 {
         self.from
