@@ -85,7 +85,9 @@ pub enum RefineError {
         got: usize,
     },
     /// The cut names a remnant that the file lacks.
-    #[error("cut: remnant {number} expected to be one of {count}; make the cut for the file that it is used with")]
+    #[error(
+        "cut: remnant {number} expected to be one of {count}; make the cut for the file that it is used with"
+    )]
     Remnant {
         /// The remnant that the cut names.
         number: u32,

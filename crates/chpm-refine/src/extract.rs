@@ -98,7 +98,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
         let remnants = cut.remnants().iter().map(|number| file.remnants()[*number as usize].bound);
         let error = remnants.fold(error, f32::max);
         triangles += specks.triangles.len() as u64;
-        let vertex_count = u32::try_from(specks.positions.len()).ok().and_then(|more| weld.count.checked_add(more));
+        let vertex_count =
+            u32::try_from(specks.positions.len()).ok().and_then(|more| weld.count.checked_add(more));
         let vertex_count = vertex_count.ok_or(RefineError::TooManyVertices { limit: UNUSED })?;
         Ok(Extraction {
             file,
@@ -287,7 +288,11 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
                 .extend(weld.triangles.iter().map(|corners| corners.map(|v| weld.index[usize::from(v)])));
             sink(fresh.view(), &triangles)
         })?;
-        if self.specks.triangles.is_empty() { Ok(()) } else { sink(self.specks.view(), &self.specks_behind()) }
+        if self.specks.triangles.is_empty() {
+            Ok(())
+        } else {
+            sink(self.specks.view(), &self.specks_behind())
+        }
     }
 
     /// Every pass takes the same walk, so that all number the vertices alike.

@@ -137,8 +137,7 @@ impl Missing {
             (low[axis] - center[axis]).max(center[axis] - high[axis]).max(0.0)
         };
         let near = (first..).zip(beside).filter(|(_, ball)| {
-            ball.is_open
-                && (0..3).map(|axis| away(&ball.center, axis).powi(2)).sum::<f64>() <= reach * reach
+            ball.is_open && (0..3).map(|axis| away(&ball.center, axis).powi(2)).sum::<f64>() <= reach * reach
         });
         self.near.clear();
         self.near.extend(near.map(|(at, _)| at));

@@ -3,6 +3,7 @@
 use super::PageRef;
 use super::dependency::GroupBorders;
 use super::group_border::GroupBorder;
+use super::lasting;
 use super::vanished::Vanished;
 use super::working_set::{Child, WorkingSet};
 use crate::config::{Layout, Settings};
@@ -288,7 +289,7 @@ impl Member {
         let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
         let outcome = decimator.decimate_after(&patch, group_border, goal, min_error);
         self.record.renumber(&patch, &outcome);
-        self.vanished.add_own(&outcome, &self.record);
+        self.vanished.add_own(&outcome, &self.record, lasting::most(task.tree.nodes.len()));
 
         self.report = LevelReport {
             level: task.level,
@@ -368,7 +369,8 @@ impl Member {
         let distances = &task.displacements[task.level as usize];
         let lasting = self.vanished.lasting();
         let lasting_count = lasting.len() as u32;
-        let lasting = if lasting.is_empty() { 0 } else { task.pages.append(bytemuck::cast_slice(lasting))? };
+        let lasting =
+            if lasting.is_empty() { 0 } else { task.pages.append(bytemuck::cast_slice(lasting))? };
         let (dropped, bare_count) = self.vanished.bytes();
         let spooled = PageRef {
             offset: task.pages.append(page)?,
@@ -416,7 +418,7 @@ mod tests {
             vanishing: 7.0,
             refusals: Refusals::default(),
         };
-        member.vanished.add_own(&outcome, &member.record);
+        member.vanished.add_own(&outcome, &member.record, 9);
         member.record.errors = vec![9.0, 7.0, 3.0, 1.0];
         member.limit_errors(4.0, 2.0);
         assert_eq!(member.record.errors, [4.0, 4.0, 3.0, 2.0]);

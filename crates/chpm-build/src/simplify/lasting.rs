@@ -10,8 +10,15 @@ use chpm_format::{FormatError, Page, Remnant};
 use chpm_mesh::{ClusterId, Places};
 use chpm_qem::DroppedComponent;
 
-/// Most remnants of a cluster; the smallest components beyond go without.
-pub(super) const MOST_LASTING: usize = 256;
+/// Remnants that a file has at most, about, however large it is: they are in memory when its tables are made.
+const MOST: usize = 1 << 19;
+/// Bytes of a remnant then: as the layout finds it, in the tables, and as it is written.
+pub(crate) const REMNANT_BYTES: u64 = 96;
+
+/// Remnants that a cluster has at most in a tree of so many; the smallest components beyond go without.
+pub(super) fn most(nodes: usize) -> usize {
+    (MOST / nodes.max(1)).clamp(2, 256)
+}
 
 /// A remnant of a cluster.
 #[derive(Clone, Copy, PartialEq, Debug, Pod, Zeroable)]

@@ -30,7 +30,7 @@ use chpm_mesh::Aabb;
 use chpm_qem::Deviation;
 use dependency::GroupBorders;
 use group::{Buffers, GroupDone, GroupTask, Scratch};
-pub(crate) use lasting::remnants;
+pub(crate) use lasting::{REMNANT_BYTES, remnants};
 pub(crate) use levels::Levels;
 use serde::{Deserialize, Serialize};
 

@@ -6,9 +6,9 @@
 //!
 //! Where one triangle was left of a component, it is kept as a remnant, so that readers can draw it. Components without one count once more by themselves.
 
+use super::lasting::Lasting;
 use super::working_set::WorkingSet;
 use chpm_mesh::ProgressiveMesh;
-use super::lasting::{Lasting, MOST_LASTING};
 use chpm_qem::{DroppedComponent, LastFace, Outcome, Record, gap, thin_out};
 
 /// Most dropped components that a cluster keeps apart: finding their gaps then takes a small part of the time that its collapses take.
@@ -55,8 +55,8 @@ impl Vanished {
         self.rest_below = self.rest_below.max(rest);
     }
 
-    /// Takes in what a decimation left.
-    pub(super) fn add_own(&mut self, outcome: &Outcome<'_>, record: &Record) {
+    /// Takes in what a decimation left; `most` remnants of it.
+    pub(super) fn add_own(&mut self, outcome: &Outcome<'_>, record: &Record, most: usize) {
         self.all.extend_from_slice(outcome.dropped);
         self.from = outcome.vanishing;
         for (ball, LastFace { vertex, bound }) in outcome.dropped.iter().zip(outcome.last_faces) {
@@ -68,7 +68,7 @@ impl Vanished {
         }
         // The largest are missed most.
         self.lasting.sort_unstable_by(|a, b| b.size().total_cmp(&a.size()).then(a.vertex.cmp(&b.vertex)));
-        let beyond = self.lasting.drain(MOST_LASTING.min(self.lasting.len())..);
+        let beyond = self.lasting.drain(most.min(self.lasting.len())..);
         self.bare.extend(beyond.map(|lasting| lasting.ball));
     }
 
@@ -210,7 +210,7 @@ mod tests {
     fn vertices_that_others_share_are_not_surely_drawn() {
         let mut vanished = Vanished::default();
         vanished.clear();
-        vanished.add_child(&ball([0.0, 1.0, 0.0], 0.25), 0.5);
+        vanished.add_child(&ball([0.0, 1.0, 0.0], 0.25), 0, [0.5, 0.0]);
         let gap = |vanished: &mut Vanished, shared: &[u16]| {
             vanished.base_gap(&row(&[0.0, 3.0, 7.0, 20.0], shared), &record(4, &[]))
         };
@@ -229,9 +229,9 @@ mod tests {
     fn gaps_are_of_the_coarsest_mesh_that_they_are_told_for() {
         let mut vanished = Vanished::default();
         vanished.clear();
-        vanished.add_child(&ball([9.0, 1.0, 0.0], 0.0), 0.5);
+        vanished.add_child(&ball([9.0, 1.0, 0.0], 0.0), 0, [0.5, 0.0]);
         let own = bytemuck::pod_read_unaligned(&ball([40.0, 0.0, 0.0], 0.0));
-        vanished.add_own(&outcome(&[own], 3.0));
+        vanished.add_own(&outcome(&[own], 3.0), &Record::default(), 9);
         assert_eq!(vanished.from(), 3.0);
         // 9 goes with an error of 1, 5 with 3.
         let (set, record) = (row(&[0.0, 1.0, 2.0, 5.0, 9.0], &[]), record(5, &[1.0, 3.0]));
@@ -249,7 +249,7 @@ mod tests {
         vanished.clear();
         vanished.limit(|error| error.min(2.0));
         assert_eq!(vanished.from(), f32::INFINITY, "nothing is missing");
-        vanished.add_own(&outcome(&[DroppedComponent::default()], 5.0));
+        vanished.add_own(&outcome(&[DroppedComponent::default()], 5.0), &Record::default(), 9);
         vanished.limit(|error| error.min(2.0));
         assert_eq!(vanished.from(), 2.0);
     }

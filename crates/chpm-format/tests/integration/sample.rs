@@ -97,7 +97,16 @@ impl Sample {
             (0..=top).map(|level| LevelRecord { level, refusals: [7; 8], ..Default::default() }).collect();
         let scalars = scalars(self.header.attributes.scalar_words);
         (
-            Tables { header: self.header, clusters, groups, members, levels, metadata: metadata(), scalars },
+            Tables {
+                header: self.header,
+                clusters,
+                groups,
+                members,
+                levels,
+                metadata: metadata(),
+                scalars,
+                remnants: Vec::new(),
+            },
             pages,
         )
     }

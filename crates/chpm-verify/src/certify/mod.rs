@@ -19,7 +19,6 @@ pub use faults::faults;
 pub use further::{CUT_BYTES, Further, Goal, SOURCE_BYTES, further};
 
 use crate::cuts;
-use drawn::Drawn;
 use crate::deviation::{at_position, finest, source_tiles};
 use crate::error::VerifyError;
 use chpm_extmem::{Cancel, MappedFile, Progress};
@@ -28,6 +27,7 @@ use chpm_measure::Tiles;
 use chpm_measure::proof::{Allowed, LOSS, Prover, Verdict};
 use chpm_mesh::{ClusterId, TriMesh, Units, geom};
 use chpm_refine::{Cut, Hierarchy};
+use drawn::Drawn;
 use rayon::prelude::*;
 use std::fmt;
 
@@ -344,7 +344,7 @@ impl<'a> Certifier<'a> {
         of_source.widen(rounding);
         Ok(Row {
             which,
-            clusters: asked.len() as u64,
+            clusters: asked.iter().filter(|part| **part < members.len()).count() as u64,
             triangles: size.triangles as u64,
             error: errors.iter().copied().fold(0.0, f32::max),
             distance: own.fold(0.0, f32::max),
