@@ -3,7 +3,7 @@
     python3 benches/specks.py BEFORE AFTER WORK MODEL... > benches/records/DATE-specks.csv
 
 BEFORE and AFTER are two programs, WORK is a folder for what they make. A MODEL is a mesh, or one of `chpm synth` and its triangles, as in hard:components/400000.
-`clean` is AFTER's file of the model without components smaller than 2 %, `tight` is what AFTER can prove (`--tight`), a figure between the truth and what is stored.
+`clean` is AFTER's file of the model without components smaller than 2 %.
 """
 
 import json
@@ -19,15 +19,15 @@ def run(program, *arguments):
     return done.stdout if done.returncode == 0 else None
 
 
-def triangles(program, file, share, work, *more):
-    out = run(program, "extract", file, "--error", share, "-o", work / "out.ply", "-fq", "--json", *more)
+def triangles(program, file, share, work):
+    out = run(program, "extract", file, "--error", share, "-o", work / "out.ply", "-fq", "--json")
     return json.loads(out) if out else {"triangles": "", "distance": ""}
 
 
 def main():
     before, after, work, *models = sys.argv[1:]
     work = pathlib.Path(work)
-    print("model,share,before,after,clean,tight,distance_after,remnants_of_file,bytes_before,bytes_after")
+    print("model,share,before,after,clean,distance_after,remnants_of_file,bytes_before,bytes_after")
     for model in models:
         name, path = pathlib.Path(model).stem, model
         if not pathlib.Path(model).exists():
@@ -42,8 +42,7 @@ def main():
         sizes = [files[key].stat().st_size for key in ("before", "after")]
         for share in SHARES:
             of = {key: triangles(before if key == "before" else after, file, share, work) for key, file in files.items()}
-            tight = triangles(after, files["after"], share, work, "--tight")["triangles"]
-            row = [of[key]["triangles"] for key in files] + [tight, of["after"]["distance"], remnants, *sizes]
+            row = [of[key]["triangles"] for key in files] + [of["after"]["distance"], remnants, *sizes]
             print(name.replace(",", ""), share, *row, sep=",", flush=True)
 
 

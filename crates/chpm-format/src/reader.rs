@@ -154,7 +154,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.table(SectionKind::Members)
     }
 
-    /// What is left of components that vanish, by cluster; none where the file does not tell.
+    /// Remnants of components that vanish, by cluster; none where the file does not tell.
     pub fn remnants(&self) -> &[Remnant] {
         self.table(SectionKind::Remnants)
     }

@@ -26,7 +26,7 @@ pub enum SectionKind {
     Scalars = 7,
     /// Checksums of the tables' chunks; the first section where it is there.
     Chunks = OPTIONAL_KIND | 1,
-    /// What is left of components that vanish; only where there are any.
+    /// Remnants of components that vanish; only where there are any.
     Remnants = OPTIONAL_KIND | 2,
 }
 

@@ -75,7 +75,7 @@ pub struct Tables {
     pub metadata: Metadata,
     /// Names and ranges of the scalars that vertices have.
     pub scalars: Vec<Scalar>,
-    /// What is left of components that vanish; put in order when the tables are encoded.
+    /// Remnants of components that vanish; put in order when the tables are encoded.
     pub remnants: Vec<Remnant>,
 }
 

@@ -215,7 +215,7 @@ impl Bounder {
         true
     }
 
-    /// What is left of a component whose points all stay behind.
+    /// The last face of a component whose points all stay behind.
     fn last_face(&self, Scene { displacements, one_ring, .. }: &Scene<'_>) -> LastFace {
         let handed = &self.proposal.handed;
         let is_one = handed.len() == one_ring.wings.len()

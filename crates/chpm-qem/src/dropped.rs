@@ -21,7 +21,7 @@ pub struct DroppedComponent {
     radius: f32,
 }
 
-/// What was left of a component just before it vanished.
+/// The last face of a component that vanished.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct LastFace {
     /// The vertex whose collapse took it away.

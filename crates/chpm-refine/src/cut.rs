@@ -54,7 +54,7 @@ impl Member {
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Cut {
     members: Vec<Member>,
-    /// What is drawn beside them; none where gaps tell how far anything is that is missing.
+    /// Remnants beside them; none where gaps tell how far anything is that is missing.
     beside: Option<Beside>,
 }
 
@@ -182,7 +182,7 @@ impl Cut {
         )
     }
 
-    /// What has vanished is drawn by its remnant where it has one, and comes back by a split where it has none.
+    /// Components that have vanished are drawn by their remnants, or come back by a split where they have none.
     fn with_remnants<D: AsRef<[u8]>, E: From<RefineError>>(
         file: &Chpm<D>,
         hierarchy: &Hierarchy,

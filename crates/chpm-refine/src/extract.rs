@@ -43,7 +43,7 @@ pub struct Extraction<'a, D> {
     kept: Vec<Option<PageBuf<'a>>>,
     /// The mesh that is handed out instead of the cut's own.
     replaced: Option<TriMesh>,
-    /// What is drawn beside the members, behind all of them.
+    /// Remnants beside the members, behind all of them.
     specks: TriMesh,
 }
 

@@ -22,7 +22,7 @@ pub(super) struct Vanished {
     below: usize,
     /// Those of them, likewise, that have no remnant.
     bare: Vec<DroppedComponent>,
-    /// What its own leave.
+    /// Remnants of its own.
     lasting: Vec<Lasting>,
     /// The error with which the first of its own came about; infinite if there are none.
     from: f32,
@@ -72,7 +72,7 @@ impl Vanished {
         self.bare.extend(beyond.map(|lasting| lasting.ball));
     }
 
-    /// What its own components leave.
+    /// Remnants of its own components.
     pub(super) fn lasting(&self) -> &[Lasting] {
         &self.lasting
     }
