@@ -156,12 +156,13 @@ impl<D: AsRef<[u8]>> Chpm<D> {
 
     /// Remnants of components that vanish, by cluster; none where the file does not tell.
     pub fn remnants(&self) -> &[Remnant] {
-        self.table(SectionKind::Remnants)
+        if self.has_remnants() { self.table(SectionKind::Remnants) } else { &[] }
     }
 
     /// Whether there are any, so that [`GroupRecord::rest`] means something.
     pub fn has_remnants(&self) -> bool {
-        self.sections.has(SectionKind::Remnants)
+        // What groups tell of the others has no place in earlier versions.
+        self.header.version_minor >= 5 && self.sections.has(SectionKind::Remnants)
     }
 
     /// The level table, leaves first.
