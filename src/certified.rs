@@ -1,6 +1,6 @@
 //! A certification as a table and as JSON.
 
-use crate::json::judged::{Errors, OfCut, OfLevel, Proven, ProvenSide};
+use crate::json::judged::{Errors, OfCut, OfDistance, OfLevel, Proven, ProvenSide};
 use crate::number::Units;
 use crate::report::{count, table};
 use chpm_verify::certify::{Certified, Row, Side, TOLERANCE, Which};
@@ -36,7 +36,7 @@ pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<(
         "violations",
         "undecided",
     ];
-    let rows = certified.levels.iter().chain(&certified.cuts).map(cells);
+    let rows = certified.rows().map(cells);
     writeln!(out, "{}\n", table(&header, rows))?;
     writeln!(
         out,
@@ -59,22 +59,26 @@ pub(crate) fn print(certified: &Certified, out: &mut impl Write) -> io::Result<(
 
 /// All of it, for programs.
 pub(crate) fn as_json(certified: &Certified, origin: [f64; 3]) -> Errors {
-    let all = certified.levels.iter().chain(&certified.cuts);
     let levels = certified.levels.iter().filter_map(|row| match row.which {
         Which::Level { level, collapsed } => Some(OfLevel { level, collapsed, found: proven(row, origin) }),
-        Which::Cut { .. } => None,
+        _ => None,
     });
     let cuts = certified.cuts.iter().filter_map(|row| match row.which {
         Which::Cut { seed } => Some(OfCut { seed, found: proven(row, origin) }),
-        Which::Level { .. } => None,
+        _ => None,
+    });
+    let within = certified.within.iter().filter_map(|row| match row.which {
+        Which::Within { distance } => Some(OfDistance { within: distance, found: proven(row, origin) }),
+        _ => None,
     });
     Errors {
         slack: certified.slack,
         rounding: certified.rounding,
-        violations: all.clone().map(Row::violations).sum(),
-        undecided: all.map(Row::undecided).sum(),
+        violations: certified.rows().map(Row::violations).sum(),
+        undecided: certified.rows().map(Row::undecided).sum(),
         levels: levels.collect(),
         cuts: cuts.collect(),
+        within: within.collect(),
     }
 }
 

@@ -57,6 +57,13 @@ pub(crate) fn print(
             .map_or("unknown".to_owned(), |distance| format!("up to {} units", Units(distance.into()))),
         boundary(file)
     )?;
+    if file.has_remnants() {
+        let specks = Short(file.remnants().len() as u64).of("piece");
+        writeln!(
+            out,
+            "specks     {specks} vanish on the way up; meshes within a distance draw those that matter"
+        )?;
+    }
 
     let remarks = remarks(file, metadata, levels);
     if remarks.is_empty() {

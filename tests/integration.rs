@@ -89,6 +89,8 @@ mod integration {
     mod signals;
     /// Dust that is left out of what is built, and of what it is compared with.
     mod small;
+    /// Dust above a surface: what it costs, and that what is said of it holds.
+    mod specks;
     /// Builds in steps, on many machines.
     mod stage;
     /// How models stand, and what of them is framed.

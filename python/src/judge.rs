@@ -159,6 +159,7 @@ fn certified<'py>(py: Python<'py>, found: &Certified, origin: [f64; 3]) -> PyRes
     told.set_item("rounding", found.rounding)?;
     told.set_item("levels", rows(&found.levels)?)?;
     told.set_item("cuts", rows(&found.cuts)?)?;
+    told.set_item("within", rows(&found.within)?)?;
     Ok(told)
 }
 
@@ -170,6 +171,7 @@ fn which(py: Python<'_>, which: Which) -> PyResult<Bound<'_, PyDict>> {
             told.set_item("collapsed", collapsed)?;
         }
         Which::Cut { seed } => told.set_item("seed", seed)?,
+        Which::Within { distance } => told.set_item("within", distance)?,
     }
     Ok(told)
 }

@@ -234,6 +234,7 @@ fn info<D: AsRef<[u8]>>(
         r#box: Corners { min: h.aabb_min, max: h.aabb_max },
         max_error: h.max_error,
         max_distance: max_distance(file),
+        remnants: file.remnants().len(),
         error_kind: error_kind(file),
         boundary: boundary(file),
         counts: Counts {

@@ -221,11 +221,11 @@ fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Re
             Which::Level { level, collapsed } => {
                 Some(judged::OfLevel { level, collapsed, found: to_json(found, origin) })
             }
-            Which::Cut { .. } => None,
+            _ => None,
         });
         let cuts = rows.iter().filter_map(|(which, found)| match *which {
             Which::Cut { seed } => Some(judged::OfCut { seed, found: to_json(found, origin) }),
-            Which::Level { .. } => None,
+            _ => None,
         });
         let measure = judged::Measure {
             schema: "chpm-measure/2",

@@ -100,6 +100,8 @@ pub(crate) struct Info {
     pub(crate) max_error: f32,
     /// The largest error or gap of any mesh; `null` for files of version 1.0, which do not tell what has vanished
     pub(crate) max_distance: Option<f32>,
+    /// Components that vanish and can be drawn where they were
+    pub(crate) remnants: usize,
     /// `certified bound` or `quadric estimate`
     pub(crate) error_kind: String,
     /// `dependencies` or `lock`

@@ -66,6 +66,8 @@ pub(crate) struct Errors {
     pub(crate) undecided: u64,
     pub(crate) levels: Vec<OfLevel<Proven>>,
     pub(crate) cuts: Vec<OfCut<Proven>>,
+    /// Of a file with remnants, for each level the cut within its largest error, with the remnants that it takes
+    pub(crate) within: Vec<OfDistance<Proven>>,
 }
 
 /// A mesh of one level.
@@ -86,6 +88,16 @@ pub(crate) struct OfLevel<T> {
 pub(crate) struct OfCut<T> {
     /// Seed of the cut; the rest as in `levels`
     pub(crate) seed: u64,
+    #[serde(flatten)]
+    pub(crate) found: T,
+}
+
+/// The mesh of the cut within a distance.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct OfDistance<T> {
+    /// That distance; the rest as in `levels`
+    pub(crate) within: f32,
     #[serde(flatten)]
     pub(crate) found: T,
 }

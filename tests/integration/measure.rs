@@ -124,6 +124,7 @@ pub(super) fn leaf_with(mesh: &TriMesh, targets: &[u16], errors: &[f32], gaps: G
         members: vec![0],
         levels: vec![LevelRecord::default()],
         scalars: Vec::new(),
+        remnants: Vec::new(),
         metadata: Metadata::default(),
     };
     let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).expect("a head");

@@ -13,7 +13,7 @@ use crate::trim::Built;
 use chpm_extmem::AtomicFile;
 use chpm_format::{
     ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LATTICE_STEP, LevelRecord, Metadata, PACKED_ALIGN,
-    Source as Provenance, Tables,
+    Remnant, Source as Provenance, Tables,
 };
 use chpm_mesh::{Aabb, Attributes, GroupId, Scalar, Sphere};
 use serde::{Deserialize, Serialize};
@@ -94,7 +94,8 @@ impl<'a> Output<'a> {
     ) -> Result<Self, BuildError> {
         let Built { tree, clusters, trimmed } = built;
         let facts = &known.facts;
-        let (groups, members) = link_groups(order, tree, clusters);
+        let remnants = clusters.remnant_count();
+        let (groups, members) = link_groups(order, tree, clusters, remnants > 0);
         let placed =
             |node: &u32| ClusterRecord { page_len: clusters.page(*node).len, ..ClusterRecord::default() };
         let (vertices, shared) = match trimmed {
@@ -120,6 +121,8 @@ impl<'a> Output<'a> {
             levels: clusters.levels.iter().map(level_record).collect(),
             metadata: metadata(known, settings),
             scalars: facts.scalars.clone(),
+            // Their number alone is known.
+            remnants: vec![Remnant::default(); remnants],
         };
 
         let len = tables.assign_offsets()?;
@@ -150,11 +153,15 @@ impl<'a> Output<'a> {
     /// Writes the tables and publishes the file.
     pub(crate) fn finish(
         mut self,
-        records: Vec<ClusterRecord>,
+        records: Vec<(ClusterRecord, Vec<Remnant>)>,
         context: &Context<'_>,
     ) -> Result<Written, BuildError> {
         let places: Vec<u64> = self.tables.clusters.iter().map(|record| record.page_offset).collect();
-        self.tables.clusters = records;
+        self.tables.remnants.clear();
+        for (cluster, (_, remnants)) in (0..).zip(&records) {
+            self.tables.remnants.extend(remnants.iter().map(|remnant| Remnant { cluster, ..*remnant }));
+        }
+        self.tables.clusters = records.into_iter().map(|(record, _)| record).collect();
         if self.tables.header.packed {
             self.close_up(&places, context)?;
         }
@@ -193,7 +200,12 @@ fn places(order: &[u32], tree: &Tree) -> Vec<Option<u32>> {
 
 /// The dependency groups with the places of their coarse and fine clusters: the fine ones are the members' children. All members have the
 /// group's gaps.
-fn link_groups(order: &[u32], tree: &Tree, clusters: &Clusters) -> (Vec<GroupRecord>, Vec<u32>) {
+fn link_groups(
+    order: &[u32],
+    tree: &Tree,
+    clusters: &Clusters,
+    has_remnants: bool,
+) -> (Vec<GroupRecord>, Vec<u32>) {
     let places = places(order, tree);
     let mut members = Vec::new();
 
@@ -210,6 +222,7 @@ fn link_groups(order: &[u32], tree: &Tree, clusters: &Clusters) -> (Vec<GroupRec
                 fine_first,
                 fine_count: members.len() as u32 - fine_first,
                 gaps: clusters.page(group[0]).gaps,
+                rest: if has_remnants { clusters.page(group[0]).rest } else { 0.0 },
                 ..GroupRecord::default()
             }
         })

@@ -142,6 +142,8 @@ fn run(
 
     let (known, built) = work.finish();
     let order = layout::order(&built, settings);
+    let remnants = simplify::REMNANT_BYTES * built.clusters.remnant_count() as u64;
+    let _remnants = context.store.budget.reserve_work("remnants", remnants)?;
     let file = emit::Output::begin(out, &order, &built, &known, settings)?;
     let records = context.stage(Stage::Layout, order.len() as u64, || {
         layout::run(&order, &built, settings, context, |place, page: &[u8]| file.write_page(place, page))

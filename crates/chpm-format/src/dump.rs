@@ -5,6 +5,7 @@ use crate::gaps::Gaps;
 use crate::page::Page;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord, REFUSALS};
+use crate::remnant::Remnant;
 use chpm_mesh::{ClusterId, GroupId, Scalar, ScalarKind, ScalarRange, scalar_places};
 use std::io::Write;
 
@@ -22,6 +23,7 @@ pub fn dump<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write, pages: bool) -
     for (id, group) in (0..).map(GroupId).zip(file.groups()) {
         dump_group(id, group, file.coarse(id), file.fine(id), out)?;
     }
+    file.remnants().iter().try_for_each(|remnant| dump_remnant(remnant, out))?;
     let mut damage = Ok(());
     for (id, record) in (0..).map(ClusterId).zip(file.clusters()) {
         if pages {
@@ -117,7 +119,17 @@ fn dump_group(
     write!(out, " errors {:?} {:?}", group.min_error, group.max_error)?;
     let Gaps { fine: below, base, from } = group.gaps;
     write!(out, " gaps {below:?} {base:?} from {from:?}")?;
+    if group.rest > 0.0 {
+        write!(out, " rest {:?}", group.rest)?;
+    }
     writeln!(out, " center {:?} radius {:?}", group.center, group.radius)?;
+    Ok(())
+}
+
+fn dump_remnant(remnant: &Remnant, out: &mut impl Write) -> Result<(), FormatError> {
+    let Remnant { center, radius, corners, bound, .. } = remnant;
+    write!(out, "remnant of {} corners {corners:?} within {bound:?}", remnant.cluster())?;
+    writeln!(out, " center {center:?} radius {radius:?}")?;
     Ok(())
 }
 

@@ -12,7 +12,7 @@ pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
 /// The last minor version that this crate knows. It writes the first that has all that a file needs.
-pub const VERSION_MINOR: u16 = 4;
+pub const VERSION_MINOR: u16 = 5;
 /// Required flag: pages may be packed, and lie at multiples of [`PACKED_ALIGN`].
 pub const PACKED_PAGES: u32 = 1;
 /// Required flag: vertices have normals of three bytes.

@@ -8,6 +8,7 @@ use crate::metadata::Metadata;
 use crate::page::Page;
 use crate::page_buf::PageBuf;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
+use crate::remnant::{self, Remnant};
 use crate::scalars;
 use crate::section::{SectionKind, Sections, check_sum};
 use crate::structure::{Structure, member_range, place_pages};
@@ -54,6 +55,10 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         )?;
         let file = Chpm { data, header, sections, scalars, on_page: |_, _| (), intact };
         file.structure().check()?;
+        if file.has_remnants() {
+            remnant::check(file.remnants(), file.clusters())?;
+            remnant::check_rest(file.groups())?;
+        }
         file.check_pages()?;
         Ok(file)
     }
@@ -147,6 +152,17 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// The cluster ids that groups name by ranges.
     pub fn members(&self) -> &[u32] {
         self.table(SectionKind::Members)
+    }
+
+    /// Remnants of components that vanish, by cluster; none where the file does not tell.
+    pub fn remnants(&self) -> &[Remnant] {
+        if self.has_remnants() { self.table(SectionKind::Remnants) } else { &[] }
+    }
+
+    /// Whether there are any, so that [`GroupRecord::rest`] means something.
+    pub fn has_remnants(&self) -> bool {
+        // What groups tell of the others has no place in earlier versions.
+        self.header.version_minor >= 5 && self.sections.has(SectionKind::Remnants)
     }
 
     /// The level table, leaves first.

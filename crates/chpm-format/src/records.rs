@@ -184,8 +184,8 @@ pub struct GroupRecord {
     pub radius: f32,
     /// Gaps, from version 1.1 on; see [`crate::Chpm::gaps`].
     pub gaps: Gaps,
-    /// Zero.
-    pub reserved: [u8; 4],
+    /// Gap of components without a [`crate::Remnant`] alone; 0 in a file without remnants.
+    pub rest: f32,
 }
 
 const _: () = assert!(mem::size_of::<GroupRecord>() == 64 && mem::offset_of!(GroupRecord, gaps) == 48);

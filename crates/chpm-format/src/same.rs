@@ -4,6 +4,7 @@ use crate::error::FormatError;
 use crate::page::Page;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord};
+use crate::remnant::Remnant;
 use crate::tables::known_gaps;
 use chpm_mesh::{ClusterId, GroupId};
 use std::collections::BTreeMap;
@@ -60,9 +61,11 @@ pub fn compare<A: AsRef<[u8]>, B: AsRef<[u8]>>(
     let clusters_here = clusters(here, &mut progress)?;
     let clusters_there = clusters(there, &mut progress)?;
     let groups = [groups(here, &clusters_here), groups(there, &clusters_there)];
+    let remnants = [remnants(here, &clusters_here), remnants(there, &clusters_there)];
     compare_sets("cluster", [clusters_here, clusters_there], &mut differences);
     let [here, there] = groups;
     compare_sets("group", [here, there], &mut differences);
+    compare_sets("remnant", remnants, &mut differences);
     Ok(differences)
 }
 
@@ -141,6 +144,17 @@ fn add_page(page: &Page<'_>, triangles: &mut Vec<[u16; 3]>, hash: &mut Xxh3) {
     hash.update(bytemuck::cast_slice(page.error_codes));
     hash.update(page.shared_bits);
     hash.update(bytemuck::bytes_of(&page.error_scale));
+}
+
+/// Hash of each remnant, with its cluster's content.
+fn remnants<D: AsRef<[u8]>>(file: &Chpm<D>, clusters: &[u128]) -> Vec<u128> {
+    let hash = |remnant: &Remnant| {
+        let mut hash = Xxh3::new();
+        hash.update(bytemuck::bytes_of(&Remnant { cluster: 0, ..*remnant }));
+        hash.update(&clusters[remnant.cluster().index()].to_le_bytes());
+        hash.digest128()
+    };
+    file.remnants().iter().map(hash).collect()
 }
 
 /// Hash of each group: of its clusters' content, and its own errors, gaps and sphere.

@@ -3,6 +3,7 @@
 use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::header::{HEADER_LEN, Header};
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
+use crate::remnant::Remnant;
 use crate::section_kind::KINDS;
 pub use crate::section_kind::{OPTIONAL_KIND, SectionKind};
 use crate::{TABLE_ALIGN, align_up, checksum, chunks, scalars};
@@ -21,6 +22,7 @@ impl SectionKind {
             SectionKind::Levels => mem::size_of::<LevelRecord>() as u32,
             SectionKind::Metadata | SectionKind::Scalars | SectionKind::Pages => 0,
             SectionKind::Chunks => chunks::WORD as u32,
+            SectionKind::Remnants => mem::size_of::<Remnant>() as u32,
         }
     }
 }

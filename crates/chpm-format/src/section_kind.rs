@@ -6,7 +6,7 @@ use std::fmt;
 /// Set in the kinds that a reader may skip without knowing them.
 pub const OPTIONAL_KIND: u32 = 1 << 31;
 
-/// The sections that are known: every file has each once, but for CHUNKS and SCALARS, which may be absent.
+/// The sections that are known: every file has each once, but for CHUNKS, SCALARS and REMNANTS, which may be absent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[repr(u32)]
 pub enum SectionKind {
@@ -26,6 +26,8 @@ pub enum SectionKind {
     Scalars = 7,
     /// Checksums of the tables' chunks; the first section where it is there.
     Chunks = OPTIONAL_KIND | 1,
+    /// Remnants of components that vanish; only where there are any.
+    Remnants = OPTIONAL_KIND | 2,
 }
 
 /// Number of kinds that are known.
@@ -33,7 +35,7 @@ pub(crate) const KINDS: usize = SectionKind::ALL.len();
 
 impl SectionKind {
     /// All of them, in the order in which the writer lays them out.
-    pub const ALL: [SectionKind; 8] = [
+    pub const ALL: [SectionKind; 9] = [
         SectionKind::Chunks,
         SectionKind::Clusters,
         SectionKind::Groups,
@@ -41,6 +43,7 @@ impl SectionKind {
         SectionKind::Levels,
         SectionKind::Metadata,
         SectionKind::Scalars,
+        SectionKind::Remnants,
         SectionKind::Pages,
     ];
 
@@ -53,6 +56,7 @@ impl SectionKind {
     pub(crate) fn slot(self) -> usize {
         match self {
             SectionKind::Chunks => 0,
+            SectionKind::Remnants => KINDS - 1,
             kind => kind as usize,
         }
     }
@@ -74,6 +78,7 @@ impl fmt::Display for SectionKind {
             SectionKind::Scalars => "SCALARS",
             SectionKind::Pages => "PAGES",
             SectionKind::Chunks => "CHUNKS",
+            SectionKind::Remnants => "REMNANTS",
         })
     }
 }

@@ -10,6 +10,7 @@ use crate::header::{
 use crate::metadata::Metadata;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
+use crate::remnant::{self, Remnant};
 use crate::section::{SectionEntry, SectionKind};
 use crate::structure::{Structure, member_range, place_pages};
 use crate::{align_up, checksum, scalars};
@@ -74,6 +75,8 @@ pub struct Tables {
     pub metadata: Metadata,
     /// Names and ranges of the scalars that vertices have.
     pub scalars: Vec<Scalar>,
+    /// Remnants of components that vanish; put in order when the tables are encoded.
+    pub remnants: Vec<Remnant>,
 }
 
 impl Tables {
@@ -103,6 +106,7 @@ impl Tables {
             levels: file.levels().to_vec(),
             metadata: file.metadata()?,
             scalars: file.scalars().to_vec(),
+            remnants: file.remnants().to_vec(),
         })
     }
 
@@ -117,6 +121,7 @@ impl Tables {
         }
         self.clusters = order.iter().map(|old| self.clusters[old.index()]).collect();
         self.members.iter_mut().for_each(|id| *id = place[*id as usize]);
+        self.remnants.iter_mut().for_each(|remnant| remnant.cluster = place[remnant.cluster().index()]);
     }
 
     /// Where the first page starts, for whoever writes pages before their lengths are known: each then follows at the next multiple of
@@ -174,6 +179,7 @@ impl Tables {
             SectionKind::Metadata => return metadata_len,
             SectionKind::Scalars => return scalars::section_len(&self.scalars),
             SectionKind::Chunks => return chunks::section_len(CHUNKED.map(|kind| self.section_len(kind, 0))),
+            SectionKind::Remnants => self.remnants.len(),
             SectionKind::Pages => 0,
         };
         count as u64 * u64::from(kind.record_len())
@@ -189,9 +195,11 @@ impl Tables {
     /// The sections, in the order in which they are laid out.
     fn kinds(&self) -> impl Iterator<Item = SectionKind> + use<> {
         let (chunked, has_scalars) = (self.header.chunked, !self.scalars.is_empty());
+        let has_remnants = !self.remnants.is_empty();
         SectionKind::ALL.into_iter().filter(move |kind| match kind {
             SectionKind::Chunks => chunked,
             SectionKind::Scalars => has_scalars,
+            SectionKind::Remnants => has_remnants,
             _ => true,
         })
     }
@@ -216,6 +224,7 @@ impl Tables {
                 }
             }
         }
+        self.remnants.sort_unstable_by_key(Remnant::key);
         self.levels = statistics(&self.clusters, &self.levels);
         let lens: Vec<u32> = self.clusters.iter().map(|c| c.page_len).collect();
         place_pages(pages_offset, page_align(self.header.packed), lens, |index, offset| {
@@ -231,7 +240,8 @@ impl Tables {
             u32::try_from(len).map_err(|_| invalid(*place, field, "less than 2^32", len))
         }
         let bounds = bounds(&self.clusters);
-        let (required_flags, version_minor) = self.header.needs();
+        let (required_flags, without_remnants) = self.header.needs();
+        let version_minor = if self.remnants.is_empty() { without_remnants } else { 5 };
 
         Ok(Header {
             magic: MAGIC,
@@ -281,6 +291,10 @@ impl Tables {
             chunks::check_order(&self.clusters, &self.groups, &self.members)?;
         }
         scalars::check(&self.scalars, self.header.attributes.scalar_words)?;
+        if !self.remnants.is_empty() {
+            remnant::check(&self.remnants, &self.clusters)?;
+            remnant::check_rest(&self.groups)?;
+        }
         let origin = self.header.origin.iter().all(|x| x.is_finite());
         require(
             origin,
@@ -309,6 +323,7 @@ impl Tables {
                 SectionKind::Levels => head.extend_from_slice(bytemuck::cast_slice(&self.levels)),
                 SectionKind::Metadata => head.extend_from_slice(&metadata),
                 SectionKind::Scalars => head.extend_from_slice(&scalars::encode(&self.scalars)),
+                SectionKind::Remnants => head.extend_from_slice(bytemuck::cast_slice(&self.remnants)),
                 SectionKind::Pages => {}
             }
             let len = head.len() as u64 - offset;

@@ -7,6 +7,7 @@
 
 mod cluster;
 mod group;
+mod remnants;
 mod shared;
 mod tables;
 

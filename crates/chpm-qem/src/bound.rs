@@ -7,7 +7,7 @@
 use crate::adjacency::{Adjacency, Wing};
 use crate::attribute_error::AttributeErrorTracker;
 use crate::displacement::{Displaced, Displacement};
-use crate::dropped::DroppedComponent;
+use crate::dropped::{DroppedComponent, LastFace};
 use crate::nearest::Nearest;
 use crate::one_ring::{OneRing, OneRingKind};
 use crate::overlay::{CellPoint, Overlay, Sweep};
@@ -28,8 +28,8 @@ pub(crate) struct Proposal {
     pub(crate) faces: Vec<Displaced>,
     /// The price of what would vanish; 0 if nothing would.
     vanished: f64,
-    /// The component that the collapse would drop.
-    pub(crate) dropped: Option<DroppedComponent>,
+    /// The component that the collapse would drop, and what is left of it until then.
+    pub(crate) dropped: Option<(DroppedComponent, LastFace)>,
     /// Where the faces that lose their area put their points; only where the one-rings do not lie over each other.
     handed: Vec<Handed>,
     /// Whether the map is that which is valid for any one-ring.
@@ -203,7 +203,8 @@ impl Bounder {
             (face, nearest, points.moved(way, way))
         });
         let Some((face, nearest, moved)) = moved.filter(|(.., moved)| moved.norm() <= APART * size) else {
-            self.proposal.dropped = Some(DroppedComponent::new(given.position(v), points));
+            let ball = DroppedComponent::new(given.position(v), points);
+            self.proposal.dropped = Some((ball, self.last_face(scene)));
             self.proposal.vanished = APART * size;
             return true;
         };
@@ -212,6 +213,16 @@ impl Bounder {
             (handed.to, handed.beyond) = (Some(face), Some(nearest));
         }
         true
+    }
+
+    /// The last face of a component whose points all stay behind.
+    fn last_face(&self, Scene { displacements, one_ring, .. }: &Scene<'_>) -> LastFace {
+        let handed = &self.proposal.handed;
+        let is_one = handed.len() == one_ring.wings.len()
+            && handed.iter().all(|one| one.to.is_none() && one.other == handed[0].other);
+        let bounds = handed.iter().map(|one| displacements[one.from as usize].error());
+        let bound = if is_one { bounds.fold(0.0, f32::max) } else { f32::INFINITY };
+        LastFace { vertex: one_ring.vertex(), bound }
     }
 
     /// Carries the attribute errors on over the collapse u -> v that was proposed last and is about to be carried out.

@@ -9,7 +9,7 @@ use crate::adjacency::Adjacency;
 use crate::attribute_error::{AttributeErrorTracker, Deviation, FaceAttributeError};
 use crate::bound::{Bounder, Scene};
 use crate::displacement::Displacement;
-use crate::dropped::DroppedComponent;
+use crate::dropped::{DroppedComponent, LastFace};
 use crate::forced::{self, Neighbors};
 use crate::kept::Kept;
 use crate::legality;
@@ -78,6 +78,7 @@ pub struct Decimator {
     collapses: Vec<Collapse>,
     /// Dropped components, and the error when the first of them was dropped.
     dropped: Vec<DroppedComponent>,
+    last_faces: Vec<LastFace>,
     vanishing: f32,
 }
 
@@ -168,6 +169,7 @@ impl<'a, 'd> Run<'a, 'd> {
         let patch = given.patch;
         all.collapses.clear();
         all.dropped.clear();
+        all.last_faces.clear();
         all.vanishing = f32::INFINITY;
         all.bounder.clear();
         all.kept.clear(patch.positions.len());
@@ -191,6 +193,7 @@ impl<'a, 'd> Run<'a, 'd> {
             stalled,
             forced: self.forced,
             dropped: &self.all.dropped,
+            last_faces: &self.all.last_faces,
             vanishing: self.all.vanishing,
             refusals: self.refusals,
         }
@@ -479,8 +482,9 @@ impl<'a, 'd> Run<'a, 'd> {
         if !all.attribute_errors.is_empty() {
             all.bounder.carry_attribute_errors(&all.mesh, &all.one_ring, v, &mut all.attribute_errors);
         }
-        if let Some(dropped) = all.bounder.proposal.dropped {
+        if let Some((dropped, last_face)) = all.bounder.proposal.dropped {
             all.dropped.push(dropped);
+            all.last_faces.push(last_face);
             all.vanishing = all.vanishing.min(self.error);
         }
         if all.bounder.proposal.is_swept() {

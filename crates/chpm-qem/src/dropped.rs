@@ -21,6 +21,15 @@ pub struct DroppedComponent {
     radius: f32,
 }
 
+/// The last face of a component that vanished.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct LastFace {
+    /// The vertex whose collapse took it away.
+    pub vertex: u16,
+    /// How far its source points and the one triangle that was left are from each other at most, object units; infinite if it was not one.
+    pub bound: f32,
+}
+
 impl DroppedComponent {
     /// The points that ended at `at`, after displacements in the box.
     pub(crate) fn new(at: Point3<f64>, ended: &Displacement) -> Self {
@@ -32,6 +41,11 @@ impl DroppedComponent {
         // Far from zero a small box loses digits in the corners.
         let lost = LOST * low.coords.amax().max(high.coords.amax());
         DroppedComponent { center: center.into(), radius: round_up(farthest.norm() + lost) }
+    }
+
+    /// Its centre and its radius.
+    pub fn sphere(&self) -> ([f32; 3], f32) {
+        (self.center, self.radius)
     }
 
     /// A ball about two.

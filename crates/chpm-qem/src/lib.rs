@@ -53,7 +53,7 @@ mod vertex_flags;
 pub use attribute_error::{AttributeErrors, Deviation, FaceAttributeError};
 pub use decimate::Decimator;
 pub use displacement::Displacement;
-pub use dropped::{DroppedComponent, gap, thin_out};
+pub use dropped::{DroppedComponent, LastFace, gap, thin_out};
 pub use patch::{Collapse, Outcome, Patch, Topology};
 pub use quadric::Quadric;
 pub use record::Record;

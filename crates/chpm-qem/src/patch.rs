@@ -2,7 +2,7 @@
 
 use crate::attribute_error::AttributeErrors;
 use crate::displacement::Displacement;
-use crate::dropped::DroppedComponent;
+use crate::dropped::{DroppedComponent, LastFace};
 use crate::refusal::Refusals;
 use chpm_mesh::geom::to_f64;
 use nalgebra::{Point3, Vector3};
@@ -59,6 +59,8 @@ pub struct Outcome<'a> {
     pub forced: usize,
     /// Where components were that lay apart and have vanished.
     pub dropped: &'a [DroppedComponent],
+    /// Of each of them, what was left last.
+    pub last_faces: &'a [LastFace],
     /// The least error of a mesh in which one of them is missing; infinite without any.
     pub vanishing: f32,
     /// Collapses refused, by reason.

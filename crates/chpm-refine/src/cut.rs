@@ -3,10 +3,11 @@
 use crate::error::RefineError;
 use crate::hierarchy::Hierarchy;
 use crate::lod::Lod;
+use crate::remnants::Beside;
 use crate::select::{select_by, select_where};
 use crate::splits::{Splits, parents, top_down};
 use chpm_format::{Chpm, ClusterRecord, PageBuf};
-use chpm_mesh::{ClusterId, Level};
+use chpm_mesh::{ClusterId, Level, TriMesh};
 
 /// One cluster of a cut.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -53,18 +54,42 @@ impl Member {
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Cut {
     members: Vec<Member>,
+    /// Remnants beside them; none where gaps tell how far anything is that is missing.
+    beside: Option<Beside>,
 }
 
 impl Cut {
     /// A cut of these members; [`Cut::check`] tells whether it is legal.
     pub fn new(mut members: Vec<Member>) -> Self {
         members.sort_unstable();
-        Cut { members }
+        Cut { members, beside: None }
     }
 
     /// The members, by ascending cluster id.
     pub fn members(&self) -> &[Member] {
         &self.members
+    }
+
+    /// Numbers of the remnants that are drawn beside the members, ascending: triangles of components that these do not draw and that lie too far from them.
+    pub fn remnants(&self) -> &[u32] {
+        self.beside.as_ref().map_or(&[], |beside| &beside.drawn)
+    }
+
+    /// The triangles of [`Cut::remnants`], each with vertices of its own, normals decoded; relative to the header's origin.
+    ///
+    /// # Errors
+    /// [`RefineError::Remnant`] for one that the file lacks; [`RefineError::Format`] for a damaged page.
+    pub fn remnant_mesh<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<TriMesh, RefineError> {
+        self.check_remnants(file)?;
+        self.beside.as_ref().map_or_else(|| Ok(TriMesh::default()), |beside| beside.mesh(file))
+    }
+
+    fn check_remnants<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<(), RefineError> {
+        let count = file.remnants().len();
+        match self.remnants().last() {
+            Some(number) if *number as usize >= count => Err(RefineError::Remnant { number: *number, count }),
+            _ => Ok(()),
+        }
     }
 
     /// The finest meshes of all clusters up to `level` that no cluster up to `level` replaces. Level 0 is the finest mesh, a
@@ -81,6 +106,7 @@ impl Cut {
                     Member { cluster, vertices }
                 })
                 .collect(),
+            beside: None,
         }
     }
 
@@ -98,7 +124,8 @@ impl Cut {
     }
 
     /// The coarsest mesh of which no part is farther from the source than `distance`, nor any point of the source from it, in object units;
-    /// nothing is exempt. Where even the leaves are farther, it is their finest meshes.
+    /// nothing is exempt. Where even the leaves are farther, it is their finest meshes. Where the file has remnants, those of components that would be
+    /// farther are drawn, so that a speck costs a triangle.
     ///
     /// # Errors
     /// As [`Cut::at_error`].
@@ -106,16 +133,40 @@ impl Cut {
         Self::at_distance_while(file, distance, || Ok(()))
     }
 
+    /// As [`Cut::at_distance`], by what is stored of the surface, while components that have vanished keep to another, smaller distance where remnants
+    /// can do that: for whoever proves the rest.
+    ///
+    /// # Errors
+    /// As [`Cut::at_error`].
+    pub fn at_distances<D: AsRef<[u8]>>(
+        file: &Chpm<D>,
+        distance: f32,
+        of_specks: f32,
+    ) -> Result<Self, RefineError> {
+        Self::by_distances(file, [distance, of_specks], || Ok(()))
+    }
+
     /// As [`Cut::at_distance`], asking before each page is read whether to go on.
     pub(crate) fn at_distance_while<D: AsRef<[u8]>, E: From<RefineError>>(
         file: &Chpm<D>,
         distance: f32,
+        go_on: impl FnMut() -> Result<(), E>,
+    ) -> Result<Self, E> {
+        Self::by_distances(file, [distance; 2], go_on)
+    }
+
+    fn by_distances<D: AsRef<[u8]>, E: From<RefineError>>(
+        file: &Chpm<D>,
+        [distance, of_specks]: [f32; 2],
         mut go_on: impl FnMut() -> Result<(), E>,
     ) -> Result<Self, E> {
-        if distance.is_nan() || distance < 0.0 {
-            return Err(RefineError::Bound { got: distance }.into());
+        if let Some(got) = [distance, of_specks].into_iter().find(|d| d.is_nan() || *d < 0.0) {
+            return Err(RefineError::Bound { got }.into());
         }
         let hierarchy = Hierarchy::new(file);
+        if file.has_remnants() {
+            return Self::with_remnants(file, &hierarchy, [distance, of_specks], go_on);
+        }
         let bound = |group| file.gaps(group).error_within(distance);
         // What has vanished below a group comes back by a split only, what vanishes in it by a smaller error, if it has that. Gaps grow upward
         // like errors, so that whoever has to be split has only groups above that have to be.
@@ -131,6 +182,27 @@ impl Cut {
         )
     }
 
+    /// Components that have vanished are drawn by their remnants, or come back by a split where they have none.
+    fn with_remnants<D: AsRef<[u8]>, E: From<RefineError>>(
+        file: &Chpm<D>,
+        hierarchy: &Hierarchy,
+        [distance, of_specks]: [f32; 2],
+        mut go_on: impl FnMut() -> Result<(), E>,
+    ) -> Result<Self, E> {
+        let mut cut = select_where(
+            file,
+            hierarchy,
+            |group| file.groups()[group.index()].rest > distance || hierarchy.wants(group, distance),
+            |_| distance,
+            |cluster, bound| -> Result<Member, E> {
+                go_on()?;
+                Ok(position(file, cluster, bound)?)
+            },
+        )?;
+        cut.beside = Some(Beside::within(file, &cut.members, of_specks, go_on)?);
+        Ok(cut)
+    }
+
     /// Triangles of the cut.
     ///
     /// # Errors
@@ -138,17 +210,42 @@ impl Cut {
     /// [`RefineError::Format`] for a damaged page.
     pub fn triangle_count<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<u64, RefineError> {
         let mut lod = Lod::default();
-        self.members.iter().map(|member| count_triangles(file, *member, &mut lod)).sum()
+        let clusters = self.members.iter().map(|member| count_triangles(file, *member, &mut lod));
+        Ok(clusters.sum::<Result<u64, _>>()? + self.remnants().len() as u64)
     }
 
-    /// The largest stored error of a member, object units; 0 for the empty cut.
+    /// The largest stored error of a member or remnant, object units; 0 for the empty cut.
     ///
     /// # Errors
     /// As [`Cut::triangle_count`].
     pub fn error<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<f32, RefineError> {
-        self.members.iter().try_fold(0.0, |largest: f32, member| {
+        self.check_remnants(file)?;
+        let remnants = self.remnants().iter().map(|number| file.remnants()[*number as usize].bound);
+        self.members.iter().try_fold(remnants.fold(0.0, f32::max), |largest: f32, member| {
             Ok(largest.max(member.page(file)?.view().error_at(member.vertices as usize)))
         })
+    }
+
+    /// How far the source is from what a member at a position of this error draws, where that is nearest, and that from the source, at most; object
+    /// units. Components that have vanished count here.
+    pub(crate) fn distance_of<D: AsRef<[u8]>>(&self, file: &Chpm<D>, member: &Member, error: f32) -> f32 {
+        let group = file.clusters()[member.cluster.index()].group();
+        match &self.beside {
+            Some(beside) => error.max(file.groups()[group.index()].rest).max(beside.far()),
+            None => file.gaps(group).distance(error),
+        }
+    }
+
+    /// The distance of each member, as [`Member::distance`] tells it where nothing is drawn beside them.
+    ///
+    /// # Errors
+    /// As [`Cut::triangle_count`].
+    pub fn distances<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<Vec<f32>, RefineError> {
+        let distance = |member: &Member| {
+            let error = member.page(file)?.view().error_at(member.vertices as usize);
+            Ok(self.distance_of(file, member, error))
+        };
+        self.members.iter().map(distance).collect()
     }
 
     /// How far the source is from the cut and the cut from the source, at most: the largest stored error or gap of a member, object units; 0
@@ -157,7 +254,7 @@ impl Cut {
     /// # Errors
     /// As [`Cut::triangle_count`].
     pub fn distance<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<f32, RefineError> {
-        self.members.iter().try_fold(0.0, |largest: f32, member| Ok(largest.max(member.distance(file)?)))
+        Ok(self.distances(file)?.into_iter().fold(0.0, f32::max))
     }
 
     /// Checks that the members are in the file, at positions that they have, and that together they are a cut: every leaf
@@ -167,6 +264,7 @@ impl Cut {
     /// # Errors
     /// [`RefineError::Cluster`], [`RefineError::Position`] or [`RefineError::Illegal`], for the first cluster that is wrong.
     pub fn check<D: AsRef<[u8]>>(&self, file: &Chpm<D>) -> Result<(), RefineError> {
+        self.check_remnants(file)?;
         for member in &self.members {
             member.record(file)?;
         }

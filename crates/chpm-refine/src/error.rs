@@ -84,6 +84,16 @@ pub enum RefineError {
         /// How often it is there.
         got: usize,
     },
+    /// The cut names a remnant that the file lacks.
+    #[error(
+        "cut: remnant {number} expected to be one of {count}; make the cut for the file that it is used with"
+    )]
+    Remnant {
+        /// The remnant that the cut names.
+        number: u32,
+        /// Remnants of the file.
+        count: usize,
+    },
     /// The mesh has more vertices than 32-bit indices tell apart.
     #[error("mesh: at most {limit} vertices expected, the cut has more; choose a coarser one")]
     TooManyVertices {

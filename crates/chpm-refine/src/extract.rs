@@ -43,6 +43,8 @@ pub struct Extraction<'a, D> {
     kept: Vec<Option<PageBuf<'a>>>,
     /// The mesh that is handed out instead of the cut's own.
     replaced: Option<TriMesh>,
+    /// Remnants beside the members, behind all of them.
+    specks: TriMesh,
 }
 
 impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
@@ -81,7 +83,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             coincident_count += coincident(&weld.triangles, &mut keys);
             let own = view.error_at(member.vertices as usize);
             error = error.max(own);
-            distance = distance.max(file.gaps(file.clusters()[member.cluster.index()].group()).distance(own));
+            distance = distance.max(cut.distance_of(file, member, own));
 
             // Pages are kept from the first one on, as far as they fit.
             let takes = page.bytes_or(&[]).len() as u64;
@@ -92,7 +94,13 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             go_on()?;
         }
 
-        let vertex_count = weld.count;
+        let specks = cut.remnant_mesh(file)?;
+        let remnants = cut.remnants().iter().map(|number| file.remnants()[*number as usize].bound);
+        let error = remnants.fold(error, f32::max);
+        triangles += specks.triangles.len() as u64;
+        let vertex_count =
+            u32::try_from(specks.positions.len()).ok().and_then(|more| weld.count.checked_add(more));
+        let vertex_count = vertex_count.ok_or(RefineError::TooManyVertices { limit: UNUSED })?;
         Ok(Extraction {
             file,
             cut,
@@ -103,6 +111,7 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             distance,
             kept,
             replaced: None,
+            specks,
         })
     }
 
@@ -176,7 +185,8 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             fresh.gather(page.vertices, weld.fresh.iter().map(|v| usize::from(*v)));
             fresh.decode_normals();
             sink(fresh.view())
-        })
+        })?;
+        if self.specks.triangles.is_empty() { Ok(()) } else { sink(self.specks.view()) }
     }
 
     /// Hands all triangles to `sink`; corners are indices into the vertices.
@@ -196,7 +206,15 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             triangles
                 .extend(weld.triangles.iter().map(|corners| corners.map(|v| weld.index[usize::from(v)])));
             sink(&triangles)
-        })
+        })?;
+        let specks = self.specks_behind();
+        if specks.is_empty() { Ok(()) } else { sink(&specks) }
+    }
+
+    /// Triangles beside the members, with corners as all vertices count.
+    fn specks_behind(&self) -> Vec<[u32; 3]> {
+        let first = self.vertex_count - self.specks.positions.len() as u32;
+        self.specks.triangles.iter().map(|corners| corners.map(|v| first + v)).collect()
     }
 
     /// Hands the mesh to `sink` in pieces of whole clusters, each with at most `limit` vertices of its own where clusters are no larger; corners
@@ -234,7 +252,10 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
                 .triangles
                 .extend(weld.triangles.iter().map(|corners| corners.map(|v| weld.index[usize::from(v)])));
         }
-        if piece.triangles.is_empty() { Ok(()) } else { sink(piece.view(), &piece.triangles) }
+        if !piece.triangles.is_empty() {
+            sink(piece.view(), &piece.triangles)?;
+        }
+        pieces(&self.specks, limit, sink)
     }
 
     /// The page of a member by its number.
@@ -266,7 +287,12 @@ impl<'a, D: AsRef<[u8]>> Extraction<'a, D> {
             triangles
                 .extend(weld.triangles.iter().map(|corners| corners.map(|v| weld.index[usize::from(v)])));
             sink(fresh.view(), &triangles)
-        })
+        })?;
+        if self.specks.triangles.is_empty() {
+            Ok(())
+        } else {
+            sink(self.specks.view(), &self.specks_behind())
+        }
     }
 
     /// Every pass takes the same walk, so that all number the vertices alike.

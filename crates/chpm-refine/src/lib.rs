@@ -48,11 +48,13 @@ pub mod path;
 mod pieces;
 mod profile;
 pub mod random;
+mod remnants;
 pub mod request;
 pub mod residency;
 pub mod select;
 mod splits;
 mod steps;
+mod surface;
 pub mod view;
 
 pub use active::ActiveList;

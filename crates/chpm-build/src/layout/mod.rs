@@ -18,8 +18,10 @@ use crate::context::Context;
 use crate::error::BuildError;
 use crate::in_order::in_order;
 use crate::per_thread::PerThread;
+use crate::range::ErrorRange;
+use crate::simplify;
 use crate::trim::Built;
-use chpm_format::{ClusterRecord, Page, checksum, packed};
+use chpm_format::{ClusterRecord, Page, Remnant, checksum, packed};
 use chpm_mesh::{Aabb, GroupId, Level};
 use first_use::FirstUse;
 use local_order::LocalOrder;
@@ -74,23 +76,23 @@ fn runs(built: &Built) -> Vec<Run> {
 }
 
 /// Hands every page to `write` with its place in `order`, from many threads and in any order. Answers the
-/// clusters' records by place, but for what depends on other clusters.
+/// clusters' records and remnants by place, but for what depends on other clusters.
 pub(crate) fn run(
     order: &[u32],
     built: &Built,
     settings: &Settings,
     context: &Context<'_>,
     write: impl Fn(usize, &[u8]) -> Result<(), BuildError> + Sync,
-) -> Result<Vec<ClusterRecord>, BuildError> {
+) -> Result<Vec<(ClusterRecord, Vec<Remnant>)>, BuildError> {
     let phase = context.trace.phase();
     let nodes = order.par_iter().enumerate().with_max_len(4);
     let records = nodes.map_init(Scratch::default, |scratch, (place, node)| {
         let _traced = phase.task("page");
         context.check()?;
-        let (record, stored) = lay_out(*node, built, settings, scratch)?;
+        let (record, remnants, stored) = lay_out(*node, built, settings, scratch)?;
         write(place, stored)?;
         context.progress.advance(1);
-        Ok(record)
+        Ok((record, remnants))
     });
     records.collect()
 }
@@ -102,29 +104,29 @@ pub(crate) fn run_in_order(
     built: &Built,
     settings: &Settings,
     context: &Context<'_>,
-    mut take: impl FnMut(&ClusterRecord, &[u8]) -> Result<(), BuildError> + Send,
+    mut take: impl FnMut(&ClusterRecord, Vec<Remnant>, &[u8]) -> Result<(), BuildError> + Send,
 ) -> Result<(), BuildError> {
     let scratch: PerThread<Scratch> = PerThread::new();
     let nodes = &order[range];
     let lay_out = |at: usize| {
         context.check()?;
         let mut scratch = scratch.own();
-        let (record, stored) = lay_out(nodes[at], built, settings, &mut scratch)?;
-        Ok((record, stored.to_vec()))
+        let (record, remnants, stored) = lay_out(nodes[at], built, settings, &mut scratch)?;
+        Ok((record, remnants, stored.to_vec()))
     };
-    in_order(nodes.len(), rayon::current_num_threads(), lay_out, |(record, stored)| {
+    in_order(nodes.len(), rayon::current_num_threads(), lay_out, |(record, remnants, stored)| {
         context.progress.advance(1);
-        take(&record, &stored)
+        take(&record, remnants, &stored)
     })
 }
 
-/// A node's record, and its page as it is stored.
+/// A node's record and remnants, and its page as it is stored.
 fn lay_out<'a>(
     node: u32,
     built: &Built,
     settings: &Settings,
     Scratch { of_page, packed }: &'a mut Scratch,
-) -> Result<(ClusterRecord, &'a [u8]), BuildError> {
+) -> Result<(ClusterRecord, Vec<Remnant>, &'a [u8]), BuildError> {
     let page = of_page.page(node, built, settings)?;
     let level = Level(built.tree.nodes[node as usize].level);
     let deviation = built.clusters.page(node).deviation;
@@ -137,14 +139,20 @@ fn lay_out<'a>(
         record.flags |= ClusterRecord::TRIMMED;
     }
 
+    let Built { clusters, .. } = built;
+    let remnants = match clusters.range == ErrorRange::ALL {
+        true => simplify::remnants(&clusters.page(node), &clusters.pages, &Page::view(page)?)?,
+        false => Vec::new(),
+    };
+
     // Pages that packing does not make shorter stay as they are.
     packed.clear();
     if !(settings.packed && packed::pack(page, packed)?) {
-        return Ok((record, page));
+        return Ok((record, remnants, page));
     }
     record.flags |= ClusterRecord::PACKED;
     (record.page_len, record.page_checksum) = (packed.len() as u32, checksum(packed));
-    Ok((record, packed))
+    Ok((record, remnants, packed))
 }
 
 #[derive(Default)]

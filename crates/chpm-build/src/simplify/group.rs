@@ -3,6 +3,7 @@
 use super::PageRef;
 use super::dependency::GroupBorders;
 use super::group_border::GroupBorder;
+use super::lasting;
 use super::vanished::Vanished;
 use super::working_set::{Child, WorkingSet};
 use crate::config::{Layout, Settings};
@@ -146,7 +147,7 @@ impl Scratch {
         // Errors and gaps are the group's: its members are drawn together or not at all.
         let farthest = farthest(members, task.decomposition.rounding.error());
         members.iter_mut().for_each(|m| m.limit_errors(farthest, min_error));
-        let gaps = gaps(members);
+        let (gaps, rest) = gaps(members);
         let largest = members.iter().map(Member::max_error).fold(0.0, f32::max);
 
         each(members, together, task, "spool", |_, member, buffers| {
@@ -160,7 +161,7 @@ impl Scratch {
         // Known only when all members are encoded, since codes round errors up.
         let group_error = members.iter().map(|m| m.1.max_error).fold(0.0, f32::max);
         for (page, report) in &mut members {
-            (page.group_error, page.gaps) = (group_error, gaps);
+            (page.group_error, page.gaps, page.rest) = (group_error, gaps, rest);
             report.max_gap = gaps.base;
         }
         Ok(GroupDone { members, removed })
@@ -203,8 +204,8 @@ fn farthest(members: &[Member], rounding: f32) -> f32 {
     round_up(diagonals.fold(0.0, f64::max) * (1.0 + 4.0 * f64::EPSILON) + f64::from(rounding))
 }
 
-/// How far what has vanished is from the members' meshes, in the worst of them.
-fn gaps(members: &mut [Member]) -> Gaps {
+/// How far what has vanished is from the members' meshes, in the worst of them: all of it, and what has no remnant.
+fn gaps(members: &mut [Member]) -> (Gaps, f32) {
     let vanishing = members.iter().map(|m| m.vanished.from()).fold(f32::INFINITY, f32::min);
     let gaps = members.iter_mut().map(|m| m.vanished.base_gap(&m.renumbered, &m.record));
     let base = gaps.fold(0.0, f32::max);
@@ -212,7 +213,9 @@ fn gaps(members: &mut [Member]) -> Gaps {
     let from = vanishing.min(base);
     let gaps = members.iter_mut().map(|m| m.vanished.fine_gap(&m.renumbered, &m.record, from));
     let fine = gaps.fold(0.0, f32::max);
-    Gaps { fine, base: base.max(fine), from }
+    let rest = members.iter_mut().map(|m| m.vanished.rest(&m.renumbered, &m.record)).fold(0.0, f32::max);
+    let base = base.max(fine);
+    (Gaps { fine, base, from }, rest.min(base))
 }
 
 impl Member {
@@ -238,7 +241,7 @@ impl Member {
                 displacements.read(page.attribute_errors, len, &mut read.attribute_errors)?;
                 let len = page.dropped_count as usize * size_of::<DroppedComponent>();
                 displacements.read(page.dropped, len, &mut read.dropped)?;
-                self.vanished.add_child(&read.dropped, page.gaps.base);
+                self.vanished.add_child(&read.dropped, page.bare_count, [page.gaps.base, page.rest]);
                 self.source.merge(&page.source);
                 self.deviation = self.deviation.max(page.deviation);
                 self.min_error = self.min_error.max(page.group_error);
@@ -286,7 +289,7 @@ impl Member {
         let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
         let outcome = decimator.decimate_after(&patch, group_border, goal, min_error);
         self.record.renumber(&patch, &outcome);
-        self.vanished.add_own(&outcome);
+        self.vanished.add_own(&outcome, &self.record, lasting::most(task.tree.nodes.len()));
 
         self.report = LevelReport {
             level: task.level,
@@ -329,6 +332,7 @@ impl Member {
         let limited = |error: f32| error.min(farthest).max(min_error);
         self.record.errors.iter_mut().for_each(|error| *error = limited(*error));
         self.vanished.limit(limited);
+        self.vanished.keep_within(&self.record);
     }
 
     fn max_error(&self) -> f32 {
@@ -363,7 +367,11 @@ impl Member {
         .encode(page)?;
 
         let distances = &task.displacements[task.level as usize];
-        let dropped = self.vanished.bytes();
+        let lasting = self.vanished.lasting();
+        let lasting_count = lasting.len() as u32;
+        let lasting =
+            if lasting.is_empty() { 0 } else { task.pages.append(bytemuck::cast_slice(lasting))? };
+        let (dropped, bare_count) = self.vanished.bytes();
         let spooled = PageRef {
             offset: task.pages.append(page)?,
             len: page.len() as u32,
@@ -378,7 +386,11 @@ impl Member {
             attribute_error_count: self.attribute_errors.len() as u32,
             dropped: distances.append(dropped)?,
             dropped_count: (dropped.len() / size_of::<DroppedComponent>()) as u32,
+            bare_count,
             gaps: Gaps::default(),
+            rest: 0.0,
+            lasting,
+            lasting_count,
             deviation: self.deviation,
         };
         self.done = Some((spooled, self.report));
@@ -402,10 +414,11 @@ mod tests {
             stalled: false,
             forced: 0,
             dropped: &[DroppedComponent::default()],
+            last_faces: &[],
             vanishing: 7.0,
             refusals: Refusals::default(),
         };
-        member.vanished.add_own(&outcome);
+        member.vanished.add_own(&outcome, &member.record, 9);
         member.record.errors = vec![9.0, 7.0, 3.0, 1.0];
         member.limit_errors(4.0, 2.0);
         assert_eq!(member.record.errors, [4.0, 4.0, 3.0, 2.0]);

@@ -2,6 +2,7 @@
 
 use super::dependency::GroupBorders;
 use super::group::GroupDone;
+use super::lasting::Lasting;
 use super::{Clusters, Inputs, Levels, PageRef, cost, level_reports};
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
@@ -20,6 +21,14 @@ pub(crate) struct Handed {
 }
 
 impl PageRef {
+    /// The page and its remnants, which lie in the same spool.
+    fn in_pages(&mut self) -> [(&mut u64, usize); 2] {
+        [
+            (&mut self.offset, self.len as usize),
+            (&mut self.lasting, self.lasting_count as usize * size_of::<Lasting>()),
+        ]
+    }
+
     /// Blobs that a parent reads beside the page: places and lengths of the base mesh's triangles, displacements, attribute errors and dropped components.
     fn beside(&mut self) -> [(&mut u64, usize); 4] {
         let triangles = self.base_triangle_count as usize;
@@ -90,7 +99,9 @@ impl Levels {
         }
         let mut scratch = Vec::new();
         for page in members(&mut groups) {
-            copy(&mut page.offset, page.len as usize, &self.built.pages, &mut scratch, out)?;
+            for (place, len) in page.in_pages() {
+                copy(place, len, &self.built.pages, &mut scratch, out)?;
+            }
         }
         let pages = out.len();
         for page in members(&mut groups) {
@@ -119,7 +130,7 @@ impl Levels {
         beside.push_earlier(Extent::new(Arc::clone(part), pages..part.len())?);
         for mut group in groups {
             for (page, _) in &mut group.members {
-                page.offset += before[0];
+                page.in_pages().into_iter().for_each(|(place, _)| *place += before[0]);
                 page.beside().into_iter().for_each(|(place, _)| *place += before[1]);
             }
             self.take(group, inputs.decomposition);
@@ -139,8 +150,10 @@ impl Clusters {
         let before = self.pages.earlier_len();
         let mut scratch = Vec::new();
         for page in self.refs.iter_mut().flatten().filter(|page| page.offset >= before) {
-            copy(&mut page.offset, page.len as usize, &self.pages, &mut scratch, out)?;
-            page.offset += before;
+            for (place, len) in page.in_pages() {
+                copy(place, len, &self.pages, &mut scratch, out)?;
+                *place += before;
+            }
         }
         // What only levels above would read has been where this process had it.
         self.refs.iter_mut().flatten().flat_map(PageRef::beside).for_each(|(place, _)| *place = 0);

@@ -10,6 +10,7 @@ mod dependency;
 mod group;
 mod group_border;
 mod handed;
+mod lasting;
 mod levels;
 mod merge;
 mod vanished;
@@ -31,6 +32,7 @@ use chpm_qem::Deviation;
 use dependency::GroupBorders;
 use group::{Buffers, GroupDone, GroupTask, Scratch};
 pub(crate) use handed::Handed;
+pub(crate) use lasting::{REMNANT_BYTES, remnants};
 pub(crate) use levels::Levels;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -59,8 +61,15 @@ pub(crate) struct PageRef {
     /// Where the dropped components are in the same spool, and how many.
     dropped: u64,
     dropped_count: u32,
+    /// How many of them, the last, have no remnant.
+    bare_count: u32,
     /// Those of its group.
     pub(crate) gaps: Gaps,
+    /// That of components without a remnant, likewise.
+    pub(crate) rest: f32,
+    /// Where the remnants are in the spool of pages, and how many.
+    lasting: u64,
+    pub(crate) lasting_count: u32,
     /// The largest of its meshes and of those below.
     pub(crate) deviation: Deviation,
 }
@@ -91,6 +100,14 @@ impl Clusters {
     /// The page of a node that was built.
     pub(crate) fn page(&self, node: u32) -> PageRef {
         self.refs[node as usize].unwrap_or_else(|| panic!("node {node} was not built"))
+    }
+
+    /// Remnants that the file gets. None where ends were cut off: what remnants are of may be beyond them.
+    pub(crate) fn remnant_count(&self) -> usize {
+        match self.range == ErrorRange::ALL {
+            true => self.refs.iter().flatten().map(|page| page.lasting_count as usize).sum(),
+            false => 0,
+        }
     }
 }
 

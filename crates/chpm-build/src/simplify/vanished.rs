@@ -3,10 +3,13 @@
 //! A vertex of a position is drawn at every finer one, too, if triangles use it at the first: so gaps are found at two positions only, one
 //! before anything is dropped and the base mesh. Vertices that other clusters share do not count, since a group border's collapses may
 //! pass over a cluster's own triangles.
+//!
+//! Where one triangle was left of a component, it is kept as a remnant, so that readers can draw it. Components without one count once more by themselves.
 
+use super::lasting::Lasting;
 use super::working_set::WorkingSet;
 use chpm_mesh::ProgressiveMesh;
-use chpm_qem::{DroppedComponent, Outcome, Record, gap, thin_out};
+use chpm_qem::{DroppedComponent, LastFace, Outcome, Record, gap, thin_out};
 
 /// Most dropped components that a cluster keeps apart: finding their gaps then takes a small part of the time that its collapses take.
 const MOST: usize = 256;
@@ -17,10 +20,16 @@ pub(super) struct Vanished {
     /// Components that its children dropped, and then its own.
     all: Vec<DroppedComponent>,
     below: usize,
+    /// Those of them, likewise, that have no remnant.
+    bare: Vec<DroppedComponent>,
+    /// Remnants of its own.
+    lasting: Vec<Lasting>,
     /// The error with which the first of its own came about; infinite if there are none.
     from: f32,
     /// The largest gap of the groups below.
     gap_below: f32,
+    /// The same of components without a remnant.
+    rest_below: f32,
     triangles: Vec<[u16; 3]>,
     drawn: Vec<bool>,
 }
@@ -29,21 +38,43 @@ impl Vanished {
     /// Starts with nothing, as a leaf does.
     pub(super) fn clear(&mut self) {
         self.all.clear();
-        (self.below, self.from, self.gap_below) = (0, f32::INFINITY, 0.0);
+        self.bare.clear();
+        self.lasting.clear();
+        (self.below, self.from, self.gap_below, self.rest_below) = (0, f32::INFINITY, 0.0, 0.0);
     }
 
-    /// Takes in what a child has left, whose group has the given gap.
-    pub(super) fn add_child(&mut self, dropped: &[u8], gap: f32) {
+    /// Takes in what a child has left, the last `bare` of it without a remnant, whose group has the given gaps.
+    pub(super) fn add_child(&mut self, dropped: &[u8], bare: u32, [gap, rest]: [f32; 2]) {
         let each = dropped.chunks_exact(size_of::<DroppedComponent>());
-        self.all.extend(each.map(bytemuck::pod_read_unaligned::<DroppedComponent>));
+        let count = each.len() - bare as usize;
+        let mut each = each.map(bytemuck::pod_read_unaligned::<DroppedComponent>);
+        self.all.extend(each.by_ref().take(count));
+        self.bare.extend(each);
         self.below = self.all.len();
         self.gap_below = self.gap_below.max(gap);
+        self.rest_below = self.rest_below.max(rest);
     }
 
-    /// Takes in what a decimation left.
-    pub(super) fn add_own(&mut self, outcome: &Outcome<'_>) {
+    /// Takes in what a decimation left; `most` remnants of it.
+    pub(super) fn add_own(&mut self, outcome: &Outcome<'_>, record: &Record, most: usize) {
         self.all.extend_from_slice(outcome.dropped);
         self.from = outcome.vanishing;
+        for (ball, LastFace { vertex, bound }) in outcome.dropped.iter().zip(outcome.last_faces) {
+            let vertex = u32::from(record.old_to_new[usize::from(*vertex)]);
+            match bound.is_finite() {
+                true => self.lasting.push(Lasting { ball: *ball, bound: *bound, vertex }),
+                false => self.bare.push(*ball),
+            }
+        }
+        // The largest are missed most.
+        self.lasting.sort_unstable_by(|a, b| b.size().total_cmp(&a.size()).then(a.vertex.cmp(&b.vertex)));
+        let beyond = self.lasting.drain(most.min(self.lasting.len())..);
+        self.bare.extend(beyond.map(|lasting| lasting.ball));
+    }
+
+    /// Remnants of its own components.
+    pub(super) fn lasting(&self) -> &[Lasting] {
+        &self.lasting
     }
 
     /// Follows the errors where they are lowered.
@@ -51,6 +82,13 @@ impl Vanished {
         if self.from < f32::INFINITY {
             self.from = limited(self.from);
         }
+    }
+
+    /// Leaves those without a remnant that may be farther from theirs than the mesh in which they are missing is allowed to be, once errors were lowered.
+    pub(super) fn keep_within(&mut self, record: &Record) {
+        let base = record.base_vertex_count();
+        let beyond = |lasting: &mut Lasting| lasting.bound > record.errors[lasting.vertex as usize - base];
+        self.bare.extend(self.lasting.extract_if(.., beyond).map(|lasting| lasting.ball));
     }
 
     /// The error with which something vanished first; infinite if nothing did.
@@ -61,18 +99,28 @@ impl Vanished {
     /// The gap of all dropped components at the base mesh.
     pub(super) fn base_gap(&mut self, set: &WorkingSet, record: &Record) -> f32 {
         let base = record.base_vertex_count();
-        self.gap(self.all.len(), set, record, base).max(self.gap_below)
+        self.gap(Of::First(self.all.len()), set, record, base).max(self.gap_below)
+    }
+
+    /// The same of components without a remnant.
+    pub(super) fn rest(&mut self, set: &WorkingSet, record: &Record) -> f32 {
+        let base = record.base_vertex_count();
+        self.gap(Of::Bare, set, record, base).max(self.rest_below)
     }
 
     /// The gap of what the children left, at all positions of an error below `from`.
     pub(super) fn fine_gap(&mut self, set: &WorkingSet, record: &Record, from: f32) -> f32 {
         let far = record.errors.iter().take_while(|error| **error >= from).count();
-        self.gap(self.below, set, record, record.base_vertex_count() + far).max(self.gap_below)
+        self.gap(Of::First(self.below), set, record, record.base_vertex_count() + far).max(self.gap_below)
     }
 
-    /// The gap of the first `count` of them at the position `n`.
-    fn gap(&mut self, count: usize, set: &WorkingSet, record: &Record, n: usize) -> f32 {
-        if count == 0 {
+    /// The gap of some of them at the position `n`.
+    fn gap(&mut self, of: Of, set: &WorkingSet, record: &Record, n: usize) -> f32 {
+        let missing = match of {
+            Of::First(count) => &self.all[..count],
+            Of::Bare => &self.bare,
+        };
+        if missing.is_empty() {
             return 0.0;
         }
         let mesh = ProgressiveMesh {
@@ -90,14 +138,25 @@ impl Vanished {
         shared.take_while(|vertex| *vertex < n).for_each(|vertex| self.drawn[vertex] = false);
         let drawn = (0..n as u16).filter(|vertex| self.drawn[usize::from(*vertex)]);
         // It is infinite where other clusters have all that is left.
-        gap(&self.all[..count], &set.vertices.positions, drawn).min(f32::MAX)
+        gap(missing, &set.vertices.positions, drawn).min(f32::MAX)
     }
 
-    /// The dropped components, as a parent reads them.
-    pub(super) fn bytes(&mut self) -> &[u8] {
+    /// The dropped components as a parent reads them, first all and then those without a remnant, and how many these are.
+    pub(super) fn bytes(&mut self) -> (&[u8], u32) {
         thin_out(&mut self.all, MOST);
-        bytemuck::cast_slice(&self.all)
+        thin_out(&mut self.bare, MOST);
+        self.all.extend_from_slice(&self.bare);
+        (bytemuck::cast_slice(&self.all), self.bare.len() as u32)
     }
+}
+
+/// Some of a cluster's dropped components.
+#[derive(Clone, Copy)]
+enum Of {
+    /// The first ones.
+    First(usize),
+    /// Those without a remnant.
+    Bare,
 }
 
 #[cfg(test)]
@@ -118,6 +177,7 @@ mod tests {
             stalled: false,
             forced: 0,
             dropped,
+            last_faces: &[],
             vanishing,
             refusals: Refusals::default(),
         }
@@ -150,7 +210,7 @@ mod tests {
     fn vertices_that_others_share_are_not_surely_drawn() {
         let mut vanished = Vanished::default();
         vanished.clear();
-        vanished.add_child(&ball([0.0, 1.0, 0.0], 0.25), 0.5);
+        vanished.add_child(&ball([0.0, 1.0, 0.0], 0.25), 0, [0.5, 0.0]);
         let gap = |vanished: &mut Vanished, shared: &[u16]| {
             vanished.base_gap(&row(&[0.0, 3.0, 7.0, 20.0], shared), &record(4, &[]))
         };
@@ -169,9 +229,9 @@ mod tests {
     fn gaps_are_of_the_coarsest_mesh_that_they_are_told_for() {
         let mut vanished = Vanished::default();
         vanished.clear();
-        vanished.add_child(&ball([9.0, 1.0, 0.0], 0.0), 0.5);
+        vanished.add_child(&ball([9.0, 1.0, 0.0], 0.0), 0, [0.5, 0.0]);
         let own = bytemuck::pod_read_unaligned(&ball([40.0, 0.0, 0.0], 0.0));
-        vanished.add_own(&outcome(&[own], 3.0));
+        vanished.add_own(&outcome(&[own], 3.0), &Record::default(), 9);
         assert_eq!(vanished.from(), 3.0);
         // 9 goes with an error of 1, 5 with 3.
         let (set, record) = (row(&[0.0, 1.0, 2.0, 5.0, 9.0], &[]), record(5, &[1.0, 3.0]));
@@ -189,7 +249,7 @@ mod tests {
         vanished.clear();
         vanished.limit(|error| error.min(2.0));
         assert_eq!(vanished.from(), f32::INFINITY, "nothing is missing");
-        vanished.add_own(&outcome(&[DroppedComponent::default()], 5.0));
+        vanished.add_own(&outcome(&[DroppedComponent::default()], 5.0), &Record::default(), 9);
         vanished.limit(|error| error.min(2.0));
         assert_eq!(vanished.from(), 2.0);
     }

@@ -13,7 +13,7 @@ use crate::simplify::{self, Handed, Inputs, Levels};
 use crate::trim::{self, Built};
 use crate::{allowance, hierarchy, layout};
 use chpm_extmem::{AtomicFile, FailPoints, PartWriter, Reservation};
-use chpm_format::ClusterRecord;
+use chpm_format::{ClusterRecord, Remnant};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -68,6 +68,14 @@ struct Finished {
 pub(super) fn is_finished(folder: &Folder, output: &Path) -> bool {
     let finished = folder.read::<Finished>(Step::Finish, None);
     finished.is_ok_and(|finished| output.metadata().is_ok_and(|found| found.len() == finished.record.len))
+}
+
+/// Tables of some clusters, as bytes; their pages are the part's blobs.
+#[derive(Default, Serialize, Deserialize)]
+struct Emitted {
+    records: Vec<u8>,
+    /// Each names its cluster by its place in the file.
+    remnants: Vec<u8>,
 }
 
 /// The surroundings of a step.
@@ -211,18 +219,22 @@ impl Job<'_> {
         Ok(layout::order(&built, self.settings()))
     }
 
-    fn emit(&self, share: Share, out: &mut PartWriter) -> Result<Vec<u8>, BuildError> {
+    fn emit(&self, share: Share, out: &mut PartWriter) -> Result<Emitted, BuildError> {
         let (built, _tables) = self.built()?;
         let order = self.folder.read::<Vec<u32>>(Step::Layout, None)?.record;
         let weights = order.iter().map(|node| u64::from(built.clusters.page(*node).len));
         let range = share.range(weights);
-        let mut records = Vec::new();
-        layout::run_in_order(range, &order, &built, self.settings(), self.context, |record, page| {
+        let mut places = range.start as u32..;
+        let mut emitted = Emitted::default();
+        layout::run_in_order(range, &order, &built, self.settings(), self.context, |record, mut found, page| {
             out.append(page)?;
-            records.extend_from_slice(bytemuck::bytes_of(record));
+            let place = places.next().unwrap_or_default();
+            found.iter_mut().for_each(|remnant| remnant.cluster = place);
+            emitted.records.extend_from_slice(bytemuck::bytes_of(record));
+            emitted.remnants.extend_from_slice(bytemuck::cast_slice(&found));
             Ok(())
         })?;
-        Ok(records)
+        Ok(emitted)
     }
 
     fn finish(&self, output: &Path, overwrite: bool) -> Result<Finished, BuildError> {
@@ -233,21 +245,30 @@ impl Job<'_> {
         let known =
             self.folder.read::<(Known, Arranged)>(Step::Hierarchy, Some(&self.context.store))?.record.0;
         let (built, _tables) = self.built()?;
+        let remnants = simplify::REMNANT_BYTES * built.clusters.remnant_count() as u64;
+        let _remnants = self.context.store.budget.reserve_work("remnants", remnants)?;
         let order = self.folder.read::<Vec<u32>>(Step::Layout, None)?.record;
         let file = Output::begin(out, &order, &built, &known, self.settings())?;
 
         let (mut records, mut page) = (Vec::with_capacity(order.len()), Vec::new());
         for share in Share::all(self.plan.record.parts) {
-            let Opened { part, record } = self.folder.read::<Vec<u8>>(Step::Emit(share), None)?;
+            let Opened { part, record: emitted } = self.folder.read::<Emitted>(Step::Emit(share), None)?;
             let mut offset = 0;
-            for bytes in record.chunks_exact(size_of::<ClusterRecord>()) {
+            for bytes in emitted.records.chunks_exact(size_of::<ClusterRecord>()) {
                 self.context.check()?;
                 let record: ClusterRecord = bytemuck::pod_read_unaligned(bytes);
                 page.resize(record.page_len as usize, 0);
                 part.read_exact(offset, &mut page)?;
                 file.write_page(records.len(), &page)?;
                 offset += u64::from(record.page_len);
-                records.push(record);
+                records.push((record, Vec::new()));
+            }
+            for bytes in emitted.remnants.chunks_exact(size_of::<Remnant>()) {
+                let remnant: Remnant = bytemuck::pod_read_unaligned(bytes);
+                let cluster: Option<&mut (_, Vec<_>)> = records.get_mut(remnant.cluster as usize);
+                let (_, of_cluster) = cluster
+                    .ok_or_else(|| BuildError::Record("a remnant is of no cluster that is there".to_owned()))?;
+                of_cluster.push(remnant);
             }
         }
         let written = file.finish(records, self.context)?;

@@ -1,5 +1,6 @@
 //! Checks of one page, next to its record.
 
+use super::remnants;
 use super::shared::SharedIds;
 use super::tables::page_padding_is_zero;
 use super::{Invariant, Report};
@@ -49,6 +50,7 @@ pub(super) fn check<D: AsRef<[u8]>>(
         format_args!("{} triangles in the base mesh expected, got {base}", page.base_triangle_count);
     report.expect(base == page.base_triangle_count, Invariant::ProgressiveMesh, place, message);
 
+    remnants::check(file, id, page, &mut scratch.places, report);
     let record = &file.clusters()[id.index()];
     let leaf = record.is_leaf();
     let message = "a leaf expected where triangles are not the source's";

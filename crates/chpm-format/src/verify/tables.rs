@@ -74,9 +74,12 @@ fn check_zeros<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
         let flags = c.flags & !known;
         zero(flags == 0 && absent == [true; 2] && c.reserved == [0; 16], FilePart::Cluster(id));
     }
+    let remnants = FilePart::Section(SectionKind::Remnants);
+    file.remnants().iter().for_each(|remnant| zero(remnant.reserved == [0; 2], remnants));
     for (id, g) in (0..).map(GroupId).zip(file.groups()) {
         let told = file.has_gaps() || bytemuck::bytes_of(&g.gaps) == [0; size_of::<Gaps>()];
-        zero(g.flags == 0 && g.reserved == [0; 4] && told, FilePart::Group(id));
+        let told = told && (file.has_remnants() || g.rest.to_bits() == 0);
+        zero(g.flags == 0 && told, FilePart::Group(id));
     }
 }
 
@@ -158,6 +161,9 @@ fn check_group<D: AsRef<[u8]>>(file: &Chpm<D>, id: GroupId, report: &mut Report)
         let (gap, gap_below) = (file.gaps(id).fine, file.gaps(cluster.group()).base);
         let message = format_args!("a fine gap of at least {gap_below} (cluster {fine} below), got {gap}");
         report.expect(gap >= gap_below, Invariant::Nesting, place, message);
+        let (rest, least) = (group.rest, fine_group.rest);
+        let message = format_args!("a rest gap of at least {least} (cluster {fine} below), got {rest}");
+        report.expect(!file.has_remnants() || rest >= least, Invariant::Nesting, place, message);
         let nested = group.sphere().contains(&fine_group.sphere());
         let message = format_args!(
             "sphere around that of group {} expected, got {:?} with radius {}",

@@ -6,6 +6,8 @@ mod hostile;
 mod mutate;
 /// Every bit of a page comes back from its packed form, and damage is refused.
 mod packed;
+/// Remnants of components that vanish.
+mod remnants;
 /// Ranges of a file say what the whole of it says, and what they say is not believed.
 mod remote;
 /// Round trips.

@@ -89,7 +89,7 @@ impl Sample {
                 center: sphere.center,
                 radius: sphere.radius,
                 gaps: Gaps::default(),
-                reserved: [0; 4],
+                rest: 0.0,
             });
         }
         let top = self.clusters.iter().map(|c| c.level).max().unwrap();
@@ -97,7 +97,16 @@ impl Sample {
             (0..=top).map(|level| LevelRecord { level, refusals: [7; 8], ..Default::default() }).collect();
         let scalars = scalars(self.header.attributes.scalar_words);
         (
-            Tables { header: self.header, clusters, groups, members, levels, metadata: metadata(), scalars },
+            Tables {
+                header: self.header,
+                clusters,
+                groups,
+                members,
+                levels,
+                metadata: metadata(),
+                scalars,
+                remnants: Vec::new(),
+            },
             pages,
         )
     }

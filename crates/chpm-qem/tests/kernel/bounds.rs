@@ -1,9 +1,9 @@
 //! The stored error is a bound: dense samples, both ways, never find a larger distance.
 
-use crate::play::{Run, any_mesh, played, run_in, run_with};
+use crate::play::{Run, any_mesh, played, run_in, run_with, went};
 use chpm_measure::deviation;
 use chpm_mesh::{Aabb, TriMesh};
-use chpm_qem::{Decimator, Displacement, Patch, Refusal, Topology};
+use chpm_qem::{Decimator, Displacement, LastFace, Patch, Refusal, Topology};
 use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
@@ -87,7 +87,28 @@ fn hold(name: &str, mesh: &TriMesh, target: usize) -> Run {
         let stored = f64::from(run.distance_after(steps));
         assert!(stored + SAMPLING >= measured, "{name} after {steps}: {stored} {measured}");
     }
+    hold_last_faces(name, mesh, &run);
     run
+}
+
+/// Holds the triangle that was left of each component that vanished against what had gone there.
+fn hold_last_faces(name: &str, mesh: &TriMesh, run: &Run) {
+    assert_eq!(run.last_faces.len(), run.dropped.len());
+    for LastFace { vertex, bound } in &run.last_faces {
+        let step = run.collapses.iter().position(|collapse| collapse.from == *vertex).expect("it goes");
+        let before = played(mesh, &run.collapses[..step]);
+        let left: Vec<[u32; 3]> =
+            before.triangles.into_iter().filter(|t| t.contains(&(*vertex).into())).collect();
+        let went = went(mesh.positions.len(), &run.collapses[..step]);
+        let is_there = |t: &[u32; 3]| t.iter().all(|v| left[0].contains(&went[*v as usize]));
+        assert!(left.iter().all(is_there), "{name}: one triangle, of one or two sides");
+        let part =
+            TriMesh::new(mesh.positions.clone(), mesh.triangles.iter().copied().filter(is_there).collect());
+        let last = TriMesh::new(mesh.positions.clone(), left[..1].to_vec());
+        let measured = deviation(&part, &last, SAMPLES).max();
+        assert!(f64::from(*bound) + SAMPLING >= measured, "{name}: {bound} {measured}");
+        assert!(*bound <= run.error_after(step), "{name}: {bound}");
+    }
 }
 
 #[test]
@@ -142,6 +163,7 @@ fn the_error_of_the_first_that_vanishes_is_told() {
     ]);
     let run = hold("three", &mesh, 20);
     assert_eq!(run.dropped.len(), 3);
+    assert!(run.last_faces.iter().all(|last| last.bound > 0.0 && last.bound < 1e-2 * size), "{run:?}");
     let whole = |steps: usize| {
         let left = played(&mesh, &run.collapses[..steps]).triangles.concat();
         (0..3).all(|speck| left.iter().any(|v| (count + 4 * speck..count + 4 * speck + 4).contains(v)))

@@ -1,7 +1,7 @@
 //! Decimates a plain mesh, and carries collapses out again without any of the kernel's structures.
 
 use chpm_mesh::TriMesh;
-use chpm_qem::{Collapse, Decimator, DroppedComponent, Patch, Record, Refusal, Refusals, Topology};
+use chpm_qem::{Collapse, Decimator, DroppedComponent, LastFace, Patch, Record, Refusal, Refusals, Topology};
 
 /// A decimation's result and mesh.
 #[derive(Debug)]
@@ -11,6 +11,7 @@ pub(crate) struct Run {
     pub(crate) stalled: bool,
     pub(crate) refusals: Refusals,
     pub(crate) dropped: Vec<DroppedComponent>,
+    pub(crate) last_faces: Vec<LastFace>,
     pub(crate) vanishing: f32,
     pub(crate) record: Record,
     pub(crate) mesh: TriMesh,
@@ -77,6 +78,7 @@ pub(crate) fn run_with(
         stalled: outcome.stalled,
         refusals: outcome.refusals,
         dropped: outcome.dropped.to_vec(),
+        last_faces: outcome.last_faces.to_vec(),
         vanishing: outcome.vanishing,
         record,
         mesh: played(mesh, outcome.collapses),

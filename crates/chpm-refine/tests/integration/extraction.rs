@@ -210,7 +210,7 @@ fn vertices_without_triangles_are_left_out() {
         center: record.center,
         radius: record.radius,
         gaps: Default::default(),
-        reserved: [0; 4],
+        rest: 0.0,
     };
     let mut tables = Tables {
         header: HeaderFields { source_vertex_count: 6, ..HeaderFields::default() },

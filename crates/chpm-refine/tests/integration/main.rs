@@ -16,6 +16,8 @@ mod front;
 mod path;
 /// A split changes no triangle at the moment it happens.
 mod pops;
+/// Components that have vanished, drawn by what is left of them.
+mod remnants;
 /// Pages that come late, in any order, or not at all.
 mod residency;
 /// The stateless selection: the rule, legal for any camera, without cracks.

@@ -328,7 +328,7 @@ impl Plan {
                 center: sphere.center,
                 radius: sphere.radius,
                 gaps: Gaps::default(),
-                reserved: [0; 4],
+                rest: 0.0,
             });
             members.extend(group);
             members.extend(fine);

@@ -4,15 +4,16 @@
 //! Cuts by ever larger stored distances are held against the leaves, as surfaces, until one is not proven to be within what was asked for; then halfway. Each that
 //! is taken has been proven by itself, so nothing rests on how distances grow.
 
+use super::drawn::Drawn;
 use super::{Certifier, EFFORT, Side, Way};
-use crate::deviation::{drawn_tiles, finest, mesh_of};
+use crate::deviation::finest;
 use crate::error::VerifyError;
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::Tiles;
 use chpm_measure::proof::{Allowed, Verdict};
 use chpm_mesh::geom::round_up;
-use chpm_mesh::{Aabb, ClusterId, TriMesh};
+use chpm_mesh::{ClusterId, TriMesh};
 use chpm_refine::Cut;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -62,7 +63,7 @@ pub fn coarsest(
     let mut found = None;
     for _ in 0..TRIED {
         let bound = far.map_or(near * GROWTH, |far: f64| (near * far).sqrt());
-        let cut = Cut::at_distance(file, bound as f32)?;
+        let cut = Cut::at_distances(file, bound as f32, limit as f32)?;
         if cut == last {
             near = bound;
         } else if let Some(reached) = certifier.reach(&cut, limit)? {
@@ -79,10 +80,9 @@ pub fn coarsest(
 impl Certifier<'_> {
     /// How far a cut and the leaves are from each other at most, if that is proven to be within a limit.
     fn reach(&self, cut: &Cut, limit: f64) -> Result<Option<f64>, VerifyError> {
-        let (file, members) = (self.file, cut.members());
-        let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
-        let drawn = drawn_tiles(file, members, boxes, self.budget, self.cancel);
-        self.reach_both(members.len(), |index| mesh_of(file, members[index]), &drawn, limit)
+        let drawn = Drawn::new(self.file, cut)?;
+        let tiles = drawn.tiles(self.budget, self.cancel);
+        self.reach_both(drawn.len(), |index| drawn.part(index), &tiles, limit)
     }
 
     /// How far the parts of a mesh, whose tiles are `drawn`, and the leaves are from each other at most, if that is proven to be within a limit.

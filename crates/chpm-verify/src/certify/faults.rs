@@ -6,7 +6,7 @@ use chpm_mesh::{Counted, Units};
 /// Every row that is not proven, in words, and the number of triangles. Places are told in the source's coordinates.
 pub fn faults(certified: &Certified, origin: [f64; 3]) -> (Vec<String>, u64) {
     let mut faults = Vec::new();
-    for row in certified.levels.iter().chain(&certified.cuts) {
+    for row in certified.rows() {
         for (side, from, to, what) in
             [(&row.of_mesh, "mesh", "source", "error"), (&row.of_source, "source", "mesh", "distance")]
         {
@@ -29,8 +29,7 @@ pub fn faults(certified: &Certified, origin: [f64; 3]) -> (Vec<String>, u64) {
             }
         }
     }
-    let all = certified.levels.iter().chain(&certified.cuts);
-    (faults, all.map(|row| row.violations() + row.undecided()).sum())
+    (faults, certified.rows().map(|row| row.violations() + row.undecided()).sum())
 }
 
 fn absolute(at: [f64; 3], origin: [f64; 3]) -> [f64; 3] {

@@ -10,6 +10,7 @@
 //! to, and then anew in those clusters that might have a point farther than the farthest that is known.
 
 mod coarsest;
+mod drawn;
 mod faults;
 mod further;
 
@@ -18,14 +19,15 @@ pub use faults::faults;
 pub use further::{CUT_BYTES, Further, Goal, SOURCE_BYTES, further};
 
 use crate::cuts;
-use crate::deviation::{at_position, drawn_tiles, finest, mesh_of, source_tiles};
+use crate::deviation::{at_position, finest, source_tiles};
 use crate::error::VerifyError;
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::Tiles;
 use chpm_measure::proof::{Allowed, LOSS, Prover, Verdict};
-use chpm_mesh::{Aabb, ClusterId, TriMesh, geom};
-use chpm_refine::{Cut, Hierarchy, Member};
+use chpm_mesh::{ClusterId, TriMesh, Units, geom};
+use chpm_refine::{Cut, Hierarchy};
+use drawn::Drawn;
 use rayon::prelude::*;
 use std::fmt;
 
@@ -61,10 +63,19 @@ pub struct Certified {
     pub levels: Vec<Row>,
     /// A row for each cut.
     pub cuts: Vec<Row>,
+    /// A row for each level of a file with remnants: the cut within its largest error.
+    pub within: Vec<Row>,
     /// How far the source itself may be from its triangles as singles hold them; the leaves state it.
     pub rounding: f64,
     /// By how much what holds may be beyond what is stored at most: rounding of the proof.
     pub slack: f64,
+}
+
+impl Certified {
+    /// All rows.
+    pub fn rows(&self) -> impl Iterator<Item = &Row> {
+        self.levels.iter().chain(&self.within).chain(&self.cuts)
+    }
 }
 
 /// Which cut a row is about.
@@ -82,6 +93,11 @@ pub enum Which {
         /// It is made of this.
         seed: u64,
     },
+    /// The cut within a distance, with the remnants that it takes.
+    Within {
+        /// That distance, object units.
+        distance: f32,
+    },
 }
 
 impl fmt::Display for Which {
@@ -91,6 +107,7 @@ impl fmt::Display for Which {
                 write!(f, "level {level}, {:.0} % collapsed", 100.0 * collapsed)
             }
             Which::Cut { seed } => write!(f, "cut of seed {seed}"),
+            Which::Within { distance } => write!(f, "cut within {}", Units((*distance).into())),
         }
     }
 }
@@ -231,9 +248,16 @@ pub fn certify(
             let cut = at_position(file, level, collapsed)?;
             let label = format!("level {level}, {:.0} %", 100.0 * collapsed);
             let which = Which::Level { level, collapsed };
-            found.levels.push(certifier.cut(&cut, which, &label, found.rounding, |member| {
-                file.clusters()[member.cluster.index()].level == level
+            found.levels.push(certifier.cut(&cut, which, &label, found.rounding, |cluster| {
+                file.clusters()[cluster.index()].level == level
             })?);
+        }
+        // What remnants add to the errors of this level.
+        if file.has_remnants() && level > 0 {
+            let distance = file.levels()[level as usize].max_error;
+            let which = Which::Within { distance };
+            let cut = Cut::at_distance(file, distance)?;
+            found.within.push(certifier.cut(&cut, which, &which.to_string(), found.rounding, |_| true)?);
         }
     }
     let hierarchy = Hierarchy::new(file);
@@ -267,38 +291,45 @@ impl<'a> Certifier<'a> {
         Ok(Certifier { file, leaves, source, size, budget, effort: f64::from(effort), progress, cancel })
     }
 
-    /// Certifies a cut; of the drawn clusters, those for which `is_asked`.
+    /// Certifies a cut; of what is drawn, the clusters for which `is_asked`, and the remnants.
     fn cut(
         &self,
         cut: &Cut,
         which: Which,
         label: &str,
         rounding: f64,
-        is_asked: impl Fn(&Member) -> bool,
+        is_asked: impl Fn(ClusterId) -> bool,
     ) -> Result<Row, VerifyError> {
         let (file, members) = (self.file, cut.members());
-        let asked: Vec<Member> = members.iter().filter(|member| is_asked(member)).copied().collect();
-        let errors = asked.iter().map(|m| Ok(file.page(m.cluster)?.view().error_at(m.vertices as usize)));
-        let errors = errors.collect::<Result<Vec<f32>, VerifyError>>()?;
-        let distances = members.iter().map(|m| Ok(m.distance(file)?));
-        let distances = distances.collect::<Result<Vec<f32>, VerifyError>>()?;
-        let own = members.iter().zip(&distances).filter(|(m, _)| is_asked(m)).map(|(_, distance)| *distance);
+        let parts = Drawn::new(file, cut)?;
+        let is_asked = |part: &usize| members.get(*part).is_none_or(|member| is_asked(member.cluster));
+        let asked: Vec<usize> = (0..parts.len()).filter(is_asked).collect();
+        let bounds = cut.remnants().iter().map(|number| file.remnants()[*number as usize].bound);
+        let of_specks = bounds.fold(0.0, f32::max);
+        let error = |part: &usize| match members.get(*part) {
+            Some(member) => Ok(file.page(member.cluster)?.view().error_at(member.vertices as usize)),
+            None => Ok(of_specks),
+        };
+        let errors = asked.iter().map(error).collect::<Result<Vec<f32>, VerifyError>>()?;
+        // Anything near a remnant may be as far from it as anything from the rest.
+        let mut distances = cut.distances(file)?;
+        distances.resize(parts.len(), distances.iter().copied().fold(of_specks, f32::max));
+        let own = asked.iter().map(|part| distances[*part]);
 
         // What is drawn, and how far each of its tiles may be from the source.
-        let boxes: Vec<Aabb> = members.iter().map(|m| file.clusters()[m.cluster.index()].aabb()).collect();
-        let drawn = drawn_tiles(file, members, boxes, self.budget, self.cancel);
+        let drawn = parts.tiles(self.budget, self.cancel);
         let allowed = Allowed::own(&drawn, distances.iter().map(|d| f64::from(*d)).collect());
-        let size = size_of(asked.len(), |index| mesh_of(file, asked[index]), self.cancel)?;
+        let size = size_of(asked.len(), |index| parts.part(asked[index]), self.cancel)?;
         self.progress.begin(label, 2 * (self.leaves.len() + asked.len()) as u64);
 
         // From the mesh to the source, then from the source to all that is drawn.
         let each: Vec<Allowed> = errors.iter().map(|error| Allowed::Same(f64::from(*error))).collect();
         let of_mesh = Way { certifier: self, target: &self.source, limits: self.limits(size, self.size) };
         let mut of_mesh =
-            of_mesh.go(asked.len(), |i| mesh_of(file, asked[i]), |i| &each[i], |i, _| errors[i].into())?;
-        let all = match asked.len() == members.len() {
+            of_mesh.go(asked.len(), |i| parts.part(asked[i]), |i| &each[i], |i, _| errors[i].into())?;
+        let all = match asked.len() == parts.len() {
             true => size,
-            false => size_of(members.len(), |index| mesh_of(file, members[index]), self.cancel)?,
+            false => size_of(parts.len(), |index| parts.part(index), self.cancel)?,
         };
         let of_source = Way { certifier: self, target: &drawn, limits: self.limits(self.size, all) };
         let mut of_source = of_source.go(
@@ -313,7 +344,7 @@ impl<'a> Certifier<'a> {
         of_source.widen(rounding);
         Ok(Row {
             which,
-            clusters: asked.len() as u64,
+            clusters: asked.iter().filter(|part| **part < members.len()).count() as u64,
             triangles: size.triangles as u64,
             error: errors.iter().copied().fold(0.0, f32::max),
             distance: own.fold(0.0, f32::max),

@@ -1,0 +1,115 @@
+//! Dust above a surface: it costs what it is worth, and what is said of it is proven.
+
+use super::harness::{Folder, text};
+use chpm_format::{Chpm, ChpmWriter, Remnant, Tables};
+use chpm_mesh::{Aabb, ClusterId, TriMesh};
+use chpm_synth::{Shape, Synth, hand};
+use serde_json::Value;
+
+const SPECKS: usize = 64;
+
+/// A terrain, and above it specks of a thousandth of its size, farther and farther away.
+fn dusty() -> TriMesh {
+    let mut mesh = Synth::new(Shape::Terrain, 20_000, 1).to_mesh();
+    let bounds = Aabb::of_points(&mesh.positions);
+    let size = bounds.diagonal() as f32;
+    for i in 0..SPECKS {
+        let first = mesh.positions.len() as u32;
+        let along = |axis: usize, step: usize| {
+            bounds.min[axis] + (bounds.max[axis] - bounds.min[axis]) * (step as f32 + 0.5) / 8.0
+        };
+        let place = [along(0, i % 8), along(1, i / 8), bounds.max[2] + 0.01 * size * (1 + i % 20) as f32];
+        let speck = hand::tetrahedron();
+        let corner = |p: &[f32; 3]| std::array::from_fn(|axis| place[axis] + 0.001 * size * p[axis]);
+        mesh.positions.extend(speck.positions.iter().map(corner));
+        mesh.triangles.extend(speck.triangles.iter().map(|t| t.map(|v| first + v)));
+    }
+    mesh
+}
+
+fn folder() -> Folder {
+    let folder = Folder::new();
+    folder.write_mesh("in.ply", &dusty());
+    folder.stdout("build in.ply -q");
+    folder
+}
+
+fn json(folder: &Folder, words: &str, code: i32) -> Value {
+    serde_json::from_slice(&folder.chpm(words).code(code).get_output().stdout).expect("valid JSON")
+}
+
+/// Triangles of the mesh within a distance, of a file or a source.
+fn triangles(folder: &Folder, words: &str) -> u64 {
+    json(folder, &format!("{words} -o out.ply -fq --json"), 0)["triangles"].as_u64().expect("a number")
+}
+
+#[test]
+fn dust_makes_no_plateau() {
+    let folder = folder();
+    folder.write_mesh("clean.ply", &Synth::new(Shape::Terrain, 20_000, 1).to_mesh());
+    folder.stdout("build clean.ply -q");
+    for share in ["1%", "2%", "4%", "8%"] {
+        let [clean, dusty] =
+            ["clean", "in"].map(|name| triangles(&folder, &format!("extract {name}.chpm --error {share}")));
+        assert!(dusty <= clean * 13 / 10 + SPECKS as u64, "{share}: {dusty} triangles, {clean} without dust");
+        let at_once = triangles(&folder, &format!("simplify in.ply --within {share}"));
+        assert_eq!(at_once, dusty);
+        let proven = triangles(&folder, &format!("extract in.chpm --error {share} --tight"));
+        assert!(proven <= dusty && (share == "8%" || proven > 20), "{share}: {proven} of {dusty}");
+    }
+    assert_eq!(json(&folder, "info in.chpm --json", 0)["remnants"], SPECKS);
+    assert_eq!(json(&folder, "info clean.chpm --json", 0)["remnants"], 0);
+    assert!(folder.stdout("info in.chpm").contains("64 pieces vanish"));
+    // They follow their clusters, and are the same for any memory and threads.
+    folder.stdout("relayout in.chpm --pages packed --order levels -o packed.chpm");
+    folder.stdout("verify packed.chpm --same-as in.chpm -q");
+    let words = |name: &str| format!("extract {name}.chpm --error 4%");
+    assert_eq!(triangles(&folder, &words("packed")), triangles(&folder, &words("in")));
+    folder.stdout("build in.ply -q -o again.chpm --threads 1 --memory 128M");
+    assert!(folder.read("again.chpm") == folder.read("in.chpm"));
+    // Where ends are cut off there are none, and gaps tell as much as before.
+    folder.stdout("build in.ply -q -o cut.chpm --finest-error 0.1%");
+    assert_eq!(json(&folder, "info cut.chpm --json", 0)["remnants"], 0);
+    folder.stdout("verify cut.chpm -q");
+}
+
+/// The file with its remnants changed, and all checksums right.
+fn with(folder: &Folder, change: impl Fn(&mut Remnant)) -> Vec<u8> {
+    let file = Chpm::open(folder.read("in.chpm")).expect("a file");
+    let mut tables = Tables::of(&file).expect("tables");
+    tables.remnants.iter_mut().for_each(change);
+    let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).expect("a head");
+    let pages = (0..file.header().cluster_count).map(ClusterId);
+    pages.for_each(|id| writer.page(file.page_bytes(id)).expect("a page"));
+    writer.finish().expect("a file")
+}
+
+#[test]
+fn what_remnants_say_is_proven_or_refuted() {
+    let folder = folder();
+    let words = "verify in.chpm --against in.ply --errors --level 2 -q";
+    let told = json(&folder, &format!("{words} --json"), 0);
+    assert_eq!(
+        (&told["errors"]["violations"], &told["errors"]["undecided"]),
+        (&0.into(), &0.into()),
+        "{told}"
+    );
+    let row = &told["errors"]["within"][0];
+    assert!(row["stored_distance"].as_f64() <= row["within"].as_f64(), "{told}");
+    assert!(folder.stdout(words).contains("cut within"));
+
+    // Balls that lie on the surface hide what is missing.
+    let good = folder.read("in.chpm");
+    folder.write("in.chpm", with(&folder, |remnant| remnant.center[2] = 0.0));
+    let told = json(&folder, &format!("{words} --json"), 1);
+    assert!(told["errors"]["within"][0]["of_source"]["violations"].as_u64() > Some(0), "{told}");
+    folder.write("in.chpm", &good);
+
+    // What the file alone can show.
+    folder.write("in.chpm", with(&folder, |remnant| remnant.bound = 1.0));
+    let told = text(&folder.chpm("verify in.chpm -q").code(1).get_output().stdout);
+    assert!(told.contains("I6 nesting") && told.contains("a remnant within the error"), "{told}");
+    folder.write("in.chpm", with(&folder, |remnant| remnant.corners.swap(1, 2)));
+    let told = text(&folder.chpm("verify in.chpm -q").code(1).get_output().stdout);
+    assert!(told.contains("I8 vertices") && told.contains("a remnant of the corners"), "{told}");
+}
