@@ -111,7 +111,7 @@ pub(crate) fn run(
             let _traced = phase.task("region");
             context.check()?;
             let traced = context.trace.task("load");
-            let mut mesh = divided.load(region)?;
+            let mut mesh = divided.load(region, context)?;
             drop(traced);
             let normals = if is_computed { normals::compute(&mut mesh) } else { Vec::new() };
             let leaves = divide::leaves_of(&divided, &mesh, wanted, settings);
@@ -129,14 +129,23 @@ pub(crate) fn run(
             Ok(account.enter(topology)?)
         },
     )?;
-    let traced = context.trace.task("drop");
-    drop((divided, share));
-    drop(traced);
-    let _traced = context.trace.task("account");
-
-    account.close()?.add_to(repairs);
+    drop(share);
+    let phase = context.trace.phase();
+    let (topology, ()) = rayon::join(
+        || {
+            let _traced = phase.task("account");
+            account.close()
+        },
+        || {
+            let _traced = phase.task("drop");
+            drop(divided);
+        },
+    );
+    topology?.add_to(repairs);
     context.check()?;
+    let traced = context.trace.task("collect");
     let (leaves, shared) = collector.finish()?;
+    drop(traced);
     repairs.merged_copies = copies;
     repairs.unreferenced_vertices = vertex_count - shared.used_vertices;
     Decomposition { rounding, spool, leaves, shared, scalar_words, held: None }.hold(&context.store)

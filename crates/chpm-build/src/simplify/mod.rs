@@ -118,10 +118,12 @@ pub(crate) fn run(
     context.progress.advance(levels.built.refs.iter().flatten().count() as u64);
 
     while levels.level < tree.level_count() {
+        let traced = context.trace.task("form");
         group_borders.rise(tree, levels.level);
         if levels.first.is_none() {
             levels.form_groups(&group_borders, inputs);
         }
+        drop(traced);
         while levels.done < levels.groups().len() {
             levels.work(&group_borders, inputs)?;
             if context.clock.is_due() {
@@ -132,6 +134,7 @@ pub(crate) fn run(
             levels.built.range =
                 ErrorRange::of(settings, diagonal(&levels.built.refs), decomposition.rounding.error())?;
         }
+        let _traced = context.trace.task("drop");
         levels.rise(tree, &context.store);
     }
 
@@ -204,6 +207,7 @@ impl Levels {
         })?;
 
         // In the order of the groups, whichever thread was done first.
+        let _traced = context.trace.task("take");
         for done in results {
             self.take(done, decomposition);
         }
