@@ -108,11 +108,14 @@ pub(crate) fn run(
     let (mut scratch, mut slices) = (Vec::new(), Vec::new());
     let [counting, placing, storing] = [(); 3].map(|()| context.trace.phase());
     let by_cell: PerThread<Vec<u32>> = PerThread::new();
+    let zeros = || {
+        let mut zeros = by_cell.own();
+        zeros.resize(grid.cells.len(), 0);
+        zeros
+    };
     let count = |points: &[[f32; 3]]| {
         let _traced = counting.task("cells");
-        let counts = &mut *by_cell.own();
-        counts.resize(grid.cells.len(), 0);
-        Slice::count(points.iter().map(|p| grid.cell_of(*p)), counts)
+        Slice::count(points.iter().map(|p| grid.cell_of(*p)), &mut zeros())
     };
     for start in (0..positions.len()).step_by(STEP) {
         context.check()?;
@@ -121,7 +124,7 @@ pub(crate) fn run(
         slices.iter_mut().for_each(|slice| slice.take_places(&mut next));
         slices.par_iter_mut().for_each(|slice| {
             let _traced = placing.task("number");
-            slice.place(&mut by_cell.own());
+            slice.place(&mut zeros());
         });
         let numbers: Vec<&[u32]> = slices.iter().map(|slice| &slice.numbers[..]).collect();
         mapping.extend_from_slices(&numbers, || storing.task("store"))?;
