@@ -83,7 +83,7 @@ pub struct BufferWriter<T: Pod> {
 
 #[derive(Debug)]
 enum Growing<T> {
-    /// What was expected is there as zeros that nobody has touched, so that the system has not given the memory yet.
+    /// Elements that were expected are there as zeros that nobody has touched: the system has not given the memory yet.
     Memory {
         data: Vec<T>,
         reservation: Reservation,

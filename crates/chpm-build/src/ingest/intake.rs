@@ -170,8 +170,11 @@ fn read(
         if !has_ended {
             round.push(batch);
         }
-        if (has_ended || round.len() == len) && full.send(std::mem::take(&mut round)).is_err() || has_ended {
-            return Ok(());
+        if has_ended || round.len() == len {
+            let is_taken = full.send(std::mem::take(&mut round)).is_ok();
+            if has_ended || !is_taken {
+                return Ok(());
+            }
         }
     }
 }
