@@ -65,18 +65,32 @@ impl Gatherer {
         Ok(self.account.enter(topology)?)
     }
 
-    /// The leaves, which lie in `spool`; what is odd about the source is counted into `repairs`.
+    /// The leaves, which lie in `spool`; what is odd about the source is counted into `repairs`. Beside the count, `release` drops what is not needed any more.
     pub(super) fn finish(
         self,
         about: About,
         spool: Spool,
         context: &Context<'_>,
         repairs: &mut Repairs,
+        release: impl FnOnce() + Send,
     ) -> Result<Decomposition, BuildError> {
         let Gatherer { collector, account, copies, .. } = self;
-        account.close()?.add_to(repairs);
+        let phase = context.trace.phase();
+        let (topology, ()) = rayon::join(
+            || {
+                let _traced = phase.task("account");
+                account.close()
+            },
+            || {
+                let _traced = phase.task("drop");
+                release();
+            },
+        );
+        topology?.add_to(repairs);
         context.check()?;
+        let traced = context.trace.task("collect");
         let (leaves, shared): (Vec<Leaf>, SharedVertices) = collector.finish()?;
+        drop(traced);
         repairs.merged_copies = copies;
         repairs.unreferenced_vertices = about.vertex_count - shared.used_vertices;
         let About { rounding, scalar_words, .. } = about;
