@@ -11,8 +11,9 @@ use crate::progress::Meter;
 use crate::shown::ShownArgs;
 use crate::stop::Stop;
 use crate::web::{Given, whole_page};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
+use chpm_extmem::read_text;
 use chpm_mesh::{Bytes, Counted};
 use serde_json::json;
 use std::fs::{self, File};
@@ -35,6 +36,9 @@ pub(crate) struct Args {
     /// Such as python -m http.server. A page asks for those that it needs.
     #[arg(long)]
     split: bool,
+    /// Notes at points of the model: a JSON list of {"at": [x, y, z], "title": "...", "text": "..."}, in the model's coordinates
+    #[arg(long, value_name = "FILE")]
+    notes: Option<PathBuf>,
     /// Replace the folder if it is an earlier one
     #[arg(short, long)]
     force: bool,
@@ -57,7 +61,11 @@ const PIECES: &str = "model";
 /// The page's name there, which hosts show for the folder.
 const INDEX: &str = "index.html";
 /// Names in the folder, those of older versions too.
-const NAMES: [&str; 5] = [MODEL, PIECES, INDEX, "view", "chpm"];
+const NAMES: [&str; 6] = [MODEL, PIECES, INDEX, NOTES, "view", "chpm"];
+/// The name of its notes.
+const NOTES: &str = "notes.json";
+/// Most bytes of them.
+const MOST_NOTES: u64 = 1 << 20;
 
 /// Least bytes of a piece: fewer would be a request for every page.
 const LEAST_PIECE: u64 = 128 << 10;
@@ -70,6 +78,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     if !inputs::is_mesh(&args.file) {
         open(&args.file)?;
     }
+    let notes = args.notes.as_deref().map(read_notes).transpose()?;
     // What tells that a folder is one of these comes first.
     let mut names = NAMES;
     if args.output.join(PIECES).is_dir() {
@@ -78,16 +87,44 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let folder = OutputFolder::create(&args.output, args.force, &names, None)?;
     let model = folder.path(MODEL);
     let bytes = write_model(args, &model, stop)?;
-    let mut given = Given { name: Some(MODEL.to_owned()), pieces: None };
+    let mut given =
+        Given { name: Some(MODEL.to_owned()), notes: notes.as_ref().map(|_| NOTES), pieces: None };
     let pieces = args.split.then(|| split(&folder, &model, bytes, stop)).transpose()?;
     given.pieces = pieces.map(|(piece, _)| json!({ "folder": PIECES, "length": piece, "size": bytes }));
     folder.write(INDEX, whole_page(&open(&model)?, &given)?.as_bytes())?;
+    if let Some(notes) = notes {
+        folder.write(NOTES, notes.as_bytes())?;
+    }
     if args.split {
         fs::remove_file(&model).with_context(|| format!("cannot remove '{}'", model.display()))?;
     }
     folder.publish()?;
     output::finish(&args.output);
     tell(args, bytes, pieces.map(|(_, count)| count))
+}
+
+/// The notes of a file, if they are what they should be.
+fn read_notes(path: &Path) -> Result<String> {
+    /// A point of the model with text.
+    #[derive(serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Note {
+        at: [f64; 3],
+        #[serde(rename = "title")]
+        _title: String,
+        #[serde(default, rename = "text")]
+        _text: String,
+    }
+    let name = path.display();
+    let text = read_text(path, MOST_NOTES).with_context(|| format!("cannot read '{name}'"))?;
+    let notes: Vec<Note> = serde_json::from_str(&text).with_context(|| {
+        format!("'{name}' has no notes: a list of {{\"at\": [x, y, z], \"title\": \"...\", \"text\": \"...\"}} is expected")
+    })?;
+    ensure!(
+        notes.iter().flat_map(|note| note.at).all(f64::is_finite),
+        "'{name}' has a point that is nowhere"
+    );
+    Ok(text)
 }
 
 /// The model in the folder: built, or stored anew; how long it is.

@@ -49,6 +49,8 @@ pub(crate) const FILES: &[WebFile] = web_files! {
 pub(crate) struct Given {
     /// The model's address, where the page's own does not tell it.
     pub(crate) name: Option<String>,
+    /// Where its notes are, if it has any.
+    pub(crate) notes: Option<&'static str>,
     /// Its pieces, where it is in pieces.
     pub(crate) pieces: Option<Value>,
 }
@@ -74,13 +76,14 @@ pub(crate) fn page_for(file: &Chpm<MappedFile>, given: &Given) -> Result<String>
         "background": metadata.setting(shown::BACKGROUND),
         "first": first(file),
         "pieces": given.pieces,
+        "notes": given.notes,
     });
     let named =
         given.name.as_ref().map_or_else(String::new, |name| format!(" data-file=\"{}\"", escaped(name)));
     let body = format!("<body{named} data-view=\"{}\">", escaped(&view.to_string()));
-    let title = metadata.setting(shown::TITLE).map(|title| format!("<title>{}</title>", escaped(title)));
-    let page = page_text().replacen("<body>", &body, 1);
-    Ok(title.map_or(page.clone(), |title| page.replacen("<title>chpm</title>", &title, 1)))
+    let title = metadata.setting(shown::TITLE).unwrap_or("chpm");
+    let title = format!("<title>{}</title>", escaped(title));
+    Ok(page_text().replacen("<body>", &body, 1).replacen("<title>chpm</title>", &title, 1))
 }
 
 /// The same with all that it loads, but for the model, in itself.

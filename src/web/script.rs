@@ -85,7 +85,7 @@ fn named<'a>(line: &'a str, word: &str) -> Option<(&'a str, &'a str)> {
 fn declared_by(declaration: &str) -> Option<&str> {
     let rest = declaration.strip_prefix("async ").unwrap_or(declaration);
     let rest = ["function ", "class ", "const "].iter().find_map(|kind| rest.strip_prefix(kind))?;
-    rest.split(|letter: char| !letter.is_ascii_alphanumeric() && letter != '_').next()
+    rest.split(|letter: char| !letter.is_ascii_alphanumeric() && !"_$".contains(letter)).next()
 }
 
 /// The path of a module that one names by the way from it.
@@ -95,7 +95,9 @@ fn beside(path: &str, way: &str) -> &'static str {
     for part in way.split('/') {
         match part {
             "." => {}
-            ".." => drop(parts.pop()),
+            ".." => {
+                parts.pop();
+            }
             part => parts.push(part),
         }
     }
@@ -120,6 +122,7 @@ mod tests {
                     assert!(all.contains(&name), "{} takes {name} from {from}", file.path);
                 }
             }
+            assert!(module.exports.iter().all(|name| !name.is_empty()), "{}", file.path);
             for line in module.body.lines() {
                 assert!(
                     !line.starts_with("import ") && !line.starts_with("export "),

@@ -339,6 +339,19 @@ fn a_mesh_is_shared_by_one_command_as_it_is_to_be_shown() {
     );
     assert_eq!(seen["background"], "102030");
     assert!(page.contains("<title>B\u{fc}ste &lt;1> &quot;a&quot;</title>"), "{page}");
+    // Notes lie beside.
+    folder.write("notes.txt", r#"[{"at": [0.5, 0.5, 0.5], "title": "Here", "text": "A note"}]"#);
+    folder.stdout("share in.ply -o noted -q --notes notes.txt");
+    assert_eq!(folder.read("noted/notes.json"), folder.read("notes.txt"));
+    assert_eq!(
+        seen_first(&String::from_utf8(folder.read("noted/index.html")).expect("text"))["notes"],
+        "notes.json"
+    );
+    for bad in ["{}", "[{}]", "[1]", "[{\"at\": [1, 2], \"title\": \"x\"}]"] {
+        folder.write("bad.json", bad);
+        let said = folder.stderr("share in.ply -o none -q --notes bad.json", 2);
+        assert!(said.contains("bad.json") && !folder.path("none").exists(), "{said}");
+    }
     // Kept with the file: whoever shares that needs not be told, and may tell otherwise.
     folder.stdout("share site/model.chpm -o again -q --up x --pages raw");
     let again = seen_first(&String::from_utf8(folder.read("again/index.html")).expect("text"));

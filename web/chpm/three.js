@@ -141,22 +141,25 @@ export function withThree(THREE) {
       const sides = planes.map(({ normal, constant }) => [normal.x, normal.y, normal.z, constant + normal.dot(eye)]);
       const fov = camera.getEffectiveFOV?.() ?? camera.fov ?? 45;
       const rule = cameraRule({ eye: [eye.x, eye.y, eye.z], fov, near: 0, height: Math.max(height, 1), pixels: this.pixels, planes: sides, regions: this.regions });
-      const { cut, waiting } = selectFromMemory(file, this.roots, rule, (id) => this.shown.has(id));
+      const { cut, waiting, met } = selectFromMemory(file, this.roots, rule, (id) => this.shown.has(id));
+      // What lies above the cut is needed to come down to it.
+      for (const id of met) this.shown.get(id).used = cache.frame;
       const isDrawn = new Set(cut.map(({ cluster }) => cluster));
       for (const [id, { mesh }] of this.shown) mesh.visible = isDrawn.has(id);
       for (const { cluster, bound } of cut) {
         const part = this.shown.get(cluster);
         const n = part.page.position(bound);
-        part.used = cache.frame;
         if (n !== part.n) setPosition(THREE, part.mesh.geometry, part.page, (part.n = n));
         part.mesh.userData.error = part.page.errorAt(n);
       }
-      this.isWaiting = waiting.some(({ group }) => !this.failed.has(group.id));
+      // A full cache keeps what it has, and the picture is coarser.
+      cache.shrink();
+      const isFull = cache.bytes >= cache.limit;
+      this.isWaiting = !isFull && waiting.some(({ group }) => !this.failed.has(group.id));
       for (const { group } of waiting) {
-        if (this.requests >= AT_ONCE) break;
+        if (isFull || this.requests >= AT_ONCE) break;
         if (!this.coming.has(group.id) && !this.failed.has(group.id)) this.#bring(group.id);
       }
-      cache.shrink();
     }
 
     async #bring(id) {

@@ -1,7 +1,8 @@
 // node link.mjs SITE [WIDTHxHEIGHT [MEGABITS [MILLISECONDS]]]
 //
 // Opens a folder that `chpm share` wrote over a slow link, as Chromium emulates it, and writes as a line of JSON when there was a first picture, when 100,000
-// triangles and when all (seconds since the address was asked for), and the requests and bytes by then. Whoever has a busy machine measures that, too.
+// triangles and when all (seconds since the address was asked for), and the requests and bytes by then, and the processor time of the page's thread, which
+// a busy machine does not lengthen as it does the others.
 
 import path from "node:path";
 import { launch, reason } from "./browser.mjs";
@@ -17,6 +18,8 @@ const host = await serve([path.resolve(site)]);
 const browser = await launch();
 const page = await browser.newPage({ viewport: { width, height } });
 const session = await page.context().newCDPSession(page);
+await session.send("Performance.enable", { timeDomain: "threadTicks" });
+const busy = async () => (await session.send("Performance.getMetrics")).metrics.find(({ name }) => name === "TaskDuration").value;
 const throughput = (Number(megabits) * 1e6) / 8;
 await session.send("Network.enable");
 await session.send("Network.emulateNetworkConditions", { offline: false, latency: Number(latency), downloadThroughput: throughput, uploadThroughput: throughput });
@@ -39,7 +42,7 @@ await page.goto(`${host.url}/index.html`, { waitUntil: "commit" });
 const told = {};
 for (const name of ["first", "settled"]) {
   await page.waitForFunction((name) => marks[name], name, { timeout: 200000, polling: 50 });
-  told[name] = { ...sent };
+  told[name] = { ...sent, busy: await busy() };
 }
 const { marks, drawn } = await page.evaluate(() => ({ marks, drawn: { triangles: chpmView.drawn.triangles, clusters: chpmView.drawn.clusters } }));
 console.log(JSON.stringify({ ...marks, by: told, ...drawn }));

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
-import { mkdirSync } from "node:fs";
+import { mkdirSync, writeFileSync } from "node:fs";
 import path from "node:path";
 import { after, before, test } from "node:test";
 import { pathToFileURL } from "node:url";
@@ -20,8 +20,9 @@ before(async () => {
   if (skip) return;
   mkdirSync(odd, { recursive: true });
   const source = path.join(folder, "in.ply");
+  writeFileSync(path.join(folder, "notes"), JSON.stringify([{ at: [0.3, 0.3, 0.3], title: "A <b>note</b>", text: "What it says" }]));
   chpm("synth", "isosurface", "--triangles", "60000", "-o", source, "-f", "-q");
-  chpm("share", source, "-o", path.join(odd, "site"), "-q", "--title", "K\u00f6pfe \u201c1\u201d", "--credit", "a museum", "--background", "203040");
+  chpm("share", source, "-o", path.join(odd, "site"), "-q", "--title", "K\u00f6pfe \u201c1\u201d", "--credit", "a museum", "--background", "203040", "--notes", path.join(folder, "notes"));
   chpm("share", path.join(odd, "site", "model.chpm"), "-o", path.join(folder, "split"), "-q", "--split");
   browser = await launch();
   host = await serve([folder]);
@@ -53,6 +54,9 @@ test("the first picture takes three requests, and the page is shown as was said"
   assert.equal(await page.title(), "K\u00f6pfe \u201c1\u201d");
   assert.equal(await page.locator("#credit").innerText(), "a museum");
   assert.equal(await page.evaluate(() => getComputedStyle(document.body).backgroundColor), "rgb(32, 48, 64)");
+  await page.locator(".note").click();
+  assert.deepEqual(await page.locator("#note h2, #note p").allInnerTexts(), ["A <b>note</b>", "What it says"]);
+  await page.locator("#note-close").click();
   assert.deepEqual(said, []);
   await page.close();
 });
