@@ -47,7 +47,7 @@ pub(crate) struct Args {
     quiet: bool,
     #[command(flatten)]
     memory: MemoryArgs,
-    /// What the file keeps of how it is shown, beside what it has.
+    /// Settings of how it is shown, in place of those that it has.
     #[arg(skip)]
     shown: Vec<(String, String)>,
 }

@@ -58,6 +58,8 @@ pub(crate) struct Args {
 const MODEL: &str = "model.chpm";
 /// The folder of its pieces, where it is in pieces.
 const PIECES: &str = "model";
+/// The first of them.
+const FIRST_PIECE: &str = "model/00000.bin";
 /// The page's name there, which hosts show for the folder.
 const INDEX: &str = "index.html";
 /// Names in the folder, those of older versions too.
@@ -80,9 +82,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     }
     let notes = args.notes.as_deref().map(read_notes).transpose()?;
     // What tells that a folder is one of these comes first.
-    let mut names = NAMES;
-    if args.output.join(PIECES).is_dir() {
-        names.swap(0, 1);
+    let mut names = NAMES.to_vec();
+    if args.output.join(FIRST_PIECE).is_file() {
+        names.insert(0, FIRST_PIECE);
     }
     let folder = OutputFolder::create(&args.output, args.force, &names, None)?;
     let model = folder.path(MODEL);

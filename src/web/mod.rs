@@ -44,7 +44,7 @@ pub(crate) const FILES: &[WebFile] = web_files! {
         "chpm/regions.js", "chpm/select.js", "chpm/source.js", "chpm/three.js", "chpm/xxh3.js", "chpm/zstd.js";
 };
 
-/// What a page that is made for one model knows beside the model itself.
+/// Facts that a page for one model is given beside the model itself.
 #[derive(Default)]
 pub(crate) struct Given {
     /// The model's address, where the page's own does not tell it.
@@ -98,7 +98,7 @@ pub(crate) fn whole_page(file: &Chpm<MappedFile>, given: &Given) -> Result<Strin
 /// Most bytes of the roots' pages for the page to ask for them before it knows where they are.
 const MOST_FIRST: u64 = 1 << 20;
 
-/// What a page asks for at once: the beginning of the file, and the roots' pages.
+/// Ranges that a page asks for at once: the beginning of the file, and the roots' pages.
 fn first(file: &Chpm<MappedFile>) -> Vec<[u64; 2]> {
     let head = [0, file.header().file_len.min(32 << 10)];
     let roots = file.roots().map(|root| &file.clusters()[root.index()]);

@@ -38,7 +38,7 @@ fn add(path: &'static str, done: &mut Vec<&'static str>, text: &mut String) {
     let _ = writeln!(text, "return {{ {} }};\n}})();", all.join(", "));
 }
 
-/// What a module's exports are called in the script.
+/// The name of a module's exports in the script.
 fn variable(path: &str) -> String {
     let letters = path.trim_end_matches(".js").chars();
     letters.map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '_' }).collect()

@@ -4,7 +4,7 @@ use crate::metadata::Metadata;
 
 /// The model's name, in words.
 pub const TITLE: &str = "title";
-/// What is up: x, y, z, -x, -y or -z.
+/// The direction that is up: x, y, z, -x, -y or -z.
 pub const UP: &str = "up";
 /// The side that is seen first: front, back, left, right, top, bottom or iso.
 pub const VIEW: &str = "view";

@@ -22,7 +22,7 @@ pub struct Portrait {
     heights: Option<f64>,
 }
 
-/// What a file says of its stance.
+/// The stance that a file tells.
 pub fn told_by(metadata: &Metadata) -> (Option<Up>, Option<Side>) {
     let up = metadata.setting(shown::UP).and_then(|up| up.parse().ok());
     (up, metadata.setting(shown::VIEW).and_then(Side::named))
