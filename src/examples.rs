@@ -228,7 +228,16 @@ const EXAMPLES: &[(&str, &[Example])] = &[
             ("chpm serve models --list --port 8080", "those of a folder"),
         ],
     ),
-    ("share", &[("chpm share scan.chpm -o site", "to be put on any host of static files")]),
+    (
+        "share",
+        &[
+            ("chpm share scan.chpm -o site", "to be put on any host of static files"),
+            (
+                "chpm share scan.ply -o bust --split --title Bust",
+                "the same for one without range requests, as a museum shows it",
+            ),
+        ],
+    ),
     (
         "view",
         &[

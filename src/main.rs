@@ -43,6 +43,7 @@ mod report;
 mod section;
 #[cfg(feature = "viewer")]
 mod session;
+mod shown;
 mod stats_tables;
 mod stop;
 mod threads;

@@ -9,6 +9,7 @@ use crate::number::Short;
 use crate::output;
 use crate::progress::{Meter, line};
 use crate::report::{self, LevelRow, count, per_triangle};
+use crate::shown::ShownArgs;
 use crate::stop::Stop;
 use anyhow::{Error, Result, bail, ensure};
 use chpm_build::{BuildConfig, BuildError, BuildReport, Trace};
@@ -52,6 +53,8 @@ pub(crate) struct Args {
     settings: SettingsArgs,
     #[command(flatten)]
     resources: ResourceArgs,
+    #[command(flatten)]
+    shown: ShownArgs,
 }
 
 /// Builds, with the settings of a file and a preset where there are any.
@@ -76,6 +79,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 /// Builds, and reports on stdout.
 fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     let mut config = build_config(&args.settings, &args.resources, args.force)?;
+    config.settings.shown = args.shown.settings();
     let source = super::source(&args.source);
     let is_pipe = platform::kind_at(source).is_ok_and(|kind| kind == Kind::Pipe);
     ensure!(

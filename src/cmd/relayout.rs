@@ -47,6 +47,9 @@ pub(crate) struct Args {
     quiet: bool,
     #[command(flatten)]
     memory: MemoryArgs,
+    /// Settings of how it is shown, in place of those that it has.
+    #[arg(skip)]
+    shown: Vec<(String, String)>,
 }
 
 /// In which order pages are.
@@ -58,19 +61,19 @@ enum Order {
     Levels,
 }
 
-/// Writes a file with its pages stored so, or as they are.
+/// Writes a file with its pages stored so, and what it keeps of how it is shown.
 #[cfg(feature = "web")]
 pub(super) fn store_pages(
     file: &Path,
     output: &Path,
-    pages: Option<Pages>,
+    (pages, shown): (Pages, Vec<(String, String)>),
     quiet: bool,
     memory: MemoryArgs,
     stop: &Stop,
 ) -> Result<u64> {
     let (file, output) = (file.to_owned(), output.to_owned());
-    let (order, force, threads) = (None, false, ThreadArgs::default());
-    rewrite(&Args { file, output, pages, order, force, threads, quiet, memory }, stop)
+    let (order, force, threads, pages) = (None, false, ThreadArgs::default(), Some(pages));
+    rewrite(&Args { file, output, pages, order, force, threads, quiet, memory, shown }, stop)
 }
 
 /// Writes the file, and says how long it is.
@@ -114,6 +117,7 @@ fn largest(file: &Chpm<MappedFile>) -> u64 {
 fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     let (meter, cancel) = (Meter::new(args.quiet), stop.heed());
     let mut tables = Tables::of(file)?;
+    tables.metadata.show(args.shown.clone());
     let was = if tables.header.packed { Pages::Packed } else { Pages::Raw };
     let pages = args.pages.unwrap_or(was);
     tables.header.packed = pages == Pages::Packed;

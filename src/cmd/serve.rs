@@ -2,7 +2,7 @@
 
 use super::{Verdict, open, stdout};
 use crate::connections::{self, Limits};
-use crate::web::{FILES, PAGE, page_for};
+use crate::web::{FILES, Given, PAGE, page_for};
 use anyhow::{Context, Result, ensure};
 use axum::Router;
 use axum::body::Body;
@@ -131,7 +131,7 @@ impl Served {
         if let Some((_, page)) = last.as_ref().filter(|(known, _)| *known == tag) {
             return Some(page.clone());
         }
-        let page = page_for(&open(&found).ok()?, None).ok()?;
+        let page = page_for(&open(&found).ok()?, &Given::default()).ok()?;
         *last = Some((tag, page.clone()));
         Some(page)
     }

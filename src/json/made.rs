@@ -111,10 +111,12 @@ pub(crate) struct Share {
     pub(crate) file: String,
     /// The folder
     pub(crate) output: String,
-    /// The model in it, for `chpm serve`
-    pub(crate) model: String,
+    /// The model in it, for `chpm serve`; `null` where it is in pieces
+    pub(crate) model: Option<String>,
     /// Its length
     pub(crate) model_bytes: u64,
+    /// Files that it is in
+    pub(crate) pieces: u64,
 }
 
 /// `chpm report --json`

@@ -9,9 +9,10 @@ pub(crate) mod walk;
 use crate::json::seen;
 use crate::number;
 use crate::output::Output;
+pub(crate) use crate::shown::StanceArgs;
 use anyhow::Result;
 use chpm_mesh::Bytes;
-use chpm_refine::{Camera, Side, Up};
+use chpm_refine::Camera;
 use chpm_viewer::{
     AdapterChoice, Budgets, Clip, Coloring, Gpu, Image, Look, Shading, Stats, Transform, Viewer,
 };
@@ -70,25 +71,6 @@ impl DeviceArgs {
         let budgets = Budgets { memory, gpu_memory: self.gpu_memory };
         Ok(Viewer::open_colored(gpu, files, budgets, color_by)?)
     }
-}
-
-/// From where a whole model is looked at.
-#[derive(clap::Args, Clone, Copy, Debug)]
-#[command(next_help_heading = "Camera")]
-pub(crate) struct StanceArgs {
-    /// What is up: x, y, z, -x, -y or -z. If not given, the direction in which the model stands best, by what it touches the ground with; y or z in doubt
-    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
-    pub(crate) up: Option<Up>,
-    /// The side that is shown. If not given, the front, unless another side is much wider or shows more; from a corner above what lies more than
-    /// it stands
-    #[arg(long = "view", value_name = "SIDE", value_parser = side())]
-    pub(crate) side: Option<Side>,
-}
-
-/// Sides by their names.
-fn side() -> impl TypedValueParser<Value = Side> {
-    let names = Side::ALL.map(|(_, name)| PossibleValue::new(name));
-    PossibleValuesParser::new(names).map(|name| Side::named(&name).unwrap_or(Side::Front))
 }
 
 /// How it looks.

@@ -3,8 +3,7 @@
 use super::harness::{CHPM, Folder, skipped};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_mesh::GroupId;
-use chpm_refine::{Camera, Cut, Hierarchy, Region, View, is_visible, select_by};
+use chpm_refine::{Camera, Cut, Hierarchy, View, is_visible, select_by};
 use chpm_synth::{Shape, Synth};
 use serde_json::Value;
 use std::fs;
@@ -268,24 +267,26 @@ fn a_folder_to_share_has_all_that_its_page_loads() {
     folder.stdout("relayout a.chpm -o packed.chpm --pages packed -q");
     folder.stdout("share packed.chpm -o unpacked -q --pages raw");
     assert_eq!(folder.read("unpacked/model.chpm"), folder.read("a.chpm"));
-    let said = folder.stdout("share packed.chpm -o site -q");
+    let said = folder.stdout("share a.chpm -o site -q");
     assert_eq!(folder.read("site/model.chpm"), folder.read("packed.chpm"));
     assert!(said.contains("a model of "), "{said}");
     let index = String::from_utf8(folder.read("site/index.html")).expect("text");
     assert!(index.contains("data-file=\"model.chpm\""), "{index}");
-    // From where it is seen first is decided here, as for `render`.
-    assert!(seen_first(&index)["points"].as_array().is_some_and(|points| points.len() > 8));
-    // Whatever a file of the page names is there.
-    for name in
-        ["index.html", "view/main.js", "view/model.js", "view/renderer.js", "chpm/index.js", "chpm/file.js"]
-    {
-        let text = String::from_utf8(folder.read(&format!("site/{name}"))).expect("text");
-        let base = folder.path(&format!("site/{name}"));
-        let quoted = text.split('"').filter(|word| word.ends_with(".js") || word.ends_with(".css"));
-        for word in quoted.filter(|word| !word.contains(' ')) {
-            assert!(base.parent().expect("a folder").join(word).exists(), "{name} names {word}");
-        }
-    }
+    // From where it is seen first is decided here, as for `render`; and what is asked for first.
+    let seen = seen_first(&index);
+    assert!(seen["points"].as_array().is_some_and(|points| points.len() > 8));
+    let file =
+        Chpm::open(MappedFile::open(&folder.path("site/model.chpm")).expect("a file")).expect("a CHPM");
+    let root = &file.clusters()[0];
+    assert_eq!(seen["first"][1], serde_json::json!([root.page_offset, root.page_len]));
+    // The page is one file, and the folder has nothing but that and the model.
+    assert!(!index.contains("src=\"view") && !index.contains("href=\"view"), "{index}");
+    let mut names: Vec<_> = fs::read_dir(folder.path("site"))
+        .expect("a folder")
+        .map(|entry| entry.expect("one").file_name())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["index.html", "model.chpm"]);
     let again = folder.stderr("share packed.chpm -o site -q", 2);
     assert!(again.contains("--force"), "{again}");
     folder.stdout("share packed.chpm -o site -q --force");
@@ -309,6 +310,92 @@ fn a_folder_to_share_has_all_that_its_page_loads() {
     fs::remove_file(folder.path("site/notes.txt")).expect("a file removed");
     folder.stdout("share site/model.chpm -o site -q --force --pages raw");
     assert_eq!(folder.read("site/model.chpm"), folder.read("a.chpm"));
+}
+
+#[test]
+fn a_mesh_is_shared_by_one_command_as_it_is_to_be_shown() {
+    let folder = Folder::new();
+    folder.write_mesh("in.ply", &Synth::new(Shape::Isosurface, 6_000, 1).to_mesh());
+    let told = [
+        "--up",
+        "-z",
+        "--view",
+        "back",
+        "--title",
+        "B\u{fc}ste <1> \"a\"",
+        "--credit",
+        "a museum",
+        "--background",
+        "#102030",
+    ];
+    let done = folder.command("share in.ply -o site -q").args(told).output().expect("a process");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let page = String::from_utf8(folder.read("site/index.html")).expect("text");
+    let seen = seen_first(&page);
+    assert_eq!(seen["up"], "-z");
+    assert_eq!(
+        (seen["title"].as_str(), seen["credit"].as_str()),
+        (Some("B\u{fc}ste <1> \"a\""), Some("a museum"))
+    );
+    assert_eq!(seen["background"], "102030");
+    assert!(page.contains("<title>B\u{fc}ste &lt;1> &quot;a&quot;</title>"), "{page}");
+    // Notes lie beside.
+    folder.write("notes.txt", r#"[{"at": [0.5, 0.5, 0.5], "title": "Here", "text": "A note"}]"#);
+    folder.stdout("share in.ply -o noted -q --notes notes.txt");
+    assert_eq!(folder.read("noted/notes.json"), folder.read("notes.txt"));
+    assert_eq!(
+        seen_first(&String::from_utf8(folder.read("noted/index.html")).expect("text"))["notes"],
+        "notes.json"
+    );
+    for bad in ["{}", "[{}]", "[1]", "[{\"at\": [1, 2], \"title\": \"x\"}]"] {
+        folder.write("bad.json", bad);
+        let said = folder.stderr("share in.ply -o none -q --notes bad.json", 2);
+        assert!(said.contains("bad.json") && !folder.path("none").exists(), "{said}");
+    }
+    // Kept with the file: whoever shares that needs not be told, and may tell otherwise.
+    folder.stdout("share site/model.chpm -o again -q --up x --pages raw");
+    let again = seen_first(&String::from_utf8(folder.read("again/index.html")).expect("text"));
+    assert_eq!((again["up"].as_str(), again["title"].as_str()), (Some("x"), seen["title"].as_str()));
+    folder.stdout("build in.ply -o told.chpm -q --title Bust --up -z --view back");
+    folder.stdout("share told.chpm -o third -q");
+    let third = seen_first(&String::from_utf8(folder.read("third/index.html")).expect("text"));
+    assert_eq!(
+        (third["title"].as_str(), &third["up"], &third["sight"]),
+        (Some("Bust"), &seen["up"], &seen["sight"])
+    );
+    // Settings that tell how a model is shown change nothing of it.
+    folder.stdout("build in.ply -o plain.chpm -q --pages packed");
+    folder.stdout("share plain.chpm -o plain -q");
+    assert_eq!(folder.read("plain/model.chpm"), folder.read("plain.chpm"));
+    let said = folder.stderr("share in.ply -o other -q --background blue", 2);
+    assert!(said.contains("RRGGBB"), "{said}");
+    assert!(!folder.path("other").exists());
+}
+
+#[test]
+fn a_model_in_pieces_is_the_model() {
+    let folder = Folder::new();
+    folder.write_mesh("in.ply", &Synth::new(Shape::Isosurface, 60_000, 1).to_mesh());
+    folder.stdout("build in.ply -o a.chpm -q --cluster-triangles 512 --pages raw");
+    let said = folder.stdout("share a.chpm -o site -q --split --pages raw");
+    assert!(said.contains("http.server"), "{said}");
+    assert!(!folder.path("site/model.chpm").exists());
+    let pieces =
+        seen_first(&String::from_utf8(folder.read("site/index.html")).expect("text"))["pieces"].clone();
+    let whole = folder.read("a.chpm");
+    assert_eq!(pieces["size"], whole.len());
+    let length = pieces["length"].as_u64().expect("a number") as usize;
+    let mut joined = Vec::new();
+    for number in 0..whole.len().div_ceil(length) {
+        let piece = folder.read(&format!("site/model/{number:05}.bin"));
+        assert!(piece.len() == length || joined.len() + piece.len() == whole.len(), "{number}");
+        joined.extend(piece);
+    }
+    assert_eq!(joined, whole);
+    // Another one in its place, in pieces and then in one.
+    folder.stdout("share a.chpm -o site -q --split --force");
+    folder.stdout("share a.chpm -o site -q --force");
+    assert!(folder.path("site/model.chpm").exists() && !folder.path("site/model").exists());
 }
 
 #[test]
@@ -345,7 +432,11 @@ fn the_reader_and_the_page_pass_their_tests() {
         "orbit.test.mjs",
         "reader.test.mjs",
         "select.test.mjs",
+        "glide.test.mjs",
         "page.test.mjs",
+        "share.test.mjs",
+        "tools.test.mjs",
+        "package.test.mjs",
     ];
     let out = Command::new("node").current_dir(tests).env("CHPM", CHPM).arg("--test").args(names).output();
     let out = out.expect("a process");
@@ -355,7 +446,6 @@ fn the_reader_and_the_page_pass_their_tests() {
     said.lines().filter(|line| line.contains("# SKIP")).for_each(skipped);
 }
 
-/// The page looks at spheres alone, since it has not all the tables; so does the library here.
 #[test]
 fn the_page_draws_what_the_library_selects() {
     let folder = Folder::new();
@@ -394,11 +484,7 @@ fn the_page_draws_what_the_library_selects() {
         };
         let viewport = ["width", "height"].map(|key| number(key) as u32);
         let view = View::new(&camera, viewport, number("pixels")).expect("a view").with_culling(true);
-        let bound = |group: GroupId| {
-            let record = &file.groups()[group.index()];
-            view.bound(&Region::sphere(record.center.map(f64::from), record.radius.into()))
-        };
-        let selected = select_by(&file, &hierarchy, bound).expect("a cut");
+        let selected = select_by(&file, &hierarchy, |group| hierarchy.bound(group, &view)).expect("a cut");
         let expected: Vec<(u32, u32)> =
             selected.members().iter().map(|member| (member.cluster.0, member.vertices)).collect();
         let got: Vec<(u32, Option<f32>)> = serde_json::from_value(drawn["cut"].clone()).expect("a cut");

@@ -120,6 +120,17 @@ export class ChpmFile {
     await table.fetch([...groups].flatMap(chunks), signal);
   }
 
+  /** Bytes of all tables. */
+  get tablesLength() {
+    return Object.values(this.#tables).reduce((sum, { section }) => sum + (section?.length ?? 0), 0);
+  }
+
+  /** Fetches what is missing of all tables. */
+  async needTables(signal) {
+    const { clusters, groups, members } = this.#tables;
+    await takeAll(this.#source, [clusters, groups, members], signal);
+  }
+
   /** A cluster's record, checked; null if it has not been fetched. */
   cluster(id) {
     return this.#known(this.#clusters, this.#tables.clusters, id, (view) => readCluster(this.header, this.#pages, view, id));
@@ -166,23 +177,33 @@ export class ChpmFile {
   }
 
   /**
+   * Clusters whose pages come in one request, and those of the next, by their places in the file.
+   * @param {Iterable<number>} ids whose records are there
+   */
+  runs(ids, longest = LONGEST_RUN, near = NEAR) {
+    const clusters = [...ids].map((id) => this.cluster(id)).sort((a, b) => a.pageOffset - b.pageOffset);
+    const runs = [];
+    let [start, end] = [0, -Infinity];
+    for (const { id, pageOffset, pageLength } of clusters) {
+      const goesOn = pageOffset - end <= near && pageOffset + pageLength - start <= longest;
+      if (!goesOn) [start] = [pageOffset, runs.push([])];
+      runs.at(-1).push(id);
+      end = pageOffset + pageLength;
+    }
+    return runs;
+  }
+
+  /**
    * Fetches the pages of clusters, neighbours in one request, and hands each to `take` as it comes.
    * @param {Iterable<number>} ids whose records are there
    */
   async eachPage(ids, take, signal) {
-    const clusters = [...ids].map((id) => this.cluster(id)).sort((a, b) => a.pageOffset - b.pageOffset);
-    while (clusters.length > 0) {
+    for (const run of this.runs(ids)) {
+      const clusters = run.map((id) => this.cluster(id));
       const start = clusters[0].pageOffset;
-      let end = start + clusters[0].pageLength;
-      let count = 1;
-      for (; count < clusters.length; count++) {
-        const { pageOffset, pageLength } = clusters[count];
-        if (pageOffset - end > NEAR || pageOffset + pageLength - start > LONGEST_RUN) break;
-        end = pageOffset + pageLength;
-      }
-      const run = clusters.splice(0, count);
+      const end = clusters.at(-1).pageOffset + clusters.at(-1).pageLength;
       const bytes = await readExactly(this.#source, start, end - start, "a page", signal);
-      for (const cluster of run) {
+      for (const cluster of clusters) {
         const at = cluster.pageOffset - start;
         take(await this.#soundPage(cluster, bytes.subarray(at, at + cluster.pageLength), signal));
       }
@@ -285,7 +306,7 @@ function takeWhatCame(table, offset, bytes) {
   }
 }
 
-/** Whoever wrote the file made no chunks: the tables come in full, in one request if they lie side by side. */
+/** What is missing of tables, in one request if they lie side by side. */
 async function takeAll(source, tables, signal) {
   const absent = tables.filter((table) => table.chunks.includes(null));
   if (absent.length === 0) return;
@@ -296,8 +317,7 @@ async function takeAll(source, tables, signal) {
     await Promise.all(absent.map((table) => table.fetch(table.missing(0, table.section.count), signal)));
     return;
   }
-  const all = await readExactly(source, start, end - start, "the tables", signal);
-  absent.forEach((table) => takeWhatCame(table, start, all));
+  await readSound(source, start, end - start, "the tables", signal, (all) => absent.forEach((table) => takeWhatCame(table, start, all)));
 }
 
 /** The named scalars of the vertices. */

@@ -25,12 +25,18 @@ export interface HttpOptions {
   waits?: number[];
   /** So long without a byte, and a request is lost; milliseconds. */
   patience?: number;
+  /** Whether it is always read in full: no range is asked for. */
+  isWhole?: boolean;
 }
 
 /** A file on a host that answers range requests. What the browser's cache has of it, in the version that the host has, is not fetched again. */
 export function httpSource(url: string | URL, options?: HttpOptions): HttpSource;
 /** A file that somebody picked or dropped. */
 export function blobSource(blob: Blob): Source;
+/** A file that `chpm share --split` cut into pieces, in a folder of a host that sends whole files only. */
+export function piecesSource(folder: string | URL, pieces: { length: number; size: number }, options?: HttpOptions): HttpSource;
+/** A source of which some ranges (offset, length) are asked for at once. */
+export function prefetched<S extends Source>(source: S, ranges: [number, number][]): S;
 export function memorySource(bytes: ArrayBuffer | ArrayBufferView): Source;
 
 /** Lengths are in units of the model; positions, boxes and spheres are relative to `origin`. */
@@ -124,6 +130,12 @@ export class ChpmFile {
   cluster(id: number): Cluster | null;
   group(id: number): Group | null;
   hasMembers(group: Group): boolean;
+  /** Bytes of all tables. */
+  readonly tablesLength: number;
+  /** Fetches what is missing of all tables. */
+  needTables(signal?: AbortSignal): Promise<void>;
+  /** Clusters whose pages come in one request, and those of the next. */
+  runs(ids: Iterable<number>, longest?: number, near?: number): number[][];
   coarse(group: Group): number[];
   fine(group: Group): number[];
   roots(signal?: AbortSignal): Promise<number[]>;
@@ -137,6 +149,11 @@ export type Zstd = (frame: Uint8Array, most: number) => Uint8Array;
 
 /** Opens a file. `first` bytes are fetched at once, 32 KiB if not told otherwise. `zstd` is for packed pages; the reader has one of its own. */
 export function open(source: Source, options?: { signal?: AbortSignal; first?: number; zstd?: Zstd }): Promise<ChpmFile>;
+
+/** Spheres and boxes of groups with all that is below; of a file with all of its tables. */
+export class Regions {
+  constructor(file: ChpmFile);
+}
 
 /** Which groups are split, and the error that the clusters of the others are drawn with. */
 export interface Rule {
@@ -158,9 +175,9 @@ export function distance(most: number): Rule;
 export function level(number: number): Rule;
 /**
  * At most `pixels` of error in an image of `height` rows; `eye` in the model's coordinates, less `origin`; `fov` in degrees, vertical. Beyond one of
- * the `planes` (inner normal of length 1, offset; for points relative to the eye) any error is allowed.
+ * the `planes` (inner normal of length 1, offset; for points relative to the eye) any error is allowed. With `regions` boxes count, as in the viewer.
  */
-export function camera(view: { eye: number[]; fov: number; near?: number; height: number; pixels: number; origin?: number[]; planes?: number[][] }): Rule;
+export function camera(view: { eye: number[]; fov: number; near?: number; height: number; pixels: number; origin?: number[]; planes?: number[][]; regions?: Regions | null }): Rule;
 
 /** The cut that a rule gives; tables are fetched as far as it goes. */
 export function select(file: ChpmFile, rule: Rule, options?: { signal?: AbortSignal }): Promise<Member[]>;
@@ -170,7 +187,7 @@ export function selectFromMemory(
   roots: number[],
   rule: Rule,
   mayDraw?: (cluster: number) => boolean,
-): { cut: Member[]; waiting: { group: Group | { id: number }; fine: number[] | null }[] };
+): { cut: Member[]; waiting: { group: Group | { id: number }; fine: number[] | null }[]; met: Set<number> };
 
 /** A cut as one mesh: vertices that clusters share are one. */
 export function extract(

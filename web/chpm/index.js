@@ -3,5 +3,8 @@
 export { ChpmFile, open } from "./file.js";
 export { extract } from "./mesh.js";
 export { Page } from "./page.js";
+export { piecesSource } from "./pieces.js";
+export { prefetched } from "./prefetched.js";
 export { camera, distance, level, select, selectFromMemory, uniform } from "./select.js";
+export { Regions } from "./regions.js";
 export { ChpmError, blobSource, httpSource, memorySource } from "./source.js";

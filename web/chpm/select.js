@@ -1,6 +1,6 @@
 // Which clusters are drawn, and how finely: the selection of the file format. Any cut that it gives has no cracks.
 
-import { missesGroup } from "./frustum.js";
+import { SLACK, missesGroup } from "./frustum.js";
 import { NONE, expect } from "./records.js";
 
 /**
@@ -47,22 +47,32 @@ export function level(number) {
 
 /**
  * At most `pixels` of error in an image of `height` rows.
- * @param {{ eye: number[], fov: number, near?: number, height: number, pixels: number, origin?: number[], planes?: number[][] }} view `eye` in the
- *   model's coordinates, or relative to `origin` if that is given; `fov` is the vertical angle in degrees. Beyond one of the `planes` (inner normal of
- *   length 1, offset; for points relative to the eye) any error is allowed
+ * @param {{ eye: number[], fov: number, near?: number, height: number, pixels: number, origin?: number[], planes?: number[][], regions?: Regions }} view `eye` in
+ *   the model's coordinates, or relative to `origin` if that is given; `fov` is the vertical angle in degrees. Beyond one of the `planes` (inner normal of
+ *   length 1, offset; for points relative to the eye) any error is allowed. With `regions` boxes count, too: the same cut as that of the viewer
  */
-export function camera({ eye, fov, near = 0, height, pixels, origin = [0, 0, 0], planes = [] }) {
+export function camera({ eye, fov, near = 0, height, pixels, origin = [0, 0, 0], planes = [], regions = null }) {
   const at = eye.map((x, axis) => x - origin[axis]);
   const scale = pixels * ((2 * Math.tan((fov * Math.PI) / 360)) / height);
   const bound = (group) => {
-    if (missesGroup(planes, at, group)) return Infinity;
-    const { center, radius } = group.sphere;
-    const away = Math.hypot(center[0] - at[0], center[1] - at[1], center[2] - at[2]);
+    if (missesGroup(planes, at, group, regions)) return Infinity;
+    const { center } = group.sphere;
+    const radius = regions ? regions.radius[group.id] : group.sphere.radius;
+    const away = norm(center[0] - at[0], center[1] - at[1], center[2] - at[2]);
     // What rounding may have added to the distance is taken off.
-    const reach = away - radius - 1e-14 * (away + radius);
-    return roundDown(scale * Math.max(reach, near, 0));
+    const slack = SLACK * (regions ? group.level + 1 : 1);
+    const reach = away - radius - slack * (away + radius);
+    return roundDown(scale * Math.max(reach, regions ? toBox(regions, group.id, at) : 0, near, 0));
   };
-  return { wants: (group) => bound(group) < group.minError, bound };
+  return { wants: (group) => bound(group) < (regions ? regions.splitError[group.id] : group.minError), bound };
+}
+
+const norm = (x, y, z) => Math.sqrt(x * x + y * y + z * z);
+
+/** The distance of a point to the box of a group, never too large. */
+function toBox({ low, high }, id, at) {
+  const outside = (axis) => Math.max(low[3 * id + axis] - at[axis], at[axis] - high[3 * id + axis], 0);
+  return norm(outside(0), outside(1), outside(2)) * (1 - SLACK);
 }
 
 /**
@@ -87,12 +97,13 @@ export async function select(file, rule, { signal } = {}) {
 /**
  * The same from what has been fetched, at once. Where a record is missing, or `mayDraw` says that a cluster cannot be drawn yet, coarser
  * clusters stay; so the cut is whole and without cracks all the same.
- * @returns {{ cut: Member[], waiting: { group: object, fine: number[] | null }[] }} the cut, and the splits that could not be made
+ * @returns {{ cut: Member[], waiting: { group: object, fine: number[] | null }[], met: Set<number> }} the cut, the splits that could not be made, and the
+ *   clusters of the cut with all that are above them
  */
 export function selectFromMemory(file, roots, rule, mayDraw = () => true) {
   const walk = new Walk(file, rule, roots, mayDraw);
   walk.next();
-  return { cut: walk.cut(), waiting: walk.waiting };
+  return { cut: walk.cut(), waiting: walk.waiting, met: walk.met };
 }
 
 /** Splits groups from the top down. A group is split when all its coarse clusters are in the cut. */
@@ -100,6 +111,8 @@ class Walk {
   constructor(file, rule, roots, mayDraw = null) {
     Object.assign(this, { file, rule, mayDraw, waiting: [] });
     this.active = new Set();
+    /** All that is in the cut, or was before it was split. */
+    this.met = new Set();
     /** How many coarse clusters of a group are in the cut. */
     this.present = new Map();
     /** Groups to look at, by level: those above are done before. */
@@ -133,6 +146,7 @@ class Walk {
       const cluster = file.cluster(id);
       expect(cluster.parentGroup === parent && cluster.level <= this.level, () => `cluster ${id} is not what group ${parent} names as fine`);
       this.active.add(id);
+      this.met.add(id);
       this.present.set(cluster.group, (this.present.get(cluster.group) ?? 0) + 1);
       const group = file.group(cluster.group);
       if (!group) {

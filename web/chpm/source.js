@@ -41,9 +41,10 @@ const BUSY = [408, 425, 429, 500, 502, 503, 504];
  *
  * The first request asks the host which version of the file it has. What the browser's cache has of that version is not fetched again.
  * @param {string | URL} url
- * @param {{ fetch?: typeof fetch, headers?: Record<string, string>, waits?: number[], patience?: number }} [options]
+ * @param {{ fetch?: typeof fetch, headers?: Record<string, string>, waits?: number[], patience?: number, isWhole?: boolean }} [options] with `isWhole` it is always
+ *   read in full, and no range is asked for
  */
-export function httpSource(url, { fetch: get = (...request) => fetch(...request), headers = {}, waits = WAITS, patience = PATIENCE } = {}) {
+export function httpSource(url, { fetch: get = (...request) => fetch(...request), headers = {}, waits = WAITS, patience = PATIENCE, isWhole = false } = {}) {
   const name = String(url);
   let size;
   let version;
@@ -66,16 +67,16 @@ export function httpSource(url, { fetch: get = (...request) => fetch(...request)
     };
     try {
       heard();
-      const response = await get(url, { headers: { ...headers, Range: range }, cache, signal: own.signal });
+      const response = await get(url, { headers: isWhole ? headers : { ...headers, Range: range }, cache, signal: own.signal });
       statistics.requests += 1;
       const { status } = response;
       const tag = response.headers.get("ETag") ?? response.headers.get("Last-Modified");
       const changed = `${name} has changed since it was opened; open it again`;
       // Whoever answered a range before sends all of it where the range is of another version.
       if (status === 200 && version !== undefined && tag !== version) await refuse(response, changed);
-      if (status === 200) await refuse(response, `the host of ${name} sends whole files only; it has to answer range requests`);
+      if (status === 200 && !isWhole) await refuse(response, `the host of ${name} sends whole files only; it has to answer range requests, or the file has to be in pieces (chpm share --split)`);
       if (status === 404 || status === 410) await refuse(response, `${name} is not there`);
-      if (status !== 206) {
+      if (status !== (isWhole ? 200 : 206)) {
         await refuse(response, `${name}: the host answers ${status} ${response.statusText}`, { isLost: BUSY.includes(status) });
       }
 

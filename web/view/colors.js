@@ -8,6 +8,9 @@ export const GRADIENT = `linear-gradient(to right, ${VIRIDIS.join(", ")})`;
 
 const channels = (stop) => [1, 3, 5].map((at) => parseInt(VIRIDIS[stop].slice(at, at + 2), 16) / 255);
 
+/** Its stops as numbers from 0 to 1, one after the other, for shaders. */
+export const stops = () => new Float32Array(VIRIDIS.flatMap((_, stop) => channels(stop)));
+
 /** A colour of viridis, from 0 to 1. */
 export function viridis(share) {
   const place = Math.min(1, Math.max(0, share)) * (VIRIDIS.length - 1);

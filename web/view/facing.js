@@ -5,23 +5,43 @@
 const CREASE = Math.cos((40 * Math.PI) / 180);
 const HALF = Math.cos((20 * Math.PI) / 180);
 const [SHEET, ALONG, NEEDLE, MANY] = [0.34, 0.17, 0.04, 128];
-const [FLAT, TOWARD, ALONG_IT] = [0, 1, -1];
+const [TOWARD, ALONG_IT] = [1, -1];
 
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const sum = (all) => all.reduce((a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]], [0, 0, 0]);
-
-function unit(v) {
-  const longest = Math.max(Math.abs(v[0]), Math.abs(v[1]), Math.abs(v[2]));
-  if (!(longest > 0 && longest < Infinity)) return null;
-  const even = v.map((x) => x / longest);
-  const length = Math.hypot(...even);
-  return even.map((x) => x / length);
+/** Three numbers made a vector of length 1, and how long it was beside its largest number; 0 where it has no direction. */
+function normalized(from, at, to, place) {
+  const longest = Math.max(Math.abs(from[at]), Math.abs(from[at + 1]), Math.abs(from[at + 2]));
+  if (!(longest > 0 && longest < Infinity)) return 0;
+  const [x, y, z] = [from[at] / longest, from[at + 1] / longest, from[at + 2] / longest];
+  const length = Math.sqrt(x * x + y * y + z * z);
+  to[place] = x / length;
+  to[place + 1] = y / length;
+  to[place + 2] = z / length;
+  return length;
 }
 
-/** Four numbers from -1 to 1: a direction, and what it is; of no direction, none. */
-function packed(direction, kind) {
-  return direction ? [...direction, kind] : [0, 0, 0, FLAT];
+const dot = (a, i, b, j) => a[i] * b[j] + a[i + 1] * b[j + 1] + a[i + 2] * b[j + 2];
+const lengthAt = (a, i) => Math.sqrt(dot(a, i, a, i));
+
+function addAt(to, i, from, j) {
+  to[i] += from[j];
+  to[i + 1] += from[j + 1];
+  to[i + 2] += from[j + 2];
+}
+
+// What is looked at for one vertex: normals of its faces, the group of each, sums and means of groups, and what it comes to.
+const NORMALS = new Float64Array(3 * MANY);
+const PLACES = new Int32Array(MANY);
+const GROUP = new Int32Array(MANY);
+const SUMS = new Float64Array(3 * MANY);
+const MEANS = new Float64Array(3 * MANY);
+const FOUND = new Float64Array(4);
+const SCRATCH = new Float64Array(3);
+
+/** Answers four numbers from -1 to 1: a direction that is in `FOUND`, and what it is; of no direction, none. */
+function found(is, kind) {
+  if (is) FOUND[3] = kind;
+  else FOUND.fill(0);
+  return FOUND;
 }
 
 /**
@@ -29,67 +49,175 @@ function packed(direction, kind) {
  * its mean, a crease its line, a corner nothing.
  */
 export function ofFaces(areas) {
-  const whole = sum(areas);
-  const mean = unit(whole);
-  const faces = areas.map((area) => ({ area, normal: unit(area) })).filter(({ normal }) => normal);
-  if (mean && faces.every(({ normal }) => dot(normal, mean) > HALF)) return packed(mean, TOWARD);
-  if (areas.length > MANY) {
-    const isSmooth = mean && faces.every(({ normal }) => dot(normal, mean) > CREASE);
-    return packed(isSmooth ? mean : null, TOWARD);
-  }
-  const sums = groups(faces);
-  if (sums.length < 2) return packed(unit(sum(sums)), TOWARD);
-  const means = sums.map(unit);
-  if (means.some((mean) => !mean)) return packed(null);
+  return [...ofAreas(Float64Array.from(areas.flat()), areas.length)];
+}
 
-  let [sine, line] = [0, null];
-  means.forEach((a, i) => {
-    for (const b of means.slice(i + 1)) {
-      const across = cross(a, b);
-      if (Math.hypot(...across) >= sine) [sine, line] = [Math.hypot(...across), unit(across)];
-    }
-  });
+function ofAreas(areas, count) {
+  SUMS.fill(0, 0, 3);
+  for (let face = 0; face < count; face++) addAt(SUMS, 0, areas, 3 * face);
+  const hasMean = normalized(SUMS, 0, FOUND, 0) > 0;
+  if (count > MANY) return found(hasMean && areWithin(areas, count, CREASE), TOWARD);
+  if (hasMean && areWithin(areas, count, HALF)) return found(true, TOWARD);
+  const faces = grouped(areas, count);
+  const kept = summed(areas, count, faces);
+  if (kept < 2) return found(kept > 0 && normalized(SUMS, 0, FOUND, 0) > 0, TOWARD);
+  for (let i = 0; i < kept; i++) {
+    if (!(normalized(SUMS, 3 * i, MEANS, 3 * i) > 0)) return found(false);
+  }
+  const sine = sharpest(kept);
   // Both sides of a sheet, or faces that go around either way.
-  if (!(sine > SHEET)) return packed(unit(means[0].map((x, axis) => x - means.at(-1)[axis])), TOWARD);
-  return packed(means.every((mean) => Math.abs(dot(mean, line)) < ALONG) ? line : null, ALONG_IT);
+  if (!(sine > SHEET)) {
+    for (let axis = 0; axis < 3; axis++) SCRATCH[axis] = MEANS[axis] - MEANS[3 * (kept - 1) + axis];
+    return found(normalized(SCRATCH, 0, FOUND, 0) > 0, TOWARD);
+  }
+  for (let i = 0; i < kept; i++) {
+    if (!(Math.abs(dot(MEANS, 3 * i, FOUND, 0)) < ALONG)) return found(false);
+  }
+  return found(true, ALONG_IT);
 }
 
-/** Sums of the areas of faces that are smooth with one another, by one after the other, without needles. */
-function groups(faces) {
-  const of = faces.map((_, face) => face);
-  for (let face = 0; face < faces.length; face++) {
+/** Whether all faces that have a direction are within an angle of the mean, which is in `FOUND`. */
+function areWithin(areas, count, cosine) {
+  for (let face = 0; face < count; face++) {
+    if (normalized(areas, 3 * face, SCRATCH, 0) > 0 && !(dot(SCRATCH, 0, FOUND, 0) > cosine)) return false;
+  }
+  return true;
+}
+
+/** Puts faces that are smooth with one another, by one after the other, into one group, that of the first; how many have a direction. */
+function grouped(areas, count) {
+  let faces = 0;
+  for (let face = 0; face < count; face++) {
+    if (!(normalized(areas, 3 * face, NORMALS, 3 * faces) > 0)) continue;
+    GROUP[faces] = faces;
+    PLACES[faces++] = 3 * face;
+  }
+  for (let face = 0; face < faces; face++) {
     for (let before = 0; before < face; before++) {
-      const [low, high] = [Math.min(of[face], of[before]), Math.max(of[face], of[before])];
-      if (low === high || dot(faces[face].normal, faces[before].normal) <= CREASE) continue;
-      of.forEach((group, i) => group === high && (of[i] = low));
+      const [low, high] = [Math.min(GROUP[face], GROUP[before]), Math.max(GROUP[face], GROUP[before])];
+      if (low === high || dot(NORMALS, 3 * face, NORMALS, 3 * before) <= CREASE) continue;
+      for (let i = 0; i < faces; i++) if (GROUP[i] === high) GROUP[i] = low;
     }
   }
-  const size = (areas) => areas.reduce((all, area) => all + Math.hypot(...area), 0);
-  const all = size(faces.map(({ area }) => area));
-  const members = [...new Set(of)].map((first) => faces.filter((_, i) => of[i] === first).map(({ area }) => area));
-  return members.filter((areas) => areas.length > 2 || size(areas) >= NEEDLE * all).map(sum);
+  return faces;
 }
 
-/** The normal of a triangle, as long as twice its area. */
-function areaOf({ positions, triangles }, corner) {
-  const [a, b, c] = [0, 1, 2].map((i) => 3 * triangles[corner + i]);
-  const way = (to) => [0, 1, 2].map((axis) => positions[to + axis] - positions[a + axis]);
-  return cross(way(b), way(c));
+/** Sums of the areas of groups, without needles, one after the other; how many there are. */
+function summed(areas, count, faces) {
+  let all = 0;
+  for (let i = 0; i < faces; i++) all += lengthAt(areas, PLACES[i]);
+  let kept = 0;
+  for (let first = 0; first < faces; first++) {
+    if (GROUP[first] !== first) continue;
+    let [members, size] = [0, 0];
+    SUMS.fill(0, 3 * kept, 3 * kept + 3);
+    for (let i = first; i < faces; i++) {
+      if (GROUP[i] !== first) continue;
+      members += 1;
+      size += lengthAt(areas, PLACES[i]);
+      addAt(SUMS, 3 * kept, areas, PLACES[i]);
+    }
+    if (members > 2 || size >= NEEDLE * all) kept += 1;
+  }
+  return kept;
 }
 
-/** For each vertex that `slots` gives a number, the faces about it. */
-function facesOf(page, slots, faces) {
-  const { triangles } = page;
-  for (let corner = 0; corner < triangles.length; corner += 3) {
-    let area = null;
-    for (let i = corner; i < corner + 3; i++) {
-      const slot = slots[triangles[i]];
-      if (slot >= 0) (faces[slot] ??= []).push((area ??= areaOf(page, corner)));
+/** The largest sine between two means; the line across both is left in `FOUND`. */
+function sharpest(kept) {
+  let sine = 0;
+  for (let i = 0; i < kept; i++) {
+    for (let j = i + 1; j < kept; j++) {
+      const [a, b] = [3 * i, 3 * j];
+      SCRATCH[0] = MEANS[a + 1] * MEANS[b + 2] - MEANS[a + 2] * MEANS[b + 1];
+      SCRATCH[1] = MEANS[a + 2] * MEANS[b] - MEANS[a] * MEANS[b + 2];
+      SCRATCH[2] = MEANS[a] * MEANS[b + 1] - MEANS[a + 1] * MEANS[b];
+      const size = lengthAt(SCRATCH, 0);
+      if (size < sine) continue;
+      sine = size;
+      normalized(SCRATCH, 0, FOUND, 0);
+    }
+  }
+  return sine;
+}
+
+/** The faces about some vertices, each of which has a number, and what that makes of them. Most are smooth, and are told without lists of faces. */
+class Around {
+  constructor(count) {
+    this.sums = new Float64Array(3 * count);
+    this.parts = [];
+  }
+
+  /** Adds the faces of a page; `slots` are the numbers of its vertices, -1 for those that nobody asks about. */
+  add({ positions, triangles }, slots) {
+    const areas = new Float64Array(triangles.length);
+    const { sums } = this;
+    for (let corner = 0; corner < triangles.length; corner += 3) {
+      const [i, j, k] = [triangles[corner], triangles[corner + 1], triangles[corner + 2]];
+      if (slots[i] < 0 && slots[j] < 0 && slots[k] < 0) continue;
+      const [x, y, z] = [positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]];
+      const [bx, by, bz] = [positions[3 * j] - x, positions[3 * j + 1] - y, positions[3 * j + 2] - z];
+      const [cx, cy, cz] = [positions[3 * k] - x, positions[3 * k + 1] - y, positions[3 * k + 2] - z];
+      areas[corner] = by * cz - bz * cy;
+      areas[corner + 1] = bz * cx - bx * cz;
+      areas[corner + 2] = bx * cy - by * cx;
+      for (let n = corner; n < corner + 3; n++) {
+        const slot = 3 * slots[triangles[n]];
+        if (slot < 0) continue;
+        sums[slot] += areas[corner];
+        sums[slot + 1] += areas[corner + 1];
+        sums[slot + 2] += areas[corner + 2];
+      }
+    }
+    this.parts.push({ triangles, slots, areas });
+  }
+
+  /** What becomes of each number: four numbers, as {@link ofFaces} has them. */
+  facing() {
+    const { sums } = this;
+    const count = sums.length / 3;
+    const out = new Float64Array(4 * count);
+    const isOdd = new Uint8Array(count);
+    for (let slot = 0; slot < count; slot++) {
+      const size = normalized(sums, 3 * slot, out, 4 * slot);
+      if (size > 0) out[4 * slot + 3] = TOWARD;
+      else isOdd[slot] = 1;
+    }
+    const normal = new Float64Array(3);
+    for (const { triangles, slots, areas } of this.parts) {
+      for (let corner = 0; corner < triangles.length; corner += 3) {
+        if (!(normalized(areas, corner, normal, 0) > 0)) continue;
+        for (let n = corner; n < corner + 3; n++) {
+          const slot = slots[triangles[n]];
+          const at = 4 * slot;
+          if (slot >= 0 && !(normal[0] * out[at] + normal[1] * out[at + 1] + normal[2] * out[at + 2] > HALF)) isOdd[slot] = 1;
+        }
+      }
+    }
+    this.#turnOdd(isOdd, out);
+    return out;
+  }
+
+  /** Those whose faces are not all near their mean, by lists of faces. */
+  #turnOdd(isOdd, out) {
+    const ends = new Int32Array(isOdd.length + 1);
+    const each = (take) => {
+      for (const { triangles, slots, areas } of this.parts) {
+        for (let n = 0; n < triangles.length; n++) {
+          const slot = slots[triangles[n]];
+          if (slot >= 0 && isOdd[slot]) take(slot, areas, n - (n % 3));
+        }
+      }
+    };
+    each((slot) => (ends[slot + 1] += 1));
+    for (let slot = 0; slot < isOdd.length; slot++) ends[slot + 1] += ends[slot];
+    const lists = new Float64Array(3 * ends[isOdd.length]);
+    const next = ends.slice();
+    each((slot, areas, at) => addAt(lists, 3 * next[slot]++, areas, at));
+    for (let slot = 0; slot < isOdd.length; slot++) {
+      if (isOdd[slot]) out.set(ofAreas(lists.subarray(3 * ends[slot], 3 * ends[slot + 1]), ends[slot + 1] - ends[slot]), 4 * slot);
     }
   }
 }
-
-const pack = (array, vertex, values) => array.set(values.map((x) => Math.round(32767 * x)), 4 * vertex);
 
 /** What is known of the vertices that clusters share; the same for all of them, whichever are drawn. */
 export class Borders {
@@ -106,20 +234,23 @@ export class Borders {
     const { vertexCount, baseVertexCount, group } = page.cluster;
     const array = new Int16Array(4 * vertexCount);
     if (page.normals) {
-      for (let vertex = 0; vertex < vertexCount; vertex++) pack(array, vertex, packed(unit([...page.normals.subarray(3 * vertex, 3 * vertex + 3)]), TOWARD));
+      for (let vertex = 0; vertex < vertexCount; vertex++) {
+        const facing = found(normalized(page.normals, 3 * vertex, FOUND, 0) > 0, TOWARD);
+        for (let i = 0; i < 4; i++) array[4 * vertex + i] = Math.round(32767 * facing[i]);
+      }
       return { array, turned: vertexCount };
     }
     this.#learn(this.#above(page.cluster));
     const ids = page.ids();
     if (ids.subarray(baseVertexCount).some((id) => id >= 0)) this.#learn({ groupBorders: group });
-    const faces = [];
-    const slots = ids.map((id, vertex) => (this.known.has(id) ? -1 : vertex));
-    facesOf(page, slots, faces);
+    const around = new Around(vertexCount);
+    around.add(page, Int32Array.from(ids, (id, vertex) => (this.known.has(id) ? -1 : vertex)));
+    const own = around.facing();
     let turned = vertexCount;
     for (let vertex = 0; vertex < vertexCount; vertex++) {
-      const known = this.known.get(ids[vertex]);
+      const known = ids[vertex] >= 0 ? this.known.get(ids[vertex]) : undefined;
       if (!known && ids[vertex] >= 0) turned = Math.min(turned, vertex);
-      pack(array, vertex, known ?? ofFaces(faces[vertex] ?? []));
+      for (let i = 0; i < 4; i++) array[4 * vertex + i] = Math.round(32767 * (known ? known[i] : own[4 * vertex + i]));
     }
     return { array, turned };
   }
@@ -144,17 +275,21 @@ export class Borders {
     const clusters = together.roots ? this.roots : together.groupBorders === undefined ? file.fine(group) : file.coarse(group);
     const pages = clusters.map((id) => this.pageOf(id));
     if (pages.some((page) => !page)) return false;
-    const [faces, found] = [[], new Map()];
-    for (const page of pages) {
-      const slots = page.ids().map((id, vertex) => {
-        const collapses = vertex >= page.cluster.baseVertexCount;
+    const found = new Map();
+    const parts = pages.map((page) => {
+      const { baseVertexCount } = page.cluster;
+      const slots = Int32Array.from(page.ids(), (id, vertex) => {
+        const collapses = vertex >= baseVertexCount;
         if (id < 0 || this.known.has(id) || collapses !== (together.groupBorders !== undefined)) return -1;
         if (!found.has(id)) found.set(id, found.size);
         return found.get(id);
       });
-      facesOf(page, slots, faces);
-    }
-    for (const [id, slot] of found) this.known.set(id, ofFaces(faces[slot] ?? []));
+      return [page, slots];
+    });
+    const around = new Around(found.size);
+    for (const [page, slots] of parts) around.add(page, slots);
+    const facing = around.facing();
+    for (const [id, slot] of found) this.known.set(id, facing.slice(4 * slot, 4 * slot + 4));
     this.done.add(name);
     return true;
   }

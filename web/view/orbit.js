@@ -15,6 +15,8 @@ export class Orbit {
   /** `covered` tells how many pixels at the left of the canvas something else covers. */
   constructor(canvas, onChange, covered = () => 0) {
     Object.assign(this, { canvas, onChange, covered, fov: 45, turn: 0.6, rise: 0.35, up: "y" });
+    /** Told when somebody takes the camera. */
+    this.onTouch = () => {};
     this.target = [0, 0, 0];
     this.distance = 1;
     this.size = 1;
@@ -100,7 +102,7 @@ export class Orbit {
     ];
     rows[2][3] += (2 * far * near) / (near - far);
     // What is looked at is in the middle of what is left of the image.
-    const aside = this.#aside();
+    const aside = this.aside();
     rows[0].forEach((x, column) => (rows[0][column] = x + aside * rows[3][column]));
     rows.forEach((row) => (row[3] /= scale));
     return new Float32Array([0, 1, 2, 3].flatMap((column) => rows.map((row) => row[column])));
@@ -111,7 +113,7 @@ export class Orbit {
     const [right, up, back] = this.axes();
     const rise = Math.tan((this.fov * Math.PI) / 360);
     const run = rise * aspect;
-    const aside = this.#aside();
+    const aside = this.aside();
     const side = (across, slope) => added(across, scaled(back, -slope));
     const sides = [side(right, run * (1 + aside)), side(scaled(right, -1), run * (1 - aside)), side(up, rise), side(scaled(up, -1), rise), scaled(back, -1)];
     return sides.map((normal, i) => {
@@ -122,8 +124,35 @@ export class Orbit {
   }
 
   /** By how much what is looked at is to the right of the middle, in halves of the image. */
-  #aside() {
+  aside() {
     return this.covered() / Math.max(this.canvas.clientWidth, 1);
+  }
+
+  /** Where a point of the picture's coordinates is on the canvas, in pixels of CSS, and how far away; null behind the eye. */
+  project(point) {
+    const [right, up, back] = this.axes();
+    const eye = this.eye();
+    const way = point.map((x, axis) => x - eye[axis]);
+    const far = -dot(way, back);
+    if (!(far > 0)) return null;
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const unit = height / 2 / (Math.tan((this.fov * Math.PI) / 360) * far);
+    return [width / 2 * (1 + this.aside()) + dot(way, right) * unit, height / 2 - dot(way, up) * unit, far];
+  }
+
+  /** The direction of the ray through a point of the canvas. */
+  ray(x, y) {
+    const [right, up, back] = this.axes();
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const unit = (2 * Math.tan((this.fov * Math.PI) / 360)) / Math.max(height, 1);
+    const [across, along] = [(x - (width / 2) * (1 + this.aside())) * unit, (height / 2 - y) * unit];
+    return normalized(added(added(scaled(right, across), scaled(up, along)), scaled(back, -1)));
+  }
+
+  /** Goes around by an angle, as a turntable does. */
+  spin(angle) {
+    this.turn += angle;
+    this.onChange();
   }
 
   #turn(dx, dy) {
@@ -152,6 +181,7 @@ export class Orbit {
     const fingers = new Map();
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     canvas.addEventListener("pointerdown", (event) => {
+      this.onTouch();
       canvas.setPointerCapture(event.pointerId);
       fingers.set(event.pointerId, [event.clientX, event.clientY]);
     });
@@ -177,12 +207,16 @@ export class Orbit {
     });
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
+      this.onTouch();
       this.#zoom(Math.exp(Math.sign(event.deltaY) * Math.min(Math.abs(event.deltaY), 100) * 0.0015));
     }, { passive: false });
     canvas.addEventListener("keydown", (event) => {
       const turns = { ArrowLeft: [-20, 0], ArrowRight: [20, 0], ArrowUp: [0, -20], ArrowDown: [0, 20] };
       const zooms = { "+": 0.9, "=": 0.9, "-": 1.1 };
-      if (turns[event.key]) this.#turn(...turns[event.key]);
+      if (event.ctrlKey || event.altKey || event.metaKey) return;
+      if (turns[event.key] || zooms[event.key]) this.onTouch();
+      if (turns[event.key] && event.shiftKey) this.#move(...turns[event.key].map((x) => -x));
+      else if (turns[event.key]) this.#turn(...turns[event.key]);
       else if (zooms[event.key]) this.#zoom(zooms[event.key]);
       else return;
       event.preventDefault();

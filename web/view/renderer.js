@@ -1,5 +1,8 @@
 // Draws pages by WebGL 2. A page's vertices are uploaded once; the corners of its triangles whenever its position changes.
 
+import { stops } from "./colors.js";
+import { Occlusion } from "./occlusion.js";
+
 const VERTEX = `#version 300 es
 uniform mat4 matrix;
 uniform bool smoothly;
@@ -7,6 +10,10 @@ uniform vec3 stretch;
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec4 facing;
 layout(location = 2) in vec4 color;
+layout(location = 3) in float number;
+// What is shown by colours: where they begin, and how many there are to a unit; 0 without.
+uniform vec2 numbers;
+uniform vec3 stops[9];
 out vec3 at;
 // What becomes of the plane of a face: a symmetric matrix, its diagonal and what is beside it.
 out vec3 straight;
@@ -28,6 +35,12 @@ void main() {
     }
   }
   tint = color;
+  if (numbers.y > 0.0) {
+    float place = clamp((number - numbers.x) * numbers.y, 0.0, 1.0) * 8.0;
+    int low = min(int(place), 7);
+    // Grey is what is no number.
+    tint = vec4(number == number ? mix(stops[low], stops[low + 1], place - float(low)) : vec3(0.5), 1.0);
+  }
   gl_Position = matrix * vec4(position, 1.0);
 }`;
 
@@ -36,12 +49,16 @@ precision highp float;
 uniform vec3 eye;
 uniform vec3 light;
 uniform vec4 flat_color;
+uniform vec4 clip;
+uniform vec3 up;
+uniform bool studio;
 in vec3 at;
 in vec3 straight;
 in vec3 across;
 in vec4 tint;
 out vec4 color;
 void main() {
+  if (dot(clip.xyz, at) > clip.w) discard;
   vec3 to_eye = normalize(eye - at);
   // Both sides of a surface are lit.
   vec3 plane = normalize(cross(dFdx(at), dFdy(at)));
@@ -53,12 +70,22 @@ void main() {
   normal = normalize(mix(normal, plane, smoothstep(-0.15, 0.15, -dot(normal, to_eye))));
   vec3 base = mix(tint.rgb, flat_color.rgb, flat_color.a);
   float shade = 0.35 + 0.65 * max(dot(normal, light), 0.0);
-  color = vec4(base * shade, 1.0);
+  if (!studio) {
+    color = vec4(base * shade, 1.0);
+    return;
+  }
+  // A lamp beside the camera, a weaker one on the other side, sky above and floor below, and some shine.
+  float key = max(dot(normal, light), 0.0);
+  float fill = max(dot(normal, normalize(to_eye - 0.9 * light + 0.4 * up)), 0.0);
+  float sky = 0.5 + 0.5 * dot(normal, up);
+  vec3 lit = vec3(1.0, 0.98, 0.94) * 0.62 * key + vec3(0.85, 0.92, 1.0) * 0.16 * fill + mix(vec3(0.2, 0.19, 0.18), vec3(0.34, 0.36, 0.4), sky);
+  float shine = pow(max(dot(normal, normalize(light + to_eye)), 0.0), 36.0);
+  color = vec4(base * lit + 0.09 * shine, 1.0);
 }`;
 
-function program(gl) {
+function program(gl, vertex, fragment) {
   const program = gl.createProgram();
-  for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+  for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, text);
     gl.compileShader(shader);
@@ -71,11 +98,13 @@ function program(gl) {
 
 export class Renderer {
   constructor(canvas) {
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: true });
+    const gl = canvas.getContext("webgl2", { antialias: false, depth: false, alpha: true });
     if (!gl) throw new Error("this browser has no WebGL 2, which the page draws with");
     Object.assign(this, { gl, canvas, blocks: new Map(), bytes: 0, frame: 0 });
-    this.program = program(gl);
-    this.places = Object.fromEntries(["matrix", "eye", "light", "flat_color", "smoothly", "stretch"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
+    this.program = program(gl, VERTEX, FRAGMENT);
+    this.occlusion = new Occlusion(gl, program);
+    const names = ["matrix", "eye", "light", "flat_color", "smoothly", "stretch", "clip", "up", "studio", "numbers", "stops"];
+    this.places = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(this.program, name)]));
     gl.enable(gl.DEPTH_TEST);
   }
 
@@ -139,14 +168,18 @@ export class Renderer {
     return this.blocks.get(id)?.page;
   }
 
-  /** Draws a cut; how many triangles that were, and the largest error. `borders` is null for each triangle by its own plane. */
-  draw(cut, camera, place, colorOf, borders) {
+  /**
+   * Draws a cut; how many triangles that were, and the largest error.
+   * @param look `colorOf` a cluster, the `scalar` that colours show with its range, `borders` or null for each triangle by its own plane, the `clip`
+   *   plane as a normal and an offset in the picture's coordinates, whether light is that of a `studio`, and whether the picture is at `rest`
+   */
+  draw(cut, camera, place, { colorOf, scalar = null, borders, clip = null, studio = true, rest = true }) {
     const { gl, canvas, places } = this;
     this.frame += 1;
     const ratio = Math.min(globalThis.devicePixelRatio || 1, 2);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((x) => Math.max(1, Math.round(x * ratio)));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    gl.viewport(0, 0, width, height);
+    this.occlusion.begin(width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.useProgram(this.program);
@@ -157,6 +190,13 @@ export class Renderer {
     const light = [0, 1, 2].map((axis) => back[axis] + 0.5 * up[axis] + 0.4 * right[axis]);
     gl.uniform3fv(places.light, light.map((x) => x / Math.hypot(...light)));
 
+    gl.uniform3fv(places.up, up);
+    gl.uniform1i(places.studio, studio ? 1 : 0);
+    const [normal, offset] = clip ?? [[0, 0, 0], 0];
+    const middle = normal.reduce((sum, x, axis) => sum + x * place.center[axis], 0);
+    gl.uniform4f(places.clip, ...normal, (offset - middle) / place.scale);
+    gl.uniform2f(places.numbers, scalar?.low ?? 0, scalar ? 1 / (scalar.high - scalar.low || 1) : 0);
+    gl.uniform3fv(places.stops, stops());
     gl.uniform1i(places.smoothly, borders ? 1 : 0);
     gl.uniform3fv(places.stretch, place.stretch);
 
@@ -176,16 +216,37 @@ export class Renderer {
         gl.bufferSubData(gl.ARRAY_BUFFER, 0, array);
         block.turned = turned;
       }
+      if (scalar && block.scalar !== scalar.name) this.#number(block, scalar);
       block.used = this.frame;
       error = Math.max(error, block.page.errorAt(position));
       const color = colorOf(block.page.cluster, block.page.errorAt(position));
       // Without colours of its own a page has one all over.
-      gl.uniform4fv(places.flat_color, color ?? (block.page.colors ? [0, 0, 0, 0] : [0.78, 0.76, 0.72, 1]));
+      const isColored = scalar || block.page.colors;
+      gl.uniform4fv(places.flat_color, color ?? (isColored ? [0, 0, 0, 0] : [0.78, 0.76, 0.72, 1]));
       gl.drawElements(gl.TRIANGLES, block.corners, gl.UNSIGNED_SHORT, 0);
       triangles += block.corners / 3;
     }
     gl.bindVertexArray(null);
+    const rise = Math.tan((camera.fov * Math.PI) / 360);
+    const range = camera.range().map((x) => x / place.scale);
+    this.occlusion.end(range, camera.aside(), [(rise * width) / height, rise], studio && rest ? (0.05 * camera.size) / place.scale : 0);
     return { triangles, error };
+  }
+
+  /** Uploads the values of a scalar. */
+  #number(block, scalar) {
+    const { gl } = this;
+    if (!block.numbers) {
+      block.numbers = gl.createBuffer();
+      block.buffers.push(block.numbers);
+      block.bytes += 4 * block.page.cluster.vertexCount;
+      this.bytes += 4 * block.page.cluster.vertexCount;
+    }
+    gl.bindBuffer(gl.ARRAY_BUFFER, block.numbers);
+    gl.bufferData(gl.ARRAY_BUFFER, Float32Array.from(block.page.scalar(scalar)), gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(3);
+    gl.vertexAttribPointer(3, 1, gl.FLOAT, false, 0, 0);
+    block.scalar = scalar.name;
   }
 
   /** Lets go of what was not drawn for longest, but not of `kept`, until at most `bytes` are used. */

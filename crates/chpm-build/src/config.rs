@@ -82,6 +82,8 @@ pub struct Settings {
     pub packed: bool,
     /// Whether positions keep all digits that singles hold, or lie on a lattice.
     pub positions: Positions,
+    /// How the model is shown ([`chpm_format::shown`]), by name and value.
+    pub shown: Vec<(String, String)>,
 }
 
 impl Default for Settings {
@@ -111,6 +113,7 @@ impl Default for Settings {
             layout: Layout::VertexCache,
             packed: false,
             positions: Positions::Exact,
+            shown: Vec::new(),
         }
     }
 }
@@ -295,6 +298,7 @@ impl Settings {
         entries.extend(self.scalars.names.iter().map(|name| entry("scalar", name)));
         entries.extend(self.packed.then(|| entry("pages", &"packed")));
         entries.extend((self.positions != Positions::Exact).then(|| entry("positions", &self.positions)));
+        entries.extend(self.shown.iter().cloned());
         entries
     }
 }

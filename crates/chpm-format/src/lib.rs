@@ -66,6 +66,7 @@ pub mod same;
 mod scalars;
 pub mod section;
 mod section_kind;
+pub mod shown;
 mod structure;
 pub mod tables;
 pub mod verify;

@@ -63,7 +63,7 @@ pub use cursor::PmCursor;
 pub use cut::{Cut, Member};
 pub use error::RefineError;
 pub use extract::{Extraction, coincident, extract};
-pub use framing::{Outline, Portrait, Side, Stance, Up, Window};
+pub use framing::{Outline, Portrait, Side, Stance, Up, Window, told_by};
 pub use front::{Changes, Entered, Front};
 pub use hierarchy::Hierarchy;
 pub use pager::Pager;

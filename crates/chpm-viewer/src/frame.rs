@@ -27,7 +27,7 @@ use crate::transform::Transform;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Scalar};
-use chpm_refine::{Camera, Changes, Outline, Portrait, Side, Up};
+use chpm_refine::{Camera, Changes, Outline, Portrait, Side, Up, told_by};
 use converge::next_poe;
 pub use exact::Spot;
 use interactive::CacheKey;
@@ -236,6 +236,10 @@ impl Viewer {
     /// # Errors
     /// [`ViewerError::Page`] for a file that is damaged.
     pub fn portrait(&mut self, up: Option<Up>, side: Option<Side>) -> Result<Portrait, ViewerError> {
+        // One alone may say itself how it stands.
+        let own = self.files().next().and_then(|file| file.metadata().ok());
+        let own = own.filter(|_| self.models.len() == 1).map(|own| told_by(&own)).unwrap_or_default();
+        let (up, side) = (up.or(own.0), side.or(own.1));
         let portrait = Portrait::new(self.outline()?, self.bounds(), up, side);
         let is_alone = self.models.len() == 1 && self.models[0].place.is_still();
         if !is_alone {

@@ -13,5 +13,5 @@ mod stance;
 
 pub use direction::{Side, Up};
 pub use outline::{Outline, Window};
-pub use portrait::Portrait;
+pub use portrait::{Portrait, told_by};
 pub use stance::Stance;

@@ -6,7 +6,7 @@ use super::outline::{Outline, Window};
 use super::stance::Stance;
 use crate::error::RefineError;
 use crate::view::Camera;
-use chpm_format::Chpm;
+use chpm_format::{Chpm, Metadata, shown};
 use chpm_mesh::Aabb;
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::PI;
@@ -22,6 +22,12 @@ pub struct Portrait {
     heights: Option<f64>,
 }
 
+/// The stance that a file tells.
+pub fn told_by(metadata: &Metadata) -> (Option<Up>, Option<Side>) {
+    let up = metadata.setting(shown::UP).and_then(|up| up.parse().ok());
+    (up, metadata.setting(shown::VIEW).and_then(Side::named))
+}
+
 /// Directions in which the outermost points of an outline are looked for.
 const DIRECTIONS: u32 = 256;
 
@@ -32,13 +38,14 @@ impl Portrait {
         Portrait { outline, bounds, stance, heights: None }
     }
 
-    /// Of a file, as it stands best. Reads the pages of one of its levels.
+    /// Of a file, as it says that it stands, or else as it stands best. Reads the pages of one of its levels.
     ///
     /// # Errors
     /// [`RefineError::Format`] for a damaged page.
     pub fn of_file<D: AsRef<[u8]>>(file: &Chpm<D>) -> Result<Self, RefineError> {
         let (outline, bounds) = (Outline::of_file(file)?, file.header().aabb());
-        Ok(Portrait::new(outline, bounds, None, None).with_heights(file.header().origin, None, None))
+        let (up, side) = file.metadata().map(|metadata| told_by(&metadata)).unwrap_or_default();
+        Ok(Portrait::new(outline, bounds, up, side).with_heights(file.header().origin, up, side))
     }
 
     /// The same, lower where it is a terrain whose heights are in another unit than its places: as it is, it is one upright line. `origin` is
