@@ -148,12 +148,11 @@ impl Reach {
     /// The smallest box about it, and more than the last operation on it can have lost.
     #[inline]
     pub(crate) fn outward(&self, along: &Along) -> Displacement {
-        let mut ends = [[0.0; 2]; 3];
-        for axis in 0..3 {
+        let ends = |axis: usize| {
             let [a, b] = self.0[axis].to_array();
-            ends[axis] = if along.is_turned[axis] { [b, a] } else { [a, b] };
-        }
-        let [[x, p], [y, q], [z, r]] = ends;
+            if along.is_turned[axis] { [b, a] } else { [a, b] }
+        };
+        let [[x, p], [y, q], [z, r]] = [ends(0), ends(1), ends(2)];
         // Zero has one sign only.
         let [x, y, z] = [x, y, z].map(|x| (x + 0.0) as f32);
         let [p, q, r] = [p, q, r].map(|x| (0.0 - x) as f32);

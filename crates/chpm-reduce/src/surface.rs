@@ -126,7 +126,7 @@ impl Surface {
         // A boundary moves along itself.
         let fits = match between {
             1 => true,
-            2 => !is_open(ring) && !(moves && is_open(others)),
+            2 => !(is_open(ring) || moves && is_open(others)),
             _ => false,
         };
         if !fits || moves && !self.is_fan(to, others) {

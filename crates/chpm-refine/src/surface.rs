@@ -124,9 +124,8 @@ mod tests {
 
     #[test]
     fn what_is_near_is_found_in_any_run() {
-        let mut surface = Surface::default();
-        surface.triangles =
-            (0..100).map(|x| [[x as f32, 0.0, 0.0], [x as f32, 1.0, 0.0], [x as f32, 0.0, 1.0]]).collect();
+        let row = (0..100).map(|x| [[x as f32, 0.0, 0.0], [x as f32, 1.0, 0.0], [x as f32, 0.0, 1.0]]);
+        let mut surface = Surface { triangles: row.collect(), ..Surface::default() };
         surface.enclose();
         let at = |x: f64, reach: f64| surface.within(Point3::new(x, 0.25, 0.25), reach);
         assert!(at(77.25, 0.3).is_some_and(|found| (0.25..0.2501).contains(&found)));

@@ -47,7 +47,10 @@ mod tests {
         }
         assert_eq!([encode(-1.0), encode(1e9)], [0, 255]);
         // 188 of 255 are 0.503 of the light, and the square of that is 138.
-        assert_eq!([srgb_product(188, 188), srgb_product(188, 0), srgb_product(255, 7), srgb_product(9, 255)], [138, 0, 7, 9]);
+        assert_eq!(
+            [srgb_product(188, 188), srgb_product(188, 0), srgb_product(255, 7), srgb_product(9, 255)],
+            [138, 0, 7, 9]
+        );
         // Half of the light is brighter than half of the value.
         assert_eq!(encode(FULL / 2.0), 188);
     }

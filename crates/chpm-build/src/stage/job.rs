@@ -226,14 +226,21 @@ impl Job<'_> {
         let range = share.range(weights);
         let mut places = range.start as u32..;
         let mut emitted = Emitted::default();
-        layout::run_in_order(range, &order, &built, self.settings(), self.context, |record, mut found, page| {
-            out.append(page)?;
-            let place = places.next().unwrap_or_default();
-            found.iter_mut().for_each(|remnant| remnant.cluster = place);
-            emitted.records.extend_from_slice(bytemuck::bytes_of(record));
-            emitted.remnants.extend_from_slice(bytemuck::cast_slice(&found));
-            Ok(())
-        })?;
+        layout::run_in_order(
+            range,
+            &order,
+            &built,
+            self.settings(),
+            self.context,
+            |record, mut found, page| {
+                out.append(page)?;
+                let place = places.next().unwrap_or_default();
+                found.iter_mut().for_each(|remnant| remnant.cluster = place);
+                emitted.records.extend_from_slice(bytemuck::bytes_of(record));
+                emitted.remnants.extend_from_slice(bytemuck::cast_slice(&found));
+                Ok(())
+            },
+        )?;
         Ok(emitted)
     }
 
@@ -266,8 +273,9 @@ impl Job<'_> {
             for bytes in emitted.remnants.chunks_exact(size_of::<Remnant>()) {
                 let remnant: Remnant = bytemuck::pod_read_unaligned(bytes);
                 let cluster: Option<&mut (_, Vec<_>)> = records.get_mut(remnant.cluster as usize);
-                let (_, of_cluster) = cluster
-                    .ok_or_else(|| BuildError::Record("a remnant is of no cluster that is there".to_owned()))?;
+                let (_, of_cluster) = cluster.ok_or_else(|| {
+                    BuildError::Record("a remnant is of no cluster that is there".to_owned())
+                })?;
                 of_cluster.push(remnant);
             }
         }

@@ -78,8 +78,18 @@ fn within(file: &Chpm<Vec<u8>>, specks: &[[f32; 3]], distance: f32) -> usize {
     assert_eq!(extraction.error(), cut.error(file).unwrap());
     // Every way to have it gives the same mesh.
     let (mut apart, mut pieces) = (TriMesh::default(), TriMesh::default());
-    extraction.vertices(|vertices| Ok::<_, RefineError>(apart.extend_from_slices(vertices))).unwrap();
-    extraction.triangles(|all| Ok::<_, RefineError>(apart.triangles.extend_from_slice(all))).unwrap();
+    extraction
+        .vertices(|vertices| {
+            apart.extend_from_slices(vertices);
+            Ok::<_, RefineError>(())
+        })
+        .unwrap();
+    extraction
+        .triangles(|all| {
+            apart.triangles.extend_from_slice(all);
+            Ok::<_, RefineError>(())
+        })
+        .unwrap();
     assert_eq!(apart, mesh);
     extraction
         .pieces(5, |vertices, all| {
