@@ -113,7 +113,7 @@ fn what_is_lost_or_damaged_is_made_again_and_nothing_else() {
             made(&folder).into_iter().filter(|now| !before.contains(now)).map(|(name, _)| name).collect();
         assert_eq!(
             changed,
-            std::slice::from_ref(&name),
+            std::slice::from_ref(name),
             "the same bytes: nothing that was made of it has to be made again"
         );
         assert!(folder.read("w.chpm") == whole);
