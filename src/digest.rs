@@ -48,22 +48,17 @@ pub(crate) fn print(
         Bytes(sizes.padding),
         Bytes(sizes.tables),
     )?;
+    let specks = file.remnants().len() as u64;
     writeln!(
         out,
-        "error      up to {} units ({}); distance {}; boundary {}",
+        "error      up to {} units ({}); distance {}; boundary {}{}",
         Units(h.max_error.into()),
         error_kind(file),
         max_distance(file)
             .map_or("unknown".to_owned(), |distance| format!("up to {} units", Units(distance.into()))),
-        boundary(file)
+        boundary(file),
+        if specks > 0 { format!("; {} vanish", Short(specks).of("piece")) } else { String::new() }
     )?;
-    if file.has_remnants() {
-        let specks = Short(file.remnants().len() as u64).of("piece");
-        writeln!(
-            out,
-            "specks     {specks} vanish on the way up; meshes within a distance draw those that matter"
-        )?;
-    }
 
     let remarks = remarks(file, metadata, levels);
     if remarks.is_empty() {

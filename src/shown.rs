@@ -28,15 +28,19 @@ fn side() -> impl TypedValueParser<Value = Side> {
 #[command(next_help_heading = "Kept with the file, and shown")]
 pub(crate) struct ShownArgs {
     /// The model's name, in words
-    #[arg(long, value_name = "TEXT", value_parser = text)]
+    #[arg(long, value_name = "TEXT", hide_short_help = true, value_parser = text)]
     title: Option<String>,
-    #[command(flatten)]
-    pub(crate) stance: StanceArgs,
+    /// What is up: x, y, z, -x, -y or -z. If not given, it is found whenever the model is shown
+    #[arg(long, value_name = "AXIS", hide_short_help = true, allow_hyphen_values = true)]
+    up: Option<Up>,
+    /// The side that is shown. If not given, it is found, too
+    #[arg(long = "view", value_name = "SIDE", hide_short_help = true, value_parser = side())]
+    side: Option<Side>,
     /// Whose it is, in words
-    #[arg(long, value_name = "TEXT", value_parser = text)]
+    #[arg(long, value_name = "TEXT", hide_short_help = true, value_parser = text)]
     credit: Option<String>,
     /// The colour behind the model
-    #[arg(long, value_name = "RRGGBB", value_parser = color)]
+    #[arg(long, value_name = "RRGGBB", hide_short_help = true, value_parser = color)]
     background: Option<String>,
 }
 
@@ -64,11 +68,10 @@ fn color(text: &str) -> Result<String, String> {
 impl ShownArgs {
     /// The settings that a file keeps of it.
     pub(crate) fn settings(&self) -> Vec<(String, String)> {
-        let StanceArgs { up, side } = self.stance;
         let told = [
             (shown::TITLE, self.title.clone()),
-            (shown::UP, up.map(|up| up.to_string())),
-            (shown::VIEW, side.map(|side| side.name().to_owned())),
+            (shown::UP, self.up.map(|up| up.to_string())),
+            (shown::VIEW, self.side.map(|side| side.name().to_owned())),
             (shown::CREDIT, self.credit.clone()),
             (shown::BACKGROUND, self.background.clone()),
         ];

@@ -83,6 +83,9 @@ fn every_key_is_documented_and_appears() {
     folder.stdout("build named.ply -q --keep quality");
     folder.write("bad.chpm", "no file");
     folder.stdout("build in.ply -q --cluster-triangles 256");
+    // Small pieces of it vanish.
+    folder.stdout("synth isosurface --triangles 20000 -o dusty.ply -q");
+    folder.stdout("build dusty.ply -q --cluster-triangles 512");
     folder.stdout("path orbit in.chpm --frames 2 -o in.path");
     folder.stdout("extract in.chpm --triangles 500 -o small.ply -q");
     folder.write("one.poses", "0,0,0\n");
@@ -106,6 +109,7 @@ fn every_key_is_documented_and_appears() {
         ("config", "config in.ply --json", 0),
         ("verify", "verify in.chpm --against in.ply --cuts 2 -q --json", 0),
         ("verify", "verify in.chpm --against in.ply --errors --cuts 1 -q --json", 0),
+        ("verify", "verify dusty.chpm --against dusty.ply --errors --level 2 -q --json", 0),
         ("verify", "verify bad.chpm -q --json", 1),
         ("measure", "measure in.chpm --against in.ply --levels --cuts 1 --samples 1 -q --json", 0),
         ("measure-meshes", "measure in.ply small.ply --samples 1 -q --json", 0),

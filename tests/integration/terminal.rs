@@ -25,6 +25,7 @@ fn scan() -> Folder {
     folder.stdout("build scan.ply -q --cluster-triangles 512");
     folder.stdout("extract scan.chpm --triangles 50% -o small.ply -q");
     folder.write("moves.poses", "0,0,0\n0,0,0.1\n");
+    folder.write("rays.csv", "0.5,0.5,9,0,0,-1\n");
     folder.stdout("path dive scan.chpm --frames 3 -o dive.path");
     fs::create_dir(folder.path("scans")).expect("a folder");
     for seed in [1, 2] {

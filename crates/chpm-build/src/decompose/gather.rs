@@ -65,28 +65,18 @@ impl Gatherer {
         Ok(self.account.enter(topology)?)
     }
 
-    /// The leaves, which lie in `spool`; what is odd about the source is counted into `repairs`. Beside the count, `release` drops what is not needed any more.
+    /// The leaves, which lie in `spool`; what is odd about the source is counted into `repairs`.
     pub(super) fn finish(
         self,
         about: About,
         spool: Spool,
         context: &Context<'_>,
         repairs: &mut Repairs,
-        release: impl FnOnce() + Send,
     ) -> Result<Decomposition, BuildError> {
         let Gatherer { collector, account, copies, .. } = self;
-        let phase = context.trace.phase();
-        let (topology, ()) = rayon::join(
-            || {
-                let _traced = phase.task("account");
-                account.close()
-            },
-            || {
-                let _traced = phase.task("drop");
-                release();
-            },
-        );
-        topology?.add_to(repairs);
+        let traced = context.trace.task("account");
+        account.close()?.add_to(repairs);
+        drop(traced);
         context.check()?;
         let traced = context.trace.task("collect");
         let (leaves, shared): (Vec<Leaf>, SharedVertices) = collector.finish()?;

@@ -117,8 +117,10 @@ pub(crate) fn run(
         },
         |done| gatherer.take(done),
     )?;
-    drop(share);
-    gatherer.finish(about, spool, context, repairs, || drop(divided))
+    let traced = context.trace.task("drop");
+    drop((divided, share));
+    drop(traced);
+    gatherer.finish(about, spool, context, repairs)
 }
 
 /// The mesh of a region, and the leaves that it is cut into.

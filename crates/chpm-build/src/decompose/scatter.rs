@@ -191,7 +191,7 @@ impl Regions {
                 gatherer.take(done)?;
             }
         }
-        gatherer.finish(self.about, spool, context, repairs, || ())
+        gatherer.finish(self.about, spool, context, repairs)
     }
 }
 

@@ -120,7 +120,8 @@ fn normals_are_those_of_all_faces_about_a_vertex() {
         for cluster_triangles in [16_384, 512, 16] {
             let (_, file) = site.build(&computed(cluster_triangles));
             let attributes = Attributes { octahedral: true, ..Attributes::NONE };
-            assert_eq!((file.header().attributes(), file.header().version_minor), (attributes, 3));
+            let version = if file.has_remnants() { 5 } else { 3 };
+            assert_eq!((file.header().attributes(), file.header().version_minor), (attributes, version));
             let compared = agree(&file, &mesh);
             assert!(compared >= 5_000, "{shape}, {cluster_triangles}: {compared}");
         }
