@@ -172,7 +172,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
     (
         "thickness",
         &[
-            ("chpm thickness scan.chpm -o walls.ply --svg histogram.svg", "in colours, with a histogram"),
+            ("chpm thickness scan.chpm -o walls.ply --svg walls.svg", "in colours, with a histogram"),
             ("chpm thickness scan.chpm --cone 0 --json", "along the normals alone"),
         ],
     ),
