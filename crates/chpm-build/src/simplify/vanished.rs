@@ -4,6 +4,7 @@
 //! before anything is dropped and the base mesh. Vertices that other clusters share do not count, since a group border's collapses may
 //! pass over a cluster's own triangles.
 
+use super::anew::Missing;
 use super::working_set::WorkingSet;
 use chpm_mesh::ProgressiveMesh;
 use chpm_qem::{DroppedComponent, Outcome, Record, gap, thin_out};
@@ -51,6 +52,12 @@ impl Vanished {
         if self.from < f32::INFINITY {
             self.from = limited(self.from);
         }
+    }
+
+    /// What has vanished, for whoever finds errors anew.
+    pub(super) fn missing(&self) -> Missing<'_> {
+        let (below, own) = self.all.split_at(self.below);
+        Missing { below, own, from: self.from }
     }
 
     /// The error with which something vanished first; infinite if nothing did.
