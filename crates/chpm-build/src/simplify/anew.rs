@@ -87,7 +87,8 @@ fn reference(task: &GroupTask<'_>, root: u32) -> Result<Option<Reference>, Build
         spool.read(found.base_triangles, count * size_of::<[u16; 3]>(), &mut triangles)?;
         spool.read(found.displacements, count * size_of::<Displacement>(), &mut displacements)?;
 
-        let each = triangles.chunks_exact(size_of::<[u16; 3]>()).map(bytemuck::pod_read_unaligned::<[u16; 3]>);
+        let each =
+            triangles.chunks_exact(size_of::<[u16; 3]>()).map(bytemuck::pod_read_unaligned::<[u16; 3]>);
         let errors = displacements.chunks_exact(size_of::<Displacement>());
         let errors = errors.map(|bytes| bytemuck::pod_read_unaligned::<Displacement>(bytes).error());
         reference.add(Page::view(&page)?.vertices.positions, each.zip(errors));

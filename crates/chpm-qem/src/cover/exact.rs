@@ -114,7 +114,7 @@ proptest! {
         let target = Target::new(face.map(to_f64));
         let all: Vec<u32> = (0..reference.triangles.len() as u32).collect();
         let loss = LOSS * reference.scale();
-        let found = Overhead::new(&reference).reach(&target, &all, &reference, (0.5 * allowed, allowed), loss);
+        let found = Overhead::new(&reference).reach((&target, face.map(|p| reference.point_at(p))), &all, &reference, (0.5 * allowed, allowed), loss);
         let Some(reach) = found else { return Ok(()) };
         prop_assert!(reach <= allowed + loss);
         let exactly: Vec<[Exact; 3]> = triangles(&reference).iter().map(|t| t.map(place)).collect();
@@ -170,7 +170,7 @@ fn a_hole_is_noticed() {
         reference.add(&grid.positions, kept.map(|(_, t)| (*t, 0.0)));
         reference.join();
         let all: Vec<u32> = (0..reference.triangles.len() as u32).collect();
-        let reach = Overhead::new(&reference).reach(&target, &all, &reference, (0.0, 0.5), 1e-9);
+        let reach = Overhead::new(&reference).reach((&target, [None; 3]), &all, &reference, (0.0, 0.5), 1e-9);
         let is_under = whole.get(missing).is_some_and(|triangle| {
             let [x, y] = [0, 1].map(|axis| {
                 triangle.iter().map(|v| grid.positions[usize::from(*v)][axis]).sum::<f32>() / 3.0

@@ -67,12 +67,8 @@ pub fn tightened(course: &Course<'_>, reference: &Reference) -> Vec<f32> {
         return errors;
     }
     let mut last = 0.0_f32;
-    let t0 = std::time::Instant::now(); // DEBUG
     for (collapse, error) in course.collapses.iter().zip(&mut errors) {
         cover.go_on(collapse);
-        if std::env::var_os("COVER").is_some() && cover.has_begun { // DEBUG
-            eprintln!("DBG alive {} composed {} reached {} {} {:?} pending {} work {} t {:?}", cover.alive, collapse.error, cover.reached, cover.dbg, cover.dbgn, cover.pending.len(), cover.pieces.count, t0.elapsed()); // DEBUG
-        } // DEBUG
         *error = cover.error().min(*error).max(last);
         last = *error;
     }
@@ -221,8 +217,6 @@ struct Cover<'a> {
     candidates: Vec<u32>,
     reference_targets: Vec<Target>,
     reference_tree: BoxTree,
-    dbg: f64, // DEBUG
-    dbgn: [u32; 4], // DEBUG
     own_targets: Vec<Target>,
     own_errors: Vec<f64>,
 }
@@ -266,8 +260,6 @@ impl<'a> Cover<'a> {
             candidates: Vec::new(),
             reference_targets: Vec::new(),
             reference_tree: BoxTree::default(),
-            dbg: 0.0, // DEBUG
-            dbgn: [0; 4], // DEBUG
             own_targets: Vec::new(),
             own_errors: Vec::new(),
         }
@@ -280,7 +272,11 @@ impl<'a> Cover<'a> {
 
     /// Bound on the error of the mesh; infinite where there is none.
     fn error(&self) -> f32 {
-        if self.has_begun && self.pending.is_empty() { round_up(self.reached + self.loss) } else { f32::INFINITY }
+        if self.has_begun && self.pending.is_empty() {
+            round_up(self.reached + self.loss)
+        } else {
+            f32::INFINITY
+        }
     }
 
     /// Follows a collapse.
@@ -333,7 +329,8 @@ impl<'a> Cover<'a> {
         if self.left[component as usize] > 0 {
             return false;
         }
-        let (corners, around) = (corners_of(self.reference, triangle), f64::from(self.reference.errors[triangle as usize]));
+        let (corners, around) =
+            (corners_of(self.reference, triangle), f64::from(self.reference.errors[triangle as usize]));
         let holds = |ball: &DroppedComponent| ball.holds(&corners, around + self.loss);
         let own = if error >= self.course.vanishing { self.course.dropped } else { &[] };
         self.course.dropped_below.iter().chain(own).any(holds)
@@ -460,7 +457,8 @@ impl<'a> Cover<'a> {
                 let known = &mut self.served[v as usize];
                 if self.seen_points.is_new(v) {
                     let point = to_f64(self.reference.points[v as usize]);
-                    let (face, squared) = few.nearest(&point, (first, self.targets[first as usize].squared(&point)));
+                    let (face, squared) =
+                        few.nearest(&point, (first, self.targets[first as usize].squared(&point)));
                     *known = (face, squared.sqrt());
                 }
                 *served = *known;
@@ -497,35 +495,52 @@ impl<'a> Cover<'a> {
 
     /// Holds a face against the reference.
     fn cover(&mut self, face: u32, error: f32) {
-        let w0 = self.pieces.count; // DEBUG
         // What was composed is a bound on it for as long as it is there.
-        let far = self.cover_part(&self.targets[face as usize].clone(), error, PARTS);
-        if far == f64::INFINITY { self.dbgn[0] += 1; } else if far > f64::from(error) { self.dbgn[1] += 1; } else { self.dbgn[2] += 1; } // DEBUG
-        self.dbgn[3] += (self.pieces.count - w0) as u32; // DEBUG
+        let far = self.cover_part(&self.targets[face as usize].clone(), self.points_of(face), error, PARTS);
         let far = far.min(f64::from(error));
-        if far > self.reached { self.dbg = far } // DEBUG
         self.reached = self.reached.max(far);
     }
 
+    /// The points of the reference at which a face has its corners.
+    fn points_of(&self, face: u32) -> [Option<u32>; 3] {
+        let corners = self.mesh.faces[face as usize].corners;
+        corners.map(|v| self.reference.point_at(self.course.positions[usize::from(v)]))
+    }
+
     /// How far a face, or part of one, is from the candidates at most. Where they do not lie over all of it, it is cut into four, so many times.
-    fn cover_part(&mut self, part: &Target, error: f32, times: u32) -> f64 {
-        // One collapse seldom comes to twice what all before it did.
-        let allowed = f64::from(error).min(SUDDEN * self.reached);
-        self.reference_tree.near(&self.reference_targets, part, allowed, &mut self.candidates);
+    fn cover_part(&mut self, part: &Target, corners: [Option<u32>; 3], error: f32, times: u32) -> f64 {
+        // Heights are along the face's normal, and more than distances where a sliver stands askew: so what would raise the error is cut, down to pieces that are
+        // held by their distances.
+        let enough = self.reached;
+        self.reference_tree.near(&self.reference_targets, part, enough, &mut self.candidates);
         self.pieces.count += self.candidates.len() as u64 / CANDIDATES;
-        let limits = (self.reached, allowed);
-        if let Some(far) = self.overhead.reach(part, &self.candidates, self.reference, limits, self.loss) {
+        let limits = (enough, enough);
+        if let Some(far) =
+            self.overhead.reach((part, corners), &self.candidates, self.reference, limits, self.loss)
+        {
             return far;
         }
         if times == 0 {
+            // One collapse seldom comes to twice what all before it did.
+            let allowed = f64::from(error).min(SUDDEN * self.reached);
+            self.reference_tree.near(&self.reference_targets, part, allowed, &mut self.candidates);
             return self.cover_in_pieces(part);
         }
 
         let [a, b, c] = part.corners;
         let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(a, b)| nalgebra::center(&a, &b));
         let mut far = 0.0_f64;
-        for part in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
-            far = far.max(self.cover_part(&Target::new(part), error, times - 1));
+        let [at_a, at_b, at_c] = corners;
+        let parts = [
+            ([a, ab, ca], [at_a, None, None]),
+            ([ab, b, bc], [None, at_b, None]),
+            ([ca, bc, c], [None, None, at_c]),
+            ([ab, bc, ca], [None; 3]),
+        ];
+        for (part, corners) in parts {
+            far = far.max(self.cover_part(&Target::new(part), corners, error, times - 1));
+            // What the first parts come to is enough for the others.
+            self.reached = self.reached.max(far.min(f64::from(error)));
             if far > f64::from(error) {
                 break;
             }
@@ -549,7 +564,8 @@ impl<'a> Cover<'a> {
         });
         let before = self.pieces.count;
         let far = self.pieces.reach(face.corners, served, self.reached, &mut own);
-        self.pieces.count += (3 + self.pieces.count - before) * self.candidates.len() as u64 / (4 * CANDIDATES);
+        self.pieces.count +=
+            (3 + self.pieces.count - before) * self.candidates.len() as u64 / (4 * CANDIDATES);
         far
     }
 

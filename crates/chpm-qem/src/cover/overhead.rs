@@ -13,6 +13,12 @@ use robust::{Coord, orient2d};
 /// Weights of points of the face at which triangles are counted, until one lies on no edge.
 const PROBES: [[f64; 3]; 3] = [[0.34, 0.35, 0.31], [0.47, 0.22, 0.31], [0.19, 0.37, 0.44]];
 
+/// Share of an edge that may be taken off at either end.
+const MOST_OFF: f64 = 0.45;
+
+/// A face without its corners.
+type Outline = [Coord<f64>; 6];
+
 /// A place in the plane, and the height above it.
 type Placed = [f64; 3];
 
@@ -45,20 +51,38 @@ struct Over {
 struct Plane {
     origin: Point3<f64>,
     axes: [Vector3<f64>; 3],
-    corners: [Coord<f64>; 3],
+    corners: Outline,
+    /// Whether all of them are on one side of the line from a corner to the next, exactly.
+    holds: [bool; 6],
     loss: f64,
 }
 
 impl Plane {
-    fn new(face: &Target, loss: f64) -> Option<Self> {
+    /// `off` is how much of each corner is taken off.
+    fn new(face: &Target, off: [f64; 3], loss: f64) -> Option<Self> {
         let [a, b, c] = face.corners;
         let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
         let along = (b - a).try_normalize(0.0)?;
         let axes = [along, normal.cross(&along), normal];
-        let mut plane = Plane { origin: a, axes, corners: [Coord { x: 0.0, y: 0.0 }; 3], loss };
-        plane.corners = face.corners.map(|corner| flat(&plane.place(&corner)));
-        let [a, b, c] = plane.corners;
-        (orient2d(a, b, c) > 0.0).then_some(plane)
+        let mut plane =
+            Plane { origin: a, axes, corners: [Coord { x: 0.0, y: 0.0 }; 6], holds: [true; 6], loss };
+        let whole = face.corners.map(|corner| flat(&plane.place(&corner)));
+        if orient2d(whole[0], whole[1], whole[2]) <= 0.0 {
+            return None;
+        }
+
+        for i in 0..3 {
+            for (k, to) in [(i + 2) % 3, (i + 1) % 3].into_iter().enumerate() {
+                let (x, y) = (whole[to].x - whole[i].x, whole[to].y - whole[i].y);
+                let share = (off[i] / (x * x + y * y).sqrt()).min(MOST_OFF);
+                plane.corners[2 * i + k] = Coord { x: whole[i].x + share * x, y: whole[i].y + share * y };
+            }
+        }
+        let outline = plane.corners;
+        for i in 0..6 {
+            plane.holds[i] = outline.iter().all(|p| orient2d(outline[i], outline[(i + 1) % 6], *p) >= 0.0);
+        }
+        Some(plane)
     }
 
     fn place(&self, point: &Point3<f64>) -> Placed {
@@ -73,36 +97,36 @@ fn flat([x, y, _]: &Placed) -> Coord<f64> {
 
 /// A triangle of the reference beside the face: on which side of each other's lines the corners are, as exact signs.
 struct Beside {
-    /// By corner of the triangle and line of the face: negative outside.
-    corners: [[f64; 3]; 3],
-    /// By line of the triangle and corner of the face.
-    lines: [[f64; 3]; 3],
+    /// By corner of the triangle, whether it is outside a line of the face.
+    outside: [[bool; 6]; 3],
+    /// By line of the triangle, the side on which all corners of the face are, if they are.
+    sides: [f64; 3],
     area: f64,
 }
 
 impl Beside {
-    fn new(triangle: &[Coord<f64>; 3], face: &[Coord<f64>; 3]) -> Option<Self> {
-        let line = |of: &[Coord<f64>; 3], i: usize, point| orient2d(of[i], of[(i + 1) % 3], point);
-        let corners = triangle.map(|point| [0, 1, 2].map(|i| line(face, i, point)));
-        if (0..3).any(|i| corners.iter().all(|corner| corner[i] < 0.0)) {
+    fn new(triangle: &[Coord<f64>; 3], plane: &Plane) -> Option<Self> {
+        let face = &plane.corners;
+        let outside = triangle.map(|point| {
+            [0, 1, 2, 3, 4, 5].map(|i| plane.holds[i] && orient2d(face[i], face[(i + 1) % 6], point) < 0.0)
+        });
+        if (0..6).any(|i| outside.iter().all(|corner| corner[i])) {
             return None;
         }
-        let lines = [0, 1, 2].map(|i| face.map(|point| line(triangle, i, point)));
+        let sides = [0, 1, 2].map(|i| {
+            let side = |p: &Coord<f64>| orient2d(triangle[i], triangle[(i + 1) % 3], *p);
+            let first = side(&face[0]);
+            if face[1..].iter().all(|p| side(p) * first > 0.0) { first } else { 0.0 }
+        });
         let area = orient2d(triangle[0], triangle[1], triangle[2]);
-        let is_apart = |line: &[f64; 3]| {
-            area <= 0.0 && line.iter().all(|side| *side > 0.0)
-                || area >= 0.0 && line.iter().all(|side| *side < 0.0)
-        };
-        let beside = Beside { corners, lines, area };
-        (!beside.lines.iter().any(is_apart)).then_some(beside)
+        let is_apart = |side: &f64| area <= 0.0 && *side > 0.0 || area >= 0.0 && *side < 0.0;
+        (!sides.iter().any(is_apart)).then_some(Beside { outside, sides, area })
     }
 
     /// Whether the edge from corner `i` to the next may touch the face.
     fn is_over(&self, i: usize) -> bool {
-        let line = &self.lines[i];
-        let is_apart = line.iter().all(|side| *side > 0.0) || line.iter().all(|side| *side < 0.0);
-        let (a, b) = (&self.corners[i], &self.corners[(i + 1) % 3]);
-        !is_apart && !(0..3).any(|side| a[side] < 0.0 && b[side] < 0.0)
+        let (a, b) = (&self.outside[i], &self.outside[(i + 1) % 3]);
+        self.sides[i] == 0.0 && !(0..6).any(|line| a[line] && b[line])
     }
 }
 
@@ -117,16 +141,21 @@ impl Overhead {
     }
 
     /// How far no point of the face is from what the reference stands for, if that is at most `allowed`: the least for which the nearer of the candidates lie over all of it.
-    /// What is within `enough` is not looked at more closely.
+    /// What is within `enough` is not looked at more closely. `corners` are points of the reference at which the face has its.
     pub(crate) fn reach(
         &mut self,
-        face: &Target,
+        (face, corners): (&Target, [Option<u32>; 3]),
         candidates: &[u32],
         reference: &Reference,
         (enough, allowed): (f64, f64),
         loss: f64,
     ) -> Option<f64> {
-        let plane = Plane::new(face, loss)?;
+        // What is near a corner is near a vertex of the source.
+        let off = corners.map(|corner| {
+            let error = corner.map_or(f64::INFINITY, |corner| f64::from(reference.least[corner as usize]));
+            (enough - error - loss).max(0.0)
+        });
+        let plane = Plane::new(face, off, loss)?;
         let probes = PROBES.map(|weights| probe(&plane.corners, weights));
         self.turn += 1;
         self.over.clear();
@@ -146,14 +175,18 @@ impl Overhead {
                     odd += if was_odd { -1 } else { 1 };
                 }
             }
-            counts.iter_mut().zip(over.probes).for_each(|(count, holds)| *count += u32::from(holds == Some(true)));
+            counts
+                .iter_mut()
+                .zip(over.probes)
+                .for_each(|(count, holds)| *count += u32::from(holds == Some(true)));
             let is_next_far = self.over.get(index + 1).is_none_or(|next| next.height > over.height);
             if odd == 0 && is_next_far {
                 // A probe counts if it is on no edge of those so far.
                 let on_none = |i: &usize| self.over[..=index].iter().all(|over| over.probes[*i].is_some());
                 let probe = (0..PROBES.len()).filter(|i| probes[*i].is_some()).find(on_none);
                 if probe.is_some_and(|probe| counts[probe] % 2 == 1) {
-                    return Some(over.height);
+                    let off = off.into_iter().fold(0.0, f64::max);
+                    return Some(if off > 0.0 { over.height.max(enough) } else { over.height });
                 }
             }
         }
@@ -177,7 +210,7 @@ impl Overhead {
         }
         let placed = corners.map(|v| self.place(v, reference, plane));
         let triangle = [0, 1, 2].map(|i| flat(&placed[i]));
-        let Some(beside) = Beside::new(&triangle, &plane.corners) else { return };
+        let Some(beside) = Beside::new(&triangle, plane) else { return };
         let mut height = placed.iter().map(|p| p[2].abs()).fold(0.0, f64::max);
         if height + beyond > enough {
             height = self.height_over(plane, placed);
@@ -207,12 +240,14 @@ impl Overhead {
     fn height_over(&mut self, plane: &Plane, triangle: [Placed; 3]) -> f64 {
         self.polygon.clear();
         self.polygon.extend(triangle);
-        for i in 0..3 {
-            let (from, to) = (plane.corners[i], plane.corners[(i + 1) % 3]);
+        for i in 0..6 {
+            let (from, to) = (plane.corners[i], plane.corners[(i + 1) % 6]);
             let (x, y) = (to.x - from.x, to.y - from.y);
             let length = (x * x + y * y).sqrt();
-            let inside =
-                |p: &Placed| (x * (p[1] - from.y) - y * (p[0] - from.x)) / length + plane.loss;
+            if length == 0.0 {
+                continue;
+            }
+            let inside = |p: &Placed| (x * (p[1] - from.y) - y * (p[0] - from.x)) / length + plane.loss;
             self.clipped.clear();
             for (k, b) in self.polygon.iter().enumerate() {
                 let a = &self.polygon[(k + self.polygon.len() - 1) % self.polygon.len()];
@@ -232,11 +267,11 @@ impl Overhead {
 }
 
 /// A point inside a face, for certain.
-fn probe(face: &[Coord<f64>; 3], weights: [f64; 3]) -> Option<Coord<f64>> {
-    let x = (0..3).map(|i| weights[i] * face[i].x).sum();
-    let y = (0..3).map(|i| weights[i] * face[i].y).sum();
+fn probe(face: &Outline, weights: [f64; 3]) -> Option<Coord<f64>> {
+    let x = (0..3).map(|i| 0.5 * weights[i] * (face[2 * i].x + face[2 * i + 1].x)).sum();
+    let y = (0..3).map(|i| 0.5 * weights[i] * (face[2 * i].y + face[2 * i + 1].y)).sum();
     let probe = Coord { x, y };
-    (0..3).all(|i| orient2d(face[i], face[(i + 1) % 3], probe) > 0.0).then_some(probe)
+    (0..6).all(|i| orient2d(face[i], face[(i + 1) % 6], probe) >= 0.0).then_some(probe)
 }
 
 /// Whether a triangle has a point inside; none if that lies on one of its edges.

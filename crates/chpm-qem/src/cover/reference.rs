@@ -10,6 +10,8 @@ pub struct Reference {
     pub(crate) points: Vec<[f32; 3]>,
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) errors: Vec<f32>,
+    /// Per point, the least error of its triangles.
+    pub(crate) least: Vec<f32>,
     /// Per triangle, the edges from each corner to the next.
     pub(crate) edges: Vec<[u32; 3]>,
     pub(crate) edge_count: usize,
@@ -51,6 +53,10 @@ impl Reference {
         }
         self.triangles.iter_mut().for_each(|t| *t = t.map(|v| joined[v as usize]));
 
+        self.least = vec![f32::INFINITY; self.points.len()];
+        for (triangle, error) in self.triangles.iter().zip(&self.errors) {
+            triangle.iter().for_each(|v| self.least[*v as usize] = self.least[*v as usize].min(*error));
+        }
         self.number_edges();
         self.number_components();
     }

@@ -58,7 +58,12 @@ impl BoxTree {
     }
 
     /// The triangle nearest to a point, and the square of how far it is, if it is nearer than `best`.
-    pub(crate) fn nearest(&mut self, targets: &[Target], point: &Point3<f64>, best: (u32, f64)) -> (u32, f64) {
+    pub(crate) fn nearest(
+        &mut self,
+        targets: &[Target],
+        point: &Point3<f64>,
+        best: (u32, f64),
+    ) -> (u32, f64) {
         let mut best = best;
         self.stack.clear();
         if !self.nodes.is_empty() {
