@@ -151,7 +151,7 @@ impl Scratch {
 
         each(members, together, task, "spool", |_, member, buffers| {
             if task.settings.layout == Layout::VertexCache {
-                member.order_triangles(&mut buffers.order, &mut buffers.ordered);
+                member.order_triangles(task.level, &mut buffers.order, &mut buffers.ordered);
             }
             member.spool(task, largest, &mut buffers.page)
         })?;
@@ -335,16 +335,28 @@ impl Member {
         self.record.errors.first().copied().unwrap_or(self.min_error)
     }
 
-    /// Puts the finest mesh's triangles in the order of the page.
-    fn order_triangles(&mut self, order: &mut TriangleOrder, ordered: &mut Vec<[u16; 3]>) {
+    /// Puts the triangles in the order of the page, on every other level: those of the base mesh in an order that is good for it, and so for the
+    /// parent, which takes them as they come. A root's order is good for the middle between its meshes.
+    fn order_triangles(&mut self, level: u32, order: &mut TriangleOrder, ordered: &mut Vec<[u16; 3]>) {
+        if level % 2 == 1 && !self.is_root {
+            return;
+        }
         let mesh = ProgressiveMesh {
             vertex_count: self.renumbered.vertices.vertex_count(),
             base_vertex_count: self.record.base_vertex_count(),
             triangles: &self.renumbered.triangles,
             targets: &self.record.targets,
         };
-        order.fill(&mesh, ordered);
+        let base = mesh.base_vertex_count;
+        let at = if self.is_root { base.midpoint(mesh.vertex_count) } else { base };
+        let order = order.fill(&mesh, at, ordered);
         mem::swap(ordered, &mut self.renumbered.triangles);
+
+        if at == base {
+            permute(&mut self.base_triangles, order);
+            permute(&mut self.displacements, order);
+            permute(&mut self.attribute_errors, order);
+        }
     }
 
     /// Spools the member's page. `largest` is the group's largest error, by which all of its pages scale theirs.
@@ -383,6 +395,13 @@ impl Member {
         };
         self.done = Some((spooled, self.report));
         Ok(())
+    }
+}
+
+/// Puts a column in an order, unless it is empty.
+fn permute<T: Copy>(column: &mut Vec<T>, order: &[u32]) {
+    if !column.is_empty() {
+        *column = order.iter().map(|at| column[*at as usize]).collect();
     }
 }
 

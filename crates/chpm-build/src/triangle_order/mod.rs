@@ -31,9 +31,14 @@ pub(crate) struct TriangleOrder {
 }
 
 impl TriangleOrder {
-    /// Makes `out` the triangles of `mesh` in their new order.
-    pub(crate) fn fill(&mut self, mesh: &ProgressiveMesh<'_>, out: &mut Vec<[u16; 3]>) {
-        let middle = mesh.base_vertex_count.midpoint(mesh.vertex_count);
+    /// Makes `out` the triangles of `mesh` in the order that is good for its mesh of `middle` vertices. Answers with the order of those that are
+    /// there.
+    pub(crate) fn fill(
+        &mut self,
+        mesh: &ProgressiveMesh<'_>,
+        middle: usize,
+        out: &mut Vec<[u16; 3]>,
+    ) -> &[u32] {
         self.play(mesh, middle);
         let order = self.walk.order(&self.corners, middle);
 
@@ -70,6 +75,7 @@ impl TriangleOrder {
                 number = self.next[number as usize];
             }
         }
+        order
     }
 
     /// Finds the triangles of the middle position.
@@ -135,10 +141,10 @@ mod tests {
             ProgressiveMesh { vertex_count, base_vertex_count, triangles: &triangles, targets: &targets };
         let mut ordered = Vec::new();
         let mut order = TriangleOrder::default();
-        order.fill(&mesh, &mut ordered);
+        order.fill(&mesh, mesh.base_vertex_count.midpoint(mesh.vertex_count), &mut ordered);
 
         let first = ordered.clone();
-        order.fill(&mesh, &mut ordered);
+        order.fill(&mesh, mesh.base_vertex_count.midpoint(mesh.vertex_count), &mut ordered);
         assert_eq!(first, ordered, "the scratch shows");
 
         let sorted = |mut triangles: Vec<[u16; 3]>| {
@@ -170,7 +176,7 @@ mod tests {
             targets: &[0, 0],
         };
         let mut out = Vec::new();
-        TriangleOrder::default().fill(&fan, &mut out);
+        TriangleOrder::default().fill(&fan, 4, &mut out);
         assert_eq!(out, [[1, 2, 4], [0, 1, 4], [2, 3, 4], [3, 0, 4]]);
     }
 
@@ -179,7 +185,7 @@ mod tests {
         let mut order = TriangleOrder::default();
         let mut out = vec![[1, 2, 3]];
         let empty = ProgressiveMesh { vertex_count: 1, base_vertex_count: 1, triangles: &[], targets: &[] };
-        order.fill(&empty, &mut out);
+        order.fill(&empty, 1, &mut out);
         assert!(out.is_empty());
         // All is gone at the middle, and three are one triangle.
         let triangles = [[0, 1, 2], [2, 1, 0], [0, 1, 2], [1, 2, 0]];
@@ -189,10 +195,10 @@ mod tests {
             triangles: &triangles,
             targets: &[0, 0],
         };
-        order.fill(&gone, &mut out);
+        order.fill(&gone, 2, &mut out);
         assert_eq!(out, triangles);
         let whole = ProgressiveMesh { base_vertex_count: 3, targets: &[], ..gone };
-        order.fill(&whole, &mut out);
+        order.fill(&whole, 3, &mut out);
         out.sort_unstable();
         assert_eq!(out, [[0, 1, 2], [0, 1, 2], [1, 2, 0], [2, 1, 0]]);
     }
