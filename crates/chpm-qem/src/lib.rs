@@ -31,6 +31,7 @@
 mod adjacency;
 mod attribute_error;
 mod bound;
+mod cover;
 mod decimate;
 mod displacement;
 mod dropped;
@@ -51,6 +52,7 @@ mod ring;
 mod vertex_flags;
 
 pub use attribute_error::{AttributeErrors, Deviation, FaceAttributeError};
+pub use cover::{Course, Reference, tightened};
 pub use decimate::Decimator;
 pub use displacement::Displacement;
 pub use dropped::{DroppedComponent, LastFace, gap, thin_out};

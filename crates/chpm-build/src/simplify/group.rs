@@ -1,6 +1,7 @@
 //! One dependency group: its members are loaded, their group borders simplified together, and each member halved.
 
 use super::PageRef;
+use super::anew;
 use super::dependency::GroupBorders;
 use super::group_border::GroupBorder;
 use super::lasting;
@@ -141,7 +142,7 @@ impl Scratch {
             }
             task.prepare(decimator);
             member.halve(decimator, collapses, task, min_error);
-            Ok(())
+            if member.is_root { member.find_anew(task, group[side]) } else { Ok(()) }
         })?;
 
         // Errors and gaps are the group's: its members are drawn together or not at all.
@@ -325,6 +326,16 @@ impl Member {
         self.deviation = self.deviation.max(decimator.deviation());
         self.report.normal_deviation = self.deviation.degrees();
         self.report.color_deviation = self.deviation.units();
+    }
+
+    /// Lowers the errors of a root to what they are beside a finer mesh.
+    fn find_anew(&mut self, task: &GroupTask<'_>, node: u32) -> Result<(), BuildError> {
+        let finest = (&self.renumbered.vertices.positions[..], &self.renumbered.triangles[..]);
+        let from = anew::lower(task, node, finest, &mut self.record, &self.vanished.missing())?;
+        let min_error = self.min_error;
+        self.record.errors.iter_mut().for_each(|error| *error = error.max(min_error));
+        self.vanished.limit(|_| from.max(min_error));
+        Ok(())
     }
 
     /// Lowers errors to what none exceeds, but not below the one that the group came with.

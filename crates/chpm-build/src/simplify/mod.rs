@@ -5,6 +5,7 @@
 //! then the members simplify their group borders first, all alike, and each its interior after that. The groups of a level (of one
 //! cluster each where boundaries are locked) are independent tasks over the threads, and so are the members of each. Establishes I3, I4, I6 and I8.
 
+mod anew;
 mod cost;
 mod dependency;
 mod group;
@@ -259,8 +260,11 @@ impl Levels {
 
     /// Drops what no level above needs, and goes on to the next.
     fn rise(&mut self, tree: &Tree, store: &Store) {
+        // The last of them are what the root is held against.
+        let top = tree.level_count().saturating_sub(1);
         for (below, spool) in self.displacements.iter_mut().enumerate().filter(|(_, s)| !s.is_empty()) {
-            if last_reader(tree, below as u32) <= self.level {
+            let last = last_reader(tree, below as u32);
+            if last <= self.level && last + anew::BELOW <= top {
                 *spool = levels::displacements(store, below);
             }
         }

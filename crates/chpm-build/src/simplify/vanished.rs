@@ -6,6 +6,7 @@
 //!
 //! Where one triangle was left of a component, it is kept as a remnant, so that readers can draw it. Components without one count once more by themselves.
 
+use super::anew::Missing;
 use super::lasting::Lasting;
 use super::working_set::WorkingSet;
 use chpm_mesh::ProgressiveMesh;
@@ -89,6 +90,12 @@ impl Vanished {
         let base = record.base_vertex_count();
         let beyond = |lasting: &mut Lasting| lasting.bound > record.errors[lasting.vertex as usize - base];
         self.bare.extend(self.lasting.extract_if(.., beyond).map(|lasting| lasting.ball));
+    }
+
+    /// What has vanished, for whoever finds errors anew.
+    pub(super) fn missing(&self) -> Missing<'_> {
+        let (below, own) = self.all.split_at(self.below);
+        Missing { below, own, from: self.from }
     }
 
     /// The error with which something vanished first; infinite if nothing did.

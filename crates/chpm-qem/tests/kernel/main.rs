@@ -1,5 +1,6 @@
 //! The kernel from outside: exact answers on small meshes, what must hold on any mesh, and its quality beside an oracle.
 
+mod anew;
 mod attributes;
 mod bounds;
 mod forced;
