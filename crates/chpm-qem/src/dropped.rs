@@ -48,12 +48,6 @@ impl DroppedComponent {
         (self.center, self.radius)
     }
 
-    /// Whether all that is within `around` of a triangle is in the ball, for certain.
-    pub(crate) fn holds(&self, corners: &[Point3<f64>; 3], around: f64) -> bool {
-        let center = to_f64(self.center);
-        corners.iter().all(|corner| (corner - center).norm() + around <= f64::from(self.radius))
-    }
-
     /// A ball about two.
     fn around(a: &DroppedComponent, b: &DroppedComponent) -> DroppedComponent {
         let (large, small) = if a.radius < b.radius { (b, a) } else { (a, b) };

@@ -328,13 +328,14 @@ impl Member {
         self.report.color_deviation = self.deviation.units();
     }
 
-    /// Lowers the errors of a root to what they are beside a finer mesh.
+    /// Lowers the errors of a root to what they are beside a finer mesh. Where components have vanished nothing is found anew: they have no place in the mesh.
     fn find_anew(&mut self, task: &GroupTask<'_>, node: u32) -> Result<(), BuildError> {
         let finest = (&self.renumbered.vertices.positions[..], &self.renumbered.triangles[..]);
-        let from = anew::lower(task, node, finest, &mut self.record, &self.vanished.missing())?;
-        let min_error = self.min_error;
-        self.record.errors.iter_mut().for_each(|error| *error = error.max(min_error));
-        self.vanished.limit(|_| from.max(min_error));
+        if self.vanished.is_empty() {
+            anew::lower(task, node, finest, &mut self.record)?;
+            let min_error = self.min_error;
+            self.record.errors.iter_mut().for_each(|error| *error = error.max(min_error));
+        }
         Ok(())
     }
 

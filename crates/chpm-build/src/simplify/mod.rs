@@ -260,7 +260,7 @@ impl Levels {
 
     /// Drops what no level above needs, and goes on to the next.
     fn rise(&mut self, tree: &Tree, store: &Store) {
-        // The last of them are what the root is held against.
+        // One of the last is what the root is held against.
         let top = tree.level_count().saturating_sub(1);
         for (below, spool) in self.displacements.iter_mut().enumerate().filter(|(_, s)| !s.is_empty()) {
             let last = last_reader(tree, below as u32);

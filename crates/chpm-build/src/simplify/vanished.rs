@@ -6,7 +6,6 @@
 //!
 //! Where one triangle was left of a component, it is kept as a remnant, so that readers can draw it. Components without one count once more by themselves.
 
-use super::anew::Missing;
 use super::lasting::Lasting;
 use super::working_set::WorkingSet;
 use chpm_mesh::ProgressiveMesh;
@@ -92,10 +91,9 @@ impl Vanished {
         self.bare.extend(self.lasting.extract_if(.., beyond).map(|lasting| lasting.ball));
     }
 
-    /// What has vanished, for whoever finds errors anew.
-    pub(super) fn missing(&self) -> Missing<'_> {
-        let (below, own) = self.all.split_at(self.below);
-        Missing { below, own, from: self.from }
+    /// Whether nothing has vanished.
+    pub(super) fn is_empty(&self) -> bool {
+        self.all.is_empty() && self.bare.is_empty()
     }
 
     /// The error with which something vanished first; infinite if nothing did.

@@ -1,8 +1,8 @@
 //! Errors of a progressive mesh found anew: at each collapse what it changes is held against a finer mesh of the same source, so that nothing adds up.
 //!
 //! Two things are kept true, each with an error `reached` that grows only. Every triangle of the reference is within it of the mesh: those that were held
-//! against faces that a collapse takes away are held against the faces there afterwards, in pieces ([`pieces`]). And every face is within it of the reference:
-//! the reference lies over all of a new face ([`overhead`]), or the face's pieces are held against it. A collapse's error is the smaller of this and of what was composed.
+//! against faces that a collapse takes away are held against those that are there afterwards. And every face is within it of the reference. Both are
+//! found in [`pieces`]. A collapse's error is the smaller of this and of what was composed.
 
 #[cfg(test)]
 mod exact;
@@ -12,7 +12,6 @@ mod target;
 mod tree;
 
 use crate::adjacency::Adjacency;
-use crate::dropped::DroppedComponent;
 use crate::patch::Collapse;
 use chpm_mesh::geom::{round_up, to_f64};
 use nalgebra::Point3;
@@ -22,14 +21,13 @@ use target::Target;
 use tree::BoxTree;
 
 /// Triangles of the reference for each of the mesh, at least: with fewer its own errors decide.
-const RATIO: usize = 8;
+const RATIO: usize = 16;
 
 /// Share of the largest coordinate that rounding can hide, with much room.
 const LOSS: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// Pieces for each triangle of the reference after which nothing more is found anew, and candidates that take the time of one.
-const MOST_PIECES: u64 = 24;
-const CANDIDATES: u64 = 16;
+/// Faces that take the time of a piece.
+const FACES: u64 = 16;
 
 /// Errors composed grow by this factor before what could not be shown is tried again.
 const AGAIN: f32 = 1.5;
@@ -43,18 +41,13 @@ pub struct Course<'a> {
     pub triangles: &'a [[u16; 3]],
     /// In the order in which they were carried out, with composed errors.
     pub collapses: &'a [Collapse],
-    /// Components that were dropped before, on the way from the reference to the finest mesh.
-    pub dropped_below: &'a [DroppedComponent],
-    /// Components that a collapse dropped.
-    pub dropped: &'a [DroppedComponent],
-    /// The least error of a mesh in which one of them is missing; infinite without any.
-    pub vanishing: f32,
 }
 
-/// Errors of the meshes that the collapses leave, none larger than the one that was composed: bounds as those are.
-pub fn tightened(course: &Course<'_>, reference: &Reference) -> Vec<f32> {
+/// Errors of the meshes that the collapses leave, none larger than the one that was composed: bounds as those are. After `most` pieces, about a microsecond each, nothing
+/// more is found anew.
+pub fn tightened(course: &Course<'_>, reference: &Reference, most: u64) -> Vec<f32> {
     let mut errors: Vec<f32> = course.collapses.iter().map(|collapse| collapse.error).collect();
-    let mut cover = Cover::new(course, reference);
+    let mut cover = Cover::new(course, reference, most);
     if !cover.is_complete() {
         return errors;
     }
@@ -176,10 +169,8 @@ struct Cover<'a> {
     targets: Vec<Target>,
     /// Per face, triangles of the reference that may be held against it.
     held: Vec<Vec<u32>>,
-    /// Faces that are left, and of each component of the reference; per face, its component.
+    /// Faces that are left.
     alive: usize,
-    component_of: Vec<u32>,
-    left: Vec<u32>,
     /// Whether triangles are held against the mesh yet.
     has_begun: bool,
     /// All that is held is within this; infinite once it is given up.
@@ -189,6 +180,8 @@ struct Cover<'a> {
     tried_at: f32,
     loss: f64,
     pieces: Pieces,
+    /// Pieces after which it is given up.
+    most: u64,
     seen_triangles: Seen,
     seen_faces: Seen,
     seen_points: Seen,
@@ -205,16 +198,9 @@ struct Cover<'a> {
 }
 
 impl<'a> Cover<'a> {
-    fn new(course: &'a Course<'a>, reference: &'a Reference) -> Self {
+    fn new(course: &'a Course<'a>, reference: &'a Reference, most: u64) -> Self {
         let mut mesh = Adjacency::default();
         mesh.build(course.positions.len(), course.triangles);
-        let mut left = vec![0; reference.points.len()];
-        let component = |v: u16| {
-            let point = reference.point_at(course.positions[usize::from(v)]);
-            point.map_or(0, |point| reference.components[point as usize])
-        };
-        let component_of: Vec<u32> = course.triangles.iter().map(|t| component(t[0])).collect();
-        component_of.iter().for_each(|component| left[*component as usize] += 1);
         let (faces, triangles) = (course.triangles.len(), reference.triangles.len());
         Cover {
             course,
@@ -223,14 +209,13 @@ impl<'a> Cover<'a> {
             targets: Vec::new(),
             held: vec![Vec::new(); faces],
             alive: faces,
-            component_of,
-            left,
             has_begun: false,
             reached: f64::INFINITY,
             pending: Vec::new(),
             tried_at: 0.0,
             loss: LOSS * reference.scale(),
             pieces: Pieces::default(),
+            most,
             seen_triangles: Seen::of(triangles),
             seen_faces: Seen::of(faces),
             seen_points: Seen::of(reference.points.len()),
@@ -275,7 +260,6 @@ impl<'a> Cover<'a> {
         for face in &self.old {
             if self.mesh.faces[*face as usize].is_dead() {
                 self.alive -= 1;
-                self.left[self.component_of[*face as usize] as usize] -= 1;
             }
         }
 
@@ -289,7 +273,7 @@ impl<'a> Cover<'a> {
         if error > AGAIN * self.tried_at && !self.pending.is_empty() {
             self.try_again(error);
         }
-        if self.pieces.count > MOST_PIECES * self.reference.triangles.len() as u64 {
+        if self.pieces.count > self.most {
             self.reached = f64::INFINITY;
         }
     }
@@ -301,19 +285,6 @@ impl<'a> Cover<'a> {
 
     fn is_left(&self, face: u32) -> bool {
         !self.mesh.faces[face as usize].is_dead()
-    }
-
-    /// Whether the source of a triangle is in the ball of a component that is missing from the mesh: so it is not asked for.
-    fn is_dropped(&self, triangle: u32, error: f32) -> bool {
-        let component = self.reference.components[self.reference.triangles[triangle as usize][0] as usize];
-        if self.left[component as usize] > 0 {
-            return false;
-        }
-        let (corners, around) =
-            (corners_of(self.reference, triangle), f64::from(self.reference.errors[triangle as usize]));
-        let holds = |ball: &DroppedComponent| ball.holds(&corners, around + self.loss);
-        let own = if error >= self.course.vanishing { self.course.dropped } else { &[] };
-        self.course.dropped_below.iter().chain(own).any(holds)
     }
 
     /// Holds all of the reference against the mesh, and the mesh against it.
@@ -334,9 +305,6 @@ impl<'a> Cover<'a> {
         let mut tree = BoxTree::new(&self.targets, alive.clone());
 
         for triangle in 0..self.reference.triangles.len() as u32 {
-            if self.is_dropped(triangle, error) {
-                continue;
-            }
             let mut served = [(0, 0.0); 3];
             for (served, v) in served.iter_mut().zip(self.reference.triangles[triangle as usize]) {
                 let known = &mut self.served[v as usize];
@@ -425,9 +393,6 @@ impl<'a> Cover<'a> {
 
     /// Holds a triangle of the reference against faces.
     fn hold(&mut self, triangle: u32, near: &[u32], error: f32) {
-        if self.is_dropped(triangle, error) {
-            return;
-        }
         let beyond = f64::from(self.reference.errors[triangle as usize]);
         let mut far = f64::INFINITY;
         if let Some(&first) = near.first() {
@@ -469,7 +434,7 @@ impl<'a> Cover<'a> {
         let before = self.pieces.count;
         let far = self.pieces.reach(corners, served, self.reached, &mut few);
         // It is dear, and counts as what it takes.
-        self.pieces.count += (3 + self.pieces.count - before) * all.len() as u64 / (4 * CANDIDATES);
+        self.pieces.count += (3 + self.pieces.count - before) * all.len() as u64 / (4 * FACES);
         far
     }
 
@@ -496,10 +461,8 @@ impl<'a> Cover<'a> {
         self.tried_at = error;
         let pending = std::mem::take(&mut self.pending);
         for triangle in pending {
-            if !self.is_dropped(triangle, error) {
-                let far = self.hold_anywhere(triangle);
-                self.take(triangle, far, error);
-            }
+            let far = self.hold_anywhere(triangle);
+            self.take(triangle, far, error);
         }
     }
 }

@@ -91,35 +91,6 @@ impl BoxTree {
         }
         best
     }
-
-    /// Triangles whose boxes come within `reach` of another's.
-    pub(crate) fn near(&mut self, targets: &[Target], of: &Target, reach: f64, found: &mut Vec<u32>) {
-        found.clear();
-        self.stack.clear();
-        if !self.nodes.is_empty() {
-            self.stack.push(0);
-        }
-        while let Some(at) = self.stack.pop() {
-            let node = &self.nodes[at as usize];
-            if !meets(&node.low, &node.high, of, reach) {
-                continue;
-            }
-            if node.count == 0 {
-                self.stack.extend([node.from, at + 1]);
-                continue;
-            }
-            let leaf = &self.order[node.from as usize..(node.from + node.count) as usize];
-            let is_near = |index: &u32| {
-                let target = &targets[*index as usize];
-                meets(&target.low, &target.high, of, reach)
-            };
-            found.extend(leaf.iter().copied().filter(is_near));
-        }
-    }
-}
-
-fn meets(low: &Vector3<f64>, high: &Vector3<f64>, of: &Target, reach: f64) -> bool {
-    (0..3).all(|axis| low[axis] <= of.high[axis] + reach && high[axis] >= of.low[axis] - reach)
 }
 
 fn box_squared(node: &Node, point: &Point3<f64>) -> f64 {
