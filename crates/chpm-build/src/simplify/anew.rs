@@ -17,8 +17,9 @@ const SMALL: u64 = 16;
 /// Triangles between which models count as large.
 const FEW_BELOW: u64 = 4500;
 const MOST_BELOW: u64 = 1 << 14;
-/// Pieces of a model that is neither small nor large.
-const PIECES: u64 = 150_000;
+/// Pieces between which there is one for each triangle of the source; a large model has one for 14.
+const FEWEST_PIECES: u64 = 1 << 16;
+const MOST_PIECES: u64 = 150_000;
 
 /// Lowers the errors of a root's record.
 pub(super) fn lower(
@@ -38,7 +39,7 @@ pub(super) fn lower(
         .map(|(index, (to, error))| Collapse { from: (base + index) as u16, to: *to, error: *error })
         .collect();
     let source = task.decomposition.triangle_count();
-    let most = source.min(PIECES).max(source / 14);
+    let most = source.clamp(FEWEST_PIECES, MOST_PIECES).max(source / 14);
     let errors = tightened(&Course { positions, triangles, collapses: &collapses }, &reference, most);
     record.errors.iter_mut().zip(errors.iter().rev()).for_each(|(stored, error)| *stored = *error);
     Ok(())
