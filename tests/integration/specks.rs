@@ -9,11 +9,11 @@ use serde_json::Value;
 const SPECKS: usize = 64;
 
 /// A terrain, and above it specks of a thousandth of its size, farther and farther away.
-fn dusty() -> TriMesh {
+fn dusty(specks: usize) -> TriMesh {
     let mut mesh = Synth::new(Shape::Terrain, 20_000, 1).to_mesh();
     let bounds = Aabb::of_points(&mesh.positions);
     let size = bounds.diagonal() as f32;
-    for i in 0..SPECKS {
+    for i in 0..specks {
         let first = mesh.positions.len() as u32;
         let along = |axis: usize, step: usize| {
             bounds.min[axis] + (bounds.max[axis] - bounds.min[axis]) * (step as f32 + 0.5) / 8.0
@@ -29,7 +29,7 @@ fn dusty() -> TriMesh {
 
 fn folder() -> Folder {
     let folder = Folder::new();
-    folder.write_mesh("in.ply", &dusty());
+    folder.write_mesh("in.ply", &dusty(SPECKS));
     folder.stdout("build in.ply -q");
     folder
 }
@@ -46,19 +46,20 @@ fn triangles(folder: &Folder, words: &str) -> u64 {
 #[test]
 fn dust_makes_no_plateau() {
     let folder = folder();
-    folder.write_mesh("clean.ply", &Synth::new(Shape::Terrain, 20_000, 1).to_mesh());
-    folder.stdout("build clean.ply -q");
+    // With one speck, as errors of roots are found anew where nothing vanishes at all.
+    folder.write_mesh("one.ply", &dusty(1));
+    folder.stdout("build one.ply -q");
     for share in ["1%", "2%", "4%", "8%"] {
-        let [clean, dusty] =
-            ["clean", "in"].map(|name| triangles(&folder, &format!("extract {name}.chpm --error {share}")));
-        assert!(dusty <= clean * 13 / 10 + SPECKS as u64, "{share}: {dusty} triangles, {clean} without dust");
+        let [one, dusty] =
+            ["one", "in"].map(|name| triangles(&folder, &format!("extract {name}.chpm --error {share}")));
+        assert!(dusty <= one * 13 / 10 + SPECKS as u64, "{share}: {dusty} triangles, {one} with one speck");
         let at_once = triangles(&folder, &format!("simplify in.ply --within {share} --effort 0"));
         assert_eq!(at_once, dusty);
         let proven = triangles(&folder, &format!("extract in.chpm --error {share} --tight"));
         assert!(proven <= dusty && (share == "8%" || proven > 20), "{share}: {proven} of {dusty}");
     }
     assert_eq!(json(&folder, "info in.chpm --json", 0)["remnants"], SPECKS);
-    assert_eq!(json(&folder, "info clean.chpm --json", 0)["remnants"], 0);
+    assert_eq!(json(&folder, "info one.chpm --json", 0)["remnants"], 1);
     assert!(folder.stdout("info in.chpm").contains("64 pieces vanish"));
     // They follow their clusters, and are the same for any memory and threads.
     folder.stdout("relayout in.chpm --pages packed --order levels -o packed.chpm");
