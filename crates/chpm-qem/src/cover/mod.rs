@@ -132,7 +132,7 @@ impl Surface for Own<'_> {
     }
 }
 
-/// What has been seen since the last turn.
+/// Items that have been seen since the last turn.
 #[derive(Default)]
 struct Seen {
     at: Vec<u32>,

@@ -10,7 +10,7 @@ use nalgebra::Point3;
 const DEEPEST: u8 = 20;
 /// Pieces of one triangle after which the rest is taken as it is.
 const MOST: u64 = 2000;
-/// What a corner needs, times this, is enough for its piece.
+/// A piece needs what its corners do, times this.
 const SLACK: f64 = 1.01;
 /// Cuts keep away from corners by this share of an edge.
 const AWAY: f64 = 0.1;
