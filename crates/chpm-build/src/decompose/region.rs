@@ -110,7 +110,9 @@ pub(crate) fn run(
     drop(traced);
     context.check()?;
     let gathered = gather(mesh, &part_of, parts, context)?;
+    let traced = context.trace.task("share");
     let (shared, interfaces, border_uses) = share(mesh, &gathered);
+    drop(traced);
 
     let phase = context.trace.phase();
     let leaf = |(surveyor, writer): &mut (Surveyor, LeafWriter), gathered: &LeafMesh| {
@@ -164,12 +166,16 @@ fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> R
     let mut cells: Vec<u32> = positions.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect();
     let list: Vec<Cell> = grid.cells;
 
+    let traced = context.trace.task("joints");
     let mut joints = Pairs::default();
     for t in mesh.triangles.iter().step_by(SAMPLE) {
         cell_graph::joints(t.map(|v| cells[v as usize])).for_each(|(a, b)| joints.add(a, b, 1));
     }
     context.check()?;
+    drop(traced);
+    let traced = context.trace.task("graph");
     let graph = cell_graph::build(&list, joints.sums(), settings.cell_neighbors)?;
+    drop(traced);
     context.check()?;
 
     // From cells to parts, in place.
@@ -238,7 +244,7 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
     for (index, leaf) in (0..).zip(leaves) {
         pairs.extend(leaf.vertices.iter().filter(|v| is_shared(**v)).map(|v| (*v, index)));
     }
-    pairs.sort_unstable();
+    pairs.par_sort_unstable();
 
     let mut numbers = vec![INNER; mesh.vertices.positions.len()];
     let mut inner = Vec::new();
@@ -258,7 +264,7 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
     fn users(same: &&[(u32, u32)]) -> Vec<u32> {
         same.iter().map(|(_, leaf)| *leaf).collect::<Vec<u32>>()
     }
-    inner.sort_by(|a, b| a.iter().map(|u| u.1).cmp(b.iter().map(|u| u.1)).then(a[0].0.cmp(&b[0].0)));
+    inner.par_sort_by(|a, b| a.iter().map(|u| u.1).cmp(b.iter().map(|u| u.1)).then(a[0].0.cmp(&b[0].0)));
     let mut interfaces = Interfaces { starts: vec![0], ..Interfaces::default() };
     let mut next = 0;
     for alike in inner.chunk_by(|a, b| a.iter().map(|u| u.1).eq(b.iter().map(|u| u.1))) {
@@ -271,7 +277,7 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
         }
     }
 
-    border_uses.sort_unstable();
+    border_uses.par_sort_unstable();
     for ((_, vertex), number) in border.iter().zip(next..) {
         numbers[*vertex as usize] = number;
     }
