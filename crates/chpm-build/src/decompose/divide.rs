@@ -20,7 +20,7 @@ use crate::ingest::Source;
 use crate::pairs::{Pairs, graph_bytes};
 use crate::vertex_columns::{ColumnMap, VertexColumns};
 use bytemuck::{Pod, Zeroable};
-use chpm_extmem::{Buckets, Column, Reservation, Store};
+use chpm_extmem::{Buckets, Column, Reservation, Store, process};
 use chpm_mesh::{Octahedral, Vertex, Vertices};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -165,6 +165,7 @@ pub(crate) fn run(
     let _traced = context.trace.task("exchange");
     divided.split(split::limit(settings), &uses, &mut visits, context)?;
     divided.exchange(visits, settings, context)?;
+    process::return_free_pages();
     Ok(divided)
 }
 
@@ -274,7 +275,7 @@ impl Divided {
             })?;
             visits.uses.parts_mut().into_par_iter().enumerate().try_for_each(|(home, mut own)| {
                 let _traced = visiting.task("visit");
-                steps.iter().try_for_each(|step| own.extend_from_slice(step.of_home(home)))
+                steps.iter().try_for_each(|step| own.extend(step.of_home(home)))
             })?;
             for step in steps {
                 uses.iter_mut().zip(&step.uses).for_each(|(uses, more)| *uses += more);

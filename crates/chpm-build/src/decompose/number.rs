@@ -15,10 +15,12 @@ use chpm_extmem::{Buckets, BufferWriter, Column, Part};
 use chpm_mesh::Aabb;
 use rayon::prelude::*;
 
-/// Vertices that are looked at in one step.
-const STEP: usize = 1 << 19;
-/// Vertices that a thread looks at in one.
+/// Vertices that are looked at in one step, where they go to their places.
+const STEP: usize = 1 << 18;
+/// Vertices that a thread looks at in a row.
 const SLICE: usize = 1 << 13;
+/// Slices of a step for each thread.
+const SLICES: usize = 4;
 /// Places of a bucket.
 const PLACES: usize = 1 << 19;
 /// Bytes that a bucket gathers.
@@ -117,9 +119,10 @@ pub(crate) fn run(
         let _traced = counting.task("cells");
         Slice::count(points.iter().map(|p| grid.cell_of(*p)), &mut zeros())
     };
-    for start in (0..positions.len()).step_by(STEP) {
+    let step = SLICE * SLICES * rayon::current_num_threads();
+    for start in (0..positions.len()).step_by(step) {
         context.check()?;
-        let points = positions.read(start..positions.len().min(start + STEP), &mut scratch)?;
+        let points = positions.read(start..positions.len().min(start + step), &mut scratch)?;
         points.par_chunks(SLICE).map(count).collect_into_vec(&mut slices);
         slices.iter_mut().for_each(|slice| slice.take_places(&mut next));
         slices.par_iter_mut().for_each(|slice| {

@@ -115,7 +115,7 @@ pub(crate) fn run(
     drop(traced);
 
     let phase = context.trace.phase();
-    let leaf = |(surveyor, writer): &mut (Surveyor, LeafWriter), gathered: &LeafMesh| {
+    let leaf = |(surveyor, writer): &mut (Surveyor, LeafWriter), gathered: LeafMesh| {
         let _traced = phase.task("leaf");
         context.check()?;
         let numbers = gathered.vertices.iter().map(|v| shared.numbers[*v as usize]);
@@ -123,25 +123,27 @@ pub(crate) fn run(
         let topology =
             surveyor.survey(&gathered.triangles, &gathered.vertices, &marks, &mesh.vertices.positions);
         marks.iter_mut().for_each(|(_, number)| *number = code(*number, &shared.border, shared.inner_count));
-        let leaf = writer.write(mesh, gathered, &marks, spool)?;
+        let leaf = writer.write(mesh, &gathered, &marks, spool)?;
         context.progress.advance(gathered.triangles.len() as u64);
         Ok((leaf, topology))
     };
     let made: Vec<(Leaf, TopologyCounts)> =
-        gathered.par_iter().map_init(Default::default, leaf).collect::<Result<_, BuildError>>()?;
+        gathered.into_par_iter().map_init(Default::default, leaf).collect::<Result<_, BuildError>>()?;
+    let Shared { numbers, inner_count, border } = shared;
+    drop(numbers);
 
     // What leaves counted about vertices that several have is put together, by their numbers here and then by those that hold everywhere.
-    let mut ledger = Ledger::new(shared.inner_count as usize + shared.border.len());
+    let mut ledger = Ledger::new(inner_count as usize + border.len());
     let mut leaves = Vec::with_capacity(made.len());
     for (leaf, topology) in made {
         leaves.push(leaf);
         ledger.enter(topology);
     }
-    let global = |number: u32| match number.checked_sub(shared.inner_count) {
-        Some(border) => shared.border[border as usize],
+    let global = |number: u32| match number.checked_sub(inner_count) {
+        Some(at) => border[at as usize],
         None => number + border_count,
     };
-    let topology = ledger.close(shared.inner_count).renumbered(global);
+    let topology = ledger.close(inner_count).renumbered(global);
     let (referenced, copies) = (mesh.referenced, mesh.copies);
     Ok(Done { leaves, interfaces, border_uses, topology, referenced, copies, normals: Vec::new() })
 }
@@ -264,7 +266,9 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
     fn users(same: &&[(u32, u32)]) -> Vec<u32> {
         same.iter().map(|(_, leaf)| *leaf).collect::<Vec<u32>>()
     }
-    inner.par_sort_by(|a, b| a.iter().map(|u| u.1).cmp(b.iter().map(|u| u.1)).then(a[0].0.cmp(&b[0].0)));
+    inner.par_sort_unstable_by(|a, b| {
+        a.iter().map(|u| u.1).cmp(b.iter().map(|u| u.1)).then(a[0].0.cmp(&b[0].0))
+    });
     let mut interfaces = Interfaces { starts: vec![0], ..Interfaces::default() };
     let mut next = 0;
     for alike in inner.chunk_by(|a, b| a.iter().map(|u| u.1).eq(b.iter().map(|u| u.1))) {

@@ -17,9 +17,6 @@ use rayon::prelude::*;
 use std::panic::resume_unwind;
 use std::sync::mpsc::{self, Receiver, SyncSender};
 
-/// Batches of a round, for each thread of the pool.
-const BATCHES: usize = 4;
-
 /// The arrays while they grow.
 pub(super) struct Arrays {
     /// Positions are here or in `doubles`.
@@ -90,7 +87,8 @@ impl Arrays {
         input: &mut Input,
         context: &Context<'_>,
     ) -> Result<(), BuildError> {
-        let len = BATCHES * rayon::current_num_threads();
+        // A batch for each thread. Three rounds are there at a time: one is read, one waits, and one is stored.
+        let len = rayon::current_num_threads();
         let phase = context.trace.phase();
         std::thread::scope(|scope| {
             let (full, rounds) = mpsc::sync_channel::<Vec<Batch>>(1);

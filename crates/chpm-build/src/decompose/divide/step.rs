@@ -18,8 +18,7 @@ pub(super) struct Step {
     ends: Vec<u32>,
     /// Corners that a region has from others: the home of the vertex, the vertex, the region; ascending, each there once.
     visiting: Vec<[u32; 3]>,
-    /// The same without the homes, and by home where they end.
-    visits: Vec<[u32; 2]>,
+    /// By home, where they end.
     visit_ends: Vec<u32>,
     /// By region, how many corners it has from others.
     pub(super) uses: Vec<u64>,
@@ -88,17 +87,16 @@ impl Step {
     fn sort_visits(&mut self, homes: usize) {
         self.visiting.sort_unstable();
         self.visiting.dedup();
-        self.visits.clear();
-        self.visits.extend(self.visiting.iter().map(|[_, vertex, region]| [*vertex, *region]));
         self.visit_ends.clear();
         let end = |home: usize| self.visiting.partition_point(|visit| visit[0] as usize <= home) as u32;
         self.visit_ends.extend((0..homes).map(end));
     }
 
     /// The visits of a home's vertices: vertex and region.
-    pub(super) fn of_home(&self, home: usize) -> &[[u32; 2]] {
+    pub(super) fn of_home(&self, home: usize) -> impl Iterator<Item = [u32; 2]> {
         let start = if home == 0 { 0 } else { self.visit_ends[home - 1] };
-        &self.visits[start as usize..self.visit_ends[home] as usize]
+        let visiting = &self.visiting[start as usize..self.visit_ends[home] as usize];
+        visiting.iter().map(|[_, vertex, region]| [*vertex, *region])
     }
 
     /// The triangles of a region.
