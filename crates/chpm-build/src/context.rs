@@ -69,6 +69,8 @@ impl<'a> Context<'a> {
             let _traced = self.trace.stage(stage.name());
             run()
         });
+        // What threads freed that ended with the stage would be kept for others like them.
+        process::return_free_pages();
         self.progress.end_stage(stage);
         let row = StageReport {
             stage,

@@ -1,9 +1,11 @@
 //! Vertices that need not fit memory: what [`Vertices`] are, in columns. Whoever adds an attribute to those adds its column here.
 
 use crate::error::BuildError;
+use crate::trace::Phase;
 use bytemuck::Pod;
 use chpm_extmem::{BufferWriter, Column, Store};
 use chpm_mesh::{Attributes, VertexSlices, Vertices};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -128,15 +130,30 @@ impl VertexWriter {
         self.positions.len()
     }
 
-    pub(crate) fn extend_from_slices(&mut self, vertices: VertexSlices<'_>) -> Result<(), BuildError> {
-        self.positions.extend_from_slice(vertices.positions)?;
-        self.normals.extend_from_slice(vertices.normals)?;
-        self.colors.extend_from_slice(vertices.colors)?;
-        let (words, mut column) = (self.scalars.len(), Vec::new());
+    /// Appends batches of vertices, copied side by side.
+    pub(crate) fn extend_from_slices(
+        &mut self,
+        batches: &[VertexSlices<'_>],
+        phase: Phase<'_>,
+    ) -> Result<(), BuildError> {
+        let copied = || phase.task("store");
+        fn each<'a, T>(
+            batches: &[VertexSlices<'a>],
+            of: impl Fn(&VertexSlices<'a>) -> &'a [T],
+        ) -> Vec<&'a [T]> {
+            batches.iter().map(of).collect()
+        }
+        self.positions.extend_from_slices(&each(batches, |batch| batch.positions), copied)?;
+        self.normals.extend_from_slices(&each(batches, |batch| batch.normals), copied)?;
+        self.colors.extend_from_slices(&each(batches, |batch| batch.colors), copied)?;
+        let words = self.scalars.len();
         for (word, writer) in self.scalars.iter_mut().enumerate() {
-            column.clear();
-            column.extend(vertices.scalars.iter().skip(word).step_by(words));
-            writer.extend_from_slice(&column)?;
+            let column = |batch: &VertexSlices<'_>| -> Vec<u32> {
+                batch.scalars.iter().skip(word).step_by(words).copied().collect()
+            };
+            let columns: Vec<Vec<u32>> = batches.par_iter().map(column).collect();
+            let columns: Vec<&[u32]> = columns.iter().map(Vec::as_slice).collect();
+            writer.extend_from_slices(&columns, copied)?;
         }
         Ok(())
     }
@@ -156,9 +173,10 @@ impl VertexWriter {
 impl VertexColumns {
     /// The columns of vertices in memory.
     pub(crate) fn of(vertices: VertexSlices<'_>, store: &Store) -> VertexColumns {
+        use crate::trace::Trace;
         let count = vertices.positions.len();
         let mut writer = VertexWriter::new(store, vertices.attributes(), count, count).unwrap();
-        writer.extend_from_slices(vertices).unwrap();
+        writer.extend_from_slices(&[vertices], Trace::default().phase()).unwrap();
         writer.finish().unwrap()
     }
 }

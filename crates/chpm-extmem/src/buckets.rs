@@ -172,6 +172,14 @@ pub struct BucketMut<'a, T: Pod> {
 }
 
 impl<T: Pod> BucketMut<'_, T> {
+    /// Appends records one by one.
+    ///
+    /// # Errors
+    /// As [`Spool::append`].
+    pub fn extend(&mut self, records: impl IntoIterator<Item = T>) -> Result<(), ExtmemError> {
+        records.into_iter().try_for_each(|record| self.extend_from_slice(&[record]))
+    }
+
     /// Appends records.
     ///
     /// # Errors

@@ -4,6 +4,7 @@ use crate::error::byte_len;
 use crate::file::{Appender, DataFile};
 use crate::{Column, ExtmemError, MappedBuffer, Reservation, Store};
 use bytemuck::Pod;
+use rayon::prelude::*;
 use std::ops::{Deref, DerefMut};
 
 /// An array of records, wherever it lives.
@@ -82,7 +83,11 @@ pub struct BufferWriter<T: Pod> {
 
 #[derive(Debug)]
 enum Growing<T> {
-    Memory { data: Vec<T>, reservation: Reservation },
+    /// Elements that were expected are there as zeros that nobody has touched: the system has not given the memory yet.
+    Memory {
+        data: Vec<T>,
+        reservation: Reservation,
+    },
     Disk(Appender),
 }
 
@@ -93,12 +98,13 @@ impl<T: Pod> BufferWriter<T> {
     /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`] when the budget refuses and no file can be made.
     pub fn new(store: &Store, what: &'static str, expected_len: usize) -> Result<Self, ExtmemError> {
         let bytes = byte_len::<T>(what, expected_len)? as u64;
-        let mut data = Vec::new();
-        let place = match store.budget.try_reserve(what, bytes) {
-            Some(reservation) if data.try_reserve_exact(expected_len).is_ok() => {
-                Growing::Memory { data, reservation }
-            }
-            _ => Growing::Disk(spill_file(store)?),
+        let in_memory = store
+            .budget
+            .try_reserve(what, bytes)
+            .and_then(|reservation| Some((bytemuck::try_zeroed_vec(expected_len).ok()?, reservation)));
+        let place = match in_memory {
+            Some((data, reservation)) => Growing::Memory { data, reservation },
+            None => Growing::Disk(spill_file(store)?),
         };
         Ok(BufferWriter { store: store.clone(), what, len: 0, place })
     }
@@ -120,18 +126,57 @@ impl<T: Pod> BufferWriter<T> {
     pub fn extend_from_slice(&mut self, items: &[T]) -> Result<(), ExtmemError> {
         let len = self.len.saturating_add(items.len());
         if let Growing::Memory { data, reservation } = &mut self.place
-            && !(len <= data.capacity() || grow::<T>(data, reservation, self.what, len)?)
+            && data.len() < len
         {
-            let mut file = spill_file(&self.store)?;
-            file.append(bytemuck::cast_slice(data))?;
-            self.place = Growing::Disk(file);
+            data.truncate(self.len);
+            if data.capacity() < len && !grow::<T>(data, reservation, self.what, len)? {
+                let mut file = spill_file(&self.store)?;
+                file.append(bytemuck::cast_slice(data))?;
+                self.place = Growing::Disk(file);
+            }
         }
         match &mut self.place {
-            Growing::Memory { data, .. } => data.extend_from_slice(items),
+            Growing::Memory { data, .. } if data.len() < len => data.extend_from_slice(items),
+            Growing::Memory { data, .. } => data[self.len..len].copy_from_slice(items),
             Growing::Disk(file) => file.append(bytemuck::cast_slice(items))?,
         }
         self.len = len;
         Ok(())
+    }
+
+    /// Appends `pieces` one after another, from several threads where there is memory for what was expected; `copied` is called on
+    /// the thread that copies a piece.
+    ///
+    /// # Errors
+    /// As [`Self::extend_from_slice`].
+    pub fn extend_from_slices<S>(
+        &mut self,
+        pieces: &[&[T]],
+        copied: impl Fn() -> S + Sync,
+    ) -> Result<(), ExtmemError>
+    where
+        T: Send + Sync,
+    {
+        let start = self.len;
+        let end = start + pieces.iter().map(|piece| piece.len()).sum::<usize>();
+        match &mut self.place {
+            Growing::Memory { data, .. } if end <= data.len() => {
+                let mut room = &mut data[start..end];
+                let places = pieces.iter().map(|piece| {
+                    let (place, rest) = std::mem::take(&mut room).split_at_mut(piece.len());
+                    room = rest;
+                    place
+                });
+                let places: Vec<&mut [T]> = places.collect();
+                places.into_par_iter().zip(pieces).for_each(|(place, piece)| {
+                    let _copied = copied();
+                    place.copy_from_slice(piece);
+                });
+                self.len = end;
+                Ok(())
+            }
+            _ => pieces.iter().try_for_each(|piece| self.extend_from_slice(piece)),
+        }
     }
 
     /// The finished array; memory that was reserved beyond its length is given back.
@@ -142,6 +187,7 @@ impl<T: Pod> BufferWriter<T> {
         let bytes = byte_len::<T>(self.what, self.len)?;
         Ok(Buffer(match self.place {
             Growing::Memory { mut data, mut reservation } => {
+                data.truncate(self.len);
                 data.shrink_to_fit();
                 reservation.resize(bytes as u64)?;
                 Storage::Memory { data, _reservation: reservation }
@@ -160,6 +206,7 @@ impl<T: Pod> BufferWriter<T> {
         let bytes = byte_len::<T>(self.what, self.len)?;
         Ok(match self.place {
             Growing::Memory { mut data, mut reservation } => {
+                data.truncate(self.len);
                 data.shrink_to_fit();
                 reservation.resize(bytes as u64)?;
                 Column::in_memory(self.what, data, reservation)
@@ -267,8 +314,12 @@ mod tests {
         ) {
             let (_dir, store) = store(limit);
             let mut writer = BufferWriter::new(&store, "pieces", expected).unwrap();
-            for piece in &pieces {
-                writer.extend_from_slice(piece).unwrap();
+            for (round, pieces) in pieces.chunks(3).enumerate() {
+                let all: Vec<&[u32]> = pieces.iter().map(Vec::as_slice).collect();
+                match round % 2 {
+                    0 => writer.extend_from_slices(&all, || ()).unwrap(),
+                    _ => all.iter().for_each(|piece| writer.extend_from_slice(piece).unwrap()),
+                }
                 prop_assert!(store.budget.used() <= limit);
             }
             let plain = pieces.concat();

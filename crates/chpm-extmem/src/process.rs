@@ -8,6 +8,12 @@ pub fn return_large_blocks() {
     crate::platform::map_large_blocks(LARGE_BLOCK);
 }
 
+/// Gives the system back what was freed in smaller blocks, where the C library is GNU's: it keeps that apart for each thread, and one cannot
+/// use what another freed.
+pub fn return_free_pages() {
+    crate::platform::trim_heap();
+}
+
 /// Bytes from which a block of the heap is one to be returned.
 const LARGE_BLOCK: i32 = 1 << 18;
 

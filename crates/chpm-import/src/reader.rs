@@ -52,7 +52,7 @@ impl Start<'_> {
 }
 
 /// A mesh that is being read, whatever its format.
-pub trait MeshReader {
+pub trait MeshReader: Send {
     /// Format of the delivered vertices.
     fn format(&self) -> VertexFormat;
 

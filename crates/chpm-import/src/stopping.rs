@@ -9,10 +9,10 @@ use crate::batch::{Batch, BatchKind};
 use crate::error::SourceError;
 use crate::options::{Invalid, Options};
 use chpm_extmem::{Cancel, FailPoints, Store};
-use std::cell::Cell;
 use std::io::{self, Read, Write};
 use std::path::Path;
-use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 /// Bytes before the stop is asked for: more than any window.
 const BEFORE: usize = 3 << 20;
@@ -25,7 +25,7 @@ struct Endless {
     body: Vec<u8>,
     at: usize,
     before: usize,
-    after: Rc<Cell<usize>>,
+    after: Arc<AtomicUsize>,
     cancel: Cancel,
 }
 
@@ -33,8 +33,8 @@ impl Read for Endless {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if self.at >= self.before {
             self.cancel.cancel();
-            self.after.set(self.after.get() + buffer.len());
-            assert!(self.after.get() <= 4 * AFTER, "nobody looks");
+            let after = self.after.fetch_add(buffer.len(), Relaxed) + buffer.len();
+            assert!(after <= 4 * AFTER, "nobody looks");
         }
         for byte in buffer.iter_mut() {
             *byte = match self.head.get(self.at) {
@@ -51,13 +51,13 @@ impl Read for Endless {
 fn stopped(name: &str, head: &[u8], body: &[u8], before: usize, invalid: Invalid) -> usize {
     let dir = tempfile::tempdir().unwrap();
     let store = Store::create(dir.path(), 1 << 20).unwrap();
-    let (cancel, after) = (Cancel::default(), Rc::default());
+    let (cancel, after) = (Cancel::default(), Arc::default());
     let source = Endless {
         head: head.to_vec(),
         body: body.to_vec(),
         at: 0,
         before,
-        after: Rc::clone(&after),
+        after: Arc::clone(&after),
         cancel: cancel.clone(),
     };
     let path = dir.path().join(name);
@@ -77,7 +77,7 @@ fn stopped(name: &str, head: &[u8], body: &[u8], before: usize, invalid: Invalid
     let is_read =
         matches!(&error, SourceError::Cancelled) || error.to_string().contains("stopped on request");
     assert!(is_read, "{name}: {error}");
-    after.get()
+    after.load(Relaxed)
 }
 
 const VERTICES: &str = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";

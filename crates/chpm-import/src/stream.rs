@@ -6,10 +6,9 @@
 use crate::stl;
 use crate::supply::Supply;
 use chpm_extmem::{Cancel, FailPoints};
-use std::cell::RefCell;
 use std::fmt;
 use std::io::{self, BufReader, Cursor, Read};
-use std::rc::Rc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use xxhash_rust::xxh3::Xxh3;
 
 /// Bytes of a compressed file that are read at once.
@@ -23,7 +22,7 @@ const ZSTD_LEAST: u64 = 1 << 23;
 const PACKED_HEAD: usize = 84;
 
 /// Decompressed bytes.
-pub type Stream = Box<dyn Read>;
+pub type Stream = Box<dyn Read + Send>;
 
 /// How a file is compressed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -61,10 +60,10 @@ impl fmt::Display for Packing {
 
 /// A file that hashes what is read from it. Clones read on where the others stopped.
 #[derive(Clone)]
-pub(crate) struct Tap(Rc<RefCell<Inner>>);
+pub(crate) struct Tap(Arc<Mutex<Inner>>);
 
 struct Inner {
-    bytes: Box<dyn Read>,
+    bytes: Stream,
     /// The length of the file.
     file_len: u64,
     hash: Xxh3,
@@ -79,27 +78,32 @@ impl Tap {
         Ok(Tap::of(Box::new(supply.open()?), supply.len(), fail_points, cancel))
     }
 
-    pub(crate) fn of(bytes: Box<dyn Read>, file_len: u64, fail_points: &FailPoints, cancel: &Cancel) -> Tap {
+    pub(crate) fn of(bytes: Stream, file_len: u64, fail_points: &FailPoints, cancel: &Cancel) -> Tap {
         let (fail_points, cancel) = (fail_points.clone(), cancel.clone());
-        Tap(Rc::new(RefCell::new(Inner { bytes, file_len, hash: Xxh3::new(), len: 0, fail_points, cancel })))
+        Tap(Arc::new(Mutex::new(Inner { bytes, file_len, hash: Xxh3::new(), len: 0, fail_points, cancel })))
     }
 
     /// Bytes read up to now.
     pub(crate) fn len(&self) -> u64 {
-        self.0.borrow().len
+        self.inner().len
+    }
+
+    /// Nobody waits here: clones are of one thread, whichever it is.
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Reads what is left, and answers the length and the hash of the whole.
     pub(crate) fn finish(mut self) -> io::Result<(u64, u64)> {
         io::copy(&mut self, &mut io::sink())?;
-        let inner = self.0.borrow();
+        let inner = self.inner();
         Ok((inner.len, inner.hash.digest()))
     }
 }
 
 impl Read for Tap {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let inner = &mut *self.0.borrow_mut();
+        let inner = &mut *self.inner();
         heed(&inner.cancel)?;
         inner.fail_points.access()?;
         let count = inner.bytes.read(buffer)?;
@@ -164,7 +168,10 @@ impl<R: Read> Read for Zstd<R> {
 /// have a quarter of `memory`, and 8 MiB in any case.
 pub(crate) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
     let mut tap = tap.clone();
-    let (len, cancel) = (tap.0.borrow().file_len, tap.0.borrow().cancel.clone());
+    let (len, cancel) = {
+        let inner = tap.inner();
+        (inner.file_len, inner.cancel.clone())
+    };
     let start = begin(&mut tap, PACKED_HEAD)?;
     let packing = Packing::detect(&start, len);
     let bytes = Cursor::new(start).chain(tap);

@@ -2,6 +2,9 @@
 //!
 //! Two faces of opposite turn are the two sides of a sheet, and both stay.
 
+use crate::trace::Phase;
+use rayon::prelude::*;
+
 /// The triangle as all its copies have it: the smallest vertex first, the turn as it is.
 fn key([a, b, c]: [u32; 3]) -> [u32; 3] {
     if a < b && a < c {
@@ -31,6 +34,8 @@ impl Default for Sieve {
 impl Sieve {
     /// log2 of the triangles that are remembered.
     const LOG: u32 = 15;
+    /// Places that one thread joins.
+    const PART: usize = 1 << 11;
 
     /// Whether a record is new, as far as is remembered: of the last that had its place.
     #[inline]
@@ -38,17 +43,36 @@ impl Sieve {
         std::mem::replace(&mut self.seen[place(record)], record) != record
     }
 
-    /// Goes on with triangles that were sifted by themselves, as if they had come here one by one.
-    pub(super) fn join(&mut self, triangles: &[[u32; 3]], sifted: &mut Sifted) {
-        for first in &sifted.firsts {
-            let key = key(triangles[*first as usize]);
-            let place = place(key);
-            sifted.passes[*first as usize] = self.seen[place] != key;
-            self.seen[place] = sifted.sieve.seen[place];
-        }
-        self.dropped += sifted.passes.iter().filter(|passes| !**passes).count() as u64;
+    /// Goes on with triangles that were sifted by themselves, as if they had come here one by one. Answers those that are not let through after
+    /// all: which pieces they are of, and their places there.
+    pub(super) fn join(&mut self, pieces: &[(&[[u32; 3]], &Sifted)], phase: Phase<'_>) -> Vec<(usize, u32)> {
+        // Places do not ask for each other.
+        let parts = self.seen.par_chunks_mut(Self::PART).enumerate().map(|(part, seen)| {
+            let _traced = phase.task("join");
+            let mut copies = Vec::new();
+            for (piece, (triangles, sifted)) in pieces.iter().enumerate() {
+                let range = part * Self::PART..part * Self::PART + seen.len();
+                let first_and_last = sifted.firsts[range.clone()].iter().zip(&sifted.sieve.seen[range]);
+                for (seen, (first, last)) in
+                    seen.iter_mut().zip(first_and_last).filter(|(_, (first, _))| **first != NONE)
+                {
+                    if *seen == key(triangles[*first as usize]) {
+                        copies.push((piece, *first));
+                    }
+                    *seen = *last;
+                }
+            }
+            copies
+        });
+        let copies: Vec<(usize, u32)> = parts.collect::<Vec<_>>().concat();
+        self.dropped +=
+            copies.len() as u64 + pieces.iter().map(|(_, sifted)| sifted.sieve.dropped).sum::<u64>();
+        copies
     }
 }
+
+/// No triangle.
+const NONE: u32 = u32::MAX;
 
 /// Where a sieve remembers a record.
 #[inline]
@@ -64,7 +88,7 @@ fn place(record: [u32; 3]) -> usize {
 pub(super) struct Sifted {
     /// By triangle, whether it is let through.
     passes: Vec<bool>,
-    /// Those that came first to their places: what came before all of these decides.
+    /// By place, the triangle that came there first: what came before all of these decides. [`NONE`] where none came.
     firsts: Vec<u32>,
     sieve: Sieve,
 }
@@ -73,16 +97,25 @@ impl Sifted {
     pub(super) fn sift(&mut self, triangles: &[[u32; 3]]) {
         self.passes.clear();
         self.firsts.clear();
+        self.firsts.resize(1 << Sieve::LOG, NONE);
         self.sieve.seen.fill([0; 3]);
+        self.sieve.dropped = 0;
         for (index, triangle) in (0..).zip(triangles) {
             let key = key(*triangle);
-            let before = std::mem::replace(&mut self.sieve.seen[place(key)], key);
+            let place = place(key);
+            let before = std::mem::replace(&mut self.sieve.seen[place], key);
             // No triangle has three equal corners.
             if before == [0; 3] {
-                self.firsts.push(index);
+                self.firsts[place] = index;
             }
             self.passes.push(before != key);
+            self.sieve.dropped += u64::from(before == key);
         }
+    }
+
+    /// Leaves out a triangle that was let through.
+    pub(super) fn leave_out(&mut self, triangle: u32) {
+        self.passes[triangle as usize] = false;
     }
 
     /// Those of the triangles that were let through.
@@ -134,6 +167,7 @@ pub(super) fn drop_all(triangles: &mut Vec<[u32; 3]>, vertex_count: usize) -> u6
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trace::Trace;
 
     #[test]
     fn copies_in_any_rotation_go_and_the_other_side_stays() {
@@ -156,7 +190,8 @@ mod tests {
             (Sieve::default(), Sifted::default(), Vec::<[u32; 3]>::new());
         for piece in all.chunks(7001) {
             sifted.sift(piece);
-            pieces.join(piece, &mut sifted);
+            let copies = pieces.join(&[(piece, &sifted)], Trace::default().phase());
+            copies.into_iter().for_each(|(_, triangle)| sifted.leave_out(triangle));
             kept.extend(sifted.passing(piece));
         }
         assert!(kept == passed && pieces.dropped == dropped && dropped > 0);

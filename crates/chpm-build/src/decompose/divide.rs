@@ -20,7 +20,7 @@ use crate::ingest::Source;
 use crate::pairs::{Pairs, graph_bytes};
 use crate::vertex_columns::{ColumnMap, VertexColumns};
 use bytemuck::{Pod, Zeroable};
-use chpm_extmem::{Buckets, Column, Reservation, Store};
+use chpm_extmem::{Buckets, Column, Reservation, Store, process};
 use chpm_mesh::{Octahedral, Vertex, Vertices};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -36,6 +36,8 @@ const SAMPLE: usize = 16;
 const STEP: usize = 1 << 17;
 /// Triangles that are prepared for their regions in one step.
 const ROUTED: usize = 1 << 16;
+/// Triangles of a region that one thread takes in at a time.
+const LOADED: usize = 1 << 14;
 /// Memory for the blocks of all regions' triangles.
 const BLOCKS: usize = 8 << 20;
 
@@ -163,6 +165,7 @@ pub(crate) fn run(
     let _traced = context.trace.task("exchange");
     divided.split(split::limit(settings), &uses, &mut visits, context)?;
     divided.exchange(visits, settings, context)?;
+    process::return_free_pages();
     Ok(divided)
 }
 
@@ -241,7 +244,7 @@ impl Divided {
     }
 
     /// Sends each triangle to its region, and notes who uses the vertices of another. Answers how many corners each region has
-    /// from others. Several steps are prepared side by side; what is left to do in order is to tell copies from what came before.
+    /// from others. Several steps are prepared side by side, and what each has for a region goes there in their order.
     fn route(
         &mut self,
         triangles: Column<[u32; 3]>,
@@ -250,7 +253,7 @@ impl Divided {
     ) -> Result<Vec<u64>, BuildError> {
         let mut uses = vec![0; self.home_count()];
         let mut sieve = Sieve::default();
-        let [sifting, sorting, appending] = [(); 3].map(|()| context.trace.phase());
+        let [sifting, joining, sorting, appending, visiting] = [(); 5].map(|()| context.trace.phase());
         let mut steps: Vec<Step> = (0..rayon::current_num_threads()).map(|_| Step::default()).collect();
         let starts: Vec<usize> = (0..triangles.len()).step_by(ROUTED).collect();
         for starts in starts.chunks(steps.len()) {
@@ -260,7 +263,7 @@ impl Divided {
                 context.check()?;
                 step.read(&triangles, *start..triangles.len().min(start + ROUTED))
             })?;
-            steps.iter_mut().for_each(|step| step.join(&mut sieve));
+            Step::join(steps, &mut sieve, joining);
             steps.par_iter_mut().for_each(|step| {
                 let _traced = sorting.task("sort");
                 step.sort(self);
@@ -270,11 +273,12 @@ impl Divided {
                 let _traced = appending.task("append");
                 steps.iter().try_for_each(|step| own.extend_from_slice(step.of_region(region)))
             })?;
+            visits.uses.parts_mut().into_par_iter().enumerate().try_for_each(|(home, mut own)| {
+                let _traced = visiting.task("visit");
+                steps.iter().try_for_each(|step| own.extend(step.of_home(home)))
+            })?;
             for step in steps {
-                for [home, vertex, region] in &step.visits {
-                    visits.push(*home, *vertex, *region as usize)?;
-                    uses[*region as usize] += 1;
-                }
+                uses.iter_mut().zip(&step.uses).for_each(|(uses, more)| *uses += more);
             }
             let end = triangles.len().min(starts[starts.len() - 1] + ROUTED);
             context.progress.advance((end - starts[0]) as u64);
@@ -337,7 +341,7 @@ impl Divided {
     }
 
     /// The mesh of a region. Vertices of its own come first, those of others after them.
-    pub(crate) fn load(&self, region: usize) -> Result<Mesh, BuildError> {
+    pub(crate) fn load(&self, region: usize, context: &Context<'_>) -> Result<Mesh, BuildError> {
         let own_cells = self.region_cells.get(region).map_or(&[][..], Vec::as_slice);
         let own: usize = own_cells.iter().map(|cell| self.cells.range(*cell).len()).sum();
         let mut foreign = Vec::new();
@@ -351,10 +355,13 @@ impl Divided {
         // Where each vertex was looked for, and then which number those have that were found.
         const UNUSED: u32 = u32::MAX;
         let mut numbers = vec![UNUSED; own + foreign.len()];
-        for v in triangles.as_flattened_mut() {
-            *v = self.local(*v, region, own, &foreign);
-            numbers[*v as usize] = 0;
-        }
+        let phase = context.trace.phase();
+        triangles.par_chunks_mut(LOADED).for_each(|triangles| {
+            let _traced = phase.task("find");
+            let corners = triangles.as_flattened_mut();
+            corners.iter_mut().for_each(|v| *v = self.local(*v, region, own, &foreign));
+        });
+        triangles.as_flattened().iter().for_each(|v| numbers[*v as usize] = 0);
 
         // Those that triangles use are numbered in their order.
         let mut count = 0;
@@ -362,7 +369,11 @@ impl Divided {
             *number = count;
             count += 1;
         }
-        triangles.as_flattened_mut().iter_mut().for_each(|v| *v = numbers[*v as usize]);
+        let phase = context.trace.phase();
+        triangles.par_chunks_mut(LOADED).for_each(|triangles| {
+            let _traced = phase.task("renumber");
+            triangles.as_flattened_mut().iter_mut().for_each(|v| *v = numbers[*v as usize]);
+        });
         let copies = copies::drop_all(&mut triangles, count as usize);
 
         // Border vertices: those at home here that others visit, used here or not, and the foreign ones.

@@ -74,9 +74,13 @@ impl Gatherer {
         repairs: &mut Repairs,
     ) -> Result<Decomposition, BuildError> {
         let Gatherer { collector, account, copies, .. } = self;
+        let traced = context.trace.task("account");
         account.close()?.add_to(repairs);
+        drop(traced);
         context.check()?;
+        let traced = context.trace.task("collect");
         let (leaves, shared): (Vec<Leaf>, SharedVertices) = collector.finish()?;
+        drop(traced);
         repairs.merged_copies = copies;
         repairs.unreferenced_vertices = about.vertex_count - shared.used_vertices;
         let About { rounding, scalar_words, .. } = about;

@@ -111,7 +111,7 @@ pub(crate) fn run(
             let _traced = phase.task("region");
             context.check()?;
             let traced = context.trace.task("load");
-            let (mesh, leaves) = load(&divided, region, wanted, settings)?;
+            let (mesh, leaves) = load(&divided, region, wanted, settings, context)?;
             drop(traced);
             region::done(mesh, leaves, border_count, settings, &spool, context)
         },
@@ -120,7 +120,6 @@ pub(crate) fn run(
     let traced = context.trace.task("drop");
     drop((divided, share));
     drop(traced);
-    let _traced = context.trace.task("account");
     gatherer.finish(about, spool, context, repairs)
 }
 
@@ -130,8 +129,9 @@ fn load(
     region: usize,
     wanted: u32,
     settings: &Settings,
+    context: &Context<'_>,
 ) -> Result<(Mesh, u32), BuildError> {
-    let mesh = divided.load(region)?;
+    let mesh = divided.load(region, context)?;
     let leaves = divide::leaves_of(divided, &mesh, wanted, settings);
     Ok((mesh, leaves))
 }

@@ -8,20 +8,25 @@ use super::cell_graph::Cell;
 use super::grid::Grid;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::per_thread::PerThread;
 use crate::vertex_columns::ColumnMap;
 use bytemuck::Pod;
 use chpm_extmem::{Buckets, BufferWriter, Column, Part};
 use chpm_mesh::Aabb;
 use rayon::prelude::*;
 
-/// Vertices that are looked at in one step.
+/// Vertices that are looked at in one step, where they go to their places.
 const STEP: usize = 1 << 18;
-/// Vertices that a thread looks at in one.
+/// Vertices that a thread looks at in a row.
 const SLICE: usize = 1 << 13;
+/// Slices of a step for each thread.
+const SLICES: usize = 4;
 /// Places of a bucket.
 const PLACES: usize = 1 << 19;
 /// Bytes that a bucket gathers.
 const BLOCK: usize = 1 << 13;
+/// Parts of a permutation in memory, if there are no more threads.
+const PARTS: usize = 16;
 
 /// Cells as ranges of vertex numbers.
 #[derive(Debug)]
@@ -100,28 +105,80 @@ pub(crate) fn run(
         end += cell.count;
     }
 
-    // A counting sort by cell, of which only the places are kept.
+    // A counting sort by cell, of which only the places are kept. Slices are counted side by side, and so are their places given out.
     let mut mapping = BufferWriter::new(&context.store, "vertex mapping", positions.len())?;
-    let (mut scratch, mut numbers) = (Vec::new(), Vec::new());
-    let phase = context.trace.phase();
-    let cells_of = |points: &[[f32; 3]]| {
-        let _traced = phase.task("cells");
-        points.iter().map(|p| grid.cell_of(*p)).collect::<Vec<u32>>()
+    let (mut scratch, mut slices) = (Vec::new(), Vec::new());
+    let [counting, placing, storing] = [(); 3].map(|()| context.trace.phase());
+    let by_cell: PerThread<Vec<u32>> = PerThread::new();
+    let zeros = || {
+        let mut zeros = by_cell.own();
+        zeros.resize(grid.cells.len(), 0);
+        zeros
     };
-    for start in (0..positions.len()).step_by(STEP) {
+    let count = |points: &[[f32; 3]]| {
+        let _traced = counting.task("cells");
+        Slice::count(points.iter().map(|p| grid.cell_of(*p)), &mut zeros())
+    };
+    let step = SLICE * SLICES * rayon::current_num_threads();
+    for start in (0..positions.len()).step_by(step) {
         context.check()?;
-        let points = positions.read(start..positions.len().min(start + STEP), &mut scratch)?;
-        points.par_chunks(SLICE).map(cells_of).collect_into_vec(&mut numbers);
-        for numbers in &mut numbers {
-            for number in &mut *numbers {
-                let next = &mut next[*number as usize];
-                *number = *next;
-                *next += 1;
-            }
-            mapping.extend_from_slice(numbers)?;
-        }
+        let points = positions.read(start..positions.len().min(start + step), &mut scratch)?;
+        points.par_chunks(SLICE).map(count).collect_into_vec(&mut slices);
+        slices.iter_mut().for_each(|slice| slice.take_places(&mut next));
+        slices.par_iter_mut().for_each(|slice| {
+            let _traced = placing.task("number");
+            slice.place(&mut zeros());
+        });
+        let numbers: Vec<&[u32]> = slices.iter().map(|slice| &slice.numbers[..]).collect();
+        mapping.extend_from_slices(&numbers, || storing.task("store"))?;
     }
     Ok((Cells::new(&grid.cells, limit), mapping.finish_column()?))
+}
+
+/// Vertices in a row, as one thread counts them.
+struct Slice {
+    /// Their cells, and then their places.
+    numbers: Vec<u32>,
+    /// Each cell that they lie in, with their number, and then with the first of their places.
+    cells: Vec<(u32, u32)>,
+}
+
+impl Slice {
+    /// Counts vertices in these cells; `counts` is zero for each cell, before and after.
+    fn count(cells: impl Iterator<Item = u32>, counts: &mut [u32]) -> Slice {
+        let mut met = Vec::new();
+        let numbers = cells.inspect(|cell| {
+            let count = &mut counts[*cell as usize];
+            if *count == 0 {
+                met.push((*cell, 0));
+            }
+            *count += 1;
+        });
+        let numbers = numbers.collect();
+        for (cell, count) in &mut met {
+            *count = std::mem::take(&mut counts[*cell as usize]);
+        }
+        Slice { numbers, cells: met }
+    }
+
+    /// Takes the next places of each cell.
+    fn take_places(&mut self, next: &mut [u32]) {
+        for (cell, count) in &mut self.cells {
+            let next = &mut next[*cell as usize];
+            (*count, *next) = (*next, *next + *count);
+        }
+    }
+
+    /// Gives each vertex its place; `next` is zero for each cell, before and after.
+    fn place(&mut self, next: &mut [u32]) {
+        self.cells.iter().for_each(|(cell, first)| next[*cell as usize] = *first);
+        for number in &mut self.numbers {
+            let next = &mut next[*number as usize];
+            *number = *next;
+            *next += 1;
+        }
+        self.cells.iter().for_each(|(cell, _)| next[*cell as usize] = 0);
+    }
 }
 
 /// New places of all vertices.
@@ -205,9 +262,10 @@ fn permute<T: Pod + Send + Sync>(
     Ok(to)
 }
 
-/// Puts each item at its place in `out`. Each thread has a part of it and looks at all places, which costs far less than the writes.
+/// Puts each item at its place in `out`. Each part of it is a task that looks at all places, which costs far less than the writes; in a part these
+/// are closer together, too.
 fn put<T: Pod + Send + Sync>(items: &[T], places: &[u32], out: &mut [T], context: &Context<'_>) {
-    let part = out.len().div_ceil(rayon::current_num_threads()).max(1);
+    let part = out.len().div_ceil(rayon::current_num_threads().max(PARTS)).max(1);
     let phase = context.trace.phase();
     out.par_chunks_mut(part).enumerate().for_each(|(index, out)| {
         let _traced = phase.task("permute");

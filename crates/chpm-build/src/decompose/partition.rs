@@ -21,7 +21,9 @@ pub(crate) fn parts(
         return Ok(vec![0; graph.node_count()]);
     }
     let regions = if count > ROUND_PARTS && count.is_multiple_of(ROUND_PARTS) { ROUND_PARTS } else { count };
+    let traced = context.trace.task("kway");
     let mut assignment = settings.partitioner.kway(graph, regions, settings.seed)?.parts;
+    drop(traced);
     if regions == count {
         return Ok(assignment);
     }

@@ -110,10 +110,12 @@ pub(crate) fn run(
     drop(traced);
     context.check()?;
     let gathered = gather(mesh, &part_of, parts, context)?;
+    let traced = context.trace.task("share");
     let (shared, interfaces, border_uses) = share(mesh, &gathered);
+    drop(traced);
 
     let phase = context.trace.phase();
-    let leaf = |(surveyor, writer): &mut (Surveyor, LeafWriter), gathered: &LeafMesh| {
+    let leaf = |(surveyor, writer): &mut (Surveyor, LeafWriter), gathered: LeafMesh| {
         let _traced = phase.task("leaf");
         context.check()?;
         let numbers = gathered.vertices.iter().map(|v| shared.numbers[*v as usize]);
@@ -121,25 +123,27 @@ pub(crate) fn run(
         let topology =
             surveyor.survey(&gathered.triangles, &gathered.vertices, &marks, &mesh.vertices.positions);
         marks.iter_mut().for_each(|(_, number)| *number = code(*number, &shared.border, shared.inner_count));
-        let leaf = writer.write(mesh, gathered, &marks, spool)?;
+        let leaf = writer.write(mesh, &gathered, &marks, spool)?;
         context.progress.advance(gathered.triangles.len() as u64);
         Ok((leaf, topology))
     };
     let made: Vec<(Leaf, TopologyCounts)> =
-        gathered.par_iter().map_init(Default::default, leaf).collect::<Result<_, BuildError>>()?;
+        gathered.into_par_iter().map_init(Default::default, leaf).collect::<Result<_, BuildError>>()?;
+    let Shared { numbers, inner_count, border } = shared;
+    drop(numbers);
 
     // What leaves counted about vertices that several have is put together, by their numbers here and then by those that hold everywhere.
-    let mut ledger = Ledger::new(shared.inner_count as usize + shared.border.len());
+    let mut ledger = Ledger::new(inner_count as usize + border.len());
     let mut leaves = Vec::with_capacity(made.len());
     for (leaf, topology) in made {
         leaves.push(leaf);
         ledger.enter(topology);
     }
-    let global = |number: u32| match number.checked_sub(shared.inner_count) {
-        Some(border) => shared.border[border as usize],
+    let global = |number: u32| match number.checked_sub(inner_count) {
+        Some(at) => border[at as usize],
         None => number + border_count,
     };
-    let topology = ledger.close(shared.inner_count).renumbered(global);
+    let topology = ledger.close(inner_count).renumbered(global);
     let (referenced, copies) = (mesh.referenced, mesh.copies);
     Ok(Done { leaves, interfaces, border_uses, topology, referenced, copies, normals: Vec::new() })
 }
@@ -164,12 +168,16 @@ fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> R
     let mut cells: Vec<u32> = positions.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect();
     let list: Vec<Cell> = grid.cells;
 
+    let traced = context.trace.task("joints");
     let mut joints = Pairs::default();
     for t in mesh.triangles.iter().step_by(SAMPLE) {
         cell_graph::joints(t.map(|v| cells[v as usize])).for_each(|(a, b)| joints.add(a, b, 1));
     }
     context.check()?;
+    drop(traced);
+    let traced = context.trace.task("graph");
     let graph = cell_graph::build(&list, joints.sums(), settings.cell_neighbors)?;
+    drop(traced);
     context.check()?;
 
     // From cells to parts, in place.
@@ -238,7 +246,7 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
     for (index, leaf) in (0..).zip(leaves) {
         pairs.extend(leaf.vertices.iter().filter(|v| is_shared(**v)).map(|v| (*v, index)));
     }
-    pairs.sort_unstable();
+    pairs.par_sort_unstable();
 
     let mut numbers = vec![INNER; mesh.vertices.positions.len()];
     let mut inner = Vec::new();
@@ -258,7 +266,9 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
     fn users(same: &&[(u32, u32)]) -> Vec<u32> {
         same.iter().map(|(_, leaf)| *leaf).collect::<Vec<u32>>()
     }
-    inner.sort_by(|a, b| a.iter().map(|u| u.1).cmp(b.iter().map(|u| u.1)).then(a[0].0.cmp(&b[0].0)));
+    inner.par_sort_unstable_by(|a, b| {
+        a.iter().map(|u| u.1).cmp(b.iter().map(|u| u.1)).then(a[0].0.cmp(&b[0].0))
+    });
     let mut interfaces = Interfaces { starts: vec![0], ..Interfaces::default() };
     let mut next = 0;
     for alike in inner.chunk_by(|a, b| a.iter().map(|u| u.1).eq(b.iter().map(|u| u.1))) {
@@ -271,7 +281,7 @@ fn share(mesh: &Mesh, leaves: &[LeafMesh]) -> (Shared, Interfaces, Vec<(u32, u32
         }
     }
 
-    border_uses.sort_unstable();
+    border_uses.par_sort_unstable();
     for ((_, vertex), number) in border.iter().zip(next..) {
         numbers[*vertex as usize] = number;
     }

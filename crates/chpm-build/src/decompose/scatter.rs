@@ -66,7 +66,7 @@ pub(crate) fn scatter(
     let mut rows = Vec::with_capacity(costs.len());
     let load = |region| {
         context.check()?;
-        let (mesh, leaves) = load(&divided, region, leaves, settings)?;
+        let (mesh, leaves) = load(&divided, region, leaves, settings, context)?;
         Ok((mesh, leaves))
     };
     in_order(divided.region_count(), workers, load, |(mesh, leaves)| {

@@ -2,29 +2,27 @@
 //! in range, with bounds and counts. One pass over the file; memory is the arrays, a few batches, and a bit for each vertex.
 
 mod components;
+mod intake;
 mod lattice;
 mod local;
 mod small;
 mod texels;
 mod used;
 
-use crate::allowance;
 use crate::config::{Normals, Positions, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::report::SmallComponents;
-use crate::vertex_columns::{POSITIONS, VertexColumns, VertexWriter};
+use crate::vertex_columns::VertexColumns;
 use bytemuck::Pod;
-use chpm_extmem::{BufferWriter, Cached, Column, Store};
+use chpm_extmem::{Cached, Column};
 use chpm_format::Source as Provenance;
-use chpm_import::ply::{Batch, BatchKind, Invalid, Options, SourceLocation, Tally};
-use chpm_import::{Beside, CornerNormals, Input, KeptPolygons, SourceError, SourceInfo, Supply};
+use chpm_import::ply::{Invalid, Options, SourceLocation, Tally};
+use chpm_import::{Beside, Input, SourceError, SourceInfo, Supply};
 use chpm_mesh::{Aabb, Attributes, Scalar, scalar_places};
+use intake::{Arrays, Far, Marks};
 use local::Local;
 use serde::{Deserialize, Serialize};
-use std::panic::resume_unwind;
-use std::sync::mpsc;
-use texels::Texels;
 use used::Used;
 
 /// The validated source.
@@ -179,31 +177,6 @@ pub(crate) fn kept(read: Attributes, settings: &Settings) -> Attributes {
     Attributes { octahedral: settings.normals == Normals::Computed, ..read }
 }
 
-/// The arrays while they grow.
-struct Arrays {
-    /// Positions are here or in `doubles`.
-    vertices: VertexWriter,
-    doubles: BufferWriter<[f64; 3]>,
-    triangles: BufferWriter<[u32; 3]>,
-    polygons: KeptPolygons,
-    /// Of formats that give them to corners.
-    corner_normals: Option<CornerNormals>,
-    /// Of sources with images.
-    texels: Option<Texels>,
-    has_colors: bool,
-    store: Store,
-}
-
-/// Facts that are noted of the vertices before they are stored.
-struct Marks {
-    /// How many there were.
-    count: usize,
-    /// Of all singles.
-    bounds: Aabb,
-    used: Used,
-    far: BufferWriter<Far>,
-}
-
 /// The arrays when all has come.
 struct Columns {
     /// Positions are here or in `doubles`.
@@ -213,154 +186,6 @@ struct Columns {
     used: Used,
     /// Of all singles.
     bounds: Aabb,
-}
-
-/// A vertex that is far from zero: its number, byte offset, line (0 where there are none) and the bits of its coordinate.
-type Far = [u64; 4];
-
-impl Arrays {
-    /// Arrays for what the header declares, once it is sure that the disk has room for it.
-    fn expecting(
-        input: &Input,
-        source_len: u64,
-        kept: Attributes,
-        store: &Store,
-    ) -> Result<Self, BuildError> {
-        let format = input.vertex_format();
-        // A header may promise more than the file holds: no array starts larger than the source could fill.
-        let (vertices, faces) = input.declared().unwrap_or((0, 0));
-        let (vertices, faces) = (vertices.min(source_len), faces.min(source_len));
-
-        let disk = allowance::disk(vertices, faces, kept.vertex_len() as u64);
-        // Checkpoints have all arrays on disk, also those in memory.
-        let in_memory = if store.workdir.is_resumable() { 0 } else { store.budget.limit() };
-        store.workdir.require(disk.saturating_sub(in_memory))?;
-
-        let (vertices, faces) = (vertices as usize, faces as usize);
-        let (singles, doubles) = match format.coordinates.are_double() {
-            true => (0, vertices),
-            false => (vertices, 0),
-        };
-        Ok(Arrays {
-            vertices: VertexWriter::new(store, format.attributes, vertices, singles)?,
-            doubles: BufferWriter::new(store, POSITIONS, doubles)?,
-            triangles: BufferWriter::new(store, TRIANGLES, faces)?,
-            polygons: KeptPolygons::new(store)?,
-            corner_normals: None,
-            texels: None,
-            has_colors: format.attributes.colors,
-            store: store.clone(),
-        })
-    }
-
-    /// Takes all that the input has. Reading is this thread's work, noting facts and storing those of others: arrays on disk cost as much
-    /// time as the source does.
-    fn fill(
-        &mut self,
-        marks: &mut Marks,
-        input: &mut Input,
-        context: &Context<'_>,
-    ) -> Result<(), BuildError> {
-        std::thread::scope(|scope| {
-            let (full, filled) = mpsc::sync_channel::<Batch>(1);
-            let (marked, to_store) = mpsc::sync_channel::<Batch>(1);
-            let (empty, emptied) = mpsc::channel();
-            let phase = context.trace.phase();
-            let marking = scope.spawn(move || -> Result<(), BuildError> {
-                let _traced = phase.task("mark");
-                for batch in filled {
-                    marks.take(&batch)?;
-                    if marked.send(batch).is_err() {
-                        break;
-                    }
-                }
-                Ok(())
-            });
-            let storing = scope.spawn(move || {
-                let _traced = phase.task("store");
-                to_store.into_iter().try_for_each(|batch| {
-                    self.take(&batch)?;
-                    // Whoever reads may have ended.
-                    let _ = empty.send(batch);
-                    Ok(())
-                })
-            });
-
-            let mut read = || -> Result<(), BuildError> {
-                let _traced = phase.task("read");
-                loop {
-                    context.check()?;
-                    let before = input.bytes_read();
-                    let mut batch = emptied.try_recv().unwrap_or_default();
-                    if input.next_batch(&mut batch)? == BatchKind::End || full.send(batch).is_err() {
-                        return Ok(());
-                    }
-                    context.progress.advance(input.bytes_read() - before);
-                }
-            };
-
-            // Dropping the sender ends the other threads. Their errors come first: reading ended because of them.
-            let read = read();
-            drop(full);
-            let [marked, stored] =
-                [marking, storing].map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
-            marked.and(stored).and(read)
-        })
-    }
-
-    fn take(&mut self, batch: &Batch) -> Result<(), BuildError> {
-        self.vertices.extend_from_slices(batch.vertices.view())?;
-        self.doubles.extend_from_slice(&batch.positions_f64)?;
-        self.polygons.add(&batch.polygons)?;
-        if !batch.listed_normals.is_empty() || !batch.corner_normals.is_empty() {
-            let normals = match self.corner_normals.take() {
-                Some(normals) => normals,
-                None => CornerNormals::new(&self.store)?,
-            };
-            self.corner_normals.insert(normals).take(batch)?;
-        }
-        if !batch.textured.is_empty() {
-            let texels = match self.texels.take() {
-                Some(texels) => texels,
-                None => Texels::new(&self.store, self.has_colors)?,
-            };
-            let vertices = self.vertices.len() + self.doubles.len();
-            self.texels.insert(texels).take(&batch.textured, vertices)?;
-        }
-        Ok(self.triangles.extend_from_slice(&batch.triangles)?)
-    }
-}
-
-impl Marks {
-    fn new(store: &Store) -> Result<Self, BuildError> {
-        Ok(Marks {
-            count: 0,
-            bounds: Aabb::EMPTY,
-            used: Used::new(store)?,
-            far: BufferWriter::new(store, "vertices far from zero", 0)?,
-        })
-    }
-
-    fn take(&mut self, batch: &Batch) -> Result<(), BuildError> {
-        for place in &batch.far {
-            let at = (place.index - batch.first) as usize;
-            let single = || batch.vertices.positions.get(at).map(|p| p.map(f64::from));
-            let position = batch.positions_f64.get(at).copied().or_else(single).unwrap_or_default();
-            let value =
-                position.into_iter().fold(0.0, |far: f64, x| if x.abs() > far.abs() { x } else { far });
-            self.far.extend_from_slice(&[[
-                place.index,
-                place.offset,
-                place.line.unwrap_or(0),
-                value.to_bits(),
-            ]])?;
-        }
-
-        self.used.add(&batch.triangles, self.count)?;
-        self.count += batch.vertices.positions.len() + batch.positions_f64.len();
-        self.bounds.merge(&Aabb::of_points(&batch.vertices.positions));
-        Ok(())
-    }
 }
 
 /// Refuses vertices that are too far from zero for all that follows, if a face uses one.

@@ -137,10 +137,12 @@ pub(crate) fn run(
     context.progress.advance(levels.built.refs.iter().flatten().count() as u64);
 
     while levels.level < tree.level_count() {
+        let traced = context.trace.task("form");
         group_borders.rise(tree, levels.level);
         if levels.first.is_none() {
             levels.form_groups(&group_borders, inputs);
         }
+        drop(traced);
         while levels.done < levels.groups().len() {
             levels.work(&group_borders, inputs)?;
             if context.clock.is_due() {
@@ -180,6 +182,7 @@ impl Levels {
     /// Simplifies groups of the level until all are done or it is time to save.
     fn work(&mut self, group_borders: &GroupBorders<'_>, inputs: &Inputs<'_>) -> Result<(), BuildError> {
         let results = self.simplify(self.done..self.groups().len(), group_borders, inputs)?;
+        let _traced = inputs.context.trace.task("take");
         for done in results {
             self.take(done, inputs.decomposition);
         }
@@ -240,6 +243,7 @@ impl Levels {
             self.built.range =
                 ErrorRange::of(settings, diagonal(&self.built.refs), decomposition.rounding.error())?;
         }
+        let _traced = context.trace.task("drop");
         self.rise(tree, &context.store);
         Ok(())
     }

@@ -35,6 +35,9 @@ pub(crate) fn allocate(file: &File, bytes: u64) -> io::Result<()> {
 /// Nothing: large blocks are mapped one by one as it is.
 pub(crate) fn map_large_blocks(_: i32) {}
 
+/// Nothing: the system's own allocator does so by itself.
+pub(crate) fn trim_heap() {}
+
 /// The most bytes of physical memory that the process ever held.
 pub fn peak_resident() -> Option<u64> {
     use nix::sys::resource::{UsageWho, getrusage};

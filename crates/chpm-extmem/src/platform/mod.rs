@@ -24,7 +24,7 @@ pub use system::{
 };
 pub(crate) use system::{
     Guard, advise, advise_buffer, allocate, drop_pages, end_process, error_of_device, error_of_full_disk,
-    first_bytes, free_bytes, host_name, is_at, is_in_use, map_large_blocks, open_folder,
+    first_bytes, free_bytes, host_name, is_at, is_in_use, map_large_blocks, open_folder, trim_heap,
 };
 #[cfg(feature = "metis")]
 pub(crate) use system::{SignalAction, THREADS_KEEP_VARIABLES};

@@ -11,12 +11,12 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// A stretch of a file.
 #[derive(Clone)]
 pub(super) struct Region {
-    file: Rc<Opened>,
+    file: Arc<Opened>,
     start: u64,
     len: u64,
 }
@@ -30,7 +30,7 @@ struct Opened {
 impl Region {
     /// All of a file, which is named by `path` in errors.
     pub(super) fn of(file: File, path: PathBuf, start: u64, len: u64, fail_points: &FailPoints) -> Region {
-        Region { file: Rc::new(Opened { file, path, fail_points: fail_points.clone() }), start, len }
+        Region { file: Arc::new(Opened { file, path, fail_points: fail_points.clone() }), start, len }
     }
 
     pub(super) fn len(&self) -> u64 {
@@ -46,7 +46,7 @@ impl Region {
                 self.len
             ))
         })?;
-        Ok(Region { file: Rc::clone(&self.file), start: self.start + start, len })
+        Ok(Region { file: Arc::clone(&self.file), start: self.start + start, len })
     }
 
     /// An image whose bytes these are.

@@ -3,6 +3,7 @@
 use super::super::copies::{Sieve, Sifted};
 use super::{Divided, majority};
 use crate::error::BuildError;
+use crate::trace::Phase;
 use chpm_extmem::Column;
 use std::ops::Range;
 
@@ -15,8 +16,12 @@ pub(super) struct Step {
     sorted: Vec<[u32; 3]>,
     /// By region, where its triangles end.
     ends: Vec<u32>,
-    /// Corners that a region has from others: the home of the vertex, the vertex, the region; in order.
-    pub(super) visits: Vec<[u32; 3]>,
+    /// Corners that a region has from others: the home of the vertex, the vertex, the region; ascending, each there once.
+    visiting: Vec<[u32; 3]>,
+    /// By home, where they end.
+    visit_ends: Vec<u32>,
+    /// By region, how many corners it has from others.
+    pub(super) uses: Vec<u64>,
 }
 
 impl Step {
@@ -35,15 +40,20 @@ impl Step {
         Ok(())
     }
 
-    /// Leaves out copies of what came before this step.
-    pub(super) fn join(&mut self, sieve: &mut Sieve) {
-        sieve.join(&self.triangles, &mut self.sifted);
+    /// Leaves out copies of what came before, in steps one after another.
+    pub(super) fn join(steps: &mut [Step], sieve: &mut Sieve, phase: Phase<'_>) {
+        let pieces: Vec<_> = steps.iter().map(|step| (&step.triangles[..], &step.sifted)).collect();
+        for (step, triangle) in sieve.join(&pieces, phase) {
+            steps[step].sifted.leave_out(triangle);
+        }
     }
 
     /// Puts what is left in order.
     pub(super) fn sort(&mut self, divided: &Divided) {
         self.regions.clear();
-        self.visits.clear();
+        self.visiting.clear();
+        self.uses.clear();
+        self.uses.resize(divided.home_count(), 0);
         self.ends.clear();
         self.ends.resize(divided.home_count() + 1, 0);
         for triangle in self.sifted.passing(&self.triangles) {
@@ -54,7 +64,9 @@ impl Step {
             // Most triangles are within their region, and visit none.
             if homes != [region; 3] {
                 let others = triangle.iter().zip(homes).filter(|(_, home)| *home != region);
-                self.visits.extend(others.map(|(vertex, home)| [home, *vertex, region]));
+                let before = self.visiting.len();
+                self.visiting.extend(others.map(|(vertex, home)| [home, *vertex, region]));
+                self.uses[region as usize] += (self.visiting.len() - before) as u64;
             }
         }
         for region in 1..self.ends.len() {
@@ -69,6 +81,22 @@ impl Step {
             *place += 1;
         }
         self.ends.pop();
+        self.sort_visits(divided.home_count());
+    }
+
+    fn sort_visits(&mut self, homes: usize) {
+        self.visiting.sort_unstable();
+        self.visiting.dedup();
+        self.visit_ends.clear();
+        let end = |home: usize| self.visiting.partition_point(|visit| visit[0] as usize <= home) as u32;
+        self.visit_ends.extend((0..homes).map(end));
+    }
+
+    /// The visits of a home's vertices: vertex and region.
+    pub(super) fn of_home(&self, home: usize) -> impl Iterator<Item = [u32; 2]> {
+        let start = if home == 0 { 0 } else { self.visit_ends[home - 1] };
+        let visiting = &self.visiting[start as usize..self.visit_ends[home] as usize];
+        visiting.iter().map(|[_, vertex, region]| [*vertex, *region])
     }
 
     /// The triangles of a region.
