@@ -25,7 +25,7 @@ pub(crate) struct Args {
     /// cosine of its angle; triangles that have the vertex do not count. The thickness is the median of the seven. 0 is the first ray alone
     #[arg(long, value_name = "DEGREES", default_value = "10", value_parser = decimal)]
     cone: f64,
-    /// Which parts' triangles are taken the other way around: those of a model that was stored inside out. auto: of closed components those of a negative signed volume, each with all that is within it; others all
+    /// Which parts' triangles are taken the other way around: those of a model that was stored inside out. auto: of closed components those of a negative signed volume, with what is within them; others all
     /// together where theirs is clearly negative
     #[arg(long, value_name = "WHICH", value_enum, default_value = "auto")]
     inside_out: InsideOut,

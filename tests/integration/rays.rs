@@ -185,6 +185,7 @@ fn what_is_inside_out_is_as_thick_as_what_is_not() {
     let folder = Folder::new();
     let near = |value: &Value, key: &str| (value[key].as_f64().unwrap() - 0.1).abs() < 2e-3;
     let right = shell(0.9);
+    // Of walls of 0.25 times 0.4.
     let mut small = shell(0.75);
     small.positions.iter_mut().for_each(|p| *p = p.map(|x| 0.4 * x));
     for (name, mesh, expected) in [
@@ -194,6 +195,7 @@ fn what_is_inside_out_is_as_thick_as_what_is_not() {
         ("one", beside(turned(shell(0.9)), &right, 3.0), [4, 2]),
         // Another shell in the cavity, turned as what is around it.
         ("ball", turned(beside(shell(0.9), &small, 0.1)), [4, 4]),
+        ("inner", beside(shell(0.9), &turned(small), 0.1), [4, 2]),
     ] {
         folder.write_mesh("it.ply", &mesh);
         folder.stdout("build it.ply -fq --cluster-triangles 512");

@@ -2,8 +2,8 @@
 //!
 //! 1. A component is closed where each of its edges is gone along as often one way as the other. Then its signed volume says whether its triangles turn left as seen from
 //!    outside.
-//! 2. A component that lies within others goes with the outermost of them, so that walls of cavities stay what they are: they belong to what is around them. Who is around it is found by a
-//!    ray from its farthest vertex, by the side on which that meets the next component.
+//! 2. A component that lies within another is turned as that one is, so that walls of cavities stay what they are; and once more where points inside of it would be inside less than zero times.
+//!    Who is around it is found by a ray from its farthest vertex, by the side on which that meets the next component.
 //! 3. Components that are not closed are judged together, since parts of a wall seldom are one: they are turned where the signed volume is negative about each point of a box four times
 //!    as large as theirs. Otherwise they have no inside, and stay as they are.
 
@@ -48,7 +48,7 @@ struct Part {
 impl Sides {
     /// Bytes that finding them takes, for so many vertices of leaves and shared ones.
     pub fn memory(vertices: u64, shared: u64) -> u64 {
-        (size_of::<Shape>() + 24) as u64 * vertices.min(MOST as u64) + 4 * shared
+        (2 * size_of::<Shape>() + 32) as u64 * vertices.min(MOST as u64) + 4 * shared
     }
 
     /// Reads all leaves, on the threads of rayon's current pool; `begun` is told each and may end it.
@@ -140,6 +140,8 @@ impl Sides {
         order.sort_by(|a, b| shapes[*b as usize].reach.total_cmp(&shapes[*a as usize].reach));
         let mut around: Vec<Option<u32>> = vec![None; shapes.len()];
         let mut is_known = vec![false; shapes.len()];
+        // How many times a point is inside, counted by components as they are taken.
+        let mut inside = vec![0_i32; shapes.len()];
         let some = caster.memory.rays.max(1);
         for some in order.chunks(some) {
             let met = self.ahead(caster, shapes, of_piece, some, begun)?;
@@ -150,11 +152,14 @@ impl Sides {
                         let is_within = own[other as usize].is_some_and(|turned| is_back != turned);
                         if is_within { Some(other) } else { around[other as usize] }
                     });
-                is_known[*at as usize] = true;
-                around[*at as usize] = outer;
-                if let Some(outer) = outer {
-                    turned[*at as usize] = turned[outer as usize];
-                }
+                let at = *at as usize;
+                (is_known[at], around[at]) = (true, outer);
+                let (is_turned, times) =
+                    outer.map_or((false, 0), |outer| (turned[outer as usize], inside[outer as usize]));
+                let sign = own[at].map_or(0, |own| if own == is_turned { 1 } else { -1 });
+                let is_below = times + sign < 0;
+                turned[at] = is_turned != is_below;
+                inside[at] = times + if is_below { -sign } else { sign };
             }
         }
         Ok(turned)
