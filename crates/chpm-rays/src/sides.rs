@@ -165,7 +165,7 @@ impl Sides {
         Ok(turned)
     }
 
-    /// What a ray from the farthest vertex of each component meets: another component, and whether its back.
+    /// The component that a ray from the farthest vertex of each one meets, and whether it meets its back.
     fn ahead<D: AsRef<[u8]> + Sync>(
         &self,
         caster: &mut Caster<'_, D>,

@@ -2,7 +2,7 @@
 
 use chpm_mesh::Aabb;
 
-/// What is known of triangles, in any order but for rounding.
+/// Sums of triangles, in any order but for rounding.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     bounds: Aabb,
