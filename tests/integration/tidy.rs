@@ -46,7 +46,7 @@ const EDGES: [(&str, &[&str]); 21] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 26] = [
+const LAYERS: [&str; 27] = [
     "trace",
     "progress",
     "report",
@@ -68,6 +68,7 @@ const LAYERS: [&str; 26] = [
     "triangle_order",
     "simplify",
     "trim",
+    "sheets",
     "layout",
     "emit",
     "checkpoint",

@@ -12,6 +12,8 @@ mod remnants;
 mod remote;
 /// Round trips.
 mod round_trip;
+/// Sheets: images of clusters, and where triangles are in them.
+mod sheets;
 /// Small files to test with.
 mod sample;
 /// The text of a file, and the specimen of FORMAT.md.
