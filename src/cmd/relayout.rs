@@ -152,12 +152,7 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
 }
 
 /// Writes the sheets of the clusters, which no order of pages changes.
-fn write_sheets(
-    file: &Chpm<MappedFile>,
-    ids: &[ClusterId],
-    tables: &Tables,
-    out: &AtomicFile,
-) -> Result<()> {
+fn write_sheets(file: &Chpm<MappedFile>, ids: &[ClusterId], tables: &Tables, out: &AtomicFile) -> Result<()> {
     let first = tables.first_sheet_offset()?;
     for (id, record) in ids.iter().zip(&tables.sheets) {
         // One that is damaged is told, and not copied.

@@ -103,7 +103,8 @@ fn atlases(items: &[Item], side: u32) -> Vec<(Vec<usize>, Vec<[u32; 2]>, u32)> {
         // As many as fit, by halves; one always does.
         let (mut fits, mut too_many) = (1, left.len() + 1);
         while too_many - fits > 1 {
-            let count = if too_many > left.len() && fits * 2 < left.len() { fits * 2 } else { (fits + too_many) / 2 };
+            let count =
+                if too_many > left.len() && fits * 2 < left.len() { fits * 2 } else { (fits + too_many) / 2 };
             if packed(&left[..count]).1 <= side { fits = count } else { too_many = count }
         }
         let some: Vec<usize> = left.drain(..fits).collect();
@@ -152,11 +153,18 @@ impl Atlas {
     fn put_image(&mut self, sheet: &Sheet<'_>, item: &Item, [x, y]: [u32; 2]) -> Result<()> {
         let mut size = sheet.record.size.map(u32::from);
         let bytes = Cursor::new(sheet.image.to_vec());
-        let mut rows = ImageRows::open(bytes, u64::MAX).with_context(|| format!("sheet of {}", item.cluster))?;
+        let mut rows =
+            ImageRows::open(bytes, u64::MAX).with_context(|| format!("sheet of {}", item.cluster))?;
         let is_right = rows.size() == size;
-        ensure!(is_right, "sheet of {}: an image of {:?}, not of {size:?}; chpm verify tells more", item.cluster, rows.size());
+        ensure!(
+            is_right,
+            "sheet of {}: an image of {:?}, not of {size:?}; chpm verify tells more",
+            item.cluster,
+            rows.size()
+        );
         let mut pixels = Vec::new();
-        rows.read_rows(size[1] as usize, &mut pixels).with_context(|| format!("sheet of {}", item.cluster))?;
+        rows.read_rows(size[1] as usize, &mut pixels)
+            .with_context(|| format!("sheet of {}", item.cluster))?;
         for _ in 0..item.halvings {
             (pixels, size) = halved(&pixels, size);
         }
@@ -168,7 +176,14 @@ impl Atlas {
         Ok(())
     }
 
-    fn put_triangles(&mut self, page: &Page<'_>, sheet: &Sheet<'_>, item: &Item, place: [u32; 2], with_normals: bool) {
+    fn put_triangles(
+        &mut self,
+        page: &Page<'_>,
+        sheet: &Sheet<'_>,
+        item: &Item,
+        place: [u32; 2],
+        with_normals: bool,
+    ) {
         let mut known: BTreeMap<(u16, u16), u32> = BTreeMap::new();
         for (corners, chart) in triangles(page, sheet, item.what) {
             let corners = corners.map(|corner| {
@@ -176,7 +191,8 @@ impl Atlas {
                     let vertex = usize::from(corner);
                     let position = page.positions[vertex];
                     let scale = f64::from(1 << item.halvings);
-                    let in_sheet = sheet.layout.charts[usize::from(chart)].place(sheet.layout.origin, position);
+                    let in_sheet =
+                        sheet.layout.charts[usize::from(chart)].place(sheet.layout.origin, position);
                     self.part.positions.push(position);
                     self.part.places.push(std::array::from_fn(|axis| {
                         let texel = f64::from(place[axis]) + in_sheet[axis] / scale;
@@ -205,7 +221,8 @@ fn triangles(page: &Page<'_>, sheet: &Sheet<'_>, what: What) -> Vec<([u16; 3], u
             now.filter(|(corners, _)| pm::is_alive(corners)).collect()
         }
         What::One(corners) => {
-            let turned = |state: [u16; 3]| (0..3).any(|turn| [0, 1, 2].map(|at| state[(at + turn) % 3]) == corners);
+            let turned =
+                |state: [u16; 3]| (0..3).any(|turn| [0, 1, 2].map(|at| state[(at + turn) % 3]) == corners);
             let mut with_it = all.filter(|(finest, _)| mesh.states(**finest).any(turned));
             with_it.next().map(|(_, chart)| (corners, *chart)).into_iter().collect()
         }

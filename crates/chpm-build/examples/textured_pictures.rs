@@ -85,7 +85,9 @@ impl Mesh {
                     _ => place.rem_euclid(side),
                 }
             };
-            let part = |axis: usize, d: i64| if d == 0 { 1.0 - (at[axis] - low[axis]) } else { at[axis] - low[axis] };
+            let part = |axis: usize, d: i64| {
+                if d == 0 { 1.0 - (at[axis] - low[axis]) } else { at[axis] - low[axis] }
+            };
             let pixel = pixels[inside(1, dy) as usize * size[0] + inside(0, dx) as usize];
             (0..3).for_each(|i| sum[i] += part(0, dx) * part(1, dy) * table[usize::from(pixel[i])]);
         }
@@ -94,7 +96,12 @@ impl Mesh {
     }
 
     /// A picture along an axis: colours, and whether anything is seen.
-    fn picture(&self, view: usize, (low, high): ([f64; 3], [f64; 3]), side: usize) -> (Vec<[f64; 3]>, Vec<bool>) {
+    fn picture(
+        &self,
+        view: usize,
+        (low, high): ([f64; 3], [f64; 3]),
+        side: usize,
+    ) -> (Vec<[f64; 3]>, Vec<bool>) {
         let table: [f64; 256] = std::array::from_fn(|value| light(value as f64 / 255.0));
         let (axis, sign) = (view / 2, if view % 2 == 0 { 1.0 } else { -1.0 });
         let (right, down) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -162,15 +169,21 @@ impl Mesh {
 }
 
 /// PSNR over what both see, and the mean SSIM of squares of 8 pixels.
-fn nearness(a: &(Vec<[f64; 3]>, Vec<bool>), b: &(Vec<[f64; 3]>, Vec<bool>), side: usize) -> Option<(f64, f64, f64)> {
+fn nearness(
+    a: &(Vec<[f64; 3]>, Vec<bool>),
+    b: &(Vec<[f64; 3]>, Vec<bool>),
+    side: usize,
+) -> Option<(f64, f64, f64)> {
     let both: Vec<bool> = a.1.iter().zip(&b.1).map(|(a, b)| *a && *b).collect();
     let count = both.iter().filter(|both| **both).count();
     let either = a.1.iter().zip(&b.1).filter(|(a, b)| **a || **b).count();
-    let squares = (0..both.len()).filter(|at| both[*at]).map(|at| {
-        (0..3).map(|i| (a.0[at][i] - b.0[at][i]).powi(2)).sum::<f64>() / 3.0
-    });
+    let squares = (0..both.len())
+        .filter(|at| both[*at])
+        .map(|at| (0..3).map(|i| (a.0[at][i] - b.0[at][i]).powi(2)).sum::<f64>() / 3.0);
     let error = squares.sum::<f64>() / count.max(1) as f64;
-    let gray = |picture: &[[f64; 3]], at: usize| 0.299 * picture[at][0] + 0.587 * picture[at][1] + 0.114 * picture[at][2];
+    let gray = |picture: &[[f64; 3]], at: usize| {
+        0.299 * picture[at][0] + 0.587 * picture[at][1] + 0.114 * picture[at][2]
+    };
     let (mut sum, mut windows) = (0.0, 0);
     for (y, x) in (0..side - 7).step_by(4).flat_map(|y| (0..side - 7).step_by(4).map(move |x| (y, x))) {
         let all: Vec<usize> = (0..64).map(|i| (y + i / 8) * side + x + i % 8).collect();
@@ -185,7 +198,13 @@ fn nearness(a: &(Vec<[f64; 3]>, Vec<bool>), b: &(Vec<[f64; 3]>, Vec<bool>), side
         sum += (2.0 * p * q + c1) * (2.0 * pq + c2) / ((p * p + q * q + c1) * (pp + qq + c2));
         windows += 1;
     }
-    (count > 0).then(|| (10.0 * (255.0f64.powi(2) / error).log10(), sum / f64::from(windows.max(1)), count as f64 / either as f64))
+    (count > 0).then(|| {
+        (
+            10.0 * (255.0f64.powi(2) / error).log10(),
+            sum / f64::from(windows.max(1)),
+            count as f64 / either as f64,
+        )
+    })
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -199,7 +218,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut bounds = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for corner in source.triangles.as_flattened() {
         let p = source.positions[*corner as usize];
-        bounds = (std::array::from_fn(|i| bounds.0[i].min(p[i])), std::array::from_fn(|i| bounds.1[i].max(p[i])));
+        bounds =
+            (std::array::from_fn(|i| bounds.0[i].min(p[i])), std::array::from_fn(|i| bounds.1[i].max(p[i])));
     }
     let mut meshes = vec![source];
     for other in others {
@@ -210,7 +230,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         for (number, mesh) in meshes.iter().enumerate() {
             let picture = mesh.picture(view, bounds, side);
             let pixels: Vec<[u8; 4]> = (picture.0.iter().zip(&picture.1))
-                .map(|([r, g, b], seen)| if *seen { [*r, *g, *b, 255.0].map(|x| (x + 0.5) as u8) } else { [255; 4] })
+                .map(
+                    |([r, g, b], seen)| {
+                        if *seen { [*r, *g, *b, 255.0].map(|x| (x + 0.5) as u8) } else { [255; 4] }
+                    },
+                )
                 .collect();
             let image = encode(&pixels, [side as u16; 2])?;
             fs::write(folder.join(format!("view{view}-{number}.jpg")), image.bytes)?;
@@ -218,7 +242,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         for (other, picture) in others.iter().zip(&pictures[1..]) {
             if let Some((psnr, ssim, share)) = nearness(&pictures[0], picture, side) {
-                println!("view {view} {other}: PSNR {psnr:.2} dB, SSIM {ssim:.4}, {:.2} % in both", 100.0 * share);
+                println!(
+                    "view {view} {other}: PSNR {psnr:.2} dB, SSIM {ssim:.4}, {:.2} % in both",
+                    100.0 * share
+                );
             }
         }
     }

@@ -30,7 +30,9 @@ pub enum BuildError {
         reason: String,
     },
     /// Sheets do not go with a setting.
-    #[error("--texture sheets does not go with {setting} yet; leave one of the two out, or take --texture vertices")]
+    #[error(
+        "--texture sheets does not go with {setting} yet; leave one of the two out, or take --texture vertices"
+    )]
     NoSheets {
         /// The other one, as the command has it.
         setting: &'static str,

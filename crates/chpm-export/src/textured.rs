@@ -58,7 +58,11 @@ impl Tables {
 ///
 /// # Errors
 /// [`ExportError::Count`] for parts of other lengths; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
-pub fn write_textured<W: Write>(mut writer: W, facts: &Facts, parts: &[TexturedPart]) -> Result<W, ExportError> {
+pub fn write_textured<W: Write>(
+    mut writer: W,
+    facts: &Facts,
+    parts: &[TexturedPart],
+) -> Result<W, ExportError> {
     for part in parts {
         let count = part.positions.len() as u64;
         expect("places in images", count, part.places.len() as u64)?;

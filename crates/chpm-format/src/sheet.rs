@@ -218,8 +218,7 @@ impl<'a> Sheet<'a> {
         let place = FilePart::Sheet(ClusterId(record.cluster));
         require_eq(place, "length", record.len(), bytes.len() as u64)?;
         let (layout, image) = bytes.split_at(record.layout_len as usize);
-        let layout =
-            SheetLayout::decode(layout, record.chart_count as usize, triangles as usize, place)?;
+        let layout = SheetLayout::decode(layout, record.chart_count as usize, triangles as usize, place)?;
         layout.check(record.size, place)?;
         Ok(Sheet { record, layout, image })
     }
@@ -258,7 +257,8 @@ mod tests {
     use super::*;
 
     fn layout() -> SheetLayout {
-        let chart = Chart { axes: [[1.0, 0.0, 0.5], [0.0, 2.0, 0.0]], offset: [4.0, 5.0], rect: [0, 0, 16, 9] };
+        let chart =
+            Chart { axes: [[1.0, 0.0, 0.5], [0.0, 2.0, 0.0]], offset: [4.0, 5.0], rect: [0, 0, 16, 9] };
         SheetLayout {
             origin: [1.0, -2.0, 3.0],
             charts: vec![chart, Chart { rect: [16, 20, 16, 12], ..chart }],
@@ -325,7 +325,11 @@ mod tests {
         assert_eq!(sheets.iter().map(|sheet| sheet.offset).collect::<Vec<_>>(), [0, 16, 32]);
         assert_eq!(texels_len(&sheets), 46);
         check(&sheets, 3, 46).unwrap();
-        assert!(check(&sheets, 2, 46).is_err() && check(&sheets, 3, 45).is_err() && check(&sheets, 3, 47).is_err());
+        assert!(
+            check(&sheets, 2, 46).is_err()
+                && check(&sheets, 3, 45).is_err()
+                && check(&sheets, 3, 47).is_err()
+        );
         for change in [
             |sheet: &mut SheetRecord| sheet.offset = 24,
             |sheet: &mut SheetRecord| sheet.cluster = 0,

@@ -1,9 +1,9 @@
 //! Images cut into tiles, which lie on disk where there is no memory for them, to be read anywhere.
 
+use crate::footprint::inside;
 use crate::images::{OpenImage, open_within};
 use crate::sheet::{Pixels, Region};
 use crate::texels::{Texel, texel};
-use crate::footprint::inside;
 use crate::{Material, TextureError, Wrap};
 use chpm_extmem::{Cancel, ExtmemError, Spool, Store};
 use serde::{Deserialize, Serialize};
@@ -176,14 +176,18 @@ mod tests {
             (0..3).map(|image| Material { image: Some(image), factor: [1.0; 4], wrap }).collect();
         for limit in [0, 64 << 20] {
             let dir = tempfile::tempdir().unwrap();
-            let store = Store::with_budget(dir.path(), chpm_extmem::MemoryBudget::with_work_limit(limit, 64 << 20)).unwrap();
+            let store =
+                Store::with_budget(dir.path(), chpm_extmem::MemoryBudget::with_work_limit(limit, 64 << 20))
+                    .unwrap();
             let tiles = Tiles::read(&store, 3, &mut open, &Cancel::default()).unwrap();
             let mut reader = TileReader::new(&tiles, &materials);
             let mut region = Region::default();
             for (number, [width, height]) in (0..).zip(sizes) {
                 assert_eq!(tiles.size(number), [width, height]);
                 let [width, height] = [width, height].map(i64::from);
-                for (column, row) in (-9..height + 9).flat_map(|row| (-9..width + 9).map(move |column| (column, row))) {
+                for (column, row) in
+                    (-9..height + 9).flat_map(|row| (-9..width + 9).map(move |column| (column, row)))
+                {
                     reader.region(number, column, row, &mut region).unwrap();
                     let expected = |x: i64, y: i64| {
                         let (x, y) = ((column + x).rem_euclid(width), (row + y).clamp(0, height - 1));

@@ -71,7 +71,10 @@ impl Mesh {
         for (corners, chart) in self.triangles.iter().zip(&plan.chart_of) {
             let chart = &plan.charts[usize::from(*chart)];
             for state in self.progressive().states(*corners) {
-                assert!(self.places(plan, chart, state).into_iter().all(|place| chart.holds(place)), "{corners:?}");
+                assert!(
+                    self.places(plan, chart, state).into_iter().all(|place| chart.holds(place)),
+                    "{corners:?}"
+                );
             }
         }
         let [width, height] = plan.size.map(|side| side as usize);
@@ -99,7 +102,8 @@ impl Mesh {
             let part = |x: f32| (40.0 + 160.0 * x.clamp(0.0, 1.0)).round() as u8;
             [part(p[0]), part(p[1]), part(p[2]), 255]
         };
-        let paint = |corners: &[u16; 3]| Paint::Colors(corners.map(|c| color(self.positions[usize::from(c)])));
+        let paint =
+            |corners: &[u16; 3]| Paint::Colors(corners.map(|c| color(self.positions[usize::from(c)])));
         let paints: Vec<Paint> = self.triangles.iter().map(paint).collect();
         let texels = vec![self.texel; self.triangles.len()];
         let baked = plan.bake(&self.surface(&texels), &paints, &mut Nothing).expect("texels");
@@ -125,7 +129,8 @@ impl Mesh {
 }
 
 fn parts([a, b, c]: [[f64; 2]; 3], p: [f64; 2]) -> [f64; 3] {
-    let cross = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+    let cross =
+        |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
     let area = cross(a, b, c);
     [cross(p, b, c) / area, cross(p, c, a) / area, cross(p, a, b) / area]
 }

@@ -89,7 +89,10 @@ impl Painted {
         for start in (0..len).step_by(step as usize) {
             context.check()?;
             self.wedges.read(start, step.min(len - start) as usize, &mut bytes)?;
-            bytes.chunks_exact(size_of::<Wedge>()).map(bytemuck::pod_read_unaligned).try_for_each(&mut take)?;
+            bytes
+                .chunks_exact(size_of::<Wedge>())
+                .map(bytemuck::pod_read_unaligned)
+                .try_for_each(&mut take)?;
         }
         Ok(())
     }

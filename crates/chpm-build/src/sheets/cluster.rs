@@ -45,12 +45,8 @@ pub(super) struct Scratch {
 }
 
 impl Cluster<'_> {
-    /// Plans and bakes: the texels, and the memory that they were baked in.
-    pub(super) fn bake(
-        &self,
-        scratch: &mut Scratch,
-        context: &Context<'_>,
-    ) -> Result<(Plan, Vec<[u8; 4]>, TaskReservation), BuildError> {
+    /// Plans and bakes.
+    pub(super) fn bake(&self, scratch: &mut Scratch, context: &Context<'_>) -> Result<Baked, BuildError> {
         let mut bytes = std::mem::take(&mut scratch.page);
         let at = self.built.clusters.page(self.node);
         self.built.clusters.pages.read(at.offset, at.len as usize, &mut bytes)?;
@@ -75,7 +71,7 @@ impl Cluster<'_> {
         page: &Page<'_>,
         scratch: &mut Scratch,
         context: &Context<'_>,
-    ) -> Result<(Plan, Vec<[u8; 4]>, TaskReservation), BuildError> {
+    ) -> Result<Baked, BuildError> {
         let Painted { materials, tiles, .. } = self.painted;
         for shown in self.found.of(self.node, &mut scratch.shown)? {
             let triangle = shown.triangle as usize;
@@ -95,7 +91,7 @@ impl Cluster<'_> {
             scratch.paints[triangle] = Paint::Image { image: shown.wedge.material, corners: places, factor };
         }
         let mut pixels = TileReader::new(tiles, materials);
-        finish(page, 0.0, TileReader::BYTES, scratch, context, |_| Ok(()), &mut pixels)
+        finish(page, 0.0, TileReader::BYTES, scratch, context, &mut pixels)
     }
 
     /// The sheet of a parent, from those of its children.
@@ -105,11 +101,11 @@ impl Cluster<'_> {
         children: [u32; 2],
         scratch: &mut Scratch,
         context: &Context<'_>,
-    ) -> Result<(Plan, Vec<[u8; 4]>, TaskReservation), BuildError> {
+    ) -> Result<Baked, BuildError> {
         let Built { tree, clusters, .. } = self.built;
         let refs = children.map(|child| self.raws[child as usize]);
         let memory: u64 = refs.iter().flatten().map(RawRef::memory).sum();
-        let _memory = context.store.budget.reserve_task("sheets of children", memory)?;
+        let reading = context.store.budget.reserve_task("sheets of children", memory)?;
         let mut sheets = Children::default();
         scratch.below.clear();
         for (number, child) in (0..).zip(children) {
@@ -150,10 +146,13 @@ impl Cluster<'_> {
         }
         let least = f64::from(page.min_error) / 2.0;
         // What is reserved up to here is given back before more is: tasks that wait for each other would wait for ever.
-        drop(_memory);
-        finish(page, least, memory, scratch, context, |_| Ok(()), &mut sheets)
+        drop(reading);
+        finish(page, least, memory, scratch, context, &mut sheets)
     }
 }
+
+/// A plan, its texels, and the memory that they were baked in.
+type Baked = (Plan, Vec<[u8; 4]>, TaskReservation);
 
 /// Plans the sheet of a page and bakes it, with so much memory beside.
 fn finish<P: Pixels>(
@@ -162,9 +161,8 @@ fn finish<P: Pixels>(
     beside: u64,
     scratch: &Scratch,
     context: &Context<'_>,
-    _read: impl FnOnce(&mut P) -> Result<(), BuildError>,
     pixels: &mut P,
-) -> Result<(Plan, Vec<[u8; 4]>, TaskReservation), BuildError> {
+) -> Result<Baked, BuildError> {
     let surface = Surface {
         positions: page.positions,
         triangles: page.triangles,
@@ -207,8 +205,7 @@ impl Pixels for Children {
     fn region(&mut self, image: u32, column: i64, row: i64, out: &mut Region) -> Result<(), TextureError> {
         let sheet = &self.0[(image >> CHART_BITS) as usize];
         // Beyond its rectangle is another chart.
-        let [left, top, width, height] =
-            sheet.charts[(image & 0xffff) as usize].rect.map(i64::from);
+        let [left, top, width, height] = sheet.charts[(image & 0xffff) as usize].rect.map(i64::from);
         for (line, out) in (row..).zip(out) {
             let line = line.clamp(top, top + height - 1) as usize * sheet.width;
             for (at, out) in (column..).zip(out) {

@@ -82,7 +82,11 @@ impl Found {
     }
 
     /// Those of a leaf.
-    pub(super) fn of<'a>(&'a self, leaf: u32, scratch: &'a mut Vec<Shown>) -> Result<&'a [Shown], BuildError> {
+    pub(super) fn of<'a>(
+        &'a self,
+        leaf: u32,
+        scratch: &'a mut Vec<Shown>,
+    ) -> Result<&'a [Shown], BuildError> {
         let [begin, end] = [leaf as usize, leaf as usize + 1].map(|at| self.first[at]);
         Ok(self.shown.read(begin..end, scratch)?)
     }

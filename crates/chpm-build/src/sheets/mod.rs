@@ -62,7 +62,8 @@ pub(crate) fn run(built: &Built, painted: &Painted, context: &Context<'_>) -> Re
         let results = nodes.par_iter().with_max_len(1).map_init(Scratch::default, |scratch, node| {
             let _traced = phase.task("sheet");
             context.check()?;
-            let cluster = Cluster { node: *node, built, painted, found: &found, levels: &levels, raws: raws_below };
+            let cluster =
+                Cluster { node: *node, built, painted, found: &found, levels: &levels, raws: raws_below };
             let (plan, texels, _memory) = cluster.bake(scratch, context)?;
             let raw = own.append(&plan, &texels)?;
             let (record, stored) = stored(&plan, &texels)?;

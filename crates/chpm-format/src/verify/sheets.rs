@@ -43,7 +43,8 @@ fn outside(sheet: &Sheet<'_>, page: &Page<'_>) -> usize {
     let (layout, mesh) = (&sheet.layout, page.progressive_mesh());
     let is_out = |(corners, chart): (&[u16; 3], &u16)| {
         let chart = &layout.charts[usize::from(*chart)];
-        let holds = |corner: u16| chart.holds(chart.place(layout.origin, page.positions[usize::from(corner)]));
+        let holds =
+            |corner: u16| chart.holds(chart.place(layout.origin, page.positions[usize::from(corner)]));
         let is_in = mesh.states(*corners).all(|state| state.into_iter().all(holds));
         !is_in
     };

@@ -12,10 +12,10 @@ mod remnants;
 mod remote;
 /// Round trips.
 mod round_trip;
-/// Sheets: images of clusters, and where triangles are in them.
-mod sheets;
 /// Small files to test with.
 mod sample;
+/// Sheets: images of clusters, and where triangles are in them.
+mod sheets;
 /// The text of a file, and the specimen of FORMAT.md.
 mod text;
 /// Every invariant that `verify` knows is missed when it is broken.

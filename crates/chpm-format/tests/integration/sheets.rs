@@ -1,8 +1,8 @@
 use crate::sample::{reseal, two_level, with};
 use chpm_format::header::Header;
 use chpm_format::{
-    Chpm, ChpmWriter, FilePart, FormatError, Invariant, SectionKind, SheetLayout, SheetRecord, Tables, checksum,
-    dump, same, verify,
+    Chpm, ChpmWriter, FilePart, FormatError, Invariant, SectionKind, SheetLayout, SheetRecord, Tables,
+    checksum, dump, same, verify,
 };
 use chpm_mesh::{Chart, ClusterId};
 use proptest::prelude::*;
@@ -15,10 +15,7 @@ fn layout(triangles: u32) -> SheetLayout {
     let second = Chart { rect: [64, 0, 64, 48], ..chart([[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]]) };
     SheetLayout {
         origin: [0.0, 0.0, -1.0],
-        charts: vec![
-            chart([[4.0, 0.0, 0.0], [0.0, 4.0, 1.0]]),
-            Chart { offset: [72.0, 8.0], ..second },
-        ],
+        charts: vec![chart([[4.0, 0.0, 0.0], [0.0, 4.0, 1.0]]), Chart { offset: [72.0, 8.0], ..second }],
         chart_of: (0..triangles).map(|triangle| (triangle % 2) as u16).collect(),
     }
 }
@@ -94,8 +91,7 @@ fn sheets_come_back() {
 
     // Tables come back, too.
     let mut again = Tables::of(&file).unwrap();
-    let sheets: Vec<Vec<u8>> =
-        (0..3).map(|id| file.sheet_bytes(ClusterId(id)).unwrap().to_vec()).collect();
+    let sheets: Vec<Vec<u8>> = (0..3).map(|id| file.sheet_bytes(ClusterId(id)).unwrap().to_vec()).collect();
     let pages: Vec<Vec<u8>> = (0..3).map(|id| file.page_bytes(ClusterId(id)).to_vec()).collect();
     assert!(write(&mut again, &sheets, &pages) == *GOOD);
 }
@@ -117,8 +113,16 @@ fn other_sheets_are_not_the_same() {
     let good = Chpm::open(GOOD.clone()).unwrap();
     let compare = |other| same::compare(&good, &Chpm::open(other).unwrap(), || ()).unwrap().count;
     assert_eq!(compare(GOOD.clone()), 0);
-    assert!(compare(bytes(|at, layout| if at == 1 { layout.charts[0].offset[0] = 9.0 })) > 0);
-    assert!(compare(bytes(|at, layout| if at == 2 { layout.chart_of[0] = 1 })) > 0);
+    assert!(
+        compare(bytes(|at, layout| if at == 1 {
+            layout.charts[0].offset[0] = 9.0
+        })) > 0
+    );
+    assert!(
+        compare(bytes(|at, layout| if at == 2 {
+            layout.chart_of[0] = 1
+        })) > 0
+    );
 }
 
 #[test]
@@ -138,7 +142,10 @@ fn damage_has_a_name() {
     assert!(!(end - texels).is_multiple_of(8), "there is padding");
     assert_eq!(faults(with(&GOOD, end, &[1])), [(Invariant::Bytes, place)]);
     let textures = start(&GOOD, SectionKind::Textures);
-    assert_eq!(faults(with(&GOOD, textures + offset_of!(SheetRecord, reserved), &[1])), [(Invariant::Bytes, place)]);
+    assert_eq!(
+        faults(with(&GOOD, textures + offset_of!(SheetRecord, reserved), &[1])),
+        [(Invariant::Bytes, place)]
+    );
 }
 
 #[test]
@@ -164,7 +171,11 @@ fn wrong_records_are_refused() {
 #[test]
 fn triangles_outside_their_charts_are_faults() {
     let place = FilePart::Sheet(ClusterId(1));
-    let moved = bytes(|at, layout| if at == 1 { layout.charts[1].offset[0] = 0.0 });
+    let moved = bytes(|at, layout| {
+        if at == 1 {
+            layout.charts[1].offset[0] = 0.0
+        }
+    });
     assert_eq!(faults(moved), [(Invariant::Sheets, place)]);
     let (mut tables, pages) = two_level().tables();
     let mut sheets = Vec::new();

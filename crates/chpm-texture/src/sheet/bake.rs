@@ -33,7 +33,11 @@ impl Slope {
         let [v, w] = [values[1] - values[0], values[2] - values[0]];
         let (right, down) = ((v * cy - w * by) / area, (w * bx - v * cx) / area);
         let at_zero = values[0] - right * a[0] - down * a[1];
-        (right.is_finite() && down.is_finite() && at_zero.is_finite()).then_some(Slope { at_zero, right, down })
+        (right.is_finite() && down.is_finite() && at_zero.is_finite()).then_some(Slope {
+            at_zero,
+            right,
+            down,
+        })
     }
 
     fn at(&self, [x, y]: [f64; 2]) -> f64 {
@@ -63,7 +67,12 @@ impl Brush {
     }
 
     /// The colour of a texel.
-    fn color<P: Pixels + ?Sized>(&self, column: f64, row: f64, pixels: &mut P) -> Result<[u8; 4], TextureError> {
+    fn color<P: Pixels + ?Sized>(
+        &self,
+        column: f64,
+        row: f64,
+        pixels: &mut P,
+    ) -> Result<[u8; 4], TextureError> {
         match self {
             Brush::Image { image, place: [x, y], factor } => {
                 let mut samples = Samples::default();
@@ -73,9 +82,9 @@ impl Brush {
                 }
                 Ok(multiplied(samples.color(SAMPLES.len() as i64), *factor))
             }
-            Brush::Colors(slopes) => {
-                Ok(slopes.each_ref().map(|slope| (slope.at([column + 0.5, row + 0.5]) + 0.5).clamp(0.0, 255.0) as u8))
-            }
+            Brush::Colors(slopes) => Ok(slopes
+                .each_ref()
+                .map(|slope| (slope.at([column + 0.5, row + 0.5]) + 0.5).clamp(0.0, 255.0) as u8)),
         }
     }
 }
@@ -137,7 +146,12 @@ impl Canvas<'_> {
     }
 
     /// Paints the texels of a triangle of a chart.
-    fn cover<P: Pixels + ?Sized>(&mut self, chart: usize, triangle: u32, pixels: &mut P) -> Result<(), TextureError> {
+    fn cover<P: Pixels + ?Sized>(
+        &mut self,
+        chart: usize,
+        triangle: u32,
+        pixels: &mut P,
+    ) -> Result<(), TextureError> {
         let stride = self.plan.size[0] as usize;
         let corners = self.surface.triangles[triangle as usize];
         let places = self.places(&self.plan.charts[chart], corners);
@@ -225,7 +239,8 @@ impl Canvas<'_> {
                 }
             });
         }
-        for (at, (.., triangle)) in needed.iter().enumerate().filter(|(_, (.., triangle))| *triangle != NONE) {
+        for (at, (.., triangle)) in needed.iter().enumerate().filter(|(_, (.., triangle))| *triangle != NONE)
+        {
             let places = self.places(&chart, surface.triangles[*triangle as usize]);
             let (column, row) = (left + at % width, top + at / width);
             if let Some(brush) = Brush::of(&self.paints[*triangle as usize], places) {

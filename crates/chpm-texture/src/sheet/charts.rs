@@ -62,8 +62,11 @@ pub(super) fn flatten(
 /// The median of what triangles ask for, by area.
 fn texel(surface: &Surface<'_>, faces: &Faces<'_>, triangles: &[u32], direction: Vector) -> f64 {
     let asked = |triangle: &u32| (surface.texels[*triangle as usize], faces.area(*triangle));
-    let mut asked: Vec<(f64, f64)> =
-        triangles.iter().map(asked).filter(|(texel, area)| texel.is_finite() && *texel > 0.0 && *area > 0.0).collect();
+    let mut asked: Vec<(f64, f64)> = triangles
+        .iter()
+        .map(asked)
+        .filter(|(texel, area)| texel.is_finite() && *texel > 0.0 && *area > 0.0)
+        .collect();
     asked.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let half = asked.iter().map(|(_, area)| area).sum::<f64>() / 2.0;
     let mut sum = 0.0;
@@ -71,18 +74,26 @@ fn texel(surface: &Surface<'_>, faces: &Faces<'_>, triangles: &[u32], direction:
         sum += area;
         sum >= half
     });
-    let extent = || {
-        let [right, _] = beside(direction);
-        let places = triangles.iter().flat_map(|triangle| surface.corners(surface.triangles[*triangle as usize]));
-        let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), place| {
-            let at = dot(place, right);
-            (low.min(at), high.max(at))
-        });
-        (high - low) / PLAIN
-    };
-    let found = median.map_or_else(extent, |(texel, _)| *texel).max(surface.least_texel);
+    let extent = extent(surface, triangles, direction);
+    // A chart has one texel at least.
+    let found = median.map_or(extent / PLAIN, |(texel, _)| texel.max(surface.least_texel).min(extent));
     // Of no extent at all: any will do, which a single can hold.
     if found > f64::from(f32::MIN_POSITIVE) * 1e6 { found } else { 1.0 }
+}
+
+/// How long a chart is, along the longer of two axes.
+fn extent(surface: &Surface<'_>, triangles: &[u32], direction: Vector) -> f64 {
+    let axes = beside(direction);
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for triangle in triangles {
+        for corner in surface.corners(surface.triangles[*triangle as usize]) {
+            for axis in 0..2 {
+                let at = dot(corner, axes[axis]);
+                (low[axis], high[axis]) = (low[axis].min(at), high[axis].max(at));
+            }
+        }
+    }
+    (high[0] - low[0]).max(high[1] - low[1])
 }
 
 /// Projects triangles, turned so that their box is small.
@@ -120,7 +131,8 @@ fn lay(
         let gutters = 2.0 * f64::from(GUTTER) * texel;
         (width + gutters) * (height + gutters)
     };
-    let turn = TURNS.into_iter().fold(TURNS[0], |best, turn| if room(turn) < room(best) { turn } else { best });
+    let turn =
+        TURNS.into_iter().fold(TURNS[0], |best, turn| if room(turn) < room(best) { turn } else { best });
     let (low, sides) = extent(turn);
     let [width, height] = sides.map(|side| (side / texel).ceil() + 1.0 + 2.0 * f64::from(GUTTER));
     if width.max(height) > LONGEST || width * height > MOST {
@@ -155,7 +167,9 @@ fn split(
     let texels = |triangle: u32, visit: &mut dyn FnMut(usize)| {
         let corners = surface.triangles[triangle as usize];
         let places = corners.map(|corner| chart.place(origin, surface.positions[usize::from(corner)]));
-        spans(places, |row, begin, end| (begin..end).for_each(|column| visit(row as usize * width + column as usize)));
+        spans(places, |row, begin, end| {
+            (begin..end).for_each(|column| visit(row as usize * width + column as usize))
+        });
     };
     covered.clear();
     covered.resize((width * height).div_ceil(64), 0);
@@ -176,7 +190,8 @@ fn split(
     });
     // Triangles of the chart that were not met yet, by number.
     let mut open = flat.triangles.clone();
-    let take = |open: &mut Vec<u32>, triangle: u32| open.binary_search(&triangle).map(|at| open.remove(at)).is_ok();
+    let take =
+        |open: &mut Vec<u32>, triangle: u32| open.binary_search(&triangle).map(|at| open.remove(at)).is_ok();
     take(&mut open, largest);
     let (mut queue, mut kept, mut refused, mut at) = (vec![largest], Vec::new(), Vec::new(), 0);
     while let Some(triangle) = queue.get(at).copied() {

@@ -87,7 +87,8 @@ impl<'a> Faces<'a> {
             };
             let is_joined = next;
             joined.iter().for_each(|triangle| set[*triangle as usize] = is_joined);
-            let rest: Vec<u32> = some.into_iter().filter(|triangle| set[*triangle as usize] != is_joined).collect();
+            let rest: Vec<u32> =
+                some.into_iter().filter(|triangle| set[*triangle as usize] != is_joined).collect();
             let is_left = next + 1;
             rest.iter().for_each(|triangle| set[*triangle as usize] = is_left);
             next += 2;
@@ -107,10 +108,13 @@ impl<'a> Faces<'a> {
             add(sum, scale(self.smooth[at], area))
         };
         let sum = triangles.iter().fold([0.0; 3], weighted);
-        let whole: f64 = triangles.iter().map(|triangle| {
-            let area = self.areas[*triangle as usize];
-            dot(area, area).sqrt()
-        }).sum();
+        let whole: f64 = triangles
+            .iter()
+            .map(|triangle| {
+                let area = self.areas[*triangle as usize];
+                dot(area, area).sqrt()
+            })
+            .sum();
         // What is closed faces nowhere in the mean.
         match unit(sum).filter(|_| dot(sum, sum).sqrt() > 0.05 * whole) {
             Some(direction) => direction,
@@ -120,9 +124,10 @@ impl<'a> Faces<'a> {
 
     fn largest(&self, triangles: &[u32]) -> u32 {
         let area = |triangle: u32| dot(self.areas[triangle as usize], self.areas[triangle as usize]);
-        triangles.iter().copied().fold(triangles[0], |best, triangle| {
-            if area(triangle) > area(best) { triangle } else { best }
-        })
+        triangles
+            .iter()
+            .copied()
+            .fold(triangles[0], |best, triangle| if area(triangle) > area(best) { triangle } else { best })
     }
 
     /// The connected parts of triangles, all of which have the number `of` in `set`; it is taken from them.
@@ -156,15 +161,18 @@ impl<'a> Faces<'a> {
         for (number, chart) in (0..).zip(&charts) {
             chart.triangles.iter().for_each(|triangle| chart_of[*triangle as usize] = number);
         }
-        let mut crumbs: Vec<u32> =
-            (0..charts.len() as u32).filter(|chart| charts[*chart as usize].triangles.len() < CRUMB).collect();
+        let mut crumbs: Vec<u32> = (0..charts.len() as u32)
+            .filter(|chart| charts[*chart as usize].triangles.len() < CRUMB)
+            .collect();
         crumbs.sort_by_key(|chart| charts[*chart as usize].triangles.len());
         let mut beside: Vec<(u32, u32)> = Vec::new();
         for crumb in crumbs {
             let triangles = std::mem::take(&mut charts[crumb as usize].triangles);
             beside.clear();
             for other in triangles.iter().flat_map(|triangle| self.beside[*triangle as usize]) {
-                let Some(chart) = chart_of.get(other as usize).filter(|chart| **chart != crumb) else { continue };
+                let Some(chart) = chart_of.get(other as usize).filter(|chart| **chart != crumb) else {
+                    continue;
+                };
                 match beside.iter_mut().find(|(known, _)| known == chart) {
                     Some((_, edges)) => *edges += 1,
                     None => beside.push((*chart, 1)),

@@ -112,7 +112,11 @@ mod tests {
         Patch { texels: &mut texels, known: &mut known, stride: 20, rect: [2, 1, 13, 8] }.fill();
         for (at, (texel, known)) in texels.iter().zip(&known).enumerate() {
             let is_in = (2..15).contains(&(at % 20)) && (1..9).contains(&(at / 20));
-            assert_eq!((*texel, *known), if is_in { ([10, 20, 30, 255], true) } else { ([0; 4], false) }, "{at}");
+            assert_eq!(
+                (*texel, *known),
+                if is_in { ([10, 20, 30, 255], true) } else { ([0; 4], false) },
+                "{at}"
+            );
         }
     }
 

@@ -27,8 +27,8 @@ mod tests {
 
     #[test]
     fn means_are_of_light() {
-        let pixels = [[0, 0, 0, 255], [255, 255, 255, 255], [9, 9, 9, 0]];
+        let pixels = [[0, 0, 0, 255], [255, 255, 255, 255], [200, 9, 9, 127]];
         let (half, size) = halved(&pixels, [3, 1]);
-        assert_eq!((half, size), (vec![[188, 188, 188, 255], [9, 9, 9, 0]], [2, 1]));
+        assert_eq!((half, size), (vec![[188, 188, 188, 255], [200, 9, 9, 127]], [2, 1]));
     }
 }

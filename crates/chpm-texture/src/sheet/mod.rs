@@ -15,8 +15,8 @@ mod raster;
 mod sample;
 mod vector;
 
+pub use crate::texels::Texel;
 pub use halve::halved;
 pub use pack::pack;
 pub use plan::{Paint, Plan, Surface};
-pub use crate::texels::Texel;
 pub use sample::{Pixels, Region};

@@ -72,7 +72,9 @@ mod tests {
             let mut taken = vec![false; (columns * rows) as usize];
             for ([x, y], [width, height]) in places.iter().zip(&sizes) {
                 assert!(x + width <= columns && y + height <= rows);
-                for at in (0..*height).flat_map(|row| (0..*width).map(move |column| (y + row) * columns + x + column)) {
+                for at in (0..*height)
+                    .flat_map(|row| (0..*width).map(move |column| (y + row) * columns + x + column))
+                {
                     assert!(!std::mem::replace(&mut taken[at as usize], true), "{at}");
                 }
             }

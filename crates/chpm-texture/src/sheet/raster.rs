@@ -70,7 +70,8 @@ mod tests {
     fn triangles_that_share_edges_cover_once() {
         // A fan about points on and beside middles of texels, turned either way.
         for middle in [[8.0, 8.0], [7.5, 8.5], [3.25, 11.1], [8.5, 2.5]] {
-            let around = [[0.0, 0.0], [5.5, 0.0], [16.0, 0.0], [16.0, 9.5], [16.0, 16.0], [2.5, 16.0], [0.0, 16.0]];
+            let around =
+                [[0.0, 0.0], [5.5, 0.0], [16.0, 0.0], [16.0, 9.5], [16.0, 16.0], [2.5, 16.0], [0.0, 16.0]];
             for is_turned in [false, true] {
                 let fan: Vec<_> = (0..around.len())
                     .map(|i| [around[i], around[(i + 1) % around.len()], middle])

@@ -95,7 +95,9 @@ mod tests {
     impl Pixels for Slope {
         fn region(&mut self, _: u32, column: i64, _: i64, out: &mut Region) -> Result<(), TextureError> {
             for row in out {
-                *row = std::array::from_fn(|i| texel(&self.0[(column + i as i64).clamp(0, self.0.len() as i64 - 1) as usize]));
+                *row = std::array::from_fn(|i| {
+                    texel(&self.0[(column + i as i64).clamp(0, self.0.len() as i64 - 1) as usize])
+                });
             }
             Ok(())
         }
@@ -109,7 +111,8 @@ mod tests {
 
     #[test]
     fn middles_of_texels_are_the_texels() {
-        let colors: Vec<[u8; 4]> = (0..=255).map(|v| [v, 255 - v, 7, if v % 3 == 0 { 255 } else { v / 2 + 90 }]).collect();
+        let colors: Vec<[u8; 4]> =
+            (0..=255).map(|v| [v, 255 - v, 7, if v % 3 == 0 { 255 } else { v / 2 + 90 }]).collect();
         let mut pixels = Slope(colors.clone());
         for (column, color) in colors.iter().enumerate() {
             let found = at(&mut pixels, [column as f64 + 0.5, 3.5]);
