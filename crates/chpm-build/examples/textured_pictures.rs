@@ -1,18 +1,23 @@
 //! `textured_pictures SIDE FOLDER MESH...`: pictures of meshes from six sides, `SIDE` pixels, and how near those of all others are to those of the first.
+//! `FILE.chpm@LEVEL` is a level of a file at its finest, `FILE.chpm@LEVEL-base` at its coarsest, with sheets; `colors:` in front takes colours of vertices.
 //! A rasteriser of its own: it shares the readers with what it judges, and no more.
 
-use chpm_extmem::{Cancel, FailPoints, MemoryBudget, Store};
+use chpm_extmem::{Cancel, FailPoints, MappedFile, MemoryBudget, Store};
+use chpm_format::Chpm;
 use chpm_image::{ImageRows, encode};
 use chpm_import::ply::{BatchKind, Options};
 use chpm_import::{Images, Input, Supply};
+use chpm_mesh::{ClusterId, Places};
 use chpm_texture::{Material, TexturedTriangle, Wrap};
 use std::error::Error;
 use std::fs;
+use std::io::Cursor;
 use std::path::Path;
 
 /// Samples of a pixel, each way.
 const FINE: usize = 3;
 
+#[derive(Default)]
 struct Mesh {
     positions: Vec<[f64; 3]>,
     colors: Vec<[u8; 4]>,
@@ -29,14 +34,7 @@ fn read(path: &Path) -> Result<Mesh, Box<dyn Error>> {
     let supply = Supply::take(path, &folder, &FailPoints::default(), &cancel)?;
     let options = Options { colors: true, images: Images::Grey, ..Options::default() };
     let mut input = Input::of(&supply, options, &store, &cancel)?;
-    let mut mesh = Mesh {
-        positions: Vec::new(),
-        colors: Vec::new(),
-        triangles: Vec::new(),
-        textured: Vec::new(),
-        materials: Vec::new(),
-        images: Vec::new(),
-    };
+    let mut mesh = Mesh::default();
     let mut batch = Default::default();
     while input.next_batch(&mut batch)? != BatchKind::End {
         mesh.positions.extend(batch.vertices.positions.iter().map(|p| p.map(f64::from)));
@@ -57,6 +55,62 @@ fn read(path: &Path) -> Result<Mesh, Box<dyn Error>> {
         mesh.materials = textures.materials;
     }
     Ok(mesh)
+}
+
+/// Clusters of a level, with their sheets or with colours of vertices.
+fn read_level(path: &str, level: &str, with_sheets: bool) -> Result<Mesh, Box<dyn Error>> {
+    let file = Chpm::open(MappedFile::open(path.as_ref())?)?;
+    let (level, is_base) = level.strip_suffix("-base").map_or((level, false), |level| (level, true));
+    let level: u32 = level.parse()?;
+    let mut mesh = Mesh::default();
+    let origin = file.header().origin;
+    for (id, record) in (0..).map(ClusterId).zip(file.clusters()).filter(|(_, record)| record.level == level)
+    {
+        let page = file.page(id)?;
+        let page = page.view();
+        let first = mesh.positions.len() as u32;
+        let wide = |p: &[f32; 3]| std::array::from_fn(|i| f64::from(p[i]) + origin[i]);
+        mesh.positions.extend(page.positions.iter().map(wide));
+        mesh.colors.extend(page.colors);
+        let mut places = Places::default();
+        let at = if is_base { record.base_vertex_count } else { record.vertex_count };
+        places.go_to(&page.progressive_mesh(), at as usize);
+        let sheet = file.sheet(id)?.filter(|_| with_sheets);
+        for (number, corners) in page.triangles.iter().enumerate() {
+            let corners = corners.map(|corner| places.of(corner));
+            if !chpm_mesh::pm::is_alive(&corners) {
+                continue;
+            }
+            let vertices = corners.map(|corner| first + u32::from(corner));
+            mesh.triangles.push(vertices);
+            if let Some(sheet) = &sheet {
+                let chart = &sheet.layout.charts[usize::from(sheet.layout.chart_of[number])];
+                let uv = corners.map(|corner| {
+                    let [x, y] = chart.place(sheet.layout.origin, page.positions[usize::from(corner)]);
+                    let [width, height] = sheet.record.size.map(f64::from);
+                    [(x / width) as f32, (1.0 - y / height) as f32]
+                });
+                mesh.textured.push(TexturedTriangle { vertices, uv, material: mesh.materials.len() as u32 });
+            }
+        }
+        if let Some(sheet) = &sheet {
+            let image = Some(mesh.images.len() as u32);
+            mesh.materials.push(Material { image, factor: [1.0; 4], wrap: [Wrap::Clamp; 2] });
+            let mut rows = ImageRows::open(Cursor::new(sheet.image.to_vec()), u64::MAX)?;
+            let (size, mut pixels) = (rows.size().map(|side| side as usize), Vec::new());
+            rows.read_rows(size[1], &mut pixels)?;
+            mesh.images.push((pixels, size));
+        }
+    }
+    Ok(mesh)
+}
+
+fn read_any(name: &str) -> Result<Mesh, Box<dyn Error>> {
+    let (with_sheets, name) = name.strip_prefix("colors:").map_or((true, name), |name| (false, name));
+    match name.split_once(".chpm@") {
+        Some((path, level)) => read_level(&format!("{path}.chpm"), level, with_sheets),
+        None => read(name.as_ref()),
+    }
 }
 
 fn light(value: f64) -> f64 {
@@ -214,7 +268,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let (side, folder): (usize, &Path) = (side.parse()?, folder.as_ref());
     fs::create_dir_all(folder)?;
-    let source = read(first.as_ref())?;
+    let source = read_any(first)?;
     let mut bounds = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for corner in source.triangles.as_flattened() {
         let p = source.positions[*corner as usize];
@@ -223,7 +277,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let mut meshes = vec![source];
     for other in others {
-        meshes.push(read(other.as_ref())?);
+        meshes.push(read_any(other)?);
     }
     for view in 0..6 {
         let mut pictures = Vec::new();

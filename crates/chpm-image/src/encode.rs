@@ -35,11 +35,11 @@ pub fn encode(pixels: &[[u8; 4]], size: [u16; 2]) -> Result<Encoded, ImageError>
     Ok(Encoded { bytes, is_png })
 }
 
+/// With tables of the standard: with others, the encoder writes one colour after another, which takes whoever reads it all coefficients.
 fn jpeg(pixels: &[[u8; 4]], [width, height]: [u16; 2]) -> Result<Vec<u8>, ImageError> {
     let mut bytes = Vec::new();
     let mut encoder = Encoder::new(&mut bytes, QUALITY);
     encoder.set_sampling_factor(SamplingFactor::F_2_2);
-    encoder.set_optimized_huffman_tables(true);
     let failed = |error| ImageError::Damaged { format: "JPEG", what: format!("{error}") };
     encoder.encode(pixels.as_flattened(), width, height, ColorType::Rgba).map_err(failed)?;
     Ok(bytes)
