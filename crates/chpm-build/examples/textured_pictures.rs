@@ -283,15 +283,18 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut pictures = Vec::new();
         for (number, mesh) in meshes.iter().enumerate() {
             let picture = mesh.picture(view, bounds, side);
-            let pixels: Vec<[u8; 4]> = (picture.0.iter().zip(&picture.1))
-                .map(
-                    |([r, g, b], seen)| {
-                        if *seen { [*r, *g, *b, 255.0].map(|x| (x + 0.5) as u8) } else { [255; 4] }
-                    },
-                )
-                .collect();
+            let pixels: Vec<[u8; 4]> =
+                (picture.0.iter().zip(&picture.1))
+                    .map(|([r, g, b], seen)| {
+                        if *seen {
+                            [*r, *g, *b, 255.0].map(|x| (x + 0.5) as u8)
+                        } else {
+                            [255, 255, 255, 254]
+                        }
+                    })
+                    .collect();
             let image = encode(&pixels, [side as u16; 2])?;
-            fs::write(folder.join(format!("view{view}-{number}.jpg")), image.bytes)?;
+            fs::write(folder.join(format!("view{view}-{number}.png")), image.bytes)?;
             pictures.push(picture);
         }
         for (other, picture) in others.iter().zip(&pictures[1..]) {

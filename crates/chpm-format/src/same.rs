@@ -3,7 +3,7 @@
 use crate::error::FormatError;
 use crate::page::Page;
 use crate::reader::Chpm;
-use crate::records::{ClusterRecord, GroupRecord};
+use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::remnant::Remnant;
 use crate::sheet::Sheet;
 use crate::tables::known_gaps;
@@ -46,7 +46,7 @@ pub enum Extent {
     /// All that they hold.
     #[default]
     All,
-    /// Positions, triangles, collapses, errors and groups, whatever vertices have besides and whatever their images show.
+    /// Positions, triangles, collapses, errors and groups, whatever vertices have besides and whatever images show.
     Geometry,
 }
 
@@ -84,7 +84,12 @@ pub fn compare_to<A: AsRef<[u8]>, B: AsRef<[u8]>>(
     differences.compare("meaning of errors", [a.error_kind, b.error_kind]);
     differences.compare("shared vertices", [a.shared_vertex_count, b.shared_vertex_count]);
     differences.compare("origin", [a.origin.map(f64::to_bits), b.origin.map(f64::to_bits)]);
-    differences.compare("levels", [here.levels(), there.levels()]);
+    let levels = |records: &[LevelRecord]| -> Vec<LevelRecord> {
+        // How many collapses were refused on the way depends on what vertices have besides.
+        let bare = |level: &LevelRecord| LevelRecord { refusals: Default::default(), ..*level };
+        records.iter().map(|level| if extent == Extent::All { *level } else { bare(level) }).collect()
+    };
+    differences.compare("levels", [levels(here.levels()), levels(there.levels())]);
     let clusters_here = clusters(here, extent, &mut progress)?;
     let clusters_there = clusters(there, extent, &mut progress)?;
     let groups = [groups(here, &clusters_here), groups(there, &clusters_there)];

@@ -77,7 +77,7 @@ mod tests {
         let opaque = encode(&smooth(255), [64, 48]).unwrap();
         assert!(!opaque.is_png);
         let worst = decoded(opaque.bytes)
-            .iter()
+            .into_iter()
             .zip(smooth(255))
             .map(|(a, b)| (0..4).map(|i| a[i].abs_diff(b[i])).max().unwrap());
         assert!(worst.max().unwrap() <= 12);
