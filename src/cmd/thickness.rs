@@ -6,12 +6,13 @@ use crate::compare::Summary;
 use crate::json::{self, near};
 use crate::number::{Units, decimal};
 use crate::output::{self, Writes};
-use crate::rays::{Asked, Measured, ScalarArgs, Scalars};
+use crate::rays::{Asked, InsideOut, Measured, ScalarArgs, Scalars};
 use crate::report::{count, table};
 use crate::stop::Stop;
 use anyhow::{Result, ensure};
 use chpm_mesh::Counted;
 use chpm_rays::{Hit, Ray, Seek};
+use clap::ValueEnum;
 use std::f64::consts::TAU;
 use std::io::Write;
 
@@ -24,6 +25,10 @@ pub(crate) struct Args {
     /// cosine of its angle; triangles that have the vertex do not count. The thickness is the median of the seven. 0 is the first ray alone
     #[arg(long, value_name = "DEGREES", default_value = "10", value_parser = decimal)]
     cone: f64,
+    /// Which parts' triangles are taken the other way around: those of a model that was stored inside out. auto: of closed components those of a negative signed volume, with what is within them; others all
+    /// together where theirs is clearly negative
+    #[arg(long, value_name = "WHICH", value_enum, default_value = "auto")]
+    inside_out: InsideOut,
     /// Thicknesses that the first and the last colour stand for; 0 and the 99th percentile if not given
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
@@ -36,6 +41,7 @@ const AROUND: usize = 6;
 struct Walls {
     sine: f64,
     cosine: f64,
+    turn: InsideOut,
 }
 
 impl Asked for Walls {
@@ -44,6 +50,10 @@ impl Asked for Walls {
     const ALONG: &'static str = "thickness, units";
     const SEEK: Seek = Seek::Nearest;
     const NORMALS: bool = true;
+
+    fn turn(&self) -> InsideOut {
+        self.turn
+    }
 
     fn rays(&self, at: [f64; 3], normal: [f64; 3], out: &mut Vec<Ray>) {
         let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -99,9 +109,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         args.cone
     );
     let angle = args.cone.to_radians();
-    let mut walls = Walls { sine: libm::sin(angle), cosine: libm::cos(angle) };
-    let mut scalars = Scalars::open::<Walls>(&args.scalars, stop)?;
-    let Measured { parts, pages } = scalars.measure(&mut walls)?;
+    let mut walls = Walls { sine: libm::sin(angle), cosine: libm::cos(angle), turn: args.inside_out };
+    let mut scalars = Scalars::open(&args.scalars, &walls, stop)?;
+    let Measured { parts, pages, turned } = scalars.measure(&mut walls)?;
     let found: Vec<f64> = parts.values.iter().copied().filter(|value| !value.is_nan()).collect();
     let open = (parts.values.len() - found.len()) as u64;
     let summary = Summary::new(&found, false, args.range);
@@ -114,6 +124,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             file: scalars.json(),
             cone: args.cone,
             rays: if args.cone > 0.0 { 1 + AROUND as u64 } else { 1 },
+            inside_out: args.inside_out.to_possible_value().map(|value| value.get_name().to_owned()),
+            components: turned.map(|[components, _]| components),
+            components_turned: turned.map(|[_, turned]| turned),
             open,
             summary: summary.json(),
             pages,
@@ -121,6 +134,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         json::print(&told, &mut scalars.out)?;
     } else {
         print(&summary, open, &mut scalars.out)?;
+        told(args.inside_out, turned, open, &mut scalars.out)?;
     }
     scalars.out.flush()?;
     Ok(Verdict::Good)
@@ -138,9 +152,32 @@ fn print(summary: &Summary, open: u64, out: &mut impl Write) -> Result<()> {
     if open > 0 {
         writeln!(
             out,
-            "{} without: most of their rays meet nothing, so the surface is open there, or turned the wrong way",
+            "{} without: most of their rays meet nothing, so the surface is open there",
             count(open)
         )?;
+    }
+    Ok(())
+}
+
+/// Which side was taken for the inside.
+fn told(asked: InsideOut, turned: Option<[u64; 2]>, open: u64, out: &mut impl Write) -> Result<()> {
+    match (asked, turned) {
+        (InsideOut::Yes, _) => writeln!(out, "taken inside out, as asked")?,
+        (_, Some([components, turned])) if turned > 0 => {
+            let which = if components == 1 {
+                "the model is".to_owned()
+            } else {
+                format!("{} of {} components are", count(turned), count(components))
+            };
+            writeln!(
+                out,
+                "{which} stored inside out (a negative volume), and taken the other way around; --inside-out no takes them as they are"
+            )?;
+        }
+        (InsideOut::No, _) if open > 0 => {
+            writeln!(out, "taken as stored, as asked; --inside-out auto finds what is turned inside out")?;
+        }
+        _ => {}
     }
     Ok(())
 }

@@ -51,10 +51,11 @@ impl Asked for Views {
 
 /// Looks, and writes what is asked for.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let mut scalars = Scalars::open::<Views>(&args.scalars, stop)?;
+    let mut views = Views { from: args.from.clone() };
+    let mut scalars = Scalars::open(&args.scalars, &views, stop)?;
     let origin = scalars.file.header().origin;
-    let from = args.from.iter().map(|at| std::array::from_fn(|axis| at[axis] - origin[axis])).collect();
-    let Measured { parts, pages } = scalars.measure(&mut Views { from })?;
+    views.from.iter_mut().for_each(|at| *at = std::array::from_fn(|axis| at[axis] - origin[axis]));
+    let Measured { parts, pages, .. } = scalars.measure(&mut views)?;
     let most = args.from.len();
     let summary = Summary::new(&parts.values, false, Some([0.0, most as f64]));
     let mut histogram = vec![0_u64; most + 1];

@@ -204,6 +204,12 @@ pub(crate) struct Thickness {
     pub(crate) cone: f64,
     /// Rays of each vertex
     pub(crate) rays: u64,
+    /// Which components were taken the other way around: `auto`, `no` (none) or `yes` (all)
+    pub(crate) inside_out: Option<String>,
+    /// With `auto`: components of the source; 1 where there are too many to tell apart
+    pub(crate) components: Option<u64>,
+    /// Those of them that were found to be turned inside out
+    pub(crate) components_turned: Option<u64>,
     /// Vertices behind which there is nothing, which are in no other number
     pub(crate) open: u64,
     /// Statistics of the others: here each distance is a thickness

@@ -6,5 +6,5 @@ mod scalars;
 mod table;
 
 pub(crate) use hits::{Answered, HitWriter};
-pub(crate) use scalars::{Asked, Measured, ScalarArgs, Scalars, point};
+pub(crate) use scalars::{Asked, InsideOut, Measured, ScalarArgs, Scalars, point};
 pub(crate) use table::RayFile;

@@ -13,8 +13,8 @@ use chpm_build::Cancel;
 use chpm_export::tiles::SharedNormals;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page};
-use chpm_mesh::Bytes;
-use chpm_rays::{Bound, Caster, Hit, Memory, Ray, Seek};
+use chpm_mesh::{Bytes, ClusterId};
+use chpm_rays::{Bound, Caster, Hit, Memory, Ray, Seek, Sides};
 use chpm_report::colors::Colors;
 use std::io::Write;
 use std::path::PathBuf;
@@ -59,11 +59,27 @@ pub(crate) trait Asked {
     /// Whether it asks for normals.
     const NORMALS: bool;
 
+    /// Whether normals are taken the other way around.
+    fn turn(&self) -> InsideOut {
+        InsideOut::No
+    }
+
     /// Rays of a vertex, always as many.
     fn rays(&self, at: [f64; 3], normal: [f64; 3], out: &mut Vec<Ray>);
 
     /// The number by what its rays met; none where there is no number.
     fn value(&mut self, hits: &[Option<Hit>]) -> f64;
+}
+
+/// Which components of a model are turned inside out.
+#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum InsideOut {
+    /// Those whose triangles enclose less than nothing
+    Auto,
+    /// None
+    No,
+    /// All
+    Yes,
 }
 
 /// Bytes of a vertex: its number once in each leaf that has it, and as summed up or sorted; and the normal of a shared one.
@@ -86,11 +102,13 @@ pub(crate) struct Measured {
     pub(crate) parts: Parts,
     /// Reads of pages.
     pub(crate) pages: u64,
+    /// Components, and those of them that are turned inside out; nothing where that was not asked.
+    pub(crate) turned: Option<[u64; 2]>,
 }
 
 impl<'a> Scalars<'a> {
     /// Opens the file, and what is to be written.
-    pub(crate) fn open<A: Asked>(args: &'a ScalarArgs, stop: &Stop) -> Result<Self> {
+    pub(crate) fn open<A: Asked>(args: &'a ScalarArgs, asked: &A, stop: &Stop) -> Result<Self> {
         let inputs = [args.file.as_path()];
         let painted = args.output.as_deref().map(|path| Painted::create(A::BY, path, args.force, &inputs));
         let painted = painted.transpose()?;
@@ -104,8 +122,10 @@ impl<'a> Scalars<'a> {
         let vertices =
             leaves(&file).into_iter().map(|leaf| u64::from(file.clusters()[leaf.index()].vertex_count));
         let normals = if A::NORMALS { SharedNormals::memory(&file) } else { 0 };
-        let own = VERTEX * vertices.sum::<u64>()
-            + 4 * u64::from(file.header().shared_vertex_count)
+        let (vertices, shared) = (vertices.sum::<u64>(), u64::from(file.header().shared_vertex_count));
+        // Sides are found before there are numbers.
+        let sides = if asked.turn() == InsideOut::Auto { Sides::memory(vertices, shared) } else { 0 };
+        let own = sides.max(VERTEX * vertices + 4 * shared)
             + normals
             + crate::cmd::rays::WORK * pool.current_num_threads() as u64
             + Memory::own(&file);
@@ -136,9 +156,24 @@ impl<'a> Scalars<'a> {
             None
         };
 
-        meter.start(A::BY, leaves.len() as u64);
         let mut caster = Caster::new(file, self.memory);
         let go_on = || !cancel.is_cancelled();
+        let turn = asked.turn();
+        let sides = if turn == InsideOut::Auto {
+            meter.start("inside out", leaves.len() as u64);
+            let begun = || {
+                meter.add(1);
+                go_on()
+            };
+            let sides = pool.install(|| Sides::find(&mut caster, &begun))?;
+            meter.finish();
+            Some(sides)
+        } else {
+            None
+        };
+        let turns = Turns { all: turn == InsideOut::Yes, sides: sides.as_ref() };
+
+        meter.start(A::BY, leaves.len() as u64);
         let mut values: Vec<Vec<f64>> = Vec::with_capacity(leaves.len());
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
         let mut next = leaves.into_iter().peekable();
@@ -151,7 +186,8 @@ impl<'a> Scalars<'a> {
                 let page = file.page(leaf)?;
                 let page = page.view();
                 let before = rays.len();
-                ask(asked, &page, normals.as_ref(), &mut rays);
+                let normals = normals.as_ref().map(|normals| turns.give(leaf, &page, normals));
+                ask(asked, &page, normals.as_deref(), &mut rays);
                 counts.push((page.vertex_count(), rays.len() - before));
                 if rays.len() >= self.memory.rays {
                     break;
@@ -170,7 +206,8 @@ impl<'a> Scalars<'a> {
         }
         meter.finish();
         let parts = Parts::new(file, values)?;
-        Ok(Measured { parts, pages: caster.reads().pages })
+        let turned = sides.map(|sides| [sides.components, sides.turned_components]);
+        Ok(Measured { parts, pages: caster.reads().pages, turned })
     }
 
     /// Writes the colours and the histogram.
@@ -210,10 +247,29 @@ impl<'a> Scalars<'a> {
     }
 }
 
-fn ask<A: Asked>(asked: &A, page: &Page<'_>, normals: Option<&SharedNormals>, rays: &mut Vec<Ray>) {
-    let normals = normals.map(|normals| normals.of_leaf(page));
+/// Which normals are turned.
+struct Turns<'t> {
+    all: bool,
+    sides: Option<&'t Sides>,
+}
+
+impl Turns<'_> {
+    /// Normals of a leaf's vertices, outward.
+    fn give(&self, leaf: ClusterId, page: &Page<'_>, normals: &SharedNormals) -> Vec<[f64; 3]> {
+        let mut normals = normals.of_leaf(page);
+        let turned = self.sides.and_then(|sides| sides.of_leaf(leaf, page));
+        for (vertex, normal) in normals.iter_mut().enumerate() {
+            if self.all || turned.as_ref().is_some_and(|turned| turned[vertex]) {
+                *normal = normal.map(|x| -x);
+            }
+        }
+        normals
+    }
+}
+
+fn ask<A: Asked>(asked: &A, page: &Page<'_>, normals: Option<&[[f64; 3]]>, rays: &mut Vec<Ray>) {
     for (vertex, position) in page.positions.iter().enumerate() {
-        let normal = normals.as_ref().map_or([0.0; 3], |normals| normals[vertex]);
+        let normal = normals.map_or([0.0; 3], |normals| normals[vertex]);
         asked.rays(position.map(f64::from), normal, rays);
     }
 }

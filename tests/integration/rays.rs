@@ -166,6 +166,104 @@ fn a_shell_is_as_thick_as_it_was_made() {
     assert!(text.contains("the surface is open there"), "{text}");
 }
 
+/// With all triangles the other way around.
+fn turned(mut mesh: TriMesh) -> TriMesh {
+    mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+    mesh
+}
+
+/// Both, the second one moved along x.
+fn beside(mut mesh: TriMesh, other: &TriMesh, by: f32) -> TriMesh {
+    let count = mesh.positions.len() as u32;
+    mesh.positions.extend(other.positions.iter().map(|[x, y, z]| [x + by, *y, *z]));
+    mesh.triangles.extend(other.triangles.iter().map(|corners| corners.map(|v| v + count)));
+    mesh
+}
+
+#[test]
+fn what_is_inside_out_is_as_thick_as_what_is_not() {
+    let folder = Folder::new();
+    let near = |value: &Value, key: &str| (value[key].as_f64().unwrap() - 0.1).abs() < 2e-3;
+    let right = shell(0.9);
+    // Of walls of 0.25 times 0.4.
+    let mut small = shell(0.75);
+    small.positions.iter_mut().for_each(|p| *p = p.map(|x| 0.4 * x));
+    for (name, mesh, expected) in [
+        ("right", shell(0.9), [2, 0]),
+        // The inner sphere's volume is above zero now, and it goes with the outer one.
+        ("turned", turned(shell(0.9)), [2, 2]),
+        ("one", beside(turned(shell(0.9)), &right, 3.0), [4, 2]),
+        // Another shell in the cavity, turned as what is around it.
+        ("ball", turned(beside(shell(0.9), &small, 0.1)), [4, 4]),
+        ("inner", beside(shell(0.9), &turned(small), 0.1), [4, 2]),
+    ] {
+        folder.write_mesh("it.ply", &mesh);
+        folder.stdout("build it.ply -fq --cluster-triangles 512");
+        let value = told(&folder, "thickness it.chpm -q --json");
+        assert!(value["open"] == 0 && near(&value, "min") && near(&value, "max"), "{name}: {value}");
+        let found = [&value["components"], &value["components_turned"]].map(|n| n.as_u64().unwrap());
+        assert_eq!((found, value["inside_out"].as_str()), (expected, Some("auto")), "{name}");
+    }
+
+    folder.write_mesh("it.ply", &turned(shell(0.9)));
+    folder.stdout("build it.ply -fq --cluster-triangles 512");
+    let text = folder.stdout("thickness it.chpm -q");
+    assert!(text.contains("2 of 2 components are stored inside out"), "{text}");
+    let forced = told(&folder, "thickness it.chpm -q --json --inside-out yes");
+    let auto = told(&folder, "thickness it.chpm -q --json");
+    assert_eq!((&forced["mean"], &forced["histogram"]), (&auto["mean"], &auto["histogram"]));
+    assert!(forced["components"].is_null());
+    let stored = told(&folder, "thickness it.chpm -q --json --inside-out no");
+    assert!(stored["open"].as_u64() > Some(1000) && stored["max"].as_f64() > Some(1.5), "{stored}");
+    let same = folder.stdout("thickness it.chpm -q --json --threads 3 --memory 80M");
+    assert_eq!(same, folder.stdout("thickness it.chpm -q --json --threads 1"));
+}
+
+/// Two squares of 1 by 1, a fifth apart, whose triangles turn left as seen from outside; neither is closed.
+fn plates() -> TriMesh {
+    let side = 25_u32;
+    let mut mesh = TriMesh::default();
+    for (z, is_upper) in [(0.0, false), (0.2, true)] {
+        let first = mesh.positions.len() as u32;
+        for at in 0..side * side {
+            let [x, y] = [at % side, at / side].map(|i| i as f32 / (side - 1) as f32);
+            mesh.positions.push([x, y, z]);
+        }
+        for at in (0..side * (side - 1)).filter(|at| at % side < side - 1) {
+            let [a, b, c, d] = [0, 1, side + 1, side].map(|step| first + at + step);
+            let two = if is_upper { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] };
+            mesh.triangles.extend(two);
+        }
+    }
+    mesh
+}
+
+#[test]
+fn plates_are_as_thick_as_they_are_apart() {
+    let folder = Folder::new();
+    for (mesh, count) in [(plates(), 0), (turned(plates()), 2)] {
+        folder.write_mesh("plates.ply", &mesh);
+        folder.stdout("build plates.ply -fq --cluster-triangles 256");
+        let value = told(&folder, "thickness plates.chpm --cone 0 -q --json");
+        assert_eq!((value["open"].as_u64(), value["vertices"].as_u64()), (Some(0), Some(1250)), "{value}");
+        assert_eq!(
+            (value["components"].as_u64(), value["components_turned"].as_u64()),
+            (Some(2), Some(count))
+        );
+        for key in ["min", "max"] {
+            assert!((value[key].as_f64().unwrap() - 0.2).abs() < 1e-6, "{value}");
+        }
+    }
+    // A land is open, whichever side is up.
+    folder.stdout("synth terrain --triangles 3000 -o land.ply -q");
+    let land = folder.read_mesh("land.ply");
+    for (mesh, name) in [(turned(land.clone()), "down"), (land, "up")] {
+        folder.write_mesh("land.ply", &mesh);
+        folder.stdout("build land.ply -fq");
+        assert_eq!(told(&folder, "thickness land.chpm -q --json")["components_turned"], 0, "{name}");
+    }
+}
+
 #[test]
 fn half_of_a_sphere_is_seen_from_far_away() {
     let folder = ball();

@@ -52,13 +52,13 @@ impl Memory {
 /// A file that rays are cast at.
 #[derive(Debug)]
 pub struct Caster<'a, D> {
-    file: &'a Chpm<D>,
+    pub(crate) file: &'a Chpm<D>,
     tree: Tree,
     /// Of the last bound that was common to all rays.
     flat: Option<(Bound, Flat)>,
     meshes: Vec<Option<Resident>>,
     was_read: Vec<bool>,
-    memory: Memory,
+    pub(crate) memory: Memory,
     used: u64,
     round: u32,
     reads: Reads,
