@@ -6,7 +6,7 @@ use crate::output::{self, Output};
 use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::{self, Stop};
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use chpm_build::Cancel;
 use chpm_import::ply::{Encoding, PlyWriter};
 use chpm_mesh::{Attributes, Counted, VertexSlices};
@@ -26,7 +26,7 @@ const BATCH: usize = 8192;
 /// Arguments of `chpm synth`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// What to generate: terrain, isosurface, sphere, torus, plates, or one of the meshes of --list as hard:NAME or odd:NAME
+    /// What to generate: terrain, isosurface, sphere, torus, plates, plant (pipes, bolts and tanks), or one of the meshes of --list as hard:NAME or odd:NAME
     #[arg(value_name = "NAME", required_unless_present = "list")]
     model: Option<Model>,
     /// List the meshes that are hard to simplify, with their size and what they are, and the odd shapes of any size
@@ -35,7 +35,10 @@ pub(crate) struct Args {
     /// Triangles to aim for: 100000 if not given, or what --list says. Shapes are within 5 % from 3000 on
     #[arg(long, value_name = "N", value_parser = number::count(1_u64..=Synth::MAX_TRIANGLES))]
     triangles: Option<u64>,
-    /// Another seed gives another terrain, isosurface or set of plates
+    /// Parts of a plant, each closed and apart from the others; one for each 2000 triangles if not given
+    #[arg(long, value_name = "N", value_parser = number::count(1_u64..=Synth::MAX_PARTS))]
+    parts: Option<u64>,
+    /// Another seed gives another terrain, isosurface, set of plates or plant
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
     /// The PLY to write; - for standard output
@@ -92,6 +95,10 @@ impl FromStr for Model {
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     // The command line has both unless it asks for the list.
     let (Some(model), Some(output)) = (args.model, &args.output) else { return list() };
+    ensure!(
+        args.parts.is_none() || matches!(model, Model::Shape(Shape::Plant)),
+        "--parts: only a plant has parts; leave it out, or generate a plant"
+    );
     let cancel = stop.heed();
     let encoding = if args.ascii { Encoding::Ascii } else { Encoding::BinaryLittleEndian };
     // Created before the mesh is planned, which may take a while: a place that cannot be written is told at once.
@@ -101,8 +108,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     match model {
         Model::Shape(shape) => {
             let triangles = args.triangles.unwrap_or(TRIANGLES);
-            let synth = Synth::new(shape, triangles, args.seed);
-            let comment = format!("chpm synth {shape} --triangles {triangles} --seed {}", args.seed);
+            let (synth, parts) = match args.parts {
+                Some(parts) => (Synth::plant(parts, triangles, args.seed), format!(" --parts {parts}")),
+                None => (Synth::new(shape, triangles, args.seed), String::new()),
+            };
+            let comment = format!("chpm synth {shape} --triangles {triangles}{parts} --seed {}", args.seed);
             write(&synth, file, encoding, &comment, &meter, &cancel)?;
             report(output, synth.vertex_count(), synth.triangle_count(), &mut out)?;
         }

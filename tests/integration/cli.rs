@@ -283,7 +283,7 @@ fn whoever_closes_the_pipe_has_read_enough() {
 #[test]
 fn synth_makes_every_shape_and_the_same_again() {
     let folder = Folder::new();
-    for shape in ["terrain", "isosurface", "sphere", "torus", "plates"] {
+    for shape in ["terrain", "isosurface", "sphere", "torus", "plates", "plant --parts 8", "plant"] {
         folder.stdout(&format!("synth {shape} --triangles 5000 --seed 9 -o a.ply -qf"));
         folder.stdout(&format!("synth {shape} --triangles 5000 --seed 9 -o b.ply -qf"));
         assert_eq!(folder.read("a.ply"), folder.read("b.ply"), "{shape}");
@@ -292,6 +292,7 @@ fn synth_makes_every_shape_and_the_same_again() {
         folder.stdout(&format!("synth {shape} --triangles 5000 --seed 9 --ascii -o c.ply -qf"));
         assert_eq!(folder.read_mesh("a.ply"), folder.read_mesh("c.ply"), "{shape}");
     }
+    assert!(folder.stderr("synth sphere --parts 3 -o d.ply", 2).contains("only a plant has parts"));
 }
 
 #[test]

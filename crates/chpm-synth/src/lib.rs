@@ -11,6 +11,7 @@ pub mod hard;
 mod isosurface;
 mod noise;
 pub mod odd;
+mod plant;
 mod plates;
 mod sphere;
 
@@ -30,10 +31,12 @@ pub enum Shape {
     Torus,
     /// Drilled plates: several closed components with sharp edges, holes and slivers of aspect 1000 and more.
     Plates,
+    /// Pipes, bolts and tanks beside each other: as many closed components as are asked for.
+    Plant,
 }
 
 impl Shape {
-    /// Every shape.
+    /// Every shape that has one size: of a plant the number of parts is asked for, too.
     pub const ALL: [Shape; 5] =
         [Shape::Terrain, Shape::Isosurface, Shape::Sphere, Shape::Torus, Shape::Plates];
 
@@ -44,6 +47,7 @@ impl Shape {
             Shape::Sphere => "sphere",
             Shape::Torus => "torus",
             Shape::Plates => "plates",
+            Shape::Plant => "plant",
         }
     }
 }
@@ -56,14 +60,18 @@ impl fmt::Display for Shape {
 
 /// Why a text names no shape.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("'{0}' is not a shape: choose terrain, isosurface, sphere, torus or plates")]
+#[error("'{0}' is not a shape: choose terrain, isosurface, sphere, torus, plates or plant")]
 pub struct ParseShapeError(String);
 
 impl FromStr for Shape {
     type Err = ParseShapeError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Shape::ALL.into_iter().find(|s| s.name() == text).ok_or_else(|| ParseShapeError(text.to_owned()))
+        Shape::ALL
+            .into_iter()
+            .chain([Shape::Plant])
+            .find(|s| s.name() == text)
+            .ok_or_else(|| ParseShapeError(text.to_owned()))
     }
 }
 
@@ -93,6 +101,7 @@ enum Plan {
     Sphere(sphere::Sphere),
     Torus(grid::Torus),
     Plates(plates::Plates),
+    Plant(plant::Plant),
 }
 
 /// Calls the same method on whichever plan it is.
@@ -104,6 +113,7 @@ macro_rules! each {
             Plan::Sphere($bound) => $call,
             Plan::Torus($bound) => $call,
             Plan::Plates($bound) => $call,
+            Plan::Plant($bound) => $call,
         }
     };
 }
@@ -113,7 +123,7 @@ impl Synth {
     pub const MAX_TRIANGLES: u64 = 1 << 32;
 
     /// Plans a mesh of about `target_triangles`: within 5 % from 3000 triangles on; below, each shape has a least
-    /// size. `seed` changes terrain, isosurface and plates. Planning an isosurface counts it, in about as long as
+    /// size. `seed` changes terrain, isosurface, plates and plant. Planning an isosurface counts it, in about as long as
     /// emitting its vertices; the others are planned at once.
     pub fn new(shape: Shape, target_triangles: u64, seed: u64) -> Self {
         let target = target_triangles.min(Self::MAX_TRIANGLES);
@@ -123,8 +133,20 @@ impl Synth {
             Shape::Sphere => Plan::Sphere(sphere::Sphere::new(target)),
             Shape::Torus => Plan::Torus(grid::Torus::new(target)),
             Shape::Plates => Plan::Plates(plates::Plates::new(target, seed)),
+            Shape::Plant => return Self::plant((target / Self::PART).max(1), target, seed),
         };
         Synth { shape, plan }
+    }
+
+    /// Triangles of a part of a plant, where nothing tells how many parts there are.
+    pub const PART: u64 = 2_000;
+    /// Parts of a plant, at most.
+    pub const MAX_PARTS: u64 = 10_000_000;
+
+    /// Plans a plant of so many parts, and of about so many triangles where that is no fewer than 200 a part.
+    pub fn plant(parts: u64, target_triangles: u64, seed: u64) -> Self {
+        let (parts, target) = (parts.min(Self::MAX_PARTS), target_triangles.min(Self::MAX_TRIANGLES));
+        Synth { shape: Shape::Plant, plan: Plan::Plant(plant::Plant::new(parts, target, seed)) }
     }
 
     /// Shape that it generates.

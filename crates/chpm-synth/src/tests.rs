@@ -200,3 +200,36 @@ fn shapes_are_read_as_they_are_written() {
     let error = "cone".parse::<Shape>().unwrap_err().to_string();
     assert!(error.contains("'cone'") && error.contains("isosurface"), "{error}");
 }
+
+#[test]
+fn a_plant_has_as_many_parts_as_are_asked_for() {
+    for (parts, target) in [(1, 2_000), (7, 7_000), (60, 30_000), (200, 300_000)] {
+        let synth = Synth::plant(parts, target, 3);
+        let mesh = synth.to_mesh();
+        assert_eq!(synth.vertex_count(), mesh.positions.len() as u64);
+        assert_eq!(synth.triangle_count(), mesh.triangles.len() as u64);
+        let off = mesh.triangles.len() as f64 / target as f64 - 1.0;
+        assert!(parts < 7 || off.abs() <= 0.05, "{parts} {target}: off by {off}");
+        assert_eq!(components(&mesh) as u64, parts);
+        euler_of_closed(&mesh, "plant");
+    }
+    // Each part is in a cell of its own, and each is closed and turned outward.
+    let mesh = Synth::plant(27, 30_000, 1).to_mesh();
+    let mut volumes = BTreeMap::<[i64; 3], f64>::new();
+    for corners in &mesh.triangles {
+        let corners = mesh.corners(*corners).map(chpm_mesh::geom::to_f64);
+        let cells = corners.map(|p| [p.x, p.y, p.z].map(|x| x.floor() as i64));
+        assert!(cells[0] == cells[1] && cells[0] == cells[2], "{cells:?}");
+        let [a, b, c] = corners;
+        *volumes.entry(cells[0]).or_default() += a.coords.dot(&b.coords.cross(&c.coords)) / 6.0;
+    }
+    assert_eq!(volumes.len(), 27);
+    assert!(volumes.values().all(|volume| (1e-4..0.8).contains(volume)), "{volumes:?}");
+    // Three kinds, of which pipes have a bore: genus 1 in place of 0.
+    let euler = euler_of_closed(&mesh, "plant");
+    assert!(euler % 2 == 0 && (20..54).contains(&euler), "{euler}");
+    assert_ne!(Synth::plant(27, 30_000, 2).to_mesh(), mesh);
+    assert_eq!(Synth::plant(27, 30_000, 1).to_mesh(), mesh);
+    assert_eq!("plant".parse(), Ok(Shape::Plant));
+    assert_eq!(components(&Synth::new(Shape::Plant, 20_000, 1).to_mesh()), 10);
+}
